@@ -1,4 +1,5 @@
-/* The rows of a charge told apart by their voltage, in one pass: see protocols/ica/levels.py.
+/* The rows of a charge told apart by their voltage, or averaged in blocks, in one pass: see
+ * protocols/ica/levels.py and blocks.py.
  *
  * A converter knows few levels, so a small table of hashes finds the level of a row, and no row
  * need be sorted. */
@@ -49,4 +50,54 @@ int64_t tally(int64_t n, const double *voltage, const double *charge, int64_t ro
     }
     *bend = squares;
     return levels;
+}
+
+/* Rows of a block whose voltage is above and below that of the row before, and whether the charge
+ * falls anywhere; branches are avoided so that several rows are compared at once. */
+static void compared(const double *voltage, const double *charge, int64_t rows, int64_t *up,
+                     int64_t *down, int64_t *falling) {
+    int64_t rise = 0, fall = 0, back = 0;
+    for (int64_t k = 0; k < rows; k++) {
+        rise += voltage[k] > voltage[k - 1];
+        fall += voltage[k] < voltage[k - 1];
+        back += charge[k] < charge[k - 1];
+    }
+    *up += rise, *down += fall, *falling = back;
+}
+
+static double sum_of(const double *values, int64_t rows) {
+    double sums[4] = {0.0, 0.0, 0.0, 0.0};
+    int64_t k = 0;
+    for (; k + 4 <= rows; k += 4)
+        for (int lane = 0; lane < 4; lane++)
+            sums[lane] += values[k + lane];
+    for (; k < rows; k++)
+        sums[0] += values[k];
+    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+}
+
+/* Mean voltage and mean charge of blocks of `size` rows; the charge counts as the highest so far.
+ * steps: rows whose voltage is above, and below, that of the row before. */
+void charge_blocks(int64_t n, const double *voltage, const double *charge, int64_t size,
+                   double *mean_voltage, double *mean_charge, int64_t *steps) {
+    double highest = charge[0];
+    steps[0] = steps[1] = 0;
+    for (int64_t begin = 0, block = 0; begin < n; begin += size, block++) {
+        const int64_t rows = begin + size < n ? size : n - begin, skip = begin == 0;
+        int64_t falling;
+        compared(voltage + begin + skip, charge + begin + skip, rows - skip, steps, steps + 1,
+                 &falling);
+        double sum = 0.0;
+        if (falling || charge[begin] < highest)
+            for (int64_t k = begin; k < begin + rows; k++) {
+                highest = charge[k] > highest ? charge[k] : highest;
+                sum += highest;
+            }
+        else {
+            sum = sum_of(charge + begin, rows);
+            highest = charge[begin + rows - 1];
+        }
+        mean_charge[block] = sum / (double)rows;
+        mean_voltage[block] = sum_of(voltage + begin, rows) / (double)rows;
+    }
 }

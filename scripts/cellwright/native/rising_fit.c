@@ -209,16 +209,16 @@ void rising_inverse(int64_t n, const double *factor, double *inverse) {
         }
 }
 
-/* Band (BANDS, n) of the inverse of what `cholesky` (BANDS, n) is the lower factor of. `work`: twice
- * as large. */
-void inverse_band(int64_t n, const double *cholesky, double *work, double *inverse) {
-    double *factor = work, *bands = work + BANDS * n;
-    for (int64_t j = 0; j < n; j++)
-        for (int d = 0; d < BANDS; d++)
-            factor[BANDS * j + d] =
-                d ? cholesky[d * n + j] / cholesky[j] : cholesky[j] * cholesky[j];
-    rising_inverse(n, factor, bands);
-    for (int64_t j = 0; j < n; j++)
-        for (int d = 0; d < BANDS; d++)
-            inverse[d * n + j] = bands[BANDS * j + d];
+/* Standard deviations (m,) of functions of `width` neighbouring coefficients, the first of which is
+ * first[k], by weights (width, m) and the inverse (BANDS, n). */
+void band_deviations(int64_t m, const int64_t *first, int64_t width, const double *weights, int64_t n,
+                     const double *inverse, double variance, double *deviation) {
+    for (int64_t k = 0; k < m; k++) {
+        double square = 0.0;
+        for (int64_t a = 0; a < width; a++)
+            for (int64_t b = a; b < width; b++)
+                square += (a == b ? 1.0 : 2.0) * weights[a * m + k] * weights[b * m + k] *
+                          inverse[(b - a) * n + first[k] + a];
+        deviation[k] = sqrt(variance * (square > 0.0 ? square : 0.0));
+    }
 }

@@ -372,12 +372,12 @@ static void laid_out(Search *s, double *room) {
     s->stretch.x = carved(&room, longest), s->stretch.power = carved(&room, 5 * longest);
 }
 
-/* Rising curve through readings (count,). coefficients (n,), cholesky (BANDS, n) and the stretch's
- * breakpoints (n + 256,) and powers (n + 256, 5) are written; scalars: variance, first, span, decade.
- * Gives the number of breakpoints, or -1 where the equations have no solution. */
+/* Rising curve through readings (count,). coefficients (n,), cholesky and inverse (BANDS, n) and the
+ * stretch's breakpoints (n + 256,) and powers (n + 256, 5) are written; scalars: variance, first,
+ * span, decade. Gives the number of breakpoints, or -1 where the equations have no solution. */
 int64_t rising_curve(int64_t count, const double *x, const double *y, const double *weight,
                      int64_t cells, const double *setting, double *coefficients, double *cholesky,
-                     double *breakpoints, double *power, double *scalars) {
+                     double *inverse, double *breakpoints, double *power, double *scalars) {
     Search s = {.readings = {count, cells, x, y, weight, setting}};
     const int64_t n = cells + 3, longest = n + (int64_t)setting[PILOT_BLOCKS] + 8;
     s.problem.n = n, s.problem.readings = count, s.problem.limits = setting + RELATIVE_CHANGE;
@@ -393,11 +393,14 @@ int64_t rising_curve(int64_t count, const double *x, const double *y, const doub
     s.problem.level = sum / whole;
     const int failed = found(&s);
     if (!failed) {
+        rising_inverse(n, s.best.factor, s.problem.bands);
         for (int64_t j = 0; j < n; j++) {
             coefficients[j] = s.best.coefficients[j] + s.problem.level;
             const double pivot = sqrt(s.best.factor[BANDS * j]);
-            for (int d = 0; d < BANDS; d++)
+            for (int d = 0; d < BANDS; d++) {
                 cholesky[d * n + j] = d ? s.best.factor[BANDS * j + d] * pivot : pivot;
+                inverse[d * n + j] = s.problem.bands[BANDS * j + d];
+            }
         }
         memcpy(breakpoints, s.stretch.x, (size_t)s.stretch.count * sizeof(double));
         memcpy(power, s.stretch.power, (size_t)(5 * (s.stretch.count - 1)) * sizeof(double));
@@ -405,4 +408,34 @@ int64_t rising_curve(int64_t count, const double *x, const double *y, const doub
     }
     free(room);
     return failed ? -1 : s.stretch.count;
+}
+
+/* Abscissa, value, slope and second derivative (4, m) of a fitted curve at places (m,) in cells that
+ * do not fall. `range`: of the readings; breakpoints (number,), power (number - 1, 5). Gives 0, or
+ * -1 without memory. */
+int64_t rising_course(int64_t m, const double *place, int64_t cells, const double *coefficients,
+                      int64_t number, double *breakpoints, double *power, const double *range,
+                      double first, double span, double *course) {
+    Search s = {.readings = {.count = 2, .cells = cells, .x = range}};
+    s.stretch = (Stretch){number, breakpoints, power};
+    s.first = first, s.span = span;
+    double *room = malloc((size_t)(2 * (FINE * cells + 1) + cells + 3) * sizeof *room);
+    if (!room)
+        return -1;
+    s.fine_x = room, s.fine_place = room + FINE * cells + 1;
+    s.best.coefficients = s.fine_place + FINE * cells + 1;
+    memcpy(s.best.coefficients, coefficients, (size_t)(cells + 3) * sizeof *room);
+    turned(&s);
+    interpolated(m, place, FINE * cells + 1, s.fine_place, s.fine_x, course);
+    slopes(&s, m, place, course, course + 2 * m, course + 3 * m);
+    for (int64_t k = 0; k < m; k++) {
+        int64_t cell = (int64_t)place[k];
+        cell = cell > cells - 1 ? cells - 1 : cell;
+        double w[SPLINES];
+        b_splines(place[k] - (double)cell, 0, w);
+        const double *c = coefficients + cell;
+        course[m + k] = w[0] * c[0] + w[1] * c[1] + w[2] * c[2] + w[3] * c[3];
+    }
+    free(room);
+    return 0;
 }

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.native import array, count, function
+from cellwright.native import array, count, function, integers, real
 
 ORDER = 3  # of the differences that are penalised
 STIFFEST_DECADE, SOFTEST_DECADE = 9.0, -4.0  # of the penalty; the curve's variance sets its scale
@@ -43,13 +43,15 @@ class RisingCurve(NamedTuple):
     """A fitted rising curve y(x) over equal cells of a stretched abscissa.
 
     coefficients : (cells + 3,) of the cubic B-splines. factor : lower banded Cholesky factor of
-    the posterior precision, times variance. variance : of one reading with weight 1.
+    the posterior precision, times variance; inverse : band of the inverse of that product
+    (ORDER + 2, cells + 3). variance : of one reading with weight 1.
     stretch : callable, cumulative stretch of x, with derivatives. first, span : its value at the
     first reading, and its range. x_range : of the readings. decade : strength of the penalty.
     """
 
     coefficients: np.ndarray
     factor: np.ndarray
+    inverse: np.ndarray
     variance: float
     stretch: object
     first: float
@@ -82,7 +84,7 @@ def rising_curve(x, y, weight, *, cells):
     if len(x) < LEAST_READINGS or not y[-1] > y[0] or not x[-1] > x[0]:
         raise ValueError("a rising curve needs at least twelve readings that rise")
     readings = _Readings(*(np.ascontiguousarray(v, float) for v in (x, y, weight)), cells)
-    types = (count, array, array, array, count, *[array] * 6)
+    types = (count, array, array, array, count, *[array] * 7)
     kernel = function("rising_curve", *types, result=count)
     return _by_kernel(kernel, readings) if kernel else _by_numpy(readings)
 
@@ -100,18 +102,17 @@ def _by_kernel(kernel, readings):
 
     x, y, weight, cells = readings
     settings = np.array(SETTINGS, float)
-    coefficients, factor = np.empty(cells + 3), np.empty((ORDER + 2, cells + 3))
+    coefficients, (factor, inverse) = np.empty(cells + 3), np.empty((2, ORDER + 2, cells + 3))
     room = cells + 3 + PILOT_BLOCKS
     breakpoints, powers, scalars = np.empty(room), np.empty((room, 5)), np.empty(4)
     given = len(x), x, y, weight, cells, settings
-    number = kernel(*given, coefficients, factor, breakpoints, powers, scalars)
+    number = kernel(*given, coefficients, factor, inverse, breakpoints, powers, scalars)
     if number < 0:
         raise np.linalg.LinAlgError("the normal equations of the curve are singular")
     variance, first, span, decade = map(float, scalars)
-    polynomials = np.ascontiguousarray(powers[: number - 1].T)
-    stretch = PPoly.construct_fast(polynomials, breakpoints[:number].copy())
-    x_range = (float(x[0]), float(x[-1]))
-    return RisingCurve(coefficients, factor, variance, stretch, first, span, x_range, decade)
+    stretch = PPoly.construct_fast(powers[: number - 1].T, breakpoints[:number])
+    solution = coefficients, factor, inverse, variance
+    return RisingCurve(*solution, stretch, first, span, (float(x[0]), float(x[-1])), decade)
 
 
 def _by_numpy(readings):
@@ -257,6 +258,7 @@ def _searched(readings, stretch, stiffness, logs, decade):
     return RisingCurve(
         coefficients=best.coefficients + level,
         factor=best.factor,
+        inverse=_inverse_band(best.factor),
         variance=best.objective / (len(y) - ORDER),
         stretch=stretch,
         first=first,
@@ -415,25 +417,32 @@ def x_at(curve, place):
     return np.interp(place, cells, fine)
 
 
-def local_gradients(curve, place, derivative):
+def local_gradients(curve, place, derivative, x=None):
     """Derivatives of y or of dy/dx, d2y/dx2 at places by the four coefficients that they depend on.
+
+    Parameters
+    ----------
+    curve : RisingCurve. place : (m,) in cells. derivative : 0, 1 or 2 [1].
+    x : (m,) abscissa at the places, where it is known already.
 
     Returns
     -------
     first : (m,) number of the first of them. weights : (4, m).
     """
-    scale = cells_of(curve) / curve.span
-    x = x_at(curve, place)
     first, weights = b_splines(place, cells_of(curve), derivative)
+    if derivative == 0:
+        return first, weights
+    scale = cells_of(curve) / curve.span
+    x = x_at(curve, place) if x is None else x
     weights = weights * (curve.stretch(x, 1) * scale) ** derivative
     if derivative == 2:
         weights += b_splines(place, cells_of(curve), 1)[1] * curve.stretch(x, 2) * scale
     return first, weights
 
 
-def gradients(curve, place, derivative):
+def gradients(curve, place, derivative, x=None):
     """The same by all coefficients: (m, cells + 3), for functions of several places."""
-    first, weights = local_gradients(curve, place, derivative)
+    first, weights = local_gradients(curve, place, derivative, x)
     rows = np.zeros((len(place), cells_of(curve) + 3))
     rows[np.arange(len(place))[:, None], first[:, None] + np.arange(4)] = weights.T
     return rows
@@ -441,6 +450,31 @@ def gradients(curve, place, derivative):
 
 def values(curve, place):
     """Value y, slope dy/dx and second derivative (m,) each, at places counted in cells."""
+    return course(curve, place)[1:]
+
+
+def course(curve, place):
+    """Abscissa x, value y, slope dy/dx and second derivative (m,) each, at places.
+
+    Parameters
+    ----------
+    curve : RisingCurve. place : (m,) in cells, not falling.
+    """
+    types = (count, array, count, array, count, array, array, array, real, real, array)
+    kernel = function("rising_course", *types, result=count)
+    if kernel is None:
+        return _course_by_numpy(curve, place)
+    found, breakpoints = np.empty((4, len(place))), np.array(curve.stretch.x)
+    powers, x_range = np.ascontiguousarray(curve.stretch.c.T), np.array(curve.x_range)
+    place, coefficients = np.ascontiguousarray(place, float), curve.coefficients
+    given = len(place), place, cells_of(curve), coefficients, len(breakpoints), breakpoints
+    if kernel(*given, powers, x_range, curve.first, curve.span, found):
+        raise MemoryError("no memory for the places of a curve")
+    return found
+
+
+def _course_by_numpy(curve, place):
+    """Course of a curve without a compiler."""
     cells = cells_of(curve)
     scale = cells / curve.span
     x = x_at(curve, place)
@@ -449,7 +483,7 @@ def values(curve, place):
         first, weights = b_splines(place, cells, derivative)
         found.append(sum(weights[k] * curve.coefficients[first + k] for k in range(4)))
     rate, bend = curve.stretch(x, 1) * scale, curve.stretch(x, 2) * scale
-    return found[0], found[1] * rate, found[2] * rate**2 + found[1] * bend
+    return np.array([x, found[0], found[1] * rate, found[2] * rate**2 + found[1] * bend])
 
 
 def covariance(curve, rows):
@@ -466,26 +500,26 @@ def local_deviations(curve, first, weights):
     ----------
     curve : RisingCurve. first : (m,) number of the first coefficient. weights : (k, m), k to 5.
     """
-    inverse, number = _inverse_band(curve.factor), len(weights)
+    kernel = function("band_deviations", count, integers, count, array, count, array, real, array)
+    if kernel:
+        deviation, weights = np.empty(len(first)), np.ascontiguousarray(weights)
+        given = len(first), np.asarray(first, np.int64), len(weights), weights
+        kernel(*given, len(curve.coefficients), curve.inverse, curve.variance, deviation)
+        return deviation
     square = np.zeros(len(first))
-    for a in range(number):
-        square += weights[a] ** 2 * inverse[0][first + a]
-        for b in range(a + 1, number):
-            square += 2 * weights[a] * weights[b] * inverse[b - a][first + a]
+    for a in range(len(weights)):
+        square += weights[a] ** 2 * curve.inverse[0][first + a]
+        for b in range(a + 1, len(weights)):
+            square += 2 * weights[a] * weights[b] * curve.inverse[b - a][first + a]
     return np.sqrt(curve.variance * np.maximum(square, 0.0))
 
 
 def _inverse_band(factor):
     """Band (ORDER + 2, n) of the inverse of what this is the banded Cholesky factor of."""
-    kernel = function("inverse_band", count, array, array, array)
-    if kernel is None:
-        from scipy.linalg import cho_solve_banded
+    from scipy.linalg import cho_solve_banded
 
-        whole = cho_solve_banded((factor, True), np.eye(factor.shape[1]))
-        return [np.append(np.diagonal(whole, -d), np.zeros(d)) for d in range(len(factor))]
-    inverse, work = np.empty(factor.shape), np.empty((2, *factor.shape))
-    kernel(factor.shape[1], np.ascontiguousarray(factor), work, inverse)
-    return inverse
+    whole = cho_solve_banded((factor, True), np.eye(factor.shape[1]))
+    return np.array([np.append(np.diagonal(whole, -d), np.zeros(d)) for d in range(len(factor))])
 
 
 def standard_deviations(curve, rows):

@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weights
 from cellwright.protocols.ica.curve import gridded
-from cellwright.protocols.ica.levels import tally, volt_at_rank
+from cellwright.protocols.ica.levels import rises, tally, volt_at_rank
 from cellwright.refusal import Refusal
 
 LEAST_ROWS = 50
@@ -153,9 +153,7 @@ def _wide_enough(grid, layout):
 
 def _spans(voltage, rising, levels):
     """Narrowest range of voltage with a fifth of the charge, and that of its middle 80 % [V]."""
-    tenth = max(len(voltage) // 10, 1)
-    sampled = slice(None, None, tenth // 500 + 1)
-    if not np.median(voltage[-tenth:][sampled]) > np.median(voltage[:tenth][sampled]):
+    if not rises(voltage):
         raise Refusal("voltage does not rise in the charge")
     # Both in rising order give the monotone Q(V), whatever noise makes the voltage run back.
     shares = rising[0] + (rising[-1] - rising[0]) * np.linspace(0, 1, 101)

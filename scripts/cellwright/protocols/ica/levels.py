@@ -51,6 +51,19 @@ def tally(voltage_volt, charge_ampere_hour):
     return Tally(volt[order], *sums, _scatter(bend[0], len(rows[0])))
 
 
+def rises(voltage_volt):
+    """Whether the last tenth of the rows lies above the first, by medians of 500 rows of each.
+
+    Parameters
+    ----------
+    voltage_volt : (n,) rows of a charge, at least ten [V].
+    """
+    tenth = max(len(voltage_volt) // 10, 1)
+    sampled = slice(None, None, tenth // 500 + 1)
+    first, last = voltage_volt[:tenth][sampled], voltage_volt[-tenth:][sampled]
+    return bool(np.median(last) > np.median(first))
+
+
 def volt_at_rank(levels, rank):
     """Voltage at ranks in the order of rising voltage [V].
 
