@@ -21,7 +21,7 @@ typedef struct {
     int64_t n, readings;
     double *normal, *right, *sums, *stiffness, square, level;
     const double *limits;
-    double *rows, *bands, *solved, *aim;
+    double *rows, *bands, *solved;
 } Problem;
 
 /* Fit at one strength of the penalty; `factor` (n, BANDS): pivots and unit lower factor. */

@@ -4,6 +4,7 @@
 
 #include "rising.h"
 
+#define SMALL 0.06
 static const double SIGN[ORDER + 1] = {-1.0, 3.0, -3.0, 1.0}; /* of the third difference */
 
 /* Derivatives (n - 1 - ORDER, BANDS) of the penalised differences by the coefficients. */
@@ -22,49 +23,56 @@ void rising_differences(int64_t n, const double *steps, const double *stiffness,
     }
 }
 
-/* Bands (n, BANDS) of the normal equations with the penalty. */
-static void penalised(const Problem *problem, double strength) {
+/* The equations of one step, built, factorised and solved column by column: pivots and unit lower
+ * factor (n, BANDS), solution in problem->solved; 0 where a pivot is not above zero.
+ *
+ * A column has its part of the readings' equations and of the penalised difference that begins at it,
+ * and what the four columns before passed on. These sums stay in registers: p, q, r, s of the next
+ * four columns, t of their right sides. */
+static int solved(const Problem *problem, double strength, Fit *fit) {
     const int64_t n = problem->n;
-    double *bands = problem->bands;
-    memcpy(bands, problem->normal, (size_t)(BANDS * n) * sizeof *bands);
-    for (int64_t i = 0; i < n - 1 - ORDER; i++) {
-        const double *row = problem->rows + BANDS * i;
-        for (int k = 0; k < BANDS; k++) {
-            const double weighted = strength * row[k];
-            for (int d = 0; d < BANDS - k; d++)
-                bands[BANDS * (i + k) + d] += weighted * row[k + d];
-        }
-    }
-    for (int64_t j = 0; j < n; j++)
-        bands[BANDS * j] *= 1.0 + problem->limits[2];
-}
-
-/* Pivots and unit lower factor (n, BANDS) of the bands, and the solution in place of the right side
- * x (n + BANDS,); 0 where a pivot is not above zero. The sums that a column passes on to the four
- * after it stay in registers, so that only the division waits for the pivot before. */
-static int solved(int64_t n, const double *bands, double *factor, double *x) {
+    const double *normal = problem->normal, *c = fit->coefficients, *logs = fit->logs;
+    const double raised = 1.0 + problem->limits[2];
+    double *x = problem->solved, *factor = fit->factor;
     double p0 = 0, p1 = 0, p2 = 0, p3 = 0, q0 = 0, q1 = 0, q2 = 0, r0 = 0, r1 = 0, s0 = 0;
     double t1 = 0, t2 = 0, t3 = 0, t4 = 0;
-    for (int64_t j = 0; j < n; j++, bands += BANDS, factor += BANDS) {
-        const double pivot = bands[0] + p0, v1 = bands[1] + p1, v2 = bands[2] + p2;
-        const double v3 = bands[3] + p3, v4 = bands[4];
+    double h0, h1 = 1.0 / fit->steps[0], h2 = 1.0 / fit->steps[1], h3 = 1.0 / fit->steps[2];
+    for (int64_t j = 0; j < n; j++, normal += BANDS, factor += BANDS) {
+        double a0 = 0, a1 = 0, a2 = 0, a3 = 0, a4 = 0, aim = 0; /* of the difference */
+        if (j < n - 1 - ORDER) {
+            const double stiff = problem->stiffness[j];
+            h0 = h1, h1 = h2, h2 = h3, h3 = 1.0 / fit->steps[j + 3];
+            a0 = stiff * h0, a1 = stiff * (-h0 - 3.0 * h1), a2 = 3.0 * stiff * (h1 + h2);
+            a3 = stiff * (-3.0 * h2 - h3), a4 = stiff * h3;
+            const double bent = logs[j + 3] - 3.0 * logs[j + 2] + 3.0 * logs[j + 1] - logs[j];
+            const double now =
+                (a0 * c[j] + a1 * c[j + 1]) + (a2 * c[j + 2] + a3 * c[j + 3]) + a4 * c[j + 4];
+            aim = strength * (now - bent * stiff);
+        }
+        const double w0 = strength * a0, w1 = strength * a1, w2 = strength * a2;
+        const double w3 = strength * a3, w4 = strength * a4;
+        const double pivot = raised * (normal[0] + w0 * a0) + p0;
+        const double v1 = normal[1] + w0 * a1 + p1, v2 = normal[2] + w0 * a2 + p2;
+        const double v3 = normal[3] + w0 * a3 + p3, v4 = w0 * a4;
         if (!(pivot > 0.0) || !isfinite(pivot))
             return 0;
-        const double share = 1.0 / pivot;
+        const double share = 1.0 / pivot, z = problem->right[j] + a0 * aim + t1;
         const double l1 = v1 * share, l2 = v2 * share, l3 = v3 * share, l4 = v4 * share;
-        const double z = x[j] + t1;
         factor[0] = pivot, factor[1] = l1, factor[2] = l2, factor[3] = l3, factor[4] = l4;
-        p0 = q0 - l1 * v1, p1 = q1 - l1 * v2, p2 = q2 - l1 * v3, p3 = -l1 * v4;
-        q0 = r0 - l2 * v2, q1 = r1 - l2 * v3, q2 = -l2 * v4;
-        r0 = s0 - l3 * v3, r1 = -l3 * v4, s0 = -l4 * v4;
-        t1 = t2 - l1 * z, t2 = t3 - l2 * z, t3 = t4 - l3 * z, t4 = -l4 * z;
         x[j] = z * share;
+        p0 = q0 + raised * w1 * a1 - l1 * v1, p1 = q1 + w1 * a2 - l1 * v2;
+        p2 = q2 + w1 * a3 - l1 * v3, p3 = w1 * a4 - l1 * v4;
+        q0 = r0 + raised * w2 * a2 - l2 * v2, q1 = r1 + w2 * a3 - l2 * v3, q2 = w2 * a4 - l2 * v4;
+        r0 = s0 + raised * w3 * a3 - l3 * v3, r1 = w3 * a4 - l3 * v4;
+        s0 = raised * w4 * a4 - l4 * v4;
+        t1 = t2 + a1 * aim - l1 * z, t2 = t3 + a2 * aim - l2 * z, t3 = t4 + a3 * aim - l3 * z;
+        t4 = a4 * aim - l4 * z;
     }
     x[n] = x[n + 1] = x[n + 2] = x[n + 3] = 0.0;
     for (int64_t j = n - 1; j >= 0; j--) {
         factor -= BANDS;
-        double rest = x[j] - factor[4] * x[j + 4] - factor[3] * x[j + 3] - factor[2] * x[j + 2];
-        x[j] = rest - factor[1] * x[j + 1];
+        x[j] -= factor[4] * x[j + 4] + factor[3] * x[j + 3] + factor[2] * x[j + 2];
+        x[j] -= factor[1] * x[j + 1];
     }
     return 1;
 }
@@ -83,24 +91,16 @@ static void risen(const Problem *problem, Fit *fit) {
         fit->coefficients[j] += base;
 }
 
-/* Right side of a step: the readings, and where the penalised differences are to be zero. */
-static void aimed(const Problem *problem, const Fit *fit, double strength) {
-    const double *logs = fit->logs, *coefficients = fit->coefficients;
-    double *x = problem->solved;
-    memcpy(x, problem->right, (size_t)problem->n * sizeof *x);
-    for (int64_t i = 0; i < problem->n - 1 - ORDER; i++) {
-        const double *row = problem->rows + BANDS * i;
-        double aim = 0.0;
-        for (int k = 0; k < BANDS; k++)
-            aim += row[k] * coefficients[i + k];
-        const double bent = logs[i + 3] - 3.0 * logs[i + 2] + 3.0 * logs[i + 1] - logs[i];
-        problem->aim[i] = strength * (aim - bent * problem->stiffness[i]);
-    }
-    for (int64_t i = 0; i < problem->n - 1 - ORDER; i++) {
-        const double *row = problem->rows + BANDS * i;
-        for (int k = 0; k < BANDS; k++)
-            x[i + k] += row[k] * problem->aim[i];
-    }
+/* exp(x) and log(1 + x) of a small |x| < 0.06 by their series, to double precision. */
+static double small_exp(double x) {
+    return 1.0 + x * (1.0 + x / 2 * (1.0 + x / 3 * (1.0 + x / 4 * (1.0 + x / 5 * (1.0 + x / 6 *
+           (1.0 + x / 7 * (1.0 + x / 8 * (1.0 + x / 9))))))));
+}
+
+static double small_log1p(double x) {
+    const double z = x / (2.0 + x), square = z * z;
+    return 2.0 * z * (1.0 + square * (1.0 / 3 + square * (1.0 / 5 + square * (1.0 / 7 + square *
+           (1.0 / 9 + square / 11)))));
 }
 
 /* The steps between coefficients and their logarithms after one step; its largest relative change.
@@ -114,10 +114,10 @@ static double moved(const Problem *problem, Fit *fit) {
         if (change < 0.0) {
             const double fall = change > -1.0 ? change : -1.0;
             logs[j] += fall;
-            steps[j] *= exp(fall);
+            steps[j] *= fall > -SMALL ? small_exp(fall) : exp(fall);
         } else {
             const double growth = change < 3.0 ? change : 3.0;
-            logs[j] += log1p(growth);
+            logs[j] += growth < SMALL ? small_log1p(growth) : log1p(growth);
             steps[j] *= 1.0 + growth;
         }
         highest = logs[j] > highest ? logs[j] : highest;
@@ -172,10 +172,7 @@ int rising_fit(const Problem *problem, double decade, const double *logs, int64_
     }
     risen(problem, fit);
     for (int64_t step = 0; step < most; step++) {
-        rising_differences(problem->n, fit->steps, problem->stiffness, problem->rows);
-        penalised(problem, strength);
-        aimed(problem, fit, strength);
-        if (!solved(problem->n, problem->bands, fit->factor, problem->solved))
+        if (!solved(problem, strength, fit))
             return -1;
         const double change = moved(problem, fit);
         risen(problem, fit);
@@ -184,9 +181,7 @@ int rising_fit(const Problem *problem, double decade, const double *logs, int64_
         if (change < problem->limits[0])
             break;
     }
-    rising_differences(problem->n, fit->steps, problem->stiffness, problem->rows);
-    penalised(problem, strength);
-    if (!solved(problem->n, problem->bands, fit->factor, problem->solved))
+    if (!solved(problem, strength, fit))
         return -1;
     judged(problem, strength, fit);
     return 0;

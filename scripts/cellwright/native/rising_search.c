@@ -359,7 +359,6 @@ static void laid_out(Search *s, double *room) {
     p->normal = carved(&room, BANDS * n), p->right = carved(&room, n), p->sums = carved(&room, n);
     p->stiffness = carved(&room, n), p->rows = carved(&room, BANDS * n);
     p->bands = carved(&room, BANDS * n), p->solved = carved(&room, n + BANDS);
-    p->aim = carved(&room, n);
     Fit *fits[2] = {&s->best, &s->fit};
     for (int k = 0; k < 2; k++) {
         fits[k]->logs = carved(&room, n), fits[k]->steps = carved(&room, n);
