@@ -7,6 +7,7 @@
 #include <string.h>
 
 #define SLOTS 65536 /* a power of two, twice the levels that there is room for */
+#define LANES 4 /* sums at a time */
 
 /* Number of the level of a voltage, a new one where it is not known yet; -1 without room. */
 static inline int32_t level_of(double voltage, int32_t *slots, int64_t room, double *level,
@@ -26,16 +27,38 @@ static inline int32_t level_of(double voltage, int32_t *slots, int64_t room, dou
     return (int32_t)(*levels)++;
 }
 
+/* Sum of the squared second differences of the voltage, and rows whose charge is below that of the
+ * row before; several sums at a time, so that none waits for the one before. */
+static void surveyed(int64_t n, const double *voltage, const double *charge, double *facts) {
+    double squares[LANES] = {0.0};
+    int64_t falling = 0, k = 2;
+    for (; k + LANES <= n; k += LANES)
+        for (int lane = 0; lane < LANES; lane++) {
+            const double *here = voltage + k + lane;
+            const double second = (here[0] - here[-1]) - (here[-1] - here[-2]);
+            squares[lane] += second * second;
+        }
+    for (; k < n; k++) {
+        const double second = (voltage[k] - voltage[k - 1]) - (voltage[k - 1] - voltage[k - 2]);
+        squares[0] += second * second;
+    }
+    for (k = 1; k < n; k++)
+        falling += charge[k] < charge[k - 1];
+    facts[0] = 0.0;
+    for (int lane = 0; lane < LANES; lane++)
+        facts[0] += squares[lane];
+    facts[1] = (double)falling;
+}
+
 /* Levels in the order of their first row; rows and charge of each, (2, room), all zero at first:
  * every second row counts apart, so that it need not wait for the sum of the row before.
- * Gives the number of levels, or -1 for more than `room`; *bend is the sum of the squared second
- * differences of the voltage. */
+ * Gives the number of levels, or -1 for more than `room`. facts: sum of the squared second
+ * differences of the voltage, rows whose charge is below that of the row before. */
 int64_t tally(int64_t n, const double *voltage, const double *charge, int64_t room, double *level,
-              double *rows, double *sum, double *bend) {
+              double *rows, double *sum, double *facts) {
     int32_t slots[SLOTS];
     memset(slots, 0xff, sizeof slots);
     int64_t levels = 0;
-    double squares = 0.0, last = voltage[0], rise = 0.0;
     for (int64_t k = 0; k < n; k++) {
         const double here = voltage[k] + 0.0; /* minus zero is zero */
         const int32_t found = level_of(here, slots, room, level, &levels);
@@ -43,12 +66,8 @@ int64_t tally(int64_t n, const double *voltage, const double *charge, int64_t ro
             return -1;
         rows[(k & 1) * room + found] += 1.0;
         sum[(k & 1) * room + found] += charge[k];
-        const double second = k > 1 ? here - last - rise : 0.0;
-        squares += second * second;
-        rise = here - last;
-        last = here;
     }
-    *bend = squares;
+    surveyed(n, voltage, charge, facts);
     return levels;
 }
 
@@ -66,10 +85,10 @@ static void compared(const double *voltage, const double *charge, int64_t rows, 
 }
 
 static double sum_of(const double *values, int64_t rows) {
-    double sums[4] = {0.0, 0.0, 0.0, 0.0};
+    double sums[LANES] = {0.0};
     int64_t k = 0;
-    for (; k + 4 <= rows; k += 4)
-        for (int lane = 0; lane < 4; lane++)
+    for (; k + LANES <= rows; k += LANES)
+        for (int lane = 0; lane < LANES; lane++)
             sums[lane] += values[k + lane];
     for (; k < rows; k++)
         sums[0] += values[k];

@@ -514,6 +514,24 @@ def local_deviations(curve, first, weights):
     return np.sqrt(curve.variance * np.maximum(square, 0.0))
 
 
+def deviations_between(curve, several, one):
+    """Posterior standard deviations (m,) of functions of four coefficients each, less another one.
+
+    Parameters
+    ----------
+    curve : RisingCurve. several, one : results of `local_gradients` at m places and at one.
+    """
+    from scipy.linalg import cho_solve_banded
+
+    first, weights = several
+    row = np.zeros(len(curve.coefficients))
+    row[one[0][0] + np.arange(4)] = one[1][:, 0]
+    solved = curve.variance * cho_solve_banded((curve.factor, True), row)
+    shared = sum(weights[k] * solved[first + k] for k in range(4))
+    square = local_deviations(curve, first, weights) ** 2 + row @ solved - 2 * shared
+    return np.sqrt(np.maximum(square, 0.0))
+
+
 def _inverse_band(factor):
     """Band (ORDER + 2, n) of the inverse of what this is the banded Cholesky factor of."""
     from scipy.linalg import cho_solve_banded

@@ -13,6 +13,8 @@ from cellwright.settings import Ica
 ICA = Ica()
 
 LEAST_ROWS = 50
+# On a grid of voltage; they refuse what they cannot use themselves.
+GRID_METHODS = {"binned": binned_capacity, "counting": counted_capacity}
 
 
 def constant_current_charge(steps, charge_ampere_hour):
@@ -87,15 +89,14 @@ def charge_slope(voltage_volt, charge_ampere_hour, *, settings=ICA):
     Source: docs/ica.md.
     """
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
+    if settings.method in GRID_METHODS:
+        widths = {"bin_volt": settings.bin_volt, "smooth_volt": settings.smooth_volt}
+        return GRID_METHODS[settings.method](voltage, charge, **widths), None
     _refuse_unusable(voltage, charge)
     if settings.method == "spline":
         slope = ica_spline.slope_of_charge(voltage, charge)
         return ica_spline.curve_of(slope, len(voltage), bin_volt=settings.bin_volt), slope
-    if settings.method == "adaptive":
-        return adaptive_capacity(voltage, charge, settings=settings), None
-    method = {"binned": binned_capacity, "counting": counted_capacity}[settings.method]
-    widths = {"bin_volt": settings.bin_volt, "smooth_volt": settings.smooth_volt}
-    return method(voltage, charge, **widths), None
+    return adaptive_capacity(voltage, charge, settings=settings), None
 
 
 def _refuse_unusable(voltage, charge):

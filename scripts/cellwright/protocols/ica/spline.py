@@ -138,15 +138,14 @@ def _stands_out(slope, top, *feet):
 
     The sides reach to the lowest points before the next higher peak.
     """
-    surest = []
-    for foot in feet:
-        rows = np.unique(np.linspace(top, foot, SIDE_POINTS).astype(int))
-        at = np.append(rows, top)
-        rates = monotone.gradients(slope.fit, slope.place[at], 1, slope.charge_ampere_hour[at])
-        std = monotone.standard_deviations(slope.fit, rates[:-1] - rates[-1])
-        rise = slope.dv_dq_volt_per_ampere_hour[rows] - slope.dv_dq_volt_per_ampere_hour[top]
-        surest.append(np.max(rise / np.maximum(std, 1e-12)))
-    return min(surest) > ONE_SIDED
+    sides = [np.unique(np.linspace(top, foot, SIDE_POINTS).astype(int)) for foot in feet]
+    rows, charge = np.concatenate(sides), slope.charge_ampere_hour
+    peak = monotone.local_gradients(slope.fit, slope.place[[top]], 1, charge[[top]])
+    beside = monotone.local_gradients(slope.fit, slope.place[rows], 1, charge[rows])
+    std = monotone.deviations_between(slope.fit, beside, peak)
+    rise = slope.dv_dq_volt_per_ampere_hour[rows] - slope.dv_dq_volt_per_ampere_hour[top]
+    surest = np.split(rise / np.maximum(std, 1e-12), [len(sides[0])])
+    return min(side.max() for side in surest) > ONE_SIDED
 
 
 def _valleys(height, tops):
