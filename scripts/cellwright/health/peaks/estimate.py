@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.health.conditions import SAME_CELSIUS, same_rate
-from cellwright.health.peaks.features import features_of
+from cellwright.health.peaks.features import features_of, is_partial
 from cellwright.numerics.averaged_models import Rows, averaged, fitted_models
 from cellwright.refusal import Refusal
 from cellwright.settings import HealthFromPeaks
@@ -56,8 +56,8 @@ def capacity_from_peaks(charge, calibration, *, most_terms=HEALTH_FROM_PEAKS.mos
     (`features_of`); heights, areas, charges and the capacity as logarithms. 3. Every linear model
     of up to `most_terms` of the features that the charge has is fitted; models are averaged with
     weights by what they predict for charges they were not fitted to. A peak that the charge lacks
-    (a partial charge, or one that vanished) thus only removes models. 4. Where its features are less
-    sure than those calibrated on, as beside the edge of a partial charge, models that need them
+    (a partial charge, or one that vanished) thus only removes models. 4. A peak beside
+    the edge of a partial charge is placed less surely than those calibrated on: models that need it
     are widened by that, and weigh less.
 
     Parameters
@@ -79,7 +79,7 @@ def capacity_from_peaks(charge, calibration, *, most_terms=HEALTH_FROM_PEAKS.mos
     alike = _thinned(alike)
     features = features_of([charge, *alike])
     rows = _rows(features.values[1:], features.names, alike)
-    beyond = _further_std(features.std)
+    beyond = _further_std(features.std) if is_partial(charge, alike) else None
     models = fitted_models(rows, features.values[0], most_terms=most_terms, asked_std=beyond)
     if not models.terms:
         peaks = ", ".join(charge.peaks)

@@ -107,6 +107,18 @@ def _usual_window(charges):
     return np.median(ends, axis=0) if ends else (np.inf, -np.inf)
 
 
+def is_partial(charge, others):
+    """Whether the window of a charge begins or ends 20 mV inside the usual one of others.
+
+    Parameters
+    ----------
+    charge : PeakCharge. others : list of PeakCharge.
+    """
+    low, high = _usual_window([charge, *others])
+    volt = charge.voltage_volt
+    return len(volt) > 0 and (volt[0] > low + PARTIAL_VOLT or volt[-1] < high - PARTIAL_VOLT)
+
+
 def _of_charge(charge, low, high):
     """Features of one charge by name, each with its standard deviation."""
     found, names = {}, list(charge.peaks)
