@@ -1,4 +1,4 @@
-"""Lithium and active material lost by one cell, from the slow curves of its check-ups."""
+"""Lithium and active material lost by one cell, from slow curves or rests."""
 
 import cellwright as cw
 from runtime import artefact, facts, half_cell_files
@@ -9,6 +9,7 @@ with artefact.Job(snakemake) as job:
         facts.tests(snakemake.input.own),
         params.cell,
         params.materials["chemistry"],
+        rests=facts.with_columns(snakemake.input.rests),
         half_cells=half_cell_files.given(params.materials, snakemake.input.half_cells),
         fresh=facts.fresh_cell(params.fresh, snakemake.input.fresh),
         settings=params.settings,
