@@ -1,4 +1,4 @@
-"""Degradation modes from rests: known losses within their intervals, which curve counts, refusals."""
+"""Degradation modes from rests: known losses in their intervals, which curve counts, refusals."""
 
 import numpy as np
 import pytest

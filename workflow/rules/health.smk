@@ -65,9 +65,7 @@ def aged_by_rests(cell):
 
 
 AGED_SLOWLY = cells_where(lambda cell: len(slow_check_ups(cell)) >= 2)
-DEGRADED = cells_where(
-    lambda cell: cell in AGED_SLOWLY or fresh_cells(cell) or aged_by_rests(cell)
-)
+DEGRADED = cells_where(lambda cell: cell in AGED_SLOWLY or fresh_cells(cell) or aged_by_rests(cell))
 
 
 def half_cells_of(cell):
