@@ -269,5 +269,5 @@ def need_two(curves, cell):
         found = ", ".join(f"{curve.test} at cycle {curve.cycle:g}" for curve in curves) or "none"
         raise Refusal(
             f"{cell}: slow curves or rests of one check-up or none ({found}); losses need two, or "
-            "a fresh cell of the type marked as reference. Is the column `cycle` of tests.tsv filled?"
+            "a fresh cell of the type marked as reference. Is column `cycle` of tests.tsv filled?"
         )

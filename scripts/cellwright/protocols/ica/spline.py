@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics import monotone
+from cellwright.numerics import monotone, rising_curve
 from cellwright.protocols.ica.blocks import readings
 from cellwright.protocols.ica.curve import IncrementalCapacity, Peaks
 from cellwright.refusal import Refusal
@@ -38,7 +38,7 @@ class Slope(NamedTuple):
     reading_ampere_hour : charge between two readings.
     """
 
-    fit: monotone.RisingCurve
+    fit: rising_curve.RisingCurve
     place: np.ndarray
     charge_ampere_hour: np.ndarray
     voltage_volt: np.ndarray
@@ -72,9 +72,9 @@ def slope_of_charge(voltage_volt, charge_ampere_hour):
         fit = monotone.rising_curve(charge, volt, rows, cells=cells)
     except np.linalg.LinAlgError as fault:
         raise Refusal(f"no rising curve follows the voltage of this charge ({fault})") from fault
-    cells = monotone.cells_of(fit)
+    cells = rising_curve.cells_of(fit)
     place = np.linspace(0, cells, POINTS_PER_CELL * cells + 1)
-    course = monotone.course(fit, place)
+    course = rising_curve.course(fit, place)
     least = END_SHARE * np.ptp(fit.x_range)
     first, end = np.searchsorted(course[0], np.array(fit.x_range) + (least, -least), side="right")
     columns = (column[first:end] for column in (place, *course))
@@ -140,9 +140,9 @@ def _stands_out(slope, top, *feet):
     """
     sides = [np.unique(np.linspace(top, foot, SIDE_POINTS).astype(int)) for foot in feet]
     rows, charge = np.concatenate(sides), slope.charge_ampere_hour
-    peak = monotone.local_gradients(slope.fit, slope.place[[top]], 1, charge[[top]])
-    beside = monotone.local_gradients(slope.fit, slope.place[rows], 1, charge[rows])
-    std = monotone.deviations_between(slope.fit, beside, peak)
+    peak = rising_curve.local_gradients(slope.fit, slope.place[[top]], 1, charge[[top]])
+    beside = rising_curve.local_gradients(slope.fit, slope.place[rows], 1, charge[rows])
+    std = rising_curve.deviations_between(slope.fit, beside, peak)
     rise = slope.dv_dq_volt_per_ampere_hour[rows] - slope.dv_dq_volt_per_ampere_hour[top]
     surest = np.split(rise / np.maximum(std, 1e-12), [len(sides[0])])
     return min(side.max() for side in surest) > ONE_SIDED
@@ -165,7 +165,7 @@ def _described(slope, top, lower, upper, base):
     right = min(right, upper)
     rows = np.array([top, lower, upper, left, right])
     at = place[rows], slope.charge_ampere_hour[rows]
-    value, first, second = (monotone.gradients(fit, at[0], d, at[1]) for d in (0, 1, 2))
+    value, first, second = (rising_curve.gradients(fit, at[0], d, at[1]) for d in (0, 1, 2))
     bend = _bend_rate(slope, rows)
     # Where dV/dQ is extreme, its place moves by -d(slope)/d(bend); the voltage moves with it.
     moved = -second / bend[:, None]
@@ -175,7 +175,7 @@ def _described(slope, top, lower, upper, base):
     crossing = [-first[k] / slope.bend[rows[k]] for k in (3, 4)]
     wide = value[4] - value[3] + steep[right] * crossing[1] - steep[left] * crossing[0]
     functions = np.array([position, tall, ends[1] - ends[0] + 0 * tall, wide])
-    spread = monotone.covariance(fit, functions)
+    spread = rising_curve.covariance(fit, functions)
     std = np.sqrt(np.diag(spread))
     if std[1] > FLAT * height[top]:
         return None
@@ -202,8 +202,8 @@ def _zero_range(slope, top, lower, upper):
     found = []
     for rows, sign in ((left, -1), (right, 1)):
         charge = slope.charge_ampere_hour[rows]
-        local = monotone.local_gradients(slope.fit, slope.place[rows], 2, charge)
-        std = monotone.local_deviations(slope.fit, *local)
+        local = rising_curve.local_gradients(slope.fit, slope.place[rows], 2, charge)
+        std = rising_curve.local_deviations(slope.fit, *local)
         ratio = sign * slope.bend[rows] / std
         sure = ratio > QUANTILE
         last = int(np.argmax(sure)) if sure.any() else len(rows) - 1
@@ -231,8 +231,8 @@ def curve_of(slope, rows, *, bin_volt):
     points = min(int(np.ptp(volt) / max(step, 1e-9)) + 2, MOST_POINTS)
     grid = np.linspace(volt[0], volt[-1], points)
     some = np.linspace(0, len(volt) - 1, min(STD_POINTS, len(volt))).astype(int)
-    rates = monotone.local_gradients(slope.fit, slope.place[some], 1, charge[some])
-    relative = monotone.local_deviations(slope.fit, *rates)
+    rates = rising_curve.local_gradients(slope.fit, slope.place[some], 1, charge[some])
+    relative = rising_curve.local_deviations(slope.fit, *rates)
     relative = relative / slope.dv_dq_volt_per_ampere_hour[some]
     at, steep = (
         np.interp(grid, volt, charge),
