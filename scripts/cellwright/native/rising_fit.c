@@ -26,9 +26,9 @@ void rising_differences(int64_t n, const double *steps, const double *stiffness,
 /* The equations of one step, built, factorised and solved column by column: pivots and unit lower
  * factor (n, BANDS), solution in problem->solved; 0 where a pivot is not above zero.
  *
- * A column has its part of the readings' equations and of the penalised difference that begins at it,
- * and what the four columns before passed on. These sums stay in registers: p, q, r, s of the next
- * four columns, t of their right sides. */
+ * A column has its part of the readings' equations and of the penalised difference that begins at
+ * it, and what the four columns before passed on. These sums stay in registers: p, q, r, s of the
+ * next four columns, t of their right sides. */
 static int solved(const Problem *problem, double strength, Fit *fit) {
     const int64_t n = problem->n;
     const double *normal = problem->normal, *c = fit->coefficients, *logs = fit->logs;
@@ -206,8 +206,8 @@ void rising_inverse(int64_t n, const double *factor, double *inverse) {
 
 /* Standard deviations (m,) of functions of `width` neighbouring coefficients, the first of which is
  * first[k], by weights (width, m) and the inverse (BANDS, n). */
-void band_deviations(int64_t m, const int64_t *first, int64_t width, const double *weights, int64_t n,
-                     const double *inverse, double variance, double *deviation) {
+void band_deviations(int64_t m, const int64_t *first, int64_t width, const double *weights,
+                     int64_t n, const double *inverse, double variance, double *deviation) {
     for (int64_t k = 0; k < m; k++) {
         double square = 0.0;
         for (int64_t a = 0; a < width; a++)

@@ -190,8 +190,9 @@ static void turned(Search *s) {
     const double begin = r->x[0], end = r->x[r->count - 1];
     const int64_t points = FINE * r->cells + 1;
     int64_t near = 0;
+    const double step = (end - begin) / (double)(points - 1);
     for (int64_t k = 0; k < points; k++) {
-        const double x = k == points - 1 ? end : begin + (double)k * ((end - begin) / (double)(points - 1));
+        const double x = k == points - 1 ? end : begin + (double)k * step;
         s->fine_x[k] = x;
         s->fine_place[k] =
             (stretched(&s->stretch, x, 0, &near) - s->first) / s->span * (double)r->cells;
@@ -239,52 +240,65 @@ static void changed(const Search *s, int64_t m, const double *x, double *rate, d
         change[k] = sqrt(change[k]);
 }
 
-/* Stretch in which every change of the logarithmic slope has its share of the cells too; the
- * logarithms of the same curve there. */
-static int restretched(Search *s) {
+/* Density (cells + 1,) of a stretch in which every change of the logarithmic slope of the best fit
+ * has its share of the cells too, at abscissas x. */
+static void densities(Search *s, double *x, double *density) {
     const Readings *r = &s->readings;
-    const int64_t cells = r->cells, m = cells + 1, points = FINE * cells + 1;
-    double *place = s->pad[0], *x = s->pad[1], *slope = s->pad[2], *change = s->place;
+    const int64_t cells = r->cells, m = cells + 1;
+    double *place = s->pad[0], *slope = s->pad[2], varied = 0.0;
     turned(s);
     for (int64_t k = 0; k < m; k++)
         place[k] = (double)k;
-    interpolated(m, place, points, s->fine_place, s->fine_x, x);
+    interpolated(m, place, FINE * cells + 1, s->fine_place, s->fine_x, x);
     slopes(s, m, place, x, slope, s->logs);
     for (int64_t k = 0; k < m; k++)
         s->logs[k] /= slope[k];
-    changed(s, m, x, s->logs, change);
-    double varied = 0.0;
+    changed(s, m, x, s->logs, density);
     for (int64_t k = 1; k < m; k++)
-        varied += (change[k] + change[k - 1]) / 2.0 * (x[k] - x[k - 1]);
-    const double *c = s->best.coefficients;
-    const double rise = (c[cells] + 4.0 * c[cells + 1] + c[cells + 2] - c[0] - 4.0 * c[1] - c[2]) / 6.0;
+        varied += (density[k] + density[k - 1]) / 2.0 * (x[k] - x[k - 1]);
+    const double *c = s->best.coefficients, *last = c + cells;
+    const double rise = (last[0] + 4.0 * last[1] + last[2] - c[0] - 4.0 * c[1] - c[2]) / 6.0;
     const double range = r->x[r->count - 1] - r->x[0];
     for (int64_t k = 0; k < m; k++)
-        change[k] = 1.0 / range + slope[k] / rise + change[k] / fmax(varied, 1e-12);
-    Search old = *s; /* the stretch of the best fit, to read its slope from */
+        density[k] = 1.0 / range + slope[k] / rise + density[k] / fmax(varied, 1e-12);
+}
+
+/* Logarithms of the steps between coefficients over the new stretch, for the curve over the old. */
+static void carried_over(Search *s, const Search *old) {
+    const int64_t cells = s->readings.cells, m = cells + 2;
+    double *place = s->pad[3], *x = s->pad[4], *slope = s->pad[5];
+    int64_t near = 0, past = 0;
+    turned(s);
+    for (int64_t j = 0; j < m; j++)
+        place[j] = fmin(fmax((double)j - 0.5, 0.0), (double)cells);
+    interpolated(m, place, FINE * cells + 1, s->fine_place, s->fine_x, x);
+    for (int64_t j = 0; j < m; j++) {
+        const double at = (stretched(&old->stretch, x[j], 0, &past) - old->first) / old->span;
+        place[j] = fmin(fmax(at * (double)cells, 0.0), (double)cells);
+    }
+    slopes(old, m, place, x, slope, NULL);
+    for (int64_t j = 0; j < m; j++) {
+        const double rate = stretched(&s->stretch, x[j], 1, &near);
+        s->logs[j] = log(slope[j] / rate * s->span / (double)cells);
+    }
+}
+
+/* The stretch by slope of the best fit, and that fit over it as a start. */
+static int restretched(Search *s) {
+    const Readings *r = &s->readings;
+    const int64_t points = FINE * r->cells + 1;
+    double *x = s->pad[1], *density = s->place;
+    densities(s, x, density);
+    Search old = *s; /* with a copy of its stretch */
     old.stretch.x = s->fine_x + points, old.stretch.power = s->fine_place + points;
     memcpy(old.stretch.x, s->stretch.x, (size_t)s->stretch.count * sizeof(double));
     memcpy(old.stretch.power, s->stretch.power, (size_t)(5 * s->stretch.count) * sizeof(double));
-    if (accumulated(m, x, change, r->setting[STRETCH_CELLS], &s->stretch))
+    if (accumulated(r->cells + 1, x, density, r->setting[STRETCH_CELLS], &s->stretch))
         return -1;
-    int64_t near = 0, past = 0;
+    int64_t near = 0;
     s->first = stretched(&s->stretch, r->x[0], 0, &near);
     s->span = last_stretched(&s->stretch, r->x[r->count - 1]) - s->first;
-    turned(s);
-    double *middle = s->pad[3];
-    for (int64_t j = 0; j < cells + 2; j++)
-        middle[j] = fmin(fmax((double)j - 0.5, 0.0), (double)cells);
-    interpolated(cells + 2, middle, points, s->fine_place, s->fine_x, s->pad[4]);
-    near = 0;
-    for (int64_t j = 0; j < cells + 2; j++) {
-        const double at = (stretched(&old.stretch, s->pad[4][j], 0, &past) - old.first) / old.span;
-        middle[j] = fmin(fmax(at * (double)cells, 0.0), (double)cells);
-    }
-    slopes(&old, cells + 2, middle, s->pad[4], s->pad[5], NULL);
-    for (int64_t j = 0; j < cells + 2; j++) {
-        const double rate = stretched(&s->stretch, s->pad[4][j], 1, &near);
-        s->logs[j] = log(s->pad[5][j] / rate * s->span / (double)cells);
-    }
+    carried_over(s, &old);
     return 0;
 }
 
@@ -352,7 +366,8 @@ static double *carved(double **room, int64_t size) {
 }
 
 static void laid_out(Search *s, double *room) {
-    const int64_t n = s->problem.n, points = FINE * s->readings.cells + 1, count = s->readings.count;
+    const int64_t n = s->problem.n, points = FINE * s->readings.cells + 1;
+    const int64_t count = s->readings.count;
     const int64_t longest = n + 8 > (int64_t)s->readings.setting[PILOT_BLOCKS] + 8
                                 ? n + 8 : (int64_t)s->readings.setting[PILOT_BLOCKS] + 8;
     Problem *p = &s->problem;
@@ -365,15 +380,16 @@ static void laid_out(Search *s, double *room) {
         fits[k]->coefficients = carved(&room, n), fits[k]->factor = carved(&room, BANDS * n);
     }
     s->place = carved(&room, count + longest), s->logs = carved(&room, longest);
-    s->fine_x = carved(&room, points + longest), s->fine_place = carved(&room, points + 5 * longest);
+    s->fine_x = carved(&room, points + longest);
+    s->fine_place = carved(&room, points + 5 * longest);
     for (int k = 0; k < 6; k++)
         s->pad[k] = carved(&room, longest);
     s->stretch.x = carved(&room, longest), s->stretch.power = carved(&room, 5 * longest);
 }
 
-/* Rising curve through readings (count,). coefficients (n,), cholesky and inverse (BANDS, n) and the
- * stretch's breakpoints (n + 256,) and powers (n + 256, 5) are written; scalars: variance, first,
- * span, decade. Gives the number of breakpoints, or -1 where the equations have no solution. */
+/* Rising curve through readings (count,). coefficients (n,), cholesky and inverse (BANDS, n) and
+ * the stretch's breakpoints (n + 256,) and powers (n + 256, 5) are written; scalars: variance,
+ * first, span, decade. Gives the number of breakpoints, or -1 where there is no solution. */
 int64_t rising_curve(int64_t count, const double *x, const double *y, const double *weight,
                      int64_t cells, const double *setting, double *coefficients, double *cholesky,
                      double *inverse, double *breakpoints, double *power, double *scalars) {
@@ -409,9 +425,9 @@ int64_t rising_curve(int64_t count, const double *x, const double *y, const doub
     return failed ? -1 : s.stretch.count;
 }
 
-/* Abscissa, value, slope and second derivative (4, m) of a fitted curve at places (m,) in cells that
- * do not fall. `range`: of the readings; breakpoints (number,), power (number - 1, 5). Gives 0, or
- * -1 without memory. */
+/* Abscissa, value, slope and second derivative (4, m) of a fitted curve at places (m,) in cells
+ * that do not fall. `range`: of the readings; breakpoints (number,), power (number - 1, 5). Gives
+ * 0, or -1 without memory. */
 int64_t rising_course(int64_t m, const double *place, int64_t cells, const double *coefficients,
                       int64_t number, double *breakpoints, double *power, const double *range,
                       double first, double span, double *course) {

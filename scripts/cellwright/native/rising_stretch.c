@@ -5,22 +5,6 @@
 
 #include "rising.h"
 
-/* Value or derivative of a stretch; *near is the interval of the place asked for before. */
-double stretched(const Stretch *stretch, double x, int derivative, int64_t *near) {
-    int64_t k = *near;
-    while (k < stretch->count - 2 && x >= stretch->x[k + 1])
-        k++;
-    while (k > 0 && x < stretch->x[k])
-        k--;
-    *near = k;
-    const double *c = stretch->power + 5 * k, t = x - stretch->x[k];
-    if (derivative == 0)
-        return (((c[0] * t + c[1]) * t + c[2]) * t + c[3]) * t + c[4];
-    if (derivative == 1)
-        return ((4.0 * c[0] * t + 3.0 * c[1]) * t + 2.0 * c[2]) * t + c[3];
-    return (12.0 * c[0] * t + 6.0 * c[1]) * t + 2.0 * c[2];
-}
-
 /* Values under a Gaussian of a width in rows; the ends continue as constants. */
 void smoothed(int64_t n, const double *values, double width, double *smooth) {
     const int64_t reach = (int64_t)(3.0 * width);
@@ -53,7 +37,7 @@ void gradient(int64_t n, const double *x, const double *y, double *rate) {
     rate[n - 1] = (y[n - 1] - y[n - 2]) / (x[n - 1] - x[n - 2]);
 }
 
-/* y at places `at` that do not fall, on straight lines between points; the ends go on as constants. */
+/* y at places `at` that do not fall, on straight lines between points; constant beyond the ends. */
 void interpolated(int64_t m, const double *at, int64_t n, const double *x, const double *y,
                   double *found) {
     int64_t k = 0;
@@ -90,7 +74,8 @@ static void natural_slopes(int64_t n, const double *x, const double *y, double *
         slope[k] = right[k] - upper[k] * slope[k + 1];
 }
 
-/* Slope at an end that keeps the shape: F. Fritsch, R. Carlson, SIAM J. Numer. Anal. 17 (1980) 238. */
+/* Slope at an end that keeps the shape: F. Fritsch, R. Carlson, SIAM J. Numer. Anal. 17 (1980)
+ * 238. */
 static double end_slope(double near, double far, double rise, double next) {
     const double slope = ((2.0 * near + far) * rise - near * next) / (near + far);
     if (slope * rise <= 0.0)
@@ -159,19 +144,4 @@ int accumulated(int64_t n, const double *x, const double *density, double width,
     }
     free(work);
     return 0;
-}
-
-/* Weights of the four uniform cubic B-splines at a share t of their cell, or of a derivative. */
-void b_splines(double t, int derivative, double *weights) {
-    const double s = 1.0 - t;
-    if (derivative == 0) {
-        weights[0] = s * s * s / 6.0, weights[1] = (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0;
-        weights[2] = (1.0 + 3.0 * t * (1.0 + t - t * t)) / 6.0, weights[3] = t * t * t / 6.0;
-    } else if (derivative == 1) {
-        weights[0] = -0.5 * s * s, weights[1] = (9.0 * t * t - 12.0 * t) / 6.0;
-        weights[2] = (3.0 + 6.0 * t - 9.0 * t * t) / 6.0, weights[3] = 0.5 * t * t;
-    } else {
-        weights[0] = s, weights[1] = 3.0 * t - 2.0;
-        weights[2] = 1.0 - 3.0 * t, weights[3] = t;
-    }
 }
