@@ -18,6 +18,7 @@ PACKAGES = (
     "cellpy",
     "pyprobe-data",
     "liionpack",
+    "ampworks",
 )
 HEAD = """# Benchmarks
 

@@ -1,4 +1,4 @@
-"""Lithium and active material lost by one cell, from the slow curves of its check-ups."""
+"""Lithium and active material lost by one cell, from slow curves or rests."""
 
 import cellwright as cw
 from runtime import artefact, facts, user_tables

@@ -30,6 +30,11 @@ def tests(paths) -> list[MeasuredTest]:
     return [MeasuredTest(of_artefact(about), series) for series, about in loaded]
 
 
+def with_columns(paths) -> list[tuple[TestFacts, dict]]:
+    """Facts of each test and the columns of its artefact, of those that have content."""
+    return [(of_artefact(about), columns) for columns, about in artefact.load_all(paths)]
+
+
 def rows_of_tests(paths) -> list[dict]:
     """Rows of all artefacts with content, each with cell or group, test and what the sheet says."""
     return [

@@ -155,3 +155,13 @@ def test_the_chemistry_only_names():
 def test_refusals(charges, reason):
     with pytest.raises(Refusal, match=reason):
         tracked_peaks(charges, **OPTIONS)
+
+
+def test_names_are_in_doubt_after_a_collapse_but_not_in_a_partial_charge():
+    whole = [(3.50, 30, 5.0), (3.70, 25, 6.0), (3.95, 28, 7.0)]
+    collapsed = [(3.52, 8, 2.0), (3.72, 14, 3.0), (3.97, 15, 3.5)]
+    partial = [(3.70, 25, 2.5), (3.95, 28, 7.0)]
+    fell = tracks([charge(0, whole), charge(400, collapsed)])[400, 0.05]
+    assert all("changed by a factor of 2.1" in row.reason for row in fell.values())
+    cut = tracks([charge(0, whole), charge(400, partial)])[400, 0.05]
+    assert [row.reason for row in cut.values() if np.isfinite(row.voltage_volt)] == ["", ""]

@@ -103,3 +103,35 @@ def test_how_far_outside_is_counted_in_spans():
     low, high = rows.features[:, 0].min(), rows.features[:, 0].max()
     asked = np.array([high + 2 * (high - low), np.nan, np.nan, np.nan])
     assert averaged(fitted_models(rows, asked, most_terms=1)).beyond == pytest.approx(2)
+
+
+def test_an_unsure_feature_widens_the_models_that_need_it_and_lessens_their_weight():
+    rows = rows_of(3)
+    asked = np.array([0.4, -0.2, 0.1, 0.0])
+    sure = fitted_models(rows, asked, most_terms=2)
+    unsure = fitted_models(rows, asked, most_terms=2, asked_std=np.array([0.3, 0, 0, 0]))
+    np.testing.assert_array_equal(unsure.mean, sure.mean)
+    needs = np.array([0 in term for term in sure.terms])
+    np.testing.assert_array_equal(unsure.std[~needs], sure.std[~needs])
+    both = sure.terms.index((0, 1))
+    design = np.column_stack([np.ones(24), rows.features[:, :2]])
+    expected = np.hypot(sure.std[both], 0.3 * fit(design, rows.target)[1])
+    assert unsure.std[both] == pytest.approx(expected, rel=1e-9)
+    assert unsure.score[both] - unsure.score[~needs].max() < sure.score[both] - (
+        sure.score[~needs].max()
+    )
+
+
+def test_intervals_cover_where_the_features_asked_for_are_unsure():
+    held, random = [], np.random.default_rng(9)
+    for seed in range(200):
+        rows = rows_of(seed)
+        true = random.standard_normal(4)
+        std = np.array([0.2, 0.1, 0.0, 0.0])
+        models = fitted_models(
+            rows, true + std * random.standard_normal(4), most_terms=2, asked_std=std
+        )
+        found = averaged(models)
+        target = 0.5 * true[0] - 0.3 * true[1] + 0.02 * random.standard_normal()
+        held.append(found.lower <= target <= found.upper)
+    assert 0.9 <= np.mean(held) <= 0.99

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.numerics import monotone
+from cellwright.numerics import monotone, rising_curve
 
 X = np.linspace(0, 2, 3000)
 
@@ -26,9 +26,9 @@ def test_slope_and_its_interval_hold_the_truth():
         y, _ = logistic_steps(X)
         curve = fitted(y + 1e-3 * rng.standard_normal(len(X)))
         place = np.linspace(5, 195, 60)
-        _, slope, _ = monotone.values(curve, place)
-        std = monotone.standard_deviations(curve, monotone.gradients(curve, place, 1))
-        _, true = logistic_steps(monotone.x_at(curve, place))
+        _, slope, _ = rising_curve.values(curve, place)
+        std = rising_curve.standard_deviations(curve, rising_curve.gradients(curve, place, 1))
+        _, true = logistic_steps(rising_curve.x_at(curve, place))
         inside.append(np.abs(slope - true) < 1.96 * std)
         error.append(slope / true - 1)
     assert 0.88 <= np.mean(inside) <= 0.995
@@ -38,13 +38,15 @@ def test_slope_and_its_interval_hold_the_truth():
 def test_the_curve_always_rises_however_noisy():
     rng = np.random.default_rng(0)
     curve = fitted(X + rng.standard_normal(len(X)))
-    assert np.all(monotone.values(curve, np.linspace(0, 200, 1000))[1] > 0)
+    assert np.all(rising_curve.values(curve, np.linspace(0, 200, 1000))[1] > 0)
 
 
 def test_a_line_is_kept():
     curve = fitted(3 + 0.5 * X)
-    value, slope, _ = monotone.values(curve, np.linspace(1, 199, 50))
-    assert value == pytest.approx(3 + 0.5 * monotone.x_at(curve, np.linspace(1, 199, 50)), abs=1e-6)
+    value, slope, _ = rising_curve.values(curve, np.linspace(1, 199, 50))
+    assert value == pytest.approx(
+        3 + 0.5 * rising_curve.x_at(curve, np.linspace(1, 199, 50)), abs=1e-6
+    )
     assert slope == pytest.approx(0.5, rel=1e-4)
 
 
@@ -53,8 +55,8 @@ def test_gradients_are_the_change_with_the_coefficients():
     curve = fitted(y + 1e-3 * np.sin(300 * X))
     place = np.array([20.3, 77.7, 140.2])
     for derivative in (0, 1, 2):
-        rows = monotone.gradients(curve, place, derivative)
-        values = monotone.values(curve, place)[derivative]
+        rows = rising_curve.gradients(curve, place, derivative)
+        values = rising_curve.values(curve, place)[derivative]
         assert rows @ curve.coefficients == pytest.approx(values, rel=1e-9, abs=1e-9)
 
 
@@ -88,27 +90,51 @@ def test_few_readings_that_crowd_at_the_begin_make_a_rising_curve():
     volt = np.array(FEW_VOLT.split(), float)
     curve = monotone.rising_curve(FEW_CHARGE, volt, np.ones(len(volt)), cells=len(volt))
     place = np.linspace(0, len(volt), 2001)
-    assert np.all(monotone.values(curve, place)[1] > 0)
-    at = np.interp(FEW_CHARGE, monotone.x_at(curve, place), place)
-    assert np.abs(monotone.values(curve, at)[0] - volt)[8:].max() < 5e-3
+    assert np.all(rising_curve.values(curve, place)[1] > 0)
+    at = np.interp(FEW_CHARGE, rising_curve.x_at(curve, place), place)
+    assert np.abs(rising_curve.values(curve, at)[0] - volt)[8:].max() < 5e-3
 
 
-def test_the_compiled_fit_says_what_numpy_says(monkeypatch):
+@pytest.mark.parametrize("kind", ["many", "few", "weighted"])
+def test_the_compiled_fit_says_what_numpy_says(monkeypatch, kind):
     y = logistic_steps(X)[0] + 1e-3 * np.random.default_rng(3).standard_normal(len(X))
-    place = np.linspace(0, 200, 301)
-    compiled = fitted(y)
-    local = monotone.local_gradients(compiled, place, 2)
-    deviations = monotone.local_deviations(compiled, *local)
-    monkeypatch.setattr(monotone, "function", lambda *_types, **_result: None)
-    plain = fitted(y)
+    given = {
+        "many": (X, y, np.ones(len(X)), 200),
+        "few": (FEW_CHARGE, np.array(FEW_VOLT.split(), float), np.ones(len(FEW_CHARGE)), 67),
+        "weighted": (X[::40], y[::40], 1 + np.arange(75) % 3, 60),
+    }[kind]
+    compiled = monotone.rising_curve(*given[:3], cells=given[3])
+    place = np.linspace(0, given[3], 301)
+    local = rising_curve.local_gradients(compiled, place, 2)
+    deviations = rising_curve.local_deviations(compiled, *local)
+    course = rising_curve.course(compiled, place)
+    for module in (monotone, rising_curve):
+        monkeypatch.setattr(module, "function", lambda *_types, **_result: None)
+    plain = monotone.rising_curve(*given[:3], cells=given[3])
     assert np.allclose(plain.coefficients, compiled.coefficients, rtol=1e-9)
-    assert np.allclose(monotone.local_deviations(plain, *local), deviations, rtol=1e-6)
+    assert np.allclose(rising_curve.local_deviations(plain, *local), deviations, rtol=1e-6)
+    for one, other in zip(rising_curve.course(plain, place), course, strict=True):
+        assert np.allclose(one, other, rtol=1e-6, atol=1e-7 * np.abs(other).max())
+
+
+def test_deviations_between_places_are_those_of_the_difference():
+    curve = fitted(logistic_steps(X)[0] + 1e-3 * np.random.default_rng(5).standard_normal(len(X)))
+    place = np.array([30.5, 61.0, 61.2, 62.0, 180.0])
+    rates = rising_curve.gradients(curve, place, 1)
+    whole = rising_curve.standard_deviations(curve, rates - rates[2])
+    one = rising_curve.local_gradients(curve, place[2:3], 1)
+    found = rising_curve.deviations_between(
+        curve, rising_curve.local_gradients(curve, place, 1), one
+    )
+    assert np.allclose(found, whole, rtol=1e-6, atol=1e-6 * whole.max())
 
 
 def test_deviations_of_neighbouring_coefficients_are_those_of_all():
     curve = fitted(logistic_steps(X)[0] + 1e-3 * np.random.default_rng(4).standard_normal(len(X)))
     place = np.linspace(0, 200, 77)
     for derivative in (0, 1, 2):
-        whole = monotone.standard_deviations(curve, monotone.gradients(curve, place, derivative))
-        local = monotone.local_gradients(curve, place, derivative)
-        assert np.allclose(monotone.local_deviations(curve, *local), whole, rtol=1e-7)
+        whole = rising_curve.standard_deviations(
+            curve, rising_curve.gradients(curve, place, derivative)
+        )
+        local = rising_curve.local_gradients(curve, place, derivative)
+        assert np.allclose(rising_curve.local_deviations(curve, *local), whole, rtol=1e-7)

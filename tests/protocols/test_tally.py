@@ -42,3 +42,5 @@ def test_compiled_and_sorted_agree(by_sorting, levels):
     charge = rng.normal(size=100_000)
     for one, other in zip(tally(voltage, charge), by_sorting(voltage, charge), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+    assert not tally(voltage, charge).rising
+    assert tally(voltage, np.sort(charge)).rising

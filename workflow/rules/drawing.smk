@@ -110,7 +110,7 @@ def figures_of_health(cell):
         curves = artefacts("ica_curve", cell, "ica"), artefacts("ica_life_curve", cell, "ageing")
         tracks = {"tracks": f"results/ica_tracks/{cell}.parquet"}
         yield figure("ica_tracks", curves=curves[0], lives=curves[1], **tracks)
-    if cell in AGED_SLOWLY:
+    if cell in AGED_SLOWLY or aged_by_rests(cell):
         yield figure("degradation_modes", **of_cell(cell, modes="degradation_modes"))
     if cell in FIRST_OF_TYPE:
         calibration = f"results/peak_calibration/{FIRST_OF_TYPE[cell]}.parquet"

@@ -59,8 +59,13 @@ def fresh_cells(cell):
     return marked[:1] if len(slow_check_ups(cell)) == 1 else []
 
 
+def aged_by_rests(cell):
+    """Whether two check-ups or more have a pulse test whose rests are an open-circuit voltage."""
+    return len({row["cycle"] or 0 for row in resting(cell)}) >= 2
+
+
 AGED_SLOWLY = cells_where(lambda cell: len(slow_check_ups(cell)) >= 2)
-DEGRADED = cells_where(lambda cell: cell in AGED_SLOWLY or fresh_cells(cell))
+DEGRADED = cells_where(lambda cell: cell in AGED_SLOWLY or fresh_cells(cell) or aged_by_rests(cell))
 
 
 def half_cells_of(cell):
@@ -81,6 +86,9 @@ rule degradation_modes:
         fresh=lambda w: [
             p for c in fresh_cells(w.cell) for p in fitted("clean", c, *SLOW_CURVE_KINDS)
         ],
+        rests=lambda w: [
+            f"results/ocv_rest_points/{w.cell}/{row['test']}.parquet" for row in resting(w.cell)
+        ],
         half_cells=lambda w: half_cell_files(w.cell),
     output:
         "results/degradation_modes/{cell}.parquet",
@@ -94,7 +102,7 @@ rule degradation_modes:
         materials=lambda w: half_cells_of(w.cell),
         fresh=lambda w: [facts_of(c) for c in fresh_cells(w.cell)],
     message:
-        "Lithium and active material lost by {wildcards.cell}, from slow curves of its check-ups."
+        "Lithium and active material lost by {wildcards.cell}, from slow curves or rests."
     script:
         "../../scripts/health/degradation_modes.py"
 

@@ -8,9 +8,17 @@ from cellwright.settings import DegradationModes
 
 
 def degradation_modes(
-    tests, cell, chemistry=None, *, half_cells=(None, None), fresh=None, settings=None, **changes
+    tests,
+    cell,
+    chemistry=None,
+    *,
+    rests=(),
+    half_cells=(None, None),
+    fresh=None,
+    settings=None,
+    **changes,
 ):
-    """Lithium and active material lost by one cell at each check-up [1], from its slow curves.
+    """Lithium and active material lost by one cell at each check-up [1], from slow curves or rests.
 
     Parameters
     ----------
@@ -18,6 +26,8 @@ def degradation_modes(
         are passed over.
     cell : CellFacts or mapping: cut-offs [V].
     chemistry : NMC, NCA, LCO, LMO or LFP: whose published half cells are tried.
+    rests : (test, points of `ocv_from_rests`) each, of pulse tests at check-ups: they count where
+        more check-ups have them than slow curves of one protocol.
     half_cells : (negative, positive): name of the library or `health.half_cells.HalfCell` each;
         None: those of the chemistry.
     fresh : (cell, tests) of a fresh cell of the type, for a cell without check-ups of its own.
@@ -41,7 +51,8 @@ def degradation_modes(
 
     options = inputs.settings_of(DegradationModes, settings, changes)
     facts = inputs.cell_facts(cell)
-    own, left_out = _check_ups(_curves(tests, facts, options))
+    slow = _curves(tests, facts, options)
+    own, left_out = _check_ups(_with_rests(slow, rests, facts))
     if fresh is not None and len(own) == 1:
         lent = _curves(fresh[1], inputs.cell_facts(fresh[0]), options).curves
         lent = [curve for curve in lent if alike(curve, own[0])][:1]
@@ -77,6 +88,20 @@ def _curves(tests, facts, options):
             cycle = float(test.facts.cycle or 0)
             found.refused.setdefault(cycle, f"{test.facts.test}: {refusal}")
     return found
+
+
+def _with_rests(found, rests, facts):
+    """Slow curves and the rests of pulse tests, and why tests of a cycle gave neither."""
+    from cellwright.health.electrodes.slow_curves import rest_curve
+
+    curves, refused = list(found.curves), dict(found.refused)
+    for test, points in rests:
+        about = inputs.test_facts(test)
+        try:
+            curves.append(rest_curve(inputs.columns(points), about, cell=facts.cell))
+        except Refusal as refusal:
+            refused.setdefault(float(about.cycle or 0), f"{about.test}: {refusal}")
+    return _Curves(curves, refused)
 
 
 def plateau_losses(tests, cell, settings=None, **changes):
@@ -116,7 +141,11 @@ def _check_ups(found):
 
     chosen, left_out = check_ups(found.curves)
     seen = {curve.cycle for curve in found.curves}
-    without = [f"no slow curve: {why}" for cycle, why in found.refused.items() if cycle not in seen]
+    without = [
+        f"no slow curve or rests: {why}"
+        for cycle, why in found.refused.items()
+        if cycle not in seen
+    ]
     return chosen, [*left_out, *without]
 
 

@@ -1,4 +1,5 @@
-/* The rows of a charge told apart by their voltage, in one pass: see protocols/ica/levels.py.
+/* The rows of a charge told apart by their voltage, or averaged in blocks, in one pass: see
+ * protocols/ica/levels.py and blocks.py.
  *
  * A converter knows few levels, so a small table of hashes finds the level of a row, and no row
  * need be sorted. */
@@ -6,6 +7,7 @@
 #include <string.h>
 
 #define SLOTS 65536 /* a power of two, twice the levels that there is room for */
+#define LANES 4 /* sums at a time */
 
 /* Number of the level of a voltage, a new one where it is not known yet; -1 without room. */
 static inline int32_t level_of(double voltage, int32_t *slots, int64_t room, double *level,
@@ -25,16 +27,38 @@ static inline int32_t level_of(double voltage, int32_t *slots, int64_t room, dou
     return (int32_t)(*levels)++;
 }
 
+/* Sum of the squared second differences of the voltage, and rows whose charge is below that of the
+ * row before; several sums at a time, so that none waits for the one before. */
+static void surveyed(int64_t n, const double *voltage, const double *charge, double *facts) {
+    double squares[LANES] = {0.0};
+    int64_t falling = 0, k = 2;
+    for (; k + LANES <= n; k += LANES)
+        for (int lane = 0; lane < LANES; lane++) {
+            const double *here = voltage + k + lane;
+            const double second = (here[0] - here[-1]) - (here[-1] - here[-2]);
+            squares[lane] += second * second;
+        }
+    for (; k < n; k++) {
+        const double second = (voltage[k] - voltage[k - 1]) - (voltage[k - 1] - voltage[k - 2]);
+        squares[0] += second * second;
+    }
+    for (k = 1; k < n; k++)
+        falling += charge[k] < charge[k - 1];
+    facts[0] = 0.0;
+    for (int lane = 0; lane < LANES; lane++)
+        facts[0] += squares[lane];
+    facts[1] = (double)falling;
+}
+
 /* Levels in the order of their first row; rows and charge of each, (2, room), all zero at first:
  * every second row counts apart, so that it need not wait for the sum of the row before.
- * Gives the number of levels, or -1 for more than `room`; *bend is the sum of the squared second
- * differences of the voltage. */
+ * Gives the number of levels, or -1 for more than `room`. facts: sum of the squared second
+ * differences of the voltage, rows whose charge is below that of the row before. */
 int64_t tally(int64_t n, const double *voltage, const double *charge, int64_t room, double *level,
-              double *rows, double *sum, double *bend) {
+              double *rows, double *sum, double *facts) {
     int32_t slots[SLOTS];
     memset(slots, 0xff, sizeof slots);
     int64_t levels = 0;
-    double squares = 0.0, last = voltage[0], rise = 0.0;
     for (int64_t k = 0; k < n; k++) {
         const double here = voltage[k] + 0.0; /* minus zero is zero */
         const int32_t found = level_of(here, slots, room, level, &levels);
@@ -42,11 +66,57 @@ int64_t tally(int64_t n, const double *voltage, const double *charge, int64_t ro
             return -1;
         rows[(k & 1) * room + found] += 1.0;
         sum[(k & 1) * room + found] += charge[k];
-        const double second = k > 1 ? here - last - rise : 0.0;
-        squares += second * second;
-        rise = here - last;
-        last = here;
     }
-    *bend = squares;
+    surveyed(n, voltage, charge, facts);
     return levels;
+}
+
+/* Rows of a block whose voltage is above and below that of the row before, and whether the charge
+ * falls anywhere; branches are avoided so that several rows are compared at once. */
+static void compared(const double *voltage, const double *charge, int64_t rows, int64_t *up,
+                     int64_t *down, int64_t *falling) {
+    int64_t rise = 0, fall = 0, back = 0;
+    for (int64_t k = 0; k < rows; k++) {
+        rise += voltage[k] > voltage[k - 1];
+        fall += voltage[k] < voltage[k - 1];
+        back += charge[k] < charge[k - 1];
+    }
+    *up += rise, *down += fall, *falling = back;
+}
+
+static double sum_of(const double *values, int64_t rows) {
+    double sums[LANES] = {0.0};
+    int64_t k = 0;
+    for (; k + LANES <= rows; k += LANES)
+        for (int lane = 0; lane < LANES; lane++)
+            sums[lane] += values[k + lane];
+    for (; k < rows; k++)
+        sums[0] += values[k];
+    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+}
+
+/* Mean voltage and mean charge of blocks of `size` rows; the charge counts as the highest so far.
+ * steps: rows whose voltage is above, and below, that of the row before. */
+void charge_blocks(int64_t n, const double *voltage, const double *charge, int64_t size,
+                   double *mean_voltage, double *mean_charge, int64_t *steps) {
+    double highest = charge[0];
+    steps[0] = steps[1] = 0;
+    for (int64_t begin = 0, block = 0; begin < n; begin += size, block++) {
+        const int64_t rows = begin + size < n ? size : n - begin, skip = begin == 0;
+        int64_t falling;
+        compared(voltage + begin + skip, charge + begin + skip, rows - skip, steps, steps + 1,
+                 &falling);
+        double sum = 0.0;
+        if (falling || charge[begin] < highest)
+            for (int64_t k = begin; k < begin + rows; k++) {
+                highest = charge[k] > highest ? charge[k] : highest;
+                sum += highest;
+            }
+        else {
+            sum = sum_of(charge + begin, rows);
+            highest = charge[begin + rows - 1];
+        }
+        mean_charge[block] = sum / (double)rows;
+        mean_voltage[block] = sum_of(voltage + begin, rows) / (double)rows;
+    }
 }

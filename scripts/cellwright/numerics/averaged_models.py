@@ -70,7 +70,7 @@ class Prediction(NamedTuple):
     terms: list
 
 
-def fitted_models(rows, asked, *, most_terms):
+def fitted_models(rows, asked, *, most_terms, asked_std=None):
     """Every linear model of up to `most_terms` features that the row asked for has.
 
     1. A model is fitted to the rows that have its features, at least three more than it has
@@ -82,12 +82,15 @@ def fitted_models(rows, asked, *, most_terms):
     Parameters
     ----------
     rows : Rows. asked : (k,) features, NaN where there is none. most_terms : [1].
+    asked_std : (k,) standard deviations of the features asked for, beyond those of the rows, which
+        the residuals show. A model is widened by them and judged at that width.
 
     Returns
     -------
     models : Models; empty where none can be fitted.
     """
     has = np.flatnonzero(np.isfinite(asked))
+    asked = np.stack([asked, np.zeros(len(asked)) if asked_std is None else asked_std])
     parts = []
     for size in range(1, most_terms + 1):
         prior = -np.log(comb(len(has), size)) if size <= len(has) else 0.0
@@ -121,7 +124,11 @@ def _joined(parts):
 
 
 def _fitted(rows, asked, subsets):
-    """Models of one size on the same rows; the score still the mean log density of a row."""
+    """Models of one size on the same rows; the score still the mean log density of a row.
+
+    asked : (2, k) features of the row asked for, and their further standard deviations.
+    """
+    asked, asked_std = asked
     count, size = len(rows.target), subsets.shape[1]
     values = rows.features[:, subsets].transpose(1, 0, 2)
     centre, scale = values.mean(axis=1), values.std(axis=1)
@@ -134,7 +141,8 @@ def _fitted(rows, asked, subsets):
     slopes = np.einsum("mij,mnj,n->mi", inverse, design, rows.target)
     few = len(set(rows.groups)) < FEWEST_GROUPS
     moved = slopes[:, 1:] / scale * rows.offsets[subsets] * few
-    extra = (moved**2).sum(axis=1) + rows.repeat_std**2
+    blurred = slopes[:, 1:] / scale * asked_std[subsets]
+    extra = (moved**2 + blurred**2).sum(axis=1) + rows.repeat_std**2
     residual = rows.target - np.einsum("mnj,mj->mn", design, slopes)
     leave = _rows_left_out if few else _groups_left_out
     spread = design @ inverse

@@ -17,7 +17,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.native import array, count, function, real
+from cellwright.native import array, count, function
+from cellwright.numerics.rising_curve import (
+    RisingCurve,
+    b_splines,
+    cells_of,
+    local_deviations,
+    values,
+    x_at,
+)
 
 ORDER = 3  # of the differences that are penalised
 STIFFEST_DECADE, SOFTEST_DECADE = 9.0, -4.0  # of the penalty; the curve's variance sets its scale
@@ -31,25 +39,12 @@ RELATIVE_CHANGE = 1e-3
 LEAST_READINGS = 12
 MOST_RANGE = 14.0  # of the logarithms of the steps, which double precision bears
 ROUNDING = 1e-12
-
-
-class RisingCurve(NamedTuple):
-    """A fitted rising curve y(x) over equal cells of a stretched abscissa.
-
-    coefficients : (cells + 3,) of the cubic B-splines. factor : lower banded Cholesky factor of
-    the posterior precision, times variance. variance : of one reading with weight 1.
-    stretch : callable, cumulative stretch of x, with derivatives. first, span : its value at the
-    first reading, and its range. x_range : of the readings. decade : strength of the penalty.
-    """
-
-    coefficients: np.ndarray
-    factor: np.ndarray
-    variance: float
-    stretch: object
-    first: float
-    span: float
-    x_range: tuple
-    decade: float
+# In the order in which native/rising_search.c numbers them.
+SETTINGS = (
+    *(STIFFEST_DECADE, SOFTEST_DECADE, LOCAL_ROUNDS, LOCAL_CELLS, STRETCH_CELLS),
+    *(CHANGE_CELLS, SCALE_CELLS, STEPS, FIRST_STEPS, WORSE_DECADES),
+    *(RELATIVE_CHANGE, MOST_RANGE, ROUNDING, PILOT_BLOCKS),
+)
 
 
 def rising_curve(x, y, weight, *, cells):
@@ -75,7 +70,41 @@ def rising_curve(x, y, weight, *, cells):
     """
     if len(x) < LEAST_READINGS or not y[-1] > y[0] or not x[-1] > x[0]:
         raise ValueError("a rising curve needs at least twelve readings that rise")
-    readings = _Readings(x, y, weight, cells)
+    readings = _Readings(*(np.ascontiguousarray(v, float) for v in (x, y, weight)), cells)
+    types = (count, array, array, array, count, *[array] * 7)
+    kernel = function("rising_curve", *types, result=count)
+    return _by_kernel(kernel, readings) if kernel else _by_numpy(readings)
+
+
+class _Readings(NamedTuple):
+    x: np.ndarray
+    y: np.ndarray
+    weight: np.ndarray
+    cells: int
+
+
+def _by_kernel(kernel, readings):
+    """The whole search compiled; its steps are those of `_by_numpy`."""
+    from scipy.interpolate import PPoly
+
+    x, y, weight, cells = readings
+    settings = np.array(SETTINGS, float)
+    coefficients, (factor, inverse) = np.empty(cells + 3), np.empty((2, ORDER + 2, cells + 3))
+    room = cells + 3 + PILOT_BLOCKS
+    breakpoints, powers, scalars = np.empty(room), np.empty((room, 5)), np.empty(4)
+    given = len(x), x, y, weight, cells, settings
+    number = kernel(*given, coefficients, factor, inverse, breakpoints, powers, scalars)
+    if number < 0:
+        raise np.linalg.LinAlgError("the normal equations of the curve are singular")
+    variance, first, span, decade = map(float, scalars)
+    stretch = PPoly.construct_fast(powers[: number - 1].T, breakpoints[:number])
+    solution = coefficients, factor, inverse, variance
+    return RisingCurve(*solution, stretch, first, span, (float(x[0]), float(x[-1])), decade)
+
+
+def _by_numpy(readings):
+    """The search without a compiler."""
+    x, y, weight, cells = readings
     plain = np.ones(cells + 2 - ORDER)
     stretch = _stretch(x, y, weight)
     curve = _searched(readings, stretch, plain, _first_logs(readings, stretch), None)
@@ -85,13 +114,6 @@ def rising_curve(x, y, weight, *, cells):
         logs = np.log(np.diff(curve.coefficients))
         curve = _searched(readings, stretch, _stiffness(curve), logs, curve.decade)
     return curve
-
-
-class _Readings(NamedTuple):
-    x: np.ndarray
-    y: np.ndarray
-    weight: np.ndarray
-    cells: int
 
 
 def _stretch(x, y, weight):
@@ -223,6 +245,7 @@ def _searched(readings, stretch, stiffness, logs, decade):
     return RisingCurve(
         coefficients=best.coefficients + level,
         factor=best.factor,
+        inverse=_inverse_band(best.factor),
         variance=best.objective / (len(y) - ORDER),
         stretch=stretch,
         first=first,
@@ -274,21 +297,11 @@ def _nearby(problem, logs, decade):
 def _fitted(problem, decade, logs, most):
     """Fit at one strength, by Gauss-Newton steps in the logarithms of the steps."""
     strength = 1e-9 * 10**decade * max(problem.square, 1e-30) / problem.readings
-    types = (count, array, array, array, real, count, *[array] * 5)
-    kernel = function("rising_fit", *types, result=count)
-    if kernel is None:
-        return _judged(problem, decade, strength, *_stepped(problem, strength, logs, most))
-    logs, number = np.array(logs), len(logs) + 1
-    factor, base = np.empty((ORDER + 2, number)), np.empty(1)
-    limits, work = np.array([RELATIVE_CHANGE, MOST_RANGE, ROUNDING]), np.empty(8 * number)
-    given = problem.normal, problem.right, problem.stiffness, strength, most, limits
-    if kernel(number, *given, logs, work, factor, base):
-        raise np.linalg.LinAlgError("the normal equations of the curve are singular")
-    return _judged(problem, decade, strength, logs, float(base[0]), factor)
+    return _judged(problem, decade, strength, *_stepped(problem, strength, logs, most))
 
 
 def _stepped(problem, strength, logs, most):
-    """Logarithms after Gauss-Newton steps, first coefficient, factor; without a compiler."""
+    """Logarithms after Gauss-Newton steps, first coefficient, factor."""
     from scipy.linalg import cho_solve_banded
 
     base = _base(problem, np.append(0, np.cumsum(np.exp(logs))))
@@ -366,107 +379,9 @@ def _judged(problem, decade, strength, logs, base, factor):
     return _Fit(decade, coefficients, factor, float(objective), float(evidence), logs)
 
 
-def b_splines(place, cells, derivative):
-    """First coefficient (n,) and weights (4, n) of uniform cubic B-splines, or of a derivative."""
-    first = np.clip(place.astype(int), 0, cells - 1)
-    t = place - first
-    if derivative == 0:
-        weights = [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t * (1 + t - t**2), t**3]
-    elif derivative == 1:
-        weights = [-3 * (1 - t) ** 2, 9 * t**2 - 12 * t, 3 + 6 * t - 9 * t**2, 3 * t**2]
-    else:
-        weights = [6 * (1 - t), 18 * t - 12, 6 - 18 * t, 6 * t]
-    return first, np.array(weights) / 6
-
-
-def cells_of(curve):
-    """Number of cells of a fitted curve."""
-    return len(curve.coefficients) - 3
-
-
-def x_at(curve, place):
-    """Abscissa x (m,) at places (m,) counted in cells."""
-    fine = np.linspace(*curve.x_range, 16 * cells_of(curve) + 1)
-    cells = (curve.stretch(fine) - curve.first) / curve.span * cells_of(curve)
-    return np.interp(place, cells, fine)
-
-
-def local_gradients(curve, place, derivative):
-    """Derivatives of y or of dy/dx, d2y/dx2 at places by the four coefficients that they depend on.
-
-    Returns
-    -------
-    first : (m,) number of the first of them. weights : (4, m).
-    """
-    scale = cells_of(curve) / curve.span
-    x = x_at(curve, place)
-    first, weights = b_splines(place, cells_of(curve), derivative)
-    weights = weights * (curve.stretch(x, 1) * scale) ** derivative
-    if derivative == 2:
-        weights += b_splines(place, cells_of(curve), 1)[1] * curve.stretch(x, 2) * scale
-    return first, weights
-
-
-def gradients(curve, place, derivative):
-    """The same by all coefficients: (m, cells + 3), for functions of several places."""
-    first, weights = local_gradients(curve, place, derivative)
-    rows = np.zeros((len(place), cells_of(curve) + 3))
-    rows[np.arange(len(place))[:, None], first[:, None] + np.arange(4)] = weights.T
-    return rows
-
-
-def values(curve, place):
-    """Value y, slope dy/dx and second derivative (m,) each, at places counted in cells."""
-    cells = cells_of(curve)
-    scale = cells / curve.span
-    x = x_at(curve, place)
-    found = []
-    for derivative in (0, 1, 2):
-        first, weights = b_splines(place, cells, derivative)
-        found.append(sum(weights[k] * curve.coefficients[first + k] for k in range(4)))
-    rate, bend = curve.stretch(x, 1) * scale, curve.stretch(x, 2) * scale
-    return found[0], found[1] * rate, found[2] * rate**2 + found[1] * bend
-
-
-def covariance(curve, rows):
-    """Posterior covariance (m, m) of linear functions of the coefficients, rows (m, cells + 3)."""
-    from scipy.linalg import cho_solve_banded
-
-    return curve.variance * rows @ cho_solve_banded((curve.factor, True), rows.T)
-
-
-def local_deviations(curve, first, weights):
-    """Posterior standard deviations (m,) of functions of few neighbouring coefficients.
-
-    Parameters
-    ----------
-    curve : RisingCurve. first : (m,) number of the first coefficient. weights : (k, m), k to 5.
-    """
-    inverse, number = _inverse_band(curve.factor), len(weights)
-    square = np.zeros(len(first))
-    for a in range(number):
-        square += weights[a] ** 2 * inverse[0][first + a]
-        for b in range(a + 1, number):
-            square += 2 * weights[a] * weights[b] * inverse[b - a][first + a]
-    return np.sqrt(curve.variance * np.maximum(square, 0.0))
-
-
 def _inverse_band(factor):
     """Band (ORDER + 2, n) of the inverse of what this is the banded Cholesky factor of."""
-    kernel = function("inverse_band", count, array, array)
-    if kernel is None:
-        from scipy.linalg import cho_solve_banded
-
-        whole = cho_solve_banded((factor, True), np.eye(factor.shape[1]))
-        return [np.append(np.diagonal(whole, -d), np.zeros(d)) for d in range(len(factor))]
-    inverse = np.empty(factor.shape)
-    kernel(factor.shape[1], np.ascontiguousarray(factor), inverse)
-    return inverse
-
-
-def standard_deviations(curve, rows):
-    """Posterior standard deviations (m,) of linear functions of the coefficients."""
     from scipy.linalg import cho_solve_banded
 
-    solved = cho_solve_banded((curve.factor, True), rows.T)
-    return np.sqrt(curve.variance * np.einsum("ij,ji->i", rows, solved))
+    whole = cho_solve_banded((factor, True), np.eye(factor.shape[1]))
+    return np.array([np.append(np.diagonal(whole, -d), np.zeros(d)) for d in range(len(factor))])

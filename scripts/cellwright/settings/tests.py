@@ -293,7 +293,8 @@ class Impedance(NamedTuple):
 
 
 class DegradationModes(NamedTuple):
-    """Lithium and active material lost, from slow curves of check-ups.
+    """Lithium and active material lost, from slow curves of check-ups, or rests where there are
+    none.
 
     least_hour [h] : A charge or discharge is slow enough to be compared with half cells if it
         takes longer than this.

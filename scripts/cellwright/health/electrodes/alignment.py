@@ -12,7 +12,13 @@ CORRELATED_SOC = 0.05  # range over which half cells and polarisation are wrong 
 CHARGE_STD = 0.001
 # ASSUME: Polarisation and hysteresis shift a slow charge by up to some 40 mV, and change by up to
 # some 10 mV from empty to full; of the mean of a slow charge and discharge little is left.
-SHIFT_STD_VOLT = {"charge": (0.02, 0.005), "discharge": (0.02, 0.005), "both": (0.005, 0.002)}
+# In a rest no current flows: half the hysteresis is left.
+SHIFT_STD_VOLT = {
+    "charge": (0.02, 0.005),
+    "discharge": (0.02, 0.005),
+    "both": (0.005, 0.002),
+    "rests": (0.005, 0.002),
+}
 FIRST_STD_VOLT = 0.002  # error of the half cells that a fit begins with
 LEAST_STD_VOLT = 0.001  # no half cell is better known, and few cyclers read better
 STEEPEST_VOLT = 20.0  # per SoC; steeper ends tell how a fit ends, not where the cell stands
@@ -26,12 +32,12 @@ STEPS = np.array([0.01, 0.02, 0.02, 0.02, 0.005, 0.002])  # typical changes of t
 
 
 class SlowCurve(NamedTuple):
-    """Slow charge, slow discharge or mean of both of one check-up.
+    """Slow charge, slow discharge, mean of both, or rests of one check-up.
 
     cell, test : names. cycle : of the check-up. ambient_temperature_celsius : of the chamber, NaN
     where not known. current_ampere : the slow one. soc : (n,) rising, 0 and 1 are the ends of this
     curve's own charge. voltage_volt : (n,). capacity_ampere_hour : from soc 0 to 1. branches :
-    "both", "charge" or "discharge".
+    "both", "charge", "discharge", or "rests": one sample a rest, the current that of the loads.
     """
 
     cell: str
@@ -210,7 +216,7 @@ def _search(curve, pair, *, best=4):
     ]
     low, high = _bounds(pair)
     limits = np.clip(np.c_[grid, np.zeros((len(grid), 2))], low, high)
-    sparse = slice(None, None, 4)
+    sparse = slice(None, None, 4 if len(curve.soc) > 100 else 1)
     soc, voltage = curve.soc[sparse], curve.voltage_volt[sparse]
     model = cell_volt(pair, limits.T[:, :, None], soc[None, :])
     misfit = (voltage - model) / _errors(curve, FIRST_STD_VOLT, 0.0)[sparse]

@@ -54,6 +54,61 @@ def slow_curve(columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, lea
     )
 
 
+FEWEST_RESTS, REST_SPAN = 8, 0.6  # six limits are fitted; the share of SoC that they span
+NEAR_SOC = 0.002  # rests as near are one: between a pulse and its counterpart
+
+
+def rest_curve(points, test, *, cell):
+    """Open-circuit voltage of a check-up from the rests of its pulse test, one sample a rest.
+
+    For check-ups without a slow charge. Nothing is interpolated between rests: what lies between
+    them is not known. Voltages are those at which the rest's exponentials end, where they are told.
+
+    Parameters
+    ----------
+    points : columns of stage `ocv_rest_points`, (n,) each: soc, charge_ampere_hour, end_volt,
+        relaxed_volt, direction, current_ampere.
+    test : TestFacts. cell : its name.
+
+    Returns
+    -------
+    curve : SlowCurve of branches "rests", of the direction with more rests.
+
+    Raises
+    ------
+    Refusal : fewer than eight rests after loads of one direction, or over less than 60 % of SoC.
+    """
+    direction = np.asarray(points["direction"]).astype(str)
+    counts = {name: int(np.sum(direction == name)) for name in ("discharge", "charge")}
+    most = max(counts, key=counts.get)
+    columns = {name: np.asarray(points[name], float) for name in REST_NAMES}
+    relaxed = columns["relaxed_volt"]
+    voltage = np.where(np.isfinite(relaxed), relaxed, columns["end_volt"])
+    rows = np.flatnonzero((direction == most) & np.isfinite(voltage))
+    rows = rows[np.argsort(columns["soc"][rows], kind="stable")]
+    soc = columns["soc"][rows]
+    rows = rows[np.append(True, np.diff(soc) > NEAR_SOC)] if len(rows) else rows
+    span = float(np.ptp(columns["soc"][rows])) if len(rows) else 0.0
+    if len(rows) < FEWEST_RESTS or span < REST_SPAN:
+        raise Refusal(
+            f"{len(rows)} rests after {most} over {span:.0%} of SoC; {FEWEST_RESTS} over "
+            f"{REST_SPAN:.0%} are needed to align half cells"
+        )
+    celsius = test.ambient_temperature_celsius
+    return SlowCurve(
+        cell=cell,
+        test=test.test,
+        cycle=float(test.cycle or 0.0),
+        ambient_temperature_celsius=np.nan if celsius is None else float(celsius),
+        current_ampere=float(np.median(np.abs(columns["current_ampere"][rows]))),
+        soc=columns["soc"][rows],
+        voltage_volt=voltage[rows],
+        capacity_ampere_hour=float(np.ptp(columns["charge_ampere_hour"][rows]) / span),
+        branches="rests",
+    )
+
+
+REST_NAMES = ("soc", "charge_ampere_hour", "end_volt", "relaxed_volt", "current_ampere")
 NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
 
 
@@ -111,7 +166,8 @@ def check_ups(curves):
 
     What polarisation and hysteresis do to one branch at one current they do to it in the others:
     alike curves are compared. Of several protocols (branches, current, temperature) that counts
-    which most check-ups have; of two equal ones the slower, then that with both branches.
+    which most check-ups have; of two equal ones a slow curve before rests, the slower, then that
+    with both branches.
 
     Parameters
     ----------
@@ -128,8 +184,8 @@ def check_ups(curves):
     if not protocols:
         return [], []
     cycles = [len({curve.cycle for curve in group}) for group in protocols]
-    order = zip(cycles, protocols, strict=True)
-    best = min(order, key=lambda o: (-o[0], o[1][0].current_ampere, o[1][0].branches != "both"))[1]
+    ranks = [(-number, *_rank(group[0])) for number, group in zip(cycles, protocols, strict=True)]
+    best = protocols[ranks.index(min(ranks))]
     chosen = {}
     for curve in best:
         chosen.setdefault(curve.cycle, curve)
@@ -141,6 +197,11 @@ def check_ups(curves):
     seconds = [curve for curve in best if curve is not chosen[curve.cycle]]
     left_out += [_second(curve, chosen[curve.cycle]) for curve in seconds]
     return list(chosen.values()), [words for words in left_out if words]
+
+
+def _rank(curve):
+    """What counts first of protocols that as many check-ups have."""
+    return curve.branches == "rests", curve.current_ampere, curve.branches != "both"
 
 
 def _second(curve, counted):
@@ -169,6 +230,7 @@ def alike(first, second):
 
 def _protocol(curve):
     words = {"both": "discharge and charge", "charge": "a charge", "discharge": "a discharge"}
+    words |= {"rests": "rests between loads"}
     celsius = curve.ambient_temperature_celsius
     at = "" if np.isnan(celsius) else f" at {celsius:g} °C"
     return f"{words[curve.branches]} with {curve.current_ampere:.3g} A{at}"
@@ -206,6 +268,6 @@ def need_two(curves, cell):
     if len(curves) < 2:
         found = ", ".join(f"{curve.test} at cycle {curve.cycle:g}" for curve in curves) or "none"
         raise Refusal(
-            f"{cell}: slow curves of one check-up or none ({found}); losses need two, or a fresh "
-            "cell of the type marked as reference. Is the column `cycle` of tests.tsv filled?"
+            f"{cell}: slow curves or rests of one check-up or none ({found}); losses need two, or "
+            "a fresh cell of the type marked as reference. Is column `cycle` of tests.tsv filled?"
         )

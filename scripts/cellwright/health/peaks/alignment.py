@@ -13,12 +13,14 @@ class Aligned(NamedTuple):
 
     margins : by number in the second list, by how much the best alignment without that pair is
     worse [-2 log likelihood]. known : how many of the first list were seen in the charge before.
+    upset : why no pair can be trusted, "" where they can.
     """
 
     pairs: tuple
     shift: float
     margins: dict
     known: int = 0
+    upset: str = ""
 
 
 def align(known, peaks, motion_volt, log_factor, shift_std_volt):

@@ -134,9 +134,11 @@ def _peaks(rows):
         (row for row in found if np.isfinite(row["voltage_volt"])),
         key=lambda row: row["voltage_volt"],
     )
-    names = ("voltage_volt", "height_ampere_hour_per_volt", "area_ampere_hour")
     return {
-        str(row.get("identity") or place): IdentifiedPeak(*(float(row[name]) for name in names))
+        str(row.get("identity") or place): IdentifiedPeak(
+            *(float(row[name]) for name in IdentifiedPeak._fields[:3]),
+            *(_number(row.get(name), 0.0) for name in IdentifiedPeak._fields[3:]),
+        )
         for place, row in enumerate(found, 1)
     }
 

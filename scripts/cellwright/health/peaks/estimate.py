@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.health.conditions import SAME_CELSIUS, same_rate
-from cellwright.health.peaks.features import features_of
+from cellwright.health.peaks.features import features_of, is_partial
 from cellwright.numerics.averaged_models import Rows, averaged, fitted_models
 from cellwright.refusal import Refusal
 from cellwright.settings import HealthFromPeaks
@@ -56,7 +56,9 @@ def capacity_from_peaks(charge, calibration, *, most_terms=HEALTH_FROM_PEAKS.mos
     (`features_of`); heights, areas, charges and the capacity as logarithms. 3. Every linear model
     of up to `most_terms` of the features that the charge has is fitted; models are averaged with
     weights by what they predict for charges they were not fitted to. A peak that the charge lacks
-    (a partial charge, or one that vanished) thus only removes models.
+    (a partial charge, or one that vanished) thus only removes models. 4. A peak beside
+    the edge of a partial charge is placed less surely than those calibrated on: models that need it
+    are widened by that, and weigh less.
 
     Parameters
     ----------
@@ -77,7 +79,8 @@ def capacity_from_peaks(charge, calibration, *, most_terms=HEALTH_FROM_PEAKS.mos
     alike = _thinned(alike)
     features = features_of([charge, *alike])
     rows = _rows(features.values[1:], features.names, alike)
-    models = fitted_models(rows, features.values[0], most_terms=most_terms)
+    beyond = _further_std(features.std) if is_partial(charge, alike) else None
+    models = fitted_models(rows, features.values[0], most_terms=most_terms, asked_std=beyond)
     if not models.terms:
         peaks = ", ".join(charge.peaks)
         words = f"its peaks ({peaks}) are in fewer than {FEWEST_CHARGES} charges calibrated on"
@@ -91,6 +94,16 @@ def _rows(values, names, charges):
     offsets = np.array([CHANNEL_VOLT if name[0] == "position" else 0.0 for name in names])
     cells = np.array([charge.cell for charge in charges])
     return Rows(values, target, cells, offsets, PRIOR_SHARE, REPEAT_SHARE)
+
+
+def _further_std(std):
+    """Standard deviations of the first row beyond the usual ones of all others, which the scatter
+    about the models holds already.
+    """
+    usual = np.zeros(std.shape[1])
+    some = np.isfinite(std[1:]).any(axis=0)
+    usual[some] = np.nanmedian(std[1:, some], axis=0)
+    return np.sqrt(np.maximum(np.nan_to_num(std[0]) ** 2 - usual**2, 0.0))
 
 
 def _comparable(charge, other):

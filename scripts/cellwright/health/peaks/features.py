@@ -13,11 +13,17 @@ PARTIAL_VOLT = 0.02
 
 
 class IdentifiedPeak(NamedTuple):
-    """A peak of known identity in one charge [V], [A h/V], [A h]; area NaN where it is cut."""
+    """A peak of known identity in one charge [V], [A h/V], [A h], each with its standard deviation.
+
+    Area NaN where it is cut; a standard deviation 0 where the method of dQ/dV tells none.
+    """
 
     voltage_volt: float
     height_ampere_hour_per_volt: float
     area_ampere_hour: float
+    voltage_std_volt: float = 0.0
+    height_std_ampere_hour_per_volt: float = 0.0
+    area_std_ampere_hour: float = 0.0
 
 
 class PeakCharge(NamedTuple):
@@ -42,16 +48,14 @@ class PeakCharge(NamedTuple):
 
 
 class Features(NamedTuple):
-    """Features of several charges: names as (kind, identity, …), and values (n, k), NaN: none."""
+    """Features of several charges: names as (kind, identity, …), and values (n, k), NaN: none.
+
+    std : (n, k) of the values, from those of the peaks.
+    """
 
     names: list
     values: np.ndarray
-
-    def of_peaks(self, wanted):
-        """The features that need no other peaks than these."""
-        inside = [set(name[1:]) <= set(wanted) for name in self.names]
-        names = [name for name, keep in zip(self.names, inside, strict=True) if keep]
-        return Features(names, self.values[:, inside])
+    std: np.ndarray
 
 
 def features_of(charges):
@@ -80,8 +84,9 @@ def features_of(charges):
     names = list(dict.fromkeys(name for row in rows for name in row))
     if not names:
         raise Refusal(f"none of {len(charges)} charge(s) has a peak")
-    values = np.array([[row.get(name, np.nan) for name in names] for row in rows], float)
-    return _with_bends(Features(names, values))
+    unknown = np.nan, np.nan
+    found = np.array([[row.get(name, unknown) for name in names] for row in rows], float)
+    return _with_bends(Features(names, found[..., 0], found[..., 1]))
 
 
 def _with_bends(features):
@@ -89,7 +94,11 @@ def _with_bends(features):
     bent = [k for k, name in enumerate(features.names) if name[0] == "height"]
     around = features.values[:, bent] - np.nanmedian(features.values[:, bent], axis=0)
     names = [("bend", features.names[k][1]) for k in bent]
-    return Features([*features.names, *names], np.hstack([features.values, around**2]))
+    return Features(
+        [*features.names, *names],
+        np.hstack([features.values, around**2]),
+        np.hstack([features.std, 2 * np.abs(around) * features.std[:, bent]]),
+    )
 
 
 def _usual_window(charges):
@@ -98,26 +107,43 @@ def _usual_window(charges):
     return np.median(ends, axis=0) if ends else (np.inf, -np.inf)
 
 
+def is_partial(charge, others):
+    """Whether the window of a charge begins or ends 20 mV inside the usual one of others.
+
+    Parameters
+    ----------
+    charge : PeakCharge. others : list of PeakCharge.
+    """
+    low, high = _usual_window([charge, *others])
+    volt = charge.voltage_volt
+    return len(volt) > 0 and (volt[0] > low + PARTIAL_VOLT or volt[-1] < high - PARTIAL_VOLT)
+
+
 def _of_charge(charge, low, high):
-    """Features of one charge by name."""
+    """Features of one charge by name, each with its standard deviation."""
     found, names = {}, list(charge.peaks)
     for place, (identity, peak) in enumerate(charge.peaks.items()):
-        found["position", identity] = peak.voltage_volt
-        found["height", identity] = _log(peak.height_ampere_hour_per_volt)
+        found["position", identity] = peak.voltage_volt, peak.voltage_std_volt
+        height = peak.height_ampere_hour_per_volt, peak.height_std_ampere_hour_per_volt
+        found["height", identity] = _log(*height)
         if not _is_cut(charge, identity, low, high):
             beside = [*names[max(place - 1, 0) : place], *names[place + 1 : place + 2]]
-            found["area", identity, *beside] = _log(peak.area_ampere_hour)
+            area = _log(peak.area_ampere_hour, peak.area_std_ampere_hour)
+            found["area", identity, *beside] = area
     charge_at = _counted(charge)
     for first, second in combinations(charge.peaks, 2):
-        ends = [charge.peaks[name].voltage_volt for name in (first, second)]
-        found["distance", first, second] = ends[1] - ends[0]
+        pair = charge.peaks[first], charge.peaks[second]
+        ends, spread = (np.array([one[k] for one in pair]) for k in (0, 3))
+        found["distance", first, second] = ends[1] - ends[0], np.hypot(*spread)
         if charge_at is not None:
-            found["charge", first, second] = _log(charge_at(ends[1]) - charge_at(ends[0]))
+            moved = np.hypot(*(spread * [one.height_ampere_hour_per_volt for one in pair]))
+            found["charge", first, second] = _log(charge_at(ends[1]) - charge_at(ends[0]), moved)
     return found
 
 
-def _log(value):
-    return np.log(value) if value > 0 else np.nan
+def _log(value, std):
+    """Logarithm of a value, and its standard deviation."""
+    return (np.log(value), std / value) if value > 0 else (np.nan, np.nan)
 
 
 def _is_cut(charge, identity, low, high):

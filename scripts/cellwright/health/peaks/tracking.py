@@ -192,7 +192,8 @@ def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):
     """Rows of one charge, and the tracks after it, from low voltage."""
     peaks = _peak_list(charge)
     aligned = align([(t.voltage, t.height, t.area) for t in tracks], peaks, *tolerance, shift_std)
-    aligned = aligned._replace(known=sum(track.seen for track in tracks))
+    upset = "" if joined else _upset(aligned, tracks, peaks, np.exp(tolerance[1]))
+    aligned = aligned._replace(known=sum(track.seen for track in tracks), upset=upset)
     partner = {peak: track for track, peak in aligned.pairs}
     rows, after = [], []
     for k, (voltage, height, area) in enumerate(peaks):
@@ -219,6 +220,24 @@ def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):
         rows.append(_missing(charge, lost, aligned, event))
     order = np.argsort([track.voltage for track in after], kind="stable")
     return [rows[k] for k in order], [after[k] for k in order]
+
+
+def _upset(aligned, tracks, peaks, factor):
+    """Why a charge is too unlike the one before for names to be carried over, or "".
+
+    The charge of the whole curve and the height of a peak that was found again both changed by more
+    than is usual for a peak. A partial charge moves less too, but keeps its heights.
+    """
+    before = sum(track.area for track in tracks if track.seen)
+    whole = before / sum(area for _, _, area in peaks) if peaks and before else 1.0
+    heights = [peaks[peak][1] / tracks[track].height for track, peak in aligned.pairs]
+    strayed = any(max(height, 1 / height) > factor for height in heights)
+    if max(whole, 1 / whole) <= factor or not strayed:
+        return ""
+    return (
+        f"the charge of the curve changed by a factor of {max(whole, 1 / whole):.1f} since the one "
+        f"before, heights too; names hold up to {factor:.1f}: check-ups between them are needed"
+    )
 
 
 def _peak_list(charge):
@@ -293,6 +312,8 @@ def _doubt(aligned, k):
     """Why the name of a peak is in doubt, or ""."""
     if aligned.margins.get(k, np.inf) <= AMBIGUOUS:
         return "another assignment is nearly as likely"
+    if aligned.upset:
+        return aligned.upset
     if aligned.known > 1 and len(aligned.pairs) == 1 and k in aligned.margins:
         return f"the only one left of {aligned.known}: what is common cannot be told from its own"
     return ""

@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weights
 from cellwright.protocols.ica.curve import gridded
-from cellwright.protocols.ica.levels import tally, volt_at_rank
+from cellwright.protocols.ica.levels import rises, tally, volt_at_rank
 from cellwright.refusal import Refusal
 
 LEAST_ROWS = 50
@@ -128,10 +128,12 @@ class _Layout(NamedTuple):
 def _laid_out(voltage_volt, charge_ampere_hour, bin_volt, smooth_volt, densest_share, slope_noise):
     """Bins and window that noise and sampling of a charge allow."""
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
-    rising = charge if np.all(charge[1:] >= charge[:-1]) else np.sort(charge)
-    if len(voltage) < LEAST_ROWS or rising[-1] <= rising[0]:
+    if len(voltage) < LEAST_ROWS:
         raise Refusal(f"{len(voltage)} rows of charge are too few for dQ/dV; 50 are needed")
     levels = tally(voltage, charge)
+    rising = charge if levels.rising else np.sort(charge)
+    if rising[-1] <= rising[0]:
+        raise Refusal(f"no charge was moved in {len(voltage)} rows")
     densest, typical = _spans(voltage, rising, levels)
     density = 0.8 * len(voltage) / typical
     quiet = _quiet_window(levels.scatter_volt, density, slope_noise)
@@ -153,9 +155,7 @@ def _wide_enough(grid, layout):
 
 def _spans(voltage, rising, levels):
     """Narrowest range of voltage with a fifth of the charge, and that of its middle 80 % [V]."""
-    tenth = max(len(voltage) // 10, 1)
-    sampled = slice(None, None, tenth // 500 + 1)
-    if not np.median(voltage[-tenth:][sampled]) > np.median(voltage[:tenth][sampled]):
+    if not rises(voltage):
         raise Refusal("voltage does not rise in the charge")
     # Both in rising order give the monotone Q(V), whatever noise makes the voltage run back.
     shares = rising[0] + (rising[-1] - rising[0]) * np.linspace(0, 1, 101)
@@ -183,7 +183,8 @@ def _whole_steps(levels, wanted):
     Bins that hold three steps here and four there would make a comb of dQ/dV.
     """
     number, rows = len(levels.volt), levels.rows.sum()
-    step = np.quantile(np.diff(levels.volt), 0.1) if number > 1 else 0.0
+    tenth = (number - 1) // 10
+    step = np.partition(np.diff(levels.volt), tenth)[tenth] if number > 1 else 0.0
     converter = step > 1e-6 and number < 0.5 * rows
     return float(step * max(round(wanted / step), 1)) if converter else wanted
 

@@ -6,12 +6,15 @@ from cellwright.protocols.ica import spline as ica_spline
 from cellwright.protocols.ica.adaptive import adaptive_capacity
 from cellwright.protocols.ica.binned import binned_capacity, counted_capacity
 from cellwright.protocols.ica.grid_peaks import grid_peaks
+from cellwright.protocols.ica.levels import rises
 from cellwright.refusal import Refusal
 from cellwright.settings import Ica
 
 ICA = Ica()
 
 LEAST_ROWS = 50
+# On a grid of voltage; they refuse what they cannot use themselves.
+GRID_METHODS = {"binned": binned_capacity, "counting": counted_capacity}
 
 
 def constant_current_charge(steps, charge_ampere_hour):
@@ -86,15 +89,14 @@ def charge_slope(voltage_volt, charge_ampere_hour, *, settings=ICA):
     Source: docs/ica.md.
     """
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
+    if settings.method in GRID_METHODS:
+        widths = {"bin_volt": settings.bin_volt, "smooth_volt": settings.smooth_volt}
+        return GRID_METHODS[settings.method](voltage, charge, **widths), None
     _refuse_unusable(voltage, charge)
     if settings.method == "spline":
-        slope = ica_spline.slope_of_charge(voltage, np.maximum.accumulate(charge))
+        slope = ica_spline.slope_of_charge(voltage, charge)
         return ica_spline.curve_of(slope, len(voltage), bin_volt=settings.bin_volt), slope
-    if settings.method == "adaptive":
-        return adaptive_capacity(voltage, charge, settings=settings), None
-    method = {"binned": binned_capacity, "counting": counted_capacity}[settings.method]
-    widths = {"bin_volt": settings.bin_volt, "smooth_volt": settings.smooth_volt}
-    return method(voltage, charge, **widths), None
+    return adaptive_capacity(voltage, charge, settings=settings), None
 
 
 def _refuse_unusable(voltage, charge):
@@ -103,8 +105,7 @@ def _refuse_unusable(voltage, charge):
         raise Refusal(
             f"{len(voltage)} rows of charge are too few for dQ/dV; {LEAST_ROWS} are needed"
         )
-    tenth = len(voltage) // 10
-    if not np.median(voltage[-tenth:]) > np.median(voltage[:tenth]):
+    if not rises(voltage):
         raise Refusal("voltage does not rise in the charge")
 
 

@@ -13,13 +13,15 @@ class Tally(NamedTuple):
     """Number of rows and charge at each distinct voltage of a record, in rising order (k,).
 
     volt [V], rows [1], charge_ampere_hour: sum over the rows [Ah]. scatter_volt: white noise of
-    one row along the axis of voltage, from the second differences [V].
+    one row along the axis of voltage, from the second differences [V]. rising : no row has less
+    charge than the row before.
     """
 
     volt: np.ndarray
     rows: np.ndarray
     charge_ampere_hour: np.ndarray
     scatter_volt: float
+    rising: bool
 
 
 def tally(voltage_volt, charge_ampere_hour):
@@ -42,13 +44,26 @@ def tally(voltage_volt, charge_ampere_hour):
         np.ascontiguousarray(voltage_volt, float),
         np.ascontiguousarray(charge_ampere_hour, float),
     )
-    volt, sums, bend = np.empty(room), np.zeros((2, 2, room)), np.empty(1)
-    levels = kernel(len(rows[0]), *rows, room, volt, *sums, bend)
+    volt, sums, facts = np.empty(room), np.zeros((2, 2, room)), np.empty(2)
+    levels = kernel(len(rows[0]), *rows, room, volt, *sums, facts)
     if levels < 0:
         return _tally_by_sorting(*rows)
     order = volt[:levels].argsort()
     sums = (sums[:, 0, :levels] + sums[:, 1, :levels])[:, order]
-    return Tally(volt[order], *sums, _scatter(bend[0], len(rows[0])))
+    return Tally(volt[order], *sums, _scatter(facts[0], len(rows[0])), not facts[1])
+
+
+def rises(voltage_volt):
+    """Whether the last tenth of the rows lies above the first, by medians of 500 rows of each.
+
+    Parameters
+    ----------
+    voltage_volt : (n,) rows of a charge, at least ten [V].
+    """
+    tenth = max(len(voltage_volt) // 10, 1)
+    sampled = slice(None, None, tenth // 500 + 1)
+    first, last = voltage_volt[:tenth][sampled], voltage_volt[-tenth:][sampled]
+    return bool(np.median(last) > np.median(first))
 
 
 def volt_at_rank(levels, rank):
@@ -70,9 +85,9 @@ def _tally_by_sorting(voltage, charge):
     """Tally without a compiler, with the same result."""
     volt, level = np.unique(voltage, return_inverse=True)
     bend = np.sum(np.diff(voltage, 2) ** 2)
-    return Tally(
-        volt, np.bincount(level) + 0.0, np.bincount(level, charge), _scatter(bend, len(voltage))
-    )
+    sums = np.bincount(level) + 0.0, np.bincount(level, charge)
+    rising = bool(np.all(charge[1:] >= charge[:-1]))
+    return Tally(volt, *sums, _scatter(bend, len(voltage)), rising)
 
 
 def _scatter(bend, rows):

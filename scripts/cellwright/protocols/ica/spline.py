@@ -10,12 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics import monotone
+from cellwright.numerics import monotone, rising_curve
+from cellwright.protocols.ica.blocks import readings
 from cellwright.protocols.ica.curve import IncrementalCapacity, Peaks
-from cellwright.protocols.ica.levels import tally
 from cellwright.refusal import Refusal
 
-MOST_READINGS = 4000
 LEAST_CELLS, MOST_CELLS = 12, 300
 READINGS_PER_CELL = 1  # with more cells than readings nothing would hold the curve between them
 LEAST_READINGS = 4  # within the width of a peak: two on each flank tell it from a swing
@@ -27,39 +26,9 @@ SIDE_POINTS = 16
 END_SHARE = 0.002
 QUANTILE = 1.959964
 ONE_SIDED = 1.644854  # of the normal distribution, for 95 % in one direction
-DITHERED = 0.1  # least share of steps downward at which noise blurs the converter's steps
 # A voltage that stands still or falls, as when the chamber changes, would be a peak without width.
 NARROWEST_SIGMAS = 3.0  # of one reading
 FLAT = 0.5  # relative standard deviation from which a height is not known: flat within noise
-
-
-def readings(voltage_volt, charge_ampere_hour):
-    """Readings of V(Q) that a fit may take as independent: voltage, charge, rows behind each.
-
-    Neighbouring rows are averaged, at most 4,000 blocks. A converter without noise reads the same
-    voltage many times and then the next: there the mean charge of each of its levels counts, since
-    the error of rows at one level is the same error.
-
-    Parameters
-    ----------
-    voltage_volt, charge_ampere_hour : (n,) rows of one constant-current charge.
-
-    Returns
-    -------
-    voltage, charge, rows : (m,), charge rising.
-    """
-    change = np.diff(voltage_volt)
-    up, down = np.count_nonzero(change > 0), np.count_nonzero(change < 0)
-    if down < DITHERED * up and up < 0.5 * len(change):
-        levels = tally(voltage_volt, charge_ampere_hour)
-        mean = levels.charge_ampere_hour / levels.rows
-        order = np.argsort(mean, kind="stable")
-        return levels.volt[order], mean[order], np.ones(len(mean))
-    size = -(-len(voltage_volt) // MOST_READINGS)
-    starts = np.arange(0, len(voltage_volt), size)
-    rows = np.diff(np.append(starts, len(voltage_volt))).astype(float)
-    blocks = [np.add.reduceat(v, starts) / rows for v in (voltage_volt, charge_ampere_hour)]
-    return *blocks, rows / size
 
 
 class Slope(NamedTuple):
@@ -69,7 +38,7 @@ class Slope(NamedTuple):
     reading_ampere_hour : charge between two readings.
     """
 
-    fit: monotone.RisingCurve
+    fit: rising_curve.RisingCurve
     place: np.ndarray
     charge_ampere_hour: np.ndarray
     voltage_volt: np.ndarray
@@ -103,13 +72,13 @@ def slope_of_charge(voltage_volt, charge_ampere_hour):
         fit = monotone.rising_curve(charge, volt, rows, cells=cells)
     except np.linalg.LinAlgError as fault:
         raise Refusal(f"no rising curve follows the voltage of this charge ({fault})") from fault
-    cells = monotone.cells_of(fit)
+    cells = rising_curve.cells_of(fit)
     place = np.linspace(0, cells, POINTS_PER_CELL * cells + 1)
-    at = monotone.x_at(fit, place)
-    least = END_SHARE * (at[-1] - at[0])
-    inner = (at > at[0] + least) & (at < at[-1] - least)
-    columns = (column[inner] for column in monotone.values(fit, place))
-    return Slope(fit, place[inner], at[inner], *columns, float(np.median(np.diff(charge))))
+    course = rising_curve.course(fit, place)
+    least = END_SHARE * np.ptp(fit.x_range)
+    first, end = np.searchsorted(course[0], np.array(fit.x_range) + (least, -least), side="right")
+    columns = (column[first:end] for column in (place, *course))
+    return Slope(fit, *columns, float(np.median(np.diff(charge))))
 
 
 def slope_peaks(slope, *, prominence):
@@ -169,14 +138,14 @@ def _stands_out(slope, top, *feet):
 
     The sides reach to the lowest points before the next higher peak.
     """
-    surest = []
-    for foot in feet:
-        rows = np.unique(np.linspace(top, foot, SIDE_POINTS).astype(int))
-        rates = monotone.gradients(slope.fit, slope.place[np.append(rows, top)], 1)
-        std = monotone.standard_deviations(slope.fit, rates[:-1] - rates[-1])
-        rise = slope.dv_dq_volt_per_ampere_hour[rows] - slope.dv_dq_volt_per_ampere_hour[top]
-        surest.append(np.max(rise / np.maximum(std, 1e-12)))
-    return min(surest) > ONE_SIDED
+    sides = [np.unique(np.linspace(top, foot, SIDE_POINTS).astype(int)) for foot in feet]
+    rows, charge = np.concatenate(sides), slope.charge_ampere_hour
+    peak = rising_curve.local_gradients(slope.fit, slope.place[[top]], 1, charge[[top]])
+    beside = rising_curve.local_gradients(slope.fit, slope.place[rows], 1, charge[rows])
+    std = rising_curve.deviations_between(slope.fit, beside, peak)
+    rise = slope.dv_dq_volt_per_ampere_hour[rows] - slope.dv_dq_volt_per_ampere_hour[top]
+    surest = np.split(rise / np.maximum(std, 1e-12), [len(sides[0])])
+    return min(side.max() for side in surest) > ONE_SIDED
 
 
 def _valleys(height, tops):
@@ -195,7 +164,8 @@ def _described(slope, top, lower, upper, base):
     right = top + int(np.argmax(np.append(height[top : upper + 1] < half, True)))
     right = min(right, upper)
     rows = np.array([top, lower, upper, left, right])
-    value, first, second = (monotone.gradients(fit, place[rows], d) for d in (0, 1, 2))
+    at = place[rows], slope.charge_ampere_hour[rows]
+    value, first, second = (rising_curve.gradients(fit, at[0], d, at[1]) for d in (0, 1, 2))
     bend = _bend_rate(slope, rows)
     # Where dV/dQ is extreme, its place moves by -d(slope)/d(bend); the voltage moves with it.
     moved = -second / bend[:, None]
@@ -205,7 +175,7 @@ def _described(slope, top, lower, upper, base):
     crossing = [-first[k] / slope.bend[rows[k]] for k in (3, 4)]
     wide = value[4] - value[3] + steep[right] * crossing[1] - steep[left] * crossing[0]
     functions = np.array([position, tall, ends[1] - ends[0] + 0 * tall, wide])
-    spread = monotone.covariance(fit, functions)
+    spread = rising_curve.covariance(fit, functions)
     std = np.sqrt(np.diag(spread))
     if std[1] > FLAT * height[top]:
         return None
@@ -231,8 +201,9 @@ def _zero_range(slope, top, lower, upper):
     right = np.unique(np.round(top + (upper - top) * steps).astype(int))
     found = []
     for rows, sign in ((left, -1), (right, 1)):
-        local = monotone.local_gradients(slope.fit, slope.place[rows], 2)
-        std = monotone.local_deviations(slope.fit, *local)
+        charge = slope.charge_ampere_hour[rows]
+        local = rising_curve.local_gradients(slope.fit, slope.place[rows], 2, charge)
+        std = rising_curve.local_deviations(slope.fit, *local)
         ratio = sign * slope.bend[rows] / std
         sure = ratio > QUANTILE
         last = int(np.argmax(sure)) if sure.any() else len(rows) - 1
@@ -260,8 +231,8 @@ def curve_of(slope, rows, *, bin_volt):
     points = min(int(np.ptp(volt) / max(step, 1e-9)) + 2, MOST_POINTS)
     grid = np.linspace(volt[0], volt[-1], points)
     some = np.linspace(0, len(volt) - 1, min(STD_POINTS, len(volt))).astype(int)
-    rates = monotone.local_gradients(slope.fit, slope.place[some], 1)
-    relative = monotone.local_deviations(slope.fit, *rates)
+    rates = rising_curve.local_gradients(slope.fit, slope.place[some], 1, charge[some])
+    relative = rising_curve.local_deviations(slope.fit, *rates)
     relative = relative / slope.dv_dq_volt_per_ampere_hour[some]
     at, steep = (
         np.interp(grid, volt, charge),
