@@ -74,7 +74,7 @@ MODULE_OF = {
     "missing_group_effect": "cellwright.api.effects",
     "identify_branches": "cellwright.api.effects",
     "simulate_group": "cellwright.api.effects",
-    "validate_group": "cellwright.api.effects",
+    "validate_group": "cellwright.api.packs",
     "simulate_pack": "cellwright.api.packs",
     "run_pack_phases": "cellwright.api.packs",
     "Phase": "cellwright.packs.phases",

@@ -14,6 +14,7 @@ from cellwright.packs.decisions.fleet import discharges_of, fleet_of, matched_fl
 from cellwright.packs.decisions.group_use import discharge_pack, safe_window, star_of
 from cellwright.packs.decisions.of_pack import charged_soc, pack_decisions
 from cellwright.packs.series.capability import discharge_string
+from cellwright.packs.uncertainty import draws
 from cellwright.packs.wiring import Wiring
 from cellwright.records.facts import BranchFacts, CellFacts
 from cellwright.refusal import Refusal
@@ -156,8 +157,8 @@ def test_intervals_hold_a_pack_drawn_from_the_stated_uncertainties(wiring):
     """Nine in ten of 60 packs, whose cells differ from their models as stated, are within."""
     shares, factors = np.array([1.0, 0.85, 0.9]), np.array([1.0, 1.3, 1.1])
     models = strings.models(shares, factors)
-    known = monte_carlo.Uncertainty(*(np.full(3, std) for std in (0.01, 0.05, 0.003, 0.004)))
-    drawn, truth = (monte_carlo.draw_cells(known, draws=n, seed=s) for n, s in ((200, 1), (60, 2)))
+    known = draws.Uncertainty(*(np.full(3, std) for std in (0.01, 0.05, 0.003, 0.004)))
+    drawn, truth = (draws.draw_cells(known, draws=n, seed=s) for n, s in ((200, 1), (60, 2)))
     given = []
     for sample in (drawn, truth):
         if wiring == "series":
@@ -177,7 +178,7 @@ def test_intervals_hold_a_pack_drawn_from_the_stated_uncertainties(wiring):
 def test_a_drawn_string_is_the_string_of_so_changed_models():
     """One draw against models that are made with its capacity, resistances and shift."""
     shares, factors = np.array([1.0, 0.85]), np.array([1.0, 1.3])
-    draw = monte_carlo.CellDraws(
+    draw = draws.CellDraws(
         np.array([[1.02, 0.97]]), np.array([[0.9, 1.2]]), np.array([[0.004, -0.003]]),
         np.array([[-0.02, 0.0]]),
     )  # fmt: skip
@@ -199,7 +200,7 @@ def test_a_drawn_string_is_the_string_of_so_changed_models():
 def test_uncertainty_is_what_the_models_and_tests_say_and_never_less_than_the_settings():
     models = [strings.model("A", r_std=0.1), strings.model("B")]
     models[0]["members"][0]["left_out_rmse_volt"] = 0.004
-    known = monte_carlo.uncertainty_of(models, [0.6, None])
+    known = draws.uncertainty_of(models, [0.6, None])
     least = PackDecisions()
     np.testing.assert_allclose(known.capacity_relative, [0.02, least.capacity_relative_std])
     whole = strings.R0_OHM + sum(strings.R_OHM)

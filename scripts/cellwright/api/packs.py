@@ -158,6 +158,59 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
     return results.SeriesPack(*found)
 
 
+def validate_group(models, branches, series, test, capacities=None, settings=None, **changes):
+    """Errors of a parallel group simulated through its record: branch currents [A], voltage [V].
+
+    Parameters
+    ----------
+    models : of the cells, in the order of the branches. branches : rows of groups.tsv, of the group
+        and of all groups in it.
+    series : clean series with branch_<k>_current_ampere [A], (n,) columns.
+    test : TestFacts or mapping.
+    capacities : rows of the capacity stage of its cells, with cell and test, by whose standard
+        deviations intervals are told; () where there is none; None: no intervals are told.
+    settings : `settings.PackDecisions`, or its keys as keywords: least standard deviations.
+
+    Returns
+    -------
+    validation : ScoredGroup; one row a branch: errors of current [A] and voltage [V], and how wide
+        their intervals of 90 % are.
+
+    Raises
+    ------
+    Refusal : Other branch currents than branches, a cell without a model, or no SoC at the start.
+
+    Source: docs/packs.md.
+    """
+    from cellwright.packs.uncertainty.draws import uncertainty_of
+    from cellwright.packs.validate import validate_group as validated
+    from cellwright.packs.wiring import cells_of, models_of, wiring_of
+    from cellwright.records.facts import MeasuredTest
+
+    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
+    rows = inputs.rows(branches)
+    group = rows[0].get("group", "the group")
+    wiring = wiring_of(group, rows)
+    documents = models_of(wiring, [inputs.content(model) for model in models])
+    own = [row for row in rows if row.get("group", group) == group]
+    members = sorted(own, key=lambda row: row["position"])
+    facts = [inputs.branch_facts(row) for row in members]
+    by_cell = {row["cell"]: inputs.branch_facts(row) for row in rows}
+    leaves = [by_cell[cell] for cell in cells_of(wiring)]
+    known = None
+    if capacities is not None:
+        chosen = inputs.settings_of(PackDecisions, settings, changes)
+        known = uncertainty_of(
+            documents,
+            _capacity_stds(capacities, cells_of(wiring)),
+            capacity_relative_std=chosen.capacity_relative_std,
+            resistance_relative_std=chosen.resistance_relative_std,
+            initial_soc_std=chosen.initial_soc_std,
+        )
+    found = validated(documents, facts, measured, wiring, leaves=leaves, uncertainty=known)
+    return results.ScoredGroup(*found)
+
+
 def nested_pack(models, members, series, test):
     """A pack of groups in groups simulated through its record, against what was logged of it.
 
@@ -296,15 +349,18 @@ def _facts_of(cells, names):
 
 
 def _capacity_stds(capacities, names):
-    """Standard deviation of each cell's capacity: of the mean of its slowest repeated discharge."""
+    """Standard deviation of each cell's capacity: of the mean of its slowest repeated cycles.
+
+    Of charge and discharge the one that repeats better tells it: a discharge also differs by how
+    full the one before has left the cell, which says nothing of the cell.
+    """
     slowest = {}
     for row in inputs.rows(capacities):
         std, repeats = row["capacity_std_ampere_hour"], row["repeats"]
-        if row["direction"] != "discharge" or std is None or not std > 0 or not repeats > 1:
+        if std is None or not std > 0 or not repeats > 1:
             continue
-        rate = row["c_rate"]
-        if row["cell"] not in slowest or rate < slowest[row["cell"]][0]:
-            slowest[row["cell"]] = (rate, std / repeats**0.5)
+        found = (row["c_rate"], std / repeats**0.5)
+        slowest[row["cell"]] = min(found, slowest.get(row["cell"], found))
     return [slowest.get(name, (None, None))[1] for name in names]
 
 

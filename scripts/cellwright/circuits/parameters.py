@@ -73,4 +73,5 @@ def _columns(condition):
             flag = f"{short}{label}".upper()
             yield name, flag, branch[parameter], branch.get(std_name(parameter)), unit
     if "ocv_shift_volt" in condition:
-        yield "ocv_shift", "", condition["ocv_shift_volt"], None, "V"
+        stds = condition.get("ocv_shift_std_volt")
+        yield "ocv_shift", "", condition["ocv_shift_volt"], stds, "V"

@@ -13,7 +13,6 @@ from cellwright.settings import PackDecisions
 SETTINGS = PackDecisions()
 STEPS = 400
 BEYOND = 1.05  # of the pack's charge: so far a discharge is simulated
-RESISTANCES = ("r0_ohm", "two_way_ohm", "r_ohm", "kinetic_r_ohm")
 
 
 class PackUse(NamedTuple):

@@ -5,13 +5,7 @@ import numpy as np
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.decisions.group_use import cells_at, discharge_pack, safe_window
 from cellwright.packs.decisions.matching import replacements
-from cellwright.packs.decisions.monte_carlo import (
-    draw_cells,
-    pack_draws,
-    string_draws,
-    summary_rows,
-    uncertainty_of,
-)
+from cellwright.packs.decisions.monte_carlo import pack_draws, string_draws, summary_rows
 from cellwright.packs.network import network_of
 from cellwright.packs.series.capability import (
     contact_of,
@@ -19,6 +13,7 @@ from cellwright.packs.series.capability import (
     discharge_curves,
     ended_string,
 )
+from cellwright.packs.uncertainty.draws import draw_cells, uncertainty_of
 from cellwright.packs.wiring import cells_of, depth
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
