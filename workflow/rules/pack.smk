@@ -36,6 +36,7 @@ rule pack:
     input:
         series="results/clean/{group}/{test}.parquet",
         models=models_of_group,
+        capacities=lambda w: capacities_of(LEAVES[w.group]),
     output:
         scores="results/pack/{group}/{test}.parquet",
         findings="results/pack_findings/{group}/{test}.parquet",
@@ -48,6 +49,7 @@ rule pack:
     params:
         test=test_facts,
         branches=lambda w: WIRED[w.group],
+        settings=config["pack_decisions"],
     message:
         "Simulate the group {wildcards.group} through {wildcards.test}."
     script:

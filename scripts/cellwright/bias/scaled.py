@@ -56,8 +56,7 @@ def changed(reference, change, *, cell, capacity, kind, notes, knots=()):
     size = capacity / reference["capacity_ampere_hour"]
 
     def entry_of(entry):
-        # How well the reference's own OCV is known says nothing of this cell's.
-        entry = {n: v for n, v in refined(entry, knots).items() if n != "ocv_shift_std_volt"}
+        entry = refined(entry, knots)
         *ratios, ocv = change(np.asarray(entry["soc"], float))
         fast, slow = factors_of(entry, *ratios)
         shift = np.asarray(entry.get("ocv_shift_volt", np.zeros(len(entry["soc"]))))

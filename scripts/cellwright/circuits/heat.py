@@ -175,8 +175,8 @@ class ThermalFit(NamedTuple):
     ambient_offset_kelvin : what the cell rests above the stated ambient.
     entropic_volt_per_kelvin, entropic_std_volt_per_kelvin : (k,) slope of the OCV over temperature,
     one a column of its shape; none where it was not asked for.
-    rmse_kelvin : error of the fitted temperature, each second counting the same. moved_kelvin : root
-    mean square of the measured one about the ambient's and its mean difference from it, likewise.
+    rmse_kelvin : error of the fitted temperature, each second counting the same. moved_kelvin :
+    scatter of what the measured one is above the ambient, likewise.
     """
 
     heat_capacity_joule_per_kelvin: float

@@ -42,7 +42,6 @@ def condition_entry(condition, *, ambient_temperature_celsius, tests):
         "r0_std_ohm": _plain(condition.r0_std_ohm),
         "branches": [_branch(element) for element in condition.branches],
         "ocv_shift_volt": _plain(condition.ocv_shift_volt),
-        "ocv_shift_std_volt": _plain(condition.ocv_shift_std_volt),
         "ocv_scale": {"missing": condition.missing, "stretch": condition.stretch},
         "at_bound": list(condition.at_bound),
         "fit_rmse_volt": condition.fit_rmse_volt,

@@ -73,5 +73,4 @@ def _columns(condition):
             flag = f"{short}{label}".upper()
             yield name, flag, branch[parameter], branch.get(std_name(parameter)), unit
     if "ocv_shift_volt" in condition:
-        stds = condition.get("ocv_shift_std_volt")
-        yield "ocv_shift", "", condition["ocv_shift_volt"], stds, "V"
+        yield "ocv_shift", "", condition["ocv_shift_volt"], None, "V"

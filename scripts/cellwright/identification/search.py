@@ -331,8 +331,7 @@ class Element(NamedTuple):
 class Condition(NamedTuple):
     """A fitted circuit over SoC at one temperature; a deviation is NaN at a bound or if held.
 
-    soc : (k,). r0_ohm, r0_std_ohm, ocv_shift_volt, ocv_shift_std_volt : (k,). branches : tuple of
-    Element.
+    soc : (k,). r0_ohm, r0_std_ohm, ocv_shift_volt : (k,). branches : tuple of Element.
     missing, stretch : the SoC at which the OCV table is read, see `regression.Held`.
     at_bound : names. fit_rmse_volt, samples : of the rows used.
     """
@@ -342,7 +341,6 @@ class Condition(NamedTuple):
     r0_std_ohm: np.ndarray
     branches: tuple
     ocv_shift_volt: np.ndarray
-    ocv_shift_std_volt: np.ndarray
     missing: float
     stretch: float
     at_bound: tuple
@@ -392,7 +390,6 @@ def condition_of(shared, member, fit, bounds):
         stds["r0"],
         _elements(data, member, held, values, stds, tau_stds),
         values["shift"],
-        stds["shift"],
         held.missing,
         held.stretch,
         (*at_bound, *bounded),
