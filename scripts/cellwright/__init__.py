@@ -57,6 +57,7 @@ MODULE_OF = {
     "compare_temperature_laws": "cellwright.api.models",
     "predict_left_out": "cellwright.api.models",
     "finish_model": "cellwright.api.models",
+    "thermal_constants": "cellwright.api.laws",
     "borrow_model": "cellwright.api.models",
     "model_of_table": "cellwright.api.models",
     "compare_bias_ways": "cellwright.api.models",

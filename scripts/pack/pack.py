@@ -9,7 +9,9 @@ with artefact.Job(snakemake) as job:
     record = job.load(snakemake.input.series)
     rows = facts.rows_of_tests(snakemake.input.capacities)
     about = snakemake.params.branches, record, test
-    found = cw.validate_group(models, *about, rows, snakemake.params.settings)
+    thermal = [content for content, _ in artefact.load_all(snakemake.input.thermal)]
+    how = {"settings": snakemake.params.settings, "thermal": thermal}
+    found = cw.validate_group(models, *about, rows, **how)
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.scores)
     job.save(found.findings, snakemake.output.findings)

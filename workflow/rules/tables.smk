@@ -58,6 +58,7 @@ TABLES_OF_MODELS = {
     "identification_methods": [
         f"results/identification_methods/{cell}.parquet" for cell in COMPARED
     ],
+    "thermal": [f"results/thermal_tests/{cell}.parquet" for cell in WARMED],
     "choice": [f"results/choice/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
     "bias": [f"results/bias_ways/{cell}.parquet" for cell in JUDGED],

@@ -158,7 +158,9 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
     return results.SeriesPack(*found)
 
 
-def validate_group(models, branches, series, test, capacities=None, settings=None, **changes):
+def validate_group(
+    models, branches, series, test, capacities=None, settings=None, *, thermal=(), **changes
+):
     """Errors of a parallel group simulated through its record: branch currents [A], voltage [V].
 
     Parameters
@@ -170,6 +172,8 @@ def validate_group(models, branches, series, test, capacities=None, settings=Non
     capacities : rows of the capacity stage of its cells, with cell and test, by whose standard
         deviations intervals are told; () where there is none; None: no intervals are told.
     settings : `settings.PackDecisions`, or its keys as keywords: least standard deviations.
+    thermal : documents of `thermal_constants`: where no temperature was logged in the group and
+        those of all cells are known, the cells warm by their own heat.
 
     Returns
     -------
@@ -207,7 +211,9 @@ def validate_group(models, branches, series, test, capacities=None, settings=Non
             resistance_relative_std=chosen.resistance_relative_std,
             initial_soc_std=chosen.initial_soc_std,
         )
-    found = validated(documents, facts, measured, wiring, leaves=leaves, uncertainty=known)
+    warms = _thermal_of(thermal, cells_of(wiring))
+    how = {"leaves": leaves, "uncertainty": known, "thermal": warms}
+    found = validated(documents, facts, measured, wiring, **how)
     return results.ScoredGroup(*found)
 
 
@@ -341,6 +347,16 @@ def _borrowed(documents):
         names = [model["cell"] for model in documents if model.get("kind") == kind]
         if names:
             yield f"models of {', '.join(names)}: {meaning}"
+
+
+def _thermal_of(documents, names):
+    """Thermal of a pack's cells, None where one cell's constants are not known."""
+    from cellwright.identification.thermal import thermal_columns
+    from cellwright.packs.thermal import Thermal
+
+    known = {content["cell"]: content for content in map(inputs.content, documents)}
+    columns = thermal_columns([known.get(name) for name in names])
+    return None if columns is None else Thermal(**columns)
 
 
 def _facts_of(cells, names):

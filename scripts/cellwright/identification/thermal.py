@@ -211,6 +211,21 @@ def _scored(content, model, cell, test, split_rest_second):
     return row | errors
 
 
+def constants_of(documents):
+    """Heat capacity [J/K] and resistance [K/W] of the cells whose constants are known: dict.
+
+    Parameters
+    ----------
+    documents : contents of `thermal_of`.
+    """
+    names = ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")
+    return {
+        one["cell"]: tuple(one[name] for name in names)
+        for one in documents
+        if one["reason"] is None
+    }
+
+
 def thermal_columns(documents):
     """Constants of a pack's cells as arrays, None where one cell's are not known.
 
@@ -223,7 +238,7 @@ def thermal_columns(documents):
     columns : dict of heat_capacity_joule_per_kelvin, resistance_kelvin_per_watt (cells,) and
         entropic_volt_per_kelvin (cells, 9) at even steps of SoC, as `packs.thermal.Thermal` takes.
     """
-    if any(one is None or one["resistance_kelvin_per_watt"] is None for one in documents):
+    if any(one is None or one["reason"] is not None for one in documents):
         return None
     names = ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")
     columns = {name: np.array([one[name] for one in documents]) for name in names}

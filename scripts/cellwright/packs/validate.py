@@ -8,7 +8,7 @@ import numpy as np
 from cellwright.circuits.model_file import member_of
 from cellwright.numerics.statistics import rms
 from cellwright.packs import checks, findings
-from cellwright.packs.cells import pack_cells
+from cellwright.packs.cells import pack_cells, table_temperatures
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.uncertainty.bands import DRAWS, WITHIN_90_PERCENT, band_of
 from cellwright.packs.uncertainty.draws import draw_cells, is_known, wire_factors
@@ -37,16 +37,16 @@ class GroupValidation(NamedTuple):
     notes: tuple
 
 
-def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=None):
+def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=None, thermal=None):
     """Group simulated through its whole record, scored on the rows not used for the fit.
 
     1. Each cell runs as its chosen member, at the temperature that was logged in the group, else
-    at the chamber's; see `of_one_activation_energy`. 2. Where no SoC is stated at the start, the
-    group is taken to rest there in equilibrium: every cell's OCV is the group's first voltage, and
-    what the branch sensors read is their offset, which is taken out. 3. Models from the group's own
-    record name the rows that they were fitted to, which are not scored, the offsets found there,
-    and where the SoC is 0. 4. Where it is known how sure the cells' models are, so are the branch
-    currents and the voltage (`uncertainty.bands`).
+    at that which its own heat gives it, else at the chamber's; see `of_one_activation_energy`.
+    2. Where no SoC is stated at the start, the group is taken to rest there in equilibrium: every
+    cell's OCV is the group's first voltage, and what the branch sensors read is their offset, which
+    is taken out. 3. Models from the group's own record name the rows that they were fitted to,
+    which are not scored, the offsets found there, and where the SoC is 0. 4. Where it is known how
+    sure the cells' models are, so are the branch currents and the voltage (`uncertainty.bands`).
 
     Parameters
     ----------
@@ -57,6 +57,8 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
     leaves : list of BranchFacts of all cells, in the order of the leaves, of which the SoC at the
         start counts; None: the members are cells.
     uncertainty : Uncertainty of all cells, in the order of the leaves; None: no intervals.
+    thermal : Thermal of all cells, likewise, which warm by their own heat where no temperature was
+        logged in the group; None: they have the chamber's.
 
     Returns
     -------
@@ -73,7 +75,12 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
     notes += words
     measured = _measured(record, branches, notes)
     record = record._replace(branch_current_ampere=measured)
-    cells = pack_cells(models, temperature_celsius=_table_celsius(test.facts, record, notes))
+    warms = None if thermal is None or _was_logged(test, record) else thermal
+    tables = _table_celsius(test.facts, record, notes)
+    if warms is not None:
+        tables = table_temperatures(models, record.celsius)
+        notes.append("temperature of the cells from their own heat: none was logged in the group")
+    cells = pack_cells(models, temperature_celsius=tables)
     if None in [row.wire_resistance_ohm for row in branches]:
         notes.append("wire resistances are not stated: taken as none beyond the cells' own")
     fits = [m["fitted"] for m in models if m.get("fitted", {}).get("test") == record.test]
@@ -87,9 +94,8 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
         start = _initial_soc(stated, cells, wiring, record, notes)
 
     def simulated(time_second, total_ampere, celsius):
-        return simulate_pack(
-            time_second, total_ampere, cells, wiring, initial_soc=start, ambient_celsius=celsius
-        )
+        around = {"initial_soc": start, "ambient_celsius": celsius, "thermal": warms}
+        return simulate_pack(time_second, total_ampere, cells, wiring, **around)
 
     run = simulated(record.test_time_second, record.current_ampere, record.celsius)
     scored = _unseen(models, record, notes)
@@ -97,7 +103,7 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
     band = None
     if _tells_intervals(models, uncertainty, notes):
         starts = partial(_drawn_starts, stated, counted, cells, record, start)
-        band = _band(run, cells, wiring, record, uncertainty, starts)
+        band = _band(run, cells, wiring, record, uncertainty, starts, warms)
     discharge = findings.whole_discharge(compared)
     end = None
     if discharge is not None:
@@ -241,7 +247,14 @@ def _drawn_starts(stated, counted, cells, record, start, drawn):
     return np.array(found)
 
 
-def _band(run, cells, wiring, record, uncertainty, starts):
+def _was_logged(test, record):
+    """Whether a temperature of the cells was logged in the group."""
+    surface = test.series.get("surface_temperature_celsius")
+    told = surface is not None and np.isfinite(surface).all()
+    return told or record.cell_temperature_celsius is not None
+
+
+def _band(run, cells, wiring, record, uncertainty, starts, thermal):
     """Standard deviations of the branch currents and of the voltage: Band."""
     drawn = draw_cells(uncertainty, draws=DRAWS)
     still = drawn._replace(voltage_volt=np.zeros(drawn.voltage_volt.shape))
@@ -255,6 +268,7 @@ def _band(run, cells, wiring, record, uncertainty, starts):
         ambient_celsius=record.celsius,
         starts=starts(drawn),
         factors=wire_factors(DRAWS),
+        thermal=thermal,
     )
     alike = rms(uncertainty.voltage_volt)
     return band._replace(voltage_volt=np.hypot(band.voltage_volt, alike))

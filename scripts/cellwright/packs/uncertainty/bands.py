@@ -27,7 +27,17 @@ class Band(NamedTuple):
 
 
 def band_of(
-    run, cells, wiring, drawn, *, time_second, total_ampere, ambient_celsius, starts, factors
+    run,
+    cells,
+    wiring,
+    drawn,
+    *,
+    time_second,
+    total_ampere,
+    ambient_celsius,
+    starts,
+    factors,
+    thermal=None,
 ):
     """How far currents and voltage of a pack may be off, for what is not known of its cells.
 
@@ -43,6 +53,7 @@ def band_of(
     wiring : Wiring. drawn : CellDraws of the cells.
     time_second, total_ampere : (n,) [s], [A]. ambient_celsius : (n,) or scalar, of all cells.
     starts : (draws, cells) SoC at the start in each draw [1]. factors : (draws,) of the contacts.
+    thermal : Thermal of the cells, or None: they have the ambient's temperature.
 
     Returns
     -------
@@ -66,6 +77,7 @@ def band_of(
             Wiring("draws", "series", tuple(wirings), *[(0.0,) * len(wirings)] * 2),
             initial_soc=starts[chosen].ravel(),
             ambient_celsius=ambient_celsius,
+            thermal=None if thermal is None else repeated(thermal, len(wirings)),
         )
         for part, one in enumerate(wirings):
             columns = slice(part * len(cells.names), (part + 1) * len(cells.names))
@@ -101,6 +113,21 @@ def pack_voltage(wiring, cell_volt, cell_ampere):
     # What has left the bar of one lead before a link flows back through the other bar.
     passed = np.cumsum(currents, axis=1)[:, :-1]
     return at_bar[:, 0] + passed @ (0.5 * np.asarray(wiring.link_ohm[1:]))
+
+
+def repeated(thermal, copies):
+    """Thermal of several packs alike, without a way from one to the other.
+
+    Parameters
+    ----------
+    thermal : Thermal of one pack whose cells do not exchange heat. copies : how many.
+    """
+    columns = {
+        name: np.concatenate([np.atleast_1d(getattr(thermal, name))] * copies)
+        for name in ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")
+        + ("entropic_volt_per_kelvin",)
+    }
+    return thermal._replace(**columns)
 
 
 def _renamed(wiring, ending):
