@@ -6,9 +6,8 @@ from timing import Entry, Goal, Topic, where_importable
 
 from cellwright.numerics.lags import lag_weights
 from cellwright.packs import kernel
-from cellwright.packs.cells import pack_cells
+from cellwright.packs.cells import pack_cells, rc_cells
 from cellwright.packs.kernel import Keep
-from cellwright.packs.parallel import Group, cells_of_group
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.wiring import Wiring
 
@@ -84,14 +83,12 @@ def plain_cells(count):
     """Unequal cells of one RC pair with parameters over SoC."""
     rng = np.random.default_rng(9)
     scale = rng.uniform(0.9, 1.1, (count, 1))
-    return cells_of_group(
-        Group(
-            ocv_volt=np.tile(cell.OCV, (count, 1)),
-            r0_ohm=scale * cell.R0,
-            r_ohm=scale[:, :, None] * cell.R[:1],
-            tau_second=np.full((count, 1, len(cell.GRID)), cell.TAU[1]),
-            capacity_ampere_hour=rng.uniform(2.8, 3.2, count),
-        )
+    return rc_cells(
+        ocv_volt=np.tile(cell.OCV, (count, 1)),
+        r0_ohm=scale * cell.R0,
+        r_ohm=scale[:, :, None] * cell.R[:1],
+        tau_second=np.full((count, 1, len(cell.GRID)), cell.TAU[1]),
+        capacity_ampere_hour=rng.uniform(2.8, 3.2, count),
     )
 
 

@@ -14,10 +14,13 @@ def draw_ageing(cycles, periods, summary):
     `cycles` and `periods` are columns of stages `ageing_temperature_cycles` and
     `ageing_temperature_periods`, `summary` the row of `ageing_temperature`.
     """
-    figure, axes = style.subplots(1, 3, width=10.5, height=3.2, width_ratios=[1.5, 1, 1.1])
+    recorded = np.isfinite(cycles["temperature_celsius"][cycles["used"].astype(bool)]).all()
+    widths = [1.5, 1, 1.1] if recorded else [1.5, 1.1]
+    figure, axes = style.subplots(1, len(widths), width=10.5, height=3.2, width_ratios=widths)
     _over_cycles(axes[0, 0], cycles)
-    _over_temperature(axes[0, 1], cycles, summary)
-    _periods(axes[0, 2], periods, summary)
+    if recorded:
+        _over_temperature(axes[0, 1], cycles, summary)
+    _periods(axes[0, -1], periods, summary)
     return figure
 
 
@@ -30,7 +33,10 @@ def _over_cycles(axes, cycles):
     if not np.allclose(at_reference, measured):
         axes.plot(x[used], at_reference[used], ".", color=style.SERIES[1], label="temperature out")
     axes.plot(x, cycles["fade_ampere_hour"], color=style.SERIES[1], label="fade")
-    axes.set(xlabel="cycle", ylabel="discharge capacity [Ah]", title="Over cycles")
+    title = "Over cycles"
+    if not np.isfinite(cycles["temperature_celsius"][used]).all():
+        title += ", temperature not recorded"
+    axes.set(xlabel="cycle", ylabel="discharge capacity [Ah]", title=title)
     style.legend_once(axes, ncols=4, fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.22))
 
 
@@ -39,9 +45,6 @@ def _over_temperature(axes, cycles, summary):
     used = cycles["used"].astype(bool)
     celsius = cycles["temperature_celsius"][used]
     axes.set(xlabel=f"temperature [°C]: {summary['temperature_source']}", title="About the fade")
-    if not np.isfinite(celsius).all():
-        axes.set_xlabel("temperature not recorded")
-        return
     about_fade = (cycles["capacity_ampere_hour"] - cycles["fade_ampere_hour"])[used]
     scale = 100 / summary["capacity_start_ampere_hour"]
     axes.plot(celsius, scale * about_fade, "o", color=style.MEASURED)

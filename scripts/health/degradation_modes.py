@@ -1,7 +1,7 @@
 """Lithium and active material lost by one cell, from the slow curves of its check-ups."""
 
 import cellwright as cw
-from runtime import artefact, facts, half_cell_files
+from runtime import artefact, facts, user_tables
 
 with artefact.Job(snakemake) as job:
     params = snakemake.params
@@ -9,7 +9,7 @@ with artefact.Job(snakemake) as job:
         facts.tests(snakemake.input.own),
         params.cell,
         params.materials["chemistry"],
-        half_cells=half_cell_files.given(params.materials, snakemake.input.half_cells),
+        half_cells=user_tables.half_cells(params.materials, snakemake.input.half_cells),
         fresh=facts.fresh_cell(params.fresh, snakemake.input.fresh),
         settings=params.settings,
     )

@@ -1,13 +1,13 @@
 """The model of a cell that is known as a table of OCV and resistance."""
 
 import cellwright as cw
-from runtime import artefact, model_tables
+from runtime import artefact, user_tables
 
 with artefact.Job(snakemake) as job:
     params = snakemake.params
     found = cw.model_of_table(
         snakemake.wildcards.cell,
-        model_tables.read(params.table, params.table),
+        user_tables.read(params.table, params.table, user_tables.MODEL),
         capacity_ampere_hour=params.capacity_ampere_hour,
         source=params.table,
     )

@@ -1,5 +1,6 @@
 """Settings of a campaign: checked against the schema and completed by its defaults."""
 
+import contextlib
 import difflib
 import math
 from pathlib import Path
@@ -58,6 +59,7 @@ def read(folder, schema: dict, overrides: dict, *, alone=False) -> tuple[dict, l
     `overrides` (Snakemake's --config and --configfile) goes before what the file says. Where it is
     `alone` (the `config:` of a module), the file is not looked at.
     """
+    overrides = _typed(overrides, schema)
     path = Path(folder) / FILE
     has_file = path.is_file() and not alone
     written, lines, faults = _written(path.read_bytes()) if has_file else ({}, {}, [])
@@ -65,6 +67,25 @@ def read(folder, schema: dict, overrides: dict, *, alone=False) -> tuple[dict, l
     source = "config of the module" if alone else "--config"
     faults += faults_of(overrides, schema, lambda path: source)
     return ({} if faults else _filled(_merged(written, overrides), schema)), faults
+
+
+def _typed(value, spec):
+    """Numbers instead of the texts that Snakemake's --config makes of all values of a section."""
+    if isinstance(value, dict):
+        specs = spec.get("properties", {})
+        return {name: _typed(entry, specs.get(name, {})) for name, entry in value.items()}
+    if isinstance(value, list):
+        return [_typed(entry, spec.get("items", {})) for entry in value]
+    if isinstance(value, str) and spec.get("type") in ("number", "integer", "boolean"):
+        return _number_or_switch(value)
+    return value
+
+
+def _number_or_switch(text):
+    for number in (int, float):
+        with contextlib.suppress(ValueError):
+            return number(text)
+    return {"true": True, "false": False}.get(text.lower(), text)
 
 
 def defaults(schema: dict) -> dict:
@@ -168,9 +189,11 @@ def _unknown(place, path, key, schema, section) -> str:
 def _hint(error) -> str:
     """Hint for a number that YAML reads as text: 1e-3 must be written 1.0e-3."""
     try:
-        return f"; write {float(error.instance)!r}" if isinstance(error.instance, str) else ""
+        text = error.instance if isinstance(error.instance, str) else "no number"
+        number = float(text)
     except ValueError:
         return ""
+    return f"; write {int(number) if number.is_integer() else number}"
 
 
 def _without_blanks(content: dict, schema: dict) -> dict:

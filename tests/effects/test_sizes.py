@@ -30,7 +30,7 @@ def sizes(effect, values=VALUES, **given):
                 "activation_energy_joule_per_mole": 23558.0,
                 "std": {"activation_energy_joule_per_mole": 1200.0},
             },
-            ["activation energy 23.6 ± 1 kJ/mol"],
+            ["activation energy from 0 to 25 °C 23.6 ± 1 kJ/mol"],
         ),
         (
             "resistance_asymmetry",
@@ -71,6 +71,15 @@ def sizes(effect, values=VALUES, **given):
 def test_sizes_are_those_that_people_use(effect, given, words):
     found = [size.text.strip() for size in sizes(effect, **given)]
     assert found[: len(words)] == words
+
+
+def test_the_activation_energy_is_that_of_all_resistances_together():
+    """The polarisation has 10 kJ/mol more: the sum of 20, 10 and 5 mΩ at 25 °C lies between."""
+    given = {"activation_energy_joule_per_mole": 2e4, "polarisation_excess_joule_per_mole": 1e4}
+    (size,) = sizes("resistance_temperature", **given)
+    gas, inverse = 8.314462618, 1 / 273.15 - 1 / 298.15
+    cold = 20 * np.exp(2e4 / gas * inverse) + 15 * np.exp(3e4 / gas * inverse)
+    assert size.value == pytest.approx(gas * np.log(cold / 35) / inverse / 1e3, rel=1e-6)
 
 
 def test_a_course_over_soc_is_told_in_milliohm_of_the_model_itself():

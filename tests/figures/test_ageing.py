@@ -36,8 +36,8 @@ def test_ageing_says_what_is_not_known():
         axes.get_title(loc="left") for axes in ageing.draw_ageing(cycles(24.0), none, still).axes
     ]
     assert titles == ["Over cycles", "Temperature not excited", "Periods: not knowable"]
-    bare = ageing.draw_ageing(cycles(np.nan), none, summary()).axes[1]
-    assert bare.get_xlabel() == "temperature not recorded"
+    over_cycles, _ = ageing.draw_ageing(cycles(np.nan), none, summary()).axes
+    assert over_cycles.get_title(loc="left") == "Over cycles, temperature not recorded"
 
 
 def test_ageing_tells_slope_and_period():

@@ -162,3 +162,11 @@ def test_every_column_has_type_and_meaning():
 def test_config_readme_is_what_the_schemas_say():
     written = config_readme.README.read_text(encoding="utf-8")
     assert written == config_readme.text(), "run `python scripts/tools/config_readme.py`"
+
+
+def test_a_caption_has_one_title_and_one_sentence_on_how_to_read_it():
+    """YAML lets a key stand twice: a merge once gave one figure the caption of another."""
+    text = (WORKFLOW / "report" / "captions.yaml").read_text(encoding="utf-8")
+    blocks = re.split(r"^(?=\w)", text, flags=re.MULTILINE)[1:]
+    assert len(blocks) > 30
+    assert [b for b in blocks if not re.fullmatch(r"\w+:\n  title: .+\n  read: .+\n", b)] == []

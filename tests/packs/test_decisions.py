@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.decisions import matching, monte_carlo
 from cellwright.packs.decisions.fleet import discharges_of, fleet_of, matched_fleet
-from cellwright.packs.decisions.group_use import discharge_pack, safe_window, star_of
+from cellwright.packs.decisions.group_use import discharge_pack, safe_window
 from cellwright.packs.decisions.of_pack import charged_soc, pack_decisions
 from cellwright.packs.series.capability import discharge_string
 from cellwright.packs.uncertainty import draws
-from cellwright.packs.wiring import Wiring
+from cellwright.packs.wiring import Wiring, star_of
 from cellwright.records.facts import BranchFacts, CellFacts
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions

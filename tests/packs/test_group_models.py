@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from sheets_facts import measured_test
 
+from cellwright.packs.cells import pack_cells, rc_cells
 from cellwright.packs.identify import group_models
-from cellwright.packs.parallel import Group, group_of, simulate_parallel
+from cellwright.packs.simulate import simulate_pack
+from cellwright.packs.wiring import star_of
 from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
 
 GRID = np.linspace(0, 1, 201)
-TRUE = Group(
+TRUE = rc_cells(
     ocv_volt=np.array([3.2 + 0.9 * GRID + 0.2 * np.tanh(8 * GRID)] * 2),
     r0_ohm=np.array([0.30 - 0.1 * GRID, 0.15 + 0.0 * GRID]),
     r_ohm=np.array([[0.10 + 0 * GRID], [0.05 + 0 * GRID]]),
@@ -31,8 +33,8 @@ def record(celsius=None):
         [row < ends[0], row < ends[1], row < ends[2], row < ends[3]], [0, charge, 0, -0.8], 0.0
     )
     time = 10.0 * row
-    run = simulate_parallel(time, total, TRUE, initial_soc=0.0)
-    measured = run.branch_current_ampere + OFFSET
+    run = simulate_pack(time, total, TRUE, star_of(TRUE.names), initial_soc=0.0)
+    measured = run.cell_current_ampere + OFFSET
     series = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
     series |= {f"branch_{k + 1}_current_ampere": measured[:, k] for k in range(2)}
     first, last = np.append(0, ends[:-1]), ends - 1
@@ -72,9 +74,9 @@ def test_the_models_predict_the_discharge_that_they_have_not_seen(models_of_grou
     series = test.series
     rows = slice(steps["first_row"][3], None)
     time, total = series["test_time_second"][rows], series["current_ampere"][rows]
-    group = group_of(list(models_of_group.values()), temperature_celsius=25.0)
-    run = simulate_parallel(time, total, group, initial_soc=1.0)
-    error = run.branch_current_ampere - (branch_currents(series)[rows] - OFFSET)
+    cells = pack_cells(list(models_of_group.values()), temperature_celsius=25.0)
+    run = simulate_pack(time, total, cells, star_of(cells.names), initial_soc=1.0)
+    error = run.cell_current_ampere - (branch_currents(series)[rows] - OFFSET)
     assert np.sqrt(np.mean(error**2)) < 0.03
     assert np.sqrt(np.mean((run.voltage_volt - series["voltage_volt"][rows]) ** 2)) < 0.03
 

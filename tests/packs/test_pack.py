@@ -5,16 +5,16 @@ import gzip
 import numpy as np
 import pytest
 
+from cellwright.packs.cells import rc_cells
 from cellwright.packs.identify import identify_branches, rest_offset
-from cellwright.packs.parallel import Group, group_of, simulate_parallel
+from cellwright.packs.simulate import simulate_pack
+from cellwright.packs.wiring import star_of
 from cellwright.refusal import Refusal
 
 TIME = np.cumsum(np.random.default_rng(1).exponential(5.0, 300))
 
 
 def test_refusals():
-    with pytest.raises(Refusal, match="without models"):
-        group_of([])
     currents = np.ones((300, 2)) * 0.1
     with pytest.raises(Refusal, match="at least two cells"):
         identify_branches(TIME, currents[:, :1], TIME)
@@ -28,7 +28,7 @@ def test_refusals():
 
 def test_cells_are_found_again_from_their_branch_currents():
     grid = np.linspace(0, 1, 201)
-    true = Group(
+    true = rc_cells(
         ocv_volt=np.array([3.2 + 0.9 * grid + 0.2 * np.tanh(8 * grid)] * 2),
         r0_ohm=np.array([0.30 - 0.1 * grid, 0.15 + 0.0 * grid]),
         r_ohm=np.array([[0.10 + 0 * grid], [0.05 + 0 * grid]]),
@@ -37,17 +37,18 @@ def test_cells_are_found_again_from_their_branch_currents():
     )
     up = np.arange(0.0, 30000.0, 10.0)
     total = np.where(up < 50, 0.0, np.where(up < 24000, 0.5, 0.5 * np.exp((24000 - up) / 1500)))
-    run = simulate_parallel(up, total, true, initial_soc=0.0)
+    star = star_of(true.names)
+    run = simulate_pack(up, total, true, star, initial_soc=0.0)
     noise = np.random.default_rng(3).normal(0, 1e-3, len(up))
-    branches = run.branch_current_ampere + np.outer(noise, [1.0, -1.0])
+    branches = run.cell_current_ampere + np.outer(noise, [1.0, -1.0])
     identified = identify_branches(up, branches, run.voltage_volt)
     assert identified.fit_rmse_volt < 2e-3
     time = np.arange(0.0, 12000.0, 10.0)
     load = np.where(time % 4000 < 3000, -0.8, 0.2)
     start = run.soc[-1]
-    truly = simulate_parallel(time, load, true, initial_soc=start)
-    again = simulate_parallel(time, load, identified.group, initial_soc=1.0)
-    error = again.branch_current_ampere - truly.branch_current_ampere
+    truly = simulate_pack(time, load, true, star, initial_soc=start)
+    again = simulate_pack(time, load, identified.cells, star, initial_soc=1.0)
+    error = again.cell_current_ampere - truly.cell_current_ampere
     assert np.sqrt(np.mean(error**2)) < 0.02
     assert np.sqrt(np.mean((again.voltage_volt - truly.voltage_volt) ** 2)) < 0.02
 
@@ -60,10 +61,11 @@ def test_measured_pair(shared):
     rest, fit = (time > 2000) & (time < 2990), (time > 2950) & (time < 33370)
     branch -= rest_offset(branch[rest], total[rest], rest_ampere=0.01)
     identified = identify_branches(time[fit], branch[fit], volt[fit])
-    np.testing.assert_allclose(identified.group.capacity_ampere_hour, [1.83, 1.93], rtol=0.06)
+    cells = identified.cells
+    np.testing.assert_allclose(cells.capacity_ampere_hour, [1.83, 1.93], rtol=0.06)
     rows = slice(fit.argmax(), None, 2)
-    run = simulate_parallel(time[rows], total[rows], identified.group, initial_soc=0.0)
+    run = simulate_pack(time[rows], total[rows], cells, star_of(cells.names), initial_soc=0.0)
     score = ((time > 33370) & (time < 59770))[rows]
-    current_error = (run.branch_current_ampere - branch[rows])[score]
+    current_error = (run.cell_current_ampere - branch[rows])[score]
     assert np.sqrt(np.mean(current_error**2)) < 0.018
     assert np.sqrt(np.mean((run.voltage_volt - volt[rows])[score] ** 2)) < 0.032

@@ -266,6 +266,7 @@ BAD_CONFIG = [
         "all different",
     ),
     ("segment:\n  rest_c_rate: 1e-3", "found '1e-3', wanted a number above 0; write 0.001"),
+    ("benchmark:\n  cells: '20'", "found '20', wanted a whole number at least 0; write 20"),
     ("segment:\n  rest_c_rate: .nan", "found nan, wanted a number above 0"),
     ("segment: 3", "segment: found 3, wanted keys with values below it"),
     ("strict: true\nstrict: false", "line 2", "each key once (also line 1)"),
@@ -284,6 +285,18 @@ def test_a_bad_setting_is_named_with_its_line(folder, text, expected):
 def test_a_bad_given_setting_is_named(folder):
     assert faults(folder, strict="perhaps") == [
         "--config, strict: found 'perhaps', wanted true or false"
+    ]
+
+
+def test_numbers_of_a_section_given_on_the_command_line_are_numbers(folder):
+    """Snakemake's --config 'segment={rest_c_rate: 1e-3}' hands over texts."""
+    given = read(
+        folder, segment={"rest_c_rate": "1e-3"}, resistance={"delay_second": ["1", "10.5"]}
+    )
+    assert given.config["segment"]["rest_c_rate"] == 1e-3
+    assert given.config["resistance"]["delay_second"] == [1, 10.5]
+    assert faults(folder, segment={"rest_c_rate": "low"}) == [
+        "--config, segment.rest_c_rate: found 'low', wanted a number above 0"
     ]
 
 

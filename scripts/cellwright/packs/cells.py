@@ -114,6 +114,36 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
     )
 
 
+def rc_cells(ocv_volt, r0_ohm, r_ohm, tau_second, capacity_ampere_hour):
+    """Cells given as tables of a circuit of RC pairs, at one temperature.
+
+    Parameters
+    ----------
+    ocv_volt, r0_ohm : (cells, p) on a uniform grid of SoC from 0 to 1 [V], [ohm].
+    r_ohm, tau_second : (cells, pairs, p) [ohm], [s]. capacity_ampere_hour : (cells,) [Ah].
+
+    Returns
+    -------
+    cells : PackCells, named "cell 1", "cell 2" and so on.
+    """
+    cells, pairs, points = np.shape(r_ohm)
+    none = np.zeros((1, cells, 0, points))
+    found = dict.fromkeys(TABLES, none)
+    found["ocv_shift_volt"] = np.zeros((1, cells, 1, points))
+    found["ocv_volt"] = np.array(ocv_volt, float)[None, :, None]
+    found["r0_ohm"] = np.array(r0_ohm, float)[None, :, None]
+    found["r_ohm"] = np.array(r_ohm, float)[None]
+    found["tau_second"] = np.array(tau_second, float)[None]
+    return PackCells(
+        tuple(f"cell {k + 1}" for k in range(cells)),
+        (f"{pairs}RC",) * cells,
+        np.array(capacity_ampere_hour, float),
+        np.zeros(cells),
+        np.array([UNKNOWN_CELSIUS]),
+        **found,
+    )
+
+
 def table_temperatures(models, celsius, *, step_kelvin=5.0, above_kelvin=40.0):
     """Temperatures to look models up at, where cells warm or their ambient changes (t,) [degC].
 

@@ -14,21 +14,24 @@ from cellwright.identification.cell import SCHEMA
 from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
 from cellwright.numerics.statistics import parameter_covariance, rms, standard_deviations
-from cellwright.packs.parallel import Group
+from cellwright.packs.cells import PackCells, rc_cells
 from cellwright.records.basis import stated_or_reference
 from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
 
+KNOTS = 21  # of SoC, of a resistance in the model file
+REST_SHARE = 0.02  # of the largest total current: below it the group rests
+
 
 class GroupFit(NamedTuple):
-    """Identified group (every SoC is 0 at the first sample) and how well it fits.
+    """Identified cells (every SoC is 0 at the first sample) and how well they fit.
 
     r0_std_ohm, r_std_ohm, ocv_std_volt : (cells, p) standard deviations of R0, of the RC pair's
     resistance and of each cell's deviation from the common OCV, for errors that are as correlated
     as the residual is.
     """
 
-    group: Group
+    cells: PackCells
     fit_rmse_volt: float
     r0_std_ohm: np.ndarray
     r_std_ohm: np.ndarray
@@ -120,8 +123,8 @@ def identify_branches(
         error = matrix @ parameters - np.tile(voltage_volt, soc.shape[1])
         fits.append((rms(error), tau, parameters, gram, error, matrix))
     rmse, tau, parameters, *known = min(fits, key=lambda entry: entry[0])
-    group = _group(parameters, knots_at, capacity, tau, points)
-    return GroupFit(group, rmse, *_deviations(*known, knots_at, len(capacity), points))
+    cells = _cells(parameters, knots_at, capacity, tau, points)
+    return GroupFit(cells, rmse, *_deviations(*known, knots_at, len(capacity), points))
 
 
 def _deviations(gram, error, matrix, knots, cells, points):
@@ -211,14 +214,14 @@ def _solve(matrix, voltage, knots, cells, penalty, noise):
     return solve(gram, moment, cells * len(knots.deviation)), gram
 
 
-def _group(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
+def _cells(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
     cells, grid = len(capacity), _grid(points)
     deviation, ocv, resistance = np.split(parameters, _cuts(knots, cells))
     common = np.interp(grid, knots.ocv, np.cumsum(ocv))
     deviations = [np.interp(grid, knots.deviation, d) for d in deviation.reshape(cells, -1)]
     table = resistance.reshape(cells, 2, -1)
     table = np.array([[np.interp(grid, knots.resistance, r) for r in cell] for cell in table])
-    return Group(
+    return rc_cells(
         ocv_volt=np.maximum.accumulate(common + np.array(deviations), axis=1),
         r0_ohm=np.maximum(table[:, 0], smallest_ohm),
         r_ohm=table[:, 1:],
@@ -227,18 +230,15 @@ def _group(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
     )
 
 
-KNOTS = 21
-REST_SHARE = 0.02
-
-
 def group_models(test, steps, cells):
     """Models of all cells of a group from the longest charge in its own record.
 
     1. The stretch runs from the middle of the rest before the group's longest charge to the end of
-    the rest after it; the branch sensors' offsets are what they read in the first part. That rest
-    is needed: on a slow charge nothing but the step from it tells the resistance that all cells
-    have in common from the OCV. 2. `identify_branches` fits it. 3. What lies outside the stretch is
-    left for scoring: each model says in `fitted` which part of the record it has seen.
+    the rest after it; the branch sensors' offsets are what they read in the second half of the
+    rest before. That rest is needed: on a slow charge nothing but the step from it tells the
+    resistance that all cells have in common from the OCV. 2. `identify_branches` fits it. 3. What
+    lies outside the stretch is left for scoring: each model says in `fitted` which part of the
+    record it has seen.
 
     Parameters
     ----------
@@ -312,16 +312,15 @@ def _charge_between_rests(steps):
 
 
 def _model(cell, fit, branch, celsius, fitted, note):
-    group = fit.group
-    grid = np.linspace(0.0, 1.0, group.ocv_volt.shape[1])
+    cells, grid = fit.cells, np.linspace(0.0, 1.0, fit.cells.ocv_volt.shape[-1])
     ocv = {"ambient_temperature_celsius": celsius, "soc": grid.tolist()}
-    ocv |= {"ocv_volt": group.ocv_volt[branch].tolist(), "branches": "group"}
+    ocv |= {"ocv_volt": cells.ocv_volt[0, branch, 0].tolist(), "branches": "group"}
     condition = {"ambient_temperature_celsius": celsius} | _courses(fit, branch, grid)
     condition |= {"fit_rmse_volt": fit.fit_rmse_volt, "tests": [fitted["test"]]}
     return {
         "schema": SCHEMA,
         "cell": cell,
-        "capacity_ampere_hour": float(group.capacity_ampere_hour[branch]),
+        "capacity_ampere_hour": float(cells.capacity_ampere_hour[branch]),
         "borrowed_from": None,
         "ocv": [ocv],
         "members": [{"model": "1RC", "left_out_rmse_volt": None, "conditions": [condition]}],
@@ -334,15 +333,15 @@ def _model(cell, fit, branch, celsius, fitted, note):
 
 def _courses(fit, branch, grid):
     """Condition of a model file for one branch of the group: its courses over SoC."""
-    group, knots = fit.group, np.linspace(0.0, 1.0, KNOTS)
+    cells, knots = fit.cells, np.linspace(0.0, 1.0, KNOTS)
 
     def at_knots(table):
         return [None if np.isnan(v) else float(v) for v in np.interp(knots, grid, table)]
 
-    pairs = zip(group.r_ohm[branch], group.tau_second[branch], strict=True)
+    pairs = zip(cells.r_ohm[0, branch], cells.tau_second[0, branch], strict=True)
     return {
         "soc": knots.tolist(),
-        "r0_ohm": at_knots(group.r0_ohm[branch]),
+        "r0_ohm": at_knots(cells.r0_ohm[0, branch, 0]),
         "r0_std_ohm": at_knots(fit.r0_std_ohm[branch]),
         "branches": [
             {"kind": "RC", "r_ohm": at_knots(r), "r_std_ohm": at_knots(fit.r_std_ohm[branch])}

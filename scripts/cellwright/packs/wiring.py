@@ -94,6 +94,17 @@ def _through(member, cell_ampere):
     return inner.sum(axis=1) if member.connection == "parallel" else inner[:, 0]
 
 
+def star_of(names, *, wire_resistance_ohm=0.0):
+    """Wiring of cells in parallel, each with its own lead to one point.
+
+    Parameters
+    ----------
+    names : of the cells. wire_resistance_ohm : scalar or one a cell [ohm].
+    """
+    wires = np.broadcast_to(np.asarray(wire_resistance_ohm, float), (len(names),))
+    return Wiring("the group", "parallel", tuple(names), tuple(wires), (0.0,) * len(names))
+
+
 def is_star(wiring):
     """Whether a wiring is cells in parallel, each with its own lead to one point: bool.
 

@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.base import LOGARITHMS
-from cellwright.effects.witnesses.probes import acted
+from cellwright.effects.witnesses.probes import PROBES, acted
 
 THIRDS = (0.1, 0.5, 0.9)  # SoC at which a course is told
+WARMED_CELSIUS = (0.0, 25.0)  # between which the activation energy of resistances is told
 SMALL_RATE = 0.02  # of the capacity per hour: a current that charge transfer answers in proportion
 DAY_HOUR, MINUTE_SECOND = 24.0, 60.0
 LEAST_DEVIATION = 1e-3  # of the value: none that is smaller is written
@@ -102,7 +103,10 @@ SPELT = {
 
 
 def _energy(effect, p, values):
-    return [("activation energy", 1e-3 * next(iter(p.values())), "kJ/mol")]
+    """Of the sum of all resistances: that is what pulses and spectra of other tests tell."""
+    low, high = WARMED_CELSIUS
+    energy = PROBES["activation_energy"](effect, p, values, WARMED_CELSIUS)
+    return [(f"activation energy from {low:g} to {high:g} °C", 1e-3 * energy, "kJ/mol")]
 
 
 def _over_soc(words, resistance):
@@ -237,6 +241,7 @@ FORMS = {
 }
 # Sizes that are changes of the model's own resistances.
 OF_THE_MODEL = {
+    "resistance_temperature",
     *("resistance_soc", "polarisation_soc", "resistance_asymmetry"),
     "charge_transfer_nonlinearity",
 }

@@ -6,12 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.packs.cells import pack_cells
-from cellwright.packs.decisions.group_use import (
-    cells_at,
-    discharge_pack,
-    resistance_of,
-    star_of,
-)
+from cellwright.packs.decisions.group_use import cells_at, discharge_pack, resistance_of
 from cellwright.packs.decisions.matching import (
     even_groups,
     gain_of,
@@ -21,6 +16,7 @@ from cellwright.packs.decisions.matching import (
     strings_by_capacity,
 )
 from cellwright.packs.uncertainty.draws import draw_cells, drawn_cells, uncertainty_of
+from cellwright.packs.wiring import star_of
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 

@@ -7,7 +7,7 @@ import numpy as np
 from cellwright.packs.cells import TABLES
 from cellwright.packs.network import network_of
 from cellwright.packs.simulate import simulate_pack
-from cellwright.packs.wiring import Wiring, is_star
+from cellwright.packs.wiring import is_star
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
@@ -47,17 +47,6 @@ def cells_at(cells, index):
         near_end_soc=cells.near_end_soc[index],
         **tables,
     )
-
-
-def star_of(names, *, wire_resistance_ohm=0.0):
-    """Wiring of cells in parallel, each with its own lead to one point.
-
-    Parameters
-    ----------
-    names : of the cells. wire_resistance_ohm : scalar or one a cell [ohm].
-    """
-    wires = np.broadcast_to(np.asarray(wire_resistance_ohm, float), (len(names),))
-    return Wiring("the group", "parallel", tuple(names), tuple(wires), (0.0,) * len(names))
 
 
 def with_contacts(wiring, factor):

@@ -1,0 +1,58 @@
+"""Tables of numbers that a user knows of a cell, from CSV files that cells.tsv names."""
+
+import csv
+from pathlib import Path
+
+from cellwright.health.electrodes.half_cells import from_table
+from cellwright.refusal import Refusal
+from runtime import provenance
+
+MODEL = ("soc", "ocv_volt", "resistance_ohm")
+HALF_CELL = ("lithiation", "potential_volt")
+
+
+def half_cells(materials, paths) -> tuple:
+    """Negative and positive half cell: HalfCell of a file, name of the library, None where blank.
+
+    `paths` are the job's inputs among which the files are.
+    """
+    files = {provenance.name_of(path): path for path in paths}
+    names = [materials[f"{electrode}_half_cell"] for electrode in ("negative", "positive")]
+    return tuple(
+        from_table(*read(files[name], name, HALF_CELL).values(), name=name)
+        if name in files
+        else name or None
+        for name in names
+    )
+
+
+def read(path, name, columns) -> dict:
+    """Columns of a file, by name, as lists of numbers.
+
+    Raises
+    ------
+    Refusal
+        Where there is no such file, a column is missing or a value is no number.
+    """
+    if not Path(path).is_file():
+        raise Refusal(f"no file {name} in the campaign")
+    with Path(path).open(encoding="utf-8-sig", newline="") as file:
+        reader = csv.DictReader(file)
+        rows = [(reader.line_num, row) for row in reader]
+    found = list(rows[0][1]) if rows else []
+    if not set(columns) <= set(found):
+        wanted = ", ".join(columns)
+        raise Refusal(f"{name}: found columns {', '.join(found) or 'none'}, wanted {wanted}")
+    return {
+        column: [_number(row[column], name, line, column) for line, row in rows]
+        for column in columns
+    }
+
+
+def _number(text, name, line, column):
+    try:
+        return float(text)
+    except (TypeError, ValueError):
+        raise Refusal(
+            f"{name}: line {line}, column {column}: found {text!r}, wanted a number"
+        ) from None
