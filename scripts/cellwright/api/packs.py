@@ -260,7 +260,15 @@ def nested_pack(models, members, series, test):
 
 
 def pack_decisions(
-    models, members, cells, capacities=(), settings=None, *, temperature_celsius=25.0, **changes
+    models,
+    members,
+    cells,
+    capacities=(),
+    settings=None,
+    *,
+    temperature_celsius=25.0,
+    thermal=(),
+    **changes,
 ):
     """What is decided about a pack: Monte Carlo, which cell to replace, safe window of SoC.
 
@@ -272,6 +280,8 @@ def pack_decisions(
         deviations, and of the temperature of cells under such a load (temperature_mean_celsius).
     temperature_celsius : around the cells [°C]; they are as warm as in their discharges within 3 K
         of it, where those tell.
+    thermal : documents of `thermal_constants`: where those of all cells are known, the cells of a
+        pack with parallel ones warm by their own heat instead.
 
     Returns
     -------
@@ -284,13 +294,21 @@ def pack_decisions(
     Source: docs/pack-decisions.md.
     """
     from cellwright.packs.decisions.of_pack import pack_decisions as decided
+    from cellwright.packs.wiring import depth
 
     wiring, documents, positions, facts = _pack(models, members, cells)
     stds = _capacity_stds(capacities, [row.cell for row in positions])
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     warm = _loaded_celsius(capacities, [row.cell for row in positions], temperature_celsius)
-    rows = decided(wiring, documents, positions, facts, stds, celsius=warm, settings=chosen)
-    notes = [f"cells at {warm:.1f} °C", *_borrowed(documents)]
+    warms = _thermal_of(thermal, [row.cell for row in positions])
+    around = {"thermal": warms, "ambient_celsius": float(temperature_celsius)}
+    about = (wiring, documents, positions, facts, stds)
+    rows = decided(*about, celsius=warm, settings=chosen, **around)
+    string = wiring.connection == "series" and depth(wiring) == 1
+    how = f"cells at {warm:.1f} °C"
+    if warms is not None and not string:
+        how = f"cells warm by their own heat from {temperature_celsius:.1f} °C"
+    notes = [how, *_borrowed(documents)]
     return results.Table(rows, tuple(notes))
 
 

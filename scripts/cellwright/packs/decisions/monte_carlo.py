@@ -1,17 +1,21 @@
 """What the uncertainties of its cells leave of the numbers of a pack: Monte Carlo."""
 
+from functools import partial
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
-from cellwright.packs.decisions.group_use import discharge_pack, with_contacts
+from cellwright.packs.decisions.group_use import discharge_seconds, use_of, with_contacts
 from cellwright.packs.series.capability import BEYOND, first_crossing
+from cellwright.packs.uncertainty.copies import simulate_copies
 from cellwright.packs.uncertainty.draws import drawn_cells, wire_factors
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
 STEP_SHARE = 0.005  # of the charge of the largest cell, a step of a drawn discharge
+AT_ONCE = 50  # draws that are simulated in one run
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 
 
@@ -92,6 +96,8 @@ def pack_draws(
     lower_cutoff_volt,
     current_ampere,
     initial_soc=1.0,
+    thermal=None,
+    ambient_celsius=None,
     wire_relative_std=SETTINGS.wire_relative_std,
     random_seed=SETTINGS.random_seed,
 ):
@@ -103,7 +109,7 @@ def pack_draws(
 
     Parameters
     ----------
-    cells, wiring, lower_cutoff_volt, current_ampere, initial_soc : as of
+    cells, wiring, lower_cutoff_volt, current_ampere, initial_soc, thermal, ambient_celsius : as of
         `group_use.discharge_pack`. drawn : CellDraws. wire_relative_std : of all contacts together
         [1]. random_seed : of their draws.
 
@@ -113,19 +119,28 @@ def pack_draws(
     """
     draws = len(drawn.capacity_factor)
     factors = wire_factors(draws, wire_relative_std=wire_relative_std, seed=random_seed)
+    ends = {"lower_cutoff_volt": lower_cutoff_volt, "current_ampere": current_ampere}
     rows = []
-    for draw in range(draws):
-        use = discharge_pack(
-            drawn_cells(cells, drawn, draw, initial_soc),
-            with_contacts(wiring, factors[draw]),
-            lower_cutoff_volt=lower_cutoff_volt,
-            current_ampere=current_ampere,
-            initial_soc=initial_soc + drawn.initial_soc[draw, 0],
-        )
-        hot = int(np.argmax(use.loss_watt))
-        given = (use.capacity_ampere_hour, use.energy_watt_hour, use.first, use.peak_share)
-        rows.append((*given, float(use.loss_watt[hot]), hot))
+    for first in range(0, draws, AT_ONCE):
+        chosen = range(first, min(first + AT_ONCE, draws))
+        known = [drawn_cells(cells, drawn, draw, initial_soc) for draw in chosen]
+        wired = [with_contacts(wiring, factors[draw]) for draw in chosen]
+        time = max((discharge_seconds(c, wiring, current_ampere) for c in known), key=np.max)
+        starts = [
+            initial_soc + np.zeros(len(cells.names)) + drawn.initial_soc[k, 0] for k in chosen
+        ]
+        load = np.full(len(time), -float(current_ampere))
+        around = {"thermal": thermal, "ambient_celsius": ambient_celsius, "hold": "zero_order"}
+        runs = simulate_copies(time, load, known, wired, initial_soc=starts, **around)
+        uses = map(partial(use_of, **ends), runs, repeat(time), known, wired)
+        rows += [_drawn_row(use) for use in uses]
     return PackDraws(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _drawn_row(use):
+    hot = int(np.argmax(use.loss_watt))
+    given = (use.capacity_ampere_hour, use.energy_watt_hour, use.first, use.peak_share)
+    return (*given, float(use.loss_watt[hot]), hot)
 
 
 def summary_rows(draws, names, *, first):
