@@ -205,13 +205,28 @@ def _solve(matrix, voltage, knots, cells, penalty, noise):
     ]
     blocks += [wiggle * np.diff(np.eye(len(knots.resistance)), 2, axis=0)] * (2 * cells)
     gram, column = matrix.T @ matrix, 0
-    gram[-len(noise) :, -len(noise) :] -= noise
     for block in blocks:
         columns = slice(column, column + block.shape[1])
         gram[columns, columns] += len(matrix) * block.T @ block
         column = columns.stop
     moment = matrix.T @ np.tile(voltage, cells)
+    gram = _without_noise(gram, noise)
     return solve(gram, moment, cells * len(knots.deviation)), gram
+
+
+def _without_noise(gram, noise):
+    """Sums of squares less what noise adds, by no more than 95 % of what would leave none.
+
+    Where noise is most of what a current moves by, all of it taken out could leave nothing that
+    tells a resistance (Fuller's modification for small samples does likewise).
+    """
+    if not noise.any():
+        return gram
+    added = np.zeros(gram.shape)
+    added[-len(noise) :, -len(noise) :] = noise
+    root = np.linalg.cholesky(gram)
+    half = np.linalg.solve(root, np.linalg.solve(root, added).T)
+    return gram - min(1.0, 0.95 / np.linalg.eigvalsh(half)[-1]) * added
 
 
 def _cells(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
