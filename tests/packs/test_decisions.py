@@ -8,12 +8,14 @@ import strings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import cellwright as cw
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.decisions import matching, monte_carlo
 from cellwright.packs.decisions.fleet import discharges_of, fleet_of, matched_fleet
 from cellwright.packs.decisions.group_use import discharge_pack, safe_window
 from cellwright.packs.decisions.of_pack import charged_soc, pack_decisions
 from cellwright.packs.series.capability import discharge_string
+from cellwright.packs.thermal import Thermal
 from cellwright.packs.uncertainty import draws
 from cellwright.packs.wiring import Wiring, star_of
 from cellwright.records.facts import BranchFacts, CellFacts
@@ -349,3 +351,52 @@ def test_a_pack_is_judged_from_full_and_a_string_keeps_what_its_cells_differ_by(
     strings = Wiring("strings", "parallel", (string, "E"), (0.0, 0.0), (0.0, 0.0))
     both = charged_soc(strings, np.append(soc, 0.3), np.append(capacity, 5.0))
     np.testing.assert_allclose(both, np.append(full, 1.0))
+
+
+@pytest.mark.parametrize("charge_std", [0.003, 3.0])
+def test_a_capacity_is_as_sure_as_the_direction_that_repeats_better(charge_std):
+    """A discharge also differs by how full the one before has left the cell."""
+    models = strings.models([1.0, 0.9])
+    rows = [
+        {"cell": model["cell"], "direction": direction, "c_rate": rate, "repeats": 3}
+        | {"capacity_std_ampere_hour": std, "temperature_mean_celsius": 25.0}
+        for model in models
+        for direction, rate, std in (("discharge", 0.5, 1.5), ("charge", 0.50002, charge_std))
+    ]
+    wired = [
+        {"group": "pair", "position": k, "cell": m["cell"], "wire_resistance_ohm": 3e-4}
+        for k, m in enumerate(models, 1)
+    ]
+    about = (models, wired, facts_of(models), rows, PackDecisions(draws=60, initial_soc_std=0.0))
+    decided = cw.pack_decisions(*about).to_frame().set_index("quantity")
+    charge = decided.loc["usable charge"]
+    half = 0.5 * (charge["p95"] - charge["p05"]) / charge["value"]
+    known = max(0.003, min(charge_std, 1.5) / 3**0.5 / 30.0)
+    assert half == pytest.approx(1.64 * known / 2**0.5, rel=0.35)
+
+
+def test_cells_that_warm_share_a_discharge_more_evenly():
+    """Of warm cells the resistances are smaller, by one activation energy for all."""
+    models = [warming(m) for m in strings.models([1.0, 0.8], [1.0, 1.6])]
+    star = star_of(("A", "B"), wire_resistance_ohm=1e-4)
+    thermal = Thermal(np.full(2, 300.0), np.full(2, 3.0), 0.0, None, np.zeros((2, 3)))
+    cold, warm = (
+        discharge_pack(
+            pack_cells(models, temperature_celsius=tables),
+            star,
+            lower_cutoff_volt=LOWER,
+            current_ampere=108.0,
+            thermal=how,
+            ambient_celsius=25.0,
+        )
+        for how, tables in ((None, 25.0), (thermal, np.arange(25.0, 80.0, 5.0)))
+    )
+    assert warm.capacity_ampere_hour > cold.capacity_ampere_hour
+    assert (warm.loss_watt < cold.loss_watt).all()
+    assert (warm.loss_watt > 0.5 * cold.loss_watt).all()
+
+
+def warming(model):
+    (member,) = model["members"]
+    entry = member["conditions"][0] | {"activation_energy_joule_per_mole": 30e3}
+    return model | {"members": [member | {"conditions": [entry]}]}

@@ -3,6 +3,7 @@
 from cellwright.api import inputs, results
 from cellwright.settings import PackDecisions
 
+SAME_RATE = 1.1  # over the slowest: rates of charge and discharge this near are one
 SAME_CELSIUS = 3.0  # chamber temperatures this near are one
 
 
@@ -388,14 +389,19 @@ def _capacity_stds(capacities, names):
     Of charge and discharge the one that repeats better tells it: a discharge also differs by how
     full the one before has left the cell, which says nothing of the cell.
     """
-    slowest = {}
+    found = {}
     for row in inputs.rows(capacities):
         std, repeats = row["capacity_std_ampere_hour"], row["repeats"]
-        if std is None or not std > 0 or not repeats > 1:
-            continue
-        found = (row["c_rate"], std / repeats**0.5)
-        slowest[row["cell"]] = min(found, slowest.get(row["cell"], found))
-    return [slowest.get(name, (None, None))[1] for name in names]
+        if std is not None and std > 0 and repeats > 1:
+            found.setdefault(row["cell"], []).append((row["c_rate"], std / repeats**0.5))
+    slowest = {cell: min(rates)[0] for cell, rates in found.items()}
+    return [
+        min(
+            (std for rate, std in found.get(name, ()) if rate <= SAME_RATE * slowest[name]),
+            default=None,
+        )
+        for name in names
+    ]
 
 
 def _loaded_celsius(capacities, names, around):

@@ -76,8 +76,9 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
     measured = _measured(record, branches, notes)
     record = record._replace(branch_current_ampere=measured)
     warms = None if thermal is None or _was_logged(test, record) else thermal
-    tables = _table_celsius(test.facts, record, notes)
-    if warms is not None:
+    if warms is None:
+        tables = _table_celsius(test.facts, record, notes)
+    else:
         tables = table_temperatures(models, record.celsius)
         notes.append("temperature of the cells from their own heat: none was logged in the group")
     cells = pack_cells(models, temperature_celsius=tables)

@@ -7,15 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
-from cellwright.packs.decisions.group_use import discharge_seconds, use_of, with_contacts
+from cellwright.packs.decisions.group_use import STEPS, discharge_seconds, use_of, with_contacts
 from cellwright.packs.series.capability import BEYOND, first_crossing
-from cellwright.packs.uncertainty.copies import simulate_copies
+from cellwright.packs.uncertainty.copies import copies_at_once, simulate_copies
 from cellwright.packs.uncertainty.draws import drawn_cells, wire_factors
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
 STEP_SHARE = 0.005  # of the charge of the largest cell, a step of a drawn discharge
-AT_ONCE = 50  # draws that are simulated in one run
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 
 
@@ -120,9 +119,9 @@ def pack_draws(
     draws = len(drawn.capacity_factor)
     factors = wire_factors(draws, wire_relative_std=wire_relative_std, seed=random_seed)
     ends = {"lower_cutoff_volt": lower_cutoff_volt, "current_ampere": current_ampere}
-    rows = []
-    for first in range(0, draws, AT_ONCE):
-        chosen = range(first, min(first + AT_ONCE, draws))
+    rows, at_once = [], copies_at_once(cells, STEPS)
+    for first in range(0, draws, at_once):
+        chosen = range(first, min(first + at_once, draws))
         known = [drawn_cells(cells, drawn, draw, initial_soc) for draw in chosen]
         wired = [with_contacts(wiring, factors[draw]) for draw in chosen]
         time = max((discharge_seconds(c, wiring, current_ampere) for c in known), key=np.max)

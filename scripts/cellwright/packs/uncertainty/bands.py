@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.packs.decisions.group_use import with_contacts
-from cellwright.packs.uncertainty.copies import simulate_copies
+from cellwright.packs.uncertainty.copies import copies_at_once, simulate_copies
 from cellwright.packs.uncertainty.draws import drawn_cells
 from cellwright.packs.wiring import member_currents
 
 DRAWS = 50  # tell a standard deviation to a tenth
-MOST_VALUES = 4_000_000  # of one quantity of a run: 32 MB
 WITHIN_90_PERCENT = 1.6449  # standard deviations of a normal error
 
 
@@ -61,7 +60,7 @@ def band_of(
     ------
     Refusal : as `simulate.simulate_pack`.
     """
-    at_once = max(1, MOST_VALUES // (len(time_second) * len(cells.names)))
+    at_once = copies_at_once(cells, len(time_second))
     squares, squares_volt = 0.0, np.zeros(len(time_second))
     known = member_currents(wiring, run.cell_current_ampere)
     for first in range(0, len(factors), at_once):

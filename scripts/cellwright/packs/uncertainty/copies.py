@@ -6,6 +6,19 @@ from cellwright.packs.cells import TABLES
 from cellwright.packs.simulate import PackRun, simulate_pack
 from cellwright.packs.wiring import Wiring, cells_of, member_currents
 
+MOST_VALUES = 4_000_000  # of the tables of all copies, and of one quantity over time: 32 MB each
+
+
+def copies_at_once(cells, samples):
+    """How many copies of a pack one run simulates, by the memory that they take; at least 1.
+
+    Parameters
+    ----------
+    cells : PackCells of one pack. samples : of the record.
+    """
+    tables = sum(getattr(cells, name).size for name in TABLES)
+    return max(1, MOST_VALUES // max(tables, samples * len(cells.names)))
+
 
 def simulate_copies(
     test_time_second, current_ampere, cells, wirings, *, initial_soc, thermal=None, **how
