@@ -96,6 +96,24 @@ def test_what_does_not_tell_the_constants_says_why(test, reason):
     assert re.search(reason, found.content["reason"]), found.content["reason"]
 
 
+def test_a_temperature_that_stands_still_or_has_gaps_tells_nothing():
+    still, gaps = (of_surface(change) for change in (lambda t: 25.0 + 0.0 * t, with_gap))
+    for test, reason in ((still, "heat explains 0%|falls with heat|not within"), (gaps, "1 rows")):
+        found = found_of(test).content
+        assert found["resistance_kelvin_per_watt"] is None
+        assert re.search(reason, found["reason"]), found["reason"]
+
+
+def of_surface(change):
+    test = warmed(CYCLE)
+    surface = change(test.series["surface_temperature_celsius"])
+    return test._replace(series=test.series | {"surface_temperature_celsius": surface})
+
+
+def with_gap(celsius):
+    return np.where(np.arange(len(celsius)) == 7, np.nan, celsius)
+
+
 def test_without_a_logged_temperature_nothing_is_known():
     test = warmed(CYCLE)
     series = {n: v for n, v in test.series.items() if not n.startswith("surface")}

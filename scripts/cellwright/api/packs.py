@@ -211,6 +211,7 @@ def validate_group(
             capacity_relative_std=chosen.capacity_relative_std,
             resistance_relative_std=chosen.resistance_relative_std,
             initial_soc_std=chosen.initial_soc_std,
+            wire_relative_std=chosen.wire_relative_std,
         )
     warms = _thermal_of(thermal, cells_of(wiring))
     how = {"leaves": leaves, "uncertainty": known, "thermal": warms}

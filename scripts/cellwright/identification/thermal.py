@@ -122,6 +122,9 @@ def _fitted(model, cell, test, split_rest_second):
 
 def _laid_out(model, cell, test, split_rest_second):
     """Record of a test, its OCV (n,) [V], and the temperature around it [degC]."""
+    missing = int(np.sum(~np.isfinite(test.series[SURFACE])))
+    if missing:
+        raise Refusal(f"{missing} rows have no surface temperature, wanted all")
     record = laid_out(test, model, cell, split_rest_second=split_rest_second)
     read = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
     ocv = simulate_model(model, None, *read, kind=test.facts.kind).ocv_volt
@@ -140,7 +143,8 @@ def _put(values, visited):
 
 def _why_not(fit):
     """Why a fit tells nothing of its cell, "" where it does."""
-    explained = 1.0 - (fit.rmse_kelvin / fit.moved_kelvin) ** 2
+    moved = max(fit.moved_kelvin, 1e-9)
+    explained = 1.0 - (fit.rmse_kelvin / moved) ** 2
     if not explained >= LEAST_EXPLAINED:
         return (
             f"heat explains {max(explained, 0.0):.0%} of a temperature that moves by "

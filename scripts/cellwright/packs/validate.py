@@ -268,7 +268,7 @@ def _band(run, cells, wiring, record, uncertainty, starts, thermal):
         total_ampere=record.current_ampere,
         ambient_celsius=record.celsius,
         starts=starts(drawn),
-        factors=wire_factors(DRAWS),
+        factors=wire_factors(DRAWS, wire_relative_std=uncertainty.wire_relative_std),
         thermal=thermal,
     )
     alike = rms(uncertainty.voltage_volt)

@@ -29,7 +29,7 @@ class Uncertainty(NamedTuple):
 
     capacity_relative, resistance_relative : [1]. voltage_volt : what the chosen member misses of
     records left out of its fit [V]. initial_soc : [1]. ocv : tuple of OcvError, or None where an
-    error of the voltage is the same at every SoC.
+    error of the voltage is the same at every SoC. wire_relative_std : scalar, of all contacts [1].
     """
 
     capacity_relative: np.ndarray
@@ -37,6 +37,7 @@ class Uncertainty(NamedTuple):
     voltage_volt: np.ndarray
     initial_soc: np.ndarray
     ocv: tuple | None = None
+    wire_relative_std: float = SETTINGS.wire_relative_std
 
 
 def uncertainty_of(
@@ -46,6 +47,7 @@ def uncertainty_of(
     capacity_relative_std=SETTINGS.capacity_relative_std,
     resistance_relative_std=SETTINGS.resistance_relative_std,
     initial_soc_std=SETTINGS.initial_soc_std,
+    wire_relative_std=SETTINGS.wire_relative_std,
 ):
     """Uncertainty of each cell of a pack.
 
@@ -57,7 +59,8 @@ def uncertainty_of(
     Parameters
     ----------
     models : model dicts. capacity_std_ampere_hour : (cells,), NaN or None where not known [Ah].
-    capacity_relative_std, resistance_relative_std : least values [1]. initial_soc_std : [1].
+    capacity_relative_std, resistance_relative_std : least values [1].
+    initial_soc_std, wire_relative_std : [1].
 
     Returns
     -------
@@ -75,6 +78,7 @@ def uncertainty_of(
         np.array([_missed_volt(member) for member in members]),
         np.full(len(models), float(initial_soc_std)),
         ocv,
+        wire_relative_std,
     )
 
 
