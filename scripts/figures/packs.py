@@ -44,7 +44,8 @@ def draw_pack(series, scores, test):
     style.plot_thinned(voltage, hours, measured, color=style.MEASURED, label="measured")
     style.plot_thinned(voltage, hours, simulated, color=style.ERROR, linewidth=0.8, label=label)
     current.set(ylabel="current [A]", title=f"{test}: branch currents (pale: measured)")
-    title = "Measured − simulated (dotted: 90 %; grey: fitted, not scored)"
+    dotted = "dotted: 90 %; " if "voltage_std_volt" in series else ""
+    title = f"Measured − simulated ({dotted}grey: fitted, not scored)"
     residual.set(ylabel="residual [mA]", title=title)
     voltage.set(ylabel="voltage [V]", xlabel="time [h]")
     style.legend_once(current)

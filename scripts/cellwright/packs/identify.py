@@ -224,7 +224,10 @@ def _without_noise(gram, noise):
         return gram
     added = np.zeros(gram.shape)
     added[-len(noise) :, -len(noise) :] = noise
-    root = np.linalg.cholesky(gram)
+    try:
+        root = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:  # nothing tells the parameters apart: the solution refuses it
+        return gram
     half = np.linalg.solve(root, np.linalg.solve(root, added).T)
     return gram - min(1.0, 0.95 / np.linalg.eigvalsh(half)[-1]) * added
 
