@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.packs.uncertainty.bands import WITHIN_90_PERCENT
 from figures import style
 
 NAMED_BRANCHES = 6  # more are drawn as a band, with the worst of them by name
@@ -36,13 +37,16 @@ def draw_pack(series, scores, test):
         style.plot_thinned(current, hours, simulated, color=colour, linewidth=1.2, label=label)
         error = 1e3 * (measured - simulated)
         style.plot_thinned(residual, hours, error, color=colour, linewidth=0.7)
+        _interval(residual, hours, series, row["branch"], colour)
     style.shade_unscored(residual, hours, series["scored"])
     measured, simulated = series["voltage_volt"], series["simulated_voltage_volt"]
     label = f"simulated: RMSE {1e3 * scores[0]['voltage_rmse_volt']:.0f} mV"
     style.plot_thinned(voltage, hours, measured, color=style.MEASURED, label="measured")
     style.plot_thinned(voltage, hours, simulated, color=style.ERROR, linewidth=0.8, label=label)
     current.set(ylabel="current [A]", title=f"{test}: branch currents (pale: measured)")
-    residual.set(ylabel="residual [mA]", title="Measured − simulated (grey: fitted, not scored)")
+    dotted = "dotted: 90 %; " if "voltage_std_volt" in series else ""
+    title = f"Measured − simulated ({dotted}grey: fitted, not scored)"
+    residual.set(ylabel="residual [mA]", title=title)
     voltage.set(ylabel="voltage [V]", xlabel="time [h]")
     style.legend_once(current)
     style.legend_once(voltage)
@@ -57,6 +61,16 @@ def _branch(series, branch):
     """Measured and simulated current of a branch (n,) [A]."""
     name = f"branch_{branch}_current_ampere"
     return series[name], series[f"simulated_{name}"]
+
+
+def _interval(axes, hours, series, branch, colour):
+    """Limits of 90 % about the simulated current, dotted, where it is known how sure it is."""
+    std = series.get(f"branch_{branch}_current_std_ampere")
+    if std is None:
+        return
+    for sign in (-1.0, 1.0):
+        edge = 1e3 * sign * WITHIN_90_PERCENT * std
+        style.plot_thinned(axes, hours, edge, color=colour, linewidth=0.6, linestyle=":")
 
 
 def _band(axes, hours, pairs):

@@ -1,13 +1,17 @@
 """Simulate a parallel group and score its branch currents."""
 
 import cellwright as cw
-from runtime import artefact
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
     models = [job.load(path) for path in snakemake.input.models]
     test = snakemake.params.test | {"test": snakemake.wildcards.test}
     record = job.load(snakemake.input.series)
-    found = cw.validate_group(models, snakemake.params.branches, record, test)
+    rows = facts.rows_of_tests(snakemake.input.capacities)
+    about = snakemake.params.branches, record, test
+    thermal = [content for content, _ in artefact.load_all(snakemake.input.thermal)]
+    how = {"settings": snakemake.params.settings, "thermal": thermal}
+    found = cw.validate_group(models, *about, rows, **how)
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.scores)
     job.save(found.findings, snakemake.output.findings)

@@ -8,6 +8,7 @@ with artefact.Job(snakemake) as job:
     models = [job.load(path) for path in inputs.models]
     capacities = tables.rows_of(inputs.capacities, params.tests)
     pack = (models, params.members, params.cells, capacities, params.settings)
-    found = cw.pack_decisions(*pack, temperature_celsius=params.celsius)
+    thermal = [content for content, _ in artefact.load_all(inputs.thermal)]
+    found = cw.pack_decisions(*pack, temperature_celsius=params.celsius, thermal=thermal)
     job.note(*found.notes)
     job.save(found.rows)

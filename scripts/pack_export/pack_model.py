@@ -12,6 +12,7 @@ with artefact.Job(snakemake) as job:
         capacities=facts.rows_of_tests(inputs.capacities),
         validation=facts.rows_of_tests(inputs.validation),
         group_tests=facts.rows_of_tests(inputs.tests),
+        thermal=[content for content, _ in artefact.load_all(inputs.thermal)],
     )
     job.note(*found.notes)
     job.save(found.content, output.model)

@@ -102,13 +102,15 @@ def record(rng, *, entropic=0.0, gap=False, noise_kelvin=0.02):
 @pytest.mark.parametrize("entropic", [0.0, 2e-4])
 def test_the_fit_recovers_the_truth(entropic, gap):
     noisy = record(np.random.default_rng(1), entropic=entropic, gap=gap)
-    fit = fit_thermal(*noisy, 25.0, entropic=entropic > 0)
+    shape = np.ones((len(noisy[0]), 1)) if entropic else None
+    fit = fit_thermal(*noisy, 25.0, entropic_shape=shape)
     values = [fit.heat_capacity_joule_per_kelvin, fit.resistance_kelvin_per_watt]
     std = [fit.heat_capacity_std_joule_per_kelvin, fit.resistance_std_kelvin_per_watt]
     np.testing.assert_array_less(np.abs(np.subtract(values, [45.0, 8.0])), 4 * np.array(std))
     np.testing.assert_array_less(std, [0.2, 0.04])
     assert fit.ambient_offset_kelvin == pytest.approx(0.3, abs=0.01)
-    assert fit.entropic_volt_per_kelvin == pytest.approx(entropic, abs=1e-6)
+    np.testing.assert_allclose(fit.entropic_volt_per_kelvin, entropic, atol=1e-6)
+    np.testing.assert_array_less(fit.entropic_std_volt_per_kelvin, 1e-6)
     assert fit.rmse_kelvin == pytest.approx(0.02, rel=0.05)
 
 

@@ -8,12 +8,15 @@ import strings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import cellwright as cw
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.decisions import matching, monte_carlo
 from cellwright.packs.decisions.fleet import discharges_of, fleet_of, matched_fleet
 from cellwright.packs.decisions.group_use import discharge_pack, safe_window
 from cellwright.packs.decisions.of_pack import charged_soc, pack_decisions
 from cellwright.packs.series.capability import discharge_string
+from cellwright.packs.thermal import Thermal
+from cellwright.packs.uncertainty import draws
 from cellwright.packs.wiring import Wiring, star_of
 from cellwright.records.facts import BranchFacts, CellFacts
 from cellwright.refusal import Refusal
@@ -156,8 +159,8 @@ def test_intervals_hold_a_pack_drawn_from_the_stated_uncertainties(wiring):
     """Nine in ten of 60 packs, whose cells differ from their models as stated, are within."""
     shares, factors = np.array([1.0, 0.85, 0.9]), np.array([1.0, 1.3, 1.1])
     models = strings.models(shares, factors)
-    known = monte_carlo.Uncertainty(*(np.full(3, std) for std in (0.01, 0.05, 0.003, 0.004)))
-    drawn, truth = (monte_carlo.draw_cells(known, draws=n, seed=s) for n, s in ((200, 1), (60, 2)))
+    known = draws.Uncertainty(*(np.full(3, std) for std in (0.01, 0.05, 0.003, 0.004)))
+    drawn, truth = (draws.draw_cells(known, draws=n, seed=s) for n, s in ((200, 1), (60, 2)))
     given = []
     for sample in (drawn, truth):
         if wiring == "series":
@@ -177,7 +180,7 @@ def test_intervals_hold_a_pack_drawn_from_the_stated_uncertainties(wiring):
 def test_a_drawn_string_is_the_string_of_so_changed_models():
     """One draw against models that are made with its capacity, resistances and shift."""
     shares, factors = np.array([1.0, 0.85]), np.array([1.0, 1.3])
-    draw = monte_carlo.CellDraws(
+    draw = draws.CellDraws(
         np.array([[1.02, 0.97]]), np.array([[0.9, 1.2]]), np.array([[0.004, -0.003]]),
         np.array([[-0.02, 0.0]]),
     )  # fmt: skip
@@ -199,7 +202,7 @@ def test_a_drawn_string_is_the_string_of_so_changed_models():
 def test_uncertainty_is_what_the_models_and_tests_say_and_never_less_than_the_settings():
     models = [strings.model("A", r_std=0.1), strings.model("B")]
     models[0]["members"][0]["left_out_rmse_volt"] = 0.004
-    known = monte_carlo.uncertainty_of(models, [0.6, None])
+    known = draws.uncertainty_of(models, [0.6, None])
     least = PackDecisions()
     np.testing.assert_allclose(known.capacity_relative, [0.02, least.capacity_relative_std])
     whole = strings.R0_OHM + sum(strings.R_OHM)
@@ -348,3 +351,52 @@ def test_a_pack_is_judged_from_full_and_a_string_keeps_what_its_cells_differ_by(
     strings = Wiring("strings", "parallel", (string, "E"), (0.0, 0.0), (0.0, 0.0))
     both = charged_soc(strings, np.append(soc, 0.3), np.append(capacity, 5.0))
     np.testing.assert_allclose(both, np.append(full, 1.0))
+
+
+@pytest.mark.parametrize("charge_std", [0.003, 3.0])
+def test_a_capacity_is_as_sure_as_the_direction_that_repeats_better(charge_std):
+    """A discharge also differs by how full the one before has left the cell."""
+    models = strings.models([1.0, 0.9])
+    rows = [
+        {"cell": model["cell"], "direction": direction, "c_rate": rate, "repeats": 3}
+        | {"capacity_std_ampere_hour": std, "temperature_mean_celsius": 25.0}
+        for model in models
+        for direction, rate, std in (("discharge", 0.5, 1.5), ("charge", 0.50002, charge_std))
+    ]
+    wired = [
+        {"group": "pair", "position": k, "cell": m["cell"], "wire_resistance_ohm": 3e-4}
+        for k, m in enumerate(models, 1)
+    ]
+    about = (models, wired, facts_of(models), rows, PackDecisions(draws=60, initial_soc_std=0.0))
+    decided = cw.pack_decisions(*about).to_frame().set_index("quantity")
+    charge = decided.loc["usable charge"]
+    half = 0.5 * (charge["p95"] - charge["p05"]) / charge["value"]
+    known = max(0.003, min(charge_std, 1.5) / 3**0.5 / 30.0)
+    assert half == pytest.approx(1.64 * known / 2**0.5, rel=0.35)
+
+
+def test_cells_that_warm_share_a_discharge_more_evenly():
+    """Of warm cells the resistances are smaller, by one activation energy for all."""
+    models = [warming(m) for m in strings.models([1.0, 0.8], [1.0, 1.6])]
+    star = star_of(("A", "B"), wire_resistance_ohm=1e-4)
+    thermal = Thermal(np.full(2, 300.0), np.full(2, 3.0), 0.0, None, np.zeros((2, 3)))
+    cold, warm = (
+        discharge_pack(
+            pack_cells(models, temperature_celsius=tables),
+            star,
+            lower_cutoff_volt=LOWER,
+            current_ampere=108.0,
+            thermal=how,
+            ambient_celsius=25.0,
+        )
+        for how, tables in ((None, 25.0), (thermal, np.arange(25.0, 80.0, 5.0)))
+    )
+    assert warm.capacity_ampere_hour > cold.capacity_ampere_hour
+    assert (warm.loss_watt < cold.loss_watt).all()
+    assert (warm.loss_watt > 0.5 * cold.loss_watt).all()
+
+
+def warming(model):
+    (member,) = model["members"]
+    entry = member["conditions"][0] | {"activation_energy_joule_per_mole": 30e3}
+    return model | {"members": [member | {"conditions": [entry]}]}

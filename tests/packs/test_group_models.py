@@ -5,7 +5,7 @@ import pytest
 from sheets_facts import measured_test
 
 from cellwright.packs.cells import pack_cells, rc_cells
-from cellwright.packs.identify import group_models
+from cellwright.packs.identify import group_models, identify_branches
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.wiring import star_of
 from cellwright.records.record import branch_currents
@@ -117,3 +117,44 @@ def test_refusals():
     down = steps | {"current_mean_ampere": -np.abs(steps["current_mean_ampere"])}
     with pytest.raises(Refusal, match="no charge between two rests"):
         group_models(test, down, ["A", "B"])
+
+
+NOISE_AMPERE = 0.01
+CHARGE = slice(SPANS["rest"] - 30, SPANS["rest"] + SPANS["charge"] + SPANS["rest after"])
+
+
+def noisy(seed):
+    """Time, branch currents and voltage of the charge; a branch is the total less the other."""
+    series = record()[0].series
+    columns = [series[f"branch_{k}_current_ampere"] for k in (1, 2)]
+    current = np.column_stack(columns) - OFFSET
+    noise = NOISE_AMPERE * np.random.default_rng(seed).standard_normal(len(current))
+    current = current + np.column_stack([noise, -noise])
+    return [values[CHARGE] for values in (series["test_time_second"], current)], (
+        series["voltage_volt"][CHARGE]
+    )
+
+
+def whole(fit):
+    """Resistance in the long run of each cell (cells, p) [ohm]."""
+    return fit.cells.r0_ohm[0, :, 0] + fit.cells.r_ohm[0, :, 0]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_of_the_sensors_does_not_make_resistances_smaller(seed):
+    (time, current), volt = noisy(seed)
+    true = (TRUE.r0_ohm[0, :, 0] + TRUE.r_ohm[0, :, 0]).mean()
+    plain, told = (
+        whole(identify_branches(time, current, volt, tau_second=(300.0,), noise_ampere=noise))
+        for noise in (0.0, NOISE_AMPERE)
+    )
+    assert plain.mean() < 0.93 * true
+    assert told.mean() == pytest.approx(true, rel=0.03)
+
+
+def test_the_models_of_a_group_say_how_sure_they_are():
+    for model in group_models(*record(), ["A", "B"]).values():
+        entry = model["members"][0]["conditions"][0]
+        for stds in (entry["r0_std_ohm"], entry["ocv_shift_std_volt"]):
+            assert len(stds) == len(entry["soc"])
+            assert np.nanmin(np.array(stds, float)) > 0

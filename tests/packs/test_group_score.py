@@ -8,6 +8,8 @@ from sheets_facts import branch_facts, measured_test
 from cellwright.bias.scaled import scaled_reference
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
+from cellwright.packs.thermal import Thermal
+from cellwright.packs.uncertainty.draws import uncertainty_of
 from cellwright.packs.validate import of_one_activation_energy, validate_group
 from cellwright.packs.wiring import Wiring
 from cellwright.refusal import Refusal
@@ -289,3 +291,55 @@ def test_a_cell_beyond_its_calibration_is_said_with_its_name():
     beyond = MODELS[1] | {"notes": ["outside the calibration, its interval is wider: capacity"]}
     notes = score(record(), models=[MODELS[0], beyond]).notes
     assert "B: outside the calibration, its interval is wider: capacity" in notes
+
+
+BODY = {"heat_capacity_joule_per_kelvin": [30.0, 30.0], "resistance_kelvin_per_watt": [9.0, 9.0]}
+
+
+def warming_pair():
+    """Two cells whose resistances halve within 20 K, and their record while they warm."""
+    models = [with_energy(model, 30e3) for model in MODELS]
+    cells = pack_cells(models, temperature_celsius=np.arange(25.0, 70.0, 5.0))
+    thermal = Thermal(*map(np.array, BODY.values()), 0.0, None, np.zeros((2, 3)))
+    total = 2.0 * TOTAL
+    about = {"initial_soc": SOC, "ambient_celsius": 25.0, "thermal": thermal}
+    run = simulate_pack(TIME, total, cells, star(), **about)
+    series = {"test_time_second": TIME, "current_ampere": total, "voltage_volt": run.voltage_volt}
+    for k in (0, 1):
+        series[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, k]
+    return models, series, thermal, run
+
+
+def test_where_no_temperature_was_logged_cells_warm_by_their_own_heat():
+    models, series, thermal, run = warming_pair()
+    assert np.ptp(run.temperature_celsius) > 3.0
+    test = measured_test(series, "pair", "group", celsius=25.0)
+    plain, warm = (
+        validate_group(models, branches(), test, star(), thermal=how) for how in (None, thermal)
+    )
+    assert warm.rows[0]["voltage_rmse_volt"] < 0.1 * plain.rows[0]["voltage_rmse_volt"]
+    assert any("own heat" in note for note in warm.notes)
+    logged = series | {"surface_temperature_celsius": run.temperature_celsius.mean(axis=1)}
+    test = measured_test(logged, "pair", "group", celsius=25.0)
+    notes = validate_group(models, branches(), test, star(), thermal=thermal).notes
+    assert not any("own heat" in note for note in notes)
+
+
+def test_branch_currents_have_intervals_where_it_is_known_how_sure_the_cells_are():
+    known = uncertainty_of(MODELS, [None, None])
+    facts = measured_test(record(), "pair", "group", celsius=25.0)
+    found = validate_group(MODELS, branches(), facts, star(), uncertainty=known)
+    assert "no intervals: nothing tells how sure the model of A, B is" in found.notes
+    assert np.isnan(found.rows[0]["current_interval_ampere"])
+    told = [with_left_out(model) for model in MODELS]
+    known = uncertainty_of(told, [None, None])
+    found = validate_group(told, branches(), facts, star(), uncertainty=known)
+    for row in found.rows:
+        assert row["current_interval_ampere"] > 0
+        assert row["current_inside_interval"] == row["voltage_inside_interval"] == 1.0
+    assert found.rows[0]["voltage_interval_volt"] > 1.64 * 0.002
+    assert found.series["branch_2_current_std_ampere"].shape == TIME.shape
+
+
+def with_left_out(model):
+    return model | {"members": [m | {"left_out_rmse_volt": 0.002} for m in model["members"]]}

@@ -9,9 +9,11 @@ from wirings import parallel, series
 from cellwright.circuits.heat import simulate_warm
 from cellwright.packs import kernel
 from cellwright.packs.cells import pack_cells
+from cellwright.packs.network import network_of
 from cellwright.packs.phases import Phase, run_phases
 from cellwright.packs.simulate import simulate_pack
-from cellwright.packs.thermal import Thermal, thermal_modes, warmed
+from cellwright.packs.steps import ocv_volt, start
+from cellwright.packs.thermal import Thermal, heat_of, thermal_modes, warmed
 from cellwright.refusal import Refusal
 
 TIME = np.arange(0.0, 1800.0, 2.0)
@@ -179,3 +181,35 @@ def test_refusals():
         run(Thermal(45.0, 8.0, np.triu(np.ones((3, 3)))))
     with pytest.raises(Refusal, match="have to rise"):
         pack_cells([warm_model()], temperature_celsius=[25.0, 15.0])
+
+
+def test_an_entropic_coefficient_over_soc_acts_at_the_soc_of_each_cell():
+    even = {"initial_soc": [0.9, 0.5, 0.2], "ambient_celsius": 25.0}
+    row = [2e-4, -1e-4, 1e-4]
+    flat = np.repeat(np.array([2e-4, -1e-4, 1e-4])[:, None], 5, axis=1)
+    run, same = (
+        simulate_pack(
+            TIME,
+            LOAD,
+            CELLS,
+            series(*"ABC"),
+            thermal=Thermal(**CONSTANTS, entropic_volt_per_kelvin=value),
+            **even,
+        )
+        for value in (row, flat)
+    )
+    np.testing.assert_allclose(same.temperature_celsius, run.temperature_celsius, atol=1e-12)
+    table = np.array([[0.0, 0.0, 4e-4]] * 3)
+    modes = thermal_modes(Thermal(**CONSTANTS, entropic_volt_per_kelvin=table), 3)
+    state = start(
+        CELLS, network_of(series(*"ABC"), CELLS.capacity_ampere_hour), [1.0, 0.75, 0.4], 25
+    )
+    state = state._replace(current_ampere=np.ones(3))
+    watt = heat_of(CELLS, modes, state, ocv_volt(CELLS, state.soc, state.temperature_celsius))
+    np.testing.assert_allclose(watt, 298.15 * np.array([4e-4, 2e-4, 0.0]), atol=1e-9)
+
+
+@pytest.mark.parametrize("value", [[1e-4, 1e-4], [[1e-4]], np.nan])
+def test_entropic_coefficients_of_another_shape_are_refused(value):
+    with pytest.raises(Refusal, match="entropic coefficient"):
+        thermal_modes(Thermal(**CONSTANTS, entropic_volt_per_kelvin=value), 3)

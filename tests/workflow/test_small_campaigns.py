@@ -29,7 +29,8 @@ PLANNED = {
     "capacity_only": CAPACITY | {"effect_search", "witnesses"},
     "ocv_pulses_drive": CAPACITY
     | METHODS
-    | {"ocv", "pulses", "polarisation", "identify", "member", "model", "export", "prediction"}
+    | {"ocv", "pulses", "polarisation", "identify", "member", "model", "thermal", "export"}
+    | {"prediction"}
     | {"effect_search", "effect_search_own", "witnesses"},
     "spectra_only": {"impedance", "basis", "temperature", "cold_limit"},
     "pulses_over_temperature": CAPACITY

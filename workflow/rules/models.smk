@@ -35,6 +35,8 @@ def curve_lenders(cell):
     return [c for c in peers(cell) if tests(c, "ocv", roles=["fit"])] if asked else []
 
 
+# Kinds of test of which a logged temperature may tell how a cell warms.
+WARMING_KINDS = ("capacity", "hppc", "ica")
 # Kinds of test that a model may be fitted to, and in which roles.
 FIT_ROLES = {"hppc": ["fit"], "drive": ["fit", "split"]}
 
@@ -177,6 +179,39 @@ rule identify:
         "Identify the equivalent circuits of {wildcards.cell} ({params.members})."
     script:
         "../../scripts/models/identify.py"
+
+
+# Cells with tests in which a cell warms by loads both ways, or by pulses.
+WARMED = cells_where(
+    lambda cell: cell in IDENTIFIED | BIASED and tests(cell, *WARMING_KINDS, roles=["fit"])
+)
+
+
+def warming_series(wildcards):
+    """Tests that tell how a cell warms, and those that score it."""
+    told = tests(wildcards.cell, *WARMING_KINDS, roles=["fit"])
+    scored = tests(wildcards.cell, "drive", roles=["validation"])
+    return [f"results/clean/{wildcards.cell}/{row['test']}.parquet" for row in [*told, *scored]]
+
+
+rule thermal:
+    input:
+        model="results/models/{cell}.json",
+        series=warming_series,
+    output:
+        constants="results/thermal/{cell}.json",
+        tests="results/thermal_tests/{cell}.parquet",
+    log:
+        "logs/thermal/{cell}.log",
+    wildcard_constraints:
+        cell=either(WARMED),
+    params:
+        cell=cell_facts,
+        split_rest_second=config["models"]["split_rest_second"],
+    message:
+        "Heat capacity and thermal resistance of {wildcards.cell}."
+    script:
+        "../../scripts/models/thermal.py"
 
 
 def table_of_model(wildcards):

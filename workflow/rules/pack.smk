@@ -13,6 +13,11 @@ def models_of_group(wildcards):
     return [f"results/models/{cell}.json" for cell in LEAVES[wildcards.group] if cell in MODELLED]
 
 
+def thermal_of_group(wildcards):
+    """Thermal constants of the cells of a group that have tests which may tell them."""
+    return [f"results/thermal/{cell}.json" for cell in LEAVES[wildcards.group] if cell in WARMED]
+
+
 rule branches:
     input:
         series=lambda w: fitted("clean", w.group, "group"),
@@ -36,6 +41,8 @@ rule pack:
     input:
         series="results/clean/{group}/{test}.parquet",
         models=models_of_group,
+        capacities=lambda w: capacities_of(LEAVES[w.group]),
+        thermal=thermal_of_group,
     output:
         scores="results/pack/{group}/{test}.parquet",
         findings="results/pack_findings/{group}/{test}.parquet",
@@ -48,6 +55,7 @@ rule pack:
     params:
         test=test_facts,
         branches=lambda w: WIRED[w.group],
+        settings=config["pack_decisions"],
     message:
         "Simulate the group {wildcards.group} through {wildcards.test}."
     script:

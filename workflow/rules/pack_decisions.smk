@@ -50,6 +50,7 @@ rule pack_decisions:
     input:
         models=models_of_group,
         capacities=lambda w: capacities_of(LEAVES[w.group]),
+        thermal=thermal_of_group,
     output:
         "results/pack_decisions/{group}.parquet",
     log:

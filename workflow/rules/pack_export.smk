@@ -25,6 +25,7 @@ rule pack_model:
         ],
         validation=lambda w: [path for cell in LEAVES[w.group] for path in scores_of(cell)],
         tests=lambda w: artefacts(scored_stage(w.group), w.group, "group"),
+        thermal=thermal_of_group,
     output:
         model="results/pack_models/{group}.json",
         lookup="results/pack_models/{group}/lookup.csv",

@@ -94,6 +94,7 @@ STAGES = [
     *[f"results/health_from_peaks/{cell}.parquet" for cell in FIRST_OF_TYPE],
     *[f"results/plateau_losses/{cell}.parquet" for cell in AGED_SLOWLY],
     *[f"results/identify/{cell}.json" for cell in IDENTIFIED],
+    *[f"results/thermal_tests/{cell}.parquet" for cell in WARMED],
     *[f"results/bias/{cell}.json" for cell in BIASED],
     *[f"results/given_model/{cell}.json" for cell in GIVEN],
     *[f"results/bias_worst/{cell}.json" for cell in JUDGED_WORST],

@@ -316,43 +316,6 @@ def simulate_group(
     return results.Simulation(columns, ", ".join(dict.fromkeys(cells.members)))
 
 
-def validate_group(models, branches, series, test):
-    """Errors of a parallel group simulated through its record: branch currents [A], voltage [V].
-
-    Parameters
-    ----------
-    models : of the cells, in the order of the branches. branches : rows of groups.tsv, of the group
-        and of all groups in it.
-    series : clean series with branch_<k>_current_ampere [A], (n,) columns.
-    test : TestFacts or mapping.
-
-    Returns
-    -------
-    validation : ScoredGroup; one row a branch: errors of current [A] and voltage [V].
-
-    Raises
-    ------
-    Refusal : Other branch currents than branches, a cell without a model, or no SoC at the start.
-
-    Source: docs/packs.md.
-    """
-    from cellwright.packs.validate import validate_group as validated
-    from cellwright.packs.wiring import cells_of, models_of, wiring_of
-    from cellwright.records.facts import MeasuredTest
-
-    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
-    rows = inputs.rows(branches)
-    group = rows[0].get("group", "the group")
-    wiring = wiring_of(group, rows)
-    documents = models_of(wiring, [inputs.content(model) for model in models])
-    own = [row for row in rows if row.get("group", group) == group]
-    members = sorted(own, key=lambda row: row["position"])
-    facts = [inputs.branch_facts(row) for row in members]
-    by_cell = {row["cell"]: inputs.branch_facts(row) for row in rows}
-    leaves = [by_cell[cell] for cell in cells_of(wiring)]
-    return results.ScoredGroup(*validated(documents, facts, measured, wiring, leaves=leaves))
-
-
 def check_group(branches, series, test, simulated=None):
     """Checks of a group's record: do its channels agree, and are they where the sheet says.
 

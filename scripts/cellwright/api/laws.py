@@ -5,11 +5,13 @@ from cellwright.settings import (
     Ageing,
     CapacityLoss,
     IcaTemperature,
+    Models,
     OcvTemperature,
     Temperature,
 )
 
 TEMPERATURE = Temperature()
+MODELS = Models()
 
 
 def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, **changes):
@@ -331,3 +333,28 @@ def ageing_over_temperature(cycles, test, settings=None, **changes):
     rows = law_rows(ageing.summary, test=inputs.test_facts(test).test)
     notes = tuple(filter(None, [ageing.summary["reason"]]))
     return results.AgeingLaws(ageing.summary, rows, ageing.cycles, ageing.periodogram, notes)
+
+
+def thermal_constants(cell, model, tests, *, split_rest_second=MODELS.split_rest_second):
+    """Heat capacity and thermal resistance of a cell from tests with its logged temperature.
+
+    Parameters
+    ----------
+    cell : CellFacts or mapping. model : of the cell.
+    tests : (test, clean series) each; those of role fit with surface_temperature_celsius are
+        fitted, those of role validation scored.
+    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+
+    Returns
+    -------
+    thermal : Document; content: heat_capacity_joule_per_kelvin [J/K], resistance_kelvin_per_watt
+        [K/W], their standard deviations, the entropic coefficient over SoC [V/K], or None and the
+        reason; its table: one row a test.
+
+    Source: docs/thermal.md.
+    """
+    from cellwright.identification.thermal import thermal_of
+
+    about = inputs.content(model), inputs.cell_facts(cell), inputs.tests(tests)
+    found = thermal_of(*about, split_rest_second=split_rest_second)
+    return results.Document(found.content, found.notes, found.rows)

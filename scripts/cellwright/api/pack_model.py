@@ -1,11 +1,11 @@
 """The validated model of a pack: put together, written for others, read again."""
 
+from collections.abc import Mapping
+
 from cellwright.api import inputs, results
 
 
-def assemble_pack(
-    group, rows, models, *, capacities=(), validation=(), group_tests=(), thermal=None
-):
+def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_tests=(), thermal=()):
     """The model of a pack as one document: wiring, cells, start, and every number's error.
 
     Parameters
@@ -15,7 +15,8 @@ def assemble_pack(
     capacities : rows of `capacity` of the cells' tests, each with its `cell`.
     validation : rows of `validate` of the cells' tests, each with cell, test, role.
     group_tests : rows of `validate_group`, each with test, role.
-    thermal : mapping, cell → (heat capacity [J/K], resistance to the ambient [K/W]), where known.
+    thermal : documents of `thermal_constants`; or mapping, cell → (heat capacity [J/K], resistance
+        to the ambient [K/W]), where known.
 
     Returns
     -------
@@ -27,13 +28,15 @@ def assemble_pack(
 
     Source: docs/exports.md.
     """
+    from cellwright.identification.thermal import constants_of
     from cellwright.packs.artefact import CellInPack, ThermalConstants, pack_document, pack_lookup
     from cellwright.packs.wiring import wiring_of
     from cellwright.records.checkups import repeat_std
 
     documents = {model["cell"]: model for model in map(inputs.content, models)}
     start = {row["cell"]: row.get("initial_soc") for row in rows}
-    heat = {cell: ThermalConstants(*values) for cell, values in (thermal or {}).items()}
+    told = thermal if isinstance(thermal, Mapping) else constants_of(map(inputs.content, thermal))
+    heat = {cell: ThermalConstants(*values) for cell, values in told.items()}
 
     def discharges(cell):
         return [r for r in capacities if r["cell"] == cell and r["direction"] == "discharge"]

@@ -3,6 +3,7 @@
 from cellwright.api import inputs, results
 from cellwright.settings import PackDecisions
 
+SAME_RATE = 1.1  # over the slowest: rates of charge and discharge this near are one
 SAME_CELSIUS = 3.0  # chamber temperatures this near are one
 
 
@@ -158,6 +159,66 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
     return results.SeriesPack(*found)
 
 
+def validate_group(
+    models, branches, series, test, capacities=None, settings=None, *, thermal=(), **changes
+):
+    """Errors of a parallel group simulated through its record: branch currents [A], voltage [V].
+
+    Parameters
+    ----------
+    models : of the cells, in the order of the branches. branches : rows of groups.tsv, of the group
+        and of all groups in it.
+    series : clean series with branch_<k>_current_ampere [A], (n,) columns.
+    test : TestFacts or mapping.
+    capacities : rows of the capacity stage of its cells, with cell and test, by whose standard
+        deviations intervals are told; () where there is none; None: no intervals are told.
+    settings : `settings.PackDecisions`, or its keys as keywords: least standard deviations.
+    thermal : documents of `thermal_constants`: where no temperature was logged in the group and
+        those of all cells are known, the cells warm by their own heat.
+
+    Returns
+    -------
+    validation : ScoredGroup; one row a branch: errors of current [A] and voltage [V], and how wide
+        their intervals of 90 % are.
+
+    Raises
+    ------
+    Refusal : Other branch currents than branches, a cell without a model, or no SoC at the start.
+
+    Source: docs/packs.md.
+    """
+    from cellwright.packs.uncertainty.draws import uncertainty_of
+    from cellwright.packs.validate import validate_group as validated
+    from cellwright.packs.wiring import cells_of, models_of, wiring_of
+    from cellwright.records.facts import MeasuredTest
+
+    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
+    rows = inputs.rows(branches)
+    group = rows[0].get("group", "the group")
+    wiring = wiring_of(group, rows)
+    documents = models_of(wiring, [inputs.content(model) for model in models])
+    own = [row for row in rows if row.get("group", group) == group]
+    members = sorted(own, key=lambda row: row["position"])
+    facts = [inputs.branch_facts(row) for row in members]
+    by_cell = {row["cell"]: inputs.branch_facts(row) for row in rows}
+    leaves = [by_cell[cell] for cell in cells_of(wiring)]
+    known = None
+    if capacities is not None:
+        chosen = inputs.settings_of(PackDecisions, settings, changes)
+        known = uncertainty_of(
+            documents,
+            _capacity_stds(capacities, cells_of(wiring)),
+            capacity_relative_std=chosen.capacity_relative_std,
+            resistance_relative_std=chosen.resistance_relative_std,
+            initial_soc_std=chosen.initial_soc_std,
+            wire_relative_std=chosen.wire_relative_std,
+        )
+    warms = _thermal_of(thermal, cells_of(wiring))
+    how = {"leaves": leaves, "uncertainty": known, "thermal": warms}
+    found = validated(documents, facts, measured, wiring, **how)
+    return results.ScoredGroup(*found)
+
+
 def nested_pack(models, members, series, test):
     """A pack of groups in groups simulated through its record, against what was logged of it.
 
@@ -201,7 +262,15 @@ def nested_pack(models, members, series, test):
 
 
 def pack_decisions(
-    models, members, cells, capacities=(), settings=None, *, temperature_celsius=25.0, **changes
+    models,
+    members,
+    cells,
+    capacities=(),
+    settings=None,
+    *,
+    temperature_celsius=25.0,
+    thermal=(),
+    **changes,
 ):
     """What is decided about a pack: Monte Carlo, which cell to replace, safe window of SoC.
 
@@ -213,6 +282,8 @@ def pack_decisions(
         deviations, and of the temperature of cells under such a load (temperature_mean_celsius).
     temperature_celsius : around the cells [°C]; they are as warm as in their discharges within 3 K
         of it, where those tell.
+    thermal : documents of `thermal_constants`: where those of all cells are known, the cells of a
+        pack with parallel ones warm by their own heat instead.
 
     Returns
     -------
@@ -225,13 +296,21 @@ def pack_decisions(
     Source: docs/pack-decisions.md.
     """
     from cellwright.packs.decisions.of_pack import pack_decisions as decided
+    from cellwright.packs.wiring import depth
 
     wiring, documents, positions, facts = _pack(models, members, cells)
     stds = _capacity_stds(capacities, [row.cell for row in positions])
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     warm = _loaded_celsius(capacities, [row.cell for row in positions], temperature_celsius)
-    rows = decided(wiring, documents, positions, facts, stds, celsius=warm, settings=chosen)
-    notes = [f"cells at {warm:.1f} °C", *_borrowed(documents)]
+    warms = _thermal_of(thermal, [row.cell for row in positions])
+    around = {"thermal": warms, "ambient_celsius": float(temperature_celsius)}
+    about = (wiring, documents, positions, facts, stds)
+    rows = decided(*about, celsius=warm, settings=chosen, **around)
+    string = wiring.connection == "series" and depth(wiring) == 1
+    how = f"cells at {warm:.1f} °C"
+    if warms is not None and not string:
+        how = f"cells warm by their own heat from {temperature_celsius:.1f} °C"
+    notes = [how, *_borrowed(documents)]
     return results.Table(rows, tuple(notes))
 
 
@@ -290,22 +369,40 @@ def _borrowed(documents):
             yield f"models of {', '.join(names)}: {meaning}"
 
 
+def _thermal_of(documents, names):
+    """Thermal of a pack's cells, None where one cell's constants are not known."""
+    from cellwright.identification.thermal import thermal_columns
+    from cellwright.packs.thermal import Thermal
+
+    known = {content["cell"]: content for content in map(inputs.content, documents)}
+    columns = thermal_columns([known.get(name) for name in names])
+    return None if columns is None else Thermal(**columns)
+
+
 def _facts_of(cells, names):
     known = {facts.cell: facts for facts in map(inputs.cell_facts, cells)}
     return [known[name] for name in names]
 
 
 def _capacity_stds(capacities, names):
-    """Standard deviation of each cell's capacity: of the mean of its slowest repeated discharge."""
-    slowest = {}
+    """Standard deviation of each cell's capacity: of the mean of its slowest repeated cycles.
+
+    Of charge and discharge the one that repeats better tells it: a discharge also differs by how
+    full the one before has left the cell, which says nothing of the cell.
+    """
+    found = {}
     for row in inputs.rows(capacities):
         std, repeats = row["capacity_std_ampere_hour"], row["repeats"]
-        if row["direction"] != "discharge" or std is None or not std > 0 or not repeats > 1:
-            continue
-        rate = row["c_rate"]
-        if row["cell"] not in slowest or rate < slowest[row["cell"]][0]:
-            slowest[row["cell"]] = (rate, std / repeats**0.5)
-    return [slowest.get(name, (None, None))[1] for name in names]
+        if std is not None and std > 0 and repeats > 1:
+            found.setdefault(row["cell"], []).append((row["c_rate"], std / repeats**0.5))
+    slowest = {cell: min(rates)[0] for cell, rates in found.items()}
+    return [
+        min(
+            (std for rate, std in found.get(name, ()) if rate <= SAME_RATE * slowest[name]),
+            default=None,
+        )
+        for name in names
+    ]
 
 
 def _loaded_celsius(capacities, names, around):

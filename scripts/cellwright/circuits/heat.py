@@ -173,8 +173,10 @@ class ThermalFit(NamedTuple):
 
     heat_capacity_joule_per_kelvin, resistance_kelvin_per_watt : with standard deviations.
     ambient_offset_kelvin : what the cell rests above the stated ambient.
-    entropic_volt_per_kelvin : mean slope of the OCV over temperature; 0 where it was not asked.
-    rmse_kelvin : error of the fitted temperature, each second counting the same.
+    entropic_volt_per_kelvin, entropic_std_volt_per_kelvin : (k,) slope of the OCV over temperature,
+    one a column of its shape; none where it was not asked for.
+    rmse_kelvin : error of the fitted temperature, each second counting the same. moved_kelvin :
+    scatter of what the measured one is above the ambient, likewise.
     """
 
     heat_capacity_joule_per_kelvin: float
@@ -182,8 +184,10 @@ class ThermalFit(NamedTuple):
     resistance_kelvin_per_watt: float
     resistance_std_kelvin_per_watt: float
     ambient_offset_kelvin: float
-    entropic_volt_per_kelvin: float
+    entropic_volt_per_kelvin: np.ndarray
+    entropic_std_volt_per_kelvin: np.ndarray
     rmse_kelvin: float
+    moved_kelvin: float
     samples: int
 
 
@@ -195,13 +199,13 @@ def fit_thermal(
     surface_temperature_celsius,
     ambient_celsius,
     *,
-    entropic=False,
+    entropic_shape=None,
     gap_second=600.0,
     tau_bounds_second=(30.0, 30000.0),
 ):
     """Heat capacity and resistance of the lumped state, by variable projection.
 
-    1. The heat is I·(V − OCV); where asked, a mean entropic coefficient is fitted as well.
+    1. The heat is I·(V − OCV); where asked, entropic coefficients are fitted as well.
     2. After every gap of the record the temperature starts anew, at a fitted value.
     3. For a given time constant the rest is linear; the time constant is searched on a grid of its
        logarithm, then by Brent's method. Every second weighs the same, whatever the logger's rate.
@@ -211,7 +215,9 @@ def fit_thermal(
     test_time_second, current_ampere, voltage_volt, ocv_volt : (n,) [s], [A], [V], [V].
     surface_temperature_celsius : (n,) measured on the cell [degC].
     ambient_celsius : scalar or (n,) [degC]; a constant error of it is fitted.
-    entropic : whether reversible heat is fitted; tell it from losses by charge beside discharge.
+    entropic_shape : (n, k) columns by which the entropic coefficient moves along the record, such
+        as hats over SoC (`linear.hats`), or one of ones for a mean; None: no reversible heat.
+        Charge beside discharge at the same SoC tells it from losses.
     gap_second : a longer step is a gap in which the load is not known [s].
     tau_bounds_second : least and greatest time constant searched [s].
 
@@ -231,10 +237,10 @@ def fit_thermal(
     _check(record, ambient)
     time, current, voltage, ocv, surface = record
     drives = [heat(current, voltage, ocv)]
-    drives += [current * (surface + ZERO_CELSIUS_KELVIN)] if entropic else []
+    if entropic_shape is not None:
+        drives += list((current * (surface + ZERO_CELSIUS_KELVIN))[:, None].T * entropic_shape.T)
     task = _ThermalRecord(*_parts(time, gap_second), np.column_stack(drives), ambient, surface)
-    log_tau = _best_log_tau(task, tau_bounds_second)
-    return _thermal_fit(task, log_tau, entropic)
+    return _thermal_fit(task, _best_log_tau(task, tau_bounds_second))
 
 
 class _ThermalRecord(NamedTuple):
@@ -312,7 +318,7 @@ def _best_log_tau(task, bounds):
     return float(minimize_scalar(error, bounds=around, method="bounded").x)
 
 
-def _thermal_fit(task, log_tau, entropic):
+def _thermal_fit(task, log_tau):
     design, linear, residual = _solved(task, log_tau)
     if linear[0] <= 0:
         raise Refusal(f"thermal resistance {linear[0]:.3g} K/W: the temperature falls with heat")
@@ -325,13 +331,22 @@ def _thermal_fit(task, log_tau, entropic):
     covariance = covariance_from_jacobian(jacobian, residual) * correlation_factor(residual)
     resistance, parts = linear[0], np.array([linear[0], log_tau])
     capacity, std = delta_method(lambda p: np.exp(p[1]) / p[0], parts, covariance[:2, :2])
+    shapes = slice(2, 1 + task.drives.shape[1])
+    slopes = linear[1 : shapes.stop - 1] / resistance
+    # Of a slope b/R: its variance by those of b and R and what they have in common.
+    variance = np.diag(covariance)[shapes] - 2.0 * slopes * covariance[0, shapes]
+    variance = np.maximum(variance + slopes**2 * covariance[0, 0], 0.0) / resistance**2
+    above = (task.surface - task.ambient) * task.weight
+    above = above - task.weight * (above @ task.weight) / (task.weight @ task.weight)
     return ThermalFit(
         heat_capacity_joule_per_kelvin=float(capacity),
         heat_capacity_std_joule_per_kelvin=float(std),
         resistance_kelvin_per_watt=float(resistance),
         resistance_std_kelvin_per_watt=float(np.sqrt(covariance[0, 0])),
-        ambient_offset_kelvin=float(linear[1 + entropic]),
-        entropic_volt_per_kelvin=float(linear[1] / resistance) if entropic else 0.0,
+        ambient_offset_kelvin=float(linear[task.drives.shape[1]]),
+        entropic_volt_per_kelvin=slopes,
+        entropic_std_volt_per_kelvin=np.sqrt(variance),
         rmse_kelvin=float(np.sqrt(residual @ residual / (task.weight @ task.weight))),
+        moved_kelvin=float(np.sqrt(above @ above / (task.weight @ task.weight))),
         samples=len(task.time),
     )

@@ -13,7 +13,7 @@ import numpy as np
 from cellwright.identification.cell import SCHEMA
 from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
-from cellwright.numerics.statistics import rms
+from cellwright.numerics.statistics import parameter_covariance, rms, standard_deviations
 from cellwright.packs.cells import PackCells, rc_cells
 from cellwright.records.basis import stated_or_reference
 from cellwright.records.record import branch_currents
@@ -24,10 +24,18 @@ REST_SHARE = 0.02  # of the largest total current: below it the group rests
 
 
 class GroupFit(NamedTuple):
-    """Identified cells (every SoC is 0 at the first sample) and how well they fit."""
+    """Identified cells (every SoC is 0 at the first sample) and how well they fit.
+
+    r0_std_ohm, r_std_ohm, ocv_std_volt : (cells, p) standard deviations of R0, of the RC pair's
+    resistance and of each cell's deviation from the common OCV, for errors that are as correlated
+    as the residual is.
+    """
 
     cells: PackCells
     fit_rmse_volt: float
+    r0_std_ohm: np.ndarray
+    r_std_ohm: np.ndarray
+    ocv_std_volt: np.ndarray
 
 
 class Knots(NamedTuple):
@@ -68,6 +76,7 @@ def identify_branches(
     tau_second=(30.0, 100.0, 300.0, 1000.0, 3000.0),
     knots=(60, 9, 5),
     penalty=(1e-3, 1e-2, 1e-2),
+    noise_ampere=0.0,
     hold="first_order",
     points=201,
 ):
@@ -85,6 +94,9 @@ def identify_branches(
     knots : numbers of SoC knots of OCV, deviation and resistances.
     penalty : on the bend of the OCV [V], the size of the deviations [1] and the bend of the
         resistances [A], each against the voltage errors.
+    noise_ampere : scalar or (cells,) white noise of the branch sensors [A]. The voltage does not
+        follow it, so that least squares on noisy currents make resistances too small, the more the
+        less a current moves; the noise is taken out of the normal equations (Fuller).
     hold : hold of the branch currents between samples.
     points : size of the SoC grid of the result.
 
@@ -95,20 +107,41 @@ def identify_branches(
     Raises
     ------
     Refusal : fewer than two branches, values not finite, or a branch that is not charged.
+
+    Source: W. A. Fuller, Measurement Error Models (1987), 2.2: known variance of the errors.
     """
     # ASSUME: Cells known only from a group share one OCV curve but for a small smooth deviation;
     # their SoC 0 and 1 are the empty and full states of the group's own slow charge.
     soc, capacity = _counted(test_time_second, branch_current_ampere, voltage_volt)
     knots_at = Knots(_even_knots(soc.mean(axis=1), voltage_volt, knots[0]), *map(_grid, knots[1:]))
     steps = np.diff(test_time_second)
+    noise = _noise(soc, knots_at, noise_ampere)
     fits = []
     for tau in tau_second:
         matrix = _design(steps, branch_current_ampere, soc, knots_at, tau, hold)
-        parameters = _solve(matrix, voltage_volt, knots_at, soc.shape[1], penalty)
+        parameters, gram = _solve(matrix, voltage_volt, knots_at, soc.shape[1], penalty, noise)
         error = matrix @ parameters - np.tile(voltage_volt, soc.shape[1])
-        fits.append((rms(error), tau, parameters))
-    rmse, tau, parameters = min(fits, key=lambda entry: entry[0])
-    return GroupFit(_cells(parameters, knots_at, capacity, tau, points), rmse)
+        fits.append((rms(error), tau, parameters, gram, error, matrix))
+    rmse, tau, parameters, *known = min(fits, key=lambda entry: entry[0])
+    cells = _cells(parameters, knots_at, capacity, tau, points)
+    return GroupFit(cells, rmse, *_deviations(*known, knots_at, len(capacity), points))
+
+
+def _deviations(gram, error, matrix, knots, cells, points):
+    """Standard deviations (cells, points) of R0, the pair's resistance and the OCV's deviation."""
+    power = error @ error
+    cover = parameter_covariance(gram, power, len(error), sensitivity=matrix.T, residual=error)
+    std, grid = standard_deviations(cover), _grid(points)
+    of_ocv, _, of_resistance = np.split(std, _cuts(knots, cells))
+    r0, pair = of_resistance.reshape(cells, 2, -1).transpose(1, 0, 2)
+    pairs = ((knots.resistance, r0), (knots.resistance, pair))
+    pairs += ((knots.deviation, of_ocv.reshape(cells, -1)),)
+    return tuple(np.array([np.interp(grid, at, row) for row in rows]) for at, rows in pairs)
+
+
+def _cuts(knots, cells):
+    """Where among the parameters the deviations of the OCV end, and the common OCV."""
+    return np.cumsum([cells * len(knots.deviation), len(knots.ocv)])
 
 
 def _counted(time, current, voltage):
@@ -149,7 +182,20 @@ def _design(steps, current, soc, knots, tau, hold):
     return np.vstack(rows)
 
 
-def _solve(matrix, voltage, knots, cells, penalty):
+def _noise(soc, knots, noise_ampere):
+    """What noise adds to the sums of squares (r, r) of the resistive columns, R0's of each cell.
+
+    Of a lag it is less by the step over twice the time constant, some per cent, and left in.
+    """
+    cells, count = soc.shape[1], len(knots.resistance)
+    added = np.zeros((2 * cells * count,) * 2)
+    for c, std in enumerate(np.broadcast_to(np.asarray(noise_ampere, float), (cells,))):
+        at, shape = slice(2 * c * count, (2 * c + 1) * count), hats(soc[:, c], knots.resistance)
+        added[at, at] = std**2 * shape.T @ shape
+    return added
+
+
+def _solve(matrix, voltage, knots, cells, penalty, noise):
     bend, size, wiggle = penalty
     slope = np.diff(np.eye(len(knots.ocv)), axis=0) / np.diff(knots.ocv)[:, None]
     increments = np.tril(np.ones((len(knots.ocv), len(knots.ocv))))
@@ -164,13 +210,31 @@ def _solve(matrix, voltage, knots, cells, penalty):
         gram[columns, columns] += len(matrix) * block.T @ block
         column = columns.stop
     moment = matrix.T @ np.tile(voltage, cells)
-    return solve(gram, moment, cells * len(knots.deviation))
+    gram = _without_noise(gram, noise)
+    return solve(gram, moment, cells * len(knots.deviation)), gram
+
+
+def _without_noise(gram, noise):
+    """Sums of squares less what noise adds, by no more than 95 % of what would leave none.
+
+    Where noise is most of what a current moves by, all of it taken out could leave nothing that
+    tells a resistance (Fuller's modification for small samples does likewise).
+    """
+    if not noise.any():
+        return gram
+    added = np.zeros(gram.shape)
+    added[-len(noise) :, -len(noise) :] = noise
+    try:
+        root = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:  # nothing tells the parameters apart: the solution refuses it
+        return gram
+    half = np.linalg.solve(root, np.linalg.solve(root, added).T)
+    return gram - min(1.0, 0.95 / np.linalg.eigvalsh(half)[-1]) * added
 
 
 def _cells(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
     cells, grid = len(capacity), _grid(points)
-    cuts = np.cumsum([cells * len(knots.deviation), len(knots.ocv)])
-    deviation, ocv, resistance = np.split(parameters, cuts)
+    deviation, ocv, resistance = np.split(parameters, _cuts(knots, cells))
     common = np.interp(grid, knots.ocv, np.cumsum(ocv))
     deviations = [np.interp(grid, knots.deviation, d) for d in deviation.reshape(cells, -1)]
     table = resistance.reshape(cells, 2, -1)
@@ -219,7 +283,10 @@ def group_models(test, steps, cells):
     offset = rest_offset(current[tail], total[tail], rest_ampere=limit)
     rows = slice(tail.start, steps["last_row"][last] + 1)
     time = series["test_time_second"][rows]
-    fit = identify_branches(time, current[rows] - offset, series["voltage_volt"][rows])
+    # ASSUME: What a branch sensor scatters by in that rest is its noise, white, at any load.
+    noise = np.std(current[tail], axis=0)
+    charged = current[rows] - offset
+    fit = identify_branches(time, charged, series["voltage_volt"][rows], noise_ampere=noise)
     # ASSUME: All cells of a group have the chamber's temperature, 25 °C where none is stated.
     fitted = {"test": facts.test, "from_second": float(time[0]), "to_second": float(time[-1])}
     celsius = stated_or_reference(facts.ambient_temperature_celsius)
@@ -230,7 +297,7 @@ def group_models(test, steps, cells):
     return {
         cell: _model(
             cell,
-            *(fit.cells, branch, celsius, fit.fit_rmse_volt),
+            *(fit, branch, celsius),
             fitted | {"sensor_offset_ampere": float(offset[branch])},
             note,
         )
@@ -262,12 +329,12 @@ def _charge_between_rests(steps):
     return before, after
 
 
-def _model(cell, cells, branch, celsius, rmse, fitted, note):
-    grid = np.linspace(0.0, 1.0, cells.ocv_volt.shape[-1])
+def _model(cell, fit, branch, celsius, fitted, note):
+    cells, grid = fit.cells, np.linspace(0.0, 1.0, fit.cells.ocv_volt.shape[-1])
     ocv = {"ambient_temperature_celsius": celsius, "soc": grid.tolist()}
     ocv |= {"ocv_volt": cells.ocv_volt[0, branch, 0].tolist(), "branches": "group"}
-    condition = {"ambient_temperature_celsius": celsius} | _courses(cells, branch, grid)
-    condition |= {"fit_rmse_volt": rmse, "tests": [fitted["test"]]}
+    condition = {"ambient_temperature_celsius": celsius} | _courses(fit, branch, grid)
+    condition |= {"fit_rmse_volt": fit.fit_rmse_volt, "tests": [fitted["test"]]}
     return {
         "schema": SCHEMA,
         "cell": cell,
@@ -282,25 +349,25 @@ def _model(cell, cells, branch, celsius, rmse, fitted, note):
     }
 
 
-def _courses(cells, branch, grid):
+def _courses(fit, branch, grid):
     """Condition of a model file for one branch of the group: its courses over SoC."""
-    knots = np.linspace(0.0, 1.0, KNOTS)
-    unknown = [None] * KNOTS
+    cells, knots = fit.cells, np.linspace(0.0, 1.0, KNOTS)
 
     def at_knots(table):
-        return np.interp(knots, grid, table).tolist()
+        return [None if np.isnan(v) else float(v) for v in np.interp(knots, grid, table)]
 
     pairs = zip(cells.r_ohm[0, branch], cells.tau_second[0, branch], strict=True)
     return {
         "soc": knots.tolist(),
         "r0_ohm": at_knots(cells.r0_ohm[0, branch, 0]),
-        "r0_std_ohm": unknown,
+        "r0_std_ohm": at_knots(fit.r0_std_ohm[branch]),
         "branches": [
-            {"kind": "RC", "r_ohm": at_knots(r), "r_std_ohm": unknown}
-            | {"tau_second": at_knots(tau), "tau_std_second": unknown}
+            {"kind": "RC", "r_ohm": at_knots(r), "r_std_ohm": at_knots(fit.r_std_ohm[branch])}
+            | {"tau_second": at_knots(tau), "tau_std_second": [None] * KNOTS}
             for r, tau in pairs
         ],
         "ocv_shift_volt": [0.0] * KNOTS,
+        "ocv_shift_std_volt": at_knots(fit.ocv_std_volt[branch]),
         "ocv_scale": {"missing": 0.0, "stretch": 0.0},
         "activation_energy_joule_per_mole": 0.0,
         "at_bound": [],

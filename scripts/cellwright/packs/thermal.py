@@ -19,8 +19,8 @@ class Thermal(NamedTuple):
     between_watt_per_kelvin : conductance between neighbours, one number for a row of cells in
     order of position, or a symmetric matrix (cells, cells) [W/K].
     initial_celsius : scalar or (cells,); None is the ambient's at the start [degC].
-    entropic_volt_per_kelvin : scalar or (cells,) slope of the OCV over temperature [V/K]; 0 leaves
-    the reversible heat out.
+    entropic_volt_per_kelvin : scalar, (cells,), or (cells, k) at k even steps of SoC from 0 to 1,
+    slope of the OCV over temperature [V/K]; 0 leaves the reversible heat out.
     """
 
     heat_capacity_joule_per_kelvin: object
@@ -35,7 +35,7 @@ class ThermalModes(NamedTuple):
 
     rate : (cells,) of each mode [1/s]. to_modes, from_modes : (cells, cells); where no cell has a
     neighbour (cells,), all ones. capacity : (cells,) [J/K]. to_ambient : (cells,) [W/K].
-    entropic : (cells,) [V/K].
+    entropic : (cells, k) at even steps of SoC [V/K].
     """
 
     rate: np.ndarray
@@ -65,7 +65,7 @@ def thermal_modes(thermal, cells):
     # ASSUME: A cell has one temperature; contacts and busbars give it no heat and take none.
     capacity = _per_cell(thermal.heat_capacity_joule_per_kelvin, cells, "heat capacity", "J/K")
     resistance = _per_cell(thermal.resistance_kelvin_per_watt, cells, "thermal resistance", "K/W")
-    entropic = np.broadcast_to(np.asarray(thermal.entropic_volt_per_kelvin, float), (cells,))
+    entropic = _entropic(thermal.entropic_volt_per_kelvin, cells)
     between, to_ambient = _between(thermal.between_watt_per_kelvin, cells), 1.0 / resistance
     if not between.any():
         one = np.ones(cells)
@@ -92,8 +92,18 @@ def heat_of(cells, modes, state, voltage_volt):
     if modes is None:
         return np.zeros(len(state.soc))
     celsius = state.temperature_celsius
-    settings = {"temperature_celsius": celsius, "entropic_volt_per_kelvin": modes.entropic}
+    slope = _at_soc(modes.entropic, state.soc)
+    settings = {"temperature_celsius": celsius, "entropic_volt_per_kelvin": slope}
     return heat(state.current_ampere, voltage_volt, ocv_volt(cells, state.soc, celsius), **settings)
+
+
+def _at_soc(table, soc):
+    """Values (cells,) of a table (cells, k) over even steps of SoC, constant beyond 0 and 1."""
+    last = table.shape[1] - 1
+    place = np.clip(soc, 0.0, 1.0) * last
+    below = np.minimum(place.astype(int), max(last - 1, 0))
+    rows, share = np.arange(len(soc)), place - below
+    return (1.0 - share) * table[rows, below] + share * table[rows, np.minimum(below + 1, last)]
 
 
 def warmed(modes, celsius, heat_watt, ambient_celsius, step_second):
@@ -132,6 +142,19 @@ def _per_cell(value, cells, name, unit):
     if not np.all(given > 0):
         raise Refusal(f"{name} is {given.min():g} {unit}; it has to be above zero")
     return np.broadcast_to(given, (cells,)).copy()
+
+
+def _entropic(value, cells):
+    """Slopes of the OCV over temperature (cells, k) [V/K]."""
+    given = np.asarray(value, float)
+    if given.shape not in ((), (cells,)) and (given.ndim != 2 or len(given) != cells):
+        raise Refusal(
+            f"entropic coefficients have shape {given.shape}; wanted one, one for each of {cells} "
+            "cells, or a row over SoC for each"
+        )
+    if not np.isfinite(given).all():
+        raise Refusal("an entropic coefficient is not finite")
+    return given if given.ndim == 2 else np.broadcast_to(given, (cells,))[:, None].copy()
 
 
 def _between(value, cells):

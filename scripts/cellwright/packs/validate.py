@@ -1,5 +1,6 @@
 """A parallel group simulated from its cells' models through its record, and scored."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -7,9 +8,11 @@ import numpy as np
 from cellwright.circuits.model_file import member_of
 from cellwright.numerics.statistics import rms
 from cellwright.packs import checks, findings
-from cellwright.packs.cells import pack_cells
+from cellwright.packs.cells import pack_cells, table_temperatures
 from cellwright.packs.simulate import simulate_pack
-from cellwright.packs.wiring import cells_of, described
+from cellwright.packs.uncertainty.bands import DRAWS, WITHIN_90_PERCENT, band_of
+from cellwright.packs.uncertainty.draws import draw_cells, is_known, wire_factors
+from cellwright.packs.wiring import cells_of, described, member_currents
 from cellwright.records.basis import stated_or_reference
 from cellwright.records.record import group_record, stated_soc
 from cellwright.refusal import Refusal
@@ -34,15 +37,16 @@ class GroupValidation(NamedTuple):
     notes: tuple
 
 
-def validate_group(models, branches, test, wiring, *, leaves=None):
+def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=None, thermal=None):
     """Group simulated through its whole record, scored on the rows not used for the fit.
 
     1. Each cell runs as its chosen member, at the temperature that was logged in the group, else
-    at the chamber's; see `of_one_activation_energy`. 2. Where no SoC is stated at the start, the
-    group is taken to rest there in equilibrium: every cell's OCV is the group's first voltage, and
-    what the branch sensors read is their offset, which is taken out. 3. Models from the group's own
-    record name the rows that they were fitted to, which are not scored, the offsets found there,
-    and where the SoC is 0.
+    at that which its own heat gives it, else at the chamber's; see `of_one_activation_energy`.
+    2. Where no SoC is stated at the start, the group is taken to rest there in equilibrium: every
+    cell's OCV is the group's first voltage, and what the branch sensors read is their offset, which
+    is taken out. 3. Models from the group's own record name the rows that they were fitted to,
+    which are not scored, the offsets found there, and where the SoC is 0. 4. Where it is known how
+    sure the cells' models are, so are the branch currents and the voltage (`uncertainty.bands`).
 
     Parameters
     ----------
@@ -52,6 +56,9 @@ def validate_group(models, branches, test, wiring, *, leaves=None):
     wiring : wiring.Wiring of members in parallel, as a star or a ladder; members may be groups.
     leaves : list of BranchFacts of all cells, in the order of the leaves, of which the SoC at the
         start counts; None: the members are cells.
+    uncertainty : Uncertainty of all cells, in the order of the leaves; None: no intervals.
+    thermal : Thermal of all cells, likewise, which warm by their own heat where no temperature was
+        logged in the group; None: they have the chamber's.
 
     Returns
     -------
@@ -68,36 +75,46 @@ def validate_group(models, branches, test, wiring, *, leaves=None):
     notes += words
     measured = _measured(record, branches, notes)
     record = record._replace(branch_current_ampere=measured)
-    cells = pack_cells(models, temperature_celsius=_table_celsius(test.facts, record, notes))
+    warms = None if thermal is None or _was_logged(test, record) else thermal
+    if warms is None:
+        tables = _table_celsius(test.facts, record, notes)
+    else:
+        tables = table_temperatures(models, record.celsius)
+        notes.append("temperature of the cells from their own heat: none was logged in the group")
+    cells = pack_cells(models, temperature_celsius=tables)
     if None in [row.wire_resistance_ohm for row in branches]:
         notes.append("wire resistances are not stated: taken as none beyond the cells' own")
     fits = [m["fitted"] for m in models if m.get("fitted", {}).get("test") == record.test]
     fits = fits if len(fits) == len(models) else []
     stated = stated_soc(test.facts, leaves or branches)
     offset = _offset(fits, stated, record, notes)
-    if fits and stated == [None] * len(stated):
+    counted = fits and stated == [None] * len(stated)
+    if counted:
         start = _counted_back(fits[0], record, offset, cells, notes)
     else:
         start = _initial_soc(stated, cells, wiring, record, notes)
 
     def simulated(time_second, total_ampere, celsius):
-        return simulate_pack(
-            time_second, total_ampere, cells, wiring, initial_soc=start, ambient_celsius=celsius
-        )
+        around = {"initial_soc": start, "ambient_celsius": celsius, "thermal": warms}
+        return simulate_pack(time_second, total_ampere, cells, wiring, **around)
 
     run = simulated(record.test_time_second, record.current_ampere, record.celsius)
     scored = _unseen(models, record, notes)
     compared = _compared(record, run, offset, cells.capacity_ampere_hour, scored, wiring)
+    band = None
+    if _tells_intervals(models, uncertainty, notes):
+        starts = partial(_drawn_starts, stated, counted, cells, record, start)
+        band = _band(run, cells, wiring, record, uncertainty, starts, warms)
     discharge = findings.whole_discharge(compared)
     end = None
     if discharge is not None:
         end = _end(compared, discharge, record.celsius, simulated, wiring)
     finding = findings.findings_of(compared, discharge, end)
     return GroupValidation(
-        rows=_rows(compared, branches, _members_run(wiring, cells), offset, finding, end),
+        rows=_rows(compared, branches, _members_run(wiring, cells), offset, finding, end, band),
         findings=[finding],
         spread=findings.spread_over_soc(compared),
-        series=_series(record, compared),
+        series=_series(record, compared, band),
         notes=tuple(notes),
     )
 
@@ -194,11 +211,68 @@ def _initial_soc(stated, cells, wiring, record, notes):
     # ASSUME: A group that starts at rest without a stated SoC is at equilibrium: the OCV of every
     # cell is the group's first voltage.
     notes.append("SoC at the start from the group's first voltage")
+    looked_up = _rested_soc(cells, record, record.voltage_volt[0])
+    return np.array([v if s is None else s for s, v in zip(stated, looked_up, strict=True)])
+
+
+def _rested_soc(cells, record, volt):
+    """SoC at which each cell's OCV is a voltage, at the record's first temperature (cells,)."""
     near = int(np.argmin(np.abs(cells.temperature_celsius - record.celsius[0])))
     rising = np.maximum.accumulate(cells.ocv_volt[near, :, 0], axis=1)
     grid = np.linspace(0.0, 1.0, rising.shape[1])
-    looked_up = [np.interp(record.voltage_volt[0], curve, grid) for curve in rising]
-    return np.array([v if s is None else s for s, v in zip(stated, looked_up, strict=True)])
+    return np.array([np.interp(volt, curve, grid) for curve in rising])
+
+
+def _tells_intervals(models, uncertainty, notes):
+    """Whether it is known how sure every cell's model is."""
+    unknown = [model["cell"] for model in models if not is_known(model)]
+    if uncertainty is not None and unknown:
+        notes.append(f"no intervals: nothing tells how sure the model of {', '.join(unknown)} is")
+    return uncertainty is not None and not unknown
+
+
+def _drawn_starts(stated, counted, cells, record, start, drawn):
+    """SoC at the start in each draw (draws, cells), by how it was found.
+
+    Stated ones are off alike in cells that rest joined; those by the first voltage by what the OCV
+    is off; one that was counted from the fit of its cells is part of that fit.
+    """
+    nothing = np.zeros(drawn.capacity_factor.shape)
+    if counted:
+        return nothing + start
+    if None not in stated:
+        return nothing + start + drawn.initial_soc[:, :1]
+    first, shift = record.voltage_volt[0], drawn.voltage_volt[:, 0]
+    moved = _rested_soc(cells, record, first)
+    found = [start + _rested_soc(cells, record, first - volt) - moved for volt in shift]
+    return np.array(found)
+
+
+def _was_logged(test, record):
+    """Whether a temperature of the cells was logged in the group."""
+    surface = test.series.get("surface_temperature_celsius")
+    told = surface is not None and np.isfinite(surface).all()
+    return told or record.cell_temperature_celsius is not None
+
+
+def _band(run, cells, wiring, record, uncertainty, starts, thermal):
+    """Standard deviations of the branch currents and of the voltage: Band."""
+    drawn = draw_cells(uncertainty, draws=DRAWS)
+    still = drawn._replace(voltage_volt=np.zeros(drawn.voltage_volt.shape))
+    band = band_of(
+        run,
+        cells,
+        wiring,
+        still,
+        time_second=record.test_time_second,
+        total_ampere=record.current_ampere,
+        ambient_celsius=record.celsius,
+        starts=starts(drawn),
+        factors=wire_factors(DRAWS, wire_relative_std=uncertainty.wire_relative_std),
+        thermal=thermal,
+    )
+    alike = rms(uncertainty.voltage_volt)
+    return band._replace(voltage_volt=np.hypot(band.voltage_volt, alike))
 
 
 def _counted_back(fitted, record, offset, cells, notes):
@@ -250,23 +324,6 @@ def _unseen(models, record, notes):
     return unseen
 
 
-def _currents_of_members(wiring, cell_ampere):
-    """Currents through the members of a group (n, members) from those of its cells (n, cells)."""
-    columns, first = [], 0
-    for member in wiring.members:
-        stop = first + len(cells_of(member))
-        columns.append(_through(member, cell_ampere[:, first:stop]))
-        first = stop
-    return np.column_stack(columns)
-
-
-def _through(member, cell_ampere):
-    if isinstance(member, str):
-        return cell_ampere[:, 0]
-    inner = _currents_of_members(member, cell_ampere)
-    return inner.sum(axis=1) if member.connection == "parallel" else inner[:, 0]
-
-
 def _capacities_of_members(wiring, capacity_ampere_hour):
     """Capacity of each member [Ah]: of groups the sum of parallel, the least of series members."""
     sizes, first = [], 0
@@ -292,7 +349,7 @@ def _compared(record, run, offset, capacity_ampere_hour, scored, wiring):
         voltage_volt=record.voltage_volt,
         measured_ampere=record.branch_current_ampere - offset,
         simulated_volt=run.voltage_volt,
-        simulated_ampere=_currents_of_members(wiring, run.cell_current_ampere),
+        simulated_ampere=member_currents(wiring, run.cell_current_ampere),
         soc=first + passed / sizes.sum(),
         scored=scored,
         capacity_ampere_hour=sizes,
@@ -304,7 +361,7 @@ def _end(compared, discharge, celsius, simulated, wiring):
     time, total = findings.longer(compared, discharge)
     more = np.full(len(time) - discharge.stop, celsius[discharge.stop - 1])
     run = simulated(time, total, np.append(celsius[: discharge.stop], more))
-    currents = _currents_of_members(wiring, run.cell_current_ampere)
+    currents = member_currents(wiring, run.cell_current_ampere)
     return findings.simulated_end(compared, discharge, time, currents, run.voltage_volt)
 
 
@@ -318,7 +375,7 @@ def _members_run(wiring, cells):
     return names
 
 
-def _rows(compared, branches, members_run, offset, finding, end):
+def _rows(compared, branches, members_run, offset, finding, end, band):
     """Rows of table `packs`, one a branch."""
     kirchhoff = compared.simulated_ampere.sum(axis=1) - compared.total_ampere
     volt = compared.voltage_volt - compared.simulated_volt
@@ -335,6 +392,8 @@ def _rows(compared, branches, members_run, offset, finding, end):
         "samples": int(compared.scored.sum()),
     }
     of_group |= _capacity_of_group(finding)
+    volt_std = None if band is None else band.voltage_volt
+    of_group |= _interval("voltage", "volt", volt, volt_std, under_load)
     error = compared.measured_ampere - compared.simulated_ampere
     unknown = np.full(len(branches), np.nan)
     charge, largest = (unknown, unknown) if end is None else end
@@ -356,8 +415,21 @@ def _rows(compared, branches, members_run, offset, finding, end):
             f"relative_current_rmse_{side}_15_soc": _rms(error[rows_of_band, k]) / ideal
             for side, rows_of_band in bands.items()
         }
+        std = None if band is None else band.member_ampere[:, k]
+        row |= _interval("current", "ampere", error[:, k], std, under_load)
         rows.append(row | of_group)
     return rows
+
+
+def _interval(name, unit, error, std, counted):
+    """Half the width of the interval of 90 %, mean over rows, and the share of them inside."""
+    half = np.full(counted.sum(), np.nan) if std is None else WITHIN_90_PERCENT * std[counted]
+    inside = np.abs(error[counted]) <= half
+    known = len(half) and std is not None and np.isfinite(error[counted]).all()
+    return {
+        f"{name}_interval_{unit}": float(half.mean()) if len(half) else np.nan,
+        f"{name}_inside_interval": float(inside.mean()) if known else np.nan,
+    }
 
 
 def _rms(values):
@@ -375,7 +447,7 @@ def _capacity_of_group(finding):
     }
 
 
-def _series(record, compared):
+def _series(record, compared, band):
     """Columns of artefact `pack_series`; branch currents without the offsets of the sensors."""
     names = ("test_time_second", "current_ampere", "voltage_volt")
     columns = {name: getattr(record, name) for name in names}
@@ -384,4 +456,8 @@ def _series(record, compared):
     for k in range(compared.measured_ampere.shape[1]):
         columns[f"branch_{k + 1}_current_ampere"] = compared.measured_ampere[:, k]
         columns[f"simulated_branch_{k + 1}_current_ampere"] = compared.simulated_ampere[:, k]
+        if band is not None:
+            columns[f"branch_{k + 1}_current_std_ampere"] = band.member_ampere[:, k]
+    if band is not None:
+        columns["voltage_std_volt"] = band.voltage_volt
     return columns

@@ -74,6 +74,26 @@ def depth(wiring):
     return 0 if isinstance(wiring, str) else 1 + max(map(depth, wiring.members))
 
 
+def member_currents(wiring, cell_ampere):
+    """Currents through the members of a group (n, members) from those of its cells [A].
+
+    Parameters
+    ----------
+    wiring : Wiring. cell_ampere : (n, cells) in the order of the leaves [A].
+    """
+    bounds = np.cumsum([len(cells_of(member)) for member in wiring.members])[:-1]
+    parts = np.split(cell_ampere, bounds, axis=1)
+    return np.column_stack([_through(*pair) for pair in zip(wiring.members, parts, strict=True)])
+
+
+def _through(member, cell_ampere):
+    """Current through a cell or group (n,): of members in series that of any one of them."""
+    if isinstance(member, str):
+        return cell_ampere[:, 0]
+    inner = member_currents(member, cell_ampere)
+    return inner.sum(axis=1) if member.connection == "parallel" else inner[:, 0]
+
+
 def star_of(names, *, wire_resistance_ohm=0.0):
     """Wiring of cells in parallel, each with its own lead to one point.
 

@@ -15,7 +15,7 @@ from cellwright.packs.decisions.matching import (
     random_groups,
     strings_by_capacity,
 )
-from cellwright.packs.decisions.monte_carlo import draw_cells, drawn_cells, uncertainty_of
+from cellwright.packs.uncertainty.draws import draw_cells, drawn_cells, uncertainty_of
 from cellwright.packs.wiring import star_of
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
@@ -98,8 +98,8 @@ def _discharged(fleet, tables, c_rate, cells, draw):
     current = c_rate * part.capacity_ampere_hour.sum()
     if draw is not None:
         drawn = fleet.drawn
-        chosen = type(drawn)(*(column[:, list(cells)] for column in drawn))
-        part = drawn_cells(part, chosen._replace(voltage_volt=0 * chosen.voltage_volt), draw)
+        chosen = type(drawn)(*(column[:, list(cells)] for column in drawn[:4]))
+        part = drawn_cells(part, chosen._replace(voltage_volt=0 * chosen.voltage_volt), draw, 1.0)
     star = star_of(part.names, wire_resistance_ohm=JOINT_OHM)
     use = discharge_pack(
         part, star, lower_cutoff_volt=fleet.lower_cutoff_volt, current_ampere=current

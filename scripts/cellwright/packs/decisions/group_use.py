@@ -13,7 +13,6 @@ from cellwright.settings import PackDecisions
 SETTINGS = PackDecisions()
 STEPS = 400
 BEYOND = 1.05  # of the pack's charge: so far a discharge is simulated
-RESISTANCES = ("r0_ohm", "two_way_ohm", "r_ohm", "kinetic_r_ohm")
 
 
 class PackUse(NamedTuple):
@@ -65,7 +64,16 @@ def with_contacts(wiring, factor):
     )
 
 
-def discharge_pack(cells, wiring, *, lower_cutoff_volt, current_ampere, initial_soc=1.0):
+def discharge_pack(
+    cells,
+    wiring,
+    *,
+    lower_cutoff_volt,
+    current_ampere,
+    initial_soc=1.0,
+    thermal=None,
+    ambient_celsius=None,
+):
     """Discharge a pack of any wiring from rest to its cut-off at a constant current.
 
     A star of parallel cells ends when its own voltage is at the cut-off, as a cycler ends it; any
@@ -73,9 +81,11 @@ def discharge_pack(cells, wiring, *, lower_cutoff_volt, current_ampere, initial_
 
     Parameters
     ----------
-    cells : PackCells at one temperature, in the order of the wiring's leaves. wiring : Wiring.
+    cells : PackCells in the order of the wiring's leaves, at one temperature or, with `thermal`, at
+        several. wiring : Wiring.
     lower_cutoff_volt : scalar or (cells,) [V]. current_ampere : > 0, of the pack [A].
     initial_soc : scalar or (cells,) [1].
+    thermal : Thermal, or None: the cells do not warm. ambient_celsius : around them [degC].
 
     Returns
     -------
@@ -85,11 +95,35 @@ def discharge_pack(cells, wiring, *, lower_cutoff_volt, current_ampere, initial_
     ------
     Refusal : as `simulate.simulate_pack`.
     """
+    time = discharge_seconds(cells, wiring, current_ampere)
+    load = np.full(len(time), -float(current_ampere))
+    around = {"thermal": thermal, "ambient_celsius": ambient_celsius, "hold": "zero_order"}
+    run = simulate_pack(time, load, cells, wiring, initial_soc=initial_soc, **around)
+    ends = {"lower_cutoff_volt": lower_cutoff_volt, "current_ampere": current_ampere}
+    return use_of(run, time, cells, wiring, **ends)
+
+
+def discharge_seconds(cells, wiring, current_ampere):
+    """Times (n,) of a discharge that goes beyond what a pack holds [s].
+
+    Parameters
+    ----------
+    cells, wiring, current_ampere : as of `discharge_pack`.
+    """
+    whole = cells.capacity_ampere_hour / network_of(wiring, cells.capacity_ampere_hour).share
+    return np.linspace(0.0, BEYOND * 3600.0 * whole.max() / current_ampere, STEPS + 1)
+
+
+def use_of(run, time, cells, wiring, *, lower_cutoff_volt, current_ampere):
+    """What a simulated discharge says of a pack: PackUse.
+
+    Parameters
+    ----------
+    run : PackRun. time : (n,) [s]. cells, wiring, lower_cutoff_volt, current_ampere : as of
+        `discharge_pack`.
+    """
     share = network_of(wiring, cells.capacity_ampere_hour).share
     whole = cells.capacity_ampere_hour / share
-    time = np.linspace(0.0, BEYOND * 3600.0 * whole.max() / current_ampere, STEPS + 1)
-    load = np.full(len(time), -float(current_ampere))
-    run = simulate_pack(time, load, cells, wiring, initial_soc=initial_soc, hold="zero_order")
     volt = run.voltage_volt[:, None] if is_star(wiring) else run.cell_voltage_volt
     above = volt - (np.max(lower_cutoff_volt) if is_star(wiring) else lower_cutoff_volt)
     # ASSUME: A cell is empty at SoC 0 of its model: beyond it nothing was measured.
@@ -99,8 +133,8 @@ def discharge_pack(cells, wiring, *, lower_cutoff_volt, current_ampere, initial_
     hour = second / 3600.0
     energy = current_ampere * np.trapezoid(np.interp(second, time, run.voltage_volt), hour)
     shares = run.cell_current_ampere[kept] / (-current_ampere * share)
-    start = np.broadcast_to(np.asarray(initial_soc, float), share.shape)
-    soc = np.average(start, weights=cells.capacity_ampere_hour)
+    squares = (run.cell_current_ampere[kept] ** 2).mean(axis=0)
+    soc = np.average(run.soc[0], weights=cells.capacity_ampere_hour)
     return PackUse(
         float(current_ampere * hour[-1]),
         float(energy),
@@ -109,7 +143,7 @@ def discharge_pack(cells, wiring, *, lower_cutoff_volt, current_ampere, initial_
         shares,
         float(shares.max()),
         int(np.argmax(shares.max(axis=0))),
-        (run.cell_current_ampere[kept] ** 2).mean(axis=0) * resistance_of(cells),
+        squares * resistance_of(cells, float(run.temperature_celsius[kept].mean())),
     )
 
 
@@ -123,19 +157,20 @@ def _crossed(time, above):
     return time[k - 1] + share * (time[k] - time[k - 1])
 
 
-def resistance_of(cells):
+def resistance_of(cells, celsius=None):
     """Resistance of each cell at small currents in the long run, mean over SoC (cells,) [ohm].
 
     Parameters
     ----------
-    cells : PackCells; at the middle of its temperatures.
+    cells : PackCells. celsius : temperature [degC]; None: the middle one of their tables.
     """
-    middle = len(cells.temperature_celsius) // 2
-    parts = [getattr(cells, name)[middle].sum(axis=1) for name in ("r0_ohm", "r_ohm")]
-    parts.append(cells.kinetic_r_ohm[middle].sum(axis=1))
+    parts = [getattr(cells, name).sum(axis=2) for name in ("r0_ohm", "r_ohm", "kinetic_r_ohm")]
     if cells.two_way_ohm.shape[2]:
-        parts.append(cells.two_way_ohm[middle, :, -1])
-    return np.sum([part.mean(axis=-1) for part in parts], axis=0)
+        parts.append(cells.two_way_ohm[:, :, -1])
+    known = cells.temperature_celsius
+    at = known[len(known) // 2] if celsius is None else celsius
+    over = np.sum([part.mean(axis=-1) for part in parts], axis=0)
+    return np.array([np.interp(at, known, one) for one in over.T])
 
 
 class Window(NamedTuple):

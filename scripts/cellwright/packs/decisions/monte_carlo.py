@@ -1,116 +1,21 @@
 """What the uncertainties of its cells leave of the numbers of a pack: Monte Carlo."""
 
+from functools import partial
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.model_file import member_of, simulate_model
-from cellwright.packs.decisions.group_use import RESISTANCES, discharge_pack, with_contacts
+from cellwright.circuits.model_file import simulate_model
+from cellwright.packs.decisions.group_use import STEPS, discharge_seconds, use_of, with_contacts
 from cellwright.packs.series.capability import BEYOND, first_crossing
+from cellwright.packs.uncertainty.copies import copies_at_once, simulate_copies
+from cellwright.packs.uncertainty.draws import drawn_cells, wire_factors
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
 STEP_SHARE = 0.005  # of the charge of the largest cell, a step of a drawn discharge
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
-
-
-class Uncertainty(NamedTuple):
-    """Standard deviations of what is known of each cell, (cells,) each.
-
-    capacity_relative, resistance_relative : [1]. voltage_volt : what the chosen member misses of
-    records left out of its fit [V]. initial_soc : [1].
-    """
-
-    capacity_relative: np.ndarray
-    resistance_relative: np.ndarray
-    voltage_volt: np.ndarray
-    initial_soc: np.ndarray
-
-
-def uncertainty_of(
-    models,
-    capacity_std_ampere_hour,
-    *,
-    capacity_relative_std=SETTINGS.capacity_relative_std,
-    resistance_relative_std=SETTINGS.resistance_relative_std,
-    initial_soc_std=SETTINGS.initial_soc_std,
-):
-    """Uncertainty of each cell of a pack.
-
-    The capacity's is that of the mean of its repeats, the resistance's that of the sum of the
-    model's resistances (their standard deviations, median over SoC), the voltage's the error on
-    records left out of the fit; none smaller than the settings say.
-
-    Parameters
-    ----------
-    models : model dicts. capacity_std_ampere_hour : (cells,), NaN or None where not known [Ah].
-    capacity_relative_std, resistance_relative_std : least values [1]. initial_soc_std : [1].
-
-    Returns
-    -------
-    uncertainty : Uncertainty.
-    """
-    capacity = np.array([model["capacity_ampere_hour"] for model in models])
-    stds = [np.nan if std is None else std for std in capacity_std_ampere_hour]
-    relative = np.nan_to_num(np.array(stds, float) / capacity)
-    members = [member_of(model) for model in models]
-    resistance = np.array([relative_resistance_std(member) for member in members])
-    missed = [member.get("left_out_rmse_volt") for member in members]
-    return Uncertainty(
-        np.maximum(relative, capacity_relative_std),
-        np.maximum(np.nan_to_num(resistance), resistance_relative_std),
-        np.array([0.0 if volt is None else volt for volt in missed]),
-        np.full(len(models), float(initial_soc_std)),
-    )
-
-
-def relative_resistance_std(member):
-    """Relative standard deviation of a member's resistance in the long run [1], NaN if unknown.
-
-    Parameters
-    ----------
-    member : dict, a member of a model file. Median over SoC and conditions; the resistances of one
-        SoC are taken as independent.
-    """
-    shares = []
-    for condition in member["conditions"]:
-        branches = [b for b in condition["branches"] if "r_ohm" in b]
-        values = [condition["r0_ohm"], *(branch["r_ohm"] for branch in branches)]
-        stds = [condition.get("r0_std_ohm"), *(branch.get("r_std_ohm") for branch in branches)]
-        if any(std is None for std in stds):
-            continue
-        squares = np.sum(np.square(np.array(stds, float)), axis=0)
-        shares += list(np.sqrt(squares) / np.sum(np.array(values, float), axis=0))
-    shares = [share for share in shares if np.isfinite(share)]
-    return float(np.median(shares)) if shares else np.nan
-
-
-class CellDraws(NamedTuple):
-    """Cells as they may be, (draws, cells) each: factors of capacity and resistance [1], error of
-    the voltage [V], SoC at the start beside what is said [1]."""
-
-    capacity_factor: np.ndarray
-    resistance_factor: np.ndarray
-    voltage_volt: np.ndarray
-    initial_soc: np.ndarray
-
-
-def draw_cells(uncertainty, *, draws=SETTINGS.draws, seed=SETTINGS.random_seed):
-    """Draws of the cells of a pack, independent from cell to cell, normal.
-
-    Parameters
-    ----------
-    uncertainty : Uncertainty. draws : their number. seed : of the generator.
-
-    Returns
-    -------
-    drawn : CellDraws; no factor is below a tenth.
-    """
-    random = np.random.default_rng(seed)
-    shape = (draws, len(uncertainty.capacity_relative))
-    normal = [random.standard_normal(shape) for _ in uncertainty]
-    capacity, resistance, volt, soc = (z * std for z, std in zip(normal, uncertainty, strict=True))
-    return CellDraws(np.maximum(1.0 + capacity, 0.1), np.maximum(1.0 + resistance, 0.1), volt, soc)
 
 
 class PackDraws(NamedTuple):
@@ -146,7 +51,7 @@ def string_draws(models, drawn, *, lower_cutoff_volt, current_ampere, initial_so
     volt, heat = np.empty((draws, cells, len(charge))), np.empty((draws, cells))
     ends = np.empty((draws, cells))
     for k, model in enumerate(models):
-        of_cell = [column[:, k] for column in drawn]
+        of_cell = [column[:, k] for column in drawn[:4]]
         curves = _cell_curves(model, of_cell, charge, current_ampere, start[k], celsius)
         volt[:, k], heat[:, k] = curves
         at_cutoff = [first_crossing(charge, curve, cutoff[k]) for curve in volt[:, k]]
@@ -182,22 +87,6 @@ def _energy_until(charge, volt, end):
     return np.trapezoid(np.append(volt[kept], at_end), np.append(charge[kept], end))
 
 
-def drawn_cells(cells, drawn, draw):
-    """The cells of a pack in one draw; the voltage of all is off by that of the first.
-
-    Parameters
-    ----------
-    cells : PackCells. drawn : CellDraws of them. draw : index.
-    """
-    factor = drawn.resistance_factor[draw][:, None, None]
-    changed = {name: getattr(cells, name) * factor for name in RESISTANCES}
-    return cells._replace(
-        ocv_volt=cells.ocv_volt + drawn.voltage_volt[draw, 0],
-        capacity_ampere_hour=cells.capacity_ampere_hour * drawn.capacity_factor[draw],
-        **changed,
-    )
-
-
 def pack_draws(
     cells,
     wiring,
@@ -206,17 +95,20 @@ def pack_draws(
     lower_cutoff_volt,
     current_ampere,
     initial_soc=1.0,
+    thermal=None,
+    ambient_celsius=None,
     wire_relative_std=SETTINGS.wire_relative_std,
     random_seed=SETTINGS.random_seed,
 ):
     """A pack with parallel cells discharged to its cut-off in every draw of its cells and wires.
 
-    Cells that rest joined have one voltage: errors of the voltage and of the SoC at the start are
+    Cells that rest joined have one voltage: at the start errors of the voltage and of the SoC are
     those of the first cell for all. Drawn apart they would drive currents that no rested group has.
+    From there on the OCV of each goes astray by itself (`uncertainty.draws`).
 
     Parameters
     ----------
-    cells, wiring, lower_cutoff_volt, current_ampere, initial_soc : as of
+    cells, wiring, lower_cutoff_volt, current_ampere, initial_soc, thermal, ambient_celsius : as of
         `group_use.discharge_pack`. drawn : CellDraws. wire_relative_std : of all contacts together
         [1]. random_seed : of their draws.
 
@@ -225,21 +117,29 @@ def pack_draws(
     draws : PackDraws.
     """
     draws = len(drawn.capacity_factor)
-    random = np.random.default_rng([random_seed, 1])
-    factors = np.maximum(1.0 + wire_relative_std * random.standard_normal(draws), 0.1)
-    rows = []
-    for draw in range(draws):
-        use = discharge_pack(
-            drawn_cells(cells, drawn, draw),
-            with_contacts(wiring, factors[draw]),
-            lower_cutoff_volt=lower_cutoff_volt,
-            current_ampere=current_ampere,
-            initial_soc=initial_soc + drawn.initial_soc[draw, 0],
-        )
-        hot = int(np.argmax(use.loss_watt))
-        given = (use.capacity_ampere_hour, use.energy_watt_hour, use.first, use.peak_share)
-        rows.append((*given, float(use.loss_watt[hot]), hot))
+    factors = wire_factors(draws, wire_relative_std=wire_relative_std, seed=random_seed)
+    ends = {"lower_cutoff_volt": lower_cutoff_volt, "current_ampere": current_ampere}
+    rows, at_once = [], copies_at_once(cells, STEPS)
+    for first in range(0, draws, at_once):
+        chosen = range(first, min(first + at_once, draws))
+        known = [drawn_cells(cells, drawn, draw, initial_soc) for draw in chosen]
+        wired = [with_contacts(wiring, factors[draw]) for draw in chosen]
+        time = max((discharge_seconds(c, wiring, current_ampere) for c in known), key=np.max)
+        starts = [
+            initial_soc + np.zeros(len(cells.names)) + drawn.initial_soc[k, 0] for k in chosen
+        ]
+        load = np.full(len(time), -float(current_ampere))
+        around = {"thermal": thermal, "ambient_celsius": ambient_celsius, "hold": "zero_order"}
+        runs = simulate_copies(time, load, known, wired, initial_soc=starts, **around)
+        uses = map(partial(use_of, **ends), runs, repeat(time), known, wired)
+        rows += [_drawn_row(use) for use in uses]
     return PackDraws(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _drawn_row(use):
+    hot = int(np.argmax(use.loss_watt))
+    given = (use.capacity_ampere_hour, use.energy_watt_hour, use.first, use.peak_share)
+    return (*given, float(use.loss_watt[hot]), hot)
 
 
 def summary_rows(draws, names, *, first):

@@ -2,16 +2,10 @@
 
 import numpy as np
 
-from cellwright.packs.cells import pack_cells
+from cellwright.packs.cells import pack_cells, table_temperatures
 from cellwright.packs.decisions.group_use import cells_at, discharge_pack, safe_window
 from cellwright.packs.decisions.matching import replacements
-from cellwright.packs.decisions.monte_carlo import (
-    draw_cells,
-    pack_draws,
-    string_draws,
-    summary_rows,
-    uncertainty_of,
-)
+from cellwright.packs.decisions.monte_carlo import pack_draws, string_draws, summary_rows
 from cellwright.packs.network import network_of
 from cellwright.packs.series.capability import (
     contact_of,
@@ -19,6 +13,8 @@ from cellwright.packs.series.capability import (
     discharge_curves,
     ended_string,
 )
+from cellwright.packs.uncertainty.draws import draw_cells, uncertainty_of
+from cellwright.packs.validate import of_one_activation_energy
 from cellwright.packs.wiring import cells_of, depth
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
@@ -31,7 +27,16 @@ EMPTY |= dict.fromkeys(PERCENTILES, np.nan)
 
 
 def pack_decisions(
-    wiring, models, positions, cells, capacity_std_ampere_hour, *, celsius, settings=SETTINGS
+    wiring,
+    models,
+    positions,
+    cells,
+    capacity_std_ampere_hour,
+    *,
+    celsius,
+    settings=SETTINGS,
+    thermal=None,
+    ambient_celsius=None,
 ):
     """What is decided about a pack, as rows of pack_decisions.
 
@@ -42,6 +47,8 @@ def pack_decisions(
     models : model dicts in the order of its cells. positions : BranchFacts, cells : CellFacts,
         capacity_std_ampere_hour : (cells,) [Ah] or None, each in that order.
     celsius : of all cells [degC]. settings : PackDecisions.
+    thermal : Thermal of the cells in that order, by which those of a pack with parallel cells warm
+        in a discharge, from `ambient_celsius` [degC] on; None: they have `celsius`.
 
     Returns
     -------
@@ -62,12 +69,27 @@ def pack_decisions(
         resistance_relative_std=settings.resistance_relative_std,
         initial_soc_std=settings.initial_soc_std,
     )
+    # A course of the OCV would raise the largest current of every draw: it is the same over SoC.
+    known = known._replace(ocv=None)
     drawn = draw_cells(known, draws=settings.draws, seed=settings.random_seed)
     lower, _ = cutoffs_of(cells)
     if wiring.connection == "series" and depth(wiring) == 1:
         pack = _string(models, positions, lower, drawn, start, celsius, settings)
     else:
-        pack = _wired(wiring, models, lower, drawn, start, celsius, settings)
+        if len(models) > MOST_CELLS:
+            raise Refusal(
+                f"{wiring.name} is not decided on: found {len(models)} cells, wanted at most "
+                f"{MOST_CELLS} where some are in parallel: each is replaced in a simulation"
+            )
+        around = {"thermal": thermal, "ambient_celsius": ambient_celsius}
+        if thermal is None:
+            tables = pack_cells(models, temperature_celsius=celsius)
+            around["ambient_celsius"] = None
+        else:
+            models, _ = of_one_activation_energy(models)
+            grid = table_temperatures(models, ambient_celsius)
+            tables = pack_cells(models, temperature_celsius=grid)
+        pack = _wired(wiring, tables, lower, drawn, start, settings, around)
     use, items, spare_of, draws, window = pack
     plain = wiring.connection == "series" and depth(wiring) == 1
     first = "weakest cell" if plain else "busiest cell"
@@ -147,21 +169,17 @@ def _string(models, positions, lower, drawn, start, celsius, settings):
     return use, list(range(cells)), lambda item: item + cells, draws, []
 
 
-def _wired(wiring, models, lower, drawn, start, celsius, settings):
+def _wired(wiring, tables, lower, drawn, start, settings, around):
     """Use, items and spares of a pack with parallel cells: items are (index of tables, SoC)."""
-    if len(models) > MOST_CELLS:
-        raise Refusal(
-            f"{wiring.name} is not decided on: found {len(models)} cells, wanted at most "
-            f"{MOST_CELLS} where some are in parallel: each is replaced in a simulation of its own"
-        )
-    tables = pack_cells(models, temperature_celsius=celsius)
     share = network_of(wiring, tables.capacity_ampere_hour).share
     current = settings.group_c_rate * float((tables.capacity_ampere_hour / share).min())
     at = {"lower_cutoff_volt": lower, "current_ampere": current}
 
     def use(items):
         index, soc = zip(*items, strict=True)
-        found = discharge_pack(cells_at(tables, index), wiring, initial_soc=np.array(soc), **at)
+        warms = around | {"thermal": _put_in(around["thermal"], list(index))}
+        start = {"initial_soc": np.array(soc)}
+        found = discharge_pack(cells_at(tables, index), wiring, **start, **at, **warms)
         return found.capacity_ampere_hour, found.energy_watt_hour
 
     draws = pack_draws(
@@ -172,11 +190,23 @@ def _wired(wiring, models, lower, drawn, start, celsius, settings):
         wire_relative_std=settings.wire_relative_std,
         random_seed=settings.random_seed,
         **at,
+        **around,
     )
-    nominal = discharge_pack(tables, wiring, initial_soc=start, **at)
+    nominal = discharge_pack(tables, wiring, initial_soc=start, **at, **around)
     window = window_rows(nominal, settings.current_spread)
     items = list(enumerate(start))
     return use, items, lambda item: (item[0], 1.0), draws, window
+
+
+def _put_in(thermal, index):
+    """Thermal of a pack in whose places these cells are."""
+    if thermal is None:
+        return None
+    return thermal._replace(
+        heat_capacity_joule_per_kelvin=thermal.heat_capacity_joule_per_kelvin[index],
+        resistance_kelvin_per_watt=thermal.resistance_kelvin_per_watt[index],
+        entropic_volt_per_kelvin=thermal.entropic_volt_per_kelvin[index],
+    )
 
 
 def replacement_rows(use, items, spare_of, capacity, names):

@@ -9,7 +9,7 @@ from cellwright.packs.cells import pack_cells, table_temperatures
 from cellwright.packs.checks import beyond_calibration
 from cellwright.packs.series.string import POINTS, REST_SHARE, rested_curves
 from cellwright.packs.simulate import simulate_pack
-from cellwright.packs.wiring import cells_of, described
+from cellwright.packs.wiring import cells_of, described, member_currents
 from cellwright.records.channels import BRANCH_CURRENT, CELL_VOLTAGE
 from cellwright.refusal import Refusal
 
@@ -56,7 +56,7 @@ def nested_pack(models, wiring, positions, record):
         initial_soc=start,
         ambient_celsius=celsius,
     )
-    members = _member_currents(wiring, run.cell_current_ampere)
+    members = member_currents(wiring, run.cell_current_ampere)
     rows = [_errors("pack voltage", None, wiring.name, "V", record.voltage_volt, run.voltage_volt)]
     names = [part if isinstance(part, str) else part.name for part in wiring.members]
     leaves = cells_of(wiring)
@@ -101,24 +101,6 @@ def _errors(what, number, owner, unit, read, simulated):
         "unit": unit,
         "samples": len(error),
     }
-
-
-def _member_currents(wiring, cell_current):
-    """Current of each member of the outermost group (n, members) from those of the cells [A]."""
-    found, first = [], 0
-    for part in wiring.members:
-        count = len(cells_of(part))
-        found.append(_current(part, cell_current[:, first : first + count]))
-        first += count
-    return np.column_stack(found)
-
-
-def _current(part, cell_current):
-    """Current through a cell or group (n,): of members in series that of any one of them."""
-    if isinstance(part, str):
-        return cell_current[:, 0]
-    members = _member_currents(part, cell_current)
-    return members[:, 0] if part.connection == "series" else members.sum(axis=1)
 
 
 def _start(models, wiring, positions, record, notes):

@@ -1,0 +1,115 @@
+"""Several packs in one run: in series each has the whole current, and none changes another."""
+
+import numpy as np
+
+from cellwright.packs.cells import TABLES
+from cellwright.packs.simulate import PackRun, simulate_pack
+from cellwright.packs.wiring import Wiring, cells_of, member_currents
+
+MOST_VALUES = 4_000_000  # of the tables of all copies, and of one quantity over time: 32 MB each
+
+
+def copies_at_once(cells, samples):
+    """How many copies of a pack one run simulates, by the memory that they take; at least 1.
+
+    Parameters
+    ----------
+    cells : PackCells of one pack. samples : of the record.
+    """
+    tables = sum(getattr(cells, name).size for name in TABLES)
+    return max(1, MOST_VALUES // max(tables, samples * len(cells.names)))
+
+
+def simulate_copies(
+    test_time_second, current_ampere, cells, wirings, *, initial_soc, thermal=None, **how
+):
+    """Packs of one shape, each with its own cells and contacts, under the same current.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere : (n,) [s], [A], of each pack.
+    cells : list of PackCells, one a pack, on the same temperatures. wirings : list of Wiring.
+    initial_soc : (packs, cells) [1].
+    thermal : Thermal of one pack, whose cells exchange no heat, the same in all; or None.
+    how : further arguments of `simulate.simulate_pack`.
+
+    Returns
+    -------
+    runs : list of PackRun, one a pack.
+
+    Raises
+    ------
+    Refusal : as `simulate.simulate_pack`.
+    """
+    named = tuple(_renamed(wiring, f" #{k}") for k, wiring in enumerate(wirings))
+    none = (0.0,) * len(named)
+    warms = None if thermal is None else _repeated(thermal, len(named))
+    run = simulate_pack(
+        test_time_second,
+        current_ampere,
+        _side_by_side(cells),
+        Wiring("copies", "series", named, none, none),
+        initial_soc=np.asarray(initial_soc, float).ravel(),
+        thermal=warms,
+        **how,
+    )
+    columns = (run.cell_current_ampere, run.cell_voltage_volt, run.soc, run.temperature_celsius)
+    parts = zip(*(np.split(column, len(named), axis=1) for column in columns), strict=True)
+    return [
+        PackRun(current, volt, pack_voltage(wiring, volt, current), soc, celsius, run.row)
+        for wiring, (current, volt, soc, celsius) in zip(wirings, parts, strict=True)
+    ]
+
+
+def pack_voltage(wiring, cell_volt, cell_ampere):
+    """Voltage of a pack where it is measured, from those of its cells (n,) [V].
+
+    Parameters
+    ----------
+    wiring : Wiring, or the name of a cell. cell_volt, cell_ampere : (n, cells) in the order of the
+        leaves [V], [A], positive on charge.
+    """
+    if isinstance(wiring, str):
+        return cell_volt[:, 0]
+    bounds = np.cumsum([len(cells_of(member)) for member in wiring.members])[:-1]
+    pairs = zip(*(np.split(part, bounds, axis=1) for part in (cell_volt, cell_ampere)), strict=True)
+    volts = [pack_voltage(m, *pair) for m, pair in zip(wiring.members, pairs, strict=True)]
+    if wiring.sense is not None:
+        return volts[wiring.sense]
+    currents = member_currents(wiring, cell_ampere)
+    at_bar = np.column_stack(volts) + currents * wiring.contact_ohm
+    if wiring.connection == "series":
+        return at_bar.sum(axis=1)
+    if wiring.terminals != "opposite_ends":
+        return at_bar[:, 0]
+    # What has left the bar of one lead before a link flows back through the other bar.
+    passed = np.cumsum(currents, axis=1)[:, :-1]
+    return at_bar[:, 0] + passed @ (0.5 * np.asarray(wiring.link_ohm[1:]))
+
+
+def _repeated(thermal, copies):
+    """Thermal of several packs alike."""
+    columns = {
+        name: np.concatenate([np.atleast_1d(getattr(thermal, name))] * copies)
+        for name in ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")
+        + ("entropic_volt_per_kelvin",)
+    }
+    return thermal._replace(**columns)
+
+
+def _renamed(wiring, ending):
+    """A wiring whose cells and groups have names of their own."""
+    if isinstance(wiring, str):
+        return wiring + ending
+    members = tuple(_renamed(member, ending) for member in wiring.members)
+    return wiring._replace(name=wiring.name + ending, members=members)
+
+
+def _side_by_side(copies):
+    """Cells of several packs as one PackCells."""
+    tables = {name: np.concatenate([getattr(c, name) for c in copies], axis=1) for name in TABLES}
+    columns = ("capacity_ampere_hour", "near_end_soc")
+    tables |= {name: np.concatenate([getattr(c, name) for c in copies]) for name in columns}
+    names = tuple(f"{name} #{k}" for k, c in enumerate(copies) for name in c.names)
+    members = tuple(member for c in copies for member in c.members)
+    return copies[0]._replace(names=names, members=members, **tables)

@@ -1,0 +1,228 @@
+"""Cells of a pack as they may be: how sure their models are, and draws within that."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.model_file import member_of
+from cellwright.numerics.linear import hats
+from cellwright.numerics.statistics import rms
+from cellwright.settings import PackDecisions
+
+SETTINGS = PackDecisions()
+RESISTANCES = ("r0_ohm", "two_way_ohm", "r_ohm", "kinetic_r_ohm")
+POINTS = 101  # of SoC, on which an error of the OCV is drawn
+
+
+class OcvError(NamedTuple):
+    """Standard deviation of a cell's open-circuit voltage at the SoC where it was fitted.
+
+    soc, std_volt : (m,) [1], [V]. From one to the next the errors are independent.
+    """
+
+    soc: np.ndarray
+    std_volt: np.ndarray
+
+
+class Uncertainty(NamedTuple):
+    """Standard deviations of what is known of each cell, (cells,) each.
+
+    capacity_relative, resistance_relative : [1]. voltage_volt : what the chosen member misses of
+    records left out of its fit [V]. initial_soc : [1]. ocv : tuple of OcvError, or None where an
+    error of the voltage is the same at every SoC. wire_relative_std : scalar, of all contacts [1].
+    """
+
+    capacity_relative: np.ndarray
+    resistance_relative: np.ndarray
+    voltage_volt: np.ndarray
+    initial_soc: np.ndarray
+    ocv: tuple | None = None
+    wire_relative_std: float = SETTINGS.wire_relative_std
+
+
+def uncertainty_of(
+    models,
+    capacity_std_ampere_hour,
+    *,
+    capacity_relative_std=SETTINGS.capacity_relative_std,
+    resistance_relative_std=SETTINGS.resistance_relative_std,
+    initial_soc_std=SETTINGS.initial_soc_std,
+    wire_relative_std=SETTINGS.wire_relative_std,
+):
+    """Uncertainty of each cell of a pack.
+
+    The capacity's is that of the mean of its repeats, the resistance's that of the sum of the
+    model's resistances (their standard deviations, median over SoC), none smaller than the settings
+    say. The voltage's is the error on records left out of the fit, else what the model states of
+    its OCV.
+
+    Parameters
+    ----------
+    models : model dicts. capacity_std_ampere_hour : (cells,), NaN or None where not known [Ah].
+    capacity_relative_std, resistance_relative_std : least values [1].
+    initial_soc_std, wire_relative_std : [1].
+
+    Returns
+    -------
+    uncertainty : Uncertainty.
+    """
+    capacity = np.array([model["capacity_ampere_hour"] for model in models])
+    stds = [np.nan if std is None else std for std in capacity_std_ampere_hour]
+    relative = np.nan_to_num(np.array(stds, float) / capacity)
+    members = [member_of(model) for model in models]
+    resistance = np.array([relative_resistance_std(member) for member in members])
+    ocv = tuple(map(ocv_error, members))
+    return Uncertainty(
+        np.maximum(relative, capacity_relative_std),
+        np.maximum(np.nan_to_num(resistance), resistance_relative_std),
+        np.array([_missed_volt(member) for member in members]),
+        np.full(len(models), float(initial_soc_std)),
+        ocv,
+        wire_relative_std,
+    )
+
+
+def relative_resistance_std(member):
+    """Relative standard deviation of a member's resistance in the long run [1], NaN if unknown.
+
+    Parameters
+    ----------
+    member : dict, a member of a model file. Median over SoC and conditions; the resistances of one
+        SoC are taken as independent.
+    """
+    shares = []
+    for condition in member["conditions"]:
+        branches = [b for b in condition["branches"] if "r_ohm" in b]
+        values = [condition["r0_ohm"], *(branch["r_ohm"] for branch in branches)]
+        stds = [condition.get("r0_std_ohm"), *(branch.get("r_std_ohm") for branch in branches)]
+        if any(std is None for std in stds):
+            continue
+        squares = np.sum(np.square(np.array(stds, float)), axis=0)
+        shares += list(np.sqrt(squares) / np.sum(np.array(values, float), axis=0))
+    shares = [share for share in shares if np.isfinite(share)]
+    return float(np.median(shares)) if shares else np.nan
+
+
+def ocv_error(member):
+    """How sure a member's open-circuit voltage is: OcvError, at the SoC of its first condition.
+
+    Parameters
+    ----------
+    member : dict, a member of a model file. What it states (`ocv_shift_std_volt`), else its error
+        on records left out of its fit, else 0.
+    """
+    # ASSUME: Errors of the OCV at two SoC of a model are independent: each was fitted to rows of
+    # its own.
+    condition = member["conditions"][0]
+    missed = member.get("left_out_rmse_volt") or 0.0
+    soc = np.asarray(condition["soc"], float)
+    stated = condition.get("ocv_shift_std_volt") or [np.nan] * len(soc)
+    std = np.asarray(stated, float)
+    return OcvError(soc, np.where(np.isfinite(std), std, missed))
+
+
+def _missed_volt(member):
+    """What a member misses of a voltage that it has not seen [V], by its OCV where no test told."""
+    missed = member.get("left_out_rmse_volt")
+    return rms(ocv_error(member).std_volt) if missed is None else missed
+
+
+def is_known(model):
+    """Whether anything tells how sure a model is: deviations, or an error on what was left out.
+
+    Parameters
+    ----------
+    model : dict of a model file.
+    """
+    member = member_of(model)
+    told = np.isfinite(relative_resistance_std(member))
+    return bool(told or ocv_error(member).std_volt.any())
+
+
+class CellDraws(NamedTuple):
+    """Cells as they may be, (draws, cells) each: factors of capacity and resistance [1], error of
+    the voltage [V], SoC at the start beside what is said [1].
+
+    ocv_volt : (draws, cells, POINTS) error of the OCV over SoC from 0 to 1 [V], or None.
+    """
+
+    capacity_factor: np.ndarray
+    resistance_factor: np.ndarray
+    voltage_volt: np.ndarray
+    initial_soc: np.ndarray
+    ocv_volt: np.ndarray | None = None
+
+
+def draw_cells(uncertainty, *, draws=SETTINGS.draws, seed=SETTINGS.random_seed):
+    """Draws of the cells of a pack, independent from cell to cell, normal.
+
+    Parameters
+    ----------
+    uncertainty : Uncertainty. draws : their number. seed : of the generator.
+
+    Returns
+    -------
+    drawn : CellDraws; no factor is below a tenth.
+    """
+    random = np.random.default_rng(seed)
+    shape = (draws, len(uncertainty.capacity_relative))
+    normal = [random.standard_normal(shape) for _ in range(4)]
+    pairs = zip(normal, uncertainty[:4], strict=True)
+    capacity, resistance, volt, soc = (z * std for z, std in pairs)
+    courses = None
+    if uncertainty.ocv is not None:
+        courses = np.stack([_courses(error, draws, random) for error in uncertainty.ocv], axis=1)
+    factors = (np.maximum(1.0 + z, 0.1) for z in (capacity, resistance))
+    return CellDraws(*factors, volt, soc, courses)
+
+
+def _courses(error, draws, random):
+    """Errors of an OCV over SoC (draws, POINTS) [V], between two SoC as uncertain as at them."""
+    between = hats(np.linspace(0.0, 1.0, POINTS), error.soc)
+    between /= np.linalg.norm(between, axis=1, keepdims=True)
+    return (random.standard_normal((draws, len(error.soc))) * error.std_volt) @ between.T
+
+
+def wire_factors(draws, *, wire_relative_std=SETTINGS.wire_relative_std, seed=SETTINGS.random_seed):
+    """Factors (draws,) of all contacts of a pack together [1].
+
+    Parameters
+    ----------
+    draws : their number. wire_relative_std : [1]. seed : of the generator.
+    """
+    random = np.random.default_rng([seed, 1])
+    return np.maximum(1.0 + wire_relative_std * random.standard_normal(draws), 0.1)
+
+
+def drawn_cells(cells, drawn, draw, initial_soc):
+    """The cells of a pack in one draw, joined at rest before the start.
+
+    The voltage of all is off by that of the first at the start, where they are in equilibrium; from
+    there on the OCV of each is off by its own course.
+
+    Parameters
+    ----------
+    cells : PackCells. drawn : CellDraws of them. draw : index. initial_soc : scalar or (cells,),
+        where they were joined [1].
+    """
+    factor = drawn.resistance_factor[draw][:, None, None]
+    changed = {name: getattr(cells, name) * factor for name in RESISTANCES}
+    shift = drawn.voltage_volt[draw, 0]
+    if drawn.ocv_volt is not None:
+        shift = shift + _from_start(drawn.ocv_volt[draw], initial_soc, cells.ocv_volt.shape[-1])
+    return cells._replace(
+        ocv_volt=cells.ocv_volt + shift,
+        capacity_ampere_hour=cells.capacity_ampere_hour * drawn.capacity_factor[draw],
+        **changed,
+    )
+
+
+def _from_start(courses, initial_soc, points):
+    """Errors of the OCV less those at the start, on the grid of the tables (cells, 1, points)."""
+    grid, fine = np.linspace(0.0, 1.0, courses.shape[1]), np.linspace(0.0, 1.0, points)
+    start = np.broadcast_to(np.asarray(initial_soc, float), (len(courses),))
+    rows = [
+        np.interp(fine, grid, course) - np.interp(soc, grid, course)
+        for course, soc in zip(courses, start, strict=True)
+    ]
+    return np.array(rows)[:, None, :]

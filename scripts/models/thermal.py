@@ -1,0 +1,12 @@
+"""Thermal constants of one cell from tests whose temperature was logged."""
+
+import cellwright as cw
+from runtime import artefact, facts
+
+with artefact.Job(snakemake) as job:
+    inputs, output, params = snakemake.input, snakemake.output, snakemake.params
+    about = (params.cell, job.load(inputs.model), facts.tests(inputs.series))
+    found = cw.thermal_constants(*about, split_rest_second=params.split_rest_second)
+    job.note(*found.notes)
+    job.save(found.content, output.constants)
+    job.save(found.table, output.tests)
