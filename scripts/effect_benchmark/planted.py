@@ -1,7 +1,9 @@
 """Effects planted in records of real cells: answers beside what was planted.
 
 What the search names in the unplanted copy of a cell it names without any planting; judged is which
-names are new in the planted copy.
+names are new in the planted copy. Of the base `own`, the model that the pipeline chose for the
+planted copy may have taken the effect up: by a branch that the unplanted copy's has not, or by its
+parameters. Both are counted by themselves, and neither is a right name.
 """
 
 import json
@@ -17,7 +19,16 @@ from virtual_lab.zoo.planted import UNPLANTED
 RIGHT, TIED = "right", "right, as one of a tie"
 WRONG, SILENT = "wrong new name", "no new name"
 KNOWN, NOTHING = "named without planting", "no verdict"
-OUTCOMES = (RIGHT, TIED, WRONG, SILENT, KNOWN, NOTHING)
+TOLD, HELD = "told by the model's branches", "followed by the model"
+OUTCOMES = (RIGHT, TIED, TOLD, HELD, WRONG, SILENT, KNOWN, NOTHING)
+FOLDERS = {"plain": "", "own": "own", "external": "external"}  # of a base, beside its cell's
+# Letters of a member's name, and the effects that such a branch is there for.
+BRANCHES = {
+    "H": {"hysteresis_one_state", "hysteresis_instant"},
+    "K": {"charge_transfer_nonlinearity"},
+    "D": {"slow_diffusion"},
+}
+HALF = 0.5  # of what was planted: where the model's error rises by less, it has followed the effect
 # By what is left of the effect, over what a plain circuit leaves of the unplanted records; sizes
 # are met within a few percent.
 BANDS = {"1 and more": (0.9, np.inf), "0.5 to 1": (0.45, 0.9), "below 0.5": (0.0, 0.45)}
@@ -38,6 +49,32 @@ def answers_of(folder, sizes=None, done=()):
             yield from searching.answers(work, [row["cell"]])
 
 
+def answers_of_run(folder, base: str) -> list[dict]:
+    """Rows as of `answers_of`, from a run of the pipeline in the campaign's folder.
+
+    Parameters
+    ----------
+    folder : of the campaign, with `results`. base : "plain", "own" or "external".
+    """
+    place = files.campaign(folder).results / "missing_effect"
+    rows = []
+    for row in _chosen(folder, None):
+        found = place / row["cell"] / FOLDERS[base] / "verdict.json"
+        text = found.read_text(encoding="utf-8") if found.is_file() else ""
+        document = json.loads(text) if text else {}
+        given = "verdict" in document
+        reason = "" if given else document.get("reason") or f"no {found.name} of base {base}"
+        document = text if given else ""
+        rows.append({"cell": row["cell"], "document": document, "reason": reason})
+    return rows
+
+
+def members_of_run(folder) -> dict[str, str]:
+    """Member that the pipeline chose for each copy before the search of base `own`, by cell."""
+    place = files.campaign(folder).results / "member"
+    return {file.stem: files.read_json(file).get("chosen") or "" for file in place.glob("*.json")}
+
+
 def _chosen(folder, sizes):
     rows = files.read_json(files.campaign(folder).truth / "missing_effect.json")
     controls = [row for row in rows if row["kind"] == UNPLANTED]
@@ -45,7 +82,7 @@ def _chosen(folder, sizes):
     return [*controls, *asked]
 
 
-def judged(folder, answers: list[dict], sizes=None) -> pd.DataFrame:
+def judged(folder, answers: list[dict], sizes=None, members=None) -> pd.DataFrame:
     """One row a planted copy: what was planted, which names are new, and the outcome.
 
     `outcome`: "right" where a new name is accepted (with its alternatives, then "as one of a tie"),
@@ -58,13 +95,50 @@ def judged(folder, answers: list[dict], sizes=None) -> pd.DataFrame:
     Parameters
     ----------
     folder : of the campaign with its truth. answers : rows of `answers_of`. sizes : of the copies
-    that are judged, as "1base"; None: all.
+    that are judged, as "1base"; None: all. members : of `members_of_run`, of answers of base `own`:
+        where no new name is right, "told by the model's branches" says that the copy's member has
+        a branch for the effect which the unplanted copy's has not, "followed by the model" that
+        the member's error on the records that judge rises by less than half of what was planted.
     """
     said = {row["cell"]: row for row in answers}
     rows = [row for row in _chosen(folder, sizes) if row["kind"] != UNPLANTED]
-    return pd.DataFrame(
+    table = pd.DataFrame(
         [_row(row, said.get(row["cell"]), said.get(row["control"])) for row in rows]
     )
+    return table if members is None else _with_members(table, rows, said, members)
+
+
+def _with_members(table, truth, said, members):
+    """The table with the members of the copies, and with what these have taken up."""
+    table = table.assign(
+        member=[members.get(row["cell"], "") for row in truth],
+        control_member=[members.get(row["control"], "") for row in truth],
+    )
+    silent = table["outcome"].isin([SILENT, WRONG])
+    for place in table.index[silent]:
+        row = truth[place]
+        new = _branches(table.at[place, "member"]) - _branches(table.at[place, "control_member"])
+        accept = set(row["effects"][0]["accept"])
+        if any(BRANCHES[one] & accept for one in new):
+            table.loc[place, "outcome"] = TOLD
+        elif _followed(row, said):
+            table.loc[place, "outcome"] = HELD
+    return table
+
+
+def _branches(member):
+    """Letters of a member's branches: of DRT+H+K those of hysteresis and kinetics."""
+    return set(member.split("+")[1:]) & set(BRANCHES)
+
+
+def _followed(row, said):
+    """Whether a given model's error rises by less than half of what was planted."""
+    verdicts = (_verdict(said.get(row[copy])) for copy in ("cell", "control"))
+    errors = [(one or {}).get("as_given_rmse_volt", {}).get("validation") for one in verdicts]
+    if None in errors:
+        return False
+    rise = np.sqrt(max(errors[0] ** 2 - errors[1] ** 2, 0.0))
+    return rise < HALF * 1e-3 * row["effects"][0]["visible_gap_millivolt"]
 
 
 def _verdict(answer):

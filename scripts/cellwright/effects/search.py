@@ -378,8 +378,33 @@ def significant(gates, trial):
     ----------
     gates : of the case. trial : Trial with its proof.
     """
-    judged_well = trial.delta_validation > gates.validation_chi_square or not trial.proven
-    return trial.delta_bic > gates.bic and judged_well and trial.proof.holds
+    return _followed(gates, trial) and _judged_well(gates, trial) and trial.proof.holds
+
+
+def _followed(gates, trial):
+    """Whether the records fitted are followed better, beyond what its parameters would anyway."""
+    return trial.delta_bic > gates.bic
+
+
+def _judged_well(gates, trial):
+    """Whether the records that judge are followed better, where they show the effect at all."""
+    return trial.delta_validation > gates.validation_chi_square or not trial.proven
+
+
+def against(case, first, before, trial, floor):
+    """What speaks against a trial as a choice, in words: tuple of str, empty for nothing.
+
+    Parameters
+    ----------
+    case : as in `search`. first, before : State of the healthy model, and of the model so far.
+    trial : Trial with its proof. floor : proof.Floor.
+    """
+    asked = (
+        ("no better fit than its parameters alone would give", _followed(case.gates, trial)),
+        ("the records that judge are not followed better", _judged_well(case.gates, trial)),
+        ("too small for anyone to act on", case.matters(first, before, trial, floor)),
+    )
+    return (*(words for words, well in asked if not well), *trial.proof.against)
 
 
 def best_of(case, first, before, trials, floor):
