@@ -145,13 +145,13 @@ def search(case, library):
         solution = fit(problem, values, steps=POLISH_STEPS, settled=case.settled)
         model = effects, free, solution
         effects, free, solution, dropped = _needed(case, plain, *model, filters, rounds)
+        if step.chosen.effect.key in dropped:
+            # At the edge of what counts. Neither may a rival that explains less take its place, nor
+            # is an earlier name needless beside a choice that does not count itself.
+            rounds[-1] = step._replace(chosen=None, tied=(), dropped=(step.chosen.effect.key,))
+            return rounds
         rounds[-1] = step._replace(dropped=dropped)
         possible = {key: effect for key, effect in possible.items() if key not in dropped}
-        if step.chosen.effect.key in dropped:
-            # At the edge of what counts. A rival that explains less must not take its place.
-            before = case.state(effects, solution, filters)
-            rounds.append(step._replace(before=before, chosen=None, tied=(), dropped=()))
-            return rounds
     return rounds
 
 
