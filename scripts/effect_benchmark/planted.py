@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from effect_benchmark.scoring import Share, share
-from effect_benchmark.zoo import searching
+from effect_benchmark.zoo import judging, searching
 from virtual_lab.score import files
 from virtual_lab.zoo.planted import UNPLANTED
 
@@ -28,6 +28,7 @@ BRANCHES = {
     "K": {"charge_transfer_nonlinearity"},
     "D": {"slow_diffusion"},
 }
+SIDES = ("rmse_volt", "validation_rmse_volt")
 HALF = 0.5  # of what was planted: where the model's error rises by less, it has followed the effect
 # By what is left of the effect, over what a plain circuit leaves of the unplanted records; sizes
 # are met within a few percent.
@@ -91,6 +92,10 @@ def judged(folder, answers: list[dict], sizes=None, members=None) -> pd.DataFram
     how many new names are not accepted, whatever the outcome. `size_ratio`: what the right new name
     closes of the error on the records that judge, over what was planted. `nearest_right`: an
     accepted name is new among the explanations that an answer "unknown" tried and did not name.
+    `rise_millivolt`: by how much the first model of the search errs more than on the unplanted
+    copy, the larger of fit and proof (root of the difference of squares): what stated tolerances
+    take up, or what meets an error of the opposite sign, is not in it. `against`: why the effect is
+    no name.
 
     Parameters
     ----------
@@ -165,6 +170,8 @@ def _row(truth, answer, control_answer):
         "size_ratio": np.nan,
         "reason": "; ".join(reasons),
         "control": "",
+        "rise_millivolt": np.nan,
+        "against": "",
     }
     if verdict is None or control is None:
         return row
@@ -177,9 +184,18 @@ def _row(truth, answer, control_answer):
     tried = [one["effect"] for one in control.get("partial", [])]
     nearest = [one for one in verdict.get("partial", []) if one["effect"] not in {*before, *tried}]
     row["nearest_right"] = any(_names(one) & accept for one in nearest)
+    row["rise_millivolt"] = 1e3 * max(_rise_volt(verdict, control, side) for side in SIDES)
+    if not right:
+        row["against"] = judging.against_names(sorted(accept), verdict)
     if right:
         row["size_ratio"] = _closed_volt(right[0]) / (1e-3 * effect["visible_gap_millivolt"])
     return row
+
+
+def _rise_volt(verdict, control, side):
+    """Root of what an effect adds to the mean square error of the search's first model [V]."""
+    now, was = (one.get(side, {}).get("before", np.nan) for one in (verdict, control))
+    return float(np.sqrt(max(now**2 - was**2, 0.0)))
 
 
 def _names(one):
@@ -243,6 +259,25 @@ def by_effect(table: pd.DataFrame) -> pd.DataFrame:
     return counts.reindex(columns=[one for one in OUTCOMES if one in counts])
 
 
+WITHIN = "within the stated tolerances, or against the model's own error"
+
+
+def reasons(table: pd.DataFrame) -> list[tuple[str, str, int]]:
+    """Why copies of half of the base error and more have no right name: (band, reason, copies).
+
+    What raises the error of the search's own first model by less than half of what was planted is
+    counted as taken up, whatever rule spoke last.
+    """
+    missed = table[~right(table) & ~table["outcome"].isin([KNOWN, NOTHING])]
+    rows = []
+    for band in GOALS:
+        mine = in_band(missed, band)
+        shown = mine["rise_millivolt"] >= HALF * mine["millivolt"]
+        why = mine["against"].where(shown | (mine["against"] == judging.HIDDEN), WITHIN)
+        rows += [(band, words, int(n)) for words, n in why.value_counts().items()]
+    return rows
+
+
 def page(table: pd.DataFrame) -> str:
     """The scores as Markdown."""
     lines = [
@@ -260,6 +295,9 @@ def page(table: pd.DataFrame) -> str:
     lines.append("| --- " * (1 + counts.shape[1]) + "|")
     for name, numbers in counts.iterrows():
         lines.append(f"| `{name}` | " + " | ".join(str(x) for x in numbers) + " |")
+    lines += ["", "| size over base error | why there is no right name | copies |"]
+    lines += ["| --- | --- | --- |"]
+    lines += [f"| {band} | {words} | {copies} |" for band, words, copies in reasons(table)]
     return "\n".join(lines) + "\n"
 
 

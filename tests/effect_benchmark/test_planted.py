@@ -147,3 +147,31 @@ def test_what_a_model_has_taken_up_is_no_right_name_in_the_shares(tmp_path):
     (whole,) = [row for row in planted.shares(table) if row["campaign"] == "all"]
     assert (whole["right"].hits, whole["right"].of) == (0, 1)
     assert "| told by the model's branches |" in planted.page(table)
+
+
+def test_why_there_is_no_right_name(tmp_path):
+    """Not testable; taken up by the tolerances; else what spoke last against it."""
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(TRUTH))
+
+    def said(cell, millivolt, **more):
+        document = {"verdict": "unknown", "effects": [], "partial": [], "against": {}} | more
+        document |= {"rmse_volt": {"before": 1e-3}}
+        document |= {"validation_rmse_volt": {"before": 1e-3 * millivolt}}
+        return {"cell": cell, "document": json.dumps(document), "reason": ""}
+
+    uneven = {"self_heating": "harms some parts too much"}
+    answers = [
+        *(said("A_u", 10.0), said("A_leak", 10.5), said("A_heat", 15.0, against=uneven)),
+        *(said("A_skew", 10.0, not_testable=["time_skew"]), said("A_slow", 15.0)),
+    ]
+    table = planted.judged(tmp_path, answers)
+    assert set(planted.reasons(table)) == {
+        ("1 and more", planted.WITHIN, 1),
+        ("1 and more", "the records fitted cannot show it", 1),
+        ("1 and more", "no candidate: others promise to explain more", 1),
+        ("0.5 to 1", "harms some parts too much", 1),
+    }
+    # sqrt(15² − 10²) mV more on the records that judge, of 10 mV planted
+    assert table.set_index("cell").loc["A_heat", "rise_millivolt"] == pytest.approx(11.18, abs=0.01)
+    assert "| 1 and more | the records fitted cannot show it | 1 |" in planted.page(table)

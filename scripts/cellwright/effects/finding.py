@@ -249,6 +249,8 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict["next_test_id"] = test
     verdict["probabilities"] = shares_of_answers
     verdict["worsened"] = worsened(residuals)
+    ranking = ranking_of(case, rounds, result)
+    verdict["against"] = _last_against(ranking, named)
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     kept = bool(result.steps) and result.word in KEPT
     model = model_of(case, result.last if kept else rounds[0].before)
@@ -260,7 +262,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
             model["blocks"] = judged_blocks(case, result.last, model["folds"], **rest)
     return Finding(
         verdict,
-        ranking_of(case, rounds, result),
+        ranking,
         residuals,
         evidence_columns,
         _series(case, rounds[0].before, result.last),
@@ -320,6 +322,12 @@ def _against(case, first, step, trial, result):
         last = result is not None and result.refused is not None and trial is result.refused.chosen
         words.append(result.why_refused if last else "needless beside the others")
     return "; ".join(words) or "another explains more"
+
+
+def _last_against(ranking, named):
+    """What spoke last against each effect that was tried and is no name: dict id → words."""
+    pairs = zip(ranking.get("effect", ()), ranking.get("against", ()), strict=True)
+    return {effect: words for effect, words in pairs if effect not in named and words}
 
 
 def _ranked(trial, step):
