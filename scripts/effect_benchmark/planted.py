@@ -1,7 +1,9 @@
 """Effects planted in records of real cells: answers beside what was planted.
 
 What the search names in the unplanted copy of a cell it names without any planting; judged is which
-names are new in the planted copy.
+names are new in the planted copy. Of the base `own`, the model that the pipeline chose for the
+planted copy may have taken the effect up: by a branch that the unplanted copy's has not, or by its
+parameters. Both are counted by themselves, and neither is a right name.
 """
 
 import json
@@ -10,14 +12,24 @@ import numpy as np
 import pandas as pd
 
 from effect_benchmark.scoring import Share, share
-from effect_benchmark.zoo import searching
+from effect_benchmark.zoo import judging, searching
 from virtual_lab.score import files
 from virtual_lab.zoo.planted import UNPLANTED
 
 RIGHT, TIED = "right", "right, as one of a tie"
 WRONG, SILENT = "wrong new name", "no new name"
 KNOWN, NOTHING = "named without planting", "no verdict"
-OUTCOMES = (RIGHT, TIED, WRONG, SILENT, KNOWN, NOTHING)
+TOLD, HELD = "told by the model's branches", "followed by the model"
+OUTCOMES = (RIGHT, TIED, TOLD, HELD, WRONG, SILENT, KNOWN, NOTHING)
+FOLDERS = {"plain": "", "own": "own", "external": "external"}  # of a base, beside its cell's
+# Letters of a member's name, and the effects that such a branch is there for.
+BRANCHES = {
+    "H": {"hysteresis_one_state", "hysteresis_instant"},
+    "K": {"charge_transfer_nonlinearity"},
+    "D": {"slow_diffusion"},
+}
+SIDES = ("rmse_volt", "validation_rmse_volt")
+HALF = 0.5  # of what was planted: where the model's error rises by less, it has followed the effect
 # By what is left of the effect, over what a plain circuit leaves of the unplanted records; sizes
 # are met within a few percent.
 BANDS = {"1 and more": (0.9, np.inf), "0.5 to 1": (0.45, 0.9), "below 0.5": (0.0, 0.45)}
@@ -38,6 +50,32 @@ def answers_of(folder, sizes=None, done=()):
             yield from searching.answers(work, [row["cell"]])
 
 
+def answers_of_run(folder, base: str) -> list[dict]:
+    """Rows as of `answers_of`, from a run of the pipeline in the campaign's folder.
+
+    Parameters
+    ----------
+    folder : of the campaign, with `results`. base : "plain", "own" or "external".
+    """
+    place = files.campaign(folder).results / "missing_effect"
+    rows = []
+    for row in _chosen(folder, None):
+        found = place / row["cell"] / FOLDERS[base] / "verdict.json"
+        text = found.read_text(encoding="utf-8") if found.is_file() else ""
+        document = json.loads(text) if text else {}
+        given = "verdict" in document
+        reason = "" if given else document.get("reason") or f"no {found.name} of base {base}"
+        document = text if given else ""
+        rows.append({"cell": row["cell"], "document": document, "reason": reason})
+    return rows
+
+
+def members_of_run(folder) -> dict[str, str]:
+    """Member that the pipeline chose for each copy before the search of base `own`, by cell."""
+    place = files.campaign(folder).results / "member"
+    return {file.stem: files.read_json(file).get("chosen") or "" for file in place.glob("*.json")}
+
+
 def _chosen(folder, sizes):
     rows = files.read_json(files.campaign(folder).truth / "missing_effect.json")
     controls = [row for row in rows if row["kind"] == UNPLANTED]
@@ -45,7 +83,7 @@ def _chosen(folder, sizes):
     return [*controls, *asked]
 
 
-def judged(folder, answers: list[dict], sizes=None) -> pd.DataFrame:
+def judged(folder, answers: list[dict], sizes=None, members=None) -> pd.DataFrame:
     """One row a planted copy: what was planted, which names are new, and the outcome.
 
     `outcome`: "right" where a new name is accepted (with its alternatives, then "as one of a tie"),
@@ -54,17 +92,58 @@ def judged(folder, answers: list[dict], sizes=None) -> pd.DataFrame:
     how many new names are not accepted, whatever the outcome. `size_ratio`: what the right new name
     closes of the error on the records that judge, over what was planted. `nearest_right`: an
     accepted name is new among the explanations that an answer "unknown" tried and did not name.
+    `rise_millivolt`: by how much the first model of the search errs more than on the unplanted
+    copy, the larger of fit and proof (root of the difference of squares): what stated tolerances
+    take up, or what meets an error of the opposite sign, is not in it. `against`: why the effect is
+    no name.
 
     Parameters
     ----------
     folder : of the campaign with its truth. answers : rows of `answers_of`. sizes : of the copies
-    that are judged, as "1base"; None: all.
+    that are judged, as "1base"; None: all. members : of `members_of_run`, of answers of base `own`:
+        where no new name is right, "told by the model's branches" says that the copy's member has
+        a branch for the effect which the unplanted copy's has not, "followed by the model" that
+        the member's error on the records that judge rises by less than half of what was planted.
     """
     said = {row["cell"]: row for row in answers}
     rows = [row for row in _chosen(folder, sizes) if row["kind"] != UNPLANTED]
-    return pd.DataFrame(
+    table = pd.DataFrame(
         [_row(row, said.get(row["cell"]), said.get(row["control"])) for row in rows]
     )
+    return table if members is None else _with_members(table, rows, said, members)
+
+
+def _with_members(table, truth, said, members):
+    """The table with the members of the copies, and with what these have taken up."""
+    table = table.assign(
+        member=[members.get(row["cell"], "") for row in truth],
+        control_member=[members.get(row["control"], "") for row in truth],
+    )
+    silent = table["outcome"].isin([SILENT, WRONG])
+    for place in table.index[silent]:
+        row = truth[place]
+        new = _branches(table.at[place, "member"]) - _branches(table.at[place, "control_member"])
+        accept = set(row["effects"][0]["accept"])
+        if any(BRANCHES[one] & accept for one in new):
+            table.loc[place, "outcome"] = TOLD
+        elif _followed(row, said):
+            table.loc[place, "outcome"] = HELD
+    return table
+
+
+def _branches(member):
+    """Letters of a member's branches: of DRT+H+K those of hysteresis and kinetics."""
+    return set(member.split("+")[1:]) & set(BRANCHES)
+
+
+def _followed(row, said):
+    """Whether a given model's error rises by less than half of what was planted."""
+    verdicts = (_verdict(said.get(row[copy])) for copy in ("cell", "control"))
+    errors = [(one or {}).get("as_given_rmse_volt", {}).get("validation") for one in verdicts]
+    if None in errors:
+        return False
+    rise = np.sqrt(max(errors[0] ** 2 - errors[1] ** 2, 0.0))
+    return rise < HALF * 1e-3 * row["effects"][0]["visible_gap_millivolt"]
 
 
 def _verdict(answer):
@@ -91,6 +170,8 @@ def _row(truth, answer, control_answer):
         "size_ratio": np.nan,
         "reason": "; ".join(reasons),
         "control": "",
+        "rise_millivolt": np.nan,
+        "against": "",
     }
     if verdict is None or control is None:
         return row
@@ -103,9 +184,18 @@ def _row(truth, answer, control_answer):
     tried = [one["effect"] for one in control.get("partial", [])]
     nearest = [one for one in verdict.get("partial", []) if one["effect"] not in {*before, *tried}]
     row["nearest_right"] = any(_names(one) & accept for one in nearest)
+    row["rise_millivolt"] = 1e3 * max(_rise_volt(verdict, control, side) for side in SIDES)
+    if not right:
+        row["against"] = judging.against_names(sorted(accept), verdict)
     if right:
         row["size_ratio"] = _closed_volt(right[0]) / (1e-3 * effect["visible_gap_millivolt"])
     return row
+
+
+def _rise_volt(verdict, control, side):
+    """Root of what an effect adds to the mean square error of the search's first model [V]."""
+    now, was = (one.get(side, {}).get("before", np.nan) for one in (verdict, control))
+    return float(np.sqrt(max(now**2 - was**2, 0.0)))
 
 
 def _names(one):
@@ -169,6 +259,26 @@ def by_effect(table: pd.DataFrame) -> pd.DataFrame:
     return counts.reindex(columns=[one for one in OUTCOMES if one in counts])
 
 
+WITHIN = "within the stated tolerances, or against the model's own error"
+
+
+def reasons(table: pd.DataFrame) -> list[tuple[str, str, int]]:
+    """Why copies of half of the base error and more have no right name: (band, reason, copies).
+
+    What raises the error of the search's own first model by less than half of what was planted is
+    counted as taken up, whatever rule spoke last; of several reasons the first is told.
+    """
+    missed = table[~right(table) & ~table["outcome"].isin([KNOWN, NOTHING])]
+    rows = []
+    for band in GOALS:
+        mine = in_band(missed, band)
+        shown = mine["rise_millivolt"] >= HALF * mine["millivolt"]
+        first = mine["against"].str.split("; ").str[0]
+        why = first.where(shown | (mine["against"] == judging.HIDDEN), WITHIN)
+        rows += [(band, words, int(n)) for words, n in why.value_counts().items()]
+    return rows
+
+
 def page(table: pd.DataFrame) -> str:
     """The scores as Markdown."""
     lines = [
@@ -186,6 +296,9 @@ def page(table: pd.DataFrame) -> str:
     lines.append("| --- " * (1 + counts.shape[1]) + "|")
     for name, numbers in counts.iterrows():
         lines.append(f"| `{name}` | " + " | ".join(str(x) for x in numbers) + " |")
+    lines += ["", "| size over base error | why there is no right name | copies |"]
+    lines += ["| --- | --- | --- |"]
+    lines += [f"| {band} | {words} | {copies} |" for band, words, copies in reasons(table)]
     return "\n".join(lines) + "\n"
 
 

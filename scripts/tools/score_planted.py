@@ -3,7 +3,8 @@
 python scripts/tools/score_planted.py FOLDER ... --sizes 0.5base 1base --page scores.md
 
 Each folder keeps its answers in answers.jsonl, one line a cell; a cell that has one is not searched
-again unless --anew is given.
+again unless --anew is given. With --run own (or plain) nothing is searched: the verdicts of that
+base are read from the folder's results, after `snakemake --directory FOLDER missing_effect`.
 """
 
 import argparse
@@ -29,18 +30,25 @@ def answers(folder: Path, sizes, anew: bool) -> list[dict]:
     return rows
 
 
+def judged(folder: Path, given) -> pd.DataFrame:
+    """Judged copies of a folder: searched here, or by a run of the pipeline in it."""
+    if given.run:
+        members = planted.members_of_run(folder) if given.run == "own" else None
+        return planted.judged(
+            folder, planted.answers_of_run(folder, given.run), given.sizes, members
+        )
+    return planted.judged(folder, answers(folder, given.sizes, given.anew), given.sizes)
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folders", nargs="+", type=Path, help="planted campaigns")
     parser.add_argument("--sizes", nargs="*", help="of the copies, as 1base; all if not given")
     parser.add_argument("--page", type=Path, help="Markdown file that the scores are written to")
     parser.add_argument("--anew", action="store_true", help="search although answers are there")
+    parser.add_argument("--run", choices=planted.FOLDERS, help="base whose verdicts are read")
     given = parser.parse_args()
-    tables = [
-        planted.judged(folder, answers(folder, given.sizes, given.anew), given.sizes)
-        for folder in given.folders
-    ]
-    table = pd.concat(tables, ignore_index=True)
+    table = pd.concat([judged(folder, given) for folder in given.folders], ignore_index=True)
     text = planted.page(table)
     if given.page:
         given.page.write_text(text, encoding="utf-8")

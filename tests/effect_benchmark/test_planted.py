@@ -103,3 +103,75 @@ def test_copies_of_other_sizes_are_not_judged(tmp_path):
     (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(TRUTH))
     table = planted.judged(tmp_path, ANSWERS, ["0.5base"])
     assert set(table["cell"]) == {"A_heat", "A_rsoc"}
+
+
+def run(folder, verdicts, members):
+    """Results of a run of the pipeline: verdicts of base own, and the members chosen."""
+    (folder / "truth").mkdir()
+    (folder / "truth" / "missing_effect.json").write_text(json.dumps(TRUTH))
+    for cell, (names, millivolt) in verdicts.items():
+        place = folder / "results" / "missing_effect" / cell / "own"
+        place.mkdir(parents=True)
+        document = json.loads(answer(cell, "named" if names else "unknown", *names)["document"])
+        document["as_given_rmse_volt"] = {"fit": 0.01, "validation": 1e-3 * millivolt}
+        (place / "verdict.json").write_text(json.dumps(document))
+    (folder / "results" / "member").mkdir(parents=True)
+    for cell, member in members.items():
+        path = folder / "results" / "member" / f"{cell}.json"
+        path.write_text(json.dumps({"chosen": member}))
+
+
+def test_what_the_chosen_model_has_taken_up_is_told_apart_from_a_right_name(tmp_path):
+    verdicts = {"A_u": ([], 5.0), "A_leak": (["leakage"], 12.0), "A_skew": ([], 6.0)}
+    verdicts |= {"A_heat": ([], 11.0), "A_slow": (["ocv_shift"], 14.0), "A_rsoc": ([], 11.0)}
+    members = {"A_u": "DRT+H", "A_slow": "DRT+D", "A_heat": "DRT+K", "A_rsoc": "DRT+H"}
+    run(tmp_path, verdicts, members)
+    told = planted.answers_of_run(tmp_path, "own")
+    table = planted.judged(tmp_path, told, members=planted.members_of_run(tmp_path))
+    # 10 mV planted: the error of the model as it is rises by 3.3 mV of A_skew, by 9.8 of A_heat.
+    assert table.set_index("cell")["outcome"].to_dict() == {
+        "A_leak": "right",
+        "A_skew": "followed by the model",
+        "A_heat": "no new name",
+        "A_rsoc": "no new name",
+        "A_gain": "no verdict",
+        "A_slow": "told by the model's branches",
+    }
+    assert "no verdict.json of base own" in table.set_index("cell").loc["A_gain", "reason"]
+
+
+def test_what_a_model_has_taken_up_is_no_right_name_in_the_shares(tmp_path):
+    run(tmp_path, {"A_u": ([], 5.0), "A_slow": ([], 5.0)}, {"A_u": "2RC", "A_slow": "DRT+D"})
+    told = planted.answers_of_run(tmp_path, "own")
+    table = planted.judged(tmp_path, told, ["2.0base"], planted.members_of_run(tmp_path))
+    (whole,) = [row for row in planted.shares(table) if row["campaign"] == "all"]
+    assert (whole["right"].hits, whole["right"].of) == (0, 1)
+    assert "| told by the model's branches |" in planted.page(table)
+
+
+def test_why_there_is_no_right_name(tmp_path):
+    """Not testable; taken up by the tolerances; else what spoke last against it."""
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(TRUTH))
+
+    def said(cell, millivolt, **more):
+        document = {"verdict": "unknown", "effects": [], "partial": [], "against": {}} | more
+        document |= {"rmse_volt": {"before": 1e-3}}
+        document |= {"validation_rmse_volt": {"before": 1e-3 * millivolt}}
+        return {"cell": cell, "document": json.dumps(document), "reason": ""}
+
+    uneven = {"self_heating": "harms some parts too much"}
+    answers = [
+        *(said("A_u", 10.0), said("A_leak", 10.5), said("A_heat", 15.0, against=uneven)),
+        *(said("A_skew", 10.0, not_testable=["time_skew"]), said("A_slow", 15.0)),
+    ]
+    table = planted.judged(tmp_path, answers)
+    assert set(planted.reasons(table)) == {
+        ("1 and more", planted.WITHIN, 1),
+        ("1 and more", "the records fitted cannot show it", 1),
+        ("1 and more", "no candidate: others promise to explain more", 1),
+        ("0.5 to 1", "harms some parts too much", 1),
+    }
+    # sqrt(15² − 10²) mV more on the records that judge, of 10 mV planted
+    assert table.set_index("cell").loc["A_heat", "rise_millivolt"] == pytest.approx(11.18, abs=0.01)
+    assert "| 1 and more | the records fitted cannot show it | 1 |" in planted.page(table)

@@ -189,3 +189,16 @@ def test_columns_have_a_value_for_each_cell(rows):
     assert set(columns) == set(judging.COLUMNS)
     assert all(len(values) == len(rows) for values in columns.values())
     assert np.isfinite(columns["cpu_second"]).all()
+
+
+def test_an_answer_that_is_not_right_says_why(folder):
+    told = {"leakage": "harms some parts too much"}
+    one = answer("a4", "unknown", against=told)
+    two = answer("a6", "unknown", against=told)
+    hidden_one = answer("a5", "unknown", not_testable=["self_heating"])
+    rows = {row.cell: row for row in judging.of_part("forms", folder, [one, two, hidden_one])}
+    assert rows["a4"].against == "harms some parts too much"
+    assert rows["a6"].against == "no candidate: others promise to explain more"
+    assert rows["a5"].against == judging.HIDDEN
+    right = judging.of_part("forms", folder, [answer("a4", "named", "leakage")])
+    assert {row.cell: row for row in right}["a4"].against == ""

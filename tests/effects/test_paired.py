@@ -10,7 +10,7 @@ from cellwright.effects import base, records, search
 from cellwright.effects.case import Case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.resistance import TOWARDS_EMPTY, TOWARDS_FULL
-from cellwright.effects.paired import Pairing, counterpart_second, paired, part
+from cellwright.effects.paired import Pairing, _counted, counterpart_second, paired, part
 from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
@@ -130,6 +130,18 @@ def test_what_healthy_cells_differ_by_is_not_unknown():
     same, other = (paired(case(8), others).case.gates for others in (alike, references()))
     assert same.unknown_volt == pytest.approx(case(8).gates.unknown_volt, rel=1e-6)
     assert other.unknown_volt > same.unknown_volt
+
+
+def test_rows_on_a_steep_ocv_do_not_tell_how_much_healthy_cells_differ():
+    """No error of the search counts them: there a little charge is many millivolts."""
+    soc = np.linspace(0, 1, 101)
+    steep = base.Cell(CAPACITY, CELL.ocv_volt - 20.0 * np.maximum(0.6 - soc, 0.0) ** 2)
+    healthy = case(8)._replace(cell=steep)
+    values = base.first_values(steep, healthy.fit)
+    at = base.fields_of(steep, healthy.fit, values).soc
+    counted = _counted(healthy)["fit"]
+    assert counted[at > 0.6].all()
+    assert not counted[at < 0.4].any()
 
 
 def test_no_reference_at_all_is_refused():

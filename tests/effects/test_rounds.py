@@ -77,10 +77,31 @@ def test_what_was_chosen_and_counts_no_more_ends_the_search(monkeypatch):
     monkeypatch.setattr(search, "_needed", without)
     steps = search.search(made, few)
     assert calls == [[TRUE]]
-    assert [step.chosen and step.chosen.effect.id for step in steps] == [TRUE, None]
+    assert [step.chosen for step in steps] == [None]
     assert steps[0].dropped == (TRUE,)
     result = outcome(steps, Gates())
     assert (result.word, result.steps) == ("unknown", ())
+
+
+def test_an_earlier_name_is_not_needless_beside_a_choice_that_does_not_count(monkeypatch):
+    """Else a last choice at the edge would take a right name with it."""
+    truth = Truth(hysteresis=0.012, activation=2.5e4)
+    needed = search._needed
+
+    def none_of_two(case, plain, effects, free, solution, filters, earlier):
+        if len(effects) < 2:
+            return needed(case, plain, effects, free, solution, filters, earlier)
+        before = earlier[0].before.solution
+        return (), plain, before, tuple(effect.key for effect in effects)
+
+    monkeypatch.setattr(search, "_needed", none_of_two)
+    steps = search.search(case(truth), LIBRARY)
+    result = outcome(steps, Gates())
+    first, second = steps
+    assert (first.chosen is not None, second.chosen) == (True, None)
+    assert [step.chosen.effect.key for step in result.steps] == [first.chosen.effect.key]
+    assert len(second.dropped) == 1
+    assert not set(second.dropped) & {effect.key for effect in result.last.effects}
 
 
 def test_an_effect_that_was_chosen_stays_with_less_than_makes_a_choice():

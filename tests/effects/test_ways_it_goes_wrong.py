@@ -287,3 +287,15 @@ def test_the_same_records_are_the_same_answer_to_the_last_digit():
     again = search(case_of(HYSTERESIS), LIBRARY)
     first, second = (steps[-1].before.solution.values for steps in (rounds(HYSTERESIS), again))
     assert first == second
+
+
+def test_every_trial_says_why_it_is_no_name():
+    ranking = of_case("c", case(HYSTERESIS), LIBRARY).ranking
+    rows = list(zip(ranking["round"], ranking["chosen"], ranking["against"], strict=True))
+    assert [against for _, chosen, against in rows if chosen] == [""]
+    assert all(against for _, chosen, against in rows if not chosen)
+    # Once the hysteresis is in, nothing is left; before, rivals help too little or unevenly.
+    assert {against for number, _, against in rows if number == 2} == {
+        "nothing is left that anyone would act on"
+    }
+    assert any("scatter" in against or "explains more" in against for _, _, against in rows)

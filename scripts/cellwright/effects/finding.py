@@ -17,9 +17,10 @@ from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.screen import evidence
-from cellwright.effects.search import frees_of, search, up_to
+from cellwright.effects.search import against, explained, frees_of, search, up_to
 from cellwright.effects.story.places import worsened
-from cellwright.effects.story.words import explained, paragraph
+from cellwright.effects.story.words import explained as shares_explained
+from cellwright.effects.story.words import paragraph
 from cellwright.effects.ties import tie_of
 from cellwright.effects.verdict import outcome, verdict_of
 from cellwright.effects.witnesses.collected import values_of
@@ -28,6 +29,11 @@ from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
 
 KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model
+REFUSED = (
+    "refitted with all others it makes the error on the records that judge larger",
+    "other choices of the blocks name it in less than half of the cases",
+    "it explains less than a function of SoC, temperature and past current without physics",
+)
 
 
 class Finding(NamedTuple):
@@ -192,7 +198,9 @@ def decided(case, rounds):
     rounds, unlikely = likely(rounds, result, shares)
     rounds, worse = _helping(rounds, outcome(rounds, case.gates))
     result = outcome(rounds, case.gates)
-    return rounds, result._replace(refused=worse or unlikely or short), shares
+    ways = zip((worse, unlikely, short), REFUSED, strict=True)
+    refused, why = next(((step, why) for step, why in ways if step is not None), (None, ""))
+    return rounds, result._replace(refused=refused, why_refused=why), shares
 
 
 def _helping(rounds, result):
@@ -229,7 +237,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     if base_name != "plain":
         verdict["as_given_rmse_volt"] = as_given(case, rounds[0].filters)
     evidence_columns = _evidence(case, result)
-    shares = explained(evidence_columns)
+    shares = shares_explained(evidence_columns)
     for entry in (*verdict["effects"], *verdict["partial"]):
         entry["explained"] = shares.get(entry["effect"])
     best = ceiling(case, result.last, rounds[-1].filters, result.floor)
@@ -241,6 +249,8 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict["next_test_id"] = test
     verdict["probabilities"] = shares_of_answers
     verdict["worsened"] = worsened(residuals)
+    ranking = ranking_of(case, rounds, result)
+    verdict["against"] = _last_against(ranking, named)
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     kept = bool(result.steps) and result.word in KEPT
     model = model_of(case, result.last if kept else rounds[0].before)
@@ -252,7 +262,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
             model["blocks"] = judged_blocks(case, result.last, model["folds"], **rest)
     return Finding(
         verdict,
-        ranking_of(rounds),
+        ranking,
         residuals,
         evidence_columns,
         _series(case, rounds[0].before, result.last),
@@ -281,19 +291,43 @@ def _map_of(case, stack, role, before, after):
     return residual_map(stack, role, fields.soc, *residuals, capacity, stack.used)
 
 
-def ranking_of(rounds):
+def ranking_of(case, rounds, result=None):
     """Every candidate that was refitted, round by round, as dict of columns.
 
     Parameters
     ----------
-    rounds : list of search.Round.
+    case : of a cell or group. rounds : list of search.Round. result : verdict.Outcome of them,
+        where names may be refused at the end.
     """
     rows = [
-        {"round": number} | _ranked(trial, step)
+        {"round": number}
+        | _ranked(trial, step)
+        | {"against": _against(case, rounds[0], step, trial, result)}
         for number, step in enumerate(rounds, 1)
         for trial in step.trials
     ]
     return {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
+
+
+def _against(case, first, step, trial, result):
+    """Why a trial is no choice of its round, in words; empty for the choice that stays."""
+    if trial is step.chosen and trial.effect.key not in step.dropped:
+        return ""
+    if explained(case.gates, step.before, first.floor):
+        return "nothing is left that anyone would act on"
+    words = list(against(case, first.before, step.before, trial, first.floor))
+    if trial.effect.key in case.denied(step.trials):
+        words.append("a measurement contradicts it")
+    if trial.effect.key in step.dropped:
+        last = result is not None and result.refused is not None and trial is result.refused.chosen
+        words.append(result.why_refused if last else "needless beside the others")
+    return "; ".join(words) or "another explains more"
+
+
+def _last_against(ranking, named):
+    """What spoke last against each effect that was tried and is no name: dict id → words."""
+    pairs = zip(ranking.get("effect", ()), ranking.get("against", ()), strict=True)
+    return {effect: words for effect, words in pairs if effect not in named and words}
 
 
 def _ranked(trial, step):

@@ -276,7 +276,7 @@ def paired(case, references, pairing=None):
     few = len(seconds) < pairing.known_from
     material_volt = pairing.material_volt_of_few if few else pairing.material_volt
     known = pairing.scale_std_of_few if few else pairing.scale_std
-    healthy = material_volt if few else max(_healthy_volt(rows[role]) for role in ROLES)
+    healthy = material_volt if few else _healthy_volt(case, rows)
     gates = case.gates._replace(
         material_volt=max(case.gates.material_volt, material_volt),
         unknown_volt=float(np.hypot(case.gates.unknown_volt, healthy)),
@@ -307,11 +307,27 @@ def _with_template(stack, rows):
     return stack._replace(template_volt=template, used=stack.used & complete)
 
 
-def _healthy_volt(rows):
-    """What the mean of the other references, its scale free, leaves of one, root mean square [V].
+def _counted(case):
+    """Rows that an error of the search counts, by role: none on a steep end of the OCV.
 
-    By so much healthy cells differ: no more of a cell's error is unknown.
+    There healthy cells differ by far more than elsewhere, and an effect is not looked for.
     """
+    filters = filters_of(case, FIRST, extra_volt_of(case, base.first_values(case.cell, case.fit)))
+    return {"fit": filters.fit_rows, "validation": filters.validation_rows}
+
+
+def _healthy_volt(case, rows):
+    """What the mean of the other references, its scale free, leaves of one [V], the larger role's.
+
+    By so much healthy cells differ: no more of a cell's error is unknown. rows : (n, references)
+    residuals by role [V]; those that no error counts do not count here either.
+    """
+    counted = _counted(case)
+    return max(_left_of_one(rows[role][counted[role]]) for role in ROLES)
+
+
+def _left_of_one(rows):
+    """What the mean of the other columns, its scale free, leaves of one, root mean square."""
     shared = rows[np.isfinite(rows).all(axis=1)]
     if not len(shared):
         return 0.0

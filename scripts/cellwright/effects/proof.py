@@ -48,9 +48,21 @@ class Consistency(NamedTuple):
         Where records that were not fitted ask for twice the size and more, what they lack is
         something else that goes along with it.
         """
-        beyond = self.gain > max(HALF, SURE * self.std)
-        sized = self.gain < TWICE
-        return beyond and sized and self.helped > HALF * self.excited and self.harm <= LITTLE
+        return all(helps(self) for _, helps in ASKED)
+
+    @property
+    def against(self):
+        """What speaks against the effect, in words: tuple of str, empty where it `holds`."""
+        return tuple(words for words, helps in ASKED if not helps(self))
+
+
+ASKED = (
+    ("makes the error of its parts larger", lambda proof: proof.gain > HALF),
+    ("helps no more than its parts scatter", lambda proof: proof.gain > SURE * proof.std),
+    ("its parts ask for twice its size", lambda proof: proof.gain < TWICE),
+    ("helps half of its parts or fewer", lambda proof: proof.helped > HALF * proof.excited),
+    ("harms some parts too much", lambda proof: proof.harm <= LITTLE),
+)
 
 
 class BlockSums(NamedTuple):

@@ -145,13 +145,13 @@ def search(case, library):
         solution = fit(problem, values, steps=POLISH_STEPS, settled=case.settled)
         model = effects, free, solution
         effects, free, solution, dropped = _needed(case, plain, *model, filters, rounds)
+        if step.chosen.effect.key in dropped:
+            # At the edge of what counts. Neither may a rival that explains less take its place, nor
+            # is an earlier name needless beside a choice that does not count itself.
+            rounds[-1] = step._replace(chosen=None, tied=(), dropped=(step.chosen.effect.key,))
+            return rounds
         rounds[-1] = step._replace(dropped=dropped)
         possible = {key: effect for key, effect in possible.items() if key not in dropped}
-        if step.chosen.effect.key in dropped:
-            # At the edge of what counts. A rival that explains less must not take its place.
-            before = case.state(effects, solution, filters)
-            rounds.append(step._replace(before=before, chosen=None, tied=(), dropped=()))
-            return rounds
     return rounds
 
 
@@ -378,8 +378,33 @@ def significant(gates, trial):
     ----------
     gates : of the case. trial : Trial with its proof.
     """
-    judged_well = trial.delta_validation > gates.validation_chi_square or not trial.proven
-    return trial.delta_bic > gates.bic and judged_well and trial.proof.holds
+    return _followed(gates, trial) and _judged_well(gates, trial) and trial.proof.holds
+
+
+def _followed(gates, trial):
+    """Whether the records fitted are followed better, beyond what its parameters would anyway."""
+    return trial.delta_bic > gates.bic
+
+
+def _judged_well(gates, trial):
+    """Whether the records that judge are followed better, where they show the effect at all."""
+    return trial.delta_validation > gates.validation_chi_square or not trial.proven
+
+
+def against(case, first, before, trial, floor):
+    """What speaks against a trial as a choice, in words: tuple of str, empty for nothing.
+
+    Parameters
+    ----------
+    case : as in `search`. first, before : State of the healthy model, and of the model so far.
+    trial : Trial with its proof. floor : proof.Floor.
+    """
+    asked = (
+        ("no better fit than its parameters alone would give", _followed(case.gates, trial)),
+        ("the records that judge are not followed better", _judged_well(case.gates, trial)),
+        ("too small for anyone to act on", case.matters(first, before, trial, floor)),
+    )
+    return (*(words for words, well in asked if not well), *trial.proof.against)
 
 
 def best_of(case, first, before, trials, floor):

@@ -13,7 +13,7 @@ class Outcome(NamedTuple):
     at the end. last : State at the end. floor : proof.Floor. closed : share of the gap that is
     closed on the validation records, by all effects. excess_volt : error left beyond the floor, of
     the side, fit or proof, where it is larger. adequate : nobody would act on that.
-    refused : round whose choice is no name, as it explains too little of what could be learned.
+    refused : round whose choice is no name in the end. why_refused : why, in words.
     """
 
     word: str
@@ -24,6 +24,7 @@ class Outcome(NamedTuple):
     excess_volt: float
     adequate: bool
     refused: object = None
+    why_refused: str = ""
 
 
 def outcome(rounds, gates, *, alternatives=lambda step: step.tied):

@@ -54,6 +54,7 @@ def line(row: judging.Judged) -> str:
         f"{row.cell:10s} {row.kind:8s} {shown:44s} {sizes} {row.verdict or '–':9s} "
         f"{row.said or '–':36s} {gap} floor {row.floor_millivolt:4.1f}  {mark} "
         f"{row.outcome}{extra}  {row.cpu_second:.1f} s{why}"
+        f"{'  <- ' + row.against if row.against else ''}"
     )
 
 

@@ -16,6 +16,7 @@ SHEET = "sheet"  # kind of a cell whose sheet or sensor is wrong, and nothing of
 HEALTHY = verdicts.HEALTHY
 CONTENT = ("right", "right, as one of a tie", "rightly silent")
 ALARMS = ("false alarm", "false name", "called unknown")
+HIDDEN = "the records fitted cannot show it"
 NAN = float("nan")
 
 
@@ -27,7 +28,8 @@ class Judged(NamedTuple):
     judge. unproven : whether no record that judges shows the effect. outcome : as of
     `verdicts.outcome`. extra : number of names beside the right ones. said_probabilities :
     (probability, whether that answer is right) of each answer weighed. sizes_inside : of each
-    parameter told on both sides whether the truth lies in the 95 % interval.
+    parameter told on both sides whether the truth lies in the 95 % interval. against : why a hidden
+    effect is not named, see `against_names`.
     """
 
     part: str
@@ -51,6 +53,7 @@ class Judged(NamedTuple):
     said_probabilities: tuple
     sizes_inside: tuple
     sentence: str
+    against: str = ""
 
     @property
     def content(self) -> bool:
@@ -111,7 +114,34 @@ def _judged(part, hidden, answer):
         said_probabilities=_weighed(hidden, verdict),
         sizes_inside=_sizes(hidden, said),
         sentence=_sentence(verdict, answer),
+        against="" if outcome(hidden, verdict) in CONTENT else _against(hidden, verdict),
     )
+
+
+def against_names(names, verdict: dict) -> str:
+    """Why none of several names of one effect is said, in words.
+
+    Parameters
+    ----------
+    names : accepted for the effect. verdict : document, its `against` and `not_testable`.
+    """
+    if set(names) <= set(verdict.get("not_testable", ())):
+        return HIDDEN
+    told = verdict.get("against", {})
+    words = [told[name] for name in names if name in told]
+    return words[0] if words else "no candidate: others promise to explain more"
+
+
+def _against(hidden, verdict):
+    """Why hidden effects are not named, those of two joined."""
+    names = _accepted(hidden) if verdict else []
+    said = {
+        name
+        for one in names_said(verdict)
+        for name in (one["effect"], *one.get("alternatives", ()))
+    }
+    missed = [sorted(accept) for accept in names if accept and not accept & said]
+    return "; ".join(dict.fromkeys(against_names(accept, verdict) for accept in missed))
 
 
 def strength(hidden: dict) -> float:
@@ -356,7 +386,7 @@ def of_part(part: str, folder, answers: list[dict]) -> list[Judged]:
 COLUMNS = (
     *("part", "cell", "kind", "hidden", "form", "strength_millivolt", "visible", "unproven"),
     *("verdict", "said", "outcome", "extra", "gap_closed", "before_millivolt", "after_millivolt"),
-    *("floor_millivolt", "rounds", "cpu_second", "sentence"),
+    *("floor_millivolt", "rounds", "cpu_second", "sentence", "against"),
 )
 
 

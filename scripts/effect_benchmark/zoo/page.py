@@ -128,12 +128,23 @@ def _named(rows, part, low, high):
 
 
 def _wrong(rows):
-    header = ["part", "cell", "hidden", "form", "mV", "verdict", "said", "outcome", "sentence"]
+    header = [
+        "part",
+        "cell",
+        "hidden",
+        "form",
+        "mV",
+        "verdict",
+        "said",
+        "outcome",
+        "why",
+        "sentence",
+    ]
     return lines(
         header,
         [
             [row.part, row.cell, row.hidden, row.form, f"{row.strength_millivolt:.1f}"]
-            + [row.verdict or "–", row.said or "–", _outcome(row), row.sentence]
+            + [row.verdict or "–", row.said or "–", _outcome(row), row.against or "–", row.sentence]
             for row in judging.wrong(rows)
         ],
     )

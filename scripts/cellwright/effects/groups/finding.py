@@ -98,7 +98,9 @@ def group_finding(
     rounds = search(case, library)
     verdict = group_verdict(group, case, rounds, library)
     kept = rounds[-1].before if verdict["verdict"] in KEPT else rounds[0].before
-    return GroupFinding(verdict, ranking_of(rounds), _series(case, rounds), document(case, kept))
+    return GroupFinding(
+        verdict, ranking_of(case, rounds), _series(case, rounds), document(case, kept)
+    )
 
 
 def branch_of(cell, model, *, wire_ohm=0.0, own=True):
