@@ -147,19 +147,19 @@ def _minimum(shared, system, factor, **settings):
     return vector
 
 
-def _approached(shared, held, passes, factor=None):
+def _approached(shared, held, passes):
     """Held parameters after so many passes, fewer where the SoC's scale and kinetics are still.
 
-    The weight of the data is found in the first pass where no `factor` is given.
+    The weight of the data is found in the first pass.
 
     Returns
     -------
     held : columns.Held. done : number of passes.
     """
     if held.scale_volt is not None and held.transfer_ohm is None:
-        values, _ = _values_about(shared, held._replace(scale_volt=None), factor)
+        values, _ = _values_about(shared, held._replace(scale_volt=None), None)
         held = held._replace(transfer_ohm=_transfer(held, values, half=True))
-    done, last, share = 0, 0.0, 1.0
+    factor, done, last, share = None, 0, 0.0, 1.0
     for _ in range(passes):
         done += 1
         values, factor = _values_about(shared, held, factor)
@@ -213,20 +213,20 @@ def cheapest(shared, tries, factor):
     -------
     held : columns.Held.
     """
-    candidates = [_after_one_pass(shared, held, factor) for held in tries]
+    candidates = [_after_one_pass(shared, held) for held in tries]
     if len(candidates) == 1:
         return candidates[0]
     costs = [cost_of(shared, held, factor) for held in candidates]
     return candidates[int(np.argmin(costs))]
 
 
-def _after_one_pass(shared, held, factor):
-    held, _ = _approached(shared, held, 1, factor)
+def _after_one_pass(shared, held):
+    # At its own weight of the data: at that of the best a poor candidate runs to its limits.
+    held, _ = _approached(shared, held, 1)
     if held.scale_volt is None:
         return held
-    system = system_about(shared, held)
-    vector = _minimum(shared, system, factor, scale_free=False)
-    return _with_transfer(held, named(system, vector))
+    solution = _solved(shared, system_about(shared, held), scale_free=False)
+    return _with_transfer(held, solution.values)
 
 
 def cost_of(shared, held, factor):
