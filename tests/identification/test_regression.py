@@ -20,7 +20,9 @@ from cellwright.identification.columns import (
 from cellwright.identification.regression import (
     Noise,
     Prior,
+    cost_at,
     covariance_of,
+    minimum,
     named,
     solved,
     system_of,
@@ -155,6 +157,25 @@ def test_the_cost_is_lowest_at_the_solution(system):
     parts = named(system, solution.vector)
     assert list(parts) == ["shift", "scale", "r0", "r1", "r2", "m"]
     assert sum(len(part) for part in parts.values()) == len(solution.vector)
+
+
+@pytest.mark.parametrize("scale_free", [True, False])
+def test_the_products_alone_tell_solution_and_cost(ready, scale_free):
+    held = HELD._replace(missing=0.01)
+    system = system_of(columns_of(base_of(ready), held), ready.knots)
+    solution = solved(system, factor=2.0, scale_free=scale_free)
+    vector = minimum(system, 2.0, expected={}, scale_free=scale_free)
+    np.testing.assert_array_equal(vector, solution.vector)
+    cost = cost_at(system, vector, 2.0, scale_free=scale_free)
+    assert cost == pytest.approx(solution.cost, rel=1e-9)
+
+
+def test_a_solution_says_which_weight_of_the_data_it_is_for(system):
+    """The weight that its residuals then tell is the next one's."""
+    solution = solved(system)
+    again = minimum(system, solution.solved_with, expected={})
+    np.testing.assert_allclose(again, solution.vector, rtol=1e-9, atol=1e-12)
+    assert solution.factor != solution.solved_with
 
 
 def test_a_resistance_at_zero_has_no_deviation(ready):

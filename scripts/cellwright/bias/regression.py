@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from cellwright.numerics.statistics import rms
-
 PENALTIES = 10.0 ** np.arange(-5.0, 3.1, 0.5)
 DEGREES = (1, 2)
 LEVEL = 0.95
@@ -79,12 +77,9 @@ def shrunk(features, changes, *, degrees=DEGREES, judged_again=True):
     none = _without(scaled, scale, changes)
     if cells < 3 or not terms or not degrees:
         return none
-    tried = [
-        _fitted(scaled, scale, changes, degree, penalty)
-        for degree in degrees
-        for penalty in PENALTIES
-    ]
+    tried = [fit for degree in degrees for fit in _fitted(scaled, scale, changes, degree)]
     best = _stiffest(tried)
+    best = best._replace(spread=_spread(best.left_out, best.variance))
     if not clearly_less(none.left_out, best.left_out):
         return none
     if judged_again and cells <= FEW:
@@ -105,9 +100,9 @@ def _judged_again(fit, features, changes, degrees):
 
 def _stiffest(tried):
     """Of the fits that serve cells left out about as well as the best, that of the most noise."""
-    best = min(tried, key=lambda fit: rms(fit.left_out))
     squares = np.mean(np.square([fit.left_out for fit in tried]), axis=2)
-    lost = squares - np.mean(np.square(best.left_out), axis=1)
+    place = int(np.argmin(squares.mean(axis=1)))
+    best, lost = tried[place], squares - squares[place]
     error = np.std(lost, axis=1, ddof=1) / np.sqrt(lost.shape[1])
     alike = [
         fit
@@ -149,14 +144,15 @@ def _without(scaled, scale, changes):
     return Shrunk(scaled, scale, 0, np.inf, np.zeros_like(left_out), left_out, variance, spread)
 
 
-def _fitted(scaled, scale, changes, degree, penalty):
-    covariance = _kernel(scaled, scaled, degree) + penalty * np.eye(len(scaled))
-    inverse = np.linalg.inv(covariance)
-    weights = inverse @ changes
-    variance = 1.0 / np.diag(inverse)
-    left_out = -weights * variance[:, None]
-    spread = _spread(left_out, variance)
-    return Shrunk(scaled, scale, degree, penalty, weights, left_out, variance, spread)
+def _fitted(scaled, scale, changes, degree):
+    """Fits with each of the noises, solved at once; their spread is asked of one of them alone."""
+    noises = np.multiply.outer(np.asarray(PENALTIES, float), np.eye(len(scaled)))
+    inverses = np.linalg.inv(_kernel(scaled, scaled, degree) + noises)
+    weights = inverses @ changes
+    variances = 1.0 / np.diagonal(inverses, axis1=1, axis2=2)
+    left_out = -weights * variances[:, :, None]
+    of_each = zip(PENALTIES, weights, left_out, variances, strict=True)
+    return [Shrunk(scaled, scale, degree, *of_one, None) for of_one in of_each]
 
 
 def _kernel(a, b, degree):

@@ -198,18 +198,21 @@ def _condition(fit_records, energy, basis, members, split_rest_second, diffusion
     data = data._replace(most_volt=allowed.most_volt)
     if any("+H" in name for name in members):
         notes.append(f"hysteresis at {fit_records.celsius:g} °C {allowed.words}")
+    shared = shared_of(data)
     if curve["branches"] in ("discharge", "charge"):
         slow = curve[f"{curve['branches']}_current_ampere"]
-        first = identify(data, member_named("DRT"), **settings).condition
+        first = identify(data, member_named("DRT"), shared=shared, **settings).condition
         data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))
+        shared = shared_of(data, like=shared)
     rest = {"rest_second": split_rest_second, "rest_ampere": REST_C_RATE * capacity}
     blocks = blocks_of_used(data.records, **rest)
     block = np.concatenate(blocks)
     dense = shape_records(fit_records.records, capacity_ampere_hour=capacity)
     if dense and (basis["borrowed_from"] or curve["branches"] == "rests"):
-        data, words = _with_own_shape(data, dense, blocks, settings)
+        shared, words = _with_own_shape(shared, dense, blocks, settings)
+        data = shared.base.data
         notes.append(words)
-    entries, scores, shared = {}, {}, shared_of(data)
+    entries, scores = {}, {}
     for name in members:
         try:
             held = {"diffusion_second": _diffusion_at(diffusion, fit_records.celsius)}
@@ -227,36 +230,35 @@ def _condition(fit_records, energy, basis, members, split_rest_second, diffusion
     return Identified(_table(fit_records.celsius, data, curve), entries, scores, notes)
 
 
-def _with_own_shape(data, dense, blocks, settings):
-    """Data with the OCV of the cell's own long loads, where its other records speak for that.
+def _with_own_shape(shared, dense, blocks, settings):
+    """Shared of data with the OCV of the cell's own long loads, where other records speak for it.
 
     A circuit without hysteresis or kinetics takes some of these for OCV; what the long loads gain
     then is lost elsewhere. So blocks of the other records, each left out of the fit, have to be
     predicted better: in the mean of the logarithms by two standard errors, and as a whole.
     """
-    names = {record.test for record in dense}
-    shaped = data._replace(ocv_volt=ocv_from_loads(data, dense, **settings))
+    data, names = shared.base.data, {record.test for record in dense}
+    plain, block = member_named("DRT"), np.concatenate(blocks)
     others = [
         b for r, b in zip(data.records, blocks, strict=True) if r.test not in names and len(b)
     ]
     listed = ", ".join(sorted(names))
     if not others:
-        return data, f"OCV between the rests not from {listed}: no other record to prove it by"
-    number, proof = np.unique(np.concatenate(blocks)), np.unique(np.concatenate(others))
-    given, own = (
-        left_out(identify(d, member_named("DRT"), **settings), np.concatenate(blocks))
-        for d in (data, shaped)
-    )
-    of_proof = np.isin(number, proof)
-    before, after = given.square_volt2[of_proof], own.square_volt2[of_proof]
+        return shared, f"OCV between the rests not from {listed}: no other record to prove it by"
+    given = identify(data, plain, shared=shared, **settings)
+    shaped = data._replace(ocv_volt=ocv_from_loads(data, dense, held=given.held))
+    of_shaped = shared_of(shaped, like=shared)
+    own = identify(shaped, plain, shared=of_shaped, **settings)
+    of_proof = np.isin(np.unique(block), np.concatenate(others))
+    before, after = (left_out(fit, block).square_volt2[of_proof] for fit in (given, own))
     ratio = np.log(after / before)
     error = np.std(ratio, ddof=1) / np.sqrt(len(ratio)) if len(ratio) > 1 else np.inf
     better = ratio.mean() + CLEARLY * error < 0 and after.mean() < before.mean()
     volts = " to ".join(f"{1e3 * np.sqrt(s.mean()):.2g}" for s in (before, after))
     words = f"from {listed}: blocks of other records left out of the fit {volts} mV"
     if not better:
-        return data, f"OCV between the rests not {words}"
-    return shaped, f"OCV between the rests {words}"
+        return shared, f"OCV between the rests not {words}"
+    return of_shaped, f"OCV between the rests {words}"
 
 
 def _table(celsius, data, curve):

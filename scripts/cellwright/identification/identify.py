@@ -156,16 +156,15 @@ def identify(
     # ASSUME: Time constants of a cell do not depend on SoC, its resistances do (linear between).
     shared = shared or shared_of(data)
     low, high = limits_of(data) if limits_second is None else limits_second
-    held, factor = once(
-        shared, (member.pairs, low, high), lambda: _start(shared, member, low, high)
-    )
+    start = once(shared, (member.pairs, low, high), lambda: _start(shared, member, low, high))
+    held, factor = start.held, start.solution.factor
     for name, values in _candidates(
         member, capacity_ampere_hour, celsius, diffusion_second
     ).items():
         tries = [held._replace(**{name: value}) for value in values]
         key = (*map(key_of, tries), factor)
         held = once(shared, key, lambda tries=tries: cheapest(shared, tries, factor))
-    fit = settled(shared, held)
+    fit = start if held == start.held else settled(shared, held)
     bounds = None if member.pairs is None else (low, high)
     if member.pairs:
         fit = refined(shared, fit, bounds)
@@ -173,9 +172,8 @@ def identify(
 
 
 def _start(shared, member, low, high):
-    """Held time constants and SoC scale of a member without its other parts, and their weight."""
-    fit = settled(shared, Held(tuple(_taus(shared, member, low, high))))
-    return fit.held, fit.solution.factor
+    """Fit of a member without its other parts, from which its search begins."""
+    return settled(shared, Held(tuple(_taus(shared, member, low, high))))
 
 
 def _candidates(member, capacity_ampere_hour, celsius, diffusion_second):
@@ -245,19 +243,44 @@ def _weighted_grid(shared, grid):
 
 
 def _best_on_grid(weighted, grid, pairs, count):
-    """Combination of grid time constants with the lowest cost [s]; one system serves all."""
+    """Combination of grid time constants with the lowest cost [s]; one system serves all.
+
+    Without its bounds no combination costs more than with them. So they are tried in the order of
+    that cost, which all together take little, until it exceeds the best of those tried.
+    """
     gram, moment, _ = weighted
-    first = 2 * count + SCALES
+    first, combined = 2 * count + SCALES, list(combinations(range(len(grid)), pairs))
+    rows = [
+        np.concatenate([np.arange(first), *(first + n * count + np.arange(count) for n in chosen)])
+        for chosen in combined
+    ]
+    unbound = np.concatenate(
+        [_unbound_costs(gram, moment, np.array(some)) for some in _portions(rows)]
+    )
     best, cost = None, np.inf
-    for chosen in combinations(range(len(grid)), pairs):
-        pair_rows = [first + n * count + np.arange(count) for n in chosen]
-        rows = np.concatenate([np.arange(first), *pair_rows])
-        part = gram[np.ix_(rows, rows)]
-        vector = solve(part, moment[rows], count + SCALES)
-        trial = vector @ part @ vector - 2 * vector @ moment[rows]
+    for place in np.argsort(unbound, kind="stable"):
+        if unbound[place] >= cost:
+            break
+        part, right = gram[np.ix_(rows[place], rows[place])], moment[rows[place]]
+        vector = solve(part, right, count + SCALES)
+        trial = vector @ part @ vector - 2 * vector @ right
         if trial < cost:
-            best, cost = grid[list(chosen)], trial
+            best, cost = grid[list(combined[place])], trial
     return best
+
+
+PORTION = 100  # combinations solved at once: their matrices are in memory together
+
+
+def _portions(rows):
+    return [rows[start : start + PORTION] for start in range(0, len(rows), PORTION)]
+
+
+def _unbound_costs(gram, moment, rows):
+    """Lowest cost of each of some choices of parameters (c, p), were they all without a bound."""
+    right = moment[rows]
+    vectors = np.linalg.solve(gram[rows[:, :, None], rows[:, None, :]], right[:, :, None])[:, :, 0]
+    return -np.sum(vectors * right, axis=1)
 
 
 def _pattern_search(shared, start, low, high, factor):

@@ -8,10 +8,8 @@ moved against each other, steps of the graphite stand at other SoC, and the curv
 
 import numpy as np
 
-from cellwright.circuits.circuit import member_named
 from cellwright.circuits.temperature import table_soc
 from cellwright.identification.columns import base_of, columns_of, ocv_of
-from cellwright.identification.identify import identify
 from cellwright.identification.regression import SCALES, shift_precision, system_of
 from cellwright.numerics.linear import hats, solve
 from cellwright.numerics.statistics import correlation_factor
@@ -52,18 +50,18 @@ def _long_ways(record, step_ampere, capacity_ampere_hour):
     return set(np.sign(passed[slow & (np.abs(passed) >= STEADY_SHARE)]))
 
 
-def ocv_from_loads(data, dense, *, capacity_ampere_hour, celsius):
+def ocv_from_loads(data, dense, *, held):
     """OCV table on the cell's own SoC from its long steady loads, beside the rests of its pulses.
 
-    1. A plain circuit (a series of time constants) is fitted about the given table. 2. With its
-    time constants, OCV over fine SoC, resistances over the usual SoC and the rows of the long
-    loads are solved for at once: what charge and discharge have in common is OCV, what is between
-    them resistance.
+    With the time constants of a plain circuit (a series of them) that was fitted about the given
+    table, OCV over fine SoC, resistances over the usual SoC and the rows of the long loads are
+    solved for at once: what charge and discharge have in common is OCV, what is between them
+    resistance.
 
     Parameters
     ----------
     data : columns.Data with the given table. dense : list of Record, from `shape_records`.
-    capacity_ampere_hour : what the SoC refers to [Ah]. celsius : of the condition [degC].
+    held : columns.Held of that circuit.
 
     Returns
     -------
@@ -71,13 +69,11 @@ def ocv_from_loads(data, dense, *, capacity_ampere_hour, celsius):
 
     Raises
     ------
-    Refusal : as `identify.identify`.
+    Refusal : as `regression.system_of`.
     """
     # ASSUME: A cell's OCV differs from its reference's by some tens of millivolts, smoothly.
     names = {record.test for record in dense}
     kept = [record for record in data.records if record.test not in names]
-    settings = {"capacity_ampere_hour": capacity_ampere_hour, "celsius": celsius}
-    held = identify(data, member_named("DRT"), **settings).held
     base = base_of(data._replace(records=(*kept, *dense)))
     columns = columns_of(base, held)
     system = system_of(columns, data.knots)

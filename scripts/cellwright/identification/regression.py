@@ -13,6 +13,7 @@ from cellwright.numerics.linear import solve
 from cellwright.numerics.statistics import correlation_factor
 from cellwright.refusal import Refusal
 
+FIRST_FACTOR = 1.0 / 30.0  # weight of the data before the residuals have told it
 SCALES = 2  # numbers of the SoC's scale: what is missing at full, and the stretch
 
 
@@ -77,7 +78,8 @@ class Solution(NamedTuple):
     values : dict name → (k,), with "shift". scale : (2,) change of the SoC's scale [1].
     vector : (p,) of all parameters.
     residual_volt : (n,) measured minus modelled. factor : weight of a row's square: one over the
-    residuals' variance and correlation. cost : factor·Σ residual² + priors' penalty.
+    residuals' variance and correlation. solved_with : the one that the vector is for.
+    cost : factor·Σ residual² + priors' penalty.
     above_zero : dict of weighting, "first" or "found" → dict name → (k,)
     bool, which values are above zero.
     """
@@ -87,6 +89,7 @@ class Solution(NamedTuple):
     vector: np.ndarray
     residual_volt: np.ndarray
     factor: float
+    solved_with: float
     cost: float
     above_zero: dict
 
@@ -217,29 +220,63 @@ def solved(system, *, factor=None, rounds=2, expected=None, scale_free=True):
     -------
     solution : Solution.
     """
-    gram, moment, matrix = system.gram, system.moment, system.matrix
-    count = len(system.knots)
-    signed, weight, pull = count + SCALES, factor or 1.0 / 30.0, pull_of(system)
-    scale = slice(count, signed)
-    if not scale_free:
-        gram, moment = gram.copy(), moment.copy()
-        gram[scale] = gram[:, scale] = moment[scale] = 0.0
-    expected, above_zero = expected or {}, {}
+    expected, above_zero, weight = expected or {}, {}, factor or FIRST_FACTOR
     weightings = ["first", *["found"] * (rounds - 1)] if factor is None else ["found"]
     for weighting in weightings:
-        normal, free = weight * gram + system.prior, _free(system, expected.get(weighting, {}))
-        vector = solve(normal, weight * moment - pull, signed, system.most, free=free)
-        above_zero[weighting], effective = vector > 0, vector.copy()
-        effective[scale] *= scale_free
-        residual = system.target - matrix @ effective
+        vector = minimum(
+            system, weight, expected=expected.get(weighting, {}), scale_free=scale_free
+        )
+        above_zero[weighting] = named(system, vector > 0)
+        effective = _effective(system, vector, scale_free)
+        residual, solved_with = system.target - system.matrix @ effective, weight
         if factor is None:
             spread = max(np.mean(residual**2), 1e-12) * max(correlation_factor(residual), 1.0)
             weight = 1.0 / spread
     total = vector + system.held
     cost = weight * (residual @ residual) + total @ system.prior @ total
     values, volt = named(system, vector), residual / system.weight
-    above = {weighting: named(system, free) for weighting, free in above_zero.items()}
-    return Solution(values, values["scale"], vector, volt, weight, float(cost), above)
+    told = (volt, weight, solved_with, float(cost), above_zero)
+    return Solution(values, values["scale"], vector, *told)
+
+
+def minimum(system, factor, *, expected, scale_free=True):
+    """Parameters (p,) of the lowest cost at a weight of the data, from the products alone.
+
+    Parameters
+    ----------
+    system : System. factor : weight of the data.
+    expected : dict name → (k,) bool, which values are expected above zero.
+    scale_free : False: the SoC's scale stays where it is held.
+    """
+    gram, moment, count = system.gram, system.moment, len(system.knots)
+    if not scale_free:
+        scale = slice(count, count + SCALES)
+        gram, moment = gram.copy(), moment.copy()
+        gram[scale] = gram[:, scale] = moment[scale] = 0.0
+    normal, right = factor * gram + system.prior, factor * moment - pull_of(system)
+    free = _free(system, expected)
+    return solve(normal, right, count + SCALES, system.most, free=free)
+
+
+def cost_at(system, vector, factor, *, scale_free=True):
+    """Cost of parameters at a weight of the data, from the products alone (see `Solution`).
+
+    Parameters
+    ----------
+    system : System. vector : (p,). factor : weight of the data.
+    scale_free : False: the SoC's scale stays where it is held.
+    """
+    effective, total = _effective(system, vector, scale_free), vector + system.held
+    square = system.target @ system.target
+    square += effective @ (system.gram @ effective - 2.0 * system.moment)
+    return float(factor * square + total @ system.prior @ total)
+
+
+def _effective(system, vector, scale_free):
+    """The parameters that the columns are multiplied with: a scale that is held does not change."""
+    count, effective = len(system.knots), vector.copy()
+    effective[count : count + SCALES] *= scale_free
+    return effective
 
 
 def _free(system, expected):

@@ -12,7 +12,14 @@ from cellwright.identification.columns import (
     columns_of,
     resistance_columns,
 )
-from cellwright.identification.regression import covariance_of, named, solved, system_of
+from cellwright.identification.regression import (
+    cost_at,
+    covariance_of,
+    minimum,
+    named,
+    solved,
+    system_of,
+)
 from cellwright.numerics.statistics import rms
 
 WIDEST = 0.1  # change of the SoC's scale that is believed
@@ -35,14 +42,17 @@ class Shared(NamedTuple):
     system: dict
 
 
-def shared_of(data):
+def shared_of(data, *, like=None):
     """Shared of a set of data, with nothing searched yet.
 
     Parameters
     ----------
     data : columns.Data.
+    like : Shared of data that differ in the OCV table or the bound of the hysteresis alone, on
+        which the columns of resistances do not depend: they are taken over.
     """
-    return Shared(base_of(data), {}, {}, {})
+    base = base_of(data) if like is None else like.base._replace(data=data)
+    return Shared(base, {}, {}, {})
 
 
 def once(shared, key, search):
@@ -79,13 +89,16 @@ def settled(shared, held, *, passes=10):
     held : columns.Held.
     passes : largest number of solutions, each about the scale and kinetics of the last.
     """
-    held = _approached(shared, held, passes - 1)
-    system = system_about(shared, held)
-    solution = _solved(shared, system)
+    done, still = 0, False
+    while done < passes - 1 and not still:
+        held, more = _approached(shared, held, passes - 1 - done)
+        system, done = system_about(shared, held), done + more
+        solution = _solved(shared, system)
+        still = np.abs(solution.scale).max() < SETTLED or more == 1
     covariance = covariance_of(system, solution)
     # A last change of the scale that is not made would leave values that belong to another scale.
     solution = _solved(shared, system, scale_free=False)
-    return Fit(_with_transfer(held, solution), system, solution, covariance)
+    return Fit(_with_transfer(held, solution.values), system, solution, covariance)
 
 
 def system_about(shared, held):
@@ -126,19 +139,36 @@ def _solved(shared, system, **settings):
     return solution
 
 
+def _minimum(shared, system, factor, **settings):
+    """Parameters (p,) of the lowest cost at a weight of the data, begun as in `_solved`."""
+    expected = shared.expected.setdefault("found", {})
+    vector = minimum(system, factor, expected=expected, **settings)
+    expected.update(named(system, vector > 0))
+    return vector
+
+
 def _approached(shared, held, passes):
-    """Held parameters after so many passes, fewer where the SoC's scale and kinetics are still."""
+    """Held parameters after so many passes, fewer where the SoC's scale and kinetics are still.
+
+    The weight of the data is found in the first pass.
+
+    Returns
+    -------
+    held : columns.Held. done : number of passes.
+    """
     if held.scale_volt is not None and held.transfer_ohm is None:
-        linear = _solved(shared, system_about(shared, held._replace(scale_volt=None)))
-        held = held._replace(transfer_ohm=_transfer(held, linear.values, half=True))
-    last, share = 0.0, 1.0
+        values, _ = _values_about(shared, held._replace(scale_volt=None), None)
+        held = held._replace(transfer_ohm=_transfer(held, values, half=True))
+    factor, done, last, share = None, 0, 0.0, 1.0
     for _ in range(passes):
-        solution = _solved(shared, system_about(shared, held))
-        scale = np.clip(np.array([held.missing, held.stretch]) + solution.scale, -WIDEST, WIDEST)
-        still = np.abs(solution.scale).max() < SETTLED
+        done += 1
+        values, factor = _values_about(shared, held, factor)
+        scale = np.array([held.missing, held.stretch]) + values["scale"]
+        scale = np.clip(scale, -WIDEST, WIDEST)
+        still = np.abs(values["scale"]).max() < SETTLED
         held = held._replace(missing=float(scale[0]), stretch=float(scale[1]))
         if held.scale_volt is not None:
-            change = _transfer(held, solution.values) - held.transfer_ohm
+            change = _transfer(held, values) - held.transfer_ohm
             # More resistance damps itself more: in whole steps the two may take turns for ever.
             share = share / 2 if np.sum(change * last) < 0 else share
             held = held._replace(transfer_ohm=held.transfer_ohm + share * change)
@@ -146,14 +176,23 @@ def _approached(shared, held, passes):
             last = change
         if still:
             break
-    return held
+    return held, done
 
 
-def _with_transfer(held, solution):
+def _values_about(shared, held, factor):
+    """Values of the solution about held parameters by name, and the weight of the data in it."""
+    system = system_about(shared, held)
+    if factor is None:
+        solution = _solved(shared, system)
+        return solution.values, solution.solved_with
+    return named(system, _minimum(shared, system, factor)), factor
+
+
+def _with_transfer(held, values):
     """Held parameters with the charge transfer of a solution, where there are kinetics."""
     if held.scale_volt is None:
         return held
-    return held._replace(transfer_ohm=_transfer(held, solution.values))
+    return held._replace(transfer_ohm=_transfer(held, values))
 
 
 def _transfer(held, values, *, half=False):
@@ -182,10 +221,12 @@ def cheapest(shared, tries, factor):
 
 
 def _after_one_pass(shared, held):
-    held = _approached(shared, held, 1)
+    # At its own weight of the data: at that of the best a poor candidate runs to its limits.
+    held, _ = _approached(shared, held, 1)
     if held.scale_volt is None:
         return held
-    return _with_transfer(held, _solved(shared, system_about(shared, held), scale_free=False))
+    solution = _solved(shared, system_about(shared, held), scale_free=False)
+    return _with_transfer(held, solution.values)
 
 
 def cost_of(shared, held, factor):
@@ -195,7 +236,8 @@ def cost_of(shared, held, factor):
     ----------
     shared : Shared. held : columns.Held. factor : weight of the data.
     """
-    return _solved(shared, system_about(shared, held), factor=factor).cost
+    system = system_about(shared, held)
+    return cost_at(system, _minimum(shared, system, factor), factor)
 
 
 STEP = 0.01  # of a logarithm, for central differences
@@ -247,7 +289,8 @@ def _change(base, held, number, values):
         tau[number] *= np.exp(sign * STEP)
         sides.append(resistance_columns(base, held._replace(tau_second=tuple(tau))))
     up, down = sides
-    change = sum((a - b) @ values[name] for (name, a), (_, b) in zip(up, down, strict=True))
+    pairs = [(name, a, b) for (name, a), (_, b) in zip(up, down, strict=True) if a is not b]
+    change = sum((a - b) @ values[name] for name, a, b in pairs)
     return change / (2 * STEP)
 
 
