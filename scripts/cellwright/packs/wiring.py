@@ -105,6 +105,21 @@ def star_of(names, *, wire_resistance_ohm=0.0):
     return Wiring("the group", "parallel", tuple(names), tuple(wires), (0.0,) * len(names))
 
 
+def with_contacts(wiring, factor):
+    """A wiring with all its contacts times a factor.
+
+    Parameters
+    ----------
+    wiring : Wiring, or the name of a cell. factor : scalar [1].
+    """
+    if isinstance(wiring, str):
+        return wiring
+    return wiring._replace(
+        contact_ohm=tuple(factor * ohm for ohm in wiring.contact_ohm),
+        members=tuple(with_contacts(member, factor) for member in wiring.members),
+    )
+
+
 def is_star(wiring):
     """Whether a wiring is cells in parallel, each with its own lead to one point: bool.
 

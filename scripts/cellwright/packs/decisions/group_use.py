@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.packs.cells import TABLES
 from cellwright.packs.network import network_of
+from cellwright.packs.series.capability import first_crossing
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.wiring import is_star
 from cellwright.settings import PackDecisions
@@ -46,21 +47,6 @@ def cells_at(cells, index):
         capacity_ampere_hour=cells.capacity_ampere_hour[index],
         near_end_soc=cells.near_end_soc[index],
         **tables,
-    )
-
-
-def with_contacts(wiring, factor):
-    """A wiring with all its contacts times a factor.
-
-    Parameters
-    ----------
-    wiring : Wiring, or the name of a cell. factor : scalar [1].
-    """
-    if isinstance(wiring, str):
-        return wiring
-    return wiring._replace(
-        contact_ohm=tuple(factor * ohm for ohm in wiring.contact_ohm),
-        members=tuple(with_contacts(member, factor) for member in wiring.members),
     )
 
 
@@ -127,7 +113,8 @@ def use_of(run, time, cells, wiring, *, lower_cutoff_volt, current_ampere):
     volt = run.voltage_volt[:, None] if is_star(wiring) else run.cell_voltage_volt
     above = volt - (np.max(lower_cutoff_volt) if is_star(wiring) else lower_cutoff_volt)
     # ASSUME: A cell is empty at SoC 0 of its model: beyond it nothing was measured.
-    stop = min(_crossed(time, above.min(axis=1)), _crossed(time, run.soc.min(axis=1)))
+    falling = above.min(axis=1), run.soc.min(axis=1)
+    stop = np.fmin(*(first_crossing(time, margin, 0.0) for margin in falling))
     kept = time < stop
     second = np.append(time[kept], stop)
     hour = second / 3600.0
@@ -145,16 +132,6 @@ def use_of(run, time, cells, wiring, *, lower_cutoff_volt, current_ampere):
         int(np.argmax(shares.max(axis=0))),
         squares * resistance_of(cells, float(run.temperature_celsius[kept].mean())),
     )
-
-
-def _crossed(time, above):
-    """Time at which a falling margin is used up, linear between samples; inf where never [s]."""
-    below = np.flatnonzero(above <= 0.0)
-    if not len(below):
-        return np.inf
-    k = max(int(below[0]), 1)
-    share = np.clip(above[k - 1] / (above[k - 1] - above[k]), 0.0, 1.0)
-    return time[k - 1] + share * (time[k] - time[k - 1])
 
 
 def resistance_of(cells, celsius=None):

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
-from cellwright.packs.decisions.group_use import STEPS, discharge_seconds, use_of, with_contacts
+from cellwright.packs.decisions.group_use import STEPS, discharge_seconds, use_of
 from cellwright.packs.series.capability import BEYOND, first_crossing
 from cellwright.packs.uncertainty.copies import copies_at_once, simulate_copies
 from cellwright.packs.uncertainty.draws import drawn_cells, wire_factors
+from cellwright.packs.wiring import with_contacts
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()

@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.packs.decisions.group_use import with_contacts
 from cellwright.packs.uncertainty.copies import copies_at_once, simulate_copies
 from cellwright.packs.uncertainty.draws import drawn_cells
-from cellwright.packs.wiring import member_currents
+from cellwright.packs.wiring import member_currents, with_contacts
 
 DRAWS = 50  # tell a standard deviation to a tenth
 WITHIN_90_PERCENT = 1.6449  # standard deviations of a normal error
