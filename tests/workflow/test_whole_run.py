@@ -208,7 +208,16 @@ def test_a_changed_file_runs_only_what_comes_from_it(copy):
     on_the_way += ["effect_search_own", "fleet"]
     together = ["figure_overview", "tables_of_models", "summary", "report", "manifest"]
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
-    maybe = ["member", "model", "export", "pack", "pack_checks", "pack_decisions", "pack_model"]
+    maybe = [
+        "member",
+        "model",
+        "export",
+        "thermal",
+        "pack",
+        "pack_checks",
+        "pack_decisions",
+        "pack_model",
+    ]
     once = dict.fromkeys([*on_the_way, *maybe, *together, "campaign"], 1)
     # Figures: of the cell and of its group.
     assert jobs(planned) == once | {"figures": 2}
