@@ -113,8 +113,10 @@ def use_of(run, time, cells, wiring, *, lower_cutoff_volt, current_ampere):
     volt = run.voltage_volt[:, None] if is_star(wiring) else run.cell_voltage_volt
     above = volt - (np.max(lower_cutoff_volt) if is_star(wiring) else lower_cutoff_volt)
     # ASSUME: A cell is empty at SoC 0 of its model: beyond it nothing was measured.
-    falling = above.min(axis=1), run.soc.min(axis=1)
-    stop = np.fmin(*(first_crossing(time, margin, 0.0) for margin in falling))
+    ends = [
+        first_crossing(time, falling, 0.0) for falling in (above.min(axis=1), run.soc.min(axis=1))
+    ]
+    stop = np.nanmin([*ends, time[-1]])
     kept = time < stop
     second = np.append(time[kept], stop)
     hour = second / 3600.0
