@@ -45,8 +45,9 @@ def test_a_script_is_named_by_its_rule_and_its_seconds_add_up(measured):
     assert measured["memory_megabyte"] > 20
     seconds = measured["seconds"]
     assert sum(seconds.values()) == pytest.approx(measured["cpu_second"], rel=0.1, abs=0.05)
-    assert seconds["figures"] == pytest.approx(0.6, abs=0.15)
-    assert seconds["files"] == pytest.approx(0.3, abs=0.15)
+    # Each part holds what the script spends there at least; a busy machine adds to every part.
+    assert seconds["figures"] > 0.5
+    assert 0.2 < seconds["files"] < seconds["figures"]
     assert seconds["import"] > 0.05
     assert seconds.get("numerics", 0.0) < 0.1
 
