@@ -255,6 +255,7 @@ TITLES = {
     "pack_checks": "Records of packs checked",
     "nested_packs": "Packs of groups",
     "pack_decisions": "Decisions on packs",
+    "thermal": "Thermal constants",
     "bias": "Four ways to a model",
     "missing_effect": "Missing effects",
     "excluded": "Spoiled files",
@@ -299,6 +300,8 @@ ABOUT = {
     "pack_spread": "Measured and simulated side by side.",
     "pack_checks": "What a record contradicts in itself.",
     "nested_packs": "Errors are measured against the record, not against a truth.",
+    "thermal": "Heat capacity and resistance to the ambient; the laboratory's cells have a core "
+    "and a surface, and no single number of either.",
     "bias": "Errors are measured against the record, not against a truth.",
     "pack_decisions": "Intervals and gains; the tables of the truth have no other pack to compare.",
     "missing_effect": "What was hidden in a cell, and what was said of it.",

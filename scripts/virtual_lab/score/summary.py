@@ -47,7 +47,7 @@ QUANTITIES = {
     "series_packs": ("usable_ampere_hour", "usable_watt_hour"),
     "series_pack_cells": ("capacity_ampere_hour", "soc_at_pack_end", "volt_at_pack_end"),
     **dict.fromkeys(("pack_findings", "pack_spread", "pack_checks", "nested_packs"), ("",)),
-    **dict.fromkeys(("pack_decisions", "bias"), ("",)),
+    **dict.fromkeys(("pack_decisions", "thermal", "bias"), ("",)),
     "missing_effect": ("",),
     "excluded": ("",),
     "faults": ("",),
