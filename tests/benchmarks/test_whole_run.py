@@ -27,7 +27,10 @@ spend(0.3, lambda: artefact.plain({"numbers": list(range(2000))}))
 
 @pytest.fixture
 def measured(tmp_path):
-    """Record of a script, run as Snakemake runs one."""
+    """Record of a script, run as Snakemake runs one; of three runs that of the middle `files`.
+
+    Where other processes ran, what a first import cost is counted late in some of them.
+    """
     scripts, records = tmp_path / ".snakemake" / "scripts", tmp_path / "records"
     scripts.mkdir(parents=True)
     records.mkdir()
@@ -35,9 +38,11 @@ def measured(tmp_path):
     script.write_text(SCRIPT, encoding="utf-8")
     paths = [ROOT / "benchmarks" / "sampled", ROOT / "scripts"]
     variables = {"PYTHONPATH": os.pathsep.join(map(str, paths)), "WHOLE_RUN_RECORDS": str(records)}
-    subprocess.run([sys.executable, str(script)], env=os.environ | variables, check=True)
-    (record,) = records.iterdir()
-    return json.loads(record.read_text(encoding="utf-8"))
+    for _ in range(3):
+        subprocess.run([sys.executable, str(script)], env=os.environ | variables, check=True)
+    found = [json.loads(record.read_text(encoding="utf-8")) for record in records.iterdir()]
+    assert len(found) == 3
+    return sorted(found, key=lambda record: record["seconds"]["files"])[1]
 
 
 def test_a_script_is_named_by_its_rule_and_its_seconds_add_up(measured):
@@ -45,9 +50,8 @@ def test_a_script_is_named_by_its_rule_and_its_seconds_add_up(measured):
     assert measured["memory_megabyte"] > 20
     seconds = measured["seconds"]
     assert sum(seconds.values()) == pytest.approx(measured["cpu_second"], rel=0.1, abs=0.05)
-    # Each part holds what the script spends there at least; a busy machine adds to every part.
-    assert seconds["figures"] > 0.5
-    assert 0.2 < seconds["files"] < seconds["figures"]
+    assert seconds["figures"] == pytest.approx(0.6, abs=0.15)
+    assert seconds["files"] == pytest.approx(0.3, abs=0.15)
     assert seconds["import"] > 0.05
     assert seconds.get("numerics", 0.0) < 0.1
 

@@ -40,12 +40,8 @@ def slow_curve(columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, lea
     except Refusal as refusal:
         found, voltage = _mean_of_both(columns, limits, mean_hour, refusal)
     measured = np.isfinite(voltage)
-    celsius = test.ambient_temperature_celsius
     return SlowCurve(
-        cell=cell,
-        test=test.test,
-        cycle=float(test.cycle or 0.0),
-        ambient_temperature_celsius=np.nan if celsius is None else float(celsius),
+        *_check_up_of(test, cell),
         current_ampere=float(np.nanmax(_currents(found))),
         soc=found.soc[measured],
         voltage_volt=voltage[measured],
@@ -94,12 +90,8 @@ def rest_curve(points, test, *, cell):
             f"{len(rows)} rests after {most} over {span:.0%} of SoC; {FEWEST_RESTS} over "
             f"{REST_SPAN:.0%} are needed to align half cells"
         )
-    celsius = test.ambient_temperature_celsius
     return SlowCurve(
-        cell=cell,
-        test=test.test,
-        cycle=float(test.cycle or 0.0),
-        ambient_temperature_celsius=np.nan if celsius is None else float(celsius),
+        *_check_up_of(test, cell),
         current_ampere=float(np.median(np.abs(columns["current_ampere"][rows]))),
         soc=columns["soc"][rows],
         voltage_volt=voltage[rows],
@@ -110,6 +102,12 @@ def rest_curve(points, test, *, cell):
 
 REST_NAMES = ("soc", "charge_ampere_hour", "end_volt", "relaxed_volt", "current_ampere")
 NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
+
+
+def _check_up_of(test, cell):
+    """Cell, test, cycle and temperature of the chamber, the first fields of a SlowCurve."""
+    celsius = test.ambient_temperature_celsius
+    return cell, test.test, float(test.cycle or 0.0), np.nan if celsius is None else float(celsius)
 
 
 def _ocv(columns, limits, least_hour):
