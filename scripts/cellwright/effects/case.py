@@ -101,6 +101,7 @@ class Case(NamedTuple):
     gap: SlowGap = SlowGap()
     polish_share: float = 0.3  # of the best J, from which a misled trial is refitted
     settled: float = SETTLED
+    most_small: int = 4
     keeps_derivatives: bool = True
     start: dict | None = None
     log_std: dict | None = None

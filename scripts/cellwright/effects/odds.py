@@ -79,6 +79,7 @@ def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD, unseen=UN
     going, answers = np.arange(draws), [()] * draws
     sides, first = None, None
     refused = {key for step in rounds for key in step.dropped}
+    unnamed = {trial.effect.key for step in rounds for trial in step.small}
     for number, step in enumerate(rounds):
         if sides is None:
             sides = _sides(case, step, random.gamma, draws, spread)
@@ -88,7 +89,7 @@ def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD, unseen=UN
         later |= set(step.tied) if step.chosen else set()
         further = [draw for draw, t in choices.items() if t is not None and t.effect.key in later]
         for draw, trial in choices.items():
-            answers[draw] = _ended(step, trial, refused)
+            answers[draw] = _ended(step, trial, refused, unnamed)
         for draw in further:
             answers[draw] = kept
         going = np.array(further, int)
@@ -99,9 +100,9 @@ def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD, unseen=UN
     return dict(sorted(shares.items(), key=lambda pair: (-pair[1], pair[0])))
 
 
-def _ended(step, trial, refused):
+def _ended(step, trial, refused, unnamed):
     """Ids of a draw that ends in a round with a choice (search.Trial), or without one (None)."""
-    so_far = tuple(effect.id for effect in step.before.effects)
+    so_far = tuple(e.id for e in step.before.effects if e.key not in unnamed)
     none = trial is None or trial.effect.key in refused
     return so_far if none else (*so_far, trial.effect.id)
 

@@ -22,6 +22,7 @@ Both have these methods and values:
 `matters(first, before, trial, floor, share)` : when the size of an effect counts.
 `denied(trials)`, `ties(chosen, tied, denied, possible)` : by measurements outside the fit.
 `gates`, `polish_share`, `misled(before, trial)` : limits; which trials go on.
+`most_small` : how many effects that are too small for a name may join a model.
 `settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether those of the model
     serve its refit to another noise.
 """
@@ -99,7 +100,8 @@ class Round(NamedTuple):
     trials : list of Trial, best first. chosen : Trial, or None. tied : keys that explain as
     much.
     hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
-    do not count any more beside the choice.
+    do not count any more beside the choice. small : Trials of effects that are in the model before
+    it without a name, too small for anyone to act on.
     """
 
     before: State
@@ -111,6 +113,7 @@ class Round(NamedTuple):
     tied: tuple
     hidden: tuple
     dropped: tuple = ()
+    small: tuple = ()
 
     @property
     def noise(self):
@@ -131,47 +134,118 @@ def search(case, library):
     """
     possible = case.possible(library)
     free, values, filters = case.begun()
-    plain, effects, rounds = free, (), []
-    solution = fit(case.problem(effects, free, filters), values, settled=case.settled)
-    for _ in range(case.gates.rounds + 1):
-        step, filters = _round(case, possible, effects, free, solution, filters, rounds)
+    solution = fit(case.problem((), free, filters), values, settled=case.settled)
+    model, rounds = _Model(free, (), free, solution), []
+    while len(rounds) <= case.gates.rounds:
+        step, model, filters = _round_beside_small(case, possible, model, filters, rounds)
         rounds.append(step)
         if step.chosen is None or len(rounds) > case.gates.rounds:
-            return rounds
-        effects = step.chosen.state.effects
-        free = case.with_effect(free, step.chosen.effect)
-        problem = case.problem(effects, free, filters)
-        values = step.chosen.state.solution.values
-        solution = fit(problem, values, steps=POLISH_STEPS, settled=case.settled)
-        model = effects, free, solution
-        effects, free, solution, dropped = _needed(case, plain, *model, filters, rounds)
-        if step.chosen.effect.key in dropped:
+            break
+        with_choice = _with_choice(case, model, step.chosen, filters)
+        needed, dropped = _needed(case, with_choice, filters, rounds)
+        mine = dropped.get(step.chosen.effect.key)
+        if mine is None:
+            model, rounds[-1] = needed, step._replace(dropped=tuple(dropped))
+            possible = {key: effect for key, effect in possible.items() if key not in dropped}
+        elif significant(case.gates, mine) and len(model.small) < case.most_small:
+            # Too small for a name now that all is refitted, and there all the same.
+            model = _unnamed(case, with_choice, step.chosen)
+            rounds.pop()
+        else:
             # At the edge of what counts. Neither may a rival that explains less take its place, nor
             # is an earlier name needless beside a choice that does not count itself.
             rounds[-1] = step._replace(chosen=None, tied=(), dropped=(step.chosen.effect.key,))
-            return rounds
-        rounds[-1] = step._replace(dropped=dropped)
-        possible = {key: effect for key, effect in possible.items() if key not in dropped}
+            break
     return rounds
 
 
-def _needed(case, plain, effects, free, solution, filters, rounds):
-    """The model without effects that count no more, now that all are refitted together.
+class _Model(NamedTuple):
+    """The model so far, fitted.
+
+    plain : free parameters but those of effects with a name. effects : all in the model.
+    free : all free parameters. solution : of the fit. small : Trials of the effects in it that are
+    too small for a name.
+    """
+
+    plain: tuple
+    effects: tuple
+    free: tuple
+    solution: object
+    small: tuple = ()
+
+    @property
+    def named(self):
+        """Effects that have a name."""
+        unnamed = {trial.effect.key for trial in self.small}
+        return tuple(e for e in self.effects if e.key not in unnamed)
+
+
+def _unnamed(case, model, trial):
+    """The model with the effect of a trial, which is in it, as one too small for a name."""
+    plain = case.with_effect(model.plain, trial.effect)
+    return model._replace(plain=plain, small=(*model.small, trial))
+
+
+def _with_choice(case, model, trial, filters):
+    """The model with the effect of a trial, refitted with new derivatives."""
+    free, effects = case.with_effect(model.free, trial.effect), trial.state.effects
+    problem = case.problem(effects, free, filters)
+    values = trial.state.solution.values
+    solution = fit(problem, values, steps=POLISH_STEPS, settled=case.settled)
+    return model._replace(effects=effects, free=free, solution=solution)
+
+
+def _round_beside_small(case, possible, model, filters, earlier):
+    """The next Round, the model it begins from, and its filters.
+
+    What explains most may be too small for anyone to act on: a healthy cell's resistance falls a
+    little with temperature, too. It is there all the same, and what it leaves would count as
+    misfit against all others. It joins the model without a name, and the others are tried beside
+    it.
+    """
+    while True:
+        step, filters = _round(case, possible, model, filters, earlier)
+        few = len(model.small) < case.most_small
+        trial = _best_too_small(case, step, earlier) if few else None
+        if trial is None:
+            return step._replace(small=model.small), model, filters
+        model = _unnamed(case, _with_choice(case, model, trial, filters), trial)
+
+
+def _best_too_small(case, step, earlier):
+    """The Trial of a round that explains most beyond chance, where nobody would act on it."""
+    first = earlier[0].before if earlier else step.before
+    if explained(case.gates, step.before, step.floor):
+        return None
+    denied = case.denied(step.trials)
+    shown = (t for t in step.trials if t.effect.key not in denied and significant(case.gates, t))
+    best = next(shown, None)
+    if best is None or case.matters(first, step.before, best, step.floor):
+        return None
+    return best
+
+
+def _needed(case, model, filters, rounds):
+    """The model without names that count no more, now that all are refitted together; Trials of
+    these, by key.
 
     What a first effect took up may be the work of the next; each is taken out, the rest refitted,
     and held to what would make it a choice beside the others.
     """
-    dropped = []
+    dropped = {}
     first, floor = rounds[0].before, rounds[0].floor
-    while effects:
-        without = [_without(case, plain, one, effects, solution, filters) for one in effects]
+    while model.named:
+        without = [_without(case, model, one, filters) for one in model.named]
         needless = [one for one in without if not one.stays(case, first, floor)]
         if not needless:
             break
         weakest = min(needless, key=lambda one: one.trial.j)
-        dropped.append(weakest.trial.effect.key)
-        effects, free, solution = weakest.before.effects, weakest.free, weakest.before.solution
-    return effects, free, solution, tuple(dropped)
+        dropped[weakest.trial.effect.key] = weakest.trial
+        before = weakest.before
+        model = model._replace(
+            effects=before.effects, free=weakest.free, solution=before.solution
+        )
+    return model, dropped
 
 
 class _Without(NamedTuple):
@@ -190,26 +264,21 @@ class _Without(NamedTuple):
         return counts and case.matters(first, self.before, self.trial, floor, share=STAYS)
 
 
-def _without(case, plain, effect, effects, solution, filters):
-    others = tuple(e for e in effects if e is not effect)
-    free = _free_of(case, plain, others)
+def _without(case, model, effect, filters):
+    others = tuple(e for e in model.effects if e is not effect)
+    free = model.plain
+    for one in model.named:
+        free = free if one is effect else case.with_effect(free, one)
     problem = case.problem(others, free, filters)
-    refitted = fit(problem, solution.values, steps=POLISH_STEPS, settled=case.settled)
+    refitted = fit(problem, model.solution.values, steps=POLISH_STEPS, settled=case.settled)
     before = case.state(others, refitted, filters)
-    trial = _trial(case, before, effect, effects, 0.0, solution, filters)
+    trial = _trial(case, before, effect, model.effects, 0.0, model.solution, filters)
     return _Without(before, free, judged(case, before, [trial], filters)[0])
 
 
-def _free_of(case, plain, effects):
-    """Free parameters of the healthy model and of some effects."""
-    free = plain
-    for effect in effects:
-        free = case.with_effect(free, effect)
-    return free
-
-
-def _round(case, possible, effects, free, solution, filters, earlier):
+def _round(case, possible, model, filters, earlier):
     """The next Round and its filters; repeated while its best trial shows another noise."""
+    effects, free, solution = model.effects, model.free, model.solution
     further = {key: effect for key, effect in possible.items() if effect not in effects}
     candidates = case.candidates(effects, solution, possible, tuple(further.values()))
     residual = residual_with_all(solution, candidates, filters.fit)

@@ -99,6 +99,7 @@ class GroupCase(NamedTuple):
     gates: GroupGates = GroupGates()
     polish_share: float = 0.8  # of the best J, from which a trial is refitted as its rival
     settled: float = 1.0
+    most_small: int = 0  # small differences between branches are free already, within the spread
     keeps_derivatives: bool = False
 
     @property
