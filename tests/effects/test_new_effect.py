@@ -21,13 +21,13 @@ from cellwright.refusal import Refusal
 OHM = 0.04
 
 
-def _branch(p, r0_ohm, capacity_ampere_hour):
+def _branch(p, r0_ohm, capacity_ampere_hour, soc):
     parameters = {"r_ohm": p["resistance_ohm"], "tau_second": 20.0, "scale_volt": 0.02}
     return r0_ohm, "kinetic", parameters
 
 
 def _act(fields, stack, p):
-    _, kind, parameters = _branch(p, None, None)
+    _, kind, parameters = _branch(p, None, None, None)
     drive = KINDS[kind].drive(fields.current, **parameters)
     return fields._replace(volt=fields.volt + base.relaxed(stack, drive, parameters["tau_second"]))
 

@@ -18,29 +18,27 @@ RIVAL, TRUE = "charge_transfer_nonlinearity", "hysteresis_instant"
 
 @cache
 def together(truth, names):
-    """(case, free of the plain model, effects, free, solution, filters) with these effects in."""
+    """(case, model of the search with these effects in, filters)."""
     made, steps = case(truth), rounds(truth)
     plain, values, _ = made.begun()
     filters = steps[0].filters
-    effects = in_order([LIBRARY[name] for name in names], LIBRARY)
-    free = search._free_of(made, plain, effects)
+    effects, free = in_order([LIBRARY[name] for name in names], LIBRARY), plain
     for effect in effects:
-        start = effect.starts[0]
+        free, start = made.with_effect(free, effect), effect.starts[0]
         values |= {f"{effect.id}.{p.name}": start.get(p.name, p.neutral) for p in effect.parameters}
     solution = fit(made.problem(effects, free, filters), values)
-    return made, plain, effects, free, solution, filters
+    return made, search._Model(plain, effects, free, solution), filters
 
 
 def kept(truth, *names):
     """Names that stay in the model, and those that are taken out of it."""
-    made, plain, effects, free, solution, filters = together(truth, names)
-    result = search._needed(made, plain, effects, free, solution, filters, rounds(truth))
-    effects, free, solution, dropped = result
+    made, model, filters = together(truth, names)
+    model, dropped = search._needed(made, model, filters, rounds(truth))
     # The fit that is handed on is one of just these effects.
-    fitted = {name for name in solution.values if name.rpartition(".")[0]}
-    assert {one.name for one in free} == set(solution.names)
-    assert all(name in fitted for effect in effects for name in effect.names)
-    return {effect.id for effect in effects}, set(dropped)
+    fitted = {name for name in model.solution.values if name.rpartition(".")[0]}
+    assert {one.name for one in model.free} == set(model.solution.names)
+    assert all(name in fitted for effect in model.effects for name in effect.names)
+    return {effect.id for effect in model.effects}, set(dropped)
 
 
 def test_a_first_wrong_name_is_taken_out_once_the_true_one_is_in():
@@ -66,13 +64,10 @@ def test_what_was_chosen_and_counts_no_more_ends_the_search(monkeypatch):
     made, few = case(HYSTERESIS), {name: LIBRARY[name] for name in (TRUE, RIVAL)}
     needed, calls = search._needed, []
 
-    def without(case, plain, effects, free, solution, filters, earlier):
-        calls.append([effect.id for effect in effects])
-        result = needed(case, plain, effects, free, solution, filters, earlier)
-        fewer = tuple(effect for effect in result[0] if effect.id != TRUE)
-        free = search._free_of(case, plain, fewer)
-        values = earlier[0].before.solution.values
-        return fewer, free, fit(case.problem(fewer, free, filters), values), (TRUE,)
+    def without(case, model, filters, earlier):
+        calls.append([effect.id for effect in model.effects])
+        choice = earlier[-1].chosen._replace(delta_bic=0.0)
+        return needed(case, model, filters, earlier)[0], {TRUE: choice}
 
     monkeypatch.setattr(search, "_needed", without)
     steps = search.search(made, few)
@@ -88,11 +83,11 @@ def test_an_earlier_name_is_not_needless_beside_a_choice_that_does_not_count(mon
     truth = Truth(hysteresis=0.012, activation=2.5e4)
     needed = search._needed
 
-    def none_of_two(case, plain, effects, free, solution, filters, earlier):
-        if len(effects) < 2:
-            return needed(case, plain, effects, free, solution, filters, earlier)
-        before = earlier[0].before.solution
-        return (), plain, before, tuple(effect.key for effect in effects)
+    def none_of_two(case, model, filters, earlier):
+        if len(model.effects) < 2:
+            return needed(case, model, filters, earlier)
+        choice = earlier[-1].chosen._replace(delta_bic=0.0)
+        return model, {effect.key: choice for effect in model.effects}
 
     monkeypatch.setattr(search, "_needed", none_of_two)
     steps = search.search(case(truth), LIBRARY)

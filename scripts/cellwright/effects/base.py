@@ -27,9 +27,11 @@ LOGARITHMS = ("log_r0", "log_r1", "log_tau1", "log_r2", "log_tau2")
 LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
 FIRST_TAU_SECOND = {"log_tau1": 8.0, "log_tau2": 130.0}
 RESISTANCES = ("log_r0", "log_r1", "log_r2")
+LEAD = "lead_ohm"  # of contacts: a resistance without a course over SoC or temperature [ohm]
 NO_LOG_OHM, UNIT = np.log(1e-7), 1e-2  # no resistance; a step for derivatives [ohm]
 LOG_STD = {"log_r0": 1.5, "log_r1": 1.5, "log_r2": 1.5, "log_tau1": 0.8, "log_tau2": 0.8}
 STEEP = 2.0  # times the usual slope of the OCV
+MOST_LEAD = 3.0  # times the ohmic resistance
 OWN_KNOT = 0.1  # of the tolerance of the OCV: what each knot may err alone
 
 
@@ -124,7 +126,7 @@ def fields_of(cell, stack, values, effects=()):
     fields = through("resistance", course.fields)
     fields = fields._replace(ocv=_open_circuit(cell, values, fields.soc, course))
     fields = through("ocv", fields)
-    fields = fields._replace(ohmic=fields.r0 * fields.current)
+    fields = fields._replace(ohmic=(fields.r0 + values.get(LEAD, 0.0)) * fields.current)
     fields = fields._replace(volt=fields.ocv + slow_volt(stack, fields))
     fields = through("overpotential", fields)
     template = values.get("known", 1.0) * stack.template_volt
@@ -318,7 +320,7 @@ def frees(stack, start, tolerance, log_std=None):
     Returns
     -------
     free : tuple of least_squares.Free, in the order of `base_names`; in paired mode the scale of
-        the template of healthy cells after them.
+        the template of healthy cells after them, and the resistance of contacts.
     """
     stds = log_std or LOG_STD
     logs = [Free(name, LOG_STEP, start[name], stds[name], *_limits(name)) for name in LOGARITHMS]
@@ -328,7 +330,17 @@ def frees(stack, start, tolerance, log_std=None):
     ]
     knots = [Free(f"ocv[{k}]", VOLT_STEP) for k in range(OCV_KNOTS)]
     scale = [Free("known", LOG_STEP, 1.0, tolerance.known)] if stack.template_volt.any() else []
-    return (*logs, capacity, *socs, *knots, *scale)
+    lead = [_lead(start)] if stack.ohmic_course is not None and log_std is None else []
+    return (*logs, capacity, *socs, *knots, *scale, *lead)
+
+
+def _lead(start):
+    """Resistance of contacts beyond those of the cells whose courses a stack has.
+
+    Contacts add to the resistance; they may not take from it, as a steeper course would.
+    """
+    ohm = float(np.exp(start["log_r0"]))
+    return Free(LEAD, LOG_STEP * ohm, 0.0, ohm, 0.0, MOST_LEAD * ohm)
 
 
 def _limits(name):
@@ -358,7 +370,7 @@ def first_values(cell, stack):
     -------
     values : dict of all parameters of the plain model.
     """
-    values = dict.fromkeys(base_names(len(stack.first)), 0.0) | {"known": 1.0}
+    values = dict.fromkeys(base_names(len(stack.first)), 0.0) | {"known": 1.0, LEAD: 0.0}
     values |= {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
     return regressed(cell, stack, values)
 

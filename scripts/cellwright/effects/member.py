@@ -147,7 +147,7 @@ def _condition(searched, tables, celsius):
     values, std = searched.document["values"], searched.document.get("std", {})
     out, back = (_probed(searched, celsius, sign) for sign in (-1.0, 1.0))
     gain = 1.0 + values.get("current_gain.gain_relative", 0.0)
-    r0, excess = np.minimum(out.r0, back.r0), out.r0 - back.r0
+    r0, excess = np.minimum(out.r0, back.r0) + values.get(base.LEAD, 0.0), out.r0 - back.r0
     branches = [
         _branch("RC", std.get(f"log_r{n}"), r_ohm=r, tau_second=tau, tau_std=std.get(f"log_tau{n}"))
         for n, r, tau in ((1, out.r1, out.tau1), (2, out.r2, out.tau2))
@@ -156,7 +156,9 @@ def _condition(searched, tables, celsius):
         ways = {"r_charge_ohm": np.maximum(-excess, 0.0), "r_discharge_ohm": np.maximum(excess, 0)}
         branches.append(_branch("R_two_way", None, **ways))
     for effect in (e for e in searched.effects if e.circuit):
-        r0, kind, parameters = effect.circuit(effect.sizes_of(values), r0, out.capacity / gain)
+        r0, kind, parameters = effect.circuit(
+            effect.sizes_of(values), r0, out.capacity / gain, KNOTS
+        )
         branches.append(_branch(kind, None, **parameters))
     shift = out.ocv - continued_ocv_at(tables, KNOTS, celsius)
     return {

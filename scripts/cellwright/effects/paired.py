@@ -16,7 +16,10 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.case import STEADY_C_RATE, extra_volt_of, filters_of, problem_of, state_of
-from cellwright.effects.records import LOADED_C_RATE
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.records import LOADED_C_RATE, lacking
+from cellwright.effects.screen import neutral
+from cellwright.effects.search import frees_of
 from cellwright.effects.ties import AT_REST_C_RATE
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST, read_volt
@@ -26,6 +29,9 @@ from cellwright.refusal import Refusal
 NEXT_ROWS = np.arange(-1, 3)
 STEP_C_RATE = 0.02  # between two rows, from which the current steps
 FITTED = (*base.LOGARITHMS, "soc0[")  # first letters of the parameters fitted to a reference
+# What the resistances of any cell do. An effect acts on the resistance as it is at a SoC and a
+# temperature, which a circuit of constants does not know.
+COURSES = ("resistance_soc", "polarisation_soc", "resistance_temperature")
 ROLES = ("fit", "validation")
 CLEARLY = 0.5  # of the difference in proportion, below which that by the clock decides
 
@@ -268,9 +274,13 @@ def paired(case, references, pairing=None):
     if not seconds:
         reasons = "; ".join(f"{name}: {why}" for name, why in left_out.items())
         raise Refusal(f"no healthy reference cell ran the same protocol; {reasons}")
-    misfits = [_misfit_volt(case, references[name], times) for name, times in seconds.items()]
+    states = {n: plain_state(_shared_part(references[n], times)) for n, times in seconds.items()}
+    misfits = [
+        _misfit_volt(case, references[n], states[n], times) for n, times in seconds.items()
+    ]
     rows = {role: np.stack([misfit[role] for misfit in misfits], axis=1) for role in ROLES}
     stacks = {role: _with_template(getattr(case, role), rows[role]) for role in ROLES}
+    stacks = {role: _with_courses(case, stacks[role], states.values()) for role in ROLES}
     for role, stack in stacks.items():
         _enough(role, stack, getattr(case, role), unshared, pairing.sameness)
     few = len(seconds) < pairing.known_from
@@ -390,16 +400,20 @@ def _counterparts(case, reference, sameness):
     return seconds, "; ".join(reasons)
 
 
-def _misfit_volt(case, reference, seconds):
-    """Residual of the plain model of a reference at the times of the case's rows [V], by role.
-
-    NaN in tests that they do not share.
-    """
-    for role in ROLES:  # tests that the case has not are not fitted either
+def _shared_part(reference, seconds):
+    """A reference without the tests that the case has not: they are not fitted either."""
+    for role in ROLES:
         stack = getattr(reference, role)
         shared = np.isin(np.array(stack.tests)[stack.file], list(seconds[role]))
         reference = reference._replace(**{role: stack._replace(used=stack.used & shared)})
-    state = plain_state(reference)
+    return reference
+
+
+def _misfit_volt(case, reference, state, seconds):
+    """Residual of a fitted reference at the times of the case's rows [V], by role.
+
+    NaN in tests that they do not share.
+    """
     residual = {"fit": state.solution.residual, "validation": state.validation}
     misfit = {}
     for role in ROLES:
@@ -411,19 +425,48 @@ def _misfit_volt(case, reference, seconds):
     return misfit
 
 
+def _with_courses(case, stack, states):
+    """A stack with the resistances of the references at each row's SoC and temperature.
+
+    Relative to those that a fit of constants finds: the geometric mean over the references.
+    """
+    starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
+    logs = []
+    for state in states:
+        values = state.solution.values | starts
+        fields = base.fields_of(case.cell, stack, values, state.effects)
+        means = np.exp([values["log_r0"], values["log_r1"]])
+        rows = np.broadcast_arrays(fields.r0 / means[0], fields.r1 / means[1], stack.second)[:2]
+        logs.append(np.log(rows))
+    ohmic, slow = np.exp(np.mean(logs, axis=0))
+    return stack._replace(ohmic_course=ohmic, slow_course=slow, courses={})
+
+
 def plain_state(case):
-    """The plain model fitted to a healthy reference: case.State.
+    """The plain model, its resistances over SoC and temperature, fitted to a healthy reference.
 
     OCV and capacity stay as they were measured: fitted, they would take up part of the circuit's
     error, and the template would lack that part.
+
+    Returns
+    -------
+    state : case.State.
     """
+    effects = tuple(
+        e
+        for e in LIBRARY.values()
+        if e.id in COURSES and not lacking(e, case.fit, case.cell.capacity_ampere_hour)
+    )
     values = base.first_values(case.cell, case.fit)
+    for effect in effects:
+        values |= neutral(effect)
     free = base.frees(case.fit, values, case.tolerance)
     filters = filters_of(case, FIRST, extra_volt_of(case, values))
-    problem = problem_of(case, (), free, filters)
     fitted = tuple(parameter for parameter in free if parameter.name.startswith(FITTED))
+    fitted = (*fitted, *(parameter for effect in effects for parameter in frees_of(effect)))
+    problem = problem_of(case, effects, free, filters)
     solution = fit(problem._replace(free=fitted, coupling=None), values)
-    return state_of(case, (), solution, filters)
+    return state_of(case, effects, solution, filters)
 
 
 def _read_volt(case, residuals):

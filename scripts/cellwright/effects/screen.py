@@ -220,10 +220,14 @@ def _score_by_regression(case, before, possible, score, filters, without):
 
     Where they are, no derivative shows the effect. With the effect at each of its starts they are
     estimated again by linear regression; its chi-square is compared with that without the effect.
+    What is smaller than every start has bent nothing, and its derivative stands.
     """
     candidate = score.candidate
     effects = in_order((*before.effects, candidate.effect), possible)
     given = candidate.effect.given(candidate.start)
+    sizes = dict(zip(candidate.sizes, score.estimate, strict=True))
+    if given & sizes.keys() and all(abs(sizes[n]) < abs(candidate.start[n]) for n in given):
+        return score
     free = tuple(name for name in candidate.sizes if name not in given)
     first = before.solution.values | candidate.start
     values = base.regressed(case.cell, case.fit, first, effects, free)

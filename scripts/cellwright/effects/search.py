@@ -213,16 +213,23 @@ def _round_beside_small(case, possible, model, filters, earlier):
 
 
 def _best_too_small(case, step, earlier):
-    """The Trial of a round that explains most beyond chance, where nobody would act on it."""
+    """The Trial of a round that explains most beyond chance, where nobody would act on it.
+
+    None where it makes no difference: no other effect has a size that matters, and what is left is
+    no more than anyone would accept.
+    """
     first = earlier[0].before if earlier else step.before
     if explained(case.gates, step.before, step.floor):
         return None
     denied = case.denied(step.trials)
-    shown = (t for t in step.trials if t.effect.key not in denied and significant(case.gates, t))
-    best = next(shown, None)
+    allowed = [t for t in step.trials if t.effect.key not in denied]
+    best = next((t for t in allowed if significant(case.gates, t)), None)
     if best is None or case.matters(first, step.before, best, step.floor):
         return None
-    return best
+    others = (t for t in allowed if t is not best)
+    rivals = any(case.matters(first, step.before, t, step.floor) for t in others)
+    much = left_volt(step.before, step.floor) > case.gates.unknown_volt
+    return best if rivals or much else None
 
 
 def _needed(case, model, filters, rounds):
@@ -310,9 +317,11 @@ def _tested(case, possible, effects, free, solution, filters, candidates):
     solution = fit(problem, solution.values, columns=columns, **steps)
     before = case.state(effects, solution, filters)
     scores, hidden = case.screened(candidates, before, free, possible, filters)
-    trials = [
-        tried(case, possible, free, before, score, filters) for score in scores[: case.gates.refits]
-    ]
+    # The best so many effects, each in all its forms: a form takes no other effect's place.
+    best = dict.fromkeys(score.candidate.effect.key for score in scores)
+    best = set(list(best)[: case.gates.refits])
+    asked = [score for score in scores if score.candidate.effect.key in best]
+    trials = [tried(case, possible, free, before, score, filters) for score in asked]
     trials = _polished(case, free, before, trials, filters)
     trials = judged(case, before, trials, filters)
     return Round(before, filters, None, scores, trials, None, (), hidden)
@@ -435,9 +444,18 @@ def explained(gates, before, floor):
     ----------
     gates : of the case. before : State. floor : proof.Floor.
     """
-    fit = excess_volt(before.rmse_volt, floor.fit_volt)
-    proof = excess_volt(before.validation_rmse_volt, floor.validation_volt)
-    return max(fit, proof) <= gates.material_volt
+    return left_volt(before, floor) <= gates.material_volt
+
+
+def left_volt(state, floor):
+    """Error beyond the floor, of the side, fit or proof, where it is larger [V].
+
+    Parameters
+    ----------
+    state : State. floor : proof.Floor.
+    """
+    fit = excess_volt(state.rmse_volt, floor.fit_volt)
+    return max(fit, excess_volt(state.validation_rmse_volt, floor.validation_volt))
 
 
 def significant(gates, trial):

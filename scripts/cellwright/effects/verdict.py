@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from cellwright.effects.proof import excess_volt
+from cellwright.effects.search import left_volt
 from cellwright.numerics.least_squares import stds
 
 
@@ -43,10 +43,7 @@ def outcome(rounds, gates, *, alternatives=lambda step: step.tied):
     kept = {effect.key for effect in last.effects}
     chose = (step for step in rounds if step.chosen is not None)
     steps = tuple(step for step in chose if step.chosen.effect.key in kept)
-    excess = max(
-        excess_volt(last.rmse_volt, floor.fit_volt),
-        excess_volt(last.validation_rmse_volt, floor.validation_volt),
-    )
+    excess = left_volt(last, floor)
     adequate = excess <= gates.unknown_volt
     if not steps:
         return Outcome("none" if adequate else "unknown", (), first, floor, None, excess, adequate)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.circuits.circuit import KINDS
-from cellwright.effects.base import lag_fresh, relaxed
+from cellwright.effects.base import lag_fresh
 from cellwright.effects.library.vocabulary import Effect, Parameter
 
 # Kinds of branch of slow diffusion: an RC pair; a layer of finite length; a sphere (time constant:
@@ -11,21 +11,35 @@ from cellwright.effects.library.vocabulary import Effect, Parameter
 DIFFUSION_KINDS = ("RC", "warburg", "warburg_sphere")
 
 
-def _slow_diffusion_branch(p, r0_ohm, capacity_ampere_hour):
-    parameters = {"r_ohm": p["resistance_ohm"], "tau_second": p["time_constant_second"]}
+def _slow_diffusion_branch(p, r0_ohm, capacity_ampere_hour, soc):
+    """Resistance and time constant are those at half charge; both go with one over D(SoC)."""
+    slower = np.exp(-p["log_diffusivity_to_full"] * (np.clip(soc, 0.0, 1.0) - 0.5))
+    parameters = {
+        "r_ohm": p["resistance_ohm"] * slower,
+        "tau_second": p["time_constant_second"] * slower,
+    }
     return r0_ohm, DIFFUSION_KINDS[int(p["finite_length"])], parameters
 
 
 def _slow_diffusion(fields, stack, p):
-    _, kind, parameters = _slow_diffusion_branch(p, None, None)
-    lags = (
-        relaxed(stack, fields.current, lag.constant, gain=lag.share * parameters["r_ohm"])
-        for lag in KINDS[kind].lags(**parameters)
+    """Lags whose clock runs with the diffusivity at the SoC, driven by the current as it is.
+
+    dx/dt = R·I/τ − x/τ(z): what flows in does not depend on the diffusivity D, what evens out
+    does, so that R(z)/τ(z) is one number.
+    """
+    faster = np.exp(p["log_diffusivity_to_full"] * (np.clip(fields.soc, 0.0, 1.0) - 0.5))
+    kind, start = KINDS[DIFFUSION_KINDS[int(p["finite_length"])]], np.zeros(len(fields.soc))
+    lags = kind.lags(r_ohm=p["resistance_ohm"], tau_second=p["time_constant_second"])
+    drive = p["resistance_ohm"] * fields.current / faster
+    clock = stack.step_second * faster
+    volts = (
+        lag.share * lag_fresh(clock, stack.fresh, stack.linear, drive, lag.constant, start)
+        for lag in lags
     )
-    return fields._replace(volt=fields.volt + sum(lags))
+    return fields._replace(volt=fields.volt + sum(volts))
 
 
-def _charge_transfer_branch(p, r0_ohm, capacity_ampere_hour):
+def _charge_transfer_branch(p, r0_ohm, capacity_ampere_hour, soc):
     """A share of R0 follows the Butler–Volmer equation, the rest stays ohmic."""
     share = p["share_of_resistance"]
     exchange = 1.0 / max(p["per_exchange_current_per_ampere"], 1e-9)
@@ -34,12 +48,12 @@ def _charge_transfer_branch(p, r0_ohm, capacity_ampere_hour):
 
 
 def _charge_transfer(fields, stack, p):
-    r0_ohm, kind, parameters = _charge_transfer_branch(p, fields.r0, None)
+    r0_ohm, kind, parameters = _charge_transfer_branch(p, fields.r0, None, None)
     transfer = KINDS[kind].drive(fields.current, **parameters)
     return fields._replace(ohmic=r0_ohm * fields.current + transfer)
 
 
-def _switch_branch(p, r0_ohm, capacity_ampere_hour):
+def _switch_branch(p, r0_ohm, capacity_ampere_hour, soc):
     return r0_ohm, "switch", {"m_volt": p["amplitude_volt"]}
 
 
@@ -47,7 +61,7 @@ def _hysteresis_instant(fields, stack, p):
     return fields._replace(volt=fields.volt + p["amplitude_volt"] * stack.direction)
 
 
-def _hysteresis_branch(p, r0_ohm, capacity_ampere_hour):
+def _hysteresis_branch(p, r0_ohm, capacity_ampere_hour, soc):
     charge = capacity_ampere_hour / p["rate_per_soc"]
     return r0_ohm, "hysteresis", {"m_volt": p["amplitude_volt"], "charge_ampere_hour": charge}
 
@@ -104,6 +118,13 @@ EFFECTS = (
         parameters=(
             Parameter("resistance_ohm", "Ohm", 0.0, 0.0, 0.2, step=1e-3, plausible=0.01),
             Parameter("time_constant_second", "s", 2000.0, 100.0, 1e5, step=20.0, shape=True),
+            # A decade between empty and full, as titration finds it, is 1.5 deviations.
+            Parameter(
+                *("log_diffusivity_to_full", "1", 0.0, -4.0, 4.0),
+                step=0.05,
+                shape=True,
+                prior_std=1.5,
+            ),
             # Number of the kind in DIFFUSION_KINDS. Tried, not fitted.
             Parameter("finite_length", "1", 0.0, 0.0, 2.0, step=0.0, shape=True),
         ),

@@ -51,7 +51,7 @@ def _course_parameters():
             *(_step_name(knot), "1", 0.0, -3.0, 3.0),
             step=0.05,
             plausible=0.3,
-            material=0.01,
+            material=0.03,
             prior_std=0.7,
         )
         for knot in (*TOWARDS_EMPTY, *TOWARDS_FULL)

@@ -40,8 +40,9 @@ class Effect(NamedTuple):
     far off that they have to be estimated again together with it.
     needs : names of `records.FACTORS` without which data cannot show it.
     shows : the test that shows it, in words. consequence : what it changes for the user.
-    circuit : function (p, r0_ohm, capacity_ampere_hour) → (r0_ohm, kind, parameters): the branch
-    of `circuits.circuit.KINDS` that it is in a model file, and the ohmic resistance beside it.
+    circuit : function (p, r0_ohm, capacity_ampere_hour, soc) → (r0_ohm, kind, parameters): the
+    branch of `circuits.circuit.KINDS` that it is in a model file, its parameters scalars or one
+    value a SoC, and the ohmic resistance beside it.
     blocks : function (p, blocks) → blocks: the blocks of `circuits.instrument` with its numbers.
     One without either, of stage "resistance" or "ocv", is in the courses of a model file over SoC
     and temperature; of any other stage it has no place there.

@@ -135,7 +135,7 @@ def _inside(cell, stack, model, volt, asked):
 def _shared(stack, model, tolerance, asked):
     """Nuisances that all records have in common; effects in the model may move widely."""
     plains = base.frees(stack, model.values, tolerance)
-    shared = [f for f in plains if not f.name.startswith(("soc0[", "known"))]
+    shared = [f for f in plains if not f.name.startswith(("soc0[", "known", base.LEAD))]
     shared.append(Free("known", base.LOG_STEP, 1.0, tolerance.known))
     inside = [
         Free(f"{e.id}.{p.name}", p.step, std=WIDE * max(p.plausible, p.step))
