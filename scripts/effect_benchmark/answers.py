@@ -12,7 +12,7 @@ from cellwright.effects.finding import KEPT, decided, model_of
 from cellwright.effects.groups.finding import KnownCell
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import paired
-from cellwright.effects.proof import excess_volt
+from cellwright.effects.proof import excess_volt, explained, significant
 from cellwright.effects.verdict import gap_closed, outcome, verdict_of
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
@@ -252,8 +252,8 @@ def _control_row(cell, case, first, name, term):
     """Row of one control term: the verdict, were it chosen where it passes the gates."""
     trial = controls.tried(case, first, term)
     before, floor = first.before, first.floor
-    passed = not search.explained(case.gates, before, floor)
-    passed = passed and search.significant(case.gates, trial)
+    passed = not explained(case.gates, before, floor)
+    passed = passed and significant(case.gates, trial)
     passed = passed and case.matters(before, before, trial, floor)
     asked = first._replace(chosen=trial if passed else None, tied=())
     rounds = [asked, asked._replace(before=trial.state, chosen=None)][: 1 + passed]

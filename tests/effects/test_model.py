@@ -121,6 +121,7 @@ def test_every_effect_gives_the_same_voltage_as_a_member(effect, celsius, hold):
     ("effect", "changed"),
     [
         ("slow_diffusion", {"slow_diffusion.finite_length": 1.0}),
+        ("slow_diffusion", {"slow_diffusion.log_diffusivity_to_full": 1.2}),
         ("resistance_asymmetry", {"resistance_asymmetry.charge_resistance_excess_relative": -0.4}),
         ("time_skew", {"time_skew.voltage_delay_second": -0.4}),
         ("time_skew", {"time_skew.voltage_delay_second": 1.7}),

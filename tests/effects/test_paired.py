@@ -114,6 +114,33 @@ def test_a_template_is_needed_where_the_circuit_fails_healthy_cells():
     assert not paired(case(8), references(), Pairing(needed_ratio=100.0)).needed
 
 
+def with_contact(stack, ohm):
+    """A stack of a cell whose contacts have more resistance."""
+    return stack._replace(voltage_volt=stack.voltage_volt + ohm * stack.current_ampere)
+
+
+def test_resistances_of_the_references_stand_in_the_model_over_soc():
+    stack = paired(case(8), references()).case.fit
+    low, middle = (
+        stack.ohmic_course[(stack.second > at) & (stack.second < at + 60)].mean()
+        for at in (3400, 1200)
+    )
+    assert stack.ohmic_course.shape == stack.slow_course.shape == stack.second.shape
+    assert low / middle > 1.02, "the resistance rises towards empty"
+
+
+@pytest.mark.parametrize("ohm", [0.0, 0.006, 0.012])
+def test_more_resistance_of_the_contacts_is_no_effect(ohm):
+    """It follows neither SoC nor temperature, which the resistance of the references does."""
+    healthy = case(8)
+    stacks = {role: with_contact(getattr(healthy, role), ohm) for role in ("fit", "validation")}
+    rounds = search.search(paired(healthy._replace(**stacks), references()).case, library())
+    assert not names(rounds)
+    contact = rounds[0].before.solution.values[base.LEAD]
+    # What is constant of a resistance that has a course is not known by itself.
+    assert 0.0 <= contact <= ohm + 0.008
+
+
 def test_one_or_two_references_serve_with_a_declared_spread():
     few, many = (paired(case(8), references(count)) for count in (1, 3))
     assert few.references == ("r1",)

@@ -14,6 +14,7 @@ from cellwright.numerics.least_squares import fit
 
 HYSTERESIS = Truth(hysteresis=0.012)
 RIVAL, TRUE = "charge_transfer_nonlinearity", "hysteresis_instant"
+SMALL = "resistance_temperature"
 
 
 @cache
@@ -120,3 +121,27 @@ def test_a_round_holds_the_filters_by_which_it_was_judged(truth):
         again = step.filters.fit.apply(solution.residual)
         assert again @ again == pytest.approx(solution.chi_square, rel=1e-9)
         assert step.noise == step.filters.noise
+
+
+def test_what_is_too_small_to_act_on_joins_without_a_name_and_hides_nothing():
+    """1.7 kJ/mol explain most, and less than anyone acts on; hysteresis is named beside them."""
+    steps = rounds(Truth(hysteresis=0.0022, activation=1.7e3))
+    assert [[trial.effect.id for trial in step.small] for step in steps] == 2 * [[SMALL]]
+    last = steps[-1].before
+    assert {effect.id for effect in last.effects} == {SMALL, TRUE}
+    assert [step.chosen.effect.id for step in outcome(steps, Gates()).steps] == [TRUE]
+    energy = last.solution.values[f"{SMALL}.activation_energy_joule_per_mole"]
+    assert energy == pytest.approx(1.7e3, abs=0.8e3)
+
+
+def test_nothing_small_joins_a_model_that_leaves_nothing_anyone_would_act_on():
+    for step in rounds(HEALTHY):
+        assert step.small == ()
+
+
+def test_forms_of_one_effect_take_no_place_of_another():
+    """Every effect among the best so many is tried, in each of its forms."""
+    made = case(HYSTERESIS, gates=Gates(refits=3))
+    step = search.search(made, LIBRARY)[0]
+    asked = dict.fromkeys(score.candidate.effect.key for score in step.scores)
+    assert {trial.effect.key for trial in step.trials} == set(list(asked)[:3])

@@ -16,8 +16,9 @@ from cellwright.effects.odds import likely, probabilities
 from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
+from cellwright.effects.proof import explained
 from cellwright.effects.screen import evidence
-from cellwright.effects.search import against, explained, frees_of, search, up_to
+from cellwright.effects.search import against, frees_of, search, up_to
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.words import explained as shares_explained
 from cellwright.effects.story.words import paragraph
@@ -250,7 +251,8 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict["probabilities"] = shares_of_answers
     verdict["worsened"] = worsened(residuals)
     ranking = ranking_of(case, rounds, result)
-    verdict["against"] = _last_against(ranking, named)
+    small = dict.fromkeys(verdict["small"], "in the model, too small for anyone to act on")
+    verdict["against"] = _last_against(ranking, named) | small
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     kept = bool(result.steps) and result.word in KEPT
     model = model_of(case, result.last if kept else rounds[0].before)

@@ -214,8 +214,9 @@ class Pairing(NamedTuple):
     scale_std : of the template's factor. material_volt : an effect that takes less than its square
     off the mean square error is within what healthy cells differ by. scale_std_of_few,
     material_volt_of_few : the same where there are fewer, declared and not read from them.
-    needed_ratio : times the noise of a single reading, which the template must exceed. Below it
-    the circuit follows healthy cells well, and the template would add no more than its own noise.
+    needed_ratio : times the noise of a single reading, which a circuit of constants must leave of
+    the references beyond that noise. Below it the circuit follows healthy cells well, and the
+    template would add no more than its own noise.
     """
 
     known_from: int = 3
@@ -235,8 +236,9 @@ class Paired(NamedTuple):
     single tests of the references used were not, by their names.
     template_volt, scatter_volt : by role, root mean square of the template, and of single
     references about it (most of which other resistances explain; NaN with one reference).
-    read_volt : noise of a single reading of the references. needed : whether the template exceeds
-    it by `Pairing.needed_ratio`; where it does not, the case is better searched alone.
+    read_volt : noise of a single reading of the references. needed : whether what a circuit of
+    constants leaves of them exceeds it by `Pairing.needed_ratio`; else the case is better searched
+    alone.
     """
 
     case: object
@@ -274,10 +276,9 @@ def paired(case, references, pairing=None):
     if not seconds:
         reasons = "; ".join(f"{name}: {why}" for name, why in left_out.items())
         raise Refusal(f"no healthy reference cell ran the same protocol; {reasons}")
-    states = {n: plain_state(_shared_part(references[n], times)) for n, times in seconds.items()}
-    misfits = [
-        _misfit_volt(case, references[n], states[n], times) for n, times in seconds.items()
-    ]
+    shared = {name: _shared_part(references[name], times) for name, times in seconds.items()}
+    states = {name: healthy_state(one) for name, one in shared.items()}
+    misfits = [_misfit_volt(case, references[n], states[n], times) for n, times in seconds.items()]
     rows = {role: np.stack([misfit[role] for misfit in misfits], axis=1) for role in ROLES}
     stacks = {role: _with_template(getattr(case, role), rows[role]) for role in ROLES}
     stacks = {role: _with_courses(case, stacks[role], states.values()) for role in ROLES}
@@ -296,7 +297,8 @@ def paired(case, references, pairing=None):
     sizes = {role: rms(stacks[role].template_volt) for role in ROLES}
     spread = {role: _scatter_volt(rows[role]) for role in ROLES}
     read = _read_volt(case, rows["fit"])
-    needed = max(sizes.values()) >= pairing.needed_ratio * read
+    constant = [healthy_state(one, courses=()) for one in shared.values()]
+    needed = rms([one.worst_volt for one in constant]) >= np.hypot(1.0, pairing.needed_ratio) * read
     return Paired(with_template, tuple(seconds), left_out, unshared, sizes, spread, read, needed)
 
 
@@ -442,11 +444,16 @@ def _with_courses(case, stack, states):
     return stack._replace(ohmic_course=ohmic, slow_course=slow, courses={})
 
 
-def plain_state(case):
-    """The plain model, its resistances over SoC and temperature, fitted to a healthy reference.
+def healthy_state(case, courses=COURSES):
+    """The plain circuit, its resistances over SoC and temperature, fitted to a healthy reference.
 
     OCV and capacity stay as they were measured: fitted, they would take up part of the circuit's
     error, and the template would lack that part.
+
+    Parameters
+    ----------
+    case : case.Case. courses : ids of the effects whose forms the resistances may follow, as far
+        as the records excite them.
 
     Returns
     -------
@@ -455,7 +462,7 @@ def plain_state(case):
     effects = tuple(
         e
         for e in LIBRARY.values()
-        if e.id in COURSES and not lacking(e, case.fit, case.cell.capacity_ampere_hour)
+        if e.id in courses and not lacking(e, case.fit, case.cell.capacity_ampere_hour)
     )
     values = base.first_values(case.cell, case.fit)
     for effect in effects:

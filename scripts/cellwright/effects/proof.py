@@ -252,3 +252,44 @@ def _derivative(case, state, at, free):
 def excess_volt(error_volt, floor_volt):
     """What is left of an rms error beyond its floor [V]."""
     return float(np.sqrt(max(error_volt**2 - floor_volt**2, 0.0)))
+
+
+def explained(gates, before, floor):
+    """Whether no error is left that would be material beyond the floor.
+
+    Parameters
+    ----------
+    gates : of the case. before : search.State. floor : Floor.
+    """
+    return left_volt(before, floor) <= gates.material_volt
+
+
+def left_volt(state, floor):
+    """Error beyond the floor, of the side, fit or proof, where it is larger [V].
+
+    Parameters
+    ----------
+    state : search.State. floor : Floor.
+    """
+    fit = excess_volt(state.rmse_volt, floor.fit_volt)
+    return max(fit, excess_volt(state.validation_rmse_volt, floor.validation_volt))
+
+
+def significant(gates, trial):
+    """Whether a trial is no chance, in the fit and evenly over the records that judge.
+
+    Parameters
+    ----------
+    gates : of the case. trial : search.Trial with its proof.
+    """
+    return followed(gates, trial) and judged_well(gates, trial) and trial.proof.holds
+
+
+def followed(gates, trial):
+    """Whether the records fitted are followed better, beyond what its parameters would anyway."""
+    return trial.delta_bic > gates.bic
+
+
+def judged_well(gates, trial):
+    """Whether the records that judge are followed better, where they show the effect at all."""
+    return trial.delta_validation > gates.validation_chi_square or not trial.proven

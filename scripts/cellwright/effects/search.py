@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.proof import excess_volt
+from cellwright.effects.proof import explained, followed, judged_well, left_volt, significant
 from cellwright.effects.screen import residual_with_all
 from cellwright.numerics.least_squares import Free, fit
 
@@ -249,9 +249,7 @@ def _needed(case, model, filters, rounds):
         weakest = min(needless, key=lambda one: one.trial.j)
         dropped[weakest.trial.effect.key] = weakest.trial
         before = weakest.before
-        model = model._replace(
-            effects=before.effects, free=weakest.free, solution=before.solution
-        )
+        model = model._replace(effects=before.effects, free=weakest.free, solution=before.solution)
     return model, dropped
 
 
@@ -437,47 +435,6 @@ def _material(effect, values):
     )
 
 
-def explained(gates, before, floor):
-    """Whether no error is left that would be material beyond the floor.
-
-    Parameters
-    ----------
-    gates : of the case. before : State. floor : proof.Floor.
-    """
-    return left_volt(before, floor) <= gates.material_volt
-
-
-def left_volt(state, floor):
-    """Error beyond the floor, of the side, fit or proof, where it is larger [V].
-
-    Parameters
-    ----------
-    state : State. floor : proof.Floor.
-    """
-    fit = excess_volt(state.rmse_volt, floor.fit_volt)
-    return max(fit, excess_volt(state.validation_rmse_volt, floor.validation_volt))
-
-
-def significant(gates, trial):
-    """Whether a trial is no chance, in the fit and evenly over the records that judge.
-
-    Parameters
-    ----------
-    gates : of the case. trial : Trial with its proof.
-    """
-    return _followed(gates, trial) and _judged_well(gates, trial) and trial.proof.holds
-
-
-def _followed(gates, trial):
-    """Whether the records fitted are followed better, beyond what its parameters would anyway."""
-    return trial.delta_bic > gates.bic
-
-
-def _judged_well(gates, trial):
-    """Whether the records that judge are followed better, where they show the effect at all."""
-    return trial.delta_validation > gates.validation_chi_square or not trial.proven
-
-
 def against(case, first, before, trial, floor):
     """What speaks against a trial as a choice, in words: tuple of str, empty for nothing.
 
@@ -487,8 +444,8 @@ def against(case, first, before, trial, floor):
     trial : Trial with its proof. floor : proof.Floor.
     """
     asked = (
-        ("no better fit than its parameters alone would give", _followed(case.gates, trial)),
-        ("the records that judge are not followed better", _judged_well(case.gates, trial)),
+        ("no better fit than its parameters alone would give", followed(case.gates, trial)),
+        ("the records that judge are not followed better", judged_well(case.gates, trial)),
         ("too small for anyone to act on", case.matters(first, before, trial, floor)),
     )
     return (*(words for words, well in asked if not well), *trial.proof.against)

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from cellwright.effects.search import left_volt
+from cellwright.effects.proof import left_volt
 from cellwright.numerics.least_squares import stds
 
 
@@ -75,7 +75,7 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
     Returns
     -------
     verdict : dict, as in the contract; `partial` holds effects that
-    explain part of an "unknown" gap.
+    explain part of an "unknown" gap, `small` keys of those that are in the model without a name.
     """
     states = [step.before for step in rounds[1 : len(result.steps)]] + [result.last]
     entries = [
@@ -104,6 +104,7 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
         "gap_closed": result.closed,
         "next_test": next_test,
         "not_testable": list(not_testable),
+        "small": [trial.effect.key for trial in rounds[-1].small],
     }
 
 
