@@ -185,7 +185,9 @@ def test_a_rival_that_half_explains_is_not_the_name(slope, answer):
     """Without the name, what is left counts as unknown only where somebody acts on it: 3 mV."""
     truth = Truth(slope_r1=slope)
     assert named(rounds(truth)) == ["polarisation_soc"]
-    _, result, shares = decided(case(truth), rounds(truth, without=("polarisation_soc",)))
+    # Diffusion that is slower towards empty is its near relative, and explains more than half.
+    alike = ("polarisation_soc", "slow_diffusion")
+    _, result, shares = decided(case(truth), rounds(truth, without=alike))
     assert (result.word, result.steps) == (answer, ())
     assert all(share < 0.5 for name, share in shares.items() if name not in ("none", "unknown"))
     assert (result.excess_volt > GATES.unknown_volt) is (answer == "unknown")

@@ -430,7 +430,7 @@ def _misfit_volt(case, reference, state, seconds):
 def _with_courses(case, stack, states):
     """A stack with the resistances of the references at each row's SoC and temperature.
 
-    Relative to those that a fit of constants finds: the geometric mean over the references.
+    Relative to those at half charge and 25 °C; the geometric mean over the references.
     """
     starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
     logs = []

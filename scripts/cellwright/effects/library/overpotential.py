@@ -118,12 +118,12 @@ EFFECTS = (
         parameters=(
             Parameter("resistance_ohm", "Ohm", 0.0, 0.0, 0.2, step=1e-3, plausible=0.01),
             Parameter("time_constant_second", "s", 2000.0, 100.0, 1e5, step=20.0, shape=True),
-            # A decade between empty and full, as titration finds it, is 1.5 deviations.
+            # Titration finds diffusivities within a decade between empty and full: two deviations.
             Parameter(
-                *("log_diffusivity_to_full", "1", 0.0, -4.0, 4.0),
+                *("log_diffusivity_to_full", "1", 0.0, -2.3, 2.3),
                 step=0.05,
                 shape=True,
-                prior_std=1.5,
+                prior_std=1.15,
             ),
             # Number of the kind in DIFFUSION_KINDS. Tried, not fitted.
             Parameter("finite_length", "1", 0.0, 0.0, 2.0, step=0.0, shape=True),
