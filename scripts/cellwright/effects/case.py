@@ -17,6 +17,7 @@ from cellwright.effects.proof import (
     excess_volt,
     floor_of,
     inflation,
+    misfit_of,
 )
 from cellwright.effects.records import lacking, stacked
 from cellwright.effects.screen import candidates, chi_square_of, screened
@@ -74,7 +75,8 @@ class Filters(NamedTuple):
     """Whitening of both stacks by one noise, and which of their rows an rms error counts.
 
     noise : noise.Noise. extra_volt : see `extra_volt_of`. Rows on a steep end of the OCV, where a
-    little charge is many millivolts, do not count.
+    little charge is many millivolts, do not count. misfit_volt : (n,) of each row fitted, what the
+    best model leaves of its block beyond the noise; zero as long as nobody would act on it.
     """
 
     noise: noise.Noise
@@ -83,6 +85,7 @@ class Filters(NamedTuple):
     validation: noise.Whitening
     fit_rows: np.ndarray
     validation_rows: np.ndarray
+    misfit_volt: np.ndarray
 
 
 class Case(NamedTuple):
@@ -152,10 +155,20 @@ class Case(NamedTuple):
         # What a reading scatters by, neighbouring rows show; more of it is misfit of the model.
         read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
         spread = spread._replace(white_volt=min(spread.white_volt, MOST_WHITE * read))
-        return filters_of(self, spread, filters.extra_volt)
+        return filters_of(self, spread, filters.extra_volt, filters.misfit_volt)
 
     def sharper(self, trials, filters):
-        """None: the noise of a cell is taken once a round."""
+        """Filters by the misfit that no trial removes; None where it is as before to `unknown_volt`.
+
+        A knee that no effect of the library bends as the cell does would else, by the square of its
+        error, decide resistances, capacity and OCV everywhere.
+        """
+        soc = base.fields_of(self.cell, self.fit, base.first_values(self.cell, self.fit)).soc
+        residuals = [trial.state.solution.residual for trial in trials]
+        misfit = misfit_of(self.fit, soc, residuals, noise_volt=filters.noise.volt)
+        if np.abs(misfit - filters.misfit_volt).max() <= self.gates.unknown_volt:
+            return None
+        return filters_of(self, filters.noise, filters.extra_volt, misfit)
 
     def screened(self, lined_up, before, free, possible, filters):
         """Scores, best first, and keys of effects that the records cannot show."""
@@ -337,15 +350,23 @@ def extra_volt_of(case, values):
     return tuple(extra)
 
 
-def filters_of(case, spread, extra):
-    """Filters of both stacks for a noise. extra: see `extra_volt_of`."""
+def filters_of(case, spread, extra, misfit=0.0):
+    """Filters of both stacks for a noise.
+
+    extra : see `extra_volt_of`. misfit : (n,) or 0, see `Filters`. The variance of a row grows by
+    it times the noise: least squares reweighted so that a block costs by its rms error, not by its
+    square (E. Schlossmacher, J. Am. Stat. Assoc. 68 (1973) 857).
+    """
+    misfit = np.broadcast_to(misfit, len(extra[0]))
+    further = np.sqrt(np.square(extra[0]) + misfit * spread.volt)
     return Filters(
         spread,
         extra,
-        noise.whitening(spread, case.fit, extra_volt=extra[0]),
+        noise.whitening(spread, case.fit, extra_volt=further),
         noise.whitening(spread, case.validation, extra_volt=extra[1]),
         extra[0] <= case.gates.steep_volt,
         extra[1] <= case.gates.steep_volt,
+        misfit,
     )
 
 

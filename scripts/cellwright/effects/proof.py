@@ -177,6 +177,25 @@ def blocks_of(stack, soc, rows):
     return np.where(rows, stack.file * BANDS + band, -1)
 
 
+def misfit_of(stack, soc, residuals, *, noise_volt):
+    """What the best of some models leaves of each block beyond the noise.
+
+    Parameters
+    ----------
+    stack : records.Stack. soc : (n,) [1]. residuals : sequence of (n,), one a model [V].
+    noise_volt : [V].
+
+    Returns
+    -------
+    misfit : (n,) root mean square over the block of each row, without rows that are not used [V].
+    """
+    used = stack.used.astype(float)
+    block = np.unique(blocks_of(stack, soc, used >= 0), return_inverse=True)[1]
+    rows = np.maximum(np.bincount(block, used), 1.0)
+    left = np.min([np.bincount(block, used * r**2) / rows for r in residuals], axis=0)
+    return np.sqrt(np.maximum(left - noise_volt**2, 0.0))[block]
+
+
 def inflation(white, file, files):
     """Ratio of the variance of sums over batches of whitened rows to that of independent rows.
 
