@@ -132,6 +132,20 @@ def test_refusals(parts, start, limits, reason):
         run(cycle(*parts, start=start), **limits)
 
 
+@pytest.mark.parametrize("offset", [-0.004, 0.004])
+def test_what_an_offset_counts_at_rest_is_no_half_cycle(offset):
+    """A rest of weeks at an offset of C/500 counts as much as turns the charge."""
+    time, current, voltage, _ = cycle(-1.0, 1.0)
+    rest = np.arange(1, 60 * 360) * 10.0 * 5
+    time = np.append(time, time[-1] + rest)
+    current = np.append(current, np.zeros(len(rest))) + offset
+    voltage = np.append(voltage, np.full(len(rest), voltage[-1]))
+    made = run((time, current, voltage, counted(time, current)), lower=2.99, upper=4.01)
+    # Upwards it goes on with the charge before it, and turns nothing.
+    assert [("at rest" in words) for words in made.left_out] == [True] * (offset < 0)
+    assert np.allclose(made.rows.capacity_ampere_hour, 2.0, atol=0.03)
+
+
 def test_several_currents_are_no_rate():
     with pytest.raises(Refusal, match="moved at one rate"):
         run(cycle((1.0, -1.0), -0.5))

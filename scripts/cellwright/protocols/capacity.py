@@ -97,6 +97,9 @@ def _half_cycles(record, rated, state_before, *, whole):
     columns = (record.current, record.voltage, record.charge)
     for sign, first, last in spans_with_lost_charges(spans, columns, steps, record.limits):
         loads = [k for k in range(first, last + 1) if steps.kind[k] != "rest"]
+        if not loads:
+            halves.append(_at_rest(record, sign, first, last))
+            continue
         reached = _reaches(record, sign, loads)
         half = _half(record, sign, loads, reached, whole)
         if not half.fault:
@@ -105,6 +108,14 @@ def _half_cycles(record, rated, state_before, *, whole):
         ended = (sign, reached is not None, float(record.voltage[steps.last_row[loads[-1]]]))
         halves.append(half)
     return _excused(halves, record.charge)
+
+
+def _at_rest(record, sign, first, last):
+    """Half cycle in which only rests were counted: the current reading is off by a constant."""
+    rows = int(record.steps.first_row[first]), int(record.steps.last_row[last])
+    read = float(np.median(record.current[rows[0] : rows[1] + 1]))
+    fault = f"it holds no load: all that was counted is {read:.3g} A read at rest"
+    return Half(sign, *rows, abs(read), rows[1], fault)
 
 
 # ASSUME: A first discharge that the complete charge after it returns within 3 % began full.
