@@ -6,7 +6,14 @@ from small_plant import CELL, HEALTHY, NOISE_VOLT, case
 
 from cellwright.effects import base
 from cellwright.effects.judge import BANDS
-from cellwright.effects.proof import blocks_of, consistency, excess_volt, floor_of, inflation
+from cellwright.effects.proof import (
+    blocks_of,
+    consistency,
+    excess_volt,
+    floor_of,
+    inflation,
+    misfit_of,
+)
 from cellwright.effects.search import State
 from cellwright.numerics.least_squares import fit
 
@@ -221,3 +228,14 @@ def test_what_speaks_against_an_effect_is_said_in_words():
     assert "helps half of its parts or fewer" in one_block.against
     grave = judged(np.where(BLOCK < 2, -0.2, 1.0) * CHANGE)
     assert grave.against == ("harms some parts too much",)
+
+
+def test_misfit_is_what_the_best_model_leaves_of_a_block_beyond_the_noise():
+    stack = case(HEALTHY).fit
+    count = len(stack.file)
+    soc = np.where(stack.file == 0, 0.05, 0.95)
+    near, far = np.full(count, 3e-3), np.full(count, 5e-3)
+    far[stack.file == 0] = 1e-3
+    misfit = misfit_of(stack, soc, [near, far], noise_volt=1e-3)
+    assert np.allclose(misfit[stack.file == 0], 0.0)
+    assert np.allclose(misfit[stack.file > 0], np.sqrt(8) * 1e-3)

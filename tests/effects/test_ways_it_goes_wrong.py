@@ -20,6 +20,7 @@ from small_plant import (
     slow_discharge,
 )
 
+from cellwright.effects import base
 from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.finding import decided, of_case
 from cellwright.effects.library import LIBRARY
@@ -301,3 +302,25 @@ def test_every_trial_says_why_it_is_no_name():
         "nothing is left that anyone would act on"
     }
     assert any("scatter" in against or "explains more" in against for _, _, against in rows)
+
+
+def with_knee(made, volt):
+    """The case with a knee at the end of the slow discharge [V], which no effect has."""
+    soc = base.fields_of(made.cell, made.fit, base.first_values(made.cell, made.fit)).soc
+    loaded = (made.fit.file == 0) & (np.abs(made.fit.current_ampere) > 0.1)
+    bend = np.where(loaded, -volt * np.exp(-(soc - soc.min()) / 0.04), 0.0)
+    return made._replace(fit=made.fit._replace(voltage_volt=made.fit.voltage_volt + bend))
+
+
+def test_a_knee_that_no_effect_bends_does_not_decide_the_model_elsewhere(monkeypatch):
+    """By the square of its error it would be worth more than all other rows together."""
+    made = with_knee(case_of(Truth(activation=2.5e4)), 0.3)
+    found = outcome(search(made, LIBRARY), GATES)
+    monkeypatch.setattr(type(made), "sharper", lambda self, trials, filters: None)
+    squared = outcome(search(made, LIBRARY), GATES)
+    assert [step.chosen.effect.id for step in found.steps] == ["resistance_temperature"]
+    assert found.last.validation_rmse_volt < 0.6 * squared.last.validation_rmse_volt
+
+
+def test_a_knee_gives_a_healthy_cell_no_name():
+    assert named(search(with_knee(case_of(HEALTHY), 0.1), LIBRARY)) == []
