@@ -7,18 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base
+from cellwright.effects import base, proof
 from cellwright.effects.judge import rests_of, start_errors, started
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.proof import (
-    blocks_of,
-    consistency,
-    excess_volt,
-    floor_of,
-    inflation,
-    misfit_of,
-)
 from cellwright.effects.records import lacking, stacked
 from cellwright.effects.screen import candidates, chi_square_of, screened
 from cellwright.effects.search import State, frees_of
@@ -158,14 +150,14 @@ class Case(NamedTuple):
         return filters_of(self, spread, filters.extra_volt, filters.misfit_volt)
 
     def sharper(self, trials, filters):
-        """Filters by the misfit that no trial removes; None where it is as before to `unknown_volt`.
+        """Filters by the misfit that no trial removes; None where it is as it was.
 
-        A knee that no effect of the library bends as the cell does would else, by the square of its
-        error, decide resistances, capacity and OCV everywhere.
+        A knee that no effect bends as the cell does would else, by the square of its error, decide
+        resistances, capacity and OCV everywhere. Nobody acts on changes up to `unknown_volt`.
         """
         soc = base.fields_of(self.cell, self.fit, base.first_values(self.cell, self.fit)).soc
         residuals = [trial.state.solution.residual for trial in trials]
-        misfit = misfit_of(self.fit, soc, residuals, noise_volt=filters.noise.volt)
+        misfit = proof.misfit_of(self.fit, soc, residuals, noise_volt=filters.noise.volt)
         if np.abs(misfit - filters.misfit_volt).max() <= self.gates.unknown_volt:
             return None
         return filters_of(self, filters.noise, filters.extra_volt, misfit)
@@ -184,7 +176,7 @@ class Case(NamedTuple):
             return earlier[0].floor
         read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
         read = min(read, filters.noise.white_volt)
-        return floor_of(self, before, free, filters.validation_rows, read)
+        return proof.floor_of(self, before, free, filters.validation_rows, read)
 
     def proof(self, before, after, filters):
         """How evenly a further effect helps: (Consistency, whether records that judge show it).
@@ -193,17 +185,17 @@ class Case(NamedTuple):
         """
         values = after.values
         soc = base.fields_of(self.cell, self.validation, values, after.effects).soc
-        blocks = blocks_of(self.validation, soc, filters.validation_rows)
+        blocks = proof.blocks_of(self.validation, soc, filters.validation_rows)
         sides = before.validation, after.validation
         limit = {"material_volt": self.gates.material_volt}
-        shown = consistency(*sides, blocks, self.validation.file, **limit)
+        shown = proof.consistency(*sides, blocks, self.validation.file, **limit)
         if shown.excited:
             return shown, True
         values = after.solution.values
         soc = base.fields_of(self.cell, self.fit, values, after.effects).soc
-        blocks = blocks_of(self.fit, soc, filters.fit_rows)
+        blocks = proof.blocks_of(self.fit, soc, filters.fit_rows)
         sides = before.solution.residual, after.solution.residual
-        return consistency(*sides, blocks, self.fit.file, **limit), False
+        return proof.consistency(*sides, blocks, self.fit.file, **limit), False
 
     def inflation(self, state):
         """By how much the chi-square of each record is too large by correlation, by role.
@@ -213,7 +205,7 @@ class Case(NamedTuple):
         stacks = ("fit", state.solution.whitened), ("validation", state.validation_white)
         sides = {role: (getattr(self, role), white) for role, white in stacks}
         return {
-            role: inflation(white, stack.file, len(stack.first))
+            role: proof.inflation(white, stack.file, len(stack.first))
             for role, (stack, white) in sides.items()
         }
 
@@ -231,11 +223,11 @@ class Case(NamedTuple):
     def matters(self, first, before, trial, floor, *, share=1.0):
         """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
         after = trial.state
-        taken = excess_volt(before.rmse_volt, after.rmse_volt)
+        taken = proof.excess_volt(before.rmse_volt, after.rmse_volt)
         if trial.proven:
             errors = before.validation_rmse_volt, after.validation_rmse_volt
-            taken = max(taken, excess_volt(*errors)) if errors[1] < errors[0] else 0.0
-        if excess_volt(after.rmse_volt, before.rmse_volt) > self.gates.material_volt:
+            taken = max(taken, proof.excess_volt(*errors)) if errors[1] < errors[0] else 0.0
+        if proof.excess_volt(after.rmse_volt, before.rmse_volt) > self.gates.material_volt:
             return False
         # A small size matters, too, where the load makes a large voltage of it.
         sized = trial.material or taken >= self.gates.unknown_volt
