@@ -3,8 +3,10 @@
 import ast
 import hashlib
 import json
+import os
 import re
 import sys
+import tempfile
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -60,29 +62,58 @@ def digest_of(piece: Piece) -> str:
     return digest.hexdigest()
 
 
-def codes_of(scripts, kept_in: Path) -> dict[str, str]:
+def codes_of(scripts, folders=None) -> dict[str, str]:
     """`code_of` of each script; the hashes of sources that have not changed are read from a file.
 
     Parameters
     ----------
     scripts : names as `protocols/ocv`
-    kept_in : the file with the hashes of an earlier start and the SHA-256 of the bytes of all
-        sources that they are of. One of other sources, or none, is replaced.
+    folders : where hashes of earlier starts are kept, in files named by the SHA-256 of the bytes of
+        all sources that they are of, for all campaigns; the first that can be written to gets those
+        that are new. None: the user's cache, else the campaign's records.
     """
+    name = f"codes-{_sources_digest()}.json"
+    files = [Path(folder) / name for folder in folders or _caches()]
+    known = next(filter(None, map(_kept, files)), {})
+    codes = {script: known.get(script) or code_of(script) for script in scripts}
+    if not codes.items() <= known.items():
+        any(_keeps(file, known | codes) for file in files)
+    return codes
+
+
+def _caches():
+    """Where hashes may be kept: the user's cache, else the records of the campaign."""
+    cached = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(cached, "cellwright"), Path(".snakemake", "cellwright")
+
+
+def _sources_digest() -> str:
     sources = hashlib.sha256(sys.version.encode())
     for path in sorted([*SCRIPTS.rglob("*.py"), *SCRIPTS.rglob("*.[ch]")]):
         sources.update(f"{path.relative_to(SCRIPTS).as_posix()}\n".encode() + path.read_bytes())
+    return sources.hexdigest()[:32]
+
+
+def _kept(file: Path) -> dict:
+    """Hashes that an earlier start has kept; none where there is no file or no whole one."""
     try:
-        kept = json.loads(kept_in.read_text(encoding="utf-8"))
-    except (OSError, ValueError):  # no earlier start, or one that was killed as it wrote
-        kept = {}
-    known = kept["codes"] if kept.get("sources") == sources.hexdigest() else {}
-    codes = {script: known.get(script) or code_of(script) for script in scripts}
-    if known != codes:
-        kept_in.parent.mkdir(parents=True, exist_ok=True)
-        text = json.dumps({"sources": sources.hexdigest(), "codes": known | codes})
-        kept_in.write_text(text, encoding="utf-8")
-    return codes
+        kept = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return kept if isinstance(kept, dict) else {}
+
+
+def _keeps(file: Path, codes: dict) -> bool:
+    """Whether the file could be written; other starts see all of it or nothing."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with tempfile.TemporaryDirectory(dir=file.parent) as folder:
+            whole = Path(folder, file.name)
+            whole.write_text(json.dumps(codes), encoding="utf-8")
+            whole.replace(file)
+    except OSError:
+        return False
+    return True
 
 
 def pieces_of(script: str) -> set[Piece]:

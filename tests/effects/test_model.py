@@ -1,5 +1,7 @@
 """A found model as a member of the cell's model: the same voltages, on records of its own."""
 
+from copy import deepcopy
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -71,6 +73,11 @@ def effect_model(*effects, hold="zero_order", **changed):
 
 def family(scale=1.0):
     """A model of the family: the plain circuit at one temperature, its resistances off."""
+    return deepcopy(_family(scale))
+
+
+@cache
+def _family(scale):
     wrong = effect_model()
     wrong["values"] |= {name: PLAIN[name] + np.log(scale) for name in ("log_r0", "log_r1")}
     table = {"soc": SOC.tolist(), "ocv_volt": OCV.tolist(), "ambient_temperature_celsius": 25.0}

@@ -5,8 +5,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 
-import pytest
-from tree import SCIENCE, SCRIPTS, functions, imports, modules, name, parsed
+from tree import SCIENCE, SCRIPTS, functions, held_by_every, imports, modules, name, parsed
 
 # Which rooms a room may import besides itself; docs/architecture.md says what each is for.
 ROOMS = {
@@ -37,7 +36,12 @@ IMPURE_CALLS = {
     *("open", "print", "input", "exec", "eval", "now", "today", "utcnow", "read_text"),
     *("read_bytes", "write_text", "write_bytes", "savetxt", "tofile", "memmap"),
 }
-every_module = pytest.mark.parametrize("path", modules(SCIENCE), ids=name)
+every_module = held_by_every(modules(SCIENCE))
+
+
+def called_name(call) -> str:
+    """Last part of the name of what is called."""
+    return getattr(call.func, "id", getattr(call.func, "attr", ""))
 
 
 def rooms_imported(path):
@@ -79,7 +83,7 @@ def within(module, imported) -> bool:
     return any(one == module or one.rpartition(".")[0] == module for one in imported)
 
 
-@pytest.mark.parametrize("room", sorted({p.parent for p in modules(SCIENCE)}), ids=name)
+@held_by_every(sorted({p.parent for p in modules(SCIENCE)}))
 def test_a_room_is_small_and_says_what_it_is_for(room):
     files = [path for path in room.glob("*.py") if path.name != "__init__.py"]
     assert len(files) <= ROOM_FILES, f"{name(room)} has {len(files)} files, at most {ROOM_FILES}"
@@ -94,15 +98,13 @@ BUILDERS = ("native/__init__.py", "native/fmu/__init__.py")
 OF_THE_INTERFACE = {"api": ({"pandas"}, {"open"})}
 
 
-@pytest.mark.parametrize(
-    "path", [m for m in modules(SCIENCE) if not str(m).endswith(BUILDERS)], ids=name
-)
+@held_by_every([m for m in modules(SCIENCE) if not str(m).endswith(BUILDERS)])
 def test_no_file_plot_log_or_clock(path):
     packages, opened = OF_THE_INTERFACE.get(path.relative_to(SCIENCE).parts[0], (set(), set()))
     banned = IMPURE - packages
     impure = {imported for imported in imports(path) if imported.split(".")[0] in banned}
     calls = [node for node in ast.walk(parsed(path)) if isinstance(node, ast.Call)]
-    names = {getattr(call.func, "id", getattr(call.func, "attr", "")) for call in calls}
+    names = {called_name(call) for call in calls}
     assert not impure, f"{name(path)} imports {sorted(impure)}"
     called = names & (IMPURE_CALLS - opened)
     assert not called, f"{name(path)} calls {sorted(called)}"
@@ -141,14 +143,15 @@ OF_THEIR_OWN = {
 
 @every_module
 def test_no_global_no_hidden_randomness_no_caught_everything(path):
-    for node in ast.walk(parsed(path)):
-        where = f"{name(path)}:{getattr(node, 'lineno', 0)}"
+    checked = ast.Global | ast.Assert | ast.ExceptHandler | ast.Call
+    for node in (node for node in ast.walk(parsed(path)) if isinstance(node, checked)):
+        where = f"{name(path)}:{node.lineno}"
         assert not isinstance(node, ast.Global), f"{where}: global"
         assert not isinstance(node, ast.Assert), f"{where}: assert; raise Refusal instead"
         if isinstance(node, ast.ExceptHandler):
             caught = ast.unparse(node.type) if node.type else "everything"
             assert caught not in ("everything", "Exception", "BaseException"), f"{where}: catches"
-        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("random.default_rng"):
+        if isinstance(node, ast.Call) and called_name(node) == "default_rng":
             assert node.args or node.keywords, f"{where}: a generator without a seed"
 
 
@@ -194,11 +197,10 @@ def test_settings_are_keyword_only():
 PACKAGES = ("cellwright", "runtime", "figures", "effect_benchmark", "real_cells")
 
 
-@pytest.mark.parametrize("path", modules(SCRIPTS), ids=name)
+# The virtual laboratory has an environment of its own.
+@held_by_every([m for m in modules(SCRIPTS) if "virtual_lab" not in m.parts])
 def test_what_is_taken_from_a_module_of_ours_exists(path):
     """Also where it is imported within a function, which no import of the module itself shows."""
-    if "virtual_lab" in path.parts:
-        pytest.skip("its own environment")
     for imported in imports(path):
         holder, _, taken = imported.rpartition(".")
         if imported.split(".")[0] not in PACKAGES or not holder:
@@ -217,9 +219,6 @@ def whole_modules(scope) -> dict:
 
     A name that is bound to something else within the scope as well is not among them.
     """
-    nodes = list(ast.walk(scope))
-    bound = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
-    bound |= {node.arg for node in nodes if isinstance(node, ast.arg)}
     imported = {}
     for node in scope.body:
         if not isinstance(node, ast.ImportFrom) or node.module.split(".")[0] not in PACKAGES:
@@ -229,9 +228,9 @@ def whole_modules(scope) -> dict:
             value = getattr(holder, alias.name, None)
             if value is None and find_spec(f"{node.module}.{alias.name}"):
                 value = import_module(f"{node.module}.{alias.name}")
-            imported[alias.asname or alias.name] = value
-    return {
-        called: value
-        for called, value in imported.items()
-        if isinstance(value, ModuleType) and called not in bound
-    }
+            if isinstance(value, ModuleType):
+                imported[alias.asname or alias.name] = value
+    nodes = list(ast.walk(scope)) if imported else []
+    bound = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+    bound |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+    return {called: value for called, value in imported.items() if called not in bound}

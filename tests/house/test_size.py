@@ -3,8 +3,7 @@
 import ast
 import re
 
-import pytest
-from tree import ROOT, SCRIPTS, functions, modules, name, parsed
+from tree import ROOT, SCRIPTS, functions, held_by_every, modules, name, parsed
 
 FUNCTION_LINES = 60
 FILE_LINES = 500
@@ -16,7 +15,7 @@ RUN_BY_RULES = {
     script for path in RULES for script in re.findall(r"scripts/([\w/]+)\.py\"", path.read_text())
 }
 OURS = [*modules(SCRIPTS), *modules(ROOT / "plugins")]
-every_module = pytest.mark.parametrize("path", OURS, ids=name)
+every_module = held_by_every(OURS)
 
 
 def body_lines(function) -> int:
@@ -55,10 +54,9 @@ def test_files_are_short(path):
     assert count <= FILE_LINES, f"{name(path)} has {count} lines, at most {FILE_LINES}"
 
 
-@pytest.mark.parametrize("script", sorted(RUN_BY_RULES))
-def test_a_rules_script_is_thin(script):
-    path = SCRIPTS / f"{script}.py"
-    assert path.is_file(), f"scripts/{script}.py is missing"
+@held_by_every([SCRIPTS / f"{script}.py" for script in sorted(RUN_BY_RULES)])
+def test_a_rules_script_is_thin(path):
+    assert path.is_file(), f"{name(path)} is missing"
     count = len(path.read_text(encoding="utf-8").splitlines())
     assert count <= SCRIPT_LINES, f"{name(path)} has {count} lines, at most {SCRIPT_LINES}"
     made = [n for n in ast.walk(parsed(path)) if isinstance(n, ast.FunctionDef | ast.ClassDef)]

@@ -5,6 +5,8 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = ROOT / "scripts"
 SCIENCE = SCRIPTS / "cellwright"
@@ -48,3 +50,24 @@ def committed() -> list[Path]:
     listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     paths = [ROOT / line for line in listed.splitlines()]
     return [path for path in paths if path.is_file() and not path.is_symlink()]
+
+
+def held_by_every(paths):
+    """Make of a law of one file a test that holds all of these against it, and names each fault."""
+
+    def test_of(law):
+        def test():
+            faults = []
+            for path in paths:
+                try:
+                    law(path)
+                except AssertionError as fault:
+                    faults.append(f"{name(path)}: {fault}")
+            assert paths, "no files"
+            if faults:
+                pytest.fail("\n".join(faults), pytrace=False)
+
+        test.__name__, test.__doc__ = law.__name__, law.__doc__
+        return test
+
+    return test_of

@@ -138,22 +138,48 @@ def test_what_other_functions_of_the_interface_run_does_not_count(code, change):
 
 
 def test_hashes_are_kept_until_a_source_changes(code, tmp_path):
-    kept = tmp_path / "kept" / "codes.json"
+    folders = [tmp_path / "kept"]
     first = {"job": code()}
-    assert provenance.codes_of(["job"], kept) == first
+    assert provenance.codes_of(["job"], folders) == first
     forget()
+    (kept,) = folders[0].iterdir()
     before = kept.stat().st_mtime_ns
-    assert provenance.codes_of(["job"], kept) == first
+    assert provenance.codes_of(["job"], folders) == first
     assert provenance._parsed.cache_info().misses == 0
     assert kept.stat().st_mtime_ns == before
     changed = code(helper="f = abs\n")
     forget()
-    assert provenance.codes_of(["job"], kept) == {"job": changed} != first
+    assert provenance.codes_of(["job"], folders) == {"job": changed} != first
+    forget()
+    assert code() == first["job"]
+    forget()
+    assert provenance.codes_of(["job"], folders) == first
+    assert provenance._parsed.cache_info().misses == 0, "earlier sources are known as well"
 
 
-@pytest.mark.parametrize("content", ["", "{", "{}"])
+def test_hashes_of_further_scripts_are_added(code, tmp_path):
+    whole = {"job": code(), "other": provenance.code_of("other")}
+    for names in (["job"], ["other"], ["job", "other"]):
+        assert provenance.codes_of(names, [tmp_path / "kept"]).items() <= whole.items()
+        forget()
+    assert provenance.codes_of(whole, [tmp_path / "kept"]) == whole
+    assert provenance._parsed.cache_info().misses == 0
+
+
+def test_hashes_are_kept_in_the_first_folder_that_can_be_written_to(code, tmp_path):
+    wanted, closed = code(), tmp_path / "a file and no folder"
+    closed.write_text("")
+    assert provenance.codes_of(["job"], [closed, tmp_path / "kept"]) == {"job": wanted}
+    (kept,) = (tmp_path / "kept").iterdir()
+    assert wanted in kept.read_text()
+    assert provenance.codes_of(["job"], [closed]) == {"job": wanted}
+
+
+@pytest.mark.parametrize("content", ["", "{", "{}", "[]"])
 def test_a_file_of_hashes_that_cannot_be_read_is_replaced(code, tmp_path, content):
-    wanted, kept = code(), tmp_path / "codes.json"
+    wanted = code()
+    provenance.codes_of(["job"], [tmp_path / "kept"])
+    (kept,) = (tmp_path / "kept").iterdir()
     kept.write_text(content)
-    assert provenance.codes_of(["job"], kept) == {"job": wanted}
+    assert provenance.codes_of(["job"], [tmp_path / "kept"]) == {"job": wanted}
     assert wanted in kept.read_text()

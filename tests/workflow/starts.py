@@ -18,7 +18,9 @@ SET_BY_RUN = ("PYTHONPATH", "SNAKEMAKE_PROFILE")
 # A server of its own, not the process of the tests: that has this repository's modules imported,
 # where a copy's or a module's are under test.
 SERVER = multiprocessing.get_context("forkserver")
-SERVER.set_forkserver_preload(["snakemake.cli", "jsonschema", "pytest"])
+# Besides Snakemake's command line what a start of it imports by itself later.
+LATER = ("snakemake.report.html_reporter", "snakemake.storage", "smart_open", "numpy")
+SERVER.set_forkserver_preload(["snakemake.cli", *LATER, "jsonschema", "pytest"])
 
 
 class Run(NamedTuple):

@@ -240,3 +240,14 @@ def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_nam
     (clone / "environment-lab.lock").write_text((clone / "environment.lock").read_text())
     lab = run(clone, "--lab", *said, path=quick, HOME="", SNAKEMAKE_PROFILE=ours)
     assert lab.stdout == f"{paths} \n"  # the laboratory's scripts need other packages
+
+
+def test_bytecode_is_kept_in_the_environment_where_the_folders_shall_have_none(clone, quick):
+    said = ["sh", "-c", 'echo "${PYTHONDONTWRITEBYTECODE-none} ${PYTHONPYCACHEPREFIX-none}"']
+    usual = run(clone, *said, path=quick, HOME="")
+    assert usual.stdout == "none none\n", usual.stderr
+    wished = {"HOME": "", "PYTHONDONTWRITEBYTECODE": "1"}
+    (venv,) = (path for path in clone.glob(".venv-*") if path.is_dir())
+    assert run(clone, *said, path=quick, **wished).stdout == f"none {venv}/bytecode\n"
+    own = run(clone, *said, path=quick, **wished, PYTHONPYCACHEPREFIX="/own")
+    assert own.stdout == "none /own\n"

@@ -206,8 +206,6 @@ CAPACITY_KINDS = ("capacity", "ocv")
 SIZE_KINDS = (*CAPACITY_KINDS, "ica")
 PULSE_KINDS = ("hppc", "pulse_resistance")
 RELAXATION_KINDS = config["relaxation"]["kinds"]
-# Hashes of the code of all rules, kept from one start to the next.
-CODES = Path(".snakemake", "cellwright", "codes.json")
 SERIES_KINDS = sorted({row["kind"] for row in CAMPAIGN.tests} - {"eis"})
 # Of each test what tables say beside its results.
 TEST_FACTS = {

@@ -394,6 +394,8 @@ def start(folder) -> subprocess.Popen:
         start_new_session=True,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        # Tests that a shell started in the background ignore the interrupt, as a terminal's do not.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     wait_until((folder / "started").exists)
     return session

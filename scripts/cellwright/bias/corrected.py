@@ -1,7 +1,7 @@
 """Models of cells without pulses: the reference cell's, corrected by what the cell shows."""
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 
 from cellwright.bias.compared import compared
 from cellwright.bias.correction import correction
@@ -129,7 +129,7 @@ def _model(cell, reference, courses, notes):
 
 def _with_deviations(model, found):
     """The model with standard deviations of R0 and of its OCV, from the intervals of 95 %."""
-    quantile = stats.t.ppf(0.5 + LEVEL / 2, len(found.cells) - 1)
+    quantile = stdtrit(len(found.cells) - 1, 0.5 + LEVEL / 2)
     of_log, of_ocv = found.fast.half_interval / quantile, found.ocv.half_interval / quantile
 
     def entry_of(entry):
@@ -211,7 +211,7 @@ def voltage_interval(model, others, record, *, model_error_volt):
         return np.full(rows, np.nan)
     volt = _volt(model, record)
     square = np.mean([(_volt(other, record) - volt) ** 2 for other in others], axis=0)
-    quantile = stats.t.ppf(0.5 + LEVEL / 2, len(others) - 1)
+    quantile = stdtrit(len(others) - 1, 0.5 + LEVEL / 2)
     return quantile * np.sqrt(square + np.nan_to_num(model_error_volt) ** 2)
 
 

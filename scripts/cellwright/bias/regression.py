@@ -7,7 +7,7 @@ Gaussian process regression (ridge regression in its dual form) of several outpu
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 
 PENALTIES = 10.0 ** np.arange(-5.0, 3.1, 0.5)
 DEGREES = (1, 2)
@@ -133,7 +133,7 @@ def clearly_less(before, after):
     least = NEGLIGIBLE * squares[0].mean()
     ratio = np.log(np.maximum(squares[1], least) / np.maximum(squares[0], least))
     error = np.std(ratio, ddof=1) / np.sqrt(len(ratio))
-    return bool(ratio.mean() + stats.t.ppf(LEVEL, len(ratio) - 1) * error < 0)
+    return bool(ratio.mean() + stdtrit(len(ratio) - 1, LEVEL) * error < 0)
 
 
 def _without(scaled, scale, changes):
@@ -187,7 +187,7 @@ def predicted(fit, features):
         covariance = _kernel(fit.features, fit.features, fit.degree) + fit.penalty * np.eye(cells)
         known = towards @ np.linalg.solve(covariance, towards)
         variance = _kernel(x[None], x[None], fit.degree)[0, 0] + fit.penalty - known
-    quantile = stats.t.ppf(0.5 + LEVEL / 2, cells - 1) if cells > 1 else np.nan
+    quantile = stdtrit(cells - 1, 0.5 + LEVEL / 2) if cells > 1 else np.nan
     stretch = np.sqrt(variance / fit.variance)
     remoteness = float(stretch.min()) if cells else np.inf
     return Prediction(change, quantile * fit.spread * np.sqrt(variance), remoteness, stretch)

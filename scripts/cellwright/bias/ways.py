@@ -59,9 +59,12 @@ def compare_ways(cells, *, split_rest_second, seed=0):
     """
     if len(cells) < 2:
         raise Refusal(f"{len(cells)} cell(s) of this type have a model; wanted two or more")
-    reference = reference_and_others(cells[0].shown, [cell.shown for cell in cells])[0]
+    marked = reference_and_others(cells[0].shown, [cell.shown for cell in cells])[0]
+    others = [cell for cell in cells if cell.shown is not marked]
+    # No other member of it is corrected or simulated.
+    chosen = [member_of(marked.model)]
+    reference = marked._replace(model=marked.model | {"members": chosen})
     base = courses_of(reference.model, reference.model["chosen"])
-    others = [cell for cell in cells if cell.shown is not reference]
     against = compared(reference, [cell.shown for cell in others])
     rows, notes, random = [], [], np.random.default_rng(seed)
     for place, cell in enumerate(others):
@@ -79,9 +82,10 @@ def compare_ways(cells, *, split_rest_second, seed=0):
 def _scored(cell, ways, model_error_volt, split_rest_second):
     """Rows of all tests of a cell, and why others have none."""
     rows, reasons = [], []
+    errors = _resistance_errors(cell.own, [model for _, _, model, _ in ways])
     for test in cell.tests:
         try:
-            rows += _rows(cell, ways, test, model_error_volt, split_rest_second)
+            rows += _rows(cell, ways, test, errors, model_error_volt, split_rest_second)
         except Refusal as refusal:
             reasons.append(f"{cell.shown.cell}, {test.facts.test}: {refusal}")
     return rows, reasons
@@ -105,9 +109,9 @@ def _models(own, reference, cell, base, rest, random):
     return ways, found
 
 
-def _rows(cell, ways, test, model_error_volt, split_rest_second):
+def _rows(cell, ways, test, resistance_errors, model_error_volt, split_rest_second):
     rows = []
-    for way, count, model, others in ways:
+    for (way, count, model, others), errors in zip(ways, resistance_errors, strict=True):
         aged = at_cycle(model, test.facts.cycle)
         record = laid_out(test, aged, cell.facts, split_rest_second=split_rest_second, proof=True)
         columns = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
@@ -120,7 +124,7 @@ def _rows(cell, ways, test, model_error_volt, split_rest_second):
             | scores(error, record.soc[record.used])
             | {"mean_abs_volt": float(np.abs(error).mean())}
             | _within(error, model, others, record, model_error_volt)
-            | _resistance_errors(cell.own, model)
+            | errors
         )
     return rows
 
@@ -135,13 +139,16 @@ def _within(error, model, others, record, model_error_volt):
     }
 
 
-def _resistance_errors(own, model):
-    """Relative difference of R0 and of the resistance after 10 s from the cell's own model [1]."""
-    found = {}
+def _resistance_errors(own, models):
+    """Relative difference of R0 and of the resistance after 10 s from the cell's own model [1],
+    one dict a model."""
+    found = [{} for _ in models]
     for name, second in (("r0", 0.0), ("r10", FAST_SECOND)):
-        courses = [_step(one, second) for one in (own, model)]
-        ratio = np.interp(list(AT_SOC.values()), KNOTS, courses[1] / courses[0]) - 1
-        found |= {f"{name}_error_soc_{at}": r for at, r in zip(AT_SOC, ratio.tolist(), strict=True)}
+        true = _step(own, second)
+        for errors, model in zip(found, models, strict=True):
+            ratio = np.interp(list(AT_SOC.values()), KNOTS, _step(model, second) / true) - 1
+            named = zip(AT_SOC, ratio.tolist(), strict=True)
+            errors |= {f"{name}_error_soc_{at}": error for at, error in named}
     return found
 
 
