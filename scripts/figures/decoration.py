@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import XAxis, YAxis
 from matplotlib.font_manager import FontProperties
 from matplotlib.text import Text
-from matplotlib.ticker import FixedLocator, NullLocator
+from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
 
 from figures import measures
 
@@ -33,9 +33,28 @@ class _WithoutTicks:
     time of a figure, for what is never drawn.
     """
 
+    written = None  # font size [point] and rotation [degree] of labels that were given
+
     def reset_ticks(self):
         """Forget all ticks."""
         self.majorTicks, self.minorTicks = [], []
+
+    def set_ticks(self, ticks, labels=None, **look):
+        """Ticks at places (n,) within the panel's limits, with labels (n,) and how they look.
+
+        `look` are properties of a text: `fontsize` [point], `rotation` [degree], `ha`.
+        """
+        self.get_view_interval()  # what the data ask for, before it is widened
+        for axis in self._get_shared_axis() if len(ticks) else ():
+            axis.set_view_interval(min(ticks), max(ticks))
+        self.set_major_locator(FixedLocator(ticks))
+        if labels is not None:
+            self.set_major_formatter(FixedFormatter([str(label) for label in labels]))
+        text = Text(**look)
+        size = self.get_tick_params().get("labelsize", "medium") if "fontsize" not in look else None
+        if size is not None:
+            text.set_size(size)
+        self.written = text.get_size(), text.get_rotation()
 
 
 class _HorizontalAxis(_WithoutTicks, XAxis):
@@ -205,6 +224,8 @@ def _located(axis, locator, places_of, group):
 def _look(axis, params):
     """Font size [point] and rotation [degree] of the tick labels."""
     size = params.get("labelsize", "medium")
+    if getattr(axis, "written", None):
+        return axis.written
     if isinstance(axis.get_major_locator(), FixedLocator) and len(axis.get_majorticklocs()):
         label = axis.get_major_ticks(1)[0].label1
         return label.get_size(), label.get_rotation()
