@@ -112,12 +112,13 @@ class Decoration(NamedTuple):
     room: tuple  # left, right, bottom, top
 
 
-def of_panel(axes, *, title_width) -> Decoration:
+def of_panel(axes, found, *, title_width) -> Decoration:
     """Ticks and texts around a panel of its present size at 72 dots per inch.
 
-    `title_width` [point] is what the title may take before it is broken into lines.
+    `title_width` [point] is what the title may take before it is broken into lines. `found` keeps
+    the ticks of axes whose limits and room for ticks are as before.
     """
-    x, y = ticks_of(axes.xaxis), ticks_of(axes.yaxis)
+    x, y = ticks_of(axes.xaxis, found), ticks_of(axes.yaxis, found)
     title = _broken(_title(axes), title_width)
     x_label, y_label = (
         _broken(_axis_label(axis), length)
@@ -144,16 +145,24 @@ def title_texts(axes):
     return [t for t in axes.get_children() if isinstance(t, Text) and t not in inside]
 
 
-def ticks_of(axis) -> Ticks:
-    """Ticks of an axis within its limits, with the labels that its formatters give them."""
-    params = axis.get_tick_params()
+def ticks_of(axis, found) -> Ticks:
+    """Ticks of an axis within its limits, with the labels that its formatters give them.
+
+    `found` is as of `of_panel`.
+    """
+    if axis not in found:
+        params = axis.get_tick_params()
+        found[axis] = params, _look(axis, params)
+    params, (size, rotation) = found[axis]
     at_end = bool(params.get("labelright"))
     shown = at_end or bool(params.get("labelleft", params.get("labelbottom", True)))
-    major, labels = _located(axis, axis.get_major_locator(), axis.get_majorticklocs, axis.major)
-    minor, minor_labels = _located(
-        axis, axis.get_minor_locator(), axis.get_minorticklocs, axis.minor
-    )
-    size, rotation = _look(axis, params)
+    key = (axis, *axis.get_view_interval(), axis.get_tick_space())
+    if key not in found:
+        found[key] = (
+            _located(axis, axis.get_major_locator(), axis.get_majorticklocs, axis.major),
+            _located(axis, axis.get_minor_locator(), axis.get_minorticklocs, axis.minor),
+        )
+    (major, labels), (minor, minor_labels) = found[key]
     labels = [(place, plain(label)) for place, label in zip(major, labels, strict=True) if label]
     minor_labels = [
         (place, plain(label)) for place, label in zip(minor, minor_labels, strict=True) if label

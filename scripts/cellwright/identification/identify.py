@@ -166,9 +166,7 @@ def identify(
         tries = [held._replace(**{name: value}) for value in values]
         key = (*map(key_of, tries), factor)
         valley = name == "diffusion_second"
-        held = once(
-            shared, key, lambda t=tries, v=valley: cheapest(shared, t, factor, valley=v)
-        )
+        held = once(shared, key, lambda t=tries, v=valley: cheapest(shared, t, factor, valley=v))
     fit = start if held == start.held else settled(shared, held)
     bounds = None if member.pairs is None else (low, high)
     if member.pairs:

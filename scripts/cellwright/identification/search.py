@@ -229,7 +229,7 @@ def cheapest(shared, tries, factor, *, valley=False):
 
 
 def lowest(cost, count, *, start=0):
-    """Number of the lowest of costs that fall to it and rise from there, as few asked as that needs.
+    """Number of the lowest of costs that fall to it and rise from there, as few asked as need be.
 
     Parameters
     ----------
