@@ -165,8 +165,7 @@ def identify(
     ).items():
         tries = [held._replace(**{name: value}) for value in values]
         key = (*map(key_of, tries), factor)
-        valley = name == "diffusion_second"
-        held = once(shared, key, lambda t=tries, v=valley: cheapest(shared, t, factor, valley=v))
+        held = once(shared, key, lambda tries=tries: cheapest(shared, tries, factor))
     fit = start if held == start.held else settled(shared, held)
     bounds = None if member.pairs is None else (low, high)
     if member.pairs:

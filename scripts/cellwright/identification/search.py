@@ -202,30 +202,23 @@ def _transfer(held, values, *, half=False):
     return sum(fast, 0.5 * values["r0"] if half else values["rct"])
 
 
-def cheapest(shared, tries, factor, *, valley=False):
+def cheapest(shared, tries, factor):
     """Held parameters of the lowest cost at one weight of the data, after one pass each.
 
     Parameters
     ----------
     shared : Shared. tries : list of columns.Held.
     factor : weight of the data, of one solution.
-    valley : whether the cost falls over the tries to its lowest and rises from there, as over a
-        diffusion time: then none is tried beyond the first that costs more than the one before.
 
     Returns
     -------
     held : columns.Held.
     """
-    candidate = cache(lambda number: _after_one_pass(shared, tries[number]))
-    if len(tries) == 1:
-        return candidate(0)
-
-    def cost(number):
-        return cost_of(shared, candidate(number), factor)
-
-    if valley:
-        return candidate(lowest(cost, len(tries)))
-    return candidate(int(np.argmin([cost(number) for number in range(len(tries))])))
+    candidates = [_after_one_pass(shared, held) for held in tries]
+    if len(candidates) == 1:
+        return candidates[0]
+    costs = [cost_of(shared, held, factor) for held in candidates]
+    return candidates[int(np.argmin(costs))]
 
 
 def lowest(cost, count, *, start=0):
