@@ -75,7 +75,7 @@ def _periods(axes, periods, summary):
     axes.set(xscale="log", ylabel="2 × gain of log-likelihood")
     axes.set_ylim(top=1.3 * max(periods["power"].max(), 1.0))
     ticks = [t for t in PERIOD_TICKS_HOUR if t <= periods["period_hour"].max()]
-    axes.set_xticks(ticks, [str(t) for t in ticks], minor=False)
+    axes.set_xticks(ticks, ticks)
     axes.minorticks_off()
 
 

@@ -10,7 +10,7 @@ from matplotlib.colors import to_hex
 from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path
 from matplotlib.spines import Spine
-from matplotlib.transforms import IdentityTransform
+from matplotlib.transforms import Affine2D, IdentityTransform
 
 from figures import decoration, measures
 
@@ -18,6 +18,8 @@ GRID_WIDTH, TICK_WIDTH, MINOR_WIDTH = 0.8, 0.8, 0.6  # point
 CENTRE_OF_DIGIT = 0.36  # of the font size, above the line on which it stands
 AXIS_ORDER = 0.5  # drawn above what has a lower `zorder`
 SIDES = {"left": (0, 0, 0, 1), "right": (1, 0, 1, 1), "bottom": (0, 0, 1, 0), "top": (0, 1, 1, 1)}
+FLIPPED = Affine2D().scale(1.0, -1.0)  # SVG counts y from above
+BEYOND = 10.0  # point beyond the canvas, from where a mark may still reach into it
 WRITTEN_AT = {"left": "start", "center": "middle", "right": "end"}
 
 
@@ -44,6 +46,27 @@ class Canvas(RendererSVG):
         look = {"anchor": anchor, "bold": prop.get_weight() == "bold", "angle": angle}
         self.write(x, self.height - y, s, prop.get_size_in_points(), gc.get_rgb(), **look)
         return None
+
+    def draw_markers(self, gc, marker_path, marker_trans, path, trans, rgbFace=None):
+        """The same mark at each point of a path, its look written once for all."""
+        if not len(path.vertices):
+            return
+        look = self._get_style(gc, rgbFace)
+        drawn = self._convert_path(marker_path, marker_trans + FLIPPED, simplify=False)
+        if (drawn, look) not in self._markers:
+            self._markers[drawn, look] = self._make_id("m", (drawn, look))
+            stroke = "; ".join(part for part in look.split("; ") if part.startswith("stroke"))
+            self.writer.start("defs")
+            self.writer.element("path", id=self._markers[drawn, look], d=drawn, style=stroke)
+            self.writer.end("defs")
+        name = f"#{self._markers[drawn, look]}"
+        self.writer.start("g", **self._get_clip_attrs(gc), style=look)
+        at = trans.transform(path.vertices) * (1.0, -1.0) + (0.0, self.height)
+        size = np.array([self.width, self.height])
+        seen = np.all((at >= -BEYOND) & (at <= size + BEYOND), axis=1)
+        for x, y in at[seen]:
+            self.writer.element("use", attrib={"xlink:href": name, "x": f"{x:f}", "y": f"{y:f}"})
+        self.writer.end("g")
 
     def write(self, x, y, text, size, colour, *, anchor="start", bold=False, angle=0.0):
         """A line of text at (x, y) [point, from below], turned by an angle [degree]."""

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import XAxis, YAxis
 from matplotlib.font_manager import FontProperties
 from matplotlib.text import Text
-from matplotlib.ticker import FixedLocator, NullLocator
+from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
 
 from figures import measures
 
@@ -33,9 +33,28 @@ class _WithoutTicks:
     time of a figure, for what is never drawn.
     """
 
+    written = None  # font size [point] and rotation [degree] of labels that were given
+
     def reset_ticks(self):
         """Forget all ticks."""
         self.majorTicks, self.minorTicks = [], []
+
+    def set_ticks(self, ticks, labels=None, **look):
+        """Ticks at places (n,) within the panel's limits, with labels (n,) and how they look.
+
+        `look` are properties of a text: `fontsize` [point], `rotation` [degree], `ha`.
+        """
+        self.get_view_interval()  # what the data ask for, before it is widened
+        for axis in self._get_shared_axis() if len(ticks) else ():
+            axis.set_view_interval(min(ticks), max(ticks))
+        self.set_major_locator(FixedLocator(ticks))
+        if labels is not None:
+            self.set_major_formatter(FixedFormatter([str(label) for label in labels]))
+        text = Text(**look)
+        size = self.get_tick_params().get("labelsize", "medium") if "fontsize" not in look else None
+        if size is not None:
+            text.set_size(size)
+        self.written = text.get_size(), text.get_rotation()
 
 
 class _HorizontalAxis(_WithoutTicks, XAxis):
@@ -93,12 +112,13 @@ class Decoration(NamedTuple):
     room: tuple  # left, right, bottom, top
 
 
-def of_panel(axes, *, title_width) -> Decoration:
+def of_panel(axes, found, *, title_width) -> Decoration:
     """Ticks and texts around a panel of its present size at 72 dots per inch.
 
-    `title_width` [point] is what the title may take before it is broken into lines.
+    `title_width` [point] is what the title may take before it is broken into lines. `found` keeps
+    the ticks of axes whose limits and room for ticks are as before.
     """
-    x, y = ticks_of(axes.xaxis), ticks_of(axes.yaxis)
+    x, y = ticks_of(axes.xaxis, found), ticks_of(axes.yaxis, found)
     title = _broken(_title(axes), title_width)
     x_label, y_label = (
         _broken(_axis_label(axis), length)
@@ -125,16 +145,24 @@ def title_texts(axes):
     return [t for t in axes.get_children() if isinstance(t, Text) and t not in inside]
 
 
-def ticks_of(axis) -> Ticks:
-    """Ticks of an axis within its limits, with the labels that its formatters give them."""
-    params = axis.get_tick_params()
+def ticks_of(axis, found) -> Ticks:
+    """Ticks of an axis within its limits, with the labels that its formatters give them.
+
+    `found` is as of `of_panel`.
+    """
+    if axis not in found:
+        params = axis.get_tick_params()
+        found[axis] = params, _look(axis, params)
+    params, (size, rotation) = found[axis]
     at_end = bool(params.get("labelright"))
     shown = at_end or bool(params.get("labelleft", params.get("labelbottom", True)))
-    major, labels = _located(axis, axis.get_major_locator(), axis.get_majorticklocs, axis.major)
-    minor, minor_labels = _located(
-        axis, axis.get_minor_locator(), axis.get_minorticklocs, axis.minor
-    )
-    size, rotation = _look(axis, params)
+    key = (axis, *axis.get_view_interval(), axis.get_tick_space())
+    if key not in found:
+        found[key] = (
+            _located(axis, axis.get_major_locator(), axis.get_majorticklocs, axis.major),
+            _located(axis, axis.get_minor_locator(), axis.get_minorticklocs, axis.minor),
+        )
+    (major, labels), (minor, minor_labels) = found[key]
     labels = [(place, plain(label)) for place, label in zip(major, labels, strict=True) if label]
     minor_labels = [
         (place, plain(label)) for place, label in zip(minor, minor_labels, strict=True) if label
@@ -205,6 +233,8 @@ def _located(axis, locator, places_of, group):
 def _look(axis, params):
     """Font size [point] and rotation [degree] of the tick labels."""
     size = params.get("labelsize", "medium")
+    if getattr(axis, "written", None):
+        return axis.written
     if isinstance(axis.get_major_locator(), FixedLocator) and len(axis.get_majorticklocs()):
         label = axis.get_major_ticks(1)[0].label1
         return label.get_size(), label.get_rotation()

@@ -19,6 +19,7 @@ class GridLayout(LayoutEngine):
     ----------
     bars : (axes of a colour bar, panels beside which it stands).
     decorations : axes → `decoration.Decoration`, as measured last.
+    found : ticks that were located, as of `decoration.of_panel`.
     """
 
     _adjust_compatible = True
@@ -29,6 +30,7 @@ class GridLayout(LayoutEngine):
         self.renderer = renderer
         self.bars = []
         self.decorations = {}
+        self.found = {}
         self.rooms = {}  # at the right of each panel [point], as given last
 
     def execute(self, fig):
@@ -57,7 +59,7 @@ class GridLayout(LayoutEngine):
         self._shape(figure)
         for axes in figure.axes:
             self.decorations[axes] = decoration.of_panel(
-                axes, title_width=_title_width(axes, figure)
+                axes, self.found, title_width=_title_width(axes, figure)
             )
         return panels
 

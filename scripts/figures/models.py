@@ -261,6 +261,7 @@ LABELS = {
     "separable": "separable least squares",
 }
 METHODS = tuple(LABELS)
+IN_LEGEND = "rmse_volt"  # of which panel the legend shows the marks
 UNITS = {"ohm": (1e3, "mΩ"), "second": (1.0, "s")}
 MARKS = dict(zip(METHODS, ("s", "x", "^", "o", "."), strict=True))
 COLOURS = dict(zip(METHODS, (style.SERIES[k] for k in (1, 2, 3, 0, 4)), strict=True))
@@ -279,7 +280,7 @@ def draw_identification_methods(rows):
     for name in NAMES:
         _method_over_soc(next(panels), at_celsius, name)
     error = next(panels)
-    _method_over_soc(error, at_celsius, "rmse_volt")
+    _method_over_soc(error, at_celsius, IN_LEGEND)
     _spread(next(panels), identified)
     _work(next(panels), identified)
     axes[0, 0].set_title(f"R0 at {style.temperature_label(celsius)}")
@@ -306,10 +307,12 @@ def _method_over_soc(axes, rows, name):
     for method in METHODS:
         of_method = [r for r in rows if r["method"] == method]
         std = [factor * np.nan_to_num(r.get(f"{quantity}_std_{unit}", 0.0)) for r in of_method]
+        # Bars of no length take as long as others: only the marks of the legend need theirs.
+        with_bars = any(std) or name == IN_LEGEND
         axes.errorbar(
             [100 * r["soc"] for r in of_method],
             [factor * r[name] for r in of_method],
-            yerr=std,
+            yerr=std if with_bars else None,
             fmt=MARKS[method],
             markersize=SIZES[method],
             markerfacecolor="none" if method in ("lmfit", "genetic") else COLOURS[method],

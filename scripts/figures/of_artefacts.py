@@ -1,5 +1,6 @@
 """Every figure of a cell or group, drawn from the artefacts that the workflow names for it."""
 
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -47,12 +48,17 @@ def part_of(job, name, drawn):
 
 def located(drawn, inputs):
     """The same figure, drawn from copies where its artefacts lie in object storage."""
-    copies = {provenance.name_of(path): path for path in inputs}
+    copies = _by_name(tuple(inputs))
     parts = {
         name: copies[part] if isinstance(part, str) else [copies[path] for path in part]
         for name, part in drawn["inputs"].items()
     }
     return drawn | {"inputs": parts}
+
+
+@cache
+def _by_name(paths):
+    return {provenance.name_of(path): path for path in paths}
 
 
 def _listed(part):

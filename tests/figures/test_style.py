@@ -65,16 +65,32 @@ def test_rows_are_chosen_by_mask_and_by_number():
     assert rows_where(columns, [2, 0])["a"].tolist() == [3, 1]
 
 
-def test_a_panel_makes_no_ticks_but_those_that_are_given_labels():
+def test_a_panel_makes_none_of_matplotlib_s_ticks_and_writes_the_labels_given():
     figure, axes = style.subplots(1, 2)
     axes[0, 0].plot([0, 1], [2, 3])
     axes[0, 1].plot([0, 1], [2, 3])
-    axes[0, 1].set_xticks([0, 1], ["cold", "warm"])
+    axes[0, 1].set_xticks([0, 2], ["cold", "warm"], fontsize=7)
     drawn = svg.text_of(figure, description="test")
     made = [len(axis.majorTicks) for panel in axes[0] for axis in (panel.xaxis, panel.yaxis)]
-    assert made == [0, 0, 2, 0]
+    assert made == [0, 0, 0, 0]
     written = re.findall(r"<text[^>]*>([^<]*)</text>", drawn)
     assert {"cold", "warm"} <= set(written)
+    assert axes[0, 1].get_xlim()[1] == 2.0
+    assert axes[0, 1].xaxis.written == (7.0, 0.0)
     numbers = [float(label) for label in written if label not in ("cold", "warm")]
     assert min(numbers) == 0.0
     assert max(numbers) == 3.0
+
+
+def test_marks_are_drawn_where_there_are_values_and_their_look_is_written_once():
+    figure, axes = style.subplots()
+    axes[0, 0].plot([0, 1, 2, 3], [1, np.nan, 2, 5000], "o", color="#123456")
+    axes[0, 0].set_ylim(0, 3)
+    drawn = svg.text_of(figure, description="test")
+    marks = re.findall(r"<use ([^>]*)/>", drawn)
+    assert len(marks) == 2
+    assert not any("class" in mark for mark in marks)
+    assert drawn.count("fill:#123456") == 1
+    low, high = axes[0, 0].transData.transform([(0, 1), (2, 2)]) * (1, -1) + (0, 3.2 * 72)
+    places = [re.search(r'x="([^"]*)" y="([^"]*)"', mark).groups() for mark in marks]
+    np.testing.assert_allclose(np.array(places, float), [low, high], atol=0.06)

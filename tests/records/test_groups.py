@@ -119,13 +119,15 @@ def test_the_activation_energy_is_found_between_temperatures():
     assert "0 °C 3" in activation_energy.words
 
 
-def test_the_activation_energy_is_found_from_the_cell_s_own_warming():
+@pytest.mark.parametrize("energy", [0.0, 10e3, 20e3, 30e3, 50e3])
+def test_the_activation_energy_is_found_from_the_cell_s_own_warming(energy):
     surface = 25.0 + 10.0 * np.sin(TIME / 700.0)
-    factor = resistance_factor(surface, 25.0, 30e3)
+    factor = resistance_factor(surface, 25.0, energy)
     groups, activation_energy = activation(made("a", surface=surface, factor=factor))
-    assert activation_energy.joule_per_mole == (30e3,)
-    assert "30 kJ/mol, from the cell's own warming by 19 K" in activation_energy.words
-    (record,) = at_activation_energy(groups[0], 30e3).records
+    assert activation_energy.joule_per_mole == (energy,)
+    found = f"{energy / 1e3:.0f} kJ/mol, from the cell's own warming by 19 K"
+    assert found in activation_energy.words
+    (record,) = at_activation_energy(groups[0], energy).records
     np.testing.assert_allclose(record.resistance_factor, factor)
     assert groups[0].records[0].resistance_factor.max() == 1.0
 

@@ -6,6 +6,7 @@ Pereyra 1973): time constants over all combinations of a grid, which is global, 
 squares from the best; charge constant and kinetic scale over a short list.
 """
 
+from functools import cache
 from itertools import combinations
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from cellwright.identification.search import (
     condition_of,
     cost_of,
     key_of,
+    lowest,
     once,
     refined,
     settled,
@@ -302,6 +304,7 @@ PLAIN = member_named("DRT+D")
 SLOWEST_SECOND = 60.0  # of what counts as resistance here: slower parts are poorly known
 VARIED_KELVIN = 2.0
 TRIED_JOULE_PER_MOLE = (0.0, 10e3, 20e3, 30e3, 40e3, 50e3)
+MIDDLE = 3  # of those: from here on they are tried
 
 
 class Activation(NamedTuple):
@@ -347,10 +350,9 @@ def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
     if varied < VARIED_KELVIN:
         return Activation((0.0,), "")
     try:
-        costs = _costs_of_energies(by_temperature[0], data_of_records, capacity_ampere_hour)
+        best = _best_energy(by_temperature[0], data_of_records, capacity_ampere_hour)
     except Refusal as refusal:
         return Activation((0.0,), f"activation energy not known, taken as 0: {refusal}")
-    best = TRIED_JOULE_PER_MOLE[int(np.argmin(costs))]
     words = (
         f"activation energy {best / 1e3:.0f} kJ/mol, from the cell's own warming by {varied:.0f} K"
     )
@@ -402,13 +404,25 @@ def _energies_from_neighbours(celsius, resistance):
     return np.interp(celsius, temperature, means).tolist()
 
 
-def _costs_of_energies(fit_records, data_of_records, capacity):
-    costs, factor = [], None
-    for energy in TRIED_JOULE_PER_MOLE:
-        data = data_of_records(at_activation_energy(fit_records, energy))
+def _best_energy(fit_records, data_of_records, capacity):
+    """Activation energy of the lowest cost among those that are tried [J/mol].
+
+    The residuals are nearly linear in the energy, so that their square is nearly a parabola, which
+    falls to its lowest and rises from there: energies are tried from the middle on in the direction
+    in which it falls, until it rises. All costs are at the weight of the data without an energy.
+    """
+
+    @cache
+    def fitted(number):
+        records = at_activation_energy(fit_records, TRIED_JOULE_PER_MOLE[number])
+        shared = shared_of(data_of_records(records))
         settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
-        shared = shared_of(data)
-        fitted = identify(data, PLAIN, shared=shared, **settings)
-        factor = factor or fitted.solution.factor
-        costs.append(cost_of(shared, fitted.held, factor))
-    return costs
+        return shared, identify(shared.base.data, PLAIN, shared=shared, **settings)
+
+    factor = fitted(0)[1].solution.factor
+
+    def cost(number):
+        shared, fit = fitted(number)
+        return cost_of(shared, fit.held, factor)
+
+    return TRIED_JOULE_PER_MOLE[lowest(cost, len(TRIED_JOULE_PER_MOLE), start=MIDDLE)]

@@ -1,5 +1,6 @@
 """Search of the non-linear parameters: SoC scale, kinetics, time constants."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -218,6 +219,21 @@ def cheapest(shared, tries, factor):
         return candidates[0]
     costs = [cost_of(shared, held, factor) for held in candidates]
     return candidates[int(np.argmin(costs))]
+
+
+def lowest(cost, count, *, start=0):
+    """Number of the lowest of costs that fall to it and rise from there, as few asked as need be.
+
+    Parameters
+    ----------
+    cost : function (number) → cost. count : how many there are.
+    start : the number to begin at; from there in the direction in which they fall.
+    """
+    cost, best = cache(cost), start
+    step = 1 if start + 1 < count and cost(start + 1) < cost(start) else -1
+    while 0 <= best + step < count and cost(best + step) < cost(best):
+        best += step
+    return best
 
 
 def _after_one_pass(shared, held):
