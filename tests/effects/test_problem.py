@@ -142,3 +142,20 @@ def test_what_a_model_lacks_widens_them():
     solution = fit(linear(), ZERO)
     worse = fit(linear(rows=ROWS * 3), ZERO)
     assert stds(worse)["a"] == pytest.approx(3 * stds(solution)["a"], rel=0.15)
+
+
+def test_errors_that_last_over_blocks_are_in_the_deviations_of_their_sums():
+    """Each block of twenty rows errs as one: deviations by rows cover a third, by blocks most."""
+    blocks, matrix = np.repeat(np.arange(20), 10), np.repeat(MATRIX[:20], 10, axis=0)
+    far = {"rows": [], "blocks": []}
+    for seed in range(200):
+        error = np.random.default_rng(seed).normal(size=20)[blocks]
+        problem = linear(rows=matrix @ TRUE + error)._replace(
+            predict=lambda values: matrix @ np.array([values[name] for name in NAMES])
+        )
+        solution = fit(problem, ZERO, steps=1)
+        off = np.array([solution.values[n] - t for n, t in zip(NAMES, TRUE, strict=True)])
+        for by, told in (("rows", stds(solution)), ("blocks", stds(solution, blocks))):
+            far[by].append(off / [told[n] for n in NAMES])
+    assert np.mean(np.abs(far["rows"]) < 1.96) < 0.6
+    assert np.mean(np.abs(far["blocks"]) < 1.96) > 0.85

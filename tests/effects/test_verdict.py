@@ -4,12 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from small_plant import HEALTHY, Truth, rounds
+from small_plant import HEALTHY, Truth, case, rounds
 
 from cellwright.effects.case import Gates
 from cellwright.effects.judge import rate_of, worst
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.verdict import gap_closed, outcome, verdict_of
+from cellwright.effects.records import parts_of
+from cellwright.effects.verdict import entry_of, gap_closed, outcome, verdict_of
 
 CONTRACT = {"cell", "verdict", "effects", "located_at", "floor_volt", "next_test", "not_testable"}
 OF_AN_EFFECT = {
@@ -31,8 +32,10 @@ LEFT = {
 
 def verdict(truth, **options):
     searched = rounds(truth, every=2.0, without=())
-    result = outcome(searched, Gates())
-    return verdict_of("h1", result, searched, worst(LEFT, result.floor.validation_volt), **options)
+    result, parts = outcome(searched, Gates()), parts_of(case(truth, every=2.0).fit)
+    place = worst(LEFT, result.floor.validation_volt)
+    entry = {"entry": lambda *of: entry_of(*of, parts)}
+    return verdict_of("h1", result, searched, place, **entry, **options)
 
 
 @pytest.fixture(scope="module")

@@ -17,13 +17,14 @@ from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.proof import explained
+from cellwright.effects.records import parts_of
 from cellwright.effects.screen import evidence
 from cellwright.effects.search import against, frees_of, search, up_to
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.words import explained as shares_explained
 from cellwright.effects.story.words import paragraph
 from cellwright.effects.ties import tie_of
-from cellwright.effects.verdict import outcome, verdict_of
+from cellwright.effects.verdict import entry_of, outcome, verdict_of
 from cellwright.effects.witnesses.collected import values_of
 from cellwright.numerics.least_squares import stds
 from cellwright.records.facts import CellFacts
@@ -233,7 +234,12 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     place = worst(residuals, result.floor.validation_volt)
     open_place = None if result.adequate else place
     menu, advice, test = advised(case, result, rounds, library, untestable, open_place)
-    verdict = verdict_of(name, result, rounds, place, next_test=advice, not_testable=untestable)
+    verdict = verdict_of(
+        *(name, result, rounds, place),
+        next_test=advice,
+        not_testable=untestable,
+        entry=lambda *of: entry_of(*of, parts_of(case.fit)),
+    )
     verdict["base"] = base_name
     if base_name != "plain":
         verdict["as_given_rmse_volt"] = as_given(case, rounds[0].filters)
@@ -404,6 +410,6 @@ def model_of(case, state):
         "hold": case.fit.hold,
         "tests": list(case.fit.tests),
         "values": {name: float(value) for name, value in state.solution.values.items()},
-        "std": stds(state.solution),
+        "std": stds(state.solution, parts_of(case.fit)),
         "effects": [effect.id for effect in state.effects],
     }

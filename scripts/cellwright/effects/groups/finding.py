@@ -22,7 +22,7 @@ from cellwright.effects.groups.model import (
     smooth_shares,
 )
 from cellwright.effects.library.groups import GROUP_LIBRARY
-from cellwright.effects.records import LOADED_C_RATE, group_stacked
+from cellwright.effects.records import LOADED_C_RATE, group_stacked, parts_of
 from cellwright.effects.search import search
 from cellwright.effects.story.words import Phrases, paragraph
 from cellwright.effects.verdict import entry_of, outcome, verdict_of
@@ -36,7 +36,6 @@ ENERGY = "resistance_temperature.activation_energy_joule_per_mole"
 FIRST_ROWS = 3
 LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
 SECTIONS = {"spread": Spread, "shared": Shared, "gates": GroupGates}
-BLOCKS = 4  # of each record
 BLIND = (
     "Branch currents were not logged, and the group's voltage alone tells no branch from another: "
     "a name is only what would explain that voltage, and a fault of a branch's sensor cannot show."
@@ -304,46 +303,6 @@ def _sides(tests, notes):
     return sides
 
 
-def std_of(case, state, name):
-    """Standard deviation of a free parameter.
-
-    The larger of two: the posterior's, widened by the scatter of whitened residuals; and that of
-    sums over blocks of time, which holds where residuals are correlated for longer than
-    in the noise model (an OCV a millivolt off moves branch currents for an hour).
-
-    Parameters
-    ----------
-    case : groups.case.GroupCase. state : search.State. name : of the parameter.
-
-    Returns
-    -------
-    std : in the parameter's unit.
-
-    Source: K.-Y. Liang, S. Zeger, Biometrika 73 (1986) 13 (sums over clusters); the blocks' number
-    b enters as b/(b − 1).
-    """
-    solution = state.solution
-    place = solution.names.index(name)
-    influence = np.linalg.solve(solution.precision, np.eye(len(solution.names))[place])
-    white = solution.whitened
-    scatter = max(float(np.mean(white**2)), 1.0)
-    moved = (solution.white @ influence) * white
-    number = _blocks(case.fit)
-    many = len(moved) // len(number)  # channels
-    sums = np.bincount(np.tile(number, many), moved)
-    between = float(np.sum((sums - sums.mean()) ** 2)) * len(sums) / (len(sums) - 1)
-    return float(np.sqrt(max(influence[place] * scatter, between)))
-
-
-def _blocks(stack):
-    """Number of the block of each row: each record in so many parts of alike length."""
-    part = np.zeros(len(stack.file), int)
-    for k in range(len(stack.first)):
-        rows = np.flatnonzero(stack.file == k)
-        part[rows] = BLOCKS * k + BLOCKS * np.arange(len(rows)) // len(rows)
-    return part
-
-
 def group_paragraph(verdict, library):
     """A paragraph for people about one group.
 
@@ -392,7 +351,7 @@ def group_verdict(group, case, rounds, library):
         *(group, result, rounds, _located(case, result.last)),
         next_test=_next_test(case, result.steps, library),
         not_testable=sorted(set(library) - visible),
-        entry=lambda step, after, floor: _entry(case, step, after, floor),
+        entry=lambda step, after, result: _entry(case, step, after, result),
     )
     names = [name for step in result.steps for name in step.chosen.effect.names]
     verdict |= {
@@ -415,12 +374,12 @@ def _without(case, state, names):
     return errors
 
 
-def _entry(case, step, after, floor):
+def _entry(case, step, after, result):
     """Entry of an effect of a branch, see `verdict.entry_of`."""
     effect, branch = step.chosen.effect, step.chosen.effect.position
-    entry = entry_of(step, after, floor)
-    for p, name in zip(effect.parameters, effect.names, strict=True):
-        entry["parameters"][p.name]["std"] = std_of(case, after, name)
+    parts = parts_of(case.fit)
+    channels = len(after.solution.whitened) // len(parts)
+    entry = entry_of(step, after, result, np.tile(parts, channels))
     entry["parameters"]["branch"] = {
         **{"value": branch + 1, "std": None},
         **{"unit": "1", "at_bound": False},
