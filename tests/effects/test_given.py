@@ -167,6 +167,9 @@ def test_a_member_that_lacks_nothing_stays_as_it_is():
     model, rows = with_own_effects(family(), ROWS_OF_CHOICE, finding.model | {"given": given})
     assert (model, rows) == (family(), ROWS_OF_CHOICE)
     assert with_own_effects(family(), ROWS_OF_CHOICE, None) == (family(), ROWS_OF_CHOICE)
+    # Nor does what is in the model without a name, too small for anyone to act on.
+    small = finding.model | {"given": given, "effects": ["resistance_soc"]}
+    assert with_own_effects(family(), ROWS_OF_CHOICE, small) == (family(), ROWS_OF_CHOICE)
 
 
 def worse(found, factor):

@@ -321,6 +321,15 @@ def test_without_effects_the_family_is_judged_alone():
     assert {row["model"] for row in rows} == {"0RC", "1RC"}
 
 
+def test_effects_too_small_for_a_name_make_no_member():
+    given = effect_model("resistance_temperature")
+    tests, small = series_of(given), searched(given, [])
+    del small["folds"]  # made of names alone
+    model, rows = finished(family_of(tests), BASIS, SHEET, tests, small, split_rest_second=200.0)
+    assert (model, rows) == finished_of(effect_model(), tests)
+    assert NAME not in {row["model"] for row in rows}
+
+
 def test_a_borrowed_model_is_left_as_it_is():
     model = family()
     again = finished(model, BASIS, SHEET, [], effect_model("leakage"), split_rest_second=200.0)

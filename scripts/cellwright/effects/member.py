@@ -317,7 +317,8 @@ def finished(model, basis, cell, tests, effect_model, *, split_rest_second):
         return model, []
     conditions = fitted_records(model, basis, cell, tests, split_rest_second=split_rest_second)
     searched = {}
-    if effect_model and effect_model["effects"]:
+    # Effects too small for a name may be in the model of a search that names nothing.
+    if effect_model and effect_model["effects"] and "folds" in effect_model:
         try:
             model, searched[NAME] = with_effects(model, effect_model, tests, conditions)
         except Refusal as refusal:

@@ -49,7 +49,8 @@ def with_own_effects(model, rows, effect_model):
         was found, and with a note where it could not be added. rows : list of dict, with those of
         the member.
     """
-    if not effect_model or not effect_model["effects"]:
+    # Effects too small for a name may be in the model of a search that names nothing.
+    if not effect_model or "blocks" not in effect_model:
         return model, rows
     try:
         entry = own_member(effect_model, model)
