@@ -5,7 +5,7 @@ import pytest
 
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
-from cellwright.effects.story.sizes import sizes_as_used
+from cellwright.effects.story.sizes import Size, sizes_as_used
 
 VALUES = {"log_r0": np.log(0.020), "log_r1": np.log(0.010), "log_r2": np.log(0.005)}
 VALUES |= {"log_tau1": np.log(10.0), "log_tau2": np.log(200.0), "capacity_ampere_hour": 4.0}
@@ -135,3 +135,9 @@ def test_an_effect_of_a_group_is_told_by_its_parameters():
     }
     (found,) = sizes_as_used(effect, parameters)
     assert found.text == "excess 0.0081 ± 0.0002 Ohm"
+
+
+def test_a_deviation_of_tens_is_written_out():
+    assert Size("R1", 68.9, 21.3, "mΩ").text == "R1 68.9 ± 20 mΩ"
+    assert Size("R0", 35.9, 0.0314, "mΩ").text == "R0 35.9 mΩ"
+    assert Size("R0", 35.9, 0.314, "mΩ").text == "R0 35.9 ± 0.3 mΩ"

@@ -380,6 +380,16 @@ def test_an_effect_that_is_not_named_although_a_witness_shows_it():
     assert ("pulses", "resistance_soc") not in both, "the verdict names it as good as the other"
 
 
+@pytest.mark.parametrize(("std", "answer"), [(0.3, "silent"), (0.003, "contradicts")])
+def test_a_reading_without_a_deviation_does_not_contradict_what_a_size_allows(std, answer):
+    tables = pulses(lambda soc: 1.05 if soc < 0.2 else 1.0)
+    reading = heard(tables, entry("resistance_soc", std, **straight(0.5)))[
+        "pulses", "resistance_soc"
+    ]
+    assert np.isnan(reading.std)
+    assert reading.says == answer
+
+
 def test_the_nearest_explanation_of_an_unknown_is_held_against_witnesses_too():
     measured = measured_of(pulses(), BASIS, MODEL, ambient={})
     unknown = verdict(word="unknown") | {"partial": [TOWARDS_EMPTY]}

@@ -27,7 +27,7 @@ class Size(NamedTuple):
         """In words: name, value, deviation, unit."""
         number = f"{self.value:.3g}"
         if np.isfinite(self.std) and self.std > LEAST_DEVIATION * abs(self.value):
-            number += f" ± {self.std:.1g}"
+            number += f" ± {float(f'{self.std:.1g}'):g}"
         return f"{self.name} {number} {self.unit}".strip().replace("-", "−")
 
 

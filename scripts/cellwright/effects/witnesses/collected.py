@@ -111,8 +111,12 @@ def _of_named(one, effect, entry, values):
     word = AGREES if agrees else CONTRADICTS
     alongside = size_of(one.value, one.neutral) * size_of(value, one.neutral) > 0
     shown = bool(alongside and _shows(one))
+    # A reading without a deviation of its own cannot contradict a size that allows for it.
+    allowed = not stated and np.isfinite(doubt) and abs(one.value - value) <= DEVIATIONS * doubt
     if agrees and alike:
         word, text = SILENT, f"{text}: as near to no such effect"
+    elif allowed and not agrees:
+        word, text = SILENT, f"{text}: within its deviation"
     elif shown and not agrees:
         text += ": the effect is there, with another size"
     numbers = (one.value, value, one.unit, std)
