@@ -13,7 +13,8 @@ from cellwright.effects.groups.finding import KnownCell
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import paired
 from cellwright.effects.proof import excess_volt, explained, significant
-from cellwright.effects.verdict import gap_closed, outcome, verdict_of
+from cellwright.effects.records import parts_of
+from cellwright.effects.verdict import entry_of, gap_closed, outcome, verdict_of
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 from effect_benchmark import campaign, controls
@@ -35,7 +36,8 @@ def verdict_of_search(cell: str, case, rounds) -> dict:
     cell : its name. case : case.Case. rounds : list of search.Round.
     """
     rounds, result, _ = decided(case, rounds)
-    return verdict_of(cell, result, rounds, None)
+    parts = parts_of(case.fit)
+    return verdict_of(cell, result, rounds, None, entry=lambda *of: entry_of(*of, parts))
 
 
 def plain_names(names) -> dict:

@@ -147,7 +147,7 @@ class Case(NamedTuple):
         # What a reading scatters by, neighbouring rows show; more of it is misfit of the model.
         read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
         spread = spread._replace(white_volt=min(spread.white_volt, MOST_WHITE * read))
-        return filters_of(self, spread, filters.extra_volt, filters.misfit_volt)
+        return filters_of(self, spread, filters.extra_volt, misfit_volt=filters.misfit_volt)
 
     def sharper(self, trials, filters):
         """Filters by the misfit that no trial removes; None where it is as it was.
@@ -160,7 +160,7 @@ class Case(NamedTuple):
         misfit = proof.misfit_of(self.fit, soc, residuals, noise_volt=filters.noise.volt)
         if np.abs(misfit - filters.misfit_volt).max() <= self.gates.unknown_volt:
             return None
-        return filters_of(self, filters.noise, filters.extra_volt, misfit)
+        return filters_of(self, filters.noise, filters.extra_volt, misfit_volt=misfit)
 
     def screened(self, lined_up, before, free, possible, filters):
         """Scores, best first, and keys of effects that the records cannot show."""
@@ -342,14 +342,14 @@ def extra_volt_of(case, values):
     return tuple(extra)
 
 
-def filters_of(case, spread, extra, misfit=0.0):
+def filters_of(case, spread, extra, *, misfit_volt=0.0):
     """Filters of both stacks for a noise.
 
-    extra : see `extra_volt_of`. misfit : (n,) or 0, see `Filters`. The variance of a row grows by
-    it times the noise: least squares reweighted so that a block costs by its rms error, not by its
-    square (E. Schlossmacher, J. Am. Stat. Assoc. 68 (1973) 857).
+    extra : see `extra_volt_of`. misfit_volt : (n,) or 0, see `Filters`. By it times the noise the
+    variance of a row grows: least squares reweighted so that a block costs by its rms error, not by
+    its square (E. Schlossmacher, J. Am. Stat. Assoc. 68 (1973) 857).
     """
-    misfit = np.broadcast_to(misfit, len(extra[0]))
+    misfit = np.broadcast_to(misfit_volt, len(extra[0]))
     further = np.sqrt(np.square(extra[0]) + misfit * spread.volt)
     return Filters(
         spread,

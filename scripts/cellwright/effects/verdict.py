@@ -62,7 +62,7 @@ def gap_closed(before_volt, after_volt, floor_volt):
     return None if whole <= 0 else float(1.0 - (after_volt**2 - floor_volt**2) / whole)
 
 
-def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), entry):
+def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), entry=None):
     """Verdict of a cell or group as dict of the contract.
 
     Parameters
@@ -70,13 +70,14 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
     name : of the cell or group. result : Outcome. rounds : list of search.Round.
     place : dict, where most of the error left lies, see `judge.worst`; None.
     next_test : sentence, or None. not_testable : ids.
-    entry : function (round, state after it, outcome) → dict of one effect, as `entry_of`.
+    entry : function (round, state after it, outcome) → dict of one effect; None: `entry_of`.
 
     Returns
     -------
     verdict : dict, as in the contract; `partial` holds effects that
     explain part of an "unknown" gap, `small` keys of those that are in the model without a name.
     """
+    entry = entry or entry_of
     states = [step.before for step in rounds[1 : len(result.steps)]] + [result.last]
     entries = [
         entry(step, after, result) for step, after in zip(result.steps, states, strict=False)
@@ -107,14 +108,14 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
     }
 
 
-def entry_of(step, after, result, parts):
+def entry_of(step, after, result, parts=None):
     """Entry of one effect in a verdict: sizes at the end, errors before and after it, proof.
 
     Parameters
     ----------
     step : search.Round that chose it. after : search.State with it, from which the next round
     begins. result : Outcome. parts : (n,) number of the part of each row of the fit, see
-    `records.parts_of`: errors of different parts are taken as independent.
+    `records.parts_of`: errors of different parts are taken as independent. None: those of all rows.
     """
     effect, before, proof = step.chosen.effect, step.before, step.chosen.proof
     was, now = before.validation_rmse_volt, after.validation_rmse_volt
