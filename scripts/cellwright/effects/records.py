@@ -22,7 +22,7 @@ RATE_RATIO = 2.0
 BOTH_SHARE = 0.02
 EDGES = 20
 SAMPLING_SECOND = 2.0
-PARTS = 4
+PARTS = 4  # of each record
 
 
 class Stack(NamedTuple):
@@ -124,8 +124,14 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
 
 
 def parts_of(stack):
-    """Number of the part of each row (n,): each record in four of alike length, errors of which are
-    taken as independent."""
+    """Which quarter of which record each row is in: number (n,), counted over all records.
+
+    Errors of different quarters are taken as independent.
+
+    Parameters
+    ----------
+    stack : Stack.
+    """
     part = np.zeros(len(stack.file), int)
     for k in range(len(stack.first)):
         rows = np.flatnonzero(stack.file == k)

@@ -10,7 +10,8 @@ Both have these methods and values:
 `candidates(effects, solution, possible, further)` : what each further effect would change,
     list of `screen.Candidate`.
 `filters_for(residual, filters, earlier)` : whitening by the noise of a residual (`.noise`, `.fit`).
-`sharper(trials, filters)` : the same where the best trial shows another noise, else None.
+`sharper(trials, filters)` : the same where the trials show another noise, or misfit that
+    none of them removes, else None.
 `screened(candidates, before, free, possible, filters)` : scores, best first; keys of effects that
     the records cannot show.
 `state(effects, solution, filters)` : a fit and its errors on the records that judge, `State`.
@@ -282,7 +283,7 @@ def _without(case, model, effect, filters):
 
 
 def _round(case, possible, model, filters, earlier):
-    """The next Round and its filters; repeated while its best trial shows another noise."""
+    """The next Round and its filters; repeated while its trials ask for others (`sharper`)."""
     effects, free, solution = model.effects, model.free, model.solution
     further = {key: effect for key, effect in possible.items() if effect not in effects}
     candidates = case.candidates(effects, solution, possible, tuple(further.values()))
