@@ -8,6 +8,7 @@ another order; and an extra RC pair, whether or not one is missing.
 import numpy as np
 
 from cellwright.effects import base, search
+from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.screen import candidates, scored
@@ -85,9 +86,8 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
     ----------
     case : search.Case. first : the first round of its search. effect : the term.
     """
-    start = base.first_values(case.cell, case.fit)
-    free = base.frees(case.fit, start, case.tolerance)
-    filters, solution = first.filters, first.before.solution
+    free = unfitted(case)[1]
+    filters, solution = first.filters, first.before.solution.inside
     residual = filters.fit.apply(solution.residual)
 
     def predict(values, one):

@@ -109,7 +109,7 @@ def test_a_ramp_is_the_analytic_one_on_linear_intervals():
 
 def test_a_gain_scales_a_lag_and_keeps_what_was_kept(stack):
     plain = base.relaxed(stack, stack.current_ampere, 11.0)
-    assert 11.0 in stack.responses
+    assert any(11.0 in key for key in stack.responses)
     scaled = base.relaxed(stack, stack.current_ampere, 11.0, gain=0.3)
     np.testing.assert_allclose(scaled, 0.3 * plain, atol=1e-15)
     varying = base.relaxed(stack, stack.current_ampere, 11.0, gain=np.full(len(plain), 0.3))

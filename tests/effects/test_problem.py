@@ -159,3 +159,15 @@ def test_errors_that_last_over_blocks_are_in_the_deviations_of_their_sums():
             far[by].append(off / [told[n] for n in NAMES])
     assert np.mean(np.abs(far["rows"]) < 1.96) < 0.6
     assert np.mean(np.abs(far["blocks"]) < 1.96) > 0.85
+
+
+def test_inside_is_the_solution_without_what_a_bound_holds():
+    free = (Free("a", 0.1, upper=0.2), Free("b", 0.1), Free("c", 0.1))
+    solution = fit(linear(free), ZERO)
+    inside = solution.inside
+    assert solution.at_bound == ("a",)
+    assert inside.names == ("b", "c")
+    np.testing.assert_array_equal(inside.columns, solution.columns[:, 1:])
+    np.testing.assert_array_equal(inside.white, solution.white[:, 1:])
+    np.testing.assert_array_equal(inside.precision, solution.precision[1:, 1:])
+    assert inside.values == solution.values

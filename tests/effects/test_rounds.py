@@ -9,6 +9,7 @@ from cellwright.effects import search
 from cellwright.effects.case import Gates
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.screen import form_of
 from cellwright.effects.verdict import outcome
 from cellwright.numerics.least_squares import fit
 
@@ -40,6 +41,28 @@ def kept(truth, *names):
     assert {one.name for one in model.free} == set(model.solution.names)
     assert all(name in fitted for effect in model.effects for name in effect.names)
     return {effect.id for effect in model.effects}, set(dropped)
+
+
+@pytest.mark.parametrize("name", ["slow_diffusion", TRUE, RIVAL])
+def test_a_trial_begun_where_it_ended_by_another_noise_ends_where_one_begun_anew_does(name):
+    """By noise twice as large the optimum is as good, whatever is kept of what came before."""
+    made, step = case(HYSTERESIS), rounds(HYSTERESIS)[0]
+    plain, _, _ = made.begun()
+    louder = made.filters_for(2 * step.before.solution.residual, step.filters, ())
+    problem = made.problem((), plain, louder)
+    before = made.state((), fit(problem, step.before.solution.values), louder)
+    score = next(one for one in step.scores if one.candidate.effect.id == name)
+    form = score.candidate.form
+    ends = {
+        (trial.effect.key, form): trial.state
+        for trial in step.trials
+        if trial.effect.id == name and form_of(trial.effect, trial.state.values) == form
+    }
+    assert ends
+    about = made, LIBRARY, plain, before
+    anew, kept = (search.tried(*about, score, louder, one) for one in (None, ends))
+    gains = [before.solution.cost - one.state.solution.cost for one in (anew, kept)]
+    assert gains[1] > 0.98 * gains[0]
 
 
 def test_a_first_wrong_name_is_taken_out_once_the_true_one_is_in():

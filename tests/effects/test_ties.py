@@ -16,6 +16,7 @@ from cellwright.effects.records import stacked
 from cellwright.effects.ties import (
     STRUCTURAL,
     RestCurrent,
+    at_one_temperature,
     offset_or_leak,
     rest_current,
     tie_of,
@@ -122,6 +123,28 @@ def test_every_tie_is_of_known_effects_and_says_what_separates():
         assert tie_of(tie.partner, tie.effect) is tie
     assert tie_of("lead_resistance").exact
     assert tie_of("self_heating") is None
+
+
+def warming(*rises, ambient=(25.0,)):
+    """Stack of drives whose logged temperature rises from that of a room by so many kelvin."""
+    records = []
+    for number, (rise, celsius) in enumerate(zip(rises, ambient, strict=True)):
+        one = small.drive(f"drive_{number}", celsius=celsius)
+        warmer = celsius + rise * np.linspace(0.0, 1.0, len(one.current_ampere))
+        records.append(one._replace(celsius=warmer))
+    return stacked(records, capacity_ampere_hour=small.CAPACITY)
+
+
+def test_own_heat_is_tied_where_the_logged_temperature_rises_and_no_other_is_there():
+    """At one temperature resistances may follow the log, or a core that is warmer than it."""
+    ampere_hour = small.CAPACITY
+    tied = at_one_temperature("self_heating", warming(3.0), ampere_hour)
+    assert tied == ("resistance_temperature",)
+    assert at_one_temperature("slow_diffusion", warming(3.0), ampere_hour) == ()
+    assert at_one_temperature("self_heating", warming(0.2), ampere_hour) == ()
+    both = warming(3.0, 3.0, ambient=(25.0, 5.0))
+    assert at_one_temperature("self_heating", both, ampere_hour) == ()
+    assert "colder" in tie_of("self_heating", "resistance_temperature").check
 
 
 def logged(offset, *, noise=0.002, step=0.001, seed=5):

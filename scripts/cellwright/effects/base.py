@@ -238,19 +238,32 @@ def slow_volt(stack, fields):
 
 def relaxed(stack, drive, tau_second, *, gain=1.0):
     """First-order lag of gain·drive, at rest at the start of every record; unit of gain·drive."""
+    clock = stack.step_second, stack.fresh, stack.linear
     start = np.zeros(len(drive))
     if np.ndim(gain) or drive is not stack.current_ampere:
-        return lag_fresh(
-            stack.step_second, stack.fresh, stack.linear, gain * drive, tau_second, start
-        )
-    kept = stack.responses
-    if tau_second not in kept:
+        return lag_fresh(*clock, gain * drive, tau_second, start)
+    unit = kept_response(
+        stack, (drive,), (tau_second,), lambda: lag_fresh(*clock, drive, tau_second, start)
+    )
+    return gain * unit
+
+
+def kept_response(stack, columns, sizes, make):
+    """What follows from columns and sizes (n,): that which is kept, else made and kept.
+
+    Most parameters that a fit moves change neither.
+
+    Parameters
+    ----------
+    stack : records.Stack. columns : tuple of (n,), held with what is kept, so that the numbers by
+    which they are known stay theirs. sizes : tuple. make : function () → (n,).
+    """
+    key, kept = (*map(id, columns), *sizes), stack.responses
+    if key not in kept:
         if len(kept) >= KEPT_RESPONSES:
             kept.clear()
-        kept[tau_second] = lag_fresh(
-            stack.step_second, stack.fresh, stack.linear, drive, tau_second, start
-        )
-    return gain * kept[tau_second]
+        kept[key] = columns, make()
+    return kept[key][1]
 
 
 def lag_fresh(step, fresh, linear, drive, constant, start):
@@ -309,13 +322,14 @@ class Tolerance(NamedTuple):
     known: float = SEARCH.known_tolerance
 
 
-def frees(stack, start, tolerance, log_std=None):
+def frees(stack, start, tolerance, log_std=None, starts=None):
     """Free parameters of the plain model.
 
     Parameters
     ----------
     stack : records.Stack. start : dict of first values. tolerance : Tolerance.
     log_std : standard deviations of the logarithms by name, about the first values; None: LOG_STD.
+    starts : Free of the SoC at the start of each record; None: as stated, within its tolerance.
 
     Returns
     -------
@@ -325,7 +339,7 @@ def frees(stack, start, tolerance, log_std=None):
     stds = log_std or LOG_STD
     logs = [Free(name, LOG_STEP, start[name], stds[name], *_limits(name)) for name in LOGARITHMS]
     capacity = Free("capacity", LOG_STEP / 10, 0.0, tolerance.capacity)
-    socs = [
+    socs = starts or [
         Free(f"soc0[{k}]", SOC_STEP, soc, tolerance.soc) for k, soc in enumerate(stack.soc_at_start)
     ]
     knots = [Free(f"ocv[{k}]", VOLT_STEP) for k in range(OCV_KNOTS)]

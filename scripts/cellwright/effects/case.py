@@ -7,14 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, proof
-from cellwright.effects.judge import rests_of, start_errors, started
+from cellwright.effects import base, proof, ties
+from cellwright.effects.judge import rests_of, start_errors, started, unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import lacking, stacked
 from cellwright.effects.screen import candidates, chi_square_of, screened
 from cellwright.effects.search import State, frees_of
-from cellwright.effects.ties import offset_or_leak, rest_current, tie_of, with_partners
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import SETTLED, Problem, stds
 from cellwright.numerics.statistics import rms
@@ -111,13 +110,12 @@ class Case(NamedTuple):
         return {
             key: effect
             for key, effect in library.items()
-            if not not_excited(self, effect) and tie_of(effect.id) is None
+            if not not_excited(self, effect) and ties.tie_of(effect.id) is None
         }
 
     def begun(self):
         """Free parameters of the plain model, its first values, and filters of a first noise."""
-        values = self.start or base.first_values(self.cell, self.fit)
-        free = base.frees(self.fit, values, self.tolerance, self.log_std)
+        values, free = unfitted(self)
         return free, values, filters_of(self, noise.FIRST, extra_volt_of(self, values))
 
     def with_effect(self, free, effect):
@@ -254,7 +252,9 @@ class Case(NamedTuple):
     def ties(self, chosen, tied, denied, library):
         """The ties of a choice with their structural partners, without those that are denied."""
         values = chosen.state.solution.values
-        tied = with_partners(chosen.effect.id, tied, library, values)
+        tied = ties.with_partners(chosen.effect.id, tied, library, values)
+        ampere_hour = self.cell.capacity_ampere_hour
+        tied = (*tied, *ties.at_one_temperature(chosen.effect.id, self.fit, ampere_hour))
         if chosen.effect.id in LOGGED and _by_rest_current(self, chosen) is not None:
             denied = denied | LOGGED
         return tuple(name for name in tied if name not in denied)
@@ -269,8 +269,8 @@ def _by_rest_current(case, trial):
     """Which of current offset and leak the log at rest shows; None where it does not decide."""
     name = trial.effect.names[0]
     size, std = trial.state.solution.values[name], stds(trial.state.solution)[name]
-    rest = rest_current(case.fit, capacity_ampere_hour=case.cell.capacity_ampere_hour)
-    return offset_or_leak(rest, size_ampere=size, std_ampere=std)
+    rest = ties.rest_current(case.fit, capacity_ampere_hour=case.cell.capacity_ampere_hour)
+    return ties.offset_or_leak(rest, size_ampere=size, std_ampere=std)
 
 
 def _in_place_of_hysteresis(case, trial):

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.records import LOADED_C_RATE
+from cellwright.numerics.least_squares import Free
 from cellwright.numerics.statistics import rms
 
 READ_VOLT = 2e-3  # of a single reading at rest
@@ -13,6 +14,8 @@ LEAST_SLOPE_VOLT = 1e-3  # of the OCV over the whole SoC; below it a rest shows 
 PASSES = 3
 SETTLED_SOC = 1e-5  # a change below it ends them
 SOC_STEP = 2e-4
+# Deviations of what is known of a start: of some dozens of records none is beyond it by chance.
+SURE = 3.0
 ALIKE_SOC = 0.02  # between two rests whose OCV errs alike
 BANDS = 10  # of the SoC
 LOW_C_RATE, HIGH_C_RATE = 0.05, 0.7
@@ -88,11 +91,39 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
     return values
 
 
+def unfitted(case):
+    """The plain model of a case before any fit: first values, and its free parameters.
+
+    The SoC at the start of a record stays within what its first rest and the sheet leave unsure. A
+    start that followed the load would take up what the model lacks: a cell whose resistance doubles
+    in the cold would begin its cold records at 92 % instead of 99. Within that it is fitted.
+
+    Parameters
+    ----------
+    case : case.Case.
+
+    Returns
+    -------
+    values : dict. free : tuple of Free.
+    """
+    cell, stack, tolerance = case.cell, case.fit, case.tolerance
+    values = case.start or base.first_values(cell, stack)
+    values = started(cell, stack, values, (), tolerance)
+    stds = _start_stds(cell, stack, values, tolerance)
+    starts = []
+    for k, (stated, std) in enumerate(zip(stack.soc_at_start, stds, strict=True)):
+        name = f"soc0[{k}]"
+        limits = values[name] - SURE * std, values[name] + SURE * std
+        starts.append(Free(name, SOC_STEP, stated, tolerance.soc, *limits))
+    return values, base.frees(stack, values, tolerance, case.log_std, starts)
+
+
 def start_errors(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):
-    """Errors of the SoC at the starts that explain most of a residual, their priors held.
+    """Errors of the SoC at the starts that explain most of a residual, within what is unsure.
 
     A start that is known to a millivolt moves the whole record by as much. That is no error of the
-    model; counted as such, it would be proof of an effect that also moves whole records.
+    model; counted as such, it would be proof of an effect that also moves whole records. What asks
+    for more than the rest and the sheet leave open is the model's own.
 
     Parameters
     ----------
@@ -102,21 +133,31 @@ def start_errors(cell, stack, values, effects, tolerance, prediction, whitening,
     Returns
     -------
     moved_volt : (n,) change of the prediction by these errors [V].
-    chi_square : (f,) by which the whitened residual of each record falls.
+    chi_square : (f,) by which that of each record falls, what its prior asks in return taken off.
     """
     starts = [f"soc0[{k}]" for k in range(len(stack.first))]
     moved = values | {name: values[name] + SOC_STEP for name in starts}
     change = (base.voltage(cell, stack, moved, effects) - prediction) / SOC_STEP
     both = whitening.apply(np.stack([change, stack.voltage_volt - prediction], axis=1))
-    loaded, fitted = _loaded(cell, stack), {k for k, _ in shared}
+    stds, fitted = _start_stds(cell, stack, values, tolerance), {k for k, _ in shared}
     error_soc, fall = np.zeros(len(starts)), np.zeros(len(starts))
     for k in sorted(set(range(len(starts))) - fitted):
         column, error = both[stack.file == k].T
-        rows = len(_first_rest(stack, k, loaded))
-        precision = sum(_precisions(_slope(cell, values[starts[k]]), rows, tolerance))
-        error_soc[k] = (column @ error) / (column @ column + precision)
-        fall[k] = error_soc[k] * (column @ error)
+        error_soc[k], fall[k] = shift_within(column @ column, column @ error, stds[k])
     return change * error_soc[stack.file], fall
+
+
+def shift_within(square, shared, std):
+    """Most likely shift of a start within `SURE` deviations, and the fall of chi-square by it.
+
+    Parameters
+    ----------
+    square, shared : products of the whitened change by the shift with itself, and with the error.
+    std : of the prior; all of one shape. Returns two arrays of that shape.
+    """
+    precision = square + std**-2.0
+    shift = np.clip(shared / precision, -SURE * std, SURE * std)
+    return shift, 2 * shift * shared - shift**2 * precision
 
 
 def _loaded(cell, stack):
@@ -149,6 +190,15 @@ def _start_soc(cell, soc, stated, error, tolerance):
 def _slope(cell, soc):
     """Slope of the OCV over SoC [V]."""
     return float(np.diff(cell.ocv_at(soc + np.array([-0.005, 0.005])))[0]) / 0.01
+
+
+def _start_stds(cell, stack, values, tolerance):
+    """Standard deviation of the SoC at the start of each record, by its rest and as stated (f,)."""
+    loaded = _loaded(cell, stack)
+    rows = [len(_first_rest(stack, k, loaded)) for k in range(len(stack.first))]
+    slopes = [_slope(cell, values[f"soc0[{k}]"]) for k in range(len(rows))]
+    pairs = zip(slopes, rows, strict=True)
+    return np.array([sum(_precisions(*pair, tolerance)) ** -0.5 for pair in pairs])
 
 
 def _precisions(slope, rows, tolerance):

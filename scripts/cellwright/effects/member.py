@@ -14,6 +14,7 @@ from cellwright.circuits.model_file import std_name
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, continued_ocv_at
 from cellwright.effects import base
 from cellwright.effects.case import extra_volt_of, filters_of, problem_of
+from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.overpotential import DIFFUSION_KINDS
 from cellwright.effects.library.vocabulary import in_order
@@ -256,9 +257,9 @@ def folds(case, state, noise, *, split_rest_second):
     count = min(FOLDS, len(spans))
     if count < 2:
         return []
-    values = case.start or base.first_values(case.cell, case.fit)
+    values, free = unfitted(case)
     of_effects = [parameter for effect in state.effects for parameter in frees_of(effect)]
-    free = (*base.frees(case.fit, values, case.tolerance, case.log_std), *of_effects)
+    free = (*free, *of_effects)
     renew = tuple(parameter.name for parameter in of_effects)
     folds = []
     for fold in range(count):

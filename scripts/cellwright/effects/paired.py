@@ -16,6 +16,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.case import STEADY_C_RATE, extra_volt_of, filters_of, problem_of, state_of
+from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import LOADED_C_RATE, lacking
 from cellwright.effects.screen import neutral
@@ -464,10 +465,9 @@ def healthy_state(case, courses=COURSES):
         for e in LIBRARY.values()
         if e.id in courses and not lacking(e, case.fit, case.cell.capacity_ampere_hour)
     )
-    values = base.first_values(case.cell, case.fit)
+    values, free = unfitted(case)
     for effect in effects:
         values |= neutral(effect)
-    free = base.frees(case.fit, values, case.tolerance)
     filters = filters_of(case, FIRST, extra_volt_of(case, values))
     fitted = tuple(parameter for parameter in free if parameter.name.startswith(FITTED))
     fitted = (*fitted, *(parameter for effect in effects for parameter in frees_of(effect)))

@@ -25,9 +25,14 @@ class Candidate(NamedTuple):
 
     @property
     def form(self):
-        """Values of the parameters without a step, which no fit moves: the form of the effect."""
-        pairs = zip(self.effect.parameters, self.effect.names, strict=True)
-        return tuple(self.start[name] for p, name in pairs if not p.step)
+        """The form of the effect: see `form_of`."""
+        return form_of(self.effect, self.start)
+
+
+def form_of(effect, values):
+    """Values of the parameters of an effect without a step, which no fit moves: its form."""
+    pairs = zip(effect.parameters, effect.names, strict=True)
+    return tuple(values[name] for p, name in pairs if not p.step)
 
 
 def candidates(predict, prediction, values, library):
@@ -139,7 +144,7 @@ def evidence(step, candidate_columns, sizes, residual, whitening):
     -------
     bins : dict of lists sensitivity_volt, residual_volt, rows, one entry a bin of equal count.
     """
-    solution = step.solution
+    solution = step.solution.inside
     change = candidate_columns @ sizes
     both = np.stack([change, residual], axis=1)
     white = whitening.apply(both)
@@ -168,6 +173,7 @@ def residual_with_all(solution, candidates, whitening):
     """
     if not candidates:
         return solution.residual
+    solution = solution.inside
     many = np.concatenate([c.columns for c in candidates], axis=1)
     both = np.concatenate([solution.white, whitening.apply(many)], axis=1)
     gram = both.T @ both
@@ -201,7 +207,8 @@ def screened(case, candidates, before, possible, filters):
     many = filters.fit.apply(np.concatenate([c.columns for c in candidates], axis=1))
     regressed = base.regressed(case.cell, case.fit, solution.values, before.effects)
     without = chi_square_of(case, regressed, before.effects, filters)
-    slopes = solution.white, solution.precision, solution.values
+    inside = solution.inside
+    slopes = inside.white, inside.precision, solution.values
     for score in scored(candidates, many, residual, *slopes):
         candidate = score.candidate
         if candidate.effect.bends:

@@ -12,20 +12,18 @@ Both have these methods and values:
 `filters_for(residual, filters, earlier)` : whitening by the noise of a residual (`.noise`, `.fit`).
 `sharper(trials, filters)` : the same where the trials show another noise, or misfit that
     none of them removes, else None.
-`screened(candidates, before, free, possible, filters)` : scores, best first; keys of effects that
-    the records cannot show.
+`screened(candidates, before, free, possible, filters)` : scores, best first; keys of hidden ones.
 `state(effects, solution, filters)` : a fit and its errors on the records that judge, `State`.
 `floor(before, free, residual, filters, earlier)` : what no effect can explain, `proof.Floor`.
-`proof(before, after, filters)` : how evenly an effect helps, and whether records that judge show
-    it.
+`proof(before, after, filters)` : how evenly an effect helps; whether records that judge show it.
 `inflation(state)`, `falls(before, after)`, `rows_per_record()` : by how much the chi-square of each
     record is too large, its fall, by role; rows of each record fitted.
 `matters(first, before, trial, floor, share)` : when the size of an effect counts.
 `denied(trials)`, `ties(chosen, tied, denied, possible)` : by measurements outside the fit.
 `gates`, `polish_share`, `misled(before, trial)` : limits; which trials go on.
 `most_small` : how many effects that are too small for a name may join a model.
-`settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether those of the model
-    serve its refit to another noise.
+`settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether they serve a refit to
+    another noise.
 """
 
 from typing import NamedTuple
@@ -34,7 +32,7 @@ import numpy as np
 
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.proof import explained, followed, judged_well, left_volt, significant
-from cellwright.effects.screen import residual_with_all
+from cellwright.effects.screen import form_of, residual_with_all
 from cellwright.numerics.least_squares import Free, fit
 
 CHORD_STEPS, POLISH_STEPS, ANEW_STEPS, NOISE_STEPS = 6, 4, 4, 3
@@ -200,9 +198,8 @@ def _round_beside_small(case, possible, model, filters, earlier):
     """The next Round, the model it begins from, and its filters.
 
     What explains most may be too small for anyone to act on: a healthy cell's resistance falls a
-    little with temperature, too. It is there all the same, and what it leaves would count as
-    misfit against all others. It joins the model without a name, and the others are tried beside
-    it.
+    little with temperature, too. It is there all the same, and what it leaves would count as misfit
+    against all others. It joins the model without a name, and the others are tried beside it.
     """
     while True:
         step, filters = _round(case, possible, model, filters, earlier)
@@ -289,14 +286,14 @@ def _round(case, possible, model, filters, earlier):
     candidates = case.candidates(effects, solution, possible, tuple(further.values()))
     residual = residual_with_all(solution, candidates, filters.fit)
     filters = case.filters_for(residual, filters, earlier)
-    for _ in range(SHARPENED):
-        step = _tested(case, possible, effects, free, solution, filters, candidates)
-        sharper = case.sharper(step.trials, filters) if step.trials else None
+    trials, sharper = (), filters
+    for again in range(SHARPENED, -1, -1):
+        filters = sharper
+        step = _tested(case, possible, effects, free, solution, filters, candidates, trials)
+        solution, trials = step.before.solution, step.trials
+        sharper = case.sharper(trials, filters) if trials and again else None
         if sharper is None:
             break
-        solution, filters = step.before.solution, sharper
-    else:
-        step = _tested(case, possible, effects, free, solution, filters, candidates)
     floor = case.floor(step.before, free, residual, filters, earlier)
     first = earlier[0].before if earlier else step.before
     denied = case.denied(step.trials)
@@ -308,8 +305,11 @@ def _round(case, possible, model, filters, earlier):
     return step._replace(chosen=chosen, tied=tied), filters
 
 
-def _tested(case, possible, effects, free, solution, filters, candidates):
-    """A Round without a choice: refit to the noise, screen, try the best."""
+def _tested(case, possible, effects, free, solution, filters, candidates, earlier):
+    """A Round without a choice: refit to the noise, screen, try the best.
+
+    earlier : Trials of the same round with another noise; a trial begins where it ended there.
+    """
     problem = case.problem(effects, free, filters)
     columns = solution.columns if case.keeps_derivatives else None
     steps = {"steps": NOISE_STEPS, "settled": case.settled}
@@ -320,20 +320,21 @@ def _tested(case, possible, effects, free, solution, filters, candidates):
     best = dict.fromkeys(score.candidate.effect.key for score in scores)
     best = set(list(best)[: case.gates.refits])
     asked = [score for score in scores if score.candidate.effect.key in best]
-    trials = [tried(case, possible, free, before, score, filters) for score in asked]
-    trials = _polished(case, free, before, trials, filters)
-    trials = judged(case, before, trials, filters)
+    ends = {(t.effect.key, form_of(t.effect, t.state.values)): t.state for t in earlier}
+    trials = [tried(case, possible, free, before, score, filters, ends) for score in asked]
+    trials = judged(case, before, _polished(case, free, before, trials, filters), filters)
     return Round(before, filters, None, scores, trials, None, (), hidden)
 
 
-def tried(case, possible, free, before, score, filters):
+def tried(case, possible, free, before, score, filters, ends=None):
     """Trial of a candidate: refitted from the values that its score test estimates.
 
     Parameters
     ----------
     case : as in `search`. possible : dict of Effect by key, in whose order effects act.
     free : tuple of Free without the effect. before : State without it. score : screen.Score.
-    filters : of the round.
+    filters : of the round. ends : State by key and form of effects that were fitted by another
+        noise, from which they begin; or None.
 
     Returns
     -------
@@ -342,11 +343,13 @@ def tried(case, possible, free, before, score, filters):
     effect = score.candidate.effect
     effects = in_order((*before.effects, effect), possible | {effect.key: effect})
     problem = case.problem(effects, case.with_effect(free, effect), filters)
+    end = (ends or {}).get((effect.key, score.candidate.form))
+    start = end.solution.values if end else score.values
     if effect.bends:
-        solution = fit(problem, score.values, steps=ANEW_STEPS)
+        solution = fit(problem, start, steps=ANEW_STEPS)
     else:
-        kept = {"columns": before.solution.columns, "white": before.solution.white}
-        solution = fit(problem, score.values, **kept, steps=CHORD_STEPS)
+        kept = {name: getattr(before.solution, name) for name in ("columns", "white", "gram")}
+        solution = fit(problem, start, **kept, steps=CHORD_STEPS)
     return _trial(case, before, effect, effects, score.chi_square, solution, filters)
 
 

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects.records import LOADED_C_RATE
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.records import LOADED_C_RATE, lacking
 
 AT_REST_C_RATE = 2.5 * LOADED_C_RATE  # an offset of the reading must not make a rest a load
 STEADY_C_RATE = LOADED_C_RATE / 2  # within a rest, about its median
@@ -14,6 +15,8 @@ DECIDED = 9.0  # chi-square between the two explanations of a current logged at 
 FITTING = 9.0  # chi-square up to which the better of them fits
 SLACK = 0.15  # share of its size by which a fit of an imperfect model may miss an offset
 FINEST_C_RATE = 1e-7  # no log resolves less
+WARMED_KELVIN = 1.0  # a smaller change of the logged temperature within a record moves nothing
+OWN_HEAT, OF_LOGGED = "self_heating", "resistance_temperature"
 
 
 class Tie(NamedTuple):
@@ -59,6 +62,10 @@ STRUCTURAL = (
         *("voltage_gain", "ocv_shift", False, True, False),
         "two voltage references in place of the cell",
     ),
+    Tie(
+        *(OWN_HEAT, OF_LOGGED, False, False, False),
+        "the same drive in a chamber 15 K colder or warmer",
+    ),
 )
 
 
@@ -94,6 +101,23 @@ def with_partners(effect, tied, library, values):
     for tied_effect in (effect, *tied):
         ids += _partners(tied_effect, library, values)
     return tuple(dict.fromkeys(other for other in ids if other != effect))
+
+
+def at_one_temperature(effect, stack, capacity_ampere_hour):
+    """Partner of own heat where the logged temperature rises with the load: tuple of ids.
+
+    Resistances fall under lasting load by heat inside the cell, or because they follow the
+    temperature that was logged. Nothing tells which, without records at another temperature; where
+    there are such, the second is a candidate, too, and the fits decide.
+
+    Parameters
+    ----------
+    effect : id that was chosen. stack : records.Stack fitted. capacity_ampere_hour : [Ah].
+    """
+    if effect != OWN_HEAT or not lacking(LIBRARY[OF_LOGGED], stack, capacity_ampere_hour):
+        return ()
+    warmed = max(np.ptp(stack.celsius[stack.part([k])]) for k in range(len(stack.first)))
+    return (OF_LOGGED,) if warmed >= WARMED_KELVIN else ()
 
 
 def tie_of(effect, other=None):

@@ -7,6 +7,17 @@
 #include <stdint.h>
 #include <string.h>
 
+#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
+#define CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define CLONES
+#endif
+
+static const double INVERSE_FACTORIAL[14] = {
+    1.0,           1.0,           1.0 / 2,        1.0 / 6,         1.0 / 24,
+    1.0 / 120,     1.0 / 720,     1.0 / 5040,     1.0 / 40320,     1.0 / 362880,
+    1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800};
+
 /* Steps whose weights are kept. They differ from row to row, but are few: whole samples of the
  * clock of a record. */
 #define KNOWN_BITS 9
@@ -58,28 +69,59 @@ void lag(int64_t n, int64_t m, const double *step, const double *tau, int64_t ta
     }
 }
 
-/* The same for records that lie one after the other: step[k] is the time since row k − 1, in which
+#define TINY 1e-300 /* no time, no change: their ratio is one */
+enum { BLOCK = 128, TERMS = 13 };
+#define EACH for (int64_t i = 0; i < BLOCK; i++)
+
+/* Four lanes on every machine, so that every machine adds in the same order. */
+typedef double Lanes __attribute__((vector_size(32)));
+typedef int64_t Bits __attribute__((vector_size(32)));
+
+/* 1 - exp(-x) of x >= 0, to rounding, for a block at once: exp(-x) = 2^n · exp(rest), where the
+ * last bits of a number too large for a fraction are n. */
+static inline __attribute__((always_inline)) void gains(double *x) {
+    const double large = 6755399441055744.0; /* 1.5 · 2^52 */
+    EACH x[i] = x[i] < 700.0 ? -x[i] : -700.0;
+    Lanes *lanes = (Lanes *)x;
+    for (int64_t i = 0; i < BLOCK / 4; i++) {
+        const Lanes whole = lanes[i] * 1.4426950408889634 + large, n = whole - large;
+        const Lanes rest = lanes[i] - n * 0x1.62e42feep-1 - n * 0x1.a39ef35793c76p-33; /* n ln 2 */
+        Lanes series = rest * INVERSE_FACTORIAL[TERMS] + INVERSE_FACTORIAL[TERMS - 1];
+#pragma GCC unroll 12
+        for (int k = TERMS - 2; k >= 1; k--) series = series * rest + INVERSE_FACTORIAL[k];
+        const Lanes scale = (Lanes)(((Bits)whole + 1023) << 52);
+        lanes[i] = (1.0 - scale) - scale * (series * rest);
+    }
+}
+
+/* The same for records that lie one after the other: step[k] is the time since row k - 1, in which
  * the drive moved on a straight line where linear[k] is not zero, else kept its value; where
- * fresh[k] is not zero the state begins anew at start[k]. */
-void lag_fresh(int64_t n, const double *step, const double *fresh, const double *linear, double tau,
-               const double *start, const double *drive, double *state) {
-    struct {
-        double step, linear, decay, before, after;
-    } known[KNOWN];
-    for (int64_t i = 0; i < KNOWN; i++) known[i].step = -1.0;
-    for (int64_t k = 0; k < n; k++) {
-        if (fresh[k] != 0.0) {
-            state[k] = start[k];
-            continue;
+ * fresh[k] is not zero the state begins anew at start[k].
+ *
+ * Steps hardly repeat where rows are means of many, so that none is looked up: what does not wait
+ * for the row before is made for a block of rows at once. */
+CLONES void lag_fresh(int64_t n, const double *step, const double *fresh, const double *linear,
+                      double tau, const double *start, const double *drive, double *state) {
+    double gain[BLOCK] __attribute__((aligned(32))), ratio[BLOCK], decay[BLOCK], pull[BLOCK];
+    double last = 0.0, earlier[BLOCK];
+    for (int64_t from = 0; from < n; from += BLOCK) {
+        const int64_t rows = n - from < BLOCK ? n - from : BLOCK;
+        const double *x = drive + from, *line = linear + from;
+        const double *begun = fresh + from, *first = start + from;
+        for (int64_t i = 0; i < rows; i++) ratio[i] = step[from + i] / tau;
+        for (int64_t i = rows; i < BLOCK; i++) ratio[i] = 0.0;
+        EACH gain[i] = ratio[i];
+        gains(gain);
+        earlier[0] = from ? x[-1] : 0.0;
+        memcpy(earlier + 1, x, (size_t)(rows - 1) * sizeof *x);
+        for (int64_t i = 0; i < rows; i++) {
+            /* By factors of one and zero: where a value is chosen, rows do not go abreast. */
+            const double mean = (gain[i] + TINY) / (ratio[i] + TINY);
+            const double before = gain[i] + line[i] * (mean - 1.0);
+            const double after = line[i] * (1.0 - mean);
+            decay[i] = (1.0 - begun[i]) * (1.0 - gain[i]);
+            pull[i] = begun[i] * first[i] + (1.0 - begun[i]) * (before * earlier[i] + after * x[i]);
         }
-        const int64_t i = slot_of(step[k]);
-        if (known[i].step != step[k] || known[i].linear != linear[k]) {
-            known[i].step = step[k];
-            known[i].linear = linear[k];
-            weights(step[k], tau, linear[k] != 0.0, &known[i].decay, &known[i].before,
-                    &known[i].after);
-        }
-        state[k] = known[i].decay * state[k - 1] +
-                   (known[i].before * drive[k - 1] + known[i].after * drive[k]);
+        for (int64_t i = 0; i < rows; i++) state[from + i] = last = decay[i] * last + pull[i];
     }
 }

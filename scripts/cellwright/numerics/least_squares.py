@@ -42,9 +42,9 @@ class Problem(NamedTuple):
     predict : function (values) → (n,) prediction. measured : (n,). whiten : rows → rows.
 
     free : tuple of Free. coupling : (k, k) prior precision beyond that of the single parameters, or
-    None, about zero. apart : function (values) → list of (names, owner): parameters without bounds
-    and of one step that each move rows of their own, and for each row the number of that which
-    moves it. Their derivatives are made together. None: there are none.
+    None, about zero. apart : function (values) → list of (names, owner): parameters of one step
+    that each move rows of their own, and for each row the number of that which moves it. Their
+    derivatives are made together, across a bound if need be. None: there are none.
     exact : True: each step is the exact minimum of its quadratic within the bounds
     (`bounded_minimum`), for problems with bounds on most parameters; False: a parameter that a step
     takes beyond a bound stays on it (`clipped_minimum`).
@@ -64,8 +64,8 @@ class Solution(NamedTuple):
 
     values : dict. prediction, residual : (n,). chi_square : of the whitened residual, without
     priors. cost : with them. columns : (n, k) derivatives at (or near) the solution, not whitened.
-    white : the same whitened. precision : (k, k) of the posterior. at_bound : names of the
-    parameters on a bound.
+    white : the same whitened. gram : (k, k) their products. precision : (k, k) of the posterior,
+    priors included. at_bound : names of the parameters on a bound.
     names : of the columns. whitened : (n,) residual, whitened.
     """
 
@@ -76,13 +76,28 @@ class Solution(NamedTuple):
     cost: float
     columns: np.ndarray
     white: np.ndarray
+    gram: np.ndarray
     precision: np.ndarray
     at_bound: tuple
     names: tuple
     whitened: np.ndarray
 
+    @property
+    def inside(self):
+        """The same without the parameters on a bound, which follow no further change."""
+        off = [k for k, name in enumerate(self.names) if name not in self.at_bound]
+        return self._replace(
+            columns=self.columns[:, off],
+            white=self.white[:, off],
+            gram=self.gram[np.ix_(off, off)],
+            precision=self.precision[np.ix_(off, off)],
+            names=tuple(self.names[k] for k in off),
+        )
 
-def fit(problem, values, *, columns=None, white=None, renew=(), steps=STEPS, settled=SETTLED):
+
+def fit(
+    problem, values, *, columns=None, white=None, gram=None, renew=(), steps=STEPS, settled=SETTLED
+):
     """Most likely values of a problem by damped Gauss–Newton steps, and the curvature there.
 
     Parameters
@@ -91,7 +106,8 @@ def fit(problem, values, *, columns=None, white=None, renew=(), steps=STEPS, set
     columns : (n, j) derivatives by the first j parameters to begin with, or None: they are made.
         Where given, only those of further parameters and of those named in `renew` are made anew
         at each step (a chord method: near the solution the others hardly change).
-    white : (n, j) those derivatives whitened, or None: they are whitened here.
+    white : (n, j) those derivatives whitened, or None: they are whitened here. gram : (j, j) their
+        products, or None: they are made.
     steps : at most so many. settled : a fall of the cost below it ends the walk.
 
     Returns
@@ -103,14 +119,15 @@ def fit(problem, values, *, columns=None, white=None, renew=(), steps=STEPS, set
     chord = columns is not None
     columns = columns if chord else derivatives(problem, state.values, state.prediction)
     white = problem.whiten(columns) if white is None else white
-    names, gram = [f.name for f in problem.free], None
+    names = [f.name for f in problem.free]
     at_renewed = [k for k, n in enumerate(names) if k >= columns.shape[1] or n in renew]
     if at_renewed:
+        gram = None if gram is None else _widened(_widened(gram, len(names)).T, len(names))
         columns, white = (_widened(rows, len(names)) for rows in (columns, white))
     for _ in range(steps):
         if at_renewed:
             _renew(problem, state, columns, white, at_renewed)
-        gram = white.T @ white if gram is None or at_renewed else gram
+        gram = _products(white, gram, at_renewed)
         at = np.array([state.values[name] for name in names])
         gradient = white.T @ state.whitened + pull - prior @ at
         next_state, damping = _damped_step(
@@ -126,8 +143,9 @@ def fit(problem, values, *, columns=None, white=None, renew=(), steps=STEPS, set
     bound = tuple(f.name for f in free if state.values[f.name] in (f.lower, f.upper))
     residual = problem.measured - state.prediction
     outcome = (state.values, state.prediction, residual, state.chi_square, state.cost)
-    precision = (white.T @ white if gram is None else gram) + prior
-    return Solution(*outcome, columns, white, precision, bound, tuple(names), state.whitened)
+    gram = _products(white, gram, [])
+    shapes = columns, white, gram, gram + prior
+    return Solution(*outcome, *shapes, bound, tuple(names), state.whitened)
 
 
 def derivatives(problem, values, prediction, names=None):
@@ -203,6 +221,17 @@ def _renew(problem, state, columns, white, at):
     names = {problem.free[k].name for k in at}
     columns[:, at] = derivatives(problem, state.values, state.prediction, names)
     white[:, at] = problem.whiten(columns[:, at])
+
+
+def _products(white, gram, renewed):
+    """Products (k, k) of columns with each other: those given, but for columns that are new."""
+    if gram is None:
+        return white.T @ white
+    if not renewed:
+        return gram
+    products, gram = white.T @ white[:, renewed], gram.copy()
+    gram[:, renewed], gram[renewed] = products, products.T
+    return gram
 
 
 def _damped_step(problem, state, gradient, precision, prior, pull, damping):

@@ -10,6 +10,9 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
+# Before numpy is loaded: several searches with threads of their own slow each other down fivefold.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from effect_benchmark import campaign
 from effect_benchmark.scoring import Share
 from effect_benchmark.zoo import judging, searching
@@ -75,7 +78,6 @@ def _answers(folder, names, jobs):
         for name in names:
             yield from searching.answers(mine, [name])
         return
-    os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
     with ProcessPoolExecutor(jobs) as pool:
         yield from pool.map(partial(_alone, folder), names)
 

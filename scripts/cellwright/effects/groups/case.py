@@ -16,7 +16,7 @@ from cellwright.effects.groups.model import (
     group_names,
     group_run,
 )
-from cellwright.effects.judge import READ_VOLT
+from cellwright.effects.judge import READ_VOLT, shift_within
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.proof import Floor, blocks_of, consistency, excess_volt, inflation
 from cellwright.effects.records import LOADED_C_RATE
@@ -426,7 +426,7 @@ def _started(case, values, effects):
 
 
 def _start_errors(case, values, effects, prediction, error, filters):
-    """Errors of the group's SoC at the starts that explain most of an error, priors held.
+    """Errors of the group's SoC at the starts that explain most of an error, within what is unsure.
 
     Returns the change of the prediction (m,) by them, and the fall of the chi-square of each
     record (f,); see `judge.start_errors`.
@@ -439,8 +439,8 @@ def _start_errors(case, values, effects, prediction, error, filters):
     white, error = filters.validation.apply(np.stack([change, error], axis=1)).T
     files = case.files_of(stack)
     square, shared = np.bincount(files, white**2), np.bincount(files, white * error)
-    error_soc = shared / (square + case.shared.soc**-2.0)
-    return change * error_soc[files], error_soc * shared
+    error_soc, fall = shift_within(square, shared, case.shared.soc)
+    return change * error_soc[files], fall
 
 
 def _shift(case, stated, shift, error):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.circuits.circuit import KINDS
-from cellwright.effects.base import lag_fresh
+from cellwright.effects.base import kept_response, lag_fresh
 from cellwright.effects.library.vocabulary import Effect, Parameter
 
 # Kinds of branch of slow diffusion: an RC pair; a layer of finite length; a sphere (time constant:
@@ -27,16 +27,24 @@ def _slow_diffusion(fields, stack, p):
     dx/dt = R·I/τ − x/τ(z): what flows in does not depend on the diffusivity D, what evens out
     does, so that R(z)/τ(z) is one number.
     """
+    columns, names = (fields.soc, fields.current), [n for n in p if n != "resistance_ohm"]
+    sizes = (_slow_diffusion, *(p[name] for name in names))
+    of_one_ohm = kept_response(stack, columns, sizes, lambda: _diffusion_volt(fields, stack, p))
+    return fields._replace(volt=fields.volt + p["resistance_ohm"] * of_one_ohm)
+
+
+def _diffusion_volt(fields, stack, p):
+    """Voltage of slow diffusion with a resistance of one ohm (n,) [V]."""
     faster = np.exp(p["log_diffusivity_to_full"] * (np.clip(fields.soc, 0.0, 1.0) - 0.5))
     kind, start = KINDS[DIFFUSION_KINDS[int(p["finite_length"])]], np.zeros(len(fields.soc))
-    lags = kind.lags(r_ohm=p["resistance_ohm"], tau_second=p["time_constant_second"])
-    drive = p["resistance_ohm"] * fields.current / faster
+    lags = kind.lags(r_ohm=1.0, tau_second=p["time_constant_second"])
+    drive = fields.current / faster
     clock = stack.step_second * faster
     volts = (
         lag.share * lag_fresh(clock, stack.fresh, stack.linear, drive, lag.constant, start)
         for lag in lags
     )
-    return fields._replace(volt=fields.volt + sum(volts))
+    return sum(volts)
 
 
 def _charge_transfer_branch(p, r0_ohm, capacity_ampere_hour, soc):
