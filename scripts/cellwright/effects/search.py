@@ -33,10 +33,11 @@ import numpy as np
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.proof import explained, followed, judged_well, left_volt, significant
 from cellwright.effects.screen import form_of, residual_with_all
-from cellwright.numerics.least_squares import Free, fit
+from cellwright.numerics.least_squares import Free, derivatives, fit
 
 CHORD_STEPS, POLISH_STEPS, ANEW_STEPS, NOISE_STEPS = 6, 4, 4, 3
 POLISHED = 3  # how many trials at most
+REDERIVED = 3  # how often at most a trial is refitted with new derivatives
 SHARPENED = 2  # how often at most a round is repeated with another noise
 STAYS = 0.7  # of the size from which an effect counts: with that much, one that was chosen stays
 OUTDONE = 0.5  # of the best J: no effect below it is chosen, where the better ones are immaterial
@@ -203,8 +204,7 @@ def _round_beside_small(case, possible, model, filters, earlier):
     """
     while True:
         step, filters = _round(case, possible, model, filters, earlier)
-        few = len(model.small) < case.most_small
-        trial = _best_too_small(case, step, earlier) if few else None
+        trial = _best_too_small(case, step, earlier) if len(model.small) < case.most_small else None
         if trial is None:
             return step._replace(small=model.small), model, filters
         model = _unnamed(case, _with_choice(case, model, trial, filters), trial)
@@ -299,10 +299,9 @@ def _round(case, possible, model, filters, earlier):
     denied = case.denied(step.trials)
     allowed = [t for t in step.trials if t.effect.key not in denied]
     chosen, tied = best_of(case, first, step.before, allowed, floor)
-    step = step._replace(floor=floor)
     if chosen is not None:
         tied = case.ties(chosen, tied, denied, possible)
-    return step._replace(chosen=chosen, tied=tied), filters
+    return step._replace(floor=floor, chosen=chosen, tied=tied), filters
 
 
 def _tested(case, possible, effects, free, solution, filters, candidates, earlier):
@@ -344,12 +343,14 @@ def tried(case, possible, free, before, score, filters, ends=None):
     effects = in_order((*before.effects, effect), possible | {effect.key: effect})
     problem = case.problem(effects, case.with_effect(free, effect), filters)
     end = (ends or {}).get((effect.key, score.candidate.form))
-    start = end.solution.values if end else score.values
-    if effect.bends:
-        solution = fit(problem, start, steps=ANEW_STEPS)
+    start, kept = end.solution.values if end else score.values, {"steps": CHORD_STEPS}
+    if not effect.bends:
+        kept |= {name: getattr(before.solution, name) for name in ("columns", "white", "gram")}
+    elif end:
+        kept |= {"columns": end.solution.columns, "renew": effect.names}
     else:
-        kept = {name: getattr(before.solution, name) for name in ("columns", "white", "gram")}
-        solution = fit(problem, start, **kept, steps=CHORD_STEPS)
+        kept = {"steps": ANEW_STEPS}
+    solution = fit(problem, start, **kept)
     return _trial(case, before, effect, effects, score.chi_square, solution, filters)
 
 
@@ -402,9 +403,8 @@ def judged(case, before, trials, filters):
 
 
 def _polished(case, free, before, trials, filters):
-    """Trials, best first; the best refitted with new derivatives where kept ones do not hold.
-
-    The best by the fit is among them, whatever it does on other records before it is refitted.
+    """Trials, best first; the best, and the best by the fit alone, refitted with new derivatives
+    where kept ones do not hold.
     """
     trials = sorted(trials, key=lambda t: -t.j)
     best = max(trials[0].j, 0.0) if trials else 0.0
@@ -417,10 +417,17 @@ def _polished(case, free, before, trials, filters):
 
 
 def _refitted(case, free, before, trial, filters):
+    """A Trial refitted with derivatives made where it is, and anew where it ends far from there."""
     effect, effects = trial.effect, trial.state.effects
     problem = case.problem(effects, case.with_effect(free, effect), filters)
-    solution = fit(problem, trial.state.solution.values, steps=2 * POLISH_STEPS)
-    return _trial(case, before, effect, effects, trial.score, solution, filters)
+    for _ in range(REDERIVED):
+        origin, end = trial.state, trial.state.solution
+        kept = {"columns": derivatives(problem, end.values, end.prediction), "renew": effect.names}
+        solution = fit(problem, end.values, **kept, steps=CHORD_STEPS)
+        trial = _trial(case, before, effect, effects, trial.score, solution, filters)
+        if not case.misled(origin, trial):
+            break
+    return trial
 
 
 def frees_of(effect):
