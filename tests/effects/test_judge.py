@@ -7,9 +7,17 @@ from small_plant import HEALTHY, case
 
 from cellwright.effects import base
 from cellwright.effects.base import Tolerance
-from cellwright.effects.judge import SURE, Rests, rests_of, start_errors, started, unfitted
-from cellwright.effects.records import stacked
-from cellwright.numerics.least_squares import Solution
+from cellwright.effects.judge import (
+    SURE,
+    Rests,
+    rests_of,
+    start_errors,
+    started,
+    stretched,
+    unfitted,
+)
+from cellwright.effects.records import parts_of, stacked
+from cellwright.numerics.least_squares import Solution, fit
 from cellwright.numerics.noise import FIRST, whitening
 
 TRUE = 0.95
@@ -120,3 +128,36 @@ def test_records_fitted_begin_where_their_rest_says_whatever_follows():
         assert (one.lower + one.upper) / 2 == pytest.approx(by_rest[one.name], abs=1e-4)
         assert one.upper - one.lower <= 2 * SURE * made.tolerance.soc
     assert any(one.upper - one.lower < 0.4 * SURE * made.tolerance.soc for one in starts)
+
+
+def fitted(made):
+    free, values, filters = made.begun()
+    return made.state((), fit(made.problem((), free, filters), values), filters)
+
+
+def test_what_a_model_takes_beyond_its_tolerance_is_told_and_of_a_healthy_cell_there_is_none():
+    made = case(HEALTHY)
+    state, parts = fitted(made), parts_of(made.fit)
+    assert stretched(made, state, parts) == []
+    start = next(one for one in unfitted(made)[1] if one.name == "soc0[0]")
+    moved = {"capacity": -0.12, "ocv[7]": 0.04, "soc0[0]": start.upper}
+    solution = state.solution._replace(
+        values=state.solution.values | moved, at_bound=("soc0[0]", "log_tau1")
+    )
+    found = stretched(made, state._replace(solution=solution), parts)
+    capacity, ocv, soc = found
+    assert [one["name"] for one in found] == ["capacity", "open_circuit_voltage", "soc_at_start"]
+    assert (capacity["value"], capacity["prior_std"]) == (-0.12, made.tolerance.capacity)
+    assert (ocv["value"], ocv["soc"], ocv["unit"]) == (0.04, pytest.approx(7 / 15), "V")
+    assert (soc["test"], soc["value"]) == (
+        made.fit.tests[0],
+        pytest.approx((start.upper - start.lower) / 2),
+    )
+
+
+def test_a_capacity_that_the_records_hardly_tell_is_not_beyond_its_tolerance():
+    made = case(HEALTHY)
+    state = fitted(made)
+    values = state.solution.values | {"capacity": 4 * made.tolerance.capacity}
+    flat = state.solution._replace(values=values, precision=1e-9 * state.solution.precision)
+    assert stretched(made, state._replace(solution=flat), parts_of(made.fit)) == []

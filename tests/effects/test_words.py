@@ -164,10 +164,19 @@ def test_bases_have_their_own_model():
     assert said("none", base="plain") == said("none")
 
 
-def test_a_sheet_or_sensor_beyond_its_tolerance_is_told():
-    moved = {"name": "temperature", "test": "cold", "value": 5.1, "std": 0.3, "unit": "K"}
-    text = said("none", nuisances=[moved | {"prior_std": 1.0}])
-    assert "temperature of cold is off by 5.1 ± 0.3 K, beyond its tolerance of 1 K" in text
+def test_what_ends_beyond_its_tolerance_is_told():
+    capacity = {"name": "capacity", "test": None, "soc": None, "value": -0.12, "std": 0.004}
+    ocv = {"name": "open_circuit_voltage", "test": None, "soc": 0.9, "value": 0.04, "std": 0.001}
+    starts = [
+        {"name": "soc_at_start", "test": test, "soc": None, "value": 0.01, "unit": "1"}
+        for test in ("a", "b", "c", "d")
+    ]
+    known = {"unit": "1", "prior_std": 0.003}, {"unit": "V", "prior_std": 1.5e-3}
+    text = said("none", nuisances=[capacity | known[0], ocv | known[1], *starts])
+    assert "the capacity 12 % below the measured one (± 0.4 %; tolerance 0.3 %)" in text
+    assert "at 90 % SoC 40.0 mV above its curve (± 1.0 mV; tolerance 1.5 mV)" in text
+    assert "the SoC at the start of a, b, c and 1 more is at the limit its rest allows" in text
+    assert "Beyond what was declared" not in said("none", nuisances=[])
 
 
 def test_floors_stand_for_the_noise_where_they_are_known():
@@ -193,7 +202,14 @@ def test_no_text_for_fields_that_are_missing_or_empty():
     plain = said("named", effects=[step()])
     empty = {"base": None, "remainder": None, "floors": [], "nuisances": [], "probabilities": {}}
     assert said("named", effects=[step(proof=None, blocks=None)], **empty, worsened=[]) == plain
-    for word in ("How likely", "Worse", "Not an effect", "Left beyond", "To test next", "Unsure"):
+    for word in (
+        "How likely",
+        "Worse",
+        "Beyond what was declared",
+        "Left beyond",
+        "To test next",
+        "Unsure",
+    ):
         assert word not in plain
 
 

@@ -10,7 +10,7 @@ from cellwright.effects.ceiling import ceiling, reached
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case, with_simulated
 from cellwright.effects.given.judged import as_given, judged_blocks
-from cellwright.effects.judge import joined, residual_map, worst
+from cellwright.effects.judge import joined, residual_map, stretched, worst
 from cellwright.effects.member import folds
 from cellwright.effects.odds import likely, probabilities
 from cellwright.effects.paired import Pairing, paired
@@ -256,12 +256,14 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict["next_test_id"] = test
     verdict["probabilities"] = shares_of_answers
     verdict["worsened"] = worsened(residuals)
+    kept = bool(result.steps) and result.word in KEPT
+    state = result.last if kept else rounds[0].before
+    verdict["nuisances"] = stretched(case, state, parts_of(case.fit))
     ranking = ranking_of(case, rounds, result)
     small = dict.fromkeys(verdict["small"], "in the model, too small for anyone to act on")
     verdict["against"] = _last_against(ranking, named) | small
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
-    kept = bool(result.steps) and result.word in KEPT
-    model = model_of(case, result.last if kept else rounds[0].before)
+    model = model_of(case, state)
     verdict["paragraph"] = paragraph(verdict, library, values=values_of(model))
     if kept and split_rest_second is not None:
         rest = {"split_rest_second": split_rest_second}

@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.records import LOADED_C_RATE
-from cellwright.numerics.least_squares import Free
+from cellwright.numerics.least_squares import Free, stds
 from cellwright.numerics.statistics import rms
 
 READ_VOLT = 2e-3  # of a single reading at rest
@@ -116,6 +116,50 @@ def unfitted(case):
         limits = values[name] - SURE * std, values[name] + SURE * std
         starts.append(Free(name, SOC_STEP, stated, tolerance.soc, *limits))
     return values, base.frees(stack, values, tolerance, case.log_std, starts)
+
+
+def stretched(case, state, parts):
+    """What was declared with a tolerance and ends surely beyond it in a fitted model.
+
+    Such a quantity stands in for something that the model lacks, or was declared wrongly: a
+    capacity taken 12 % smaller than was measured may be a current that reads 12 % too much.
+
+    Parameters
+    ----------
+    case : case.Case. state : search.State of the model. parts : (n,) number of the part of each row
+        of the fit, see `records.parts_of`.
+
+    Returns
+    -------
+    nuisances : list of dict, of the capacity (relative), of the OCV where its error is largest
+        beside its tolerance [V], and of each start that its limit holds (SoC): name, test, soc
+        (None where there is none), value (beyond what was declared), std, unit, prior_std.
+    """
+    solution, free = state.solution, {one.name: one for one in unfitted(case)[1]}
+    deviations, found = stds(solution, parts), []
+    knots = [f"ocv[{k}]" for k in range(base.OCV_KNOTS)]
+    farthest = max(knots, key=lambda name: abs(solution.values[name]))
+    soc = knots.index(farthest) / (base.OCV_KNOTS - 1)
+    asked = (
+        ("capacity", "capacity", None, "1", case.tolerance.capacity),
+        ("open_circuit_voltage", farthest, soc, "V", case.tolerance.ocv_volt),
+    )
+    for name, parameter, soc, unit, prior_std in asked:
+        value, std = solution.values[parameter], deviations[parameter]
+        if abs(value) > SURE * max(prior_std, std):
+            found.append(_beyond(name, None, soc, value, std, unit, prior_std))
+    for k, test in enumerate(case.fit.tests):
+        name = f"soc0[{k}]"
+        if name in solution.at_bound:
+            half = (free[name].upper - free[name].lower) / 2
+            value = solution.values[name] - free[name].lower - half
+            found.append(_beyond("soc_at_start", test, None, value, None, "1", half / SURE))
+    return found
+
+
+def _beyond(name, test, soc, value, std, unit, prior_std):
+    numbers = {"value": float(value), "std": std, "unit": unit, "prior_std": float(prior_std)}
+    return {"name": name, "test": test, "soc": soc} | numbers
 
 
 def start_errors(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):

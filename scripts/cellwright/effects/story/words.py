@@ -34,7 +34,7 @@ NAMES = {
 LEAST_PROBABILITY = 0.01
 BENT = 1.1  # times its error as it is, beyond which a given model was bent by the records fitted
 MANY_WORSE = 0.1  # of the parts that are better: so many worse ones make a name unsure
-SHOWN_WORSE = 2
+SHOWN_WORSE, SHOWN_STARTS = 2, 3
 
 
 class Phrases(NamedTuple):
@@ -158,7 +158,7 @@ def paragraph(verdict, library, phrases=None, values=None):
         *_as_given(verdict),
         *_remainder(verdict),
         *_worsened(verdict),
-        *map(_nuisance, verdict.get("nuisances") or []),
+        *_stretched(verdict.get("nuisances") or []),
         *_probabilities(verdict),
     ]
     if verdict["next_test"]:
@@ -344,14 +344,31 @@ def _worsened(verdict):
     return [f"Worse than before {listed}{f', and in {more} more places' if more else ''}."]
 
 
-def _nuisance(one):
-    test = f" of {one['test']}" if one.get("test") else ""
-    name = one["name"].replace("_", " ")
-    unit = "" if one["unit"] == "1" else f" {one['unit']}"
-    return (
-        f"Not an effect of the cell: {name}{test} is off by {one['value']:.3g} ± "
-        f"{one['std']:.1g}{unit}, beyond its tolerance of {one['prior_std']:.2g}{unit}."
-    )
+def _stretched(nuisances):
+    """What the model takes otherwise than was declared, beyond its tolerance."""
+    starts = [one["test"] for one in nuisances if one["name"] == "soc_at_start"]
+    told = [_beyond(one) for one in nuisances if one["name"] != "soc_at_start"]
+    if starts:
+        more = len(starts) - SHOWN_STARTS
+        tests = [*starts[:SHOWN_STARTS], *([f"{more} more"] if more > 0 else [])]
+        told.append(f"the SoC at the start of {_listed(tests)} is at the limit its rest allows")
+    if not told:
+        return []
+    return [
+        f"Beyond what was declared: {'; '.join(told)}. That stands in for what the model lacks, or "
+        "it was declared wrongly."
+    ]
+
+
+def _beyond(one):
+    if one["unit"] == "V":
+        size, std, tolerance = (millivolt(abs(one[n])) for n in ("value", "std", "prior_std"))
+        way = "above" if one["value"] > 0 else "below"
+        moved = f"the open-circuit voltage at {100 * one['soc']:.0f} % SoC {size} {way} its curve"
+    else:
+        size, std, tolerance = (f"{100 * abs(one[n]):.2g} %" for n in ("value", "std", "prior_std"))
+        moved = f"the capacity {size} {'above' if one['value'] > 0 else 'below'} the measured one"
+    return f"{moved} (± {std}; tolerance {tolerance})"
 
 
 def _probabilities(verdict):
