@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.protocols.ocv.slow import slow_ocv, turning_points
+from cellwright.protocols.ocv.slow import joined, slow_ocv, turning_points
 from cellwright.refusal import Refusal
 
 CUTOFFS = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
@@ -50,6 +50,21 @@ def test_mean_of_the_branches_is_the_truth_behind_resistance_and_hysteresis():
     assert curve.capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
     assert (curve.discharge_current_ampere, curve.charge_current_ampere) == (-CURRENT, CURRENT)
     assert curve.measured_soc == (0, 1)
+
+
+@pytest.mark.parametrize("missing", ["charge", "discharge", "both"])
+@pytest.mark.parametrize("end", [0, -1])
+def test_where_a_branch_does_not_reach_the_other_tells_the_end(missing, end):
+    """A charge that takes 5 % more than the discharge gave has no voltage at empty: no NaN there."""
+    soc = np.linspace(0.0, 1.0, 201)
+    branches = {"discharge": true_ocv(soc) - 0.01, "charge": true_ocv(soc) + 0.01}
+    for name in branches if missing == "both" else (missing,):
+        branches[name][end] = np.nan
+    ocv, measured = joined(soc, branches["discharge"], branches["charge"], None, None, "mean")
+    edge = end if missing != "both" else 1 if end == 0 else -2
+    assert ocv[end] == pytest.approx(true_ocv(soc[edge]), abs=1e-9)
+    assert not measured[end]
+    assert measured[1:-1].all()
 
 
 @settings(max_examples=15, deadline=None)

@@ -49,7 +49,11 @@ def joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by):
 
 
 def _mean(soc, discharge_volt, charge_volt):
-    """Mean of the branches where both are valid; beyond, one branch moved by half the gap there."""
+    """Mean of the branches where both are valid; beyond, one branch moved by half the gap there.
+
+    Below that the charge, above it the discharge, where these reach; where neither does, the OCV
+    stays as it is at the edge.
+    """
     # ASSUME: Where one slow branch has ended or drops into its polarisation knee (half gap above
     # three times the usual), the OCV is the other branch moved by half the gap at that edge.
     half, middle = (charge_volt - discharge_volt) / 2, len(soc) // 2
@@ -60,9 +64,13 @@ def _mean(soc, discharge_volt, charge_volt):
     first = np.append(-1, np.flatnonzero(~good[:middle]))[-1] + 1
     last = np.append(np.flatnonzero(~good[middle:]), len(soc) - middle)[0] + middle - 1
     gap = half[np.clip(np.arange(len(soc)), first, last)]
-    ocv = np.where(soc < soc[first], charge_volt - gap, discharge_volt + gap)
+    from_charge, from_discharge = charge_volt - gap, discharge_volt + gap
+    low = np.where(np.isnan(from_charge), from_discharge, from_charge)
+    high = np.where(np.isnan(from_discharge), from_charge, from_discharge)
     both = (soc >= soc[first]) & (soc <= soc[last])
-    return np.where(both, (charge_volt + discharge_volt) / 2, ocv), both
+    ocv = np.where(both, (charge_volt + discharge_volt) / 2, np.where(soc < soc[first], low, high))
+    reached = np.isfinite(ocv)
+    return np.interp(soc, soc[reached], ocv[reached]), both
 
 
 def from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge):
