@@ -55,7 +55,7 @@ def test_mean_of_the_branches_is_the_truth_behind_resistance_and_hysteresis():
 @pytest.mark.parametrize("missing", ["charge", "discharge", "both"])
 @pytest.mark.parametrize("end", [0, -1])
 def test_where_a_branch_does_not_reach_the_other_tells_the_end(missing, end):
-    """A charge that takes 5 % more than the discharge gave has no voltage at empty: no NaN there."""
+    """A charge that takes 5 % more than the discharge gave has no voltage at empty."""
     soc = np.linspace(0.0, 1.0, 201)
     branches = {"discharge": true_ocv(soc) - 0.01, "charge": true_ocv(soc) + 0.01}
     for name in branches if missing == "both" else (missing,):
