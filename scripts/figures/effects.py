@@ -294,10 +294,16 @@ def _tests_for_proof(series):
 def draw_effect_validation(verdict, series):
     """Measured voltage of a cell, and models without and with the effects found, on proof tests.
 
+    Of many tests those are shown that the model without effects fails most.
+
     `verdict` and `series` are verdict.json and series.parquet of `missing_effect/<cell>`.
     """
     tests = _tests_for_proof(series)
-    shown = tests[:MOST_TESTS]
+    judging = (series["role"] == "validation") & series["used"]
+    error = np.where(judging, series["voltage_volt"] - series["before_volt"], np.nan)
+    rms = {test: _rms(error[judging & (series["test"] == test)]) for test in tests}
+    worst = sorted(tests, key=rms.get, reverse=True)[:MOST_TESTS]
+    shown = [test for test in tests if test in worst]
     figure, axes = style.subplots(
         2 * len(shown),
         2,
@@ -307,12 +313,12 @@ def draw_effect_validation(verdict, series):
     )
     floors = {row["test"]: row["volt"] for row in verdict.get("floors", ())}
     for upper, lower, test in zip(axes[::2], axes[1::2], shown, strict=True):
-        rows = (series["test"] == test) & (series["role"] == "validation") & series["used"]
-        samples = rows_where(series, rows)
+        samples = rows_where(series, judging & (series["test"] == test))
         floor = floors.get(test, verdict["floor_volt"])
         _whole_and_worst(upper, lower, test, samples, _models(verdict), floor)
     if len(tests) > len(shown):
-        figure.suptitle(f"{len(shown)} of {len(tests)} tests", x=0.01, ha="left", fontsize=8)
+        title = f"{len(shown)} of {len(tests)} tests, with the largest error"
+        figure.suptitle(title, x=0.01, ha="left", fontsize=8)
     return figure
 
 

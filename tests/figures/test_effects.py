@@ -179,14 +179,16 @@ def test_the_floor_of_a_test_is_its_own_where_the_verdict_has_it():
     ]
 
 
-def test_a_cell_that_lacks_nothing_has_one_model_and_many_tests_are_counted():
+def test_a_cell_that_lacks_nothing_has_one_model_and_of_many_tests_the_worst_are_drawn():
     verdict = {"effects": [], "partial": [], "floor_volt": 1e-3}
-    figure = effects.draw_effect_validation(
-        verdict, series(*((f"t{k}", "validation") for k in range(5)))
-    )
+    found = series(*((f"t{k}", "validation") for k in range(5)))
+    for test in ("t0", "t3", "t4"):
+        found["before_volt"] = found["before_volt"] - 0.01 * (found["test"] == test)
+    figure = effects.draw_effect_validation(verdict, found)
     panels = rendered(figure)
     assert len(panels) == 12
-    assert figure.get_suptitle() == "3 of 5 tests"
+    assert [title(panels[k])[:3] for k in (0, 4, 8)] == ["t0:", "t3:", "t4:"]
+    assert figure.get_suptitle() == "3 of 5 tests, with the largest error"
     assert len(panels[0].get_lines()) == 2
     assert "with what was missing" not in title(panels[2])
 
