@@ -124,9 +124,10 @@ def test_records_fitted_begin_where_their_rest_says_whatever_follows():
     starts = [one for one in free if one.name.startswith("soc0[")]
     assert [one.prior for one in starts] == pytest.approx(made.fit.soc_at_start.tolist())
     for one in starts:
+        ends = sorted((one.prior, by_rest[one.name]))
         assert one.std == made.tolerance.soc
-        assert (one.lower + one.upper) / 2 == pytest.approx(by_rest[one.name], abs=1e-4)
-        assert one.upper - one.lower <= 2 * SURE * made.tolerance.soc
+        assert ends[0] - one.lower == pytest.approx(one.upper - ends[1], abs=1e-4)
+        assert 0 < one.upper - ends[1] <= SURE * made.tolerance.soc
     assert any(one.upper - one.lower < 0.4 * SURE * made.tolerance.soc for one in starts)
 
 
@@ -149,10 +150,8 @@ def test_what_a_model_takes_beyond_its_tolerance_is_told_and_of_a_healthy_cell_t
     assert [one["name"] for one in found] == ["capacity", "open_circuit_voltage", "soc_at_start"]
     assert (capacity["value"], capacity["prior_std"]) == (-0.12, made.tolerance.capacity)
     assert (ocv["value"], ocv["soc"], ocv["unit"]) == (0.04, pytest.approx(7 / 15), "V")
-    assert (soc["test"], soc["value"]) == (
-        made.fit.tests[0],
-        pytest.approx((start.upper - start.lower) / 2),
-    )
+    assert soc["test"] == made.fit.tests[0]
+    assert soc["value"] == pytest.approx(start.upper - start.prior)
 
 
 def test_a_capacity_that_the_records_hardly_tell_is_not_beyond_its_tolerance():

@@ -94,9 +94,10 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
 def unfitted(case):
     """The plain model of a case before any fit: first values, and its free parameters.
 
-    The SoC at the start of a record stays within what its first rest and the sheet leave unsure. A
-    start that followed the load would take up what the model lacks: a cell whose resistance doubles
-    in the cold would begin its cold records at 92 % instead of 99. Within that it is fitted.
+    The SoC at the start of a record stays between what its first rest and the sheet tell, and what
+    the rest leaves unsure beyond. A start that followed the load would take up what the model
+    lacks: a cell whose resistance doubles in the cold would begin its cold records at 92 % instead
+    of 99. The sheet is as good an end as the rest, for a rest may be off by hysteresis.
 
     Parameters
     ----------
@@ -113,7 +114,8 @@ def unfitted(case):
     starts = []
     for k, (stated, std) in enumerate(zip(stack.soc_at_start, stds, strict=True)):
         name = f"soc0[{k}]"
-        limits = values[name] - SURE * std, values[name] + SURE * std
+        ends = sorted((stated, values[name]))
+        limits = ends[0] - SURE * std, ends[1] + SURE * std
         starts.append(Free(name, SOC_STEP, stated, tolerance.soc, *limits))
     return values, base.frees(stack, values, tolerance, case.log_std, starts)
 
@@ -151,9 +153,8 @@ def stretched(case, state, parts):
     for k, test in enumerate(case.fit.tests):
         name = f"soc0[{k}]"
         if name in solution.at_bound:
-            half = (free[name].upper - free[name].lower) / 2
-            value = solution.values[name] - free[name].lower - half
-            found.append(_beyond("soc_at_start", test, None, value, None, "1", half / SURE))
+            value, std = solution.values[name] - free[name].prior, free[name].std
+            found.append(_beyond("soc_at_start", test, None, value, None, "1", std))
     return found
 
 

@@ -26,6 +26,7 @@ Both have these methods and values:
     another noise.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +34,7 @@ import numpy as np
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.proof import explained, followed, judged_well, left_volt, significant
 from cellwright.effects.screen import form_of, residual_with_all
-from cellwright.numerics.least_squares import Free, derivatives, fit
+from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit
 
 CHORD_STEPS, POLISH_STEPS, ANEW_STEPS, NOISE_STEPS = 6, 4, 4, 3
 POLISHED = 3  # how many trials at most
@@ -333,7 +334,7 @@ def tried(case, possible, free, before, score, filters, ends=None):
     case : as in `search`. possible : dict of Effect by key, in whose order effects act.
     free : tuple of Free without the effect. before : State without it. score : screen.Score.
     filters : of the round. ends : State by key and form of effects that were fitted by another
-        noise, from which they begin; or None.
+        noise, where they begin if that is better; or None.
 
     Returns
     -------
@@ -343,14 +344,13 @@ def tried(case, possible, free, before, score, filters, ends=None):
     effects = in_order((*before.effects, effect), possible | {effect.key: effect})
     problem = case.problem(effects, case.with_effect(free, effect), filters)
     end = (ends or {}).get((effect.key, score.candidate.form))
-    start, kept = end.solution.values if end else score.values, {"steps": CHORD_STEPS}
-    if not effect.bends:
-        kept |= {name: getattr(before.solution, name) for name in ("columns", "white", "gram")}
-    elif end:
-        kept |= {"columns": end.solution.columns, "renew": effect.names}
+    starts = (score.values, end.solution.values) if end else (score.values,)
+    start = min(starts, key=partial(cost_of, problem))
+    if effect.bends:
+        solution = fit(problem, start, steps=ANEW_STEPS)
     else:
-        kept = {"steps": ANEW_STEPS}
-    solution = fit(problem, start, **kept)
+        kept = {name: getattr(before.solution, name) for name in ("columns", "white", "gram")}
+        solution = fit(problem, start, **kept, steps=CHORD_STEPS)
     return _trial(case, before, effect, effects, score.chi_square, solution, filters)
 
 

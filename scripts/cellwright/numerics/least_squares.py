@@ -189,6 +189,11 @@ class _State(NamedTuple):
     cost: float
 
 
+def cost_of(problem, values):
+    """Cost of a problem at some values: chi-square and priors, less a constant of the priors."""
+    return _evaluated(problem, values, *priors(problem)).cost
+
+
 def _evaluated(problem, values, prior, pull):
     """State of the search at some values."""
     prediction = problem.predict(values)
