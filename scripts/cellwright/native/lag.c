@@ -95,8 +95,8 @@ static inline __attribute__((always_inline)) void gains(double *x) {
 }
 
 /* The same for records that lie one after the other: step[k] is the time since row k - 1, in which
- * the drive moved on a straight line where linear[k] is not zero, else kept its value; where
- * fresh[k] is not zero the state begins anew at start[k].
+ * the drive moved on a straight line where linear[k] is 1, and kept its value where it is 0; where
+ * fresh[k] is 1, not 0, the state begins anew at start[k].
  *
  * Steps hardly repeat where rows are means of many, so that none is looked up: what does not wait
  * for the row before is made for a block of rows at once. */
