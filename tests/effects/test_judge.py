@@ -8,7 +8,7 @@ from small_plant import HEALTHY, case
 from cellwright.effects import base
 from cellwright.effects.base import Tolerance
 from cellwright.effects.judge import (
-    SURE,
+    FAR_STDS,
     Rests,
     rests_of,
     start_errors,
@@ -127,8 +127,8 @@ def test_records_fitted_begin_where_their_rest_says_whatever_follows():
         ends = sorted((one.prior, by_rest[one.name]))
         assert one.std == made.tolerance.soc
         assert ends[0] - one.lower == pytest.approx(one.upper - ends[1], abs=1e-4)
-        assert 0 < one.upper - ends[1] <= SURE * made.tolerance.soc
-    assert any(one.upper - one.lower < 0.4 * SURE * made.tolerance.soc for one in starts)
+        assert 0 < one.upper - ends[1] <= FAR_STDS * made.tolerance.soc
+    assert any(one.upper - one.lower < 0.4 * FAR_STDS * made.tolerance.soc for one in starts)
 
 
 def fitted(made):

@@ -175,7 +175,10 @@ def test_what_ends_beyond_its_tolerance_is_told():
     text = said("none", nuisances=[capacity | known[0], ocv | known[1], *starts])
     assert "the capacity 12 % below the measured one (± 0.4 %; tolerance 0.3 %)" in text
     assert "at 90 % SoC 40.0 mV above its curve (± 1.0 mV; tolerance 1.5 mV)" in text
-    assert "the SoC at the start of a, b, c and 1 more is at the limit its rest allows" in text
+    assert (
+        "the SoC at the start of a, b, c and 1 more is at the limit that rest and sheet allow"
+        in text
+    )
     assert "Beyond what was declared" not in said("none", nuisances=[])
 
 

@@ -14,8 +14,8 @@ LEAST_SLOPE_VOLT = 1e-3  # of the OCV over the whole SoC; below it a rest shows 
 PASSES = 3
 SETTLED_SOC = 1e-5  # a change below it ends them
 SOC_STEP = 2e-4
-# Deviations of what is known of a start: of some dozens of records none is beyond it by chance.
-SURE = 3.0
+# Of what is known before a fit: of some dozens of records none lies farther off by chance.
+FAR_STDS = 3.0
 ALIKE_SOC = 0.02  # between two rests whose OCV errs alike
 BANDS = 10  # of the SoC
 LOW_C_RATE, HIGH_C_RATE = 0.05, 0.7
@@ -115,7 +115,7 @@ def unfitted(case):
     for k, (stated, std) in enumerate(zip(stack.soc_at_start, stds, strict=True)):
         name = f"soc0[{k}]"
         ends = sorted((stated, values[name]))
-        limits = ends[0] - SURE * std, ends[1] + SURE * std
+        limits = ends[0] - FAR_STDS * std, ends[1] + FAR_STDS * std
         starts.append(Free(name, SOC_STEP, stated, tolerance.soc, *limits))
     return values, base.frees(stack, values, tolerance, case.log_std, starts)
 
@@ -148,7 +148,7 @@ def stretched(case, state, parts):
     )
     for name, parameter, soc, unit, prior_std in asked:
         value, std = solution.values[parameter], deviations[parameter]
-        if abs(value) > SURE * max(prior_std, std):
+        if abs(value) > FAR_STDS * max(prior_std, std):
             found.append(_beyond(name, None, soc, value, std, unit, prior_std))
     for k, test in enumerate(case.fit.tests):
         name = f"soc0[{k}]"
@@ -193,7 +193,7 @@ def start_errors(cell, stack, values, effects, tolerance, prediction, whitening,
 
 
 def shift_within(square, shared, std):
-    """Most likely shift of a start within `SURE` deviations, and the fall of chi-square by it.
+    """Most likely shift of a start within `FAR_STDS` deviations, and the fall of chi-square by it.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def shift_within(square, shared, std):
     std : of the prior; all of one shape. Returns two arrays of that shape.
     """
     precision = square + std**-2.0
-    shift = np.clip(shared / precision, -SURE * std, SURE * std)
+    shift = np.clip(shared / precision, -FAR_STDS * std, FAR_STDS * std)
     return shift, 2 * shift * shared - shift**2 * precision
 
 

@@ -5,11 +5,7 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
-#define CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define CLONES
-#endif
+#include "lanes.h"
 
 enum { BLOCK = 128, PAIRS = 24, COLUMNS = 56 };
 
@@ -32,9 +28,6 @@ static Weights weights_of(double step, double tau, int64_t first_order) {
     }
     return w;
 }
-
-/* Four lanes on every machine, so that every machine adds in the same order. */
-typedef double Lanes __attribute__((vector_size(32)));
 
 static inline __attribute__((always_inline)) double sum_of(const Lanes *x) {
     return ((*x)[0] + (*x)[1]) + ((*x)[2] + (*x)[3]);

@@ -7,11 +7,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
-#define CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define CLONES
-#endif
+#include "lanes.h"
 
 enum { SERIES, PARALLEL, R, C, L, CPE, W, FLW, FSW, G };
 enum { NODES = 64, PARAMETERS = 32, BLOCK = 64 };
@@ -21,11 +17,6 @@ enum { NODES = 64, PARAMETERS = 32, BLOCK = 64 };
 #define ARRIVED 1e-7   /* a step that moves less is the last */
 #define STUCK 1e12     /* damping at which nothing helps any more */
 #define EACH for (int64_t i = 0; i < BLOCK; i++)
-
-static const double INVERSE_FACTORIAL[14] = {
-    1.0,           1.0,           1.0 / 2,        1.0 / 6,         1.0 / 24,
-    1.0 / 120,     1.0 / 720,     1.0 / 5040,     1.0 / 40320,     1.0 / 362880,
-    1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800};
 
 /* Complex numbers of a block of frequencies. */
 typedef struct {
@@ -80,25 +71,17 @@ static void gerischer(double r, double tau, const double *omega, row *z, row *sl
     }
 }
 
-/* Four lanes on every machine, so that every machine adds in the same order. */
-typedef double Lanes __attribute__((vector_size(32)));
-typedef int64_t Bits __attribute__((vector_size(32)));
-
-/* exp(x), to rounding, for a block at once, which the library's is not: 2^n · exp(rest), where the
- * last bits of a number too large for a fraction are n. What is beyond ±700 is taken there. */
+/* exp(x), to rounding, for a block at once, which the library's is not. What is beyond ±700 is taken
+ * there. */
 static inline __attribute__((always_inline)) void exponential(double *x) {
-    const double large = 6755399441055744.0; /* 1.5 · 2^52 */
     EACH x[i] = x[i] > -700.0 ? x[i] : -700.0;
     EACH x[i] = x[i] < 700.0 ? x[i] : 700.0;
     Lanes *lanes = (Lanes *)x;
     for (int64_t i = 0; i < BLOCK / 4; i++) {
-        const Lanes whole = lanes[i] * 1.4426950408889634 + large, n = whole - large;
-        const Lanes rest = lanes[i] - n * 0x1.62e42feep-1 - n * 0x1.a39ef35793c76p-33; /* n ln 2 */
-        Lanes series = rest * INVERSE_FACTORIAL[13] + INVERSE_FACTORIAL[12];
-#pragma GCC unroll 12
-        for (int k = 11; k >= 0; k--) series = series * rest + INVERSE_FACTORIAL[k];
-        const Bits scale = ((Bits)whole + 1023) << 52;
-        lanes[i] = series * (Lanes)scale;
+        Lanes scale, rest, series;
+        parted(&lanes[i], &scale, &rest);
+        series_from(0, &rest, &series);
+        lanes[i] = series * scale;
     }
 }
 

@@ -7,16 +7,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
-#define CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define CLONES
-#endif
-
-static const double INVERSE_FACTORIAL[14] = {
-    1.0,           1.0,           1.0 / 2,        1.0 / 6,         1.0 / 24,
-    1.0 / 120,     1.0 / 720,     1.0 / 5040,     1.0 / 40320,     1.0 / 362880,
-    1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800};
+#include "lanes.h"
 
 /* Steps whose weights are kept. They differ from row to row, but are few: whole samples of the
  * clock of a record. */
@@ -70,26 +61,17 @@ void lag(int64_t n, int64_t m, const double *step, const double *tau, int64_t ta
 }
 
 #define TINY 1e-300 /* no time, no change: their ratio is one */
-enum { BLOCK = 128, TERMS = 13 };
+enum { BLOCK = 128 };
 #define EACH for (int64_t i = 0; i < BLOCK; i++)
 
-/* Four lanes on every machine, so that every machine adds in the same order. */
-typedef double Lanes __attribute__((vector_size(32)));
-typedef int64_t Bits __attribute__((vector_size(32)));
-
-/* 1 - exp(-x) of x >= 0, to rounding, for a block at once: exp(-x) = 2^n · exp(rest), where the
- * last bits of a number too large for a fraction are n. */
+/* 1 - exp(-x) of x >= 0, to rounding, for a block at once. */
 static inline __attribute__((always_inline)) void gains(double *x) {
-    const double large = 6755399441055744.0; /* 1.5 · 2^52 */
     EACH x[i] = x[i] < 700.0 ? -x[i] : -700.0;
     Lanes *lanes = (Lanes *)x;
     for (int64_t i = 0; i < BLOCK / 4; i++) {
-        const Lanes whole = lanes[i] * 1.4426950408889634 + large, n = whole - large;
-        const Lanes rest = lanes[i] - n * 0x1.62e42feep-1 - n * 0x1.a39ef35793c76p-33; /* n ln 2 */
-        Lanes series = rest * INVERSE_FACTORIAL[TERMS] + INVERSE_FACTORIAL[TERMS - 1];
-#pragma GCC unroll 12
-        for (int k = TERMS - 2; k >= 1; k--) series = series * rest + INVERSE_FACTORIAL[k];
-        const Lanes scale = (Lanes)(((Bits)whole + 1023) << 52);
+        Lanes scale, rest, series;
+        parted(&lanes[i], &scale, &rest);
+        series_from(1, &rest, &series);
         lanes[i] = (1.0 - scale) - scale * (series * rest);
     }
 }

@@ -351,7 +351,9 @@ def _stretched(nuisances):
     if starts:
         more = len(starts) - SHOWN_STARTS
         tests = [*starts[:SHOWN_STARTS], *([f"{more} more"] if more > 0 else [])]
-        told.append(f"the SoC at the start of {_listed(tests)} is at the limit its rest allows")
+        told.append(
+            f"the SoC at the start of {_listed(tests)} is at the limit that rest and sheet allow"
+        )
     if not told:
         return []
     return [
