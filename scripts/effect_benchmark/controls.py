@@ -8,10 +8,11 @@ another order; and an extra RC pair, whether or not one is missing.
 import numpy as np
 
 from cellwright.effects import base, search
+from cellwright.effects.candidates import Trial, candidates, judged, scored
+from cellwright.effects.candidates import tried as refitted
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import Effect, Parameter
-from cellwright.effects.screen import candidates, scored
 
 EXTRA_RC = "slow_diffusion"
 WAVES = 8  # of which a random function is the sum
@@ -79,7 +80,7 @@ def _mixed(stack, seed):
     return stack._replace(**rows, responses={}, courses={})
 
 
-def tried(case, first: search.Round, effect: Effect) -> search.Trial:
+def tried(case, first: search.Round, effect: Effect) -> Trial:
     """A term refitted and judged as an effect of the search, beside those that it tried.
 
     Parameters
@@ -99,7 +100,7 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
         lined_up, whitened, residual, solution.white, solution.precision, solution.values
     )
     best = max(scores, key=lambda one: one.chi_square)
-    trial = search.tried(case, LIBRARY, free, first.before, best, filters)
+    trial = refitted(case, LIBRARY, free, first.before, best, filters)
     # Misfit is what the best model leaves, so that it is judged together with the others.
-    together = search.judged(case, first.before, [*first.trials, trial], filters)
+    together = judged(case, first.before, [*first.trials, trial], filters)
     return next(one for one in together if one.effect is best.candidate.effect)

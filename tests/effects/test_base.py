@@ -5,9 +5,9 @@ import pytest
 import small_cells as small
 
 from cellwright.effects import base
+from cellwright.effects.candidates import neutral
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import stacked
-from cellwright.effects.screen import neutral
 
 
 def values_for(stack, **changes):
@@ -107,13 +107,32 @@ def test_a_ramp_is_the_analytic_one_on_linear_intervals():
     np.testing.assert_allclose(base.relaxed(stack, ramp, 9.0), exact, atol=1e-12)
 
 
-def test_a_gain_scales_a_lag_and_keeps_what_was_kept(stack):
-    plain = base.relaxed(stack, stack.current_ampere, 11.0)
-    assert any(11.0 in key for key in stack.responses)
-    scaled = base.relaxed(stack, stack.current_ampere, 11.0, gain=0.3)
-    np.testing.assert_allclose(scaled, 0.3 * plain, atol=1e-15)
-    varying = base.relaxed(stack, stack.current_ampere, 11.0, gain=np.full(len(plain), 0.3))
-    np.testing.assert_allclose(varying, scaled, atol=1e-12)
+@pytest.mark.parametrize("name", [None, "polarisation_soc", "resistance_temperature"])
+def test_lags_are_made_anew_only_where_what_they_follow_from_moves(monkeypatch, stack, name):
+    effects = () if name is None else (LIBRARY[name],)
+    stack = stack._replace(responses={}, courses={})
+    values = values_for(stack) | {n: x for e in effects for n, x in _plausible(e).items()}
+    made = []
+    lag = base.lag_fresh
+    monkeypatch.setattr(base, "lag_fresh", lambda *a: made.append(a[4]) or lag(*a))
+    volt = base.voltage(small.CELL, stack, values, effects)
+    assert len(made) == 2
+    larger = {n: values[n] + 0.1 for n in base.RESISTANCES}
+    assert np.abs(base.voltage(small.CELL, stack, values | larger, effects) - volt).max() > 1e-3
+    assert len(made) == 2
+    base.voltage(small.CELL, stack, values | {"log_tau1": values["log_tau1"] + 0.1}, effects)
+    assert len(made) == 3
+
+
+def test_a_lag_that_has_decayed_to_nothing_is_zero_and_not_the_smallest_number():
+    """A state whose decay rounds to itself would stay there, ten times slower to compute with."""
+    drive = np.r_[np.ones(10), np.zeros(400_000)]
+    none = np.zeros(len(drive))
+    state = base.lag_fresh(np.full(len(drive), 1.0), none, none, drive, 50.0, none)
+    sizes = np.abs(state[state != 0])
+    assert state[5] > 0
+    assert state[-1] == 0
+    assert sizes.min() > 1e-300
 
 
 @pytest.mark.parametrize("name", sorted(LIBRARY))

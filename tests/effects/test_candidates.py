@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from cellwright.effects.candidates import Candidate, candidates, neutral, scored
 from cellwright.effects.library.vocabulary import Effect, Parameter
-from cellwright.effects.screen import Candidate, candidates, neutral, scored
 
 RANDOM = np.random.default_rng(11)
 NUISANCES = RANDOM.normal(size=(400, 4))

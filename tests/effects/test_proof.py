@@ -5,6 +5,7 @@ import pytest
 from small_plant import CELL, HEALTHY, NOISE_VOLT, case
 
 from cellwright.effects import base
+from cellwright.effects.candidates import State
 from cellwright.effects.judge import BANDS
 from cellwright.effects.proof import (
     blocks_of,
@@ -14,7 +15,6 @@ from cellwright.effects.proof import (
     inflation,
     misfit_of,
 )
-from cellwright.effects.search import State
 from cellwright.numerics.least_squares import fit
 
 MATERIAL_VOLT = 1e-3

@@ -304,17 +304,20 @@ def test_every_trial_says_why_it_is_no_name():
     assert any("scatter" in against or "explains more" in against for _, _, against in rows)
 
 
-def with_knee(made, volt):
-    """The case with a knee at the end of the slow discharge [V], which no effect has."""
+def with_dip(made, volt, *, shape):
+    """The case with less voltage in the slow discharge [V], by the shape of a function of SoC."""
     soc = base.fields_of(made.cell, made.fit, base.first_values(made.cell, made.fit)).soc
     loaded = (made.fit.file == 0) & (np.abs(made.fit.current_ampere) > 0.1)
-    bend = np.where(loaded, -volt * np.exp(-(soc - soc.min()) / 0.04), 0.0)
+    bend = np.where(loaded, -volt * shape(soc), 0.0)
     return made._replace(fit=made.fit._replace(voltage_volt=made.fit.voltage_volt + bend))
 
 
-def test_a_knee_that_no_effect_bends_does_not_decide_the_model_elsewhere(monkeypatch):
-    """By the square of its error it would be worth more than all other rows together."""
-    made = with_knee(case_of(Truth(activation=2.5e4)), 0.3)
+def test_what_no_effect_bends_does_not_decide_the_model_elsewhere(monkeypatch):
+    """A dip of a per cent of SoC: by its squares worth more than all other rows together."""
+    made = with_dip(
+        *(case_of(Truth(activation=2.5e4)), 0.3),
+        shape=lambda soc: np.exp(-0.5 * ((soc - 0.6) / 0.01) ** 2),
+    )
     found = outcome(search(made, LIBRARY), GATES)
     monkeypatch.setattr(type(made), "sharper", lambda self, trials, filters: None)
     squared = outcome(search(made, LIBRARY), GATES)
@@ -323,4 +326,5 @@ def test_a_knee_that_no_effect_bends_does_not_decide_the_model_elsewhere(monkeyp
 
 
 def test_a_knee_gives_a_healthy_cell_no_name():
-    assert named(search(with_knee(case_of(HEALTHY), 0.1), LIBRARY)) == []
+    made = with_dip(case_of(HEALTHY), 0.1, shape=lambda soc: np.exp(-(soc - soc.min()) / 0.04))
+    assert named(search(made, LIBRARY)) == []

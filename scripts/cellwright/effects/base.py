@@ -40,7 +40,8 @@ class Fields(NamedTuple):
 
     current : through the cell [A]. held : mean of it since the row before [A]. moved : charge
     passed since the row before, + on charge [Ah]. capacity : [Ah]. soc : [1].
-    celsius : inside the cell [degC]. r0, r1, r2 : [ohm]. tau1, tau2 : [s]. ocv : [V].
+    celsius : inside the cell [degC]. r0, r1, r2 : [ohm]. tau1, tau2 : [s]. slow : factor of r1 and
+    r2, apart so that what follows from it is kept while they move [1]. ocv : [V].
     ohmic : voltage that follows the current at once [V]. volt : of the terminals [V].
     """
 
@@ -55,9 +56,15 @@ class Fields(NamedTuple):
     r2: np.ndarray
     tau1: float
     tau2: float
+    slow: np.ndarray
     ocv: np.ndarray
     ohmic: np.ndarray
     volt: np.ndarray
+
+    @property
+    def slow_ohm(self):
+        """Resistances of both RC pairs with their factor: two of (n,) [ohm]."""
+        return self.r1 * self.slow, self.r2 * self.slow
 
 
 class Cell(NamedTuple):
@@ -167,9 +174,9 @@ def _course(cell, stack, values, early, counted):
     return kept[key]._replace(fields=_begun(cell, stack, values)._replace(**counts))
 
 
-def _make_room(kept):
+def _make_room(kept, most=KEPT_COURSES):
     """Take out the oldest of what is kept, so that one more finds room."""
-    while len(kept) >= KEPT_COURSES:
+    while len(kept) >= most:
         del kept[next(iter(kept))]
 
 
@@ -178,13 +185,12 @@ def _begun(cell, stack, values):
     r0, r1, tau1, r2, tau2 = (np.exp(values[name]) for name in LOGARITHMS)
     if stack.ohmic_course is not None:
         r0 = r0 * stack.ohmic_course
-    if stack.slow_course is not None:
-        r1, r2 = r1 * stack.slow_course, r2 * stack.slow_course
+    slow = 1.0 if stack.slow_course is None else stack.slow_course
     none = np.zeros(0)
     capacity = cell.capacity_ampere_hour * (1.0 + values["capacity"])
     return Fields(
         *(stack.current_ampere, stack.held_ampere, none, capacity, none, stack.celsius),
-        *(r0, r1, r2, tau1, tau2, none, none, none),
+        *(r0, r1, r2, tau1, tau2, slow, none, none, none),
     )
 
 
@@ -232,20 +238,34 @@ def _looked_up(cell, knots, soc):
 
 def slow_volt(stack, fields):
     """Voltage of the two RC pairs [V]."""
-    fast = relaxed(stack, fields.current, fields.tau1, gain=fields.r1)
-    return fast + relaxed(stack, fields.current, fields.tau2, gain=fields.r2)
+    pairs = (fields.r1, fields.tau1), (fields.r2, fields.tau2)
+    if fields.current is not stack.current_ampere:
+        drive = fields.slow * fields.current
+        return sum(ohm * relaxed(stack, drive, tau) for ohm, tau in pairs)
+
+    columns = fields.current, fields.slow
+
+    def of_one_ohm(tau):
+        def made():
+            return relaxed(stack, np.multiply(*columns), tau)
+
+        return kept_response(stack, columns, (relaxed, tau), made)
+
+    return sum(ohm * of_one_ohm(tau) for ohm, tau in pairs)
 
 
-def relaxed(stack, drive, tau_second, *, gain=1.0):
-    """First-order lag of gain·drive, at rest at the start of every record; unit of gain·drive."""
+def relaxed(stack, drive, tau_second):
+    """First-order lag of a drive (n,), at rest at the start of every record; unit of the drive."""
     clock = stack.step_second, stack.fresh, stack.linear
-    start = np.zeros(len(drive))
-    if np.ndim(gain) or drive is not stack.current_ampere:
-        return lag_fresh(*clock, gain * drive, tau_second, start)
-    unit = kept_response(
-        stack, (drive,), (tau_second,), lambda: lag_fresh(*clock, drive, tau_second, start)
-    )
-    return gain * unit
+    return lag_fresh(*clock, drive, tau_second, np.zeros(len(drive)))
+
+
+def slowed(stack, fields, factor):
+    """Fields with the resistances of both RC pairs times a factor (n,) [1]."""
+    if not np.ndim(fields.slow):
+        return fields._replace(slow=factor)
+    columns = fields.slow, factor
+    return fields._replace(slow=kept_response(stack, columns, (), lambda: np.multiply(*columns)))
 
 
 def kept_response(stack, columns, sizes, make):
@@ -259,9 +279,10 @@ def kept_response(stack, columns, sizes, make):
     which they are known stay theirs. sizes : tuple. make : function () → (n,).
     """
     key, kept = (*map(id, columns), *sizes), stack.responses
-    if key not in kept:
-        if len(kept) >= KEPT_RESPONSES:
-            kept.clear()
+    if key in kept:
+        kept[key] = kept.pop(key)  # now the last one used
+    else:
+        _make_room(kept, KEPT_RESPONSES)
         kept[key] = columns, make()
     return kept[key][1]
 

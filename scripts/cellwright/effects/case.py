@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, proof, ties
+from cellwright.effects.candidates import State, candidates, chi_square_of, frees_of, screened
 from cellwright.effects.judge import rests_of, start_errors, started, unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import lacking, stacked
-from cellwright.effects.screen import candidates, chi_square_of, screened
-from cellwright.effects.search import State, frees_of
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import SETTLED, Problem, stds
 from cellwright.numerics.statistics import rms
@@ -127,7 +126,7 @@ class Case(NamedTuple):
         return problem_of(self, effects, free, filters)
 
     def candidates(self, effects, solution, possible, further):
-        """What each further effect would change: list of screen.Candidate."""
+        """What each further effect would change: list of candidates.Candidate."""
 
         def predict(values, effect):
             together = in_order((*effects, effect), possible)

@@ -51,7 +51,7 @@ def ceiling(case, state, filters, floor):
 
     Parameters
     ----------
-    case : case.Case. state : search.State. filters : case.Filters, with the whitening of the fit.
+    case : case.Case. state : candidates.State. filters : case.Filters, with the fit's whitening.
     floor : proof.Floor.
 
     Returns

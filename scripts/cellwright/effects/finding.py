@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
+from cellwright.effects.candidates import evidence, frees_of
 from cellwright.effects.case import Gates, not_excited, prepared
 from cellwright.effects.ceiling import ceiling, reached
 from cellwright.effects.given.case import own_case
@@ -18,8 +19,7 @@ from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.proof import explained
 from cellwright.effects.records import parts_of
-from cellwright.effects.screen import evidence
-from cellwright.effects.search import against, frees_of, search, up_to
+from cellwright.effects.search import against, search, up_to
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.words import explained as shares_explained
 from cellwright.effects.story.words import paragraph

@@ -128,8 +128,8 @@ def stretched(case, state, parts):
 
     Parameters
     ----------
-    case : case.Case. state : search.State of the model. parts : (n,) number of the part of each row
-        of the fit, see `records.parts_of`.
+    case : case.Case. state : candidates.State of the model. parts : (n,) number of the part of
+        each row of the fit, see `records.parts_of`.
 
     Returns
     -------

@@ -13,13 +13,14 @@ from cellwright.circuits.instrument import FOLLOWS, words_of
 from cellwright.circuits.model_file import std_name
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, continued_ocv_at
 from cellwright.effects import base
+from cellwright.effects.candidates import frees_of
 from cellwright.effects.case import extra_volt_of, filters_of, problem_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.overpotential import DIFFUSION_KINDS
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import NEAR_END, stacked
-from cellwright.effects.search import POLISH_STEPS, frees_of
+from cellwright.effects.search import POLISH_STEPS
 from cellwright.identification.choice import (
     FOLDS,
     Judged,
@@ -151,7 +152,7 @@ def _condition(searched, tables, celsius):
     r0, excess = np.minimum(out.r0, back.r0) + values.get(base.LEAD, 0.0), out.r0 - back.r0
     branches = [
         _branch("RC", std.get(f"log_r{n}"), r_ohm=r, tau_second=tau, tau_std=std.get(f"log_tau{n}"))
-        for n, r, tau in ((1, out.r1, out.tau1), (2, out.r2, out.tau2))
+        for n, r, tau in zip((1, 2), out.slow_ohm, (out.tau1, out.tau2), strict=True)
     ]
     if np.any(excess != 0.0):
         ways = {"r_charge_ohm": np.maximum(-excess, 0.0), "r_discharge_ohm": np.maximum(excess, 0)}
@@ -200,7 +201,7 @@ def _energy(searched, celsius):
 def _total_ohm(fields):
     """Sum of the ohmic resistance and those of both RC pairs at half charge [ohm]."""
     return sum(
-        np.broadcast_to(r, KNOTS.shape)[len(KNOTS) // 2] for r in (fields.r0, fields.r1, fields.r2)
+        np.broadcast_to(r, KNOTS.shape)[len(KNOTS) // 2] for r in (fields.r0, *fields.slow_ohm)
     )
 
 
@@ -245,7 +246,7 @@ def folds(case, state, noise, *, split_rest_second):
 
     Parameters
     ----------
-    case : case.Case. state : search.State, the model with its effects. noise : noise.Noise.
+    case : case.Case. state : candidates.State, the model with its effects. noise : noise.Noise.
     split_rest_second : shortest rest that ends a block [s].
 
     Returns

@@ -101,7 +101,7 @@ def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD, unseen=UN
 
 
 def _ended(step, trial, refused, unnamed):
-    """Ids of a draw that ends in a round with a choice (search.Trial), or without one (None)."""
+    """Ids of a draw that ends in a round with a choice (candidates.Trial) or with None."""
     so_far = tuple(e.id for e in step.before.effects if e.key not in unnamed)
     none = trial is None or trial.effect.key in refused
     return so_far if none else (*so_far, trial.effect.id)
@@ -124,7 +124,7 @@ def _sides(case, step, gamma, draws, spread):
 
 
 def _befores(state, sides):
-    """A state with its errors as each draw weighs the blocks: list of search.State."""
+    """A state with its errors as each draw weighs the blocks: list of candidates.State."""
     errors = sides[0].rms(state.solution.residual), sides[1].rms(state.validation)
     return [
         state._replace(rmse_volt=fit, validation_rmse_volt=judging)
@@ -133,7 +133,7 @@ def _befores(state, sides):
 
 
 def _choices(case, step, sides, first, going, floor):
-    """What each draw chooses in a round: dict draw → search.Trial of the search, or None."""
+    """What each draw chooses in a round: dict draw → candidates.Trial of the search, or None."""
     denied = case.denied(step.trials)
     allowed = [t for t in step.trials if t.effect.key not in denied]
     befores = _befores(step.before, sides)
@@ -147,7 +147,7 @@ def _choices(case, step, sides, first, going, floor):
 
 
 def _weighed(case, before, trial, sides):
-    """A trial as each draw weighs the blocks: list of search.Trial."""
+    """A trial as each draw weighs the blocks: list of candidates.Trial."""
     fit, judging = sides
     fall = before.solution.whitened**2 - trial.state.solution.whitened**2
     fall = fall / trial.inflation["fit"][fit.file]

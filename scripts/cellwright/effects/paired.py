@@ -15,12 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
+from cellwright.effects.candidates import frees_of, neutral
 from cellwright.effects.case import STEADY_C_RATE, extra_volt_of, filters_of, problem_of, state_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import LOADED_C_RATE, lacking
-from cellwright.effects.screen import neutral
-from cellwright.effects.search import frees_of
 from cellwright.effects.ties import AT_REST_C_RATE
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST, read_volt
@@ -439,7 +438,8 @@ def _with_courses(case, stack, states):
         values = state.solution.values | starts
         fields = base.fields_of(case.cell, stack, values, state.effects)
         means = np.exp([values["log_r0"], values["log_r1"]])
-        rows = np.broadcast_arrays(fields.r0 / means[0], fields.r1 / means[1], stack.second)[:2]
+        ohms = fields.r0 / means[0], fields.slow_ohm[0] / means[1]
+        rows = np.broadcast_arrays(*ohms, stack.second)[:2]
         logs.append(np.log(rows))
     ohmic, slow = np.exp(np.mean(logs, axis=0))
     return stack._replace(ohmic_course=ohmic, slow_course=slow, courses={})

@@ -239,7 +239,7 @@ def floor_of(case, state, free, rows, read_volt):
 
     Parameters
     ----------
-    case : case.Case. state : search.State of the plain model. free : tuple of Free, of its fit.
+    case : case.Case. state : candidates.State of the plain model. free : tuple of Free, of its fit.
     rows : (m,) bool, rows that count. read_volt : noise of a single reading [V].
 
     Returns
@@ -278,7 +278,7 @@ def explained(gates, before, floor):
 
     Parameters
     ----------
-    gates : of the case. before : search.State. floor : Floor.
+    gates : of the case. before : candidates.State. floor : Floor.
     """
     return left_volt(before, floor) <= gates.material_volt
 
@@ -288,7 +288,7 @@ def left_volt(state, floor):
 
     Parameters
     ----------
-    state : search.State. floor : Floor.
+    state : candidates.State. floor : Floor.
     """
     fit = excess_volt(state.rmse_volt, floor.fit_volt)
     return max(fit, excess_volt(state.validation_rmse_volt, floor.validation_volt))
@@ -299,7 +299,7 @@ def significant(gates, trial):
 
     Parameters
     ----------
-    gates : of the case. trial : search.Trial with its proof.
+    gates : of the case. trial : candidates.Trial with its proof.
     """
     return followed(gates, trial) and judged_well(gates, trial) and trial.proof.holds
 

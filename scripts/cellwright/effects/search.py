@@ -8,7 +8,7 @@ Both have these methods and values:
 `with_effect(free, effect)` : free parameters beside those of an effect.
 `problem(effects, free, filters)` : the fit of a model with effects, `least_squares.Problem`.
 `candidates(effects, solution, possible, further)` : what each further effect would change,
-    list of `screen.Candidate`.
+    list of `candidates.Candidate`.
 `filters_for(residual, filters, earlier)` : whitening by the noise of a residual (`.noise`, `.fit`).
 `sharper(trials, filters)` : the same where the trials show another noise, or misfit that
     none of them removes, else None.
@@ -26,78 +26,32 @@ Both have these methods and values:
     another noise.
 """
 
-from functools import partial
 from typing import NamedTuple
 
-import numpy as np
-
-from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.candidates import (
+    State,
+    Trial,
+    asked,
+    judged,
+    polished,
+    residual_with_all,
+    trial_of,
+    tried,
+)
 from cellwright.effects.proof import explained, followed, judged_well, left_volt, significant
-from cellwright.effects.screen import form_of, residual_with_all
-from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit
+from cellwright.numerics.least_squares import fit
 
-CHORD_STEPS, POLISH_STEPS, ANEW_STEPS, NOISE_STEPS = 6, 4, 4, 3
-POLISHED = 3  # how many trials at most
-REDERIVED = 3  # how often at most a trial is refitted with new derivatives
+POLISH_STEPS, NOISE_STEPS = 4, 3
 SHARPENED = 2  # how often at most a round is repeated with another noise
 STAYS = 0.7  # of the size from which an effect counts: with that much, one that was chosen stays
 OUTDONE = 0.5  # of the best J: no effect below it is chosen, where the better ones are immaterial
-
-
-class State(NamedTuple):
-    """A fitted model: its effects, and its errors on the records fitted and those that judge.
-
-    values : of the validation records, with their own starts. validation : residual (m,), errors of
-    the starts taken out. validation_white : the same whitened. validation_chi_squares : (f,) of
-    each validation record. rmse_volt, validation_rmse_volt :
-    of a cell's voltage, of a group's branch currents times their cells' ohmic resistance [V].
-    """
-
-    effects: tuple
-    solution: object
-    values: dict
-    validation: np.ndarray
-    validation_white: np.ndarray
-    validation_chi_squares: np.ndarray
-    rmse_volt: float
-    validation_rmse_volt: float
-
-    @property
-    def worst_volt(self):
-        """The larger of both rms errors [V]."""
-        return max(self.rmse_volt, self.validation_rmse_volt)
-
-
-class Trial(NamedTuple):
-    """A candidate refitted, compared with the model without it.
-
-    score : fall of chi-square that the screen expected. delta_bic, delta_validation : fall of the
-    criterion on the records fitted, of chi-square on those that judge, both corrected for
-    correlated misfit by `inflation`, of each record by role. material : its size matters.
-    proof : proof.Consistency. proven : whether the records that judge show it; else it was judged
-    on the records fitted.
-    """
-
-    effect: object
-    score: float
-    delta_bic: float
-    delta_validation: float
-    material: bool
-    state: State
-    proof: object = None
-    proven: bool = True
-    inflation: dict | None = None
-
-    @property
-    def j(self):
-        return self.delta_bic + (self.delta_validation if self.proven else 0.0)
 
 
 class Round(NamedTuple):
     """One round of the search: the model before it, the trials, and the choice.
 
     before : State without the choice. filters : whitening of both sides, by which `before` and the
-    trials were fitted and judged. floor : proof.Floor. scores : list of screen.Score, best first.
+    trials were fitted and judged. floor : proof.Floor. scores : list of Score, best first.
     trials : list of Trial, best first. chosen : Trial, or None. tied : keys that explain as
     much.
     hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
@@ -276,7 +230,7 @@ def _without(case, model, effect, filters):
     problem = case.problem(others, free, filters)
     refitted = fit(problem, model.solution.values, steps=POLISH_STEPS, settled=case.settled)
     before = case.state(others, refitted, filters)
-    trial = _trial(case, before, effect, model.effects, 0.0, model.solution, filters)
+    trial = trial_of(case, before, effect, model.effects, 0.0, model.solution, filters)
     return _Without(before, free, judged(case, before, [trial], filters)[0])
 
 
@@ -316,134 +270,13 @@ def _tested(case, possible, effects, free, solution, filters, candidates, earlie
     solution = fit(problem, solution.values, columns=columns, **steps)
     before = case.state(effects, solution, filters)
     scores, hidden = case.screened(candidates, before, free, possible, filters)
-    # The best so many effects, each in all its forms: a form takes no other effect's place.
-    best = dict.fromkeys(score.candidate.effect.key for score in scores)
-    best = set(list(best)[: case.gates.refits])
-    asked = [score for score in scores if score.candidate.effect.key in best]
-    ends = {(t.effect.key, form_of(t.effect, t.state.values)): t.state for t in earlier}
-    trials = [tried(case, possible, free, before, score, filters, ends) for score in asked]
-    trials = judged(case, before, _polished(case, free, before, trials, filters), filters)
+    ends = {trial.effect.key: trial.state for trial in reversed(earlier)}
+    trials = [
+        tried(case, possible, free, before, score, filters, ends.get(score.candidate.effect.key))
+        for score in asked(scores, ends, case.gates.refits)
+    ]
+    trials = judged(case, before, polished(case, free, before, trials, filters), filters)
     return Round(before, filters, None, scores, trials, None, (), hidden)
-
-
-def tried(case, possible, free, before, score, filters, ends=None):
-    """Trial of a candidate: refitted from the values that its score test estimates.
-
-    Parameters
-    ----------
-    case : as in `search`. possible : dict of Effect by key, in whose order effects act.
-    free : tuple of Free without the effect. before : State without it. score : screen.Score.
-    filters : of the round. ends : State by key and form of effects that were fitted by another
-        noise, where they begin if that is better; or None.
-
-    Returns
-    -------
-    trial : Trial.
-    """
-    effect = score.candidate.effect
-    effects = in_order((*before.effects, effect), possible | {effect.key: effect})
-    problem = case.problem(effects, case.with_effect(free, effect), filters)
-    end = (ends or {}).get((effect.key, score.candidate.form))
-    starts = (score.values, end.solution.values) if end else (score.values,)
-    start = min(starts, key=partial(cost_of, problem))
-    if effect.bends:
-        solution = fit(problem, start, steps=ANEW_STEPS)
-    else:
-        kept = {name: getattr(before.solution, name) for name in ("columns", "white", "gram")}
-        solution = fit(problem, start, **kept, steps=CHORD_STEPS)
-    return _trial(case, before, effect, effects, score.chi_square, solution, filters)
-
-
-def _trial(case, before, effect, effects, promised, solution, filters):
-    state = case.state(effects, solution, filters)
-    counted = len(frees_of(effect)) * np.log(len(solution.prediction))
-    return Trial(
-        effect,
-        promised,
-        before.solution.cost - solution.cost - counted,
-        float(np.sum(before.validation_chi_squares - state.validation_chi_squares)),
-        _material(effect, solution.values),
-        state,
-    )
-
-
-def judged(case, before, trials, filters):
-    """Trials with their proof, best first; falls of chi-square corrected for correlated misfit.
-
-    Of each record the trial tells the misfit that leaves the least of it: what one effect explains
-    is no misfit. By the misfit of a record its fall of chi-square is too large, and its rows are
-    worth as much fewer.
-
-    Parameters
-    ----------
-    case : as in `search`. before : State without the trials. trials : list of Trial.
-    filters : of the round.
-
-    Returns
-    -------
-    trials : list of Trial.
-    """
-    if not trials:
-        return []
-    inflations = [case.inflation(trial.state) for trial in trials]
-    least = {role: np.min([one[role] for one in inflations], axis=0) for role in inflations[0]}
-    rows = np.sum(case.rows_per_record() / least["fit"])
-    with_proof = []
-    for trial in trials:
-        falls = case.falls(before, trial.state)
-        proof, proven = case.proof(before, trial.state, filters)
-        solutions = before.solution, trial.state.solution
-        by_priors = np.subtract(*(s.cost - s.chi_square for s in solutions))
-        counted = len(frees_of(trial.effect)) * np.log(max(rows, np.e))
-        criterion = float(np.sum(falls["fit"] / least["fit"]) + by_priors - counted)
-        fall = float(np.sum(falls["validation"] / least["validation"]))
-        now = {"delta_bic": criterion, "delta_validation": fall, "proof": proof, "proven": proven}
-        with_proof.append(trial._replace(**now, inflation=least))
-    return sorted(with_proof, key=lambda t: -t.j)
-
-
-def _polished(case, free, before, trials, filters):
-    """Trials, best first; the best, and the best by the fit alone, refitted with new derivatives
-    where kept ones do not hold.
-    """
-    trials = sorted(trials, key=lambda t: -t.j)
-    best = max(trials[0].j, 0.0) if trials else 0.0
-    by_fit = max(trials, key=lambda t: t.delta_bic, default=None)
-    for n, trial in enumerate(trials):
-        near = n < POLISHED and trial.j >= case.polish_share * best
-        if (near or trial is by_fit) and case.misled(before, trial):
-            trials[n] = _refitted(case, free, before, trial, filters)
-    return sorted(trials, key=lambda t: -t.j)
-
-
-def _refitted(case, free, before, trial, filters):
-    """A Trial refitted with derivatives made where it is, and anew where it ends far from there."""
-    effect, effects = trial.effect, trial.state.effects
-    problem = case.problem(effects, case.with_effect(free, effect), filters)
-    for _ in range(REDERIVED):
-        origin, end = trial.state, trial.state.solution
-        kept = {"columns": derivatives(problem, end.values, end.prediction), "renew": effect.names}
-        solution = fit(problem, end.values, **kept, steps=CHORD_STEPS)
-        trial = _trial(case, before, effect, effects, trial.score, solution, filters)
-        if not case.misled(origin, trial):
-            break
-    return trial
-
-
-def frees_of(effect):
-    """Free parameters of an effect; those without a step are set by its starts, not fitted."""
-    pairs = zip(effect.parameters, effect.names, strict=True)
-    return tuple(
-        Free(name, p.step, p.neutral, p.prior_std, p.lower, p.upper) for p, name in pairs if p.step
-    )
-
-
-def _material(effect, values):
-    """Whether one of the sizes of an effect is large enough for anyone to act on."""
-    sizes = effect.sizes_of(values)
-    return any(
-        abs(sizes[p.name] - p.neutral) >= p.material for p in effect.parameters if not p.shape
-    )
 
 
 def against(case, first, before, trial, floor):

@@ -113,7 +113,7 @@ def entry_of(step, after, result, parts=None):
 
     Parameters
     ----------
-    step : search.Round that chose it. after : search.State with it, from which the next round
+    step : search.Round that chose it. after : candidates.State with it, from which the next round
     begins. result : Outcome. parts : (n,) number of the part of each row of the fit, see
     `records.parts_of`: errors of different parts are taken as independent. None: those of all rows.
     """

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "lanes.h"
+#include "settled.h"
 
 /* Steps whose weights are kept. They differ from row to row, but are few: whole samples of the
  * clock of a record. */
@@ -57,11 +58,12 @@ void lag(int64_t n, int64_t m, const double *step, const double *tau, int64_t ta
         double *next = state + (k + 1) * m;
         for (int64_t j = 0; j < m; j++)
             next[j] = decay * u[j] + (before * x[j] + after * x[j + m]);
+        if (k % BLOCK == 0)
+            for (int64_t j = 0; j < m; j++) next[j] = settled(next[j]);
     }
 }
 
 #define TINY 1e-300 /* no time, no change: their ratio is one */
-enum { BLOCK = 128 };
 #define EACH for (int64_t i = 0; i < BLOCK; i++)
 
 /* 1 - exp(-x) of x >= 0, to rounding, for a block at once. */
@@ -105,5 +107,6 @@ CLONES void lag_fresh(int64_t n, const double *step, const double *fresh, const 
             pull[i] = begun[i] * first[i] + (1.0 - begun[i]) * (before * earlier[i] + after * x[i]);
         }
         for (int64_t i = 0; i < rows; i++) state[from + i] = last = decay[i] * last + pull[i];
+        last = settled(last);
     }
 }

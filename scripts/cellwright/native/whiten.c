@@ -1,9 +1,11 @@
 /* Whitening of white noise beside an Ornstein-Uhlenbeck process: see effects/noise.py.
  *
  * The gains of the scalar Kalman filter depend on the clock alone, so that they are made once and
- * every column of a matrix (n, m) runs through the same recursion. */
+ * every column of a matrix runs through the same recursion. */
 #include <math.h>
 #include <stdint.h>
+
+#include "settled.h"
 
 /* keep[k]: what is left of the slow part since the row before, 0 at the first row of a record;
  * white[k]: variance of the white part. Gives the gains and one over the innovation's deviation. */
@@ -19,17 +21,31 @@ void whitening_gains(int64_t n, const double *keep, const double *white, double 
     }
 }
 
-/* Rows in place; `state` (m,) is room for the slow part of each column. */
-void whiten(int64_t n, int64_t m, const double *keep, const double *gain, const double *scale,
-            double *state, double *matrix) {
-    for (int64_t k = 0; k < n; k++) {
-        double *row = matrix + k * m;
-        const double held = keep[k], share = gain[k], size = scale[k];
-        for (int64_t j = 0; j < m; j++) {
-            const double expected = held * state[j];
-            const double news = row[j] - expected;
-            state[j] = expected + share * news;
-            row[j] = size * news;
+enum { ABREAST = 8 }; /* columns: the recursion of one waits for itself, of many for none */
+
+/* `m` columns, at most ABREAST. */
+static inline __attribute__((always_inline)) void abreast(int64_t n, int64_t m, const double *keep,
+        const double *gain, const double *scale, double *columns) {
+    double state[ABREAST] = {0.0};
+    for (int64_t from = 0; from < n; from += BLOCK) {
+        const int64_t end = n - from < BLOCK ? n : from + BLOCK;
+        for (int64_t k = from; k < end; k++) {
+#pragma GCC unroll 8
+            for (int64_t j = 0; j < m; j++) {
+                const double expected = keep[k] * state[j];
+                const double news = columns[j * n + k] - expected;
+                state[j] = expected + gain[k] * news;
+                columns[j * n + k] = scale[k] * news;
+            }
         }
+        for (int64_t j = 0; j < m; j++) state[j] = settled(state[j]);
     }
+}
+
+/* Columns (m, n) in place, one after the other in memory. */
+void whiten(int64_t n, int64_t m, const double *keep, const double *gain, const double *scale,
+            double *columns) {
+    int64_t j = 0;
+    for (; j + ABREAST <= m; j += ABREAST) abreast(n, ABREAST, keep, gain, scale, columns + j * n);
+    for (; j < m; j++) abreast(n, 1, keep, gain, scale, columns + j * n);
 }

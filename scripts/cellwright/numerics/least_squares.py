@@ -155,7 +155,7 @@ def derivatives(problem, values, prediction, names=None):
     for free in wanted:
         if free.name not in by_name:
             by_name[free.name] = _derivative(problem, values, prediction, free)
-    return np.stack([by_name[free.name] for free in wanted], axis=1)
+    return np.stack([by_name[free.name] for free in wanted]).T
 
 
 def _together(problem, values, prediction, wanted):
@@ -216,7 +216,7 @@ def priors(problem):
 
 def _widened(rows, width):
     """Copy of rows (n, j) with columns of zeros after them: (n, width)."""
-    wide = np.zeros((len(rows), width))
+    wide = np.zeros((width, len(rows))).T
     wide[:, : rows.shape[1]] = rows
     return wide
 
@@ -224,8 +224,8 @@ def _widened(rows, width):
 def _renew(problem, state, columns, white, at):
     """Make the derivatives by some parameters (numbers `at`) anew, plain and whitened, in place."""
     names = {problem.free[k].name for k in at}
-    columns[:, at] = derivatives(problem, state.values, state.prediction, names)
-    white[:, at] = problem.whiten(columns[:, at])
+    made = derivatives(problem, state.values, state.prediction, names)
+    columns.T[at], white.T[at] = made.T, problem.whiten(made).T
 
 
 def _products(white, gram, renewed):
@@ -234,7 +234,7 @@ def _products(white, gram, renewed):
         return white.T @ white
     if not renewed:
         return gram
-    products, gram = white.T @ white[:, renewed], gram.copy()
+    products, gram = white.T @ white.T[renewed].T, gram.copy()
     gram[:, renewed], gram[renewed] = products, products.T
     return gram
 

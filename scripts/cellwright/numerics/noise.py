@@ -54,13 +54,12 @@ class Whitening(NamedTuple):
         return float(-2.0 * np.log(self.scale).sum())
 
     def apply(self, rows):
-        """Whitened copy of rows (n,) or (n, m) [V] → [1]."""
-        matrix = np.array(rows, float, order="C")
-        kernel = function("whiten", count, count, array, array, array, array, array)
-        columns = matrix.size // len(matrix)
+        """Whitened copy of rows (n,) or (n, m) [V] → [1], each column in one piece of memory."""
+        matrix = np.array(rows, float, order="F")
+        kernel = function("whiten", count, count, array, array, array, array)
         if kernel is None:
             return _whitened(matrix, *self)
-        kernel(len(matrix), columns, *self, np.zeros(columns), matrix)
+        kernel(len(matrix), matrix.size // len(matrix), *self, matrix.T)
         return matrix
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.effects.candidates import Score, State, candidates, frees_of
 from cellwright.effects.groups.model import (
     at_branch,
     group_coupling,
@@ -20,8 +21,6 @@ from cellwright.effects.judge import READ_VOLT, shift_within
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.proof import Floor, blocks_of, consistency, excess_volt, inflation
 from cellwright.effects.records import LOADED_C_RATE
-from cellwright.effects.screen import Score, candidates
-from cellwright.effects.search import State, frees_of
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import Problem, bounded_minimum, derivatives, priors
 from cellwright.numerics.statistics import rms
@@ -143,7 +142,7 @@ class GroupCase(NamedTuple):
         )
 
     def candidates(self, effects, solution, possible, further):
-        """What each further effect would change: list of screen.Candidate."""
+        """What each further effect would change: list of candidates.Candidate."""
 
         def predict(values, effect):
             together = in_order((*effects, effect), possible)

@@ -363,7 +363,7 @@ def document(case, state):
 
     Parameters
     ----------
-    case : case.GroupCase. state : search.State.
+    case : case.GroupCase. state : candidates.State.
 
     Returns
     -------

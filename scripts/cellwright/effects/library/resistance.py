@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.effects.base import kept_response, slowed
 from cellwright.effects.library.vocabulary import Effect, Parameter
 
 # Knots of the logarithm of a resistance over SoC, from the middle to either end. A parameter is
@@ -26,13 +27,17 @@ def _step_name(knot):
     return f"step_to_{100 * knot:.0f}_percent"
 
 
+def _kept_course(fields, stack, p):
+    key = (_course, *p.values())
+    return kept_response(stack, (fields.soc,), key, lambda: _course(fields.soc, p))
+
+
 def _resistance_soc(fields, stack, p):
-    return fields._replace(r0=fields.r0 * _course(fields.soc, p))
+    return fields._replace(r0=fields.r0 * _kept_course(fields, stack, p))
 
 
 def _polarisation_soc(fields, stack, p):
-    factor = _course(fields.soc, p)
-    return fields._replace(r1=fields.r1 * factor, r2=fields.r2 * factor)
+    return slowed(stack, fields, _kept_course(fields, stack, p))
 
 
 def _asymmetry(fields, stack, p):

@@ -4,16 +4,12 @@ import numpy as np
 
 from cellwright.circuits.instrument import capacity_over_temperature
 from cellwright.circuits.temperature import resistance_factor
-from cellwright.effects.base import REFERENCE_CELSIUS, relaxed, slow_volt
+from cellwright.effects.base import REFERENCE_CELSIUS, kept_response, relaxed, slow_volt, slowed
 from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
 
 # ASSUME: Resistances of a cell that warms itself fall with 30 kJ/mol. What data of one chamber
 # temperature show is the product of this and the thermal resistance.
 OWN_HEAT_JOULE_PER_MOLE = 30e3
-
-
-def _warmed(fields, factor):
-    return fields._replace(r0=fields.r0 * factor, r1=fields.r1 * factor, r2=fields.r2 * factor)
 
 
 COLD_CELSIUS = -20.0
@@ -26,14 +22,20 @@ def _resistance(fields, stack, p):
     The ohmic resistance holds electrolyte (low energy) and charge transfer (high energy): their
     sum has an apparent energy that grows as it gets colder.
     """
+    celsius, key = (fields.celsius,), (_resistance, *p.values())
+    ohmic, slow = kept_response(stack, celsius, key, lambda: _resistance_factors(fields, p))
+    return slowed(stack, fields._replace(r0=fields.r0 * ohmic), slow)
+
+
+def _resistance_factors(fields, p):
+    """Factors of the ohmic resistance and of the polarisation (n,) [1]."""
     about = fields.celsius, REFERENCE_CELSIUS
     cold = np.log(resistance_factor(*about, 1.0))
     cold = cold / np.log(resistance_factor(COLD_CELSIUS, REFERENCE_CELSIUS, 1.0))
     bend = 1.0 + p["growth_towards_cold"] * cold
     energy = p["activation_energy_joule_per_mole"] * bend
     ohmic = resistance_factor(*about, energy)
-    slow = ohmic * resistance_factor(*about, p["polarisation_excess_joule_per_mole"])
-    return fields._replace(r0=fields.r0 * ohmic, r1=fields.r1 * slow, r2=fields.r2 * slow)
+    return ohmic, ohmic * resistance_factor(*about, p["polarisation_excess_joule_per_mole"])
 
 
 def _self_heating(fields, stack, p):
@@ -41,7 +43,8 @@ def _self_heating(fields, stack, p):
     heat = fields.current * (fields.r0 * fields.current + slow_volt(stack, fields))
     rise = p["thermal_resistance_kelvin_per_watt"] * relaxed(stack, heat, p["time_constant_second"])
     inside = fields.celsius + rise
-    return _warmed(fields, resistance_factor(inside, fields.celsius, OWN_HEAT_JOULE_PER_MOLE))
+    factor = resistance_factor(inside, fields.celsius, OWN_HEAT_JOULE_PER_MOLE)
+    return slowed(stack, fields._replace(r0=fields.r0 * factor), factor)
 
 
 def _own_heat_block(p, blocks):

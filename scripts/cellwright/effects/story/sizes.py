@@ -218,7 +218,7 @@ def _edges(effect, p, values):
 FORMS = {
     "resistance_temperature": _energy,
     "resistance_soc": _over_soc("R0", lambda fields: fields.r0),
-    "polarisation_soc": _over_soc("what relaxes", lambda fields: fields.r1 + fields.r2),
+    "polarisation_soc": _over_soc("what relaxes", lambda fields: sum(fields.slow_ohm)),
     "resistance_asymmetry": _asymmetry,
     "lead_resistance": _lead,
     "charge_transfer_nonlinearity": _charge_transfer,

@@ -35,7 +35,7 @@ def acted(effect, p, values, *, soc=MIDDLE_SOC, celsius=REFERENCE_CELSIUS, curre
     capacity = values.get("capacity_ampere_hour", 1.0)
     fields = Fields(
         *(current, current, none, capacity * one, soc, celsius, r0 * one, r1 * one, r2 * one),
-        *(tau1, tau2, none, r0 * current, none),
+        *(tau1, tau2, one, none, r0 * current, none),
     )
     return fields if effect is None else effect.act(fields, _stack(current, celsius, step), p)
 
@@ -52,7 +52,7 @@ def _stack(current, celsius, step):
 
 
 def _total(fields):
-    return fields.r0 + fields.r1 + fields.r2
+    return fields.r0 + sum(fields.slow_ohm)
 
 
 def _activation_energy(effect, p, values, at):
@@ -70,7 +70,7 @@ def _ohmic_over_soc(effect, p, values, at):
 
 def _relaxing_over_soc(effect, p, values, at):
     fields = acted(effect, p, values, soc=at)
-    low, high = fields.r1 + fields.r2
+    low, high = sum(fields.slow_ohm)
     return float(low / high)
 
 

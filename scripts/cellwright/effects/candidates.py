@@ -1,13 +1,22 @@
-"""Candidates for the missing effect, and the score test of each."""
+"""Candidates for the missing effect: the score test of each, and its trial beside the model so far.
 
+A case, as `search` says, gives the problem of a fit, its errors on the records that judge, and the
+limits beyond which kept derivatives mislead.
+"""
+
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit
 
 BINS = 60
+CHORD_STEPS, ANEW_STEPS = 6, 4
+POLISHED = 3  # how many trials at most
+REDERIVED = 3  # how often at most a trial is refitted with new derivatives
 
 
 class Candidate(NamedTuple):
@@ -27,6 +36,11 @@ class Candidate(NamedTuple):
     def form(self):
         """The form of the effect: see `form_of`."""
         return form_of(self.effect, self.start)
+
+    @property
+    def absent(self):
+        """The first values with its sizes at zero: the effect in this form, but absent."""
+        return self.start | dict.fromkeys(self.sizes, 0.0)
 
 
 def form_of(effect, values):
@@ -193,7 +207,7 @@ def screened(case, candidates, before, possible, filters):
 
     Parameters
     ----------
-    case : case.Case. candidates : list of Candidate. before : search.State without them.
+    case : case.Case. candidates : list of Candidate. before : candidates.State without them.
     possible : dict of Effect by key, in whose order effects act. filters : case.Filters.
 
     Returns
@@ -248,3 +262,196 @@ def chi_square_of(case, values, effects, filters):
     volt = base.voltage(case.cell, case.fit, values, effects)
     white = filters.fit.apply(case.fit.voltage_volt - volt)
     return float(white @ white)
+
+
+class State(NamedTuple):
+    """A fitted model: its effects, and its errors on the records fitted and those that judge.
+
+    values : of the validation records, with their own starts. validation : residual (m,), errors of
+    the starts taken out. validation_white : the same whitened. validation_chi_squares : (f,) of
+    each validation record. rmse_volt, validation_rmse_volt :
+    of a cell's voltage, of a group's branch currents times their cells' ohmic resistance [V].
+    """
+
+    effects: tuple
+    solution: object
+    values: dict
+    validation: np.ndarray
+    validation_white: np.ndarray
+    validation_chi_squares: np.ndarray
+    rmse_volt: float
+    validation_rmse_volt: float
+
+    @property
+    def worst_volt(self):
+        """The larger of both rms errors [V]."""
+        return max(self.rmse_volt, self.validation_rmse_volt)
+
+
+class Trial(NamedTuple):
+    """A candidate refitted, compared with the model without it.
+
+    score : fall of chi-square that the screen expected. delta_bic, delta_validation : fall of the
+    criterion on the records fitted, of chi-square on those that judge, both corrected for
+    correlated misfit by `inflation`, of each record by role. material : its size matters.
+    proof : proof.Consistency. proven : whether the records that judge show it; else it was judged
+    on the records fitted.
+    """
+
+    effect: object
+    score: float
+    delta_bic: float
+    delta_validation: float
+    material: bool
+    state: State
+    proof: object = None
+    proven: bool = True
+    inflation: dict | None = None
+
+    @property
+    def j(self):
+        return self.delta_bic + (self.delta_validation if self.proven else 0.0)
+
+
+def asked(scores, ends, most):
+    """Scores of the best so many effects, each in all its forms: no form takes another's place.
+
+    ends : State by key of effects that were tried by another noise: each in its best form, for
+        another noise does not make another form the better one.
+    """
+    keys = list(dict.fromkeys(score.candidate.effect.key for score in scores))[:most]
+    chosen = []
+    for score in scores:
+        effect, end = score.candidate.effect, ends.get(score.candidate.effect.key)
+        as_before = end is None or score.candidate.form == form_of(effect, end.values)
+        chosen += [score] if effect.key in keys and as_before else []
+    return chosen
+
+
+def tried(case, possible, free, before, score, filters, end=None):
+    """Trial of a candidate: refitted from where the cost is least.
+
+    That is where its score test estimates, or without the effect; in a repeated round where the fit
+    by another noise ended.
+
+    Parameters
+    ----------
+    case : as in `search`. possible : dict of Effect by key, in whose order effects act.
+    free : tuple of Free without the effect. before : State without it. score : candidates.Score.
+    filters : of the round. end : State of the effect by another noise, or None.
+
+    Returns
+    -------
+    trial : Trial.
+    """
+    candidate, effect = score.candidate, score.candidate.effect
+    effects = in_order((*before.effects, effect), possible | {effect.key: effect})
+    problem = case.problem(effects, case.with_effect(free, effect), filters)
+    starts = [score.values, *([end.solution.values] if end else [])]
+    if not effect.bends and not effect.given(candidate.sizes):
+        # An offset that the OCV has to follow costs much where it is estimated: kept derivatives
+        # end beside the minimum. Not where nothing shows next to none, as the effect's starts say.
+        starts.append(before.solution.values | candidate.absent)
+    start = min(starts, key=partial(cost_of, problem))
+    how = {"steps": CHORD_STEPS}
+    if end and start is end.solution.values:
+        how |= {"columns": end.solution.columns, "renew": effect.names}
+    elif effect.bends:
+        how = {"steps": ANEW_STEPS}
+    else:
+        how |= {name: getattr(before.solution, name) for name in ("columns", "white", "gram")}
+    solution = fit(problem, start, **how)
+    return trial_of(case, before, effect, effects, score.chi_square, solution, filters)
+
+
+def trial_of(case, before, effect, effects, promised, solution, filters):
+    """Trial of an effect by the fit of a model with it, not judged yet; see `tried`."""
+    state = case.state(effects, solution, filters)
+    counted = len(frees_of(effect)) * np.log(len(solution.prediction))
+    return Trial(
+        effect,
+        promised,
+        before.solution.cost - solution.cost - counted,
+        float(np.sum(before.validation_chi_squares - state.validation_chi_squares)),
+        _material(effect, solution.values),
+        state,
+    )
+
+
+def judged(case, before, trials, filters):
+    """Trials with their proof, best first; falls of chi-square corrected for correlated misfit.
+
+    Of each record the trial tells the misfit that leaves the least of it: what one effect explains
+    is no misfit. By the misfit of a record its fall of chi-square is too large, and its rows are
+    worth as much fewer.
+
+    Parameters
+    ----------
+    case : as in `search`. before : State without the trials. trials : list of Trial.
+    filters : of the round.
+
+    Returns
+    -------
+    trials : list of Trial.
+    """
+    if not trials:
+        return []
+    inflations = [case.inflation(trial.state) for trial in trials]
+    least = {role: np.min([one[role] for one in inflations], axis=0) for role in inflations[0]}
+    rows = np.sum(case.rows_per_record() / least["fit"])
+    with_proof = []
+    for trial in trials:
+        falls = case.falls(before, trial.state)
+        proof, proven = case.proof(before, trial.state, filters)
+        solutions = before.solution, trial.state.solution
+        by_priors = np.subtract(*(s.cost - s.chi_square for s in solutions))
+        counted = len(frees_of(trial.effect)) * np.log(max(rows, np.e))
+        criterion = float(np.sum(falls["fit"] / least["fit"]) + by_priors - counted)
+        fall = float(np.sum(falls["validation"] / least["validation"]))
+        now = {"delta_bic": criterion, "delta_validation": fall, "proof": proof, "proven": proven}
+        with_proof.append(trial._replace(**now, inflation=least))
+    return sorted(with_proof, key=lambda t: -t.j)
+
+
+def polished(case, free, before, trials, filters):
+    """Trials, best first; the best, and the best by the fit alone, refitted with new derivatives
+    where kept ones do not hold.
+    """
+    trials = sorted(trials, key=lambda t: -t.j)
+    best = max(trials[0].j, 0.0) if trials else 0.0
+    by_fit = max(trials, key=lambda t: t.delta_bic, default=None)
+    for n, trial in enumerate(trials):
+        near = n < POLISHED and trial.j >= case.polish_share * best
+        if (near or trial is by_fit) and case.misled(before, trial):
+            trials[n] = _refitted(case, free, before, trial, filters)
+    return sorted(trials, key=lambda t: -t.j)
+
+
+def _refitted(case, free, before, trial, filters):
+    """A Trial refitted with derivatives made where it is, and anew where it ends far from there."""
+    effect, effects = trial.effect, trial.state.effects
+    problem = case.problem(effects, case.with_effect(free, effect), filters)
+    for _ in range(REDERIVED):
+        origin, end = trial.state, trial.state.solution
+        kept = {"columns": derivatives(problem, end.values, end.prediction), "renew": effect.names}
+        solution = fit(problem, end.values, **kept, steps=CHORD_STEPS)
+        trial = trial_of(case, before, effect, effects, trial.score, solution, filters)
+        if not case.misled(origin, trial):
+            break
+    return trial
+
+
+def frees_of(effect):
+    """Free parameters of an effect; those without a step are set by its starts, not fitted."""
+    pairs = zip(effect.parameters, effect.names, strict=True)
+    return tuple(
+        Free(name, p.step, p.neutral, p.prior_std, p.lower, p.upper) for p, name in pairs if p.step
+    )
+
+
+def _material(effect, values):
+    """Whether one of the sizes of an effect is large enough for anyone to act on."""
+    sizes = effect.sizes_of(values)
+    return any(
+        abs(sizes[p.name] - p.neutral) >= p.material for p in effect.parameters if not p.shape
+    )
