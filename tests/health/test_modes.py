@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from half_cell_lives import LOSSES, curve_of, life, nmc
 
+from cellwright.health.electrodes import alignment
 from cellwright.health.electrodes.alignment import Pair, align, chosen_pair
 from cellwright.health.electrodes.half_cells import half_cell
 from cellwright.health.electrodes.mode_rows import mode_rows
@@ -52,6 +53,21 @@ def test_lithium_that_comes_back_is_seen():
     losses = np.array([[0.0, 0.0, 0.0], [-0.01, 0.0, 0.0]])
     found = degradation_modes(life(5, losses=losses, own_volt=0.0003), pair)
     assert found.joint[1, 0] == pytest.approx(-0.01, abs=0.004)
+
+
+@pytest.mark.parametrize("branches", ["both", "charge", "rests"])
+def test_derivatives_are_those_of_differences(branches):
+    pair, _ = nmc()
+    curve = life(1)[0]._replace(branches=branches)
+    errors = np.linspace(0.001, 0.004, len(curve.soc))
+    limits = np.array([0.031, 0.83, 0.92, 0.28, 0.004, -0.002])
+    before = alignment._whitened(limits, curve, pair, errors)
+    slopes = alignment._derivatives(limits, curve, pair, errors)
+    for k, column in enumerate(slopes.T):
+        step = np.where(np.arange(6) == k, 1e-9, 0.0)
+        moved = (alignment._whitened(limits + step, curve, pair, errors) - before) / 1e-9
+        # A sample whose lithiation crosses a point of the table within the step has two slopes.
+        assert np.mean(np.isclose(column, moved, rtol=1e-3, atol=1e-2)) > 0.99
 
 
 def test_limits_and_shift_of_one_curve_are_found():

@@ -151,6 +151,7 @@ def _fits(curve, pair, starts, errors, *, most_steps=100):
         least_squares(
             _whitened,
             np.clip(start, low + 1e-6, high - 1e-6),
+            jac=_derivatives,
             bounds=(low, high),
             x_scale=STEPS,
             args=(curve, pair, errors),
@@ -193,6 +194,26 @@ def _whitened(limits, curve, pair, errors):
     scaled = (curve.voltage_volt - cell_volt(pair, limits, curve.soc)) / errors
     expected = limits[4:] / SHIFT_STD_VOLT[curve.branches]
     return np.append(_white(scaled, curve.soc), expected)
+
+
+def _derivatives(limits, curve, pair, errors):
+    """Derivatives (n + 2, 6) of `_whitened` by the limits."""
+    soc, (negative, positive) = curve.soc, pair
+    x_slope = _slope(negative, limits[0] + (limits[1] - limits[0]) * soc)
+    y_slope = _slope(positive, limits[2] + (limits[3] - limits[2]) * soc)
+    ends = np.stack([1.0 - soc, soc], axis=1)
+    of_shift = np.stack([np.ones(len(soc)), soc - 0.5], axis=1)
+    volt = np.concatenate([-x_slope[:, None] * ends, y_slope[:, None] * ends, of_shift], axis=1)
+    expected = np.zeros((2, 6))
+    expected[:, 4:] = np.diag(1.0 / np.asarray(SHIFT_STD_VOLT[curve.branches]))
+    return np.concatenate([_white(-volt / errors[:, None], soc), expected])
+
+
+def _slope(half_cell, lithiation):
+    """Slope of a half cell's table (n,) [V]; none beyond its ends, where it is continued flat."""
+    table, volt = half_cell.lithiation, half_cell.potential_volt
+    slopes = np.concatenate([[0.0], np.diff(volt) / np.diff(table), [0.0]])
+    return slopes[np.searchsorted(table, lithiation, side="right")]
 
 
 def _white(series, soc):
