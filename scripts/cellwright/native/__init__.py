@@ -6,6 +6,7 @@ and twin agree to rounding. This room alone touches files and processes, to buil
 """
 
 import ctypes
+import fcntl
 import hashlib
 import os
 import shutil
@@ -13,6 +14,7 @@ import subprocess
 import tempfile
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -122,15 +124,16 @@ def _homes():
 def _built(compiler, path, flags, sources):
     """Build beside the target and move it there, so that no other job sees half a library.
 
-    Where that fails the twins serve, tens of times slower: said once, in the compiler's words.
+    Jobs that begin at once wait for the first one. Where it fails the twins serve, tens of times
+    slower: said once, in the compiler's words.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-            made = Path(folder) / path.name
-            command = [*compiler.split(), *flags, *map(str, sources), "-o", str(made), "-lm"]
-            subprocess.run(command, check=True, capture_output=True, timeout=120)
-            made.replace(path)
+        with open(path.with_suffix(".lock"), "wb") as lock:
+            with suppress(OSError):  # a disk that knows no locks
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            if not path.exists():
+                _compiled(compiler.split(), path, flags, sources)
     except (OSError, subprocess.SubprocessError) as error:
         reason = getattr(error, "stderr", None) or str(error).encode()
         warnings.warn(
@@ -138,3 +141,26 @@ def _built(compiler, path, flags, sources):
         )
         return False
     return True
+
+
+def _compiled(compiler, path, flags, sources):
+    """All sources at once, then the library of them."""
+    of_parts = [flag for flag in flags if flag != "-shared"]
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        made, parts = Path(folder) / path.name, []
+        commands = []
+        for number, source in enumerate(sources):
+            parts.append(str(Path(folder) / f"{number}.o"))
+            commands.append([*compiler, *of_parts, "-c", str(source), "-o", parts[-1]])
+        running = [subprocess.Popen(c, stderr=subprocess.PIPE) for c in commands]
+        try:
+            said = [process.communicate(timeout=120)[1] for process in running]
+        finally:
+            for process in running:
+                process.kill()
+        for process, words in zip(running, said, strict=True):
+            if process.returncode:
+                raise subprocess.CalledProcessError(process.returncode, process.args, stderr=words)
+        command = [*compiler, *flags, *parts, "-o", str(made), "-lm"]
+        subprocess.run(command, check=True, capture_output=True, timeout=120)
+        made.replace(path)
