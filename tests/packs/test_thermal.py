@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from wirings import parallel, series
 
 from cellwright.circuits.heat import simulate_warm
-from cellwright.packs import kernel
+from cellwright.packs import kernel, simulate
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.network import network_of
 from cellwright.packs.phases import Phase, run_phases
@@ -115,10 +115,27 @@ def test_an_ambient_that_changes_moves_the_parameters():
         TIME, LOAD, CELLS, series(*"ABC"), initial_soc=0.9, ambient_celsius=ambient
     )
     cold = simulate_pack(TIME, LOAD, CELLS, series(*"ABC"), initial_soc=0.9, ambient_celsius=15.0)
-    assert warmer.voltage_volt[0] == pytest.approx(cold.voltage_volt[0], abs=1e-9)
+    assert warmer.voltage_volt[0] == pytest.approx(cold.voltage_volt[0], abs=2e-3)
     discharge = LOAD < 0
     assert (warmer.voltage_volt[discharge][50:] > cold.voltage_volt[discharge][50:]).all()
     np.testing.assert_allclose(warmer.temperature_celsius[:, 1], ambient)
+
+
+def test_an_ambient_is_followed_as_step_by_step_and_its_flicker_is_not(monkeypatch):
+    ambient = 20.0 + 4.0 * np.sin(np.linspace(0.0, 6.0, len(TIME)))
+    flicker = 0.1 * (np.arange(len(TIME)) % 2)
+
+    def run(celsius):
+        setting = {"initial_soc": 0.9, "ambient_celsius": celsius}
+        return simulate_pack(TIME, LOAD, CELLS, series(*"ABC"), **setting).voltage_volt
+
+    np.testing.assert_allclose(run(20.0 + flicker), run(20.05), rtol=0, atol=1e-12)
+    followed = run(ambient), run(np.round(ambient, 1) + flicker)
+    most = simulate.FLICKER_KELVIN * np.abs(run(17.0) - run(16.0)).max()
+    monkeypatch.setattr(simulate, "FLICKER_KELVIN", 0.0)
+    exact = run(ambient)
+    for volt in followed:
+        assert np.abs(volt - exact).max() < most
 
 
 def test_phases_warm_the_cells_too():

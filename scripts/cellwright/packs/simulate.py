@@ -12,6 +12,7 @@ from cellwright.packs.thermal import heat_of, thermal_modes, warmed
 from cellwright.refusal import Refusal
 
 TOLERANCE_VOLT = 1e-9
+FLICKER_KELVIN = 0.15  # of a thermometer that reads tenths; it moves resistances by half a percent
 ALL = Keep()
 
 
@@ -107,7 +108,8 @@ def simulate_pack(
     if thermal is None and np.ptp(ambient) == 0:
         steps, _ = many_steps(plant, state, load, keep)
         return _run(steps, np.broadcast_to(ambient[0], steps.soc.shape), keep)
-    return _run(*_with_temperatures(plant, state, load, ambient, keep), keep)
+    moving = _with_temperatures if thermal else _at_ambient
+    return _run(*moving(plant, state, load, ambient, keep), keep)
 
 
 def _run(steps, celsius, keep):
@@ -124,13 +126,45 @@ def _with_temperatures(plant, state, load, ambient, keep):
         state, heat, part = stepped(plant, state, heat, one, ambient[k], extremes=keep.extremes)
         parts.append(part)
         temperatures.append(state.temperature_celsius)
+    return _joined(parts, np.array(temperatures), keep)
+
+
+def _at_ambient(plant, state, load, ambient, keep):
+    """Steps (n, …) of cells that are as warm as the ambient, in stretches of about one temperature.
+
+    Each is at its mean: the reading flickers by its last digit, and no cell follows that.
+    """
+    parts = []
+    for rows in _stretches(ambient):
+        part = Load(*(column[rows] for column in load))
+        celsius = np.full(plant.network.cells, ambient[rows].mean())
+        state = state._replace(temperature_celsius=celsius)
+        steps, state = many_steps(plant, state, part, Keep(1, keep.extremes))
+        parts.append(steps)
+    celsius = np.broadcast_to(ambient[:, None], (len(ambient), plant.network.cells))
+    return _joined(parts, celsius, keep)
+
+
+def _stretches(celsius):
+    """Parts of a record, slices, within which a temperature (n,) stays about the same."""
+    first, low, high = 0, celsius[0], celsius[0]
+    for k, here in enumerate(celsius.tolist()):
+        low, high = min(low, here), max(high, here)
+        if high - low > FLICKER_KELVIN:
+            yield slice(first, k)
+            first, low, high = k, here, here
+    yield slice(first, len(celsius))
+
+
+def _joined(parts, celsius, keep):
+    """Steps of all parts together and temperatures (n, cells), of the cells those that are kept."""
     joined = Steps(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-    rows = slice(0, len(parts) if keep.every else 0, keep.every or 1)
+    rows = slice(0, len(joined.sensed_volt) if keep.every else 0, keep.every or 1)
     return joined._replace(
         current_ampere=joined.current_ampere[rows],
         voltage_volt=joined.voltage_volt[rows],
         soc=joined.soc[rows],
-    ), np.array(temperatures)[rows]
+    ), celsius[rows]
 
 
 def plant_of(cells, wiring, thermal, *, hold, tolerance_volt):
