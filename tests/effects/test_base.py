@@ -124,6 +124,26 @@ def test_lags_are_made_anew_only_where_what_they_follow_from_moves(monkeypatch, 
     assert len(made) == 3
 
 
+def test_a_resistance_over_soc_is_a_factor_of_both_or_of_each(stack):
+    """What an effect makes of one pair's resistance, row by row, is lagged as the factor is."""
+
+    def each(fields, stack, p):
+        factor = np.exp(p["size"] * fields.soc)
+        return fields._replace(r1=fields.r1 * factor, r2=fields.r2 * factor)
+
+    def both(fields, stack, p):
+        return base.slowed(stack, fields, np.exp(p["size"] * fields.soc))
+
+    effect = LIBRARY["lead_resistance"]
+    effects = [
+        effect._replace(act=lambda *a, act=act: act(*a[:2], {"size": 2.0})) for act in (each, both)
+    ]
+    values = values_for(stack) | neutral(effect)
+    volts = [base.voltage(small.CELL, stack, values, (one,)) for one in effects]
+    np.testing.assert_allclose(*volts, rtol=0, atol=1e-12)
+    assert np.abs(volts[0] - base.voltage(small.CELL, stack, values)).max() > 1e-3
+
+
 def test_a_lag_that_has_decayed_to_nothing_is_zero_and_not_the_smallest_number():
     """A state whose decay rounds to itself would stay there, ten times slower to compute with."""
     drive = np.r_[np.ones(10), np.zeros(400_000)]

@@ -239,19 +239,19 @@ def _looked_up(cell, knots, soc):
 def slow_volt(stack, fields):
     """Voltage of the two RC pairs [V]."""
     pairs = (fields.r1, fields.tau1), (fields.r2, fields.tau2)
-    if fields.current is not stack.current_ampere:
-        drive = fields.slow * fields.current
-        return sum(ohm * relaxed(stack, drive, tau) for ohm, tau in pairs)
+    return sum(_pair_volt(stack, fields, *pair) for pair in pairs)
 
+
+def _pair_volt(stack, fields, ohm, tau):
+    """Voltage of an RC pair; that of one ohm is kept where nothing but its resistance moved [V]."""
+    if np.ndim(ohm) or fields.current is not stack.current_ampere:
+        return relaxed(stack, ohm * fields.slow * fields.current, tau)
     columns = fields.current, fields.slow
 
-    def of_one_ohm(tau):
-        def made():
-            return relaxed(stack, np.multiply(*columns), tau)
+    def of_one_ohm():
+        return relaxed(stack, np.multiply(*columns), tau)
 
-        return kept_response(stack, columns, (relaxed, tau), made)
-
-    return sum(ohm * of_one_ohm(tau) for ohm, tau in pairs)
+    return ohm * kept_response(stack, columns, (relaxed, tau), of_one_ohm)
 
 
 def relaxed(stack, drive, tau_second):

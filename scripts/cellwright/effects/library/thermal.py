@@ -10,8 +10,6 @@ from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
 # ASSUME: Resistances of a cell that warms itself fall with 30 kJ/mol. What data of one chamber
 # temperature show is the product of this and the thermal resistance.
 OWN_HEAT_JOULE_PER_MOLE = 30e3
-
-
 COLD_CELSIUS = -20.0
 WAVES = (2, 3, 4)  # of the entropic coefficient over SoC, beside its mean and tilt
 
