@@ -325,6 +325,26 @@ def test_what_no_effect_bends_does_not_decide_the_model_elsewhere(monkeypatch):
     assert found.last.validation_rmse_volt < 0.6 * squared.last.validation_rmse_volt
 
 
+def test_no_trial_ends_dearer_than_the_model_without_it():
+    """Begun at its estimate alone a resistance over SoC did, by far: the OCV has to follow it."""
+    knee = with_dip(
+        *(case_of(Truth(activation=2.5e4)), 0.3),
+        shape=lambda soc: np.exp(-(soc - soc.min()) / 0.04),
+    )
+    steps = search(knee, LIBRARY)
+    assert [step.chosen.effect.id for step in steps[:2]] == [
+        "resistance_temperature",
+        "resistance_soc",
+    ]
+    trials = [(step, trial) for step in steps for trial in step.trials]
+    ends = [
+        trial.state.solution.cost - step.before.solution.cost
+        for step, trial in trials
+        if not trial.effect.bends
+    ]
+    assert max(ends) <= 1e-6 * steps[0].before.solution.cost
+
+
 def test_a_knee_gives_a_healthy_cell_no_name():
     made = with_dip(case_of(HEALTHY), 0.1, shape=lambda soc: np.exp(-(soc - soc.min()) / 0.04))
     assert named(search(made, LIBRARY)) == []
