@@ -14,7 +14,7 @@ import subprocess
 import tempfile
 import warnings
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -129,11 +129,8 @@ def _built(compiler, path, flags, sources):
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with open(path.with_suffix(".lock"), "wb") as lock:
-            with suppress(OSError):  # a disk that knows no locks
-                fcntl.flock(lock, fcntl.LOCK_EX)
-            if not path.exists():
-                _compiled(compiler.split(), path, flags, sources)
+        with _alone(path):
+            _compiled(compiler.split(), path, flags, sources)
     except (OSError, subprocess.SubprocessError) as error:
         reason = getattr(error, "stderr", None) or str(error).encode()
         warnings.warn(
@@ -143,24 +140,37 @@ def _built(compiler, path, flags, sources):
     return True
 
 
+@contextmanager
+def _alone(path):
+    """One process at a time, where the disk knows locks."""
+    with open(path.with_suffix(".lock"), "wb") as lock:
+        with suppress(OSError):
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
 def _compiled(compiler, path, flags, sources):
-    """All sources at once, then the library of them."""
+    """All sources at once, then the library of them, where another process has not built it."""
+    if path.exists():
+        return
     of_parts = [flag for flag in flags if flag != "-shared"]
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        made, parts = Path(folder) / path.name, []
-        commands = []
-        for number, source in enumerate(sources):
-            parts.append(str(Path(folder) / f"{number}.o"))
-            commands.append([*compiler, *of_parts, "-c", str(source), "-o", parts[-1]])
-        running = [subprocess.Popen(c, stderr=subprocess.PIPE) for c in commands]
-        try:
-            said = [process.communicate(timeout=120)[1] for process in running]
-        finally:
-            for process in running:
-                process.kill()
-        for process, words in zip(running, said, strict=True):
-            if process.returncode:
-                raise subprocess.CalledProcessError(process.returncode, process.args, stderr=words)
-        command = [*compiler, *flags, *parts, "-o", str(made), "-lm"]
-        subprocess.run(command, check=True, capture_output=True, timeout=120)
+        made = Path(folder) / path.name
+        parts = [str(Path(folder) / f"{number}.o") for number in range(len(sources))]
+        pairs = zip(sources, parts, strict=True)
+        _finished([[*compiler, *of_parts, "-c", str(s), "-o", part] for s, part in pairs])
+        _finished([[*compiler, *flags, *parts, "-o", str(made), "-lm"]])
         made.replace(path)
+
+
+def _finished(commands):
+    """Run commands side by side; CalledProcessError with the words of the first that fails."""
+    running = [subprocess.Popen(command, stderr=subprocess.PIPE) for command in commands]
+    try:
+        said = [process.communicate(timeout=120)[1] for process in running]
+    finally:
+        for process in running:
+            process.kill()
+    for process, words in zip(running, said, strict=True):
+        if process.returncode:
+            raise subprocess.CalledProcessError(process.returncode, process.args, stderr=words)
