@@ -1,4 +1,4 @@
-/* Whitening of white noise beside an Ornstein-Uhlenbeck process: see effects/noise.py.
+/* Whitening of white noise beside an Ornstein-Uhlenbeck process: see numerics/noise.py.
  *
  * The gains of the scalar Kalman filter depend on the clock alone, so that they are made once and
  * every column of a matrix runs through the same recursion. */

@@ -108,8 +108,8 @@ def simulate_pack(
     if thermal is None and np.ptp(ambient) == 0:
         steps, _ = many_steps(plant, state, load, keep)
         return _run(steps, np.broadcast_to(ambient[0], steps.soc.shape), keep)
-    moving = _with_temperatures if thermal else _at_ambient
-    return _run(*moving(plant, state, load, ambient, keep), keep)
+    walked = _at_ambient if thermal is None else _with_temperatures
+    return _run(*walked(plant, state, load, ambient, keep), keep)
 
 
 def _run(steps, celsius, keep):
