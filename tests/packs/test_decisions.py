@@ -5,14 +5,22 @@ from itertools import combinations, permutations
 import numpy as np
 import pytest
 import strings
+import truth
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cellwright as cw
+from cellwright.bias.scaled import scaled_reference
+from cellwright.circuits.circuit import KINDS
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.decisions import matching, monte_carlo
 from cellwright.packs.decisions.fleet import discharges_of, fleet_of, matched_fleet
-from cellwright.packs.decisions.group_use import discharge_pack, safe_window
+from cellwright.packs.decisions.group_use import (
+    cells_at,
+    discharge_groups,
+    discharge_pack,
+    safe_window,
+)
 from cellwright.packs.decisions.of_pack import charged_soc, pack_decisions
 from cellwright.packs.series.capability import discharge_string
 from cellwright.packs.thermal import Thermal
@@ -94,7 +102,8 @@ def test_exchanges_come_near_the_best_of_all_groups(seed):
 
     ways = [sum(map(cost, way)) for way in partitions(list(range(9)), 3)]
     begin = np.random.default_rng(seed + 50).permutation(9).reshape(3, 3)
-    found = sum(map(cost, matching.groups_by_swaps(begin, cost).tolist()))
+    swapped = matching.groups_by_swaps(begin, lambda groups: list(map(cost, groups)))
+    found = sum(map(cost, swapped.tolist()))
     assert found <= min(ways) + 0.1 * (max(ways) - min(ways))
 
 
@@ -211,6 +220,28 @@ def test_uncertainty_is_what_the_models_and_tests_say_and_never_less_than_the_se
     np.testing.assert_allclose(known.voltage_volt, [0.004, 0.0])
 
 
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_groups_discharged_side_by_side_are_each_discharged_alone(kind):
+    """Of every kind of element: unlike groups, cells in several of them, one group of one rate."""
+    cell = truth.with_branch(kind) | {"cell": "A"}
+    models = [cell, *(
+        scaled_reference(cell, cell=name, capacity=capacity, resistance_ratio=ratio)
+        for name, capacity, ratio in (("B", 1.6, 1.7), ("C", 2.3, 0.8))
+    )]  # fmt: skip
+    cells = pack_cells(models, temperature_celsius=25.0)
+    groups = [(0, 1), (2, 1), (0, 2)]
+    current = 0.5 * cells.capacity_ampere_hour[np.array(groups)].sum(axis=1)
+    ends = {"lower_cutoff_volt": 3.1, "current_ampere": current}
+    found = discharge_groups(cells, groups, contact_ohm=2e-3, **ends)
+    for k, group in enumerate(groups):
+        part = cells_at(cells, group)
+        star = star_of(part.names, wire_resistance_ohm=2e-3)
+        alone = discharge_pack(part, star, **(ends | {"current_ampere": current[k]}))
+        one = (alone.capacity_ampere_hour, alone.peak_share, alone.loss_watt.max())
+        np.testing.assert_allclose([column[k] for column in found], one, rtol=1e-6)
+        assert 0.3 < alone.capacity_ampere_hour / part.capacity_ampere_hour.sum() <= 1.0
+
+
 def test_a_fleet_in_pairs_has_less_above_its_share_than_at_random():
     random = np.random.default_rng(3)
     models = strings.models(random.uniform(0.7, 1.0, 10), random.uniform(1.0, 1.8, 10))
@@ -234,7 +265,7 @@ def test_larger_groups_are_matched_too():
     changed = SETTINGS._replace(group_size=3, string_length=9)
     fleet = fleet_of(models, facts_of(models), [None] * 6, changed)
     uses = discharges_of(fleet, 1.0)
-    ways = [sum(uses(g)[1] for g in way) for way in partitions(list(range(6)), 3)]
+    ways = [uses(way).peak_share.sum() for way in partitions(list(range(6)), 3)]
     rows, assembly = matched_fleet(fleet, changed)
     assert rows[1]["value"] == pytest.approx(min(ways) / 2)
     together = {row["cell"] for row in assembly if row["group"] == 1}

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.packs.cells import pack_cells
-from cellwright.packs.decisions.group_use import cells_at, discharge_pack, resistance_of
+from cellwright.packs.decisions.group_use import GroupUses, discharge_groups, resistance_of
 from cellwright.packs.decisions.matching import (
     even_groups,
     gain_of,
@@ -16,7 +16,6 @@ from cellwright.packs.decisions.matching import (
     strings_by_capacity,
 )
 from cellwright.packs.uncertainty.draws import draw_cells, drawn_cells, uncertainty_of
-from cellwright.packs.wiring import star_of
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
@@ -66,7 +65,7 @@ def fleet_of(models, cells, capacity_std_ampere_hour, settings=SETTINGS):
 
 
 def discharges_of(fleet, c_rate):
-    """Discharges of parallel groups of a fleet's cells, each simulated once.
+    """Discharges of parallel groups of a fleet's cells, each group simulated once.
 
     Parameters
     ----------
@@ -74,37 +73,37 @@ def discharges_of(fleet, c_rate):
 
     Returns
     -------
-    uses : function (cells, draw=None) → the worst over the temperatures of: charge given [Ah],
-        largest branch current over its share by capacity [1], mean heat of the hottest cell [W].
-        `cells` are indices, `draw` one of the fleet's draws; None: the cells as their models say.
-        Voltage and SoC at the start, which joined cells share, are the same in all draws, so that
-        they are the same for all assemblies that are compared.
+    uses : function (groups, draw=None) → GroupUses, of each group the worst over the temperatures.
+        `groups` are (groups, size) indices, `draw` one of the fleet's draws; None: the cells as
+        their models say. Voltage and SoC at the start, which joined cells share, are the same in
+        all draws, so that they are the same for all assemblies that are compared.
     """
     known = {}
 
-    def uses(cells, draw=None):
-        key = (tuple(sorted(map(int, cells))), draw)
-        if key not in known:
-            found = [_discharged(fleet, tables, c_rate, *key) for tables in fleet.tables]
-            charge, share, heat = zip(*found, strict=True)
-            known[key] = (min(charge), max(share), max(heat))
-        return known[key]
+    def uses(groups, draw=None):
+        keys = [(tuple(sorted(map(int, group))), draw) for group in groups]
+        new = [key for key in dict.fromkeys(keys) if key not in known]
+        if new:
+            found = _discharged(fleet, np.array([group for group, _ in new]), c_rate, draw)
+            known.update(zip(new, zip(*found, strict=True), strict=True))
+        return GroupUses(*np.array([known[key] for key in keys]).T)
 
     return uses
 
 
-def _discharged(fleet, tables, c_rate, cells, draw):
-    part = cells_at(tables, cells)
-    current = c_rate * part.capacity_ampere_hour.sum()
-    if draw is not None:
-        drawn = fleet.drawn
-        chosen = type(drawn)(*(column[:, list(cells)] for column in drawn[:4]))
-        part = drawn_cells(part, chosen._replace(voltage_volt=0 * chosen.voltage_volt), draw, 1.0)
-    star = star_of(part.names, wire_resistance_ohm=JOINT_OHM)
-    use = discharge_pack(
-        part, star, lower_cutoff_volt=fleet.lower_cutoff_volt, current_ampere=current
-    )
-    return use.capacity_ampere_hour, use.peak_share, float(use.loss_watt.max())
+def _discharged(fleet, groups, c_rate, draw):
+    found = []
+    for tables in fleet.tables:
+        current = c_rate * tables.capacity_ampere_hour[groups].sum(axis=1)
+        if draw is not None:
+            drawn = fleet.drawn._replace(
+                voltage_volt=0.0 * fleet.drawn.voltage_volt, ocv_volt=None
+            )
+            tables = drawn_cells(tables, drawn, draw, 1.0)
+        at = {"lower_cutoff_volt": fleet.lower_cutoff_volt, "contact_ohm": JOINT_OHM}
+        found.append(discharge_groups(tables, groups, current_ampere=current, **at))
+    charge, share, heat = (np.array(column) for column in zip(*found, strict=True))
+    return charge.min(axis=0), share.max(axis=0), heat.max(axis=0)
 
 
 def matched_fleet(fleet, settings=SETTINGS):
@@ -157,26 +156,31 @@ def parallel_groups(fleet, uses, size):
     """
     cells = len(fleet.names)
     if size == 2:
+        pairs = np.array(list(combinations(range(cells), 2)))
         cost = np.zeros((cells, cells))
-        for a, b in combinations(range(cells), 2):
-            cost[a, b] = cost[b, a] = uses((a, b))[1]
+        cost[tuple(pairs.T)] = cost[tuple(pairs.T[::-1])] = uses(pairs).peak_share
         return pairs_of_least_cost(cost)
     tables = fleet.tables[0]
     resistance = resistance_of(tables)
     order = np.argsort(resistance * tables.capacity_ampere_hour, kind="stable")
     begin = order[: cells // size * size].reshape(-1, size)
-    return groups_by_swaps(begin, lambda group: uses(group)[1])
+    return groups_by_swaps(begin, lambda groups: uses(groups).peak_share)
 
 
 def _parallel(fleet, uses, random, settings):
     matched = parallel_groups(fleet, uses, settings.group_size)
     at_random = _assemblies(matched, settings.group_size, random, settings.assemblies)
+
+    def of(quantity, over):
+        return lambda groups, draw: float(over(getattr(uses(groups, draw), quantity)))
+
+    shares = "largest branch current over its share"
     quantities = {
-        "largest branch current over its share, worst group": ("1", _largest(uses, 1), False),
-        "largest branch current over its share, mean": ("1", _mean(uses, 1), False),
-        "heat of the hottest cell": ("W", _largest(uses, 2), False),
-        "usable charge of all groups": ("Ah", _sum(uses, 0), True),
-        "usable charge of the smallest group": ("Ah", _smallest(uses), True),
+        f"{shares}, worst group": ("1", of("peak_share", np.max), False),
+        f"{shares}, mean": ("1", of("peak_share", np.mean), False),
+        "heat of the hottest cell": ("W", of("hottest_watt", np.max), False),
+        "usable charge of all groups": ("Ah", of("capacity_ampere_hour", np.sum), True),
+        "usable charge of the smallest group": ("Ah", of("capacity_ampere_hour", np.min), True),
     }
     decision = f"parallel groups of {settings.group_size}"
     return _compared(fleet, decision, matched, at_random, quantities, settings)
@@ -184,22 +188,6 @@ def _parallel(fleet, uses, random, settings):
 
 def _assemblies(matched, size, random, count):
     return [random_groups(np.ravel(matched), size, random) for _ in range(count)]
-
-
-def _mean(uses, index):
-    return lambda groups, draw: float(np.mean([uses(g, draw)[index] for g in groups]))
-
-
-def _sum(uses, index):
-    return lambda groups, draw: float(np.sum([uses(g, draw)[index] for g in groups]))
-
-
-def _largest(uses, index):
-    return lambda groups, draw: float(max(uses(g, draw)[index] for g in groups))
-
-
-def _smallest(uses):
-    return lambda groups, draw: float(min(uses(g, draw)[0] for g in groups))
 
 
 def _strings(fleet, uses, random, settings):
@@ -217,7 +205,7 @@ def _strings(fleet, uses, random, settings):
 
 def _charges(fleet, uses, draw):
     """Charge that each cell alone gives to its cut-off (cells,) [Ah]."""
-    return np.array([uses((k,), draw)[0] for k in range(len(fleet.names))])
+    return uses(np.arange(len(fleet.names))[:, None], draw).capacity_ampere_hour
 
 
 def _strings_of_groups(fleet, uses, random, settings):
@@ -231,8 +219,8 @@ def _strings_of_groups(fleet, uses, random, settings):
         return random.permutation(np.ravel(matched)).reshape(matched.shape)
 
     def of_all(strings, draw):
-        given = [[uses(group, draw)[0] for group in string] for string in strings]
-        return float(np.min(given, axis=1).sum())
+        given = uses(strings.reshape(-1, size), draw).capacity_ampere_hour
+        return float(given.reshape(strings.shape[:2]).min(axis=1).sum())
 
     at_random = [shuffled() for _ in range(settings.assemblies)]
     quantities = {"usable charge of all strings": ("Ah", of_all, True)}

@@ -8,7 +8,9 @@ from cellwright.packs.cells import TABLES
 from cellwright.packs.network import network_of
 from cellwright.packs.series.capability import first_crossing
 from cellwright.packs.simulate import simulate_pack
-from cellwright.packs.wiring import is_star
+from cellwright.packs.uncertainty.copies import copies_at_once
+from cellwright.packs.uncertainty.draws import RESISTANCES
+from cellwright.packs.wiring import Wiring, is_star, star_of
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
@@ -150,6 +152,87 @@ def resistance_of(cells, celsius=None):
     at = known[len(known) // 2] if celsius is None else celsius
     over = np.sum([part.mean(axis=-1) for part in parts], axis=0)
     return np.array([np.interp(at, known, one) for one in over.T])
+
+
+class GroupUses(NamedTuple):
+    """Constant-current discharges of parallel groups, (groups,) each.
+
+    capacity_ampere_hour : given to the cut-off. peak_share : the largest branch current over its
+    share by capacity [1]. hottest_watt : mean heat of the hottest cell.
+    """
+
+    capacity_ampere_hour: np.ndarray
+    peak_share: np.ndarray
+    hottest_watt: np.ndarray
+
+
+def discharge_groups(cells, groups, *, lower_cutoff_volt, current_ampere, contact_ohm):
+    """Parallel groups of cells discharged side by side, each full and to its own cut-off.
+
+    The same as `discharge_pack` of each, in few runs: all stand in one string, which gives every
+    group the same current. A group at I amperes is there as one at one ampere whose cells have I
+    times the resistance and the I-th part of the capacity: its voltages are the same.
+
+    Parameters
+    ----------
+    cells : PackCells at one temperature. groups : (groups, size) int, indices of the cells; a cell
+        may be in several. lower_cutoff_volt : scalar [V]. current_ampere : (groups,) > 0 [A].
+    contact_ohm : scalar, between each cell and its group's lead [ohm].
+
+    Returns
+    -------
+    uses : GroupUses.
+
+    Raises
+    ------
+    Refusal : as `simulate.simulate_pack`.
+    """
+    groups, current = np.asarray(groups), np.asarray(current_ampere, float)
+    at_once = copies_at_once(cells_at(cells, groups[0]), STEPS + 1)
+    parts = []
+    for first in range(0, len(groups), at_once):
+        rows = slice(first, first + at_once)
+        about = (groups[rows], current[rows], lower_cutoff_volt, contact_ohm)
+        parts.append(_side_by_side(cells, *about))
+    return GroupUses(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _side_by_side(cells, groups, current, lower_cutoff_volt, contact_ohm):
+    count, size = groups.shape
+    part = _at_one_ampere(cells_at(cells, groups.ravel()), np.repeat(current, size))
+    names = np.array(part.names).reshape(groups.shape)
+    contacts = contact_ohm * current
+    stars = tuple(
+        star_of(row, wire_resistance_ohm=contact)._replace(name=f"group {k + 1}")
+        for k, (row, contact) in enumerate(zip(names, contacts, strict=True))
+    )
+    whole = part.capacity_ampere_hour.reshape(groups.shape)
+    time = np.linspace(0.0, BEYOND * 3600.0 * whole.sum(axis=1).max(), STEPS + 1)
+    string = Wiring("groups side by side", "series", stars, (0.0,) * count, (0.0,) * count)
+    run = simulate_pack(time, -np.ones(len(time)), part, string, initial_soc=1.0, hold="zero_order")
+    columns = (run.cell_current_ampere, run.cell_voltage_volt, run.soc)
+    branch, volt, soc = (column.reshape(len(time), *groups.shape) for column in columns)
+    falling = volt[:, :, 0] + contacts * branch[:, :, 0] - lower_cutoff_volt
+    # ASSUME: A cell is empty at SoC 0 of its model: beyond it nothing was measured.
+    ends = [first_crossing(time, course, 0.0) for course in (falling, soc.min(axis=2))]
+    stop = np.nanmin([*ends, np.full(count, time[-1])], axis=0)
+    kept = (time[:, None] < stop)[:, :, None]
+    shares = np.where(kept, -branch, 0.0).max(axis=0) / (whole / whole.sum(axis=1, keepdims=True))
+    squares = np.where(kept, branch, 0.0) ** 2
+    heat = squares.sum(axis=0) / kept.sum(axis=0) * resistance_of(part).reshape(groups.shape)
+    return stop / 3600.0 * current, shares.max(axis=1), current * heat.max(axis=1)
+
+
+def _at_one_ampere(cells, current_ampere):
+    """Cells that have at 1 A the voltages of others at (cells,) amperes, each named anew."""
+    more = current_ampere[:, None, None]
+    scaled = {name: getattr(cells, name) * more for name in (*RESISTANCES, "soc_per_ampere")}
+    return cells._replace(
+        names=tuple(f"{name} #{k}" for k, name in enumerate(cells.names)),
+        capacity_ampere_hour=cells.capacity_ampere_hour / current_ampere,
+        hysteresis_ampere_hour=cells.hysteresis_ampere_hour / more,
+        **scaled,
+    )
 
 
 class Window(NamedTuple):

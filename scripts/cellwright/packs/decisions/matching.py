@@ -85,13 +85,13 @@ def pairs_of_least_cost(cost):
     return edges[found.x > 0.5]
 
 
-def groups_by_swaps(begin, cost, *, worst=False):
+def groups_by_swaps(begin, costs, *, worst=False):
     """Groups improved by exchanging two cells as long as that lowers their cost.
 
     Parameters
     ----------
-    begin : (groups, size) int, indices of cells. cost : function of a sorted tuple of indices →
-        float; it is asked once for each tuple.
+    begin : (groups, size) int, indices of cells. costs : function of a list of sorted tuples of
+        indices → sequence of float; it is asked once for each tuple, and for many at a time.
     worst : lower the costliest group first and the sum second, else the sum alone.
 
     Returns
@@ -101,35 +101,31 @@ def groups_by_swaps(begin, cost, *, worst=False):
     """
     groups, known = [tuple(map(int, row)) for row in begin], {}
 
-    def of(group):
-        key = tuple(sorted(group))
-        if key not in known:
-            known[key] = cost(key)
-        return known[key]
-
-    def rank(a, b):
-        return (max(a, b), a + b) if worst else (a + b,)
+    def ranks(pairs):
+        asked = [tuple(sorted(group)) for pair in pairs for group in pair]
+        new = [key for key in dict.fromkeys(asked) if key not in known]
+        known.update(zip(new, costs(new) if new else (), strict=True))
+        found = [known[key] for key in asked]
+        both = zip(found[::2], found[1::2], strict=True)
+        return [(max(a, b), a + b) if worst else (a + b,) for a, b in both]
 
     for _ in range(MOST_SWEEPS):
         before = list(groups)
         for one, other in combinations(range(len(groups)), 2):
-            pair = _best_exchange(groups[one], groups[other], of, rank)
-            groups[one], groups[other] = pair
+            pairs = _exchanges(groups[one], groups[other])
+            found = ranks(pairs)
+            groups[one], groups[other] = pairs[found.index(min(found))]
         if groups == before:
             break
     return np.array([sorted(group) for group in groups])
 
 
-def _best_exchange(one, other, cost, rank):
-    """The two groups, with the exchange of one cell each that lowers their rank most, if any."""
-    best, least = (one, other), rank(cost(one), cost(other))
-    for i, j in product(range(len(one)), range(len(other))):
-        a = (*one[:i], other[j], *one[i + 1 :])
-        b = (*other[:j], one[i], *other[j + 1 :])
-        now = rank(cost(a), cost(b))
-        if now < least:
-            best, least = (a, b), now
-    return best
+def _exchanges(one, other):
+    """Two groups as they are, then with every exchange of one cell each."""
+    return [(one, other)] + [
+        ((*one[:i], other[j], *one[i + 1 :]), (*other[:j], one[i], *other[j + 1 :]))
+        for i, j in product(range(len(one)), range(len(other)))
+    ]
 
 
 def even_groups(capacity_ampere_hour, *, size):
@@ -159,7 +155,7 @@ def even_groups(capacity_ampere_hour, *, size):
     for cell in dealt.ravel():
         open_groups = [group for group in groups if len(group) < size]
         min(open_groups, key=lambda group: capacity[group].sum()).append(int(cell))
-    return groups_by_swaps(groups, lambda group: -capacity[list(group)].sum(), worst=True)
+    return groups_by_swaps(groups, lambda keys: -capacity[np.array(keys)].sum(axis=1), worst=True)
 
 
 def random_groups(cells, size, random):

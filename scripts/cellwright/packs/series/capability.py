@@ -127,16 +127,20 @@ def first_crossing(charge, volt, limit):
 
     Parameters
     ----------
-    charge, volt : (n,). limit : scalar [V]. A voltage below the limit at the start gives 0.
+    charge : (n,). volt : (n,) or (n, curves). limit : scalar [V]. A voltage below the limit at the
+        start gives 0.
+
+    Returns
+    -------
+    charge : scalar or (curves,), as `charge`.
     """
-    below = np.flatnonzero(volt <= limit)
-    if not len(below):
-        return np.nan
-    k = below[0]
-    if k == 0:
-        return 0.0
-    share = (volt[k - 1] - limit) / (volt[k - 1] - volt[k])
-    return float(charge[k - 1] + share * (charge[k] - charge[k - 1]))
+    below = volt <= limit
+    k = np.expand_dims(below.argmax(axis=0), 0)
+    before = np.maximum(k - 1, 0)
+    high, low = (np.take_along_axis(volt, at, axis=0) for at in (before, k))
+    share = np.divide(high - limit, high - low, out=np.zeros_like(high), where=high > low)
+    met = np.where(k > 0, charge[before] + share * (charge[k] - charge[before]), 0.0)
+    return np.where(below.any(axis=0), met[0], np.nan)[()]
 
 
 def ended_string(curves, *, contact_volt=0.0):
