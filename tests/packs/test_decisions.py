@@ -13,7 +13,7 @@ import cellwright as cw
 from cellwright.bias.scaled import scaled_reference
 from cellwright.circuits.circuit import KINDS
 from cellwright.packs.cells import pack_cells
-from cellwright.packs.decisions import matching, monte_carlo
+from cellwright.packs.decisions import fleet, matching, monte_carlo
 from cellwright.packs.decisions.fleet import discharges_of, fleet_of, matched_fleet
 from cellwright.packs.decisions.group_use import (
     cells_at,
@@ -245,8 +245,8 @@ def test_groups_discharged_side_by_side_are_each_discharged_alone(kind):
 def test_a_fleet_in_pairs_has_less_above_its_share_than_at_random():
     random = np.random.default_rng(3)
     models = strings.models(random.uniform(0.7, 1.0, 10), random.uniform(1.0, 1.8, 10))
-    fleet = fleet_of(models, facts_of(models), [None] * 10, SETTINGS)
-    rows, assembly = matched_fleet(fleet, SETTINGS)
+    cells = fleet_of(models, facts_of(models), [None] * 10, SETTINGS)
+    rows, assembly = matched_fleet(cells, SETTINGS)
     by_name = {(row["decision"], row["quantity"]): row for row in rows}
     mean = by_name["parallel groups of 2", "largest branch current over its share, mean"]
     assert mean["value"] < mean["random_p05"]
@@ -256,17 +256,32 @@ def test_a_fleet_in_pairs_has_less_above_its_share_than_at_random():
     assert strung["value"] >= strung["random_p95"]
     # Every cell of each way of putting them together is somewhere once.
     for decision in {row["decision"] for row in assembly}:
-        cells = [row["cell"] for row in assembly if row["decision"] == decision]
-        assert len(cells) == len(set(cells))
+        placed = [row["cell"] for row in assembly if row["decision"] == decision]
+        assert len(placed) == len(set(placed))
+
+
+def test_a_large_fleet_is_paired_among_cells_that_are_alike(monkeypatch):
+    """Each cell only with its next ones: no pair less, and nearly as good as the best of all."""
+    random = np.random.default_rng(4)
+    models = strings.models(random.uniform(0.7, 1.0, 24), random.uniform(1.0, 1.8, 24))
+    cells = fleet_of(models, facts_of(models), [None] * 24, SETTINGS)
+    uses = discharges_of(cells, 1.0)
+    best = uses(fleet.parallel_groups(cells, uses, 2)).peak_share.mean()
+    at_random = uses(random.permutation(24).reshape(12, 2)).peak_share.mean()
+    monkeypatch.setattr(fleet, "EVERY_PAIR", 10)
+    monkeypatch.setattr(fleet, "NEXT_ONES", 4)
+    pairs = fleet.parallel_groups(cells, uses, 2)
+    assert sorted(pairs.ravel().tolist()) == list(range(24))
+    assert best <= uses(pairs).peak_share.mean() <= best + 0.1 * (at_random - best)
 
 
 def test_larger_groups_are_matched_too():
     models = strings.models([1.0, 0.7, 0.98, 0.72, 0.99, 0.71], [1.0, 1.8, 1.1, 1.7, 1.05, 1.75])
     changed = SETTINGS._replace(group_size=3, string_length=9)
-    fleet = fleet_of(models, facts_of(models), [None] * 6, changed)
-    uses = discharges_of(fleet, 1.0)
+    cells = fleet_of(models, facts_of(models), [None] * 6, changed)
+    uses = discharges_of(cells, 1.0)
     ways = [uses(way).peak_share.sum() for way in partitions(list(range(6)), 3)]
-    rows, assembly = matched_fleet(fleet, changed)
+    rows, assembly = matched_fleet(cells, changed)
     assert rows[1]["value"] == pytest.approx(min(ways) / 2)
     together = {row["cell"] for row in assembly if row["group"] == 1}
     assert together in ({"A", "C", "E"}, {"B", "D", "F"})
@@ -342,7 +357,8 @@ PAIR = strings.models([1.0, 0.9])
     [
         (lambda: matching.strings_by_capacity([1.0], length=2), "1 cells, wanted at least the 2"),
         (lambda: matching.pairs_of_least_cost(np.zeros((1, 1))), "1 cell, wanted two or more"),
-        (lambda: matching.pairs_of_least_cost(np.full((2, 2), np.nan)), "not finite"),
+        (lambda: matching.pairs_of_least_cost(np.full((2, 2), np.nan)), "is no number"),
+        (lambda: matching.pairs_of_least_cost(np.full((2, 2), np.inf)), "no matching of 2 cells"),
         (
             lambda: matching.replacements(None, [1], capacity_ampere_hour=[1.0]),
             "a pack of one cell",

@@ -1,6 +1,5 @@
 """A fleet of cells put together: strings, parallel groups, strings of groups; and the gain."""
 
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,9 @@ from cellwright.settings import PackDecisions
 SETTINGS = PackDecisions()
 JOINT_OHM = 1e-5  # of each joint of a matched group
 MOST_DRAWS = 60  # of a whole fleet, in each of which all groups are simulated
-MOST_CELLS = 200  # of which every pair is simulated
+EVERY_PAIR = 200  # cells of which every pair is simulated; of more each with its next ones
+NEXT_ONES = 10  # in the order of resistance times capacity
+MOST_CELLS = 1000
 
 
 class Fleet(NamedTuple):
@@ -45,7 +46,7 @@ def fleet_of(models, cells, capacity_std_ampere_hour, settings=SETTINGS):
 
     Raises
     ------
-    Refusal : fewer than 2 cells, more than 200, or as `cells.pack_cells`.
+    Refusal : fewer than 2 cells, more than 1000, or as `cells.pack_cells`.
     """
     if not 2 <= len(models) <= MOST_CELLS:
         found = f"{len(models)} cells of one type with a model"
@@ -96,9 +97,7 @@ def _discharged(fleet, groups, c_rate, draw):
     for tables in fleet.tables:
         current = c_rate * tables.capacity_ampere_hour[groups].sum(axis=1)
         if draw is not None:
-            drawn = fleet.drawn._replace(
-                voltage_volt=0.0 * fleet.drawn.voltage_volt, ocv_volt=None
-            )
+            drawn = fleet.drawn._replace(voltage_volt=0.0 * fleet.drawn.voltage_volt, ocv_volt=None)
             tables = drawn_cells(tables, drawn, draw, 1.0)
         at = {"lower_cutoff_volt": fleet.lower_cutoff_volt, "contact_ohm": JOINT_OHM}
         found.append(discharge_groups(tables, groups, current_ampere=current, **at))
@@ -154,15 +153,17 @@ def parallel_groups(fleet, uses, size):
     -------
     groups : (groups, size) int.
     """
-    cells = len(fleet.names)
+    cells, tables = len(fleet.names), fleet.tables[0]
+    # Two cells share a current by capacity where resistance times capacity is the same: far from
+    # each other in this order no two are a good pair.
+    order = np.argsort(resistance_of(tables) * tables.capacity_ampere_hour, kind="stable")
     if size == 2:
-        pairs = np.array(list(combinations(range(cells), 2)))
-        cost = np.zeros((cells, cells))
-        cost[tuple(pairs.T)] = cost[tuple(pairs.T[::-1])] = uses(pairs).peak_share
+        far = cells if cells <= EVERY_PAIR else NEXT_ONES
+        places = [(k, n) for k in range(cells) for n in range(k + 1, min(k + far + 1, cells))]
+        pairs = order[np.array(places)].T
+        cost = np.full((cells, cells), np.inf)
+        cost[tuple(pairs)] = cost[tuple(pairs[::-1])] = uses(pairs.T).peak_share
         return pairs_of_least_cost(cost)
-    tables = fleet.tables[0]
-    resistance = resistance_of(tables)
-    order = np.argsort(resistance * tables.capacity_ampere_hour, kind="stable")
     begin = order[: cells // size * size].reshape(-1, size)
     return groups_by_swaps(begin, lambda groups: uses(groups).peak_share)
 

@@ -48,8 +48,8 @@ def pairs_of_least_cost(cost):
 
     Parameters
     ----------
-    cost : (cells, cells) symmetric; the diagonal is not used. With an odd number of cells one is
-        left out.
+    cost : (cells, cells) symmetric, infinite where two are not to be put together; the diagonal is
+        not used. With an odd number of cells one is left out.
 
     Returns
     -------
@@ -57,17 +57,20 @@ def pairs_of_least_cost(cost):
 
     Raises
     ------
-    Refusal : fewer than two cells, costs that are not finite, or no solution is found.
+    Refusal : fewer than two cells, a cost that is no number, or no solution is found.
 
     Source: integer programme of perfect matching (Edmonds 1965), solved by HiGHS in scipy.
     """
     cells = len(cost)
     if cells < 2:
         raise Refusal(f"{cells} cell, wanted two or more")
-    edges = np.array(list(combinations(range(cells), 2)))
-    weight = np.asarray(cost, float)[edges[:, 0], edges[:, 1]]
-    if not np.isfinite(weight).all():
-        raise Refusal("the cost of a pair is not finite")
+    above = np.triu(np.asarray(cost, float), 1)
+    if np.isnan(above).any():
+        raise Refusal("the cost of a pair is no number")
+    edges = np.argwhere(np.triu(np.isfinite(cost), 1))
+    if not len(edges):
+        raise Refusal(f"no matching of {cells} cells is found: no two may be put together")
+    weight = above[tuple(edges.T)]
     column = np.repeat(np.arange(len(edges)), 2)
     uses = csc_array((np.ones(2 * len(edges)), (edges.ravel(), column)), (cells, len(edges)))
     # Of an odd number one cell stays alone: no cell twice, and as many pairs as there can be.
