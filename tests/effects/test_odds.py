@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
-from small_plant import HEALTHY, Truth, case, rounds
+from small_plant import CAPACITY, HEALTHY, Truth, case, drive, measured, rounds
 
 from cellwright.effects.case import Gates
+from cellwright.effects.library import LIBRARY
 from cellwright.effects.odds import UNSEEN, probabilities
 from cellwright.effects.proof import block_sums, consistency, consistency_of
+from cellwright.effects.records import stacked
+from cellwright.effects.search import search
 from cellwright.effects.verdict import outcome
 
 
@@ -33,6 +36,17 @@ def test_a_clear_answer_is_the_likeliest_but_never_certain(truth, answer):
     assert 0.7 < weighed[answer] < 1.0
     assert sum(weighed.values()) == pytest.approx(1.0)
     assert weighed == said(truth)
+
+
+def test_a_proof_that_can_hardly_show_a_name_does_not_make_it_unsure():
+    """Ten minutes of a mild load at the temperature of the slow test, which was fitted."""
+    truth = Truth(activation=1.2e4)
+    mild = measured("mild", 0.3 * drive(103)[:300], 19.0, 0.95, truth, seed=13)
+    made = case(truth)._replace(validation=stacked([mild], capacity_ampere_hour=CAPACITY))
+    steps = search(made, LIBRARY)
+    weighed = probabilities(made, steps, outcome(steps, Gates()))
+    assert weighed["resistance_temperature"] > 0.75
+    assert not steps[0].chosen.proven
 
 
 def test_two_effects_that_no_fit_tells_apart_share_their_probability():

@@ -9,11 +9,13 @@ from cellwright.effects.candidates import State
 from cellwright.effects.judge import BANDS
 from cellwright.effects.proof import (
     blocks_of,
+    can_judge,
     consistency,
     excess_volt,
     floor_of,
     inflation,
     misfit_of,
+    promised_of,
 )
 from cellwright.numerics.least_squares import fit
 
@@ -100,6 +102,28 @@ def test_rows_that_do_not_count_and_blocks_of_few_rows_change_nothing():
     few = np.where(np.arange(len(block)) < 4, BLOCKS, BLOCK)
     spoilt = np.where(few == BLOCKS, 1.0, NOISE + CHANGE)
     assert consistency(spoilt, spoilt - CHANGE, few, RECORD, **limit).excited == BLOCKS
+
+
+@pytest.mark.parametrize(
+    ("share", "inflation", "excited", "gain", "judges"),
+    [
+        (0.3, 1.0, 3, 0.9, True),  # 1600 rows of 0.3 deviations: chi-square may fall by 144
+        (0.1, 1.0, 3, 0.9, False),  # by 16, where 25 are asked
+        (0.3, 6.0, 3, 0.9, False),  # as the first, with six times fewer rows that tell anything
+        (0.1, 1.0, 3, 0.3, True),  # it makes the error larger: that can always be told
+        (0.3, 1.0, 0, 0.9, False),  # no block changes by what matters
+    ],
+)
+def test_records_judge_what_could_pass_there(share, inflation, excited, gain, judges):
+    none = State((), None, {}, None, np.zeros(len(BLOCK)), None, 0.0, 0.0)
+    changed = none._replace(validation_white=np.full(len(BLOCK), share))
+    promised = promised_of(none, changed, RECORD, np.full(2, inflation)).sum()
+    assert promised == pytest.approx(len(BLOCK) * share**2 / inflation)
+    fitted, gates = judged(CHANGE), case(HEALTHY).gates
+    shown = fitted._replace(excited=excited, gain=gain, changed_volt=0.2 * fitted.changed_volt)
+    assert can_judge(gates, shown, fitted, promised) is judges
+    as_much = shown._replace(changed_volt=fitted.changed_volt)
+    assert can_judge(gates, as_much, fitted, promised) is (excited > 0)
 
 
 def test_a_block_is_a_band_of_the_soc_in_one_record():

@@ -402,7 +402,7 @@ def judged(case, before, trials, filters):
     with_proof = []
     for trial in trials:
         falls = case.falls(before, trial.state)
-        proof, proven = case.proof(before, trial.state, filters)
+        proof, proven = case.proof(before, trial.state, filters, least)
         solutions = before.solution, trial.state.solution
         by_priors = np.subtract(*(s.cost - s.chi_square for s in solutions))
         counted = len(frees_of(trial.effect)) * np.log(max(rows, np.e))

@@ -175,10 +175,10 @@ class Case(NamedTuple):
         read = min(read, filters.noise.white_volt)
         return proof.floor_of(self, before, free, filters.validation_rows, read)
 
-    def proof(self, before, after, filters):
+    def proof(self, before, after, filters, inflations):
         """How evenly a further effect helps: (Consistency, whether records that judge show it).
 
-        Where it changes nothing there that matters, it is judged on the records fitted.
+        Where these cannot tell, it is judged on the records fitted. inflations : by role.
         """
         values = after.values
         soc = base.fields_of(self.cell, self.validation, values, after.effects).soc
@@ -186,13 +186,15 @@ class Case(NamedTuple):
         sides = before.validation, after.validation
         limit = {"material_volt": self.gates.material_volt}
         shown = proof.consistency(*sides, blocks, self.validation.file, **limit)
-        if shown.excited:
-            return shown, True
         values = after.solution.values
         soc = base.fields_of(self.cell, self.fit, values, after.effects).soc
         blocks = proof.blocks_of(self.fit, soc, filters.fit_rows)
         sides = before.solution.residual, after.solution.residual
-        return proof.consistency(*sides, blocks, self.fit.file, **limit), False
+        fitted = proof.consistency(*sides, blocks, self.fit.file, **limit)
+        about = self.validation.file, inflations["validation"]
+        promised = proof.promised_of(before, after, *about).sum()
+        proven = proof.can_judge(self.gates, shown, fitted, promised)
+        return (shown if proven else fitted), proven
 
     def inflation(self, state):
         """By how much the chi-square of each record is too large by correlation, by role.
@@ -224,7 +226,9 @@ class Case(NamedTuple):
         if trial.proven:
             errors = before.validation_rmse_volt, after.validation_rmse_volt
             taken = max(taken, proof.excess_volt(*errors)) if errors[1] < errors[0] else 0.0
-        if proof.excess_volt(after.rmse_volt, before.rmse_volt) > self.gates.material_volt:
+        errors = ("rmse_volt", "validation_rmse_volt")
+        risen = [proof.excess_volt(getattr(after, e), getattr(before, e)) for e in errors]
+        if max(risen) > self.gates.material_volt:
             return False
         # A small size matters, too, where the load makes a large voltage of it.
         sized = trial.material or taken >= self.gates.unknown_volt

@@ -11,14 +11,21 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.proof import block_sums, blocks_of, consistency_of, excess_volt
+from cellwright.effects.proof import (
+    block_sums,
+    blocks_of,
+    can_judge,
+    consistency_of,
+    excess_volt,
+    promised_of,
+)
 from cellwright.effects.search import best_of, up_to
 
 DRAWS = 200
 LIKELY = 0.5
 SEED = 15
 # Both are from half of the behavioural cells; docs/missing-effect.md, "How likely".
-SPREAD = 8.0  # blocks that lie side by side err alike: weights scatter as if they were fewer
+SPREAD = 4.0  # blocks that lie side by side err alike: weights scatter as if they were fewer
 UNSEEN = 0.05  # searches that all blocks agree on and that are wrong: a form that no effect has
 
 
@@ -155,19 +162,28 @@ def _weighed(case, before, trial, sides):
     fall = before.validation_white**2 - trial.state.validation_white**2
     fall = fall / trial.inflation["validation"][judging.file]
     delta_validation = trial.delta_validation + (judging.weights - 1.0) @ judging.sums(fall)
-    side = judging if trial.proven else fit
-    residuals = [
-        s.validation if trial.proven else s.solution.residual for s in (before, trial.state)
-    ]
-    sums = block_sums(*residuals, side.block, side.file)
+    promised = promised_of(before, trial.state, judging.file, trial.inflation["validation"])
+    proofs = zip(
+        _proofs(case, judging, before.validation, trial.state.validation),
+        _proofs(case, fit, before.solution.residual, trial.state.solution.residual),
+        (judging.weights @ judging.sums(promised)).tolist(),
+        strict=True,
+    )
+    columns = delta_bic.tolist(), delta_validation.tolist(), _befores(trial.state, sides)
+    weighed = []
+    for (shown, fitted, much), bic, judged, state in zip(proofs, *columns, strict=True):
+        proven = can_judge(case.gates, shown, fitted, much)
+        now = {"delta_bic": bic, "delta_validation": judged, "state": state, "proven": proven}
+        weighed.append(trial._replace(**now, proof=shown if proven else fitted))
+    return weighed
+
+
+def _proofs(case, side, before, after):
+    """Consistency of a change of the residual on one side, in each draw: list."""
+    sums = block_sums(before, after, side.block, side.file)
     present = np.unique(side.block[side.block >= 0])
     limit = {"material_volt": case.gates.material_volt}
-    proofs = consistency_of(sums, side.weights[:, present], **limit)
-    columns = delta_bic.tolist(), delta_validation.tolist(), _befores(trial.state, sides), proofs
-    return [
-        trial._replace(delta_bic=bic, delta_validation=judged, state=state, proof=proof)
-        for bic, judged, state, proof in zip(*columns, strict=True)
-    ]
+    return consistency_of(sums, side.weights[:, present], **limit)
 
 
 def _unknown(result, sides, first, unknown_volt):

@@ -16,6 +16,7 @@ HALF = 0.5  # of what an effect promises: below it, it makes the error larger
 TWICE = 2.0  # of what an effect promises: records that ask for more lack something beside it
 SURE = 2.0  # standard errors: 95 %
 LITTLE = 0.2  # of what an effect takes off the errors, so much it may add to others
+ENOUGH = 2.0  # least fall of chi-square that a change must promise over that which is asked of it
 BATCHES = (10, 30, 100, 300)  # rows over which whitened residuals are summed
 
 
@@ -175,6 +176,37 @@ def blocks_of(stack, soc, rows):
     """
     band = np.clip((soc * BANDS).astype(int), 0, BANDS - 1)
     return np.where(rows, stack.file * BANDS + band, -1)
+
+
+def can_judge(gates, shown, fitted, promised):
+    """Whether records that were not fitted can judge an effect.
+
+    They must change by what matters. And where they see less than half of what the fitted records
+    see of it, they must be able to pass it: of a change of which three quarters were missing, which
+    holds well, chi-square falls by half of what it promises. Where that is below what is asked,
+    even a true effect would fail, and what nuisances do that were refitted beside it would decide.
+    What makes their error larger they can always refuse.
+
+    Parameters
+    ----------
+    gates : of the case. shown, fitted : Consistency over these records, and over those fitted.
+    promised : sum of `promised_of`.
+    """
+    passable = promised >= ENOUGH * gates.validation_chi_square
+    seen = passable or shown.changed_volt >= HALF * fitted.changed_volt
+    return bool(shown.excited > 0 and (seen or shown.gain <= HALF))
+
+
+def promised_of(before, after, file, inflation):
+    """Fall of chi-square of each row of the records that judge, if all of a change was missing.
+
+    Parameters
+    ----------
+    before, after : candidates.State, their whitened errors of one or several channels of (m,) rows.
+    file : (m,) number of the record of each row. inflation : (f,) of each record.
+    """
+    change = before.validation_white - after.validation_white
+    return change**2 / np.tile(inflation[file], len(change) // len(file))
 
 
 def misfit_of(stack, soc, residuals, *, noise_volt):

@@ -15,7 +15,8 @@ Both have these methods and values:
 `screened(candidates, before, free, possible, filters)` : scores, best first; keys of hidden ones.
 `state(effects, solution, filters)` : a fit and its errors on the records that judge, `State`.
 `floor(before, free, residual, filters, earlier)` : what no effect can explain, `proof.Floor`.
-`proof(before, after, filters)` : how evenly an effect helps; whether records that judge show it.
+`proof(before, after, filters, inflations)` : how evenly an effect helps; whether records that judge
+    can tell.
 `inflation(state)`, `falls(before, after)`, `rows_per_record()` : by how much the chi-square of each
     record is too large, its fall, by role; rows of each record fitted.
 `matters(first, before, trial, floor, share)` : when the size of an effect counts.

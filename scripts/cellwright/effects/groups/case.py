@@ -19,7 +19,15 @@ from cellwright.effects.groups.model import (
 )
 from cellwright.effects.judge import READ_VOLT, shift_within
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.proof import Floor, blocks_of, consistency, excess_volt, inflation
+from cellwright.effects.proof import (
+    Floor,
+    blocks_of,
+    can_judge,
+    consistency,
+    excess_volt,
+    inflation,
+    promised_of,
+)
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import Problem, bounded_minimum, derivatives, priors
@@ -198,17 +206,19 @@ class GroupCase(NamedTuple):
             return earlier[0].floor
         return _floor(self, before, free, filters)
 
-    def proof(self, before, after, filters):
+    def proof(self, before, after, filters, inflations):
         """How evenly an effect helps: (Consistency, whether records that judge show it).
 
-        Where it changes nothing there that matters, it is judged on the records fitted.
+        Where these cannot tell, it is judged on the records fitted. inflations : by role.
         """
         sides = before.validation, after.validation
         shown = _evenly(self, self.validation, self.validation_soc, after, after.values, sides)
-        if shown.excited:
-            return shown, True
         sides = before.solution.residual, after.solution.residual
-        return _evenly(self, self.fit, self.fit_soc, after, after.solution.values, sides), False
+        fitted = _evenly(self, self.fit, self.fit_soc, after, after.solution.values, sides)
+        about = self.validation.file, inflations["validation"]
+        promised = promised_of(before, after, *about).sum()
+        proven = can_judge(self.gates, shown, fitted, promised)
+        return (shown if proven else fitted), proven
 
     def inflation(self, state):
         """By how much the chi-square of each record is too large by correlation, by role.
@@ -238,6 +248,9 @@ class GroupCase(NamedTuple):
         if trial.proven:
             errors = before.validation_rmse_volt, after.validation_rmse_volt
             taken = max(taken, excess_volt(*errors)) if errors[1] < errors[0] else 0.0
+        risen = excess_volt(after.validation_rmse_volt, before.validation_rmse_volt)
+        if risen > self.gates.material_volt:
+            return False
         return trial.material and taken >= share * self.gates.material_volt
 
     def misled(self, before, trial):
