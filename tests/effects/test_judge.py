@@ -11,11 +11,12 @@ from cellwright.effects.judge import (
     FAR_STDS,
     Rests,
     rests_of,
-    start_errors,
     started,
     stretched,
+    tolerated,
     unfitted,
 )
+from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import parts_of, stacked
 from cellwright.numerics.least_squares import Solution, fit
 from cellwright.numerics.noise import FIRST, whitening
@@ -70,7 +71,7 @@ def explained(stack, values):
     white = whitening(FIRST, stack)
     volt = base.voltage(CELL, stack, values)
     square = float(np.sum(white.apply(stack.voltage_volt - volt) ** 2))
-    (fall,) = start_errors(CELL, stack, values, (), TOLERANCE, volt, white)[1]
+    (fall,) = tolerated(CELL, stack, values, (), TOLERANCE, volt, white)[1]
     return square, fall
 
 
@@ -82,9 +83,32 @@ def test_a_start_that_is_a_little_off_is_no_proof_of_anything():
 def test_what_a_start_moves_is_taken_out_of_the_error():
     stack, values = laid(), PLAIN | {"soc0[0]": TRUE + 5e-4}
     volt, white = base.voltage(CELL, stack, values), whitening(FIRST, stack)
-    moved, _ = start_errors(CELL, stack, values, (), TOLERANCE, volt, white)
+    moved = tolerated(CELL, stack, values, (), TOLERANCE, volt, white)[0]
     error = stack.voltage_volt - volt
     assert np.sqrt(np.mean((error - moved) ** 2)) < 0.5 * np.sqrt(np.mean(error**2))
+
+
+@pytest.mark.parametrize("source", ["the chamber's", "the surface's measured"])
+def test_a_sheet_that_states_a_temperature_wrongly_makes_no_error_of_the_model(source):
+    """20 °C stated, 15 true: of a model that knows how its resistance follows temperature."""
+    effect = LIBRARY["resistance_temperature"]
+    sizes = {name: p.neutral for name, p in zip(effect.names, effect.parameters, strict=True)}
+    values = PLAIN | {"soc0[0]": TRUE} | sizes | {effect.names[0]: 3e4}
+    stated = drive(celsius=20.0)._replace(temperature_source=source)
+    stack = stacked([stated], capacity_ampere_hour=CAPACITY)
+    true = stacked([drive(celsius=15.0)], capacity_ampere_hour=CAPACITY)
+    stack = stack._replace(voltage_volt=base.voltage(CELL, true, values, [effect]))
+    volt, white = base.voltage(CELL, stack, values, [effect]), whitening(FIRST, stack)
+    about = CELL, stack, values, [effect], TOLERANCE, volt, white
+    moved, _, (kelvin,) = tolerated(*about)
+    error = stack.voltage_volt - volt
+    left = np.sqrt(np.mean((error - moved) ** 2) / np.mean(error**2))
+    if source == "the chamber's":
+        assert left < 0.2
+        assert kelvin == pytest.approx(-5.0, abs=1.0)
+    else:
+        assert left > 0.8
+        assert kelvin == 0.0
 
 
 def test_an_error_of_another_shape_stays():
@@ -97,7 +121,7 @@ def test_a_start_that_was_fitted_explains_nothing_more():
     stack, values = laid(), PLAIN | {"soc0[0]": TRUE + 5e-4}
     volt = base.voltage(CELL, stack, values)
     white = whitening(FIRST, stack)
-    moved, fall = start_errors(CELL, stack, values, (), TOLERANCE, volt, white, [(0, 0)])
+    moved, fall, _ = tolerated(CELL, stack, values, (), TOLERANCE, volt, white, [(0, 0)])
     assert fall.tolist() == [0.0]
     assert not moved.any()
 
@@ -110,7 +134,7 @@ def test_what_asks_for_more_than_a_start_leaves_unsure_stays_an_error(sign):
     loaded = np.abs(stack.current_ampere) > 0.1
     stack = stack._replace(voltage_volt=stack.voltage_volt + error * loaded)
     volt, white = base.voltage(CELL, stack, values), whitening(FIRST, stack)
-    moved, (fall,) = start_errors(CELL, stack, values, (), TOLERANCE, volt, white)
+    moved, (fall,), _ = tolerated(CELL, stack, values, (), TOLERANCE, volt, white)
     left = stack.voltage_volt - volt - moved
     assert np.abs(moved).max() < 0.2 * abs(error)
     assert np.sum(white.apply(left) ** 2) < np.sum(white.apply(stack.voltage_volt - volt) ** 2)

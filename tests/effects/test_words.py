@@ -182,6 +182,13 @@ def test_what_ends_beyond_its_tolerance_is_told():
     assert "Beyond what was declared" not in said("none", nuisances=[])
 
 
+@pytest.mark.parametrize(("value", "way"), [(-4.62, "colder"), (4.62, "warmer")])
+def test_a_temperature_that_the_sheet_states_wrongly_is_told(value, way):
+    known = {"name": "temperature", "test": "us06", "soc": None, "std": None}
+    text = said("named", nuisances=[known | {"value": value, "unit": "K", "prior_std": 2.0}])
+    assert f"us06 was 4.6 K {way} than the sheet states (no sensor told; tolerance 2 K)" in text
+
+
 def test_floors_stand_for_the_noise_where_they_are_known():
     floors = [{"test": "a", "volt": 0.002}, {"test": "b", "volt": 0.0045}]
     text = said("none", floors=floors)

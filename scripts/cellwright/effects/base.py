@@ -332,7 +332,8 @@ class Tolerance(NamedTuple):
     ocv_volt : error of the OCV table, smooth over `ocv_soc`. capacity : relative.
     soc : of the state of charge at the start of a record. steep_soc : an error of the SoC that no
     parameter follows, so that rows on a steep OCV count less. known : relative, of the scale of the
-    template of healthy cells in this cell (paired mode).
+    template of healthy cells in this cell (paired mode). kelvin : of a temperature that no sensor
+    told.
     """
 
     ocv_volt: float = SEARCH.ocv_volt_tolerance
@@ -341,6 +342,7 @@ class Tolerance(NamedTuple):
     soc: float = SEARCH.soc_tolerance
     steep_soc: float = SEARCH.steep_soc_tolerance
     known: float = SEARCH.known_tolerance
+    kelvin: float = SEARCH.kelvin_tolerance
 
 
 def frees(stack, start, tolerance, log_std=None, starts=None):

@@ -9,7 +9,7 @@ import numpy as np
 
 from cellwright.effects import base, proof, ties
 from cellwright.effects.candidates import State, candidates, chi_square_of, frees_of, screened
-from cellwright.effects.judge import rests_of, start_errors, started, unfitted
+from cellwright.effects.judge import rests_of, started, tolerated, unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import lacking, stacked
@@ -311,7 +311,8 @@ def _of_own_rows(case, effects, values):
 def state_of(case, effects, solution, filters):
     """State of a fitted model: its errors on the records that judge.
 
-    Of these records only the first rest enters a parameter, their SoC at the start.
+    Of these records only the first rest enters a parameter, their SoC at the start. What that and
+    a stated temperature leave unsure is taken out of their errors.
     """
     stack = case.validation
     pairs = [(k, case.fit.tests.index(t)) for k, t in enumerate(stack.tests) if t in case.fit.tests]
@@ -319,7 +320,8 @@ def state_of(case, effects, solution, filters):
     values = started(case.cell, stack, solution.values, effects, case.tolerance, pairs, rests)
     volt = base.voltage(case.cell, stack, values, effects)
     about = case.cell, stack, values, effects, case.tolerance
-    moved, explained = start_errors(*about, volt, filters.validation, pairs)
+    moved, explained, kelvin = tolerated(*about, volt, filters.validation, pairs)
+    values = values | {f"kelvin[{k}]": float(error) for k, error in enumerate(kelvin)}
     error = stack.voltage_volt - volt - moved
     white = filters.validation.apply(stack.voltage_volt - volt)
     return State(

@@ -6,16 +6,17 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.records import LOADED_C_RATE
-from cellwright.numerics.least_squares import Free, stds
+from cellwright.numerics.least_squares import Free, bounded_minimum, stds
 from cellwright.numerics.statistics import rms
 
 READ_VOLT = 2e-3  # of a single reading at rest
 LEAST_SLOPE_VOLT = 1e-3  # of the OCV over the whole SoC; below it a rest shows no SoC
 PASSES = 3
 SETTLED_SOC = 1e-5  # a change below it ends them
-SOC_STEP = 2e-4
+SOC_STEP, KELVIN_STEP = 2e-4, 0.5
 # Of what is known before a fit: of some dozens of records none lies farther off by chance.
 FAR_STDS = 3.0
+WRONG_STDS = 2.0  # from which on a stated temperature is told to be wrong
 ALIKE_SOC = 0.02  # between two rests whose OCV errs alike
 BANDS = 10  # of the SoC
 LOW_C_RATE, HIGH_C_RATE = 0.05, 0.7
@@ -134,8 +135,9 @@ def stretched(case, state, parts):
     Returns
     -------
     nuisances : list of dict, of the capacity (relative), of the OCV where its error is largest
-        beside its tolerance [V], and of each start that its limit holds (SoC): name, test, soc
-        (None where there is none), value (beyond what was declared), std, unit, prior_std.
+        beside its tolerance [V], of each start that its limit holds (SoC), and of each temperature
+        of a record that judges that the sheet seems to state wrongly [K]: name, test, soc (None
+        where there is none), value (beyond what was declared), std, unit, prior_std.
     """
     solution, free = state.solution, {one.name: one for one in unfitted(case)[1]}
     deviations, found = stds(solution, parts), []
@@ -155,6 +157,10 @@ def stretched(case, state, parts):
         if name in solution.at_bound:
             value, std = solution.values[name] - free[name].prior, free[name].std
             found.append(_beyond("soc_at_start", test, None, value, None, "1", std))
+    for k, test in enumerate(case.validation.tests):
+        value, std = state.values[f"kelvin[{k}]"], case.tolerance.kelvin
+        if abs(value) > WRONG_STDS * std:
+            found.append(_beyond("temperature", test, None, value, None, "K", std))
     return found
 
 
@@ -163,12 +169,13 @@ def _beyond(name, test, soc, value, std, unit, prior_std):
     return {"name": name, "test": test, "soc": soc} | numbers
 
 
-def start_errors(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):
-    """Errors of the SoC at the starts that explain most of a residual, within what is unsure.
+def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):
+    """Errors of what is stated of a record that explain most of a residual, within what is unsure.
 
-    A start that is known to a millivolt moves the whole record by as much. That is no error of the
-    model; counted as such, it would be proof of an effect that also moves whole records. What asks
-    for more than the rest and the sheet leave open is the model's own.
+    These are the SoC at its start, and its temperature where no sensor told it. A start that is
+    known to a millivolt moves the whole record by as much. That is no error of the model; counted
+    as such, it would be proof of an effect that also moves whole records. What asks for more than
+    is left open by the rest and the sheet is the model's own.
 
     Parameters
     ----------
@@ -179,17 +186,28 @@ def start_errors(cell, stack, values, effects, tolerance, prediction, whitening,
     -------
     moved_volt : (n,) change of the prediction by these errors [V].
     chi_square : (f,) by which that of each record falls, what its prior asks in return taken off.
+    kelvin : (f,) by how much each record was warmer than stated.
     """
     starts = [f"soc0[{k}]" for k in range(len(stack.first))]
-    moved = values | {name: values[name] + SOC_STEP for name in starts}
-    change = (base.voltage(cell, stack, moved, effects) - prediction) / SOC_STEP
-    both = whitening.apply(np.stack([change, stack.voltage_volt - prediction], axis=1))
-    stds, fitted = _start_stds(cell, stack, values, tolerance), {k for k, _ in shared}
-    error_soc, fall = np.zeros(len(starts)), np.zeros(len(starts))
-    for k in sorted(set(range(len(starts))) - fitted):
-        column, error = both[stack.file == k].T
-        error_soc[k], fall[k] = shift_within(column @ column, column @ error, stds[k])
-    return change * error_soc[stack.file], fall
+    by_start = values | {name: values[name] + SOC_STEP for name in starts}
+    changes = [(base.voltage(cell, stack, by_start, effects) - prediction) / SOC_STEP]
+    unsure = [_start_stds(cell, stack, values, tolerance)]
+    if effects and stack.stated.any():
+        warmer = stack.celsius + KELVIN_STEP * stack.stated[stack.file]
+        warmed = stack._replace(celsius=warmer, responses={}, courses={})
+        changes.append((base.voltage(cell, warmed, values, effects) - prediction) / KELVIN_STEP)
+        unsure.append(np.full(len(starts), tolerance.kelvin))
+    changes, unsure = np.stack(changes, axis=1), np.stack(unsure, axis=1)
+    both = whitening.apply(np.column_stack([changes, stack.voltage_volt - prediction]))
+    errors, fall = np.zeros((len(starts), 2)), np.zeros(len(starts))
+    for k in sorted(set(range(len(starts))) - {k for k, _ in shared}):
+        columns, error = both[stack.file == k, :-1], both[stack.file == k, -1]
+        precision, moment = columns.T @ columns + np.diag(unsure[k] ** -2.0), columns.T @ error
+        limit = FAR_STDS * unsure[k]
+        found = bounded_minimum(precision, moment, -limit, limit)
+        errors[k, : len(found)], fall[k] = found, found @ (2 * moment - precision @ found)
+    moved = np.sum(changes * errors[stack.file, : changes.shape[1]], axis=1)
+    return moved, fall, errors[:, 1]
 
 
 def shift_within(square, shared, std):

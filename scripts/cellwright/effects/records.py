@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.instrument import LOADED_C_RATE, load_direction
-from cellwright.records.record import checked
+from cellwright.records.record import STATED, checked
 from cellwright.records.thinning import driven
 from cellwright.refusal import Refusal
 
@@ -46,6 +46,7 @@ class Stack(NamedTuple):
     responses : lags of the measured current, by time constant; kept, as most
     parameters of a model change neither. courses : `base.Course` of the last parameters that moved
     the charge, by their values; kept likewise.
+    stated : (f,) bool, records of which no sensor told the temperature.
     """
 
     tests: tuple
@@ -68,6 +69,7 @@ class Stack(NamedTuple):
     unseen_ampere_hour: np.ndarray
     responses: dict
     courses: dict
+    stated: np.ndarray
     ohmic_course: np.ndarray | None = None
     slow_course: np.ndarray | None = None
 
@@ -120,6 +122,7 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         unseen_ampere_hour=unseen,
         responses={},
         courses={},
+        stated=np.array([record.temperature_source in STATED for record in records]),
     )
 
 

@@ -22,6 +22,10 @@ SAME_CELSIUS = 2.0
 SOC_RANGE = (-0.1, 1.1)  # counted SoC beyond it: the anchor or the capacity is wrong
 
 
+# Sources of a temperature that no sensor told: the sheet's, and none at all.
+STATED = ("the chamber's", "25 °C, for want of any")
+
+
 class Record(NamedTuple):
     """One test of a cell on the SoC scale. It starts from rest; arrays (n,).
 
@@ -228,7 +232,7 @@ def cell_temperature(facts, series, *, as_read=False):
         if celsius is not None and np.isfinite(celsius).all():
             return np.asarray(celsius, float), source
     stated = facts.ambient_temperature_celsius
-    source = "25 °C, for want of any" if stated is None else "the chamber's"
+    source = STATED[stated is None]
     held = REFERENCE_CELSIUS if stated is None else stated
     return np.full(len(series["test_time_second"]), float(held)), source
 

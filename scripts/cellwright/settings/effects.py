@@ -52,6 +52,9 @@ class MissingEffect(NamedTuple):
         docs/missing-effect.md.
     steep_soc_tolerance : Error of the SoC that no parameter follows, standard deviation; samples
         where the OCV is steep count less by it. Source: docs/missing-effect.md.
+    kelvin_tolerance [K] : Tolerance of a test's temperature that the sheet states and no sensor
+        told, standard deviation: the cell's beside its chamber's. Source:
+        docs/missing-effect.md.
     known_tolerance : Beside reference cells of the same protocol, by how much the misfit that
         they share may be larger or smaller in this cell, relative standard deviation. Source:
         docs/missing-effect.md.
@@ -75,6 +78,7 @@ class MissingEffect(NamedTuple):
     capacity_tolerance: float = 0.003
     soc_tolerance: float = 0.02
     steep_soc_tolerance: float = 0.003
+    kelvin_tolerance: float = 2.0
     known_tolerance: float = 0.2
 
 

@@ -441,7 +441,7 @@ def _start_errors(case, values, effects, prediction, error, filters):
     """Errors of the group's SoC at the starts that explain most of an error, within what is unsure.
 
     Returns the change of the prediction (m,) by them, and the fall of the chi-square of each
-    record (f,); see `judge.start_errors`.
+    record (f,); see `judge.tolerated`.
     """
     stack = case.validation
     starts = [f"soc0[{k}]" for k in range(len(stack.first))]

@@ -363,6 +363,10 @@ def _stretched(nuisances):
 
 
 def _beyond(one):
+    if one["unit"] == "K":
+        way, by = "warmer" if one["value"] > 0 else "colder", abs(one["value"])
+        wrong = f"{one['test']} was {by:.1f} K {way} than the sheet states"
+        return f"{wrong} (no sensor told; tolerance {one['prior_std']:g} K)"
     if one["unit"] == "V":
         size, std, tolerance = (millivolt(abs(one[n])) for n in ("value", "std", "prior_std"))
         way = "above" if one["value"] > 0 else "below"
