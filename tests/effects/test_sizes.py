@@ -82,6 +82,17 @@ def test_the_activation_energy_is_that_of_all_resistances_together():
     assert size.value == pytest.approx(gas * np.log(cold / 35) / inverse / 1e3, rel=1e-6)
 
 
+def test_the_activation_energy_is_told_over_the_temperatures_that_were_fitted():
+    given = {"activation_energy_joule_per_mole": {"value": 2e4, "std": 1e3}}
+    given |= {
+        name: {"value": 0.0, "std": 0.0}
+        for name in ("polarisation_excess_joule_per_mole", "growth_towards_cold")
+    }
+    values = VALUES | {"fitted_celsius": [19.7, 41.2]}
+    (size,) = sizes_as_used(LIBRARY["resistance_temperature"], given, values)
+    assert size.text == "activation energy from 20 to 41 °C 20 ± 1 kJ/mol"
+
+
 def test_a_course_over_soc_is_told_in_milliohm_of_the_model_itself():
     steps = {"step_to_35_percent": 0.3, "step_to_20_percent": 0.3, "step_to_10_percent": 0.4}
     steps |= {"step_to_65_percent": -0.1, "step_to_90_percent": -0.1}

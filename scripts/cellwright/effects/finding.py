@@ -404,8 +404,14 @@ def _series(case, before, after):
 
 
 def model_of(case, state):
-    """A fitted model with its effects: all that `base.voltage` needs, with standard deviations."""
+    """A fitted model with its effects: all that `base.voltage` needs, with standard deviations.
+
+    fitted_celsius : lowest and highest mean temperature of the records fitted.
+    """
+    stack = case.fit
+    means = np.bincount(stack.file, stack.celsius) / np.bincount(stack.file)
     return {
+        "fitted_celsius": [float(means.min()), float(means.max())],
         "capacity_ampere_hour": case.cell.capacity_ampere_hour,
         "ocv_soc": np.linspace(0.0, 1.0, len(case.cell.ocv_volt)).tolist(),
         "ocv_volt": np.asarray(case.cell.ocv_volt).tolist(),

@@ -8,7 +8,8 @@ from cellwright.effects.base import LOGARITHMS
 from cellwright.effects.witnesses.probes import PROBES, acted
 
 THIRDS = (0.1, 0.5, 0.9)  # SoC at which a course is told
-WARMED_CELSIUS = (0.0, 25.0)  # between which the activation energy of resistances is told
+# Between which the activation energy is told, where those of the records fitted are not known.
+WARMED_CELSIUS = (0.0, 25.0)
 SMALL_RATE = 0.02  # of the capacity per hour: a current that charge transfer answers in proportion
 DAY_HOUR, MINUTE_SECOND = 24.0, 60.0
 LEAST_DEVIATION = 1e-3  # of the value: none that is smaller is written
@@ -104,9 +105,9 @@ SPELT = {
 
 def _energy(effect, p, values):
     """Of the sum of all resistances: that is what pulses and spectra of other tests tell."""
-    low, high = WARMED_CELSIUS
-    energy = PROBES["activation_energy"](effect, p, values, WARMED_CELSIUS)
-    return [(f"activation energy from {low:g} to {high:g} °C", 1e-3 * energy, "kJ/mol")]
+    low, high = at = values.get("fitted_celsius", WARMED_CELSIUS)
+    energy = PROBES["activation_energy"](effect, p, values, at)
+    return [(f"activation energy from {low:.0f} to {high:.0f} °C", 1e-3 * energy, "kJ/mol")]
 
 
 def _over_soc(words, resistance):

@@ -47,9 +47,9 @@ def measured_of(tables, basis, model, *, ambient):
 
 
 def values_of(model):
-    """Parameters of a model by name, with its capacity."""
-    known = {"capacity_ampere_hour": model["capacity_ampere_hour"]} if model else {}
-    return model.get("values", {}) | known
+    """Parameters of a model by name, with its capacity and the temperatures of its fit."""
+    known = ("capacity_ampere_hour", "fitted_celsius")
+    return model.get("values", {}) | {name: model[name] for name in known if name in model}
 
 
 def witnesses(verdict, model, measured, library):
