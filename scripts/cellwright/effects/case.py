@@ -180,19 +180,13 @@ class Case(NamedTuple):
 
         Where these cannot tell, it is judged on the records fitted. inflations : by role.
         """
-        values = after.values
-        soc = base.fields_of(self.cell, self.validation, values, after.effects).soc
-        blocks = proof.blocks_of(self.validation, soc, filters.validation_rows)
-        sides = before.validation, after.validation
-        limit = {"material_volt": self.gates.material_volt}
-        shown = proof.consistency(*sides, blocks, self.validation.file, **limit)
-        values = after.solution.values
-        soc = base.fields_of(self.cell, self.fit, values, after.effects).soc
-        blocks = proof.blocks_of(self.fit, soc, filters.fit_rows)
+        fit, judging = self.fit, self.validation
         sides = before.solution.residual, after.solution.residual
-        fitted = proof.consistency(*sides, blocks, self.fit.file, **limit)
-        about = self.validation.file, inflations["validation"]
-        promised = proof.promised_of(before, after, *about).sum()
+        fitted = proof.evenly(self, fit, sides, after, after.solution.values, filters.fit_rows)
+        sides = before.validation, after.validation
+        shown = proof.evenly(self, judging, sides, after, after.values, filters.validation_rows)
+        about = before, after, judging.file, inflations["validation"]
+        promised = proof.promised_of(*about).sum()
         proven = proof.can_judge(self.gates, shown, fitted, promised)
         return (shown if proven else fitted), proven
 

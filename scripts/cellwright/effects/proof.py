@@ -209,6 +209,19 @@ def promised_of(before, after, file, inflation):
     return change**2 / np.tile(inflation[file], len(change) // len(file))
 
 
+def evenly(case, stack, sides, state, values, rows):
+    """Consistency of a change of the residual of one side of a case.
+
+    Parameters
+    ----------
+    case : case.Case. stack : records.Stack. sides : (n,) residual before and after [V].
+    state : candidates.State after. values : dict, of this side. rows : (n,) bool, that count.
+    """
+    soc = base.fields_of(case.cell, stack, values, state.effects).soc
+    blocks = blocks_of(stack, soc, rows)
+    return consistency(*sides, blocks, stack.file, material_volt=case.gates.material_volt)
+
+
 def misfit_of(stack, soc, residuals, *, noise_volt):
     """What the best of some models leaves of each block beyond the noise.
 
