@@ -89,7 +89,7 @@ def test_what_the_proof_cannot_show_is_named_and_told_as_unproven():
     (entry,) = verdict["effects"]
     assert (entry["effect"], entry["proof"]) == ("self_heating", "unproven")
     assert entry["blocks"]["excited"] > 0
-    assert "no record that took no part in the fit excites it" in verdict["paragraph"]
+    assert "no record that took no part in the fit can show it" in verdict["paragraph"]
 
 
 def test_what_the_fitted_records_do_not_excite_is_not_testable():

@@ -101,7 +101,7 @@ def test_what_is_unknown_has_no_name():
     ("changes", "reason"),
     [
         ({"alternatives": ["leakage"]}, "another explains it as well"),
-        ({"proof": "unproven"}, "no record that took no part in the fit excites it"),
+        ({"proof": "unproven"}, "no record that took no part in the fit can show it"),
         (
             {"validation_rmse_volt": {"before": 2e-3, "after": 2e-3}},
             "the error on records for proof does not fall",

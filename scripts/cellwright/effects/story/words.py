@@ -273,7 +273,7 @@ def doubts(one, witnesses=()):
     against = [w["name"] for w in witnesses if w["says"] == "contradicts" and not w["shown"]]
     reasons = (
         (one["alternatives"] or one.get("branch_alternatives"), "another explains it as well"),
-        (one.get("proof") == "unproven", "no record that took no part in the fit excites it"),
+        (one.get("proof") == "unproven", "no record that took no part in the fit can show it"),
         (not both["after"] < both["before"], "the error on records for proof does not fall"),
         (
             explained is not None and explained <= 0,
