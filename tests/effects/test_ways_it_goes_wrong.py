@@ -181,7 +181,7 @@ def test_an_optimum_at_a_bound_is_flagged():
     assert (True, False) in rows
 
 
-@pytest.mark.parametrize(("slope", "answer"), [(1.0, "none"), (2.0, "unknown")])
+@pytest.mark.parametrize(("slope", "answer"), [(1.2, "none"), (2.0, "unknown")])
 def test_a_rival_that_half_explains_is_not_the_name(slope, answer):
     """Without the name, what is left counts as unknown only where somebody acts on it: 3 mV."""
     truth = Truth(slope_r1=slope)
