@@ -157,7 +157,11 @@ def both(tmp_path_factory):
 
 
 def comparable(said: str) -> list[str]:
-    """Lines of a run's messages without what differs between two runs of the same executor."""
+    """Lines of a run's messages without what differs between two runs of the same executor.
+
+    Snakemake prints an empty line before a job unless one was the last thing told, which depends
+    on the moment at which another job ends: so empty lines are left out.
+    """
     start = said[said.index("Building DAG of jobs...") :]
     for pattern, stands_for in (
         (r"\[\w{3} \w{3} +\d+ [\d:]+ \d{4}\]", "[time]"),
@@ -168,7 +172,8 @@ def comparable(said: str) -> list[str]:
     ):
         start = re.sub(pattern, stands_for, start)
     ours = "snakemake_executor_plugin_warm|, in (__new__|_execute_cmd|execute_script)"
-    return sorted(line for line in start.splitlines() if not re.search(ours, line))
+    lines = (line for line in start.splitlines() if line.strip())
+    return sorted(line for line in lines if not re.search(ours, line))
 
 
 def files(folder) -> dict[str, bytes]:
