@@ -210,19 +210,6 @@ def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, sh
     return moved, fall, errors[:, 1]
 
 
-def shift_within(square, shared, std):
-    """Most likely shift of a start within `FAR_STDS` deviations, and the fall of chi-square by it.
-
-    Parameters
-    ----------
-    square, shared : products of the whitened change by the shift with itself, and with the error.
-    std : of the prior; all of one shape. Returns two arrays of that shape.
-    """
-    precision = square + std**-2.0
-    shift = np.clip(shared / precision, -FAR_STDS * std, FAR_STDS * std)
-    return shift, 2 * shift * shared - shift**2 * precision
-
-
 def _loaded(cell, stack):
     return np.abs(stack.current_ampere) > LOADED_C_RATE * cell.capacity_ampere_hour
 

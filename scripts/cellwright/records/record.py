@@ -22,8 +22,8 @@ SAME_CELSIUS = 2.0
 SOC_RANGE = (-0.1, 1.1)  # counted SoC beyond it: the anchor or the capacity is wrong
 
 
-# Sources of a temperature that no sensor told: the sheet's, and none at all.
-STATED = ("the chamber's", "25 °C, for want of any")
+BY_SHEET, BY_NOTHING = "the chamber's", "25 °C, for want of any"
+STATED = (BY_SHEET, BY_NOTHING)  # sources of a temperature that no sensor told
 
 
 class Record(NamedTuple):
@@ -232,7 +232,7 @@ def cell_temperature(facts, series, *, as_read=False):
         if celsius is not None and np.isfinite(celsius).all():
             return np.asarray(celsius, float), source
     stated = facts.ambient_temperature_celsius
-    source = STATED[stated is None]
+    source = BY_NOTHING if stated is None else BY_SHEET
     held = REFERENCE_CELSIUS if stated is None else stated
     return np.full(len(series["test_time_second"]), float(held)), source
 

@@ -17,7 +17,7 @@ from cellwright.effects.groups.model import (
     group_names,
     group_run,
 )
-from cellwright.effects.judge import READ_VOLT, shift_within
+from cellwright.effects.judge import FAR_STDS, READ_VOLT
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.proof import (
     Floor,
@@ -451,7 +451,7 @@ def _start_errors(case, values, effects, prediction, error, filters):
     white, error = filters.validation.apply(np.stack([change, error], axis=1)).T
     files = case.files_of(stack)
     square, shared = np.bincount(files, white**2), np.bincount(files, white * error)
-    error_soc, fall = shift_within(square, shared, case.shared.soc)
+    error_soc, fall = _shift_within(square, shared, case.shared.soc)
     return change * error_soc[files], fall
 
 
@@ -465,3 +465,16 @@ def _shift(case, stated, shift, error):
     by_sheet = case.shared.soc**-2.0
     by_rest = slope**2 / (READ_VOLT**2 / len(error) + case.spread.type_ocv_volt**2)
     return float((shift + error.mean() / slope) * by_rest / (by_sheet + by_rest))
+
+
+def _shift_within(square, shared, std):
+    """Most likely shift of a start within `FAR_STDS` deviations, and the fall of chi-square by it.
+
+    Parameters
+    ----------
+    square, shared : products of the whitened change by the shift with itself, and with the error.
+    std : of the prior; all of one shape. Returns two arrays of that shape.
+    """
+    precision = square + std**-2.0
+    shift = np.clip(shared / precision, -FAR_STDS * std, FAR_STDS * std)
+    return shift, 2 * shift * shared - shift**2 * precision
