@@ -47,6 +47,7 @@ def slow(celsius, *, skew=0.0, **changes):
         "joined_by": "equilibrium",
         "capacity_ampere_hour": 2.0,
         "charge_capacity_ampere_hour": 2.0,
+        "closed_capacity_ampere_hour": 2.0,
     } | changes
 
 

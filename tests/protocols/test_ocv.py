@@ -1,11 +1,14 @@
 """Slow OCV: a known curve behind resistance, hysteresis and losses; A123 against Plett's table."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.protocols.ocv.slow import joined, slow_ocv, turning_points
+from cellwright.protocols.ocv.legs import turning_points
+from cellwright.protocols.ocv.slow import joined, slow_ocv
 from cellwright.refusal import Refusal
 
 CUTOFFS = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
@@ -147,6 +150,44 @@ def test_an_offset_of_the_current_is_noted_and_does_not_shift_the_branches():
     np.testing.assert_allclose(curve.ocv_volt, true_ocv(curve.soc), atol=2e-3)
     assert "an offset of -5 mA" in curve.note
     assert "capacity then 2 Ah" in curve.note
+    assert "self-discharge" not in curve.note  # which takes from the cell, and gives nothing
+
+
+def leaking(leak, *, hold_hour=10.0, first_soc=1.0):
+    """A slow discharge, charge and hold of a cell that leaks: the log counts what the leads carry.
+
+    At the end the hold feeds nothing but the leak.
+    """
+    down = ramp(first_soc, 0, current=CURRENT + leak)
+    up = ramp(0, 1, current=CURRENT - leak)
+    count = round(hold_hour * 60)
+    legs = [
+        (np.full(len(down[0]), -CURRENT), down[1]),
+        rest(0),
+        (np.full(len(up[0]), CURRENT), up[1]),
+        (np.full(count, leak), np.full(count, up[1][-1])),
+    ]
+    return record(rest(first_soc), *legs, rest(1))
+
+
+@pytest.mark.parametrize("leak", [0.004, 0.015])
+def test_a_leak_shifts_neither_the_branches_nor_the_capacity(leak):
+    """With 15 % of the slow current the discharge gives two thirds of what the charge takes."""
+    curve = slow_ocv(*leaking(leak), **CUTOFFS)
+    assert curve.branches == "both"
+    assert curve.capacity_ampere_hour < 0.97 * CAPACITY < 1.03 * CAPACITY
+    assert curve.charge_capacity_ampere_hour > 1.03 * CAPACITY
+    assert curve.closed_capacity_ampere_hour == pytest.approx(CAPACITY, rel=2e-3)
+    np.testing.assert_allclose(curve.ocv_volt[1:-1], true_ocv(curve.soc)[1:-1], atol=2e-3)
+    said = re.search(r"offset of \+([\d.]+) mA in .*, or as much self-discharge,", curve.note)
+    assert float(said[1]) == pytest.approx(1e3 * leak, rel=0.01)
+
+
+def test_a_discharge_that_did_not_begin_full_is_no_branch_of_a_leaking_cell():
+    curve = slow_ocv(*leaking(0.0, hold_hour=0.0, first_soc=0.7), **CUTOFFS)
+    assert curve.branches == "charge"
+    assert curve.closed_capacity_ampere_hour == curve.capacity_ampere_hour
+    assert curve.capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
 
 
 def test_turning_points_ignore_a_dither():

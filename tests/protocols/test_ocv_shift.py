@@ -83,7 +83,8 @@ def test_check_up_without_rests_carries_the_shifted_curve():
     soc = np.linspace(0, 1, 101)
     curve = {"test": "ocv", "ambient_temperature_celsius": 25.0, "cycle": None}
     curve |= {"soc": soc.tolist(), "ocv_volt": fresh(soc).tolist()}
-    curve |= {"capacity_ampere_hour": 2.0, "charge_capacity_ampere_hour": 2.0}
+    sizes = ("capacity", "charge_capacity", "closed_capacity")
+    curve |= {f"{name}_ampere_hour": 2.0 for name in sizes}
     sized = [
         {"test": name, "cycle": cycle, "ambient_temperature_celsius": 25.0, "c_rate": 0.5}
         | {"direction": "discharge", "capacity_ampere_hour": size}

@@ -30,6 +30,7 @@ def curve(size, cycle, *, name="ocv", celsius=25.0, branches="both", shift=0.0):
         "branches": branches,
         "capacity_ampere_hour": size,
         "charge_capacity_ampere_hour": size,
+        "closed_capacity_ampere_hour": size,
         "capacity_source": "rating",
         "discharge_current_ampere": -1.0,
         "charge_current_ampere": None,

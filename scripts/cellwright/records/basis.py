@@ -11,7 +11,6 @@ from cellwright.refusal import Refusal
 REFERENCE_CELSIUS = 25.0
 SAME_RATE = 0.1
 SAME_CELSIUS = 3.0
-CLOSED = 0.03
 
 
 class Lender(NamedTuple):
@@ -161,23 +160,20 @@ def _on_scale(curve, capacity, lower_cutoff_volt):
 
 
 def slow_capacity(curve):
-    """Capacity of a slow test [Ah], the mean of its directions where they differ; its source.
+    """Capacity of a slow test [Ah], without the drift where its directions differ; its source.
 
     Parameters
     ----------
-    curve : dict with capacity_ampere_hour, charge_capacity_ampere_hour [Ah] and test.
+    curve : dict with capacity_ampere_hour, charge_capacity_ampere_hour,
+        closed_capacity_ampere_hour [Ah] and test.
     """
-    discharged, charged = curve["capacity_ampere_hour"], curve["charge_capacity_ampere_hour"]
-    one_way = charged is None or np.isnan(charged)
-    if one_way or abs(discharged / charged - 1) <= CLOSED:
-        return discharged, f"slow test {curve['test']}"
-    # ASSUME: Where slow discharge and charge differ by more than 3 %, the current sensor has an
-    # offset, and the mean of the two is the capacity: the cell itself returns what it took.
-    mean = (discharged + charged) / 2
-    return (
-        mean,
-        f"slow test {curve['test']}, mean of {discharged:.4g} Ah out and {charged:.4g} Ah back",
+    out, back, closed = (
+        curve[f"{name}_ampere_hour"] for name in ("capacity", "charge_capacity", "closed_capacity")
     )
+    source = f"slow test {curve['test']}"
+    if closed != out:
+        source += f", between {out:.4g} Ah out and {back:.4g} Ah back"
+    return closed, source
 
 
 def _own_capacity(capacities, lender, rated):

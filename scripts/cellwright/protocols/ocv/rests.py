@@ -193,6 +193,7 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
         half_gap_volt=(volts[1] - volts[0]) / 2,
         capacity_ampere_hour=scale.capacity_ampere_hour,
         charge_capacity_ampere_hour=np.nan,
+        closed_capacity_ampere_hour=scale.capacity_ampere_hour,
         branches="rests",
         discharge_current_ampere=_usual(points.current_ampere[after["discharge"]]),
         charge_current_ampere=_usual(points.current_ampere[after["charge"]]),

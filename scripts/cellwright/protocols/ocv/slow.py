@@ -7,11 +7,11 @@ the slow constant currents of (1) and (3) alone.
 """
 
 from contextlib import suppress
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.protocols.ocv.legs import Leg, legs_of
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import offset_at_rest
 from cellwright.settings import Ocv
@@ -19,6 +19,9 @@ from cellwright.settings import Ocv
 OCV = Ocv()
 CLOSED = 0.03  # of the charge, by which slow discharge and charge may differ
 LEAST_OFFSET, MOST_OFFSET = 0.005, 0.3  # of the slow current: readings at rest that are looked for
+FULL_SHARE = 0.85  # of a record's largest leg: what is less is no full branch, but for a drift
+DRIFTED_SHARE = (1.0 - MOST_OFFSET) / (1.0 + MOST_OFFSET)
+NEARLY = 0.03  # of the range of voltage: as good as at its end
 
 
 def joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by):
@@ -99,123 +102,6 @@ def from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge):
     return np.interp(soc, soc[measured], ocv[measured]), measured
 
 
-class Leg(NamedTuple):
-    """From one turning point of the net charge to the next, and its slow steady current in it.
-
-    sign : 1 charge, −1 discharge. first_row, last_row : the turning points.
-    capacity_ampere_hour : between them [Ah]. current_ampere : of the slow part, signed [A].
-    rows : rows of the slow part. end_volt : voltage at its last row [V].
-    step_in_volt, step_out_volt : jump of the voltage as the slow current starts from rest and
-    as it stops [V]; NaN where no row at rest lies next to it.
-    conditioned : True if the leg was completed in another file than its slow part.
-    """
-
-    sign: int
-    first_row: int
-    last_row: int
-    capacity_ampere_hour: float
-    current_ampere: float
-    rows: np.ndarray
-    end_volt: float
-    step_in_volt: float
-    step_out_volt: float
-    conditioned: bool
-
-
-def legs_of(test_time_second, current_ampere, voltage_volt, charge_ampere_hour, file_index):
-    """Legs of a record between turning points of its charge; pauses and dithers are no turns.
-
-    Parameters
-    ----------
-    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah].
-    file_index : (n,) int, which of the joined files a row is from.
-
-    Returns
-    -------
-    legs : list of Leg in time order.
-    """
-    turns = turning_points(charge_ampere_hour, least=0.05 * np.ptp(charge_ampere_hour))
-    columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour, file_index)
-    legs = [_leg(first, last, *columns) for first, last in pairwise(turns)]
-    return [leg for leg in legs if leg is not None]
-
-
-def turning_points(values, *, least):
-    """Rows where a course turns for good: the start, each extremum after a swing, the end.
-
-    Parameters
-    ----------
-    values : (n,), for example the net charge [Ah].
-    least : a smaller swing back is no turn, in the unit of `values`.
-
-    Returns
-    -------
-    rows : ascending; empty without any swing of that size.
-    """
-    slopes = np.sign(np.diff(values))
-    moving = np.flatnonzero(slopes)
-    bends = moving[1:][np.diff(slopes[moving]) != 0]
-    low = high = heading = 0
-    rows = []
-    for row in [*bends, len(values) - 1]:
-        low = row if values[row] <= values[low] else low
-        high = row if values[row] > values[high] else high
-        if heading >= 0 and values[high] - values[row] > least:
-            rows.append(high)
-            heading, low = -1, row
-        elif heading <= 0 and values[row] - values[low] > least:
-            rows.append(low)
-            heading, high = 1, row
-    return np.array([*rows, low if heading < 0 else high] if rows else [], int)
-
-
-def _leg(first, last, time, current, voltage, charge, files):
-    """Leg between two turning points; None if no current was recorded there."""
-    sign = int(np.sign(charge[last] - charge[first]))
-    moved = sign * np.diff(charge[first : last + 1], prepend=charge[first])
-    flowing = np.flatnonzero((sign * current[first : last + 1] > 0) & (moved > 0))
-    if not len(flowing):
-        return None
-    amperes, moved = sign * current[first + flowing], moved[flowing]
-    slow = _steady_current(amperes, moved)
-    steady = np.abs(amperes - slow) < 0.05 * slow
-    share = np.bincount(files[first + flowing], moved * steady)
-    rows = (first + flowing)[steady & (files[first + flowing] == share.argmax())]
-    at_rest = np.abs(current) < 0.05 * slow
-    return Leg(
-        sign=sign,
-        first_row=int(first),
-        last_row=int(last),
-        capacity_ampere_hour=float(abs(charge[last] - charge[first])),
-        current_ampere=float(sign * slow),
-        rows=rows,
-        end_volt=float(voltage[rows[-1]]),
-        step_in_volt=_jump(rows[0], rows[0] - 1, time, voltage, at_rest),
-        step_out_volt=_jump(rows[-1], rows[-1] + 1, time, voltage, at_rest),
-        conditioned=bool(files[last] != share.argmax()),
-    )
-
-
-def _steady_current(amperes, moved):
-    """Current at which most charge flowed, to 10 % [A]; a tapering hold spreads over many."""
-    band = np.floor(np.log(amperes) / np.log(1.1)).astype(int)
-    band -= band.min()
-    flow = np.append(np.bincount(band, moved), 0.0)
-    fullest = (flow[:-1] + flow[1:]).argmax()
-    inside = (band == fullest) | (band == fullest + 1)
-    order = np.argsort(amperes[inside])
-    reached = np.cumsum(moved[inside][order])
-    return amperes[inside][order][np.searchsorted(reached, reached[-1] / 2)]
-
-
-def _jump(row, neighbour, time, voltage, at_rest):
-    """Size of the voltage step between a row under current and a row at rest next to it."""
-    adjacent = 0 <= neighbour < len(time) and at_rest[neighbour]
-    if not adjacent or abs(time[row] - time[neighbour]) > 120:
-        return np.nan
-    return float(abs(voltage[row] - voltage[neighbour]))
-
-
 POINTS = 201
 
 
@@ -225,7 +111,9 @@ class OcvCurve(NamedTuple):
     soc : 0 to 1. ocv_volt : rises strictly [V]. discharge_volt, charge_volt : as measured under
     the slow current [V]. half_gap_volt : half their distance, hysteresis and current times
     resistance together [V]. capacity_ampere_hour, charge_capacity_ampere_hour : taken out, and
-    put back in [Ah]. branches : "both", "discharge" or "charge", or "rests" (`ocv.rests`).
+    put back in [Ah]. closed_capacity_ampere_hour : as taken out; where the two differ by 3 % and
+    more, that of a charge equal to the discharge, see `_closed` [Ah].
+    branches : "both", "discharge" or "charge", or "rests" (`ocv.rests`).
     discharge_current_ampere, charge_current_ampere : signed [A]. joined_by : "mean", "equilibrium"
     or "single".
     measured_soc : range in which all that `joined_by` needs was measured; beyond it the curve
@@ -240,6 +128,7 @@ class OcvCurve(NamedTuple):
     half_gap_volt: np.ndarray
     capacity_ampere_hour: float
     charge_capacity_ampere_hour: float
+    closed_capacity_ampere_hour: float
     branches: str
     discharge_current_ampere: float
     charge_current_ampere: float
@@ -292,9 +181,10 @@ def slow_ocv(
     limits = cutoffs, least_hour
     columns = time, current, voltage, net_charge, files
     discharge, charge, net_charge, offset_note = _legs_chosen(columns, limits)
+    closed = _closed(discharge, charge, time, current, net_charge)
     soc = np.linspace(0.0, 1.0, POINTS)
-    discharge_volt, moved_out = _branch(discharge, voltage, net_charge, soc)
-    charge_volt, moved_back = _branch(charge, voltage, net_charge, soc)
+    discharge_volt, moved_out = _branch(closed.discharge, voltage, closed.net_charge, soc)
+    charge_volt, moved_back = _branch(closed.charge, voltage, closed.net_charge, soc)
     joined_by = _joined_by(discharge, charge, join)
     ocv, measured = joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by)
     table = rising(ocv)
@@ -306,13 +196,14 @@ def slow_ocv(
         half_gap_volt=(charge_volt - discharge_volt) / 2,
         capacity_ampere_hour=(discharge or charge).capacity_ampere_hour,
         charge_capacity_ampere_hour=charge.capacity_ampere_hour if charge else np.nan,
+        closed_capacity_ampere_hour=(closed.discharge or closed.charge).capacity_ampere_hour,
         branches="both" if discharge and charge else "discharge" if discharge else "charge",
         discharge_current_ampere=discharge.current_ampere if discharge else np.nan,
         charge_current_ampere=charge.current_ampere if charge else np.nan,
         joined_by=joined_by,
         measured_soc=(float(soc[measured].min()), float(soc[measured].max())),
         moved_volt=float(max(moved_out, moved_back, np.abs(table - ocv).max())),
-        note=_balance(discharge, charge) or offset_note,
+        note=_balance(discharge, charge, closed) or offset_note,
     )
 
 
@@ -344,9 +235,30 @@ def _legs_chosen(columns, limits):
     if None not in better and _unequal(*better) < CLOSED:
         words = f"{1e3 * offset:+.3g} mA, which its rests read, taken off the current"
         return *better, corrected, f"{words}: discharge and charge differed without"
-    if refusal is not None:
+    if None in chosen:
+        chosen = _drifted(columns, limits) or chosen
+    if refusal is not None and chosen == (None, None):
         raise refusal
     return *chosen, net_charge, ""
+
+
+def _drifted(columns, limits):
+    """Branches of which one is too small for a full one by a drift of the counted charge, or None.
+
+    They end at the cut-offs, and the record at the voltage that it began with: the cell has come
+    back to where it was, whatever was counted.
+    """
+    _, _, voltage, _, _ = columns
+    cutoffs, least_hour = limits
+    legs = legs_of(*columns)
+    nearly = NEARLY * (cutoffs[1] - cutoffs[-1])
+    if len(legs) != 2 or abs(voltage[legs[1].last_row] - voltage[legs[0].first_row]) > nearly:
+        return None
+    try:
+        chosen = _chosen(legs, cutoffs, least_hour, least_share=DRIFTED_SHARE)
+    except Refusal:
+        return None
+    return None if None in chosen else chosen
 
 
 def _unequal(discharge, charge):
@@ -354,14 +266,14 @@ def _unequal(discharge, charge):
     return abs(charge.capacity_ampere_hour / discharge.capacity_ampere_hour - 1.0)
 
 
-def _chosen(legs, cutoffs, least_hour):
+def _chosen(legs, cutoffs, least_hour, *, least_share=FULL_SHARE):
     """First full slow discharge and the full slow charge after or before it, None if missing."""
     # ASSUME: An OCV record that starts with a discharge starts full, with a charge starts empty.
     largest = max((leg.capacity_ampere_hour for leg in legs), default=0.0)
-    nearly = 0.03 * (cutoffs[1] - cutoffs[-1])
+    nearly = NEARLY * (cutoffs[1] - cutoffs[-1])
     full = [
         leg.sign * (leg.end_volt - cutoffs[leg.sign]) > -nearly
-        and leg.capacity_ampere_hour > 0.85 * largest
+        and leg.capacity_ampere_hour > least_share * largest
         and leg.capacity_ampere_hour > least_hour * abs(leg.current_ampere)
         for leg in legs
     ]
@@ -436,17 +348,41 @@ def rising(ocv):
     return isotonic_regression(ocv).x + 1e-6 * np.linspace(0.0, 1.0, len(ocv))
 
 
-def _balance(discharge, charge):
-    """Sentence on a difference of charge and discharge above 3 %, and the offset behind it."""
-    if discharge is None or charge is None:
+class _Closed(NamedTuple):
+    """Branches and net charge without a drift of the counted charge [A], for their shape."""
+
+    discharge: Leg | None
+    charge: Leg | None
+    net_charge: np.ndarray
+    drift_ampere: float = 0.0
+
+
+# ASSUME: Where slow discharge and charge differ by more than 3 %, the current sensor has an offset
+# or the cell discharges itself: the cell returns what it took, and what is left over grew with
+# time. A hold at the end that only feeds a leak then fills nothing.
+def _closed(discharge, charge, time, current, net_charge):
+    """The branches with the drift taken off that makes the charge equal to the discharge."""
+    if discharge is None or charge is None or _unequal(discharge, charge) < CLOSED:
+        return _Closed(discharge, charge, net_charge)
+    hours = np.cumsum(np.diff(time, prepend=time[0]) * (current != 0)) / 3600.0
+    lasted = sum(hours[leg.last_row] - hours[leg.first_row] for leg in (discharge, charge))
+    drift = (charge.capacity_ampere_hour - discharge.capacity_ampere_hour) / lasted
+    held = net_charge - drift * hours
+    legs = (
+        leg._replace(capacity_ampere_hour=float(abs(held[leg.last_row] - held[leg.first_row])))
+        for leg in (discharge, charge)
+    )
+    return _Closed(*legs, held, float(drift))
+
+
+def _balance(discharge, charge, closed):
+    """Sentence on a difference of charge and discharge above 3 %, and the drift behind it."""
+    if not closed.drift_ampere:
         return ""
-    discharged, charged = discharge.capacity_ampere_hour, charge.capacity_ampere_hour
-    if abs(charged / discharged - 1) < CLOSED:
-        return ""
-    discharge_hours = -discharged / discharge.current_ampere
-    offset = (discharged - charged) / (discharge_hours + charged / charge.current_ampere)
+    leak = ", or as much self-discharge," if closed.drift_ampere > 0 else ""
     return (
-        f"slow discharge gave {discharged:.4g} Ah, slow charge took {charged:.4g} Ah; an offset of "
-        f"{-1e3 * offset:+.3g} mA in the current reading would explain it (capacity then "
-        f"{discharged - offset * discharge_hours:.4g} Ah)"
+        f"slow discharge gave {discharge.capacity_ampere_hour:.4g} Ah, slow charge took "
+        f"{charge.capacity_ampere_hour:.4g} Ah; an offset of {1e3 * closed.drift_ampere:+.3g} mA "
+        f"in the current reading{leak} would explain it (capacity then "
+        f"{closed.discharge.capacity_ampere_hour:.4g} Ah)"
     )
