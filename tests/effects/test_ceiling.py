@@ -10,6 +10,7 @@ from cellwright.effects.ceiling import ceiling, reached
 from cellwright.effects.proof import excess_volt
 
 SHAPED = Truth(falling=0.8)
+OPENING = Truth(contact=0.012)
 
 
 def of_plain(truth, **changes):
@@ -22,6 +23,16 @@ def test_a_resistance_over_soc_can_be_learned():
     best, before = of_plain(SHAPED)
     assert best.learnable is True
     assert best.validation_volt < 0.6 * before.validation_rmse_volt
+
+
+def test_a_contact_that_opens_under_load_can_be_learned_and_has_no_name():
+    """A step over the current, of which a resistance that differs by its sign takes a part."""
+    best, before = of_plain(OPENING)
+    assert best.learnable is True
+    assert best.validation_volt < 0.7 * before.validation_rmse_volt
+    steps = rounds(OPENING)
+    kept, _ = reached(case(OPENING), steps, steps[0].floor)
+    assert [step.chosen for step in kept] == [None]
 
 
 def test_a_healthy_cell_leaves_nothing_to_be_learned():
@@ -50,7 +61,11 @@ def test_the_records_that_judge_do_not_move_what_is_left_of_those_fitted():
 
 
 @pytest.mark.parametrize(
-    "truth", [SHAPED, Truth(hysteresis=0.012), Truth(activation=2.5e4), Truth(slow_ohm=0.04)]
+    "truth",
+    [
+        *(SHAPED, Truth(hysteresis=0.012), Truth(activation=2.5e4), Truth(slow_ohm=0.04)),
+        *(Truth(asymmetry=0.6), Truth(exchange=3.0, charge=0.4)),
+    ],
 )
 def test_a_right_name_is_never_refused(truth):
     steps = rounds(truth)

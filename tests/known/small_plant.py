@@ -19,6 +19,7 @@ CAPACITY = 2.5  # [Ah]
 FINE_SECOND, ROW_SECOND = 0.5, 2.0
 NOISE_VOLT = 1.5e-3
 KELVIN, GAS = 273.15, 8.314462618
+THERMAL_VOLT = 0.0257  # RT/F at 25 °C
 OWN_HEAT = 30e3  # activation energy by which a warm core shows itself [J/mol]
 
 
@@ -37,6 +38,9 @@ class Truth(NamedTuple):
     wave: float = 0.0  # of the OCV over its table [V]
     slope_r1: float = 0.0  # logarithm of R1 and R2 from full to empty
     ripple: float = 0.0  # of the OCV over SoC, which no effect of the library explains [V]
+    contact: float = 0.0  # resistance above 1C, which none explains either [ohm]
+    exchange: float = 0.0  # current of charge transfer half full; 0: none [A]
+    charge: float = 0.5  # its transfer coefficient of charge
 
 
 HEALTHY = Truth()
@@ -48,6 +52,17 @@ def ocv(soc):
 
 
 CELL = base.Cell(CAPACITY, ocv(np.linspace(0.0, 1.0, 201)))
+
+
+def transfer_volt(load, soc, truth):
+    """Butler–Volmer by bisection [V]; the exchange current goes with the root of z·(1 − z)."""
+    over = load / (truth.exchange * 2 * np.sqrt(max(soc * (1 - soc), 0.02)))
+    low, high = -20.0, 20.0
+    for _ in range(40):
+        x = (low + high) / 2
+        above = np.exp(truth.charge * x) - np.exp((truth.charge - 1) * x) > over
+        low, high = (low, x) if above else (x, high)
+    return THERMAL_VOLT * x
 
 
 def simulated(current, celsius, soc, truth):
@@ -64,6 +79,8 @@ def simulated(current, celsius, soc, truth):
         slow = factor * np.exp(truth.slope_r1 * (0.5 - charge))
         ohmic = r0 * factor * np.exp(truth.falling * (0.5 - charge)) * load
         ohmic *= 1 + truth.asymmetry * (load > 0)
+        ohmic += truth.contact * load * (abs(load) > CAPACITY)
+        ohmic += transfer_volt(load, charge, truth) if truth.exchange else 0.0
         if abs(load) > CAPACITY / 100:
             side = np.sign(load)
         volts[k] = ohmic + v1 + v2 + v3 + truth.hysteresis * side

@@ -16,6 +16,7 @@ from cellwright.numerics.linear import hats
 from cellwright.numerics.statistics import rms
 
 KNOTS = np.linspace(0.0, 1.0, 9)  # of the SoC
+KNOTS_OF_CURRENT = np.linspace(-1.0, 1.0, 7)  # of the largest of the records fitted
 LAGS_SECOND = (1.0, 10.0, 100.0, 1000.0)
 KELVIN = 20.0  # unit of the temperature's distance from 25 °C
 LEAST_KELVIN = 2.0  # range of the records fitted from which a course over temperature is asked
@@ -42,8 +43,8 @@ class Ceiling(NamedTuple):
 def ceiling(case, state, filters, floor):
     """Ceiling of a fitted state.
 
-    1. Columns: hat functions of the SoC times one, the direction of the current and the current
-       after lags of 1, 10, 100 and 1000 s, times one and, where it varies, the temperature.
+    1. Columns: hat functions of the SoC times hat functions of the current, its direction and the
+       current after lags of 1, 10, 100 and 1000 s, times one and, where it varies, the temperature.
     2. Ridge regression of the residual of the records fitted, whitened as for the fit. Its penalty
        leaves least of blocks (a record's band of the SoC) that are left out of the regression; no
        function at all is one of the choices.
@@ -133,7 +134,8 @@ def _side(case, stack, values, effects, within):
     soc = base.fields_of(case.cell, stack, values, effects).soc
     current = stack.current_ampere
     lags = [base.relaxed(stack, current, second) for second in LAGS_SECOND]
-    drives = np.stack([np.ones(len(soc)), np.sign(current), *lags], axis=1)
+    at_once = hats(current, KNOTS_OF_CURRENT * np.abs(case.fit.current_ampere).max())
+    drives = np.column_stack([at_once, np.sign(current), *lags])
     if within[1] - within[0] < LEAST_KELVIN:
         return _Side(soc, drives)
     warmer = (np.clip(stack.celsius, *within) - base.REFERENCE_CELSIUS) / KELVIN
