@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.optimize import brentq
 
 from cellwright.circuits.circuit import (
     KINDS,
@@ -23,7 +24,7 @@ EXAMPLES = {
     "R_two_way": {"r_charge_ohm": 0.02, "r_discharge_ohm": 0.03},
     "RC": {"r_ohm": 0.01, "tau_second": 40.0},
     "kinetic": {"r_ohm": 0.03, "tau_second": 2.0, "scale_volt": 0.05},
-    "charge_transfer": {"r_ohm": 0.03, "exchange_ampere": 0.8},
+    "charge_transfer": {"r_ohm": 0.03, "exchange_ampere": 0.8, "charge_coefficient": 0.35},
     "warburg": {"r_ohm": 0.02, "tau_second": 300.0},
     "warburg_sphere": {"r_ohm": 0.02, "tau_second": 300.0},
     "hysteresis": {"m_volt": 0.015, "charge_ampere_hour": 0.05},
@@ -37,6 +38,12 @@ def settled(modes):
     return lambda x: 1.0 - np.exp(-np.divide.outer(x, modes[:, 0])) @ modes[:, 1]
 
 
+def butler_volmer(current, charge):
+    """Voltage in units of r·I0 at a current in units of I0: a root of the law itself."""
+    law = lambda x: np.exp(charge * x) - np.exp((charge - 1.0) * x) - current  # noqa: E731
+    return brentq(law, -60.0, 60.0, xtol=1e-14)
+
+
 PLANE, SPHERE = settled(PLANE_MODES), settled(SPHERE_MODES)
 # Voltage of each kind at a constant current, from its definition: the oracle of the simulation.
 CLOSED = {
@@ -48,8 +55,8 @@ CLOSED = {
     "kinetic": lambda i, t, r_ohm, tau_second, scale_volt: (
         -scale_volt * np.arcsinh(r_ohm * i / scale_volt) * np.expm1(-t / tau_second)
     ),
-    "charge_transfer": lambda i, t, r_ohm, exchange_ampere: (
-        2 * exchange_ampere * r_ohm * np.arcsinh(i / (2 * exchange_ampere)) + 0 * t
+    "charge_transfer": lambda i, t, r_ohm, exchange_ampere, charge_coefficient: (
+        exchange_ampere * r_ohm * butler_volmer(i / exchange_ampere, charge_coefficient) + 0 * t
     ),
     "warburg": lambda i, t, r_ohm, tau_second: r_ohm * i * PLANE(t / tau_second),
     "warburg_sphere": lambda i, t, r_ohm, tau_second: r_ohm * i * SPHERE(t / tau_second),
@@ -125,10 +132,13 @@ def test_constant_current_is_the_closed_form(name, current, hold):
 )
 @every_circuit
 def test_the_other_way_round_is_the_negative(name, current, steps, hold):
-    """A two-way resistor turns into the one with its ways exchanged."""
-    swapped = dict(zip(EXAMPLES["R_two_way"], [*EXAMPLES["R_two_way"].values()][::-1], strict=True))
+    """A two-way resistor or a charge transfer turns into the one with its ways exchanged."""
+    ways = dict(zip(EXAMPLES["R_two_way"], [*EXAMPLES["R_two_way"].values()][::-1], strict=True))
+    transfer = EXAMPLES["charge_transfer"]
+    transfer = transfer | {"charge_coefficient": 1.0 - transfer["charge_coefficient"]}
+    swapped = {"R_two_way": ways, "charge_transfer": transfer}
     circuit = CIRCUITS[name]
-    mirror = [Branch(b.kind, swapped) if b.kind == "R_two_way" else b for b in circuit]
+    mirror = [Branch(b.kind, swapped.get(b.kind, b.parameters)) for b in circuit]
     time = np.concatenate([[0.0], np.cumsum(steps)])
     expected = -over(circuit, time, current, hold)
     np.testing.assert_allclose(over(mirror, time, -current, hold), expected, atol=1e-14)
@@ -292,3 +302,13 @@ def test_compiled_lag_is_its_twin(monkeypatch):
                 without.setattr(lags, "function", lambda *_: None)
                 twins = [lag(step, tau, drive, hold=hold, initial=0.3) for hold in HOLDS]
             np.testing.assert_allclose(runs, twins, atol=1e-13)
+
+
+@pytest.mark.parametrize("charge", [0.2, 0.4, 0.5, 0.65, 0.8])
+def test_charge_transfer_is_the_law_at_any_current(charge):
+    """Small currents by the resistance, large ones by each direction's own logarithm."""
+    over_exchange = np.concatenate([[-100.0, -3.0, -1e-3, 0.0], np.geomspace(1e-3, 100.0, 9)])
+    size = {"r_ohm": 0.02, "exchange_ampere": 2.0, "charge_coefficient": charge}
+    volt = KINDS["charge_transfer"].drive(2.0 * over_exchange, **size)
+    expected = [0.04 * butler_volmer(one, charge) for one in over_exchange]
+    np.testing.assert_allclose(volt, expected, rtol=1e-8, atol=1e-12)

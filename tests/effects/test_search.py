@@ -23,6 +23,11 @@ HIDDEN = {
     "current_offset": (Truth(offset=0.06), ("offset_ampere",), 0.06),
     "resistance_soc": (Truth(falling=0.8), COURSE, -0.8 * 0.4),
     "resistance_asymmetry": (Truth(asymmetry=0.3), ("charge_resistance_excess_relative",), 0.3),
+    "charge_transfer_nonlinearity": (
+        Truth(exchange=3.0, charge=0.38),
+        ("charge_coefficient",),
+        0.38,
+    ),
 }
 # What is one class, or one thing by two names.
 CLASSES = {"hysteresis_instant": ("hysteresis_instant", "hysteresis_one_state")}

@@ -109,14 +109,19 @@ def test_a_course_over_soc_is_told_in_milliohm_of_the_model_itself():
     assert relaxing[0].value / relaxing[2].value == pytest.approx(np.exp(1.2))
 
 
-def test_charge_transfer_is_told_at_rates():
-    small, one, three = sizes(
+@pytest.mark.parametrize("charge", [0.4, 0.5])
+def test_charge_transfer_is_told_at_rates(charge):
+    """A smaller coefficient of charge: the discharge is the easier way."""
+    small, one, three, charging = sizes(
         "charge_transfer_nonlinearity",
         per_exchange_current_per_ampere=1.0,
         share_of_resistance=0.5,
+        exchange_current_exponent=0.5,
+        charge_coefficient=charge,
     )
-    assert small.value == pytest.approx(20.0, rel=0.01)
+    assert small.value == pytest.approx(20.0, rel=0.02)
     assert 10.0 < three.value < one.value < small.value
+    assert (charging.value > 1.1 * three.value) == (charge < 0.5)
 
 
 def test_capacity_over_temperature_is_for_ten_kelvin():

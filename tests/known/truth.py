@@ -72,6 +72,7 @@ VALUES = {
     "charge_ampere_hour": 0.1,
     "soc_per_ampere": 0.004,
     "exchange_ampere": 0.8,
+    "charge_coefficient": 0.5,
 }
 
 

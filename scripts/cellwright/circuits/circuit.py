@@ -18,6 +18,7 @@ from cellwright.refusal import Refusal
 
 MODES = 5
 UNRESOLVED_SECOND = 1e-3  # of a lag that is over before the next sample
+TRANSFER_STEPS = 4  # of Newton's method, to rounding up to a hundred times the exchange current
 REST_SHARE = 0.01  # of a record's largest current: below it the sign is the sensor's noise
 
 
@@ -45,7 +46,8 @@ class Kind(NamedTuple):
     """Definition of a kind of branch: parameters, drive and lags.
 
     parameters : names; their values come as keywords.
-    drive : function (current_ampere, **parameters) → drive [V] (or [1]), odd in the current.
+    drive : function (current_ampere, **parameters) → drive [V] (or [1]); turned, with the
+        parameters of both ways exchanged, it is the negative.
     lags : function (**parameters) → tuple of Lag; what their shares leave acts at once.
     output : "volt", or "soc": an offset of the SoC at which the OCV is taken.
     linear : the drive is proportional to the current, so the branch has an impedance.
@@ -120,8 +122,18 @@ def _kinetic(current, *, r_ohm, scale_volt, **_parameters):
     return scale_volt * np.arcsinh(r_ohm * current / scale_volt)
 
 
-def _transfer(current, *, r_ohm, exchange_ampere):
-    return 2.0 * exchange_ampere * r_ohm * np.arcsinh(current / (2.0 * exchange_ampere))
+def _transfer(current, *, r_ohm, exchange_ampere, charge_coefficient):
+    scale_volt, over_exchange = exchange_ampere * r_ohm, current / exchange_ampere
+    if np.all(np.equal(charge_coefficient, 0.5)):
+        return 2.0 * scale_volt * np.arcsinh(over_exchange / 2.0)
+    sign = np.where(over_exchange.real < 0, -1.0, 1.0)
+    own, size = 0.5 + sign * (charge_coefficient - 0.5), sign * over_exchange
+    # i = exp(a·x) − exp(−(1 − a)·x). From above, ln(1 + i)/a, where the first exponential rules.
+    x = np.log1p(size) / own
+    for _ in range(TRANSFER_STEPS):
+        up, down = np.exp(own * x), np.exp((own - 1.0) * x)
+        x = x - (up - down - size) / (own * up + (1.0 - own) * down)
+    return scale_volt * sign * x
 
 
 def _last_sign(current, *, m_volt):
@@ -152,9 +164,12 @@ KINDS = {
     # Charge transfer by the Butler–Volmer equation with equal transfer coefficients, then an RC's
     # lag: resistance r_ohm at small currents; scale_volt is 2RT/F for one electrode.
     "kinetic": Kind(("r_ohm", "tau_second", "scale_volt"), _kinetic, _one_lag, linear=False),
-    # The same without a lag, by its exchange current: 2·r·I0·asinh(I/2I0). Where r_ohm changes with
-    # temperature or SoC, its scale in volts goes with it.
-    "charge_transfer": Kind(("r_ohm", "exchange_ampere"), _transfer, _no_lag, linear=False),
+    # The same without a lag, by its exchange current: V = r·I0·x, I/I0 = exp(a·x) − exp((a − 1)·x),
+    # a the transfer coefficient of charge; 2·r·I0·asinh(I/2I0) at one half. Where r_ohm changes
+    # with temperature or SoC, its scale in volts goes with it.
+    "charge_transfer": Kind(
+        *(("r_ohm", "exchange_ampere", "charge_coefficient"), _transfer, _no_lag), linear=False
+    ),
     # Finite-length Warburg element: r_ohm·tanh(√(jωτ))/√(jωτ).
     "warburg": Kind(("r_ohm", "tau_second"), _ohmic, _plane),
     # Diffusion in a sphere, as a voltage: its series from Crank 6.45.

@@ -14,6 +14,7 @@ NAMES = {
     "charge_ampere_hour": ("charge", "Ah"),
     "soc_per_ampere": ("gain", "1/A"),
     "exchange_ampere": ("exchange", "A"),
+    "charge_coefficient": ("charge_coefficient", "1"),
 }
 
 

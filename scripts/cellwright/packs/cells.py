@@ -262,6 +262,7 @@ def _kinetic(found, p, _capacity, _stretch):
 
 
 def _transfer(found, p, _capacity, _stretch):
+    # ASSUME: In a pack charge transfer has equal coefficients for charge and discharge.
     found["kinetic_r_ohm"].append(p["r_ohm"])
     found["kinetic_tau_second"].append(np.zeros(len(p["r_ohm"])))
     scale = 2.0 * p["exchange_ampere"] * np.maximum(p["r_ohm"], SMALLEST_RESISTANCE_OHM)

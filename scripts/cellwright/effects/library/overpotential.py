@@ -9,6 +9,7 @@ from cellwright.effects.library.vocabulary import Effect, Parameter
 # Kinds of branch of slow diffusion: an RC pair; a layer of finite length; a sphere (time constant:
 # length² over diffusivity).
 DIFFUSION_KINDS = ("RC", "warburg", "warburg_sphere")
+KINETIC_SOC = (0.02, 0.98)  # beyond them an exchange current stays as it is
 
 
 def _slow_diffusion_branch(p, r0_ohm, capacity_ampere_hour, soc):
@@ -48,15 +49,27 @@ def _diffusion_volt(fields, stack, p):
 
 
 def _charge_transfer_branch(p, r0_ohm, capacity_ampere_hour, soc):
-    """A share of R0 follows the Butler–Volmer equation, the rest stays ohmic."""
+    """A share of R0 follows the Butler–Volmer equation, the rest stays ohmic.
+
+    Over SoC the exchange current goes with (z·(1 − z))^e and the share's resistance with its
+    inverse: their product is the thermal voltage, of which no electrode has another.
+    """
+    within, per_ampere = np.clip(soc, *KINETIC_SOC), p["per_exchange_current_per_ampere"]
+    # Without kinetics no exchange current goes with the SoC either: the effect is absent.
+    exponent = p["exchange_current_exponent"] if per_ampere > 0 else 0.0
+    course = (4.0 * within * (1.0 - within)) ** exponent
+    exchange = course / max(per_ampere, 1e-9)
     share = p["share_of_resistance"]
-    exchange = 1.0 / max(p["per_exchange_current_per_ampere"], 1e-9)
-    parameters = {"r_ohm": share * r0_ohm, "exchange_ampere": exchange}
+    parameters = {
+        "r_ohm": share * r0_ohm / course,
+        "exchange_ampere": exchange,
+        "charge_coefficient": p["charge_coefficient"],
+    }
     return (1.0 - share) * r0_ohm, "charge_transfer", parameters
 
 
 def _charge_transfer(fields, stack, p):
-    r0_ohm, kind, parameters = _charge_transfer_branch(p, fields.r0, None, None)
+    r0_ohm, kind, parameters = _charge_transfer_branch(p, fields.r0, None, fields.soc)
     transfer = KINDS[kind].drive(fields.current, **parameters)
     return fields._replace(ohmic=r0_ohm * fields.current + transfer)
 
@@ -163,15 +176,29 @@ EFFECTS = (
                 plausible=0.5,
                 material=0.01,
             ),
-            Parameter("share_of_resistance", "1", 0.7, 0.2, 1.0, step=0.05, shape=True),
+            Parameter("share_of_resistance", "1", 0.7, 0.05, 1.0, step=0.05, shape=True),
+            # One half in a particle by its own state of charge, of which a cell uses a part.
+            Parameter(
+                *("exchange_current_exponent", "1", 0.0, 0.0, 1.0),
+                step=0.02,
+                shape=True,
+                prior_std=0.5,
+            ),
+            # One half for a step of one electron, 0.3 to 0.7 as measured.
+            Parameter(
+                *("charge_coefficient", "1", 0.5, 0.2, 0.8),
+                step=0.01,
+                shape=True,
+                prior_std=0.1,
+            ),
         ),
         stage="overpotential",
         act=_charge_transfer,
         circuit=_charge_transfer_branch,
-        starts=(
-            {"per_exchange_current_per_ampere": 0.15},
-            {"per_exchange_current_per_ampere": 0.6},
-            {"per_exchange_current_per_ampere": 2.5},
+        starts=tuple(
+            {"per_exchange_current_per_ampere": size, "exchange_current_exponent": exponent}
+            for exponent in (0.0, 0.5)
+            for size in (0.15, 0.6, 2.5)
         ),
         needs=("rates",),
         shows="pulses of at least four sizes at one state of charge",

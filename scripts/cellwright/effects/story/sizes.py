@@ -134,10 +134,10 @@ def _lead(effect, p, values):
 
 
 def _charge_transfer(effect, p, values):
-    rates = np.array([SMALL_RATE, 1.0, 3.0])
+    rates = np.array([-SMALL_RATE, -1.0, -3.0, 3.0])
     current = rates * values["capacity_ampere_hour"]
-    ohm = -acted(effect, p, values, current=-current).ohmic / current
-    names = ("R0 at small currents", "at 1C", "at 3C")
+    ohm = acted(effect, p, values, current=current).ohmic / current
+    names = ("R0 at small currents", "at 1C", "at 3C", "charging at 3C")
     return [(name, 1e3 * one, "mΩ") for name, one in zip(names, ohm, strict=True)]
 
 
