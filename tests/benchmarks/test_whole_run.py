@@ -50,9 +50,11 @@ def test_a_script_is_named_by_its_rule_and_its_seconds_add_up(measured):
     assert measured["memory_megabyte"] > 20
     seconds = measured["seconds"]
     assert sum(seconds.values()) == pytest.approx(measured["cpu_second"], rel=0.1, abs=0.05)
-    assert seconds["figures"] == pytest.approx(0.6, abs=0.15)
-    assert seconds["files"] == pytest.approx(0.3, abs=0.15)
     assert seconds["import"] > 0.05
+    # What imports of its own modules cost may count with a part: more on a slower machine.
+    late = max(0.15, 0.3 * seconds["import"])
+    assert 0.45 < seconds["figures"] < 0.6 + late
+    assert 0.15 < seconds["files"] < 0.3 + late
     assert seconds.get("numerics", 0.0) < 0.1
 
 
