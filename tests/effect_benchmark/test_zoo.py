@@ -122,6 +122,34 @@ def test_a_cell_without_an_answer_counts_as_not_right(folder):
     assert all(one.of == 0 for one in judging.shares(rows)[1:])
 
 
+def test_sizes_are_compared_as_people_use_them_where_the_truth_tells_these(folder):
+    """An amplitude of a wave is no entropic coefficient, though both are V/K."""
+    truth = hidden("a4", "single", "entropic_ocv", sizes=[0.2, None, -0.1])
+    truth["effects"][0]["parameters"] = {"coefficient_volt_per_kelvin": 5e-4}
+    (folder / "truth" / "missing_effect.json").write_text(json.dumps([truth]))
+    own = {"coefficient_volt_per_kelvin": {"value": 5e-4, "std": 1e-5, "unit": "V/K"}}
+    one = answer("a4", "named", "entropic_ocv", sizes=own)
+    document = json.loads(one["document"])
+    told = [(0.21, 0.01), (9.0, 0.01), (-0.2, 0.01)]
+    document["effects"][0]["sizes"] = [{"value": value, "std": std} for value, std in told]
+    row = judging.of_part("forms", folder, [one | {"document": json.dumps(document)}])[0]
+    assert row.sizes_inside == (True, False)
+
+
+def test_of_a_tie_only_the_sizes_of_its_own_name_are_compared(folder):
+    truth = hidden("a4", "single", "polarisation_soc", sizes=[23.0])
+    (folder / "truth" / "missing_effect.json").write_text(json.dumps([truth]))
+    one = answer("a4", "ambiguous", "slow_diffusion")
+    document = json.loads(one["document"])
+    document["effects"][0] |= {
+        "alternatives": ["polarisation_soc"],
+        "sizes": [{"value": 3.5, "std": 0.4}],
+    }
+    row = judging.of_part("forms", folder, [one | {"document": json.dumps(document)}])[0]
+    assert row.content
+    assert row.sizes_inside == ()
+
+
 def test_sizes_and_probabilities_are_held_against_the_truth(folder):
     truth = hidden("a4", "single", "leakage", parameters={"leak_ampere": 0.02, "shape": "even"})
     (folder / "truth" / "missing_effect.json").write_text(json.dumps([truth]))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from small_cells import CAPACITY, CELL, PLAIN, drive
-from small_plant import HEALTHY, case
+from small_plant import HEALTHY, case, case_of
 
 from cellwright.effects import base
 from cellwright.effects.base import Tolerance
@@ -15,6 +15,7 @@ from cellwright.effects.judge import (
     stretched,
     tolerated,
     unfitted,
+    unsure_by_temperature,
 )
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import parts_of, stacked
@@ -184,3 +185,35 @@ def test_a_capacity_that_the_records_hardly_tell_is_not_beyond_its_tolerance():
     values = state.solution.values | {"capacity": 4 * made.tolerance.capacity}
     flat = state.solution._replace(values=values, precision=1e-9 * state.solution.precision)
     assert stretched(made, state._replace(solution=flat), parts_of(made.fit)) == []
+
+
+ENERGY = "resistance_temperature.activation_energy_joule_per_mole"
+
+
+def warmed(made, kelvin=0.0, record=1):
+    """A fit of resistance over temperature with one record warmer: its case, state, filters."""
+    effect = LIBRARY["resistance_temperature"]
+    stack = made.fit._replace(stated=np.array([False, True, True]))
+    celsius = stack.celsius + kelvin * (stack.file == record)
+    warm = made._replace(fit=stack._replace(celsius=celsius, responses={}, courses={}))
+    free, values, filters = warm.begun()
+    free = warm.with_effect(free, effect)
+    neutral = dict(zip(effect.names, (p.neutral for p in effect.parameters), strict=True))
+    problem = warm.problem((effect,), free, filters)
+    solution = fit(problem, values | neutral, steps=60, settled=1e-6)
+    return warm, warm.state((effect,), solution, filters), filters
+
+
+def test_a_temperature_that_was_only_stated_leaves_an_energy_as_unsure_as_a_refit_shows():
+    made = case_of(HEALTHY._replace(activation=25e3))
+    warm, state, filters = warmed(made)
+    covariance = unsure_by_temperature(warm, state, filters.fit)
+    energy = state.solution.names.index(ENERGY)
+    told = np.sqrt(covariance[energy, energy])
+    half = 0.5  # K
+    refits = [warmed(made, half, record)[1].solution.values[ENERGY] for record in (1, 2)]
+    moved = (np.array(refits) - state.solution.values[ENERGY]) / half
+    assert told == pytest.approx(made.tolerance.kelvin * np.hypot(*moved), rel=0.25)
+    assert told > 0.05 * state.solution.values[ENERGY]
+    sensed = warm._replace(fit=warm.fit._replace(stated=np.zeros(3, bool)))
+    assert not unsure_by_temperature(sensed, state, filters.fit).any()

@@ -5,7 +5,7 @@ import pytest
 
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
-from cellwright.effects.story.sizes import Size, sizes_as_used
+from cellwright.effects.story.sizes import Fitted, Size, sizes_as_used
 
 VALUES = {"log_r0": np.log(0.020), "log_r1": np.log(0.010), "log_r2": np.log(0.005)}
 VALUES |= {"log_tau1": np.log(10.0), "log_tau2": np.log(200.0), "capacity_ampere_hour": 4.0}
@@ -93,6 +93,45 @@ def test_the_activation_energy_is_told_over_the_temperatures_that_were_fitted():
     assert size.text == "activation energy from 20 to 41 °C 20 ± 1 kJ/mol"
 
 
+@pytest.mark.parametrize("correlation", [-0.9, 0.0, 0.9])
+def test_what_is_sure_together_is_told_together(correlation):
+    """Knots of one course that move against each other leave its end as sure as it is."""
+    names = ("step_to_35_percent", "step_to_20_percent")
+    given = {p.name: (0.0, None, "1") for p in LIBRARY["resistance_soc"].parameters}
+    given = {n: dict(zip(("value", "std", "unit"), v, strict=True)) for n, v in given.items()}
+    std = 1e-3
+    matrix = std**2 * np.array([[1.0, correlation], [correlation, 1.0]])
+    fitted = Fitted(tuple(f"resistance_soc.{name}" for name in names), (matrix,))
+    empty, middle, full = sizes_as_used(LIBRARY["resistance_soc"], given, VALUES, fitted)
+    both = std * np.sqrt(2 + 2 * correlation)
+    assert empty.std == pytest.approx(20.0 * both, rel=1e-2)
+    assert (middle.std, full.std) == (0.0, 0.0)
+
+
+def test_of_several_covariances_the_larger_deviation_counts():
+    given = {"offset_ampere": {"value": 0.02, "std": 1e-3, "unit": "A"}}
+    spreads = tuple(np.array([[std**2]]) for std in (1e-3, 4e-3, 2e-3))
+    fitted = Fitted(("current_offset.offset_ampere",), spreads)
+    size = sizes_as_used(LIBRARY["current_offset"], given, VALUES, fitted)[0]
+    assert size.std == pytest.approx(4.0)
+
+
+def test_the_models_own_resistance_is_as_unsure_as_it_was_fitted():
+    given = {"charge_resistance_excess_relative": {"value": 0.5, "std": 0.0, "unit": "1"}}
+    fitted = Fitted(("log_r0",), (np.array([[0.01**2]]),))
+    found = sizes_as_used(LIBRARY["resistance_asymmetry"], given, VALUES, fitted)
+    assert [size.std for size in found] == pytest.approx([0.2, 0.3], rel=1e-2)
+
+
+def test_own_heat_is_no_surer_than_the_energy_it_is_told_by():
+    (warm, minutes) = sizes("self_heating", thermal_resistance_kelvin_per_watt=4.0)
+    assert np.isnan(warm.std), "nothing was fitted"
+    stds = {"thermal_resistance_kelvin_per_watt": 0.1, "time_constant_second": 6.0}
+    (warm, minutes) = sizes("self_heating", thermal_resistance_kelvin_per_watt=4.0, std=stds)
+    assert warm.std == pytest.approx(np.hypot(1.0, 0.1))
+    assert minutes.std == pytest.approx(0.1)
+
+
 def test_a_course_over_soc_is_told_in_milliohm_of_the_model_itself():
     steps = {"step_to_35_percent": 0.3, "step_to_20_percent": 0.3, "step_to_10_percent": 0.4}
     steps |= {"step_to_65_percent": -0.1, "step_to_90_percent": -0.1}
@@ -102,7 +141,7 @@ def test_a_course_over_soc_is_told_in_milliohm_of_the_model_itself():
     assert middle == pytest.approx(20.0)
     assert low == pytest.approx(20.0 * np.exp(1.0))
     assert high == pytest.approx(20.0 * np.exp(-0.2))
-    assert found[0].std == pytest.approx(low * (np.exp(0.1) - 1), rel=1e-6)
+    assert found[0].std == pytest.approx(0.1 * low, rel=1e-3)
     assert found[2].std == 0.0, "what is not known below the middle moves nothing above it"
     relaxing = sizes("polarisation_soc", **steps)
     assert relaxing[1].value == pytest.approx(15.0)
@@ -124,9 +163,11 @@ def test_charge_transfer_is_told_at_rates(charge):
     assert (charging.value > 1.1 * three.value) == (charge < 0.5)
 
 
-def test_capacity_over_temperature_is_for_ten_kelvin():
-    (found,) = sizes("capacity_temperature", relative_per_kelvin=1e-3)
-    assert found.value == pytest.approx(1.0, rel=1e-3)
+def test_capacity_over_temperature_is_told_between_the_temperatures_fitted():
+    values = VALUES | {"fitted_celsius": [5.0, 35.0]}
+    (found,) = sizes("capacity_temperature", values, relative_per_kelvin=1e-3)
+    assert found.name == "from 5 to 35 °C"
+    assert found.value == pytest.approx(3.0, rel=1e-3)
 
 
 def test_without_the_model_a_course_is_told_by_its_parameters():

@@ -13,6 +13,7 @@ from virtual_lab.zoo import (
     effects,
     forms,
     half_cells,
+    made,
     march,
     metering,
     parts,
@@ -249,7 +250,40 @@ def test_the_truth_says_what_was_wanted(folder):
         *("time_skew", "resistance_asymmetry")
     ]
     assert truth["z0004"]["effects"][0]["accept"] == []
+    discharge, charge = mine["sizes"]
+    excess = mine["parameters"]["charge_resistance_excess"]
+    assert charge / discharge == pytest.approx(1 + excess, rel=0.02), "0.6 cos has no mean"
+    assert truth["z0003"]["effects"][0]["sizes"] == [
+        truth["z0003"]["effects"][0]["parameters"]["voltage_delay_second"]
+    ]
     assert not truth["z0001"]["effects"]
+
+
+def sizes_of(form, size=None, name="z0001", layout="wide"):
+    """What a form comes to in a cell, as people use it."""
+    wanted = planned.Wanted("single", (form,), 6e-3, layout)
+    one = forms.drawn(name, wanted, seed=3)
+    effect = one.effects[0]._replace(size=one.effects[0].size if size is None else size)
+    return made.sizes_of(one._replace(effects=(effect,)), effect), effect
+
+
+def test_sizes_of_the_truth_are_those_of_the_cell_and_not_of_its_formula():
+    (energy,), _ = sizes_of("one_energy", 20e3)
+    assert energy == pytest.approx(20.0, rel=1e-6), "one energy is that of the sum"
+    (mixed,), _ = sizes_of("three_energies", 20e3)
+    assert 0.4 * 20 < mixed < 1.5 * 20
+    entropy, waves = sizes_of("entropy_waves", 1e-3)
+    angle = 2 * np.pi * (np.array([0.1, 0.5, 0.9]) + waves.drawn["phase_soc"])
+    assert entropy == pytest.approx(np.sin(angle) + 0.6 * np.cos(2 * angle), rel=1e-3)
+    (lost,), _ = sizes_of("capacity_bend", 0.03)
+    assert lost == pytest.approx(3 * (np.tanh(15 / 9) + np.tanh(17 / 9)))
+    without, _ = sizes_of("two_node_heat", 10.0, "z0001")
+    sensed, _ = sizes_of("two_node_heat", 10.0, "z0002")
+    assert (without[0], sensed[0]) == pytest.approx((10.0, 6.0)), "a sensor shows the can"
+    (leak, _), _ = sizes_of("leak_over_soc", 0.02)
+    assert leak == pytest.approx(20 * (1 - np.exp(-2.5)) / 2.5, rel=0.01)
+    assert sizes_of("finite_volumes")[0] == [None, None]
+    assert sizes_of("symmetric_kinetics")[0] == []
 
 
 def test_a_wrong_sheet_is_wrong_where_it_says(folder):

@@ -11,7 +11,7 @@ from cellwright.effects.ceiling import ceiling, reached
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case, with_simulated
 from cellwright.effects.given.judged import as_given, judged_blocks
-from cellwright.effects.judge import joined, residual_map, stretched, worst
+from cellwright.effects.judge import joined, residual_map, stretched, unsure_by_temperature, worst
 from cellwright.effects.member import folds
 from cellwright.effects.odds import likely, probabilities
 from cellwright.effects.paired import Pairing, paired
@@ -21,12 +21,13 @@ from cellwright.effects.proof import explained
 from cellwright.effects.records import parts_of
 from cellwright.effects.search import against, search, up_to
 from cellwright.effects.story.places import worsened
+from cellwright.effects.story.sizes import Fitted, sizes_as_used
 from cellwright.effects.story.words import explained as shares_explained
 from cellwright.effects.story.words import paragraph
 from cellwright.effects.ties import tie_of
 from cellwright.effects.verdict import entry_of, outcome, verdict_of
 from cellwright.effects.witnesses.collected import values_of
-from cellwright.numerics.least_squares import stds
+from cellwright.numerics.least_squares import covariances, stds
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
 
@@ -247,12 +248,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     shares = shares_explained(evidence_columns)
     for entry in (*verdict["effects"], *verdict["partial"]):
         entry["explained"] = shares.get(entry["effect"])
-    best = ceiling(case, result.last, rounds[-1].filters, result.floor)
-    verdict["remainder"] |= {
-        "ceiling_volt": best.validation_volt,
-        "ceiling_fit_volt": best.fit_volt,
-        "learnable": best.learnable,
-    }
+    verdict["remainder"] |= _learnable(case, result, rounds[-1].filters)
     verdict["next_test_id"] = test
     verdict["probabilities"] = shares_of_answers
     verdict["worsened"] = worsened(residuals)
@@ -264,7 +260,12 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict["against"] = _last_against(ranking, named) | small
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     model = model_of(case, state)
-    verdict["paragraph"] = paragraph(verdict, library, values=values_of(model))
+    values = values_of(model) | result.last.solution.values
+    fitted = _fitted(case, result.last, rounds[-1].filters.fit)
+    for entry in (*verdict["effects"], *verdict["partial"]):
+        effect = library[entry["effect"]], entry["parameters"]
+        entry["sizes"] = [size._asdict() for size in sizes_as_used(*effect, values, fitted)]
+    verdict["paragraph"] = paragraph(verdict, library)
     if kept and split_rest_second is not None:
         rest = {"split_rest_second": split_rest_second}
         model["folds"] = folds(case, result.last, rounds[-1].noise, **rest)
@@ -281,6 +282,31 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
         model,
         tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
     )
+
+
+def _learnable(case, result, filters):
+    """What any function of SoC, temperature and past current would leave of the last model."""
+    best = ceiling(case, result.last, filters, result.floor)
+    return {
+        "ceiling_volt": best.validation_volt,
+        "ceiling_fit_volt": best.fit_volt,
+        "learnable": best.learnable,
+    }
+
+
+def _fitted(case, state, whitening):
+    """How sure the parameters of a model are: by what is left, and by stated temperatures.
+
+    What is left is taken as independent between parts of records, and between whole records: what
+    one has of its own (a core warmer than its surface) is in all of its parts. What ended on a
+    bound is taken as known there; the verdict says so.
+    """
+    state = state._replace(solution=state.solution.inside)
+    by_temperature = unsure_by_temperature(case, state, whitening)
+    spreads = covariances(state.solution, parts_of(case.fit))
+    if len(case.fit.tests) > 1:
+        spreads += covariances(state.solution, case.fit.file)[1:]
+    return Fitted(state.solution.names, tuple(one + by_temperature for one in spreads))
 
 
 def _map(case, before, after):

@@ -210,6 +210,33 @@ def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, sh
     return moved, fall, errors[:, 1]
 
 
+def unsure_by_temperature(case, state, whitening):
+    """What the temperatures that no sensor told leave unsure of the parameters of a fitted model.
+
+    The fit takes them as stated. A cell that was 2 K warmer than its chamber on one of two records
+    15 K apart shows an activation energy that is a tenth too small, however well both are followed.
+
+    Parameters
+    ----------
+    case : case.Case. state : candidates.State of the model. whitening : noise.Whitening of its fit.
+
+    Returns
+    -------
+    covariance : (p, p), in the order of `state.solution.names`.
+    """
+    stack, solution = case.fit, state.solution
+    covariance = np.zeros((len(solution.names),) * 2)
+    if not state.effects or not stack.stated.any():
+        return covariance
+    warmer = stack.celsius + KELVIN_STEP * stack.stated[stack.file]
+    warmed = stack._replace(celsius=warmer, responses={}, courses={})
+    moved = base.voltage(case.cell, warmed, solution.values, state.effects) - solution.prediction
+    of_record = stack.file[:, None] == np.flatnonzero(stack.stated)
+    changes = whitening.apply(moved[:, None] / KELVIN_STEP * of_record)
+    answers = np.linalg.pinv(solution.precision) @ (solution.white.T @ changes)
+    return case.tolerance.kelvin**2 * answers @ answers.T
+
+
 def _loaded(cell, stack):
     return np.abs(stack.current_ampere) > LOADED_C_RATE * cell.capacity_ampere_hour
 

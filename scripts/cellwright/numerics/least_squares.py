@@ -330,12 +330,7 @@ def _gain_of_release(precision, slope, x, held, lower, upper):
 
 
 def stds(solution, blocks=None):
-    """Standard deviations of the free parameters by name.
-
-    Those of the posterior: whitened residuals have unit size by the noise; what the model still
-    lacks widens them by the scatter that is left. With blocks the larger of that and of what the
-    sums over blocks tell, which hold where residuals are alike for longer than the noise model
-    knows (an OCV a millivolt off errs for an hour).
+    """Standard deviations of the free parameters by name: the larger ones of `covariances`.
 
     Parameters
     ----------
@@ -344,20 +339,39 @@ def stds(solution, blocks=None):
     Returns
     -------
     stds : dict.
+    """
+    variances = np.max([np.diag(one) for one in covariances(solution, blocks)], axis=0)
+    pairs = zip(solution.names, variances, strict=True)
+    return {name: float(np.sqrt(max(v, 0.0))) for name, v in pairs}
+
+
+def covariances(solution, blocks=None):
+    """Covariances of the free parameters, each by one reading of the scatter that is left.
+
+    The first is that of the posterior: whitened residuals have unit size by the noise; what the
+    model still lacks widens it by the scatter that is left. With blocks there is a second, from the
+    sums over blocks, which holds where residuals are alike for longer than the noise model knows
+    (an OCV a millivolt off errs for an hour). The variance of a quantity is the larger of both.
+
+    Parameters
+    ----------
+    solution : Solution. blocks : (n,) number of the block of each row, from 0, or None.
+
+    Returns
+    -------
+    covariances : tuple of (p, p), in the order of `solution.names`.
 
     Source: K.-Y. Liang, S. Zeger, Biometrika 73 (1986) 13 (sums over clusters); the blocks' number
     b enters as b/(b − 1).
     """
     scatter = max(solution.chi_square / len(solution.residual), 1.0)
     covariance = np.linalg.pinv(solution.precision)
-    variance = np.diag(covariance) * scatter
-    if blocks is not None:
-        moved = (solution.white @ covariance) * solution.whitened[:, None]
-        sums = np.stack([np.bincount(blocks, column) for column in moved.T], axis=1)
-        between = np.sum((sums - sums.mean(axis=0)) ** 2, axis=0) * len(sums) / (len(sums) - 1)
-        variance = np.maximum(variance, between)
-    pairs = zip(solution.names, variance, strict=True)
-    return {name: float(np.sqrt(max(v, 0.0))) for name, v in pairs}
+    if blocks is None:
+        return (covariance * scatter,)
+    moved = (solution.white @ covariance) * solution.whitened[:, None]
+    sums = np.stack([np.bincount(blocks, column) for column in moved.T], axis=1)
+    off = sums - sums.mean(axis=0)
+    return covariance * scatter, off.T @ off * (len(sums) / (len(sums) - 1))
 
 
 def best_logarithms(residual, starts, *, bounds, scale=1.0):

@@ -235,20 +235,30 @@ def _as_verdict(text):
 
 
 def _sizes(hidden, said):
-    """Of each parameter that truth and verdict both tell: whether it is within 1.96 σ."""
+    """Of each size that truth and verdict both tell: whether it is within 1.96 σ."""
     partners = verdicts._partners([{one["effect"]} for one in hidden["effects"]], said)
     pairs = [(hidden["effects"][mine], said[number]) for number, mine in partners.items()]
-    both = [
-        (true, one["parameters"][name])
-        for truth, one in pairs
-        for name, true in truth.get("parameters", {}).items()
-        if name in one.get("parameters", {}) and isinstance(true, int | float)
-    ]
+    # Of a tie the sizes are those of its first name.
+    same = [(truth, one) for truth, one in pairs if truth["effect"] == one["effect"]]
+    both = [each for truth, one in same for each in _told_of(truth, one)]
     return tuple(
         bool(abs(told["value"] - true) <= NORMAL_95 * told["std"])
         for true, told in both
         if told.get("std") is not None
     )
+
+
+def _told_of(truth, one):
+    """(true, told) of each size of an effect: as people use them where the truth tells these.
+
+    Else of each parameter, which mean the same where truth and model share a formula.
+    """
+    if "sizes" in truth:
+        pairs = zip(truth["sizes"], one.get("sizes", ()), strict=False)
+        return [(true, told) for true, told in pairs if true is not None]
+    own = truth.get("parameters", {}).items()
+    told = one.get("parameters", {})
+    return [(v, told[name]) for name, v in own if name in told and isinstance(v, int | float)]
 
 
 def _sentence(verdict, answer):

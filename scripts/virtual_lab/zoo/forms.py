@@ -289,7 +289,7 @@ def _written(folder, made, number, track, k, seed):
         columns,
         meter,
         celsius=test.celsius,
-        surface=has_sensor(made),
+        surface=made.has_sensor,
         seed=seed_of(f"noise of {made.name}/{number}", seed),
     )
     content = instruments.WRITERS["parquet"](columns)
@@ -308,11 +308,6 @@ def _written(folder, made, number, track, k, seed):
         "role": test.role,
         "sha256": hashlib.sha256(content).hexdigest(),
     }
-
-
-def has_sensor(made: Made) -> bool:
-    """Every other cell has a sensor; where the sheet's temperature is wrong there is none."""
-    return int(made.name[1:]) % 2 == 0 and not made.specimen.meter.sheet_kelvin
 
 
 def _write(path, content):

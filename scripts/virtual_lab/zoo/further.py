@@ -90,7 +90,7 @@ def _columns(made, further, seed):
     )
     columns = metering.shown(track, 0, specimen.meter, faulty=False)
     noise = seed_of(f"noise of {further.test} of {made.name}", seed)
-    own = {"celsius": further.celsius, "surface": forms.has_sensor(made), "seed": noise}
+    own = {"celsius": further.celsius, "surface": made.has_sensor, "seed": noise}
     return metering.noisy(columns, specimen.meter, **own)
 
 

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from virtual_lab.zoo import effects, metering, strength
-from virtual_lab.zoo.cell import Specimen
+from virtual_lab.zoo import effects, march, metering, strength, tests_of_cells
+from virtual_lab.zoo.cell import COURSE, Specimen
 from virtual_lab.zoo.planned import Wanted
 
 TOLD = 3  # names of which the truth says how much they explain
@@ -44,6 +44,11 @@ class Made(NamedTuple):
             form = effects.SHEETS[self.wanted.fault]
             specimen = form.act(specimen, form.first, {})
         return specimen
+
+    @property
+    def has_sensor(self) -> bool:
+        """Every other cell has a sensor; where the sheet's temperature is wrong there is none."""
+        return int(self.name[1:]) % 2 == 0 and not self.specimen.meter.sheet_kelvin
 
 
 def truth_row(made: Made, without: strength.Left, together: strength.Left, gaps: list) -> dict:
@@ -105,7 +110,93 @@ def _entry(made, effect, left, without, shares):
         "accept": own + [name for name in same if name != form.effect],
         "parts": list(form.parts),
         "explained": {name: round(shares[name], 3) for name in best[:TOLD]},
+        "sizes": [None if size is None else _short(size) for size in sizes_of(made, effect)],
     }
+
+
+def sizes_of(made: Made, effect: Effect) -> list:
+    """What an effect comes to in the cell, as people use it; None where a form has no such number.
+
+    A form's own parameters are those of its equation: the amplitude of two waves of entropy is no
+    entropic coefficient. Numbers and order are those that a verdict tells of the effect: kJ/mol of
+    all resistances between the coldest and the warmest record that is fitted; mV/K, or mΩ, at 10,
+    50 and 90 % SoC; mΩ on discharge and charge; K/W between what was logged and the core; mA; s;
+    mV; % of a reading; % of capacity, lost or between these temperatures; mΩ, minutes of a pair.
+    """
+    told = SIZES.get(effect.form.effect)
+    return told(made, effect) if told else []
+
+
+def _fitted_celsius(made):
+    fitted, _ = tests_of_cells.LAYOUTS[made.wanted.layout]
+    return min(fitted), max(fitted)
+
+
+def _at_thirds(course):
+    return np.interp(THIRDS, COURSE, course)
+
+
+def _energy(made, effect):
+    cell = made.specimen.cell
+    inverse = 1 / (march.GAS * (np.array(_fitted_celsius(made)) + 273.15))
+    factors = np.exp(np.outer(cell.energy, inverse - inverse.mean()))
+    cold, warm = np.array(cell.r) @ factors
+    return [1e-3 * np.log(cold / warm) / (inverse[0] - inverse[1])]
+
+
+def _ohmic(made, effect):
+    cell = made.specimen.cell
+    return list(1e3 * cell.r[0] * _at_thirds(cell.course[0]))
+
+
+def _relaxing(made, effect):
+    cell = made.specimen.cell
+    pairs = zip(cell.r[1:], cell.course[1:], strict=True)
+    return list(1e3 * sum(r * _at_thirds(course) for r, course in pairs))
+
+
+def _both_directions(made, effect):
+    cell = made.specimen.cell
+    ohm = 1e3 * cell.r[0] * cell.course[0]
+    return [ohm.mean(), (ohm * (1 + cell.on_charge)).mean()]
+
+
+def _inside(made, effect):
+    """A sensor shows the can: what is left is the core above it."""
+    cell = made.specimen.cell
+    return [cell.core[0] if made.has_sensor else cell.core[0] + cell.can[0], None]
+
+
+def _bend(made, effect):
+    share, kelvin = made.specimen.cell.ampere_hour_bend
+    beside = (np.array(_fitted_celsius(made)) - 25.0) / kelvin
+    return [100 * share * np.diff(np.tanh(beside))[0]]
+
+
+def _pair(made, effect):
+    if effect.name != "third_pair":
+        return [None, None]
+    return [1e3 * effect.size, effect.drawn["time_constant_second"] / 60]
+
+
+THIRDS = (0.1, 0.5, 0.9)  # SoC at which a verdict tells a course
+SIZES = {
+    "resistance_temperature": _energy,
+    "entropic_ocv": lambda made, effect: list(1e3 * _at_thirds(made.specimen.cell.entropy)),
+    "resistance_soc": _ohmic,
+    "polarisation_soc": _relaxing,
+    "resistance_asymmetry": _both_directions,
+    "self_heating": _inside,
+    "capacity_temperature": _bend,
+    "slow_diffusion": _pair,
+    "leakage": lambda made, effect: [1e3 * made.specimen.cell.leak.mean(), None],
+    "current_offset": lambda made, effect: [1e3 * effect.size, None],
+    "hysteresis_instant": lambda made, effect: [1e3 * effect.size],
+    "hysteresis_one_state": lambda made, effect: [1e3 * effect.size, None],
+    "capacity_error": lambda made, effect: [100 * effect.size, None],
+    "voltage_gain": lambda made, effect: [100 * effect.size],
+    "time_skew": lambda made, effect: [effect.size],
+}
 
 
 def _fault_entry(name):

@@ -12,6 +12,7 @@ THIRDS = (0.1, 0.5, 0.9)  # SoC at which a course is told
 WARMED_CELSIUS = (0.0, 25.0)
 SMALL_RATE = 0.02  # of the capacity per hour: a current that charge transfer answers in proportion
 DAY_HOUR, MINUTE_SECOND = 24.0, 60.0
+STEP_STDS = 0.01  # of a parameter's deviation, by which a slope is read
 LEAST_DEVIATION = 1e-3  # of the value: none that is smaller is written
 
 
@@ -32,16 +33,25 @@ class Size(NamedTuple):
         return f"{self.name} {number} {self.unit}".strip().replace("-", "−")
 
 
-def sizes_as_used(effect, parameters, values=None):
-    """Sizes of one effect as people use them, with their standard deviations.
+class Fitted(NamedTuple):
+    """How sure parameters are together: their names, and covariances (p, p) of which the one that
+    gives a size the larger variance counts."""
 
-    A deviation adds up those of the parameters, as if they were independent.
+    names: tuple
+    covariances: tuple
+
+
+def sizes_as_used(effect, parameters, values=None, fitted=None):
+    """Sizes of one effect as people use them, with their standard deviations.
 
     Parameters
     ----------
     effect : Effect. parameters : of the verdict: name → {value, std, unit}.
     values : dict of the model's parameters, with capacity_ampere_hour; what needs them and lacks
         them is told by the effect's own parameters.
+    fitted : Fitted of the model, with names as in `values`: knots of one course, or an energy and
+        its growth towards the cold, are sure together only. None: a deviation adds up those of the
+        effect's parameters, as if they were independent.
 
     Returns
     -------
@@ -54,18 +64,49 @@ def sizes_as_used(effect, parameters, values=None):
         return _as_fitted(parameters)
     if effect.id in OF_THE_MODEL and not (known and "capacity_ampere_hour" in values):
         return _as_fitted(parameters)
+    fitted = fitted or _independent(effect, parameters)
     told = form(effect, own, values or {})
-    deviations = [
-        [one[1] for one in form(effect, own | {name: own[name] + p["std"]}, values or {})]
-        for name, p in parameters.items()
-        if p["std"] is not None and np.isfinite(p["std"])
-    ]
-    moved = np.array(deviations).reshape(-1, len(told)) - [one[1] for one in told]
-    stds = np.sqrt(np.sum(moved**2, axis=0)) if len(moved) else np.full(len(told), np.nan)
+    stds = _deviations(effect, form, own, values or {}, told, fitted)
     return tuple(
         Size(name, float(value), float(std), unit)
         for (name, value, unit), std in zip(told, stds, strict=True)
     )
+
+
+def _independent(effect, parameters):
+    """Fitted of the parameters of an effect that state a deviation, as if independent."""
+    stds = {f"{effect.id}.{name}": p["std"] for name, p in parameters.items()}
+    stds = {name: s for name, s in stds.items() if s is not None and np.isfinite(s)}
+    return Fitted(tuple(stds), (np.diag(np.square(list(stds.values()))),))
+
+
+def _deviations(effect, form, own, values, told, fitted):
+    """Standard deviation of each size, by its slope over each parameter.
+
+    Slopes and not whole deviations: a share of resistance that is unsure by more than itself, but
+    sure together with another parameter, would leave what it can be.
+    """
+    stds = np.sqrt(np.max([np.diag(one) for one in fitted.covariances], axis=0))
+    at, changes = [], []
+    for k in np.flatnonzero(stds > 0):
+        parameter, step = fitted.names[k].removeprefix(f"{effect.id}."), STEP_STDS * stds[k]
+        if parameter in own:
+            moved = form(effect, own | {parameter: own[parameter] + step}, values)
+        elif parameter in LOGARITHMS:
+            moved = form(effect, own, values | {parameter: values[parameter] + step})
+        else:
+            continue
+        at.append(k)
+        changes.append([(new[1] - old[1]) / step for new, old in zip(moved, told, strict=True)])
+    if not at:
+        return np.full(len(told), 0.0 if len(stds) else np.nan)
+    variances = [
+        np.einsum("ks,kl,ls->s", changes, one[np.ix_(at, at)], changes)
+        for one in fitted.covariances
+    ]
+    variance = np.max(variances, axis=0)
+    assumed = ASSUMED_RELATIVE.get(effect.id, 0.0) * np.array([one[1] for one in told])
+    return np.sqrt(np.maximum(variance, 0.0) + assumed**2)
 
 
 def _as_fitted(parameters):
@@ -166,9 +207,11 @@ def _entropic(effect, p, values):
 
 
 def _capacity_temperature(effect, p, values):
-    ampere_hour = acted(effect, p, values, celsius=[20.0, 25.0, 30.0]).capacity
-    share = (ampere_hour[2] - ampere_hour[0]) / ampere_hour[1]
-    return [("", 100 * share, "% of capacity for 10 K warmer")]
+    """Between the temperatures fitted: a capacity falls in the cold and hardly rises in warmth."""
+    low, high = values.get("fitted_celsius", WARMED_CELSIUS)
+    cold, middle, warm = acted(effect, p, values, celsius=[low, 25.0, high]).capacity
+    name = f"from {low:.0f} to {high:.0f} °C"
+    return [(name, 100 * (warm - cold) / middle, "% of capacity")]
 
 
 def _capacity(effect, p, values):
@@ -246,3 +289,6 @@ OF_THE_MODEL = {
     *("resistance_soc", "polarisation_soc", "resistance_asymmetry"),
     "charge_transfer_nonlinearity",
 }
+# ASSUME: The activation energy by which own heat is told (30 kJ/mol) is sure to a quarter; records
+# of one temperature show its product with the thermal resistance alone.
+ASSUMED_RELATIVE = {"self_heating": (0.25, 0.0)}

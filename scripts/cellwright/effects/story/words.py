@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from cellwright.effects.story.places import millivolt, near, where
-from cellwright.effects.story.sizes import sizes_as_used
+from cellwright.effects.story.sizes import Size, sizes_as_used
 
 NAMES = {
     "hysteresis_instant": "instant hysteresis",
@@ -137,15 +137,15 @@ def _listed(names):
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def paragraph(verdict, library, phrases=None, values=None):
+def paragraph(verdict, library, phrases=None):
     """A paragraph for people about one cell or group.
 
     Parameters
     ----------
     verdict : dict, as `verdict.verdict_of` makes it. Of its fields base, remainder, nuisances,
-        floors, probabilities, worsened and, of an effect, proof, blocks and explained, each is told
-        where it is there. library : dict of Effect by id. phrases : Phrases, None: those of the
-        verdict's base. values : dict of the model's parameters, for sizes in mΩ.
+        floors, probabilities, worsened and, of an effect, sizes, proof, blocks and explained, each
+        is told where it is there. library : dict of Effect by id. phrases : Phrases, None: those of
+        the verdict's base.
 
     Returns
     -------
@@ -154,7 +154,7 @@ def paragraph(verdict, library, phrases=None, values=None):
     phrases = phrases or BASES[verdict.get("base") or "plain"]
     opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
     parts = [
-        *opening(verdict, library, phrases, values),
+        *opening(verdict, library, phrases),
         *_as_given(verdict),
         *_remainder(verdict),
         *_worsened(verdict),
@@ -183,7 +183,7 @@ def _as_given(verdict):
     yield f"{text}."
 
 
-def _none(verdict, library, phrases, values):
+def _none(verdict, library, phrases):
     both = verdict["validation_rmse_volt"]["before"]
     return [
         f"Nothing is missing that these data could show: {phrases.where} {phrases.healthy} "
@@ -200,7 +200,7 @@ def _floor(verdict):
     return f"noise and declared tolerances may leave {' to '.join(ends)} in a record"
 
 
-def _unknown(verdict, library, phrases, values):
+def _unknown(verdict, library, phrases):
     both = verdict["validation_rmse_volt"]
     text = (
         f"Something is missing that has no name here: {phrases.where} {phrases.healthy} "
@@ -215,7 +215,7 @@ def _unknown(verdict, library, phrases, values):
     ]
 
 
-def _named(verdict, library, phrases, values):
+def _named(verdict, library, phrases):
     both, named = verdict["validation_rmse_volt"], verdict["effects"]
     names = _listed(_name(one) for one in named)
     change = (
@@ -233,15 +233,17 @@ def _named(verdict, library, phrases, values):
     changes = "; ".join(dict.fromkeys(filter(None, changes)))
     return [
         f"{phrases.named} {names}: {change}{left}. Of this, {_floor(verdict)}.",
-        *(_effect(one, library, values) for one in named),
+        *(_effect(one, library) for one in named),
         *([f"What it changes: {changes}."] if changes else []),
     ]
 
 
-def _effect(one, library, values):
+def _effect(one, library):
     """One effect: what it is, its sizes, what it cannot be told from, and what makes it unsure."""
     effect = library[one["effect"]]
-    sizes = ", ".join(size.text for size in sizes_as_used(effect, one["parameters"], values))
+    told = one.get("sizes")
+    sizes = [Size(**size) for size in told] if told else sizes_as_used(effect, one["parameters"])
+    sizes = ", ".join(size.text for size in sizes)
     place = f"in branch {one['branch']} ({one['cell']}) " if "branch" in one else ""
     text = f"{place}{effect.sentence}"
     text = f"{text[0].upper()}{text[1:]} ({sizes})."
