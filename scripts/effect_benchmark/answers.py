@@ -8,13 +8,13 @@ import numpy as np
 
 import cellwright as cw
 from cellwright.effects import search
-from cellwright.effects.finding import KEPT, decided, model_of
+from cellwright.effects.finding import KEPT, model_of
 from cellwright.effects.groups.finding import KnownCell
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import paired
 from cellwright.effects.proof import excess_volt, explained, significant
 from cellwright.effects.records import parts_of
-from cellwright.effects.verdict import entry_of, gap_closed, outcome, verdict_of
+from cellwright.effects.verdict import decided, entry_of, gap_closed, outcome, searched, verdict_of
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 from effect_benchmark import campaign, controls
@@ -77,10 +77,9 @@ def known_cell(cell: str, case) -> KnownCell:
     ----------
     cell : its name. case : cellwright.effects.case.Case.
     """
-    rounds = search.search(case, LIBRARY)
-    rounds, result, _ = decided(case, rounds)
-    state = result.last if result.word in KEPT else rounds[0].before
-    return KnownCell(model_of(case, state), cell)
+    found = searched(case, LIBRARY)
+    state = found.result.last if found.result.word in KEPT else found.rounds[0].before
+    return KnownCell(model_of(found.case, state), cell)
 
 
 def answers_of_group(group: str, branches, cells, tests, settings) -> list[tuple]:

@@ -216,4 +216,7 @@ def test_a_temperature_that_was_only_stated_leaves_an_energy_as_unsure_as_a_refi
     assert told == pytest.approx(made.tolerance.kelvin * np.hypot(*moved), rel=0.25)
     assert told > 0.05 * state.solution.values[ENERGY]
     sensed = warm._replace(fit=warm.fit._replace(stated=np.zeros(3, bool)))
-    assert not unsure_by_temperature(sensed, state, filters.fit).any()
+    of_core = unsure_by_temperature(sensed, state, filters.fit)
+    assert 0 < of_core[energy, energy] < 0.5 * covariance[energy, energy]
+    known = state._replace(effects=(*state.effects, LIBRARY["self_heating"]))
+    assert not unsure_by_temperature(sensed, known, filters.fit).any()

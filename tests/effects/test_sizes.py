@@ -5,8 +5,9 @@ import pytest
 
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
-from cellwright.effects.story.sizes import Fitted, Size, sizes_as_used
+from cellwright.effects.story.sizes import DIFFUSION, Fitted, Size, sizes_as_used
 
+POLARISATION = LIBRARY["polarisation_soc"]
 VALUES = {"log_r0": np.log(0.020), "log_r1": np.log(0.010), "log_r2": np.log(0.005)}
 VALUES |= {"log_tau1": np.log(10.0), "log_tau2": np.log(200.0), "capacity_ampere_hour": 4.0}
 
@@ -128,7 +129,7 @@ def test_own_heat_is_no_surer_than_the_energy_it_is_told_by():
     assert np.isnan(warm.std), "nothing was fitted"
     stds = {"thermal_resistance_kelvin_per_watt": 0.1, "time_constant_second": 6.0}
     (warm, minutes) = sizes("self_heating", thermal_resistance_kelvin_per_watt=4.0, std=stds)
-    assert warm.std == pytest.approx(np.hypot(1.0, 0.1))
+    assert warm.std == pytest.approx(np.hypot(1.6, 0.1))
     assert minutes.std == pytest.approx(0.1)
 
 
@@ -146,6 +147,18 @@ def test_a_course_over_soc_is_told_in_milliohm_of_the_model_itself():
     relaxing = sizes("polarisation_soc", **steps)
     assert relaxing[1].value == pytest.approx(15.0)
     assert relaxing[0].value / relaxing[2].value == pytest.approx(np.exp(1.2))
+
+
+def test_what_relaxes_does_so_in_diffusion_too():
+    """As unsure as both are together: what one gives, the other takes."""
+    given = {p.name: {"value": 0.0, "std": 0.0, "unit": "1"} for p in POLARISATION.parameters}
+    values = VALUES | {DIFFUSION: 4e-3}
+    names = ("log_r2", DIFFUSION)
+    std = np.array([0.1, 0.1 * np.exp(VALUES["log_r2"])])
+    fitted = Fitted(names, (np.outer(std, std) * [[1.0, -1.0], [-1.0, 1.0]],))
+    found = sizes_as_used(POLARISATION, given, values, fitted)
+    assert [size.value for size in found] == pytest.approx([19.0] * 3)
+    assert [size.std for size in found] == pytest.approx([0.0] * 3, abs=1e-3)
 
 
 @pytest.mark.parametrize("charge", [0.4, 0.5])

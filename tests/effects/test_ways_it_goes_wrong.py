@@ -22,11 +22,11 @@ from small_plant import (
 
 from cellwright.effects import base
 from cellwright.effects.case import Gates, not_excited
-from cellwright.effects.finding import decided, of_case
+from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import stacked
 from cellwright.effects.search import best_of, search
-from cellwright.effects.verdict import outcome
+from cellwright.effects.verdict import decided, outcome
 from cellwright.records.thinning import rows_of
 
 HYSTERESIS = Truth(hysteresis=0.012)

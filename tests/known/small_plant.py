@@ -41,6 +41,7 @@ class Truth(NamedTuple):
     contact: float = 0.0  # resistance above 1C, which none explains either [ohm]
     exchange: float = 0.0  # current of charge transfer half full; 0: none [A]
     charge: float = 0.5  # its transfer coefficient of charge
+    ramps: bool = False  # between rows the current moves on a straight line, else it waits
 
 
 HEALTHY = Truth()
@@ -100,7 +101,10 @@ def measured(test, rows, celsius, soc, truth=None, *, seed, kind="drive", every=
     truth, random = truth or Truth(), np.random.default_rng(seed)
     fine = round(every / FINE_SECOND)
     warm = celsius + 0.3 * np.sin(np.arange(len(rows)) / 300.0)
-    volts = simulated(np.repeat(rows, fine), np.repeat(warm, fine), soc, truth)
+    current = np.repeat(rows, fine)
+    if truth.ramps:
+        current = np.interp(np.arange(len(current)) / fine, np.arange(len(rows)), rows)
+    volts = simulated(current, np.repeat(warm, fine), soc, truth)
     at = np.maximum(fine * np.arange(len(rows)) - round(truth.delay / FINE_SECOND), 0)
     read = volts[at] + NOISE_VOLT * random.normal(size=len(rows))
     clock = every * np.arange(len(rows))

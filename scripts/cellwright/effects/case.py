@@ -14,7 +14,7 @@ from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import lacking, stacked
 from cellwright.numerics import noise
-from cellwright.numerics.least_squares import SETTLED, Problem, stds
+from cellwright.numerics.least_squares import SETTLED, Problem, fit, stds
 from cellwright.numerics.statistics import rms
 from cellwright.protocols.ocv.gap import HYSTERESIS, SlowGap, shows_hysteresis, slow_gap
 from cellwright.records.basis import REFERENCE_CELSIUS
@@ -31,7 +31,7 @@ EDGE_PART = 200.0  # a change of this part of a record's largest ends a steady s
 RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured
 JUDGING = ("validation", "split")  # roles of tests that judge
 HOLDS = ("zero_order", "first_order")
-
+STEPS_OF_HOLD = 6  # of the fit by which the hold is chosen
 
 SEARCH = MissingEffect()  # the schema's defaults
 
@@ -82,8 +82,8 @@ class Case(NamedTuple):
     """A cell, its records fitted and those that judge (records.Stack), tolerances and gates.
 
     gap : voltage between the branches of the slow test, gap.SlowGap. start, log_std : values of the
-    companion of a given model and how well they are known (`own`), else None. The methods are those
-    that `search` needs.
+    companion of a given model and how well they are known (`own`), else None. otherwise : the same
+    Case with the other hold of the current, or None. The methods are those that `search` needs.
     """
 
     cell: base.Cell
@@ -98,6 +98,7 @@ class Case(NamedTuple):
     keeps_derivatives: bool = True
     start: dict | None = None
     log_std: dict | None = None
+    otherwise: object = None
 
     @property
     def steady_ampere(self):
@@ -405,15 +406,15 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     curve = _curve_at_reference(basis)
     caveats = (*_stand_in(tests, judging), *_of_rests(curve, judging))
     capacity = basis["capacity_ampere_hour"]
-    most = settings["most_rows"]
-    fitted, judging = _thinned(fitted, most, capacity), _thinned(judging, most, capacity)
+    sides = tuple(_thinned(side, settings["most_rows"], capacity) for side in (fitted, judging))
     measured = base.Cell(capacity, np.interp(GRID, curve["soc"], curve["ocv_volt"]))
-    sides = (fitted, judging)
-    cases = []
-    for hold in HOLDS:
-        both = [stacked(side, capacity_ampere_hour=capacity, hold=hold) for side in sides]
-        cases.append(Case(measured, *both, tolerance, gates, slow_gap(curve)))
-    return Prepared(min(cases, key=_misfit), sides, tuple(notes), caveats)
+    about = tolerance, gates, slow_gap(curve)
+    cases = [
+        Case(measured, *(stacked(s, capacity_ampere_hour=capacity, hold=h) for s in sides), *about)
+        for h in HOLDS
+    ]
+    better, other = sorted(cases, key=_misfit)
+    return Prepared(better._replace(otherwise=other), sides, tuple(notes), caveats)
 
 
 def _sides(cell, basis, tests, settings):
@@ -485,10 +486,11 @@ def _thinned(records, most_rows, capacity_ampere_hour):
 def _misfit(case):
     """Chi-square of the plain model on the records fitted, the least over delays of the voltage.
 
-    Without the delays, a time skew of the readings would choose the hold that imitates it.
+    Fitted, for guessed time constants err by more than the holds differ. Without the delays, a time
+    skew of the readings would choose the hold that imitates it.
     """
-    values = base.first_values(case.cell, case.fit)
-    filters = filters_of(case, noise.FIRST, extra_volt_of(case, values))
+    free, values, filters = case.begun()
+    values = fit(case.problem((), free, filters), values, steps=STEPS_OF_HOLD).values
     skew = LIBRARY["time_skew"]
     costs = [chi_square_of(case, values, (), filters)]
     for start in skew.starts:

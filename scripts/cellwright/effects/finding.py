@@ -7,36 +7,30 @@ import numpy as np
 from cellwright.effects import base
 from cellwright.effects.candidates import evidence, frees_of
 from cellwright.effects.case import Gates, not_excited, prepared
-from cellwright.effects.ceiling import ceiling, reached
+from cellwright.effects.ceiling import ceiling
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case, with_simulated
 from cellwright.effects.given.judged import as_given, judged_blocks
 from cellwright.effects.judge import joined, residual_map, stretched, unsure_by_temperature, worst
 from cellwright.effects.member import folds
-from cellwright.effects.odds import likely, probabilities
 from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.proof import explained
 from cellwright.effects.records import parts_of
-from cellwright.effects.search import against, search, up_to
+from cellwright.effects.search import against
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
 from cellwright.effects.story.words import explained as shares_explained
 from cellwright.effects.story.words import paragraph
 from cellwright.effects.ties import tie_of
-from cellwright.effects.verdict import entry_of, outcome, verdict_of
+from cellwright.effects.verdict import entry_of, searched, verdict_of
 from cellwright.effects.witnesses.collected import values_of
 from cellwright.numerics.least_squares import covariances, stds
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
 
 KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model
-REFUSED = (
-    "refitted with all others it makes the error on the records that judge larger",
-    "other choices of the blocks name it in less than half of the cases",
-    "it explains less than a function of SoC, temperature and past current without physics",
-)
 
 
 class Finding(NamedTuple):
@@ -181,43 +175,6 @@ def settings_of(settings):
     return gates, base.Tolerance(**tolerances)
 
 
-def decided(case, rounds):
-    """What the rounds of a search come to: names that stand for themselves, and are likely.
-
-    Parameters
-    ----------
-    case : case.Case. rounds : list of search.Round.
-
-    Returns
-    -------
-    rounds : list of search.Round, up to the first name that falls short of what could be learned
-    without physics (`ceiling.reached`), is less likely than not (`odds.likely`), or makes the model
-    worse on records that judge.
-    result : verdict.Outcome. shares : probability of each answer, before names were refused.
-    """
-    rounds, short = reached(case, rounds, rounds[0].floor)
-    result = outcome(rounds, case.gates)
-    shares = probabilities(case, rounds, result)
-    rounds, unlikely = likely(rounds, result, shares)
-    rounds, worse = _helping(rounds, outcome(rounds, case.gates))
-    result = outcome(rounds, case.gates)
-    ways = zip((worse, unlikely, short), REFUSED, strict=True)
-    refused, why = next(((step, why) for step, why in ways if step is not None), (None, ""))
-    return rounds, result._replace(refused=refused, why_refused=why), shares
-
-
-def _helping(rounds, result):
-    """Rounds up to the first proven name without which other records are followed better.
-
-    A choice is refitted with all rows anew; what helped as it was tried may not any more.
-    """
-    now = result.last.validation_rmse_volt
-    for step in result.steps:
-        if step.chosen.proven and now >= step.before.validation_rmse_volt:
-            return up_to(rounds, step), step
-    return rounds, None
-
-
 def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     """Finding of a case that is prepared already; else as `missing_effect`.
 
@@ -225,7 +182,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     split_rest_second : shortest rest that ends a block [s]; None: the model is not fitted again
     without blocks, which only a choice between models asks for.
     """
-    rounds, result, shares_of_answers = decided(case, search(case, library))
+    case, rounds, result, shares_of_answers, holds = searched(case, library)
     residuals = _map(case, rounds[0].before, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {step.chosen.effect.id for step in result.steps}
@@ -261,7 +218,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     model = model_of(case, state)
     values = values_of(model) | result.last.solution.values
-    fitted = _fitted(case, result.last, rounds[-1].filters.fit)
+    fitted = _fitted(case, result.last, rounds[-1].filters.fit, holds)
     for entry in (*verdict["effects"], *verdict["partial"]):
         effect = library[entry["effect"]], entry["parameters"]
         entry["sizes"] = [size._asdict() for size in sizes_as_used(*effect, values, fitted)]
@@ -294,19 +251,31 @@ def _learnable(case, result, filters):
     }
 
 
-def _fitted(case, state, whitening):
-    """How sure the parameters of a model are: by what is left, and by stated temperatures.
+def _fitted(case, state, whitening, holds):
+    """How sure the parameters of a model are: by what is left, stated temperatures, and the hold.
 
     What is left is taken as independent between parts of records, and between whole records: what
-    one has of its own (a core warmer than its surface) is in all of its parts. What ended on a
-    bound is taken as known there; the verdict says so.
+    one has of its own (a core warmer than its surface) is in all of its parts. Between the holds of
+    the current their likelihood decides, by the scatter that is left: samples at even distances
+    tell a resistance and half a sample of a fast pair apart by nothing. What ended on a bound is
+    taken as known there; the verdict says so.
     """
     state = state._replace(solution=state.solution.inside)
     by_temperature = unsure_by_temperature(case, state, whitening)
     spreads = covariances(state.solution, parts_of(case.fit))
     if len(case.fit.tests) > 1:
         spreads += covariances(state.solution, case.fit.file)[1:]
-    return Fitted(state.solution.names, tuple(one + by_temperature for one in spreads))
+    names = state.solution.names
+    assumed = by_temperature + _unsure_by_hold(names, *holds) if holds else by_temperature
+    return Fitted(names, tuple(one + assumed for one in spreads))
+
+
+def _unsure_by_hold(names, here, there):
+    """Covariance (p, p) of parameters for all that decides between two solutions."""
+    scatter = max(here.chi_square / len(here.residual), 1.0)
+    odds = np.exp(min((here.cost - there.cost) / (2 * scatter), 0.0))
+    change = np.array([there.values[name] - here.values[name] for name in names])
+    return odds / (1 + odds) * np.outer(change, change)
 
 
 def _map(case, before, after):

@@ -14,6 +14,11 @@ LEAST_SLOPE_VOLT = 1e-3  # of the OCV over the whole SoC; below it a rest shows 
 PASSES = 3
 SETTLED_SOC = 1e-5  # a change below it ends them
 SOC_STEP, KELVIN_STEP = 2e-4, 0.5
+# ASSUME: The core of a cell is above its surface by 6 K for a watt and an ampere-hour of capacity,
+# 300 s after the load. Cells of 2.3 Ah (26650) have 2 to 3.3 K/W (X. Lin et al., J. Power Sources
+# 257 (2014) 1; C. Forgez et al., J. Power Sources 195 (2010) 2961).
+CORE_KELVIN_AMPERE_HOUR_PER_WATT, CORE_SECOND = 6.0, 300.0
+CORE_STEP, OWN_HEAT = 0.5, "self_heating"  # K/W for derivatives; the effect that tells it
 # Of what is known before a fit: of some dozens of records none lies farther off by chance.
 FAR_STDS = 3.0
 WRONG_STDS = 2.0  # from which on a stated temperature is told to be wrong
@@ -211,10 +216,11 @@ def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, sh
 
 
 def unsure_by_temperature(case, state, whitening):
-    """What the temperatures that no sensor told leave unsure of the parameters of a fitted model.
+    """What unknown temperatures leave unsure of the parameters of a fitted model.
 
-    The fit takes them as stated. A cell that was 2 K warmer than its chamber on one of two records
-    15 K apart shows an activation energy that is a tenth too small, however well both are followed.
+    The fit takes them as stated or logged. A cell that was 2 K warmer than its chamber on one of
+    two records 15 K apart shows an activation energy that is a tenth too small, however well both
+    are followed; and a cell's core is warmer than its surface, the more so in the cold.
 
     Parameters
     ----------
@@ -225,16 +231,38 @@ def unsure_by_temperature(case, state, whitening):
     covariance : (p, p), in the order of `state.solution.names`.
     """
     stack, solution = case.fit, state.solution
-    covariance = np.zeros((len(solution.names),) * 2)
-    if not state.effects or not stack.stated.any():
-        return covariance
-    warmer = stack.celsius + KELVIN_STEP * stack.stated[stack.file]
-    warmed = stack._replace(celsius=warmer, responses={}, courses={})
-    moved = base.voltage(case.cell, warmed, solution.values, state.effects) - solution.prediction
-    of_record = stack.file[:, None] == np.flatnonzero(stack.stated)
-    changes = whitening.apply(moved[:, None] / KELVIN_STEP * of_record)
-    answers = np.linalg.pinv(solution.precision) @ (solution.white.T @ changes)
-    return case.tolerance.kelvin**2 * answers @ answers.T
+    if not state.effects:
+        return np.zeros((len(solution.names),) * 2)
+    tolerances, changes = [], []
+    if stack.stated.any():
+        of_record = stack.file[:, None] == np.flatnonzero(stack.stated)
+        stated = _change_of_warming(case, state, KELVIN_STEP * stack.stated[stack.file])
+        changes += list((stated[:, None] * of_record / KELVIN_STEP).T)
+        tolerances += [case.tolerance.kelvin] * of_record.shape[1]
+    if all(effect.id != OWN_HEAT for effect in state.effects):
+        rise = CORE_STEP * _core_per_watt(case, state)
+        changes.append(_change_of_warming(case, state, rise) / CORE_STEP)
+        tolerances.append(CORE_KELVIN_AMPERE_HOUR_PER_WATT / case.cell.capacity_ampere_hour)
+    if not changes:
+        return np.zeros((len(solution.names),) * 2)
+    white = whitening.apply(np.stack(changes, axis=1) * tolerances)
+    answers = np.linalg.pinv(solution.precision) @ (solution.white.T @ white)
+    return answers @ answers.T
+
+
+def _change_of_warming(case, state, kelvin):
+    """Change (n,) of a model's voltage on the records fitted where they are warmer by (n,) [K]."""
+    warmed = case.fit._replace(celsius=case.fit.celsius + kelvin, responses={}, courses={})
+    values = state.solution.values
+    return base.voltage(case.cell, warmed, values, state.effects) - state.solution.prediction
+
+
+def _core_per_watt(case, state):
+    """Rise (n,) of the core of a cell on the records fitted, for one kelvin a watt [K]."""
+    stack = case.fit
+    fields = base.fields_of(case.cell, stack, state.solution.values, state.effects)
+    heat = fields.current * (fields.ohmic + base.slow_volt(stack, fields))
+    return base.relaxed(stack, heat, CORE_SECOND)
 
 
 def _loaded(cell, stack):

@@ -293,7 +293,7 @@ def paired(case, references, pairing=None):
         unknown_volt=float(np.hypot(case.gates.unknown_volt, healthy)),
     )
     tolerance = case.tolerance._replace(known=known)
-    with_template = case._replace(**stacks, gates=gates, tolerance=tolerance)
+    with_template = case._replace(**stacks, gates=gates, tolerance=tolerance, otherwise=None)
     sizes = {role: rms(stacks[role].template_volt) for role in ROLES}
     spread = {role: _scatter_volt(rows[role]) for role in ROLES}
     read = _read_volt(case, rows["fit"])

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 from cellwright.effects.case import KINDS
-from cellwright.effects.finding import asked_of, decided
-from cellwright.effects.search import search
+from cellwright.effects.finding import asked_of
+from cellwright.effects.verdict import searched
 from cellwright.records.facts import of_first_checkup
 from cellwright.refusal import Refusal
 
@@ -62,10 +62,10 @@ def stability(cell, basis, tests, library, **options):
     ------
     Refusal : the cell cannot be searched with all of its records; see `finding.missing_effect`.
     """
-    searched = [test for test in of_first_checkup(tests)[0] if test.facts.kind in KINDS]
-    repeats = [_repeat(None, asked_of(cell, basis, searched, **options), library)]
-    for test in searched:
-        others = [other for other in searched if other is not test]
+    records = [test for test in of_first_checkup(tests)[0] if test.facts.kind in KINDS]
+    repeats = [_repeat(None, asked_of(cell, basis, records, **options), library)]
+    for test in records:
+        others = [other for other in records if other is not test]
         try:
             asked = asked_of(cell, basis, others, **options)
             repeats.append(_repeat(test.facts, asked, library))
@@ -77,7 +77,7 @@ def stability(cell, basis, tests, library, **options):
 
 def _repeat(facts, asked, library):
     """One search: Repeat."""
-    rounds, result, _ = decided(asked.case, search(asked.case, library))
+    _, rounds, result, *_ = searched(asked.case, library)
     left_out, role = (facts.test, facts.role) if facts else (None, None)
     steps = result.steps if result.word in FINDS else ()
     errors = rounds[0].before.validation_rmse_volt, result.last.validation_rmse_volt

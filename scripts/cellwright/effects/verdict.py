@@ -2,8 +2,17 @@
 
 from typing import NamedTuple
 
+from cellwright.effects.ceiling import reached
+from cellwright.effects.odds import likely, probabilities
 from cellwright.effects.proof import left_volt
-from cellwright.numerics.least_squares import stds
+from cellwright.effects.search import search, up_to
+from cellwright.numerics.least_squares import fit, stds
+
+REFUSED = (
+    "refitted with all others it makes the error on the records that judge larger",
+    "other choices of the blocks name it in less than half of the cases",
+    "it explains less than a function of SoC, temperature and past current without physics",
+)
 
 
 class Outcome(NamedTuple):
@@ -51,6 +60,91 @@ def outcome(rounds, gates, *, alternatives=lambda step: step.tied):
     closed = gap_closed(*errors, floor.validation_volt)
     word = "ambiguous" if any(alternatives(step) for step in steps) else "named"
     return Outcome(word, steps, last, floor, closed, excess, adequate)
+
+
+def decided(case, rounds):
+    """What the rounds of a search come to: names that stand for themselves, and are likely.
+
+    Parameters
+    ----------
+    case : case.Case. rounds : list of search.Round.
+
+    Returns
+    -------
+    rounds : list of search.Round, up to the first name that falls short of what could be learned
+    without physics (`ceiling.reached`), is less likely than not (`odds.likely`), or makes the model
+    worse on records that judge.
+    result : verdict.Outcome. shares : probability of each answer, before names were refused.
+    """
+    rounds, short = reached(case, rounds, rounds[0].floor)
+    result = outcome(rounds, case.gates)
+    shares = probabilities(case, rounds, result)
+    rounds, unlikely = likely(rounds, result, shares)
+    rounds, worse = _helping(rounds, outcome(rounds, case.gates))
+    result = outcome(rounds, case.gates)
+    ways = zip((worse, unlikely, short), REFUSED, strict=True)
+    refused, why = next(((step, why) for step, why in ways if step is not None), (None, ""))
+    return rounds, result._replace(refused=refused, why_refused=why), shares
+
+
+class Searched(NamedTuple):
+    """What a search comes to: the case it ended with; rounds, result, shares as of `decided`.
+
+    holds : Solutions of the last model under the hold of the case and under the other one, by the
+    same noise; () where that was not asked.
+    """
+
+    case: object
+    rounds: list
+    result: object
+    shares: dict
+    holds: tuple = ()
+
+
+def searched(case, library):
+    """What a search comes to, under the hold of the current by which it follows the records best.
+
+    The hold is chosen by the model without effects. Where the model with those that were found
+    follows the records better with the other one, it is searched again with that: a fast pair that
+    moves half a sample too late is a resistance several percent too large.
+
+    Parameters
+    ----------
+    case : case.Case. library : dict of Effect by id.
+
+    Returns
+    -------
+    found : Searched.
+    """
+    found = _by_both_holds(Searched(case, *decided(case, search(case, library))))
+    if found.holds and found.holds[1].cost < found.holds[0].cost:
+        other = case.otherwise._replace(otherwise=case)
+        found = _by_both_holds(Searched(other, *decided(other, search(other, library))))
+    return found
+
+
+def _by_both_holds(found):
+    """The same with the last model fitted under either hold, where it has effects."""
+    case, last, filters = found.case, found.result.last, found.rounds[-1].filters
+    if case.otherwise is None or not found.result.steps:
+        return found
+    free = case.begun()[0]
+    for effect in last.effects:
+        free = case.with_effect(free, effect)
+    problems = (one.problem(last.effects, free, filters) for one in (case, case.otherwise))
+    return found._replace(holds=tuple(fit(one, last.solution.values) for one in problems))
+
+
+def _helping(rounds, result):
+    """Rounds up to the first proven name without which other records are followed better.
+
+    A choice is refitted with all rows anew; what helped as it was tried may not any more.
+    """
+    now = result.last.validation_rmse_volt
+    for step in result.steps:
+        if step.chosen.proven and now >= step.before.validation_rmse_volt:
+            return up_to(rounds, step), step
+    return rounds, None
 
 
 def gap_closed(before_volt, after_volt, floor_volt):

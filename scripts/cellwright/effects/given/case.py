@@ -100,9 +100,9 @@ def given_case(case, fitted, judging, *, log_std=None):
     )
     tolerance = case.tolerance._replace(known=GIVEN_STD)
     start = values | {"known": 1.0}
-    return case._replace(
-        fit=fit_stack, validation=proof_stack, tolerance=tolerance, start=start, log_std=log_std
-    )
+    # The hold is that of the plain circuit: the given voltage was computed under its own.
+    known = {"tolerance": tolerance, "start": start, "log_std": log_std, "otherwise": None}
+    return case._replace(fit=fit_stack, validation=proof_stack, **known)
 
 
 def _without_steep_rows(case, stack, values):
