@@ -61,7 +61,15 @@ def test_a_search_goes_on_with_the_hold_by_which_the_named_model_follows(true_ho
     assert np.exp(result.last.solution.values["log_r0"]) == pytest.approx(R0_OHM, rel=0.015)
 
 
-def test_without_a_name_the_hold_is_not_asked_again():
+@pytest.mark.parametrize("begun", HOLDS)
+def test_where_an_error_stays_both_holds_are_searched(begun):
+    """A contact that opens above 1C is outside the library: no name asks for the other hold."""
+    used, _, result, *_ = searched(case(Truth(contact=0.01, ramps=True), hold=begun), LIBRARY)
+    assert not result.adequate
+    assert used.fit.hold == "first_order"
+
+
+def test_where_nothing_is_lacking_the_hold_is_not_asked_again():
     begun = case(Truth(), hold="zero_order")
     used, _, result, *_ = searched(begun, LIBRARY)
     assert used is begun
