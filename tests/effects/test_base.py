@@ -132,7 +132,7 @@ def test_a_resistance_over_soc_is_a_factor_of_both_or_of_each(stack):
         return fields._replace(r1=fields.r1 * factor, r2=fields.r2 * factor)
 
     def both(fields, stack, p):
-        return base.slowed(stack, fields, np.exp(p["size"] * fields.soc))
+        return base.slowed(stack, fields, 2 * (np.exp(p["size"] * fields.soc),))
 
     effect = LIBRARY["lead_resistance"]
     effects = [

@@ -32,6 +32,7 @@ PAIR_STEPS = (0.1, 0.2, 0.25, 0.2, 0.1, 0.1, 0.1, 0.05, 0.0)
 COMMON = {
     **steps("resistance_soc", (0.1, 0.15, 0.3, 0.25, 0.2), (-0.1, -0.05, 0.0, 0.05)),
     **steps("polarisation_soc", (0.0, 0.1, 0.2, 0.2, 0.1), (0.06, 0.06, 0.04, 0.04)),
+    "polarisation_soc.excess_of_quicker_pair": 0.0,
 }
 HIDDEN = {"hysteresis_instant.amplitude_volt": 0.008}
 CANDIDATES = ("resistance_soc", "polarisation_soc", "hysteresis_instant", "resistance_asymmetry")

@@ -5,6 +5,7 @@ effect may step into: the current through the cell, the counting of charge, the 
 OCV, the overpotentials, the reading. Without effects it is the plain isothermal circuit.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -40,8 +41,9 @@ class Fields(NamedTuple):
 
     current : through the cell [A]. held : mean of it since the row before [A]. moved : charge
     passed since the row before, + on charge [Ah]. capacity : [Ah]. soc : [1].
-    celsius : inside the cell [degC]. r0, r1, r2 : [ohm]. tau1, tau2 : [s]. slow : factor of r1 and
-    r2, apart so that what follows from it is kept while they move [1]. ocv : [V].
+    celsius : inside the cell [degC]. r0, r1, r2 : [ohm]. tau1, tau2 : [s]. slow : factors of r1
+    and of r2, lateness : of tau1 and tau2, apart so that what follows from them is kept while these
+    move [1]. ocv : [V].
     ohmic : voltage that follows the current at once [V]. volt : of the terminals [V].
     """
 
@@ -56,7 +58,8 @@ class Fields(NamedTuple):
     r2: np.ndarray
     tau1: float
     tau2: float
-    slow: np.ndarray
+    slow: tuple
+    lateness: np.ndarray | float
     ocv: np.ndarray
     ohmic: np.ndarray
     volt: np.ndarray
@@ -64,7 +67,12 @@ class Fields(NamedTuple):
     @property
     def slow_ohm(self):
         """Resistances of both RC pairs with their factor: two of (n,) [ohm]."""
-        return self.r1 * self.slow, self.r2 * self.slow
+        return self.r1 * self.slow[0], self.r2 * self.slow[1]
+
+    @property
+    def slow_second(self):
+        """Time constants of both RC pairs with their factor: two of (n,), or scalars [s]."""
+        return self.tau1 * self.lateness, self.tau2 * self.lateness
 
 
 class Cell(NamedTuple):
@@ -190,7 +198,7 @@ def _begun(cell, stack, values):
     capacity = cell.capacity_ampere_hour * (1.0 + values["capacity"])
     return Fields(
         *(stack.current_ampere, stack.held_ampere, none, capacity, none, stack.celsius),
-        *(r0, r1, r2, tau1, tau2, slow, none, none, none),
+        *(r0, r1, r2, tau1, tau2, (slow, slow), 1.0, none, none, none),
     )
 
 
@@ -238,34 +246,46 @@ def _looked_up(cell, knots, soc):
 
 def slow_volt(stack, fields):
     """Voltage of the two RC pairs [V]."""
-    pairs = (fields.r1, fields.tau1), (fields.r2, fields.tau2)
+    pairs = zip((fields.r1, fields.r2), fields.slow, (fields.tau1, fields.tau2), strict=True)
     return sum(_pair_volt(stack, fields, *pair) for pair in pairs)
 
 
-def _pair_volt(stack, fields, ohm, tau):
+def _pair_volt(stack, fields, ohm, factor, tau):
     """Voltage of an RC pair; that of one ohm is kept where nothing but its resistance moved [V]."""
     if np.ndim(ohm) or fields.current is not stack.current_ampere:
-        return relaxed(stack, ohm * fields.slow * fields.current, tau)
-    columns = fields.current, fields.slow
+        return relaxed(stack, ohm * factor * fields.current, tau, lateness=fields.lateness)
+    columns = fields.current, factor, fields.lateness
 
     def of_one_ohm():
-        return relaxed(stack, np.multiply(*columns), tau)
+        return relaxed(stack, fields.current * factor, tau, lateness=fields.lateness)
 
     return ohm * kept_response(stack, columns, (relaxed, tau), of_one_ohm)
 
 
-def relaxed(stack, drive, tau_second):
-    """First-order lag of a drive (n,), at rest at the start of every record; unit of the drive."""
-    clock = stack.step_second, stack.fresh, stack.linear
+def relaxed(stack, drive, tau_second, *, lateness=1.0):
+    """First-order lag of a drive (n,), at rest at the start of every record; unit of the drive.
+
+    lateness : factor of the time constant, (n,) or a scalar: the clock runs so much slower.
+    """
+    clock = stack.step_second / lateness, stack.fresh, stack.linear
     return lag_fresh(*clock, drive, tau_second, np.zeros(len(drive)))
 
 
-def slowed(stack, fields, factor):
-    """Fields with the resistances of both RC pairs times a factor (n,) [1]."""
-    if not np.ndim(fields.slow):
-        return fields._replace(slow=factor)
-    columns = fields.slow, factor
-    return fields._replace(slow=kept_response(stack, columns, (), lambda: np.multiply(*columns)))
+def slowed(stack, fields, factors, *, lateness=1.0):
+    """Fields with the resistances and time constants of the RC pairs times factors (n,) [1].
+
+    factors : of the first and of the second pair's resistance. lateness : of both time constants.
+    """
+    slow = tuple(map(partial(_product, stack), fields.slow, factors))
+    return fields._replace(slow=slow, lateness=_product(stack, fields.lateness, lateness))
+
+
+def _product(stack, *factors):
+    """Product of two factors, kept where both are (n,); of a scalar that is one, the other."""
+    if all(map(np.ndim, factors)):
+        return kept_response(stack, factors, (), lambda: np.multiply(*factors))
+    scalar, other = sorted(factors, key=np.ndim)
+    return other if scalar == 1.0 else scalar * other
 
 
 def kept_response(stack, columns, sizes, make):

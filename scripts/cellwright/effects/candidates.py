@@ -450,8 +450,10 @@ def frees_of(effect):
 
 
 def _material(effect, values):
-    """Whether one of the sizes of an effect is large enough for anyone to act on."""
+    """Whether the sizes of an effect are large enough for anyone to act on."""
     sizes = effect.sizes_of(values)
+    if effect.material is not None:
+        return effect.material(sizes)
     return any(
         abs(sizes[p.name] - p.neutral) >= p.material for p in effect.parameters if not p.shape
     )

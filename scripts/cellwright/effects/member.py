@@ -40,6 +40,7 @@ KNOTS = np.linspace(0.0, 1.0, 61)  # four to each of the OCV's error, and to eve
 PLAIN_PAIRS = 2  # branches of the plain circuit, the first ones
 PROBED = ("counting", "resistance", "ocv")  # stages that a circuit holds by itself
 SAME_KELVIN, FURTHEST_KELVIN = 2.0, 15.0
+MOVED_BY_TEMPERATURE = {"entropic_ocv", "resistance_temperature"}  # more than resistances
 
 
 def effect_member(effect_model, model, celsius, library=LIBRARY, *, courses=None):
@@ -113,15 +114,16 @@ def temperatures(courses, stated, effects):
     ----------
     courses : temperature of each record, (n,) each [degC].
     stated : temperature of the chamber of each, or None [degC].
-    effects : ids. Where the OCV moves with temperature no two may lie far apart, and the warmest
-        that was measured counts as well: there a look-up is straight in 1/T, and ends.
+    effects : ids. Where OCV or time constants move with temperature no two may lie far apart, and
+        the coldest and warmest that were measured count as well: a look-up of them is straight in
+        1/T, and ends there.
     """
     means = [
         float(np.mean(course)) if chamber is None else float(chamber)
         for course, chamber in zip(courses, stated, strict=True)
     ]
     kept = distinct(sorted(means))
-    if "entropic_ocv" not in effects:
+    if MOVED_BY_TEMPERATURE.isdisjoint(effects):
         return kept
     ends = [float(np.floor(min(c.min() for c in courses)))]
     ends += [float(np.ceil(max(c.max() for c in courses)))]
@@ -152,7 +154,7 @@ def _condition(searched, tables, celsius):
     r0, excess = np.minimum(out.r0, back.r0) + values.get(base.LEAD, 0.0), out.r0 - back.r0
     branches = [
         _branch("RC", std.get(f"log_r{n}"), r_ohm=r, tau_second=tau, tau_std=std.get(f"log_tau{n}"))
-        for n, r, tau in zip((1, 2), out.slow_ohm, (out.tau1, out.tau2), strict=True)
+        for n, r, tau in zip((1, 2), out.slow_ohm, out.slow_second, strict=True)
     ]
     if np.any(excess != 0.0):
         ways = {"r_charge_ohm": np.maximum(-excess, 0.0), "r_discharge_ohm": np.maximum(excess, 0)}

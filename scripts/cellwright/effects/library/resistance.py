@@ -10,6 +10,7 @@ from cellwright.effects.library.vocabulary import Effect, Parameter
 TOWARDS_EMPTY = (0.35, 0.2, 0.1, 0.04, 0.0)
 TOWARDS_FULL = (0.65, 0.8, 0.9, 1.0)
 MIDDLE = 0.5
+QUICKER = "excess_of_quicker_pair"  # of the logarithm of its course over the mean of both
 
 
 def _course(soc, steps):
@@ -17,10 +18,20 @@ def _course(soc, steps):
 
     steps : dict of the changes of the logarithm by name, see `_course_parameters`.
     """
+    knots = np.array([*TOWARDS_EMPTY[::-1], MIDDLE, *TOWARDS_FULL])
+    return np.exp(np.interp(soc, knots, _at_knots(steps)))
+
+
+def _at_knots(steps):
+    """Logarithm of the factor at each knot, from empty to full."""
     empty = np.cumsum([steps[_step_name(knot)] for knot in TOWARDS_EMPTY])
     full = np.cumsum([steps[_step_name(knot)] for knot in TOWARDS_FULL])
-    knots = np.array([*TOWARDS_EMPTY[::-1], MIDDLE, *TOWARDS_FULL])
-    return np.exp(np.interp(soc, knots, np.concatenate([empty[::-1], [0.0], full])))
+    return np.concatenate([empty[::-1], [0.0], full])
+
+
+def _changes_by_a_tenth(p):
+    """Whether a course moves the resistance by as much as anyone would act on, as temperature's."""
+    return bool(np.ptp(_at_knots(p)) >= np.log(1.1))
 
 
 def _step_name(knot):
@@ -37,7 +48,16 @@ def _resistance_soc(fields, stack, p):
 
 
 def _polarisation_soc(fields, stack, p):
-    return slowed(stack, fields, _kept_course(fields, stack, p))
+    """One course, which either pair may follow more: charge transfer and diffusion differ."""
+    quicker = p[QUICKER]
+    steps = {name: size for name, size in p.items() if name != QUICKER}
+    course = _kept_course(fields, stack, steps)
+    if quicker == 0.0:
+        return slowed(stack, fields, (course, course))
+    powers = 1.0 + quicker, 1.0 - quicker
+    key = _polarisation_soc, quicker
+    both = kept_response(stack, (course,), key, lambda: tuple(course**power for power in powers))
+    return slowed(stack, fields, both)
 
 
 def _asymmetry(fields, stack, p):
@@ -56,7 +76,6 @@ def _course_parameters():
             *(_step_name(knot), "1", 0.0, -3.0, 3.0),
             step=0.05,
             plausible=0.3,
-            material=0.03,
             prior_std=0.7,
         )
         for knot in (*TOWARDS_EMPTY, *TOWARDS_FULL)
@@ -89,6 +108,7 @@ EFFECTS = (
         parameters=_course_parameters(),
         stage="resistance",
         act=_resistance_soc,
+        material=_changes_by_a_tenth,
         needs=("soc_range",),
         shows="pulses at ten or more states of charge",
         consequence="power near empty and full is not what the middle says",
@@ -96,9 +116,14 @@ EFFECTS = (
     Effect(
         id="polarisation_soc",
         sentence="the polarisation (what relaxes) changes with the state of charge",
-        parameters=_course_parameters(),
+        parameters=(
+            *_course_parameters(),
+            # 0: both pairs alike, 1: the quicker one alone. A slower one alone is an error of the OCV.
+            Parameter(QUICKER, "1", 0.0, 0.0, 1.0, step=0.02, shape=True, prior_std=0.7),
+        ),
         stage="resistance",
         act=_polarisation_soc,
+        material=_changes_by_a_tenth,
         needs=("soc_range",),
         shows="pulses with rests of ten minutes at ten or more states of charge",
         consequence="the voltage under lasting load is not what the middle says",

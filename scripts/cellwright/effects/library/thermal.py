@@ -18,22 +18,24 @@ def _resistance(fields, stack, p):
     """Arrhenius, the polarisation with an energy of its own; in the cold the slope may grow.
 
     The ohmic resistance holds electrolyte (low energy) and charge transfer (high energy): their
-    sum has an apparent energy that grows as it gets colder.
+    sum has an apparent energy that grows as it gets colder. A pair's capacitance hardly changes
+    with temperature, so that its time constant grows as its resistance does.
     """
     celsius, key = (fields.celsius,), (_resistance, *p.values())
-    ohmic, slow = kept_response(stack, celsius, key, lambda: _resistance_factors(fields, p))
-    return slowed(stack, fields._replace(r0=fields.r0 * ohmic), slow)
+    ohmic, slow, late = kept_response(stack, celsius, key, lambda: _resistance_factors(fields, p))
+    return slowed(stack, fields._replace(r0=fields.r0 * ohmic), (slow, slow), lateness=late)
 
 
 def _resistance_factors(fields, p):
-    """Factors of the ohmic resistance and of the polarisation (n,) [1]."""
+    """Factors of the ohmic resistance, of the polarisation and of its time constants (n,) [1]."""
     about = fields.celsius, REFERENCE_CELSIUS
     cold = np.log(resistance_factor(*about, 1.0))
     cold = cold / np.log(resistance_factor(COLD_CELSIUS, REFERENCE_CELSIUS, 1.0))
     bend = 1.0 + p["growth_towards_cold"] * cold
     energy = p["activation_energy_joule_per_mole"] * bend
     ohmic = resistance_factor(*about, energy)
-    return ohmic, ohmic * resistance_factor(*about, p["polarisation_excess_joule_per_mole"])
+    slow = ohmic * resistance_factor(*about, p["polarisation_excess_joule_per_mole"])
+    return ohmic, slow, slow ** p["time_constants_follow"]
 
 
 def _self_heating(fields, stack, p):
@@ -42,7 +44,7 @@ def _self_heating(fields, stack, p):
     rise = p["thermal_resistance_kelvin_per_watt"] * relaxed(stack, heat, p["time_constant_second"])
     inside = fields.celsius + rise
     factor = resistance_factor(inside, fields.celsius, OWN_HEAT_JOULE_PER_MOLE)
-    return slowed(stack, fields._replace(r0=fields.r0 * factor), factor)
+    return slowed(stack, fields._replace(r0=fields.r0 * factor), (factor, factor))
 
 
 def _own_heat_block(p, blocks):
@@ -83,6 +85,10 @@ EFFECTS = (
             ),
             Parameter(
                 "growth_towards_cold", "1", 0.0, -0.9, 3.0, step=0.02, shape=True, prior_std=0.3
+            ),
+            # The power of the pairs' factor: 1 by a capacitance that does not change, 0 by none.
+            Parameter(
+                "time_constants_follow", "1", 1.0, -1.0, 3.0, step=0.02, shape=True, prior_std=0.5
             ),
         ),
         stage="resistance",

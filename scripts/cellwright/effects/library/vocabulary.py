@@ -38,6 +38,8 @@ class Effect(NamedTuple):
     starts : tuple of dicts, parameters from which it is tried. held : what it changes is not
     linear in its size. bends : a model without it is fitted with resistances and time constants so
     far off that they have to be estimated again together with it.
+    material : function (p) → whether anyone would act on its sizes; None: on one that is at least
+    its parameter's `material`.
     needs : names of `records.FACTORS` without which data cannot show it.
     shows : the test that shows it, in words. consequence : what it changes for the user.
     circuit : function (p, r0_ohm, capacity_ampere_hour, soc) → (r0_ohm, kind, parameters): the
@@ -61,6 +63,7 @@ class Effect(NamedTuple):
     consequence: str = ""
     held: bool = False
     bends: bool = False
+    material: Callable | None = None
     circuit: Callable | None = None
     blocks: Callable | None = None
     position: int | None = None

@@ -35,7 +35,7 @@ def acted(effect, p, values, *, soc=MIDDLE_SOC, celsius=REFERENCE_CELSIUS, curre
     capacity = values.get("capacity_ampere_hour", 1.0)
     fields = Fields(
         *(current, current, none, capacity * one, soc, celsius, r0 * one, r1 * one, r2 * one),
-        *(tau1, tau2, one, none, r0 * current, none),
+        *(tau1, tau2, (one, one), 1.0, none, r0 * current, none),
     )
     return fields if effect is None else effect.act(fields, _stack(current, celsius, step), p)
 
