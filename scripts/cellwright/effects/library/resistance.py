@@ -118,7 +118,7 @@ EFFECTS = (
         sentence="the polarisation (what relaxes) changes with the state of charge",
         parameters=(
             *_course_parameters(),
-            # 0: both pairs alike, 1: the quicker one alone. A slower one alone is an error of the OCV.
+            # 0: both pairs alike, 1: the quicker alone. The slower alone is an error of the OCV.
             Parameter(QUICKER, "1", 0.0, 0.0, 1.0, step=0.02, shape=True, prior_std=0.7),
         ),
         stage="resistance",

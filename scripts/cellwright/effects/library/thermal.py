@@ -88,7 +88,7 @@ EFFECTS = (
             ),
             # The power of the pairs' factor: 1 by a capacitance that does not change, 0 by none.
             Parameter(
-                "time_constants_follow", "1", 1.0, -1.0, 3.0, step=0.02, shape=True, prior_std=0.5
+                "time_constants_follow", "1", 1.0, 0.0, 2.0, step=0.02, shape=True, prior_std=0.5
             ),
         ),
         stage="resistance",
