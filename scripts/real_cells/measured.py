@@ -275,10 +275,14 @@ def _resistances_of_spectra(cell, where, rows):
 
 
 def model_resistances(campaign):
-    """Direct-current resistance [mohm] of the models of cells in groups, mean over SoC."""
+    """Direct-current resistance [mohm] of the 1RC models of cells in groups, mean over SoC.
+
+    Every cell with a model has that member, at the temperatures that were tested.
+    """
     members = set(read_table(campaign, "packs")["cell"])
     rows = read_table(campaign, "models")
-    rows = rows[rows["cell"].isin(members) & rows["parameter"].str.fullmatch(r"r\d+")]
+    rows = rows[rows["cell"].isin(members) & (rows["model"] == "1RC")]
+    rows = rows[rows["parameter"].str.fullmatch(r"r\d+")]
     for (cell, celsius), same in rows.groupby(["cell", TEMPERATURE], dropna=False):
         total = same.groupby("soc")["value"].sum()
         where = celsius_in_words(celsius)

@@ -65,10 +65,11 @@ CONTENT = {
     },
     "models": {
         "cell": "A",
+        "model": ["1RC", "1RC", "1RC", "1RC", "2RC"],
         "ambient_temperature_celsius": 25,
-        "soc": [0.2, 0.2, 0.8, 0.8],
-        "parameter": ["r0", "r1", "r0", "tau1"],
-        "value": [0.02, 0.01, 0.05, 40.0],
+        "soc": [0.2, 0.2, 0.8, 0.8, 0.2],
+        "parameter": ["r0", "r1", "r0", "tau1", "r2"],
+        "value": [0.02, 0.01, 0.05, 40.0, 7.0],
     },
     "excluded": {
         "stage": ["ingest", "soc"],
