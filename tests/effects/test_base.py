@@ -189,3 +189,43 @@ def test_the_error_of_the_ocv_is_straight_between_knots():
     straight = np.interp(soc, np.linspace(0, 1, base.OCV_KNOTS), knots)
     flat = base.Cell(1.0, np.zeros(11))
     np.testing.assert_allclose(base._looked_up(flat, tuple(knots), soc), straight, atol=1e-12)
+
+
+def test_in_the_cold_resistances_and_time_constants_of_the_pairs_grow_alike():
+    """A capacitance that does not change, at one temperature: a plain circuit of other values."""
+    stack = stacked([small.drive(seconds=2400, celsius=5.0)], capacity_ampere_hour=small.CAPACITY)
+    effect = LIBRARY["resistance_temperature"]
+    sizes = neutral(effect) | {f"{effect.id}.activation_energy_joule_per_mole": 25e3}
+    grown = 25e3 / 8.314462618 * (1 / 278.15 - 1 / 298.15)
+    warm = values_for(stack)
+    cold = warm | {name: warm[name] + grown for name in base.LOGARITHMS}
+    plain = base.voltage(small.CELL, stack, cold)
+    np.testing.assert_allclose(
+        base.voltage(small.CELL, stack, warm | sizes, (effect,)), plain, rtol=0, atol=1e-9
+    )
+    kept = sizes | {f"{effect.id}.time_constants_follow": 0.0}
+    cold |= {name: warm[name] for name in ("log_tau1", "log_tau2")}
+    plain = base.voltage(small.CELL, stack, cold)
+    np.testing.assert_allclose(
+        base.voltage(small.CELL, stack, warm | kept, (effect,)), plain, rtol=0, atol=1e-9
+    )
+
+
+def test_a_polarisation_over_soc_may_be_the_quicker_pairs_alone(stack):
+    effect = LIBRARY["polarisation_soc"]
+    steps = {f"{effect.id}.step_to_35_percent": 0.2, f"{effect.id}.step_to_20_percent": 0.3}
+    quicker = {f"{effect.id}.excess_of_quicker_pair": 1.0}
+
+    def alone(fields, stack, p):
+        knots = [0.2, 0.35, 0.5]
+        course = np.exp(2 * np.interp(fields.soc, knots, [0.5, 0.2, 0.0]))
+        return fields._replace(r1=fields.r1 * course)
+
+    values = values_for(stack) | neutral(effect) | steps | quicker
+    volts = [
+        base.voltage(small.CELL, stack, values, (one,))
+        for one in (effect, effect._replace(act=alone))
+    ]
+    np.testing.assert_allclose(*volts, rtol=0, atol=1e-12)
+    both = base.voltage(small.CELL, stack, values | dict.fromkeys(quicker, 0.0), (effect,))
+    assert np.abs(both - volts[0]).max() > 1e-3

@@ -50,6 +50,21 @@ def test_the_hidden_effect_is_named_alone(effect):
     assert result.adequate
 
 
+FORMS = {
+    "resistance_temperature": (Truth(activation=2.5e4, following=1.0), "time_constants_follow"),
+    "polarisation_soc": (Truth(bend_r1=2.0), "excess_of_quicker_pair"),
+}
+
+
+@pytest.mark.parametrize("effect", FORMS)
+def test_pairs_that_grow_slower_or_bend_alone_ask_for_no_second_name(effect):
+    truth, form = FORMS[effect]
+    result = outcome(rounds(truth, every=2.0), Gates())
+    assert [step.chosen.effect.id for step in result.steps] == [effect]
+    assert result.adequate
+    assert abs(result.last.solution.values[f"{effect}.{form}"] - 1.0) < 0.2
+
+
 @pytest.mark.parametrize("effect", HIDDEN)
 def test_its_size_is_recovered(effect):
     _, names, size = HIDDEN[effect]

@@ -27,6 +27,7 @@ class Truth(NamedTuple):
     """Hidden effects of a cell; all zero: it is healthy."""
 
     activation: float = 0.0  # of resistances [J/mol]
+    following: float = 0.0  # power of their factor over temperature that is in time constants
     hysteresis: float = 0.0  # sign of the last load [V]
     slow_ohm: float = 0.0  # third RC pair, of 1000 s
     thermal: float = 0.0  # core over surface [K/W], 400 s
@@ -37,6 +38,7 @@ class Truth(NamedTuple):
     asymmetry: float = 0.0  # of R0 on charge, relative
     wave: float = 0.0  # of the OCV over its table [V]
     slope_r1: float = 0.0  # logarithm of R1 and R2 from full to empty
+    bend_r1: float = 0.0  # the same of R1 alone
     ripple: float = 0.0  # of the OCV over SoC, which no effect of the library explains [V]
     contact: float = 0.0  # resistance above 1C, which none explains either [ohm]
     exchange: float = 0.0  # current of charge transfer half full; 0: none [A]
@@ -68,13 +70,15 @@ def transfer_volt(load, soc, truth):
 
 def simulated(current, celsius, soc, truth):
     """Voltage [V] on fine steps under the true current [A]; rest before."""
-    r0, r1, r2, a1, a2 = 0.026, 0.011, 0.013, FINE_SECOND / 9.0, FINE_SECOND / 150.0
-    a1, a2, a3, ah = (-np.expm1(-x) for x in (a1, a2, FINE_SECOND / 1000, FINE_SECOND / 400))
+    r0, r1, r2 = 0.026, 0.011, 0.013
+    a3, ah = (-np.expm1(-FINE_SECOND / tau) for tau in (1000, 400))
     v1 = v2 = v3 = rise = 0.0
     side, charge = float(soc > 0.9), soc
     volts, socs = np.empty(len(current)), np.empty(len(current))
     kelvin = celsius + KELVIN
     outside = np.exp(truth.activation / GAS * (1 / kelvin - 1 / (25 + KELVIN)))
+    late = outside**truth.following
+    a1, a2 = (-np.expm1(-FINE_SECOND / (tau * late)) for tau in (9.0, 150.0))
     for k, (load, now) in enumerate(zip(current.tolist(), kelvin.tolist(), strict=True)):
         factor = outside[k] * np.exp(OWN_HEAT / GAS * (1 / (now + rise) - 1 / now))
         slow = factor * np.exp(truth.slope_r1 * (0.5 - charge))
@@ -88,8 +92,9 @@ def simulated(current, celsius, soc, truth):
         socs[k] = charge
         heat = load * (ohmic + v1 + v2)
         charge += (load - truth.leak) * FINE_SECOND / 3600 / CAPACITY
-        v1 += a1 * (slow * r1 * load - v1)
-        v2 += a2 * (slow * r2 * load - v2)
+        bent = np.exp(truth.bend_r1 * (0.5 - charge))
+        v1 += a1[k] * (slow * bent * r1 * load - v1)
+        v2 += a2[k] * (slow * r2 * load - v2)
         v3 += a3 * (truth.slow_ohm * load - v3)
         rise += ah * (truth.thermal * heat - rise)
     wave = truth.wave * np.cos(np.pi * socs) + truth.ripple * np.sin(300 * socs)
