@@ -203,7 +203,7 @@ def test_in_the_cold_resistances_and_time_constants_of_the_pairs_grow_alike():
     np.testing.assert_allclose(
         base.voltage(small.CELL, stack, warm | sizes, (effect,)), plain, rtol=0, atol=1e-9
     )
-    kept = sizes | {f"{effect.id}.time_constants_follow": 0.0}
+    kept = sizes | {f"{effect.id}.time_constant_exponent": 0.0}
     cold |= {name: warm[name] for name in ("log_tau1", "log_tau2")}
     plain = base.voltage(small.CELL, stack, cold)
     np.testing.assert_allclose(

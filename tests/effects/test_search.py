@@ -51,7 +51,7 @@ def test_the_hidden_effect_is_named_alone(effect):
 
 
 FORMS = {
-    "resistance_temperature": (Truth(activation=2.5e4, following=1.0), "time_constants_follow"),
+    "resistance_temperature": (Truth(activation=2.5e4, following=1.0), "time_constant_exponent"),
     "polarisation_soc": (Truth(bend_r1=2.0), "excess_of_quicker_pair"),
 }
 

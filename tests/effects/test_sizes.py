@@ -85,7 +85,7 @@ def test_the_activation_energy_is_that_of_all_resistances_together():
 
 def test_the_activation_energy_is_told_over_the_temperatures_that_were_fitted():
     given = {"activation_energy_joule_per_mole": {"value": 2e4, "std": 1e3}}
-    shapes = ("polarisation_excess_joule_per_mole", "growth_towards_cold", "time_constants_follow")
+    shapes = ("polarisation_excess_joule_per_mole", "growth_towards_cold", "time_constant_exponent")
     given |= {name: {"value": 0.0, "std": 0.0} for name in shapes}
     values = VALUES | {"fitted_celsius": [19.7, 41.2]}
     (size,) = sizes_as_used(LIBRARY["resistance_temperature"], given, values)

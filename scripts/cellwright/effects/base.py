@@ -42,8 +42,8 @@ class Fields(NamedTuple):
     current : through the cell [A]. held : mean of it since the row before [A]. moved : charge
     passed since the row before, + on charge [Ah]. capacity : [Ah]. soc : [1].
     celsius : inside the cell [degC]. r0, r1, r2 : [ohm]. tau1, tau2 : [s]. slow : factors of r1
-    and of r2, lateness : of tau1 and tau2, apart so that what follows from them is kept while these
-    move [1]. ocv : [V].
+    and of r2, tau_factor : of tau1 and of tau2, both apart from these so that what follows from
+    them is kept while these move [1]. ocv : [V].
     ohmic : voltage that follows the current at once [V]. volt : of the terminals [V].
     """
 
@@ -59,7 +59,7 @@ class Fields(NamedTuple):
     tau1: float
     tau2: float
     slow: tuple
-    lateness: np.ndarray | float
+    tau_factor: np.ndarray | float
     ocv: np.ndarray
     ohmic: np.ndarray
     volt: np.ndarray
@@ -72,7 +72,7 @@ class Fields(NamedTuple):
     @property
     def slow_second(self):
         """Time constants of both RC pairs with their factor: two of (n,), or scalars [s]."""
-        return self.tau1 * self.lateness, self.tau2 * self.lateness
+        return self.tau1 * self.tau_factor, self.tau2 * self.tau_factor
 
 
 class Cell(NamedTuple):
@@ -253,31 +253,31 @@ def slow_volt(stack, fields):
 def _pair_volt(stack, fields, ohm, factor, tau):
     """Voltage of an RC pair; that of one ohm is kept where nothing but its resistance moved [V]."""
     if np.ndim(ohm) or fields.current is not stack.current_ampere:
-        return relaxed(stack, ohm * factor * fields.current, tau, lateness=fields.lateness)
-    columns = fields.current, factor, fields.lateness
+        return relaxed(stack, ohm * factor * fields.current, tau, tau_factor=fields.tau_factor)
+    columns = fields.current, factor, fields.tau_factor
 
     def of_one_ohm():
-        return relaxed(stack, fields.current * factor, tau, lateness=fields.lateness)
+        return relaxed(stack, fields.current * factor, tau, tau_factor=fields.tau_factor)
 
     return ohm * kept_response(stack, columns, (relaxed, tau), of_one_ohm)
 
 
-def relaxed(stack, drive, tau_second, *, lateness=1.0):
+def relaxed(stack, drive, tau_second, *, tau_factor=1.0):
     """First-order lag of a drive (n,), at rest at the start of every record; unit of the drive.
 
-    lateness : factor of the time constant, (n,) or a scalar: the clock runs so much slower.
+    tau_factor : factor of the time constant [1], (n,) or a scalar: time runs so much slower.
     """
-    clock = stack.step_second / lateness, stack.fresh, stack.linear
+    clock = stack.step_second / tau_factor, stack.fresh, stack.linear
     return lag_fresh(*clock, drive, tau_second, np.zeros(len(drive)))
 
 
-def slowed(stack, fields, factors, *, lateness=1.0):
+def slowed(stack, fields, factors, *, tau_factor=1.0):
     """Fields with the resistances and time constants of the RC pairs times factors (n,) [1].
 
-    factors : of the first and of the second pair's resistance. lateness : of both time constants.
+    factors : two, of the resistance of either pair. tau_factor : of both time constants.
     """
     slow = tuple(map(partial(_product, stack), fields.slow, factors))
-    return fields._replace(slow=slow, lateness=_product(stack, fields.lateness, lateness))
+    return fields._replace(slow=slow, tau_factor=_product(stack, fields.tau_factor, tau_factor))
 
 
 def _product(stack, *factors):

@@ -40,7 +40,8 @@ KNOTS = np.linspace(0.0, 1.0, 61)  # four to each of the OCV's error, and to eve
 PLAIN_PAIRS = 2  # branches of the plain circuit, the first ones
 PROBED = ("counting", "resistance", "ocv")  # stages that a circuit holds by itself
 SAME_KELVIN, FURTHEST_KELVIN = 2.0, 15.0
-MOVED_BY_TEMPERATURE = {"entropic_ocv", "resistance_temperature"}  # more than resistances
+# Effects on OCV or time constants, which a look-up takes straight in 1/T between conditions.
+LOOKED_UP_OVER_TEMPERATURE = {"entropic_ocv", "resistance_temperature"}
 
 
 def effect_member(effect_model, model, celsius, library=LIBRARY, *, courses=None):
@@ -123,7 +124,7 @@ def temperatures(courses, stated, effects):
         for course, chamber in zip(courses, stated, strict=True)
     ]
     kept = distinct(sorted(means))
-    if MOVED_BY_TEMPERATURE.isdisjoint(effects):
+    if LOOKED_UP_OVER_TEMPERATURE.isdisjoint(effects):
         return kept
     ends = [float(np.floor(min(c.min() for c in courses)))]
     ends += [float(np.ceil(max(c.max() for c in courses)))]

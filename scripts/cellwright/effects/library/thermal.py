@@ -22,8 +22,10 @@ def _resistance(fields, stack, p):
     with temperature, so that its time constant grows as its resistance does.
     """
     celsius, key = (fields.celsius,), (_resistance, *p.values())
-    ohmic, slow, late = kept_response(stack, celsius, key, lambda: _resistance_factors(fields, p))
-    return slowed(stack, fields._replace(r0=fields.r0 * ohmic), (slow, slow), lateness=late)
+    ohmic, slow, tau_factor = kept_response(
+        stack, celsius, key, lambda: _resistance_factors(fields, p)
+    )
+    return slowed(stack, fields._replace(r0=fields.r0 * ohmic), (slow, slow), tau_factor=tau_factor)
 
 
 def _resistance_factors(fields, p):
@@ -35,7 +37,7 @@ def _resistance_factors(fields, p):
     energy = p["activation_energy_joule_per_mole"] * bend
     ohmic = resistance_factor(*about, energy)
     slow = ohmic * resistance_factor(*about, p["polarisation_excess_joule_per_mole"])
-    return ohmic, slow, slow ** p["time_constants_follow"]
+    return ohmic, slow, slow ** p["time_constant_exponent"]
 
 
 def _self_heating(fields, stack, p):
@@ -86,9 +88,9 @@ EFFECTS = (
             Parameter(
                 "growth_towards_cold", "1", 0.0, -0.9, 3.0, step=0.02, shape=True, prior_std=0.3
             ),
-            # The power of the pairs' factor: 1 by a capacitance that does not change, 0 by none.
+            # Of the pairs' resistance factor: 1 where capacitances stay, 0 where time constants do.
             Parameter(
-                "time_constants_follow", "1", 1.0, 0.0, 2.0, step=0.02, shape=True, prior_std=0.5
+                "time_constant_exponent", "1", 1.0, 0.0, 2.0, step=0.02, shape=True, prior_std=0.5
             ),
         ),
         stage="resistance",
