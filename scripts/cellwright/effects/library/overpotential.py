@@ -69,9 +69,18 @@ def _charge_transfer_branch(p, r0_ohm, capacity_ampere_hour, soc):
 
 
 def _charge_transfer(fields, stack, p):
-    r0_ohm, kind, parameters = _charge_transfer_branch(p, fields.r0, None, fields.soc)
-    transfer = KINDS[kind].drive(fields.current, **parameters)
-    return fields._replace(ohmic=r0_ohm * fields.current + transfer)
+    """The share's voltage is R0 times one that only its kinetics, SoC and current change."""
+    columns, share = (fields.soc, fields.current), p["share_of_resistance"]
+    sizes = (_charge_transfer, *(size for name, size in p.items() if name != "share_of_resistance"))
+    of_one_ohm = kept_response(stack, columns, sizes, lambda: _transfer_volt(fields, p))
+    return fields._replace(ohmic=fields.r0 * ((1.0 - share) * fields.current + share * of_one_ohm))
+
+
+def _transfer_volt(fields, p):
+    """Voltage of charge transfer with a resistance of one ohm at half charge (n,) [V]."""
+    alone = p | {"share_of_resistance": 1.0}
+    _, kind, parameters = _charge_transfer_branch(alone, 1.0, None, fields.soc)
+    return KINDS[kind].drive(fields.current, **parameters)
 
 
 def _switch_branch(p, r0_ohm, capacity_ampere_hour, soc):
