@@ -69,7 +69,7 @@ def _charge_transfer_branch(p, r0_ohm, capacity_ampere_hour, soc):
 
 
 def _charge_transfer(fields, stack, p):
-    """The share's voltage is R0 times one that only its kinetics, SoC and current change."""
+    """R0 and the share only scale the voltage of charge transfer, which is kept for one ohm."""
     columns, share = (fields.soc, fields.current), p["share_of_resistance"]
     sizes = (_charge_transfer, *(size for name, size in p.items() if name != "share_of_resistance"))
     of_one_ohm = kept_response(stack, columns, sizes, lambda: _transfer_volt(fields, p))
