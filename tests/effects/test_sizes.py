@@ -56,8 +56,9 @@ def sizes(effect, values=VALUES, **given):
         ),
         (
             "entropic_ocv",
-            {"coefficient_volt_per_kelvin": 2e-4, "tilt_volt_per_kelvin": 1e-4},
-            ["at 10 % SoC 0.28 mV/K", "at 50 % SoC 0.2 mV/K", "at 90 % SoC 0.12 mV/K"],
+            {"coefficient_volt_per_kelvin": 2e-4}
+            | {"step_to_20_percent": 1e-4, "step_to_65_percent": -3e-4},
+            ["at 10 % SoC 0.3 mV/K", "at 50 % SoC 0.2 mV/K", "at 90 % SoC −0.1 mV/K"],
         ),
         ("capacity_error", {"relative": -0.05}, ["−5 % of capacity", "−0.2 Ah"]),
         ("coulombic_inefficiency", {"lost_share_of_charge": 0.01}, ["1 % of what is charged"]),

@@ -105,10 +105,10 @@ def searched(case, library):
     """What a search comes to, under the hold of the current by which it follows the records best.
 
     The hold is chosen by the model without effects. Where the model with those that were found
-    follows the records better with the other one, or leaves an error that matters, the cell is
-    searched with that, too: a fast pair that moves half a sample too late is a resistance several
-    percent too large, and can hide what else there is. The better fit goes on, of the records
-    fitted, each name paid for.
+    follows the records better with the other one, or an error that matters has no name at all, the
+    cell is searched with that, too: a fast pair that moves half a sample too late is a resistance
+    several percent too large, and can hide what else there is. The better fit goes on, of the
+    records fitted, each name paid for.
 
     Parameters
     ----------
@@ -128,9 +128,10 @@ def searched(case, library):
 
 
 def _doubtful(found):
-    """Whether the other hold may come to more: nobody needs it where all is explained."""
-    better = found.holds and found.holds[1].cost < found.holds[0].cost
-    return better or not found.result.adequate
+    """Whether the other hold may come to more."""
+    if not found.result.steps:
+        return not found.result.adequate
+    return found.holds[1].cost < found.holds[0].cost
 
 
 def _cost(found, filters):

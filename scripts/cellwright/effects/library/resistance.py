@@ -5,25 +5,28 @@ import numpy as np
 from cellwright.effects.base import kept_response, slowed
 from cellwright.effects.library.vocabulary import Effect, Parameter
 
-# Knots of the logarithm of a resistance over SoC, from the middle to either end. A parameter is
-# the change from one knot to the next: beyond the last SoC tested the resistance stays as it is.
+# Knots of a course over SoC (logarithm of a resistance, entropic coefficient), from the middle to
+# either end. A parameter is the change from one knot to the next: beyond the last SoC tested the
+# course stays as it is.
 TOWARDS_EMPTY = (0.35, 0.2, 0.1, 0.04, 0.0)
 TOWARDS_FULL = (0.65, 0.8, 0.9, 1.0)
-MIDDLE = 0.5
+KNOTS = np.array([*TOWARDS_EMPTY[::-1], 0.5, *TOWARDS_FULL])
 QUICKER = "excess_of_quicker_pair"  # of the logarithm of its course over the mean of both
 
 
 def _course(soc, steps):
     """Factor of a resistance at each SoC: straight in its logarithm between knots, 1 in the middle.
 
-    steps : dict of the changes of the logarithm by name, see `_course_parameters`.
+    steps : dict of the changes of the logarithm by name, see `course_parameters`.
     """
-    knots = np.array([*TOWARDS_EMPTY[::-1], MIDDLE, *TOWARDS_FULL])
-    return np.exp(np.interp(soc, knots, _at_knots(steps)))
+    return np.exp(np.interp(soc, KNOTS, at_knots(steps)))
 
 
-def _at_knots(steps):
-    """Logarithm of the factor at each knot, from empty to full."""
+def at_knots(steps):
+    """Course at each of the knots over SoC, from empty to full, less that at half charge.
+
+    steps : dict of its changes from knot to knot by name, see `course_parameters`; their unit.
+    """
     empty = np.cumsum([steps[_step_name(knot)] for knot in TOWARDS_EMPTY])
     full = np.cumsum([steps[_step_name(knot)] for knot in TOWARDS_FULL])
     return np.concatenate([empty[::-1], [0.0], full])
@@ -31,7 +34,7 @@ def _at_knots(steps):
 
 def _changes_by_a_tenth(p):
     """Whether a course moves the resistance by as much as anyone would act on, as temperature's."""
-    return bool(np.ptp(_at_knots(p)) >= np.log(1.1))
+    return bool(np.ptp(at_knots(p)) >= np.log(1.1))
 
 
 def _step_name(knot):
@@ -69,15 +72,14 @@ def _lead(fields, stack, p):
     return fields._replace(r0=fields.r0 + p["resistance_ohm"])
 
 
-def _course_parameters():
-    """Changes of the logarithm of a resistance from knot to knot, outwards from half charge."""
+def course_parameters(unit="1", most=3.0, **about):
+    """Changes of a course from knot to knot, outwards from half charge; of a logarithm by default.
+
+    most : largest change, unit as given. about : of each, see vocabulary.Parameter.
+    """
+    about = about or {"step": 0.05, "plausible": 0.3, "prior_std": 0.7}
     return tuple(
-        Parameter(
-            *(_step_name(knot), "1", 0.0, -3.0, 3.0),
-            step=0.05,
-            plausible=0.3,
-            prior_std=0.7,
-        )
+        Parameter(_step_name(knot), unit, 0.0, -most, most, **about)
         for knot in (*TOWARDS_EMPTY, *TOWARDS_FULL)
     )
 
@@ -105,7 +107,7 @@ EFFECTS = (
     Effect(
         id="resistance_soc",
         sentence="the ohmic resistance changes with the state of charge",
-        parameters=_course_parameters(),
+        parameters=course_parameters(),
         stage="resistance",
         act=_resistance_soc,
         material=_changes_by_a_tenth,
@@ -117,7 +119,7 @@ EFFECTS = (
         id="polarisation_soc",
         sentence="the polarisation (what relaxes) changes with the state of charge",
         parameters=(
-            *_course_parameters(),
+            *course_parameters(),
             # 0: both pairs alike, 1: the quicker alone. The slower alone is an error of the OCV.
             Parameter(QUICKER, "1", 0.0, 0.0, 1.0, step=0.02, shape=True, prior_std=0.7),
         ),
