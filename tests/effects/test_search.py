@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from small_plant import HEALTHY, Truth, rounds
+from small_plant import HEALTHY, Truth, case, entropic, rounds
 
 from cellwright.effects.case import Gates
+from cellwright.effects.finding import of_case
+from cellwright.effects.library import LIBRARY
 from cellwright.effects.verdict import outcome
 from cellwright.numerics.least_squares import stds
 
@@ -48,6 +50,25 @@ def test_the_hidden_effect_is_named_alone(effect):
     assert [step.chosen.effect.id for step in result.steps] == [effect]
     assert result.closed > 0.9
     assert result.adequate
+
+
+@pytest.mark.parametrize(("activation", "small"), [(0.0, []), (1.2e3, ["resistance_temperature"])])
+def test_an_entropy_that_bends_over_soc_is_told_within_its_intervals(activation, small):
+    """Where no record was, the interval is wide instead of wrong.
+
+    An energy that nobody acts on is in the model beside it, else it would be in its sizes.
+    """
+    truth = Truth(entropy=1e-3, activation=activation)
+    verdict = of_case("A", case(truth), LIBRARY).verdict
+    assert [one["effect"] for one in verdict["effects"]] == ["entropic_ocv"]
+    assert verdict["small"] == small
+    assert verdict["gap_closed"] > 0.9
+    # Largest deviation at a SoC [mV/K]; no record goes below 50 %.
+    for size, (soc, most) in zip(
+        verdict["effects"][0]["sizes"], {0.1: 1.5, 0.5: 0.4, 0.9: 0.4}.items(), strict=True
+    ):
+        assert abs(size["value"] - 1e3 * entropic(soc, truth)) < 2.5 * size["std"]
+        assert size["std"] < most
 
 
 FORMS = {

@@ -37,6 +37,7 @@ class Truth(NamedTuple):
     falling: float = 0.0  # logarithm of R0 from full to empty
     asymmetry: float = 0.0  # of R0 on charge, relative
     wave: float = 0.0  # of the OCV over its table [V]
+    entropy: float = 0.0  # of a wave of the entropic coefficient over SoC [V/K]
     slope_r1: float = 0.0  # logarithm of R1 and R2 from full to empty
     bend_r1: float = 0.0  # the same of R1 alone
     ripple: float = 0.0  # of the OCV over SoC, which no effect of the library explains [V]
@@ -52,6 +53,11 @@ HEALTHY = Truth()
 def ocv(soc):
     """OCV of the table [V]."""
     return 3.35 + 0.75 * soc + 0.06 * np.sin(7 * soc) - 0.2 * np.exp(-np.maximum(soc, 0) / 0.04)
+
+
+def entropic(soc, truth):
+    """Entropic coefficient [V/K]."""
+    return truth.entropy * np.sin(2 * np.pi * soc)
 
 
 CELL = base.Cell(CAPACITY, ocv(np.linspace(0.0, 1.0, 201)))
@@ -98,7 +104,8 @@ def simulated(current, celsius, soc, truth):
         v3 += a3 * (truth.slow_ohm * load - v3)
         rise += ah * (truth.thermal * heat - rise)
     wave = truth.wave * np.cos(np.pi * socs) + truth.ripple * np.sin(300 * socs)
-    return volts + ocv(socs) + 4e-4 * np.sin(5 * socs + 1) + wave
+    warmed = entropic(socs, truth) * (celsius - 25)
+    return volts + ocv(socs) + 4e-4 * np.sin(5 * socs + 1) + wave + warmed
 
 
 def measured(test, rows, celsius, soc, truth=None, *, seed, kind="drive", every=ROW_SECOND):

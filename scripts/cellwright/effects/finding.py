@@ -182,7 +182,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     split_rest_second : shortest rest that ends a block [s]; None: the model is not fitted again
     without blocks, which only a choice between models asks for.
     """
-    case, rounds, result, shares_of_answers, holds = searched(case, library)
+    case, rounds, result, shares_of_answers, holds, alone = searched(case, library)
     residuals = _map(case, rounds[0].before, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {step.chosen.effect.id for step in result.steps}
@@ -218,7 +218,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     model = model_of(case, state)
     values = values_of(model) | result.last.solution.values
-    fitted = _fitted(case, result.last, rounds[-1].filters.fit, holds)
+    fitted = _fitted(case, result.last, rounds[-1].filters.fit, holds, alone)
     for entry in (*verdict["effects"], *verdict["partial"]):
         effect = library[entry["effect"]], entry["parameters"]
         entry["sizes"] = [size._asdict() for size in sizes_as_used(*effect, values, fitted)]
@@ -251,8 +251,12 @@ def _learnable(case, result, filters):
     }
 
 
-def _fitted(case, state, whitening, holds):
+def _fitted(case, state, whitening, holds, alone):
     """How sure the parameters of a model are: by what is left, stated temperatures, and the hold.
+
+    And by what they would be without an effect that nobody would act on (`alone`, a Solution or
+    None): models that are as good to anyone disagree by that (S. Buckland et al., Biometrics 53
+    (1997) 603).
 
     What is left is taken as independent between parts of records, and between whole records: what
     one has of its own (a core warmer than its surface) is in all of its parts. Between the holds of
@@ -267,6 +271,10 @@ def _fitted(case, state, whitening, holds):
         spreads += covariances(state.solution, case.fit.file)[1:]
     names = state.solution.names
     assumed = by_temperature + _unsure_by_hold(names, *holds) if holds else by_temperature
+    if alone is not None:
+        now = state.solution.values
+        change = np.array([alone.values[n] - now[n] if n in alone.names else 0.0 for n in names])
+        assumed = assumed + np.outer(change, change)
     return Fitted(names, tuple(one + assumed for one in spreads))
 
 

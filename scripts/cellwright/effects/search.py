@@ -175,8 +175,7 @@ def _best_too_small(case, step, earlier):
     first = earlier[0].before if earlier else step.before
     if explained(case.gates, step.before, step.floor):
         return None
-    denied = case.denied(step.trials)
-    allowed = [t for t in step.trials if t.effect.key not in denied]
+    allowed = _allowed(case, step)
     best = next((t for t in allowed if significant(case.gates, t)), None)
     if best is None or case.matters(first, step.before, best, step.floor):
         return None
@@ -184,6 +183,27 @@ def _best_too_small(case, step, earlier):
     rivals = any(case.matters(first, step.before, t, step.floor) for t in others)
     much = left_volt(step.before, step.floor) > case.gates.unknown_volt
     return best if rivals or much else None
+
+
+def beside_names(case, first, step):
+    """The Trial of a round that follows the records fitted best, of those nobody would act on.
+
+    It is no name, so that no proof is asked but that the records that judge are not followed worse:
+    what it takes up is not to be in the sizes of names.
+
+    Parameters
+    ----------
+    case : as in `search`. first : State of the healthy model. step : Round.
+    """
+    shown = (t for t in _allowed(case, step) if followed(case.gates, t) and t.delta_validation >= 0)
+    small = (t for t in shown if not case.matters(first, step.before, t, step.floor))
+    return max(small, key=lambda t: t.delta_bic, default=None)
+
+
+def _allowed(case, step):
+    """Trials of a round that no measurement outside the fit contradicts."""
+    denied = case.denied(step.trials)
+    return [t for t in step.trials if t.effect.key not in denied]
 
 
 def _needed(case, model, filters, rounds):
@@ -252,11 +272,9 @@ def _round(case, possible, model, filters, earlier):
             break
     floor = case.floor(step.before, free, residual, filters, earlier)
     first = earlier[0].before if earlier else step.before
-    denied = case.denied(step.trials)
-    allowed = [t for t in step.trials if t.effect.key not in denied]
-    chosen, tied = best_of(case, first, step.before, allowed, floor)
+    chosen, tied = best_of(case, first, step.before, _allowed(case, step), floor)
     if chosen is not None:
-        tied = case.ties(chosen, tied, denied, possible)
+        tied = case.ties(chosen, tied, case.denied(step.trials), possible)
     return step._replace(floor=floor, chosen=chosen, tied=tied), filters
 
 
