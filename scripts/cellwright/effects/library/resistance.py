@@ -72,7 +72,7 @@ def _lead(fields, stack, p):
     return fields._replace(r0=fields.r0 + p["resistance_ohm"])
 
 
-def course_parameters(unit="1", most=3.0, **about):
+def course_parameters(unit="1", *, most=3.0, **about):
     """Changes of a course from knot to knot, outwards from half charge; of a logarithm by default.
 
     most : largest change, unit as given. about : of each, see vocabulary.Parameter.

@@ -146,7 +146,7 @@ EFFECTS = (
             # Lithiated electrodes order and disorder: from knot to knot the coefficient changes by
             # tenths of a millivolt (V. Viswanathan et al., J. Power Sources 195 (2010) 3720).
             *course_parameters(
-                "V/K", 3e-3, step=2e-5, plausible=1e-4, material=2e-5, prior_std=5e-4
+                "V/K", most=3e-3, step=2e-5, plausible=1e-4, material=2e-5, prior_std=5e-4
             ),
         ),
         stage="ocv",

@@ -106,8 +106,9 @@ def _deviations(effect, form, own, values, told, fitted):
         for one in fitted.covariances
     ]
     variance = np.max(variances, axis=0)
+    variance = np.where(variance > 0, variance, np.nan)  # of what ended on a bound none is stated
     assumed = ASSUMED_RELATIVE.get(effect.id, 0.0) * np.array([one[1] for one in told])
-    return np.sqrt(np.maximum(variance, 0.0) + assumed**2)
+    return np.sqrt(variance + assumed**2)
 
 
 def _as_fitted(parameters):
