@@ -230,3 +230,25 @@ def test_an_answer_that_is_not_right_says_why(folder):
     assert rows["a5"].against == judging.HIDDEN
     right = judging.of_part("forms", folder, [answer("a4", "named", "leakage")])
     assert {row.cell: row for row in right}["a4"].against == ""
+
+
+def test_of_a_planted_copy_the_names_count_that_the_unplanted_one_has_not():
+    truth = {"u": hidden("u", "unplanted")}
+    truth |= {
+        cell: hidden(cell, "single", effect) | {"control": "u"}
+        for cell, effect in (("p1", "leakage"), ("p2", "leakage"), ("p3", "time_skew"))
+    }
+    answers = [
+        answer("u", "named", "time_skew"),
+        answer("p1", "named", "time_skew", "leakage"),
+        answer("p2", "named", "time_skew"),
+        answer("p3", "named", "time_skew"),
+    ]
+    found, missed, known = judging.judged("planted", truth, answers)
+    assert (found.outcome, found.extra, found.said) == ("right", 0, "leakage")
+    assert (missed.outcome, missed.said) == ("called unknown", "")
+    assert found.visible
+    assert not known.visible, "named without planting"
+    shares = {one.name: one for one in judging.shares([found, missed, known])}
+    assert (shares["visible effects right"].hits, shares["visible effects right"].of) == (1, 2)
+    assert shares["false names"].hits == 0

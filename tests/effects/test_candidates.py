@@ -3,8 +3,17 @@
 import numpy as np
 import pytest
 
-from cellwright.effects.candidates import Candidate, candidates, neutral, scored
+from cellwright.effects.candidates import (
+    Candidate,
+    candidates,
+    frees_of,
+    is_material,
+    neutral,
+    scored,
+)
+from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import Effect, Parameter
+from cellwright.numerics.least_squares import Problem, fit
 
 RANDOM = np.random.default_rng(11)
 NUISANCES = RANDOM.normal(size=(400, 4))
@@ -95,3 +104,18 @@ def test_columns_are_the_change_by_each_size_at_each_start():
         assert candidate.sizes == ("made_up.one", "made_up.two")
         np.testing.assert_allclose(candidate.columns[:, 0], width * np.arange(50), atol=1e-9)
         np.testing.assert_allclose(candidate.columns[:, 1], -1.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("rows_near_empty", "counts"), [(1, False), (300, True)])
+def test_a_course_counts_by_what_is_sure_of_it(rows_near_empty, counts):
+    """A resistance that seems a quarter larger near empty, told by one reading or by many."""
+    course = LIBRARY["resistance_soc"]
+    free = frees_of(course)
+    near_empty = np.r_[np.zeros(500), np.ones(rows_near_empty)]
+
+    def predict(values):
+        return near_empty * values["resistance_soc.step_to_0_percent"] * 4.0
+
+    solution = fit(Problem(predict, near_empty, np.array, free), neutral(course))
+    assert solution.values["resistance_soc.step_to_0_percent"] == pytest.approx(0.23, abs=0.03)
+    assert is_material(course, solution) is counts

@@ -161,6 +161,19 @@ def test_errors_that_last_over_blocks_are_in_the_deviations_of_their_sums():
     assert np.mean(np.abs(far["blocks"]) < 1.96) > 0.85
 
 
+def test_of_five_blocks_the_intervals_still_hold():
+    """As records of a campaign are few; a normal deviation would hold nine in ten."""
+    blocks, matrix = np.repeat(np.arange(5), 10), np.ones((50, 1))
+    inside = []
+    for seed in range(400):
+        error = np.random.default_rng(seed).normal(size=5)[blocks]
+        free = (Free("a", 0.1),)
+        problem = Problem(lambda v: matrix[:, 0] * v["a"], 2.0 + error, np.array, free)
+        solution = fit(problem, {"a": 0.0}, steps=1)
+        inside.append(abs(solution.values["a"] - 2.0) < 1.96 * stds(solution, blocks)["a"])
+    assert 0.92 < np.mean(inside) < 0.98
+
+
 def test_inside_is_the_solution_without_what_a_bound_holds():
     free = (Free("a", 0.1, upper=0.2), Free("b", 0.1), Free("c", 0.1))
     solution = fit(linear(free), ZERO)

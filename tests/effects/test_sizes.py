@@ -196,6 +196,16 @@ def test_every_effect_has_sizes_that_are_numbers(effect):
     assert all(np.isfinite([size.value, size.std]).all() for size in found)
 
 
+def test_what_hangs_on_a_parameter_on_its_bound_states_no_deviation():
+    given = {p.name: {"value": p.neutral, "std": 0.1} for p in LIBRARY["slow_diffusion"].parameters}
+    given["resistance_ohm"] = {"value": 0.002, "std": 4e-4}
+    given["time_constant_second"] = {"value": 1e5, "std": 3.0, "at_bound": True}
+    fitted = Fitted(("slow_diffusion.resistance_ohm",), (np.array([[4e-4**2]]),))
+    resistance, time_constant = sizes_as_used(LIBRARY["slow_diffusion"], given, VALUES, fitted)
+    assert resistance.std == pytest.approx(0.4)
+    assert np.isnan(time_constant.std)
+
+
 def test_an_effect_of_a_group_is_told_by_its_parameters():
     effect = GROUP_LIBRARY["branch_wire_resistance"]
     parameters = {

@@ -11,7 +11,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit
+from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit, stds
 
 BINS = 60
 CHORD_STEPS, ANEW_STEPS = 6, 4
@@ -373,7 +373,7 @@ def trial_of(case, before, effect, effects, promised, solution, filters):
         promised,
         before.solution.cost - solution.cost - counted,
         float(np.sum(before.validation_chi_squares - state.validation_chi_squares)),
-        _material(effect, solution.values),
+        is_material(effect, solution),
         state,
     )
 
@@ -449,11 +449,21 @@ def frees_of(effect):
     )
 
 
-def _material(effect, values):
-    """Whether the sizes of an effect are large enough for anyone to act on."""
-    sizes = effect.sizes_of(values)
+def is_material(effect, solution):
+    """Whether anyone would act on the sizes of an effect, less a standard deviation of each.
+
+    A course over SoC has knots where no record was: what it does there is nothing to act on.
+
+    Parameters
+    ----------
+    effect : Effect. solution : least_squares.Solution of a model with it.
+    """
+    deviations, sure = stds(solution), {}
+    for p, name in zip(effect.parameters, effect.names, strict=True):
+        size, unsure = solution.values[name] - p.neutral, deviations.get(name, 0.0)
+        sure[p.name] = p.neutral + np.sign(size) * max(abs(size) - unsure, 0.0)
     if effect.material is not None:
-        return effect.material(sizes)
+        return effect.material(sure)
     return any(
-        abs(sizes[p.name] - p.neutral) >= p.material for p in effect.parameters if not p.shape
+        abs(sure[p.name] - p.neutral) >= p.material for p in effect.parameters if not p.shape
     )

@@ -11,11 +11,13 @@ from runtime import artefact
 from virtual_lab.score import verdicts
 from virtual_lab.score.comparison import NORMAL_95
 from virtual_lab.zoo import parts
+from virtual_lab.zoo.planted import UNPLANTED
 
 SHEET = "sheet"  # kind of a cell whose sheet or sensor is wrong, and nothing of the cell
 HEALTHY = verdicts.HEALTHY
 CONTENT = ("right", "right, as one of a tie", "rightly silent")
 ALARMS = ("false alarm", "false name", "called unknown")
+NAMING = ("named", "ambiguous")
 HIDDEN = "the records fitted cannot show it"
 NAN = float("nan")
 
@@ -77,13 +79,34 @@ def truth_of(folder) -> dict[str, dict]:
 def judged(part: str, truth: dict[str, dict], answers: list[dict]) -> list[Judged]:
     """Each hidden cell with the answer on it, in the order of the names.
 
+    Of a planted copy the names count that its unplanted one (`control`) has not: what nobody
+    planted is the real cell's own. What is named without planting counts as not visible.
+
     Parameters
     ----------
     part : name of the part of the zoo. truth : of `truth_of`. answers : rows of
     `searching.answers`; a cell without one has no verdict.
     """
     mine = {row["cell"]: row for row in answers}
-    return [_judged(part, truth[cell], mine.get(cell)) for cell in sorted(truth)]
+    cells = [cell for cell in sorted(truth) if truth[cell]["kind"] != UNPLANTED]
+    return [_judged(part, *_planted(truth[cell], mine.get(cell), mine)) for cell in cells]
+
+
+def _planted(hidden, answer, answers):
+    """Truth and answer of a copy without the names that its control has; of others as they are."""
+    control = answers.get(hidden.get("control"))
+    if not (control and control["document"] and answer and answer["document"]):
+        return hidden, answer
+    known = {one["effect"] for one in names_said(json.loads(control["document"]))}
+    verdict = json.loads(answer["document"])
+    for key in ("effects", "partial"):
+        verdict[key] = [one for one in verdict.get(key, []) if one["effect"] not in known]
+    if verdict["verdict"] in NAMING and not verdict["effects"]:
+        verdict["verdict"] = "unknown"
+    # Probabilities weigh the cell's own effects as well.
+    answer = answer | {"document": json.dumps(verdict | {"probabilities": {}})}
+    shown = hidden["visible"] and not any(accept & known for accept in _accepted(hidden))
+    return hidden | {"visible": shown}, answer
 
 
 def _judged(part, hidden, answer):

@@ -68,6 +68,8 @@ def sizes_as_used(effect, parameters, values=None, fitted=None):
     fitted = fitted or _independent(effect, parameters)
     told = form(effect, own, values or {})
     stds = _deviations(effect, form, own, values or {}, told, fitted)
+    if any(p.get("at_bound") for p in parameters.values()):
+        stds = np.where(stds > 0, stds, np.nan)  # what hangs on a bound alone states none
     return tuple(
         Size(name, float(value), float(std), unit)
         for (name, value, unit), std in zip(told, stds, strict=True)
@@ -106,9 +108,8 @@ def _deviations(effect, form, own, values, told, fitted):
         for one in fitted.covariances
     ]
     variance = np.max(variances, axis=0)
-    variance = np.where(variance > 0, variance, np.nan)  # of what ended on a bound none is stated
     assumed = ASSUMED_RELATIVE.get(effect.id, 0.0) * np.array([one[1] for one in told])
-    return np.sqrt(variance + assumed**2)
+    return np.sqrt(np.maximum(variance, 0.0) + assumed**2)
 
 
 def _as_fitted(parameters):
