@@ -272,10 +272,15 @@ def _fitted(case, state, whitening, holds, alone):
     names = state.solution.names
     assumed = by_temperature + _unsure_by_hold(names, *holds) if holds else by_temperature
     if alone is not None:
-        now = state.solution.values
-        change = np.array([alone.values[n] - now[n] if n in alone.names else 0.0 for n in names])
+        change = _change_without(names, state.solution, alone)
         assumed = assumed + np.outer(change, change)
     return Fitted(names, tuple(one + assumed for one in spreads))
+
+
+def _change_without(names, solution, alone):
+    """Change (p,) of parameters without what joined the names; zero of those that joined."""
+    shared = set(alone.names)
+    return np.array([alone.values[n] - solution.values[n] if n in shared else 0.0 for n in names])
 
 
 def _unsure_by_hold(names, here, there):

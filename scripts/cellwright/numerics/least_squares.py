@@ -365,6 +365,8 @@ def covariances(solution, blocks=None):
     b enters as b/(b − 1), and by Student's t with b − 1 degrees of freedom, as wide at 95 % as the
     normal deviation told here (A. Cameron, D. Miller, J. Human Resources 50 (2015) 317).
     """
+    from scipy.special import ndtri, stdtrit  # here: other steps of the method need none of it
+
     scatter = max(solution.chi_square / len(solution.residual), 1.0)
     covariance = np.linalg.pinv(solution.precision)
     if blocks is None:
@@ -372,8 +374,6 @@ def covariances(solution, blocks=None):
     moved = (solution.white @ covariance) * solution.whitened[:, None]
     sums = np.stack([np.bincount(blocks, column) for column in moved.T], axis=1)
     off = sums - sums.mean(axis=0)
-    from scipy.special import ndtri, stdtrit  # here: other steps of the method need none of it
-
     few = len(sums) - 1
     wider = stdtrit(few, 0.975) / ndtri(0.975)
     return covariance * scatter, off.T @ off * (len(sums) / few * wider**2)
