@@ -53,7 +53,8 @@ def _dots(axes, height_of, rows, name, scale, marker_by):
 
 
 def _temperature_legend(axes, rows):
-    for celsius in sorted({_number(row["ambient_temperature_celsius"]) for row in rows}):
+    # NaN has no place of its own in an order: tests of no stated temperature come last.
+    for celsius in np.unique([_number(row["ambient_temperature_celsius"]) for row in rows]):
         axes.plot([], [], "o", **style.temperature_style(None if np.isnan(celsius) else celsius))
     style.legend_once(axes, fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
 
