@@ -66,8 +66,11 @@ def _is_plain(script) -> bool:
 
 
 def _environment(resources) -> dict:
-    """Environment that a script of one thread gets from Snakemake's `shell` and from bash."""
-    variables = dict(os.environ) | dict.fromkeys(THREAD_VARIABLES, "1")
+    """Environment that a script of one thread gets from Snakemake's `shell` and from bash.
+
+    Where no shell began the run, bash is the first one; it counts itself out again before a script.
+    """
+    variables = {"SHLVL": "0"} | os.environ | dict.fromkeys(THREAD_VARIABLES, "1")
     if not os.path.isdir(here := variables.get("PWD", "")) or not os.path.samefile(here, "."):
         variables["PWD"] = os.getcwd()
     folder = resources.get("tmpdir")

@@ -383,7 +383,8 @@ def judged(case, before, trials, filters):
 
     Of each record the trial tells the misfit that leaves the least of it: what one effect explains
     is no misfit. By the misfit of a record its fall of chi-square is too large, and its rows are
-    worth as much fewer.
+    worth as much fewer. What the priors say was weighed in the fit against chi-squares that were too
+    large: it counts as much less as all rows together.
 
     Parameters
     ----------
@@ -398,14 +399,15 @@ def judged(case, before, trials, filters):
         return []
     inflations = [case.inflation(trial.state) for trial in trials]
     least = {role: np.min([one[role] for one in inflations], axis=0) for role in inflations[0]}
-    rows = np.sum(case.rows_per_record() / least["fit"])
+    rows = case.rows_per_record()
+    worth = np.sum(rows / least["fit"])
     with_proof = []
     for trial in trials:
         falls = case.falls(before, trial.state)
         proof, proven = case.proof(before, trial.state, filters, least)
         solutions = before.solution, trial.state.solution
-        by_priors = np.subtract(*(s.cost - s.chi_square for s in solutions))
-        counted = len(frees_of(trial.effect)) * np.log(max(rows, np.e))
+        by_priors = np.subtract(*(s.cost - s.chi_square for s in solutions)) * worth / rows.sum()
+        counted = len(frees_of(trial.effect)) * np.log(max(worth, np.e))
         criterion = float(np.sum(falls["fit"] / least["fit"]) + by_priors - counted)
         fall = float(np.sum(falls["validation"] / least["validation"]))
         now = {"delta_bic": criterion, "delta_validation": fall, "proof": proof, "proven": proven}

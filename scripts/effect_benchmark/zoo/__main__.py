@@ -26,13 +26,14 @@ def main():
     sheets = campaign.read(asked.folder)
     truth = judging.truth_of(asked.folder)
     names = asked.cells.split(",") if asked.cells else campaign.searched(sheets)
-    rows, judged = [], []
+    rows = []
     for row in _answers(asked.folder, names, asked.jobs):
         rows.append(row)
-        mine = judging.judged("", {row["cell"]: truth[row["cell"]]}, [row])
-        judged += mine
-        print(line(*mine), flush=True)
+        for one in judging.judged("", {row["cell"]: truth[row["cell"]]}, rows):
+            print(line(one), flush=True)
         _keep(rows, asked.answers)
+    # A planted copy may have come before the unplanted one that it is judged beside.
+    judged = judging.judged("", {row["cell"]: truth[row["cell"]] for row in rows}, rows)
     for one in judging.shares(judged):
         print(f"{one.name:40s} {_measured(one)}")
     for one in judging.wrong(judged) if asked.wrong else []:
