@@ -19,7 +19,7 @@ from cellwright.effects.proof import (
     excess_volt,
     promised_of,
 )
-from cellwright.effects.search import best_of, up_to
+from cellwright.effects.search import best_of, stays, up_to
 
 DRAWS = 200
 LIKELY = 0.5
@@ -67,6 +67,8 @@ def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD, unseen=UN
        later, goes on;
        one that chooses another effect ends with it; one that chooses none, or one that the search
        took back, ends with those so far.
+    4. Before the last name a draw goes on as well where the name counts beside all others in the
+       end: what helps unevenly by itself may do so for the others that are still missing.
 
     Parameters
     ----------
@@ -84,17 +86,23 @@ def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD, unseen=UN
     random = np.random.default_rng(SEED)
     kept = tuple(step.chosen.effect.id for step in result.steps)
     going, answers = np.arange(draws), [()] * draws
-    sides, first = None, None
+    sides, first, stands = None, None, {}
     refused = {key for step in rounds for key in step.dropped}
     unnamed = {trial.effect.key for step in rounds for trial in step.small}
     for number, step in enumerate(rounds):
         if sides is None:
             sides = _sides(case, step, random.gamma, draws, spread)
             first = _befores(step.before, sides)
+            stands = _beside_the_others(case, result, sides, first, rounds[0].floor)
         choices = _choices(case, step, sides, first, going, rounds[0].floor)
         later = {s.chosen.effect.key for s in rounds[number:] if s.chosen}
         later |= set(step.tied) if step.chosen else set()
-        further = [draw for draw, t in choices.items() if t is not None and t.effect.key in later]
+        chosen = stands.get(step.chosen.effect.key, ()) if step.chosen else ()
+        further = [
+            draw
+            for draw, t in choices.items()
+            if draw in chosen or (t is not None and t.effect.key in later)
+        ]
         for draw, trial in choices.items():
             answers[draw] = _ended(step, trial, refused, unnamed)
         for draw in further:
@@ -105,6 +113,24 @@ def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD, unseen=UN
     even = unseen / len(possible)
     shares = {one: (1.0 - unseen) * shares.get(one, 0.0) + even for one in possible}
     return dict(sorted(shares.items(), key=lambda pair: (-pair[1], pair[0])))
+
+
+def _beside_the_others(case, result, sides, first, floor):
+    """Draws in which a name counts beside all others in the end: sets by key, the last name not."""
+    if len(result.steps) < 2:
+        return {}
+    counts, last = {}, result.steps[-1]
+    for one in last.beside:
+        befores = _befores(one.before, sides)
+        weighed = _weighed(case, one.before, one.trial, sides)
+        about = zip(first, befores, weighed, strict=True)
+        counts[one.trial.effect.key] = {
+            draw
+            for draw, (healthy, before, trial) in enumerate(about)
+            if stays(case, healthy, before, trial, floor)
+        }
+    counts.pop(last.chosen.effect.key, None)
+    return counts
 
 
 def _ended(step, trial, refused, unnamed):

@@ -56,8 +56,9 @@ class Round(NamedTuple):
     trials : list of Trial, best first. chosen : Trial, or None. tied : keys that explain as
     much.
     hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
-    do not count any more beside the choice. small : Trials of effects that are in the model before
-    it without a name, too small for anyone to act on.
+    do not count any more beside the choice. beside : Without of each name, the choice among them,
+    once all were refitted together. small : Trials of effects that are in the model before it
+    without a name, too small for anyone to act on.
     """
 
     before: State
@@ -69,6 +70,7 @@ class Round(NamedTuple):
     tied: tuple
     hidden: tuple
     dropped: tuple = ()
+    beside: tuple = ()
     small: tuple = ()
 
     @property
@@ -98,10 +100,10 @@ def search(case, library):
         if step.chosen is None or len(rounds) > case.gates.rounds:
             break
         with_choice = _with_choice(case, model, step.chosen, filters)
-        needed, dropped = _needed(case, with_choice, filters, rounds)
+        needed, dropped, beside = _needed(case, with_choice, filters, rounds)
         mine = dropped.get(step.chosen.effect.key)
         if mine is None:
-            model, rounds[-1] = needed, step._replace(dropped=tuple(dropped))
+            model, rounds[-1] = needed, step._replace(dropped=tuple(dropped), beside=beside)
             possible = {key: effect for key, effect in possible.items() if key not in dropped}
         elif significant(case.gates, mine) and len(model.small) < case.most_small:
             # Too small for a name now that all is refitted, and there all the same.
@@ -208,12 +210,12 @@ def _allowed(case, step):
 
 def _needed(case, model, filters, rounds):
     """The model without names that count no more, now that all are refitted together; Trials of
-    these, by key.
+    these, by key; Without of each name that is left.
 
     What a first effect took up may be the work of the next; each is taken out, the rest refitted,
     and held to what would make it a choice beside the others.
     """
-    dropped = {}
+    dropped, without = {}, []
     first, floor = rounds[0].before, rounds[0].floor
     while model.named:
         without = [_without(case, model, one, filters) for one in model.named]
@@ -224,10 +226,11 @@ def _needed(case, model, filters, rounds):
         dropped[weakest.trial.effect.key] = weakest.trial
         before = weakest.before
         model = model._replace(effects=before.effects, free=weakest.free, solution=before.solution)
-    return model, dropped
+        without = []
+    return model, dropped, tuple(without)
 
 
-class _Without(NamedTuple):
+class Without(NamedTuple):
     """A model refitted without one of its effects.
 
     before : State without it. free : of that fit. trial : Trial of the effect beside the others.
@@ -239,8 +242,19 @@ class _Without(NamedTuple):
 
     def stays(self, case, first, floor):
         """Whether the effect still counts beside the others."""
-        counts = significant(case.gates, self.trial)
-        return counts and case.matters(first, self.before, self.trial, floor, share=STAYS)
+        return stays(case, first, self.before, self.trial, floor)
+
+
+def stays(case, first, before, trial, floor):
+    """Whether an effect still counts beside all others.
+
+    Parameters
+    ----------
+    case : as in `search`. first, before : State of the healthy model, and of the model without the
+    effect. trial : Trial of it with its proof. floor : proof.Floor.
+    """
+    counts = significant(case.gates, trial)
+    return counts and case.matters(first, before, trial, floor, share=STAYS)
 
 
 def _without(case, model, effect, filters):
@@ -252,7 +266,7 @@ def _without(case, model, effect, filters):
     refitted = fit(problem, model.solution.values, steps=POLISH_STEPS, settled=case.settled)
     before = case.state(others, refitted, filters)
     trial = trial_of(case, before, effect, model.effects, 0.0, model.solution, filters)
-    return _Without(before, free, judged(case, before, [trial], filters)[0])
+    return Without(before, free, judged(case, before, [trial], filters)[0])
 
 
 def _round(case, possible, model, filters, earlier):
