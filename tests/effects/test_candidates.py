@@ -1,13 +1,17 @@
 """The score test: what it promises is what a refit gives, where all is linear."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from cellwright.effects.candidates import (
     Candidate,
+    Trial,
     candidates,
     frees_of,
     is_material,
+    judged,
     neutral,
     scored,
 )
@@ -119,3 +123,28 @@ def test_a_course_counts_by_what_is_sure_of_it(rows_near_empty, counts):
     solution = fit(Problem(predict, near_empty, np.array, free), neutral(course))
     assert solution.values["resistance_soc.step_to_0_percent"] == pytest.approx(0.23, abs=0.03)
     assert is_material(course, solution) is counts
+
+
+@pytest.mark.parametrize("misfit", [1.0, 400.0])
+def test_what_priors_say_counts_as_much_less_as_all_rows(misfit):
+    """Weighed in the fit against chi-squares that are too large, they are too large likewise.
+
+    On A123 they had refused, at their full weight, a resistance over temperature that took 73 mV of
+    error to 23.
+    """
+    effect = LIBRARY["resistance_asymmetry"]
+    falls, rows = np.array([9e4, -1e4]), np.array([3000, 1000])
+    case = SimpleNamespace(
+        inflation=lambda state: {"fit": misfit * np.ones(2), "validation": np.ones(1)},
+        falls=lambda before, after: {"fit": falls, "validation": np.array([30.0])},
+        rows_per_record=lambda: rows,
+        proof=lambda *about: ("even", True),
+    )
+    before, after = (
+        SimpleNamespace(solution=SimpleNamespace(cost=cost, chi_square=chi_square))
+        for cost, chi_square in ((1.2e5, 1e5), (8e4, 2e4))
+    )
+    trial = judged(case, before, [Trial(effect, 0.0, 0.0, 0.0, True, after)], None)[0]
+    counted = np.log(rows.sum() / misfit)  # of one parameter
+    assert trial.delta_bic == pytest.approx((8e4 - 4e4) / misfit - counted)
+    assert (trial.delta_validation, trial.proof) == (30.0, "even")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from small_plant import CAPACITY, HEALTHY, Truth, case, drive, measured, rounds
 
+from cellwright.effects import odds
 from cellwright.effects.case import Gates
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.odds import UNSEEN, probabilities
@@ -64,6 +65,24 @@ def test_without_draws_that_differ_the_search_itself_is_the_answer():
     alike = said(Truth(hysteresis=0.012), spread=1e-6, unseen=0.0)
     assert alike["hysteresis_instant"] == pytest.approx(1.0)
     assert 0.0 < UNSEEN < 0.5
+
+
+@pytest.mark.parametrize("counts", [True, False])
+def test_a_first_name_that_counts_beside_the_last_is_not_doubted_for_it_did_not_alone(
+    monkeypatch, counts
+):
+    """What helps unevenly while another is still missing may help evenly beside it."""
+    truth = Truth(hysteresis=0.012, activation=2.5e4)
+    both = " + ".join(sorted(["hysteresis_instant", "resistance_temperature"]))
+    choose = odds.best_of
+
+    def none_alone(case, first, before, trials, floor):
+        return choose(case, first, before, trials, floor) if before.effects else (None, ())
+
+    monkeypatch.setattr(odds, "best_of", none_alone)
+    if not counts:
+        monkeypatch.setattr(odds, "stays", lambda *about: False)
+    assert (said(truth, unseen=0.0).get(both, 0.0) > 0.7) is counts
 
 
 def test_a_block_of_weight_two_counts_as_if_it_were_there_twice():

@@ -35,11 +35,13 @@ def together(truth, names):
 def kept(truth, *names):
     """Names that stay in the model, and those that are taken out of it."""
     made, model, filters = together(truth, names)
-    model, dropped = search._needed(made, model, filters, rounds(truth))
+    model, dropped, beside = search._needed(made, model, filters, rounds(truth))
     # The fit that is handed on is one of just these effects.
     fitted = {name for name in model.solution.values if name.rpartition(".")[0]}
     assert {one.name for one in model.free} == set(model.solution.names)
     assert all(name in fitted for effect in model.effects for name in effect.names)
+    # Of each that stays it is told what it does beside the others.
+    assert [one.trial.effect.id for one in beside] == [effect.id for effect in model.effects]
     return {effect.id for effect in model.effects}, set(dropped)
 
 
@@ -90,7 +92,7 @@ def test_what_was_chosen_and_counts_no_more_ends_the_search(monkeypatch):
     def without(case, model, filters, earlier):
         calls.append([effect.id for effect in model.effects])
         choice = earlier[-1].chosen._replace(delta_bic=0.0)
-        return needed(case, model, filters, earlier)[0], {TRUE: choice}
+        return needed(case, model, filters, earlier)[0], {TRUE: choice}, ()
 
     monkeypatch.setattr(search, "_needed", without)
     steps = search.search(made, few)
@@ -110,7 +112,7 @@ def test_an_earlier_name_is_not_needless_beside_a_choice_that_does_not_count(mon
         if len(model.effects) < 2:
             return needed(case, model, filters, earlier)
         choice = earlier[-1].chosen._replace(delta_bic=0.0)
-        return model, {effect.key: choice for effect in model.effects}
+        return model, {effect.key: choice for effect in model.effects}, ()
 
     monkeypatch.setattr(search, "_needed", none_of_two)
     steps = search.search(case(truth), LIBRARY)

@@ -383,8 +383,8 @@ def judged(case, before, trials, filters):
 
     Of each record the trial tells the misfit that leaves the least of it: what one effect explains
     is no misfit. By the misfit of a record its fall of chi-square is too large, and its rows are
-    worth as much fewer. What the priors say was weighed in the fit against chi-squares that were too
-    large: it counts as much less as all rows together.
+    worth as much fewer. What the priors say was weighed in the fit against chi-squares that were
+    too large: it counts as much less as all rows together.
 
     Parameters
     ----------
