@@ -9,6 +9,7 @@ from cellwright.effects.candidates import (
     Candidate,
     Trial,
     candidates,
+    determined,
     frees_of,
     is_material,
     judged,
@@ -123,6 +124,8 @@ def test_a_course_counts_by_what_is_sure_of_it(rows_near_empty, counts):
     solution = fit(Problem(predict, near_empty, np.array, free), neutral(course))
     assert solution.values["resistance_soc.step_to_0_percent"] == pytest.approx(0.23, abs=0.03)
     assert is_material(course, solution) is counts
+    # Of its ten parameters one has been told by anything, by one reading in part.
+    assert determined(course, solution) == pytest.approx(1.0 if counts else 0.88, abs=0.03)
 
 
 @pytest.mark.parametrize("misfit", [1.0, 400.0])
@@ -140,11 +143,12 @@ def test_what_priors_say_counts_as_much_less_as_all_rows(misfit):
         rows_per_record=lambda: rows,
         proof=lambda *about: ("even", True),
     )
+    of_one = {"names": frees_of(effect)[0][:1], "precision": np.eye(1), "gram": np.eye(1)}
     before, after = (
-        SimpleNamespace(solution=SimpleNamespace(cost=cost, chi_square=chi_square))
+        SimpleNamespace(solution=SimpleNamespace(cost=cost, chi_square=chi_square, **of_one))
         for cost, chi_square in ((1.2e5, 1e5), (8e4, 2e4))
     )
     trial = judged(case, before, [Trial(effect, 0.0, 0.0, 0.0, True, after)], None)[0]
-    counted = np.log(rows.sum() / misfit)  # of one parameter
+    counted = np.log(rows.sum() / misfit)  # of one parameter, all determined by the records
     assert trial.delta_bic == pytest.approx((8e4 - 4e4) / misfit - counted)
     assert (trial.delta_validation, trial.proof) == (30.0, "even")

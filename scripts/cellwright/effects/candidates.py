@@ -367,7 +367,7 @@ def tried(case, possible, free, before, score, filters, end=None):
 def trial_of(case, before, effect, effects, promised, solution, filters):
     """Trial of an effect by the fit of a model with it, not judged yet; see `tried`."""
     state = case.state(effects, solution, filters)
-    counted = len(frees_of(effect)) * np.log(len(solution.prediction))
+    counted = determined(effect, solution) * np.log(len(solution.prediction))
     return Trial(
         effect,
         promised,
@@ -407,7 +407,7 @@ def judged(case, before, trials, filters):
         proof, proven = case.proof(before, trial.state, filters, least)
         solutions = before.solution, trial.state.solution
         by_priors = np.subtract(*(s.cost - s.chi_square for s in solutions)) * worth / rows.sum()
-        counted = len(frees_of(trial.effect)) * np.log(max(worth, np.e))
+        counted = determined(trial.effect, trial.state.solution) * np.log(max(worth, np.e))
         criterion = float(np.sum(falls["fit"] / least["fit"]) + by_priors - counted)
         fall = float(np.sum(falls["validation"] / least["validation"]))
         now = {"delta_bic": criterion, "delta_validation": fall, "proof": proof, "proven": proven}
@@ -449,6 +449,29 @@ def frees_of(effect):
     return tuple(
         Free(name, p.step, p.neutral, p.prior_std, p.lower, p.upper) for p, name in pairs if p.step
     )
+
+
+def determined(effect, solution):
+    """How many parameters of an effect the records determine, beyond what their priors say.
+
+    A course over SoC has knots where no record was: they follow nothing, and cost nothing.
+
+    Parameters
+    ----------
+    effect : Effect. solution : least_squares.Solution of a model with it.
+
+    Returns
+    -------
+    number : up to that of its free parameters.
+
+    Source: D. MacKay, Neural Computation 4 (1992) 415 (well-determined parameters).
+    """
+    names = {free.name for free in frees_of(effect)}
+    mine = [k for k, name in enumerate(solution.names) if name in names]
+    size = np.sqrt(np.maximum(np.diag(solution.precision), 1e-300))
+    precision, gram = (part / np.outer(size, size) for part in (solution.precision, solution.gram))
+    shares = np.sum(np.linalg.pinv(precision, hermitian=True)[mine] * gram[:, mine].T, axis=1)
+    return float(np.clip(shares, 0.0, 1.0).sum())
 
 
 def is_material(effect, solution):
