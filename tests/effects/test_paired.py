@@ -126,7 +126,8 @@ def test_resistances_of_the_references_stand_in_the_model_over_soc():
         stack.ohmic_course[(stack.second > at) & (stack.second < at + 60)].mean()
         for at in (3400, 1200)
     )
-    assert stack.ohmic_course.shape == stack.slow_course.shape == stack.second.shape
+    columns = (stack.ohmic_course, *stack.slow_courses, stack.tau_course)
+    assert {column.shape for column in columns} == {stack.second.shape}
     assert low / middle > 1.02, "the resistance rises towards empty"
 
 

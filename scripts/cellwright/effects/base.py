@@ -193,12 +193,12 @@ def _begun(cell, stack, values):
     r0, r1, tau1, r2, tau2 = (np.exp(values[name]) for name in LOGARITHMS)
     if stack.ohmic_course is not None:
         r0 = r0 * stack.ohmic_course
-    slow = 1.0 if stack.slow_course is None else stack.slow_course
+    slow = (1.0, 1.0) if stack.slow_courses is None else stack.slow_courses
     none = np.zeros(0)
     capacity = cell.capacity_ampere_hour * (1.0 + values["capacity"])
     return Fields(
         *(stack.current_ampere, stack.held_ampere, none, capacity, none, stack.celsius),
-        *(r0, r1, r2, tau1, tau2, (slow, slow), 1.0, none, none, none),
+        *(r0, r1, r2, tau1, tau2, slow, stack.tau_course, none, none, none),
     )
 
 

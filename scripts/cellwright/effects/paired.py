@@ -428,21 +428,21 @@ def _misfit_volt(case, reference, state, seconds):
 
 
 def _with_courses(case, stack, states):
-    """A stack with the resistances of the references at each row's SoC and temperature.
+    """A stack with the circuit of the references at each row's SoC and temperature.
 
-    Relative to those at half charge and 25 °C; the geometric mean over the references.
+    Resistances and time constants relative to those at half charge and 25 °C; the geometric mean
+    over the references.
     """
     starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
     logs = []
     for state in states:
         values = state.solution.values | starts
         fields = base.fields_of(case.cell, stack, values, state.effects)
-        means = np.exp([values["log_r0"], values["log_r1"]])
-        ohms = fields.r0 / means[0], fields.slow_ohm[0] / means[1]
-        rows = np.broadcast_arrays(*ohms, stack.second)[:2]
-        logs.append(np.log(rows))
-    ohmic, slow = np.exp(np.mean(logs, axis=0))
-    return stack._replace(ohmic_course=ohmic, slow_course=slow, courses={})
+        factors = fields.r0 / np.exp(values["log_r0"]), *fields.slow, fields.tau_factor
+        logs.append(np.log(np.broadcast_arrays(*factors, stack.second)[:4]))
+    ohmic, quicker, slower, tau = np.exp(np.mean(logs, axis=0))
+    slow = {"slow_courses": (quicker, slower), "tau_course": tau}
+    return stack._replace(ohmic_course=ohmic, **slow, courses={})
 
 
 def healthy_state(case, courses=COURSES):

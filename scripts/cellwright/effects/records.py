@@ -39,8 +39,8 @@ class Stack(NamedTuple):
     linear : (n,) 1 where the current moved on a straight line since the row before, else 0.
     template_volt : (n,) part of the voltage that is given beside the circuit's: mean residual of
     healthy cells (paired mode), what a given model has and its companion has not (`own`) [V].
-    ohmic_course, slow_course : (n,) resistance of a given model at each row over its mean, ohmic
-    and of the RC pairs, or None.
+    ohmic_course, slow_courses : (n,) resistance of a given model at each row over its mean, ohmic,
+    and two of (n,) of the RC pairs, or None. tau_course : (n,) the same of their time constants.
     used : (n,) bool, rows that are compared. unseen_ampere_hour : (n,) charge since
     the row before that the current between them does not explain: a gap in the record [Ah].
     responses : lags of the measured current, by time constant; kept, as most
@@ -71,7 +71,8 @@ class Stack(NamedTuple):
     courses: dict
     stated: np.ndarray
     ohmic_course: np.ndarray | None = None
-    slow_course: np.ndarray | None = None
+    slow_courses: tuple | None = None
+    tau_course: np.ndarray | float = 1.0
 
     def part(self, files):
         """The rows of some of the records, by their numbers, as a mask (n,)."""

@@ -165,11 +165,20 @@ def _copies(cell, source, seed, effects, sizes, lacking):
     known = {"zoo": "planted", "campaign": source, "base_volt": _short(volt)}
     known["base_fit_volt"] = _short(rms(base.plain.fit_residual))
     yield Copy(control, cell, {"cell": control, "kind": UNPLANTED, **known, **_SILENT})
-    first = {name: _first(base, name, seed) for name in EFFECTS}
-    now, unlike = dict(first), _unlike(sizes, volt)
-    for name, size in ((name, size) for name in effects for size in unlike):
+    first, unlike = {}, _unlike(sizes, volt)
+    for name in EFFECTS:
+        try:
+            first[name] = _first(base, name, seed)
+        except ValueError as reason:  # a current that is off may leave no state of charge to begin at
+            lacking.append(f"- {name_of_cell}, {name}: {reason}")
+    now = dict(first)
+    for name, size in ((name, size) for name in effects if name in first for size in unlike):
         wanted = volt_of(size, volt)
-        now[name] = _sized(base, EFFECTS[name], now[name], wanted)
+        try:
+            now[name] = _sized(base, EFFECTS[name], now[name], wanted)
+        except ValueError as reason:
+            lacking.append(f"- {name_of_cell}, {name}, {size} ({1e3 * wanted:.1f} mV): {reason}")
+            continue
         left = rms(now[name].judge_gap)
         most = _largest_change(cell, now[name].cell)
         if abs(left / wanted - 1) > NEAR_ENOUGH or most > MOST_CHANGE_VOLT:
