@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from small_plant import NOISE_VOLT, Truth, case_of
 
 from cellwright.effects import base, records, search
 from cellwright.effects.case import Case
@@ -281,3 +282,15 @@ def test_a_template_is_never_larger_than_it_was_by_more_than_its_prior():
     result = paired(case(8), references(), Pairing(scale_std=1e-6))
     values = search.search(result.case, library())[0].before.solution.values
     assert values["known"] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_healthy_cell_has_the_course_of_either_pair_and_of_their_time_constants():
+    """With that of the quicker pair for both, and none of time constants, 3.7 mV are left of it."""
+    truth = Truth(activation=2.5e4, following=1.0, bend_r1=2.0)
+    others = {f"r{seed}": case_of(truth, seed=seed) for seed in (2, 3, 4)}
+    pair = paired(case_of(truth, seed=5), others)
+    assert pair.needed
+    quicker, slower = (course.max() / course.min() for course in pair.case.fit.slow_courses)
+    assert quicker > 1.5 * slower
+    before = search.search(pair.case, library())[0].before
+    assert before.worst_volt < 1.2 * NOISE_VOLT

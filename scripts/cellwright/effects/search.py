@@ -219,7 +219,7 @@ def _needed(case, model, filters, rounds):
     first, floor = rounds[0].before, rounds[0].floor
     while model.named:
         without = [_without(case, model, one, filters) for one in model.named]
-        needless = [one for one in without if not one.stays(case, first, floor)]
+        needless = [o for o in without if not stays(case, first, o.before, o.trial, floor)]
         if not needless:
             break
         weakest = min(needless, key=lambda one: one.trial.j)
@@ -239,10 +239,6 @@ class Without(NamedTuple):
     before: State
     free: tuple
     trial: Trial
-
-    def stays(self, case, first, floor):
-        """Whether the effect still counts beside the others."""
-        return stays(case, first, self.before, self.trial, floor)
 
 
 def stays(case, first, before, trial, floor):

@@ -169,7 +169,7 @@ def _copies(cell, source, seed, effects, sizes, lacking):
     for name in EFFECTS:
         try:
             first[name] = _first(base, name, seed)
-        except ValueError as reason:  # a current that is off may leave no state of charge to begin at
+        except ValueError as reason:  # a current that is off may leave no charge to begin at
             lacking.append(f"- {name_of_cell}, {name}: {reason}")
     now = dict(first)
     for name, size in ((name, size) for name in effects if name in first for size in unlike):
