@@ -187,8 +187,7 @@ def _probed(searched, celsius, sign):
     rows = [record_of([0.0], [current], [0.0], soc, celsius=celsius) for soc in KNOTS]
     stack = stacked(rows, capacity_ampere_hour=capacity, hold=document["hold"])
     ohmic, slow = searched.courses(celsius)
-    slow = None if slow is None else (slow, slow)
-    stack = stack._replace(ohmic_course=ohmic, slow_courses=slow)
+    stack = stack.with_courses(ohmic, slow)
     starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(KNOTS)}
     held = [effect for effect in searched.effects if effect.stage in PROBED]
     return base.fields_of(cell, stack, document["values"] | starts, held)

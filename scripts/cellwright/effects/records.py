@@ -74,6 +74,11 @@ class Stack(NamedTuple):
     slow_courses: tuple | None = None
     tau_course: np.ndarray | float = 1.0
 
+    def with_courses(self, ohmic, slow):
+        """The same rows with courses of resistances (n,) or None: ohmic, and of either RC pair."""
+        slow = None if slow is None else (slow, slow)
+        return self._replace(ohmic_course=ohmic, slow_courses=slow, courses={})
+
     def part(self, files):
         """The rows of some of the records, by their numbers, as a mask (n,)."""
         return np.isin(self.file, files)

@@ -39,11 +39,6 @@ class Given(NamedTuple):
     ohmic_course: np.ndarray | None = None
     slow_course: np.ndarray | None = None
 
-    @property
-    def slow_courses(self):
-        """The course of what relaxes, of either pair."""
-        return None if self.slow_course is None else (self.slow_course, self.slow_course)
-
 
 def own_case(prepared, model):
     """Case of what the chosen member of a cell's model lacks.
@@ -89,7 +84,7 @@ def given_case(case, fitted, judging, *, log_std=None):
     case : case.Case.
     """
     stacks = [
-        stack._replace(ohmic_course=given.ohmic_course, slow_courses=given.slow_courses, courses={})
+        stack.with_courses(given.ohmic_course, given.slow_course)
         for stack, given in ((case.fit, fitted), (case.validation, judging))
     ]
     bare = case._replace(fit=stacks[0]._replace(voltage_volt=fitted.volt), validation=stacks[1])
