@@ -284,6 +284,24 @@ def test_a_script_leaves_nothing_to_the_next(tmp_path):
     assert not set(eval(before)) & set(eval(after))  # random numbers, of both generators
 
 
+def test_memory_that_a_script_freed_is_used_again(tmp_path):
+    """Ten times five arrays of 20 MiB: the kernel hands out the pages of five, not of fifty."""
+    work = """
+        import resource
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        for _ in range(10):
+            arrays = [bytearray(b"1") * (20 << 20) for _ in range(5)]
+            del arrays
+        faults = resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+        open(snakemake.output[0], "w").write(str(faults * resource.getpagesize() >> 20))
+        """
+    folder = write(tmp_path / "w", RULE.format(name="work", retries=0), work=work)
+    assert snakemake(folder, "out/work.txt").status == 0
+    assert int(text(folder, "work")) < 150
+    assert snakemake(folder, "out/work.txt", "--forceall", executor="local").status == 0
+    assert int(text(folder, "work")) > 800
+
+
 def parent_of_script() -> str:
     return """
         import pathlib, psutil
