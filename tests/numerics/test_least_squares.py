@@ -1,9 +1,9 @@
-"""Rates are found from a poor start, within their bounds, and the best of several starts wins."""
+"""Rates from poor starts and within bounds; deviations of parameters whose units lie far apart."""
 
 import numpy as np
 import pytest
 
-from cellwright.numerics.least_squares import best_logarithms
+from cellwright.numerics.least_squares import best_logarithms, inverse
 from cellwright.numerics.lines import residuals
 
 TIME = np.linspace(0.0, 10.0, 60)
@@ -41,3 +41,17 @@ def test_a_rate_beyond_its_bounds_ends_on_them():
 
 def test_a_model_without_rates_has_nothing_to_search():
     assert best_logarithms(rest_of(TIME), [()], bounds=(-1, 1)).shape == (0,)
+
+
+def test_deviations_do_not_hang_on_the_units_of_parameters():
+    """An ohm is known to a microohm, a time constant to ten minutes: 1e-18 beside 1e0 in squares."""
+    deviations = np.array([1e-6, 600.0, 1e-4])
+    correlations = np.array([[1.0, 0.6, 0.0], [0.6, 1.0, 0.3], [0.0, 0.3, 1.0]])
+    precision = np.linalg.inv(correlations) / np.outer(deviations, deviations)
+    covariance = inverse(precision) / np.outer(deviations, deviations)
+    np.testing.assert_allclose(covariance, correlations, rtol=1e-9, atol=1e-9)
+
+
+def test_what_nothing_tells_of_takes_no_other_parameter_with_it():
+    covariance = inverse(np.array([[4.0, 0.0], [0.0, 0.0]]))
+    np.testing.assert_allclose(covariance, [[0.25, 0.0], [0.0, 0.0]])

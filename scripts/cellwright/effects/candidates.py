@@ -11,7 +11,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit, stds
+from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit, inverse, stds
 
 BINS = 60
 CHORD_STEPS, ANEW_STEPS = 6, 4
@@ -468,9 +468,7 @@ def determined(effect, solution):
     """
     names = {free.name for free in frees_of(effect)}
     mine = [k for k, name in enumerate(solution.names) if name in names]
-    size = np.sqrt(np.maximum(np.diag(solution.precision), 1e-300))
-    precision, gram = (part / np.outer(size, size) for part in (solution.precision, solution.gram))
-    shares = np.sum(np.linalg.pinv(precision, hermitian=True)[mine] * gram[:, mine].T, axis=1)
+    shares = np.sum(inverse(solution.precision)[mine] * solution.gram[:, mine].T, axis=1)
     return float(np.clip(shares, 0.0, 1.0).sum())
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.records import LOADED_C_RATE
-from cellwright.numerics.least_squares import Free, bounded_minimum, stds
+from cellwright.numerics.least_squares import Free, bounded_minimum, inverse, stds
 from cellwright.numerics.statistics import rms
 
 READ_VOLT = 2e-3  # of a single reading at rest
@@ -246,7 +246,7 @@ def unsure_by_temperature(case, state, whitening):
     if not changes:
         return np.zeros((len(solution.names),) * 2)
     white = whitening.apply(np.stack(changes, axis=1) * tolerances)
-    answers = np.linalg.pinv(solution.precision) @ (solution.white.T @ white)
+    answers = inverse(solution.precision) @ (solution.white.T @ white)
     return answers @ answers.T
 
 

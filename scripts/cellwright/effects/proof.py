@@ -11,6 +11,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.judge import BANDS, LEAST_ROWS
+from cellwright.numerics.least_squares import inverse
 
 HALF = 0.5  # of what an effect promises: below it, it makes the error larger
 TWICE = 2.0  # of what an effect promises: records that ask for more lack something beside it
@@ -296,7 +297,7 @@ def floor_of(case, state, free, rows, read_volt):
     shared = [f for f in free if not f.name.startswith("soc0[")]
     columns = np.stack([_derivative(case, state, at, f) for f in shared], axis=1)
     place = [solution.names.index(f.name) for f in shared]
-    covariance = np.linalg.pinv(solution.precision)[np.ix_(place, place)]
+    covariance = inverse(solution.precision)[np.ix_(place, place)]
     variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)
     variance = np.maximum(variance, 0.0) + read_volt**2
     by_test = {

@@ -19,6 +19,7 @@ import numpy as np
 STEPS = 12
 SETTLED = 0.02  # a fall of the cost below this ends the search
 TINY = 1e-9
+LEAST = 1e-300  # of an information: of a parameter that nothing tells of
 PASSES, WORTH = 5, 1e-6  # steps per parameter; least fall of the cost that frees a bound
 
 
@@ -368,7 +369,7 @@ def covariances(solution, blocks=None):
     from scipy.special import ndtri, stdtrit  # here: other steps of the method need none of it
 
     scatter = max(solution.chi_square / len(solution.residual), 1.0)
-    covariance = np.linalg.pinv(solution.precision)
+    covariance = inverse(solution.precision)
     if blocks is None:
         return (covariance * scatter,)
     moved = (solution.white @ covariance) * solution.whitened[:, None]
@@ -377,6 +378,17 @@ def covariances(solution, blocks=None):
     few = len(sums) - 1
     wider = stdtrit(few, 0.975) / ndtri(0.975)
     return covariance * scatter, off.T @ off * (len(sums) / few * wider**2)
+
+
+def inverse(precision):
+    """Covariance (k, k) of a precision; what no row and no prior tells has none.
+
+    Each parameter is measured in its own deviation first: a pseudo-inverse leaves out what is small
+    beside the largest eigenvalue, and in volts, ohms and seconds that is every time constant.
+    """
+    size = np.sqrt(np.maximum(np.diag(precision), LEAST))
+    scales = np.outer(size, size)
+    return np.linalg.pinv(precision / scales, hermitian=True) / scales
 
 
 def best_logarithms(residual, starts, *, bounds, scale=1.0):

@@ -30,7 +30,13 @@ from cellwright.effects.proof import (
 )
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.numerics import noise
-from cellwright.numerics.least_squares import Problem, bounded_minimum, derivatives, priors
+from cellwright.numerics.least_squares import (
+    Problem,
+    bounded_minimum,
+    derivatives,
+    inverse,
+    priors,
+)
 from cellwright.numerics.statistics import rms
 from cellwright.settings.effects import MissingEffectGroupGates
 from cellwright.settings.effects import MissingEffectGroupShared as Shared
@@ -372,7 +378,7 @@ def _floor(case, state, free, filters):
     )
     columns = derivatives(judging, state.values, at)
     place = [solution.names.index(f.name) for f in shared]
-    covariance = np.linalg.inv(solution.precision)[np.ix_(place, place)]
+    covariance = inverse(solution.precision)[np.ix_(place, place)]
     variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)
     spread_volt = currents_volt(case, np.sqrt(np.maximum(variance, 0.0)))
     reads = filters.noise[1:] if case.sensors else filters.noise[:1]
