@@ -5,7 +5,8 @@ effect may step into: the current through the cell, the counting of charge, the 
 OCV, the overpotentials, the reading. Without effects it is the plain isothermal circuit.
 """
 
-from functools import partial
+from functools import cache, partial
+from math import exp
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from cellwright.settings import MissingEffect
 STAGES = ("current", "counting", "resistance", "ocv", "overpotential", "reading")
 REFERENCE_CELSIUS = 25.0
 OCV_KNOTS = 16
+OCV_NAMES = tuple(f"ocv[{k}]" for k in range(OCV_KNOTS))
 TAU_SECOND = {"tau1": (2.0, 40.0), "tau2": (40.0, 600.0)}
 KEPT_RESPONSES = 40
 KEPT_COURSES = 4  # of the SoC, and of the OCV over each
@@ -33,6 +35,7 @@ NO_LOG_OHM, UNIT = np.log(1e-7), 1e-2  # no resistance; a step for derivatives [
 LOG_STD = {"log_r0": 1.5, "log_r1": 1.5, "log_r2": 1.5, "log_tau1": 0.8, "log_tau2": 0.8}
 STEEP = 2.0  # times the usual slope of the OCV
 MOST_LEAD = 3.0  # times the ohmic resistance
+NONE = np.zeros(0)  # what no stage has set yet
 OWN_KNOT = 0.1  # of the tolerance of the OCV: what each knot may err alone
 
 
@@ -95,8 +98,13 @@ def base_names(files):
     Logarithms of resistances and time constants, relative error of the capacity, SoC at the start
     of each record, and the error of the OCV table at evenly spaced knots [V].
     """
-    starts = [f"soc0[{k}]" for k in range(files)]
-    return (*LOGARITHMS, "capacity", *starts, *(f"ocv[{k}]" for k in range(OCV_KNOTS)))
+    return (*LOGARITHMS, "capacity", *start_names(files), *OCV_NAMES)
+
+
+@cache
+def start_names(files):
+    """Names of the SoC at the start of each of so many records."""
+    return tuple(f"soc0[{k}]" for k in range(files))
 
 
 def knot_below(soc):
@@ -141,8 +149,8 @@ def fields_of(cell, stack, values, effects=()):
     fields = through("resistance", course.fields)
     fields = fields._replace(ocv=_open_circuit(cell, values, fields.soc, course))
     fields = through("ocv", fields)
-    fields = fields._replace(ohmic=(fields.r0 + values.get(LEAD, 0.0)) * fields.current)
-    fields = fields._replace(volt=fields.ocv + slow_volt(stack, fields))
+    ohmic = (fields.r0 + values.get(LEAD, 0.0)) * fields.current
+    fields = fields._replace(ohmic=ohmic, volt=fields.ocv + slow_volt(stack, fields))
     fields = through("overpotential", fields)
     template = values.get("known", 1.0) * stack.template_volt
     fields = fields._replace(volt=fields.volt + fields.ohmic + template)
@@ -167,19 +175,21 @@ def _course(cell, stack, values, early, counted):
 
     early : effects that act before the SoC is known.
     """
-    starts = (f"soc0[{k}]" for k in range(len(stack.first)))
-    names = ["capacity", *starts, *(name for effect in early for name in effect.names)]
+    names = start_names(len(stack.first))
+    for effect in early:
+        names += effect.names
     # An effect of the current may look at the resistances.
     names += LOGARITHMS if early else ()
     of, kept = (stack.held_ampere, stack.celsius, *early), stack.courses
-    key = (cell.capacity_ampere_hour, *(values[name] for name in names), *map(id, of))
+    sizes = (values["capacity"], *(values[name] for name in names))
+    key = (cell.capacity_ampere_hour, *sizes, *map(id, of))
     if key not in kept:
         _make_room(kept)
         kept[key] = Course(of, counted(), {})
     if early:
         return kept[key]
-    counts = {n: getattr(kept[key].fields, n) for n in ("held", "moved", "capacity", "soc")}
-    return kept[key]._replace(fields=_begun(cell, stack, values)._replace(**counts))
+    of, counts, ocv_volt = kept[key]
+    return Course(of, _begun(cell, stack, values, counts), ocv_volt)
 
 
 def _make_room(kept, most=KEPT_COURSES):
@@ -188,23 +198,29 @@ def _make_room(kept, most=KEPT_COURSES):
         del kept[next(iter(kept))]
 
 
-def _begun(cell, stack, values):
-    """Fields before the first stage: measured current and temperature, resistances, capacity."""
-    r0, r1, tau1, r2, tau2 = (np.exp(values[name]) for name in LOGARITHMS)
+def _begun(cell, stack, values, counted=None):
+    """Fields before the first stage: measured current and temperature, resistances, capacity.
+
+    counted : Fields whose counting of charge holds here, too; None: there are none.
+    """
+    r0, r1, tau1, r2, tau2 = (exp(values[name]) for name in LOGARITHMS)
     if stack.ohmic_course is not None:
         r0 = r0 * stack.ohmic_course
     slow = (1.0, 1.0) if stack.slow_courses is None else stack.slow_courses
-    none = np.zeros(0)
-    capacity = cell.capacity_ampere_hour * (1.0 + values["capacity"])
+    if counted is None:
+        capacity = cell.capacity_ampere_hour * (1.0 + values["capacity"])
+        counts = stack.held_ampere, NONE, capacity, NONE
+    else:
+        counts = counted[1:5]  # held, moved, capacity, soc
     return Fields(
-        *(stack.current_ampere, stack.held_ampere, none, capacity, none, stack.celsius),
-        *(r0, r1, r2, tau1, tau2, slow, stack.tau_course, none, none, none),
+        *(stack.current_ampere, *counts, stack.celsius),
+        *(r0, r1, r2, tau1, tau2, slow, stack.tau_course, NONE, NONE, NONE),
     )
 
 
 def _counted(stack, values, fields):
     """SoC by counting, each record from its own start."""
-    starts = np.array([values[f"soc0[{k}]"] for k in range(len(stack.first))])
+    starts = np.array([values[name] for name in start_names(len(stack.first))])
     types = (count, array, array, count, array, array, real, real, array)
     kernel = function("counted_soc", *types)
     if kernel is None:
@@ -220,7 +236,7 @@ def _counted(stack, values, fields):
 
 def _open_circuit(cell, values, soc, course):
     """OCV of the table plus its error, straight between the knots [V]; kept for a course's SoC."""
-    knots = tuple(values[f"ocv[{k}]"] for k in range(OCV_KNOTS))
+    knots = tuple([values[name] for name in OCV_NAMES])
     if soc is not course.fields.soc:
         return _looked_up(cell, knots, soc)
     key, kept = (id(cell.ocv_volt), knots), course.ocv_volt
@@ -252,7 +268,7 @@ def slow_volt(stack, fields):
 
 def _pair_volt(stack, fields, ohm, factor, tau):
     """Voltage of an RC pair; that of one ohm is kept where nothing but its resistance moved [V]."""
-    if np.ndim(ohm) or fields.current is not stack.current_ampere:
+    if isinstance(ohm, np.ndarray) or fields.current is not stack.current_ampere:
         return relaxed(stack, ohm * factor * fields.current, tau, tau_factor=fields.tau_factor)
     columns = fields.current, factor, fields.tau_factor
 

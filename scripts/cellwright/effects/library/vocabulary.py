@@ -1,6 +1,7 @@
 """The types of an entry of the library: an effect and its parameters."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -77,7 +78,7 @@ class Effect(NamedTuple):
     @property
     def names(self):
         """Names of the parameters within a model: key.parameter."""
-        return tuple(f"{self.key}.{p.name}" for p in self.parameters)
+        return _names_within(self.key, *[p.name for p in self.parameters])
 
     def sizes_of(self, values):
         """Values of its parameters by their names within the effect, from those of a model."""
@@ -87,6 +88,12 @@ class Effect(NamedTuple):
         """Names of the parameters of a start that the effect's starts give."""
         stated = {name for values in self.starts for name in values}
         return {name for name in start if name.rpartition(".")[2] in stated}
+
+
+@cache
+def _names_within(key, *names):
+    """Names within a model of the parameters of an effect; a fit asks for them at every step."""
+    return tuple(f"{key}.{name}" for name in names)
 
 
 def numbers_of(block, **names):
