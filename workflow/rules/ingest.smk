@@ -32,6 +32,8 @@ rule series:
         segment="results/segment/{cell}/{test}.parquet",
     log:
         "logs/series/{cell}/{test}.log",
+    # Before all else: everything waits for them, the longest searches too.
+    priority: 2
     params:
         reading=reading,
         channels=channels_of_group,

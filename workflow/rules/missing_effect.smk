@@ -96,6 +96,8 @@ rule effect_search:
         "logs/missing_effect/{cell}.log",
     wildcard_constraints:
         cell=either(ASKED),
+    # The longest jobs: begun as soon as they can be, so that none is left over at the end.
+    priority: 1
     params:
         settings=of_analysis("missing_effect"),
         split_rest_second=config["models"]["split_rest_second"],
