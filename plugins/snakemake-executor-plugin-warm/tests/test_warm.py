@@ -117,7 +117,8 @@ def command(executor, *arguments, cores=1):
 
 def environment(folder):
     path = os.pathsep.join([str(PLUGIN), str(folder / "scripts")])
-    return {**os.environ, "PYTHONPATH": path}
+    inherited = {name: v for name, v in os.environ.items() if not name.startswith("MALLOC_")}
+    return {**inherited, "PYTHONPATH": path}
 
 
 def snakemake(folder, *arguments, executor="warm", cores=1) -> Run:
