@@ -44,7 +44,7 @@ def test_a_model_without_rates_has_nothing_to_search():
 
 
 def test_deviations_do_not_hang_on_the_units_of_parameters():
-    """An ohm is known to a microohm, a time constant to ten minutes: 1e-18 beside 1e0 in squares."""
+    """An ohm is known to a microohm, a time constant to ten minutes: squares 18 decades apart."""
     deviations = np.array([1e-6, 600.0, 1e-4])
     correlations = np.array([[1.0, 0.6, 0.0], [0.6, 1.0, 0.3], [0.0, 0.3, 1.0]])
     precision = np.linalg.inv(correlations) / np.outer(deviations, deviations)
