@@ -18,6 +18,7 @@ from whole_run_page import KINDS, write_page
 
 HERE = Path(__file__).resolve().parent
 KEPT = HERE / "whole_runs"
+CALM_LOAD, CALM_SECOND = 0.5, 180.0  # a machine may take so long to become calm
 # What a run makes, which a run from the raw files must not find.
 MADE = {"results", "logs", ".snakemake", "real", "virtual"}
 
@@ -43,7 +44,7 @@ def run(campaign, cores) -> dict:
         folder.mkdir()
         for entry in (entry for entry in campaign.iterdir() if entry.name not in MADE):
             (folder / entry.name).symlink_to(entry)
-        load, begin = os.getloadavg()[0], time.monotonic()
+        load, begin = _load_once_calm(), time.monotonic()
         _snakemake(folder, cores, records)
         second = time.monotonic() - begin
         again = Path(place, "again")
@@ -60,6 +61,14 @@ def run(campaign, cores) -> dict:
             "again_cpu_second": _total(again),
             "rules": _by_rule(records),
         }
+
+
+def _load_once_calm():
+    """Mean load of the last minute, once the run before has left it or time is up."""
+    until = time.monotonic() + CALM_SECOND
+    while os.getloadavg()[0] > CALM_LOAD and time.monotonic() < until:
+        time.sleep(5)
+    return os.getloadavg()[0]
 
 
 def _snakemake(folder, cores, records):
