@@ -188,8 +188,8 @@ def _course(cell, stack, values, early, counted):
         kept[key] = Course(of, counted(), {})
     if early:
         return kept[key]
-    of, counts, ocv_volt = kept[key]
-    return Course(of, _begun(cell, stack, values, counts), ocv_volt)
+    course = kept[key]
+    return Course(course.of, _begun(cell, stack, values, course.fields), course.ocv_volt)
 
 
 def _make_room(kept, most=KEPT_COURSES):
@@ -198,20 +198,20 @@ def _make_room(kept, most=KEPT_COURSES):
         del kept[next(iter(kept))]
 
 
-def _begun(cell, stack, values, counted=None):
+def _begun(cell, stack, values, counting=None):
     """Fields before the first stage: measured current and temperature, resistances, capacity.
 
-    counted : Fields whose counting of charge holds here, too; None: there are none.
+    counting : Fields whose counting of charge holds here, too; None: charge is still to be counted.
     """
     r0, r1, tau1, r2, tau2 = (exp(values[name]) for name in LOGARITHMS)
     if stack.ohmic_course is not None:
         r0 = r0 * stack.ohmic_course
     slow = (1.0, 1.0) if stack.slow_courses is None else stack.slow_courses
-    if counted is None:
+    if counting is None:
         capacity = cell.capacity_ampere_hour * (1.0 + values["capacity"])
         counts = stack.held_ampere, NONE, capacity, NONE
     else:
-        counts = counted[1:5]  # held, moved, capacity, soc
+        counts = counting.held, counting.moved, counting.capacity, counting.soc
     return Fields(
         *(stack.current_ampere, *counts, stack.celsius),
         *(r0, r1, r2, tau1, tau2, slow, stack.tau_course, NONE, NONE, NONE),
@@ -401,7 +401,7 @@ def frees(stack, start, tolerance, log_std=None, starts=None):
     socs = starts or [
         Free(f"soc0[{k}]", SOC_STEP, soc, tolerance.soc) for k, soc in enumerate(stack.soc_at_start)
     ]
-    knots = [Free(f"ocv[{k}]", VOLT_STEP) for k in range(OCV_KNOTS)]
+    knots = [Free(name, VOLT_STEP) for name in OCV_NAMES]
     scale = [Free("known", LOG_STEP, 1.0, tolerance.known)] if stack.template_volt.any() else []
     lead = [_lead(start)] if stack.ohmic_course is not None and log_std is None else []
     return (*logs, capacity, *socs, *knots, *scale, *lead)

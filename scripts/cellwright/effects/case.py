@@ -298,8 +298,8 @@ def _of_own_rows(case, effects, values):
     """
     soc = base.fields_of(case.cell, case.fit, values, effects).soc
     below = base.knot_below(soc)
-    starts = [f"soc0[{k}]" for k in range(len(case.fit.first))]
-    even, odd = ([f"ocv[{k}]" for k in range(first, base.OCV_KNOTS, 2)] for first in (0, 1))
+    starts = base.start_names(len(case.fit.first))
+    even, odd = base.OCV_NAMES[::2], base.OCV_NAMES[1::2]
     return [(starts, case.fit.file), (even, (below + 1) // 2), (odd, below // 2)]
 
 

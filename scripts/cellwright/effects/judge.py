@@ -91,7 +91,7 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
             beyond = error[rest] - _error_near(values[name], rests)
             soc = _start_soc(cell, values[name], stated, beyond, tolerance)
             values = values | {name: shared_starts.get(name, soc)}
-        starts = [f"soc0[{k}]" for k in range(len(stack.first))]
+        starts = base.start_names(len(stack.first))
         if max(abs(values[name] - earlier[name]) for name in starts) < SETTLED_SOC:
             break
     return values
@@ -146,9 +146,8 @@ def stretched(case, state, parts):
     """
     solution, free = state.solution, {one.name: one for one in unfitted(case)[1]}
     deviations, found = stds(solution, parts), []
-    knots = [f"ocv[{k}]" for k in range(base.OCV_KNOTS)]
-    farthest = max(knots, key=lambda name: abs(solution.values[name]))
-    soc = knots.index(farthest) / (base.OCV_KNOTS - 1)
+    farthest = max(base.OCV_NAMES, key=lambda name: abs(solution.values[name]))
+    soc = base.OCV_NAMES.index(farthest) / (base.OCV_KNOTS - 1)
     asked = (
         ("capacity", "capacity", None, "1", case.tolerance.capacity),
         ("open_circuit_voltage", farthest, soc, "V", case.tolerance.ocv_volt),
@@ -193,7 +192,7 @@ def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, sh
     chi_square : (f,) by which that of each record falls, what its prior asks in return taken off.
     kelvin : (f,) by how much each record was warmer than stated.
     """
-    starts = [f"soc0[{k}]" for k in range(len(stack.first))]
+    starts = base.start_names(len(stack.first))
     by_start = values | {name: values[name] + SOC_STEP for name in starts}
     changes = [(base.voltage(cell, stack, by_start, effects) - prediction) / SOC_STEP]
     unsure = [_start_stds(cell, stack, values, tolerance)]

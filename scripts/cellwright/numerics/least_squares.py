@@ -381,10 +381,18 @@ def covariances(solution, blocks=None):
 
 
 def inverse(precision):
-    """Covariance (k, k) of a precision; what no row and no prior tells has none.
+    """Covariance of parameters from their precision, whatever units they have.
 
     Each parameter is measured in its own deviation first: a pseudo-inverse leaves out what is small
     beside the largest eigenvalue, and in volts, ohms and seconds that is every time constant.
+
+    Parameters
+    ----------
+    precision : (k, k) symmetric, not negative.
+
+    Returns
+    -------
+    covariance : (k, k); zero for a parameter that no row and no prior tells of.
     """
     size = np.sqrt(np.maximum(np.diag(precision), LEAST))
     scales = np.outer(size, size)
