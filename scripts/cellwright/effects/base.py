@@ -29,6 +29,8 @@ TABLE_LIMITS = (-0.05, 1.05)  # of the SoC at which the OCV's table is read
 LOGARITHMS = ("log_r0", "log_r1", "log_tau1", "log_r2", "log_tau2")
 LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
 FIRST_TAU_SECOND = {"log_tau1": 8.0, "log_tau2": 130.0}
+FIRST_CAPACITIES = (0.0, 0.05, -0.05, 0.1, -0.1, 0.15, -0.15, 0.2, -0.2)  # off the measured one
+FINER_CAPACITY = 0.025
 RESISTANCES = ("log_r0", "log_r1", "log_r2")
 LEAD = "lead_ohm"  # of contacts: a resistance without a course over SoC or temperature [ohm]
 NO_LOG_OHM, UNIT = np.log(1e-7), 1e-2  # no resistance; a step for derivatives [ohm]
@@ -219,10 +221,17 @@ def _begun(cell, stack, values, counting=None):
 
 
 def _counted(stack, values, fields):
-    """SoC by counting, each record from its own start."""
+    """SoC by counting, each record from its start, of which `soc0` is told by the first count.
+
+    Where another row is the anchor (the end of a full charge), its SoC stays as another capacity or
+    current counts otherwise, and the start moves.
+    """
     starts = np.array([values[name] for name in start_names(len(stack.first))])
     types = (count, array, array, count, array, array, real, real, array)
     kernel = function("counted_soc", *types)
+    if stack.anchor_row is not None:
+        moved = np.cumsum(fields.moved / fields.capacity)
+        starts = starts + stack.anchor_rise - (moved[stack.anchor_row] - moved[stack.first])
     if kernel is None:
         moved = np.cumsum(fields.moved / fields.capacity)
         soc = np.clip(moved + (starts - moved[stack.first])[stack.file], *SOC_LIMITS)
@@ -432,20 +441,45 @@ def coupling(free, tolerance):
     return precision
 
 
-def first_values(cell, stack):
+def first_values(cell, stack, capacity=0.0):
     """First values of a fit: resistances by linear regression at usual time constants.
 
     Parameters
     ----------
-    cell : Cell. stack : records.Stack.
+    cell : Cell. stack : records.Stack. capacity : off the measured one, relative [1].
 
     Returns
     -------
     values : dict of all parameters of the plain model.
     """
     values = dict.fromkeys(base_names(len(stack.first)), 0.0) | {"known": 1.0, LEAD: 0.0}
+    values |= {"capacity": capacity}
     values |= {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
     return regressed(cell, stack, values)
+
+
+def first_capacity(cell, stack):
+    """Capacity, off the measured one [1], from which a fit finds its way: 0 but for gross errors.
+
+    A capacity that is wrong by 10 % takes records beyond empty, where the OCV says nothing, or ends
+    them before its knee: a fit that begins there stays at errors of hundreds of millivolts, or lets
+    the OCV follow. Another start must halve the mean absolute error that is left.
+
+    Parameters
+    ----------
+    cell : Cell. stack : records.Stack.
+    """
+
+    def error(capacity):
+        volt = voltage(cell, stack, first_values(cell, stack, capacity))
+        return float(np.abs(stack.voltage_volt - volt)[stack.used].mean())
+
+    errors = {capacity: error(capacity) for capacity in FIRST_CAPACITIES}
+    best = min(errors, key=errors.get)
+    if best:
+        errors |= {near: error(near) for near in (best - FINER_CAPACITY, best + FINER_CAPACITY)}
+        best = min(errors, key=errors.get)
+    return best if errors[best] < errors[0.0] * 2 / 3 else 0.0
 
 
 def regressed(cell, stack, values, effects=(), sizes=()):

@@ -83,7 +83,8 @@ class Case(NamedTuple):
 
     gap : voltage between the branches of the slow test, gap.SlowGap. start, log_std : values of the
     companion of a given model and how well they are known (`own`), else None. otherwise : the same
-    Case with the other hold of the current, or None. The methods are those that `search` needs.
+    Case with the other hold of the current, or None. first_capacity : where a fit begins, relative
+    to the measured one [1]. The methods are those that `search` needs.
     """
 
     cell: base.Cell
@@ -99,6 +100,7 @@ class Case(NamedTuple):
     start: dict | None = None
     log_std: dict | None = None
     otherwise: object = None
+    first_capacity: float = 0.0
 
     @property
     def steady_ampere(self):
@@ -413,6 +415,8 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
         Case(measured, *(stacked(s, capacity_ampere_hour=capacity, hold=h) for s in sides), *about)
         for h in HOLDS
     ]
+    begin = base.first_capacity(measured, cases[0].fit)
+    cases = [case._replace(first_capacity=begin) for case in cases]
     better, other = sorted(cases, key=_misfit)
     return Prepared(better._replace(otherwise=other), sides, tuple(notes), caveats)
 

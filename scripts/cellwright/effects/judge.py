@@ -114,7 +114,7 @@ def unfitted(case):
     values : dict. free : tuple of Free.
     """
     cell, stack, tolerance = case.cell, case.fit, case.tolerance
-    values = case.start or base.first_values(cell, stack)
+    values = case.start or base.first_values(cell, stack, case.first_capacity)
     values = started(cell, stack, values, (), tolerance)
     stds = _start_stds(cell, stack, values, tolerance)
     starts = []

@@ -47,6 +47,9 @@ class Stack(NamedTuple):
     parameters of a model change neither. courses : `base.Course` of the last parameters that moved
     the charge, by their values; kept likewise.
     stated : (f,) bool, records of which no sensor told the temperature.
+    anchor_row : (f,) row of each record whose SoC is known, the end of a full charge say; None
+    where that is the first row of all. anchor_rise : (f,) its SoC over that at the start, as it was
+    counted first [1].
     """
 
     tests: tuple
@@ -73,6 +76,8 @@ class Stack(NamedTuple):
     ohmic_course: np.ndarray | None = None
     slow_courses: tuple | None = None
     tau_course: np.ndarray | float = 1.0
+    anchor_row: np.ndarray | None = None
+    anchor_rise: np.ndarray | None = None
 
     def with_courses(self, ohmic, slow):
         """The same rows with courses of resistances (n,) or None: ohmic, and of either RC pair."""
@@ -116,6 +121,8 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     least = {"least_ampere": LOADED_C_RATE * capacity_ampere_hour, "near_end_soc": NEAR_END}
     loads = [load_direction(r.current_ampere, soc_at_start=r.soc[0], **least) for r in records]
     held, unseen = _counted(records, held, step, linear, capacity_ampere_hour)
+    moved = np.cumsum(held * step / 3600.0 + unseen) / capacity_ampere_hour
+    anchors = rows["first"] + np.array([_anchor_row(record) for record in records])
     return Stack(
         **rows,
         kinds=tuple(record.kind for record in records),
@@ -129,7 +136,16 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         responses={},
         courses={},
         stated=np.array([record.temperature_source in STATED for record in records]),
+        anchor_row=None if np.all(anchors == rows["first"]) else anchors,
+        anchor_rise=moved[anchors] - moved[rows["first"]],
     )
+
+
+def _anchor_row(record):
+    """Number of the row of a record from which its SoC is counted, or of the nearest in time."""
+    if record.anchor_second is None:
+        return 0
+    return int(np.argmin(np.abs(record.test_time_second - record.anchor_second)))
 
 
 def parts_of(stack):

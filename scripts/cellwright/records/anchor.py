@@ -15,10 +15,11 @@ CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full c
 
 
 class Anchored(NamedTuple):
-    """State of charge (n,) [1], and in words which anchor it is counted from."""
+    """State of charge (n,) [1], in words which anchor it is counted from, and the anchor's row."""
 
     soc: np.ndarray
     anchor: str
+    row: int = 0
 
 
 # ASSUME: A charge that ends at the upper cut-off voltage with at most C/10 leaves the cell full.
@@ -73,7 +74,7 @@ def soc_series(
     rate = np.asarray(current_ampere, float) / capacity_ampere_hour
     full = full_row(rate, voltage_volt, upper_cutoff_volt, full_c_rate=full_c_rate)
     if full is not None:
-        return Anchored(1.0 + counted - counted[full], "end of the full charge in the record")
+        return Anchored(1.0 + counted - counted[full], "end of the full charge in the record", full)
     if ocv_soc is not None and abs(rate[0]) <= START_C_RATE:
         start = _soc_of_rest(voltage_volt[0], ocv_soc, ocv_volt)
         return Anchored(start + counted - counted[0], "rest voltage at the start, by the OCV table")
@@ -81,7 +82,8 @@ def soc_series(
     if span >= WHOLE_SWING:
         top = min((1 + span) / 2, 1.0)
         words = f"the record moves {span:.1%} of the capacity: its highest SoC is {top:.3f}"
-        return Anchored(top + counted - counted.max(), f"{words} ± {max(1 - span, 0) / 2:.3f}")
+        words = f"{words} ± {max(1 - span, 0) / 2:.3f}"
+        return Anchored(top + counted - counted.max(), words, int(np.argmax(counted)))
     raise Refusal(_why_not_anchored(rate[0], upper_cutoff_volt, ocv_soc))
 
 

@@ -40,6 +40,8 @@ class Record(NamedTuple):
         no law over temperature has been applied [1].
     anchor, temperature_source : in words, where soc and celsius are from.
     simulated_volt : voltage of the test that the user simulated, None where there is none [V].
+    anchor_second : time of the row whose SoC is known, from which all others are counted [s]; None
+        for the first.
     """
 
     test: str
@@ -56,6 +58,7 @@ class Record(NamedTuple):
     anchor: str = ""
     temperature_source: str = ""
     simulated_volt: np.ndarray | None = None
+    anchor_second: float | None = None
 
 
 def record_of(
@@ -180,7 +183,10 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
             used=used,
             anchor=anchored.anchor,
             temperature_source=source,
-        )._replace(simulated_volt=columns.get("simulated_voltage_volt"))
+        )._replace(
+            simulated_volt=columns.get("simulated_voltage_volt"),
+            anchor_second=float(time[anchored.row]),
+        )
     )
 
 
