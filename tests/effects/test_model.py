@@ -238,10 +238,8 @@ def folds_of(given, *changes):
 
 def searched(given, folds):
     """What a search would say that fitted both tests."""
-    starts = {"soc0[0]": 0.95, "soc0[1]": 0.95}
-    folds = [fold | {"values": fold["values"] | starts} for fold in folds]
-    about = {"tests": [f"D{celsius:g}" for celsius in CELSIUS], "folds": folds}
-    return given | about | {"values": given["values"] | starts}
+    starts = {"start_soc": {f"D{celsius:g}": 0.95 for celsius in CELSIUS}}
+    return given | starts | {"folds": [fold | starts for fold in folds]}
 
 
 def family_of(tests):
@@ -309,7 +307,7 @@ def test_a_record_begins_at_the_soc_that_was_found_with_the_rest_of_it():
     conditions = fitted_records(model, BASIS, SHEET, tests, split_rest_second=200.0)
     _, judged = with_effects(model, searched(given, folds_of(given)), tests, conditions)
     assert judged.fit_rmse_volt.max() < 3e-4
-    unknown = searched(given, []) | {"tests": []}
+    unknown = searched(given, []) | {"start_soc": {}}
     _, judged = with_effects(model, unknown, tests, conditions)
     assert judged.fit_rmse_volt.min() > 5e-3
 

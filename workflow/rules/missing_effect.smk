@@ -3,6 +3,11 @@
 EFFECT_KINDS = ("capacity", *PULSE_KINDS, "drive")
 
 
+def searched_series(cell):
+    """Series that a search of the plain base reads: the slow tests, too, which hold the OCV."""
+    return [*artefacts("clean", cell, *EFFECT_KINDS), *fitted("clean", cell, "ocv")]
+
+
 def searchable(cell):
     """Whether the sheet has tests to fit and one for proof, or so many that one can be spared.
 
@@ -78,11 +83,9 @@ WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKE
 rule effect_search:
     input:
         basis="results/basis/{cell}.json",
-        series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
+        series=lambda w: searched_series(w.cell),
         lent_basis=lambda w: [f"results/basis/{c}.json" for c in references(w.cell)],
-        lent_series=lambda w: [
-            p for c in references(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
-        ],
+        lent_series=lambda w: [p for c in references(w.cell) for p in searched_series(c)],
     output:
         verdict="results/missing_effect/{cell}/verdict.json",
         ranking="results/missing_effect/{cell}/ranking.parquet",
@@ -221,11 +224,9 @@ rule witnesses:
 rule effect_stability:
     input:
         basis="results/basis/{cell}.json",
-        series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
+        series=lambda w: searched_series(w.cell),
         lent_basis=lambda w: [f"results/basis/{c}.json" for c in references(w.cell)],
-        lent_series=lambda w: [
-            p for c in references(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
-        ],
+        lent_series=lambda w: [p for c in references(w.cell) for p in searched_series(c)],
     output:
         names="results/missing_effect/{cell}/stability.parquet",
         searches="results/missing_effect/{cell}/stability_searches.parquet",

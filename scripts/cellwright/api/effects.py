@@ -178,14 +178,14 @@ def prepared_case(
     ------
     Refusal : no OCV, no test to fit, or none for validation.
     """
-    from cellwright.effects.case import KINDS, prepared
+    from cellwright.effects.case import KINDS, SLOW_TEST, prepared
     from cellwright.effects.finding import settings_of
 
     plain = _search(settings, split_rest_second, changes)
     gates, tolerance = settings_of(plain)
     options = {"tolerance": tolerance, "gates": gates, "settings": plain}
     known = [(inputs.test_facts(facts), series) for facts, series in tests]
-    mine = inputs.tests([one for one in known if one[0].kind in KINDS])
+    mine = inputs.tests([one for one in known if one[0].kind in (SLOW_TEST, *KINDS)])
     facts = inputs.cell_facts(cell)
     return prepared(facts, inputs.content(basis), mine, **options).case
 

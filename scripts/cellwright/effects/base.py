@@ -221,10 +221,11 @@ def _begun(cell, stack, values, counting=None):
 
 
 def _counted(stack, values, fields):
-    """SoC by counting, each record from its start, of which `soc0` is told by the first count.
+    """SoC by counting, each record from its own start.
 
-    Where another row is the anchor (the end of a full charge), its SoC stays as another capacity or
-    current counts otherwise, and the start moves.
+    Where another row than the first is the anchor (the end of a full charge), its SoC stays where
+    it is when another capacity or current counts otherwise, and the start moves: `soc0` is the
+    start by the first count.
     """
     starts = np.array([values[name] for name in start_names(len(stack.first))])
     types = (count, array, array, count, array, array, real, real, array)
@@ -439,6 +440,17 @@ def coupling(free, tolerance):
     knots = [k for k, parameter in enumerate(free) if parameter.name.startswith("ocv[")]
     precision[np.ix_(knots, knots)] = np.linalg.inv(covariance)
     return precision
+
+
+def starts_of(cell, stack, values, effects=()):
+    """SoC at the start of each record by a model [1]: dict by test.
+
+    Parameters
+    ----------
+    cell, stack, values, effects : as in `voltage`.
+    """
+    soc = fields_of(cell, stack, values, effects).soc[stack.first]
+    return dict(zip(stack.tests, soc.tolist(), strict=True))
 
 
 def first_values(cell, stack, capacity=0.0):

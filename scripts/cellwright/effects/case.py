@@ -25,7 +25,9 @@ from cellwright.refusal import Refusal
 from cellwright.settings import MissingEffect
 
 UNUSED_VOLT = 1e4  # error of a row that is not compared: so large that it has no weight
-KINDS = ("capacity", "hppc", "pulse_resistance", "drive")
+SLOW_TEST = "ocv"
+MEASURED_SOC = 0.1, 0.9  # of a slow test; towards its ends the OCV is joined to what rests show
+KINDS = ("capacity", "hppc", "pulse_resistance", "drive")  # and the slow test of the OCV
 GRID = np.linspace(0.0, 1.0, 1001)
 EDGE_PART = 200.0  # a change of this part of a record's largest ends a steady stretch
 RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured
@@ -401,11 +403,11 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
         raise Refusal(
             "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
         )
-    fitted, judging, notes = _sides(cell, basis, tests, settings)
+    curve = _curve_at_reference(basis)
+    fitted, judging, notes = _sides(cell, basis, _with_slow_test(tests, curve), settings)
     if basis["capacity_source"] == "rating":
         tolerance = tolerance._replace(capacity=RATED_CAPACITY)
         notes.append("no measured capacity: the rating, to 5 %")
-    curve = _curve_at_reference(basis)
     caveats = (*_stand_in(tests, judging), *_of_rests(curve, judging))
     capacity = basis["capacity_ampere_hour"]
     sides = tuple(_thinned(side, settings["most_rows"], capacity) for side in (fitted, judging))
@@ -421,6 +423,19 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     return Prepared(better._replace(otherwise=other), sides, tuple(notes), caveats)
 
 
+def _with_slow_test(tests, curve):
+    """Tests that the search reads: none slow but that of the OCV, if of the same check-up.
+
+    Both branches of it hold the OCV where it is. Drives discharge most of the time, and alone they
+    would let it follow a hysteresis.
+    """
+    others = [test for test in tests if test.facts.kind != SLOW_TEST]
+    own = [t for t in tests if t.facts.kind == SLOW_TEST and t.facts.test == curve["test"]]
+    first, _ = of_first_checkup(others)
+    together, _ = of_first_checkup([*own, *first])
+    return [*own, *others] if len(together) == len(own) + len(first) else others
+
+
 def _sides(cell, basis, tests, settings):
     """Records that are fitted and that judge, with notes on those that cannot be used."""
     young, later = of_first_checkup(tests)
@@ -432,14 +447,15 @@ def _sides(cell, basis, tests, settings):
             judging += [_record(*given, proof=True)] if role in JUDGING else []
         except Refusal as refusal:
             notes.append(f"not used: {test.facts.test}: {refusal}")
-    if not judging and len(fitted) >= 3:
-        kept = [k for k in range(len(fitted)) if k % 3 == (k // 3) % 3]
-        judging = [fitted[k] for k in kept]
-        fitted = [record for k, record in enumerate(fitted) if k not in kept]
+    dynamic = [record for record in fitted if record.kind != SLOW_TEST]
+    if not judging and len(dynamic) >= 3:
+        judging = [record for k, record in enumerate(dynamic) if k % 3 == (k // 3) % 3]
+        kept_out = {record.test for record in judging}
+        fitted = [record for record in fitted if record.test not in kept_out]
         names = ", ".join(record.test for record in judging)
         notes.append(f"no test of role validation: {names} judged instead, and were not fitted")
-    if not fitted or not judging:
-        which = "fitted" if not fitted else "kept out of the fit for validation"
+    if not dynamic or not judging:
+        which = "fitted" if not dynamic else "kept out of the fit for validation"
         raise Refusal(f"no test can be {which}; {'; '.join(notes)}")
     return fitted, judging, notes
 
@@ -447,7 +463,11 @@ def _sides(cell, basis, tests, settings):
 def _record(test, basis, cell, settings, *, proof=False):
     # What the instrument read, with what cleaning did not count: an offset is one of the effects.
     cut = {"split_rest_second": settings["split_rest_second"]}
-    return laid_out_to_fit(test, basis, cell, proof=proof, as_read=True, **cut)
+    record = laid_out_to_fit(test, basis, cell, proof=proof, as_read=True, **cut)
+    if record.kind != SLOW_TEST:
+        return record
+    low, high = MEASURED_SOC
+    return record._replace(used=record.used & (record.soc >= low) & (record.soc <= high))
 
 
 def _curve_at_reference(basis):

@@ -414,7 +414,8 @@ def _series(case, before, after):
 def model_of(case, state):
     """A fitted model with its effects: all that `base.voltage` needs, with standard deviations.
 
-    fitted_celsius : lowest and highest mean temperature of the records fitted.
+    fitted_celsius : lowest and highest mean temperature of the records fitted. start_soc : SoC at
+    the start of each of them.
     """
     stack = case.fit
     means = np.bincount(stack.file, stack.celsius) / np.bincount(stack.file)
@@ -427,5 +428,6 @@ def model_of(case, state):
         "tests": list(case.fit.tests),
         "values": {name: float(value) for name, value in state.solution.values.items()},
         "std": stds(state.solution, parts_of(case.fit)),
+        "start_soc": base.starts_of(case.cell, stack, state.solution.values, state.effects),
         "effects": [effect.id for effect in state.effects],
     }

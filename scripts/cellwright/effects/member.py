@@ -254,8 +254,8 @@ def folds(case, state, noise, *, split_rest_second):
 
     Returns
     -------
-    folds : list of dict: values, as in the model; blocks, list of [test, from, until] in seconds
-        of the test. Empty where the records fitted are one block.
+    folds : list of dict: values and start_soc, as in the model; blocks, list of [test, from, until]
+        in seconds of the test. Empty where the records fitted are one block.
     """
     numbers, spans = blocks_of_case(case, split_rest_second)
     count = min(FOLDS, len(spans))
@@ -276,8 +276,10 @@ def folds(case, state, noise, *, split_rest_second):
             problem, start.values, columns=start.columns, renew=renew, steps=POLISH_STEPS
         )
         blocks_of_fold = [span for number, span in enumerate(spans) if number % count == fold]
-        values_of_fold = {name: float(value) for name, value in solution.values.items()}
-        folds.append({"values": values_of_fold, "blocks": blocks_of_fold})
+        starts = base.starts_of(case.cell, case.fit, solution.values, state.effects)
+        numbers_of_fold = {name: float(value) for name, value in solution.values.items()}
+        fold = {"values": numbers_of_fold, "start_soc": starts, "blocks": blocks_of_fold}
+        folds.append(fold)
     return folds
 
 
@@ -341,7 +343,7 @@ def with_effects(model, effect_model, tests, conditions):
     Parameters
     ----------
     model : dict of schema cellwright-model/2.
-    effect_model : dict, see `effect_member`, with `tests` (of the search's fit) and `folds`
+    effect_model : dict, see `effect_member`, with `start_soc` (of the search's fit) and `folds`
         (see `folds`).
     tests : list of MeasuredTest, whose temperatures the member is to hold.
     conditions : list of lists of choice.FittedRecord, one a condition of the model.
@@ -359,7 +361,7 @@ def with_effects(model, effect_model, tests, conditions):
     stated = [test.facts.ambient_temperature_celsius for test in tests]
     celsius = temperatures(courses, stated, effect_model["effects"])
     folds = effect_model["folds"]
-    fits = [effect_model, *(effect_model | {"values": fold["values"]} for fold in folds)]
+    fits = [effect_model, *(effect_model | fold for fold in folds)]
     members = [effect_member(fit, model, celsius) for fit in fits]
     models = [model | {"members": [*model["members"], member]} for member in members]
     errors = [[_errors(record, models, fits) for record in part] for part in conditions]
@@ -384,8 +386,7 @@ def _errors(fitted_record, models, fits):
     record = fitted_record.record
     soc, errors = record.soc, []
     for model, effect_model in zip(models, fits, strict=True):
-        names = {test: f"soc0[{k}]" for k, test in enumerate(effect_model["tests"])}
-        start = effect_model["values"].get(names.get(record.test), soc[0])
+        start = effect_model["start_soc"].get(record.test, soc[0])
         moved = record._replace(soc=soc + (start - soc[0]))
         errors.append(errors_of(model, NAME, fitted_record._replace(record=moved)))
     return np.array(errors)

@@ -25,7 +25,7 @@ DRAWS = 200
 LIKELY = 0.5
 SEED = 15
 # Both are from half of the behavioural cells; docs/missing-effect.md, "How likely".
-SPREAD = 8.0  # blocks that lie side by side err alike: weights scatter as if they were fewer
+SPREAD = 4.0  # blocks that lie side by side err alike: weights scatter as if they were fewer
 UNSEEN = 0.05  # searches that all blocks agree on and that are wrong: a form that no effect has
 
 

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from cellwright.effects.case import KINDS
+from cellwright.effects.case import KINDS, SLOW_TEST
 from cellwright.effects.finding import asked_of
 from cellwright.effects.verdict import searched
 from cellwright.records.facts import of_first_checkup
@@ -62,10 +62,11 @@ def stability(cell, basis, tests, library, **options):
     ------
     Refusal : the cell cannot be searched with all of its records; see `finding.missing_effect`.
     """
-    records = [test for test in of_first_checkup(tests)[0] if test.facts.kind in KINDS]
-    repeats = [_repeat(None, asked_of(cell, basis, records, **options), library)]
+    slow = [test for test in tests if test.facts.kind == SLOW_TEST]
+    records = of_first_checkup([test for test in tests if test.facts.kind in KINDS])[0]
+    repeats = [_repeat(None, asked_of(cell, basis, [*slow, *records], **options), library)]
     for test in records:
-        others = [other for other in records if other is not test]
+        others = [*slow, *(other for other in records if other is not test)]
         try:
             asked = asked_of(cell, basis, others, **options)
             repeats.append(_repeat(test.facts, asked, library))

@@ -87,6 +87,26 @@ def soc_series(
     raise Refusal(_why_not_anchored(rate[0], upper_cutoff_volt, ocv_soc))
 
 
+def slow_soc(charge_ampere_hour, *, capacity_ampere_hour):
+    """State of charge over the slow test that an OCV is from: empty where its discharge ends.
+
+    That is what the scale of the OCV means by empty; its charge is slow from the start, so that no
+    low current tells where it ends full.
+
+    Parameters
+    ----------
+    charge_ampere_hour : (n,) net charge since the first row, + on charge [Ah].
+    capacity_ampere_hour : what the scale from 0 to 1 refers to [Ah].
+
+    Returns
+    -------
+    Anchored.
+    """
+    counted = np.asarray(charge_ampere_hour, float) / capacity_ampere_hour
+    empty = int(np.argmin(counted))
+    return Anchored(counted - counted[empty], "end of its slow discharge", empty)
+
+
 def full_row(rate, voltage_volt, upper_cutoff_volt, *, full_c_rate=0.1):
     """Last row of the first charge that ends full, or None.
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.anchor import REST_C_RATE
+from cellwright.records.anchor import REST_C_RATE, slow_soc
 from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle, soc_of
 from cellwright.records.channels import (
     BRANCH_CURRENT,
@@ -134,7 +134,8 @@ def checked(record):
 def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False):
     """A test of a cell on the SoC scale, with its temperature and the rows that are compared.
 
-    1. The SoC is counted from the best anchor that there is (`basis.soc_of`). 2. The temperature is
+    1. The SoC is counted from the best anchor that there is (`basis.soc_of`), of a slow test from
+    its own end. 2. The temperature is
     the cell's own, see `cell_temperature`. 3. Of a test of role `split` the odd blocks are compared
     in a fit and the even ones in a proof; of any other test all rows.
 
@@ -163,7 +164,11 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
     time = columns["test_time_second"]
     if len(time) < 2:
         raise Refusal(f"record has {len(time)} sample(s); a model needs a course of time")
-    anchored = soc_of(columns, basis, facts, cell)
+    if facts.kind == "ocv":
+        size = {"capacity_ampere_hour": basis["capacity_ampere_hour"]}
+        anchored = slow_soc(columns["charge_ampere_hour"], **size)
+    else:
+        anchored = soc_of(columns, basis, facts, cell)
     celsius, source = cell_temperature(facts, columns, as_read=as_read)
     used = np.ones(len(time), bool)
     if facts.role == "split":

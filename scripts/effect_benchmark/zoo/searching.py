@@ -14,7 +14,7 @@ from virtual_lab.zoo import parts
 
 NAN = float("nan")
 CELL_FACTS = ("cell", "rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt")
-KINDS = ("capacity", "hppc", "pulse_resistance", "drive")  # as in rules/missing_effect.smk
+KINDS = ("ocv", "capacity", "hppc", "pulse_resistance", "drive")  # as in rules/missing_effect.smk
 LEAST_REFERENCES = 3
 
 

@@ -5,6 +5,8 @@ import numpy as np
 from cellwright.circuits.instrument import stored
 from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
 
+TELLING = ("capacity", "ocv")  # kinds of tests that a capacity is measured by
+
 
 def _inefficiency(fields, stack, p):
     return fields._replace(moved=stored(fields.moved, lost_share=p["lost_share_of_charge"]))
@@ -16,8 +18,8 @@ def _leakage(fields, stack, p):
 
 
 def _capacity_error(fields, stack, p):
-    """Capacity that has changed since the capacity test, in all other records."""
-    later = np.array([kind != "capacity" for kind in stack.kinds], float)[stack.file]
+    """Capacity that has changed since it was measured, in all other records."""
+    later = np.array([kind not in TELLING for kind in stack.kinds], float)[stack.file]
     return fields._replace(capacity=fields.capacity * (1.0 + p["relative"] * later))
 
 
