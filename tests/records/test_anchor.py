@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.records.anchor import full_row, soc_series
+from cellwright.records.anchor import full_row, slow_soc, soc_series
 from cellwright.refusal import Refusal
 
 TABLE = {"ocv_soc": np.array([0.0, 0.5, 1.0]), "ocv_volt": np.array([3.0, 3.6, 4.2])}
@@ -30,6 +30,20 @@ def test_full_charge_in_the_record_is_one():
     anchored = soc_series(*filled(), capacity_ampere_hour=2.0, **LIMITS, **TABLE)
     assert np.isclose(anchored.soc[4], 1.0)
     assert np.isclose(anchored.soc[-1], 0.5)
+
+
+def test_the_row_of_an_anchor_is_the_one_whose_soc_is_known():
+    anchored = soc_series(*filled(), capacity_ampere_hour=2.0, **LIMITS, **TABLE)
+    assert anchored.row == 4
+    stated = soc_series(*filled(), capacity_ampere_hour=2.0, soc_at_start=0.3, **LIMITS, **TABLE)
+    assert stated.row == 0
+
+
+def test_a_slow_test_is_empty_where_its_discharge_ends():
+    charge = np.array([0.0, -1.0, -1.98, -1.98, -0.5, 0.01])
+    anchored = slow_soc(charge, capacity_ampere_hour=2.0)
+    assert anchored.row == 2
+    assert np.allclose(anchored.soc, (charge + 1.98) / 2)
 
 
 def test_charge_pulse_that_touches_the_limit_is_not_full():
