@@ -39,6 +39,15 @@ def test_a_clear_answer_is_the_likeliest_but_never_certain(truth, answer):
     assert weighed == said(truth)
 
 
+def test_told_shares_are_sharper_and_keep_their_order():
+    shares = {"none": 0.6, "leakage": 0.3, "unknown": 0.1}
+    sharp = odds.told(shares)
+    assert list(sharp) == list(shares)
+    assert sum(sharp.values()) == pytest.approx(1.0)
+    assert sharp["none"] > 0.6
+    assert sharp["leakage"] / sharp["unknown"] == pytest.approx(3**odds.SHARPER)
+
+
 def test_a_proof_that_can_hardly_show_a_name_does_not_make_it_unsure():
     """Ten minutes of a mild load at the temperature of the slow test, which was fitted."""
     truth = Truth(activation=1.2e4)

@@ -218,7 +218,8 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     model = model_of(case, state)
     values = values_of(model) | result.last.solution.values
-    fitted = _fitted(case, result.last, rounds[-1].filters.fit, holds, alone)
+    further = [t.state.solution for t in rounds[-1].trials if t.delta_bic > 0]
+    fitted = _fitted(case, result.last, rounds[-1].filters.fit, holds, alone, further)
     for entry in (*verdict["effects"], *verdict["partial"]):
         effect = library[entry["effect"]], entry["parameters"]
         entry["sizes"] = [size._asdict() for size in sizes_as_used(*effect, values, fitted)]
@@ -251,12 +252,13 @@ def _learnable(case, result, filters):
     }
 
 
-def _fitted(case, state, whitening, holds, alone):
+def _fitted(case, state, whitening, holds, alone, further):
     """How sure the parameters of a model are: by what is left, stated temperatures, and the hold.
 
-    And by what they would be without an effect that nobody would act on (`alone`, a Solution or
-    None): models that are as good to anyone disagree by that (S. Buckland et al., Biometrics 53
-    (1997) 603).
+    And by what they are in models that are as good to anyone: without an effect that nobody would
+    act on (`alone`, a Solution or None), and with one more that follows the records fitted better
+    but is no name (`further`, list of Solution); they disagree by that (S. Buckland et al.,
+    Biometrics 53 (1997) 603).
 
     What is left is taken as independent between parts of records, and between whole records: what
     one has of its own (a core warmer than its surface) is in all of its parts. Between the holds of
@@ -271,16 +273,16 @@ def _fitted(case, state, whitening, holds, alone):
         spreads += covariances(state.solution, case.fit.file)[1:]
     names = state.solution.names
     assumed = by_temperature + _unsure_by_hold(names, *holds) if holds else by_temperature
-    if alone is not None:
-        change = _change_without(names, state.solution, alone)
-        assumed = assumed + np.outer(change, change)
+    for others in ([] if alone is None else [alone], further):
+        changes = [_change_to(names, state.solution, other) for other in others]
+        assumed = assumed + sum(np.outer(c, c) for c in changes) / max(len(others), 1)
     return Fitted(names, tuple(one + assumed for one in spreads))
 
 
-def _change_without(names, solution, alone):
-    """Change (p,) of parameters without what joined the names; zero of those that joined."""
-    shared = set(alone.names)
-    return np.array([alone.values[n] - solution.values[n] if n in shared else 0.0 for n in names])
+def _change_to(names, solution, other):
+    """Change (p,) of parameters to another solution; zero of those that it has not."""
+    shared = set(other.names)
+    return np.array([other.values[n] - solution.values[n] if n in shared else 0.0 for n in names])
 
 
 def _unsure_by_hold(names, here, there):

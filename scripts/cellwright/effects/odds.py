@@ -24,9 +24,10 @@ from cellwright.effects.search import best_of, stays, up_to
 DRAWS = 200
 LIKELY = 0.5
 SEED = 15
-# Both are from half of the behavioural cells; docs/missing-effect.md, "How likely".
+# All three are from behavioural cells; docs/missing-effect.md, "How likely".
 SPREAD = 4.0  # blocks that lie side by side err alike: weights scatter as if they were fewer
 UNSEEN = 0.05  # searches that all blocks agree on and that are wrong: a form that no effect has
+SHARPER = 1.2  # power by which shares of draws, which are too cautious, are told as probabilities
 
 
 class Side(NamedTuple):
@@ -236,6 +237,20 @@ def _shares(answers, unknown, result):
         for one in said:
             shares[one] = shares.get(one, 0.0) + 1.0 / len(said) / len(answers)
     return shares
+
+
+def told(shares, *, sharper=SHARPER):
+    """Probabilities as they are told: shares of the draws to a power, in sum one.
+
+    A rule that asks for even help is passed by a weak right effect in few draws.
+
+    Parameters
+    ----------
+    shares : from `probabilities`. sharper : the power [1].
+    """
+    powers = {answer: share**sharper for answer, share in shares.items()}
+    whole = sum(powers.values())
+    return {answer: power / whole for answer, power in powers.items()}
 
 
 def likely(rounds, result, shares):

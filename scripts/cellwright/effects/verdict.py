@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.ceiling import reached
-from cellwright.effects.odds import likely, probabilities
+from cellwright.effects.odds import likely, probabilities, told
 from cellwright.effects.proof import left_volt
 from cellwright.effects.search import beside_names, search, up_to
 from cellwright.numerics.least_squares import fit, stds
@@ -76,7 +76,8 @@ def decided(case, rounds):
     rounds : list of search.Round, up to the first name that falls short of what could be learned
     without physics (`ceiling.reached`), is less likely than not (`odds.likely`), or makes the model
     worse on records that judge.
-    result : verdict.Outcome. shares : probability of each answer, before names were refused.
+    result : verdict.Outcome. shares : probability of each answer as told, names that are refused
+    among them.
     """
     rounds, short = reached(case, rounds, rounds[0].floor)
     result = outcome(rounds, case.gates)
@@ -86,7 +87,7 @@ def decided(case, rounds):
     result = outcome(rounds, case.gates)
     ways = zip((worse, unlikely, short), REFUSED, strict=True)
     refused, why = next(((step, why) for step, why in ways if step is not None), (None, ""))
-    return rounds, result._replace(refused=refused, why_refused=why), shares
+    return rounds, result._replace(refused=refused, why_refused=why), told(shares)
 
 
 class Searched(NamedTuple):
