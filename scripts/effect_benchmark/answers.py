@@ -9,9 +9,9 @@ import numpy as np
 import cellwright as cw
 from cellwright.effects import search
 from cellwright.effects.finding import KEPT, model_of
+from cellwright.effects.given.paired import paired
 from cellwright.effects.groups.finding import KnownCell
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.paired import paired
 from cellwright.effects.proof import excess_volt, explained, significant
 from cellwright.effects.records import parts_of
 from cellwright.effects.verdict import decided, entry_of, gap_closed, outcome, searched, verdict_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import small_cells as small
 
-from cellwright.effects import base
+from cellwright.effects import base, beginning
 from cellwright.effects.candidates import neutral
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import stacked
@@ -117,7 +117,7 @@ def test_lags_are_made_anew_only_where_what_they_follow_from_moves(monkeypatch, 
     monkeypatch.setattr(base, "lag_fresh", lambda *a: made.append(a[4]) or lag(*a))
     volt = base.voltage(small.CELL, stack, values, effects)
     assert len(made) == 2
-    larger = {n: values[n] + 0.1 for n in base.RESISTANCES}
+    larger = {n: values[n] + 0.1 for n in beginning.RESISTANCES}
     assert np.abs(base.voltage(small.CELL, stack, values | larger, effects) - volt).max() > 1e-3
     assert len(made) == 2
     base.voltage(small.CELL, stack, values | {"log_tau1": values["log_tau1"] + 0.1}, effects)

@@ -10,13 +10,13 @@ from small_plant import simulated as plant
 from cellwright.circuits.exports import pybamm_document
 from cellwright.circuits.model_file import member_of, plain_member, simulate_model
 from cellwright.circuits.parameters import parameter_rows
-from cellwright.effects.case import Prepared
 from cellwright.effects.finding import of_case
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case
 from cellwright.effects.given.member import name_with_effects, own_member, with_own_effects
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.member import effect_member
+from cellwright.effects.preparing import Prepared
 from cellwright.filters.evaluate import _circuit_alone
 from cellwright.refusal import Refusal
 

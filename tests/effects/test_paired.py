@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from small_plant import NOISE_VOLT, Truth, case_of
 
-from cellwright.effects import base, records, search
+from cellwright.effects import base, beginning, records, search
 from cellwright.effects.case import Case
+from cellwright.effects.given.paired import Pairing, _counted, counterpart_second, paired, part
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.resistance import TOWARDS_EMPTY, TOWARDS_FULL
-from cellwright.effects.paired import Pairing, _counted, counterpart_second, paired, part
 from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
@@ -167,7 +167,7 @@ def test_rows_on_a_steep_ocv_do_not_tell_how_much_healthy_cells_differ():
     soc = np.linspace(0, 1, 101)
     steep = base.Cell(CAPACITY, CELL.ocv_volt - 20.0 * np.maximum(0.6 - soc, 0.0) ** 2)
     healthy = case(8)._replace(cell=steep)
-    values = base.first_values(steep, healthy.fit)
+    values = beginning.first_values(steep, healthy.fit)
     at = base.fields_of(steep, healthy.fit, values).soc
     counted = _counted(healthy)["fit"]
     assert counted[at > 0.6].all()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.effects.case import _thinned
+from cellwright.effects.preparing import _thinned
 from cellwright.effects.records import stacked
 from cellwright.records.record import record_of
 from cellwright.refusal import Refusal

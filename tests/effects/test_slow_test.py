@@ -5,10 +5,10 @@ import pytest
 from small_plant import CAPACITY, CELL, HEALTHY, Truth, case, drive, measured, ocv, slow_discharge
 
 import cellwright as cw
-from cellwright.effects import base
-from cellwright.effects.case import MEASURED_SOC
+from cellwright.effects import base, beginning
 from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.preparing import MEASURED_SOC
 from cellwright.effects.records import stacked
 from cellwright.records.record import record_of
 
@@ -71,7 +71,7 @@ def test_the_slow_test_is_fitted_where_its_branches_measure_the_ocv():
     assert made.fit.tests == ("slow", "down", "fitted")
     assert made.validation.tests == ("proof",)
     rows = made.fit.part([0])
-    soc = base.fields_of(made.cell, made.fit, base.first_values(made.cell, made.fit)).soc
+    soc = base.fields_of(made.cell, made.fit, beginning.first_values(made.cell, made.fit)).soc
     assert soc[rows].min() == pytest.approx(0.0, abs=0.005)
     used = soc[rows & made.fit.used]
     assert used.min() > MEASURED_SOC[0] - 0.01
@@ -123,7 +123,7 @@ def charged(soc_at_start, anchor_row):
 @pytest.mark.parametrize("anchor_row", [None, 0, 90])
 def test_the_soc_stays_where_it_is_known_and_the_start_moves(anchor_row):
     stack = stacked([charged(0.5, anchor_row)], capacity_ampere_hour=CAPACITY)
-    values = base.first_values(CELL, stack)
+    values = beginning.first_values(CELL, stack)
     soc = base.fields_of(CELL, stack, values).soc
     larger = base.fields_of(CELL, stack, values | {"capacity": 0.25}).soc
     known = anchor_row or 0
@@ -133,7 +133,7 @@ def test_the_soc_stays_where_it_is_known_and_the_start_moves(anchor_row):
 
 def test_an_offset_of_the_current_moves_the_start_as_well():
     stack = stacked([charged(0.5, 90)], capacity_ampere_hour=CAPACITY)
-    values = base.first_values(CELL, stack)
+    values = beginning.first_values(CELL, stack)
     offset = LIBRARY["current_offset"]
     wrong = values | {offset.names[0]: 0.05}
     soc = base.fields_of(CELL, stack, values).soc
@@ -147,7 +147,7 @@ def test_an_offset_of_the_current_moves_the_start_as_well():
 def test_a_capacity_that_is_declared_wrongly_is_found_and_told(wrong):
     cell = CELL._replace(capacity_ampere_hour=wrong * CAPACITY)
     declared = case(HEALTHY)._replace(cell=cell)
-    begin = base.first_capacity(cell, declared.fit)
+    begin = beginning.first_capacity(cell, declared.fit)
     assert begin == pytest.approx(1 / wrong - 1, abs=0.03)
     verdict = of_case("A", declared._replace(first_capacity=begin), LIBRARY).verdict
     assert not {one["effect"] for one in verdict["effects"]} - {"capacity_error"}

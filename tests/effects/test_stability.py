@@ -5,7 +5,7 @@ import pytest
 from small_plant import CAPACITY, HEALTHY, Truth, drive, measured, ocv, slow_discharge
 
 import cellwright as cw
-from cellwright.effects.stability import Repeat, name_rows, repeat_rows
+from cellwright.effects.story.stability import Repeat, name_rows, repeat_rows
 from cellwright.refusal import Refusal
 
 

@@ -20,7 +20,7 @@ from small_plant import (
     slow_discharge,
 )
 
-from cellwright.effects import base
+from cellwright.effects import base, beginning
 from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
@@ -306,7 +306,7 @@ def test_every_trial_says_why_it_is_no_name():
 
 def with_dip(made, volt, *, shape):
     """The case with less voltage in the slow discharge [V], by the shape of a function of SoC."""
-    soc = base.fields_of(made.cell, made.fit, base.first_values(made.cell, made.fit)).soc
+    soc = base.fields_of(made.cell, made.fit, beginning.first_values(made.cell, made.fit)).soc
     loaded = (made.fit.file == 0) & (np.abs(made.fit.current_ampere) > 0.1)
     bend = np.where(loaded, -volt * shape(soc), 0.0)
     return made._replace(fit=made.fit._replace(voltage_volt=made.fit.voltage_volt + bend))

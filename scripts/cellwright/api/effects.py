@@ -116,7 +116,7 @@ def missing_effect_stability(
     Source: docs/missing-effect.md.
     """
     from cellwright.effects.library import LIBRARY
-    from cellwright.effects.stability import repeat_rows, stability
+    from cellwright.effects.story.stability import repeat_rows, stability
 
     found = stability(
         inputs.cell_facts(cell),
@@ -178,8 +178,8 @@ def prepared_case(
     ------
     Refusal : no OCV, no test to fit, or none for validation.
     """
-    from cellwright.effects.case import KINDS, SLOW_TEST, prepared
     from cellwright.effects.finding import settings_of
+    from cellwright.effects.preparing import KINDS, SLOW_TEST, prepared
 
     plain = _search(settings, split_rest_second, changes)
     gates, tolerance = settings_of(plain)

@@ -10,7 +10,6 @@ from math import exp
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 
 from cellwright.native import array, count, function, real
 from cellwright.numerics.lags import lag_weights
@@ -28,12 +27,7 @@ SOC_LIMITS = (-0.5, 1.5)  # of a trial step of the fit, so that nothing overflow
 TABLE_LIMITS = (-0.05, 1.05)  # of the SoC at which the OCV's table is read
 LOGARITHMS = ("log_r0", "log_r1", "log_tau1", "log_r2", "log_tau2")
 LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
-FIRST_TAU_SECOND = {"log_tau1": 8.0, "log_tau2": 130.0}
-FIRST_CAPACITIES = (0.0, 0.05, -0.05, 0.1, -0.1, 0.15, -0.15, 0.2, -0.2)  # off the measured one
-FINER_CAPACITY = 0.025
-RESISTANCES = ("log_r0", "log_r1", "log_r2")
 LEAD = "lead_ohm"  # of contacts: a resistance without a course over SoC or temperature [ohm]
-NO_LOG_OHM, UNIT = np.log(1e-7), 1e-2  # no resistance; a step for derivatives [ohm]
 LOG_STD = {"log_r0": 1.5, "log_r1": 1.5, "log_r2": 1.5, "log_tau1": 0.8, "log_tau2": 0.8}
 STEEP = 2.0  # times the usual slope of the OCV
 MOST_LEAD = 3.0  # times the ohmic resistance
@@ -451,84 +445,6 @@ def starts_of(cell, stack, values, effects=()):
     """
     soc = fields_of(cell, stack, values, effects).soc[stack.first]
     return dict(zip(stack.tests, soc.tolist(), strict=True))
-
-
-def first_values(cell, stack, capacity=0.0):
-    """First values of a fit: resistances by linear regression at usual time constants.
-
-    Parameters
-    ----------
-    cell : Cell. stack : records.Stack. capacity : off the measured one, relative [1].
-
-    Returns
-    -------
-    values : dict of all parameters of the plain model.
-    """
-    values = dict.fromkeys(base_names(len(stack.first)), 0.0) | {"known": 1.0, LEAD: 0.0}
-    values |= {"capacity": capacity}
-    values |= {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
-    return regressed(cell, stack, values)
-
-
-def first_capacity(cell, stack):
-    """Capacity, off the measured one [1], from which a fit finds its way: 0 but for gross errors.
-
-    A capacity that is wrong by 10 % takes records beyond empty, where the OCV says nothing, or ends
-    them before its knee: a fit that begins there stays at errors of hundreds of millivolts, or lets
-    the OCV follow. Another start must halve the mean absolute error that is left.
-
-    Parameters
-    ----------
-    cell : Cell. stack : records.Stack.
-    """
-
-    def error(capacity):
-        volt = voltage(cell, stack, first_values(cell, stack, capacity))
-        return float(np.abs(stack.voltage_volt - volt)[stack.used].mean())
-
-    errors = {capacity: error(capacity) for capacity in FIRST_CAPACITIES}
-    best = min(errors, key=errors.get)
-    if best:
-        errors |= {near: error(near) for near in (best - FINER_CAPACITY, best + FINER_CAPACITY)}
-        best = min(errors, key=errors.get)
-    return best if errors[best] < errors[0.0] * 2 / 3 else 0.0
-
-
-def regressed(cell, stack, values, effects=(), sizes=()):
-    """Values with the resistances estimated by linear regression, effects held at given values.
-
-    For a fit whose resistances have settled at a local optimum, a start beyond it.
-
-    Parameters
-    ----------
-    cell, stack : as above. values : dict. effects : sequence of Effect.
-    sizes : names of further parameters, zero or above, that the voltage is proportional to.
-    """
-    values = values | {name: float(np.log(tau)) for name, tau in FIRST_TAU_SECOND.items()}
-    without = values | dict.fromkeys(RESISTANCES, NO_LOG_OHM) | dict.fromkeys(sizes, 0.0)
-    volt = voltage(cell, stack, without, effects)
-    units = dict.fromkeys(RESISTANCES, np.log(UNIT)) | dict.fromkeys(sizes, UNIT)
-    columns = [
-        (voltage(cell, stack, without | {name: unit}, effects) - volt)[stack.used]
-        for name, unit in units.items()
-    ]
-    error = (stack.voltage_volt - volt)[stack.used]
-    sizes_by_name = dict(
-        zip(units, UNIT * _nonnegative(np.stack(columns, axis=1), error), strict=True)
-    )
-    floor = max(max(sizes_by_name.values()), 1e-5) / 30
-    logs = {name: float(np.log(max(sizes_by_name[name], floor))) for name in RESISTANCES}
-    return values | logs | {name: float(sizes_by_name[name]) for name in sizes}
-
-
-def _nonnegative(columns, target):
-    """Non-negative least squares by way of the normal equations: few columns, many rows."""
-    gram = columns.T @ columns
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    gram = gram / np.outer(size, size) + 1e-9 * np.eye(len(size))
-    root = np.linalg.cholesky(gram)
-    moment = np.linalg.solve(root, (columns.T @ target) / size)
-    return nnls(root.T, moment)[0] / size
 
 
 def steep_volt(cell, soc, tolerance):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base
+from cellwright.effects import base, beginning
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit, inverse, stds
 
@@ -219,7 +219,7 @@ def screened(case, candidates, before, possible, filters):
     solution, best, hidden = before.solution, {}, {}
     residual = filters.fit.apply(solution.residual)
     many = filters.fit.apply(np.concatenate([c.columns for c in candidates], axis=1))
-    regressed = base.regressed(case.cell, case.fit, solution.values, before.effects)
+    regressed = beginning.regressed(case.cell, case.fit, solution.values, before.effects)
     without = chi_square_of(case, regressed, before.effects, filters)
     inside = solution.inside
     slopes = inside.white, inside.precision, solution.values
@@ -251,7 +251,7 @@ def _score_by_regression(case, before, possible, score, filters, without):
         return score
     free = tuple(name for name in candidate.sizes if name not in given)
     first = before.solution.values | candidate.start
-    values = base.regressed(case.cell, case.fit, first, effects, free)
+    values = beginning.regressed(case.cell, case.fit, first, effects, free)
     sizes = np.array([values[name] for name in candidate.sizes])
     fall = without - chi_square_of(case, values, effects, filters)
     return score._replace(chi_square=fall, estimate=sizes, values=values)

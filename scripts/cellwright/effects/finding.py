@@ -6,16 +6,17 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.candidates import evidence, frees_of
-from cellwright.effects.case import Gates, not_excited, prepared
+from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.ceiling import ceiling
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case, with_simulated
 from cellwright.effects.given.judged import as_given, judged_blocks
+from cellwright.effects.given.paired import Pairing, paired
 from cellwright.effects.judge import joined, residual_map, stretched, unsure_by_temperature, worst
 from cellwright.effects.member import folds
-from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
+from cellwright.effects.preparing import prepared
 from cellwright.effects.proof import explained
 from cellwright.effects.records import parts_of
 from cellwright.effects.search import against
@@ -104,7 +105,7 @@ class Asked(NamedTuple):
     """What a search is asked: its case, and what the model is.
 
     case : case.Case. base_name : "plain", "own" or "external". references : names of the healthy
-    cells that the cell is compared with. notes, caveats : tuples of str, see `case.Prepared`.
+    cells that the cell is compared with. notes, caveats : tuples of str, see `preparing.Prepared`.
     """
 
     case: object
@@ -133,7 +134,7 @@ def asked_of(cell, basis, tests, *, settings, references=(), model=None, simulat
 
 
 def _ready(cell, basis, tests, options, notes):
-    """As `case.prepared`; a refusal tells as well which simulation could not be joined."""
+    """As `preparing.prepared`; a refusal tells as well which simulation could not be joined."""
     try:
         return prepared(cell, basis, tests, **options)
     except Refusal as refusal:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base
+from cellwright.effects import base, beginning
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.numerics.least_squares import Free, bounded_minimum, inverse, stds
 from cellwright.numerics.statistics import rms
@@ -114,7 +114,7 @@ def unfitted(case):
     values : dict. free : tuple of Free.
     """
     cell, stack, tolerance = case.cell, case.fit, case.tolerance
-    values = case.start or base.first_values(cell, stack, case.first_capacity)
+    values = case.start or beginning.first_values(cell, stack, capacity=case.first_capacity)
     values = started(cell, stack, values, (), tolerance)
     stds = _start_stds(cell, stack, values, tolerance)
     starts = []

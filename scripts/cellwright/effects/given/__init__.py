@@ -1,1 +1,1 @@
-"""Bases of the search whose voltage is given: the model in use, and any other simulator."""
+"""Bases of the search that are given more: healthy references, a model in use, any simulator."""

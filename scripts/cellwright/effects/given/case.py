@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import circuit_at, member_of, std_name
-from cellwright.effects import base
+from cellwright.effects import base, beginning
 from cellwright.effects.case import extra_volt_of, filters_of, problem_of
 from cellwright.identification.validation import simulated
 from cellwright.numerics.least_squares import fit
@@ -45,7 +45,7 @@ def own_case(prepared, model):
 
     Parameters
     ----------
-    prepared : case.Prepared of the plain circuit. model : dict of schema cellwright-model/2.
+    prepared : preparing.Prepared of the plain circuit. model : dict of schema cellwright-model/2.
 
     Returns
     -------
@@ -184,7 +184,7 @@ def _companion(case):
 
     Everything else stays as it was stated, so that the difference is a part of the given model.
     """
-    values = base.first_values(case.cell, case.fit)
+    values = beginning.first_values(case.cell, case.fit)
     free = base.frees(case.fit, values, case.tolerance)
     filters = filters_of(case, FIRST, extra_volt_of(case, values))
     problem = problem_of(case, (), free, filters)

@@ -152,7 +152,7 @@ def external_case(prepared):
 
     Parameters
     ----------
-    prepared : case.Prepared of the plain circuit, of tests from `with_simulated`.
+    prepared : preparing.Prepared of the plain circuit, of tests from `with_simulated`.
 
     Returns
     -------

@@ -1,1 +1,1 @@
-"""A verdict told for people: one sentence, sizes as they are used, what is unsure and left."""
+"""A verdict told for people: in a sentence, with sizes as used; what is unsure, and stable."""

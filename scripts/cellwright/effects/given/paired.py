@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base
+from cellwright.effects import base, beginning
 from cellwright.effects.candidates import frees_of, neutral
 from cellwright.effects.case import STEADY_C_RATE, extra_volt_of, filters_of, problem_of, state_of
 from cellwright.effects.judge import unfitted
@@ -324,7 +324,9 @@ def _counted(case):
 
     There healthy cells differ by far more than elsewhere, and an effect is not looked for.
     """
-    filters = filters_of(case, FIRST, extra_volt_of(case, base.first_values(case.cell, case.fit)))
+    filters = filters_of(
+        case, FIRST, extra_volt_of(case, beginning.first_values(case.cell, case.fit))
+    )
     return {"fit": filters.fit_rows, "validation": filters.validation_rows}
 
 

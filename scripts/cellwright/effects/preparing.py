@@ -1,0 +1,186 @@
+"""From the tests of a cell to a case: what is fitted and what judges, laid out and thinned."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects import base, beginning
+from cellwright.effects.candidates import chi_square_of
+from cellwright.effects.case import Case
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.records import stacked
+from cellwright.numerics.least_squares import fit
+from cellwright.protocols.ocv.gap import slow_gap
+from cellwright.records.basis import REFERENCE_CELSIUS
+from cellwright.records.facts import of_first_checkup
+from cellwright.records.record import laid_out_to_fit
+from cellwright.records.thinning import averaged_to, thin
+from cellwright.refusal import Refusal
+
+SLOW_TEST = "ocv"
+MEASURED_SOC = 0.1, 0.9  # of a slow test; towards its ends the OCV is joined to what rests show
+KINDS = ("capacity", "hppc", "pulse_resistance", "drive")  # and the slow test of the OCV
+JUDGING = ("validation", "split")  # roles of tests that judge
+GRID = np.linspace(0.0, 1.0, 1001)
+EDGE_PART = 200.0  # a change of this part of a record's largest ends a steady stretch
+RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured
+HOLDS = ("zero_order", "first_order")
+STEPS_OF_HOLD = 6  # of the fit by which the hold is chosen
+
+
+class Prepared(NamedTuple):
+    """A case and its records, fitted and judging; notes on how it was made.
+
+    caveats : what weakens a proof by it, part of the verdict.
+    """
+
+    case: Case
+    records: tuple
+    notes: tuple
+    caveats: tuple = ()
+
+
+def prepared(cell, basis, tests, *, tolerance, gates, settings):
+    """Case of a cell's tests: laid out over SoC, thinned, and divided into fitted and judging.
+
+    Tests of role fit are fitted, of role validation judge; of a split test the odd blocks are
+    fitted and the even ones judge. Where no test judges, every third one is kept out of the fit
+    for it, so that rates and temperatures stay on both sides.
+
+    Parameters
+    ----------
+    cell : CellFacts. basis : dict, from `basis.basis`.
+    tests : list of MeasuredTest. tolerance : base.Tolerance. gates : Gates.
+    settings : dict with most_rows, split_rest_second.
+
+    Returns
+    -------
+    prepared : Prepared.
+
+    Raises
+    ------
+    Refusal : no OCV, nothing to fit, or nothing that judges.
+    """
+    if not basis["ocv"]:
+        raise Refusal(
+            "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
+        )
+    curve = _curve_at_reference(basis)
+    fitted, judging, notes = _sides(cell, basis, _with_slow_test(tests, curve), settings)
+    if basis["capacity_source"] == "rating":
+        tolerance = tolerance._replace(capacity=RATED_CAPACITY)
+        notes.append("no measured capacity: the rating, to 5 %")
+    caveats = (*_stand_in(tests, judging), *_of_rests(curve, judging))
+    capacity = basis["capacity_ampere_hour"]
+    sides = tuple(_thinned(side, settings["most_rows"], capacity) for side in (fitted, judging))
+    measured = base.Cell(capacity, np.interp(GRID, curve["soc"], curve["ocv_volt"]))
+    about = tolerance, gates, slow_gap(curve)
+    cases = [
+        Case(measured, *(stacked(s, capacity_ampere_hour=capacity, hold=h) for s in sides), *about)
+        for h in HOLDS
+    ]
+    begin = beginning.first_capacity(measured, cases[0].fit)
+    cases = [case._replace(first_capacity=begin) for case in cases]
+    better, other = sorted(cases, key=_misfit)
+    return Prepared(better._replace(otherwise=other), sides, tuple(notes), caveats)
+
+
+def _with_slow_test(tests, curve):
+    """Tests that the search reads: none slow but that of the OCV, if of the same check-up.
+
+    Both branches of it hold the OCV where it is. Drives discharge most of the time, and alone they
+    would let it follow a hysteresis.
+    """
+    others = [test for test in tests if test.facts.kind != SLOW_TEST]
+    own = [t for t in tests if t.facts.kind == SLOW_TEST and t.facts.test == curve["test"]]
+    first, _ = of_first_checkup(others)
+    together, _ = of_first_checkup([*own, *first])
+    return [*own, *others] if len(together) == len(own) + len(first) else others
+
+
+def _sides(cell, basis, tests, settings):
+    """Records that are fitted and that judge, with notes on those that cannot be used."""
+    young, later = of_first_checkup(tests)
+    fitted, judging, notes = [], [], [f"not used, of a later check-up: {n}" for n in later]
+    for test in young:
+        role, given = test.facts.role, (test, basis, cell, settings)
+        try:
+            fitted += [] if role == "validation" else [_record(*given)]
+            judging += [_record(*given, proof=True)] if role in JUDGING else []
+        except Refusal as refusal:
+            notes.append(f"not used: {test.facts.test}: {refusal}")
+    dynamic = [record for record in fitted if record.kind != SLOW_TEST]
+    if not judging and len(dynamic) >= 3:
+        judging = [record for k, record in enumerate(dynamic) if k % 3 == (k // 3) % 3]
+        kept_out = {record.test for record in judging}
+        fitted = [record for record in fitted if record.test not in kept_out]
+        names = ", ".join(record.test for record in judging)
+        notes.append(f"no test of role validation: {names} judged instead, and were not fitted")
+    if not dynamic or not judging:
+        which = "fitted" if not dynamic else "kept out of the fit for validation"
+        raise Refusal(f"no test can be {which}; {'; '.join(notes)}")
+    return fitted, judging, notes
+
+
+def _record(test, basis, cell, settings, *, proof=False):
+    # What the instrument read, with what cleaning did not count: an offset is one of the effects.
+    cut = {"split_rest_second": settings["split_rest_second"]}
+    record = laid_out_to_fit(test, basis, cell, proof=proof, as_read=True, **cut)
+    if record.kind != SLOW_TEST:
+        return record
+    low, high = MEASURED_SOC
+    return record._replace(used=record.used & (record.soc >= low) & (record.soc <= high))
+
+
+def _curve_at_reference(basis):
+    """OCV curve of the temperature nearest 25 °C."""
+
+    def distance_kelvin(curve):
+        celsius = curve["ambient_temperature_celsius"]
+        return abs(REFERENCE_CELSIUS - (REFERENCE_CELSIUS if celsius is None else celsius))
+
+    return min(basis["ocv"], key=distance_kelvin)
+
+
+def _stand_in(tests, judging):
+    """Caveat of a cell without a test for validation, where others judge."""
+    if not any(test.facts.role in JUDGING for test in tests):
+        names = ", ".join(record.test for record in judging)
+        yield f"No test of this cell is for validation: {names} judged, unfitted; that is no proof."
+
+
+def _of_rests(curve, judging):
+    """Caveat of an OCV that is from a test's own rests."""
+    if curve.get("branches") == "rests":
+        judges = any(record.test == curve["test"] for record in judging)
+        also = "it is one of those that judge" if judges else "what they had not relaxed is in it"
+        yield f"The open-circuit voltage is from the rests of {curve['test']}: {also}."
+
+
+def _thinned(records, most_rows, capacity_ampere_hour):
+    """Records thinned for the search: whole seconds, steady stretches sparse, `most_rows`."""
+
+    def sparse(record):
+        largest = np.abs(np.diff(record.current_ampere)).max(initial=0.0)
+        return thin(
+            record, step_ampere=largest / EDGE_PART, capacity_ampere_hour=capacity_ampere_hour
+        )
+
+    return averaged_to(records, most_rows=most_rows, thinned=sparse)
+
+
+def _misfit(case):
+    """Chi-square of the plain model on the records fitted, the least over delays of the voltage.
+
+    Fitted, for guessed time constants err by more than the holds differ. Without the delays, a time
+    skew of the readings would choose the hold that imitates it.
+    """
+    free, values, filters = case.begun()
+    values = fit(case.problem((), free, filters), values, steps=STEPS_OF_HOLD).values
+    skew = LIBRARY["time_skew"]
+    costs = [chi_square_of(case, values, (), filters)]
+    for start in skew.starts:
+        skewed = values | {skew.names[0]: start["voltage_delay_second"]}
+        skewed = beginning.regressed(case.cell, case.fit, skewed, (skew,))
+        costs.append(chi_square_of(case, skewed, (skew,), filters))
+    return min(costs)
