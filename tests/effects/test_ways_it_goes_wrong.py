@@ -190,7 +190,8 @@ def test_a_rival_that_half_explains_is_not_the_name(slope, answer):
     alike = ("polarisation_soc", "slow_diffusion")
     _, result, shares = decided(case(truth), rounds(truth, without=alike))
     assert (result.word, result.steps) == (answer, ())
-    assert all(share < 0.5 for name, share in shares.items() if name not in ("none", "unknown"))
+    # The guard refuses a rival that explains less than a function without physics, likely or not.
+    assert all(share < 0.6 for name, share in shares.items() if name not in ("none", "unknown"))
     assert (result.excess_volt > GATES.unknown_volt) is (answer == "unknown")
 
 
