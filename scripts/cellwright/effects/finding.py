@@ -222,8 +222,10 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     further = [t.state.solution for t in rounds[-1].trials if t.delta_bic > 0]
     fitted = _fitted(case, result.last, rounds[-1].filters.fit, holds, alone, further)
     for entry in (*verdict["effects"], *verdict["partial"]):
-        effect = library[entry["effect"]], entry["parameters"]
-        entry["sizes"] = [size._asdict() for size in sizes_as_used(*effect, values, fitted)]
+        effect = library[entry["effect"]]
+        entry["parameters"] = _as_sure(effect, entry["parameters"], fitted)
+        sizes = sizes_as_used(effect, entry["parameters"], values, fitted)
+        entry["sizes"] = [size._asdict() for size in sizes]
     verdict["paragraph"] = paragraph(verdict, library)
     if kept and split_rest_second is not None:
         rest = {"split_rest_second": split_rest_second}
@@ -278,6 +280,17 @@ def _fitted(case, state, whitening, holds, alone, further):
         changes = [_change_to(names, state.solution, other) for other in others]
         assumed = assumed + sum(np.outer(c, c) for c in changes) / max(len(others), 1)
     return Fitted(names, tuple(one + assumed for one in spreads))
+
+
+def _as_sure(effect, parameters, fitted):
+    """Parameters of an effect in a verdict, as sure as the sizes that follow from them."""
+    stds = np.sqrt(np.max([np.diag(one) for one in fitted.covariances], axis=0))
+    by_name = dict(zip(fitted.names, stds.tolist(), strict=True))
+    names = {one.name: name for one, name in zip(effect.parameters, effect.names, strict=True)}
+    return {
+        name: one | ({} if one["std"] is None else {"std": by_name.get(names[name], one["std"])})
+        for name, one in parameters.items()
+    }
 
 
 def _change_to(names, solution, other):
