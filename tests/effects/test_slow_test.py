@@ -85,6 +85,17 @@ def test_a_slow_test_of_another_checkup_or_of_another_curve_is_not_fitted():
     assert case.fit.tests == ("down", "fitted")
 
 
+def test_a_slow_test_of_several_cycles_is_not_fitted_and_told():
+    """Its count drifts from cycle to cycle, and no single end is the curve's empty."""
+    tests = list(made_tests(HEALTHY))
+    twice = np.concatenate([both_branches(), both_branches()])
+    slow = measured("slow", twice, 25.0, 1.0, HEALTHY, seed=1, every=SLOW_SECOND)
+    found = cw.missing_effect(SHEET, BASIS, [as_test(slow, kind="ocv"), *tests[1:]])
+    assert found.notes[0] == (
+        "not used: slow: it moves 4.0 times the capacity: more than one slow cycle"
+    )
+
+
 def test_the_slow_test_is_never_what_judges():
     tests = [
         *made_tests(HEALTHY),

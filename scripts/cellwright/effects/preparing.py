@@ -19,6 +19,7 @@ from cellwright.refusal import Refusal
 
 SLOW_TEST = "ocv"
 MEASURED_SOC = 0.1, 0.9  # of a slow test; towards its ends the OCV is joined to what rests show
+MOST_MOVED = 2.5  # of the capacity, by a slow test whose one discharge and charge tell the OCV
 KINDS = ("capacity", "hppc", "pulse_resistance", "drive")  # and the slow test of the OCV
 JUDGING = ("validation", "split")  # roles of tests that judge
 GRID = np.linspace(0.0, 1.0, 1001)
@@ -128,6 +129,9 @@ def _record(test, basis, cell, settings, *, proof=False):
     record = laid_out_to_fit(test, basis, cell, proof=proof, as_read=True, **cut)
     if record.kind != SLOW_TEST:
         return record
+    moved = np.abs(np.diff(record.soc)).sum()
+    if moved > MOST_MOVED:
+        raise Refusal(f"it moves {moved:.1f} times the capacity: more than one slow cycle")
     low, high = MEASURED_SOC
     return record._replace(used=record.used & (record.soc >= low) & (record.soc <= high))
 
