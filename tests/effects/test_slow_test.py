@@ -80,9 +80,10 @@ def test_the_slow_test_is_fitted_where_its_branches_measure_the_ocv():
 
 def test_a_slow_test_of_another_checkup_or_of_another_curve_is_not_fitted():
     assert prepared(made_tests(HEALTHY, cycle=500)).fit.tests == ("down", "fitted")
-    other = BASIS | {"ocv": [CURVE | {"test": "that of another cell"}]}
-    case = cw.prepared_case(SHEET, other, list(made_tests(HEALTHY)))
-    assert case.fit.tests == ("down", "fitted")
+    renamed = BASIS | {"ocv": [CURVE | {"test": "another"}]}
+    for other in (renamed, BASIS | {"borrowed_from": "B"}):
+        made = cw.prepared_case(SHEET, other, list(made_tests(HEALTHY)))
+        assert made.fit.tests == ("down", "fitted")
 
 
 def test_a_slow_test_of_several_cycles_is_not_fitted_and_told():

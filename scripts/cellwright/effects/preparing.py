@@ -67,7 +67,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
             "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
         )
     curve = _curve_at_reference(basis)
-    fitted, judging, notes = _sides(cell, basis, _with_slow_test(tests, curve), settings)
+    fitted, judging, notes = _sides(cell, basis, _with_slow_test(tests, basis, curve), settings)
     if basis["capacity_source"] == "rating":
         tolerance = tolerance._replace(capacity=RATED_CAPACITY)
         notes.append("no measured capacity: the rating, to 5 %")
@@ -86,14 +86,15 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     return Prepared(better._replace(otherwise=other), sides, tuple(notes), caveats)
 
 
-def _with_slow_test(tests, curve):
-    """Tests that the search reads: none slow but that of the OCV, if of the same check-up.
+def _with_slow_test(tests, basis, curve):
+    """Tests that the search reads: none slow but that of the cell's own OCV, if of one check-up.
 
     Both branches of it hold the OCV where it is. Drives discharge most of the time, and alone they
     would let it follow a hysteresis.
     """
     others = [test for test in tests if test.facts.kind != SLOW_TEST]
-    own = [t for t in tests if t.facts.kind == SLOW_TEST and t.facts.test == curve["test"]]
+    name = None if basis.get("borrowed_from") else curve["test"]
+    own = [t for t in tests if t.facts.kind == SLOW_TEST and t.facts.test == name]
     first, _ = of_first_checkup(others)
     together, _ = of_first_checkup([*own, *first])
     return [*own, *others] if len(together) == len(own) + len(first) else others
