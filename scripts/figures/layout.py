@@ -7,7 +7,7 @@ from figures import decoration, measures
 
 PAD = 4.0  # point, at the edge of the canvas, and at each side between two panels
 BAR_GAP, BAR_WIDTH = 8.0, 10.0  # point, of a colour bar
-PASSES = 3  # the labels of ticks depend on the size of the panel, which depends on the labels
+PASSES = 4  # the labels of ticks depend on the size of the panel, which depends on the labels
 LEAST_SHARE = 0.25  # of the canvas, that panels keep where texts would leave them less
 LEFT, RIGHT, BOTTOM, TOP = range(4)
 
@@ -32,14 +32,17 @@ class GridLayout(LayoutEngine):
         self.decorations = {}
         self.found = {}
         self.rooms = {}  # at the right of each panel [point], as given last
+        self.most = ()  # room at the sides of each column and row [point], as given last
 
     def execute(self, fig):
         """Place all panels, measured at 72 dots per inch, whatever the figure is drawn at."""
         dots_per_inch = fig.dpi
         fig.dpi = 72
-        for _ in range(PASSES):
+        for number in range(PASSES):
             before = _places(fig)
-            self._place(fig)
+            # A label that takes a line more in a lower panel, and makes it higher by that, would
+            # go to and fro: from half of the passes on no room shrinks any more.
+            self._place(fig, shrinking=number < PASSES // 2)
             if _places(fig) == before:
                 self._shape(fig)
                 break
@@ -63,7 +66,7 @@ class GridLayout(LayoutEngine):
             )
         return panels
 
-    def _place(self, figure):
+    def _place(self, figure, *, shrinking):
         panels = self._measure(figure)
         grid = panels[0].get_subplotspec().get_gridspec()
         rows, columns = grid.nrows, grid.ncols
@@ -77,6 +80,9 @@ class GridLayout(LayoutEngine):
             across[1, last] = max(across[1, last], room[RIGHT])
             row = spec.rowspan.start
             along[:, row] = np.maximum(along[:, row], [room[TOP], room[BOTTOM]])
+        if not shrinking:
+            across, along = map(np.maximum, (across, along), self.most)
+        self.most = across, along
         below, above = self._of_figure(figure)
         size = figure.bbox.size
         x = _divided(size[0], across + PAD, grid.get_width_ratios())

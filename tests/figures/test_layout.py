@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from figure_panels import outside, text_boxes, touching
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from figures import measures, style
@@ -19,6 +19,7 @@ def sound(figure):
 
 
 @settings(max_examples=15, deadline=None)
+@example("W", "WWWW WWWWWWWWWWWWW", 0.0)
 @given(WORDS, WORDS, st.floats(-6, 9))
 def test_texts_of_any_length_stay_on_the_canvas_and_apart(title, label, power):
     figure, axes = style.subplots(2, 3, height=5.0)
