@@ -103,6 +103,11 @@ def start_names(files):
     return tuple(f"soc0[{k}]" for k in range(files))
 
 
+def stated_starts(stack):
+    """SoC at the start of each record as stated or counted first [1]: dict by parameter's name."""
+    return dict(zip(start_names(len(stack.first)), stack.soc_at_start.tolist(), strict=True))
+
+
 def knot_below(soc):
     """Number of the knot of the OCV error below each SoC: (n,)."""
     spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
@@ -222,11 +227,11 @@ def _counted(stack, values, fields):
     start by the first count.
     """
     starts = np.array([values[name] for name in start_names(len(stack.first))])
-    types = (count, array, array, count, array, array, real, real, array)
-    kernel = function("counted_soc", *types)
     if stack.anchor_row is not None:
         moved = np.cumsum(fields.moved / fields.capacity)
         starts = starts + stack.anchor_rise - (moved[stack.anchor_row] - moved[stack.first])
+    types = (count, array, array, count, array, array, real, real, array)
+    kernel = function("counted_soc", *types)
     if kernel is None:
         moved = np.cumsum(fields.moved / fields.capacity)
         soc = np.clip(moved + (starts - moved[stack.first])[stack.file], *SOC_LIMITS)
@@ -403,7 +408,7 @@ def frees(stack, start, tolerance, log_std=None, starts=None):
     logs = [Free(name, LOG_STEP, start[name], stds[name], *_limits(name)) for name in LOGARITHMS]
     capacity = Free("capacity", LOG_STEP / 10, 0.0, tolerance.capacity)
     socs = starts or [
-        Free(f"soc0[{k}]", SOC_STEP, soc, tolerance.soc) for k, soc in enumerate(stack.soc_at_start)
+        Free(name, SOC_STEP, soc, tolerance.soc) for name, soc in stated_starts(stack).items()
     ]
     knots = [Free(name, VOLT_STEP) for name in OCV_NAMES]
     scale = [Free("known", LOG_STEP, 1.0, tolerance.known)] if stack.template_volt.any() else []

@@ -25,8 +25,7 @@ def first_values(cell, stack, *, capacity=0.0):
     values : dict of all parameters of the plain model.
     """
     values = dict.fromkeys(base.base_names(len(stack.first)), 0.0) | {"known": 1.0, base.LEAD: 0.0}
-    values |= {"capacity": capacity}
-    values |= {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
+    values |= {"capacity": capacity} | base.stated_starts(stack)
     return regressed(cell, stack, values)
 
 

@@ -329,8 +329,7 @@ def extra_volt_of(case, values):
     """Error of each row of both stacks beyond noise [V]: on a steep OCV, or not compared."""
     extra = []
     for stack in (case.fit, case.validation):
-        socs = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
-        soc = base.fields_of(case.cell, stack, values | socs).soc
+        soc = base.fields_of(case.cell, stack, values | base.stated_starts(stack)).soc
         unused = np.where(stack.used, 0.0, UNUSED_VOLT)
         extra.append(unused + base.steep_volt(case.cell, soc, case.tolerance))
     return tuple(extra)

@@ -79,8 +79,7 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
     shared_starts = {
         f"soc0[{k}]": float(np.clip(values[f"soc0[{n}]"], least[k], most[k])) for k, n in shared
     }
-    values = values | {f"soc0[{k}]": float(s) for k, s in enumerate(stack.soc_at_start)}
-    values = values | shared_starts
+    values = values | base.stated_starts(stack) | shared_starts
     loaded = _loaded(cell, stack)
     for _ in range(PASSES):
         earlier = values

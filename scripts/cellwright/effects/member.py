@@ -276,10 +276,9 @@ def folds(case, state, noise, *, split_rest_second):
             problem, start.values, columns=start.columns, renew=renew, steps=POLISH_STEPS
         )
         blocks_of_fold = [span for number, span in enumerate(spans) if number % count == fold]
+        values_of_fold = {name: float(value) for name, value in solution.values.items()}
         starts = base.starts_of(case.cell, case.fit, solution.values, state.effects)
-        numbers_of_fold = {name: float(value) for name, value in solution.values.items()}
-        fold = {"values": numbers_of_fold, "start_soc": starts, "blocks": blocks_of_fold}
-        folds.append(fold)
+        folds.append({"values": values_of_fold, "start_soc": starts, "blocks": blocks_of_fold})
     return folds
 
 

@@ -199,4 +199,4 @@ def at_starts(values, stack):
     ----------
     values : dict of parameters by name. stack : records.Stack.
     """
-    return values | {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
+    return values | base.stated_starts(stack)

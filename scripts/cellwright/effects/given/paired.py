@@ -435,7 +435,7 @@ def _with_courses(case, stack, states):
     Resistances and time constants relative to those at half charge and 25 °C; the geometric mean
     over the references.
     """
-    starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
+    starts = base.stated_starts(stack)
     logs = []
     for state in states:
         values = state.solution.values | starts

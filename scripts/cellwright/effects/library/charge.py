@@ -5,7 +5,7 @@ import numpy as np
 from cellwright.circuits.instrument import stored
 from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
 
-TELLING = ("capacity", "ocv")  # kinds of tests that a capacity is measured by
+CAPACITY_TESTS = ("capacity", "ocv")  # kinds of tests that a capacity is measured by
 
 
 def _inefficiency(fields, stack, p):
@@ -19,7 +19,7 @@ def _leakage(fields, stack, p):
 
 def _capacity_error(fields, stack, p):
     """Capacity that has changed since it was measured, in all other records."""
-    later = np.array([kind not in TELLING for kind in stack.kinds], float)[stack.file]
+    later = np.array([kind not in CAPACITY_TESTS for kind in stack.kinds], float)[stack.file]
     return fields._replace(capacity=fields.capacity * (1.0 + p["relative"] * later))
 
 

@@ -87,7 +87,7 @@ def information(
     inside, of_inside = _inside(cell, stack, model, fields.volt, asked)
     absent, of_absent = _labelled(candidates(predict, fields.volt, model.values, library))
     columns = white.apply(np.stack([*columns, *of_inside, *of_absent], axis=1))
-    starts = {f"soc0[{k}]": base.SOC_STEP for k in range(len(stack.first))}
+    starts = dict.fromkeys(base.start_names(len(stack.first)), base.SOC_STEP)
     begun = white.apply(_derivative(cell, stack, model, fields.volt, starts))
     matrix = _marginal(columns, begun, stack.first, tolerance.soc)
     return Information(nuisances, (*inside, *absent), matrix)
@@ -95,8 +95,7 @@ def information(
 
 def at_starts_of(model, stack):
     """The model with the stated SoC at the starts of a stack."""
-    starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
-    return model._replace(values=model.values | starts)
+    return model._replace(values=model.values | base.stated_starts(stack))
 
 
 def projected(information, tolerance):
