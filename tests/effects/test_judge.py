@@ -162,21 +162,65 @@ def fitted(made):
 
 
 def test_what_a_model_takes_beyond_its_tolerance_is_told_and_of_a_healthy_cell_there_is_none():
-    made = case(HEALTHY)
+    made = case(HEALTHY)._replace(holds_ocv=True)
     state, parts = fitted(made), parts_of(made.fit)
     assert stretched(made, state, parts) == []
     start = next(one for one in unfitted(made)[1] if one.name == "soc0[0]")
-    moved = {"capacity": -0.12, "ocv[7]": 0.04, "soc0[0]": start.upper}
-    solution = state.solution._replace(
-        values=state.solution.values | moved, at_bound=("soc0[0]", "log_tau1")
-    )
+    farthest = FAR_STDS * base.ocv_stds(made.cell, made.tolerance)[7]
+    moved = {
+        "capacity": -0.12,
+        "ocv[7]": -farthest,
+        "ocv[8]": 0.5 * farthest,
+        "soc0[0]": start.upper,
+    }
+    held = ("ocv[7]", "soc0[0]", "log_tau1")
+    solution = state.solution._replace(values=state.solution.values | moved, at_bound=held)
     found = stretched(made, state._replace(solution=solution), parts)
     capacity, ocv, soc = found
     assert [one["name"] for one in found] == ["capacity", "open_circuit_voltage", "soc_at_start"]
     assert (capacity["value"], capacity["prior_std"]) == (-0.12, made.tolerance.capacity)
-    assert (ocv["value"], ocv["soc"], ocv["unit"]) == (0.04, pytest.approx(7 / 15), "V")
+    assert (ocv["value"], ocv["soc"], ocv["unit"]) == (-farthest, pytest.approx(7 / 15), "V")
+    assert ocv["prior_std"] == pytest.approx(farthest / FAR_STDS)
+    assert ocv["std"] is None
     assert soc["test"] == made.fit.tests[0]
     assert soc["value"] == pytest.approx(start.upper - start.prior)
+
+
+def test_a_capacity_at_its_limit_is_told_without_a_deviation():
+    made = case(HEALTHY)
+    state, limit = fitted(made), FAR_STDS * made.tolerance.capacity
+    values = state.solution.values | {"capacity": limit}
+    solution = state.solution._replace(values=values, at_bound=("capacity",))
+    (capacity,) = stretched(made, state._replace(solution=solution), parts_of(made.fit))
+    assert (capacity["value"], capacity["std"]) == (limit, None)
+
+
+def test_what_was_declared_is_held_within_three_deviations():
+    made = case(HEALTHY)._replace(holds_ocv=True)
+    free = {one.name: one for one in unfitted(made)[1]}
+    limit = FAR_STDS * made.tolerance.capacity
+    assert (free["capacity"].lower, free["capacity"].upper) == (-limit, limit)
+    for name, std in zip(base.OCV_NAMES, base.ocv_stds(made.cell, made.tolerance), strict=True):
+        assert (free[name].lower, free[name].upper) == (-FAR_STDS * std, FAR_STDS * std)
+    gross = unfitted(made._replace(first_capacity=-0.1))[1]
+    capacity = next(one for one in gross if one.name == "capacity")
+    assert (capacity.lower, capacity.upper) == (-0.1 - limit, limit)
+
+
+def test_an_ocv_that_may_hold_half_a_hysteresis_is_not_held():
+    made = case(HEALTHY)
+    knots = [one for one in unfitted(made)[1] if one.name in base.OCV_NAMES]
+    assert len(knots) == base.OCV_KNOTS
+    assert all((one.lower, one.upper) == (-np.inf, np.inf) for one in knots)
+
+
+def test_a_steep_ocv_may_err_by_more():
+    soc = np.linspace(0, 1, 1001)
+    flat, knee = 3.3 + 1e-3 * soc, 3.3 + 1e-3 * soc - 0.5 * np.exp(-soc / 0.01)
+    for volt, ends in ((flat, 1.0), (knee, 20.0)):
+        stds = base.ocv_stds(base.Cell(CAPACITY, volt), TOLERANCE)
+        assert stds[0] >= ends * TOLERANCE.ocv_volt
+        assert stds[8] == pytest.approx(TOLERANCE.ocv_volt, rel=0.01)
 
 
 def test_a_capacity_that_the_records_hardly_tell_is_not_beyond_its_tolerance():

@@ -166,7 +166,7 @@ def test_bases_have_their_own_model():
 
 def test_what_ends_beyond_its_tolerance_is_told():
     capacity = {"name": "capacity", "test": None, "soc": None, "value": -0.12, "std": 0.004}
-    ocv = {"name": "open_circuit_voltage", "test": None, "soc": 0.9, "value": 0.04, "std": 0.001}
+    ocv = {"name": "open_circuit_voltage", "test": None, "soc": 0.9, "value": 0.0045, "std": None}
     starts = [
         {"name": "soc_at_start", "test": test, "soc": None, "value": 0.01, "unit": "1"}
         for test in ("a", "b", "c", "d")
@@ -174,12 +174,12 @@ def test_what_ends_beyond_its_tolerance_is_told():
     known = {"unit": "1", "prior_std": 0.003}, {"unit": "V", "prior_std": 1.5e-3}
     text = said("none", nuisances=[capacity | known[0], ocv | known[1], *starts])
     assert "the capacity 12 % below the measured one (± 0.4 %; tolerance 0.3 %)" in text
-    assert "at 90 % SoC 40.0 mV above its curve (± 1.0 mV; tolerance 1.5 mV)" in text
+    assert "at 90 % SoC 4.5 mV above its curve (as far as it may; tolerance 1.5 mV)" in text
     assert (
         "the SoC at the start of a, b, c and 1 more is at the limit that rest and sheet allow"
         in text
     )
-    assert "Beyond what was declared" not in said("none", nuisances=[])
+    assert "Off what was declared" not in said("none", nuisances=[])
 
 
 @pytest.mark.parametrize(("value", "way"), [(-4.62, "colder"), (4.62, "warmer")])
@@ -215,7 +215,7 @@ def test_no_text_for_fields_that_are_missing_or_empty():
     for word in (
         "How likely",
         "Worse",
-        "Beyond what was declared",
+        "Off what was declared",
         "Left beyond",
         "To test next",
         "Unsure",

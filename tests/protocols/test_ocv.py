@@ -190,6 +190,17 @@ def test_a_discharge_that_did_not_begin_full_is_no_branch_of_a_leaking_cell():
     assert curve.capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
 
 
+@pytest.mark.parametrize(("short_of", "branches"), [(0.01, "both"), (0.1, "charge")])
+def test_a_discharge_that_ends_before_its_cut_off_is_the_way_back_of_a_full_charge(
+    short_of, branches
+):
+    """It ends 45 mV above the cut-off; what the charge then takes says whether it was empty."""
+    down, up = ramp(1, short_of), ramp(0.0, 1)
+    cutoffs = CUTOFFS | {"lower_cutoff_volt": down[1][-1] - 0.045}
+    curve = slow_ocv(*record(rest(1), down, rest(short_of), up, rest(1)), **cutoffs)
+    assert curve.branches == branches
+
+
 def test_turning_points_ignore_a_dither():
     course = np.concatenate([np.linspace(0, -2, 50), -2 + 0.01 * (-1.0) ** np.arange(20)])
     course = np.concatenate([course, np.linspace(-2, 1, 50)])

@@ -30,6 +30,7 @@ LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
 LEAD = "lead_ohm"  # of contacts: a resistance without a course over SoC or temperature [ohm]
 LOG_STD = {"log_r0": 1.5, "log_r1": 1.5, "log_r2": 1.5, "log_tau1": 0.8, "log_tau2": 0.8}
 STEEP = 2.0  # times the usual slope of the OCV
+HALF_PERCENT = 5e-3  # of SoC, over which its slope is taken to either side
 MOST_LEAD = 3.0  # times the ohmic resistance
 NONE = np.zeros(0)  # what no stage has set yet
 OWN_KNOT = 0.1  # of the tolerance of the OCV: what each knot may err alone
@@ -441,6 +442,17 @@ def coupling(free, tolerance):
     return precision
 
 
+def ocv_stds(cell, tolerance):
+    """How far the OCV may be off at each knot: its tolerance, and where it is steep more (16,) [V].
+
+    There an error of the SoC is one of the voltage, the steepest next to the knot.
+    """
+    near = np.linspace(-0.5, 0.5, 21)
+    soc = (np.arange(OCV_KNOTS)[:, None] + near) / (OCV_KNOTS - 1)
+    steepest = np.abs(slopes(cell, soc)).max(axis=1)
+    return np.hypot(tolerance.ocv_volt, tolerance.steep_soc * steepest)
+
+
 def starts_of(cell, stack, values, effects=()):
     """SoC at the start of each record by a model [1]: dict by test.
 
@@ -454,6 +466,11 @@ def starts_of(cell, stack, values, effects=()):
 
 def steep_volt(cell, soc, tolerance):
     """Error of a steep OCV by an error `steep_soc` of the SoC [V]: (n,); 0 where it is flat."""
-    slope = np.abs(cell.ocv_at(soc + 5e-3) - cell.ocv_at(soc - 5e-3)) / 0.01
+    slope = np.abs(slopes(cell, soc))
     usual = STEEP * abs(np.median(np.diff(cell.ocv_volt))) * (len(cell.ocv_volt) - 1)
     return tolerance.steep_soc * np.maximum(slope - usual, 0.0)
+
+
+def slopes(cell, soc):
+    """Slope of the OCV over SoC at each SoC [V]."""
+    return (cell.ocv_at(soc + HALF_PERCENT) - cell.ocv_at(soc - HALF_PERCENT)) / (2 * HALF_PERCENT)

@@ -122,11 +122,31 @@ def unfitted(case):
         ends = sorted((stated, values[name]))
         limits = ends[0] - FAR_STDS * std, ends[1] + FAR_STDS * std
         starts.append(Free(name, SOC_STEP, stated, tolerance.soc, *limits))
-    return values, base.frees(stack, values, tolerance, case.log_std, starts)
+    limits = _declared_limits(case)
+    free = base.frees(stack, values, tolerance, case.log_std, starts)
+    return values, tuple(one._replace(**limits.get(one.name, {})) for one in free)
+
+
+def _declared_limits(case):
+    """Bounds of what was declared with a tolerance, capacity and OCV, by parameter's name.
+
+    Without them whatever the model lacks ends there: beside misfit of tens of millivolts their
+    priors weigh nothing. A capacity that all records contradict (`first_capacity`) is no tolerance.
+    Nor is that of an OCV whose two branches are not fitted beside the others: of one branch, of
+    rests, or of another cell it may hold half a hysteresis.
+    """
+    far = FAR_STDS * case.tolerance.capacity
+    ends = sorted((0.0, case.first_capacity))
+    limits = {"capacity": {"lower": ends[0] - far, "upper": ends[1] + far}}
+    if not case.holds_ocv:
+        return limits
+    farthest = FAR_STDS * base.ocv_stds(case.cell, case.tolerance)
+    knots = zip(base.OCV_NAMES, farthest.tolist(), strict=True)
+    return limits | {name: {"lower": -far, "upper": far} for name, far in knots}
 
 
 def stretched(case, state, parts):
-    """What was declared with a tolerance and ends surely beyond it in a fitted model.
+    """What was declared with a tolerance and ends at its limit, or surely beyond, in a model.
 
     Such a quantity stands in for something that the model lacks, or was declared wrongly: a
     capacity taken 12 % smaller than was measured may be a current that reads 12 % too much.
@@ -138,26 +158,26 @@ def stretched(case, state, parts):
 
     Returns
     -------
-    nuisances : list of dict, of the capacity (relative), of the OCV where its error is largest
-        beside its tolerance [V], of each start that its limit holds (SoC), and of each temperature
-        of a record that judges that the sheet seems to state wrongly [K]: name, test, soc (None
-        where there is none), value (beyond what was declared), std, unit, prior_std.
+    nuisances : list of dict, of the capacity (relative), of the OCV where it is farthest off of the
+        knots that their limits hold [V], of each start that its limit holds (SoC), and of each
+        temperature of a record that judges that the sheet seems to state wrongly [K]: name, test,
+        soc (None where there is none), value (beyond what was declared), std (None where a limit
+        holds it), unit, prior_std.
     """
     solution, free = state.solution, {one.name: one for one in unfitted(case)[1]}
-    deviations, found = stds(solution, parts), []
-    farthest = max(base.OCV_NAMES, key=lambda name: abs(solution.values[name]))
-    soc = base.OCV_NAMES.index(farthest) / (base.OCV_KNOTS - 1)
-    asked = (
-        ("capacity", "capacity", None, "1", case.tolerance.capacity),
-        ("open_circuit_voltage", farthest, soc, "V", case.tolerance.ocv_volt),
-    )
-    for name, parameter, soc, unit, prior_std in asked:
-        value, std = solution.values[parameter], deviations[parameter]
-        if abs(value) > FAR_STDS * max(prior_std, std):
-            found.append(_beyond(name, None, soc, value, std, unit, prior_std))
+    found, held = [], set(solution.at_bound)
+    value, tolerance = solution.values["capacity"], case.tolerance.capacity
+    std = None if "capacity" in held else stds(solution, parts)["capacity"]
+    if std is None or abs(value) > FAR_STDS * max(tolerance, std):
+        found.append(_beyond("capacity", None, None, value, std, "1", tolerance))
+    if knots := [name for name in base.OCV_NAMES if name in held]:
+        farthest = max(knots, key=lambda name: abs(solution.values[name]))
+        soc = base.OCV_NAMES.index(farthest) / (base.OCV_KNOTS - 1)
+        value, tolerance = solution.values[farthest], free[farthest].upper / FAR_STDS
+        found.append(_beyond("open_circuit_voltage", None, soc, value, None, "V", tolerance))
     for k, test in enumerate(case.fit.tests):
         name = f"soc0[{k}]"
-        if name in solution.at_bound:
+        if name in held:
             value, std = solution.values[name] - free[name].prior, free[name].std
             found.append(_beyond("soc_at_start", test, None, value, None, "1", std))
     for k, test in enumerate(case.validation.tests):
@@ -283,24 +303,19 @@ def _first_rest(stack, k, loaded):
 
 def _start_soc(cell, soc, stated, error, tolerance):
     """SoC at a start [1]: as stated and by the error of its rest [V], weighted."""
-    slope = _slope(cell, soc)
+    slope = float(base.slopes(cell, soc))
     by_sheet, by_rest = _precisions(slope, len(error), tolerance)
     if not by_rest:
         return stated
     return (stated * by_sheet + (soc + error.mean() / slope) * by_rest) / (by_sheet + by_rest)
 
 
-def _slope(cell, soc):
-    """Slope of the OCV over SoC [V]."""
-    return float(np.diff(cell.ocv_at(soc + np.array([-0.005, 0.005])))[0]) / 0.01
-
-
 def _start_stds(cell, stack, values, tolerance):
     """Standard deviation of the SoC at the start of each record, by its rest and as stated (f,)."""
     loaded = _loaded(cell, stack)
     rows = [len(_first_rest(stack, k, loaded)) for k in range(len(stack.first))]
-    slopes = [_slope(cell, values[f"soc0[{k}]"]) for k in range(len(rows))]
-    pairs = zip(slopes, rows, strict=True)
+    starts = np.array([values[name] for name in base.start_names(len(rows))])
+    pairs = zip(base.slopes(cell, starts).tolist(), rows, strict=True)
     return np.array([sum(_precisions(*pair, tolerance)) ** -0.5 for pair in pairs])
 
 

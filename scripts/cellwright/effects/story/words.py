@@ -347,7 +347,7 @@ def _worsened(verdict):
 
 
 def _stretched(nuisances):
-    """What the model takes otherwise than was declared, beyond its tolerance."""
+    """What the model takes otherwise than was declared, at the limit or beyond."""
     starts = [one["test"] for one in nuisances if one["name"] == "soc_at_start"]
     told = [_beyond(one) for one in nuisances if one["name"] != "soc_at_start"]
     if starts:
@@ -359,7 +359,7 @@ def _stretched(nuisances):
     if not told:
         return []
     return [
-        f"Beyond what was declared: {'; '.join(told)}. That stands in for what the model lacks, or "
+        f"Off what was declared: {'; '.join(told)}. That stands in for what the model lacks, or "
         "it was declared wrongly."
     ]
 
@@ -369,14 +369,18 @@ def _beyond(one):
         way, by = "warmer" if one["value"] > 0 else "colder", abs(one["value"])
         wrong = f"{one['test']} was {by:.1f} K {way} than the sheet states"
         return f"{wrong} (no sensor told; tolerance {one['prior_std']:g} K)"
+    way = "above" if one["value"] > 0 else "below"
+    told = millivolt if one["unit"] == "V" else _percent
+    size, tolerance = told(abs(one["value"])), told(one["prior_std"])
+    moved = f"the capacity {size} {way} the measured one"
     if one["unit"] == "V":
-        size, std, tolerance = (millivolt(abs(one[n])) for n in ("value", "std", "prior_std"))
-        way = "above" if one["value"] > 0 else "below"
         moved = f"the open-circuit voltage at {100 * one['soc']:.0f} % SoC {size} {way} its curve"
-    else:
-        size, std, tolerance = (f"{100 * abs(one[n]):.2g} %" for n in ("value", "std", "prior_std"))
-        moved = f"the capacity {size} {'above' if one['value'] > 0 else 'below'} the measured one"
-    return f"{moved} (± {std}; tolerance {tolerance})"
+    sure = "as far as it may" if one["std"] is None else f"± {told(one['std'])}"
+    return f"{moved} ({sure}; tolerance {tolerance})"
+
+
+def _percent(share):
+    return f"{100 * share:.2g} %"
 
 
 def _probabilities(verdict):

@@ -271,20 +271,34 @@ def _chosen(legs, cutoffs, least_hour, *, least_share=FULL_SHARE):
     # ASSUME: An OCV record that starts with a discharge starts full, with a charge starts empty.
     largest = max((leg.capacity_ampere_hour for leg in legs), default=0.0)
     nearly = NEARLY * (cutoffs[1] - cutoffs[-1])
-    full = [
-        leg.sign * (leg.end_volt - cutoffs[leg.sign]) > -nearly
-        and leg.capacity_ampere_hour > least_share * largest
+    slow = [
+        leg
+        if leg.capacity_ampere_hour > least_share * largest
         and leg.capacity_ampere_hour > least_hour * abs(leg.current_ampere)
+        else None
         for leg in legs
     ]
-    if not any(full):
+    ended = [leg and leg.sign * (leg.end_volt - cutoffs[leg.sign]) > -nearly for leg in slow]
+    if not any(ended):
         raise Refusal(_why_none(legs, cutoffs, least_hour))
-    full = [leg if good else None for leg, good in zip(legs, full, strict=True)]
+    full = [
+        leg if ended[k] or _same_way(leg, slow, ended, k) else None for k, leg in enumerate(slow)
+    ]
     neighbours = zip(full, [*full[1:], None], [None, *full[:-1]], strict=True)
     pairs = [(leg, after or before) for leg, after, before in neighbours if leg and leg.sign < 0]
     alone = [(None, leg) for leg in full if leg]
     whole = [pair for pair in pairs if pair[1]]
     return (whole or pairs or alone)[0]
+
+
+def _same_way(leg, slow, ended, k):
+    """Whether leg k, which ends before its cut-off, is the way of a full leg next to it, back.
+
+    A full leg runs from one end to the other by itself; what moves the same charge before or after
+    it has been at both ends too, however far its last reading was from the cut-off.
+    """
+    near = [n for n in (k - 1, k + 1) if leg and 0 <= n < len(slow) and ended[n]]
+    return any(_unequal(leg, slow[n]) < CLOSED for n in near)
 
 
 def _why_none(legs, cutoffs, least_hour):
