@@ -169,3 +169,33 @@ def test_forms_of_one_effect_take_no_place_of_another():
     step = search.search(made, LIBRARY)[0]
     asked = dict.fromkeys(score.candidate.effect.key for score in step.scores)
     assert {trial.effect.key for trial in step.trials} == set(list(asked)[:3])
+
+
+def uneven(monkeypatch, truth, *, rounds):
+    """Ids of the choices of a search where nothing counts in so many rounds at first.
+
+    As where each effect harms parts where others are lacking.
+    """
+    best_of, asked = search.best_of, []
+
+    def none_at_first(*of):
+        asked.append(of)
+        return (None, ()) if len(asked) <= rounds else best_of(*of)
+
+    monkeypatch.setattr(search, "best_of", none_at_first)
+    steps = search.search(case(truth), LIBRARY)
+    return [step.chosen.effect.id if step.chosen else None for step in steps]
+
+
+BOTH = Truth(hysteresis=0.012, activation=2.5e4)
+
+
+def test_two_that_only_count_beside_each_other_are_found_by_looking_ahead(monkeypatch):
+    chosen = uneven(monkeypatch, BOTH, rounds=1)
+    assert set(chosen[:2]) == {TRUE, "resistance_temperature"}
+    assert chosen[2:] == [None]
+
+
+@pytest.mark.parametrize(("truth", "rounds"), [(HEALTHY, 1), (BOTH, 99)])
+def test_what_counts_neither_alone_nor_beside_another_is_not_taken(monkeypatch, truth, rounds):
+    assert uneven(monkeypatch, truth, rounds=rounds) == [None]

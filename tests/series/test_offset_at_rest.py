@@ -23,6 +23,15 @@ def test_an_offset_is_read_where_the_voltage_settles(offset):
     assert offset_at_rest(*measured(offset), **LIMITS) == pytest.approx(offset)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_readings_that_scatter_do_not_hide_how_little_a_voltage_settles(seed):
+    """A cell of little resistance: its rests move by 5 mV, and readings scatter by 1.5 mV."""
+    time, current, voltage = measured(-0.03)
+    voltage = np.where(RESTS, 3.7 + (voltage - 3.7) / 20, voltage)
+    voltage = voltage + np.random.default_rng(seed).normal(0, 1.5e-3, len(voltage))
+    assert offset_at_rest(time, current, voltage, **LIMITS) == pytest.approx(-0.03)
+
+
 def test_a_small_load_under_which_the_voltage_falls_evenly_is_no_rest():
     assert offset_at_rest(*measured(-0.03, settling=False), **LIMITS) == 0.0
 

@@ -53,6 +53,11 @@ class Consistency(NamedTuple):
         return all(helps(self) for _, helps in ASKED)
 
     @property
+    def sized(self):
+        """Whether what was missing is of its size, however unevenly."""
+        return HALF < self.gain < TWICE
+
+    @property
     def against(self):
         """What speaks against the effect, in words: tuple of str, empty where it `holds`."""
         return tuple(words for words, helps in ASKED if not helps(self))

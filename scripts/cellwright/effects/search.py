@@ -93,10 +93,15 @@ def search(case, library):
     possible = case.possible(library)
     free, values, filters = case.begun()
     solution = fit(case.problem((), free, filters), values, settled=case.settled)
-    model, rounds = _Model(free, (), free, solution), []
+    model, rounds, looked = _Model(free, (), free, solution), [], False
     while len(rounds) <= case.gates.rounds:
         step, model, filters = _round_beside_small(case, possible, model, filters, rounds)
         rounds.append(step)
+        if step.chosen is None and not looked:
+            looked = True
+            ahead = _looked_ahead(case, possible, model, filters, rounds)
+            rounds, model, filters = ahead or (rounds, model, filters)
+            step = rounds[-1]
         if step.chosen is None or len(rounds) > case.gates.rounds:
             break
         with_choice = _with_choice(case, model, step.chosen, filters)
@@ -166,6 +171,52 @@ def _round_beside_small(case, possible, model, filters, earlier):
         if trial is None:
             return step._replace(small=model.small), model, filters
         model = _unnamed(case, _with_choice(case, model, trial, filters), trial)
+
+
+def _looked_ahead(case, possible, model, filters, rounds):
+    """Rounds that go on where the last chose nothing, their model and filters; None: they do not.
+
+    What helps unevenly may do so for another effect that is missing there. Where an error is left
+    that somebody would act on, what explains most but for that is taken for a while, and the round
+    after it asked. What joins there without a name is in the model before either, and the round is
+    repeated; of two names each has to count beside the other.
+
+    Parameters
+    ----------
+    case, possible : as in `search`. model, filters : of the last round. rounds : list of Round.
+    """
+    *earlier, step = rounds
+    trial = _uneven(case, (earlier or [step])[0].before, step)
+    if trial is None:
+        return None
+    taken = [*earlier, step._replace(chosen=trial)]
+    begun = _with_choice(case, model, trial, filters)
+    second, beside, later = _round_beside_small(case, possible, begun, filters, taken)
+    if second.chosen is not None:
+        both = [*taken, second]
+        with_both = _with_choice(case, beside, second.chosen, later)
+        dropped = _needed(case, with_both, later, both)[1]
+        return None if dropped else (both, beside, later)
+    for one in beside.small[len(model.small) :]:
+        others = tuple(effect for effect in one.state.effects if effect is not trial.effect)
+        alone = one._replace(state=one.state._replace(effects=others))
+        model = _unnamed(case, _with_choice(case, model, alone, filters), alone)
+    again, model, filters = _round_beside_small(case, possible, model, filters, earlier)
+    return None if again.chosen is None else ([*earlier, again], model, filters)
+
+
+def _uneven(case, first, step):
+    """The Trial that explains most of what a round left, but for where it harms; None: none.
+
+    first : State of the healthy model.
+    """
+    if left_volt(step.before, step.floor) <= case.gates.unknown_volt:
+        return None
+    allowed = _allowed(case, step)
+    shown = (t for t in allowed if followed(case.gates, t) and judged_well(case.gates, t))
+    sized = (t for t in shown if case.matters(first, step.before, t, step.floor))
+    best = next((t for t in sized if t.proof.sized), None)
+    return best if best is not None and best.j >= OUTDONE * allowed[0].j else None
 
 
 def _best_too_small(case, step, earlier):

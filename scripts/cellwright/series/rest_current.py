@@ -337,6 +337,7 @@ def hidden_rest_level(time: np.ndarray, current: np.ndarray, rest_ampere: float)
 
 
 STEADY_SHARE = 0.25  # of its mean, by which an offset at rest may wander, and its noise scatter
+BEGUN_ROWS = 3  # of a rest, whose median its voltage begins at
 SETTLING = 2.0  # by how much more the voltage moves in the first half of a rest than in the second
 
 
@@ -374,7 +375,11 @@ def offset_at_rest(
         read, volt = current[first:stop], voltage[first:stop]
         level = float(np.median(read))
         middle = int(np.searchsorted(time[first:stop], (time[first] + time[stop - 1]) / 2))
-        early, late = abs(volt[middle] - volt[0]), abs(volt[-1] - volt[middle])
+        # Medians: a cell that hardly relaxes moves by no more than its readings scatter.
+        near = max(len(volt) // 8, 1)
+        parts = volt[:BEGUN_ROWS], volt[middle - near : middle + near], volt[-near:]
+        begun, halfway, end = map(np.median, parts)
+        early, late = abs(halfway - begun), abs(end - halfway)
         steady = np.percentile(np.abs(read - level), 90) <= STEADY_SHARE * abs(level)
         if early >= SETTLING * late and (steady or abs(level) <= least_ampere):
             levels.append(level)
