@@ -131,6 +131,16 @@ def test_a_size_at_its_bound_and_a_witness_against_it_are_doubts():
     assert doubts(step(), heard[1:]) == ()
 
 
+@pytest.mark.parametrize("second", [None, 9.0])
+def test_sizes_that_are_all_smaller_than_their_deviations_are_a_doubt(second):
+    sizes = [
+        {"name": "", "value": -2.8, "std": 7.4, "unit": "K/W"},
+        {"name": "time constant", "value": 5.0, "std": second, "unit": "min"},
+    ]
+    assert doubts(step(sizes=sizes)) == ("its size is smaller than its own deviation",)
+    assert doubts(step(sizes=[sizes[0] | {"value": 8.0}, sizes[1]])) == ()
+
+
 def test_what_speaks_for_a_name_is_no_doubt():
     good = {"proof": "proven", "explained": 0.7, "blocks": {"excited": 9, "helped": 9, "hurt": 0}}
     assert doubts(step(**good)) == ()

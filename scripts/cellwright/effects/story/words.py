@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from cellwright.effects.story.places import millivolt, near, where
 from cellwright.effects.story.sizes import Size, sizes_as_used
 
@@ -282,6 +284,7 @@ def doubts(one, witnesses=()):
             "at its size it does not by itself make smaller what was left before it",
         ),
         (bounds, f"{_listed(bounds)} ended on a bound"),
+        (_may_be_none(one.get("sizes") or ()), "its size is smaller than its own deviation"),
         (
             not one["same_without_validation"],
             "the fitted records alone would have named another effect",
@@ -294,6 +297,12 @@ def doubts(one, witnesses=()):
         (against, f"contradicted by {_listed(against)}"),
     )
     return tuple(text for holds, text in reasons if holds)
+
+
+def _may_be_none(sizes):
+    """Whether each size that states a deviation is smaller than that."""
+    known = [one for one in sizes if one["std"] is not None and np.isfinite(one["std"])]
+    return bool(known) and all(abs(one["value"]) < one["std"] for one in known)
 
 
 def explained(evidence):
