@@ -186,6 +186,16 @@ def test_what_a_model_takes_beyond_its_tolerance_is_told_and_of_a_healthy_cell_t
     assert soc["value"] == pytest.approx(start.upper - start.prior)
 
 
+def test_an_ocv_that_nothing_holds_is_told_where_it_ends_far_off():
+    made = case(HEALTHY)
+    state, parts = fitted(made), parts_of(made.fit)
+    values = state.solution.values | {"ocv[12]": 0.04}
+    found = stretched(made, state._replace(solution=state.solution._replace(values=values)), parts)
+    (ocv,) = found
+    assert (ocv["name"], ocv["value"]) == ("open_circuit_voltage", 0.04)
+    assert 0 < ocv["std"] < 0.01
+
+
 def test_a_capacity_at_its_limit_is_told_without_a_deviation():
     made = case(HEALTHY)
     state, limit = fitted(made), FAR_STDS * made.tolerance.capacity

@@ -158,23 +158,30 @@ def stretched(case, state, parts):
 
     Returns
     -------
-    nuisances : list of dict, of the capacity (relative), of the OCV where it is farthest off of the
-        knots that their limits hold [V], of each start that its limit holds (SoC), and of each
-        temperature of a record that judges that the sheet seems to state wrongly [K]: name, test,
-        soc (None where there is none), value (beyond what was declared), std (None where a limit
-        holds it), unit, prior_std.
+    nuisances : list of dict, of the capacity (relative), of the OCV where it is farthest off [V],
+        of each start that its limit holds (SoC), and of each temperature of a record that judges
+        that the sheet seems to state wrongly [K]: name, test, soc (None where there is none), value
+        (beyond what was declared), std (None where a limit holds it), unit, prior_std.
     """
     solution, free = state.solution, {one.name: one for one in unfitted(case)[1]}
-    found, held = [], set(solution.at_bound)
-    value, tolerance = solution.values["capacity"], case.tolerance.capacity
-    std = None if "capacity" in held else stds(solution, parts)["capacity"]
-    if std is None or abs(value) > FAR_STDS * max(tolerance, std):
-        found.append(_beyond("capacity", None, None, value, std, "1", tolerance))
-    if knots := [name for name in base.OCV_NAMES if name in held]:
-        farthest = max(knots, key=lambda name: abs(solution.values[name]))
+    found, held, deviations = [], set(solution.at_bound), stds(solution, parts)
+
+    def beyond(parameter, tolerance):
+        value, std = solution.values[parameter], deviations[parameter]
+        return parameter in held or abs(value) > FAR_STDS * max(tolerance, std)
+
+    def told(name, parameter, soc, unit, tolerance):
+        std = None if parameter in held else deviations[parameter]
+        return _beyond(name, None, soc, solution.values[parameter], std, unit, tolerance)
+
+    if beyond("capacity", case.tolerance.capacity):
+        found.append(told("capacity", "capacity", None, "1", case.tolerance.capacity))
+    tolerances = base.ocv_stds(case.cell, case.tolerance).tolist()
+    knots = dict(zip(base.OCV_NAMES, tolerances, strict=True))
+    if far := [name for name, tolerance in knots.items() if beyond(name, tolerance)]:
+        farthest = max(far, key=lambda name: abs(solution.values[name]))
         soc = base.OCV_NAMES.index(farthest) / (base.OCV_KNOTS - 1)
-        value, tolerance = solution.values[farthest], free[farthest].upper / FAR_STDS
-        found.append(_beyond("open_circuit_voltage", None, soc, value, None, "V", tolerance))
+        found.append(told("open_circuit_voltage", farthest, soc, "V", knots[farthest]))
     for k, test in enumerate(case.fit.tests):
         name = f"soc0[{k}]"
         if name in held:
