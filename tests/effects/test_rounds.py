@@ -8,6 +8,7 @@ from small_plant import HEALTHY, Truth, case, rounds
 from cellwright.effects import candidates, search
 from cellwright.effects.candidates import form_of
 from cellwright.effects.case import Gates
+from cellwright.effects.finding import ranking_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.verdict import outcome
@@ -66,10 +67,12 @@ def test_a_trial_begun_where_it_ended_by_another_noise_ends_where_one_begun_anew
     assert gains[1] > 0.98 * gains[0]
 
 
-def test_a_first_wrong_name_is_taken_out_once_the_true_one_is_in():
-    """Without the true one its rival is named: it takes up what hysteresis makes."""
-    alone = outcome(rounds(HYSTERESIS, without=(TRUE, "hysteresis_one_state")), Gates())
-    assert [step.chosen.effect.id for step in alone.steps] == [RIVAL]
+def test_a_wrong_name_is_taken_out_once_the_true_one_is_in():
+    """Alone it takes up half of what hysteresis makes, at a size that no cell has."""
+    steps = rounds(HYSTERESIS, without=(TRUE, "hysteresis_one_state"))
+    alone = next(trial for trial in steps[0].trials if trial.effect.id == RIVAL)
+    assert alone.at_limit
+    assert outcome(steps, Gates()).word == "unknown"
     assert kept(HYSTERESIS, RIVAL, TRUE) == ({TRUE}, {RIVAL})
 
 
@@ -199,3 +202,16 @@ def test_two_that_only_count_beside_each_other_are_found_by_looking_ahead(monkey
 @pytest.mark.parametrize(("truth", "rounds"), [(HEALTHY, 1), (BOTH, 99)])
 def test_what_counts_neither_alone_nor_beside_another_is_not_taken(monkeypatch, truth, rounds):
     assert uneven(monkeypatch, truth, rounds=rounds) == [None]
+
+
+def test_what_would_have_to_be_larger_than_it_can_be_is_no_name():
+    """With the rest of what is there in it, another effect would take its place."""
+    hysteresis = LIBRARY[TRUE]
+    amplitude = hysteresis.parameters[0]
+    small = hysteresis._replace(parameters=(amplitude._replace(upper=0.006),))
+    steps = search.search(case(HYSTERESIS), {TRUE: small})
+    (trial,) = steps[0].trials
+    assert trial.at_limit
+    assert [step.chosen for step in steps] == [None]
+    ranking = ranking_of(case(HYSTERESIS), steps)
+    assert "larger than it can be" in ranking["against"][0]

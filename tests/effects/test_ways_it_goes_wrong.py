@@ -169,13 +169,14 @@ def test_nothing_is_sought_where_no_error_is_left_that_matters():
 
 
 def test_an_optimum_at_a_bound_is_flagged():
-    effect = LIBRARY["hysteresis_instant"]
-    narrow = effect._replace(parameters=(effect.parameters[0]._replace(upper=0.011),))
-    few = {effect.id: narrow, "resistance_asymmetry": LIBRARY["resistance_asymmetry"]}
-    finding = of_case("c", case(HYSTERESIS), few)
-    size = finding.verdict["effects"][0]["parameters"]["amplitude_volt"]
+    effect = LIBRARY["resistance_temperature"]
+    parameters = {one.name: one for one in effect.parameters}
+    parameters["growth_towards_cold"] = parameters["growth_towards_cold"]._replace(lower=0.4)
+    narrow = effect._replace(parameters=tuple(parameters.values()))
+    finding = of_case("c", case(Truth(activation=2.5e4)), {effect.id: narrow})
+    size = finding.verdict["effects"][0]["parameters"]["growth_towards_cold"]
     assert size["at_bound"]
-    assert size["value"] == 0.011
+    assert size["value"] == 0.4
     assert "ended on a bound" in finding.verdict["paragraph"]
     rows = zip(finding.ranking["chosen"], finding.ranking["in_range"], strict=True)
     assert (True, False) in rows

@@ -312,6 +312,11 @@ class Trial(NamedTuple):
     def j(self):
         return self.delta_bic + (self.delta_validation if self.proven else 0.0)
 
+    @property
+    def at_limit(self):
+        """Whether its leading size ended on a bound, beyond which no cell has it."""
+        return self.effect.names[0] in self.state.solution.at_bound
+
 
 def asked(scores, ends, most):
     """Scores of the best so many effects, each in all its forms: no form takes another's place.

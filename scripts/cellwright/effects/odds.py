@@ -19,7 +19,7 @@ from cellwright.effects.proof import (
     excess_volt,
     promised_of,
 )
-from cellwright.effects.search import best_of, stays, up_to
+from cellwright.effects.search import allowed, best_of, stays, up_to
 
 DRAWS = 200
 LIKELY = 0.5
@@ -168,10 +168,8 @@ def _befores(state, sides):
 
 def _choices(case, step, sides, first, going, floor):
     """What each draw chooses in a round: dict draw → candidates.Trial of the search, or None."""
-    denied = case.denied(step.trials)
-    allowed = [t for t in step.trials if t.effect.key not in denied]
     befores = _befores(step.before, sides)
-    weighed = [_weighed(case, step.before, trial, sides) for trial in allowed]
+    weighed = [_weighed(case, step.before, trial, sides) for trial in allowed(case, step)]
     choices = {}
     for draw in going.tolist():
         trials = sorted((t[draw] for t in weighed), key=lambda t: -t.j)

@@ -110,7 +110,7 @@ def search(case, library):
         if mine is None:
             model, rounds[-1] = needed, step._replace(dropped=tuple(dropped), beside=beside)
             possible = {key: effect for key, effect in possible.items() if key not in dropped}
-        elif significant(case.gates, mine) and len(model.small) < case.most_small:
+        elif _is_small(case, model, mine):
             # Too small for a name now that all is refitted, and there all the same.
             model = _unnamed(case, with_choice, step.chosen)
             rounds.pop()
@@ -120,6 +120,12 @@ def search(case, library):
             rounds[-1] = step._replace(chosen=None, tied=(), dropped=(step.chosen.effect.key,))
             break
     return rounds
+
+
+def _is_small(case, model, trial):
+    """Whether the effect of a trial is there, and there is room for one more without a name."""
+    there = significant(case.gates, trial) and not trial.at_limit
+    return there and len(model.small) < case.most_small
 
 
 class _Model(NamedTuple):
@@ -212,11 +218,11 @@ def _uneven(case, first, step):
     """
     if left_volt(step.before, step.floor) <= case.gates.unknown_volt:
         return None
-    allowed = _allowed(case, step)
-    shown = (t for t in allowed if followed(case.gates, t) and judged_well(case.gates, t))
+    trials = allowed(case, step)
+    shown = (t for t in trials if followed(case.gates, t) and judged_well(case.gates, t))
     sized = (t for t in shown if case.matters(first, step.before, t, step.floor))
     best = next((t for t in sized if t.proof.sized), None)
-    return best if best is not None and best.j >= OUTDONE * allowed[0].j else None
+    return best if best is not None and best.j >= OUTDONE * trials[0].j else None
 
 
 def _best_too_small(case, step, earlier):
@@ -228,11 +234,11 @@ def _best_too_small(case, step, earlier):
     first = earlier[0].before if earlier else step.before
     if explained(case.gates, step.before, step.floor):
         return None
-    allowed = _allowed(case, step)
-    best = next((t for t in allowed if significant(case.gates, t)), None)
+    trials = allowed(case, step)
+    best = next((t for t in trials if significant(case.gates, t)), None)
     if best is None or case.matters(first, step.before, best, step.floor):
         return None
-    others = (t for t in allowed if t is not best)
+    others = (t for t in trials if t is not best)
     rivals = any(case.matters(first, step.before, t, step.floor) for t in others)
     much = left_volt(step.before, step.floor) > case.gates.unknown_volt
     return best if rivals or much else None
@@ -248,15 +254,15 @@ def beside_names(case, first, step):
     ----------
     case : as in `search`. first : State of the healthy model. step : Round.
     """
-    shown = (t for t in _allowed(case, step) if followed(case.gates, t) and t.delta_validation >= 0)
+    shown = (t for t in allowed(case, step) if followed(case.gates, t) and t.delta_validation >= 0)
     small = (t for t in shown if not case.matters(first, step.before, t, step.floor))
     return max(small, key=lambda t: t.delta_bic, default=None)
 
 
-def _allowed(case, step):
-    """Trials of a round that no measurement outside the fit contradicts."""
+def allowed(case, step):
+    """Trials of a round that no measurement outside the fit contradicts, of sizes that can be."""
     denied = case.denied(step.trials)
-    return [t for t in step.trials if t.effect.key not in denied]
+    return [t for t in step.trials if t.effect.key not in denied and not t.at_limit]
 
 
 def _needed(case, model, filters, rounds):
@@ -300,7 +306,7 @@ def stays(case, first, before, trial, floor):
     case : as in `search`. first, before : State of the healthy model, and of the model without the
     effect. trial : Trial of it with its proof. floor : proof.Floor.
     """
-    counts = significant(case.gates, trial)
+    counts = significant(case.gates, trial) and not trial.at_limit
     return counts and case.matters(first, before, trial, floor, share=STAYS)
 
 
@@ -333,7 +339,7 @@ def _round(case, possible, model, filters, earlier):
             break
     floor = case.floor(step.before, free, residual, filters, earlier)
     first = earlier[0].before if earlier else step.before
-    chosen, tied = best_of(case, first, step.before, _allowed(case, step), floor)
+    chosen, tied = best_of(case, first, step.before, allowed(case, step), floor)
     if chosen is not None:
         tied = case.ties(chosen, tied, case.denied(step.trials), possible)
     return step._replace(floor=floor, chosen=chosen, tied=tied), filters
