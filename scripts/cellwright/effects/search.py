@@ -195,7 +195,8 @@ def _looked_ahead(case, possible, model, filters, rounds):
     trial = _uneven(case, (earlier or [step])[0].before, step)
     if trial is None:
         return None
-    taken = [*earlier, step._replace(chosen=trial)]
+    tied = case.ties(trial, (), case.denied(step.trials), possible)
+    taken = [*earlier, step._replace(chosen=trial, tied=tied)]
     begun = _with_choice(case, model, trial, filters)
     second, beside, later = _round_beside_small(case, possible, begun, filters, taken)
     if second.chosen is not None:
