@@ -120,16 +120,6 @@ def test_a_healthy_cell_lacks_nothing():
     assert result.last.solution.values["log_r0"] == pytest.approx(-3.65, abs=0.03)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_slower_pair_with_an_energy_of_its_own_asks_for_no_second_name(seed):
-    truth = Truth(activation=2.0e4, slower=2.5e4)
-    result = outcome(rounds(truth, seed=seed), Gates())
-    assert [step.chosen.effect.id for step in result.steps] == ["resistance_temperature"]
-    assert result.adequate
-    beyond = result.last.solution.values["resistance_temperature.slower_pair_excess_joule_per_mole"]
-    assert abs(beyond - truth.slower) < 5e3
-
-
 def takes_its_place(name, rival, before, after, excess):
     reason = f"{rival} is named: proof {before} to {after} mV, {excess} mV left beyond the floor"
     return pytest.param(name, marks=pytest.mark.xfail(strict=True, reason=reason))

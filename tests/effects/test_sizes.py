@@ -76,18 +76,17 @@ def test_sizes_are_those_that_people_use(effect, given, words):
 
 
 def test_the_activation_energy_is_that_of_all_resistances_together():
-    """The pairs have 10 and 5 kJ/mol more: the sum of 20, 10 and 5 mΩ at 25 °C lies between."""
+    """The polarisation has 10 kJ/mol more: the sum of 20, 10 and 5 mΩ at 25 °C lies between."""
     given = {"activation_energy_joule_per_mole": 2e4, "polarisation_excess_joule_per_mole": 1e4}
-    (size,) = sizes("resistance_temperature", **given, slower_pair_excess_joule_per_mole=-5e3)
+    (size,) = sizes("resistance_temperature", **given)
     gas, inverse = 8.314462618, 1 / 273.15 - 1 / 298.15
-    each = zip((20, 10, 5), (2e4, 3e4, 2.5e4), strict=True)
-    cold = sum(ohm * np.exp(energy / gas * inverse) for ohm, energy in each)
+    cold = 20 * np.exp(2e4 / gas * inverse) + 15 * np.exp(3e4 / gas * inverse)
     assert size.value == pytest.approx(gas * np.log(cold / 35) / inverse / 1e3, rel=1e-6)
 
 
 def test_the_activation_energy_is_told_over_the_temperatures_that_were_fitted():
     given = {"activation_energy_joule_per_mole": {"value": 2e4, "std": 1e3}}
-    shapes = [p.name for p in LIBRARY["resistance_temperature"].parameters if p.shape]
+    shapes = ("polarisation_excess_joule_per_mole", "growth_towards_cold", "time_constant_exponent")
     given |= {name: {"value": 0.0, "std": 0.0} for name in shapes}
     values = VALUES | {"fitted_celsius": [19.7, 41.2]}
     (size,) = sizes_as_used(LIBRARY["resistance_temperature"], given, values)

@@ -27,7 +27,6 @@ class Truth(NamedTuple):
     """Hidden effects of a cell; all zero: it is healthy."""
 
     activation: float = 0.0  # of resistances [J/mol]
-    slower: float = 0.0  # activation energy of R2 beyond that [J/mol]
     following: float = 0.0  # power of their factor over temperature that is in time constants
     hysteresis: float = 0.0  # sign of the last load [V]
     slow_ohm: float = 0.0  # third RC pair, of 1000 s
@@ -84,7 +83,6 @@ def simulated(current, celsius, soc, truth):
     volts, socs = np.empty(len(current)), np.empty(len(current))
     kelvin = celsius + KELVIN
     outside = np.exp(truth.activation / GAS * (1 / kelvin - 1 / (25 + KELVIN)))
-    slower = np.exp(truth.slower / GAS * (1 / kelvin - 1 / (25 + KELVIN)))
     late = outside**truth.following
     a1, a2 = (-np.expm1(-FINE_SECOND / (tau * late)) for tau in (9.0, 150.0))
     for k, (load, now) in enumerate(zip(current.tolist(), kelvin.tolist(), strict=True)):
@@ -102,7 +100,7 @@ def simulated(current, celsius, soc, truth):
         charge += (load - truth.leak) * FINE_SECOND / 3600 / CAPACITY
         bent = np.exp(truth.bend_r1 * (0.5 - charge))
         v1 += a1[k] * (slow * bent * r1 * load - v1)
-        v2 += a2[k] * (slow * slower[k] * r2 * load - v2)
+        v2 += a2[k] * (slow * r2 * load - v2)
         v3 += a3 * (truth.slow_ohm * load - v3)
         rise += ah * (truth.thermal * heat - rise)
     wave = truth.wave * np.cos(np.pi * socs) + truth.ripple * np.sin(300 * socs)

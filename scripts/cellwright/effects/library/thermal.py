@@ -18,7 +18,7 @@ MIDDLE_ENTROPY = "coefficient_volt_per_kelvin"  # at half charge
 
 
 def _resistance(fields, stack, p):
-    """Arrhenius, either pair with an energy of its own; in the cold the slope may grow.
+    """Arrhenius, the polarisation with an energy of its own; in the cold the slope may grow.
 
     The ohmic resistance holds electrolyte (low energy) and charge transfer (high energy): their
     sum has an apparent energy that grows as it gets colder. A pair's capacitance hardly changes
@@ -28,11 +28,11 @@ def _resistance(fields, stack, p):
     ohmic, slow, tau_factor = kept_response(
         stack, celsius, key, lambda: _resistance_factors(fields, p)
     )
-    return slowed(stack, fields._replace(r0=fields.r0 * ohmic), slow, tau_factor=tau_factor)
+    return slowed(stack, fields._replace(r0=fields.r0 * ohmic), (slow, slow), tau_factor=tau_factor)
 
 
 def _resistance_factors(fields, p):
-    """Factors (n,) of the ohmic resistance, of both pairs', and of their time constants [1]."""
+    """Factors of the ohmic resistance, of the polarisation and of its time constants (n,) [1]."""
     about = fields.celsius, REFERENCE_CELSIUS
     cold = np.log(resistance_factor(*about, 1.0))
     cold = cold / np.log(resistance_factor(COLD_CELSIUS, REFERENCE_CELSIUS, 1.0))
@@ -40,8 +40,7 @@ def _resistance_factors(fields, p):
     energy = p["activation_energy_joule_per_mole"] * bend
     ohmic = resistance_factor(*about, energy)
     slow = ohmic * resistance_factor(*about, p["polarisation_excess_joule_per_mole"])
-    slower = slow * resistance_factor(*about, p["slower_pair_excess_joule_per_mole"])
-    return ohmic, (slow, slower), slow ** p["time_constant_exponent"]
+    return ohmic, slow, slow ** p["time_constant_exponent"]
 
 
 def _self_heating(fields, stack, p):
@@ -96,12 +95,6 @@ EFFECTS = (
             ),
             Parameter(
                 *("polarisation_excess_joule_per_mole", "J/mol", 0.0, -6e4, 6e4),
-                step=1e3,
-                shape=True,
-                prior_std=1.5e4,
-            ),
-            Parameter(
-                *("slower_pair_excess_joule_per_mole", "J/mol", 0.0, -6e4, 6e4),
                 step=1e3,
                 shape=True,
                 prior_std=1.5e4,
