@@ -97,29 +97,41 @@ def search(case, library):
     while len(rounds) <= case.gates.rounds:
         step, model, filters = _round_beside_small(case, possible, model, filters, rounds)
         rounds.append(step)
-        if step.chosen is None and not looked:
-            looked = True
-            ahead = _looked_ahead(case, possible, model, filters, rounds)
-            rounds, model, filters = ahead or (rounds, model, filters)
-            step = rounds[-1]
-        if step.chosen is None or len(rounds) > case.gates.rounds:
+        if len(rounds) > case.gates.rounds:
             break
-        with_choice = _with_choice(case, model, step.chosen, filters)
-        needed, dropped, beside = _needed(case, with_choice, filters, rounds)
-        mine = dropped.get(step.chosen.effect.key)
-        if mine is None:
-            model, rounds[-1] = needed, step._replace(dropped=tuple(dropped), beside=beside)
-            possible = {key: effect for key, effect in possible.items() if key not in dropped}
-        elif _is_small(case, model, mine):
-            # Too small for a name now that all is refitted, and there all the same.
-            model = _unnamed(case, with_choice, step.chosen)
-            rounds.pop()
-        else:
+        taken = _taken(case, possible, model, filters, rounds)
+        if taken is None and step.chosen is not None:
             # At the edge of what counts. Neither may a rival that explains less take its place, nor
             # is an earlier name needless beside a choice that does not count itself.
             rounds[-1] = step._replace(chosen=None, tied=(), dropped=(step.chosen.effect.key,))
+        if taken is None and not looked:
+            looked = True
+            taken = _looked_ahead(case, possible, model, filters, rounds)
+        if taken is None:
             break
+        rounds, model, filters, possible = taken
     return rounds
+
+
+def _taken(case, possible, model, filters, rounds):
+    """Rounds, model, filters and possible effects with the choice of the last round.
+
+    None: it chose nothing, or what does not count once all is refitted.
+    """
+    *earlier, step = rounds
+    if step.chosen is None:
+        return None
+    with_choice = _with_choice(case, model, step.chosen, filters)
+    needed, dropped, beside = _needed(case, with_choice, filters, rounds)
+    mine = dropped.get(step.chosen.effect.key)
+    if mine is None:
+        left = {key: effect for key, effect in possible.items() if key not in dropped}
+        last = step._replace(dropped=tuple(dropped), beside=beside)
+        return [*earlier, last], needed, filters, left
+    if _is_small(case, model, mine):
+        # Too small for a name now that all is refitted, and there all the same.
+        return earlier, _unnamed(case, with_choice, step.chosen), filters, possible
+    return None
 
 
 def _is_small(case, model, trial):
@@ -180,36 +192,34 @@ def _round_beside_small(case, possible, model, filters, earlier):
 
 
 def _looked_ahead(case, possible, model, filters, rounds):
-    """Rounds that go on where the last chose nothing, their model and filters; None: they do not.
+    """As `_taken`, where the last round chose nothing; None: nothing is found by this either.
 
     What helps unevenly may do so for another effect that is missing there. Where an error is left
     that somebody would act on, what explains most but for that is taken for a while, and the round
     after it asked. What joins there without a name is in the model before either, and the round is
     repeated; of two names each has to count beside the other.
-
-    Parameters
-    ----------
-    case, possible : as in `search`. model, filters : of the last round. rounds : list of Round.
     """
     *earlier, step = rounds
     trial = _uneven(case, (earlier or [step])[0].before, step)
     if trial is None:
         return None
     tied = case.ties(trial, (), case.denied(step.trials), possible)
-    taken = [*earlier, step._replace(chosen=trial, tied=tied)]
+    first = [*earlier, step._replace(chosen=trial, tied=tied, dropped=())]
     begun = _with_choice(case, model, trial, filters)
-    second, beside, later = _round_beside_small(case, possible, begun, filters, taken)
+    second, beside, later = _round_beside_small(case, possible, begun, filters, first)
     if second.chosen is not None:
-        both = [*taken, second]
-        with_both = _with_choice(case, beside, second.chosen, later)
-        dropped = _needed(case, with_both, later, both)[1]
-        return None if dropped else (both, beside, later)
-    for one in beside.small[len(model.small) :]:
+        both = _taken(case, possible, beside, later, [*first, second])
+        names = {trial.effect.key, second.chosen.effect.key}
+        return both if both and names <= {e.key for e in both[1].named} else None
+    joined = beside.small[len(model.small) :]
+    if not joined:
+        return None
+    for one in joined:
         others = tuple(effect for effect in one.state.effects if effect is not trial.effect)
         alone = one._replace(state=one.state._replace(effects=others))
         model = _unnamed(case, _with_choice(case, model, alone, filters), alone)
     again, model, filters = _round_beside_small(case, possible, model, filters, earlier)
-    return None if again.chosen is None else ([*earlier, again], model, filters)
+    return _taken(case, possible, model, filters, [*earlier, again])
 
 
 def _uneven(case, first, step):
