@@ -71,9 +71,9 @@ class Case(NamedTuple):
     gap : voltage between the branches of the slow test, gap.SlowGap. start, log_std : values of the
     companion of a given model and how well they are known (`own`), else None. otherwise : the same
     Case with the other hold of the current, or None. first_capacity : where a fit begins, relative
-    to the measured one [1]. holds_ocv : whether both branches that tell the OCV are among the
-    records fitted, so that it stays within its tolerance. The methods are those that `search`
-    needs.
+    to the measured one [1]. holds_declared : whether both branches of the slow test that tells
+    the OCV are among the records fitted, so that it and the capacity stay within their tolerances.
+    The methods are those that `search` needs.
     """
 
     cell: base.Cell
@@ -90,7 +90,7 @@ class Case(NamedTuple):
     log_std: dict | None = None
     otherwise: object = None
     first_capacity: float = 0.0
-    holds_ocv: bool = False
+    holds_declared: bool = False
 
     @property
     def steady_ampere(self):

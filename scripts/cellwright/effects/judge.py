@@ -132,17 +132,17 @@ def _declared_limits(case):
 
     Without them whatever the model lacks ends there: beside misfit of tens of millivolts their
     priors weigh nothing. A capacity that all records contradict (`first_capacity`) is no tolerance.
-    Nor is that of an OCV whose two branches are not fitted beside the others: of one branch, of
-    rests, or of another cell it may hold half a hysteresis.
+    Nor are those of a slow test whose two branches are not fitted beside the others: an OCV of one
+    branch, of rests, or of another cell may hold half a hysteresis, and its scale of the SoC, too.
     """
+    if not case.holds_declared:
+        return {}
     far = FAR_STDS * case.tolerance.capacity
     ends = sorted((0.0, case.first_capacity))
-    limits = {"capacity": {"lower": ends[0] - far, "upper": ends[1] + far}}
-    if not case.holds_ocv:
-        return limits
     farthest = FAR_STDS * base.ocv_stds(case.cell, case.tolerance)
     knots = zip(base.OCV_NAMES, farthest.tolist(), strict=True)
-    return limits | {name: {"lower": -far, "upper": far} for name, far in knots}
+    limits = {name: {"lower": -most, "upper": most} for name, most in knots}
+    return limits | {"capacity": {"lower": ends[0] - far, "upper": ends[1] + far}}
 
 
 def stretched(case, state, parts):

@@ -83,7 +83,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     begin = beginning.first_capacity(measured, cases[0].fit)
     slow = any(record.kind == SLOW_TEST for record in sides[0])
     held = slow and curve["branches"] == "both"
-    cases = [case._replace(first_capacity=begin, holds_ocv=held) for case in cases]
+    cases = [case._replace(first_capacity=begin, holds_declared=held) for case in cases]
     better, other = sorted(cases, key=_misfit)
     return Prepared(better._replace(otherwise=other), sides, tuple(notes), caveats)
 
