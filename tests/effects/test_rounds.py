@@ -174,34 +174,37 @@ def test_forms_of_one_effect_take_no_place_of_another():
     assert {trial.effect.key for trial in step.trials} == set(list(asked)[:3])
 
 
-def uneven(monkeypatch, truth, *, rounds):
-    """Ids of the choices of a search where nothing counts in so many rounds at first.
-
-    As where each effect harms parts where others are lacking.
-    """
-    best_of, asked = search.best_of, []
+def nothing_at_first(best_of, *, rounds):
+    """`best_of` by which nothing counts in so many rounds, as where all harm what others lack."""
+    asked = []
 
     def none_at_first(*of):
         asked.append(of)
         return (None, ()) if len(asked) <= rounds else best_of(*of)
 
-    monkeypatch.setattr(search, "best_of", none_at_first)
-    steps = search.search(case(truth), LIBRARY)
-    return [step.chosen.effect.id if step.chosen else None for step in steps]
+    return none_at_first
 
 
 BOTH = Truth(hysteresis=0.012, activation=2.5e4)
 
 
 def test_two_that_only_count_beside_each_other_are_found_by_looking_ahead(monkeypatch):
-    chosen = uneven(monkeypatch, BOTH, rounds=1)
-    assert set(chosen[:2]) == {TRUE, "resistance_temperature"}
-    assert chosen[2:] == [None]
+    monkeypatch.setattr(search, "best_of", nothing_at_first(search.best_of, rounds=1))
+    first, second, last = search.search(case(BOTH), LIBRARY)
+    names = [step.chosen.effect.id for step in (first, second)]
+    assert set(names) == {TRUE, "resistance_temperature"}
+    assert last.chosen is None
+    # The first is told as it counts beside the second, in the ranking as well.
+    assert any(trial is first.chosen for trial in first.trials)
+    beside = next(one.trial for one in second.beside if one.trial.effect.id == names[0])
+    assert (first.chosen.proof, first.chosen.j) == (beside.proof, beside.j)
 
 
 @pytest.mark.parametrize(("truth", "rounds"), [(HEALTHY, 1), (BOTH, 99)])
 def test_what_counts_neither_alone_nor_beside_another_is_not_taken(monkeypatch, truth, rounds):
-    assert uneven(monkeypatch, truth, rounds=rounds) == [None]
+    monkeypatch.setattr(search, "best_of", nothing_at_first(search.best_of, rounds=rounds))
+    steps = search.search(case(truth), LIBRARY)
+    assert [step.chosen for step in steps] == [None]
 
 
 def test_what_would_have_to_be_larger_than_it_can_be_is_no_name():

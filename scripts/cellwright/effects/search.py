@@ -197,7 +197,7 @@ def _looked_ahead(case, possible, model, filters, rounds):
     What helps unevenly may do so for another effect that is missing there. Where an error is left
     that somebody would act on, what explains most but for that is taken for a while, and the round
     after it asked. What joins there without a name is in the model before either, and the round is
-    repeated; of two names each has to count beside the other.
+    repeated; of two names each has to count beside the other, and is told as it does there.
     """
     *earlier, step = rounds
     trial = _uneven(case, (earlier or [step])[0].before, step)
@@ -210,7 +210,7 @@ def _looked_ahead(case, possible, model, filters, rounds):
     if second.chosen is not None:
         both = _taken(case, possible, beside, later, [*first, second])
         names = {trial.effect.key, second.chosen.effect.key}
-        return both if both and names <= {e.key for e in both[1].named} else None
+        return _told_beside(both, trial) if both and names <= _keys(both[1].named) else None
     joined = beside.small[len(model.small) :]
     if not joined:
         return None
@@ -220,6 +220,20 @@ def _looked_ahead(case, possible, model, filters, rounds):
         model = _unnamed(case, _with_choice(case, model, alone, filters), alone)
     again, model, filters = _round_beside_small(case, possible, model, filters, earlier)
     return _taken(case, possible, model, filters, [*earlier, again])
+
+
+def _keys(effects):
+    return {effect.key for effect in effects}
+
+
+def _told_beside(taken, trial):
+    """What `_taken` returned, with a Trial of the round before the last as it counts in the end."""
+    (*earlier, step, last), *rest = taken
+    beside = next(one.trial for one in last.beside if one.trial.effect is trial.effect)
+    judged = ("delta_bic", "delta_validation", "proof", "proven", "inflation")
+    chosen = trial._replace(**{name: getattr(beside, name) for name in judged})
+    trials = [chosen if one is trial else one for one in step.trials]
+    return [*earlier, step._replace(chosen=chosen, trials=trials), last], *rest
 
 
 def _uneven(case, first, step):
