@@ -56,8 +56,12 @@ def test_other_temperatures_show_resistance_over_temperature(usual):
 
 
 def test_self_heating_against_resistance_over_temperature(usual):
+    """No test at the temperature of the records can tell them apart."""
+    elsewhere = {f"{test}_{way}" for test in ("drive", "hppc") for way in ("warm", "cold")}
     advice = asked(usual, "resistance_temperature", "self_heating")
     assert advice.test in ("drive_warm", "drive_cold")
+    assert set(advice.table["test"]) == elsewhere
+    assert set(asked(usual, "self_heating").table["test"]) > elsewhere
 
 
 @pytest.mark.parametrize(

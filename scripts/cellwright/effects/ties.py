@@ -120,6 +120,11 @@ def at_one_temperature(effect, stack, capacity_ampere_hour):
     return (OF_LOGGED,) if warmed >= WARMED_KELVIN else ()
 
 
+def needs_another_temperature(*effects):
+    """Whether ids of effects hold both that no records at one temperature tell apart."""
+    return {OWN_HEAT, OF_LOGGED} <= set(effects)
+
+
 def tie_of(effect, other=None):
     """The structural tie between two effects, in any order, or None.
 

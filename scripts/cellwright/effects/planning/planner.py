@@ -11,7 +11,7 @@ import numpy as np
 from cellwright.effects.base import STAGES
 from cellwright.effects.planning.sensitivity import Model, at_starts_of, information, projected
 from cellwright.effects.records import stacked
-from cellwright.effects.ties import tie_of
+from cellwright.effects.ties import needs_another_temperature, tie_of
 from cellwright.numerics.noise import FIRST
 from cellwright.records.record import Record, record_of
 from cellwright.refusal import Refusal
@@ -288,6 +288,9 @@ def next_test(
     known = between(fitted, question, case.tolerance) if proof else 0.0
     now = max(between(on_hand, question, case.tolerance) - known, 0.0)
     tests = _tests(case, rating, drive)
+    if needs_another_temperature(effect, *alternatives):
+        # However well its shape tells them apart, a test at this one leaves them a tie.
+        tests = tuple(test for test in tests if test.elsewhere)
     layout = {"capacity_ampere_hour": case.cell.capacity_ampere_hour, "hold": case.fit.hold}
     stacks = [stacked([test.record], **layout) for test in tests]
     sums = (on_hand.with_more(informed_by(stack)) for stack in stacks)
