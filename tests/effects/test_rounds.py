@@ -207,8 +207,8 @@ def test_what_counts_neither_alone_nor_beside_another_is_not_taken(monkeypatch, 
     assert [step.chosen for step in steps] == [None]
 
 
-def test_what_would_have_to_be_larger_than_it_can_be_is_no_name():
-    """With the rest of what is there in it, another effect would take its place."""
+def test_an_effect_whose_size_is_at_its_limit_is_no_name():
+    """What the records ask for beyond that limit is something else."""
     hysteresis = LIBRARY[TRUE]
     amplitude = hysteresis.parameters[0]
     small = hysteresis._replace(parameters=(amplitude._replace(upper=0.006),))
@@ -217,4 +217,4 @@ def test_what_would_have_to_be_larger_than_it_can_be_is_no_name():
     assert trial.at_limit
     assert [step.chosen for step in steps] == [None]
     ranking = ranking_of(case(HYSTERESIS), steps)
-    assert "larger than it can be" in ranking["against"][0]
+    assert "at the limit of what it can be" in ranking["against"][0]

@@ -472,5 +472,5 @@ def steep_volt(cell, soc, tolerance):
 
 
 def slopes(cell, soc):
-    """Slope of the OCV over SoC at each SoC [V]."""
+    """Slope of the OCV over SoC at each SoC, of the shape of `soc` [V]."""
     return (cell.ocv_at(soc + HALF_PERCENT) - cell.ocv_at(soc - HALF_PERCENT)) / (2 * HALF_PERCENT)

@@ -353,7 +353,7 @@ def _against(case, first, step, trial, result):
     if trial.effect.key in case.denied(step.trials):
         words.append("a measurement contradicts it")
     if trial.at_limit:
-        words.append("it would have to be larger than it can be")
+        words.append("its size is at the limit of what it can be")
     if trial.effect.key in step.dropped:
         last = result is not None and result.refused is not None and trial is result.refused.chosen
         words.append(result.why_refused if last else "needless beside the others")

@@ -282,7 +282,7 @@ def _chosen(legs, cutoffs, least_hour, *, least_share=FULL_SHARE):
     if not any(ended):
         raise Refusal(_why_none(legs, cutoffs, least_hour))
     full = [
-        leg if ended[k] or _same_way(leg, slow, ended, k) else None for k, leg in enumerate(slow)
+        leg if ended[k] or _as_full(leg, slow, ended, k) else None for k, leg in enumerate(slow)
     ]
     neighbours = zip(full, [*full[1:], None], [None, *full[:-1]], strict=True)
     pairs = [(leg, after or before) for leg, after, before in neighbours if leg and leg.sign < 0]
@@ -291,8 +291,8 @@ def _chosen(legs, cutoffs, least_hour, *, least_share=FULL_SHARE):
     return (whole or pairs or alone)[0]
 
 
-def _same_way(leg, slow, ended, k):
-    """Whether leg k, which ends before its cut-off, is the way of a full leg next to it, back.
+def _as_full(leg, slow, ended, k):
+    """Whether leg k, which ends before its cut-off, moves the charge of a full leg next to it.
 
     A full leg runs from one end to the other by itself; what moves the same charge before or after
     it has been at both ends too, however far its last reading was from the cut-off.
