@@ -7,6 +7,7 @@ import pytest
 
 from effect_benchmark.zoo import judging, page
 from effect_benchmark.zoo.__main__ import line
+from effect_benchmark.zoo.settled import is_settled, question_of
 
 NAN = float("nan")
 
@@ -252,3 +253,42 @@ def test_of_a_planted_copy_the_names_count_that_the_unplanted_one_has_not():
     shares = {one.name: one for one in judging.shares([found, missed, known])}
     assert (shares["visible effects right"].hits, shares["visible effects right"].of) == (1, 2)
     assert shares["false names"].hits == 0
+
+
+def said(word, *names):
+    """A verdict with names; "a|b" is a tie, "a?" is not proven."""
+    effects = []
+    for name in names:
+        first, *others = name.rstrip("?").split("|")
+        proof = "unproven" if name.endswith("?") else "proven"
+        effects.append({"effect": first, "alternatives": others, "proof": proof})
+    return {"verdict": word, "effects": effects}
+
+
+HEAT = {"effect": "self_heating", "accept": ["self_heating"], "parts": ["resistance_temperature"]}
+OWN_HEAT = {"kind": "single", "visible": True, "effects": [HEAT]}
+
+
+@pytest.mark.parametrize(
+    ("verdict", "question", "well"),
+    [
+        (said("ambiguous", "self_heating|resistance_temperature"), "tie", False),
+        (said("named", "self_heating?"), "unproven name", False),
+        (said("unknown"), "unknown", False),
+        (said("none"), "none", False),
+        (said("named", "self_heating"), "named", True),
+        (said("named", "self_heating", "resistance_temperature"), "named", True),
+        (said("named", "self_heating", "leakage"), "named", False),
+        (said("named", "leakage"), "named", False),
+    ],
+)
+def test_a_question_is_settled_by_all_names_alone_and_proven(verdict, question, well):
+    assert question_of(verdict) == question
+    assert is_settled(OWN_HEAT, verdict) == well
+
+
+def test_a_cell_outside_the_vocabulary_is_settled_by_unknown_and_a_healthy_one_by_none():
+    outside = {"kind": "unknown", "visible": True, "effects": [{"effect": "drifting_resistance"}]}
+    healthy = {"kind": "none", "visible": False, "effects": []}
+    assert is_settled(outside, said("unknown")) and not is_settled(outside, said("none"))
+    assert is_settled(healthy, said("none")) and not is_settled(healthy, said("unknown"))

@@ -16,6 +16,7 @@ LEAST_C_RATE = 0.02  # of a load; what is less is a leak or noise
 MOVED_KELVIN = 3.0  # from here on the rest is one of the chamber, not of the cell
 EDGE = 3.0  # slopes: a first sample that moves on so much faster than the next is of the edge
 EDGE_NOISES = 6.0  # and by so many noises
+LATE_SAMPLES = 3  # at most, at the end of a rest, that already show the next load
 LAST_ROWS = 5  # of a load without one current: their median is the current before the rest
 
 
@@ -173,6 +174,8 @@ def _rows_of(number, series, steps, step, shortest, limit):
     if rows[-1] < steps.last_row[step] and time[rows[-1]] - time[rows[0]] < shortest:
         raise Refusal(f"temperature moves by {MOVED_KELVIN:g} K within the first {shortest:g} s")
     rows = rows[_edge_samples(time[rows], voltage[rows]) :]
+    back = rows[::-1]
+    rows = back[_edge_samples(-time[back], voltage[back], at_most=LATE_SAMPLES) :][::-1]
     t, v = time[rows], voltage[rows]
     two, three = fit_relaxation(t, v), fit_relaxation(t, v, most=3)
     fits = [two, three] if len(three.tau_second) == 3 else [two]
@@ -185,16 +188,19 @@ def _rows_of(number, series, steps, step, shortest, limit):
     ]
 
 
-def _edge_samples(time, voltage):
-    """Number of first samples to leave out (0 or 1): one that still shows the edge of the current.
+def _edge_samples(time, voltage, at_most=1):
+    """Number of first samples to leave out, those that show an edge of the current.
 
     No time constant can be told from one sample, but it would draw those of the rest to itself.
+    Backwards from the end of a rest they show the next load, where the clock of the voltage is
+    ahead of that of the current: up to its first step from one sample to the next, `at_most`.
     """
-    if len(time) < 3:
-        return 0
-    moved, passed = np.diff(voltage[:3]), np.diff(time[:3])
-    fast = abs(moved[0]) * passed[1] > EDGE * abs(moved[1]) * passed[0]
-    return int(fast and abs(moved[0]) > EDGE_NOISES * noise_volt(voltage))
+    moved, passed = np.diff(voltage[: at_most + 2]), np.diff(time[: at_most + 2])
+    steep = np.abs(moved / passed)
+    steps = np.flatnonzero(
+        (steep[:-1] > EDGE * steep[1:]) & (np.abs(moved[:-1]) > EDGE_NOISES * noise_volt(voltage))
+    )
+    return int(steps[-1]) + 1 if len(steps) else 0
 
 
 def _load(series, steps, step, rows):

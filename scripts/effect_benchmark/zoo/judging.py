@@ -127,7 +127,7 @@ def _judged(part, hidden, answer):
         verdict=verdict["verdict"] if verdict else "",
         said=" + ".join(one["effect"] for one in said),
         outcome=outcome(hidden, verdict),
-        extra=_extra(hidden, said),
+        extra=extra_names(hidden, said),
         gap_closed=NAN if last is None else float(last),
         before_millivolt=1e3 * volt.get("before", NAN),
         after_millivolt=1e3 * volt.get("after", NAN),
@@ -233,7 +233,7 @@ def _unaccepted(hidden, said):
     return [one for one in said if not accept & {one["effect"], *one.get("alternatives", [])}]
 
 
-def _extra(hidden, said):
+def extra_names(hidden: dict, said: list[dict]) -> int:
     """Names beside the right ones, where there is one; parts of a hidden form are none of them."""
     partners = verdicts._partners(_accepted(hidden), said)
     parts = {name for one in hidden["effects"] for name in one.get("parts", [])}

@@ -24,7 +24,7 @@ OFFSET = 0.005  # of the capacity, read in rests: from here on it is said
 class RestPoints(NamedTuple):
     """One entry a rest, arrays of shape (rests,).
 
-    charge_ampere_hour : net charge of the record at its end [Ah]. end_volt : mean over its last
+    charge_ampere_hour : net charge of the record at its end [Ah]. end_volt : median of its last
     fiftieth [V]. relaxed_volt : where its exponentials end, NaN where they are not told [V].
     doubt_volt : what the extrapolation may be off by, NaN where there is none [V]. direction : of
     the load before. current_ampere : of that load, positive on charge. rest_second : length.
@@ -135,7 +135,8 @@ def _ends(time, voltage, charge, row):
     within = charge[inside]
     return {
         "charge_ampere_hour": within[-1],
-        "end_volt": voltage[late].mean(),
+        # The last samples show the next load where the clock of the voltage is ahead.
+        "end_volt": np.median(voltage[late]),
         "read_ampere_hour": within[-1] - within[0],
     }
 
@@ -167,7 +168,8 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
     rest_soc = soc_at(points, scale)
     volt = np.where(np.isnan(points.relaxed_volt), points.end_volt, points.relaxed_volt)
     after = {name: points.direction == name for name in ("discharge", "charge")}
-    starts_full = np.isfinite(scale.first_volt) and rest_soc.max(initial=0) < 1
+    # A first row below a later rest is no rest: it shows the load after it, by a clock that is off.
+    starts_full = scale.first_volt >= volt.max(initial=-np.inf) and rest_soc.max(initial=0) < 1
     full_point = {"discharge": [(1.0, scale.first_volt)] if starts_full else [], "charge": []}
     branches, moved = zip(
         *[
@@ -200,7 +202,7 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
         joined_by=joined_by,
         measured_soc=(float(soc[measured].min()), float(soc[measured].max())),
         moved_volt=float(max(*moved, np.abs(table - extended).max())),
-        note=_note(points, scale, used, joined_by, soc[measured]),
+        note=_note(points, scale, used, joined_by, soc[measured], starts_full),
     )
 
 
@@ -260,7 +262,7 @@ def _too_few(rest_soc, after):
     return f"too few rests for an OCV curve: {', '.join(counts)}; wanted {wanted}"
 
 
-def _note(points, scale, used, joined_by, measured_soc):
+def _note(points, scale, used, joined_by, measured_soc, starts_full):
     """Sentences on how far the rests had relaxed, which branch they are, and what is measured."""
     ahead = 1e3 * np.abs(points.relaxed_volt - points.end_volt)[used]
     determined = np.isfinite(ahead)
@@ -281,7 +283,7 @@ def _note(points, scale, used, joined_by, measured_soc):
         sentences.append(
             f"all after {side}: half a hysteresis, if the cell has one, is in the curve"
         )
-    if np.isfinite(scale.first_volt):
+    if starts_full:
         sentences.append("at full the first row: how long the cell had rested is not known")
     low, high = measured_soc.min(), measured_soc.max()
     if low > 0 or high < 1:
