@@ -9,6 +9,7 @@ from figures import style
 from figures.style import thinned
 
 TIMES = {"after 10 s": 10.0, "after 100 s": 100.0, "settled": np.inf}  # of a small step of current
+HYSTERESIS = {"hysteresis", "preisach"}  # kinds of branch
 MIDDLE_SOC = 0.5  # at which resistances are drawn over their time constants
 BAR = 0.38  # height
 
@@ -26,7 +27,7 @@ def draw_parameters(model):
     panels |= {f"Resistance {name}": _resistance_after(second) for name, second in TIMES.items()}
     panels |= {f"RC pairs at {100 * MIDDLE_SOC:g} % SoC": _rc_pairs}
     panels |= {"Correction of the OCV": _ocv_shift}
-    panels |= {"Hysteresis, either way": _hysteresis} if "hysteresis" in kinds else {}
+    panels |= {"Hysteresis, either way": _hysteresis} if kinds & HYSTERESIS else {}
     figure, axes = style.subplots(2, (len(panels) + 1) // 2, height=4.8)
     figure.suptitle(f"Member {model['chosen']}, resistance at small currents", x=0.01, ha="left")
     for panel, (title, plot) in zip(axes.flat, panels.items(), strict=False):
@@ -89,7 +90,7 @@ def _ocv_shift(panel, condition, look):
 
 
 def _hysteresis(panel, condition, look):
-    (branch,) = _of_kind(condition, "hysteresis")
+    (branch,) = _of_kind(condition, *HYSTERESIS)
     soc = 100 * _numbers(condition["soc"])
     _with_spread(panel, soc, branch["m_volt"], branch["m_std_volt"], look)
     panel.set_ylabel("[mV]")

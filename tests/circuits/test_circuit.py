@@ -16,6 +16,7 @@ from cellwright.circuits.circuit import (
     rc_circuit,
 )
 from cellwright.circuits.simulate import OpenCircuit, overpotentials, sensitivities, simulate
+from cellwright.numerics.hysteresis import WIDTHS, preisach
 from cellwright.numerics.lags import HOLDS, lag
 
 SLOPE = 0.8
@@ -28,6 +29,7 @@ EXAMPLES = {
     "warburg": {"r_ohm": 0.02, "tau_second": 300.0},
     "warburg_sphere": {"r_ohm": 0.02, "tau_second": 300.0},
     "hysteresis": {"m_volt": 0.015, "charge_ampere_hour": 0.05},
+    "preisach": {"m_volt": 0.015, "charge_ampere_hour": 0.05},
     "switch": {"m_volt": 0.01},
     "diffusion": {"soc_per_ampere": 0.01, "tau_second": 900.0},
 }
@@ -42,6 +44,11 @@ def butler_volmer(current, charge):
     """Voltage in units of r·I0 at a current in units of I0: a root of the law itself."""
     law = lambda x: np.exp(charge * x) - np.exp((charge - 1.0) * x) - current  # noqa: E731
     return brentq(law, -60.0, 60.0, xtol=1e-14)
+
+
+def within(moved):
+    """Mean of stops that began at zero, after a charge in units of the charge constant."""
+    return np.minimum(np.divide.outer(moved, WIDTHS), 1.0).mean(axis=-1)
 
 
 PLANE, SPHERE = settled(PLANE_MODES), settled(SPHERE_MODES)
@@ -62,6 +69,9 @@ CLOSED = {
     "warburg_sphere": lambda i, t, r_ohm, tau_second: r_ohm * i * SPHERE(t / tau_second),
     "hysteresis": lambda i, t, m_volt, charge_ampere_hour: (
         -m_volt * np.sign(i) * np.expm1(-abs(i) * t / 3600 / charge_ampere_hour)
+    ),
+    "preisach": lambda i, t, m_volt, charge_ampere_hour: (
+        m_volt * np.sign(i) * within(abs(i) * t / 3600 / charge_ampere_hour)
     ),
     "switch": lambda i, t, m_volt: m_volt * np.sign(i) + 0 * t,
     "diffusion": lambda i, t, soc_per_ampere, tau_second: (
@@ -263,6 +273,51 @@ def test_hysteresis_forgets_with_charge_not_with_time():
     full = 0.015 * -np.expm1(-1 / 0.05)
     assert run[1] == run[3] == pytest.approx(full)
     assert run[5] == pytest.approx((full + 0.015) * np.exp(-0.1 / 0.05) - 0.015)
+
+
+def moved_along(*charges, start=-1.0):
+    """State after each of several charges one after the other, in units of the charge constant."""
+    fresh = np.eye(1, len(charges) + 1)[0]
+    return preisach(np.array([0.0, *charges]), np.full(len(fresh), start), fresh)[1:]
+
+
+def test_from_branch_to_branch_stops_are_the_one_state_hysteresis():
+    steps = np.full(400, 0.01)
+    expected = 1.0 - 2.0 * np.exp(-np.cumsum(steps))
+    np.testing.assert_allclose(moved_along(*steps), expected, atol=0.02)
+    np.testing.assert_allclose(moved_along(*-steps, start=1.0), -expected, atol=0.02)
+
+
+@given(arrays(float, 20, elements=st.floats(-1, 1)), st.floats(0.01, 1.0), st.floats(0.01, 0.99))
+def test_a_small_loop_closes_where_it_began(charges, out, share):
+    """Back by as much as it went: the state is what it was, and the branch goes on as without."""
+    loop = (-share * out, share * out)
+    for further in ((), (0.3,)):
+        once, twice = (
+            moved_along(*charges, out, *further),
+            moved_along(*charges, out, *loop, *further),
+        )
+        assert twice[-1] == pytest.approx(once[-1], abs=1e-12)
+
+
+def test_a_load_that_gives_a_little_back_stays_on_its_branch():
+    """Half is given back: the one-state hysteresis ends at a third of it, stops at their end."""
+    current = np.tile([-2.0, 1.0], 600)
+    time = 10.0 * np.arange(len(current))
+    runs = [over(member([kind]), time, current, HOLDS[0])[0] for kind in ("hysteresis", "preisach")]
+    last = [run[-2:].mean() / 0.015 for run in runs]
+    np.testing.assert_allclose(last, [-1 / 3, -1.0], atol=0.12)
+
+
+def test_compiled_stops_are_their_twin(monkeypatch):
+    from cellwright.numerics import hysteresis
+
+    rng = np.random.default_rng(8)
+    moved, fresh = rng.normal(size=900) * 0.3, np.isin(np.arange(900), (0, 400)) * 1.0
+    start = np.where(np.arange(900) < 400, -1.0, 0.4)
+    run = preisach(moved, start, fresh)
+    monkeypatch.setattr(hysteresis, "function", lambda *_: None)
+    np.testing.assert_allclose(preisach(moved, start, fresh), run, atol=1e-13)
 
 
 def test_zero_order_hold_is_scipys_filter_on_a_uniform_grid():

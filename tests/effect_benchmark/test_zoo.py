@@ -290,5 +290,6 @@ def test_a_question_is_settled_by_all_names_alone_and_proven(verdict, question, 
 def test_a_cell_outside_the_vocabulary_is_settled_by_unknown_and_a_healthy_one_by_none():
     outside = {"kind": "unknown", "visible": True, "effects": [{"effect": "drifting_resistance"}]}
     healthy = {"kind": "none", "visible": False, "effects": []}
-    assert is_settled(outside, said("unknown")) and not is_settled(outside, said("none"))
-    assert is_settled(healthy, said("none")) and not is_settled(healthy, said("unknown"))
+    for hidden, well, ill in ((outside, "unknown", "none"), (healthy, "none", "unknown")):
+        assert is_settled(hidden, said(well))
+        assert not is_settled(hidden, said(ill))

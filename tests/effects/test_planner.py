@@ -100,7 +100,7 @@ def test_an_effect_in_the_model_is_weighed_at_its_estimate(usual):
     hidden = LIBRARY["hysteresis_one_state"]
     advices = []
     for size in (0.002, 0.008):
-        values = model.values | {hidden.names[0]: size, hidden.names[1]: 12.0}
+        values = model.values | dict(zip(hidden.names, (size, 12.0, 0.0), strict=True))
         state = Model(values, (hidden,))
         advices.append(next_test(case, state, hidden.id, ("slow_diffusion",), library=LIBRARY))
     low, high = (advice.table["chi_square"][0] for advice in advices)

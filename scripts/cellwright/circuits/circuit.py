@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.hysteresis import FIRST_SLOPE
 from cellwright.refusal import Refusal
 
 MODES = 5
@@ -51,6 +52,8 @@ class Kind(NamedTuple):
     lags : function (**parameters) → tuple of Lag; what their shares leave acts at once.
     output : "volt", or "soc": an offset of the SoC at which the OCV is taken.
     linear : the drive is proportional to the current, so the branch has an impedance.
+    closes : a turn of less charge than the last closes its loop (`numerics.hysteresis.preisach`);
+        the lag is that of a whole branch, by which what knows only lags takes it.
     """
 
     parameters: tuple
@@ -58,6 +61,7 @@ class Kind(NamedTuple):
     lags: Callable
     output: str = "volt"
     linear: bool = True
+    closes: bool = False
 
 
 def _no_lag(**_parameters):
@@ -176,6 +180,10 @@ KINDS = {
     "warburg_sphere": Kind(("r_ohm", "tau_second"), _ohmic, _sphere),
     # One-state hysteresis (thesis 2.5, 2.16): relaxes to ±m_volt with the charge passed.
     "hysteresis": Kind(("m_volt", "charge_ampere_hour"), _sign, _charge_lag, linear=False),
+    # The same along a whole charge or discharge, but small loops close: stops of many widths.
+    "preisach": Kind(
+        *(("m_volt", "charge_ampere_hour"), _sign, _charge_lag), linear=False, closes=True
+    ),
     # Zero-state hysteresis (thesis 2.3–2.4): ±m_volt by the sign of the last current, not of noise.
     "switch": Kind(("m_volt",), _last_sign, _no_lag, linear=False),
     # Diffusion in the particles of the electrode that limits: the OCV is taken at the surface's
@@ -205,9 +213,9 @@ def impedance(circuit, frequency_hertz, *, ocv_slope_volt=0.0):
     """Impedance of a circuit with scalar parameters at a small current about rest.
 
     Kinetics act by their resistance at small currents, two-way resistors by the mean of both ways.
-    One-state hysteresis is a capacitance of 3600·charge/m: its voltage follows the charge passed,
-    as long as that is small. A switch has no limit at small currents and is left out, as are
-    currents too small to turn it.
+    One-state hysteresis is a capacitance of 3600·charge/m, and one whose small loops close of half
+    that: its voltage follows the charge passed, as long as that is small. A switch has no limit at
+    small currents and is left out, as are currents too small to turn it.
 
     Parameters
     ----------
@@ -235,6 +243,7 @@ def _branch_impedance(branch, angular, ocv_slope_volt):
     if any(lag.clock == "ampere_hour" for lag in lags):
         target = kind.drive(np.ones(1), **parameters)[0]
         rate = sum(lag.share / (3600.0 * lag.constant) for lag in lags)
+        rate = rate * FIRST_SLOPE if kind.closes else rate
         return target * rate / (1j * angular)
     small = 1e-9 * np.array([1.0, -1.0])
     gain = np.diff(kind.drive(small, **parameters))[0] / -2e-9

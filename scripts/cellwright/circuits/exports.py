@@ -21,6 +21,7 @@ SMALLEST = 1e-9  # ohm, volt: stands for a resistance or hysteresis of zero, ove
 SAME_SOC = 1e-9
 NO_ELEMENT = {
     "switch": "none of its elements remembers at rest which way the last current ran",
+    "preisach": "none of its elements remembers where the charge turned",
     "charge_transfer": "its kinetics here have no lag, and a resistor that no element holds",
     "diffusion": "its diffusion element is a plane sheet whose gain its time constant fixes, "
     "not a sphere with a gain of its own",

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import KINDS
+from cellwright.circuits.simulate import closing, mean_current
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.numerics.lags import lag, lag_by_charge
 from cellwright.records.basis import REFERENCE_CELSIUS
@@ -31,7 +32,11 @@ ABOUT = {
     "own_heat": "the cell is warmer inside than was measured",
 }
 WARMED = ("r_ohm", "r_charge_ohm", "r_discharge_ohm", "soc_per_ampere")
-FOLLOWS = ("switch", "hysteresis")  # kinds whose voltage follows the charge, not the current
+FOLLOWS = (
+    "switch",
+    "hysteresis",
+    "preisach",
+)  # kinds whose voltage follows the charge, not the current
 EDGE_SECOND = 0.06  # before the stamp of a row, within which the current of the row sets in
 LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
 
@@ -337,8 +342,8 @@ def with_history(
     least = LOADED_C_RATE * capacity_ampere_hour
     ends = {"soc_at_start": soc_at_start, "near_end_soc": member["history"]["near_end_soc"]}
     direction = load_direction(read_ampere, least_ampere=least, **ends)
-    between = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
-    passed = np.abs(between) * np.diff(time) / 3600.0
+    steps = np.diff(time)
+    passed = np.abs(mean_current(current, hold)) * steps / 3600.0
     over_volt = np.array(over_volt)
     for k, branch in enumerate(circuit):
         p = branch.parameters
@@ -346,6 +351,8 @@ def with_history(
             charge = np.broadcast_to(p["charge_ampere_hour"], current.shape)[:-1]
             decayed = lag_by_charge(passed, charge, np.ones(len(passed)))
             over_volt[k] += direction[0] * p["m_volt"] * (1.0 - decayed)
+        if branch.kind == "preisach":
+            over_volt[k] = closing(branch, steps, current, hold, start=direction[0])
         if branch.kind == "switch":
             over_volt[k] = direction * p["m_volt"]
     return over_volt

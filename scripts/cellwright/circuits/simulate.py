@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import Branch, kind_of
+from cellwright.numerics.hysteresis import preisach
 from cellwright.numerics.lags import lag, lag_by_charge
 from cellwright.refusal import Refusal
 
@@ -104,6 +105,8 @@ def sensitivities(circuit, test_time_second, current_ampere, *, hold, open_circu
 def _response(branch, steps, current, hold):
     """Output of a branch (n,) [V] or [1]: the share that acts at once plus its lags."""
     kind = kind_of(branch)
+    if kind.closes:
+        return closing(branch, steps, current, hold)
     lags = kind.lags(**branch.parameters)
     drive = kind.drive(current, **branch.parameters)
     if any(lagged.clock == "ampere_hour" for lagged in lags):
@@ -116,12 +119,32 @@ def _response(branch, steps, current, hold):
 
 def _by_charge(kind, parameters, lags, steps, current, hold):
     """Sum of the lags that move with the charge passed, each step with its mean current."""
-    between = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
+    between = mean_current(current, hold)
     drive = kind.drive(between, **{name: _at_start(value) for name, value in parameters.items()})
     passed = np.abs(between) * steps / 3600.0
     return sum(
         lagged.share * lag_by_charge(passed, _at_start(lagged.constant), drive) for lagged in lags
     )
+
+
+def closing(branch, steps, current, hold, *, start=0.0):
+    """Voltage (n,) of a hysteresis whose small loops close [V].
+
+    Parameters
+    ----------
+    branch : Branch of such a kind. steps : (n−1,) [s]. current : (n,) [A]. hold : see
+    `overpotentials`. start : state before the first sample, −1 to 1.
+    """
+    charge = _at_start(branch.parameters["charge_ampere_hour"])
+    moved = mean_current(current, hold) * steps / 3600.0 / charge
+    fresh = np.eye(1, len(current))[0]
+    state = preisach(np.append(0.0, moved), np.full(len(current), float(start)), fresh)
+    return branch.parameters["m_volt"] * state
+
+
+def mean_current(current, hold):
+    """Mean current over each step (n−1,) [A] of a current (n,) by its hold."""
+    return current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
 
 
 def _at_start(value):

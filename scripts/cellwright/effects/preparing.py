@@ -11,6 +11,7 @@ from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import stacked
 from cellwright.numerics.least_squares import fit
 from cellwright.protocols.ocv.gap import slow_gap
+from cellwright.protocols.ocv.slow import mean_of_branches, rising
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.records.facts import of_first_checkup
 from cellwright.records.record import laid_out_to_fit
@@ -74,7 +75,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     caveats = (*_stand_in(tests, judging), *_of_rests(curve, judging))
     capacity = basis["capacity_ampere_hour"]
     sides = tuple(_thinned(side, settings["most_rows"], capacity) for side in (fitted, judging))
-    measured = base.Cell(capacity, np.interp(GRID, curve["soc"], curve["ocv_volt"]))
+    measured = base.Cell(capacity, np.interp(GRID, curve["soc"], _between_branches(curve)))
     about = tolerance, gates, slow_gap(curve)
     cases = [
         Case(measured, *(stacked(s, capacity_ampere_hour=capacity, hold=h) for s in sides), *about)
@@ -147,6 +148,18 @@ def _curve_at_reference(basis):
         return abs(REFERENCE_CELSIUS - (REFERENCE_CELSIUS if celsius is None else celsius))
 
     return min(basis["ocv"], key=distance_kelvin)
+
+
+def _between_branches(curve):
+    """OCV (n,) [V] at the curve's SoC, the mean of its branches where both were measured.
+
+    Joined from their ends as hysteresis grows to half charge, of a hysteresis that grows within a
+    few percent it is a fifth of the gap off at 30 and at 70 % SoC, as an effect of its own would.
+    """
+    if curve.get("joined_by") != "equilibrium":
+        return curve["ocv_volt"]
+    branches = (np.asarray(curve[f"{name}_volt"], float) for name in ("discharge", "charge"))
+    return rising(mean_of_branches(np.asarray(curve["soc"], float), *branches)[0])
 
 
 def _stand_in(tests, judging):

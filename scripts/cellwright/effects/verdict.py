@@ -10,6 +10,7 @@ from cellwright.effects.proof import left_volt
 from cellwright.effects.search import beside_names, search, up_to
 from cellwright.numerics.least_squares import fit, stds
 
+IMPOSSIBLE = "refitted with all others its size is at the limit of what it can be"
 REFUSED = (
     "refitted with all others it makes the error on the records that judge larger",
     "other choices of the blocks name it in less than half of the cases",
@@ -133,7 +134,8 @@ def searched(case, library):
 
 def _with_holds(case, library):
     """What a search under the hold of the case comes to, and its last model under either."""
-    return _by_both_holds(_beside_small(Searched(case, *decided(case, search(case, library)))))
+    found = _beside_small(Searched(case, *decided(case, search(case, library))))
+    return _by_both_holds(_of_possible_sizes(found))
 
 
 def _beside_small(found):
@@ -155,6 +157,18 @@ def _beside_small(found):
     now = outcome(rounds, case.gates)
     now = now._replace(refused=result.refused, why_refused=result.why_refused)
     return found._replace(rounds=rounds, result=now, alone=step.before.solution)
+
+
+def _of_possible_sizes(found):
+    """The same up to the first name whose leading size is on its bound once all is refitted."""
+    on_bound = set(found.result.last.solution.at_bound)
+    steps = found.result.steps
+    refused = next((one for one in steps if one.chosen.effect.names[0] in on_bound), None)
+    if refused is None:
+        return found
+    rounds = up_to(found.rounds, refused)
+    result = outcome(rounds, found.case.gates)._replace(refused=refused, why_refused=IMPOSSIBLE)
+    return found._replace(rounds=rounds, result=result, alone=None)
 
 
 def _doubtful(found):

@@ -110,3 +110,20 @@ CLONES void lag_fresh(int64_t n, const double *step, const double *fresh, const 
         last = settled(last);
     }
 }
+
+/* Hysteresis of m stops: u += moved·slope, kept within -1 to 1, from start[k] where fresh[k] is 1;
+ * state: mean of all; stop: room for m values. */
+CLONES void stops(int64_t n, int64_t m, const double *moved, const double *fresh, const double *start,
+           const double *slope, double *stop, double *state) {
+    for (int64_t k = 0; k < n; k++) {
+        /* By factors of one and zero, so that stops go abreast. */
+        const double kept = 1.0 - fresh[k], begun = fresh[k] * start[k], by = kept * moved[k];
+        double sum = 0.0;
+        for (int64_t j = 0; j < m; j++) {
+            const double next = begun + kept * stop[j] + by * slope[j];
+            stop[j] = next > 1.0 ? 1.0 : next < -1.0 ? -1.0 : next;
+        }
+        for (int64_t j = 0; j < m; j++) sum += stop[j];
+        state[k] = sum / (double)m;
+    }
+}

@@ -295,6 +295,9 @@ _ADD = {
     "kinetic": _kinetic,
     "charge_transfer": _transfer,
     "hysteresis": _hysteresis,
+    # ASSUME: In a pack small loops of a hysteresis do not close; along a whole charge or discharge
+    # that is the same.
+    "preisach": _hysteresis,
     "switch": _switch,
     "diffusion": _diffusion,
 }

@@ -377,7 +377,7 @@ def offset_at_rest(
         middle = int(np.searchsorted(time[first:stop], (time[first] + time[stop - 1]) / 2))
         # Medians: a cell that hardly relaxes moves by no more than its readings scatter.
         near = max(len(volt) // 8, 1)
-        parts = volt[:BEGUN_ROWS], volt[middle - near : middle + near], volt[-near:]
+        parts = volt[:BEGUN_ROWS], volt[max(middle - near, 0) : middle + near], volt[-near:]
         begun, halfway, end = map(np.median, parts)
         early, late = abs(halfway - begun), abs(end - halfway)
         steady = np.percentile(np.abs(read - level), 90) <= STEADY_SHARE * abs(level)

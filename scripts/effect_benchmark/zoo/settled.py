@@ -41,7 +41,9 @@ def main():
         asked_of[question] += 1
         settled_of[question] += well
         lines = f"{_line(both[0])}; after {both[0]['next_test_id']}: {_line(both[1])}"
-        print(f"{name} ({truth[name]['kind']}): {lines}{'' if well else '  NOT SETTLED'}", flush=True)
+        print(
+            f"{name} ({truth[name]['kind']}): {lines}{'' if well else '  NOT SETTLED'}", flush=True
+        )
     for question, number in asked_of.items():
         print(f"{question:14s} {settled_of[question]} of {number} settled")
 

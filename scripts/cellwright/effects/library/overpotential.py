@@ -5,10 +5,13 @@ import numpy as np
 from cellwright.circuits.circuit import KINDS
 from cellwright.effects.base import kept_response, lag_fresh
 from cellwright.effects.library.vocabulary import Effect, Parameter
+from cellwright.numerics.hysteresis import preisach
 
 # Kinds of branch of slow diffusion: an RC pair; a layer of finite length; a sphere (time constant:
 # length² over diffusivity).
 DIFFUSION_KINDS = ("RC", "warburg", "warburg_sphere")
+# Of hysteresis: one state, which every turn moves; stops, between which small loops close.
+HYSTERESIS_KINDS = ("hysteresis", "preisach")
 KINETIC_SOC = (0.02, 0.98)  # beyond them an exchange current stays as it is
 
 
@@ -93,12 +96,20 @@ def _hysteresis_instant(fields, stack, p):
 
 def _hysteresis_branch(p, r0_ohm, capacity_ampere_hour, soc):
     charge = capacity_ampere_hour / p["rate_per_soc"]
-    return r0_ohm, "hysteresis", {"m_volt": p["amplitude_volt"], "charge_ampere_hour": charge}
+    parameters = {"m_volt": p["amplitude_volt"], "charge_ampere_hour": charge}
+    return r0_ohm, HYSTERESIS_KINDS[int(p["small_loops_close"])], parameters
 
 
 def _hysteresis_one_state(fields, stack, p):
-    """dh = −g·|dSoC|·(h − s), s the sign of the current (thesis 2.16; Plett 2015, 2.65)."""
+    """dh = −g·|dSoC|·(h − s), s the sign of the current (thesis 2.16; Plett 2015, 2.65).
+
+    Or the same along a whole charge or discharge, with small loops that close (`preisach`).
+    """
     moved = fields.held * stack.step_second / 3600.0 + stack.unseen_ampere_hour
+    if p["small_loops_close"]:
+        through = p["rate_per_soc"] * moved / fields.capacity
+        state = preisach(through, stack.direction, stack.fresh)
+        return fields._replace(volt=fields.volt + p["amplitude_volt"] * state)
     passed = np.abs(moved) / fields.capacity
     sign = np.append(np.sign(fields.held[1:]), 0.0)
     zero_order = np.zeros(len(sign))
@@ -133,11 +144,17 @@ EFFECTS = (
         parameters=(
             _amplitude(0.2),
             Parameter("rate_per_soc", "1", 20.0, 2.0, 200.0, step=2.0, shape=True),
+            # Number of the kind in HYSTERESIS_KINDS. Tried, not fitted.
+            Parameter("small_loops_close", "1", 0.0, 0.0, 1.0, step=0.0, shape=True),
         ),
         stage="overpotential",
         act=_hysteresis_one_state,
         circuit=_hysteresis_branch,
-        starts=tuple({"rate_per_soc": rate} for rate in (4.0, 12.0, 40.0)),
+        starts=tuple(
+            {"rate_per_soc": rate, "small_loops_close": form}
+            for form in (0.0, 1.0)
+            for rate in (4.0, 12.0, 40.0)
+        ),
         needs=("both_directions",),
         shows="a slow discharge and charge (C/20) with turns in between",
         consequence="the voltage at rest depends on the way there; a filter without it is biased",

@@ -47,12 +47,14 @@ def joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by):
         measured = np.isfinite(only)
         return np.interp(soc, soc[measured], only[measured]), measured
     if joined_by == "mean":
-        return _mean(soc, discharge_volt, charge_volt)
+        return mean_of_branches(soc, discharge_volt, charge_volt)
     return from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge)
 
 
-def _mean(soc, discharge_volt, charge_volt):
-    """Mean of the branches where both are valid; beyond, one branch moved by half the gap there.
+def mean_of_branches(soc, discharge_volt, charge_volt):
+    """OCV (n,) [V], and where it is the mean of both branches; arguments as of `joined`.
+
+    Mean of the branches where both are valid; beyond, one branch moved by half the gap there.
 
     Below that the charge, above it the discharge, where these reach; where neither does, the OCV
     stays as it is at the edge.
