@@ -129,6 +129,7 @@ def test_every_effect_gives_the_same_voltage_as_a_member(effect, celsius, hold):
     [
         ("slow_diffusion", {"slow_diffusion.finite_length": 1.0}),
         ("slow_diffusion", {"slow_diffusion.log_diffusivity_to_full": 1.2}),
+        ("hysteresis_one_state", {"hysteresis_one_state.small_loops_close": 1.0}),
         ("resistance_asymmetry", {"resistance_asymmetry.charge_resistance_excess_relative": -0.4}),
         ("time_skew", {"time_skew.voltage_delay_second": -0.4}),
         ("time_skew", {"time_skew.voltage_delay_second": 1.7}),

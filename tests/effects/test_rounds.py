@@ -11,7 +11,7 @@ from cellwright.effects.case import Gates
 from cellwright.effects.finding import ranking_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.verdict import outcome
+from cellwright.effects.verdict import IMPOSSIBLE, Searched, _of_possible_sizes, outcome
 from cellwright.numerics.least_squares import fit
 
 HYSTERESIS = Truth(hysteresis=0.012)
@@ -218,3 +218,18 @@ def test_an_effect_whose_size_is_at_its_limit_is_no_name():
     assert [step.chosen for step in steps] == [None]
     ranking = ranking_of(case(HYSTERESIS), steps)
     assert "at the limit of what it can be" in ranking["against"][0]
+
+
+def test_a_name_whose_size_ends_on_its_bound_once_all_is_refitted_is_taken_back():
+    made, steps = case(HYSTERESIS), rounds(HYSTERESIS)
+    result = outcome(steps, made.gates)
+    found = Searched(made, list(steps), result, {})
+    assert _of_possible_sizes(found) is found
+    leading = LIBRARY[TRUE].names[0]
+    solution = result.last.solution._replace(at_bound=(leading,))
+    extreme = result._replace(last=result.last._replace(solution=solution))
+    taken_back = _of_possible_sizes(found._replace(result=extreme))
+    assert taken_back.result.steps == ()
+    assert taken_back.result.refused is steps[0]
+    ranking = ranking_of(made, taken_back.rounds, taken_back.result)
+    assert IMPOSSIBLE in ranking["against"]

@@ -168,3 +168,14 @@ def test_a_capacity_that_is_declared_wrongly_is_found_and_told(wrong):
     if wrong != 1.0:
         # The tolerance of 0.3 % pulls it back; the rest is in the OCV, within its own.
         assert 0.5 < told["capacity"] / (1 / wrong - 1) < 1.05
+
+
+def test_of_branches_joined_from_their_ends_the_search_takes_the_mean():
+    """A gap that grows within a few percent would leave a fifth of it in the OCV."""
+    half = 0.02 * (1 - np.exp(-GRID / 0.02)) * (1 - np.exp(-(1 - GRID) / 0.02))
+    branches = {"discharge_volt": ocv(GRID) - half, "charge_volt": ocv(GRID) + half}
+    bent = ocv(GRID) + 0.01 * np.sin(2 * np.pi * GRID)
+    for joined_by, expected in (("equilibrium", ocv(GRID)), ("mean", bent)):
+        curve = CURVE | branches | {"ocv_volt": bent, "joined_by": joined_by}
+        made = cw.prepared_case(SHEET, BASIS | {"ocv": [curve]}, list(made_tests(HEALTHY)))
+        np.testing.assert_allclose(made.cell.ocv_at(GRID), expected, atol=1e-4)

@@ -220,3 +220,16 @@ def test_step_of_the_interface_gives_the_same_curve():
             series, steps, cell, {"cell": "A", "test": "pulses", "kind": "hppc"}
         )
         assert np.array_equal(ocv.curve.ocv_volt, curve.ocv_volt)
+
+
+def test_a_clock_of_the_voltage_that_is_ahead_does_not_bend_the_curve():
+    """The last sample of each rest, and the first row of the record, show the load that follows."""
+    time, current, voltage, charge = record()
+    right, _, _ = found_from((time, current, voltage, charge), soc_at_start=1.0)
+    ahead = np.append(voltage[1:], voltage[-1])
+    ahead[0] = voltage[3]  # under load
+    curve, _, _ = found_from((time, current, ahead, charge), soc_at_start=1.0)
+    inside = (curve.soc > curve.measured_soc[0]) & (curve.soc < 0.9)
+    np.testing.assert_allclose(curve.ocv_volt[inside], right.ocv_volt[inside], atol=5e-4)
+    assert curve.ocv_volt[-1] > ahead[0]
+    assert "at full the first row" in right.note

@@ -166,6 +166,18 @@ def test_a_first_sample_of_the_edge_is_left_out():
     assert row["a_volt"] == pytest.approx(-0.02, rel=0.05)
 
 
+@pytest.mark.parametrize("ahead", [1, 3])
+def test_last_samples_that_show_the_next_load_are_left_out(ahead):
+    """The clock of the voltage is ahead of that of the current by so many samples."""
+    time, current, voltage = record(noise=5e-5, step=1.0)
+    expected = only(rests(time, current, voltage))
+    last = int(np.flatnonzero(current == 0)[-1])
+    voltage[last - ahead + 1 : last + 1] -= 0.03
+    row = only(rests(time, current, voltage))
+    assert row["samples"] == expected["samples"] - ahead
+    assert row["ocv_volt"] == pytest.approx(expected["ocv_volt"], abs=2e-4)
+
+
 def test_a_rest_ends_where_the_chamber_moves():
     time, current, voltage = record(noise=5e-5)
     warm = np.where(time > 2000, 15.0, 20.0)
