@@ -20,7 +20,8 @@ RIGHT, TIED = "right", "right, as one of a tie"
 WRONG, SILENT = "wrong new name", "no new name"
 KNOWN, NOTHING = "named without planting", "no verdict"
 TOLD, HELD = "told by the model's branches", "followed by the model"
-OUTCOMES = (RIGHT, TIED, TOLD, HELD, WRONG, SILENT, KNOWN, NOTHING)
+DECLARED = "no name, told as declared wrongly"
+OUTCOMES = (RIGHT, TIED, DECLARED, TOLD, HELD, WRONG, SILENT, KNOWN, NOTHING)
 FOLDERS = {"plain": "", "own": "own", "external": "external"}  # of a base, beside its cell's
 # Letters of a member's name, and the effects that such a branch is there for.
 BRANCHES = {
@@ -88,10 +89,12 @@ def judged(folder, answers: list[dict], sizes=None, members=None) -> pd.DataFram
 
     `outcome`: "right" where a new name is accepted (with its alternatives, then "as one of a tie"),
     "wrong new name", "no new name", "named without planting" where an accepted name stands in the
-    answer on the unplanted copy, too, or "no verdict" where either copy has none. `wrong_names`:
-    how many new names are not accepted, whatever the outcome. `size_ratio`: what the right new name
-    closes of the error on the records that judge, over what was planted. `nearest_right`: an
-    accepted name is new among the explanations that an answer "unknown" tried and did not name.
+    answer on the unplanted copy, too, "no name, told as declared wrongly" where beside no new name
+    half and more of a capacity error is told as one of the sheet's (no right name), or "no verdict"
+    where either copy has none. `wrong_names`: how many new names are not accepted, whatever the
+    outcome. `size_ratio`: what the right new name closes of the error on the records that judge,
+    over what was planted. `nearest_right`: an accepted name is new among the explanations that an
+    answer "unknown" tried and did not name.
     `rise_millivolt`: by how much the first model of the search errs more than on the unplanted
     copy, the larger of fit and proof (root of the difference of squares): what stated tolerances
     take up, or what meets an error of the opposite sign, is not in it. `against`: why the effect is
@@ -181,6 +184,8 @@ def _row(truth, answer, control_answer):
     right = [one for one in new if _names(one) & accept]
     row |= {"new": " + ".join(one["effect"] for one in new), "control": " + ".join(sorted(before))}
     row |= {"wrong_names": len(new) - len(right), "outcome": _outcome(before & accept, new, right)}
+    if row["outcome"] == SILENT and _declared_wrongly(effect, verdict, control):
+        row["outcome"] = DECLARED
     tried = [one["effect"] for one in control.get("partial", [])]
     nearest = [one for one in verdict.get("partial", []) if one["effect"] not in {*before, *tried}]
     row["nearest_right"] = any(_names(one) & accept for one in nearest)
@@ -208,6 +213,21 @@ def _outcome(known, new, right):
     if right:
         return TIED if len(_names(right[0])) > 1 else RIGHT
     return WRONG if new else SILENT
+
+
+def _declared_wrongly(effect, verdict, control):
+    """Whether half of an error of the measured capacity is told as one of the sheet's.
+
+    A slow test whose current read 10 % too little has told a capacity that is 10 % too small.
+    """
+    if effect["effect"] != "capacity_error":
+        return False
+    told, known = (
+        sum(one["value"] for one in document.get("nuisances", ()) if one["name"] == "capacity")
+        for document in (verdict, control)
+    )
+    planted = 1.0 / (1.0 + effect["parameters"]["relative"]) - 1.0
+    return (told - known) / planted >= HALF
 
 
 def _closed_volt(one):

@@ -7,19 +7,21 @@ import pytest
 from effect_benchmark import planted
 
 
-def copy(cell, effect, relative, accept=None):
+def copy(cell, effect, size, accept=None, **parameters):
     told = {"effect": effect, "accept": accept or [effect], "visible_gap_millivolt": 10.0}
+    told["parameters"] = parameters
     facts = {"control": "A_u", "campaign": "real", "base_volt": 0.01, "visible": True}
-    facts["size"] = f"{relative}base"
-    return {"cell": cell, "kind": "single", "relative_size": relative, "effects": [told], **facts}
+    facts["size"] = f"{size}base"
+    return {"cell": cell, "kind": "single", "relative_size": size, "effects": [told], **facts}
 
 
-def answer(cell, word, *effects, tied=(), partial=()):
+def answer(cell, word, *effects, tied=(), partial=(), capacity=0.0):
     volt = {"before": 0.013, "after": 0.005}
     said = [
         {"effect": e, "alternatives": list(tied), "validation_rmse_volt": volt} for e in effects
     ]
     told = {"verdict": word, "effects": said, "partial": [{"effect": e} for e in partial]}
+    told["nuisances"] = [{"name": "capacity", "value": capacity}] if capacity else []
     document = json.dumps(told) if word else ""
     return {"cell": cell, "document": document, "reason": "" if word else "why"}
 
@@ -175,3 +177,24 @@ def test_why_there_is_no_right_name(tmp_path):
     # sqrt(15² − 10²) mV more on the records that judge, of 10 mV planted
     assert table.set_index("cell").loc["A_heat", "rise_millivolt"] == pytest.approx(11.18, abs=0.01)
     assert "| 1 and more | the records fitted cannot show it | 1 |" in planted.page(table)
+
+
+@pytest.mark.parametrize(
+    ("relative", "told", "outcome"),
+    [
+        (-0.1, 0.08, "no name, told as declared wrongly"),
+        (-0.1, 0.03, "no new name"),  # less than half of it
+        (0.1, 0.08, "no new name"),  # the other way
+    ],
+)
+def test_a_capacity_told_as_declared_wrongly_is_no_right_name_and_counted(
+    tmp_path, relative, told, outcome
+):
+    truth = [UNPLANTED, copy("A_wrong", "capacity_error", 1.0, relative=relative)]
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(truth))
+    answers = [answer("A_u", "named", "leakage", capacity=-0.009)]
+    answers.append(answer("A_wrong", "named", "leakage", capacity=told))
+    table = planted.judged(tmp_path, answers)
+    assert table["outcome"].tolist() == [outcome]
+    assert not planted.right(table).any()

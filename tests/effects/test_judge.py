@@ -5,7 +5,7 @@ import pytest
 from small_cells import CAPACITY, CELL, PLAIN, drive
 from small_plant import HEALTHY, case, case_of
 
-from cellwright.effects import base
+from cellwright.effects import base, beginning
 from cellwright.effects.base import Tolerance
 from cellwright.effects.judge import (
     FAR_STDS,
@@ -214,7 +214,8 @@ def test_what_was_declared_is_held_within_three_deviations():
         assert (free[name].lower, free[name].upper) == (-FAR_STDS * std, FAR_STDS * std)
     gross = unfitted(made._replace(first_capacity=-0.1))[1]
     capacity = next(one for one in gross if one.name == "capacity")
-    assert (capacity.lower, capacity.upper) == (-0.1 - limit, limit)
+    wide = limit + beginning.FINER_CAPACITY
+    assert (capacity.lower, capacity.upper) == pytest.approx((-0.1 - wide, wide))
 
 
 def test_what_a_slow_test_told_that_is_not_fitted_is_not_held():

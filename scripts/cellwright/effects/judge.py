@@ -138,6 +138,7 @@ def _declared_limits(case):
     if not case.holds_declared:
         return {}
     far = FAR_STDS * case.tolerance.capacity
+    far += beginning.FINER_CAPACITY if case.first_capacity else 0.0  # how finely it was looked for
     ends = sorted((0.0, case.first_capacity))
     farthest = FAR_STDS * base.ocv_stds(case.cell, case.tolerance)
     knots = zip(base.OCV_NAMES, farthest.tolist(), strict=True)
