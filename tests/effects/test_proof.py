@@ -58,6 +58,20 @@ def test_one_that_lives_from_one_block_does_not_hold_however_much_it_takes_off_t
     assert not proof.holds
 
 
+@pytest.mark.parametrize(("blocks", "holds"), [(40, True), (8, False)])
+def test_many_blocks_that_agree_outweigh_one_with_a_large_error_of_another_kind(blocks, holds):
+    """One of forty errs by 40 mV whatever the effect does: the scatter is its, the size all others'."""
+    random = np.random.default_rng(6)
+    block = np.repeat(np.arange(blocks), ROWS)
+    change, noise = 4e-3 * random.normal(size=(2, len(block)))
+    other = np.where(block == 5, -0.45 * blocks * change, 0.0)
+    before = 0.2 * noise + change + other
+    proof = consistency(before, before - change, block, block // 8, material_volt=MATERIAL_VOLT)
+    assert proof.gain < 2 * proof.std
+    assert proof.helped == blocks - 1
+    assert proof.beyond_chance is holds
+
+
 def test_one_that_harms_a_fifth_of_what_it_helps_does_not_hold():
     mild = judged(np.where(BLOCK == 0, 0.4, 1.0) * CHANGE)
     grave = judged(np.where(BLOCK < 2, -0.2, 1.0) * CHANGE)

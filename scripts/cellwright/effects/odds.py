@@ -12,6 +12,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.proof import (
+    ALIKE,
     block_sums,
     blocks_of,
     can_judge,
@@ -25,7 +26,7 @@ DRAWS = 200
 LIKELY = 0.5
 SEED = 15
 # All three are from behavioural cells; docs/missing-effect.md, "How likely".
-SPREAD = 4.0  # blocks that lie side by side err alike: weights scatter as if they were fewer
+SPREAD = ALIKE  # blocks that lie side by side err alike: weights scatter as if they were fewer
 UNSEEN = 0.05  # searches that all blocks agree on and that are wrong: a form that no effect has
 SHARPER = 1.2  # power by which shares of draws, which are too cautious, are told as probabilities
 

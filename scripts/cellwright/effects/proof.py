@@ -16,6 +16,7 @@ from cellwright.numerics.least_squares import inverse
 HALF = 0.5  # of what an effect promises: below it, it makes the error larger
 TWICE = 2.0  # of what an effect promises: records that ask for more lack something beside it
 SURE = 2.0  # standard errors: 95 %
+ALIKE = 4.0  # parts that lie side by side err alike: so many count as one
 LITTLE = 0.2  # of what an effect takes off the errors, so much it may add to others
 ENOUGH = 2.0  # least fall of chi-square that a change must promise over that which is asked of it
 BATCHES = (10, 30, 100, 300)  # rows over which whitened residuals are summed
@@ -53,6 +54,16 @@ class Consistency(NamedTuple):
         return all(helps(self) for _, helps in ASKED)
 
     @property
+    def beyond_chance(self):
+        """Whether it gains more than its parts scatter, or helps more of them than chance would.
+
+        Parts that have a large error of another kind, too, scatter by that, however well all others
+        agree on the size.
+        """
+        by_chance = HALF * self.excited + SURE * np.sqrt(ALIKE * self.excited) / 2
+        return self.gain > SURE * self.std or self.helped > by_chance
+
+    @property
     def sized(self):
         """Whether what was missing is of its size, however unevenly."""
         return HALF < self.gain < TWICE
@@ -65,7 +76,7 @@ class Consistency(NamedTuple):
 
 ASKED = (
     ("makes the error of its parts larger", lambda proof: proof.gain > HALF),
-    ("helps no more than its parts scatter", lambda proof: proof.gain > SURE * proof.std),
+    ("helps no more than its parts scatter", lambda proof: proof.beyond_chance),
     ("its parts ask for twice its size", lambda proof: proof.gain < TWICE),
     ("helps half of its parts or fewer", lambda proof: proof.helped > HALF * proof.excited),
     ("harms some parts too much", lambda proof: proof.harm <= LITTLE),
