@@ -60,7 +60,7 @@ def test_one_that_lives_from_one_block_does_not_hold_however_much_it_takes_off_t
 
 @pytest.mark.parametrize(("blocks", "holds"), [(40, True), (8, False)])
 def test_many_blocks_that_agree_outweigh_one_with_a_large_error_of_another_kind(blocks, holds):
-    """One of forty errs by 40 mV whatever the effect does: the scatter is its, the size all others'."""
+    """The scatter is of one that errs by far more; of eight the others are too few to tell."""
     random = np.random.default_rng(6)
     block = np.repeat(np.arange(blocks), ROWS)
     change, noise = 4e-3 * random.normal(size=(2, len(block)))

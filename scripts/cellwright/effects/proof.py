@@ -61,7 +61,7 @@ class Consistency(NamedTuple):
         agree on the size.
         """
         by_chance = HALF * self.excited + SURE * np.sqrt(ALIKE * self.excited) / 2
-        return self.gain > SURE * self.std or self.helped > by_chance
+        return bool(self.gain > SURE * self.std or self.helped > by_chance)
 
     @property
     def sized(self):
