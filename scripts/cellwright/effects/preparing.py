@@ -8,6 +8,7 @@ from cellwright.effects import base, beginning
 from cellwright.effects.candidates import chi_square_of
 from cellwright.effects.case import Case
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.vocabulary import SLOW_TEST
 from cellwright.effects.records import stacked
 from cellwright.numerics.least_squares import fit
 from cellwright.protocols.ocv.gap import slow_gap
@@ -18,7 +19,6 @@ from cellwright.records.record import laid_out_to_fit
 from cellwright.records.thinning import averaged_to, thin
 from cellwright.refusal import Refusal
 
-SLOW_TEST = "ocv"
 MEASURED_SOC = 0.1, 0.9  # of a slow test; towards its ends the OCV is joined to what rests show
 MOST_MOVED = 2.5  # of the capacity, by a slow test whose one discharge and charge tell the OCV
 KINDS = ("capacity", "hppc", "pulse_resistance", "drive")  # and the slow test of the OCV

@@ -3,9 +3,9 @@
 import numpy as np
 
 from cellwright.circuits.instrument import stored
-from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
+from cellwright.effects.library.vocabulary import SLOW_TEST, Effect, Parameter, numbers_of
 
-CAPACITY_TESTS = ("capacity", "ocv")  # kinds of tests that a capacity is measured by
+CAPACITY_TESTS = ("capacity", SLOW_TEST)  # kinds of tests that a capacity is measured by
 
 
 def _inefficiency(fields, stack, p):

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+SLOW_TEST = "ocv"  # kind of test that an OCV is from, and a capacity
+
 
 class Parameter(NamedTuple):
     """One parameter of an effect: its unit, bounds and usual sizes.
