@@ -179,3 +179,16 @@ def test_of_branches_joined_from_their_ends_the_search_takes_the_mean():
         curve = CURVE | branches | {"ocv_volt": bent, "joined_by": joined_by}
         made = cw.prepared_case(SHEET, BASIS | {"ocv": [curve]}, list(made_tests(HEALTHY)))
         np.testing.assert_allclose(made.cell.ocv_at(GRID), expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["voltage_offset", "voltage_gain"])
+def test_an_error_of_the_voltage_shows_in_what_was_read_since_the_slow_test(name):
+    """The OCV is what the slow test read, with whatever the reading was off by."""
+    stack = prepared(made_tests(HEALTHY)).fit
+    effect, values = LIBRARY[name], beginning.first_values(CELL, stack)
+    without = base.voltage(CELL, stack, values)
+    moved = base.voltage(CELL, stack, values | {effect.names[0]: 0.01}, (effect,)) - without
+    slow = np.array(stack.kinds)[stack.file] == "ocv"
+    assert slow.any()
+    assert not moved[slow].any()
+    assert moved[~slow].min() > 0.005
