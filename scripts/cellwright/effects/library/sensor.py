@@ -1,9 +1,12 @@
 """Effects of the instrument: errors of its current, voltage and clock."""
 
-import numpy as np
-
 from cellwright.circuits.instrument import delayed, displayed, through_cell
-from cellwright.effects.library.vocabulary import SLOW_TEST, Effect, Parameter, numbers_of
+from cellwright.effects.library.vocabulary import (
+    Effect,
+    Parameter,
+    numbers_of,
+    since_slow_test,
+)
 
 APART_SECOND = 1e6  # between records, so that they lie on one time axis
 
@@ -26,21 +29,13 @@ def _current_gain(fields, stack, p):
 
 
 def _voltage_offset(fields, stack, p):
-    off = p["offset_volt"] * _since_slow_test(stack)
+    off = p["offset_volt"] * since_slow_test(stack)
     return fields._replace(volt=displayed(fields.volt, offset_volt=off))
 
 
 def _voltage_gain(fields, stack, p):
-    gain = p["gain_relative"] * _since_slow_test(stack)
+    gain = p["gain_relative"] * since_slow_test(stack)
     return fields._replace(volt=displayed(fields.volt, gain_relative=gain))
-
-
-def _since_slow_test(stack):
-    """1 in all rows (n,) but those of the slow test that the OCV is from, 0 there.
-
-    The OCV is what that test read: of an error of the reading only what came later shows.
-    """
-    return np.array([kind != SLOW_TEST for kind in stack.kinds], float)[stack.file]
 
 
 def _skew(fields, stack, p):

@@ -92,6 +92,18 @@ class Effect(NamedTuple):
         return {name for name in start if name.rpartition(".")[2] in stated}
 
 
+def since_slow_test(stack):
+    """1 in all rows (n,) but those of the slow test that the OCV is from, 0 there.
+
+    The OCV is what that test read: of what moves either, only what came later shows.
+
+    Parameters
+    ----------
+    stack : records.Stack.
+    """
+    return np.array([kind != SLOW_TEST for kind in stack.kinds], float)[stack.file]
+
+
 @cache
 def _names_within(key, *names):
     """Names within a model of the parameters of an effect; a fit asks for them at every step."""
