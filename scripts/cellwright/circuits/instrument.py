@@ -32,11 +32,8 @@ ABOUT = {
     "own_heat": "the cell is warmer inside than was measured",
 }
 WARMED = ("r_ohm", "r_charge_ohm", "r_discharge_ohm", "soc_per_ampere")
-FOLLOWS = (
-    "switch",
-    "hysteresis",
-    "preisach",
-)  # kinds whose voltage follows the charge, not the current
+# Kinds whose voltage follows the charge, not the current.
+FOLLOWS = ("switch", "hysteresis", "preisach")
 EDGE_SECOND = 0.06  # before the stamp of a row, within which the current of the row sets in
 LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
 

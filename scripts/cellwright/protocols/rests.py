@@ -188,7 +188,7 @@ def _rows_of(number, series, steps, step, shortest, limit):
     ]
 
 
-def _edge_samples(time, voltage, at_most=1):
+def _edge_samples(time, voltage, *, at_most=1):
     """Number of first samples to leave out, those that show an edge of the current.
 
     No time constant can be told from one sample, but it would draw those of the rest to itself.

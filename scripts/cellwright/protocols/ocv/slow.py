@@ -52,12 +52,22 @@ def joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by):
 
 
 def mean_of_branches(soc, discharge_volt, charge_volt):
-    """OCV (n,) [V], and where it is the mean of both branches; arguments as of `joined`.
-
-    Mean of the branches where both are valid; beyond, one branch moved by half the gap there.
+    """Mean of the branches where both are valid; beyond, one branch moved by half the gap there.
 
     Below that the charge, above it the discharge, where these reach; where neither does, the OCV
     stays as it is at the edge.
+
+    Parameters
+    ----------
+    soc, discharge_volt, charge_volt : as in `joined`.
+
+    Returns
+    -------
+    ocv_volt : (n,) [V]. both : (n,) bool, where it is the mean.
+
+    Raises
+    ------
+    Refusal : the branches do not overlap at 50 % SoC.
     """
     # ASSUME: Where one slow branch has ended or drops into its polarisation knee (half gap above
     # three times the usual), the OCV is the other branch moved by half the gap at that edge.
