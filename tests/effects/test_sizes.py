@@ -50,6 +50,12 @@ def sizes(effect, values=VALUES, **given):
             ["half the distance of charge and discharge 12 mV", "turned over within 5 % of SoC"],
         ),
         (
+            "hysteresis_one_state",
+            {"amplitude_volt": 0.012, "rate_per_soc": 50.0, "small_loops_close": 1.0},
+            ["half the distance of charge and discharge 12 mV"]
+            + ["small turns close their loop, turned over within 2 % of SoC"],
+        ),
+        (
             "self_heating",
             {"thermal_resistance_kelvin_per_watt": 4.0, "time_constant_second": 300.0},
             ["4 K for each watt", "time constant 5 min"],

@@ -197,7 +197,8 @@ def _hysteresis(effect, p, values):
     sizes = [("half the distance of charge and discharge", 1e3 * p["amplitude_volt"], "mV")]
     if "rate_per_soc" not in p:
         return sizes
-    return [*sizes, ("turned over within", 100 / p["rate_per_soc"], "% of SoC")]
+    turned = "small turns close their loop, " if p["small_loops_close"] else ""
+    return [*sizes, (f"{turned}turned over within", 100 / p["rate_per_soc"], "% of SoC")]
 
 
 def _heating(effect, p, values):
