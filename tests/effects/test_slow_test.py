@@ -6,6 +6,7 @@ from small_plant import CAPACITY, CELL, HEALTHY, Truth, case, drive, measured, o
 
 import cellwright as cw
 from cellwright.effects import base, beginning
+from cellwright.effects.candidates import neutral
 from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.preparing import MEASURED_SOC
@@ -187,7 +188,8 @@ def test_what_moves_the_ocv_or_its_reading_shows_since_the_slow_test(name):
     stack = prepared(made_tests(HEALTHY)).fit
     effect, values = LIBRARY[name], beginning.first_values(CELL, stack)
     without = base.voltage(CELL, stack, values)
-    moved = base.voltage(CELL, stack, values | {effect.names[0]: 0.01}, (effect,)) - without
+    sized = values | neutral(effect) | {effect.names[0]: 0.01}
+    moved = base.voltage(CELL, stack, sized, (effect,)) - without
     slow = np.array(stack.kinds)[stack.file] == "ocv"
     assert slow.any()
     assert not moved[slow].any()
