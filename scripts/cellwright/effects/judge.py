@@ -315,7 +315,9 @@ def _start_soc(cell, soc, stated, error, tolerance):
     by_sheet, by_rest = _precisions(slope, len(error), tolerance)
     if not by_rest:
         return stated
-    return (stated * by_sheet + (soc + error.mean() / slope) * by_rest) / (by_sheet + by_rest)
+    # No cell rests beyond full or empty, however flat the OCV is where its rest is looked up.
+    at_rest = np.clip(soc + error.mean() / slope, -tolerance.soc, 1.0 + tolerance.soc)
+    return (stated * by_sheet + float(at_rest) * by_rest) / (by_sheet + by_rest)
 
 
 def _start_stds(cell, stack, values, tolerance):
