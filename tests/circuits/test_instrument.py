@@ -43,6 +43,10 @@ def test_capacity_goes_with_temperature_and_kind_of_test():
     assert instrument.capacity_factor(member, 15.0) == pytest.approx(1.1 * 0.9)
     assert instrument.capacity_factor(member, np.nan) == pytest.approx(1.1)
     assert instrument.capacity_factor(member, 25.0, kind="capacity") == pytest.approx(1.0)
+    # A straight line that would end at none: nothing divides by zero in the cold.
+    steep = {"counting": {"capacity_relative_per_kelvin": 0.02}}
+    cold = instrument.capacity_factor(steep, np.array([-25.0, -40.0]))
+    np.testing.assert_allclose(cold, instrument.LEAST_CAPACITY)
 
 
 def test_voltage_as_read_and_back():

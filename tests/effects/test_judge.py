@@ -42,6 +42,18 @@ def test_a_record_begins_where_its_rest_says():
     assert result["soc0[0]"] == pytest.approx(TRUE, abs=1e-4)
 
 
+def test_no_record_begins_beyond_full_however_flat_the_ocv_is_there():
+    """A rest 30 mV above a plateau that rises by 0.1 V over all of the SoC is no SoC of 1.2."""
+    soc = np.linspace(0.0, 1.0, 201)
+    plateau = CELL._replace(ocv_volt=3.3 + 0.1 * soc)
+    stack = laid(soc=0.9, volt=0.03)._replace(soc_at_start=np.array([0.9]))
+    at_rest = np.abs(stack.current_ampere) <= 0.1
+    volt = np.where(at_rest, 3.3 + 0.1 * 0.9 + 0.03, stack.voltage_volt)
+    tight = TOLERANCE._replace(ocv_volt=1e-4)
+    result = started(plateau, stack._replace(voltage_volt=volt), PLAIN, (), tight)
+    assert 1.0 < result["soc0[0]"] <= 1.0 + TOLERANCE.soc
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_rest_is_read_as_rests_of_fitted_records_were(seed):
     """An OCV that is off where records begin must not shift all that comes after."""

@@ -35,6 +35,8 @@ WARMED = ("r_ohm", "r_charge_ohm", "r_discharge_ohm", "soc_per_ampere")
 # Kinds whose voltage follows the charge, not the current.
 FOLLOWS = ("switch", "hysteresis", "preisach")
 EDGE_SECOND = 0.06  # before the stamp of a row, within which the current of the row sets in
+# ASSUME: However cold, a cell keeps a tenth of its capacity; a straight line would end at none.
+LEAST_CAPACITY = 0.1
 LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
 
 
@@ -106,13 +108,14 @@ def stored(moved, *, lost_share=0.0, leak=0.0):
 
 
 def capacity_over_temperature(celsius, relative_per_kelvin):
-    """Capacity at a temperature over that at 25 °C [1].
+    """Capacity at a temperature over that at 25 °C [1], at least `LEAST_CAPACITY`.
 
     Parameters
     ----------
     celsius : scalar or (n,) [degC]. relative_per_kelvin : [1/K].
     """
-    return 1.0 + relative_per_kelvin * (celsius - REFERENCE_CELSIUS)
+    factor = 1.0 + relative_per_kelvin * (celsius - REFERENCE_CELSIUS)
+    return np.maximum(factor, LEAST_CAPACITY)
 
 
 def capacity_factor(member, celsius=None, *, kind=None):
