@@ -29,6 +29,11 @@ BRANCHES = {
     "K": {"charge_transfer_nonlinearity"},
     "D": {"slow_diffusion"},
 }
+# What the capacity is off by, of a planted size.
+IN_CAPACITY = {
+    "capacity_error": ("relative", lambda relative: 1.0 / (1.0 + relative) - 1.0),
+    "current_gain": ("gain_relative", lambda gain: gain),
+}
 SIDES = ("rmse_volt", "validation_rmse_volt")
 HALF = 0.5  # of what was planted: where the model's error rises by less, it has followed the effect
 # By what is left of the effect, over what a plain circuit leaves of the unplanted records; sizes
@@ -90,11 +95,11 @@ def judged(folder, answers: list[dict], sizes=None, members=None) -> pd.DataFram
     `outcome`: "right" where a new name is accepted (with its alternatives, then "as one of a tie"),
     "wrong new name", "no new name", "named without planting" where an accepted name stands in the
     answer on the unplanted copy, too, "no name, told as declared wrongly" where beside no new name
-    half and more of a capacity error is told as one of the sheet's (no right name), or "no verdict"
-    where either copy has none. `wrong_names`: how many new names are not accepted, whatever the
-    outcome. `size_ratio`: what the right new name closes of the error on the records that judge,
-    over what was planted. `nearest_right`: an accepted name is new among the explanations that an
-    answer "unknown" tried and did not name.
+    half and more of an error of capacity or current is told as one of the sheet's capacity (no
+    right name), or "no verdict" where either copy has none. `wrong_names`: how many new names are
+    not accepted, whatever the outcome. `size_ratio`: what the right new name closes of the error on
+    the records that judge, over what was planted. `nearest_right`: an accepted name is new among
+    the explanations that an answer "unknown" tried and did not name.
     `rise_millivolt`: by how much the first model of the search errs more than on the unplanted
     copy, the larger of fit and proof (root of the difference of squares): what stated tolerances
     take up, or what meets an error of the opposite sign, is not in it. `against`: why the effect is
@@ -216,18 +221,19 @@ def _outcome(known, new, right):
 
 
 def _declared_wrongly(effect, verdict, control):
-    """Whether half of an error of the measured capacity is told as one of the sheet's.
+    """Whether half of an error that capacity takes up is told as one of the sheet's.
 
-    A slow test whose current read 10 % too little has told a capacity that is 10 % too small.
+    A slow test whose current read 10 % too little has told a capacity that is 10 % too small; one
+    beside a current that reads 10 % too little in all other tests is 10 % too large for them.
     """
-    if effect["effect"] != "capacity_error":
+    if effect["effect"] not in IN_CAPACITY:
         return False
     told, known = (
         sum(one["value"] for one in document.get("nuisances", ()) if one["name"] == "capacity")
         for document in (verdict, control)
     )
-    planted = 1.0 / (1.0 + effect["parameters"]["relative"]) - 1.0
-    return (told - known) / planted >= HALF
+    name, capacity = IN_CAPACITY[effect["effect"]]
+    return (told - known) / capacity(effect["parameters"][name]) >= HALF
 
 
 def _closed_volt(one):

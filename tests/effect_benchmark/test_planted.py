@@ -33,7 +33,7 @@ TRUTH = [
     copy("A_skew", "time_skew", 1.01),
     copy("A_heat", "self_heating", 0.5),
     copy("A_rsoc", "resistance_soc", 0.5),
-    copy("A_gain", "current_gain", 0.2),
+    copy("A_gain", "current_gain", 0.2, gain_relative=0.05),
     copy("A_slow", "slow_diffusion", 2.0),
 ]
 ANSWERS = [
@@ -180,21 +180,23 @@ def test_why_there_is_no_right_name(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("relative", "told", "outcome"),
+    ("effect", "size", "told", "outcome"),
     [
-        (-0.1, 0.08, "no name, told as declared wrongly"),
-        (-0.1, 0.03, "no new name"),  # less than half of it
-        (0.1, 0.08, "no new name"),  # the other way
+        ("capacity_error", {"relative": -0.1}, 0.08, "no name, told as declared wrongly"),
+        ("capacity_error", {"relative": -0.1}, 0.03, "no new name"),  # less than half of it
+        ("capacity_error", {"relative": 0.1}, 0.08, "no new name"),  # the other way
+        ("current_gain", {"gain_relative": 0.1}, 0.08, "no name, told as declared wrongly"),
+        ("leakage", {"leak_ampere": 0.1}, 0.08, "no new name"),
     ],
 )
 def test_a_capacity_told_as_declared_wrongly_is_no_right_name_and_counted(
-    tmp_path, relative, told, outcome
+    tmp_path, effect, size, told, outcome
 ):
-    truth = [UNPLANTED, copy("A_wrong", "capacity_error", 1.0, relative=relative)]
+    truth = [UNPLANTED, copy("A_wrong", effect, 1.0, **size)]
     (tmp_path / "truth").mkdir()
     (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(truth))
-    answers = [answer("A_u", "named", "leakage", capacity=-0.009)]
-    answers.append(answer("A_wrong", "named", "leakage", capacity=told))
+    answers = [answer("A_u", "named", "self_heating", capacity=-0.009)]
+    answers.append(answer("A_wrong", "named", "self_heating", capacity=told))
     table = planted.judged(tmp_path, answers)
     assert table["outcome"].tolist() == [outcome]
     assert not planted.right(table).any()
