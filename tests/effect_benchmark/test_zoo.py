@@ -293,3 +293,5 @@ def test_a_cell_outside_the_vocabulary_is_settled_by_unknown_and_a_healthy_one_b
     for hidden, well, ill in ((outside, "unknown", "none"), (healthy, "none", "unknown")):
         assert is_settled(hidden, said(well))
         assert not is_settled(hidden, said(ill))
+    # A test that was advised and leaves nothing to say has settled nothing.
+    assert not is_settled(OWN_HEAT | {"none_acceptable": True}, said("none"))

@@ -69,8 +69,11 @@ def is_settled(hidden: dict, verdict: dict) -> bool:
     open_names = any(
         one.get("alternatives") or one.get("proof") == "unproven" for one in verdict["effects"]
     )
-    right = judging.outcome(hidden, verdict) in ("right", "rightly silent")
-    return right and not open_names and not judging.extra_names(hidden, verdict["effects"])
+    return (
+        judging.outcome(hidden, verdict) == "right"
+        and not open_names
+        and not judging.extra_names(hidden, verdict["effects"])
+    )
 
 
 def settled(folder, source, target, name, *, seed, **sizes):
