@@ -149,7 +149,7 @@ def test_fmpy_runs_a_cell_as_anyone_would(unit, tmp_path):
     )
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "switch"])
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("switch", "preisach")])
 def test_every_kind_of_branch_is_what_our_simulation_gives(kind, tmp_path):
     model = truth.with_branch(kind)
     seconds, currents = load(np.random.default_rng(5))
