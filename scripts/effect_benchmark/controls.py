@@ -87,12 +87,15 @@ def tried(case, first: search.Round, effect: Effect) -> Trial:
     ----------
     case : search.Case. first : the first round of its search. effect : the term.
     """
-    free = unfitted(case)[1]
+    # Effects that nobody would act on may be in the model of the first round already.
+    effects, free = first.before.effects, unfitted(case)[1]
+    for there in effects:
+        free = case.with_effect(free, there)
     filters, solution = first.filters, first.before.solution.inside
     residual = filters.fit.apply(solution.residual)
 
     def predict(values, one):
-        return base.voltage(case.cell, case.fit, values, (one,))
+        return base.voltage(case.cell, case.fit, values, (*effects, one))
 
     lined_up = candidates(predict, solution.prediction, solution.values, [effect])
     whitened = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))

@@ -111,3 +111,18 @@ def test_the_smallest_error_on_proof_names_only_what_falls_by_what_is_material()
 def test_what_searches_never_imports_the_laboratory():
     seen = provenance.pieces_of("benchmark/effect_answers")
     assert not [piece for piece in seen if "virtual_lab" in piece.path.parts]
+
+
+def test_a_term_is_tried_beside_an_effect_too_small_for_a_name():
+    """1.7 kJ/mol of temperature are in the first round's model, as in the search."""
+    truth = Truth(hysteresis=0.0022, activation=1.7e3)
+    first = rounds(truth)[0]
+    assert first.small
+    assert {effect.id for effect in first.before.effects} == {"resistance_temperature"}
+    assert tuple(row["method"] for row in control_rows(truth)) == METHODS
+    same = LIBRARY["hysteresis_instant"]._replace(id="control_same")
+    trial = controls.tried(case(truth), first, same)
+    assert {effect.id for effect in trial.state.effects} == {
+        "control_same",
+        "resistance_temperature",
+    }
