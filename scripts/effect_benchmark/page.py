@@ -218,7 +218,9 @@ def power(table):
     for panel in axes.flat[len(names) :]:
         panel.set_visible(False)
     legend = drawn.axes[0].get_legend_handles_labels()
-    drawn.legend(*legend, loc="outside upper right", ncols=2)
+    # On the line of the title, which the layout keeps free.
+    drawn.suptitle("Share of cells over the strength of what is hidden", x=0.01, ha="left")
+    drawn.legend(*legend, loc="upper right", ncols=2)
     for panel in axes[:, 0]:
         panel.set_ylabel("share [%]")
     for panel in axes[-1]:
