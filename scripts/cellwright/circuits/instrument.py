@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import KINDS
-from cellwright.circuits.simulate import closing, mean_current
+from cellwright.circuits.simulate import closing
 from cellwright.circuits.temperature import resistance_factor
-from cellwright.numerics.lags import lag, lag_by_charge
+from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.records.thinning import driven
 
@@ -343,7 +343,7 @@ def with_history(
     ends = {"soc_at_start": soc_at_start, "near_end_soc": member["history"]["near_end_soc"]}
     direction = load_direction(read_ampere, least_ampere=least, **ends)
     steps = np.diff(time)
-    passed = np.abs(mean_current(current, hold)) * steps / 3600.0
+    passed = np.abs(mean_over_steps(current, hold)) * steps / 3600.0
     over_volt = np.array(over_volt)
     for k, branch in enumerate(circuit):
         p = branch.parameters

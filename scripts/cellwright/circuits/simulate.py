@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.circuits.circuit import Branch, kind_of
 from cellwright.numerics.hysteresis import preisach
-from cellwright.numerics.lags import lag, lag_by_charge
+from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.refusal import Refusal
 
 STEP = 1e-30  # of a complex step: its square vanishes beside any real part
@@ -119,7 +119,7 @@ def _response(branch, steps, current, hold):
 
 def _by_charge(kind, parameters, lags, steps, current, hold):
     """Sum of the lags that move with the charge passed, each step with its mean current."""
-    between = mean_current(current, hold)
+    between = mean_over_steps(current, hold)
     drive = kind.drive(between, **{name: _at_start(value) for name, value in parameters.items()})
     passed = np.abs(between) * steps / 3600.0
     return sum(
@@ -136,15 +136,10 @@ def closing(branch, steps, current, hold, *, start=0.0):
     `overpotentials`. start : state before the first sample, −1 to 1.
     """
     charge = _at_start(branch.parameters["charge_ampere_hour"])
-    moved = mean_current(current, hold) * steps / 3600.0 / charge
+    moved = mean_over_steps(current, hold) * steps / 3600.0 / charge
     fresh = np.eye(1, len(current))[0]
     state = preisach(np.append(0.0, moved), np.full(len(current), float(start)), fresh)
     return branch.parameters["m_volt"] * state
-
-
-def mean_current(current, hold):
-    """Mean current over each step (n−1,) [A] of a current (n,) by its hold."""
-    return current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
 
 
 def _at_start(value):

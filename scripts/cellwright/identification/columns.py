@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.circuits.circuit import SPHERE_MODES, UNRESOLVED_SECOND
 from cellwright.circuits.temperature import table_soc
-from cellwright.numerics.lags import lag, lag_by_charge
+from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.numerics.linear import hats
 
 SOC_WINDOW = 0.01  # over which the slope of an OCV table is taken
@@ -272,6 +272,6 @@ def damping(record, shape, held):
 
 def _hysteresis(record, shape, charge_ampere_hour, hold):
     current = record.current_ampere
-    mean = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
+    mean = mean_over_steps(current, hold)
     passed = np.abs(mean) * np.diff(record.test_time_second) / 3600.0
     return lag_by_charge(passed, charge_ampere_hour, shape[:-1] * np.sign(mean)[:, None])

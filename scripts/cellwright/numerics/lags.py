@@ -68,6 +68,11 @@ def lag(step_second, tau_second, drive, *, hold, initial=0.0):
     return state
 
 
+def mean_over_steps(values, hold):
+    """Mean over each step (n−1,) of an input (n,) by its hold, see `lag_weights`; unit of both."""
+    return values[:-1] if hold == "zero_order" else (values[:-1] + values[1:]) / 2
+
+
 def lag_by_charge(passed_ampere_hour, charge_ampere_hour, drive):
     """Response of a lag that moves with the charge passed, to an input that is constant per step.
 

@@ -1,12 +1,7 @@
 """Effects of the instrument: errors of its current, voltage and clock."""
 
 from cellwright.circuits.instrument import delayed, displayed, through_cell
-from cellwright.effects.library.vocabulary import (
-    Effect,
-    Parameter,
-    numbers_of,
-    since_slow_test,
-)
+from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of, since_slow_test
 
 APART_SECOND = 1e6  # between records, so that they lie on one time axis
 

@@ -18,7 +18,7 @@ from cellwright.numerics.exponentials import (
     normal_equations,
     verdict,
 )
-from cellwright.numerics.lags import HOLDS
+from cellwright.numerics.lags import HOLDS, mean_over_steps
 from cellwright.numerics.statistics import is_white, parameter_covariance
 from cellwright.refusal import Refusal
 
@@ -64,7 +64,7 @@ def load_of(test_time_second, current_ampere, voltage_volt, ocv_volt, hold, free
     if "offset" in free_ocv:
         fixed.append(np.ones(len(time)))
     if "slope" in free_ocv:
-        between = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
+        between = mean_over_steps(current, hold)
         fixed.append(np.concatenate([[0.0], np.cumsum(step * between)]) / 3600.0)
     columns = np.vstack(fixed)
     return Load(step, columns[0], columns, voltage - ocv, hold)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
+from cellwright.numerics.lags import mean_over_steps
 from cellwright.numerics.statistics import rms
 from cellwright.packs.checks import beyond_calibration, swapped
 from cellwright.refusal import Refusal
@@ -68,8 +69,8 @@ def simulate_string(
 
 
 def _counted_ampere_hour(time, current, hold):
-    before = current[:-1] if hold == "zero_order" else 0.5 * (current[1:] + current[:-1])
-    return np.append(0.0, np.cumsum(before * np.diff(time))) / 3600.0
+    moved = mean_over_steps(current, hold) * np.diff(time)
+    return np.append(0.0, np.cumsum(moved)) / 3600.0
 
 
 class StringValidation(NamedTuple):
