@@ -1,10 +1,11 @@
 """Figures of the search for a missing effect: residuals, effects tried, evidence, proof tests."""
 
+from itertools import cycle
+
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from cellwright.effects.story.words import explained
 from figures import style
 from figures.style import rows_where
 
@@ -189,10 +190,11 @@ def _ranking_legend(figure, gates):
 
 
 def draw_evidence(columns):
-    """Residual [mV] before each effect was added, over the change [mV] that the effect makes.
+    """What was left of each part of the records that follows an effect, over what it changes [mV].
 
     One panel an effect, in order of addition; `columns` are those of
-    `missing_effect/<cell>/evidence`.
+    `missing_effect/<cell>/evidence`. These are the parts by which the search chose it, so that the
+    picture and the verdict say the same.
     """
     effects = list(dict.fromkeys(np.asarray(columns.get("effect", [])).tolist()))
     if not effects:
@@ -206,19 +208,24 @@ def draw_evidence(columns):
 
 
 def _residual_over_change(panel, effect, columns):
-    x, y = 1e3 * columns["sensitivity_volt"], 1e3 * columns["residual_volt"]
-    ends = np.array([x.min(), x.max()])
-    panel.plot(ends, ends, color=style.INK, lw=1.2, label="all of it is this effect")
-    panel.axhline(0.0, color=style.QUIET, lw=1.0, ls="--", label="none of it is")
-    label = f"samples, in bins of about {np.median(columns['rows']):.0f}"
-    panel.plot(x, y, "o", color=style.SERIES[0], ms=4, alpha=0.75, label=label)
-    share = explained(columns)[effect]
-    # Below zero the verdict calls it unsure, for the same reason (`story.words.doubts`).
-    alone = f"{100 * share:.0f} %" if share > 0 else "nothing"
+    change, missing = 1e3 * columns["sensitivity_volt"], 1e3 * columns["residual_volt"]
+    rows = columns["rows"]
+    ends = np.array([0.0, 1.05 * change.max()])
+    panel.plot(ends, ends, color=style.INK, lw=1.2, label="all of it was missing")
+    panel.plot(ends, ends / 2, color=style.INK, lw=0.9, ls=":", label="below: worse with it")
+    panel.axhline(0.0, color=style.QUIET, lw=1.0, ls="--", label="none of it was")
+    for test, colour in zip(dict.fromkeys(columns["test"]), cycle(style.SERIES)):
+        mine = columns["test"] == test
+        area = 90 * rows[mine] / rows.max() + 4
+        panel.scatter(change[mine], missing[mine], area, color=colour, alpha=0.75, label=test)
+    helped = np.count_nonzero(missing > change / 2)
+    share = np.sum(rows * missing) / np.sum(rows * change)
+    records = "for proof" if columns["role"][0] == "validation" else "fitted"
     panel.set(
-        title=f"{_in_words(effect)}:\nby itself it explains {alone} of what was left",
-        xlabel="what the effect changes [mV]",
-        ylabel="measured − model without it [mV]",
+        title=f"{_in_words(effect)}: {100 * share:.0f} % of it was missing\n"
+        f"better with it: {helped} of {len(change)} parts",
+        xlabel=f"its change in a part of a record {records}, RMS [mV]",
+        ylabel="what was left there that follows it [mV]",
     )
     style.legend_once(panel, loc="best")
 

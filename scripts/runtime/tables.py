@@ -203,11 +203,19 @@ def _summary_row(facts, of_cell, model) -> dict:
         # Every test and start of the adaptive filter alike, without the faulty ones.
         "soc_rmse": _pooled(filtered["rmse_soc"], np.ones(len(filtered))),
         "verdict": next(iter(missing["verdict"]), None),
-        "missing_effect": ";".join(missing["effect"].dropna()),
+        "missing_effect": _effects_named(missing),
         "in_one_line": next(iter(missing["in_one_line"]), None),
         "exclusions": len(of_cell["excluded"]),
         "notes": "; ".join(model.get("notes", [])),
     }
+
+
+def _effects_named(missing) -> str:
+    """Effects of a cell, joined with ";"; what is as good as one of them stands beside it."""
+    named = missing[missing["effect"].notna()]
+    others = named["alternatives"].fillna("").str.replace(";", " or ")
+    both = named["effect"] + others.where(others == "", " or " + others)
+    return ";".join(both)
 
 
 def _health(of_cell, fresh) -> dict:

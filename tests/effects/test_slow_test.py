@@ -117,12 +117,33 @@ def test_a_slow_test_alone_is_no_record_to_fit():
 
 def test_a_hysteresis_that_drives_alone_would_leave_to_the_ocv_shows_in_the_slow_test():
     tests = list(made_tests(HYSTERESIS))
-    found = of_case("A", prepared(tests), LIBRARY).verdict
+    finding = of_case("A", prepared(tests), LIBRARY)
+    found = finding.verdict
     named = [one["effect"] for one in found["effects"]]
     assert named
     assert set(named) <= {"hysteresis_one_state", "hysteresis_instant"}
+    _shows_what_it_was_chosen_by(finding)
     without = of_case("A", prepared(tests[1:]), LIBRARY).verdict
     assert not without["effects"]
+
+
+def _shows_what_it_was_chosen_by(finding):
+    """The parts of the evidence give the numbers of the verdict's first effect."""
+    first = finding.verdict["effects"][0]
+    parts = {name: np.array(values) for name, values in finding.evidence.items()}
+    mine = parts["effect"] == first["effect"]
+    rows, change, missing = (
+        parts[name][mine] for name in ("rows", "sensitivity_volt", "residual_volt")
+    )
+    assert set(parts["test"][mine]) == {"proof"}
+    assert set(parts["role"][mine]) == {"validation"}
+    gain = np.sum(rows * missing) / np.sum(rows * change)
+    assert gain == pytest.approx(first["blocks"]["gain"])
+    helped = np.count_nonzero((missing > change / 2) & (change >= 1e-3))
+    assert helped == first["blocks"]["helped"]
+    names = {first["effect"], *first["alternatives"]}
+    likely = [p for a, p in finding.verdict["probabilities"].items() if names & set(a.split(" + "))]
+    assert first["probability"] == pytest.approx(sum(likely))
 
 
 def charged(soc_at_start, anchor_row):

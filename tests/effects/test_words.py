@@ -1,11 +1,10 @@
 """The verdict in words: what a reader needs to act, and no more certainty than there is."""
 
-import numpy as np
 import pytest
 
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.story.places import millivolt, near, where, worsened
-from cellwright.effects.story.words import doubts, explained, one_line, paragraph
+from cellwright.effects.story.words import doubts, one_line, paragraph
 
 PLACE = {"file": "hot", "soc": [0.1, 0.2], "current": "charge_low", "share": 0.42}
 PLACE |= {"temperature_celsius": [44.6]}
@@ -106,7 +105,7 @@ def test_what_is_unknown_has_no_name():
             {"validation_rmse_volt": {"before": 2e-3, "after": 2e-3}},
             "the error on records for proof does not fall",
         ),
-        ({"explained": -0.2}, "does not by itself make smaller what was left"),
+        ({"probability": 0.68}, "other choices of the parts that judge it leave it out in 32 %"),
         ({"same_without_validation": False}, "fitted records alone would have named another"),
         (
             {"blocks": {"excited": 9, "helped": 6, "hurt": 3}},
@@ -142,7 +141,11 @@ def test_sizes_that_are_all_smaller_than_their_deviations_are_a_doubt(second):
 
 
 def test_what_speaks_for_a_name_is_no_doubt():
-    good = {"proof": "proven", "explained": 0.7, "blocks": {"excited": 9, "helped": 9, "hurt": 0}}
+    good = {
+        "proof": "proven",
+        "probability": 0.93,
+        "blocks": {"excited": 9, "helped": 9, "hurt": 0},
+    }
     assert doubts(step(**good)) == ()
 
 
@@ -303,21 +306,3 @@ def test_bands_of_other_records_are_not_joined():
     volts = {"before_rms_volt": [5e-3] * 4, "after_rms_volt": [8e-3, 9e-3, 5e-3, 5e-3]}
     found = worsened(fields(test=["a", "b", "b", "b"], **volts))
     assert [(one["file"], one["soc"]) for one in found] == [("b", [0.2, 0.3]), ("a", [0.1, 0.2])]
-
-
-def test_the_share_an_effect_explains_is_positive_where_the_slope_is_above_one_half():
-    x = np.linspace(-1.0, 1.0, 9)
-    shares = [
-        explained(
-            {
-                "effect": ["leakage"] * 9,
-                "rows": [5] * 9,
-                "sensitivity_volt": x,
-                "residual_volt": slope * x,
-            }
-        )["leakage"]
-        for slope in (1.0, 0.51, 0.49, -1.0)
-    ]
-    assert shares[0] == pytest.approx(1.0)
-    assert shares[1] > 0 > shares[2] > shares[3]
-    assert explained({}) == {}

@@ -46,22 +46,28 @@ def test_the_map_has_a_line_for_each_test_and_current_and_one_scale():
     assert sorted(numbers(after)) == ["0.1", "0.2", "0.3"]
 
 
-def test_evidence_has_a_panel_an_effect_with_the_line_of_full_explanation():
-    x = np.linspace(-2e-3, 2e-3, 8)
-    one = {"rows": np.full(8, 200), "sensitivity_volt": x}
+def test_evidence_shows_the_parts_that_judged_each_effect_and_says_what_they_say_together():
+    change = np.linspace(1e-3, 4e-3, 8)
+    one = {"rows": np.full(8, 200), "sensitivity_volt": change, "test": np.repeat(["a", "b"], 4)}
+    one |= {"role": np.full(8, "validation")}
     columns = {name: np.tile(values, 3) for name, values in one.items()}
     columns["effect"] = np.repeat(["leakage", "ocv_edge", "time_skew"], 8)
-    columns["residual_volt"] = np.concatenate([x, np.full(8, 1e-3), -x])
+    columns["role"][16:] = "fit"
+    columns["residual_volt"] = np.concatenate([change, 0.4 * change, np.where(change < 3e-3, 9, 1)])
+    columns["rows"][-1] = 100
     panels = rendered(effects.draw_evidence(columns))
-    words = ["leakage", "ocv edge", "time skew"]
-    assert [title(panel).split(":")[0] for panel in panels[:3]] == words
     assert [panel.axison for panel in panels] == [True, True, True, False]
-    assert title(panels[0]) == "leakage:\nby itself it explains 100 % of what was left"
-    assert title(panels[2]) == "time skew:\nby itself it explains nothing of what was left"
-    np.testing.assert_allclose(panels[0].get_lines()[0].get_xydata(), [[-2, -2], [2, 2]])
-    points = panels[1].get_lines()[-1]
-    assert points.get_label() == "samples, in bins of about 200"
-    np.testing.assert_allclose(points.get_xydata(), np.column_stack([1e3 * x, np.ones(8)]))
+    assert title(panels[0]) == "leakage: 100 % of it was missing\nbetter with it: 8 of 8 parts"
+    assert title(panels[1]) == "ocv edge: 40 % of it was missing\nbetter with it: 0 of 8 parts"
+    assert "for proof" in panels[1].get_xlabel()
+    assert "fitted" in panels[2].get_xlabel()
+    np.testing.assert_allclose(panels[0].get_lines()[0].get_xydata(), [[0, 0], [4.2, 4.2]])
+    points = panels[1].collections[-1]
+    assert points.get_label() == "b"
+    wanted = 1e3 * np.column_stack([change, 0.4 * change])[4:]
+    np.testing.assert_allclose(points.get_offsets(), wanted)
+    areas = panels[2].collections[-1].get_sizes()
+    assert areas[-1] < areas[0]
 
 
 def test_without_an_effect_or_a_trial_the_figure_says_so():

@@ -87,7 +87,7 @@ COLUMNS = {
     "resistance_ohm",
     "validation": "cell chosen samples rmse_volt",
     "soc": "cell filter scenario rmse_soc",
-    "missing_effect": "cell verdict effect in_one_line",
+    "missing_effect": "cell verdict effect alternatives in_one_line",
     "excluded": "cell",
     "health": "cell cycle method soh",
     "protocols": "type first second",
@@ -163,12 +163,13 @@ def test_the_resistance_of_a_cell_is_that_near_half_charge_at_room_temperature()
 
 
 def test_the_summary_says_what_is_missing():
-    said = ["A,named,leakage,shows two", "A,named,time_skew,shows two", "B,none,,shows nothing"]
+    said = ["A,ambiguous,leakage,current_offset;ocv_edge,shows two"]
+    said += ["A,ambiguous,time_skew,,shows two", "B,none,,,shows nothing"]
     found = frames(missing_effect=said)
     facts = [{"cell": cell, "rated_capacity_ampere_hour": None} for cell in "ABC"]
     summary = tables.summary(facts, found, {}).to_dict("records")
     assert [(row["verdict"], row["missing_effect"]) for row in summary] == [
-        ("named", "leakage;time_skew"),
+        ("ambiguous", "leakage or current_offset or ocv_edge;time_skew"),
         ("none", ""),
         (None, ""),
     ]

@@ -13,7 +13,6 @@ from cellwright.effects import base, beginning
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit, inverse, stds
 
-BINS = 60
 CHORD_STEPS, ANEW_STEPS = 6, 4
 POLISHED = 3  # how many trials at most
 REDERIVED = 3  # how often at most a trial is refitted with new derivatives
@@ -144,33 +143,6 @@ def _score(candidate, information, whole, slope, values):
     sizes = dict(zip(candidate.sizes, estimate.tolist(), strict=True))
     first = values | candidate.start | sizes
     return Score(candidate, float(gain), estimate, information, visible, first)
-
-
-def evidence(step, candidate_columns, sizes, residual, whitening):
-    """Residual over the change that an effect makes, nuisances projected out of both, in bins.
-
-    Parameters
-    ----------
-    step : State before the effect. candidate_columns : (n, k) [V per unit]. sizes : (k,).
-    residual : (n,) [V]. whitening : noise.Whitening.
-
-    Returns
-    -------
-    bins : dict of lists sensitivity_volt, residual_volt, rows, one entry a bin of equal count.
-    """
-    solution = step.solution.inside
-    change = candidate_columns @ sizes
-    both = np.stack([change, residual], axis=1)
-    white = whitening.apply(both)
-    follow = np.linalg.solve(solution.precision, solution.white.T @ white)
-    projected = both - solution.columns @ follow
-    order = np.argsort(projected[:, 0])
-    parts = np.array_split(order, min(BINS, max(len(order) // 20, 1)))
-    return {
-        "sensitivity_volt": [float(projected[p, 0].mean()) for p in parts],
-        "residual_volt": [float(projected[p, 1].mean()) for p in parts],
-        "rows": [len(p) for p in parts],
-    }
 
 
 def residual_with_all(solution, candidates, whitening):

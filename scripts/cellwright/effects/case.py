@@ -173,15 +173,30 @@ class Case(NamedTuple):
 
         Where these cannot tell, it is judged on the records fitted. inflations : by role.
         """
-        fit, judging = self.fit, self.validation
-        sides = before.solution.residual, after.solution.residual
-        fitted = proof.evenly(self, fit, sides, after, after.solution.values, filters.fit_rows)
-        sides = before.validation, after.validation
-        shown = proof.evenly(self, judging, sides, after, after.values, filters.validation_rows)
-        about = before, after, judging.file, inflations["validation"]
+        sums = self.changed(before, after, filters)
+        material = self.gates.material_volt
+        fitted, shown = (
+            proof.evenly(sums[role], material_volt=material) for role in ("fit", "validation")
+        )
+        about = before, after, self.validation.file, inflations["validation"]
         promised = proof.promised_of(*about).sum()
         proven = proof.can_judge(self.gates, shown, fitted, promised)
         return (shown if proven else fitted), proven
+
+    def changed(self, before, after, filters):
+        """What a further effect changes of each block of the records fitted and of those for proof.
+
+        Returns dict of proof.BlockSums by role, "fit" and "validation".
+        """
+        fit, judging = self.fit, self.validation
+        fitted = before.solution.residual, after.solution.residual
+        shown = before.validation, after.validation
+        about = after, after.solution.values, filters.fit_rows
+        of_proof = after, after.values, filters.validation_rows
+        return {
+            "fit": proof.changed(self.cell, fit, fitted, *about),
+            "validation": proof.changed(self.cell, judging, shown, *of_proof),
+        }
 
     def inflation(self, state):
         """By how much the chi-square of each record is too large by correlation, by role.

@@ -5,15 +5,23 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.candidates import evidence, frees_of
+from cellwright.effects.candidates import frees_of
 from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.ceiling import ceiling
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case, with_simulated
 from cellwright.effects.given.judged import as_given, judged_blocks
 from cellwright.effects.given.paired import Pairing, paired
-from cellwright.effects.judge import joined, residual_map, stretched, unsure_by_temperature, worst
+from cellwright.effects.judge import (
+    BANDS,
+    joined,
+    residual_map,
+    stretched,
+    unsure_by_temperature,
+    worst,
+)
 from cellwright.effects.member import folds
+from cellwright.effects.odds import probability_of
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import prepared
@@ -22,7 +30,6 @@ from cellwright.effects.records import parts_of
 from cellwright.effects.search import against
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
-from cellwright.effects.story.words import explained as shares_explained
 from cellwright.effects.story.words import paragraph
 from cellwright.effects.ties import tie_of
 from cellwright.effects.verdict import entry_of, searched, verdict_of
@@ -202,10 +209,9 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict["base"] = base_name
     if base_name != "plain":
         verdict["as_given_rmse_volt"] = as_given(case, rounds[0].filters)
-    evidence_columns = _evidence(case, result)
-    shares = shares_explained(evidence_columns)
     for entry in (*verdict["effects"], *verdict["partial"]):
-        entry["explained"] = shares.get(entry["effect"])
+        names = entry["effect"], *entry["alternatives"]
+        entry["probability"] = probability_of(shares_of_answers, names)
     verdict["remainder"] |= _learnable(case, result, rounds[-1].filters)
     verdict["next_test_id"] = test
     verdict["probabilities"] = shares_of_answers
@@ -236,7 +242,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
         verdict,
         ranking,
         residuals,
-        evidence_columns,
+        _evidence(case, result),
         _series(case, rounds[0].before, result.last),
         confounding(shown(case, library, plain, spread=rounds[0].noise)),
         menu,
@@ -387,19 +393,26 @@ def _ranked(trial, step):
 
 
 def _evidence(case, result):
-    """Of each effect chosen: residual before it over the change that it makes, in bins."""
+    """Of each effect chosen: what it changes of each block that judged it, and what was missing."""
     parts = []
     for step in result.steps:
-        effect, after = step.chosen.effect, step.chosen.state.solution.values
-        sizes = {p.name for p in effect.parameters if not p.shape}
-        neutral = after | {
-            f"{effect.id}.{p.name}": p.neutral for p in effect.parameters if p.name in sizes
-        }
-        effects = step.chosen.state.effects
-        volts = [base.voltage(case.cell, case.fit, v, effects) for v in (after, neutral)]
-        change, whiten = (volts[0] - volts[1])[:, None], step.filters.fit
-        bins = evidence(step.before, change, np.ones(1), step.before.solution.residual, whiten)
-        parts.append({"effect": [effect.id] * len(bins["rows"])} | bins)
+        chosen = step.chosen
+        role, stack = ("validation", case.validation) if chosen.proven else ("fit", case.fit)
+        sums = case.changed(step.before, chosen.state, step.filters)[role]
+        change = np.sqrt(sums.energy[sums.kept])
+        band = sums.block[sums.kept] % BANDS
+        parts.append(
+            {
+                "effect": [chosen.effect.id] * len(change),
+                "role": [role] * len(change),
+                "test": [stack.tests[k] for k in sums.file[sums.kept]],
+                "soc_low": (band / BANDS).tolist(),
+                "soc_high": ((band + 1) / BANDS).tolist(),
+                "rows": sums.rows[sums.kept].tolist(),
+                "sensitivity_volt": change.tolist(),
+                "residual_volt": (sums.shared[sums.kept] / change).tolist(),
+            }
+        )
     return joined(parts)
 
 

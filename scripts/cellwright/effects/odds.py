@@ -252,6 +252,16 @@ def told(shares, *, sharper=SHARPER):
     return {answer: power / whole for answer, power in powers.items()}
 
 
+def probability_of(shares, names):
+    """Probability that a cell shows one of some effects, whatever else it shows [1].
+
+    Parameters
+    ----------
+    shares : dict: answer → probability, as told. names : ids of the effects.
+    """
+    return sum(p for answer, p in shares.items() if set(names) & set(answer.split(" + ")))
+
+
 def likely(rounds, result, shares):
     """Rounds of a search up to the first name that is less likely than not.
 

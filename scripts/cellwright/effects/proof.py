@@ -87,13 +87,14 @@ class BlockSums(NamedTuple):
     """What a change of the residual does in each block, and to each record.
 
     rows : (b,) of a block. kept : (b,) bool, blocks that count. file : (b,) number of its record.
-    energy, shared : (b,) mean square of the change, mean product of it and the residual [V²].
-    was, now : (b,) rms error before and after it [V].
+    block : (b,) its number. energy, shared : (b,) mean square of the change, mean product of it and
+    the residual [V²]. was, now : (b,) rms error before and after it [V].
     """
 
     rows: np.ndarray
     kept: np.ndarray
     file: np.ndarray
+    block: np.ndarray
     energy: np.ndarray
     shared: np.ndarray
     was: np.ndarray
@@ -110,7 +111,7 @@ def block_sums(before, after, block, record):
     record : (n,) number of the record of each row.
     """
     counts = block >= 0
-    first, number = np.unique(block[counts], return_index=True, return_inverse=True)[1:]
+    names, first, number = np.unique(block[counts], return_index=True, return_inverse=True)
     rows = np.bincount(number)
     change = before - after
 
@@ -120,7 +121,8 @@ def block_sums(before, after, block, record):
     energy = mean(change**2)
     kept = (energy > 0) & (rows >= LEAST_ROWS)
     errors = (np.sqrt(mean(r**2)) for r in (before, after))
-    return BlockSums(rows, kept, record[counts][first], energy, mean(before * change), *errors)
+    about = rows, kept, record[counts][first], names
+    return BlockSums(*about, energy, mean(before * change), *errors)
 
 
 def consistency(before, after, block, record, *, material_volt):
@@ -134,9 +136,18 @@ def consistency(before, after, block, record, *, material_volt):
     -------
     consistency : Consistency.
     """
-    if not np.any(block >= 0):
+    return evenly(block_sums(before, after, block, record), material_volt=material_volt)
+
+
+def evenly(sums, *, material_volt):
+    """Consistency of a change over all its blocks, each of them once.
+
+    Parameters
+    ----------
+    sums : BlockSums. material_volt : a change below it is none [V].
+    """
+    if not len(sums.rows):
         return Consistency(0.0, np.inf, 0.0, 0, 0, 0, np.inf, 0.0)
-    sums = block_sums(before, after, block, record)
     whole = consistency_of(sums, np.ones((1, len(sums.rows))), material_volt=material_volt)[0]
     numbers = {name: round(getattr(whole, name)) for name in ("excited", "helped", "hurt")}
     return whole._replace(**numbers)
@@ -226,17 +237,16 @@ def promised_of(before, after, file, inflation):
     return change**2 / np.tile(inflation[file], len(change) // len(file))
 
 
-def evenly(case, stack, sides, state, values, rows):
-    """Consistency of a change of the residual of one side of a case.
+def changed(cell, stack, sides, state, values, rows):
+    """BlockSums of a change of the residual of one side of a case.
 
     Parameters
     ----------
-    case : case.Case. stack : records.Stack. sides : (n,) residual before and after [V].
+    cell : records.Cell. stack : records.Stack. sides : (n,) residual before and after [V].
     state : candidates.State after. values : dict, of this side. rows : (n,) bool, that count.
     """
-    soc = base.fields_of(case.cell, stack, values, state.effects).soc
-    blocks = blocks_of(stack, soc, rows)
-    return consistency(*sides, blocks, stack.file, material_volt=case.gates.material_volt)
+    soc = base.fields_of(cell, stack, values, state.effects).soc
+    return block_sums(*sides, blocks_of(stack, soc, rows), stack.file)
 
 
 def misfit_of(stack, soc, residuals, *, noise_volt):

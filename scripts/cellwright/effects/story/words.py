@@ -35,6 +35,7 @@ NAMES = {
 }
 LEAST_PROBABILITY = 0.01
 BENT = 1.1  # times its error as it is, beyond which a given model was bent by the records fitted
+UNSURE = 0.1  # probability that another choice of the parts that judge a name leaves it out
 MANY_WORSE = 0.1  # of the parts that are better: so many worse ones make a name unsure
 SHOWN_WORSE, SHOWN_STARTS = 2, 3
 
@@ -145,9 +146,9 @@ def paragraph(verdict, library, phrases=None):
     Parameters
     ----------
     verdict : dict, as `verdict.verdict_of` makes it. Of its fields base, remainder, nuisances,
-        floors, probabilities, worsened and, of an effect, sizes, proof, blocks and explained, each
-        is told where it is there. library : dict of Effect by id. phrases : Phrases, None: those of
-        the verdict's base.
+        floors, probabilities, worsened and, of an effect, sizes, proof, blocks and probability,
+        each is told where it is there. library : dict of Effect by id. phrases : Phrases, None:
+        those of the verdict's base.
 
     Returns
     -------
@@ -273,15 +274,15 @@ def doubts(one, witnesses=()):
     """
     both, blocks = one["validation_rmse_volt"], one.get("blocks") or {}
     bounds = [name.replace("_", " ") for name, p in one["parameters"].items() if p["at_bound"]]
-    explained = one.get("explained")
+    otherwise = 1.0 - one.get("probability", 1.0)
     against = [w["name"] for w in witnesses if w["says"] == "contradicts" and not w["shown"]]
     reasons = (
         (one["alternatives"] or one.get("branch_alternatives"), "another explains it as well"),
         (one.get("proof") == "unproven", "no record that took no part in the fit can show it"),
         (not both["after"] < both["before"], "the error on records for proof does not fall"),
         (
-            explained is not None and explained <= 0,
-            "at its size it does not by itself make smaller what was left before it",
+            otherwise > UNSURE,
+            f"other choices of the parts that judge it leave it out in {100 * otherwise:.0f} %",
         ),
         (bounds, f"{_listed(bounds)} ended on a bound"),
         (_may_be_none(one.get("sizes") or ()), "its size is smaller than its own deviation"),
@@ -303,28 +304,6 @@ def _may_be_none(sizes):
     """Whether each size that states a deviation is smaller than that."""
     known = [one for one in sizes if one["std"] is not None and np.isfinite(one["std"])]
     return bool(known) and all(abs(one["value"]) < one["std"] for one in known)
-
-
-def explained(evidence):
-    """Share of what was left that an effect at its size takes away by itself.
-
-    1 − Σ(residual − change)²/Σ residual², over the evidence's bins; above zero exactly where the
-    residual follows the effect with a slope of more than one half.
-
-    Parameters
-    ----------
-    evidence : dict of columns effect, sensitivity_volt, residual_volt, rows.
-
-    Returns
-    -------
-    shares : dict: effect → share [1], at most 1; negative where the effect alone makes it worse.
-    """
-    sums = {}
-    names = ("effect", "rows", "sensitivity_volt", "residual_volt")
-    for effect, rows, change, residual in zip(*(evidence.get(n, ()) for n in names), strict=True):
-        after, before = sums.get(effect, (0.0, 0.0))
-        sums[effect] = after + rows * (residual - change) ** 2, before + rows * residual**2
-    return {str(k): float(1.0 - a / b) if b > 0 else 0.0 for k, (a, b) in sums.items()}
 
 
 def _remainder(verdict):
