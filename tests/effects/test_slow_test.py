@@ -127,6 +127,24 @@ def test_a_hysteresis_that_drives_alone_would_leave_to_the_ocv_shows_in_the_slow
     assert not without["effects"]
 
 
+@pytest.mark.parametrize("noise_ampere", [0.0, 0.01 * CAPACITY])
+def test_noise_of_the_current_is_no_step_and_edges_stay_where_a_long_test_is_thinned(noise_ampere):
+    """Pulses of a minute with rests of an hour: what noise would keep would blunt their edges."""
+    pulses = np.tile(np.r_[np.full(30, -CAPACITY), np.zeros(1770)], 8)
+    tests = []
+    for seed, (name, role) in enumerate([("fitted", "fit"), ("proof", "validation")]):
+        record = measured(name, np.r_[np.zeros(30), pulses], 25.0, 0.9, seed=seed)
+        read = noise_ampere * np.random.default_rng(seed).normal(size=len(record.soc))
+        noisy = record._replace(current_ampere=record.current_ampere + read)
+        tests.append(as_test(noisy, role=role))
+    made = cw.prepared_case(SHEET, BASIS, tests, most_rows=1500)
+    stack = made.fit
+    moved = np.abs(np.diff(stack.current_ampere)) > CAPACITY / 2
+    assert 300 < len(stack.second) <= 1500
+    assert np.count_nonzero(moved) == 16
+    np.testing.assert_allclose(stack.step_second[1:][moved], 2.0)
+
+
 def _shows_what_it_was_chosen_by(finding):
     """The parts of the evidence give the numbers of the verdict's first effect."""
     first = finding.verdict["effects"][0]

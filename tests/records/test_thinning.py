@@ -1,5 +1,7 @@
 """Fewer rows: means over bins where that is worth it, sparse rows in steady stretches."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -107,10 +109,25 @@ def test_bins_widen_by_whole_seconds_until_the_rows_are_few():
     (twice,) = averaged_to([fast], most_rows=500)
     assert (len(once.soc), len(twice.soc)) == (600, 300)
     np.testing.assert_allclose(twice.test_time_second[:2], [0.75, 2.75])
-    (thinned,) = averaged_to([fast], most_rows=500, thinned=lambda r: thin(r, step_ampere=0.1))
-    assert len(thinned.soc) < 100
     with pytest.raises(Refusal, match="1 rows were asked for of 2 records"):
         averaged_to([fast, fast], most_rows=1)
+
+
+def test_steady_stretches_are_thinned_as_far_as_is_given_before_bins_widen():
+    """A pulse a minute: the edges stay, and only what is too many even then is averaged."""
+    pulses = np.tile(np.repeat([0.0, -1.0], 60), 20)
+    ways = [partial(thin, step_ampere=0.1, growth=growth) for growth in (0.1, 0.4)]
+    mild, hard, wide = (
+        averaged_to([record(pulses)], most_rows=most, thinned=ways)[0] for most in (2000, 500, 300)
+    )
+    assert 1000 < len(mild.soc) < 2000
+    assert 300 < len(hard.soc) < 500
+    for kept in (mild, hard):
+        moved = np.flatnonzero(np.diff(kept.current_ampere))
+        assert len(moved) == 39
+        np.testing.assert_array_equal(np.diff(kept.test_time_second)[moved], 1.0)
+    assert len(wide.soc) <= 300
+    assert np.diff(wide.test_time_second).min() > 1.5
 
 
 def test_branch_currents_of_a_group_are_averaged_with_their_total():

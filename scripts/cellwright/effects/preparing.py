@@ -1,5 +1,6 @@
 """From the tests of a cell to a case: what is fitted and what judges, laid out and thinned."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from cellwright.protocols.ocv.slow import mean_of_branches, rising
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.records.facts import of_first_checkup
 from cellwright.records.record import laid_out_to_fit
-from cellwright.records.thinning import averaged_to, thin
+from cellwright.records.thinning import STEP_PART, averaged_to, thin
 from cellwright.refusal import Refusal
 
 MEASURED_SOC = 0.1, 0.9  # of a slow test; towards its ends the OCV is joined to what rests show
@@ -24,6 +25,12 @@ MOST_MOVED = 2.5  # of the capacity, by a slow test whose one discharge and char
 KINDS = ("capacity", "hppc", "pulse_resistance", "drive")  # and the slow test of the OCV
 JUDGING = ("validation", "split")  # roles of tests that judge
 GRID = np.linspace(0.0, 1.0, 1001)
+GROWTHS = (
+    0.1,
+    0.2,
+    0.4,
+)  # of the time since a step, between rows of a steady stretch: at most six a decade
+NOISES = 20.0  # usual changes of a steady reading: no noise steps by so much, heavy tails or not
 EDGE_PART = 200.0  # a change of this part of a record's largest ends a steady stretch
 RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured
 HOLDS = ("zero_order", "first_order")
@@ -180,13 +187,24 @@ def _of_rests(curve, judging):
 def _thinned(records, most_rows, capacity_ampere_hour):
     """Records thinned for the search: whole seconds, steady stretches sparse, `most_rows`."""
 
-    def sparse(record):
-        largest = np.abs(np.diff(record.current_ampere)).max(initial=0.0)
-        return thin(
-            record, step_ampere=largest / EDGE_PART, capacity_ampere_hour=capacity_ampere_hour
-        )
+    def sparse(record, growth):
+        about = {"growth": growth, "capacity_ampere_hour": capacity_ampere_hour}
+        return thin(record, step_ampere=_least_step_ampere(record), **about)
 
-    return averaged_to(records, most_rows=most_rows, thinned=sparse)
+    ways = [partial(sparse, growth=growth) for growth in GROWTHS]
+    return averaged_to(records, most_rows=most_rows, thinned=ways)
+
+
+def _least_step_ampere(record):
+    """Change of the current from row to row that ends a steady stretch of a record [A].
+
+    It is beyond the noise of the reading, which between steps is the usual change.
+    """
+    change = np.abs(np.diff(record.current_ampere))
+    largest = change.max(initial=0.0)
+    small = change[change < largest / STEP_PART]
+    noise = float(np.median(small)) if len(small) else 0.0
+    return min(max(largest / EDGE_PART, NOISES * noise), largest / STEP_PART)
 
 
 def _misfit(case):

@@ -192,13 +192,14 @@ def _joined(records, name):
 def _linear(record, hold):
     """Mask of rows to which the current moved on a straight line; in a drive all or none, by hold.
 
+    Where rows were thinned out of a drive, its current has moved little, by steps or gradually.
     Between steady stretches it steps, unless it changes alike in three rows (constant voltage).
     Held from row to row there, it would count up to a percent of a charge too much.
     """
     moved = np.diff(record.current_ampere, prepend=record.current_ampere[:1])
     thinned = record.thinned
     if driven(np.cumsum(np.where(thinned, 0.0, moved))):
-        return np.full(len(moved), hold == "first_order")
+        return thinned | (hold == "first_order")
     size = np.abs(moved)
     alike = np.maximum(size[1:], size[:-1]) <= ALIKE * np.minimum(size[1:], size[:-1])
     alike &= moved[1:] * moved[:-1] > 0
