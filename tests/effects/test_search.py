@@ -89,6 +89,20 @@ def test_pairs_that_grow_slower_or_bend_alone_ask_for_no_second_name(effect):
     assert abs(result.last.solution.values[f"{effect}.{form}"] - 1.0) < 0.2
 
 
+def test_a_charge_that_meets_more_the_fuller_the_cell_asks_for_no_second_name():
+    result = outcome(rounds(Truth(asymmetry=0.5, asymmetry_full=0.5), every=2.0), Gates())
+    (step,) = result.steps
+    assert step.chosen.effect.id == "resistance_asymmetry"
+    assert result.adequate
+    values = result.last.solution.values
+    sizes = [values[f"resistance_asymmetry.{p.name}"] for p in step.chosen.effect.parameters]
+    deviations = [stds(result.last.solution)[name] for name in step.chosen.effect.names]
+    # No record goes below 50 %: what changes towards empty is not told.
+    np.testing.assert_allclose([sizes[0], sizes[2]], 0.5, atol=0.1)
+    assert max(deviations[0], deviations[2]) < 0.1
+    assert deviations[1] > 0.2
+
+
 @pytest.mark.parametrize("effect", HIDDEN)
 def test_its_size_is_recovered(effect):
     _, names, size = HIDDEN[effect]

@@ -35,8 +35,9 @@ def sizes(effect, values=VALUES, **given):
         ),
         (
             "resistance_asymmetry",
-            {"charge_resistance_excess_relative": 0.5},
-            ["R0 on discharge 20 mΩ", "on charge 30 mΩ"],
+            {"charge_resistance_excess_relative": 0.5, "change_to_empty": 0.4, "change_to_full": 0},
+            ["R0 on discharge 20 mΩ", "on charge at 10 % SoC 36.4 mΩ", "at 50 % SoC 30 mΩ"]
+            + ["at 90 % SoC 30 mΩ"],
         ),
         ("lead_resistance", {"resistance_ohm": 0.0042}, ["4.2 mΩ"]),
         (
@@ -123,10 +124,11 @@ def test_of_several_covariances_the_larger_deviation_counts():
 
 
 def test_the_models_own_resistance_is_as_unsure_as_it_was_fitted():
-    given = {"charge_resistance_excess_relative": {"value": 0.5, "std": 0.0, "unit": "1"}}
+    sizes = {"charge_resistance_excess_relative": 0.5, "change_to_empty": 0, "change_to_full": 0}
+    given = {name: {"value": size, "std": 0.0, "unit": "1"} for name, size in sizes.items()}
     fitted = Fitted(("log_r0",), (np.array([[0.01**2]]),))
     found = sizes_as_used(LIBRARY["resistance_asymmetry"], given, VALUES, fitted)
-    assert [size.std for size in found] == pytest.approx([0.2, 0.3], rel=1e-2)
+    assert [size.std for size in found] == pytest.approx([0.2, 0.3, 0.3, 0.3], rel=1e-2)
 
 
 def test_own_heat_is_no_surer_than_the_energy_it_is_told_by():

@@ -36,6 +36,7 @@ class Truth(NamedTuple):
     offset: float = 0.0  # of the ammeter [A]
     falling: float = 0.0  # logarithm of R0 from full to empty
     asymmetry: float = 0.0  # of R0 on charge, relative
+    asymmetry_full: float = 0.0  # more of it where full than half full
     wave: float = 0.0  # of the OCV over its table [V]
     entropy: float = 0.0  # of a wave of the entropic coefficient over SoC [V/K]
     slope_r1: float = 0.0  # logarithm of R1 and R2 from full to empty
@@ -89,7 +90,7 @@ def simulated(current, celsius, soc, truth):
         factor = outside[k] * np.exp(OWN_HEAT / GAS * (1 / (now + rise) - 1 / now))
         slow = factor * np.exp(truth.slope_r1 * (0.5 - charge))
         ohmic = r0 * factor * np.exp(truth.falling * (0.5 - charge)) * load
-        ohmic *= 1 + truth.asymmetry * (load > 0)
+        ohmic *= 1 + (truth.asymmetry + truth.asymmetry_full * (2 * charge - 1)) * (load > 0)
         ohmic += truth.contact * load * (abs(load) > CAPACITY)
         ohmic += transfer_volt(load, charge, truth) if truth.exchange else 0.0
         if abs(load) > CAPACITY / 100:

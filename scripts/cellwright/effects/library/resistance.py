@@ -11,6 +11,9 @@ from cellwright.effects.library.vocabulary import Effect, Parameter
 TOWARDS_EMPTY = (0.35, 0.2, 0.1, 0.04, 0.0)
 TOWARDS_FULL = (0.65, 0.8, 0.9, 1.0)
 KNOTS = np.array([*TOWARDS_EMPTY[::-1], 0.5, *TOWARDS_FULL])
+MATERIAL_EXCESS = 0.03  # of a resistance
+CHANGE_OF_EXCESS = {"step": 0.05, "plausible": 0.3, "prior_std": 0.3}
+LEAST_ON_CHARGE = 0.05  # of the resistance on discharge
 QUICKER = "excess_of_quicker_pair"  # of the logarithm of its course over the mean of both
 
 
@@ -63,9 +66,27 @@ def _polarisation_soc(fields, stack, p):
     return slowed(stack, fields, both)
 
 
+def _excesses(p):
+    """What a charge meets more than a discharge, empty, at half charge and full (3,) [1]."""
+    middle = p["charge_resistance_excess_relative"]
+    return np.array([middle + p["change_to_empty"], middle, middle + p["change_to_full"]])
+
+
 def _asymmetry(fields, stack, p):
-    more = 1.0 + p["charge_resistance_excess_relative"] * (fields.current > 0)
-    return fields._replace(r0=fields.r0 * more)
+    """On a charge the resistance is larger by an excess that runs straight from half charge."""
+    excess = kept_response(
+        stack,
+        (fields.soc,),
+        (_asymmetry, *p.values()),
+        lambda: np.interp(fields.soc, (0.0, 0.5, 1.0), _excesses(p)),
+    )
+    more = np.maximum(1.0 + excess, LEAST_ON_CHARGE)
+    return fields._replace(r0=fields.r0 * np.where(fields.current > 0, more, 1.0))
+
+
+def _differs(p):
+    """Whether charge and discharge differ by what anyone would act on."""
+    return bool(np.abs(_excesses(p)).max() >= MATERIAL_EXCESS)
 
 
 def _lead(fields, stack, p):
@@ -95,11 +116,15 @@ EFFECTS = (
                 *(0.0, -0.8, 4.0),
                 step=0.05,
                 plausible=0.5,
-                material=0.03,
+            ),
+            *(
+                Parameter(f"change_to_{end}", "1", 0.0, -2.0, 2.0, **CHANGE_OF_EXCESS)
+                for end in ("empty", "full")
             ),
         ),
         stage="resistance",
         act=_asymmetry,
+        material=_differs,
         needs=("both_directions",),
         shows="pulses of the same size in both directions",
         consequence="voltage limits on charge and discharge are reached at other currents",

@@ -172,8 +172,11 @@ def _over_soc(words, resistance, beside=None):
 
 
 def _asymmetry(effect, p, values):
-    ohm = acted(effect, p, values, current=[-1.0, 1.0]).r0
-    return [("R0 on discharge", 1e3 * ohm[0], "mΩ"), ("on charge", 1e3 * ohm[1], "mΩ")]
+    below = acted(effect, p, values, current=-1.0).r0[0]
+    ohm = 1e3 * acted(effect, p, values, soc=THIRDS, current=1.0).r0
+    words = [f"at {100 * soc:.0f} % SoC" for soc in THIRDS]
+    first = [("R0 on discharge", 1e3 * below, "mΩ"), (f"on charge {words[0]}", ohm[0], "mΩ")]
+    return [*first, *((word, one, "mΩ") for word, one in zip(words[1:], ohm[1:], strict=True))]
 
 
 def _lead(effect, p, values):
