@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import numpy as np
 import pytest
 from small_plant import HEALTHY, Truth, case, rounds
 
@@ -11,6 +12,7 @@ from cellwright.effects.case import Gates
 from cellwright.effects.finding import ranking_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.proof import prominent
 from cellwright.effects.verdict import IMPOSSIBLE, Searched, _of_possible_sizes, outcome
 from cellwright.numerics.least_squares import fit
 
@@ -138,6 +140,24 @@ def test_an_effect_that_was_chosen_stays_with_less_than_makes_a_choice():
     asked = first.before, before, trial, first.floor
     assert not made.matters(*asked)
     assert made.matters(*asked, share=search.STAYS)
+
+
+@pytest.mark.parametrize(("taken", "stays"), [(0.45, False), (0.55, True)])
+@pytest.mark.parametrize("proven", [True, False])
+def test_a_name_takes_off_at_least_half_of_what_is_left_beside_it(proven, taken, stays):
+    """Of the side that proves it; beside a large error of another kind nobody knows whose it is."""
+    step = rounds(HYSTERESIS)[0]
+    state, floor = step.chosen.state, step.floor
+    name, lowest = ("validation_rmse_volt", floor.validation_volt)
+    if not proven:
+        name, lowest = ("rmse_volt", floor.fit_volt)
+    left = 0.02
+    before = step.before._replace(**{name: np.hypot(np.hypot(left, lowest), taken * left)})
+    trial = step.chosen._replace(state=state._replace(**{name: np.hypot(left, lowest)}))
+    trial = trial._replace(proven=proven)
+    assert prominent(before, trial, floor) == stays
+    made = case(HYSTERESIS)
+    assert search.stays(made, step.before, before, trial, floor) == stays
 
 
 @pytest.mark.parametrize("truth", [HYSTERESIS, HEALTHY])

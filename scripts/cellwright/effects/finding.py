@@ -25,7 +25,7 @@ from cellwright.effects.odds import probability_of
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import prepared
-from cellwright.effects.proof import explained
+from cellwright.effects.proof import explained, prominent
 from cellwright.effects.records import parts_of
 from cellwright.effects.search import against
 from cellwright.effects.story.places import worsened
@@ -38,6 +38,8 @@ from cellwright.numerics.least_squares import covariances, stds
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
 
+NEEDLESS = "needless beside the others"
+SMALL_PART = "it takes off less than half as much as is left beside it"
 KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model
 
 
@@ -220,7 +222,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     state = result.last if kept else rounds[0].before
     verdict["nuisances"] = stretched(case, state, parts_of(case.fit))
     ranking = ranking_of(case, rounds, result)
-    small = dict.fromkeys(verdict["small"], "in the model, too small for anyone to act on")
+    small = dict.fromkeys(verdict["small"], "in the model, too small for a name")
     verdict["against"] = _last_against(ranking, named) | small
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     model = model_of(case, state)
@@ -362,7 +364,8 @@ def _against(case, first, step, trial, result):
         words.append("its size is at the limit of what it can be")
     if trial.effect.key in step.dropped:
         last = result is not None and result.refused is not None and trial is result.refused.chosen
-        words.append(result.why_refused if last else "needless beside the others")
+        shown = prominent(step.before, trial, first.floor)
+        words.append(result.why_refused if last else NEEDLESS if shown else SMALL_PART)
     return "; ".join(words) or "another explains more"
 
 

@@ -376,6 +376,22 @@ def significant(gates, trial):
     return followed(gates, trial) and judged_well(gates, trial) and trial.proof.holds
 
 
+def prominent(before, trial, floor):
+    """Whether an effect takes off at least half as much as is left beside it, beyond the floor.
+
+    Of a fifth of the squared error or less nobody can say what it is the effect of: whatever the
+    model lacks besides is several times as large.
+
+    Parameters
+    ----------
+    before : candidates.State without it. trial : candidates.Trial with its proof. floor : Floor.
+    """
+    shown = ("validation_rmse_volt", floor.validation_volt), ("rmse_volt", floor.fit_volt)
+    name, lowest = shown[0] if trial.proven else shown[1]
+    was, now = getattr(before, name), getattr(trial.state, name)
+    return now < was and excess_volt(was, now) >= HALF * excess_volt(now, lowest)
+
+
 def followed(gates, trial):
     """Whether the records fitted are followed better, beyond what its parameters would anyway."""
     return trial.delta_bic > gates.bic

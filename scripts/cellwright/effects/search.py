@@ -39,7 +39,14 @@ from cellwright.effects.candidates import (
     trial_of,
     tried,
 )
-from cellwright.effects.proof import explained, followed, judged_well, left_volt, significant
+from cellwright.effects.proof import (
+    explained,
+    followed,
+    judged_well,
+    left_volt,
+    prominent,
+    significant,
+)
 from cellwright.numerics.least_squares import fit
 
 POLISH_STEPS, NOISE_STEPS = 4, 3
@@ -58,7 +65,7 @@ class Round(NamedTuple):
     hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
     do not count any more beside the choice. beside : Without of each name, the choice among them,
     once all were refitted together. small : Trials of effects that are in the model before it
-    without a name, too small for anyone to act on.
+    without a name, too small for one.
     """
 
     before: State
@@ -324,7 +331,7 @@ class Without(NamedTuple):
 
 
 def stays(case, first, before, trial, floor):
-    """Whether an effect still counts beside all others.
+    """Whether an effect still counts beside all others, and is no small part of what they leave.
 
     Parameters
     ----------
@@ -332,7 +339,8 @@ def stays(case, first, before, trial, floor):
     effect. trial : Trial of it with its proof. floor : proof.Floor.
     """
     counts = significant(case.gates, trial) and not trial.at_limit
-    return counts and case.matters(first, before, trial, floor, share=STAYS)
+    sized = case.matters(first, before, trial, floor, share=STAYS)
+    return counts and sized and prominent(before, trial, floor)
 
 
 def _without(case, model, effect, filters):

@@ -78,14 +78,23 @@ def averaged_to(records, *, most_rows, thinned=()):
     """
     if most_rows < len(records):
         raise Refusal(f"{most_rows} rows were asked for of {len(records)} records; wanted more")
-    width, ways = FINEST_SECOND, thinned or (lambda record: record,)
+    ways = thinned or (lambda record: record,)
+    tried = (
+        [fewer(record) for record in means] for means in _over_wider_bins(records) for fewer in ways
+    )
+    return next(shorter for shorter in tried if _rows(shorter) <= most_rows)
+
+
+def _over_wider_bins(records):
+    """Records averaged over bins of 1, 2, 4 … s."""
+    width = FINEST_SECOND
     while True:
-        means = [averaged(record, width_second=width) for record in records]
-        for fewer in ways:
-            shorter = [fewer(record) for record in means]
-            if sum(len(record.test_time_second) for record in shorter) <= most_rows:
-                return shorter
+        yield [averaged(record, width_second=width) for record in records]
         width *= 2
+
+
+def _rows(records):
+    return sum(len(record.test_time_second) for record in records)
 
 
 def row_fields(record):
