@@ -5,6 +5,9 @@ import numpy as np
 from cellwright.circuits.instrument import stored
 from cellwright.effects.library.vocabulary import SLOW_TEST, Effect, Parameter, numbers_of
 
+# ASSUME: No lithium-ion cell loses a tenth of its charge: measured are less than 1 % a cycle (A.
+# Smith et al., J. Electrochem. Soc. 158 (2011) A1136).
+MOST_LOST = 0.1
 CAPACITY_TESTS = ("capacity", SLOW_TEST)  # kinds of tests that a capacity is measured by
 
 
@@ -36,7 +39,7 @@ EFFECTS = (
         sentence="part of the charge is lost in charging",
         parameters=(
             Parameter(
-                *("lost_share_of_charge", "1", 0.0, 0.0, 0.3),
+                *("lost_share_of_charge", "1", 0.0, 0.0, MOST_LOST),
                 step=1e-3,
                 plausible=0.01,
                 material=1e-3,
