@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_plant import HEALTHY, Truth, case, rounds
 
-from cellwright.effects import candidates, search
+from cellwright.effects import candidates, search, verdict
 from cellwright.effects.candidates import form_of
 from cellwright.effects.case import Gates
 from cellwright.effects.finding import ranking_of
@@ -253,3 +253,20 @@ def test_a_name_whose_size_ends_on_its_bound_once_all_is_refitted_is_taken_back(
     assert taken_back.result.refused is steps[0]
     ranking = ranking_of(made, taken_back.rounds, taken_back.result)
     assert IMPOSSIBLE in ranking["against"]
+
+
+def test_what_would_drive_a_name_onto_its_bound_does_not_join_beside_it(monkeypatch):
+    """As slow diffusion beside the 30Q's polarisation over SoC: 67 ± 200 mΩ at 10 % SoC."""
+    truth = Truth(entropy=1e-3, activation=1.2e3)
+    made, steps = case(truth), rounds(truth)
+    found = Searched(made, list(steps), outcome(steps, made.gates), {})
+    joined = verdict._beside_small(found)
+    assert [trial.effect.id for trial in joined.rounds[-1].small] == [SMALL]
+    (step,) = found.result.steps
+    fitted = verdict._fit_of
+
+    def on_its_bound(*model):
+        return fitted(*model)._replace(at_bound=step.chosen.effect.names[:1])
+
+    monkeypatch.setattr(verdict, "_fit_of", on_its_bound)
+    assert verdict._beside_small(found) is found

@@ -142,7 +142,8 @@ def _beside_small(found):
     """The same with what the last round found of a size nobody would act on, beside its names.
 
     Left out, it would be in their sizes: where discharges prevail, a resistance that falls by
-    1 kJ/mol, which nobody acts on, is 0.2 mV/K of an entropic coefficient.
+    1 kJ/mol, which nobody acts on, is 0.2 mV/K of an entropic coefficient. One that drives a size
+    of a name onto its bound is not told apart from that name.
     """
     case, rounds, result = found.case, found.rounds, found.result
     step = rounds[-1]
@@ -151,7 +152,9 @@ def _beside_small(found):
         return found
     state, filters = small.state, step.filters
     refitted = case.state(state.effects, _fit_of(case, state, filters), filters)
-    if np.sum(refitted.validation_chi_squares - step.before.validation_chi_squares) > 0:
+    worse = np.sum(refitted.validation_chi_squares - step.before.validation_chi_squares) > 0
+    pushed = set(refitted.solution.at_bound) - set(step.before.solution.at_bound)
+    if worse or pushed & {name for one in result.steps for name in one.chosen.effect.names}:
         return found
     rounds = [*rounds[:-1], step._replace(before=refitted, small=(*step.small, small))]
     now = outcome(rounds, case.gates)
