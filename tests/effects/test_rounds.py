@@ -270,3 +270,22 @@ def test_what_would_drive_a_name_onto_its_bound_does_not_join_beside_it(monkeypa
 
     monkeypatch.setattr(verdict, "_fit_of", on_its_bound)
     assert verdict._beside_small(found) is found
+
+
+def test_a_round_is_asked_anew_from_where_its_choice_led_the_model_without_it(monkeypatch):
+    """A cell by physics that leaks began at 57 mV, where its fit stayed, and ended there."""
+    needed, asked = search._needed, []
+
+    def further(made, model, filters, earlier):
+        asked.append(len(earlier))
+        if len(asked) > 1:
+            return needed(made, model, filters, earlier)
+        step = earlier[-1]
+        least = step.before.solution._replace(cost=step.before.solution.cost - 50.0)
+        bare = model._replace(effects=(), free=model.plain, solution=least)
+        return bare, {step.chosen.effect.key: step.chosen._replace(delta_bic=0.0)}, ()
+
+    monkeypatch.setattr(search, "_needed", further)
+    steps = search.search(case(HYSTERESIS), LIBRARY)
+    assert asked == [1, 1]
+    assert [step.chosen.effect.id for step in outcome(steps, Gates()).steps] == [TRUE]

@@ -127,7 +127,7 @@ def test_a_hysteresis_that_drives_alone_would_leave_to_the_ocv_shows_in_the_slow
     assert not without["effects"]
 
 
-@pytest.mark.parametrize("noise_ampere", [0.0, 0.01 * CAPACITY])
+@pytest.mark.parametrize("noise_ampere", [0.0, 0.002 * CAPACITY])
 def test_noise_of_the_current_is_no_step_and_edges_stay_where_a_long_test_is_thinned(noise_ampere):
     """Pulses of a minute with rests of an hour: what noise would keep would blunt their edges."""
     pulses = np.tile(np.r_[np.full(30, -CAPACITY), np.zeros(1770)], 8)

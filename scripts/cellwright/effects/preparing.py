@@ -198,13 +198,14 @@ def _thinned(records, most_rows, capacity_ampere_hour):
 def _least_step_ampere(record):
     """Change of the current from row to row that ends a steady stretch of a record [A].
 
-    It is beyond the noise of the reading, which between steps is the usual change.
+    Where the usual change is far below its steps it is noise, which no step may be taken for. In a
+    drive that moves all the time, every change is one of the load.
     """
     change = np.abs(np.diff(record.current_ampere))
     largest = change.max(initial=0.0)
-    small = change[change < largest / STEP_PART]
-    noise = float(np.median(small)) if len(small) else 0.0
-    return min(max(largest / EDGE_PART, NOISES * noise), largest / STEP_PART)
+    least = largest / EDGE_PART
+    noise = NOISES * float(np.median(change)) if len(change) else 0.0
+    return max(least, noise) if noise < largest / STEP_PART else least
 
 
 def _misfit(case):

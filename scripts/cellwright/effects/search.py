@@ -138,6 +138,11 @@ def _taken(case, possible, model, filters, rounds):
     if _is_small(case, model, mine):
         # Too small for a name now that all is refitted, and there all the same.
         return earlier, _unnamed(case, with_choice, step.chosen), filters, possible
+    cheaper = step.before.solution.cost - needed.solution.cost > case.gates.bic
+    if cheaper and _keys(needed.effects) == _keys(model.effects):
+        # The round began at a minimum that is not the least: by way of its choice the same model
+        # got further. It is asked anew from there.
+        return earlier, needed, filters, possible
     return None
 
 
