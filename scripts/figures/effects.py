@@ -1,6 +1,6 @@
 """Figures of the search for a missing effect: residuals, effects tried, evidence, proof tests."""
 
-from itertools import cycle
+from itertools import cycle, product
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -34,6 +34,7 @@ LINEAR = 100.0  # of the axis, around zero
 HATCH = "////"
 
 NO_EFFECT = "No effect was added to the model of this cell, so there is none to show evidence for."
+MARKERS = "os^"  # of records, where they are more than colours
 NO_PAIR = "These tests show fewer than two effects: there is nothing to tell apart."
 LEAST_WRITTEN = 0.1  # correlation that is written out
 
@@ -214,10 +215,12 @@ def _residual_over_change(panel, effect, columns):
     panel.plot(ends, ends, color=style.INK, lw=1.2, label="all of it was missing")
     panel.plot(ends, ends / 2, color=style.INK, lw=0.9, ls=":", label="below: worse with it")
     panel.axhline(0.0, color=style.QUIET, lw=1.0, ls="--", label="none of it was")
-    for test, colour in zip(dict.fromkeys(columns["test"]), cycle(style.SERIES)):
+    looks = cycle(product(MARKERS, style.SERIES))
+    for test, (marker, colour) in zip(dict.fromkeys(columns["test"]), looks, strict=False):
         mine = columns["test"] == test
         area = 90 * rows[mine] / rows.max() + 4
-        panel.scatter(change[mine], missing[mine], area, color=colour, alpha=0.75, label=test)
+        look = {"color": colour, "marker": marker, "alpha": 0.75, "label": test}
+        panel.scatter(change[mine], missing[mine], area, **look)
     helped = np.count_nonzero(missing > change / 2)
     share = np.sum(rows * missing) / np.sum(rows * change)
     records = "for proof" if columns["role"][0] == "validation" else "fitted"
