@@ -25,11 +25,7 @@ MOST_MOVED = 2.5  # of the capacity, by a slow test whose one discharge and char
 KINDS = ("capacity", "hppc", "pulse_resistance", "drive")  # and the slow test of the OCV
 JUDGING = ("validation", "split")  # roles of tests that judge
 GRID = np.linspace(0.0, 1.0, 1001)
-GROWTHS = (
-    0.1,
-    0.2,
-    0.4,
-)  # of the time since a step, between rows of a steady stretch: at most six a decade
+GROWTHS = 0.1, 0.2, 0.4  # of the time since a step, to the next row of a steady stretch
 NOISES = 20.0  # usual changes of a steady reading: no noise steps by so much, heavy tails or not
 EDGE_PART = 200.0  # a change of this part of a record's largest ends a steady stretch
 RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured

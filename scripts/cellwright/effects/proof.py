@@ -242,7 +242,7 @@ def changed(cell, stack, sides, state, values, rows):
 
     Parameters
     ----------
-    cell : records.Cell. stack : records.Stack. sides : (n,) residual before and after [V].
+    cell : base.Cell. stack : records.Stack. sides : (n,) residual before and after [V].
     state : candidates.State after. values : dict, of this side. rows : (n,) bool, that count.
     """
     soc = base.fields_of(cell, stack, values, state.effects).soc
