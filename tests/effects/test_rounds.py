@@ -289,15 +289,3 @@ def test_a_round_is_asked_anew_from_where_its_choice_led_the_model_without_it(mo
     steps = search.search(case(HYSTERESIS), LIBRARY)
     assert asked == [1, 1]
     assert [step.chosen.effect.id for step in outcome(steps, Gates()).steps] == [TRUE]
-
-
-@pytest.mark.parametrize(("share", "named"), [(0.48, True), (0.2, False)])
-def test_a_name_is_refused_only_where_it_is_told_as_less_likely_than_not(monkeypatch, share, named):
-    """Shares of the draws are too cautious, and told sharper; the rule goes by what is told."""
-    rare = {f"rival {k}": (1.0 - share) / 26 for k in range(26)}
-    monkeypatch.setattr(verdict, "probabilities", lambda *_: {TRUE: share} | rare)
-    made, steps = case(HYSTERESIS), rounds(HYSTERESIS)
-    _, result, shares = verdict.decided(made, list(steps))
-    assert sum(shares.values()) == pytest.approx(1.0)
-    assert (shares[TRUE] > 0.5) is named
-    assert bool(result.steps) is named

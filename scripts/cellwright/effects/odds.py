@@ -267,8 +267,7 @@ def likely(rounds, result, shares):
 
     Parameters
     ----------
-    rounds : list of search.Round. result : verdict.Outcome of them. shares : dict: answer →
-        probability, as it is told: what is refused is not told as likelier than not.
+    rounds : list of search.Round. result : verdict.Outcome of them. shares : from `probabilities`.
 
     Returns
     -------

@@ -82,13 +82,13 @@ def decided(case, rounds):
     """
     rounds, short = reached(case, rounds, rounds[0].floor)
     result = outcome(rounds, case.gates)
-    shares = told(probabilities(case, rounds, result))
+    shares = probabilities(case, rounds, result)
     rounds, unlikely = likely(rounds, result, shares)
     rounds, worse = _helping(rounds, outcome(rounds, case.gates))
     result = outcome(rounds, case.gates)
     ways = zip((worse, unlikely, short), REFUSED, strict=True)
     refused, why = next(((step, why) for step, why in ways if step is not None), (None, ""))
-    return rounds, result._replace(refused=refused, why_refused=why), shares
+    return rounds, result._replace(refused=refused, why_refused=why), told(shares)
 
 
 class Searched(NamedTuple):
