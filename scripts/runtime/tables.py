@@ -213,8 +213,9 @@ def _summary_row(facts, of_cell, model) -> dict:
 def _effects_named(missing) -> str:
     """Effects of a cell, joined with ";"; what is as good as one of them stands beside it."""
     named = missing[missing["effect"].notna()]
-    others = named["alternatives"].fillna("").str.replace(";", " or ")
-    both = named["effect"] + others.where(others == "", " or " + others)
+    # A column without an entry is read as numbers.
+    others = named["alternatives"].fillna("").astype(str).str.replace(";", " or ")
+    both = named["effect"].astype(str) + others.where(others == "", " or " + others)
     return ";".join(both)
 
 

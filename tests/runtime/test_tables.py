@@ -178,6 +178,13 @@ def test_the_summary_says_what_is_missing():
     assert summary[2]["r0_50_25_ohm"] is None
 
 
+def test_the_summary_of_cells_that_lack_nothing_has_no_name():
+    found = frames(missing_effect=["A,none,,,shows nothing"])
+    facts = [{"cell": "A", "rated_capacity_ampere_hour": None}]
+    (row,) = tables.summary(facts, found, {}).to_dict("records")
+    assert (row["verdict"], row["missing_effect"]) == ("none", "")
+
+
 def test_names_that_look_like_numbers_or_like_nothing_stay_names():
     frame = tables.load_frame(StringIO("cell,test,soc\n007,NA,\n8,x,0.5"))
     assert frame["cell"].tolist() == ["007", "8"]
