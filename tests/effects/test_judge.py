@@ -12,13 +12,13 @@ from cellwright.effects.judge import (
     Rests,
     rests_of,
     started,
-    stretched,
     tolerated,
     unfitted,
     unsure_by_temperature,
 )
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import parts_of, stacked
+from cellwright.effects.stated.nuisances import stretched
 from cellwright.numerics.least_squares import Solution, fit
 from cellwright.numerics.noise import FIRST, whitening
 

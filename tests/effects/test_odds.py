@@ -11,7 +11,7 @@ from cellwright.effects.odds import UNSEEN, probabilities
 from cellwright.effects.proof import block_sums, consistency, consistency_of
 from cellwright.effects.records import stacked
 from cellwright.effects.search import search
-from cellwright.effects.verdict import outcome
+from cellwright.effects.verdict import outcome, verdict_of
 
 
 def said(truth, **options):
@@ -105,3 +105,28 @@ def test_a_block_of_weight_two_counts_as_if_it_were_there_twice():
     sums = block_sums(before, after, block, record)
     weights = np.array([[1.0, 1.0, 1.0, 2.0]])
     assert consistency_of(sums, weights, **limit)[0] == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(("second", "names"), [(0.95, 2), (0.85, 1)])
+def test_beside_the_likeliest_name_one_that_is_not_sure_stays_in_the_model_without_a_name(
+    second, names
+):
+    truth = Truth(hysteresis=0.012, activation=2.5e4)
+    steps = rounds(truth)
+    first, other = (step.chosen.effect.id for step in outcome(steps, Gates()).steps)
+    shares = {" + ".join(sorted([first, other])): second, first: 1.0 - second}
+    steps = odds.sure_beside(steps, outcome(steps, Gates()), shares)
+    result = outcome(steps, Gates())
+    verdict = verdict_of("cell", result, steps, None)
+    assert [one["effect"] for one in verdict["effects"]] == [first, other][:names]
+    assert verdict["small"] == [other][: 2 - names]
+    assert {effect.id for effect in result.last.effects} == {first, other}
+    told, whole = verdict["effects"][0]["validation_rmse_volt"], verdict["validation_rmse_volt"]
+    assert told["after"] > whole["after"]
+
+
+def test_a_name_by_itself_may_be_unsure():
+    truth = Truth(hysteresis=0.012)
+    steps = rounds(truth)
+    shares = {"hysteresis_instant": 0.6, "none": 0.4}
+    assert odds.sure_beside(steps, outcome(steps, Gates()), shares) == steps

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.instrument import delayed
 from cellwright.native import array, count, function, real
 from cellwright.numerics.lags import lag_weights
 from cellwright.numerics.least_squares import Free
@@ -27,6 +28,7 @@ SOC_LIMITS = (-0.5, 1.5)  # of a trial step of the fit, so that nothing overflow
 TABLE_LIMITS = (-0.05, 1.05)  # of the SoC at which the OCV's table is read
 LOGARITHMS = ("log_r0", "log_r1", "log_tau1", "log_r2", "log_tau2")
 LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
+APART_SECOND = 1e6  # between records, so that they lie on one time axis
 LEAD = "lead_ohm"  # of contacts: a resistance without a course over SoC or temperature [ohm]
 LOG_STD = {"log_r0": 1.5, "log_r1": 1.5, "log_r2": 1.5, "log_tau1": 0.8, "log_tau2": 0.8}
 STEEP = 2.0  # times the usual slope of the OCV
@@ -156,7 +158,20 @@ def fields_of(cell, stack, values, effects=()):
     fields = through("overpotential", fields)
     template = values.get("known", 1.0) * stack.template_volt
     fields = fields._replace(volt=fields.volt + fields.ohmic + template)
-    return through("reading", fields)
+    fields = through("reading", fields)
+    if stack.late_second is None:
+        return fields
+    return fields._replace(volt=late(stack, fields, stack.late_second))
+
+
+def late(stack, fields, second):
+    """Voltage of the terminals read late by a time [s], scalar or (n,): (n,) [V]."""
+    return delayed(
+        *(stack.second + APART_SECOND * stack.file, fields.volt, fields.ohmic),
+        delay_second=second,
+        step_second=stack.step_second,
+        stepped=stack.linear == 0,
+    )
 
 
 class Course(NamedTuple):
@@ -379,7 +394,8 @@ class Tolerance(NamedTuple):
     soc : of the state of charge at the start of a record. steep_soc : an error of the SoC that no
     parameter follows, so that rows on a steep OCV count less. known : relative, of the scale of the
     template of healthy cells in this cell (paired mode). kelvin : of a temperature that no sensor
-    told.
+    told. voltage_reading, current_reading, clock : of what is read in one test alone, the current's
+    as a C-rate and relative.
     """
 
     ocv_volt: float = SEARCH.ocv_volt_tolerance
@@ -389,6 +405,9 @@ class Tolerance(NamedTuple):
     steep_soc: float = SEARCH.steep_soc_tolerance
     known: float = SEARCH.known_tolerance
     kelvin: float = SEARCH.kelvin_tolerance
+    voltage_reading: float = SEARCH.voltage_reading_tolerance
+    current_reading: float = SEARCH.current_reading_tolerance
+    clock: float = SEARCH.clock_tolerance
 
 
 def frees(stack, start, tolerance, log_std=None, starts=None):

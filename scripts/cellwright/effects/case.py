@@ -73,6 +73,7 @@ class Case(NamedTuple):
     Case with the other hold of the current, or None. first_capacity : where a fit begins, relative
     to the measured one [1]. holds_declared : whether both branches of the slow test that tells
     the OCV are among the records fitted, so that it and the capacity stay within their tolerances.
+    misread : readings.Misread that were taken off their tests.
     The methods are those that `search` needs.
     """
 
@@ -91,6 +92,7 @@ class Case(NamedTuple):
     otherwise: object = None
     first_capacity: float = 0.0
     holds_declared: bool = False
+    misread: tuple = ()
 
     @property
     def steady_ampere(self):

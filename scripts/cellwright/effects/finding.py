@@ -16,18 +16,18 @@ from cellwright.effects.judge import (
     BANDS,
     joined,
     residual_map,
-    stretched,
     unsure_by_temperature,
     worst,
 )
 from cellwright.effects.member import folds
-from cellwright.effects.odds import probability_of
+from cellwright.effects.odds import SURE, probability_of
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import prepared
 from cellwright.effects.proof import explained, prominent
 from cellwright.effects.records import parts_of
 from cellwright.effects.search import against
+from cellwright.effects.stated.nuisances import stretched
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
 from cellwright.effects.story.words import paragraph
@@ -40,6 +40,8 @@ from cellwright.refusal import Refusal
 
 NEEDLESS = "needless beside the others"
 SMALL_PART = "it takes off less than half as much as is left beside it"
+SMALL = "in the model, too small for a name"
+NOT_SURE = f"in the model; beside a likelier name it has to be {100 * SURE:.0f} % likely"
 KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model
 
 
@@ -222,8 +224,9 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     state = result.last if kept else rounds[0].before
     verdict["nuisances"] = stretched(case, state, parts_of(case.fit))
     ranking = ranking_of(case, rounds, result)
-    small = dict.fromkeys(verdict["small"], "in the model, too small for a name")
-    verdict["against"] = _last_against(ranking, named) | small
+    nameless = dict.fromkeys(verdict["small"], SMALL)
+    nameless |= {step.unsure.effect.key: NOT_SURE for step in rounds if step.unsure}
+    verdict["against"] = _last_against(ranking, named) | nameless
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     model = model_of(case, state)
     values = values_of(model) | result.last.solution.values
@@ -355,6 +358,8 @@ def _against(case, first, step, trial, result):
     """Why a trial is no choice of its round, in words; empty for the choice that stays."""
     if trial is step.chosen and trial.effect.key not in step.dropped:
         return ""
+    if trial is step.unsure:
+        return NOT_SURE
     if explained(case.gates, step.before, first.floor):
         return "nothing is left that anyone would act on"
     words = list(against(case, first.before, step.before, trial, first.floor))

@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.effects import base, beginning
 from cellwright.effects.records import LOADED_C_RATE
-from cellwright.numerics.least_squares import Free, bounded_minimum, inverse, stds
+from cellwright.numerics.least_squares import Free, bounded_minimum, inverse
 from cellwright.numerics.statistics import rms
 
 READ_VOLT = 2e-3  # of a single reading at rest
@@ -21,7 +21,6 @@ CORE_KELVIN_AMPERE_HOUR_PER_WATT, CORE_SECOND = 6.0, 300.0
 CORE_STEP, OWN_HEAT = 0.5, "self_heating"  # K/W for derivatives; the effect that tells it
 # Of what is known before a fit: of some dozens of records none lies farther off by chance.
 FAR_STDS = 3.0
-WRONG_STDS = 2.0  # from which on a stated temperature is told to be wrong
 ALIKE_SOC = 0.02  # between two rests whose OCV errs alike
 BANDS = 10  # of the SoC
 LOW_C_RATE, HIGH_C_RATE = 0.05, 0.7
@@ -146,60 +145,6 @@ def _declared_limits(case):
     return limits | {"capacity": {"lower": ends[0] - far, "upper": ends[1] + far}}
 
 
-def stretched(case, state, parts):
-    """What was declared with a tolerance and ends at its limit, or surely beyond, in a model.
-
-    Such a quantity stands in for something that the model lacks, or was declared wrongly: a
-    capacity taken 12 % smaller than was measured may be a current that reads 12 % too much.
-
-    Parameters
-    ----------
-    case : case.Case. state : candidates.State of the model. parts : (n,) number of the part of
-        each row of the fit, see `records.parts_of`.
-
-    Returns
-    -------
-    nuisances : list of dict, of the capacity (relative), of the OCV where it is farthest off [V],
-        of each start that its limit holds (SoC), and of each temperature of a record that judges
-        that the sheet seems to state wrongly [K]: name, test, soc (None where there is none), value
-        (beyond what was declared), std (None where a limit holds it), unit, prior_std.
-    """
-    solution, free = state.solution, {one.name: one for one in unfitted(case)[1]}
-    found, held, deviations = [], set(solution.at_bound), stds(solution, parts)
-
-    def beyond(parameter, tolerance):
-        value, std = solution.values[parameter], deviations[parameter]
-        return parameter in held or abs(value) > FAR_STDS * max(tolerance, std)
-
-    def told(name, parameter, soc, unit, tolerance):
-        std = None if parameter in held else deviations[parameter]
-        return _beyond(name, None, soc, solution.values[parameter], std, unit, tolerance)
-
-    if beyond("capacity", case.tolerance.capacity):
-        found.append(told("capacity", "capacity", None, "1", case.tolerance.capacity))
-    tolerances = base.ocv_stds(case.cell, case.tolerance).tolist()
-    knots = dict(zip(base.OCV_NAMES, tolerances, strict=True))
-    if far := [name for name, tolerance in knots.items() if beyond(name, tolerance)]:
-        farthest = max(far, key=lambda name: abs(solution.values[name]))
-        soc = base.OCV_NAMES.index(farthest) / (base.OCV_KNOTS - 1)
-        found.append(told("open_circuit_voltage", farthest, soc, "V", knots[farthest]))
-    for k, test in enumerate(case.fit.tests):
-        name = f"soc0[{k}]"
-        if name in held:
-            value, std = solution.values[name] - free[name].prior, free[name].std
-            found.append(_beyond("soc_at_start", test, None, value, None, "1", std))
-    for k, test in enumerate(case.validation.tests):
-        value, std = state.values[f"kelvin[{k}]"], case.tolerance.kelvin
-        if abs(value) > WRONG_STDS * std:
-            found.append(_beyond("temperature", test, None, value, None, "K", std))
-    return found
-
-
-def _beyond(name, test, soc, value, std, unit, prior_std):
-    numbers = {"value": float(value), "std": std, "unit": unit, "prior_std": float(prior_std)}
-    return {"name": name, "test": test, "soc": soc} | numbers
-
-
 def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):
     """Errors of what is stated of a record that explain most of a residual, within what is unsure.
 
@@ -220,15 +165,7 @@ def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, sh
     kelvin : (f,) by how much each record was warmer than stated.
     """
     starts = base.start_names(len(stack.first))
-    by_start = values | {name: values[name] + SOC_STEP for name in starts}
-    changes = [(base.voltage(cell, stack, by_start, effects) - prediction) / SOC_STEP]
-    unsure = [_start_stds(cell, stack, values, tolerance)]
-    if effects and stack.stated.any():
-        warmer = stack.celsius + KELVIN_STEP * stack.stated[stack.file]
-        warmed = stack._replace(celsius=warmer, responses={}, courses={})
-        changes.append((base.voltage(cell, warmed, values, effects) - prediction) / KELVIN_STEP)
-        unsure.append(np.full(len(starts), tolerance.kelvin))
-    changes, unsure = np.stack(changes, axis=1), np.stack(unsure, axis=1)
+    changes, unsure = unsure_of(cell, stack, values, effects, tolerance, prediction)
     both = whitening.apply(np.column_stack([changes, stack.voltage_volt - prediction]))
     errors, fall = np.zeros((len(starts), 2)), np.zeros(len(starts))
     for k in sorted(set(range(len(starts))) - {k for k, _ in shared}):
@@ -239,6 +176,31 @@ def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, sh
         errors[k, : len(found)], fall[k] = found, found @ (2 * moment - precision @ found)
     moved = np.sum(changes * errors[stack.file, : changes.shape[1]], axis=1)
     return moved, fall, errors[:, 1]
+
+
+def unsure_of(cell, stack, values, effects, tolerance, prediction):
+    """What is unsure of each record that judges, and what it changes.
+
+    Parameters
+    ----------
+    cell, stack, values, effects, tolerance, prediction : as in `tolerated`.
+
+    Returns
+    -------
+    changes : (n, p) voltage for one unit of each in all records at once: the SoC at its start and,
+        where no sensor told any record's and effects are in the model, its temperature [V].
+    stds : (f, p) of each in each record.
+    """
+    starts = base.start_names(len(stack.first))
+    by_start = values | {name: values[name] + SOC_STEP for name in starts}
+    changes = [(base.voltage(cell, stack, by_start, effects) - prediction) / SOC_STEP]
+    unsure = [_start_stds(cell, stack, values, tolerance)]
+    if effects and stack.stated.any():
+        warmer = stack.celsius + KELVIN_STEP * stack.stated[stack.file]
+        warmed = stack._replace(celsius=warmer, responses={}, courses={})
+        changes.append((base.voltage(cell, warmed, values, effects) - prediction) / KELVIN_STEP)
+        unsure.append(np.full(len(starts), tolerance.kelvin))
+    return np.stack(changes, axis=1), np.stack(unsure, axis=1)
 
 
 def unsure_by_temperature(case, state, whitening):

@@ -23,7 +23,7 @@ from cellwright.effects.proof import (
 from cellwright.effects.search import allowed, best_of, stays, up_to
 
 DRAWS = 200
-LIKELY = 0.5
+LIKELY, SURE = 0.5, 0.9  # from which on an effect is a name, and one that is sure
 SEED = 15
 # All three are from behavioural cells; docs/missing-effect.md, "How likely".
 SPREAD = ALIKE  # blocks that lie side by side err alike: weights scatter as if they were fewer
@@ -281,3 +281,29 @@ def likely(rounds, result, shares):
         if sum(answers[names] for names in with_all) < LIKELY:
             return up_to(rounds, step), step
     return rounds, None
+
+
+def sure_beside(rounds, result, shares):
+    """Rounds in which beside the likeliest name only those that are sure are names.
+
+    What another choice of the parts leaves out is seldom right beside a name that explains more. It
+    stays in the model, without a name.
+
+    Parameters
+    ----------
+    rounds : list of search.Round. result : verdict.Outcome of them. shares : probabilities as told.
+
+    Returns
+    -------
+    rounds : list of search.Round.
+    """
+    odds = [probability_of(shares, (s.chosen.effect.id, *s.tied)) for s in result.steps]
+    likeliest = max(odds, default=1.0)
+    unsure = [s for s, p in zip(result.steps, odds, strict=True) if p < min(SURE, likeliest)]
+    for step in unsure:
+        place = next(n for n, one in enumerate(rounds) if one is step)
+        dropped = (*step.dropped, step.chosen.effect.key)
+        later = [s._replace(small=(*s.small, step.chosen)) for s in rounds[place + 1 :]]
+        nameless = step._replace(chosen=None, tied=(), dropped=dropped, unsure=step.chosen)
+        rounds = [*rounds[:place], nameless, *later]
+    return rounds

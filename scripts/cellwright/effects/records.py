@@ -78,6 +78,7 @@ class Stack(NamedTuple):
     tau_course: np.ndarray | float = 1.0
     anchor_row: np.ndarray | None = None
     anchor_rise: np.ndarray | None = None
+    late_second: np.ndarray | None = None
 
     def with_courses(self, ohmic, slow):
         """The same rows with courses of resistances (n,) or None: ohmic, and of either RC pair."""

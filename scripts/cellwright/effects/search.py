@@ -65,7 +65,8 @@ class Round(NamedTuple):
     hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
     do not count any more beside the choice. beside : Without of each name, the choice among them,
     once all were refitted together. small : Trials of effects that are in the model before it
-    without a name, too small for one.
+    without a name, too small or too unsure for one. unsure : Trial of what it chose, and what is in
+    the model after it without a name, for it is not sure; or None.
     """
 
     before: State
@@ -79,6 +80,7 @@ class Round(NamedTuple):
     dropped: tuple = ()
     beside: tuple = ()
     small: tuple = ()
+    unsure: Trial | None = None
 
     @property
     def noise(self):

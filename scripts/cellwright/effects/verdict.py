@@ -1,15 +1,18 @@
 """From the rounds of a search to a verdict."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.effects.ceiling import reached
-from cellwright.effects.odds import likely, probabilities, told
+from cellwright.effects.odds import likely, probabilities, sure_beside, told
 from cellwright.effects.proof import left_volt
 from cellwright.effects.search import beside_names, search, up_to
+from cellwright.effects.stated.readings import corrected, misread
 from cellwright.numerics.least_squares import fit, stds
 
+READ_ANEW = 2  # times at most that an error of reading is taken off and the search repeated
 IMPOSSIBLE = "refitted with all others its size is at the limit of what it can be"
 REFUSED = (
     "refitted with all others it makes the error on the records that judge larger",
@@ -76,7 +79,8 @@ def decided(case, rounds):
     -------
     rounds : list of search.Round, up to the first name that falls short of what could be learned
     without physics (`ceiling.reached`), is less likely than not (`odds.likely`), or makes the model
-    worse on records that judge.
+    worse on records that judge. Beside the likeliest name those that are not sure have none
+    (`odds.sure_beside`), and stay in the model.
     result : verdict.Outcome. shares : probability of each answer as told, names that are refused
     among them.
     """
@@ -84,6 +88,7 @@ def decided(case, rounds):
     result = outcome(rounds, case.gates)
     shares = probabilities(case, rounds, result)
     rounds, unlikely = likely(rounds, result, shares)
+    rounds = sure_beside(rounds, outcome(rounds, case.gates), told(shares))
     rounds, worse = _helping(rounds, outcome(rounds, case.gates))
     result = outcome(rounds, case.gates)
     ways = zip((worse, unlikely, short), REFUSED, strict=True)
@@ -116,6 +121,8 @@ def searched(case, library):
     several percent too large, and can hide what else there is. The better fit goes on, of the
     records fitted, each name paid for.
 
+    Where one test alone is read wrongly, that is taken off it, and the search repeated.
+
     Parameters
     ----------
     case : case.Case. library : dict of Effect by id.
@@ -124,6 +131,18 @@ def searched(case, library):
     -------
     found : Searched.
     """
+    found = _under_a_hold(case, library)
+    for _ in range(READ_ANEW):
+        about = found.case, found.result.last, found.rounds[-1].filters, found.result.floor
+        wrong = misread(*about, _fit_of)
+        if wrong is None:
+            break
+        found = _under_a_hold(corrected(found.case, wrong), library)
+    return found
+
+
+def _under_a_hold(case, library):
+    """What a search comes to, under the hold by which the named model follows the records best."""
     found = _with_holds(case, library)
     if case.otherwise is None or not _doubtful(found):
         return found
@@ -241,10 +260,8 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
     explain part of an "unknown" gap, `small` keys of those that are in the model without a name.
     """
     entry = entry or entry_of
-    states = [step.before for step in rounds[1 : len(result.steps)]] + [result.last]
-    entries = [
-        entry(step, after, result) for step, after in zip(result.steps, states, strict=False)
-    ]
+    after = {id(step): later.before for step, later in pairwise(rounds)}
+    entries = [entry(step, after[id(step)], result) for step in result.steps]
     settled = result.word in ("named", "ambiguous")
     if result.word == "unknown" and result.refused is not None:
         after = result.refused.chosen.state

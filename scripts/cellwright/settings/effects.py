@@ -55,6 +55,14 @@ class MissingEffect(NamedTuple):
     kelvin_tolerance [K] : Tolerance of a test's temperature that the sheet states and no sensor
         told, standard deviation: the cell's beside its chamber's. Source:
         docs/missing-effect.md.
+    voltage_reading_tolerance [V] : Error of the voltage's reading in one test alone, its offset
+        and what it drifts by until the end, standard deviation. More than three times this,
+        where tests like it do not show it, is told and taken off. Source: accuracy of a voltage
+        channel of a good cycler.
+    current_reading_tolerance : The same of the current's reading, relative, and of its offset as
+        a C-rate. Source: 0.1 %, usual shunts.
+    clock_tolerance [s] : The same of the time between the readings of voltage and current.
+        Source: half of the shortest usual interval between two readings.
     known_tolerance : Beside reference cells of the same protocol, by how much the misfit that
         they share may be larger or smaller in this cell, relative standard deviation. Source:
         docs/missing-effect.md.
@@ -79,6 +87,9 @@ class MissingEffect(NamedTuple):
     soc_tolerance: float = 0.02
     steep_soc_tolerance: float = 0.003
     kelvin_tolerance: float = 2.0
+    voltage_reading_tolerance: float = 0.001
+    current_reading_tolerance: float = 0.001
+    clock_tolerance: float = 0.05
     known_tolerance: float = 0.2
 
 

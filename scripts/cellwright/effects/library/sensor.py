@@ -1,9 +1,8 @@
 """Effects of the instrument: errors of its current, voltage and clock."""
 
-from cellwright.circuits.instrument import delayed, displayed, through_cell
+from cellwright.circuits.instrument import displayed, through_cell
+from cellwright.effects.base import late
 from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of, since_slow_test
-
-APART_SECOND = 1e6  # between records, so that they lie on one time axis
 
 
 def _current_offset(fields, stack, p):
@@ -34,14 +33,7 @@ def _voltage_gain(fields, stack, p):
 
 
 def _skew(fields, stack, p):
-    clock = stack.second + APART_SECOND * stack.file
-    volt = delayed(
-        *(clock, fields.volt, fields.ohmic),
-        delay_second=p["voltage_delay_second"],
-        step_second=stack.step_second,
-        stepped=stack.linear == 0,
-    )
-    return fields._replace(volt=volt)
+    return fields._replace(volt=late(stack, fields, p["voltage_delay_second"]))
 
 
 EFFECTS = (

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.effects.odds import SURE
 from cellwright.effects.story.places import millivolt, near, where
 from cellwright.effects.story.sizes import Size, sizes_as_used
 
@@ -35,9 +36,17 @@ NAMES = {
 }
 LEAST_PROBABILITY = 0.01
 BENT = 1.1  # times its error as it is, beyond which a given model was bent by the records fitted
-UNSURE = 0.1  # probability that another choice of the parts that judge a name leaves it out
+UNSURE = 1.0 - SURE  # probability that another choice of the parts leaves a name out
 MANY_WORSE = 0.1  # of the parts that are better: so many worse ones make a name unsure
 SHOWN_WORSE, SHOWN_STARTS = 2, 3
+# An error of reading of one test: its words, unit, and that over the unit of the verdict.
+MISREAD = {
+    "voltage_offset": ("the voltage is off by", "mV", 1e3),
+    "voltage_drift": ("the voltage drifts until the end by", "mV", 1e3),
+    "current_offset": ("the current is off by", "mA", 1e3),
+    "current_gain": ("the current is off by the factor 1 plus", "%", 1e2),
+    "voltage_delay": ("the voltage is behind the current by", "s", 1.0),
+}
 
 
 class Phrases(NamedTuple):
@@ -158,6 +167,7 @@ def paragraph(verdict, library, phrases=None):
     opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
     parts = [
         *opening(verdict, library, phrases),
+        *_nameless(verdict),
         *_as_given(verdict),
         *_remainder(verdict),
         *_worsened(verdict),
@@ -169,6 +179,13 @@ def paragraph(verdict, library, phrases=None):
         advice = advice.removeprefix("To ") if advice.startswith("To ") else advice
         parts.append(f"To test next: {advice}.")
     return "\n".join(parts)
+
+
+def _nameless(verdict):
+    """What is in the model beside the names, and why it is none."""
+    known = verdict.get("against") or {}
+    told = [f"{name_of_effect(one)} ({known[one]})" for one in verdict.get("small") or []]
+    return [f"Without a name: {_listed(told)}."] if told and verdict["effects"] else []
 
 
 def _as_given(verdict):
@@ -337,19 +354,33 @@ def _worsened(verdict):
 def _stretched(nuisances):
     """What the model takes otherwise than was declared, at the limit or beyond."""
     starts = [one["test"] for one in nuisances if one["name"] == "soc_at_start"]
-    told = [_beyond(one) for one in nuisances if one["name"] != "soc_at_start"]
+    misread = [_misread(one) for one in nuisances if one["name"] in MISREAD]
+    others = {"soc_at_start", *MISREAD}
+    told = [_beyond(one) for one in nuisances if one["name"] not in others]
     if starts:
         more = len(starts) - SHOWN_STARTS
         tests = [*starts[:SHOWN_STARTS], *([f"{more} more"] if more > 0 else [])]
         told.append(
             f"the SoC at the start of {_listed(tests)} is at the limit that rest and sheet allow"
         )
-    if not told:
-        return []
-    return [
-        f"Off what was declared: {'; '.join(told)}. That stands in for what the model lacks, or "
-        "it was declared wrongly."
-    ]
+    parts = []
+    if misread:
+        parts.append(
+            f"Read wrongly in one test alone, and taken off it here: {'; '.join(misread)}. Tests "
+            "like it do not show this."
+        )
+    if told:
+        parts.append(
+            f"Off what was declared: {'; '.join(told)}. That stands in for what the model lacks, "
+            "or it was declared wrongly."
+        )
+    return parts
+
+
+def _misread(one):
+    words, unit, factor = MISREAD[one["name"]]
+    size = Size("", factor * one["value"], factor * one["std"], unit).text.strip()
+    return f"in {one['test']} {words} {size}"
 
 
 def _beyond(one):

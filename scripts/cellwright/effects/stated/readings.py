@@ -1,0 +1,397 @@
+"""Errors of reading in one test alone: of its voltage, its current, or its clock.
+
+An effect of the library is in every test. A channel that was changed, or a lead that was moved, is
+wrong in one: no effect follows what that one shows and tests like it do not, and a search that must
+follow it bends the rest. Such an error is estimated, told, and taken off before the search is
+repeated.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects import base
+from cellwright.effects.judge import FAR_STDS, unsure_of
+from cellwright.effects.library.vocabulary import SLOW_TEST
+from cellwright.effects.proof import block_sums, blocks_of, evenly, excess_volt
+from cellwright.effects.records import KELVIN
+from cellwright.numerics.least_squares import inverse
+from cellwright.numerics.statistics import rms
+
+LOAD_RATIO = 1.5  # of the root mean square currents of two tests that are alike
+HALF = 0.5  # of an error of reading: a test that shows less has not got it
+STEPS = 3  # of the size of an error, the model refitted with it
+
+
+class Misread(NamedTuple):
+    """An error of reading of one test.
+
+    test : its name. name : `voltage_offset`, `voltage_drift` (from none at its start to this at its
+    end), `current_offset`, `current_gain` or `voltage_delay` (after the current if positive).
+    value : what is read less what is true, of a gain relative. std : of it. unit : of both.
+    """
+
+    test: str
+    name: str
+    value: float
+    std: float
+    unit: str
+
+
+UNITS = {
+    "voltage_offset": "V",
+    "voltage_drift": "V",
+    "current_offset": "A",
+    "current_gain": "1",
+    "voltage_delay": "s",
+}
+
+
+ALIKE = 1.01  # falls of chi-square up to which of two delays the larger is taken
+# Sizes that an error is tried at. A delay is not linear; between rows any may be alike.
+DELAYS_SECOND = 1.0, -1.0, 0.3, -0.3, 0.1, -0.1
+SHAPES = (
+    *(("voltage_offset", 1e-3), ("voltage_drift", 1e-3)),
+    *(("current_offset", 1e-3), ("current_gain", 1e-3)),
+    *(("voltage_delay", second) for second in DELAYS_SECOND),
+)
+
+
+def tolerances(case):
+    """Standard deviation of each error of reading as the sheets of the instruments state it."""
+    known = case.tolerance
+    return {
+        "voltage_offset": known.voltage_reading,
+        "voltage_drift": known.voltage_reading,
+        "current_offset": known.current_reading * case.cell.capacity_ampere_hour,
+        "current_gain": known.current_reading,
+        "voltage_delay": known.clock,
+    }
+
+
+def misread(case, state, filters, floor, refit):
+    """The error of reading that explains most of what a model leaves of one test; None: none.
+
+    It is told where its size is beyond three deviations, those of the tolerances and its own; where
+    most tests of its kind, temperature and load show less than half of it and are followed twice as
+    well (without such a test it could be an effect of that temperature or load); and where the
+    model, refitted, leaves half of the test's squared error beyond the floor and less, evenly over
+    its parts, and less by more than anyone would accept.
+
+    Parameters
+    ----------
+    case : case.Case. state : candidates.State of the model. filters : case.Filters. floor :
+    proof.Floor. refit : function (case, state, filters) → Solution of the same model.
+
+    Returns
+    -------
+    misread : Misread, or None.
+    """
+    estimates = _estimates(case, state, filters, floor)
+    ways = {test: _ways(case, estimates, test) for test in estimates}
+    for test in sorted(ways, key=lambda one: -max(ways[one].values(), default=0.0)):
+        tried = [
+            _refined(case, state, filters, floor, refit, estimates[test].errors[name], test, name)
+            for name in ways[test]
+        ]
+        found = [
+            (rms(now.residual), one)
+            for one, now in tried
+            if _sure(case, one.name, one) and _explained(case, estimates[test], now)
+        ]
+        if found:
+            return min(found, key=lambda pair: pair[0])[1]
+    return None
+
+
+def _ways(case, estimates, test):
+    """Errors that a test seems to have and most tests like it have not: fall of chi-square by name.
+
+    None of a test of which the model leaves what anyone would accept. How sure an error is, only
+    the model refitted with it tells: without it, it is misfit itself.
+    """
+    mine, known = estimates[test], tolerances(case)
+    if mine.excess_volt < case.gates.unknown_volt:
+        return {}
+    return {
+        name: error.fall
+        for name, error in mine.errors.items()
+        if abs(error.value) > FAR_STDS * known[name] and _alone(estimates, test, name)
+    }
+
+
+def _refined(case, state, filters, floor, refit, error, test, name):
+    """An error of reading of a test with which the model is refitted until it stays.
+
+    Returns
+    -------
+    misread : Misread. now : _Estimate of the test once it is taken off.
+    """
+    value = 0.0
+    for _ in range(STEPS):
+        value += error.value
+        one = Misread(test, name, value, error.std, UNITS[name])
+        read = _taken_off(case, one)
+        again = read.state(state.effects, refit(read, state, filters), filters)
+        now = _estimates(read, again, filters, floor)[test]
+        error = now.errors[name]
+        if abs(error.value) < error.std:
+            break
+    return one._replace(std=error.std), now
+
+
+def _sure(case, name, error):
+    return abs(error.value) > FAR_STDS * max(tolerances(case)[name], error.std)
+
+
+def _estimates(case, state, filters, floor):
+    """_Estimate of each test but the slow one, by its name."""
+    sides = _fitted_side(case, state, filters, floor), _judging_side(case, state, filters, floor)
+    estimates = {test: _of_test(sides, test) for side in sides for test in side.stack.tests}
+    return {test: one for test, one in estimates.items() if one.kind != SLOW_TEST}
+
+
+class _Side(NamedTuple):
+    """One side of a case: what a model leaves of it, and what errors of reading would leave.
+
+    residual, whitened : (n,) [V], [1]. inflation, floor_volt : (f,) of each record. block : (n,),
+    see `proof.blocks_of`. columns : (n, e) residual for one unit of each error, in all records at
+    once [V]. white : the same whitened. nuisances, white_nuisances : (n, p) of what follows it.
+    covariances : f of (p, p), of what follows in each record.
+    """
+
+    stack: object
+    residual: np.ndarray
+    whitened: np.ndarray
+    inflation: np.ndarray
+    floor_volt: np.ndarray
+    block: np.ndarray
+    columns: np.ndarray
+    white: np.ndarray
+    nuisances: np.ndarray
+    white_nuisances: np.ndarray
+    covariances: tuple
+
+
+class _Error(NamedTuple):
+    """Estimate of an error: value, std, by how much chi-square falls, and number of its shape."""
+
+    value: float
+    std: float
+    fall: float
+    shape: int
+
+
+class _Estimate(NamedTuple):
+    """Errors of a test by name, and what the model leaves of its rows.
+
+    kind, celsius : of the test. ampere : root mean square of its current. errors : dict of _Error.
+    shares : (e,) of each of `SHAPES`. residual : (r,) of rows that count [V]. block : (r,) numbers.
+    floor_volt : of the test.
+    """
+
+    kind: str
+    celsius: float
+    ampere: float
+    errors: dict
+    shares: np.ndarray
+    residual: np.ndarray
+    block: np.ndarray
+    floor_volt: float
+
+    @property
+    def excess_volt(self):
+        """Error beyond the floor [V]."""
+        return excess_volt(rms(self.residual), self.floor_volt)
+
+
+def _fitted_side(case, state, filters, floor):
+    stack, solution = case.fit, state.solution.inside
+    about = solution.residual, solution.whitened, case.inflation(state)["fit"]
+    floors = np.full(len(stack.first), floor.fit_volt)
+    columns = _columns(case, stack, solution.values, state.effects, solution.prediction)
+    covariance = inverse(solution.precision)
+    return _Side(
+        *(stack, *about, floors, _blocks(case, stack, solution.values, state, filters.fit_rows)),
+        *(columns, filters.fit.apply(columns), solution.columns, solution.white),
+        (covariance,) * len(floors),
+    )
+
+
+def _judging_side(case, state, filters, floor):
+    stack, values, whitening = case.validation, state.values, filters.validation
+    about = state.validation, state.validation_white, case.inflation(state)["validation"]
+    floors = [floor.by_test.get(test, floor.validation_volt) for test in stack.tests]
+    volt = base.voltage(case.cell, stack, values, state.effects)
+    columns = _columns(case, stack, values, state.effects, volt)
+    nuisances, stds = unsure_of(case.cell, stack, values, state.effects, case.tolerance, volt)
+    white = whitening.apply(nuisances)
+    covariances = []
+    for k, test in enumerate(stack.tests):
+        mine = white[stack.file == k]
+        known = np.diag(stds[k] ** -2.0)
+        # One start of a record of which another part was fitted: that part follows.
+        shared = test in case.fit.tests
+        covariances.append(np.zeros_like(known) if shared else inverse(mine.T @ mine + known))
+    rows = filters.validation_rows
+    return _Side(
+        *(stack, *about, np.array(floors), _blocks(case, stack, values, state, rows)),
+        *(columns, whitening.apply(columns), nuisances, white, tuple(covariances)),
+    )
+
+
+def _blocks(case, stack, values, state, rows):
+    soc = base.fields_of(case.cell, stack, values, state.effects).soc
+    return blocks_of(stack, soc, rows & stack.used)
+
+
+def _columns(case, stack, values, effects, volt):
+    """What each of `SHAPES` adds to the residual, in all records at once (n, e) [V]."""
+    ends = stack.second[np.append(stack.first[1:], len(volt)) - 1]
+    columns = []
+    for name, size in SHAPES:
+        if name == "voltage_offset":
+            columns.append(np.full(len(volt), size))
+        elif name == "voltage_drift":
+            columns.append(size * stack.second / np.maximum(ends[stack.file], 1.0))
+        elif name == "voltage_delay":
+            read = _read_late(stack, size)
+            columns.append(base.voltage(case.cell, read, values, effects) - volt)
+        else:
+            read = stack
+            for k in range(len(stack.first)):
+                read = _corrected_current(read, k, name, size, case.cell.capacity_ampere_hour)
+            columns.append(base.voltage(case.cell, read, values, effects) - volt)
+    return np.stack(columns, axis=1)
+
+
+def _of_test(sides, test):
+    """_Estimate of the errors of a test, by its parts on either side."""
+    parts = [(s, s.stack.tests.index(test)) for s in sides if test in s.stack.tests]
+    information, score = np.zeros(len(SHAPES)), np.zeros(len(SHAPES))
+    residual, block, celsius, ampere = [], [], [], []
+    for number, (side, k) in enumerate(parts):
+        rows = side.stack.file == k
+        white, nuisances = side.white[rows], side.white_nuisances[rows]
+        shared = nuisances.T @ white
+        followed = np.sum(shared * (side.covariances[k] @ shared), axis=0)
+        information += (np.sum(white**2, axis=0) - followed) / side.inflation[k]
+        score += white.T @ side.whitened[rows] / side.inflation[k]
+        counted = rows & (side.block >= 0)
+        residual.append(side.residual[counted])
+        block.append(side.block[counted] + number * (side.block.max() + 1))
+        celsius.append(side.stack.celsius[rows])
+        ampere.append(side.stack.current_ampere[rows])
+    side, k = parts[0]
+    return _Estimate(
+        side.stack.kinds[k],
+        float(np.concatenate(celsius).mean()),
+        rms(np.concatenate(ampere)),
+        *_errors(information, score),
+        *map(np.concatenate, (residual, block)),
+        max(side.floor_volt[k] for side, k in parts),
+    )
+
+
+def _errors(information, score):
+    """Errors of a test by name, of those of its shapes the one by which chi-square falls most."""
+    share, errors = score / np.maximum(information, 1e-300), {}
+    columns = share.tolist(), information.tolist(), (share * score).tolist()
+    for shape, (part, much, fall) in enumerate(zip(*columns, strict=True)):
+        name, size = SHAPES[shape]
+        # A delay is linear about its own size only.
+        near = name != "voltage_delay" or HALF <= part <= 1.0 / HALF
+        error = _Error(part * size, abs(size) * max(much, 1e-300) ** -0.5, fall, shape)
+        if name not in errors or (near and fall > ALIKE * errors[name].fall):
+            errors[name] = error
+    return errors, share
+
+
+def _alone(estimates, test, name):
+    """Whether most tests like a test show less than half of its error, and are followed well.
+
+    Where the model fails them by as much, a test is no exception, whatever its error looks like.
+    """
+    mine = estimates[test]
+    shape = mine.errors[name].shape
+    like = [one for other, one in estimates.items() if other != test and _like(one, mine)]
+    without = sum(
+        one.shares[shape] / mine.shares[shape] < HALF and one.excess_volt < HALF * mine.excess_volt
+        for one in like
+    )
+    return bool(without > len(like) / 2)
+
+
+def _like(one, other):
+    """Whether two tests are of one kind, and of temperatures and loads that differ little."""
+    loads = sorted([one.ampere, other.ampere])
+    near = abs(one.celsius - other.celsius) <= KELVIN
+    return one.kind == other.kind and near and loads[1] <= LOAD_RATIO * loads[0]
+
+
+def _explained(case, before, after):
+    """Whether half and more of what was left of a test is gone, evenly over its parts."""
+    taken = excess_volt(before.excess_volt, after.excess_volt)
+    much = after.excess_volt**2 <= HALF * before.excess_volt**2
+    if not much or taken < case.gates.unknown_volt:
+        return False
+    about = before.residual, after.residual, before.block, np.zeros(len(before.block), int)
+    return evenly(block_sums(*about), material_volt=case.gates.material_volt).holds
+
+
+def corrected(case, found):
+    """The case with an error of reading taken off its test, under either hold of the current.
+
+    Parameters
+    ----------
+    case : case.Case. found : Misread.
+    """
+    other = case.otherwise
+    if other is not None:
+        other = _taken_off(other, found)
+    return _taken_off(case, found)._replace(otherwise=other)
+
+
+def _taken_off(case, found):
+    sides = {role: _read_anew(case, getattr(case, role), found) for role in ("fit", "validation")}
+    return case._replace(**sides, misread=(*case.misread, found))
+
+
+def _read_anew(case, stack, found):
+    if found.test not in stack.tests:
+        return stack
+    k = stack.tests.index(found.test)
+    rows = stack.file == k
+    if found.name.startswith("current"):
+        ampere_hour = case.cell.capacity_ampere_hour
+        return _corrected_current(stack, k, found.name, found.value, ampere_hour)
+    if found.name == "voltage_delay":
+        return _read_late(stack, np.where(rows, found.value, 0.0))
+    course = (
+        stack.second / max(stack.second[rows][-1], 1.0) if found.name == "voltage_drift" else 1.0
+    )
+    return stack._replace(voltage_volt=stack.voltage_volt - found.value * course * rows)
+
+
+def _read_late(stack, second):
+    """The stack with its voltage read late by a time [s], scalar or (n,): the model follows it."""
+    known = 0.0 if stack.late_second is None else stack.late_second
+    return stack._replace(late_second=np.full(len(stack.file), known + second))
+
+
+def _corrected_current(stack, k, name, value, capacity_ampere_hour):
+    """The stack with an error of the current's reading taken off record k."""
+    rows = stack.file == k
+    if name == "current_gain":
+        scale = np.where(rows, 1.0 / (1.0 + value), 1.0)
+        now = {n: getattr(stack, n) * scale for n in ("current_ampere", "held_ampere")}
+        now["unseen_ampere_hour"] = stack.unseen_ampere_hour * scale
+        risen = stack.anchor_rise * scale[stack.first]
+    else:
+        off = np.where(rows, value, 0.0)
+        now = {"current_ampere": stack.current_ampere - off}
+        now["held_ampere"] = stack.held_ampere - off * (1.0 - stack.fresh)
+        anchor = stack.first if stack.anchor_row is None else stack.anchor_row
+        hours = (stack.second[anchor] - stack.second[stack.first]) / 3600.0
+        risen = stack.anchor_rise - off[stack.first] * hours / capacity_ampere_hour
+    return stack._replace(**now, anchor_rise=risen, responses={}, courses={})
