@@ -125,6 +125,17 @@ def test_beside_the_likeliest_name_one_that_is_not_sure_stays_in_the_model_witho
     assert told["after"] > whole["after"]
 
 
+def test_two_names_that_are_not_sure_both_lose_it_to_the_likeliest():
+    steps = rounds(Truth(hysteresis=0.012, activation=2.5e4))
+    first, last = outcome(steps, Gates()).steps
+    steps = [first, last._replace(chosen=last.trials[-1]), last, steps[-1]]
+    kept = [step.chosen.effect.id for step in steps[:3]]
+    every = outcome(steps, Gates())._replace(steps=tuple(steps[:3]))
+    steps = odds.sure_beside(steps, every, {" + ".join(kept): 0.8, kept[2]: 0.2})
+    assert [step.chosen is None for step in steps] == [True, True, False, True]
+    assert [trial.effect.id for trial in steps[-1].small] == kept[:2]
+
+
 def test_a_name_by_itself_may_be_unsure():
     truth = Truth(hysteresis=0.012)
     steps = rounds(truth)

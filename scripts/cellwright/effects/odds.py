@@ -299,9 +299,10 @@ def sure_beside(rounds, result, shares):
     """
     odds = [probability_of(shares, (s.chosen.effect.id, *s.tied)) for s in result.steps]
     likeliest = max(odds, default=1.0)
-    unsure = [s for s, p in zip(result.steps, odds, strict=True) if p < min(SURE, likeliest)]
-    for step in unsure:
-        place = next(n for n, one in enumerate(rounds) if one is step)
+    pairs = zip(result.steps, odds, strict=True)
+    unsure = {id(step) for step, p in pairs if p < min(SURE, likeliest)}
+    for place in [n for n, step in enumerate(rounds) if id(step) in unsure]:
+        step = rounds[place]
         dropped = (*step.dropped, step.chosen.effect.key)
         later = [s._replace(small=(*s.small, step.chosen)) for s in rounds[place + 1 :]]
         nameless = step._replace(chosen=None, tied=(), dropped=dropped, unsure=step.chosen)
