@@ -75,8 +75,8 @@ def misread(case, state, filters, floor, refit):
     It is told where its size is beyond three deviations, those of the tolerances and its own; where
     most tests of its kind, temperature and load show less than half of it and are followed twice as
     well (without such a test it could be an effect of that temperature or load); and where the
-    model, refitted, leaves half of the test's squared error beyond the floor and less, evenly over
-    its parts, and less by more than anyone would accept.
+    model, refitted, leaves what anyone would accept beyond the floor, evenly over the test's parts,
+    and takes off more than that.
 
     Parameters
     ----------
@@ -330,10 +330,13 @@ def _like(one, other):
 
 
 def _explained(case, before, after):
-    """Whether half and more of what was left of a test is gone, evenly over its parts."""
+    """Whether what was left of a test is gone to what anyone would accept, evenly over its parts.
+
+    An error of reading by itself leaves nothing. What leaves more is something else, in part alike:
+    a cell that ages within the campaign seems to have another current in its last tests.
+    """
     taken = excess_volt(before.excess_volt, after.excess_volt)
-    much = after.excess_volt**2 <= HALF * before.excess_volt**2
-    if not much or taken < case.gates.unknown_volt:
+    if not after.excess_volt <= case.gates.unknown_volt <= taken:
         return False
     about = before.residual, after.residual, before.block, np.zeros(len(before.block), int)
     return evenly(block_sums(*about), material_volt=case.gates.material_volt).holds
