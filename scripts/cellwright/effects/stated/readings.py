@@ -247,21 +247,11 @@ def _blocks(case, stack, values, state, rows):
 
 def _columns(case, stack, values, effects, volt):
     """What each of `SHAPES` adds to the residual, in all records at once (n, e) [V]."""
-    ends = stack.second[np.append(stack.first[1:], len(volt)) - 1]
     columns = []
     for name, size in SHAPES:
-        if name == "voltage_offset":
-            columns.append(np.full(len(volt), size))
-        elif name == "voltage_drift":
-            columns.append(size * stack.second / np.maximum(ends[stack.file], 1.0))
-        elif name == "voltage_delay":
-            read = _read_late(stack, size)
-            columns.append(base.voltage(case.cell, read, values, effects) - volt)
-        else:
-            read = stack
-            for k in range(len(stack.first)):
-                read = _corrected_current(read, k, name, size, case.cell.capacity_ampere_hour)
-            columns.append(base.voltage(case.cell, read, values, effects) - volt)
+        read = _read_anew(case, stack, name, np.full(len(stack.first), size))
+        without = read.voltage_volt - base.voltage(case.cell, read, values, effects)
+        columns.append(stack.voltage_volt - volt - without)
     return np.stack(columns, axis=1)
 
 
@@ -356,45 +346,36 @@ def corrected(case, found):
 
 
 def _taken_off(case, found):
-    sides = {role: _read_anew(case, getattr(case, role), found) for role in ("fit", "validation")}
+    sides = {}
+    for role in ("fit", "validation"):
+        stack = getattr(case, role)
+        size = np.array([found.value if test == found.test else 0.0 for test in stack.tests])
+        sides[role] = _read_anew(case, stack, found.name, size) if size.any() else stack
     return case._replace(**sides, misread=(*case.misread, found))
 
 
-def _read_anew(case, stack, found):
-    if found.test not in stack.tests:
-        return stack
-    k = stack.tests.index(found.test)
-    rows = stack.file == k
-    if found.name.startswith("current"):
-        ampere_hour = case.cell.capacity_ampere_hour
-        return _corrected_current(stack, k, found.name, found.value, ampere_hour)
-    if found.name == "voltage_delay":
-        return _read_late(stack, np.where(rows, found.value, 0.0))
-    course = (
-        stack.second / max(stack.second[rows][-1], 1.0) if found.name == "voltage_drift" else 1.0
-    )
-    return stack._replace(voltage_volt=stack.voltage_volt - found.value * course * rows)
-
-
-def _read_late(stack, second):
-    """The stack with its voltage read late by a time [s], scalar or (n,): the model follows it."""
-    known = 0.0 if stack.late_second is None else stack.late_second
-    return stack._replace(late_second=np.full(len(stack.file), known + second))
-
-
-def _corrected_current(stack, k, name, value, capacity_ampere_hour):
-    """The stack with an error of the current's reading taken off record k."""
-    rows = stack.file == k
+def _read_anew(case, stack, name, size):
+    """A stack without an error of reading of so much (f,) in each record."""
+    off = size[stack.file]
+    if name == "voltage_offset":
+        return stack._replace(voltage_volt=stack.voltage_volt - off)
+    if name == "voltage_drift":
+        ends = stack.second[np.append(stack.first[1:], len(off)) - 1]
+        course = stack.second / np.maximum(ends[stack.file], 1.0)
+        return stack._replace(voltage_volt=stack.voltage_volt - off * course)
+    if name == "voltage_delay":
+        known = 0.0 if stack.late_second is None else stack.late_second
+        return stack._replace(late_second=known + off)
+    anew = {"responses": {}, "courses": {}}
     if name == "current_gain":
-        scale = np.where(rows, 1.0 / (1.0 + value), 1.0)
-        now = {n: getattr(stack, n) * scale for n in ("current_ampere", "held_ampere")}
-        now["unseen_ampere_hour"] = stack.unseen_ampere_hour * scale
-        risen = stack.anchor_rise * scale[stack.first]
-    else:
-        off = np.where(rows, value, 0.0)
-        now = {"current_ampere": stack.current_ampere - off}
-        now["held_ampere"] = stack.held_ampere - off * (1.0 - stack.fresh)
-        anchor = stack.first if stack.anchor_row is None else stack.anchor_row
-        hours = (stack.second[anchor] - stack.second[stack.first]) / 3600.0
-        risen = stack.anchor_rise - off[stack.first] * hours / capacity_ampere_hour
-    return stack._replace(**now, anchor_rise=risen, responses={}, courses={})
+        columns = "current_ampere", "held_ampere", "unseen_ampere_hour"
+        scaled = {column: getattr(stack, column) / (1.0 + off) for column in columns}
+        return stack._replace(**scaled, **anew, anchor_rise=stack.anchor_rise / (1.0 + size))
+    anchor = stack.first if stack.anchor_row is None else stack.anchor_row
+    hours = (stack.second[anchor] - stack.second[stack.first]) / 3600.0
+    return stack._replace(
+        current_ampere=stack.current_ampere - off,
+        held_ampere=stack.held_ampere - off * (1.0 - stack.fresh),
+        anchor_rise=stack.anchor_rise - size * hours / case.cell.capacity_ampere_hour,
+        **anew,
+    )
