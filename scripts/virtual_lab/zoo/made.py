@@ -120,7 +120,7 @@ def sizes_of(made: Made, effect: Effect) -> list:
     A form's own parameters are those of its equation: the amplitude of two waves of entropy is no
     entropic coefficient. Numbers and order are those that a verdict tells of the effect: kJ/mol of
     all resistances between the coldest and the warmest record that is fitted; mV/K, or mΩ, at 10,
-    50 and 90 % SoC; mΩ on discharge and charge; K/W between what was logged and the core; mA; s;
+    50 and 90 % SoC; mΩ on discharge, and on charge there; K/W between what was logged and the core; mA; s;
     mV; % of a reading; % of capacity, lost or between these temperatures; mΩ, minutes of a pair.
     """
     told = SIZES.get(effect.form.effect)
@@ -158,7 +158,7 @@ def _relaxing(made, effect):
 def _both_directions(made, effect):
     cell = made.specimen.cell
     ohm = 1e3 * cell.r[0] * cell.course[0]
-    return [ohm.mean(), (ohm * (1 + cell.on_charge)).mean()]
+    return [ohm.mean(), *_at_thirds(ohm * (1 + cell.on_charge))]
 
 
 def _inside(made, effect):
