@@ -76,3 +76,5 @@ def test_an_error_taken_off_leaves_other_tests_as_they_were(name):
     assert changed >= 1
     assert there.misread[0].name == name
     assert made.misread == ()
+    again = corrected(there, Misread("wild", name, 0.002, 0.001, "V"))
+    assert [one.value for one in again.misread] == pytest.approx([0.012])

@@ -45,8 +45,6 @@ UNITS = {
     "current_gain": "1",
     "voltage_delay": "s",
 }
-
-
 ALIKE = 1.01  # falls of chi-square up to which of two delays the larger is taken
 # Sizes that an error is tried at. A delay is not linear; between rows any may be alike.
 DELAYS_SECOND = 1.0, -1.0, 0.3, -0.3, 0.1, -0.1
@@ -148,15 +146,17 @@ def _estimates(case, state, filters, floor):
     """_Estimate of each test but the slow one, by its name."""
     sides = _fitted_side(case, state, filters, floor), _judging_side(case, state, filters, floor)
     estimates = {test: _of_test(sides, test) for side in sides for test in side.stack.tests}
-    return {test: one for test, one in estimates.items() if one.kind != SLOW_TEST}
+    return {
+        test: one for test, one in estimates.items() if one.kind != SLOW_TEST and len(one.residual)
+    }
 
 
 class _Side(NamedTuple):
     """One side of a case: what a model leaves of it, and what errors of reading would leave.
 
     residual, whitened : (n,) [V], [1]. inflation, floor_volt : (f,) of each record. block : (n,),
-    see `proof.blocks_of`. columns : (n, e) residual for one unit of each error, in all records at
-    once [V]. white : the same whitened. nuisances, white_nuisances : (n, p) of what follows it.
+    see `proof.blocks_of`. columns : (n, e) what each of `SHAPES` adds to the residual, in all records
+    at once [V]. white : the same whitened. nuisances, white_nuisances : (n, p) of what follows it.
     covariances : f of (p, p), of what follows in each record.
     """
 
@@ -339,10 +339,13 @@ def corrected(case, found):
     ----------
     case : case.Case. found : Misread.
     """
+    before = sum(m.value for m in case.misread if (m.test, m.name) == (found.test, found.name))
+    others = [m for m in case.misread if (m.test, m.name) != (found.test, found.name)]
+    told = (*others, found._replace(value=before + found.value))
     other = case.otherwise
     if other is not None:
-        other = _taken_off(other, found)
-    return _taken_off(case, found)._replace(otherwise=other)
+        other = _taken_off(other, found)._replace(misread=told)
+    return _taken_off(case, found)._replace(otherwise=other, misread=told)
 
 
 def _taken_off(case, found):
@@ -351,7 +354,7 @@ def _taken_off(case, found):
         stack = getattr(case, role)
         size = np.array([found.value if test == found.test else 0.0 for test in stack.tests])
         sides[role] = _read_anew(case, stack, found.name, size) if size.any() else stack
-    return case._replace(**sides, misread=(*case.misread, found))
+    return case._replace(**sides)
 
 
 def _read_anew(case, stack, name, size):
