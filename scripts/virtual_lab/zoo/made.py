@@ -120,8 +120,9 @@ def sizes_of(made: Made, effect: Effect) -> list:
     A form's own parameters are those of its equation: the amplitude of two waves of entropy is no
     entropic coefficient. Numbers and order are those that a verdict tells of the effect: kJ/mol of
     all resistances between the coldest and the warmest record that is fitted; mV/K, or mΩ, at 10,
-    50 and 90 % SoC; mΩ on discharge, and on charge there; K/W between what was logged and the core; mA; s;
-    mV; % of a reading; % of capacity, lost or between these temperatures; mΩ, minutes of a pair.
+    50 and 90 % SoC; mΩ on discharge, and on charge there; K/W between what was logged and the core;
+    mA; s; mV; % of a reading; % of capacity, lost or between these temperatures; mΩ, minutes of a
+    pair.
     """
     told = SIZES.get(effect.form.effect)
     return told(made, effect) if told else []

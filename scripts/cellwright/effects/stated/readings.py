@@ -155,9 +155,9 @@ class _Side(NamedTuple):
     """One side of a case: what a model leaves of it, and what errors of reading would leave.
 
     residual, whitened : (n,) [V], [1]. inflation, floor_volt : (f,) of each record. block : (n,),
-    see `proof.blocks_of`. columns : (n, e) what each of `SHAPES` adds to the residual, in all records
-    at once [V]. white : the same whitened. nuisances, white_nuisances : (n, p) of what follows it.
-    covariances : f of (p, p), of what follows in each record.
+    see `proof.blocks_of`. columns : (n, e) what each of `SHAPES` adds to the residual, in all
+    records at once [V]. white : the same whitened. nuisances, white_nuisances : (n, p) of what
+    follows it. covariances : f of (p, p), of what follows in each record.
     """
 
     stack: object
