@@ -5,6 +5,7 @@ from small_plant import HEALTHY, Truth, case, rounds
 
 from cellwright.effects.case import Gates
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.odds import sure_beside
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.verdict import outcome
 
@@ -44,6 +45,22 @@ def test_a_name_without_proof_gets_the_test_that_proves_it():
     assert sentence.startswith("To prove resistance temperature on a record that is not fitted: ")
     assert menu["test"][0].endswith(("_warm", "_cold"))
     assert menu["chi_square"][0] > 1000.0
+
+
+def test_what_is_not_sure_beside_another_name_gets_the_test_that_proves_it():
+    def unsure(steps):
+        (first, second, *_), shares = steps, 0.6
+        names = [step.chosen.effect.id for step in (first, second)]
+        return sure_beside(
+            steps, outcome(steps, Gates()), {" + ".join(names): shares, names[0]: 1 - shares}
+        )
+
+    truth = Truth(hysteresis=0.012, activation=2.5e4)
+    (menu, sentence, _), result = asked(truth, change=unsure)
+    (named,) = result.steps
+    other = {"hysteresis_instant", "resistance_temperature"} - {named.chosen.effect.id}
+    assert sentence.startswith(f"To prove {other.pop().replace('_', ' ')} on a record")
+    assert menu["test"]
 
 
 def test_a_gap_without_a_near_explanation_is_sought_where_it_sits():

@@ -51,6 +51,14 @@ def test_nothing_missing_names_error_and_noise():
     assert "the noise alone is 1.5 mV" in text
 
 
+def test_what_is_in_the_model_without_a_name_is_told_and_its_work_not_credited_to_the_name():
+    after = {"validation_rmse_volt": {"before": 0.0081, "after": 0.004}}
+    against = {"polarisation_soc": "in the model, too small for a name"}
+    text = said("named", effects=[step(**after)], small=["polarisation_soc"], against=against)
+    assert "from 8.1 mV to 4.0 mV (1.9 mV with what is in the model without a name)" in text
+    assert "Without a name: polarisation over state of charge (in the model, too small" in text
+
+
 @pytest.mark.parametrize("effect", sorted(LIBRARY))
 def test_every_effect_can_be_said(effect):
     text = said("named", effects=[step(effect)])

@@ -1,5 +1,7 @@
 """Which question of a verdict the next test is to answer."""
 
+from itertools import chain
+
 from cellwright.effects.planning.planner import next_test
 from cellwright.effects.story.places import where
 
@@ -13,11 +15,12 @@ def advised(case, result, rounds, library, untestable, place):
 
     1. A tie: what tells the effects apart.
     2. A name that no record shows which was not fitted: the test that would prove it.
-    3. A gap that is larger than anyone would accept: what tells the two nearest explanations of it
+    3. An effect that is not sure enough for a name beside another: the test that would prove it.
+    4. A gap that is larger than anyone would accept: what tells the two nearest explanations of it
        apart, or would prove the only one, where they take a quarter of the gap and a test of the
        menu at least doubles what the records on hand say. Else the test in which most of the gap
        sits, again, with rests before and after.
-    4. Nothing missing, at one temperature only: whether resistance over temperature is.
+    5. Nothing missing, at one temperature only: whether resistance over temperature is.
 
     Parameters
     ----------
@@ -35,9 +38,11 @@ def advised(case, result, rounds, library, untestable, place):
     if tied is not None:
         after, name = tied.chosen.state, tied.chosen.effect.id
         return _told(next_test(case, after, name, tied.tied, library=library))
-    unproven = next((step for step in result.steps if not step.chosen.proven), None)
-    if unproven is not None:
-        name = unproven.chosen.effect.id
+    unproven = (step.chosen for step in result.steps if not step.chosen.proven)
+    unsure = (step.unsure for step in rounds if step.unsure is not None)
+    asked = next(chain(unproven, unsure), None)
+    if asked is not None:
+        name = asked.effect.id
         return _told(next_test(case, result.last, name, library=library, proof=True))
     if not result.adequate:
         return _of_gap(case, result, rounds[-1], library, place)

@@ -238,9 +238,13 @@ def _unknown(verdict, library, phrases):
 def _named(verdict, library, phrases):
     both, named = verdict["validation_rmse_volt"], verdict["effects"]
     names = _listed(_name(one) for one in named)
+    after = millivolt(both["after"])
+    by_names = millivolt(named[-1]["validation_rmse_volt"]["after"]) if named else after
+    if verdict.get("small") and by_names != after:
+        after = f"{by_names} ({after} with what is in the model without a name)"
     change = (
         f"{'together they take' if len(named) > 1 else 'it takes'} the error {phrases.where} from "
-        f"{millivolt(both['before'])} to {millivolt(both['after'])}"
+        f"{millivolt(both['before'])} to {after}"
     )
     if not both["after"] < both["before"]:
         change = (
