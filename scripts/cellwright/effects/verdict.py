@@ -113,15 +113,7 @@ class Searched(NamedTuple):
 
 
 def searched(case, library):
-    """What a search comes to, under the hold of the current by which it follows the records best.
-
-    The hold is chosen by the model without effects. Where the model with those that were found
-    follows the records better with the other one, or an error that matters has no name at all, the
-    cell is searched with that, too: a fast pair that moves half a sample too late is a resistance
-    several percent too large, and can hide what else there is. The better fit goes on, of the
-    records fitted, each name paid for.
-
-    Where one test alone is read wrongly, that is taken off it, and the search repeated.
+    """What a search comes to; where one test alone is read wrongly, once that is taken off.
 
     Parameters
     ----------
@@ -142,7 +134,14 @@ def searched(case, library):
 
 
 def _under_a_hold(case, library):
-    """What a search comes to, under the hold by which the named model follows the records best."""
+    """What a search comes to, under the hold of the current by which it follows the records best.
+
+    The hold is chosen by the model without effects. Where the model with those that were found
+    follows the records better with the other one, or an error that matters has no name at all, the
+    cell is searched with that, too: a fast pair that moves half a sample too late is a resistance
+    several percent too large, and can hide what else there is. The better fit goes on, of the
+    records fitted, each name paid for.
+    """
     found = _with_holds(case, library)
     if case.otherwise is None or not _doubtful(found):
         return found
