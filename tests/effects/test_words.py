@@ -100,8 +100,11 @@ def test_a_tie_says_both_and_what_to_test():
 def test_what_is_unknown_has_no_name():
     assert "no effect of the vocabulary explains it" in said("unknown")
     text = said("unknown", partial=[step("slow_diffusion")])
-    assert "The nearest explanation, slow diffusion, leaves 1.9 mV" in text
-    assert "too much for it to be named" in text
+    assert "The nearest explanation, slow diffusion, leaves 2.0 mV; it is no name: that" in text
+    because = {"slow_diffusion": "harms some parts too much"}
+    text = said("unknown", partial=[step("slow_diffusion")], against=because)
+    assert text.startswith("Something is missing")
+    assert "it is no name: harms some parts too much." in text
 
 
 @pytest.mark.parametrize(

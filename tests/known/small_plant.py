@@ -43,6 +43,7 @@ class Truth(NamedTuple):
     bend_r1: float = 0.0  # the same of R1 alone
     ripple: float = 0.0  # of the OCV over SoC, which no effect of the library explains [V]
     contact: float = 0.0  # resistance above 1C, which none explains either [ohm]
+    drift: float = 0.0  # of R0 in each hour of a test, relative, nor this
     exchange: float = 0.0  # current of charge transfer half full; 0: none [A]
     charge: float = 0.5  # its transfer coefficient of charge
     ramps: bool = False  # between rows the current moves on a straight line, else it waits
@@ -91,6 +92,7 @@ def simulated(current, celsius, soc, truth):
         slow = factor * np.exp(truth.slope_r1 * (0.5 - charge))
         ohmic = r0 * factor * np.exp(truth.falling * (0.5 - charge)) * load
         ohmic *= 1 + (truth.asymmetry + truth.asymmetry_full * (2 * charge - 1)) * (load > 0)
+        ohmic *= 1 + truth.drift * k * FINE_SECOND / 3600
         ohmic += truth.contact * load * (abs(load) > CAPACITY)
         ohmic += transfer_volt(load, charge, truth) if truth.exchange else 0.0
         if abs(load) > CAPACITY / 100:

@@ -194,7 +194,8 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     split_rest_second : shortest rest that ends a block [s]; None: the model is not fitted again
     without blocks, which only a choice between models asks for.
     """
-    case, rounds, result, shares_of_answers, holds, alone = searched(case, library)
+    found = searched(case, library)
+    case, rounds, result, shares_of_answers, holds, alone, outside = found
     residuals = _map(case, rounds[0].before, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {step.chosen.effect.id for step in result.steps}
@@ -203,7 +204,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     place = worst(residuals, result.floor.validation_volt)
     open_place = None if result.adequate else place
-    menu, advice, test = advised(case, result, rounds, library, untestable, open_place)
+    menu, advice, test = advised(case, result, rounds, library, untestable, open_place, outside)
     verdict = verdict_of(
         *(name, result, rounds, place),
         next_test=advice,
@@ -220,6 +221,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict["next_test_id"] = test
     verdict["probabilities"] = shares_of_answers
     verdict["worsened"] = worsened(residuals)
+    verdict["outside"] = [_outside(trial, result.last, parts_of(case.fit)) for trial in outside]
     kept = bool(result.steps) and result.word in KEPT
     state = result.last if kept else rounds[0].before
     verdict["nuisances"] = stretched(case, state, parts_of(case.fit))
@@ -264,6 +266,19 @@ def _learnable(case, result, filters):
         "ceiling_fit_volt": best.fit_volt,
         "learnable": best.learnable,
     }
+
+
+def _outside(trial, before, parts):
+    """What the vocabulary has no name for: its size, and errors of a State without and with it."""
+    (p, *_), (name, *_) = trial.effect.parameters, trial.effect.names
+    ends = before, trial.state
+    errors = {
+        side: dict(zip(("before", "after"), (getattr(s, side) for s in ends), strict=True))
+        for side in ("rmse_volt", "validation_rmse_volt")
+    }
+    solution = trial.state.solution
+    size = {"value": float(solution.values[name]), "std": stds(solution, parts)[name]}
+    return {"effect": trial.effect.id, "parameter": p.name, "unit": p.unit} | size | errors
 
 
 def _fitted(case, state, whitening, holds, alone, further):

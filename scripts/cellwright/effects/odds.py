@@ -252,6 +252,24 @@ def told(shares, *, sharper=SHARPER):
     return {answer: power / whole for answer, power in powers.items()}
 
 
+def without_name(shares, names):
+    """Probabilities of answers, where some names are shown to be none: what is left of each answer.
+
+    Parameters
+    ----------
+    shares : dict: answer → probability, as told. names : ids of the effects.
+
+    Returns
+    -------
+    shares : the same, the likeliest first; what had no other name is "unknown".
+    """
+    left = {}
+    for answer, share in shares.items():
+        kept = " + ".join(one for one in answer.split(" + ") if one not in names) or "unknown"
+        left[kept] = left.get(kept, 0.0) + share
+    return dict(sorted(left.items(), key=lambda pair: (-pair[1], pair[0])))
+
+
 def probability_of(shares, names):
     """Probability that a cell shows one of some effects, whatever else it shows [1].
 

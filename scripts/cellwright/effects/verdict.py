@@ -5,15 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.effects.candidates import judged, neutral, trial_of
 from cellwright.effects.ceiling import reached
-from cellwright.effects.odds import likely, probabilities, sure_beside, told
-from cellwright.effects.proof import left_volt
+from cellwright.effects.library.outside import OUTSIDE
+from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.odds import likely, probabilities, sure_beside, told, without_name
+from cellwright.effects.proof import left_volt, significant
 from cellwright.effects.search import beside_names, search, up_to
 from cellwright.effects.stated.readings import corrected, misread
 from cellwright.numerics.least_squares import fit, stds
 
 READ_ANEW = 2  # times at most that an error of reading is taken off and the search repeated
 IMPOSSIBLE = "refitted with all others its size is at the limit of what it can be"
+OUTDONE = "more is explained if, in its place, {}"
 REFUSED = (
     "refitted with all others it makes the error on the records that judge larger",
     "other choices of the blocks name it in less than half of the cases",
@@ -101,7 +105,8 @@ class Searched(NamedTuple):
 
     holds : Solutions of the last model under the hold of the case and under the other one, by the
     same noise; () where that was not asked. alone : Solution of the model of the names without what
-    joined them at the end, see `beside_names`; None where nothing did.
+    joined them at the end, see `beside_names`; None where nothing did. outside : Trials, beside the
+    last model, of what the vocabulary has no name for and what is left shows.
     """
 
     case: object
@@ -110,6 +115,7 @@ class Searched(NamedTuple):
     shares: dict
     holds: tuple = ()
     alone: object = None
+    outside: tuple = ()
 
 
 def searched(case, library):
@@ -153,7 +159,7 @@ def _under_a_hold(case, library):
 def _with_holds(case, library):
     """What a search under the hold of the case comes to, and its last model under either."""
     found = _beside_small(Searched(case, *decided(case, search(case, library))))
-    return _by_both_holds(_of_possible_sizes(found))
+    return _by_both_holds(_without_outdone(_of_possible_sizes(found), library))
 
 
 def _beside_small(found):
@@ -190,6 +196,61 @@ def _of_possible_sizes(found):
     rounds = up_to(found.rounds, refused)
     result = outcome(rounds, found.case.gates)._replace(refused=refused, why_refused=IMPOSSIBLE)
     return found._replace(rounds=rounds, result=result, alone=None)
+
+
+def _without_outdone(found, library):
+    """The same up to the first name in whose place a rival outside the vocabulary explains more.
+
+    With such rivals as what is left in the end shows: beside a name that was outdone, or where
+    more is left than anyone would accept.
+    """
+    rounds, result, shares = found.rounds, found.result, found.shares
+    rivals = ((step, _rival_of(found, step, library)) for step in result.steps)
+    step, rival = next((pair for pair in rivals if pair[1] is not None), (None, None))
+    if rival is not None:
+        rounds, why = up_to(rounds, step), OUTDONE.format(rival.sentence)
+        result = outcome(rounds, found.case.gates)._replace(refused=step, why_refused=why)
+        # What would have been a name is there, however little of it.
+        result = result if result.steps else result._replace(word="unknown")
+        shares = without_name(shares, (step.chosen.effect.id, *step.tied))
+        found = Searched(found.case, rounds, result, shares)
+    elif result.adequate:
+        return found
+    return found._replace(outside=_shown_outside(found, library))
+
+
+def _shown_outside(found, library):
+    """Trials of what is outside the vocabulary and somebody would act on, beside the last model."""
+    case, last, filters = found.case, found.result.last, found.rounds[-1].filters
+    first = found.rounds[0].before
+    trials = judged(case, last, _trials_outside(case, last, filters, library), filters)
+    shown = (trial for trial in trials if significant(case.gates, trial))
+    return tuple(t for t in shown if case.matters(first, last, t, found.result.floor))
+
+
+def _rival_of(found, step, library):
+    """The Effect outside the vocabulary that explains more than a name in its place, or None."""
+    case, last, filters = found.case, found.result.last, found.rounds[-1].filters
+    mine = step.chosen.effect
+    others = last._replace(effects=tuple(one for one in last.effects if one is not mine))
+    before = case.state(others.effects, _fit_of(case, others, filters), filters)
+    named = trial_of(case, before, mine, last.effects, 0.0, last.solution, filters)
+    trials = [named, *_trials_outside(case, before, filters, library)]
+    best = judged(case, before, trials, filters)[0]
+    return best.effect if best.effect is not mine and significant(case.gates, best) else None
+
+
+def _trials_outside(case, before, filters, library):
+    """Trials, not judged yet, of each effect outside the vocabulary beside a State."""
+    trials = []
+    for effect in OUTSIDE.values():
+        # First of their stage: the heat of the core is that of the resistances in the end.
+        effects = in_order((*before.effects, effect), OUTSIDE | library)
+        values = before.solution.values | neutral(effect)
+        begun = before._replace(effects=effects, solution=before.solution._replace(values=values))
+        solution = _fit_of(case, begun, filters)
+        trials.append(trial_of(case, before, effect, effects, 0.0, solution, filters))
+    return trials
 
 
 def _doubtful(found):

@@ -10,23 +10,24 @@ NEAR = 0.25  # share of the squared gap that an explanation near enough to be te
 DOUBLED = 2.0  # what a test makes of the chi-square on hand: explanations told apart are both wrong
 
 
-def advised(case, result, rounds, library, untestable, place):
+def advised(case, result, rounds, library, untestable, place, outside=()):
     """Menu of next tests and advice of one, for the most urgent open question.
 
     1. A tie: what tells the effects apart.
     2. A name that no record shows which was not fitted: the test that would prove it.
     3. An effect that is not sure enough for a name beside another: the test that would prove it.
-    4. A gap that is larger than anyone would accept: what tells the two nearest explanations of it
+    4. What the vocabulary has no name for: the test that shows it.
+    5. A gap that is larger than anyone would accept: what tells the two nearest explanations of it
        apart, or would prove the only one, where they take a quarter of the gap and a test of the
        menu at least doubles what the records on hand say. Else the test in which most of the gap
        sits, again, with rests before and after.
-    5. Nothing missing, at one temperature only: whether resistance over temperature is.
+    6. Nothing missing, at one temperature only: whether resistance over temperature is.
 
     Parameters
     ----------
     case : case.Case. result : verdict.Outcome. rounds : list of search.Round.
     library : dict of Effect by id. untestable : ids that the records cannot show.
-    place : dict, see `judge.worst`; None: unknown.
+    place : dict, see `judge.worst`; None: unknown. outside : Trials, see `verdict.Searched`.
 
     Returns
     -------
@@ -44,6 +45,9 @@ def advised(case, result, rounds, library, untestable, place):
     if asked is not None:
         name = asked.effect.id
         return _told(next_test(case, result.last, name, library=library, proof=True))
+    if outside:
+        effect = outside[0].effect
+        return {}, f"To see whether {effect.sentence}: {effect.shows}.", None
     if not result.adequate:
         return _of_gap(case, result, rounds[-1], library, place)
     # Of effects that could not be tested, resistance over temperature is what most cells have.

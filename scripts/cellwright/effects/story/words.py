@@ -31,6 +31,7 @@ NAMES = {
     "voltage_gain": "a gain error of the voltage reading",
     "time_skew": "a time shift between voltage and current",
     "lead_resistance": "lead resistance",
+    "resistance_drift": "a resistance that drifts while a test runs",
     "none": "nothing missing",
     "unknown": "something unknown",
 }
@@ -155,9 +156,9 @@ def paragraph(verdict, library, phrases=None):
     Parameters
     ----------
     verdict : dict, as `verdict.verdict_of` makes it. Of its fields base, remainder, nuisances,
-        floors, probabilities, worsened and, of an effect, sizes, proof, blocks and probability,
-        each is told where it is there. library : dict of Effect by id. phrases : Phrases, None:
-        those of the verdict's base.
+        floors, probabilities, worsened, outside, against and, of an effect, sizes, proof, blocks
+        and probability, each is told where it is there. library : dict of Effect by id. phrases :
+        Phrases, None: those of the verdict's base.
 
     Returns
     -------
@@ -171,6 +172,7 @@ def paragraph(verdict, library, phrases=None):
         *_as_given(verdict),
         *_remainder(verdict),
         *_worsened(verdict),
+        *_outside(verdict),
         *_stretched(verdict.get("nuisances") or []),
         *_probabilities(verdict),
     ]
@@ -228,11 +230,10 @@ def _unknown(verdict, library, phrases):
     )
     if not verdict["partial"]:
         return [f"{text}; {phrases.none} explains it."]
-    names = _listed(_name(one) for one in verdict["partial"])
-    return [
-        f"{text}. The nearest explanation, {names}, leaves {millivolt(both['after'])}, too much "
-        f"for it to be named."
-    ]
+    names, last = _listed(_name(one) for one in verdict["partial"]), verdict["partial"][-1]
+    left = millivolt(last["validation_rmse_volt"]["after"])
+    why = (verdict.get("against") or {}).get(last["effect"], "that is too much")
+    return [f"{text}. The nearest explanation, {names}, leaves {left}; it is no name: {why}."]
 
 
 def _named(verdict, library, phrases):
@@ -353,6 +354,18 @@ def _worsened(verdict):
     listed = _listed(f"by {millivolt(one['volt'])} {where(one)}" for one in fields)
     more = len(verdict["worsened"]) - len(fields)
     return [f"Worse than before {listed}{f', and in {more} more places' if more else ''}."]
+
+
+def _outside(verdict):
+    """What the records show that the vocabulary has no name for, and is not in the model."""
+    for one in verdict.get("outside") or []:
+        size = Size("", 100 * one["value"], 100 * one["std"], "% in an hour").text.strip()
+        both = one["validation_rmse_volt"]
+        yield (
+            f"No name of the vocabulary, and not in the model: it looks like "
+            f"{name_of_effect(one['effect'])} ({size}). With that the error would be "
+            f"{millivolt(both['after'])} in place of {millivolt(both['before'])}."
+        )
 
 
 def _stretched(nuisances):

@@ -1,0 +1,37 @@
+"""What records can show and the vocabulary has no name for: rivals that a name has to beat.
+
+None of them is ever a name, or in a model. Where one of them in the place of a name explains more,
+the answer is unknown, and says what it looks like instead.
+"""
+
+import numpy as np
+
+from cellwright.effects.library.vocabulary import Effect, Parameter
+
+LEAST = 0.05  # of a resistance that drifts
+
+
+def _drift(fields, stack, p):
+    hours = stack.second / 3600.0
+    return fields._replace(r0=fields.r0 * np.maximum(1.0 + p["relative_per_hour"] * hours, LEAST))
+
+
+EFFECTS = (
+    # A contact that warms or works loose, or a cell that is not yet at its temperature.
+    Effect(
+        id="resistance_drift",
+        sentence="the ohmic resistance drifts while a test runs",
+        parameters=(
+            Parameter(
+                *("relative_per_hour", "1/h", 0.0, -1.0, 5.0),
+                step=1e-2,
+                plausible=0.1,
+                material=1e-2,
+            ),
+        ),
+        stage="resistance",
+        act=_drift,
+        shows="the same pulses at the same state of charge, first and last in a test of hours",
+    ),
+)
+OUTSIDE = {effect.id: effect for effect in EFFECTS}
