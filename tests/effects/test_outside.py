@@ -1,5 +1,6 @@
 """What the vocabulary has no name for: told as such where it explains more than a name."""
 
+import numpy as np
 import pytest
 from small_plant import HEALTHY, Truth, case
 
@@ -40,6 +41,17 @@ def test_a_name_in_whose_place_a_drift_explains_more_is_refused_with_the_reason(
 def test_so_is_a_larger_one_and_one_that_falls(drift):
     (told,) = of_case("cell", case(Truth(drift=drift)), LIBRARY).verdict["outside"]
     assert told["value"] == pytest.approx(drift, abs=3 * told["std"] + 0.02)
+
+
+@pytest.mark.parametrize("drift", [0.4, -0.25])
+def test_a_drift_that_ends_is_no_name_either(drift):
+    """The rival's law is linear; a contact that warms has another."""
+    verdict = of_case("cell", case(Truth(drift=drift, settling=1200.0)), LIBRARY).verdict
+    assert verdict["verdict"] == "unknown"
+    (told,) = verdict["outside"]
+    assert np.sign(told["value"]) == np.sign(drift)
+    after = told["validation_rmse_volt"]["after"]
+    assert after < 0.5 * told["validation_rmse_volt"]["before"]
 
 
 @pytest.mark.parametrize(

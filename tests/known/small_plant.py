@@ -44,6 +44,7 @@ class Truth(NamedTuple):
     ripple: float = 0.0  # of the OCV over SoC, which no effect of the library explains [V]
     contact: float = 0.0  # resistance above 1C, which none explains either [ohm]
     drift: float = 0.0  # of R0 in each hour of a test, relative, nor this
+    settling: float = 0.0  # time constant with which it drifts by that instead; 0: steadily [s]
     exchange: float = 0.0  # current of charge transfer half full; 0: none [A]
     charge: float = 0.5  # its transfer coefficient of charge
     ramps: bool = False  # between rows the current moves on a straight line, else it waits
@@ -76,6 +77,13 @@ def transfer_volt(load, soc, truth):
     return THERMAL_VOLT * x
 
 
+def drifted(second, truth):
+    """Factor of the ohmic resistance so long after a test began."""
+    hour = second / 3600
+    course = -np.expm1(-second / truth.settling) if truth.settling else hour
+    return 1 + truth.drift * course
+
+
 def simulated(current, celsius, soc, truth):
     """Voltage [V] on fine steps under the true current [A]; rest before."""
     r0, r1, r2 = 0.026, 0.011, 0.013
@@ -92,7 +100,7 @@ def simulated(current, celsius, soc, truth):
         slow = factor * np.exp(truth.slope_r1 * (0.5 - charge))
         ohmic = r0 * factor * np.exp(truth.falling * (0.5 - charge)) * load
         ohmic *= 1 + (truth.asymmetry + truth.asymmetry_full * (2 * charge - 1)) * (load > 0)
-        ohmic *= 1 + truth.drift * k * FINE_SECOND / 3600
+        ohmic *= drifted(k * FINE_SECOND, truth)
         ohmic += truth.contact * load * (abs(load) > CAPACITY)
         ohmic += transfer_volt(load, charge, truth) if truth.exchange else 0.0
         if abs(load) > CAPACITY / 100:
