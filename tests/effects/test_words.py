@@ -260,6 +260,9 @@ def test_one_line_for_both_models():
         "its model lacks something without a name, 1.9 mV near full"
     )
     assert one_line(verdict("unknown")) == "shows something without a name, 1.9 mV"
+    like = verdict("unknown") | {"outside": [{"effect": "resistance_drift"}]}
+    told = "1.9 mV, which looks like a resistance that drifts while a test runs"
+    assert one_line(like) == f"shows something without a name, {told}"
     bent = own | {"as_given_rmse_volt": {"fit": 2e-3, "validation": 1.2e-3}}
     assert one_line(verdict("none"), bent).endswith("without a name, 1.2 mV near full")
 

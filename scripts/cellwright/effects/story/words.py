@@ -103,7 +103,7 @@ def _shows(verdict):
     if verdict["verdict"] == "none":
         return "shows nothing beyond a plain circuit"
     if not names:
-        return f"shows something without a name, {millivolt(_open(verdict))}{_in_place(verdict)}"
+        return f"shows {_without_name(verdict, _open(verdict))}"
     return f"shows {names}"
 
 
@@ -117,7 +117,14 @@ def _lacks(model, own):
     # Freed to follow the records fitted, a model may err by more than it does as it is.
     left = _open(own)
     most = min(left, (own.get("as_given_rmse_volt") or {}).get("validation", left))
-    return f"{model} lacks something without a name, {millivolt(most)}{_in_place(own)}"
+    return f"{model} lacks {_without_name(own, most)}"
+
+
+def _without_name(verdict, volt):
+    """What is unknown: how large, where, and what outside the vocabulary it looks like."""
+    like = [name_of_effect(one["effect"]) for one in verdict.get("outside") or []]
+    seems = f", which looks like {_listed(like)}" if like else ""
+    return f"something without a name, {millivolt(volt)}{_in_place(verdict)}{seems}"
 
 
 def _open(verdict):
