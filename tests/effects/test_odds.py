@@ -107,14 +107,22 @@ def test_a_block_of_weight_two_counts_as_if_it_were_there_twice():
     assert consistency_of(sums, weights, **limit)[0] == pytest.approx(wanted)
 
 
-@pytest.mark.parametrize(("second", "names"), [(0.95, 2), (0.85, 1)])
-def test_beside_the_likeliest_name_one_that_is_not_sure_stays_in_the_model_without_a_name(
-    second, names
+COURSES = Truth(activation=2.5e4, falling=0.9)
+COURSE, NUMBER = "resistance_temperature", "hysteresis_instant"
+PAIR = Truth(hysteresis=0.012, activation=2.5e4)
+
+
+@pytest.mark.parametrize(
+    ("truth", "both", "names"),
+    [(COURSES, 0.95, 2), (COURSES, 0.85, 1), (PAIR, 0.6, 2)],
+    ids=["a sure one", "one that is not", "one number"],
+)
+def test_beside_the_likeliest_name_only_one_that_is_sure_or_of_one_number_is_a_name(
+    truth, both, names
 ):
-    truth = Truth(hysteresis=0.012, activation=2.5e4)
     steps = rounds(truth)
     first, other = (step.chosen.effect.id for step in outcome(steps, Gates()).steps)
-    shares = {" + ".join(sorted([first, other])): second, first: 1.0 - second}
+    shares = {" + ".join(sorted([first, other])): both, first: 1.0 - both}
     steps = odds.sure_beside(steps, outcome(steps, Gates()), shares)
     result = outcome(steps, Gates())
     verdict = verdict_of("cell", result, steps, None)
@@ -126,14 +134,16 @@ def test_beside_the_likeliest_name_one_that_is_not_sure_stays_in_the_model_witho
 
 
 def test_two_names_that_are_not_sure_both_lose_it_to_the_likeliest():
-    steps = rounds(Truth(hysteresis=0.012, activation=2.5e4))
+    steps = rounds(PAIR)
     first, last = outcome(steps, Gates()).steps
-    steps = [first, last._replace(chosen=last.trials[-1]), last, steps[-1]]
-    kept = [step.chosen.effect.id for step in steps[:3]]
-    every = outcome(steps, Gates())._replace(steps=tuple(steps[:3]))
-    steps = odds.sure_beside(steps, every, {" + ".join(kept): 0.8, kept[2]: 0.2})
+    trials = {trial.effect.id: trial for step in steps for trial in step.trials}
+    entropy = first._replace(chosen=trials["entropic_ocv"])
+    steps = [entropy, last._replace(chosen=trials[COURSE]), last, steps[-1]]
+    every = outcome(rounds(PAIR), Gates())._replace(steps=tuple(steps[:3]))
+    shares = {f"entropic_ocv + {COURSE} + {NUMBER}": 0.8, NUMBER: 0.2}
+    steps = odds.sure_beside(steps, every, shares)
     assert [step.chosen is None for step in steps] == [True, True, False, True]
-    assert [trial.effect.id for trial in steps[-1].small] == kept[:2]
+    assert [trial.effect.id for trial in steps[-1].small] == ["entropic_ocv", COURSE]
 
 
 def test_a_name_by_itself_may_be_unsure():

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
+from cellwright.effects.candidates import frees_of
 from cellwright.effects.proof import (
     ALIKE,
     block_sums,
@@ -301,11 +302,18 @@ def likely(rounds, result, shares):
     return rounds, None
 
 
-def sure_beside(rounds, result, shares):
-    """Rounds in which beside the likeliest name only those that are sure are names.
+def _bends(effect):
+    """Whether a fit moves more than one number of an effect."""
+    return len(frees_of(effect)) > 1
 
-    What another choice of the parts leaves out is seldom right beside a name that explains more. It
-    stays in the model, without a name.
+
+def sure_beside(rounds, result, shares):
+    """Rounds in which beside the likeliest name only those that are sure, or of one number, are.
+
+    What another choice of the parts leaves out is seldom right beside a name that explains more: a
+    course over SoC, or a shape with a size, bends to what the first name's own form leaves. One
+    number (an offset, a leak) cannot, and has to be likely only. What is no name stays in the model
+    without one.
 
     Parameters
     ----------
@@ -318,7 +326,7 @@ def sure_beside(rounds, result, shares):
     odds = [probability_of(shares, (s.chosen.effect.id, *s.tied)) for s in result.steps]
     likeliest = max(odds, default=1.0)
     pairs = zip(result.steps, odds, strict=True)
-    unsure = {id(step) for step, p in pairs if p < min(SURE, likeliest)}
+    unsure = {id(s) for s, p in pairs if p < min(SURE, likeliest) and _bends(s.chosen.effect)}
     for place in [n for n, step in enumerate(rounds) if id(step) in unsure]:
         step = rounds[place]
         dropped = (*step.dropped, step.chosen.effect.key)
