@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 import cellwright as cw
-from cellwright.effects import search
 from cellwright.effects.finding import KEPT, model_of
 from cellwright.effects.given.paired import paired
 from cellwright.effects.groups.finding import KnownCell
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.proof import excess_volt, explained, significant
 from cellwright.effects.records import parts_of
-from cellwright.effects.verdict import decided, entry_of, gap_closed, outcome, searched, verdict_of
+from cellwright.effects.verdict import entry_of, gap_closed, outcome, searched, verdict_of
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 from effect_benchmark import campaign, controls
@@ -28,16 +27,16 @@ RANDOM, PERMUTED, EXTRA = "random_term", "permuted_current", "extra_rc"
 ONE_TEMPERATURE, BLIND = "one_temperature", "no_branch_currents"
 
 
-def verdict_of_search(cell: str, case, rounds) -> dict:
-    """The verdict of a search, without the maps and plots of the pipeline.
+def verdict_of_search(cell: str, found) -> dict:
+    """The verdict of a search as in the pipeline, without its maps and plots.
 
     Parameters
     ----------
-    cell : its name. case : case.Case. rounds : list of search.Round.
+    cell : its name. found : cellwright.effects.verdict.Searched.
     """
-    rounds, result, _ = decided(case, rounds)
-    parts = parts_of(case.fit)
-    return verdict_of(cell, result, rounds, None, entry=lambda *of: entry_of(*of, parts))
+    parts = parts_of(found.case.fit)
+    entry = {"entry": lambda *of: entry_of(*of, parts)}
+    return verdict_of(cell, found.result, found.rounds, None, **entry)
 
 
 def plain_names(names) -> dict:
@@ -211,24 +210,24 @@ def _paired_rows(work, cell, case):
 
 
 def _searched(cell, case):
-    """(row of the search, its rounds)"""
+    """(row of the search, what it found)"""
     begun = time.process_time()
-    rounds = search.search(case, LIBRARY)
+    found = searched(case, LIBRARY)
     spent = time.process_time() - begun
-    verdict = verdict_of_search(cell, case, rounds)
-    return _row(cell, SEARCH, verdict, rounds=len(rounds), cpu_second=spent), rounds
+    verdict = verdict_of_search(cell, found)
+    return _row(cell, SEARCH, verdict, rounds=len(found.rounds), cpu_second=spent), found
 
 
 def _cell_rows(work, cell, case, controlled):
-    row, rounds = _searched(cell, case)
-    first, gates = rounds[0], case.gates
+    row, found = _searched(cell, case)
+    case, first, gates = found.case, found.rounds[0], found.case.gates
     rows = [row, _row(cell, BIC, bic_alone(first, gates))]
     rows.append(_row(cell, VALIDATION, validation_alone(first, gates)))
     if not controlled:
         return rows
     if without := work.left_out.get(cell):
         rest = {name: effect for name, effect in LIBRARY.items() if name not in without}
-        verdict = verdict_of_search(cell, case, search.search(case, rest))
+        verdict = verdict_of_search(cell, searched(case, rest))
         rows.append(_row(cell, LEFT_OUT, verdict))
     return rows + _control_rows(cell, case, first, work.seed)
 

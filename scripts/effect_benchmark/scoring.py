@@ -181,7 +181,10 @@ def goals(table: pd.DataFrame) -> list:
 
 def _tie_handled(table):
     """Rows whose tie of two effects is stated, or resolved by the log at rest."""
-    return (table["verdict"] == "ambiguous") | (table["said"] == table["hidden"])
+    said, hidden = (
+        table[column].str.split(" + ", regex=False).map(set) for column in ("said", "hidden")
+    )
+    return (table["verdict"] == "ambiguous") | (said == hidden)
 
 
 def _extra(table):

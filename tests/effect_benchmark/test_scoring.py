@@ -78,6 +78,18 @@ def test_goals_count_what_they_say(table):
     assert found["CPU time a cell and round, median"].value == pytest.approx(0.75)
 
 
+@pytest.mark.parametrize(("names", "handled"), [(["leakage", "time_skew"], 1), (["time_skew"], 0)])
+def test_of_two_names_one_that_the_log_at_rest_resolves_may_be_told_first(tmp_path, names, handled):
+    both = hidden("h0001", "two", "time_skew", "leakage")
+    both["effects"][1]["accept"] = ["leakage", "current_offset"]
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps([both]))
+    judged = scoring.judged(tmp_path, [answer("h0001", "named", *names)])
+    goals = {one.name: one for one in scoring.goals(judged)}
+    found = goals["offset or leak: as a tie, or by the log at rest"]
+    assert (found.hits, found.of) == (handled, handled)
+
+
 def test_without_its_class_unknown_is_right(table):
     found = {one.name: one.hits for one in scoring.left_out(table)}
     assert found["called unknown"] == 1
