@@ -49,6 +49,9 @@ MISREAD = {
     "voltage_delay": ("the voltage is behind the current by", "s", 1.0),
 }
 
+# Units of sizes outside the vocabulary, as they are told, over those of the verdict.
+TOLD_IN = {"1/h": ("% in an hour", 1e2)}
+
 
 class Phrases(NamedTuple):
     """How a paragraph speaks of what was searched.
@@ -366,7 +369,8 @@ def _worsened(verdict):
 def _outside(verdict):
     """What the records show that the vocabulary has no name for, and is not in the model."""
     for one in verdict.get("outside") or []:
-        size = Size("", 100 * one["value"], 100 * one["std"], "% in an hour").text.strip()
+        unit, factor = TOLD_IN.get(one["unit"], (one["unit"], 1.0))
+        size = Size("", factor * one["value"], factor * one["std"], unit).text.strip()
         both = one["validation_rmse_volt"]
         yield (
             f"No name of the vocabulary, and not in the model: it looks like "
