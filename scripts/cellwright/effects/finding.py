@@ -194,8 +194,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     split_rest_second : shortest rest that ends a block [s]; None: the model is not fitted again
     without blocks, which only a choice between models asks for.
     """
-    found = searched(case, library)
-    case, rounds, result, shares_of_answers, holds, alone, outside = found
+    case, rounds, result, shares_of_answers, holds, alone, outside = searched(case, library)
     residuals = _map(case, rounds[0].before, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {step.chosen.effect.id for step in result.steps}
@@ -218,8 +217,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
         names = entry["effect"], *entry["alternatives"]
         entry["probability"] = probability_of(shares_of_answers, names)
     verdict["remainder"] |= _learnable(case, result, rounds[-1].filters)
-    verdict["next_test_id"] = test
-    verdict["probabilities"] = shares_of_answers
+    verdict |= {"next_test_id": test, "probabilities": shares_of_answers}
     verdict["worsened"] = worsened(residuals)
     verdict["outside"] = [_outside(trial, result.last, parts_of(case.fit)) for trial in outside]
     kept = bool(result.steps) and result.word in KEPT
