@@ -216,7 +216,14 @@ def _without_outdone(found, library):
         found = Searched(found.case, rounds, result, shares)
     elif result.adequate:
         return found
-    return found._replace(outside=_shown_outside(found, library))
+    outside = _shown_outside(found, library)
+    best = max((trial.j for trial in rounds[-1].trials), default=0.0)
+    if any(trial.j > best for trial in outside):
+        # Nor is a name likely that would explain less beside the last model.
+        kept = {name for one in result.steps for name in (one.chosen.effect.id, *one.tied)}
+        others = {one for answer in shares for one in answer.split(" + ")} - kept
+        shares = without_name(shares, others - {"none"})
+    return found._replace(outside=outside, shares=shares)
 
 
 def _shown_outside(found, library):
