@@ -22,9 +22,9 @@ def test_a_resistance_that_drifts_is_unknown_and_told_with_its_size():
     for side in ("rmse_volt", "validation_rmse_volt"):
         assert told[side]["before"] == verdict[side]["after"]
         assert told[side]["after"] < 2.2e-3 < told[side]["before"]
-    assert (
-        "No name of the vocabulary, and not in the model: it looks like a" in verdict["paragraph"]
-    )
+    looks = "What is left looks like a resistance that drifts while a test runs (25"
+    assert looks in verdict["paragraph"]
+    assert "no name in the vocabulary and is not in the model: with it" in verdict["paragraph"]
     assert verdict["next_test"].startswith("To see whether the ohmic resistance drifts")
     assert next(iter(verdict["probabilities"])) == "unknown"
     assert set(verdict["probabilities"]) == {"unknown", "none"}

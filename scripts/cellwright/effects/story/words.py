@@ -373,8 +373,8 @@ def _outside(verdict):
         size = Size("", factor * one["value"], factor * one["std"], unit).text.strip()
         both = one["validation_rmse_volt"]
         yield (
-            f"No name of the vocabulary, and not in the model: it looks like "
-            f"{name_of_effect(one['effect'])} ({size}). With that the error would be "
+            f"What is left looks like {name_of_effect(one['effect'])} ({size}), which has no name "
+            f"in the vocabulary and is not in the model: with it the error would be "
             f"{millivolt(both['after'])} in place of {millivolt(both['before'])}."
         )
 
