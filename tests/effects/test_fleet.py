@@ -79,6 +79,16 @@ def test_ties_parts_and_unproven_names_are_unsure():
     )
 
 
+def test_what_looks_like_something_outside_the_vocabulary_shows_no_name():
+    drifts = verdict("B", word="unknown", partial=[entry("leakage")])
+    drifts["outside"] = [{"effect": "resistance_drift"}]
+    result = of(verdict("A", word="none"), drifts)
+    assert result.entries == ()
+    assert result.sentences["NMC, 5 Ah"] == (
+        "none of 2 cells shows an effect; something without a name is left in B"
+    )
+
+
 def test_a_witness_that_contradicts_makes_a_name_unsure():
     told = {"cell": "A", "effect": "leakage", "name": "rest", "says": "contradicts", "shown": False}
     result = of(verdict("A", entry("leakage")), verdict("B", entry("leakage")), witnesses=[told])

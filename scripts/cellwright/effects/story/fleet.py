@@ -88,7 +88,9 @@ def _shown(verdict, witnesses):
     for one in verdict["effects"]:
         against = doubts(one, [row for row in mine if row["effect"] == one["effect"]])
         shown[one["effect"]] = "unsure" if against else "sure", _size_volt(one)
-    for one in verdict.get("partial", []):
+    # What looks like something outside the vocabulary does not show the name that comes nearest.
+    nearest = [] if verdict.get("outside") else verdict.get("partial", [])
+    for one in nearest:
         shown[one["effect"]] = "unsure", _size_volt(one)
     tied = [name for one in verdict["effects"] for name in one["alternatives"]]
     return dict.fromkeys(tied, ("or another", None)) | shown
