@@ -99,21 +99,40 @@ def draw_resistance_growth(growth):
 
 
 def draw_fleet(rows, lines):
-    """Mean resistance against capacity, one panel a type, with its line; outliers are named.
+    """Fleets, a row a type: mean resistance over capacity with its line, and capacity as predicted.
 
-    `rows` and `lines` are rows of tables/fleet_health and tables/fleet_health_lines as numbers.
+    Outliers are named. `rows` and `lines` are rows of tables/fleet_health and
+    tables/fleet_health_lines as numbers.
     """
     types = [line for line in lines if np.isfinite(line["slope_ohm_per_ampere_hour"])]
     if not types:
         reasons = "; ".join(f"{line['type']}: {line['verdict']}" for line in lines)
         return style.message(reasons or "no type has two cells with capacity and resistance")
-    figure, axes = style.subplots(1, len(types), width=5.0 * len(types), height=3.6)
-    for panel, line in zip(axes[0], types, strict=True):
-        _fleet_panel(panel, [row for row in rows if row["type"] == line["type"]], line)
+    figure, axes = style.subplots(len(types), 2, width=10.0, height=3.6 * len(types))
+    for pair, line in zip(axes, types, strict=True):
+        cells = [row for row in rows if row["type"] == line["type"]]
+        known = [row for row in cells if np.isfinite(row["error_ampere_hour"])]
+        _resistance_panel(pair[0], known, line)
+        _prediction_panel(pair[1], known, line)
     return figure
 
 
-def _fleet_panel(axes, cells, line):
+def _prediction_panel(axes, cells, line):
+    """Capacity of each cell as the others predict it from its resistances, over the known one."""
+    capacity, predicted, std = (
+        np.array([cell[f"{name}_ampere_hour"] for cell in cells])
+        for name in ("capacity", "predicted", "predicted_std")
+    )
+    axes.errorbar(capacity, predicted, 1.96 * std, fmt="o", color=style.MEASURED, elinewidth=0.6)
+    ends = np.array([capacity.min(), capacity.max()])
+    axes.plot(ends, ends, color=style.SERIES[1])
+    axes.set(xlabel="capacity [Ah]", ylabel="from resistance, cell left out, 95 % [Ah]")
+    axes.set_title(
+        f"from {line['socs']:.0f} resistances over SoC: to {100 * line['held_out_share']:.1f} %"
+    )
+
+
+def _resistance_panel(axes, cells, line):
     """One type of cells: points, line, names of outliers."""
     capacity = np.array([cell["capacity_ampere_hour"] for cell in cells])
     resistance = 1e3 * np.array([cell["resistance_ohm"] for cell in cells])
@@ -127,4 +146,5 @@ def _fleet_panel(axes, cells, line):
     law = 1e3 * (line["intercept_ohm"] + line["slope_ohm_per_ampere_hour"] * ends)
     axes.plot(ends, law, color=style.SERIES[1])
     axes.set(xlabel="capacity [Ah]", ylabel=f"mean resistance over SoC, {line['delay']} [mΩ]")
-    axes.set_title(f"{line['type']}: left-out cell to {100 * line['held_out_share']:.1f} %")
+    by_line = line["line_held_out_rms_ampere_hour"] / np.mean(capacity)
+    axes.set_title(f"{line['type']}: by the line, cell left out to {100 * by_line:.1f} %")

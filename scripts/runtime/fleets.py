@@ -5,19 +5,21 @@ from cellwright.refusal import Refusal
 from runtime import artefact
 
 
-def resistance_tables(paths, types) -> tuple[list, list]:
+def resistance_tables(check_ups, resistances, types) -> tuple[list, list]:
     """Rows of tables/fleet_health and of tables/fleet_health_lines.
 
     Parameters
     ----------
-    paths : artefacts of stage `checkups`. types : cells of each type, by its name.
+    check_ups, resistances : artefacts of stages `checkups`, `resistance_growth`. types : cells of
+        each type, by its name.
     """
-    first = {}
-    for columns, about in artefact.load_all(paths):
-        first[about["wildcards"]["cell"]] = artefact.rows(columns)[0]
+    rated, pulses = (
+        {about["wildcards"]["cell"]: artefact.rows(columns) for columns, about in loaded}
+        for loaded in map(artefact.load_all, (check_ups, resistances))
+    )
     cells, lines = [], []
     for name, names in types.items():
-        told = [(cell, first[cell]) for cell in names if cell in first]
+        told = [(cell, rated[cell][0], pulses.get(cell, [])) for cell in names if cell in rated]
         try:
             found = cw.fleet_resistance(told)
         except Refusal as refusal:

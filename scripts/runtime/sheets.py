@@ -264,6 +264,9 @@ def _cells(cells):
     yield from _repeated(cells, "cell")
     for row, place in zip(cells.rows, cells.places, strict=True):
         low, high = row["lower_cutoff_volt"], row["upper_cutoff_volt"]
+        if row["state_of_health"] and not row["rated_capacity_ampere_hour"]:
+            wanted = "a rated_capacity_ampere_hour in the same row, which it refers to"
+            yield fault(f"{place}, state_of_health", row["state_of_health"], wanted)
         if None not in (low, high) and low >= high:
             yield fault(
                 f"{place}, upper_cutoff_volt", high, f"more than lower_cutoff_volt, {low:g}"

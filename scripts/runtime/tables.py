@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 from runtime import artefact
 from runtime.artefact import stage_of
@@ -188,8 +189,12 @@ def summary(cells, tables, models) -> "DataFrame":
 
 
 def _summary_row(facts, of_cell, model) -> dict:
-    capacity = model.get("capacity_ampere_hour") or _slowest(of_cell["capacity"])
     rated, scored = facts["rated_capacity_ampere_hour"], of_cell["validation"]
+    capacity = model.get("capacity_ampere_hour") or _slowest(of_cell["capacity"])
+    notes = model.get("notes", [])
+    if capacity is None and facts.get("state_of_health"):
+        capacity, source = stated_capacity(rated, facts["state_of_health"])
+        notes = [*notes, f"capacity: {source}; no test measures it"]
     missing, filtered = of_cell["missing_effect"], of_cell["soc"]
     scored = scored[scored["chosen"].eq(True)]
     filtered = filtered[filtered["filter"].eq("aekf") & filtered["scenario"].eq("nominal")]
@@ -206,7 +211,7 @@ def _summary_row(facts, of_cell, model) -> dict:
         "missing_effect": _effects_named(missing),
         "in_one_line": next(iter(missing["in_one_line"]), None),
         "exclusions": len(of_cell["excluded"]),
-        "notes": "; ".join(model.get("notes", [])),
+        "notes": "; ".join(notes),
     }
 
 

@@ -73,6 +73,9 @@ def test_a_fleet_names_its_outlier_or_says_why_there_is_no_line():
             "cell": name,
             "capacity_ampere_hour": size,
             "resistance_ohm": 0.002,
+            "predicted_ampere_hour": 25.0,
+            "predicted_std_ampere_hour": 1.0,
+            "error_ampere_hour": 25.0 - size,
             "outlier": out,
         }
         for name, size, out in (("P1", 20.0, False), ("P2", 30.0, True))
@@ -82,11 +85,15 @@ def test_a_fleet_names_its_outlier_or_says_why_there_is_no_line():
         "slope_ohm_per_ampere_hour": -1e-4,
         "intercept_ohm": 5e-3,
         "held_out_share": 0.034,
+        "line_held_out_rms_ampere_hour": 1.5,
+        "socs": 10,
         "delay": "1 s",
         "verdict": "",
     }
-    (axes,) = health.draw_fleet(cells, [line]).axes
-    assert [text.get_text() for text in axes.texts] == ["P2"]
+    by_line, by_course = health.draw_fleet(cells, [line]).axes
+    assert [text.get_text() for text in by_line.texts] == ["P2"]
+    assert "left out to 6.0 %" in by_line.get_title(loc="left")
+    assert by_course.get_title(loc="left") == "from 10 resistances over SoC: to 3.4 %"
     none = line | {"slope_ohm_per_ampere_hour": np.nan, "verdict": "2 cells; a fleet needs 6"}
     shown = health.draw_fleet([], [none])
     texts = [*shown.texts, *[text for axes in shown.axes for text in axes.texts]]

@@ -3,36 +3,76 @@
 import numpy as np
 import pytest
 
-from cellwright.health.fleet import alike_measured, mean_over_soc, resistance_against_capacity
+from cellwright.health.fleet import Fleet, capacity_from_resistance, mean_over_soc, over_shared_soc
 from cellwright.health.protocols_compared import LifeOfProtocol, compared
 from cellwright.refusal import Refusal
 
+SOCS = np.linspace(0.05, 0.95, 10)
+
 
 def fleet(seed, count=30, scatter=0.02):
+    """Cells of one used pack: mean resistance is a line over capacity."""
     random = np.random.default_rng(seed)
     capacity = random.uniform(20, 30, count)
     ohm = (4.3e-3 - 9.3e-5 * capacity) * (1 + scatter * random.standard_normal(count))
-    return [(f"P{k:02d}", *pair) for k, pair in enumerate(zip(capacity, ohm, strict=True))]
+    courses = ohm[:, None] * (1 + 0.3 * np.exp(-SOCS / 0.1))
+    courses /= np.mean(1 + 0.3 * np.exp(-SOCS / 0.1))
+    names = [f"P{k:02d}" for k in range(count)]
+    return Fleet(names, capacity, courses, SOCS, "first sample", {})
+
+
+def course_moves(seed, count=30):
+    """Cells whose mean resistance tells nothing: the rise near empty moves with the capacity."""
+    random = np.random.default_rng(seed)
+    health = random.uniform(0.6, 1.0, count)
+    rise = np.exp(-(SOCS + 0.3 * (health[:, None] - 0.8)) / 0.08)
+    ohm = 0.02 * (1 + 0.06 * random.standard_normal((count, 1))) * (1 + 0.8 * rise)
+    ohm *= 1 + 0.003 * random.standard_normal(ohm.shape)
+    return Fleet([f"U{k}" for k in range(count)], 5 * health, ohm, SOCS, "1 s", {})
 
 
 def test_the_line_of_a_fleet_is_found_and_its_error_covers():
     slopes, covered = [], []
     for seed in range(40):
-        line, _ = resistance_against_capacity(fleet(seed))
+        line, _ = capacity_from_resistance(fleet(seed))
         slopes.append(
             (line.slope_ohm_per_ampere_hour + 9.3e-5) / line.slope_std_ohm_per_ampere_hour
         )
         covered.append(line.covered)
+        assert line.held_out_rms_ampere_hour < 1.15 * line.line_held_out_rms_ampere_hour
     assert np.mean(np.abs(slopes) < 2.05) >= 0.85
     assert 0.9 <= np.mean(covered) <= 1
 
 
+def test_how_resistance_goes_over_soc_tells_what_its_mean_does_not():
+    covered = []
+    for seed in range(10):
+        line, _ = capacity_from_resistance(course_moves(seed))
+        assert line.held_out_share < 0.04
+        assert line.line_held_out_rms_ampere_hour > 3 * line.held_out_rms_ampere_hour
+        assert "predicts the capacity" in line.verdict
+        covered.append(line.covered)
+    assert 0.88 <= np.mean(covered) <= 1
+
+
+def test_a_cell_of_unknown_capacity_is_predicted_and_takes_no_part():
+    cells = course_moves(3)
+    unknown = cells.capacity_ampere_hour.copy()
+    unknown[4] = np.nan
+    line, rows = capacity_from_resistance(cells._replace(capacity_ampere_hour=unknown))
+    row = rows[-1]
+    assert (row.cell, line.cells) == ("U4", 29)
+    assert np.isnan(row.error_ampere_hour)
+    apart = abs(row.predicted_ampere_hour - cells.capacity_ampere_hour[4])
+    assert apart < 3 * row.predicted_std_ampere_hour < 0.6
+
+
 def test_an_outlier_is_named_and_none_invented():
-    named = [resistance_against_capacity(fleet(seed))[0].outliers for seed in range(60)]
+    named = [capacity_from_resistance(fleet(seed))[0].outliers for seed in range(60)]
     assert sum(bool(name) for name in named) <= 8
     cells = fleet(1)
-    cells[7] = ("P07", cells[7][1], 1.3 * cells[7][2])
-    line, rows = resistance_against_capacity(cells)
+    cells.resistance_ohm[7] *= 1.3
+    line, rows = capacity_from_resistance(cells)
     assert line.outliers == "P07"
     assert rows[7].outlier
     assert "does not belong" in rows[7].reason
@@ -40,25 +80,58 @@ def test_an_outlier_is_named_and_none_invented():
 
 
 def test_resistance_that_tells_nothing_is_said_to():
-    random = np.random.default_rng(0)
-    cells = [(f"P{k}", random.uniform(20, 30), 2e-3 + 1e-4 * random.random()) for k in range(30)]
-    assert "does not tell" in resistance_against_capacity(cells)[0].verdict
+    told = []
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        ohm = 0.02 * (1 + 0.05 * random.standard_normal((20, 1))) * np.ones(10)
+        ohm *= 1 + 0.005 * random.standard_normal(ohm.shape)
+        cells = fleet(seed, 20)._replace(resistance_ohm=ohm)
+        told.append("does not tell" not in capacity_from_resistance(cells)[0].verdict)
+    assert sum(told) <= 1
 
 
 def test_too_few_and_all_alike_are_refused():
     with pytest.raises(Refusal, match="5 cells"):
-        resistance_against_capacity(fleet(0, 5))
+        capacity_from_resistance(fleet(0, 5))
+    alike = fleet(0, 10)
     with pytest.raises(Refusal, match="no line"):
-        resistance_against_capacity([(f"P{k}", 20.0, 2e-3) for k in range(10)])
+        capacity_from_resistance(alike._replace(capacity_ampere_hour=np.full(10, 20.0)))
+    with pytest.raises(Refusal, match="0 cells"):
+        capacity_from_resistance(over_shared_soc([("a", {"first_delay_second": np.nan}, [])]))
+
+
+def checked(name, socs, *, first_delay=0.01, capacity=2.0, cycle=0.0):
+    """A cell as (name, check-up, growth): R is 1 + SoC at the first sample, half more at 1 s."""
+    about = {"cycle": cycle, "direction": "discharge"}
+    growth = [
+        about | {"delay_second": delay, "soc": soc, "resistance_ohm": size * (1 + soc)}
+        for soc in socs
+        for delay, size in ((0.0, 1.0), (1.0, 1.5))
+    ]
+    growth += [row | {"cycle": cycle + 100, "resistance_ohm": 9.0} for row in growth]
+    row = {"cycle": cycle, "capacity_ampere_hour": capacity, "first_delay_second": first_delay}
+    return name, row, growth
 
 
 def test_first_samples_are_compared_only_where_taken_alike():
-    row = {"capacity_ampere_hour": 2.0, "resistance_mean_ohm": 1.0, "resistance_mean_1s_ohm": 1.5}
-    alike = [(k, row | {"first_delay_second": d}) for k, d in (("a", 0.01), ("b", 0.015))]
-    assert alike_measured(alike)[1] == "first sample"
-    cells, delay = alike_measured([*alike, ("c", row | {"first_delay_second": 0.5})])
-    assert delay == "1 s"
-    assert cells[0] == ("a", 2.0, 1.5)
+    cells = [checked("a", SOCS), checked("b", SOCS, first_delay=0.015, cycle=300.0)]
+    found = over_shared_soc(cells)
+    assert found.delay == "first sample"
+    assert found.resistance_ohm == pytest.approx(np.tile(1 + SOCS, (2, 1)))
+    found = over_shared_soc([*cells, checked("c", SOCS, first_delay=0.5)])
+    assert found.delay == "1 s"
+    assert found.resistance_ohm == pytest.approx(np.tile(1.5 * (1 + SOCS), (3, 1)))
+
+
+def test_cells_are_compared_over_the_soc_that_they_share():
+    cells = [checked(f"a{k}", np.linspace(0.05 + 0.01 * k, 0.5, 10)) for k in range(5)]
+    found = over_shared_soc([*cells, checked("short", [0.45, 0.5])])
+    assert found.cells == [f"a{k}" for k in range(5)]
+    assert found.soc[[0, -1]] == pytest.approx([0.09, 0.5])
+    assert found.resistance_ohm == pytest.approx(np.tile(1 + found.soc, (5, 1)))
+    assert "45 to 50 % SoC only" in found.left_out["short"]
+    single = over_shared_soc([checked(f"a{k}", [0.5 + 0.001 * k]) for k in range(6)])
+    assert single.resistance_ohm.shape == (6, 1)
 
 
 def test_mean_over_soc():

@@ -123,6 +123,28 @@ def test_without_a_fresh_check_up_the_rating_serves():
     assert "not knowable" in row.reason
 
 
+def test_a_stated_state_of_health_serves_where_no_test_tells_one():
+    (row,), notes = check_ups([], pulses(0, 0.02), state_of_health=0.75, **LIMITS)
+    assert (row.capacity_ampere_hour, row.soh) == (1.5, 0.75)
+    assert row.soh_reference == "stated in cells.tsv"
+    assert np.isnan(row.capacity_std_ampere_hour)
+    assert "1.5 Ah, rating times the stated state of health, 0.75; no test" in notes[0]
+
+
+def test_a_measured_capacity_goes_before_a_stated_one_and_a_contradiction_is_told():
+    rows, notes = check_ups([capacity(0, 1.8)], [], state_of_health=0.75, **LIMITS)
+    assert (rows[0].capacity_ampere_hour, rows[0].soh_reference) == (1.8, "first check-up")
+    assert "states a state of health of 0.75, 1.5 Ah; the first check-up measures 1.8" in notes[0]
+    assert check_ups([capacity(0, 1.52)], [], state_of_health=0.75, **LIMITS)[1] == []
+
+
+def test_after_a_stated_state_of_health_later_ones_are_over_the_rating():
+    capacities = [capacity(500, 1.2)]
+    rows, _ = check_ups(capacities, pulses(0, 0.02), state_of_health=0.75, **LIMITS)
+    assert [row.soh for row in rows] == [0.75, 0.6]
+    assert rows[1].soh_reference == "rating"
+
+
 def test_throughput_is_known_as_far_as_records_reach():
     more = [(1.0, 2.0), (300.0, 590.0)]
     rows, _ = check_ups([capacity(c, 2.0) for c in (0, 300, 600)], [], throughputs=more, **LIMITS)

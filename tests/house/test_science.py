@@ -16,7 +16,7 @@ ROOMS = {
     "protocols": {"numerics", "series", "records"},
     "laws": {"numerics", "protocols"},
     "circuits": {"numerics", "records"},
-    "health": {"numerics", "protocols", "laws", "series", "circuits"},
+    "health": {"numerics", "protocols", "laws", "series", "records", "circuits"},
     "identification": {"numerics", "records", "protocols", "circuits"},
     "bias": {"numerics", "records", "protocols", "circuits", "health", "identification"},
     "filters": {"numerics", "records", "circuits"},

@@ -122,6 +122,14 @@ def test_the_rating_serves_last():
         basis("A", [], [row(1.9, direction="charge")], [])
 
 
+def test_a_stated_state_of_health_makes_the_rating_smaller_where_no_test_tells_the_capacity():
+    stated = {"rated_capacity_ampere_hour": 2.0, "state_of_health": 0.7}
+    content = basis("A", [], [], [], **stated)
+    assert content["capacity_ampere_hour"] == pytest.approx(1.4)
+    assert "stated state of health, 0.7" in content["capacity_source"]
+    assert basis("A", [], [row(1.9)], [], **stated)["capacity_ampere_hour"] == 1.9
+
+
 CELL = cell_facts()
 
 

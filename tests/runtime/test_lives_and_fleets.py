@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.health.ratings import CheckUp, check_ups
+from cellwright.health.ratings import CheckUp, Growth, check_ups
 from cellwright.refusal import Refusal
 from runtime import artefact, fleets, lives
 
@@ -18,32 +18,37 @@ def rating(size, ohm, cycle=0.0):
 
 @pytest.fixture
 def checked(snakemake):
-    """Check-ups of nine cells of one pack, of which one was refused."""
-    paths = []
+    """Check-ups of nine cells of one pack, of which one was refused, and their pulses."""
+    rated, pulsed = [], []
     for place in range(9):
-        path = f"results/checkups/P{place}.parquet"
-        paths.append(path)
-        with artefact.Job(snakemake(path, wildcards={"cell": f"P{place}"})) as job:
-            if place == 8:
-                raise Refusal("no capacity and no resistance")
-            job.save([rating(20.0 + place, 4e-3 - 1e-4 * place + 1e-6 * (place % 3))])
-    return paths
+        ohm = 4e-3 - 1e-4 * place + 1e-6 * (place % 3)
+        growth = [Growth(0.0, "discharge", 0.0, soc, ohm, 1.0, 0.0) for soc in (0.2, 0.5, 0.8)]
+        for stage, found, paths in (
+            ("checkups", [rating(20.0 + place, ohm)], rated),
+            ("resistance_growth", growth, pulsed),
+        ):
+            paths.append(f"results/{stage}/P{place}.parquet")
+            with artefact.Job(snakemake(paths[-1], wildcards={"cell": f"P{place}"})) as job:
+                if place == 8:
+                    raise Refusal("no capacity and no resistance")
+                job.save(found)
+    return rated, pulsed
 
 
 def test_a_fleet_is_compared_without_the_refused_cell(checked):
     types = {"NMC, 30 Ah": [f"P{place}" for place in range(9)], "LFP": ["P8", "X"]}
-    cells, lines = fleets.resistance_tables(checked, types)
+    cells, lines = fleets.resistance_tables(*checked, types)
     assert [row["cell"] for row in cells] == [f"P{place}" for place in range(8)]
     assert lines[0]["cells"] == 8
     assert lines[0]["correlation"] < -0.99
-    assert lines[1]["verdict"] == "0 cells with capacity and resistance over SoC; a fleet needs 6"
+    assert lines[1]["verdict"] == "0 cells with a known capacity and pulses; a fleet needs 6"
     assert lines[1]["slope_ohm_per_ampere_hour"] is None
 
 
 def test_what_no_method_tells_keeps_its_reason(checked):
     with pytest.raises(artefact.Passed, match="no capacity and no resistance"):
-        lives.found({"check_ups": checked[8]})
-    (row,) = lives.found({"check_ups": checked[0]})["check_ups"]
+        lives.found({"check_ups": checked[0][8]})
+    (row,) = lives.found({"check_ups": checked[0][0]})["check_ups"]
     assert row["capacity_ampere_hour"] == 20.0
 
 

@@ -158,6 +158,18 @@ def test_a_bad_cell_is_named_with_its_place(folder, row, expected):
     assert any(expected in line for line in lines)
 
 
+def test_a_stated_state_of_health_needs_the_rating_it_refers_to(folder):
+    header = CELLS.split("\n", 1)[0]
+    names = f"{header}\trated_capacity_ampere_hour\tstate_of_health\n"
+    write(folder, "cells.tsv", f"{names}A\t2.5\t4.2\t2\t0.8\nB\t2.5\t4.2\t\t0.8\n")
+    assert faults(folder) == [
+        "config/cells.tsv, row 2 (line 3), state_of_health: found 0.8, wanted a "
+        "rated_capacity_ampere_hour in the same row, which it refers to"
+    ]
+    write(folder, "cells.tsv", f"{names}A\t2.5\t4.2\t2\t80\nB\t2.5\t4.2\t2\t0.8\n")
+    assert "state_of_health: found '80', wanted a number" in faults(folder)[0]
+
+
 def test_groups_are_read_and_their_tests_belong_to_them(folder):
     write(folder, "groups.tsv", GROUPS)
     write(folder, "tests.tsv", HEAD + "pair\tt1\tgroup\ta.csv\n")

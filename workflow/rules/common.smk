@@ -80,6 +80,7 @@ def facts_of(name):
     """The same by the name of the cell or group."""
     row = CELLS.get(name) or CELLS[LEAVES[name][0]]
     names = ["cell", "rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt"]
+    names.append("state_of_health")
     return {name: row[name] for name in names}
 
 

@@ -207,7 +207,8 @@ rule health_from_peaks:
 AGED = cells_where(lambda cell: tests(cell, "ageing"))
 CHECKED = cells_where(lambda cell: tests(cell, *SLOW_KINDS, *PULSE_KINDS, roles=["fit"]))
 SIZED = cells_where(lambda cell: tests(cell, *SLOW_KINDS, roles=["fit"]))
-HEALTHY = cells_where(lambda cell: cell in AGED or cell in SIZED)
+STATED = cells_where(lambda cell: cell in CHECKED and CELLS[cell]["state_of_health"])
+HEALTHY = cells_where(lambda cell: cell in AGED or cell in SIZED or cell in STATED)
 # Further methods of the state of health: stage, and the cells that have it.
 HEALTH_METHODS = {
     "modes": ("degradation_modes", DEGRADED),
@@ -308,7 +309,12 @@ ARMS = types_of({cell for cell, protocol in PROTOCOL_OF.items() if protocol})
 
 rule fleet_health:
     input:
-        [f"results/checkups/{cell}.parquet" for cells in FLEETS.values() for cell in cells],
+        check_ups=[f"results/checkups/{cell}.parquet" for cells in FLEETS.values() for cell in cells],
+        resistances=[
+            f"results/resistance_growth/{cell}.parquet"
+            for cells in FLEETS.values()
+            for cell in cells
+        ],
     output:
         cells="results/tables/fleet_health.csv",
         lines="results/tables/fleet_health_lines.csv",

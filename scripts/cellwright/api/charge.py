@@ -38,6 +38,7 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
         rests=inputs.entries(rests, _curves),
         shifts=inputs.rows(shifts),
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
+        state_of_health=facts.state_of_health,
         lower_cutoff_volt=facts.lower_cutoff_volt,
     )
     return results.Document(content, tuple(_basis_notes(content)), _curve_rows(content["ocv"]))

@@ -121,11 +121,11 @@ def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):
 
 
 def fleet_resistance(cells):
-    """Mean R0 over SoC against capacity over a fleet: line, error on cells left out, outliers.
+    """Capacity of each cell of a fleet from its resistances over SoC, as the other cells tell it.
 
     Parameters
     ----------
-    cells : (name, row of `check_ups`) each, of one type and temperature.
+    cells : (name, first row of `check_ups`, its rows of growth) each, of one type and temperature.
 
     Returns
     -------
@@ -137,10 +137,11 @@ def fleet_resistance(cells):
 
     Source: thesis 4.4; docs/health-fleet.md.
     """
-    from cellwright.health.fleet import alike_measured, resistance_against_capacity
+    from cellwright.health.fleet import capacity_from_resistance, over_shared_soc
 
-    comparable, delay = alike_measured(cells)
-    return results.FleetResistance(*resistance_against_capacity(comparable), delay)
+    ready = [(name, inputs.rows([row])[0], inputs.rows(growth)) for name, row, growth in cells]
+    fleet = over_shared_soc(ready)
+    return results.FleetResistance(*capacity_from_resistance(fleet), fleet.delay)
 
 
 def compare_protocols(lives):

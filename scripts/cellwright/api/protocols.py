@@ -162,6 +162,7 @@ def ocv_from_rests(
         steps,
         inputs.entries(capacities),
         rated_capacity_ampere_hour=cell.rated_capacity_ampere_hour,
+        state_of_health=cell.state_of_health,
         lower_cutoff_volt=cell.lower_cutoff_volt,
         upper_cutoff_volt=cell.upper_cutoff_volt,
         ambient_temperature_celsius=test.ambient_temperature_celsius,

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.bias import regression, thesis
+from cellwright.bias import thesis
 from cellwright.bias.courses import KNOTS
+from cellwright.numerics import shrunk_regression as regression
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
@@ -22,7 +23,7 @@ class Change(NamedTuple):
     too few cells calibrate. form : what it is predicted by: "scaling", "charge", "terms" or
     "thesis". left_out : (c, k) errors of the calibrating cells, each predicted without itself.
     stretch : (c,) by which such an error is larger in this cell. remoteness : see
-    `regression.Prediction`.
+    `shrunk_regression.Prediction`.
     """
 
     change: np.ndarray
@@ -56,9 +57,10 @@ def correction(cell, base, others):
     1. What is expected beforehand: all resistances times the ratio at the onset of a discharge; the
     OCV that the cell's charge shows once its polarisation is taken off, else the reference's.
     2. The rest is predicted from the differences that the cells show, by as many terms as the
-    calibrating cells carry (`regression.shrunk`); too few cells carry none. Resistances take those
-    that tell of resistance and size, the OCV those of the charge's course too. 3. The thesis' bias
-    functions stand beside it, and count where they clearly err less on cells left out.
+    calibrating cells carry (`shrunk_regression.shrunk`); too few cells carry none. Resistances
+    take those that tell of resistance and size, the OCV those of the charge's course too. 3. The
+    thesis' bias functions stand beside it, and count where they clearly err less on cells left
+    out.
 
     Parameters
     ----------

@@ -1,24 +1,45 @@
-"""Resistance as an indicator of health: mean R0 over SoC against capacity over a fleet of cells."""
+"""Resistance as an indicator of health: capacity from R0 over SoC over a fleet of cells."""
 
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.shrunk_regression import predicted, shrunk
+from cellwright.numerics.statistics import NORMAL_95, rms
 from cellwright.refusal import Refusal
 
 LEAST_CELLS = 6
 MOST_OUTLIERS = 0.15  # of the cells: more than that are no outliers, but no line
 ALARM = 0.05  # chance that a fleet without an outlier has one named
 SAME_DELAY, LEAST_DELAY_SECOND = 2.0, 0.01  # first samples this near in time are alike
-LEAST_EXPLAINED = 0.2  # of the variance: below it resistance tells nothing of capacity
+LEAST_EXPLAINED = 0.2  # of the variance of cells left out: below it resistance is of no use
+MOST_SOCS = 10  # at which resistances are compared; a pulse each 5 to 10 % tells no more
+SHARED = 0.5  # of the usual span of SoC: a cell that takes more away from the others is left out
+SAME_SOC = 0.02  # pulses so near in SoC are compared as they are [1]
+
+
+class Fleet(NamedTuple):
+    """Resistances of the cells of a fleet at the same states of charge.
+
+    cells : names. capacity_ampere_hour : (n,), NaN where not known [Ah]. resistance_ohm : (n, k)
+    at soc (k,) [Ω], [1]. delay : into the pulse, "first sample" or "1 s". left_out : name → reason.
+    """
+
+    cells: list
+    capacity_ampere_hour: np.ndarray
+    resistance_ohm: np.ndarray
+    soc: np.ndarray
+    delay: str
+    left_out: dict
 
 
 class FleetCell(NamedTuple):
-    """One cell of a fleet: measured, and predicted by the line through the other cells.
+    """One cell of a fleet: measured, and predicted by what the other cells tell.
 
-    capacity : [Ah]. resistance : mean of R0 over SoC [Ω]. predicted, its std : capacity by the line
-    without this cell [Ah]. error : predicted minus measured [Ah]. distance : that over its std [1].
-    outlier : whether it does not belong to the line. reason : in words.
+    capacity : [Ah], NaN where not known. resistance : mean of R0 over SoC [Ω]. predicted, its std :
+    capacity from the cell's resistances by the other cells [Ah]. error : predicted minus known
+    [Ah]. distance : that over its std [1]. outlier : whether it does not belong to the line.
+    reason : in words.
     """
 
     cell: str
@@ -33,13 +54,15 @@ class FleetCell(NamedTuple):
 
 
 class FleetLine(NamedTuple):
-    """Line of mean R0 over capacity of a fleet, and how well it predicts a cell left out.
+    """Line of mean R0 over capacity of a fleet, and how well resistance predicts a cell left out.
 
     intercept, slope : of resistance over capacity [Ω], [Ω/Ah], each with std; of the cells that
     are no outliers. correlation : of the two [1]. held_out_rms : error of the capacity of a cell
-    that took no part [Ah]; share : of the mean capacity [1]; spread : standard deviation of the
-    capacities, the error without any resistance [Ah]. covered : share of cells within 95 % [1].
-    cells, outliers : how many; the latter named. verdict : in words.
+    that took no part, from its resistances over SoC [Ah]; share : of the mean capacity [1];
+    line_held_out_rms : the same by the line of the mean resistance alone [Ah]; spread : by the mean
+    capacity of the other cells, without any resistance [Ah]. covered : share of cells within 95 %
+    [1]. cells, outliers : how many with a known capacity; the latter named. socs : how many states
+    of charge, from first_soc to last_soc [1]. verdict : in words.
     """
 
     intercept_ohm: float
@@ -49,29 +72,34 @@ class FleetLine(NamedTuple):
     correlation: float
     held_out_rms_ampere_hour: float
     held_out_share: float
+    line_held_out_rms_ampere_hour: float
     spread_ampere_hour: float
     covered: float
     cells: int
     outliers: str
+    socs: int
+    first_soc: float
+    last_soc: float
     verdict: str
 
 
-def resistance_against_capacity(cells):
-    """Line of mean R0 over capacity over a fleet, its error on cells left out, its outliers.
+def capacity_from_resistance(fleet):
+    """Capacity of each cell from its resistances over SoC, by what the other cells tell.
 
-    1. R0 = a + b · capacity by least squares. 2. The cell whose residual, over the scatter of the
-    others, is the largest is an outlier where a fleet of this size without one would have as
-    large a residual in 5 % of cases; it is taken out and the rest looked at again, up to 15 %.
-    3. Each cell's capacity is predicted from its R0 by the line through the other cells that are
-    no outliers.
+    1. R0 = a + b · capacity by least squares, R0 the mean over SoC. 2. The cell whose residual,
+    over the scatter of the others, is the largest is an outlier where a fleet of this size without
+    one would have as large a residual in 5 % of cases; it is taken out and the rest looked at
+    again, up to 15 %. 3. Each cell's capacity is predicted from its resistances at all states of
+    charge by a ridge regression over the other cells that are no outliers. Its penalty is chosen
+    without the cell; where resistance does not clearly help, the mean of the others is predicted.
 
     Parameters
     ----------
-    cells : list of (name, capacity [Ah], mean R0 [Ω]) of one type at one temperature.
+    fleet : Fleet of one type at one temperature.
 
     Returns
     -------
-    line : FleetLine. rows : list of FleetCell.
+    line : FleetLine. rows : list of FleetCell, those of unknown capacity and of no use last.
 
     Raises
     ------
@@ -80,18 +108,23 @@ def resistance_against_capacity(cells):
     Source: thesis 4.4 (50 cells of one used pack: mean R0 over SoC is a line over capacity);
     outliers: R. D. Cook, S. Weisberg, Residuals and Influence in Regression (1982), 2.2.2.
     """
-    known = [cell for cell in cells if np.isfinite(cell[1]) and np.isfinite(cell[2])]
-    if len(known) < LEAST_CELLS:
+    known = np.isfinite(fleet.capacity_ampere_hour)
+    if known.sum() < LEAST_CELLS:
         raise Refusal(
-            f"{len(known)} cells with capacity and resistance over SoC; a fleet needs {LEAST_CELLS}"
+            f"{known.sum()} cells with a known capacity and pulses; a fleet needs {LEAST_CELLS}"
         )
-    names = [cell[0] for cell in known]
-    capacity, resistance = (np.array([cell[k] for cell in known], float) for k in (1, 2))
-    if np.ptp(capacity) < 1e-3 * capacity.mean() or np.ptp(resistance) == 0:
+    capacity, ohms = fleet.capacity_ampere_hour, fleet.resistance_ohm
+    mean = ohms.mean(axis=1)
+    if np.ptp(capacity[known]) < 1e-3 * capacity[known].mean() or np.ptp(mean[known]) == 0:
         raise Refusal("all cells have one capacity or one resistance: no line")
-    inside = _inliers(capacity, resistance)
-    rows = [_cell(names, capacity, resistance, inside, k) for k in range(len(names))]
-    return _line(capacity, resistance, inside, rows), rows
+    inside = known.copy()
+    inside[known] = _inliers(capacity[known], mean[known])
+    order = np.argsort(~known, kind="stable")
+    rows = [_cell(fleet, inside, place) for place in order]
+    rows += [
+        FleetCell(name, *[np.nan] * 6, False, reason) for name, reason in fleet.left_out.items()
+    ]
+    return _line(fleet, inside, [row for row in rows if np.isfinite(row.error_ampere_hour)]), rows
 
 
 def _inliers(capacity, resistance):
@@ -121,86 +154,154 @@ def _studentised(x, y):
     return residual / np.sqrt(variance * (1 - hat))
 
 
-def _cell(names, capacity, resistance, inside, place):
-    """One cell beside the line through the others."""
+def _cell(fleet, inside, place):
+    """One cell beside what the others tell of its capacity."""
     others = inside.copy()
     others[place] = False
-    x, y = resistance[others], capacity[others]
-    design = np.column_stack([np.ones(len(x)), x - x.mean()])
-    values = np.linalg.lstsq(design, y, rcond=None)[0]
-    scatter = np.sqrt(np.sum((y - design @ values) ** 2) / (len(x) - 2))
-    at = resistance[place] - x.mean()
-    predicted = float(values[0] + values[1] * at)
-    std = float(scatter * np.sqrt(1 + 1 / len(x) + at**2 / np.sum((x - x.mean()) ** 2)))
-    error, out = predicted - capacity[place], not inside[place]
-    higher = "more" if error < 0 else "less"
-    reason = (
-        f"resistance of a cell of {predicted:.4g} Ah, {higher} than its {capacity[place]:.4g} Ah: "
-        "it does not belong to the line of the others"
-    )
+    size, std = _predicted(fleet, others, place)
+    own, mean = fleet.capacity_ampere_hour[place], float(fleet.resistance_ohm[place].mean())
+    error, outlier = size - own, bool(np.isfinite(own) and not inside[place])
+    reason = ""
+    if outlier:
+        line = np.polyfit(
+            fleet.capacity_ampere_hour[others], fleet.resistance_ohm[others].mean(axis=1), 1
+        )
+        usual = 1e3 * np.polyval(line, own)
+        reason = (
+            f"mean resistance {1e3 * mean:.3g} mΩ, where the line of the others has {usual:.3g} at "
+            f"its {own:.4g} Ah: it does not belong to them"
+        )
     return FleetCell(
-        names[place],
-        float(capacity[place]),
-        float(resistance[place]),
-        predicted,
-        std,
-        float(error),
-        float(error / std),
-        out,
-        reason if out else "",
+        fleet.cells[place], float(own), mean, size, std, error, error / std, outlier, reason
     )
 
 
-def _line(capacity, resistance, inside, rows):
-    """The line of a fleet and its scores."""
-    from scipy.stats import t as student
+def _predicted(fleet, others, place):
+    """Capacity [Ah] of a cell from its resistances, by other cells, and its standard deviation."""
+    ohms, capacity = fleet.resistance_ohm[others], fleet.capacity_ampere_hour[others]
+    centre, scale = ohms.mean(axis=0), ohms.std(axis=0, ddof=1)
+    scale = np.where(scale > 0, scale, 1.0)
+    fit = shrunk((ohms - centre) / scale, (capacity - capacity.mean())[:, None])
+    found = predicted(fit, (fleet.resistance_ohm[place] - centre) / scale)
+    return float(capacity.mean() + found.change[0]), float(found.half_interval[0] / NORMAL_95)
 
-    x, y = capacity[inside], resistance[inside]
+
+def _line(fleet, inside, rows):
+    """The line of a fleet and its scores; rows of the cells of known capacity, in their order."""
+    x, y = fleet.capacity_ampere_hour[inside], fleet.resistance_ohm[inside].mean(axis=1)
     design = np.column_stack([np.ones(len(x)), x])
     values = np.linalg.lstsq(design, y, rcond=None)[0]
     variance = np.sum((y - design @ values) ** 2) / (len(x) - 2)
     std = np.sqrt(np.diagonal(np.linalg.inv(design.T @ design)) * variance)
-    errors = np.array([row.error_ampere_hour for row in rows])[inside]
-    distance = np.array([row.distance for row in rows])[inside]
-    correlation = float(np.corrcoef(x, y)[0, 1])
-    held_out, spread = float(np.sqrt(np.mean(errors**2))), float(np.std(x, ddof=1))
-    told = correlation**2 >= LEAST_EXPLAINED and held_out < spread
-    share = held_out / x.mean()
-    word = f"capacity of a cell left out to {100 * share:.1f} % by its resistance"
+    of_line = [row for row in rows if not row.outlier]
+    errors, distance = (
+        np.array([getattr(row, name) for row in of_line])
+        for name in ("error_ampere_hour", "distance")
+    )
+    held_out, spread = rms(errors), rms(_left_out(x, np.ones((len(x), 1))))
+    by_line = rms(_left_out(x, np.column_stack([np.ones(len(x)), y / y.mean() - 1])))
+    told = held_out**2 <= (1 - LEAST_EXPLAINED) * spread**2
+    share = 100 / x.mean()
+    helps = "predicts" if told else "does not tell"
+    verdict = (
+        f"resistance over SoC {helps} the capacity of a cell left out: to "
+        f"{share * held_out:.1f} %, without it {share * spread:.1f} %"
+    )
     return FleetLine(
         *(float(number) for number in (values[0], std[0], values[1], std[1])),
-        correlation,
+        float(np.corrcoef(x, y)[0, 1]),
         held_out,
-        float(share),
+        float(held_out / x.mean()),
+        by_line,
         spread,
-        float(np.mean(np.abs(distance) <= student.ppf(0.975, len(x) - 3))),
+        float(np.mean(np.abs(distance) <= NORMAL_95)),
         len(rows),
         ", ".join(row.cell for row in rows if row.outlier),
-        word if told else "resistance does not tell capacity in this fleet",
+        len(fleet.soc),
+        float(fleet.soc[0]),
+        float(fleet.soc[-1]),
+        verdict,
     )
 
 
-def alike_measured(check_ups):
-    """Mean resistances that may be compared: of the first samples if taken alike, else at 1 s.
+def _left_out(y, design):
+    """Errors of each value as least squares over the others predict it."""
+    hat = design @ np.linalg.pinv(design)
+    return (hat @ y - y) / (1 - np.diagonal(hat))
 
-    A first sample 0.5 s into a pulse holds a tenth more than one at 10 ms, which a line over cells
-    of two instruments would take for scatter, or for age.
+
+def over_shared_soc(cells):
+    """A fleet's resistances at the states of charge that its cells share.
+
+    First samples are compared where all were taken alike, else the resistance at 1 s: a first
+    sample 0.5 s into a pulse holds a tenth more than one at 10 ms, which a line over cells of two
+    instruments would take for scatter, or for age. A cell that alone would take away more than half
+    of the usual span of SoC is left out, with the reason.
 
     Parameters
     ----------
-    check_ups : pairs (name, ratings.CheckUp or mapping with its fields) of one check-up each.
+    cells : list of (name, fields of ratings.CheckUp, rows of ratings.Growth), mappings, of the
+        check-up that counts.
 
     Returns
     -------
-    cells : list of (name, capacity [Ah], mean resistance [Ω]). delay : "first sample" or "1 s".
+    fleet : Fleet, cells in their order; one without discharge pulses of known SoC is no part of it.
     """
-    rows = [(name, row._asdict() if hasattr(row, "_asdict") else row) for name, row in check_ups]
-    delays = np.array([row["first_delay_second"] for _, row in rows], float)
+    delays = np.array([check_up["first_delay_second"] for _, check_up, _ in cells], float)
     known = delays[np.isfinite(delays)]
     alike = len(known) and known.max() <= SAME_DELAY * max(known.min(), LEAST_DELAY_SECOND)
-    column = "resistance_mean_ohm" if alike else "resistance_mean_1s_ohm"
-    cells = [(name, row["capacity_ampere_hour"], row[column]) for name, row in rows]
-    return cells, "first sample" if alike else "1 s"
+    delay = 0.0 if alike else 1.0
+    courses = {name: _course(check_up, rows, delay) for name, check_up, rows in cells}
+    courses = {name: course for name, course in courses.items() if len(course[0])}
+    word = "first sample" if alike else "1 s"
+    if not courses:
+        return Fleet([], np.empty(0), np.empty((0, 0)), np.empty(0), word, {})
+    ends = np.array([(soc[0], soc[-1]) for soc, _ in courses.values()])
+    inside = _sharing(ends)
+    low, high = ends[inside, 0].max(), ends[inside, 1].min()
+    counts = [
+        np.sum((soc >= low - SAME_SOC) & (soc <= high + SAME_SOC)) for soc, _ in courses.values()
+    ]
+    count = int(np.clip(np.median(counts), 1, MOST_SOCS)) if high > low else 1
+    socs = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
+    names = [name for name, shares in zip(courses, inside, strict=True) if shares]
+    sizes = {name: check_up["capacity_ampere_hour"] for name, check_up, _ in cells}
+    left_out = {
+        name: f"pulses from {100 * end[0]:.0f} to {100 * end[1]:.0f} % SoC only, where the others "
+        f"share {100 * low:.0f} to {100 * high:.0f} %"
+        for name, end, shares in zip(courses, ends, inside, strict=True)
+        if not shares
+    }
+    return Fleet(
+        names,
+        np.array([sizes[name] for name in names], float),
+        np.array([np.interp(socs, *courses[name]) for name in names]),
+        socs,
+        word,
+        left_out,
+    )
+
+
+def _course(check_up, rows, delay):
+    """SoC, ascending, and resistance [Ω] of the discharge pulses of a check-up at one delay."""
+    course = sorted(
+        (row["soc"], row["resistance_ohm"])
+        for row in rows
+        if row["cycle"] == check_up["cycle"]
+        and row["direction"] == "discharge"
+        and row["delay_second"] == delay
+    )
+    return np.array([soc for soc, _ in course]), np.array([ohm for _, ohm in course])
+
+
+def _sharing(ends):
+    """Which cells share at least half of the usual span of SoC; ends (n, 2) of their pulses."""
+    inside, usual = np.ones(len(ends), bool), np.median(ends, axis=0)
+    wanted = SHARED * (usual[1] - usual[0]) - SAME_SOC
+    while ends[inside, 1].min() - ends[inside, 0].max() < wanted:
+        lacking = np.maximum(ends[:, 0] - usual[0], usual[1] - ends[:, 1])
+        inside[np.argmax(np.where(inside, lacking, -np.inf))] = False
+    return inside
 
 
 def mean_over_soc(soc, resistance, *, least_span=0.6):

@@ -6,12 +6,14 @@ import numpy as np
 
 from cellwright.health.conditions import SAME_CELSIUS, same_rate
 from cellwright.health.fleet import mean_over_soc
+from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 
 SAME_CHECKUP_CYCLES = 5.0  # tests so near in cycles see a cell of one age
 POWER_SOCS = (0.8, 0.5, 0.2)
 SOC_REACH = 0.15  # a state of charge is asked for between pulses at most this far apart from it [1]
 SAME_CAPACITY = 0.03  # of a capacity: what differs more is not one check-up [1]
+STATED = "stated in cells.tsv"
 REPEAT_SHARE = 0.002  # of a capacity: least standard deviation from test to test [1]
 CHANGES = {
     "capacity_ampere_hour": "capacity_change",
@@ -28,7 +30,8 @@ class CheckUp(NamedTuple):
 
     cycle : [1]. ambient_temperature_celsius, c_rate, direction : of the capacity that counts.
     capacity, its std : [Ah]. soh, soh_std : over the first check-up's capacity at the same rate,
-    direction and temperature, or over the rating where `soh_reference` says so [1]. energy : of
+    direction and temperature, or over the rating, or as the sheet states it: `soh_reference` says
+    which [1]. energy : of
     that test's discharge [Wh]. round_trip_efficiency : energy out over energy in, for equal charge
     [1]. resistance_* : at 50 % SoC, first sample and 10 s, and means over SoC, of the first
     samples and at 1 s [Ω]. first_delay : of the first samples into their pulses [s]. *_power_* :
@@ -90,6 +93,7 @@ def check_ups(
     rated_capacity_ampere_hour,
     lower_cutoff_volt,
     upper_cutoff_volt,
+    state_of_health=None,
     throughputs=(),
 ):
     """Ratings of every check-up of a cell, each with its change since the first one.
@@ -101,13 +105,15 @@ def check_ups(
     one) at the end of 10 s, U_low (U_rest − U_low)/R, U_high (U_high − U_rest)/R, with the rest
     voltage and the resistance 10 s into a pulse interpolated between pulses. 4. Round trip: ratio
     of mean voltages of a discharge and a charge of one test, for charges are rarely closed to a
-    percent.
+    percent. 5. Where no test tells the capacity of the first check-up, a state of health that the
+    sheet states does.
 
     Parameters
     ----------
     capacities, resistances : rows of stages `capacity`, `resistance` with test, cycle and
         ambient_temperature_celsius.
-    rated_capacity_ampere_hour, lower_cutoff_volt, upper_cutoff_volt : of the sheet, or None.
+    rated_capacity_ampere_hour, lower_cutoff_volt, upper_cutoff_volt, state_of_health : of the
+        sheet, or None.
     throughputs : pairs (cycle, discharged up to there [Ah]) of the cell's ageing records.
 
     Returns
@@ -139,6 +145,7 @@ def check_ups(
             "reason": doubts.get(cycle, ""),
         }
         rows.append(found)
+    notes += _as_stated(rows[0], rated_capacity_ampere_hour, state_of_health)
     return [
         CheckUp(**_with_soh(row, rows[0], rated_capacity_ampere_hour), **_changes(row, rows[0]))
         for row in rows
@@ -240,6 +247,23 @@ def _capacity(row):
     }
 
 
+def _as_stated(first, rated, state_of_health):
+    """Fill in the capacity of the first check-up where only the sheet tells it; notes."""
+    stated, source = stated_capacity(rated, state_of_health)
+    if not (stated and state_of_health):
+        return []
+    measured = first["capacity_ampere_hour"]
+    if not np.isfinite(measured):
+        first |= {"capacity_ampere_hour": stated, "soh_reference": STATED, "reason": ""}
+        return [f"capacity of the first check-up: {stated:.4g} Ah, {source}; no test measures it"]
+    if abs(measured / stated - 1) > SAME_CAPACITY:
+        return [
+            f"cells.tsv states a state of health of {state_of_health:g}, {stated:.4g} Ah; the "
+            f"first check-up measures {measured:.4g} Ah at {first['c_rate']:.2g}C, which counts"
+        ]
+    return []
+
+
 def _efficiency(tests, counted):
     """Energy of the discharge, and round-trip efficiency at equal charge.
 
@@ -322,7 +346,12 @@ def _throughput(throughputs, cycle):
 def _with_soh(row, first, rated):
     """A check-up's row with its state of health and what that refers to."""
     own, fresh = row["capacity_ampere_hour"], first["capacity_ampere_hour"]
+    if row.get("soh_reference") == STATED:
+        # How well the sheet's number is known it does not say.
+        return row | {"soh": own / rated, "soh_std": np.nan}
     reference, word = (fresh, "first check-up") if first["cycle"] == 0 else (rated, "rating")
+    if first.get("soh_reference") == STATED:  # the rate of that capacity is not known
+        reference, word = rated, "rating"
     reason = row["reason"]
     if not reason and not np.isfinite(own):
         reason = "no capacity at the rate and direction that the other check-ups have"

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.laws.points import first_check_up
 from cellwright.laws.temperature import law_row
+from cellwright.numerics.statistics import NORMAL_95
 from cellwright.refusal import Refusal
 from cellwright.settings import CapacityLoss
 
@@ -209,9 +210,6 @@ def with_residual_charge(losses):
     return completed
 
 
-QUANTILE = 1.959964  # of the normal distribution, for 95 %
-
-
 class Loss(NamedTuple):
     """One direction, temperature and rate; losses as shares of the reference [%].
 
@@ -404,23 +402,23 @@ def _loss(point, reference, true_losses, repeat_ampere_hour):
         *losses,
         np.nan,
         slow is not None,
-        _verdict(true, false, slow is not None, total > QUANTILE * total_std),
+        _verdict(true, false, slow is not None, total > NORMAL_95 * total_std),
         ";".join(sorted(point.tests)),
     )
 
 
 def _interval(value, std):
     """Value, standard deviation and 95 % limits."""
-    return value, std, value - QUANTILE * std, value + QUANTILE * std
+    return value, std, value - NORMAL_95 * std, value + NORMAL_95 * std
 
 
 # ASSUME: A cell does not truly lose less by growing colder.
 def _bounds(point, reference, true_losses, total, std):
     """Limits of true and false loss at a temperature without a slow test."""
-    least, most = total - QUANTILE * std, total + QUANTILE * std
+    least, most = total - NORMAL_95 * std, total + NORMAL_95 * std
     celsius = point.temperature_celsius
-    warmer = [t.share - QUANTILE * t.std for t in true_losses if t.celsius > celsius]
-    colder = [t.share + QUANTILE * t.std for t in true_losses if t.celsius < celsius]
+    warmer = [t.share - NORMAL_95 * t.std for t in true_losses if t.celsius > celsius]
+    colder = [t.share + NORMAL_95 * t.std for t in true_losses if t.celsius < celsius]
     held = point.held_ampere_hour / reference.capacity_ampere_hour
     high = max(min([most - held, *colder]), 0.0)
     low = min(max([0.0, *warmer]), high)

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.statistics import NORMAL_95
 from cellwright.refusal import Refusal
 from cellwright.settings import IcaTemperature
 
 ICA_TEMPERATURE = IcaTemperature()
 
-QUANTILE = 1.959964  # of the normal distribution, for 95 %
 MOST_JOINED = 3
 # What a step of the alignment costs, in units of a squared standard deviation: a further peak in
 # a group, a peak without a partner; an area that disagrees costs no more than four deviations.
@@ -140,7 +140,7 @@ def _match(reference, other, reach, first, stop, low, high):
         if reference_peaks and other_peaks
         else (np.nan, np.nan)
     )
-    fate = _fate(len(reference_peaks), len(other_peaks), abs(difference) <= QUANTILE * std)
+    fate = _fate(len(reference_peaks), len(other_peaks), abs(difference) <= NORMAL_95 * std)
     return Match(
         *names,
         "cut" if fate == "lost" and place[0] > reach else fate,

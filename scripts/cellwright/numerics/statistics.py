@@ -6,6 +6,7 @@ A parameter that the data do not determine has NaN for its variance.
 import numpy as np
 
 EPSILON = float(np.finfo(float).eps)
+NORMAL_95 = 1.959964  # standard deviations that hold 95 % of a normal distribution
 
 
 def rms(values):

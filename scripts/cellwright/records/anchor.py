@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.facts import SAME_CHECKUP_CYCLES
+from cellwright.records.facts import SAME_CHECKUP_CYCLES, stated_capacity
 from cellwright.refusal import Refusal
 
 REST_C_RATE = 0.004
@@ -181,6 +181,7 @@ def rest_scale(
     soc_at_start=None,
     state_before="",
     rated_capacity_ampere_hour=None,
+    state_of_health=None,
     lower_cutoff_volt,
     upper_cutoff_volt=None,
 ):
@@ -192,7 +193,8 @@ def rest_scale(
     is stated, from a record that moves 90 % of the capacity, which then begins full. The capacity
     is what the record takes out where a constant current ends at the lower cut-off, else that of
     the cell's capacity test of the same check-up (else of the nearest in cycles) nearest in
-    temperature (the slowest of them), else the rating; never less than the record takes out.
+    temperature (the slowest of them), else the rating, times the state of health that the sheet
+    states; never less than the record takes out.
 
     Parameters
     ----------
@@ -203,7 +205,7 @@ def rest_scale(
     ambient_temperature_celsius : of the record [°C] or None. cycle : of the record, None as 0.
     soc_at_start : stated [1] or None. state_before : "full", as the test before in time left the
         cell; "": not known.
-    rated_capacity_ampere_hour : [Ah] or None.
+    rated_capacity_ampere_hour, state_of_health : of the sheet [Ah], [1], or None.
     lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None.
 
     Returns
@@ -220,9 +222,8 @@ def rest_scale(
     upper, window = upper_cutoff_volt, WINDOW_VOLT
     if upper is not None:
         window = upper - lower_cutoff_volt
-    nominal, source = _nominal_capacity(
-        capacities, ambient_temperature_celsius, cycle, rated_capacity_ampere_hour
-    )
+    stated = stated_capacity(rated_capacity_ampere_hour, state_of_health)
+    nominal, source = _nominal_capacity(capacities, ambient_temperature_celsius, cycle, stated)
     ends_empty = _ends_empty(steps, lower_cutoff_volt + EMPTY_WINDOW * window)
     rate = current / max(nominal, float(np.ptp(charge)))
     first = float(voltage[0]) if abs(rate[0]) <= START_C_RATE else np.nan
@@ -258,11 +259,11 @@ def telling_capacity(capacities):
     ]
 
 
-def _nominal_capacity(capacities, celsius, cycle, rated):
-    """Capacity [Ah] of the nearest test in age, then temperature, else the rating; its source."""
+def _nominal_capacity(capacities, celsius, cycle, stated):
+    """Capacity [Ah] of the nearest test in age, then temperature, else as stated; its source."""
     rows = telling_capacity(capacities)
     if not rows:
-        return rated or 0.0, "rating"
+        return stated[0] or 0.0, stated[1]
 
     def distance(row):
         cycles = abs((row.get("cycle") or 0) - (cycle or 0))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.records.anchor import Anchored, soc_series, telling_capacity
-from cellwright.records.facts import SAME_CHECKUP_CYCLES
+from cellwright.records.facts import SAME_CHECKUP_CYCLES, stated_capacity
 from cellwright.refusal import Refusal
 
 REFERENCE_CELSIUS = 25.0
@@ -30,6 +30,7 @@ def basis(
     *,
     rests=(),
     rated_capacity_ampere_hour=None,
+    state_of_health=None,
     lower_cutoff_volt=-np.inf,
 ):
     """Capacity and OCV curves that a cell's SoC, 0 to 1, refers to.
@@ -41,7 +42,8 @@ def basis(
     3. Without a lender, the curves are those from the rests of its own pulse tests, one for each
     temperature, the slowest; the capacity is that of the one nearest 25 °C, and all of them are put
     on its scale, full at 1. 4. Without any curve the capacity is the cell's own, without a
-    capacity test the rating. What was taken is said in `capacity_source`.
+    capacity test the rating, times the state of health that the sheet states. What was taken is
+    said in `capacity_source`.
 
     Parameters
     ----------
@@ -51,7 +53,7 @@ def basis(
     capacities : list of dict, rows of the capacity stage with ambient_temperature_celsius.
     lenders : list of Lender.
     rests : list of dict, as `curves`, one a pulse test, with capacity_source besides.
-    rated_capacity_ampere_hour : [Ah] or None.
+    rated_capacity_ampere_hour, state_of_health : of the sheet [Ah], [1], or None.
     lower_cutoff_volt : a curve from rests is not continued below it [V].
 
     Returns
@@ -76,7 +78,9 @@ def basis(
         return content | _from_rests(rests, lower_cutoff_volt)
     if lender:
         content |= {"borrowed_from": lender.cell, "ocv": lender.curves}
-    capacity, source = _own_capacity(capacities, lender, rated_capacity_ampere_hour)
+    capacity, source = _own_capacity(
+        capacities, lender, stated_capacity(rated_capacity_ampere_hour, state_of_health)
+    )
     return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
 
 
@@ -128,7 +132,7 @@ def _from_rests(curves, lower_cutoff_volt):
         slowest = min(same_temperature, key=lambda c: (c["cycle"] or 0, _load(c)))
         chosen += [slowest] if slowest not in chosen else []
     capacity, source = (chosen[0][name] for name in ("capacity_ampere_hour", "capacity_source"))
-    if source != "rating":
+    if not source.startswith("rating"):
         source += f" (rests of {chosen[0]['test']})"
     scaled = [_on_scale(curve, capacity, lower_cutoff_volt) for curve in chosen]
     return {"ocv": scaled, "capacity_ampere_hour": capacity, "capacity_source": source}
@@ -176,12 +180,12 @@ def slow_capacity(curve):
     return closed, source
 
 
-def _own_capacity(capacities, lender, rated):
+def _own_capacity(capacities, lender, stated):
     rows = telling_capacity(capacities)
     if not rows:
-        if not rated:
+        if not stated[0]:
             raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
-        return rated, "rating"
+        return stated
     slowest = min(rows, key=lambda row: (*first_choice(row), row["c_rate"]))
     source = f"{slowest['direction']} of {slowest['test']} at {slowest['c_rate']:.2g}C"
     ratio = _slow_ratio(slowest, lender) if lender else None

@@ -9,12 +9,31 @@ class CellFacts(NamedTuple):
     cell : name.
     rated_capacity_ampere_hour : rated capacity [Ah], None where not stated.
     lower_cutoff_volt, upper_cutoff_volt : limits of the voltage [V], None where not stated.
+    state_of_health : capacity over the rating at its first check-up, known from elsewhere [1].
     """
 
     cell: str
     rated_capacity_ampere_hour: float | None = None
     lower_cutoff_volt: float | None = None
     upper_cutoff_volt: float | None = None
+    state_of_health: float | None = None
+
+
+def stated_capacity(rated_capacity_ampere_hour, state_of_health=None):
+    """Capacity of a cell without a capacity test [Ah], from what its sheet states, and its source.
+
+    Parameters
+    ----------
+    rated_capacity_ampere_hour, state_of_health : of the sheet [Ah], [1], each None where blank.
+
+    Returns
+    -------
+    capacity : rating times state of health, else the rating, else None. source : in words.
+    """
+    if rated_capacity_ampere_hour and state_of_health:
+        source = f"rating times the stated state of health, {state_of_health:g}"
+        return rated_capacity_ampere_hour * state_of_health, source
+    return rated_capacity_ampere_hour, "rating"
 
 
 class TestFacts(NamedTuple):

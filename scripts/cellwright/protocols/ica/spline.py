@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics import monotone, rising_curve
+from cellwright.numerics.statistics import NORMAL_95
 from cellwright.protocols.ica.blocks import readings
 from cellwright.protocols.ica.curve import IncrementalCapacity, Peaks
 from cellwright.refusal import Refusal
@@ -24,7 +25,6 @@ STD_POINTS = 400
 SIDE_POINTS = 16
 # Of the charge: what lies nearer to an end is judged by readings of one side alone.
 END_SHARE = 0.002
-QUANTILE = 1.959964
 ONE_SIDED = 1.644854  # of the normal distribution, for 95 % in one direction
 # A voltage that stands still or falls, as when the chamber changes, would be a peak without width.
 NARROWEST_SIGMAS = 3.0  # of one reading
@@ -180,7 +180,7 @@ def _described(slope, top, lower, upper, base):
     if std[1] > FLAT * height[top]:
         return None
     charge, volt = slope.charge_ampere_hour, slope.voltage_volt
-    reach_std = (reach[1] - reach[0]) / (2 * QUANTILE)
+    reach_std = (reach[1] - reach[0]) / (2 * NORMAL_95)
     area, width = charge[upper] - charge[lower], volt[right] - volt[left]
     spans = (area, min(std[2], area), width, min(std[3], width))
     return volt[top], max(reach_std, std[0]), height[top], std[1], *spans, spread[0, 1]
@@ -205,11 +205,11 @@ def _zero_range(slope, top, lower, upper):
         local = rising_curve.local_gradients(slope.fit, slope.place[rows], 2, charge)
         std = rising_curve.local_deviations(slope.fit, *local)
         ratio = sign * slope.bend[rows] / std
-        sure = ratio > QUANTILE
+        sure = ratio > NORMAL_95
         last = int(np.argmax(sure)) if sure.any() else len(rows) - 1
         volt = slope.voltage_volt[rows]
         span = slice(max(last - 1, 0), last + 1)
-        found.append(float(np.interp(QUANTILE, ratio[span], volt[span])))
+        found.append(float(np.interp(NORMAL_95, ratio[span], volt[span])))
     return found
 
 

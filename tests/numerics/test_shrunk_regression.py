@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.bias import regression
+from cellwright.numerics import shrunk_regression as regression
 
 COURSE = np.linspace(0.5, 1.5, 5)
 
