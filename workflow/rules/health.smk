@@ -309,7 +309,9 @@ ARMS = types_of({cell for cell, protocol in PROTOCOL_OF.items() if protocol})
 
 rule fleet_health:
     input:
-        check_ups=[f"results/checkups/{cell}.parquet" for cells in FLEETS.values() for cell in cells],
+        check_ups=[
+            f"results/checkups/{cell}.parquet" for cells in FLEETS.values() for cell in cells
+        ],
         resistances=[
             f"results/resistance_growth/{cell}.parquet"
             for cells in FLEETS.values()
