@@ -28,7 +28,7 @@ from cellwright.identification.choice import (
     decided,
     errors_of,
     fitted_records,
-    inner_rmse,
+    simulated_errors,
 )
 from cellwright.numerics.least_squares import fit
 from cellwright.records.anchor import REST_C_RATE
@@ -374,7 +374,7 @@ def with_effects(model, effect_model, tests, conditions):
     pairs = list(zip(conditions, errors, strict=True))
     judged = Judged(
         [_score(part, of_part, folds) for part, of_part in pairs],
-        np.array([inner_rmse(part, [by_fit[0] for by_fit in of_part]) for part, of_part in pairs]),
+        *simulated_errors(conditions, [[by_fit[0] for by_fit in part] for part in errors]),
     )
     notes = [*model["notes"], *(f"{NAME}: {words}" for words in words_of(member))]
     return models[0] | {"notes": notes}, judged

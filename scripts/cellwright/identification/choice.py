@@ -12,7 +12,7 @@ import numpy as np
 from cellwright.circuits.circuit import member_named, size_of
 from cellwright.identification.identify import ready_records
 from cellwright.identification.regression import held_out
-from cellwright.identification.validation import simulated
+from cellwright.identification.validation import FAULT_VOLT, beyond_volt, simulated
 from cellwright.numerics.statistics import rms
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.record import Record, blocks_of_used, records_by_temperature
@@ -24,6 +24,7 @@ NEAR = 1.1  # of rms errors that count as equal
 CLEAR = 1.0  # standard errors: the one-standard-error rule
 SURE = 2.0  # standard errors that are no chance: 95 %
 FAR = 2.0  # times the smallest error of a temperature: no member that errs by more is chosen
+LEAST_BLOCKS = 3  # fewer tell no scatter between them
 MATERIAL_VOLT = 1e-3  # accuracy of a good cycler: errors that differ by less are alike
 
 
@@ -77,16 +78,19 @@ def left_out(fitted, block):
     return Score(np.bincount(block_index, error**2) / rows, rows)
 
 
-def choose(scores, *, celsius=None, fitted_volt=None, searched=()):
+def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched=()):
     """The simplest of the members that predict blocks left out of their fit equally well.
 
     1. No member is chosen that, simulated through the records fitted, errs far more than the best
-    of the family at any temperature: more than `FAR` times, and more than `MATERIAL_VOLT` beyond.
+    of the family at any temperature: more than `FAR` times, and more than `MATERIAL_VOLT` beyond;
+    nor one whose rms error on what was left out is so far from the smallest; nor one whose
+    simulation leaves the range of the measured voltage by more than `FAULT_VOLT`.
     2. Compared is the logarithm of each block's mean square error, so that one block near empty
     does not outvote all others. Equal to the best are members whose mean difference from it, block
-    by block, is less than one standard error; of these, those whose rms error over all blocks is
-    within a tenth of the smallest, for what fails in one corner is not equal to what does not. The
-    simplest of them is chosen.
+    by block, is less than one standard error, and all where fewer than three blocks tell none; of
+    these, those whose rms error over all blocks is within a tenth of the smallest, for what fails
+    in one corner is not equal to what does not. The simplest of them is chosen, and "clearly" only
+    where it is better than each other by two standard errors and none has a smaller rms error.
     3. A member of `searched` was found by a search of the same records. It takes that one's
     place if it is better by two standard errors, its rms error is not larger, and it is at no
     temperature worse by more than a tenth.
@@ -95,8 +99,9 @@ def choose(scores, *, celsius=None, fitted_volt=None, searched=()):
     ----------
     scores : dict name of the member → list of Score, one a condition, of the same blocks.
     celsius : temperature of each condition, for the words [degC].
-    fitted_volt : dict name of the member → (conditions,) rms error of its simulation over the
-        records fitted [V]; None: not looked at.
+    fitted_volt, beyond_volt : dict name of the member → (conditions,) rms error of its simulation
+        over the records fitted, and how far that leaves the range of the measured voltage [V];
+        None: not looked at.
     searched : names of the members that a search has found.
 
     Returns
@@ -115,7 +120,12 @@ def choose(scores, *, celsius=None, fitted_volt=None, searched=()):
     rmse = {name: float(np.sqrt(np.average(s, weights=weight))) for name, s in square.items()}
     logs = {name: np.log(np.maximum(s, SMALLEST_VOLT2)) for name, s in square.items()}
     by_condition = {name: np.array([rmse_of(s) for s in parts]) for name, parts in scores.items()}
-    reasons = _far_from_best(fitted_volt or {}, searched, celsius)
+    faults = _worst_faults(
+        _far_from_best(fitted_volt or {}, searched, celsius),
+        _outside(beyond_volt or {}, celsius),
+    )
+    left = _least_faulty([name for name in scores if name not in searched], faults)
+    reasons = {name: fault.words for name, fault in faults.items() if name != left}
     sound = [name for name in scores if name not in reasons]
     chosen, equal, other = _simplest([n for n in sound if n not in searched], logs, rmse)
     reasons |= other
@@ -123,8 +133,8 @@ def choose(scores, *, celsius=None, fitted_volt=None, searched=()):
         against = _against(name, chosen, logs, rmse, by_condition)
         reasons[chosen if not against else name] = against or f"{name} is better beyond chance"
         chosen, equal = (chosen, equal) if against else (name, [name])
-    typical = {name: float(np.exp(log.mean() / 2)) for name, log in logs.items()}
-    words = _words(chosen, equal, typical, rmse, [name for name in scores if name not in sound])
+    words = _words(chosen, equal, logs, rmse, [name for name in scores if name not in sound])
+    words += f". Not to be relied on: {chosen} {faults[left].words}" if chosen == left else ""
     return Choice(chosen, rmse, words, reasons | {chosen: words.partition(". ")[0]})
 
 
@@ -158,37 +168,74 @@ def _weight_of(scores):
     return next(iter(rows.values())).astype(float)
 
 
+class _Fault(NamedTuple):
+    """What speaks against a member: its error over the largest that is allowed, and words."""
+
+    ratio: float
+    words: str
+
+
+def _worst_faults(*kinds):
+    """The worst fault of each member that has one, by name."""
+    names = {name: None for kind in kinds for name in kind}
+    return {name: max(kind[name] for kind in kinds if name in kind) for name in names}
+
+
 def _far_from_best(errors, searched, celsius):
-    """Reasons against members that err far more than the best, by name; one member always stays.
+    """Faults of members that err far more than the best, by name.
 
     The best is one of the family: what a search has fitted to the same records says nothing against
     the others before it has been better on what was left out.
     """
     family = [name for name in errors if name not in searched]
-    worst, reasons = {}, {}
+    faults = {}
     best = np.min([errors[name] for name in family], axis=0) if family else None
     for name, error in errors.items():
         ratio = np.where(error > best + MATERIAL_VOLT, error / np.maximum(best, 1e-9), 1.0)
-        worst[name] = ratio.max()
-        if worst[name] > FAR:
+        if ratio.max() > FAR:
             k = int(np.argmax(ratio))
-            place = f" at {celsius[k]:g} °C" if celsius else ""
             least = min(family, key=lambda other, k=k: errors[other][k])
-            sentence = f"errs by {1e3 * error[k]:.2g} mV{place} over the records fitted, {least} by"
-            reasons[name] = f"{sentence} {1e3 * best[k]:.2g} mV"
-    if family and set(family) <= set(reasons):
-        reasons.pop(min(family, key=worst.get))
-    return reasons
+            sentence = f"errs by {1e3 * error[k]:.2g} mV{_place(celsius, k)}"
+            sentence += f" over the records fitted, {least} by"
+            faults[name] = _Fault(ratio[k] / FAR, f"{sentence} {1e3 * best[k]:.2g} mV")
+    return faults
+
+
+def _outside(beyond, celsius):
+    """Faults of members that simulate voltages which no cell has, by name."""
+    faults = {}
+    for name, volt in beyond.items():
+        k = int(np.argmax(volt))
+        if volt[k] > FAULT_VOLT:
+            words = f"simulates {volt[k]:.2g} V outside what was measured{_place(celsius, k)}"
+            faults[name] = _Fault(volt[k] / FAULT_VOLT, words)
+    return faults
+
+
+def _place(celsius, k):
+    return f" at {celsius[k]:g} °C" if celsius else ""
+
+
+def _least_faulty(family, faults):
+    """The member of a family that stays where there is something against each; None elsewhere."""
+    if not family or not set(family) <= set(faults):
+        return None
+    return min(family, key=lambda name: faults[name].ratio)
 
 
 def _simplest(names, logs, rmse):
     """The simplest of the equally good members, all of these, and why each other is not chosen."""
-    best = min(names, key=lambda name: logs[name].mean())
-    alike = [name for name in names if _equal(logs[name] - logs[best])]
+    least = min(names, key=rmse.get)
+    limit = max(FAR * rmse[least], rmse[least] + MATERIAL_VOLT)
+    far = [name for name in names if rmse[name] > limit]
+    best = min((n for n in names if n not in far), key=lambda name: logs[name].mean())
+    alike = [n for n in names if n not in far and _equal(logs[n] - logs[best])]
     smallest = min(rmse[name] for name in alike)
     equal = [name for name in alike if rmse[name] <= NEAR * smallest]
     chosen = min(equal, key=lambda name: (size_of(member_named(name)), logs[name].mean()))
     reasons = dict.fromkeys(names, f"predicts blocks left out worse than {best}")
+    errs = f"{least} by {1e3 * rmse[least]:.2g} mV"
+    reasons |= {n: f"errs by {1e3 * rmse[n]:.2g} mV rms on what was left out, {errs}" for n in far}
     reasons |= dict.fromkeys(
         alike, f"equal to {best} in most blocks, but its rms error is over a tenth larger"
     )
@@ -198,10 +245,8 @@ def _simplest(names, logs, rmse):
 
 def _against(name, chosen, logs, rmse, by_condition):
     """Reason against a member that a search has found, None where there is none."""
-    better = logs[chosen] - logs[name]
-    error = better.std(ddof=1) / np.sqrt(len(better)) if len(better) > 2 else np.inf
-    if better.mean() <= SURE * error:
-        sure = better.mean() / error if error > 0 else 0.0
+    sure = _standard_errors(logs[chosen] - logs[name])
+    if sure <= SURE:
         return (
             f"not better than {chosen} beyond chance ({sure:.1f} standard errors, {SURE:g} asked)"
         )
@@ -214,13 +259,22 @@ def _against(name, chosen, logs, rmse, by_condition):
 
 
 def _equal(difference):
-    """Whether a mean difference is within the scatter between blocks."""
-    if len(difference) < 3:
-        return difference.mean() <= 0
-    return difference.mean() <= CLEAR * difference.std(ddof=1) / np.sqrt(len(difference))
+    """Whether a mean difference is within the scatter between blocks, or nothing tells that."""
+    return _standard_errors(difference) <= CLEAR
 
 
-def _words(chosen, equal, typical, rmse, far):
+def _standard_errors(difference):
+    """Mean difference between blocks over its standard error; 0 where too few tell one."""
+    mean, count = difference.mean(), len(difference)
+    if count < LEAST_BLOCKS or mean == 0:
+        return 0.0
+    error = difference.std(ddof=1) / np.sqrt(count)
+    return float(mean / error) if error > 0 else float(np.copysign(np.inf, mean))
+
+
+def _words(chosen, equal, logs, rmse, far):
+    """Why a member is chosen, how clearly, and the errors of all."""
+    typical = {name: float(np.exp(log.mean() / 2)) for name, log in logs.items()}
     ranked = sorted(typical, key=typical.get)
     listed = ", ".join(f"{n} {1e3 * typical[n]:.2g} mV ({1e3 * rmse[n]:.2g})" for n in ranked)
     listed = f"Typical error of a block left out of the fit, rms of all in brackets: {listed}"
@@ -228,9 +282,24 @@ def _words(chosen, equal, typical, rmse, far):
     equals = [name for name in ranked if name in equal and name != chosen]
     if equals:
         return f"{chosen} chosen: equal within chance to {', '.join(equals)}, and simpler. {listed}"
-    second = next((name for name in ranked if name != chosen and name not in far), None)
-    clear = f", clearly before {second}" if second else ", the only one left"
+    rivals = [name for name in ranked if name != chosen and name not in far]
+    clear = _how_clearly(chosen, rivals, logs, rmse) if rivals else ", the only one left"
     return f"{chosen} chosen{clear}. {listed}"
+
+
+def _how_clearly(chosen, rivals, logs, rmse):
+    """Words on the difference from the rival that comes nearest."""
+    sure = {name: _standard_errors(logs[name] - logs[chosen]) for name in rivals}
+    smaller = [name for name in rivals if rmse[name] < rmse[chosen]]
+    second = min(rivals, key=sure.get)
+    if smaller:
+        least = min(smaller, key=rmse.get)
+        return f" for most blocks, not clearly: over all of them {least} errs less"
+    if sure[second] <= CLEAR:
+        return f" before {second} for its rms error, not clearly: most blocks tell no gain"
+    if sure[second] <= SURE:
+        return f" before {second}, not clearly ({sure[second]:.1f} standard errors)"
+    return f", clearly before {second}"
 
 
 INNER_SOC = (0.05, 0.95)  # the range over which validation is told, too
@@ -252,10 +321,13 @@ class Judged(NamedTuple):
 
     scores : list of Score of blocks left out of its fit, one per condition.
     fit_rmse_volt : (conditions,) simulated through the records fitted, SoC 5–95 % [V].
+    fit_beyond_volt : (conditions,) how far that leaves the range of the measured voltage at any
+        SoC [V]; None: not looked at.
     """
 
     scores: list
     fit_rmse_volt: np.ndarray
+    fit_beyond_volt: np.ndarray | None = None
 
 
 def fitted_records(model, basis, cell, tests, *, split_rest_second):
@@ -324,6 +396,18 @@ def inner_rmse(records, errors_volt):
     return rms(error[inner] if inner.any() else error)
 
 
+def furthest_beyond(records, errors_volt):
+    """How far a simulation leaves the range of any record of a condition [V]; 0 where in none.
+
+    Parameters
+    ----------
+    records : list of FittedRecord. errors_volt : list of (used rows,) of each, see `errors_of`.
+    """
+    measured = [fitted.record.voltage_volt[fitted.record.used] for fitted in records]
+    pairs = zip(measured, errors_volt, strict=True)
+    return max((beyond_volt(*pair) for pair in pairs if len(pair[0])), default=0.0)
+
+
 def decided(model, conditions, searched=None):
     """A model with its chosen member, and the table of reasons.
 
@@ -338,7 +422,7 @@ def decided(model, conditions, searched=None):
     model : the same with `chosen` and `choice`, and `left_out` of all members.
     rows : list of dict, one a member and temperature: model, ambient_temperature_celsius, blocks,
         typical_volt, left_out_rmse_volt, worst_volt (of a block), fit_rmse_volt (simulated, SoC
-        5–95 %), chosen, reason.
+        5–95 %), fit_beyond_volt (of the whole simulation), chosen, reason.
     """
     judged = {
         name: judged_of(model, name, conditions) for name in model["left_out"][0]["square_volt2"]
@@ -349,6 +433,11 @@ def decided(model, conditions, searched=None):
         {name: verdict.scores for name, verdict in judged.items()},
         celsius=celsius,
         fitted_volt={name: verdict.fit_rmse_volt for name, verdict in judged.items()},
+        beyond_volt={
+            name: verdict.fit_beyond_volt
+            for name, verdict in judged.items()
+            if verdict.fit_beyond_volt is not None
+        },
         searched=tuple(searched or ()),
     )
     rows = [
@@ -373,13 +462,18 @@ def judged_of(model, name, conditions):
         for fitted in model["left_out"]
     ]
     errors = [[errors_of(model, name, fitted) for fitted in condition] for condition in conditions]
-    pairs = zip(conditions, errors, strict=True)
-    return Judged(
-        scores,
-        np.array(
-            [inner_rmse(condition, condition_errors) for condition, condition_errors in pairs]
-        ),
-    )
+    return Judged(scores, *simulated_errors(conditions, errors))
+
+
+def simulated_errors(conditions, errors_volt):
+    """`fit_rmse_volt` and `fit_beyond_volt` of Judged, (conditions,) each [V].
+
+    Parameters
+    ----------
+    conditions : list of lists of FittedRecord. errors_volt : the same of (used rows,) errors.
+    """
+    pairs = list(zip(conditions, errors_volt, strict=True))
+    return tuple(np.array([of(*pair) for pair in pairs]) for of in (inner_rmse, furthest_beyond))
 
 
 def judged_rows(name, judged, celsius):
@@ -389,8 +483,10 @@ def judged_rows(name, judged, celsius):
     ----------
     name : of the member. judged : Judged. celsius : temperature of each condition [degC].
     """
-    for score, volt, condition_celsius in zip(
-        judged.scores, judged.fit_rmse_volt, celsius, strict=True
+    beyond = judged.fit_beyond_volt
+    beyond = np.full(len(celsius), np.nan) if beyond is None else beyond
+    for score, volt, beyond_at, condition_celsius in zip(
+        judged.scores, judged.fit_rmse_volt, beyond, celsius, strict=True
     ):
         yield {
             "model": name,
@@ -400,4 +496,5 @@ def judged_rows(name, judged, celsius):
             "left_out_rmse_volt": rmse_of(score),
             "worst_volt": float(np.sqrt(score.square_volt2.max())),
             "fit_rmse_volt": float(volt),
+            "fit_beyond_volt": float(beyond_at),
         }
