@@ -71,6 +71,7 @@ def pulse_resistance(
     *,
     rated_capacity_ampere_hour,
     delay_second=RESISTANCE.delay_second,
+    elsewhere=None,
 ):
     """Resistance of every pulse of a record at the delays asked for.
 
@@ -93,6 +94,8 @@ def pulse_resistance(
     steps : Steps of the record.
     rated_capacity_ampere_hour : [Ah] for the C-rate.
     delay_second : delays from the edge [s].
+    elsewhere : (steps,) name of the test in which a step counts, being the same measurement; empty
+        where it counts here. None: all do.
 
     Returns
     -------
@@ -109,6 +112,11 @@ def pulse_resistance(
         raise Refusal("the record has no pulse, nor a constant-current load that begins from rest")
     noise = _noise(voltage, steps, resolution=True), _noise(current, steps, resolution=False)
     rows, reasons = [], Counter()
+    if elsewhere is not None:
+        reasons.update(
+            f"pulse of the same measurement as in {of}" for of in elsewhere[chosen] if of
+        )
+        chosen = chosen[elsewhere[chosen] == ""]
     pulses = [_pulse(time, current, voltage, steps, step) for step in chosen]
     for pulse, asked in product(pulses, delay_second):
         try:
