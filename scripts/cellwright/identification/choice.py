@@ -90,7 +90,8 @@ def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched
     by block, is less than one standard error, and all where fewer than three blocks tell none; of
     these, those whose rms error over all blocks is within a tenth of the smallest, for what fails
     in one corner is not equal to what does not. The simplest of them is chosen, and "clearly" only
-    where it is better than each other by two standard errors and none has a smaller rms error.
+    where it is better than each other by two standard errors and no other's rms error is smaller by
+    more than a tenth.
     3. A member of `searched` was found by a search of the same records. It takes that one's
     place if it is better by two standard errors, its rms error is not larger, and it is at no
     temperature worse by more than a tenth.
@@ -290,7 +291,7 @@ def _words(chosen, equal, logs, rmse, far):
 def _how_clearly(chosen, rivals, logs, rmse):
     """Words on the difference from the rival that comes nearest."""
     sure = {name: _standard_errors(logs[name] - logs[chosen]) for name in rivals}
-    smaller = [name for name in rivals if rmse[name] < rmse[chosen]]
+    smaller = [name for name in rivals if NEAR * rmse[name] < rmse[chosen]]
     second = min(rivals, key=sure.get)
     if smaller:
         least = min(smaller, key=rmse.get)
