@@ -79,8 +79,8 @@ def test_a_member_far_worse_as_a_whole_is_not_chosen_for_most_blocks():
     chosen = choose(scores)
     assert [round(1e3 * volt) for volt in chosen.rmse_volt.values()] == [318, 65]
     assert chosen.name == "2RC"
-    assert chosen.reasons["1RC"] == "errs by 3.2e+02 mV rms on what was left out, 2RC by 65 mV"
-    assert "clearly before" not in chosen.words
+    assert chosen.reasons["1RC"] == "errs by 318 mV rms on what was left out, 2RC by 65 mV"
+    assert "2RC chosen before 1RC, which errs by 4.9 times as much" in chosen.words
 
 
 def test_two_blocks_tell_no_doubt_so_nothing_is_clear():

@@ -196,9 +196,9 @@ def _far_from_best(errors, searched, celsius):
         if ratio.max() > FAR:
             k = int(np.argmax(ratio))
             least = min(family, key=lambda other, k=k: errors[other][k])
-            sentence = f"errs by {1e3 * error[k]:.2g} mV{_place(celsius, k)}"
+            sentence = f"errs by {_milli(error[k])} mV{_place(celsius, k)}"
             sentence += f" over the records fitted, {least} by"
-            faults[name] = _Fault(ratio[k] / FAR, f"{sentence} {1e3 * best[k]:.2g} mV")
+            faults[name] = _Fault(ratio[k] / FAR, f"{sentence} {_milli(best[k])} mV")
     return faults
 
 
@@ -227,21 +227,29 @@ def _least_faulty(family, faults):
 def _simplest(names, logs, rmse):
     """The simplest of the equally good members, all of these, and why each other is not chosen."""
     least = min(names, key=rmse.get)
-    limit = max(FAR * rmse[least], rmse[least] + MATERIAL_VOLT)
-    far = [name for name in names if rmse[name] > limit]
+    far = [name for name in names if _is_far(rmse[name], rmse[least])]
     best = min((n for n in names if n not in far), key=lambda name: logs[name].mean())
     alike = [n for n in names if n not in far and _equal(logs[n] - logs[best])]
     smallest = min(rmse[name] for name in alike)
     equal = [name for name in alike if rmse[name] <= NEAR * smallest]
     chosen = min(equal, key=lambda name: (size_of(member_named(name)), logs[name].mean()))
     reasons = dict.fromkeys(names, f"predicts blocks left out worse than {best}")
-    errs = f"{least} by {1e3 * rmse[least]:.2g} mV"
-    reasons |= {n: f"errs by {1e3 * rmse[n]:.2g} mV rms on what was left out, {errs}" for n in far}
+    errs = f"{least} by {_milli(rmse[least])} mV"
+    reasons |= {n: f"errs by {_milli(rmse[n])} mV rms on what was left out, {errs}" for n in far}
     reasons |= dict.fromkeys(
         alike, f"equal to {best} in most blocks, but its rms error is over a tenth larger"
     )
     reasons |= dict.fromkeys(equal, f"no better than {chosen}, which is simpler")
     return chosen, equal, reasons
+
+
+def _milli(volt):
+    """Millivolts to two digits, or whole ones from a hundred on."""
+    return f"{1e3 * volt:.2g}" if volt < 0.0995 else f"{1e3 * volt:.0f}"
+
+
+def _is_far(error, least):
+    return error > max(FAR * least, least + MATERIAL_VOLT)
 
 
 def _against(name, chosen, logs, rmse, by_condition):
@@ -252,7 +260,7 @@ def _against(name, chosen, logs, rmse, by_condition):
             f"not better than {chosen} beyond chance ({sure:.1f} standard errors, {SURE:g} asked)"
         )
     if rmse[name] > rmse[chosen]:
-        return f"errs by {1e3 * rmse[name]:.2g} mV rms, {chosen} by {1e3 * rmse[chosen]:.2g} mV"
+        return f"errs by {_milli(rmse[name])} mV rms, {chosen} by {_milli(rmse[chosen])} mV"
     candidate, incumbent = by_condition[name], by_condition[chosen]
     if np.any(candidate > np.maximum(NEAR * incumbent, incumbent + MATERIAL_VOLT)):
         return f"worse than {chosen} at some temperature"
@@ -277,7 +285,7 @@ def _words(chosen, equal, logs, rmse, far):
     """Why a member is chosen, how clearly, and the errors of all."""
     typical = {name: float(np.exp(log.mean() / 2)) for name, log in logs.items()}
     ranked = sorted(typical, key=typical.get)
-    listed = ", ".join(f"{n} {1e3 * typical[n]:.2g} mV ({1e3 * rmse[n]:.2g})" for n in ranked)
+    listed = ", ".join(f"{n} {_milli(typical[n])} mV ({_milli(rmse[n])})" for n in ranked)
     listed = f"Typical error of a block left out of the fit, rms of all in brackets: {listed}"
     listed += f". Out of the question over the records fitted: {', '.join(far)}" if far else ""
     equals = [name for name in ranked if name in equal and name != chosen]
@@ -292,15 +300,19 @@ def _how_clearly(chosen, rivals, logs, rmse):
     """Words on the difference from the rival that comes nearest."""
     sure = {name: _standard_errors(logs[name] - logs[chosen]) for name in rivals}
     smaller = [name for name in rivals if NEAR * rmse[name] < rmse[chosen]]
-    second = min(rivals, key=sure.get)
+    near = [name for name in rivals if not _is_far(rmse[name], rmse[chosen])]
+    second = min(near or rivals, key=sure.get)
     if smaller:
         least = min(smaller, key=rmse.get)
         return f" for most blocks, not clearly: over all of them {least} errs less"
+    if sure[second] > SURE:
+        return f", clearly before {second}"
+    if not near:
+        times = rmse[second] / rmse[chosen]
+        return f" before {second}, which errs by {times:.1f} times as much over all blocks"
     if sure[second] <= CLEAR:
         return f" before {second} for its rms error, not clearly: most blocks tell no gain"
-    if sure[second] <= SURE:
-        return f" before {second}, not clearly ({sure[second]:.1f} standard errors)"
-    return f", clearly before {second}"
+    return f" before {second}, not clearly ({sure[second]:.1f} standard errors)"
 
 
 INNER_SOC = (0.05, 0.95)  # the range over which validation is told, too
