@@ -110,6 +110,8 @@ def test_the_whole_simulation_counts_not_only_what_is_scored():
     lowest = volt.min()
     (row,) = score(FACTS._replace(role="split"), voltage_volt=volt.clip(lowest + 0.2)).rows
     assert row["beyond_volt"] == pytest.approx(0.2)
+    far = score(voltage_volt=volt.clip(lowest + 0.7))
+    assert far.notes[1:] == ("2RC simulates 0.7 V outside what was measured: a fault",)
 
 
 def test_refusals():

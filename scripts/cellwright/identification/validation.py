@@ -70,7 +70,13 @@ def validate(model, cell, test, *, split_rest_second):
         )
     names = ("test_time_second", "current_ampere", "voltage_volt", "soc")
     columns = {name: getattr(record, name) for name in names} | {"scored": scored} | columns
-    return Validation(rows, columns, (f"simulated at {record.temperature_source} temperature",))
+    notes = [f"simulated at {record.temperature_source} temperature"]
+    notes += [
+        f"{row['model']} simulates {row['beyond_volt']:.2g} V outside what was measured: a fault"
+        for row in rows
+        if row["chosen"] and row["beyond_volt"] > FAULT_VOLT
+    ]
+    return Validation(rows, columns, tuple(notes))
 
 
 def beyond_volt(voltage_volt, error_volt):
