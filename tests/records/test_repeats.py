@@ -98,6 +98,12 @@ def test_repeated_rows_drive_a_record_and_are_not_compared():
     )
     assert sum(record.used.sum() for record in at.records) < len(LONG[0]) + 10
     assert words[0] in notes
+    alone.series["voltage_volt"][300] = np.nan
+    (at,), notes = records_by_temperature(
+        [train, alone], BASIS, cell_facts(), split_rest_second=120.0
+    )
+    assert [record.used.all() for record in at.records] == [True]
+    assert [note.partition(":")[0] for note in notes] == ["not fitted"]
 
 
 def test_resistance_of_a_repeated_pulse_is_in_one_table_only():

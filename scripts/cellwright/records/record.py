@@ -353,7 +353,8 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
     conditions, notes = [], []
     settings = {"split_rest_second": split_rest_second}
     together = list(_by_temperature(tests))
-    marked, words = counted_once([test for _, members in together for test in members])
+    all_tests = [test for _, members in together for test in members]
+    marked, words = _counted_once(all_tests, basis, cell, settings)
     notes += words
     once = iter(marked)
     for celsius, members in [(c, [next(once) for _ in of]) for c, of in together]:
@@ -363,6 +364,17 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
             pulsed = any(test.facts.kind == "hppc" for test in members)
             conditions.append(FitRecords(celsius, records, pulsed))
     return conditions, notes
+
+
+def _counted_once(tests, basis, cell, settings):
+    """As `counted_once`; a test that cannot be fitted takes no measurement from the others."""
+    marked, words = counted_once(tests)
+    if not words:
+        return marked, words
+    usable = [t for t in tests if _record_to_fit(t, basis, cell, settings, []) is not None]
+    marked, words = counted_once(usable)
+    once = {test.facts.test: test for test in marked}
+    return [once.get(test.facts.test, test) for test in tests], words
 
 
 def _record_to_fit(test, basis, cell, settings, notes):
