@@ -13,6 +13,7 @@ MODULE_OF = {
     "read_simulated": "cellwright.api.series",
     "clean": "cellwright.api.series",
     "segment": "cellwright.api.series",
+    "repeats": "cellwright.api.series",
     "course": "cellwright.api.protocols",
     "capacity": "cellwright.api.protocols",
     "ocv": "cellwright.api.protocols",

@@ -5,7 +5,7 @@ import pytest
 import truth
 from sheets_facts import cell_facts, facts_of
 
-from cellwright.identification.validation import scores, validate
+from cellwright.identification.validation import beyond_volt, scores, validate
 from cellwright.records.facts import MeasuredTest
 from cellwright.refusal import Refusal
 
@@ -92,6 +92,26 @@ def test_scores_are_arithmetic():
     assert errors["rmse_volt_soc_5_95"] == 1.0
     assert (errors["max_abs_volt"], errors["mean_volt"], errors["samples"]) == (3.0, 0.5, 4)
     assert np.isnan(scores(np.ones(2), np.zeros(2))["rmse_volt_soc_5_95"])
+
+
+def test_a_simulation_outside_what_was_measured_is_told_by_how_much():
+    """Two samples of a thousand at -1.5 V are 0.2 V rms, and no cell is ever there."""
+    measured = np.linspace(4.2, 2.5, 1000)
+    simulated_volt = measured.copy()
+    simulated_volt[-2:] = -1.5
+    assert scores(measured - simulated_volt, np.full(1000, 0.5))["rmse_volt"] < 0.2
+    assert beyond_volt(measured, measured - simulated_volt) == pytest.approx(4.0)
+    assert beyond_volt(measured, measured - measured.clip(3.0, 4.0)) == 0.0
+    assert beyond_volt(measured, np.full(1000, -0.3)) == pytest.approx(0.3)
+
+
+def test_the_whole_simulation_counts_not_only_what_is_scored():
+    volt = series()["voltage_volt"]
+    lowest = volt.min()
+    (row,) = score(FACTS._replace(role="split"), voltage_volt=volt.clip(lowest + 0.2)).rows
+    assert row["beyond_volt"] == pytest.approx(0.2)
+    far = score(voltage_volt=volt.clip(lowest + 0.7))
+    assert far.notes[1:] == ("2RC simulates 0.7 V outside what was measured: a fault",)
 
 
 def test_refusals():

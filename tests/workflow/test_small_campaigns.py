@@ -29,13 +29,24 @@ PLANNED = {
     "capacity_only": CAPACITY | {"effect_search", "witnesses"},
     "ocv_pulses_drive": CAPACITY
     | METHODS
-    | {"ocv", "pulses", "polarisation", "identify", "member", "model", "thermal", "export"}
+    | {
+        "repeats",
+        "ocv",
+        "pulses",
+        "polarisation",
+        "identify",
+        "member",
+        "model",
+        "thermal",
+        "export",
+    }
     | {"prediction"}
     | {"effect_search", "effect_search_own", "witnesses"},
     "spectra_only": {"impedance", "basis", "temperature", "cold_limit"},
     "pulses_over_temperature": CAPACITY
     | METHODS
-    | {"pulses", "temperature", "resistance_surface", "cold_limit", "effect_search", "witnesses"},
+    | {"repeats", "pulses", "temperature", "resistance_surface", "cold_limit"}
+    | {"effect_search", "witnesses"},
     "parallel_group": SERIES
     | {"basis", "branches", "member", "model", "export", "pack", "missing_effect_group"}
     | {"pack_checks", "pack_decisions", "pack_model"},

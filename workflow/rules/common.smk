@@ -207,6 +207,9 @@ CAPACITY_KINDS = ("capacity", "ocv")
 SIZE_KINDS = (*CAPACITY_KINDS, "ica")
 PULSE_KINDS = ("hppc", "pulse_resistance")
 RELAXATION_KINDS = config["relaxation"]["kinds"]
+# Tests whose loads tell resistances, models and their errors: the same measurement in two of them
+# counts once.
+EVIDENCE_KINDS = sorted({*PULSE_KINDS, *RELAXATION_KINDS, "capacity", "drive"})
 SERIES_KINDS = sorted({row["kind"] for row in CAMPAIGN.tests} - {"eis"})
 # Of each test what tables say beside its results.
 TEST_FACTS = {

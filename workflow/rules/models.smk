@@ -404,6 +404,7 @@ rule prediction:
     input:
         model=model_at_age,
         series="results/clean/{cell}/{test}.parquet",
+        repeats=repeats_of,
     output:
         scores="results/validation/{cell}/{test}.parquet",
         simulation="results/simulation/{cell}/{test}.parquet",

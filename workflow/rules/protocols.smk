@@ -73,6 +73,7 @@ rule pulses:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
         basis="results/basis/{cell}.json",
+        repeats=repeats_of,
     output:
         resistance="results/resistance/{cell}/{test}.parquet",
         rests="results/relaxation/{cell}/{test}.parquet",
@@ -97,6 +98,7 @@ rule resistance:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
         basis="results/basis/{cell}.json",
+        repeats=repeats_of,
     output:
         "results/resistance/{cell}/{test}.parquet",
     log:
@@ -118,6 +120,7 @@ rule relaxation:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
         basis="results/basis/{cell}.json",
+        repeats=repeats_of,
     output:
         rests="results/relaxation/{cell}/{test}.parquet",
         curve="results/relaxation_curve/{cell}/{test}.parquet",

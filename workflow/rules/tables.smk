@@ -87,6 +87,7 @@ STAGES = [
     *everywhere("spectrum", "eis"),
     *everywhere("clean", *SERIES_KINDS),
     *everywhere("segment", *SERIES_KINDS),
+    *[f"results/repeats/{cell}.parquet" for cell in REPEATABLE],
     *everywhere("relaxation", *RELAXATION_KINDS),
     *[path for cell in CELLS for path in rest_curves(cell)],
     *[f"results/basis/{cell}.json" for cell in CELLS],

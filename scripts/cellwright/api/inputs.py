@@ -60,6 +60,24 @@ def steps(table):
     return table if isinstance(table, Steps) else Steps(**columns(table, *Steps._fields))
 
 
+def repeats(table):
+    """Repeats of the tests of a cell from the result of `repeats`, or its columns; None: none."""
+    from cellwright.records.repeats import Repeats
+
+    table = getattr(table, "rows", table)
+    if table is None or isinstance(table, Repeats):
+        return table
+    return Repeats(**columns(table, *Repeats._fields))
+
+
+def elsewhere(table, test, cut):
+    """Name of the test in which each step of a test counts, see `repeats.steps_elsewhere`."""
+    from cellwright.records.repeats import steps_elsewhere
+
+    found = repeats(table)
+    return None if found is None else steps_elsewhere(found, test_facts(test).test, steps(cut))
+
+
 def rows(table) -> list[dict]:
     """Rows as dicts of plain values: of a list of rows, a result, a DataFrame or columns."""
     if isinstance(table, list | tuple) and not hasattr(table, "_asdict"):

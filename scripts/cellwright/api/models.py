@@ -91,7 +91,9 @@ def compare_identification_methods(cell, basis, tests, settings=None, **changes)
     Source: thesis 2.3 and table 2.2; docs/identification.md.
     """
     from cellwright.identification.methods.comparison import compare_methods
-    from cellwright.identification.methods.pulse_records import PulseTest
+    from cellwright.identification.methods.pulse_records import PulseTest, counted_here
+    from cellwright.records.facts import MeasuredTest
+    from cellwright.records.repeats import repeats, sentences, steps_elsewhere
 
     measured = [
         PulseTest(
@@ -99,11 +101,17 @@ def compare_identification_methods(cell, basis, tests, settings=None, **changes)
         )
         for test, series, steps in tests
     ]
+    found = repeats([MeasuredTest(test.facts, test.series) for test in measured])
+    elsewhere = [steps_elsewhere(found, test.facts.test, test.steps) for test in measured]
+    measured = [
+        test._replace(steps=counted_here(test.steps, of))
+        for test, of in zip(measured, elsewhere, strict=True)
+    ]
     chosen = inputs.settings_of(IdentificationMethods, settings, changes)
     comparison = compare_methods(
         measured, inputs.content(basis), inputs.cell_facts(cell), **chosen._asdict()
     )
-    return results.Table(comparison.rows, comparison.left_out)
+    return results.Table(comparison.rows, (*sentences(found), *comparison.left_out))
 
 
 def compare_temperature_laws(
@@ -409,7 +417,9 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     return results.Simulation(columns, member_of(model, member)["model"])
 
 
-def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_second):
+def validate(
+    model, series, test, cell, *, split_rest_second=MODELS.split_rest_second, repeats=None
+):
     """Errors [V] of every member of a model, simulated through a test it was not fitted to.
 
     Parameters
@@ -418,6 +428,8 @@ def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_s
     series : DataFrame or columns of a clean series, (n,) each.
     test, cell : TestFacts, CellFacts or mappings.
     split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+    repeats : result of `repeats` of the cell's tests: rows that were fitted in another test, or
+        score there, do not score here; None: all do.
 
     Returns
     -------
@@ -431,8 +443,11 @@ def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_s
     """
     from cellwright.identification.validation import validate as validated
     from cellwright.records.basis import at_cycle
+    from cellwright.records.repeats import with_repeated
 
     (measured,) = inputs.tests([(test, series)])
+    found = inputs.repeats(repeats)
+    measured = measured if found is None else with_repeated(measured, found)
     scores = validated(
         at_cycle(inputs.content(model), measured.facts.cycle),
         inputs.cell_facts(cell),

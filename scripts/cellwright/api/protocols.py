@@ -211,7 +211,7 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
     return results.Table(shifts.rows, (f"SoC: {anchored.anchor}", *shifts.left_out))
 
 
-def resistance(series, steps, basis, test, cell, settings=None, **changes):
+def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None, **changes):
     """Resistance [ohm] at stated delays into each pulse of one test.
 
     Parameters
@@ -220,6 +220,7 @@ def resistance(series, steps, basis, test, cell, settings=None, **changes):
     basis : result of `basis`.
     test, cell : TestFacts, CellFacts or mappings.
     settings : `settings.Resistance`, or its key as keyword: delay_second [s].
+    repeats : result of `repeats` of the cell's tests: what counts in another test is left out.
 
     Returns
     -------
@@ -240,13 +241,14 @@ def resistance(series, steps, basis, test, cell, settings=None, **changes):
         *inputs.quantities(series),
         anchored.soc,
         inputs.steps(steps),
+        elsewhere=inputs.elsewhere(repeats, test, steps),
         rated_capacity_ampere_hour=inputs.content(basis)["capacity_ampere_hour"],
         **inputs.settings_of(Resistance, settings, changes)._asdict(),
     )
     return results.Table(pulses.rows, (f"SoC: {anchored.anchor}", *pulses.left_out))
 
 
-def relaxation(series, steps, basis, test, cell, settings=None, **changes):
+def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None, **changes):
     """Two exponentials fitted to the voltage of each rest of one test: amplitudes, time constants.
 
     Parameters
@@ -255,6 +257,7 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
     basis : result of `basis`.
     test, cell : TestFacts, CellFacts or mappings.
     settings : `settings.Relaxation`, or its keys as keywords.
+    repeats : as of `resistance`.
 
     Returns
     -------
@@ -279,6 +282,7 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
         state_of_charge(columns, basis, test, cell).soc,
         inputs.steps(steps),
         temperature_celsius=chamber_or_cell(columns),
+        elsewhere=inputs.elsewhere(repeats, test, steps),
         **inputs.settings_of(Relaxation, settings, changes)._asdict(),
     )
     shown = example(rests.rows, time, voltage)

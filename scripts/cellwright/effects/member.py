@@ -21,14 +21,13 @@ from cellwright.effects.library.overpotential import DIFFUSION_KINDS
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import NEAR_END, stacked
 from cellwright.effects.search import POLISH_STEPS
-from cellwright.identification.choice import (
-    FOLDS,
+from cellwright.identification.choice import FOLDS, Score
+from cellwright.identification.in_use import (
     Judged,
-    Score,
     decided,
     errors_of,
     fitted_records,
-    inner_rmse,
+    simulated_errors,
 )
 from cellwright.numerics.least_squares import fit
 from cellwright.records.anchor import REST_C_RATE
@@ -315,7 +314,7 @@ def finished(model, basis, cell, tests, effect_model, *, split_rest_second):
 
     Returns
     -------
-    model : dict of the same schema. rows : list of dict, see `identification.choice.decided`;
+    model : dict of the same schema. rows : list of dict, see `identification.in_use.decided`;
         none for a
         borrowed model, whose cell has no records that its members were fitted to.
     """
@@ -345,11 +344,11 @@ def with_effects(model, effect_model, tests, conditions):
     effect_model : dict, see `effect_member`, with `start_soc` (of the search's fit) and `folds`
         (see `folds`).
     tests : list of MeasuredTest, whose temperatures the member is to hold.
-    conditions : list of lists of choice.FittedRecord, one a condition of the model.
+    conditions : list of lists of in_use.FittedRecord, one a condition of the model.
 
     Returns
     -------
-    model : dict of the same schema, the member last. judged : choice.Judged, of the same blocks as
+    model : dict of the same schema, the member last. judged : in_use.Judged, of the same blocks as
         the family's members.
 
     Raises
@@ -374,7 +373,7 @@ def with_effects(model, effect_model, tests, conditions):
     pairs = list(zip(conditions, errors, strict=True))
     judged = Judged(
         [_score(part, of_part, folds) for part, of_part in pairs],
-        np.array([inner_rmse(part, [by_fit[0] for by_fit in of_part]) for part, of_part in pairs]),
+        *simulated_errors(conditions, [[by_fit[0] for by_fit in part] for part in errors]),
     )
     notes = [*model["notes"], *(f"{NAME}: {words}" for words in words_of(member))]
     return models[0] | {"notes": notes}, judged

@@ -17,6 +17,7 @@ from cellwright.protocols.ocv.slow import mean_of_branches, rising
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.records.facts import of_first_checkup
 from cellwright.records.record import laid_out_to_fit
+from cellwright.records.repeats import counted_once
 from cellwright.records.thinning import STEP_PART, averaged_to, thin
 from cellwright.refusal import Refusal
 
@@ -109,7 +110,9 @@ def _with_slow_test(tests, basis, curve):
 def _sides(cell, basis, tests, settings):
     """Records that are fitted and that judge, with notes on those that cannot be used."""
     young, later = of_first_checkup(tests)
+    young, words = counted_once(young)
     fitted, judging, notes = [], [], [f"not used, of a later check-up: {n}" for n in later]
+    notes += words
     for test in young:
         role, given = test.facts.role, (test, basis, cell, settings)
         try:
@@ -134,6 +137,8 @@ def _record(test, basis, cell, settings, *, proof=False):
     # What the instrument read, with what cleaning did not count: an offset is one of the effects.
     cut = {"split_rest_second": settings["split_rest_second"]}
     record = laid_out_to_fit(test, basis, cell, proof=proof, as_read=True, **cut)
+    if not record.used.any():
+        raise Refusal("all of it counts in another test")
     if record.kind != SLOW_TEST:
         return record
     moved = np.abs(np.diff(record.soc)).sum()

@@ -15,6 +15,7 @@ from cellwright.records.channels import (
     table,
 )
 from cellwright.records.filled import bridged, with_edges
+from cellwright.records.repeats import counted_once
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import as_logged, hidden_rest_level
 
@@ -137,7 +138,8 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
     1. The SoC is counted from the best anchor that there is (`basis.soc_of`), of a slow test from
     its own end. 2. The temperature is
     the cell's own, see `cell_temperature`. 3. Of a test of role `split` the odd blocks are compared
-    in a fit and the even ones in a proof; of any other test all rows.
+    in a fit and the even ones in a proof; of any other test all rows. Rows that count in another
+    test (`repeats.counted_once`) are not compared, and drive the model all the same.
 
     Parameters
     ----------
@@ -175,6 +177,8 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
         rest = REST_C_RATE * basis["capacity_ampere_hour"]
         cut = series["current_ampere"]
         used = fit_mask(time, cut, rest_second=split_rest_second, rest_ampere=rest) ^ proof
+    if "repeated" in columns:
+        used &= ~columns["repeated"]
     return checked(
         record_of(
             time,
@@ -348,7 +352,12 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
     """
     conditions, notes = [], []
     settings = {"split_rest_second": split_rest_second}
-    for celsius, members in _by_temperature(tests):
+    together = list(_by_temperature(tests))
+    all_tests = [test for _, members in together for test in members]
+    marked, words = _counted_once(all_tests, basis, cell, settings)
+    notes += words
+    once = iter(marked)
+    for celsius, members in [(c, [next(once) for _ in of]) for c, of in together]:
         laid = [_record_to_fit(test, basis, cell, settings, notes) for test in members]
         records = tuple(record for record in laid if record is not None)
         if records:
@@ -357,12 +366,26 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
     return conditions, notes
 
 
+def _counted_once(tests, basis, cell, settings):
+    """As `counted_once`; a test that cannot be fitted takes no measurement from the others."""
+    marked, words = counted_once(tests)
+    if not words:
+        return marked, words
+    usable = [t for t in tests if _record_to_fit(t, basis, cell, settings, []) is not None]
+    marked, words = counted_once(usable)
+    once = {test.facts.test: test for test in marked}
+    return [once.get(test.facts.test, test) for test in tests], words
+
+
 def _record_to_fit(test, basis, cell, settings, notes):
     """Record of a test, None with a note where it cannot be fitted."""
     try:
         record = laid_out_to_fit(test, basis, cell, **settings)
     except Refusal as refusal:
         notes.append(f"not fitted: {test.facts.test}: {refusal}")
+        return None
+    if not record.used.any():
+        notes.append(f"not fitted: {test.facts.test}: all of it counts in another test")
         return None
     if test.facts.soc is None:
         notes.append(f"{record.test}: SoC by {record.anchor}")
