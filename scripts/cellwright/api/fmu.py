@@ -17,7 +17,7 @@ def cell_fmu(
 
     Parameters
     ----------
-    model : result of `identify` or `finish_model`.
+    model : result of `identify` or `finish_model`, or path of its results/models/<cell>.json.
     initial_soc : at the start, until a simulator sets another [1].
     capacities, validation : rows of `capacity` and `validate` of its tests, with test and role:
         their errors stand in the unit's documentation.
@@ -39,7 +39,7 @@ def cell_fmu(
     from cellwright.fmu.unit import single
     from cellwright.packs.artefact import CellInPack, PackModel, ThermalConstants, cell_entry
 
-    content = inputs.content(model)
+    content = inputs.model(model)
     heat = None if thermal is None else ThermalConstants(*thermal)
     known = {"capacities": capacities, "validation": validation}
     cell = CellInPack(content, initial_soc, heat, **_known_errors(content, **known))

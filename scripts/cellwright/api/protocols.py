@@ -239,7 +239,7 @@ def resistance(series, steps, basis, test, cell, settings=None, **changes):
         *inputs.quantities(series),
         anchored.soc,
         inputs.steps(steps),
-        rated_capacity_ampere_hour=inputs.content(basis)["capacity_ampere_hour"],
+        rated_capacity_ampere_hour=inputs.basis(basis)["capacity_ampere_hour"],
         **inputs.settings_of(Resistance, settings, changes)._asdict(),
     )
     return results.Table(pulses.rows, (f"SoC: {anchored.anchor}", *pulses.left_out))
@@ -427,7 +427,7 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, **chan
     charge, notes = charged(
         inputs.columns(series, *inputs.COUNTED),
         inputs.steps(steps),
-        capacity_ampere_hour=at_cycle(inputs.content(basis), cycle)["capacity_ampere_hour"],
+        capacity_ampere_hour=at_cycle(inputs.basis(basis), cycle)["capacity_ampere_hour"],
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
