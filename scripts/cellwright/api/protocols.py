@@ -271,17 +271,19 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
 
     columns = inputs.columns(series, *inputs.NAMES)
     time, current, voltage = inputs.quantities(columns)
+    anchored = state_of_charge(columns, basis, test, cell)
     rests = rests_of(
         time,
         current,
         voltage,
-        state_of_charge(columns, basis, test, cell).soc,
+        anchored.soc,
         inputs.steps(steps),
         temperature_celsius=chamber_or_cell(columns),
         **inputs.settings_of(Relaxation, settings, changes)._asdict(),
     )
     shown = example(rests.rows, time, voltage)
-    return results.Relaxation(rests.rows, shown, tuple(rests.left_out))
+    unknown = [f"SoC: {anchored.anchor}"] if np.isnan(anchored.soc).all() else []
+    return results.Relaxation(rests.rows, shown, (*unknown, *rests.left_out))
 
 
 def ica(series, steps, settings=None, **changes):
