@@ -57,7 +57,7 @@ def draw_wiring(group, rows, models):
     figure, axes = style.subplots(*grid, width=9.0, height=(1 if beside else 2) * high + 0.3)
     panels = axes.flat
     celsius = sorted({celsius for celsius, _ in compared})
-    what = f"resistance after {SECOND:g} s at {100 * MIDDLE_SOC:g} % SoC{_temperatures(celsius)}"
+    what = f"resistance, {SECOND:g} s, {100 * MIDDLE_SOC:g} % SoC{_temperatures(celsius)}"
     for value, name, size, less in (
         (capacity, "capacity", "{:.3g} Ah", -1),
         (resistance, what, "{:.3g} mΩ", 1),
