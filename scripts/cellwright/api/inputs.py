@@ -95,6 +95,8 @@ def branch_facts(branch):
 def _facts(kind, values):
     if isinstance(values, kind):
         return values
+    if not isinstance(values, Mapping):
+        raise Refusal(f"found a {type(values).__name__}, wanted {kind.__name__} or a mapping")
     lacking = [n for n in kind._fields if n not in values and n not in kind._field_defaults]
     if lacking:
         raise Refusal(f"{kind.__name__} needs {', '.join(lacking)}; given are {', '.join(values)}")
