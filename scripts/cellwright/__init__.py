@@ -64,7 +64,7 @@ MODULE_OF = {
     "compare_bias_ways": "cellwright.api.models",
     "worst_corrected": "cellwright.api.models",
     "corrected_voltages": "cellwright.api.models",
-    "export_model": "cellwright.api.models",
+    "export_model": "cellwright.api.fmu",
     "simulate": "cellwright.api.models",
     "validate": "cellwright.api.models",
     "estimate_soc": "cellwright.api.models",

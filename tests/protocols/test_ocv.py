@@ -265,3 +265,12 @@ def test_a123_in_the_cold_has_gaps_in_its_branches_but_none_in_its_ocv(shared):
     assert curve.capacity_ampere_hour == pytest.approx(2.0677, rel=0.01)
     assert np.isnan(curve.charge_volt[-1])
     assert (np.diff(curve.ocv_volt) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "named"),
+    [(3.0, None, "the upper"), (None, 4.2, "the lower"), (None, None, "the lower cut-off and the")],
+)
+def test_a_cutoff_that_is_not_stated_is_named(lower, upper, named):
+    with pytest.raises(Refusal, match=f"{named} .*is not stated, so no slow curve"):
+        slow_ocv(*both(), lower_cutoff_volt=lower, upper_cutoff_volt=upper)

@@ -385,7 +385,8 @@ def model_at_age(wildcards):
 
 rule export:
     input:
-        "results/models/{cell}.json",
+        model="results/models/{cell}.json",
+        validation=lambda w: scores_of(w.cell),
     output:
         pybamm="results/export/{cell}/pybamm_thevenin.json",
         lookup="results/export/{cell}/lookup.csv",

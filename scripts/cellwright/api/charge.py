@@ -59,7 +59,7 @@ def basis_at(basis, cycle):
     """
     from cellwright.records.basis import at_cycle
 
-    return at_cycle(inputs.content(basis), cycle) | {"checkups": []}
+    return at_cycle(inputs.basis(basis), cycle) | {"checkups": []}
 
 
 def lender(cell, curves, capacities, *, marked=False):
@@ -133,4 +133,4 @@ def state_of_charge(series, basis, test, cell):
     from cellwright.records.basis import soc_or_unknown
 
     columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
-    return soc_or_unknown(columns, inputs.content(basis), inputs.test_facts(test), facts)
+    return soc_or_unknown(columns, inputs.basis(basis), inputs.test_facts(test), facts)

@@ -242,7 +242,7 @@ def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None,
         anchored.soc,
         inputs.steps(steps),
         elsewhere=inputs.elsewhere(repeats, test, steps),
-        rated_capacity_ampere_hour=inputs.content(basis)["capacity_ampere_hour"],
+        rated_capacity_ampere_hour=inputs.basis(basis)["capacity_ampere_hour"],
         **inputs.settings_of(Resistance, settings, changes)._asdict(),
     )
     return results.Table(pulses.rows, (f"SoC: {anchored.anchor}", *pulses.left_out))
@@ -275,18 +275,20 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
 
     columns = inputs.columns(series, *inputs.NAMES)
     time, current, voltage = inputs.quantities(columns)
+    anchored = state_of_charge(columns, basis, test, cell)
     rests = rests_of(
         time,
         current,
         voltage,
-        state_of_charge(columns, basis, test, cell).soc,
+        anchored.soc,
         inputs.steps(steps),
         temperature_celsius=chamber_or_cell(columns),
         elsewhere=inputs.elsewhere(repeats, test, steps),
         **inputs.settings_of(Relaxation, settings, changes)._asdict(),
     )
     shown = example(rests.rows, time, voltage)
-    return results.Relaxation(rests.rows, shown, tuple(rests.left_out))
+    unknown = [f"SoC: {anchored.anchor}"] if np.isnan(anchored.soc).all() else []
+    return results.Relaxation(rests.rows, shown, (*unknown, *rests.left_out))
 
 
 def ica(series, steps, settings=None, **changes):
@@ -432,7 +434,7 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, **chan
     charge, notes = charged(
         inputs.columns(series, *inputs.COUNTED),
         inputs.steps(steps),
-        capacity_ampere_hour=at_cycle(inputs.content(basis), cycle)["capacity_ampere_hour"],
+        capacity_ampere_hour=at_cycle(inputs.basis(basis), cycle)["capacity_ampere_hour"],
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,

@@ -12,6 +12,7 @@ START_C_RATE = 0.02  # of one row: its noise, or a leak that moves the voltage b
 WHOLE_SWING = 0.9  # of the capacity: a record that moves so much has its place on the scale
 SLOW_C_RATE = 1.1 / 15  # a slow test: C/15 by a rating that the cell need not have
 CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full charge is
+SOC_RANGE = (-0.1, 1.1)  # counted SoC beyond it: the anchor, the charge or the capacity is wrong
 
 
 class Anchored(NamedTuple):
@@ -85,6 +86,31 @@ def soc_series(
         words = f"{words} ± {max(1 - span, 0) / 2:.3f}"
         return Anchored(top + counted - counted.max(), words, int(np.argmax(counted)))
     raise Refusal(_why_not_anchored(rate[0], upper_cutoff_volt, ocv_soc))
+
+
+def refuse_contradiction(low, high, anchor, *, capacity_ampere_hour, source):
+    """Refuse a counted SoC that no cell can have: its anchor, its charge and the capacity disagree.
+
+    Which of the three is wrong is not known, and with it no SoC of the record.
+
+    Parameters
+    ----------
+    low, high : least and largest SoC that was counted [1].
+    anchor, source : what the SoC is counted from and what tells the capacity, in words.
+    capacity_ampere_hour : that the SoC refers to [Ah].
+
+    Raises
+    ------
+    Refusal : a SoC outside −0.1 to 1.1.
+    """
+    if low >= SOC_RANGE[0] and high <= SOC_RANGE[1]:
+        return
+    moved = (high - low) * capacity_ampere_hour
+    raise Refusal(
+        f"SoC of the record runs from {low:.3f} to {high:.3f}, outside −0.1 to 1.1: its SoC "
+        f"({anchor}), its charge ({moved:.3g} Ah between the two) and the capacity of "
+        f"{capacity_ampere_hour:.4g} Ah ({source}) contradict each other"
+    )
 
 
 def slow_soc(charge_ampere_hour, *, capacity_ampere_hour):
@@ -214,7 +240,8 @@ def rest_scale(
 
     Raises
     ------
-    Refusal : no capacity is known, or nothing tells where the record begins.
+    Refusal : no capacity is known, nothing tells where the record begins, or a stated SoC that
+        contradicts the record's charge and the capacity.
     """
     current, voltage, charge = (
         np.asarray(column, float) for column in (current_ampere, voltage_volt, charge_ampere_hour)
@@ -230,6 +257,7 @@ def rest_scale(
     share = 1.0 if ends_empty or not nominal else float(np.ptp(charge)) / nominal
     if soc_at_start is not None:
         anchor = _Anchor(charge[0], soc_at_start, f"SoC {soc_at_start:g} is stated at its start")
+        _refuse_stated(anchor, charge, nominal, source)
     else:
         near = FULL_WINDOW * window if state_before != "full" else np.inf
         anchor = _full_anchor(rate, voltage, charge, upper, near, share, first)
@@ -241,9 +269,24 @@ def rest_scale(
         )
     elif not nominal:
         raise Refusal("no capacity: the record does not end empty, no capacity test and no rating")
-    capacity = max(nominal, discharged / anchor.soc)
+    capacity = max(nominal, discharged / anchor.soc if discharged else 0.0)
     full = anchor.charge_ampere_hour + (1 - anchor.soc) * capacity
     return Scale(float(full), capacity, first, source, anchor.words)
+
+
+def _refuse_stated(anchor, charge, nominal, source):
+    """Refuse a stated SoC from which the record's charge leaves the scale of the known capacity.
+
+    Of a cell that is stated full a discharge beyond it contradicts the capacity alone, which the
+    record itself then tells.
+    """
+    up, down = (float(moved - anchor.charge_ampere_hour) for moved in (charge.max(), charge.min()))
+    capacity = nominal or max(up, -down)
+    if not capacity:
+        return
+    low = anchor.soc + (down / capacity if anchor.soc < 1 else 0.0)
+    about = {"capacity_ampere_hour": capacity, "source": source}
+    refuse_contradiction(low, anchor.soc + up / capacity, anchor.words, **about)
 
 
 # ASSUME: A complete charge at C/15 or slower puts in what a discharge as slow takes out.

@@ -4,7 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.anchor import Anchored, soc_series, telling_capacity
+from cellwright.records.anchor import (
+    Anchored,
+    refuse_contradiction,
+    soc_series,
+    telling_capacity,
+)
 from cellwright.records.facts import SAME_CHECKUP_CYCLES, stated_capacity
 from cellwright.refusal import Refusal
 
@@ -325,6 +330,23 @@ def soc_of(series, basis, facts, cell):
     return anchored._replace(anchor=anchored.anchor + _size_in_words(basis))
 
 
+def on_scale(anchored, basis):
+    """The same SoC, refused where it leaves the scale of its basis.
+
+    Parameters
+    ----------
+    anchored : Anchored. basis : dict, at the age of the record.
+
+    Raises
+    ------
+    Refusal : as `anchor.refuse_contradiction`.
+    """
+    size, source = basis["capacity_ampere_hour"], basis.get("capacity_source", "of the model")
+    ends = float(np.min(anchored.soc)), float(np.max(anchored.soc))
+    refuse_contradiction(*ends, anchored.anchor, capacity_ampere_hour=size, source=source)
+    return anchored
+
+
 def _size_in_words(basis):
     """What the SoC of a cell with several check-ups refers to, said behind its anchor."""
     if not basis.get("checkups"):
@@ -335,10 +357,11 @@ def _size_in_words(basis):
 def soc_or_unknown(series, basis, facts, cell):
     """As `soc_of`, but NaN with the reason as anchor where no state of charge can be known.
 
-    For results that need no SoC, such as the resistance of a pulse.
+    For results that need no SoC, such as the resistance of a pulse. One that leaves −0.1 to 1.1 is
+    not known: its anchor, its charge and the capacity contradict each other (`on_scale`).
     """
     try:
-        return soc_of(series, basis, facts, cell)
+        return on_scale(soc_of(series, basis, facts, cell), at_cycle(basis, facts.cycle))
     except Refusal as refusal:
         unknown = np.full(len(series["test_time_second"]), np.nan)
         return Anchored(unknown, f"not known: {refusal}")

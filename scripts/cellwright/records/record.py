@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.anchor import REST_C_RATE, slow_soc
-from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle, soc_of
+from cellwright.records.anchor import REST_C_RATE, Anchored, slow_soc
+from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle, on_scale, soc_of
 from cellwright.records.channels import (
     BRANCH_CURRENT,
     CELL_TEMPERATURE,
@@ -20,8 +20,6 @@ from cellwright.refusal import Refusal
 from cellwright.series.rest_current import as_logged, hidden_rest_level
 
 SAME_CELSIUS = 2.0
-SOC_RANGE = (-0.1, 1.1)  # counted SoC beyond it: the anchor or the capacity is wrong
-
 
 BY_SHEET, BY_NOTHING = "the chamber's", "25 °C, for want of any"
 STATED = (BY_SHEET, BY_NOTHING)  # sources of a temperature that no sensor told
@@ -212,13 +210,11 @@ def laid_out_to_fit(test, basis, cell, **settings):
 
     Raises
     ------
-    Refusal : as `laid_out`; a SoC outside −0.1 to 1.1.
+    Refusal : as `laid_out` and `on_scale`.
     """
-    record = laid_out(test, basis, cell, **settings)
-    low, high = record.soc.min(), record.soc.max()
-    if low < SOC_RANGE[0] or high > SOC_RANGE[1]:
-        raise Refusal(f"SoC of the record runs from {low:.3f} to {high:.3f}, outside −0.1 to 1.1")
-    size = at_cycle(basis, test.facts.cycle)["capacity_ampere_hour"]
+    record, aged = laid_out(test, basis, cell, **settings), at_cycle(basis, test.facts.cycle)
+    on_scale(Anchored(record.soc, record.anchor), aged)
+    size = aged["capacity_ampere_hour"]
     return with_edges(bridged(record, capacity_ampere_hour=size), capacity_ampere_hour=size)
 
 

@@ -181,11 +181,16 @@ def slow_ocv(
 
     Raises
     ------
-    Refusal : no leg of the record is slow, full and runs to its cut-off.
+    Refusal : no leg of the record is slow, full and runs to its cut-off, or one is not stated.
 
     Source: joining of four scripts, "equilibrium": G. L. Plett, Battery Management Systems I
     (2015), ch. 2, function processOCV.
     """
+    ends = {"lower": lower_cutoff_volt, "upper": upper_cutoff_volt}
+    unstated = [name for name, volt in ends.items() if volt is None]
+    if unstated:
+        named = " and the ".join(f"{name} cut-off" for name in unstated)
+        raise Refusal(f"the {named} is not stated, so no slow curve can be told to be complete")
     files = np.zeros(len(voltage_volt), int) if file_index is None else np.asarray(file_index, int)
     columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
     time, current, voltage, net_charge = (np.asarray(column, float) for column in columns)
