@@ -15,6 +15,7 @@ from cellwright.records.channels import (
     table,
 )
 from cellwright.records.filled import bridged, with_edges
+from cellwright.numerics.noise import least_digit
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import as_logged, hidden_rest_level
 
@@ -42,6 +43,7 @@ class Record(NamedTuple):
     simulated_volt : voltage of the test that the user simulated, None where there is none [V].
     anchor_second : time of the row whose SoC is known, from which all others are counted [s]; None
         for the first.
+    least_digit_ampere, least_digit_volt : of the readings, see `noise.least_digit` [A], [V].
     """
 
     test: str
@@ -59,6 +61,8 @@ class Record(NamedTuple):
     temperature_source: str = ""
     simulated_volt: np.ndarray | None = None
     anchor_second: float | None = None
+    least_digit_ampere: float = 0.0
+    least_digit_volt: float = 0.0
 
 
 def record_of(
@@ -106,6 +110,8 @@ def record_of(
         np.broadcast_to(np.asarray(resistance_factor, float), (rows,)).copy(),
         anchor,
         temperature_source,
+        least_digit_ampere=least_digit(current_ampere),
+        least_digit_volt=least_digit(voltage_volt),
     )
 
 
