@@ -5,9 +5,8 @@ from runtime import artefact
 
 inputs, output, params = snakemake.input, snakemake.output, snakemake.params
 with artefact.Job(snakemake, output.capacity) as job:
-    found = cw.capacity(
-        job.load(inputs.series), job.load(inputs.steps), params.cell, whole_swing=True
-    )
+    record = job.load(inputs.series), job.load(inputs.steps)
+    found = cw.capacity(*record, params.cell, whole_swing=True, test=params.test)
     job.note(*found.notes)
     job.save(found.rows)
 with artefact.Job(snakemake, output.curve, output.functions, inputs=[inputs.series]) as job:

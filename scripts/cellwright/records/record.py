@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.anchor import REST_C_RATE, slow_soc
+from cellwright.numerics.noise import least_digit
+from cellwright.records.anchor import AS_STATED, REST_C_RATE, slow_soc
 from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle, soc_of
 from cellwright.records.channels import (
     BRANCH_CURRENT,
@@ -15,7 +16,6 @@ from cellwright.records.channels import (
     table,
 )
 from cellwright.records.filled import bridged, with_edges
-from cellwright.numerics.noise import least_digit
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import as_logged, hidden_rest_level
 
@@ -370,7 +370,7 @@ def _record_to_fit(test, basis, cell, settings, notes):
     except Refusal as refusal:
         notes.append(f"not fitted: {test.facts.test}: {refusal}")
         return None
-    if test.facts.soc is None:
+    if not record.anchor.startswith(AS_STATED):
         notes.append(f"{record.test}: SoC by {record.anchor}")
     return record
 
