@@ -115,7 +115,8 @@ def _of_first(swing, after, columns, limits, known):
     if known.state_before == ENDS[swing.sign] or _at_limit(swing, columns[1], limits):
         return Start()
     returned = _by_return(swing, after)
-    if returned is not None:
+    # Where the first voltage leaves no room for what it lacked, the current reading has an offset.
+    if returned and not (returned.fault and not _by_rest(swing, None, columns, limits, ()).fault):
         return returned
     if known.soc_at_start is not None and not _rest_contradicts(swing, columns, limits, known):
         return _as_stated(swing, known.soc_at_start)
@@ -123,9 +124,9 @@ def _of_first(swing, after, columns, limits, known):
 
 
 def _at_limit(swing, voltage, limits):
-    """Whether the record begins under load with the voltage at the cut-off that it is to leave."""
+    """Whether the first voltage, at rest or under load, is at the cut-off that it is to leave."""
     limit, first = limits[swing.sign < 0], float(voltage[swing.first_row])
-    return swing.under_load and limit is not None and swing.sign * (first - limit) <= NEAR_VOLT
+    return limit is not None and swing.sign * (first - limit) <= NEAR_VOLT
 
 
 def _by_return(swing, after):
