@@ -10,7 +10,8 @@ with artefact.Job(snakemake, output.capacity) as job:
     job.note(*found.notes)
     job.save(found.rows)
 with artefact.Job(snakemake, output.curve, output.functions, inputs=[inputs.series]) as job:
-    found = cw.ocv(job.load(inputs.series), params.cell, least_hour=params.least_hour)
+    about = {"least_hour": params.least_hour, "test": params.test}
+    found = cw.ocv(job.load(inputs.series), params.cell, **about)
     job.note(*found.notes)
     arrays, facts = artefact.split(found.curve)
     job.save(arrays, output.curve, **facts)

@@ -107,7 +107,7 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, 
     return results.Table(half_cycles.rows, tuple(half_cycles.left_out))
 
 
-def ocv(series, cell, *, least_hour=OCV.least_hour):
+def ocv(series, cell, *, least_hour=OCV.least_hour, test=None):
     """Open-circuit voltage [V] over SoC of one slow test: a curve, and functions fitted to it.
 
     Parameters
@@ -115,6 +115,7 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
     series : DataFrame or columns of a clean series, (n,) each.
     cell : CellFacts or mapping: cut-offs [V].
     least_hour : shortest charge or discharge that is slow enough [h].
+    test : TestFacts or mapping: its SoC at the start, or None.
 
     Returns
     -------
@@ -136,6 +137,7 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
         least_hour=least_hour,
+        soc_at_start=None if test is None else inputs.test_facts(test).soc,
     )
     notes = tuple(filter(None, [curve.note]))
     return results.Ocv(curve, fit_functions(curve.soc, curve.ocv_volt), notes)

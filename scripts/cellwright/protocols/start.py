@@ -80,7 +80,7 @@ def starts_of(swings, columns, limits, known=UNKNOWN):
     starts : list of Start.
     """
     told = [
-        _told(swing, before) if before else _of_first(swing, after, columns, limits, known)
+        _told(swing, before) if before else _first(swing, after, columns, limits, known)
         for before, swing, after in zip([None, *swings], swings, [*swings[1:], None], strict=False)
     ]
     rests = {
@@ -110,17 +110,31 @@ def _told(swing, before):
     return Start() if before.sign != swing.sign and before.reached else None
 
 
-def _of_first(swing, after, columns, limits, known):
-    """Start of a record's first half cycle by the first witness there is but its rest, or None."""
+def _first(swing, after, columns, limits, known):
+    """Start of a record's first half cycle but by its rest, or None."""
+    told = told_of_first(swing, after, columns, limits, known)
+    if told is None and swing.under_load:
+        return _under_load(swing, known.state_before)
+    return told
+
+
+def told_of_first(swing, after, columns, limits, known=UNKNOWN):
+    """Start of a record's first half cycle, where anything tells it but the rest alone, or None.
+
+    Parameters
+    ----------
+    swing, after : Swing, the first one and the one after it, or None.
+    columns, limits, known : as in `starts_of`.
+    """
     if known.state_before == ENDS[swing.sign] or _at_limit(swing, columns[1], limits):
         return Start()
     returned = _by_return(swing, after)
-    # Where the first voltage leaves no room for what it lacked, the current reading has an offset.
-    if returned and not (returned.fault and not _by_rest(swing, None, columns, limits, ()).fault):
+    room = np.inf if not (returned and returned.fault) else _room(swing, columns, limits)
+    if returned and returned.missing_ampere_hour <= room:
         return returned
     if known.soc_at_start is not None and not _rest_contradicts(swing, columns, limits, known):
         return _as_stated(swing, known.soc_at_start)
-    return _under_load(swing, known.state_before) if swing.under_load else None
+    return None
 
 
 def _at_limit(swing, voltage, limits):
@@ -145,7 +159,17 @@ def _by_return(swing, after):
         return None
     lacked, after_it = ("lacked", "charge") if swing.sign < 0 else ("already held", "discharge")
     moved = f"the {after_it} after it moves {after.moved_ampere_hour:.4g} Ah between the same ends"
-    return Start(f"it does not start {ENDS[swing.sign]}: it {lacked} {share:.1%}, for {moved}")
+    fault = f"it does not start {ENDS[swing.sign]}: it {lacked} {share:.1%}, for {moved}"
+    return Start(fault, lacking)
+
+
+def _room(swing, columns, limits):
+    """Most charge that a first half cycle may lack by its first voltage [Ah].
+
+    Where the half cycle after it moves more than that leaves room for, the current has an offset.
+    """
+    by_rest = _by_rest(swing, None, columns, limits, ())
+    return np.inf if by_rest.fault else by_rest.missing_ampere_hour
 
 
 def _rest_contradicts(swing, columns, limits, known):
