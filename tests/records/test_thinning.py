@@ -188,3 +188,24 @@ def test_small_pulses_beside_large_ones_are_steps_however_coarse_the_reading():
     current = np.repeat([0.0, -0.5, 0.0, -10.0, 0.0, 5.0, 0.0, 0.5, 0.0], 200)
     made = record(current)
     assert set(edges(made, step_ampere=0.05)) >= set(200 * np.arange(1, 7))
+
+
+def test_a_hold_at_the_end_of_a_slow_charge_does_not_make_it_a_drive():
+    """A tapering current at 60 s steps beside one that flickers by 1.7 %, as LG HG2 logs it."""
+    flicker = 2.55e-3 * (np.random.default_rng(4).random(2000) < 0.3)
+    taper = 0.15 * np.exp(-np.arange(60) / 3.0)
+    current = np.concatenate([np.zeros(100), 0.15 + flicker, taper, np.zeros(100)])
+    made = record(np.round(current / 2.55e-3) * 2.55e-3, every=60.0)
+    assert driven(made.current_ampere)
+    kept = thin(made, step_ampere=_least_step_ampere(made), capacity_ampere_hour=10.0)
+    assert len(kept.soc) < 600
+
+
+def test_noise_of_a_record_without_any_step_is_no_step():
+    """A charge that begins and ends under load: its largest change is its noise."""
+    noise = 5e-5 * np.random.default_rng(6).normal(size=5000)
+    kept = [
+        len(thin(made, step_ampere=_least_step_ampere(made), capacity_ampere_hour=5.0).soc)
+        for made in (record(0.15 + noise, every=11.0), record(np.full(5000, 0.15), every=11.0))
+    ]
+    assert kept[0] == pytest.approx(kept[1], rel=0.2)

@@ -17,7 +17,7 @@ from cellwright.protocols.ocv.slow import mean_of_branches, rising
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.records.facts import of_first_checkup
 from cellwright.records.record import laid_out_to_fit
-from cellwright.records.thinning import STEP_PART, averaged_to, driven, thin
+from cellwright.records.thinning import STEP_PART, averaged_to, driven, largest_ampere, thin
 from cellwright.refusal import Refusal
 
 MEASURED_SOC = 0.1, 0.9  # of a slow test; towards its ends the OCV is joined to what rests show
@@ -198,7 +198,7 @@ def _least_step_ampere(record):
     taken for. In a drive that moves all the time, every change is one of the load.
     """
     change = np.abs(np.diff(record.current_ampere))
-    largest = change.max(initial=0.0)
+    largest = largest_ampere(record)
     least, noise = largest / EDGE_PART, NOISES * float(np.median(change)) if len(change) else 0.0
     if driven(record.current_ampere) and noise >= largest / STEP_PART:
         return least

@@ -137,16 +137,27 @@ def _stepped(record, step_ampere):
 def _flicker_ampere(record):
     """Change of the current that its reading's least digit makes by itself [A], 0 where none does.
 
-    Levels of a simulated load are multiples of one as well: a digit flickers only where changes so
-    small are taken back at once, time and again. In a drive every change is one of the load.
+    Levels of a simulated load are multiples of one as well: a digit flickers only where most
+    changes are so small, and are taken back at once time and again.
     """
     change = np.diff(record.current_ampere)
-    least = min(DIGITS * record.least_digit_ampere, np.abs(change).max(initial=0.0) / STEP_PART)
+    least = min(DIGITS * record.least_digit_ampere, largest_ampere(record) / STEP_PART)
     moved = np.flatnonzero(change)
     small = np.abs(change[moved]) <= least
     back = small[1:] & small[:-1] & (change[moved][1:] * change[moved][:-1] < 0)
     seen = np.sum(back & (np.diff(moved) <= BACK_ROWS)) >= FLICKERS
-    return least if seen and not driven(record.current_ampere) else 0.0
+    return least if seen and small.mean() > 0.5 else 0.0
+
+
+def largest_ampere(record):
+    """Largest current or change of it from row to row [A], against which steps are small.
+
+    Parameters
+    ----------
+    record : Record.
+    """
+    current = record.current_ampere
+    return max(np.abs(np.diff(current)).max(initial=0.0), np.abs(current).max(initial=0.0))
 
 
 def thin(record, *, step_ampere, growth=0.1, capacity_ampere_hour=None, portion_soc=0.005):
