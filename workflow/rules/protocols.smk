@@ -1,11 +1,18 @@
 # One test protocol, one rule: capacity, slow OCV, pulses, incremental capacity, impedance.
 
 
+def curves_for_stated_soc(wildcards):
+    """Slow tests of the cell whose open-circuit voltage a stated SoC is held against."""
+    stated = TESTS.get((wildcards.cell, wildcards.test), {}).get("soc") is not None
+    return fitted("ocv", wildcards.cell, "ocv") if stated else []
+
+
 rule capacity:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
         course=course_of,
+        curves=curves_for_stated_soc,
     output:
         "results/capacity/{cell}/{test}.parquet",
     log:

@@ -18,7 +18,7 @@ from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.records.facts import of_first_checkup
 from cellwright.records.record import laid_out_to_fit
 from cellwright.records.repeats import counted_once
-from cellwright.records.thinning import STEP_PART, averaged_to, thin
+from cellwright.records.thinning import STEP_PART, averaged_to, driven, largest_ampere, thin
 from cellwright.refusal import Refusal
 
 MEASURED_SOC = 0.1, 0.9  # of a slow test; towards its ends the OCV is joined to what rests show
@@ -199,14 +199,15 @@ def _thinned(records, most_rows, capacity_ampere_hour):
 def _least_step_ampere(record):
     """Change of the current from row to row that ends a steady stretch of a record [A].
 
-    Where the usual change is far below its steps it is noise, which no step may be taken for. In a
-    drive that moves all the time, every change is one of the load.
+    Between the steps of a record that is no drive the usual change is noise, which no step may be
+    taken for. In a drive that moves all the time, every change is one of the load.
     """
     change = np.abs(np.diff(record.current_ampere))
-    largest = change.max(initial=0.0)
-    least = largest / EDGE_PART
-    noise = NOISES * float(np.median(change)) if len(change) else 0.0
-    return max(least, noise) if noise < largest / STEP_PART else least
+    largest = largest_ampere(record)
+    least, noise = largest / EDGE_PART, NOISES * float(np.median(change)) if len(change) else 0.0
+    if driven(record.current_ampere) and noise >= largest / STEP_PART:
+        return least
+    return max(least, min(noise, largest / STEP_PART))
 
 
 def _misfit(case):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.noise import least_digit
 from cellwright.refusal import Refusal
 from cellwright.series.steps import EDGE_C_RATE, EDGE_SHARE
 from cellwright.settings import Resistance
@@ -213,8 +214,7 @@ def _noise(values, steps, *, resolution):
     if not len(change):
         return 0.0
     spread = 1.4826 * np.median(np.abs(change - np.median(change))) / np.sqrt(2)
-    moved = np.abs(change[np.abs(change) > 1e-7])
-    grain = moved.min() / np.sqrt(12) if resolution and len(moved) else 0.0
+    grain = least_digit(values) / np.sqrt(12) if resolution else 0.0
     return float(np.hypot(spread, grain))
 
 

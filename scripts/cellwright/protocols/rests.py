@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.relaxation import fit_relaxation, grain_volt, noise_volt, reasons_against
+from cellwright.numerics.noise import least_digit
+from cellwright.protocols.relaxation import fit_relaxation, noise_volt, reasons_against
 from cellwright.refusal import Refusal
 from cellwright.settings import Relaxation
 
@@ -186,7 +187,7 @@ def _rows_of(number, series, steps, step, shortest, limit):
     fits = [two, three] if len(three.tau_second) == 3 else [two]
     common = _load(series, steps, step, rows) | {"rest": number, "noise_volt": noise_volt(v)}
     reason = reasons_against(
-        two, three, v, limit=limit, grain=grain_volt(v), noise=common["noise_volt"]
+        two, three, v, limit=limit, grain=least_digit(v), noise=common["noise_volt"]
     )
     return [
         common | _fit(fit, common) | {"chosen": fit is fits[-1], "reason": reason} for fit in fits

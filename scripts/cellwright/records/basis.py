@@ -100,6 +100,17 @@ def stated_or_reference(celsius):
     return REFERENCE_CELSIUS if celsius is None else celsius
 
 
+def curve_at(curves, celsius):
+    """The curve whose temperature is nearest, None where there is none.
+
+    Parameters
+    ----------
+    curves : list of dict with ambient_temperature_celsius [°C]. celsius : of a test [°C] or None.
+    """
+    wanted = stated_or_reference(celsius)
+    return min(curves, key=lambda curve: abs(_celsius(curve) - wanted), default=None)
+
+
 def _celsius(row):
     return stated_or_reference(row["ambient_temperature_celsius"])
 
@@ -313,9 +324,8 @@ def soc_of(series, basis, facts, cell):
         As `anchor.soc_series`.
     """
     basis = at_cycle(basis, facts.cycle)
-    celsius = stated_or_reference(facts.ambient_temperature_celsius)
     no_curve = {"soc": None, "ocv_volt": None}
-    curve = min(basis["ocv"], key=lambda row: abs(_celsius(row) - celsius), default=no_curve)
+    curve = curve_at(basis["ocv"], facts.ambient_temperature_celsius) or no_curve
     anchored = soc_series(
         series["charge_ampere_hour"],
         series["current_ampere"],
@@ -326,6 +336,7 @@ def soc_of(series, basis, facts, cell):
         soc_at_start=facts.soc,
         ocv_soc=curve["soc"],
         ocv_volt=curve["ocv_volt"],
+        half_gap_volt=curve.get("half_gap_volt"),
     )
     return anchored._replace(anchor=anchored.anchor + _size_in_words(basis))
 

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.anchor import REST_C_RATE, Anchored, slow_soc
+from cellwright.numerics.noise import least_digit
+from cellwright.records.anchor import AS_STATED, REST_C_RATE, Anchored, slow_soc
 from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle, on_scale, soc_of
 from cellwright.records.channels import (
     BRANCH_CURRENT,
@@ -41,6 +42,7 @@ class Record(NamedTuple):
     simulated_volt : voltage of the test that the user simulated, None where there is none [V].
     anchor_second : time of the row whose SoC is known, from which all others are counted [s]; None
         for the first.
+    least_digit_ampere, least_digit_volt : of the readings, see `noise.least_digit` [A], [V].
     """
 
     test: str
@@ -58,6 +60,8 @@ class Record(NamedTuple):
     temperature_source: str = ""
     simulated_volt: np.ndarray | None = None
     anchor_second: float | None = None
+    least_digit_ampere: float = 0.0
+    least_digit_volt: float = 0.0
 
 
 def record_of(
@@ -105,6 +109,8 @@ def record_of(
         np.broadcast_to(np.asarray(resistance_factor, float), (rows,)).copy(),
         anchor,
         temperature_source,
+        least_digit_ampere=least_digit(current_ampere),
+        least_digit_volt=least_digit(voltage_volt),
     )
 
 
@@ -383,7 +389,7 @@ def _record_to_fit(test, basis, cell, settings, notes):
     if not record.used.any():
         notes.append(f"not fitted: {test.facts.test}: all of it counts in another test")
         return None
-    if test.facts.soc is None:
+    if not record.anchor.startswith(AS_STATED):
         notes.append(f"{record.test}: SoC by {record.anchor}")
     return record
 
