@@ -285,6 +285,7 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
     """
     from cellwright.api.charge import state_of_charge
     from cellwright.protocols.rests import chamber_or_cell, example, rests_of
+    from cellwright.records.anchor import AS_STATED
 
     columns = inputs.columns(series, *inputs.NAMES)
     time, current, voltage = inputs.quantities(columns)
@@ -300,8 +301,10 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
         **inputs.settings_of(Relaxation, settings, changes)._asdict(),
     )
     shown = example(rests.rows, time, voltage)
-    unknown = [f"SoC: {anchored.anchor}"] if np.isnan(anchored.soc).all() else []
-    return results.Relaxation(rests.rows, shown, (*unknown, *rests.left_out))
+    stated = inputs.test_facts(test).soc is not None
+    told = np.isnan(anchored.soc).all() or (stated and not anchored.anchor.startswith(AS_STATED))
+    where = [f"SoC: {anchored.anchor}"] if told else []
+    return results.Relaxation(rests.rows, shown, (*where, *rests.left_out))
 
 
 def ica(series, steps, settings=None, **changes):

@@ -158,7 +158,7 @@ def _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rat
     raise Refusal(_why_not_anchored(rate[0], upper_cutoff_volt, curve))
 
 
-def refuse_contradiction(low, high, anchor, *, capacity_ampere_hour, source):
+def refuse_impossible_soc(low, high, anchor, *, capacity_ampere_hour, source):
     """Refuse a counted SoC that no cell can have: its anchor, its charge and the capacity disagree.
 
     Which of the three is wrong is not known, and with it no SoC of the record.
@@ -316,6 +316,10 @@ def rest_scale(
     current, voltage, charge = (
         np.asarray(column, float) for column in (current_ampere, voltage_volt, charge_ampere_hour)
     )
+    if lower_cutoff_volt is None:
+        raise Refusal(
+            "the lower cut-off is not stated, so whether the record ends empty is unknown"
+        )
     upper, window = upper_cutoff_volt, WINDOW_VOLT
     if upper is not None:
         window = upper - lower_cutoff_volt
@@ -333,7 +337,7 @@ def rest_scale(
         _refuse_stated(anchor, charge, nominal, source)
     else:
         near = FULL_WINDOW * window if state_before != "full" else np.inf
-        anchor = _full_anchor(rate, voltage, charge, upper, near, share, first)
+        anchor = _full_anchor(rate, voltage, charge, upper, near, share, first, wrong)
         anchor = anchor._replace(words="; ".join(filter(None, [anchor.words, wrong])))
     discharged = float(anchor.charge_ampere_hour - charge.min())
     if ends_empty:
@@ -360,7 +364,7 @@ def _refuse_stated(anchor, charge, nominal, source):
         return
     low = anchor.soc + (down / capacity if anchor.soc < 1 else 0.0)
     about = {"capacity_ampere_hour": capacity, "source": source}
-    refuse_contradiction(low, anchor.soc + up / capacity, anchor.words, **about)
+    refuse_impossible_soc(low, anchor.soc + up / capacity, anchor.words, **about)
 
 
 # ASSUME: A complete charge at C/15 or slower puts in what a discharge as slow takes out.
@@ -405,7 +409,8 @@ def _ends_empty(steps, limit_volt):
 
 # ASSUME: A record that begins at rest within 3 % of the voltage window of the upper cut-off begins
 # full; where no upper cut-off is stated, one that moves 90 % of the capacity begins full.
-def _full_anchor(rate, voltage, charge, upper, near_volt, share, first_volt):
+def _full_anchor(rate, voltage, charge, upper, near_volt, share, first_volt, wrong):
+    """Where a record is full; wrong : what contradicts the stated SoC, "" where none is stated."""
     row = full_row(rate, voltage, upper)
     if row is not None:
         return _Anchor(charge[row], 1.0, "full at the end of its full charge")
@@ -421,4 +426,5 @@ def _full_anchor(rate, voltage, charge, upper, near_volt, share, first_volt):
     wanted = (
         wanted or f"{WHOLE_SWING:.0%} of the capacity moved (found {share:.1%}), for want of limits"
     )
-    raise Refusal(f"no SoC at the start: none is stated, it begins {beginning}; wanted: {wanted}")
+    stated = wrong or "none is stated"
+    raise Refusal(f"no SoC at the start: {stated}, it begins {beginning}; wanted: {wanted}")

@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.records.anchor import (
     Anchored,
-    refuse_contradiction,
+    refuse_impossible_soc,
     soc_series,
     telling_capacity,
 )
@@ -350,11 +350,11 @@ def on_scale(anchored, basis):
 
     Raises
     ------
-    Refusal : as `anchor.refuse_contradiction`.
+    Refusal : as `anchor.refuse_impossible_soc`.
     """
     size, source = basis["capacity_ampere_hour"], basis.get("capacity_source", "of the model")
     ends = float(np.min(anchored.soc)), float(np.max(anchored.soc))
-    refuse_contradiction(*ends, anchored.anchor, capacity_ampere_hour=size, source=source)
+    refuse_impossible_soc(*ends, anchored.anchor, capacity_ampere_hour=size, source=source)
     return anchored
 
 
