@@ -156,6 +156,8 @@ def realigned(alignment, pair, kept):
     -------
     alignment : Alignment of which only `limits` are those of the part.
     """
+    if kept.all():
+        return alignment
     curve = alignment.curve
     part = curve._replace(soc=curve.soc[kept], voltage_volt=curve.voltage_volt[kept])
     (fit,) = _fits(part, pair, [alignment.limits], alignment.error_volt[kept])
@@ -209,7 +211,8 @@ def _without_steep_ends(curve):
 
 def _bounds(pair):
     """Limits [1], shift [V] and shares [1] that the half cells' tables allow."""
-    (low_x, high_x), (low_y, high_y) = ((c.lithiation[0], c.lithiation[-1]) for c in pair)
+    tables = [one.lithiation if one.parts is None else one.parts for one in pair]
+    (low_x, high_x), (low_y, high_y) = ((table.min(), table.max()) for table in tables)
     shares = len(pair.blends)
     low = np.array([low_x, low_x, low_y, low_y, -0.1, -0.05, *[0.0] * shares])
     return low, np.array([high_x, high_x, high_y, high_y, 0.1, 0.05, *[1.0] * shares])

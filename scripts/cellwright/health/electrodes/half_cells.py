@@ -294,10 +294,10 @@ def with_ends(half_cell):
     half_cell : HalfCell.
     """
     lithiation, potential = half_cell.lithiation, half_cell.potential_volt
-    if lithiation[0] < 0.01:
+    if lithiation[0] <= 0.01:
         lithiation = np.append(lithiation[0] - END_LITHIATION, lithiation)
         potential = np.append(potential[0] + END_VOLT, potential)
-    if lithiation[-1] > 0.99:
+    if lithiation[-1] >= 0.99:
         lithiation = np.append(lithiation, lithiation[-1] + END_LITHIATION)
         potential = np.append(potential, potential[-1] - END_VOLT)
     return half_cell._replace(lithiation=lithiation, potential_volt=potential)

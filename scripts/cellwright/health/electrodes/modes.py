@@ -81,16 +81,16 @@ def degradation_modes(curves, pair, *, others=()):
     likeness = _likeness(alignments)
     losses, covariance = _losses(alignments, pair, likeness)
     doubts = {"data": np.sqrt(np.diag(covariance)).reshape(losses.shape)}
-    left_out = _left_out(alignments, pair) - losses
-    count = max(len(left_out), 1)
-    doubts["window"] = np.sqrt((count - 1) / count * np.sum(left_out**2, axis=0))
+    parts = _left_out(alignments, pair)
+    shares = np.array([one.limits[6:] for one in alignments])
+    left_out = np.array([_losses_of(part, pair) for part in parts]) - losses
+    doubts["window"] = _jackknife(left_out)
     data = np.maximum(doubts["data"], 1e-12)
     wider = (np.maximum(data, doubts["window"]) / data).ravel()
     covariance *= np.outer(wider, wider)
     apart = np.zeros((max(len(others), 1), *losses.shape))
     for k, other in enumerate(others):
-        values = _capacities(aligned(curves, other), other)[:, :3]
-        apart[k, :, :3] = 1 - values / values[0] - losses[:, :3]
+        apart[k, :, :3] = _losses_of(aligned(curves, other), other)[:, :3] - losses[:, :3]
     doubts["half cells"] = np.sqrt(np.mean(apart**2, axis=0))
     covariance += np.einsum("ni,nj->ij", *[apart.reshape(len(apart), -1)] * 2) / len(apart)
     capacity = np.array([curve.capacity_ampere_hour for curve in curves])
@@ -116,8 +116,11 @@ def degradation_modes(curves, pair, *, others=()):
         left_out=left_out[:, :, :3],
         materials=losses[:, 3:],
         materials_std=spread[:, 3:],
-        shares=np.array([one.limits[6:] for one in alignments]),
-        shares_std=np.sqrt([np.diag(one.covariance)[6:] for one in alignments]),
+        shares=shares,
+        shares_std=np.maximum(
+            np.sqrt([np.diag(one.covariance)[6:] for one in alignments]),
+            _jackknife(np.array([[one.limits[6:] for one in part] for part in parts]) - shares),
+        ),
     )
 
 
@@ -177,19 +180,25 @@ def _capacities(alignments, pair):
     return values
 
 
+def _losses_of(alignments, pair):
+    """Losses (k, m) [1] against the first check-up."""
+    values = _capacities(alignments, pair)
+    return 1 - values / values[0]
+
+
 def _left_out(alignments, pair):
-    """Losses (b, k, m) if each part of SoC in which half cells err alike is left out in turn."""
+    """Alignments of all check-ups without each part of SoC in which half cells err alike (b, k)."""
     edges = np.linspace(0.0, 1.0, round(1 / CORRELATED_SOC) + 1)
     parts = [np.digitize(alignment.curve.soc, edges[1:-1]) for alignment in alignments]
-    found = []
-    for part in np.unique(np.concatenate(parts)):
-        without = [
-            realigned(alignment, pair, own != part)
-            for alignment, own in zip(alignments, parts, strict=True)
-        ]
-        values = _capacities(without, pair)
-        found.append(1 - values / values[0])
-    return np.array(found)
+    return [
+        [realigned(one, pair, own != part) for one, own in zip(alignments, parts, strict=True)]
+        for part in range(len(edges) - 1)
+    ]
+
+
+def _jackknife(left_out):
+    """Standard deviation from changes (b, …) as each of b parts is left out."""
+    return np.sqrt((len(left_out) - 1) / len(left_out) * np.sum(left_out**2, axis=0))
 
 
 def _of_the_branch(curves, pair, alignments, lost, shape):

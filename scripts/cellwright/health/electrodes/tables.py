@@ -54,7 +54,7 @@ def _smooth(lithiation, potential, name):
     falling = -isotonic_regression(-median).x
     noise = float(np.sqrt(np.mean((median - falling) ** 2)))
     steps = np.cumsum(np.diff(falling, prepend=falling[0]) < 0)
-    if noise > MOST_NOISE_VOLT or steps[-1] == 0:
+    if noise > MOST_NOISE_VOLT or falling[0] - falling[-1] < MOST_NOISE_VOLT:
         raise Refusal(
             f"{name}: potential does not fall with lithiation, as it does against lithium: "
             f"{1e3 * noise:.0f} mV off any curve that does. Is the column state of charge instead?"
