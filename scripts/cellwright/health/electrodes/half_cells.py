@@ -233,7 +233,7 @@ CHEMISTRIES = {
 }
 # ASSUME: Silicon beside graphite, or the second of another blend, holds some 10 % of an electrode's
 # lithium where nobody says more.
-SILICON_SHARE = 0.1
+BLEND_SHARE = 0.1
 BLEND_FORM = "wanted a+b, or a+b:0.1 where b holds 10 % of the electrode's lithium"
 
 
@@ -259,7 +259,7 @@ def half_cell(name, own=None):
         return materials[0]
     if len(materials) > 2:
         raise Refusal(f"{name}: a blend of {len(materials)}, wanted two; {BLEND_FORM}")
-    return blended(*materials, share=SILICON_SHARE if share is None else _number(share, name))
+    return blended(*materials, share=BLEND_SHARE if share is None else _number(share, name))
 
 
 def _number(share, name):

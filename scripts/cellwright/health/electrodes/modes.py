@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from cellwright.health.electrodes.alignment import CORRELATED_SOC, align, realigned
-from cellwright.health.electrodes.half_cells import SILICON_SHARE, may_hold_silicon
+from cellwright.health.electrodes.half_cells import may_hold_silicon
 
 MODES = ("lli", "lam_negative", "lam_positive")
 DRAWS, SEED = 200, 16
@@ -17,9 +17,11 @@ QUANTILE = 1.959964  # of the normal distribution, for 95 %
 LEAST_SHARE = 1e-3  # of a blend: of less there is nothing to lose
 # ASSUME: What a charge alone tells of a cell with silicon at its end of life (a fifth of the
 # capacity lost) and a discharge does not: 5.36 points of lithium, 3.42 of the positive electrode,
-# −14.38 of the silicon; taken as the 95 % interval of one branch, in proportion to what is lost.
-# M. Asheruddin et al., arXiv 2512.19773 (2025), a cell of graphite with silicon.
+# −14.38 of the silicon, which holds 22 % of that cell's negative electrode (docs/health-modes.md).
+# Taken as the 95 % interval of either branch, in proportion to the capacity lost.
+# M. Asheruddin et al., Phantom LAM and LLI, arXiv 2512.19773 (2025), Molicel P45B.
 BRANCH_POINTS = {"lli": 0.0536, "lam_positive": 0.0342, "silicon": 0.1438}
+BRANCH_SHARE = 0.22
 END_OF_LIFE = 0.2
 
 
@@ -82,17 +84,12 @@ def degradation_modes(curves, pair, *, others=()):
     losses, covariance = _losses(alignments, pair, likeness)
     doubts = {"data": np.sqrt(np.diag(covariance)).reshape(losses.shape)}
     parts = _left_out(alignments, pair)
-    shares = np.array([one.limits[6:] for one in alignments])
     left_out = np.array([_losses_of(part, pair) for part in parts]) - losses
     doubts["window"] = _jackknife(left_out)
-    data = np.maximum(doubts["data"], 1e-12)
-    wider = (np.maximum(data, doubts["window"]) / data).ravel()
-    covariance *= np.outer(wider, wider)
-    apart = np.zeros((max(len(others), 1), *losses.shape))
-    for k, other in enumerate(others):
-        apart[k, :, :3] = _losses_of(aligned(curves, other), other)[:, :3] - losses[:, :3]
-    doubts["half cells"] = np.sqrt(np.mean(apart**2, axis=0))
-    covariance += np.einsum("ni,nj->ij", *[apart.reshape(len(apart), -1)] * 2) / len(apart)
+    wider = (np.maximum(doubts["window"] / np.maximum(doubts["data"], 1e-12), 1.0)).ravel()
+    apart = _by_other_half_cells(curves, others, losses)
+    doubts["half cells"] = np.sqrt(np.mean(apart**2, axis=0)).reshape(losses.shape)
+    covariance = covariance * np.outer(wider, wider) + apart.T @ apart / len(apart)
     capacity = np.array([curve.capacity_ampere_hour for curve in curves])
     lost = 1 - capacity / capacity[0]
     doubts["branch"] = _of_the_branch(curves, pair, alignments, lost, losses.shape)
@@ -116,10 +113,10 @@ def degradation_modes(curves, pair, *, others=()):
         left_out=left_out[:, :, :3],
         materials=losses[:, 3:],
         materials_std=spread[:, 3:],
-        shares=shares,
+        shares=_shares(alignments),
         shares_std=np.maximum(
             np.sqrt([np.diag(one.covariance)[6:] for one in alignments]),
-            _jackknife(np.array([[one.limits[6:] for one in part] for part in parts]) - shares),
+            _jackknife(np.array([_shares(part) for part in parts]) - _shares(alignments)),
         ),
     )
 
@@ -186,6 +183,19 @@ def _losses_of(alignments, pair):
     return 1 - values / values[0]
 
 
+def _shares(alignments):
+    """Shares of the blends (k, blends) [1]."""
+    return np.array([one.limits[6:] for one in alignments])
+
+
+def _by_other_half_cells(curves, others, losses):
+    """What other half cells give instead: changes of the losses (n, m k), 0 of a blend's parts."""
+    apart = np.zeros((max(len(others), 1), *losses.shape))
+    for k, other in enumerate(others):
+        apart[k, :, :3] = _losses_of(aligned(curves, other), other)[:, :3] - losses[:, :3]
+    return apart.reshape(len(apart), -1)
+
+
 def _left_out(alignments, pair):
     """Alignments of all check-ups without each part of SoC in which half cells err alike (b, k)."""
     edges = np.linspace(0.0, 1.0, round(1 / CORRELATED_SOC) + 1)
@@ -206,12 +216,10 @@ def _of_the_branch(curves, pair, alignments, lost, shape):
     doubt = np.zeros(shape)
     if curves[0].branches not in ("charge", "discharge") or not may_hold_silicon(pair.negative):
         return doubt
-    blended = pair.negative.parts is not None
-    share = [one.limits[6] if blended else SILICON_SHARE for one in alignments]
-    silicon = np.tile(BRANCH_POINTS["silicon"], len(curves))
-    columns = [np.tile(BRANCH_POINTS["lli"], len(curves)), silicon * share]
-    columns += [np.tile(BRANCH_POINTS["lam_positive"], len(curves))]
-    columns += [0 * silicon, silicon] if blended else []
+    blended, count = pair.negative.parts is not None, len(curves)
+    share = np.array([one.limits[6] if blended else BRANCH_SHARE for one in alignments])
+    lithium, positive, silicon = (np.full(count, points) for points in BRANCH_POINTS.values())
+    columns = [lithium, silicon * share, positive, *([0 * silicon, silicon] if blended else [])]
     return np.stack(columns, 1) * (np.abs(lost) / END_OF_LIFE / QUANTILE)[:, None]
 
 
