@@ -47,8 +47,8 @@ def test_graphite_of_the_library_alone_holds_no_silicon():
 def test_a_mode_that_hangs_on_the_branch_says_so(exact):
     curves = life(0, common_volt=0.0, own_volt=0.0)
     rows = mode_rows(exact["charge"], nmc()[0], curves)
-    assert "lli ± 6.1 points" in rows[-1]["doubt"]
-    assert "hangs on the branch: a charge alone" in rows[-1]["doubt"]
+    assert "hangs on the branch, a charge alone" in rows[-1]["doubt"]
+    assert "lli ± 6.1, lam_negative ±" in rows[-1]["doubt"]
     assert rows[0]["doubt"] == ""
     assert all(row["doubt"] == "" for row in mode_rows(exact["both"], nmc()[0], curves))
 
@@ -162,8 +162,8 @@ def test_modes_of_a_real_cell_hold_another_programs(p45b_modes):
     for row in p45b_modes[1:]:
         marks = zip(("lli", "lam_negative", "lam_positive"), MARKS[row["cycle"]], strict=True)
         assert all(apart(row, mark / 100, mode) < 1.96 for mode, mark in marks)
-    assert "hangs on the branch" in p45b_modes[-1]["doubt"]
-    assert "hangs on the window" in p45b_modes[-1]["doubt"]
+    assert "hangs on the branch, a charge alone" in p45b_modes[-1]["doubt"]
+    assert "hangs on the window: lam_negative" in p45b_modes[-1]["doubt"]
 
 
 def test_modes_of_a_real_cell_hold_those_of_another_cathode_table(p45b, p45b_modes):

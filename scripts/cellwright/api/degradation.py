@@ -63,8 +63,9 @@ def degradation_modes(
     pairs = _pairs(chemistry, half_cells)
     fitting = chosen_pair(own, pairs, misfit_volt=options.misfit_volt)
     found = modes_of(own, fitting[0][0], others=[pair for pair, _ in fitting[1:]])
-    words = mode_rows.notes(found, fitting, given=None not in half_cells)
     rows = mode_rows.mode_rows(found, fitting[0][0], own)
+    words = mode_rows.notes(found, fitting, given=None not in half_cells)
+    words += [f"the last check-up {rows[-1]['doubt']}"] if rows[-1]["doubt"] else []
     return results.Table(rows, (*words, *ends_seen, *left_out, *growth(own)))
 
 

@@ -67,23 +67,24 @@ def _points(std):
 
 
 def _doubt(found, k, curve):
-    """On what a mode hangs more than on the curve's own misfit, by how much, and where."""
-    words = []
+    """On what modes hang more than on the curve's own misfit, by how much, and where."""
+    hanging = {}
     for j, mode in enumerate(MODES):
         stds = {source: std[k, j] for source, std in found.doubts.items()}
         source = max(stds, key=stds.get)
-        if source == "data" or stds[source] == 0:
-            continue
-        most = np.abs(found.left_out[:, k, j]).argmax()
-        without = 100 * (found.single[k, j] + found.left_out[most, k, j])
-        low, high = (round(100 * CORRELATED_SOC * edge) for edge in (most, most + 1))
-        why = {
-            "window": f"the window: {without:.1f} % without {low} to {high} % of SoC",
-            "half cells": "the half cells: others fit too",
-            "branch": f"the branch: a {curve.branches} alone, of a cell that may hold silicon",
-        }
-        words.append(f"{mode} ± {_points(stds[source]):.1f} points (95 %) hangs on {why[source]}")
-    return "; ".join(words)
+        words = f"{mode} ± {_points(stds[source]):.1f}"
+        if source == "window":
+            most = np.abs(found.left_out[:, k, j]).argmax()
+            without = 100 * (found.single[k, j] + found.left_out[most, k, j])
+            low, high = (round(100 * CORRELATED_SOC * edge) for edge in (most, most + 1))
+            words += f" ({without:.1f} % without {low} to {high} % of SoC)"
+        if source != "data" and stds[source] > 0:
+            hanging.setdefault(source, []).append(words)
+    names = {"branch": f"branch, a {curve.branches} alone of a cell that may hold silicon"}
+    return "; ".join(
+        f"hangs on the {names.get(source, source)}: {', '.join(modes)} points (95 %)"
+        for source, modes in hanging.items()
+    )
 
 
 def _of_blends(found, k, pair):
