@@ -22,7 +22,7 @@ def half_cells(materials, paths) -> tuple:
     files = {provenance.name_of(path): path for path in paths}
     names = [materials[f"{electrode}_half_cell"] for electrode in ("negative", "positive")]
     own = {
-        file: from_table(*read(files[file], file, HALF_CELL).values(), name=file)
+        file: from_table(*read(files.get(file, file), file, HALF_CELL).values(), name=file)
         for name in names
         for file in half_cell_files(name)
     }

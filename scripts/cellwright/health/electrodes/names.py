@@ -6,7 +6,7 @@ def named_parts(text):
 
     Parameters
     ----------
-    text : "a", "a+b" or "a+b:0.1"; a and b are names of the library or files.
+    text : "a", "a+b" or "a+b:0.1"; a and b are names of the library or files, without a plus.
 
     Returns
     -------
@@ -20,5 +20,5 @@ def named_parts(text):
 
 def half_cell_files(name) -> list[str]:
     """Files among the half cells that a value of cells.tsv names: what ends in .csv is a file."""
-    parts = named_parts(str(name or ""))[0]
+    parts, _ = named_parts(str(name or ""))
     return [part for part in parts if part.lower().endswith(".csv")]
