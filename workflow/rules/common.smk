@@ -25,6 +25,7 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
     )
 sys.path.insert(0, SCRIPTS)
 
+from cellwright.health.electrodes import names as half_cell_names
 from cellwright.packs import wiring
 from cellwright.records.facts import SAME_CHECKUP_CYCLES
 from runtime import contract, job_environment, job_requests, object_storage
