@@ -12,7 +12,7 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
     curves : (test, result of `ocv`) each.
     capacities : (test, result of `capacity`) each.
     lenders : `records.basis.Lender` of cells of the same type.
-    rests : (test, result of `ocv_from_rests`) each.
+    rests : (test, result of `ocv_from_rests`, or of `ocv_from_load`) each.
     shifts : result of `ocv_shifts`, or its rows.
 
     Returns

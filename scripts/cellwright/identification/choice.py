@@ -294,7 +294,8 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
         fit_records = by_names.get(tuple(entry["tests"]))
         if fit_records is None:
             raise Refusal(f"not to be compared: {', '.join(entry['tests'])} cannot be read again")
-        ready = ready_records(fit_records.records)
+        size = {"capacity_ampere_hour": basis["capacity_ampere_hour"]}
+        ready = ready_records(fit_records.records, **size)
         pairs = zip(ready, blocks_of_used(ready, **rest), strict=True)
         conditions.append([FittedRecord(*pair) for pair in pairs])
     return conditions

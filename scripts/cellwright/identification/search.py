@@ -22,6 +22,7 @@ from cellwright.identification.regression import (
     system_of,
 )
 from cellwright.numerics.statistics import rms
+from cellwright.refusal import Refusal
 
 WIDEST = 0.1  # change of the SoC's scale that is believed
 SETTLED = 2e-4  # change of the SoC's scale that is small enough
@@ -205,6 +206,9 @@ def _transfer(held, values, *, half=False):
 def cheapest(shared, tries, factor):
     """Held parameters of the lowest cost at one weight of the data, after one pass each.
 
+    One with which no resistance is left, as with a diffusion that alone makes a larger drop than
+    was measured, is none of them.
+
     Parameters
     ----------
     shared : Shared. tries : list of columns.Held.
@@ -213,8 +217,19 @@ def cheapest(shared, tries, factor):
     Returns
     -------
     held : columns.Held.
+
+    Raises
+    ------
+    Refusal : all of them are refused.
     """
-    candidates = [_after_one_pass(shared, held) for held in tries]
+    candidates, refused = [], None
+    for held in tries:
+        try:
+            candidates.append(_after_one_pass(shared, held))
+        except Refusal as refusal:
+            refused = refusal
+    if not candidates:
+        raise refused
     if len(candidates) == 1:
         return candidates[0]
     costs = [cost_of(shared, held, factor) for held in candidates]
@@ -392,7 +407,8 @@ class Condition(NamedTuple):
 
     soc : (k,). r0_ohm, r0_std_ohm, ocv_shift_volt : (k,). branches : tuple of Element.
     missing, stretch : the SoC at which the OCV table is read, see `regression.Held`.
-    at_bound : names. fit_rmse_volt, samples : of the rows used.
+    at_bound : names. fit_rmse_volt, samples : of the rows used. steady_std_ohm : (k,) of the sum of
+    all resistances, which a steady load tells though it tells none of them apart.
     """
 
     soc: np.ndarray
@@ -405,6 +421,7 @@ class Condition(NamedTuple):
     at_bound: tuple
     fit_rmse_volt: float
     samples: int
+    steady_std_ohm: np.ndarray
 
 
 def condition_of(shared, member, fit, bounds):
@@ -454,7 +471,19 @@ def condition_of(shared, member, fit, bounds):
         (*at_bound, *bounded),
         rms(solution.residual_volt),
         len(solution.residual_volt),
+        _steady_std(system, covariance),
     )
+
+
+def _steady_std(system, covariance):
+    """Standard deviation of the sum of all resistances at each knot (k,) [ohm].
+
+    One at its bound is no part of it; NaN where all are.
+    """
+    places = named(system, np.arange(len(covariance)))
+    of_knot = np.array([places[name] for name in system.names if name != "m"]).T
+    parts = [covariance[np.ix_(rows, rows)] for rows in of_knot]
+    return np.array([np.sqrt(np.nansum(p)) if np.isfinite(p).any() else np.nan for p in parts])
 
 
 def _elements(data, member, held, values, stds, tau_stds):

@@ -20,6 +20,7 @@ from cellwright.series.rest_current import as_logged, hidden_rest_level
 
 SAME_CELSIUS = 2.0
 SOC_RANGE = (-0.1, 1.1)  # counted SoC beyond it: the anchor or the capacity is wrong
+PART_RESTS = 5.0  # length of a part of a record without rests, in rests that would have cut it
 
 
 BY_SHEET, BY_NOTHING = "the chamber's", "25 °C, for want of any"
@@ -274,8 +275,37 @@ def blocks(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
     return np.searchsorted(starts, np.arange(len(resting)), side="right")
 
 
+def parts(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
+    """Number of the part of each row, from 0, of a record without a rest that could cut it.
+
+    Parts are equally long, at least `PART_RESTS` rests, so that what relaxes within such a rest
+    reaches over a small share of the next part. Each cut lies where the current is smallest within
+    a quarter of a part, nearest to the even division.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere, rest_second, rest_ampere : as in `blocks`; currents within a
+        `rest_ampere` of each other count as equal.
+
+    Returns
+    -------
+    part : (n,) integers; all 0 where the record is too short for two parts.
+    """
+    time, size = test_time_second, np.abs(current_ampere) // rest_ampere
+    length = time[-1] - time[0]
+    count = int(length // (PART_RESTS * rest_second))
+    if count < 2:
+        return np.zeros(len(time), int)
+    off = np.abs(time - (time[0] + length * np.arange(1, count)[:, None] / count))
+    near = off <= np.maximum(length / count / 4, off.min(axis=1, keepdims=True))
+    cuts = [np.lexsort((row, size, ~inside))[0] for row, inside in zip(off, near, strict=True)]
+    return np.searchsorted(np.unique(cuts), np.arange(len(time)), side="left")
+
+
 def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
     """Rows of a record that may be fitted: its odd blocks, counted from 1; even ones validate.
+
+    A record without a rest to cut it at is cut into `parts`.
 
     Parameters
     ----------
@@ -287,19 +317,28 @@ def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere
 
     Raises
     ------
-    Refusal : fewer than two blocks: nothing would be left to validate.
+    Refusal : fewer than two blocks or parts: nothing would be left to validate.
 
     Source: campaign contract, role `split`.
     """
     settings = {"rest_second": rest_second, "rest_ampere": rest_ampere}
     block = blocks(test_time_second, current_ampere, **settings)
     if block[-1] == 0:
-        raise Refusal(f"no rest of {rest_second:g} s inside the record to cut it at")
+        block = parts(test_time_second, current_ampere, **settings)
+    if block[-1] == 0:
+        length = test_time_second[-1] - test_time_second[0]
+        raise Refusal(
+            f"no rest of {rest_second:g} s inside the record to cut it at, and its {length:.0f} s "
+            f"are too short for two parts of {PART_RESTS * rest_second:g} s without one"
+        )
     return block % 2 == 0
 
 
 def blocks_of_used(records, *, rest_second, rest_ampere):
     """Block number of each used row of several records, counted through all records.
+
+    Where all of them are one block, so that nothing could be left out, the record is cut into
+    `parts`.
 
     Parameters
     ----------
@@ -309,10 +348,17 @@ def blocks_of_used(records, *, rest_second, rest_ampere):
     -------
     block : list of (used rows,) integers, one a record.
     """
+    rest = {"rest_second": rest_second, "rest_ampere": rest_ampere}
+    numbers = _numbered(records, blocks, rest)
+    alone = len(np.unique(np.concatenate(numbers))) < 2
+    return _numbered(records, parts, rest) if alone else numbers
+
+
+def _numbered(records, cut, rest):
+    """Block number of each used row of several records by one way of cutting them."""
     numbers, next_free = [], 0
     for record in records:
-        time, current = record.test_time_second, record.current_ampere
-        block = blocks(time, current, rest_second=rest_second, rest_ampere=rest_ampere)
+        block = cut(record.test_time_second, record.current_ampere, **rest)
         numbers.append(next_free + block[record.used])
         next_free += block.max() + 1
     return numbers
@@ -322,7 +368,7 @@ class FitRecords(NamedTuple):
     """The records of one temperature, ready to be fitted.
 
     celsius : of the chamber, to which the resistances of the fit belong [°C]. records : tuple of
-    Record. pulsed : excited by pulses at set points, not by drives.
+    Record. pulsed : excited by pulses at set points, not by drives or long loads.
     """
 
     celsius: float
@@ -334,7 +380,7 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
     """Records by chamber temperature, coldest first; tests within 2 °C belong together.
 
     At each temperature HPPC tests and beside them capacity tests, whose long loads show what
-    pulses do not; where there is no HPPC, drives.
+    pulses do not; where there is no HPPC, drives. Of a cell with neither, capacity tests alone.
 
     Parameters
     ----------
@@ -370,17 +416,23 @@ def _record_to_fit(test, basis, cell, settings, notes):
 
 
 def _by_temperature(tests):
-    by_celsius = {}
+    by_celsius, of_cell = {}, {test.facts.kind for test in tests}
     for test in sorted(tests, key=_chamber_celsius):
         celsius = _chamber_celsius(test)
         same = [t for t in by_celsius if abs(t - celsius) <= SAME_CELSIUS]
         by_celsius.setdefault(same[0] if same else celsius, []).append(test)
     for celsius, members in by_celsius.items():
-        kinds = {test.facts.kind for test in members}
-        kinds_to_fit = {"hppc", "capacity"} if "hppc" in kinds else {"drive"}
+        kinds_to_fit = _kinds_to_fit({test.facts.kind for test in members}, of_cell)
         chosen = [test for test in members if test.facts.kind in kinds_to_fit]
         if chosen:
             yield celsius, chosen
+
+
+def _kinds_to_fit(kinds, of_cell):
+    """Kinds of test that are fitted at a temperature, of the kinds there and of the whole cell."""
+    if "hppc" in kinds:
+        return {"hppc", "capacity"}
+    return {"drive"} if of_cell & {"hppc", "drive"} else {"capacity"}
 
 
 def _chamber_celsius(test):
