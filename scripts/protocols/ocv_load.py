@@ -1,4 +1,4 @@
-"""Voltage over SoC of a long load, for the open-circuit voltage of a cell that has nothing slower."""
+"""Voltage over SoC of a long load, of a cell of which nothing slower tells the OCV."""
 
 import cellwright as cw
 from runtime import artefact

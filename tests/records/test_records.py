@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from cellwright.records.blocks import blocks, fit_mask
 from cellwright.records.filled import bridged, with_edges
-from cellwright.records.record import blocks, checked, fit_mask, record_of
+from cellwright.records.record import checked, record_of
 from cellwright.refusal import Refusal
 
 TIME = np.arange(3000.0)

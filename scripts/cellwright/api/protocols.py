@@ -197,12 +197,12 @@ def ocv_from_load(series, cell, test):
 
     Source: docs/ocv.md.
     """
-    from cellwright.protocols.ocv.slow import slow_ocv
+    from cellwright.protocols.ocv.slow import slowest_load
     from cellwright.records.basis import slow_capacity
 
     cell, test = inputs.cell_facts(cell), inputs.test_facts(test)
     limits = {name: getattr(cell, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
-    curve = slow_ocv(*inputs.quantities(series, inputs.COUNTED), **limits, least_hour=0.0)
+    curve = slowest_load(*inputs.quantities(series, inputs.COUNTED), **limits)
     named = curve._asdict() | {"test": test.test}
     _, source = slow_capacity(named)
     return results.RestOcv(curve, {}, source.replace("slow test", "long load"), (curve.note,))

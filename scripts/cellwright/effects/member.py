@@ -32,7 +32,8 @@ from cellwright.identification.choice import (
 )
 from cellwright.numerics.least_squares import fit
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.record import blocks, cell_temperature, parts, record_of
+from cellwright.records.blocks import blocks, parts
+from cellwright.records.record import cell_temperature, record_of
 from cellwright.refusal import Refusal
 
 NAME = "2RC+effects"

@@ -8,6 +8,7 @@ from cellwright.circuits.circuit import member_named
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch
 from cellwright.circuits.temperature import ocv_at, resistance_factor
 from cellwright.identification.choice import choose, left_out
+from cellwright.identification.condition import ABSENT_SECOND
 from cellwright.identification.identify import (
     activation_of,
     at_activation_energy,
@@ -16,7 +17,7 @@ from cellwright.identification.identify import (
     limits_of,
 )
 from cellwright.identification.ocv_shape import ocv_from_loads, shape_records
-from cellwright.identification.search import ABSENT_SECOND, shared_of
+from cellwright.identification.search import shared_of
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.basis import (
@@ -25,8 +26,9 @@ from cellwright.records.basis import (
     capacities_of_checkups,
     stated_or_reference,
 )
+from cellwright.records.blocks import blocks_of_used
 from cellwright.records.facts import of_first_checkup
-from cellwright.records.record import blocks_of_used, records_by_temperature
+from cellwright.records.record import records_by_temperature
 from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-model/2"
@@ -57,10 +59,11 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
 
     1. Tests of the earliest check-up are grouped by chamber temperature; at each, HPPC tests are
     used where there are any, with the capacity tests beside them, else drives, and of a cell with
-    neither capacity tests alone. Of a drive of role `split` only the odd blocks are fitted. 2. Resistances are taken to the chamber's temperature
-    with the activation energy that the temperatures show between them. 3. Where the OCV comes from
-    one slow branch, its drop over the model's resistances is put back and the fit repeated. 4. The
-    member that best predicts blocks left out of its fit is the chosen one.
+    neither capacity tests alone. Of a drive of role `split` only the odd blocks are fitted.
+    2. Resistances are taken to the chamber's temperature with the activation energy that the
+    temperatures show between them. 3. Where the OCV comes from one slow branch, its drop over the
+    model's resistances is put back and the fit repeated. 4. The member that best predicts blocks
+    left out of its fit is the chosen one.
 
     Parameters
     ----------

@@ -15,7 +15,8 @@ from cellwright.identification.regression import held_out
 from cellwright.identification.validation import simulated
 from cellwright.numerics.statistics import rms
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.record import Record, blocks_of_used, records_by_temperature
+from cellwright.records.blocks import blocks_of_used
+from cellwright.records.record import Record, records_by_temperature
 from cellwright.refusal import Refusal
 
 FOLDS = 4
@@ -24,6 +25,7 @@ NEAR = 1.1  # of rms errors that count as equal
 CLEAR = 1.0  # standard errors: the one-standard-error rule
 SURE = 2.0  # standard errors that are no chance: 95 %
 FAR = 2.0  # times the smallest error of a temperature: no member that errs by more is chosen
+UNUSABLE_VOLT = 0.1  # error from which on a model is told to be of no use where the voltage counts
 MATERIAL_VOLT = 1e-3  # accuracy of a good cycler: errors that differ by less are alike
 
 
@@ -125,6 +127,7 @@ def choose(scores, *, celsius=None, fitted_volt=None, searched=()):
         chosen, equal = (chosen, equal) if against else (name, [name])
     typical = {name: float(np.exp(log.mean() / 2)) for name, log in logs.items()}
     words = _words(chosen, equal, typical, rmse, [name for name in scores if name not in sound])
+    words += _warning(rmse[chosen])
     return Choice(chosen, rmse, words, reasons | {chosen: words.partition(". ")[0]})
 
 
@@ -231,6 +234,16 @@ def _words(chosen, equal, typical, rmse, far):
     second = next((name for name in ranked if name != chosen and name not in far), None)
     clear = f", clearly before {second}" if second else ", the only one left"
     return f"{chosen} chosen{clear}. {listed}"
+
+
+def _warning(rmse_volt):
+    """Sentence on an error that is too large for use, else ""."""
+    if rmse_volt <= UNUSABLE_VOLT:
+        return ""
+    return (
+        f". It misses what was left out by {1e3 * rmse_volt:.0f} mV rms, more than "
+        f"{1e3 * UNUSABLE_VOLT:.0f} mV: nothing that needs the voltage should rest on it"
+    )
 
 
 INNER_SOC = (0.05, 0.95)  # the range over which validation is told, too

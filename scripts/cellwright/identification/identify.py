@@ -15,11 +15,10 @@ import numpy as np
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, resistance_factor
 from cellwright.identification.columns import Data, Held
+from cellwright.identification.condition import Condition, condition_of
 from cellwright.identification.regression import SCALES, pull_of, solved
 from cellwright.identification.search import (
-    Condition,
     cheapest,
-    condition_of,
     cost_of,
     key_of,
     lowest,

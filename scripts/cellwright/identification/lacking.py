@@ -31,16 +31,14 @@ def why_no_model(tests, *, fit_kinds, lent_curve=False):
         kinds = ", ".join(f"{n} {kind}" for kind, n in Counter(t.kind for t in tests).items())
         reasons = [f"of its tests ({kinds}) none is of {wanted}, which models are fitted to"]
     if not lent_curve and not any(test.kind == "ocv" for test in tests):
-        reasons.append(
-            "no slow test (ocv) of it or of a cell of its chemistry and rating tells an OCV"
-        )
+        reasons.append("no slow test (ocv) of it or of a cell of its type tells an OCV")
     return f"no model: {'; '.join(reasons)}"
 
 
 def _of_roles(tests):
     names = ", ".join(test.test for test in tests)
     if names:
-        yield f"only for validation by their role: {names}; role fit or split lets a model be fitted"
+        yield f"for validation by their role: {names}; role fit or split lets a model be fitted"
 
 
 def _of_choice(tests):

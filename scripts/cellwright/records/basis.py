@@ -40,8 +40,9 @@ def basis(
     its test to the slow rate by the reference cell's ratio where that has a test at both rates.
     3. Without a lender, the curves are those from the rests of its own pulse tests, one for each
     temperature, the slowest; the capacity is that of the one nearest 25 °C, and all of them are put
-    on its scale, full at 1; without pulse tests, those of its long loads in the same way. 4. Without any curve the capacity is the cell's own, without a
-    capacity test the rating. What was taken is said in `capacity_source`.
+    on its scale, full at 1; without pulse tests, those of its long loads in the same way.
+    4. Without any curve the capacity is the cell's own, without a capacity test the rating. What
+    was taken is said in `capacity_source`.
 
     Parameters
     ----------
