@@ -11,11 +11,10 @@ CAPACITY = 2.0
 SOC = np.linspace(0.0, 1.0, 401)
 OCV = 3.0 + 0.35 * (1 - np.exp(-SOC / 0.03)) + 0.75 * SOC + 0.05 * np.sin(8 * SOC)
 CUTOFFS = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": float(OCV[-1])}
-CELL = cell_facts(rated_capacity_ampere_hour=CAPACITY, **CUTOFFS)
+CELL = cell_facts(*CUTOFFS.values(), rated=CAPACITY)
 SETTINGS = {"members": ["1RC", "2RC", "DRT"]}
 OHM = (0.025, 0.012, 0.018)  # R0 and two pairs at 50 % SoC
 TAU = (20.0, 400.0)
-KNOWN_OHM = 0.0015  # to which a total resistance must come back
 
 
 def resistance(soc):
@@ -45,9 +44,10 @@ def simulated(current, step=5.0):
     }
 
 
-def load(c_rate, name=None, **facts):
-    current = np.r_[np.zeros(24), np.full(int(720 * 1.2 / c_rate), -c_rate * CAPACITY)]
-    return measured_test(simulated(current), name or f"load_{c_rate:g}C", "capacity", **facts)
+def load(c_rate, name=None, *, step=5.0, **facts):
+    rows = int(3600.0 / step * 1.2 / c_rate)
+    current = np.r_[np.zeros(int(120.0 / step)), np.full(rows, -c_rate * CAPACITY)]
+    return measured_test(simulated(current, step), name or f"load_{c_rate:g}C", "capacity", **facts)
 
 
 def drive(seed, seconds=5000, **facts):
@@ -70,8 +70,7 @@ def own_basis(loads):
     """Basis of a cell that has nothing slower than these loads."""
     facts = [test.facts._replace(soc=None) for test in loads]
     curves = [
-        (of, cw.ocv_from_load(test.series, CELL, of))
-        for of, test in zip(facts, loads, strict=True)
+        (of, cw.ocv_from_load(test.series, CELL, of)) for of, test in zip(facts, loads, strict=True)
     ]
     return cw.basis(CELL, rests=curves)
 
@@ -79,6 +78,12 @@ def own_basis(loads):
 def identified(basis, tests):
     model = cw.identify(CELL, basis, tests, **SETTINGS)
     return cw.finish_model(CELL, model, basis, tests)
+
+
+def chosen(model):
+    """The chosen member."""
+    members = {member["model"]: member for member in model.content["members"]}
+    return members[model.content["chosen"]]
 
 
 def steady(model):
@@ -104,23 +109,21 @@ def test_loads_at_three_rates_beside_an_ocv_give_the_total_resistance():
     soc, value, std = steady(model)
     inner = (soc > 0.2) & (soc < 0.85)
     true = sum(OHM) * resistance(soc)
-    # What has not settled at the beginning of a load is missing: 400 s are 11 % of the SoC at 1C.
-    np.testing.assert_allclose(value[inner], true[inner], atol=KNOWN_OHM)
-    assert (np.abs(value - true)[inner] < 3 * std[inner] + 5e-4).all()
+    np.testing.assert_allclose(value[inner], true[inner], rtol=0.05)
+    assert (np.abs(value - true)[inner] < 3 * std[inner]).all()
     assert std[inner].max() < 0.1 * true[inner].min()
     assert error(model, drive(1, role="validation", soc=1.0)) < 0.008
 
 
-def test_what_steady_loads_do_not_tell_apart_has_a_deviation_that_says_so():
-    """R0 and the fast pair relax within some rows of a load: the sum is known, the parts less."""
-    model = identified(slow_basis(), [load(rate) for rate in (0.5, 1.0, 2.0)])
-    (entry,) = next(
-        member["conditions"]
-        for member in model.content["members"]
-        if member["model"] == "DRT"
-    )
-    r0, total = (np.nanmean(np.array(entry[n], float)) for n in ("r0_std_ohm", "steady_std_ohm"))
-    assert r0 > 2 * total
+def test_rows_a_minute_apart_tell_the_sum_of_resistances_and_not_its_parts():
+    """R0 and the pair of 20 s have both settled by the first row of a load."""
+    slow = [load(rate, step=60.0) for rate in (0.5, 1.0, 2.0)]
+    model = identified(slow_basis(), slow)
+    (entry,) = chosen(model)["conditions"]
+    inner = (np.array(entry["soc"]) > 0.2) & (np.array(entry["soc"]) < 0.85)
+    parts = [entry["r0_std_ohm"], *(branch["r_std_ohm"] for branch in entry["branches"])]
+    worst = np.nanmax(np.array(parts, float)[:, inner])
+    assert worst > 3 * np.max(np.array(entry["steady_std_ohm"])[inner])
 
 
 def test_the_slowest_load_stands_for_an_ocv_that_nothing_tells():
@@ -134,7 +137,7 @@ def test_the_slowest_load_stands_for_an_ocv_that_nothing_tells():
     inner = (soc > 0.25) & (soc < 0.85)
     true = sum(OHM) * resistance(1 - (1 - soc) * basis.content["capacity_ampere_hour"] / CAPACITY)
     np.testing.assert_allclose(value[inner], true[inner], rtol=0.12)
-    assert error(model, drive(1, role="validation", soc=1.0)) < 0.015
+    assert error(model, drive(1, role="validation", soc=1.0)) < 0.02
 
 
 def test_loads_at_one_rate_are_refused_where_one_of_them_is_the_ocv():
@@ -143,23 +146,22 @@ def test_loads_at_one_rate_are_refused_where_one_of_them_is_the_ocv():
         cw.identify(CELL, own_basis(loads), loads, **SETTINGS)
 
 
-def test_one_load_beside_a_slow_test_is_enough():
+def test_of_one_load_beside_a_slow_test_the_deviation_says_how_little_it_tells():
+    """A resistance and an OCV that is off change the voltage of one steady load alike."""
     model = identified(slow_basis(), [load(1.0)])
-    soc, value, _ = steady(model)
+    soc, value, std = steady(model)
     inner = (soc > 0.25) & (soc < 0.75)
     true = sum(OHM) * resistance(soc)
-    np.testing.assert_allclose(value[inner], true[inner], rtol=0.15)
+    assert (np.abs(value - true)[inner] < 2 * std[inner]).all()
+    assert std[inner].min() > 0.3 * true[inner].max()
+    assert error(model, drive(1, role="validation", soc=1.0)) < 0.015
 
 
 @pytest.mark.parametrize("role", ["fit", "split"])
 def test_a_drive_that_never_rests_gives_a_model(role):
     own = drive(2, role=role, soc=1.0)
     model = identified(slow_basis(), [own])
-    (entry,) = next(
-        member["conditions"]
-        for member in model.content["members"]
-        if member["model"] == model.content["chosen"]
-    )
+    (entry,) = chosen(model)["conditions"]
     soc = np.array(entry["soc"])
     inner = (soc > 0.25) & (soc < 0.85)
     fast = np.array(entry["r0_ohm"])[inner]

@@ -25,14 +25,17 @@ CAPACITY = SERIES | {"capacity", "basis", "relaxation", "check_ups", "health"}
 METHODS = {"identification_methods"}
 # Of each campaign the other rules, among them the search, which says what it would need.
 PLANNED = {
-    "bad_file_only": CAPACITY | {"effect_search", "witnesses"},
-    "capacity_only": CAPACITY | {"effect_search", "witnesses"},
+    "bad_file_only": CAPACITY | {"no_model", "effect_search", "witnesses"},
+    "capacity_only": CAPACITY | {"no_model", "effect_search", "witnesses"},
+    "loads_and_drive": CAPACITY
+    | {"ica", "ocv_load", "identify", "member", "model", "thermal", "export", "prediction"}
+    | {"effect_search", "effect_search_own", "witnesses"},
     "ocv_pulses_drive": CAPACITY
     | METHODS
     | {"ocv", "pulses", "polarisation", "identify", "member", "model", "thermal", "export"}
     | {"prediction"}
     | {"effect_search", "effect_search_own", "witnesses"},
-    "spectra_only": {"impedance", "basis", "temperature", "cold_limit"},
+    "spectra_only": {"impedance", "basis", "no_model", "temperature", "cold_limit"},
     "pulses_over_temperature": CAPACITY
     | METHODS
     | {"pulses", "temperature", "resistance_surface", "cold_limit", "effect_search", "witnesses"},
