@@ -41,5 +41,5 @@ def test_an_ocv_is_asked_for_only_where_there_is_none():
     missing = "no slow test (ocv) of it or of a cell of its type"
     load, slow = facts_of("q", "capacity"), facts_of("o", "ocv")
     assert missing in why_no_model([load], fit_kinds=ALL)
-    assert missing not in why_no_model([load], fit_kinds=ALL, lent_curve=True)
+    assert missing not in why_no_model([load], fit_kinds=ALL, lent=True)
     assert missing not in why_no_model([slow], fit_kinds=ALL)

@@ -39,18 +39,19 @@ def curve_lenders(cell):
 WARMING_KINDS = ("capacity", "hppc", "ica")
 # Kinds of test that a model may be fitted to, and in which roles.
 FIT_ROLES = {"hppc": ["fit"], "drive": ["fit", "split"]}
+FIT_KINDS = config["models"]["fit_kinds"]
 
 
 def fit_tests(cell):
     """HPPC tests and drives that may be fitted (`fit`, or the odd blocks of `split`)."""
-    kinds = [kind for kind in FIT_ROLES if kind in config["models"]["fit_kinds"]]
+    kinds = [kind for kind in FIT_ROLES if kind in FIT_KINDS]
     return [row for kind in kinds for row in tests(cell, kind, roles=FIT_ROLES[kind])]
 
 
 def fit_series(cell):
     """What a model is fitted to; capacity tests join the pulses, whose loads are short."""
     rows = fit_tests(cell) or long_loads(cell)
-    if "capacity" in config["models"]["fit_kinds"] and any(row["kind"] == "hppc" for row in rows):
+    if "capacity" in FIT_KINDS and any(row["kind"] == "hppc" for row in rows):
         rows = rows + tests(cell, "capacity", roles=["fit"])
     return [f"results/clean/{cell}/{row['test']}.parquet" for row in rows]
 
@@ -70,7 +71,7 @@ def long_loads(cell, *kinds):
 def several_loads(cell):
     """Whether long loads may tell a model: beside a slow test or a lent curve, or two of them."""
     slow = tests(cell, "ocv", roles=["fit"]) or curve_lenders(cell)
-    fits = "capacity" in config["models"]["fit_kinds"] and long_loads(cell)
+    fits = "capacity" in FIT_KINDS and long_loads(cell)
     return bool(fits and (slow or len(long_loads(cell, "ica")) > 1))
 
 
@@ -352,7 +353,7 @@ rule no_model:
         tests=lambda w: [
             {name: row[name] for name in ("test", "kind", "role")} for row in TESTS_OF[w.cell]
         ],
-        fit_kinds=config["models"]["fit_kinds"],
+        fit_kinds=FIT_KINDS,
         lent_curve=lambda w: bool(curve_lenders(w.cell)),
     message:
         "Why {wildcards.cell} has no model."

@@ -217,23 +217,20 @@ def finish_model(
     return results.FinishedModel(content, parameter_rows(content), choice, notes)
 
 
-def why_no_model(tests, *, fit_kinds=("hppc", "drive", "capacity"), lent_curve=False):
-    """What is missing for a model of a cell of which no test may be fitted, in a sentence.
+def refuse_model(tests, *, fit_kinds=("hppc", "drive", "capacity"), lent_curve=False):
+    """Say what is missing for a model of a cell of which no test may be fitted.
 
     Parameters
     ----------
-    tests : TestFacts or mappings: test, kind, role; all tests of the cell.
-    fit_kinds : kinds of test that models may be fitted to.
-    lent_curve : whether a cell of its chemistry and rating has an OCV curve to lend.
+    tests : of the cell. fit_kinds : kinds that models are fitted to. lent_curve : an OCV is lent.
 
-    Returns
-    -------
-    words : str.
+    Raises
+    ------
+    Refusal : Always, with what is missing.
     """
-    from cellwright.identification.lacking import why_no_model as words_of
+    from cellwright.identification import lacking
 
-    facts = [inputs.test_facts(test) for test in tests]
-    return words_of(facts, fit_kinds=fit_kinds, lent_curve=lent_curve)
+    raise lacking.no_model([*map(inputs.test_facts, tests)], fit_kinds=fit_kinds, lent=lent_curve)
 
 
 def model_of_table(

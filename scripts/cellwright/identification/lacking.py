@@ -2,17 +2,19 @@
 
 from collections import Counter
 
+from cellwright.refusal import Refusal
+
 FITTED = {"hppc": "pulses", "drive": "drives", "capacity": "constant-current loads"}
 
 
-def why_no_model(tests, *, fit_kinds, lent_curve=False):
+def why_no_model(tests, *, fit_kinds, lent=False):
     """What is missing for a model of a cell that has no pulses or drives to fit, in a sentence.
 
     Parameters
     ----------
     tests : list of TestFacts, all tests of the cell.
     fit_kinds : kinds of test that models may be fitted to.
-    lent_curve : whether a cell of its chemistry and rating has an OCV curve to lend.
+    lent : whether a cell of its chemistry and rating has an OCV curve to lend.
 
     Returns
     -------
@@ -30,9 +32,19 @@ def why_no_model(tests, *, fit_kinds, lent_curve=False):
     if not could_fit:
         kinds = ", ".join(f"{n} {kind}" for kind, n in Counter(t.kind for t in tests).items())
         reasons = [f"of its tests ({kinds}) none is of {wanted}, which models are fitted to"]
-    if not lent_curve and not any(test.kind == "ocv" for test in tests):
+    if not lent and not any(test.kind == "ocv" for test in tests):
         reasons.append("no slow test (ocv) of it or of a cell of its type tells an OCV")
     return f"no model: {'; '.join(reasons)}"
+
+
+def no_model(tests, **settings):
+    """The refusal of a model, with what is missing.
+
+    Parameters
+    ----------
+    tests, settings : as of `why_no_model`.
+    """
+    return Refusal(why_no_model(tests, **settings))
 
 
 def _of_roles(tests):
