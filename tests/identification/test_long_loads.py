@@ -189,3 +189,15 @@ def test_a_model_that_misses_what_was_left_out_by_far_says_so():
     assert "by 150 mV rms, more than 100 mV: nothing that needs the voltage" in bad.words
     fair = choose({"1RC": [Score(np.full(4, 0.05**2), np.full(4, 10))]})
     assert "nothing that needs" not in fair.words
+
+
+def test_of_a_discharge_and_a_slower_charge_the_charge_alone_stands_for_the_ocv():
+    """The mean of legs at two rates would be off by half of what the rates differ by."""
+    down = np.full(690, -CAPACITY)
+    up = np.full(7000, 0.1 * CAPACITY)
+    record = simulated(np.r_[np.zeros(24), down, np.zeros(24), up])
+    full = np.flatnonzero(record["voltage_volt"] >= CUTOFFS["upper_cutoff_volt"])
+    end = full[full > 800][0] + 1
+    record = {name: column[:end] for name, column in record.items()}
+    curve = cw.ocv_from_load(record, CELL, {"test": "both", "kind": "ica"}).curve
+    assert (curve.branches, curve.charge_current_ampere) == ("charge", pytest.approx(0.2))
