@@ -119,7 +119,8 @@ def test_refusals():
         scores(np.array([]), np.array([]))
     with pytest.raises(Refusal, match="1 simulated voltages are not finite"):
         scores(np.array([0.1, np.nan]), np.array([0.5, 0.5]))
+    short = {"test_time_second": TIME / 20, "current_ampere": CURRENT - 1.5}
     with pytest.raises(Refusal, match="no rest of 120 s inside"):
-        score(FACTS._replace(role="split"), current_ampere=CURRENT - 1.5)
+        score(FACTS._replace(role="split"), **short)
     with pytest.raises(Refusal, match="no state of charge"):
         score(FACTS._replace(soc=None), current_ampere=CURRENT - 1.5)

@@ -6,7 +6,7 @@ from synthetic import NOISE_VOLT, data, fit, hysteresis, measured, with_target
 
 from cellwright.identification.choice import Score, choose, left_out
 from cellwright.identification.regression import held_out
-from cellwright.records.record import blocks
+from cellwright.records.blocks import blocks
 from cellwright.refusal import Refusal
 
 

@@ -71,6 +71,22 @@ rule ocv_rests:
         "../../scripts/protocols/ocv_rests.py"
 
 
+rule ocv_load:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+    output:
+        "results/ocv_load/{cell}/{test}.parquet",
+    log:
+        "logs/ocv_load/{cell}/{test}.log",
+    params:
+        test=test_facts,
+        cell=cell_facts,
+    message:
+        "Voltage of {wildcards.cell} over SoC in the long load {wildcards.test}, for want of an OCV."
+    script:
+        "../../scripts/protocols/ocv_load.py"
+
+
 # Pulses and the rests after them tell the resistance and its relaxation: one job where both are asked.
 BOTH_KINDS = {*PULSE_KINDS} & {*RELAXATION_KINDS}
 

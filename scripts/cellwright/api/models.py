@@ -224,6 +224,22 @@ def finish_model(
     return results.FinishedModel(content, parameter_rows(content), choice, notes)
 
 
+def refuse_model(tests, *, fit_kinds=("hppc", "drive", "capacity"), lent_curve=False):
+    """Say what is missing for a model of a cell of which no test may be fitted.
+
+    Parameters
+    ----------
+    tests : of the cell. fit_kinds : kinds that models are fitted to. lent_curve : an OCV is lent.
+
+    Raises
+    ------
+    Refusal : Always, with what is missing.
+    """
+    from cellwright.identification import lacking
+
+    raise lacking.no_model([*map(inputs.test_facts, tests)], fit_kinds=fit_kinds, lent=lent_curve)
+
+
 def model_of_table(
     cell, table, *, capacity_ampere_hour, ambient_temperature_celsius=None, source="table"
 ):

@@ -40,6 +40,7 @@ def condition_entry(condition, *, ambient_temperature_celsius, tests):
         "soc": _plain(condition.soc),
         "r0_ohm": _plain(condition.r0_ohm),
         "r0_std_ohm": _plain(condition.r0_std_ohm),
+        "steady_std_ohm": _plain(condition.steady_std_ohm),
         "branches": [_branch(element) for element in condition.branches],
         "ocv_shift_volt": _plain(condition.ocv_shift_volt),
         "ocv_scale": {"missing": condition.missing, "stretch": condition.stretch},

@@ -31,7 +31,8 @@ from cellwright.identification.in_use import (
 )
 from cellwright.numerics.least_squares import fit
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.record import blocks, cell_temperature, record_of
+from cellwright.records.blocks import blocks, parts
+from cellwright.records.record import cell_temperature, record_of
 from cellwright.refusal import Refusal
 
 NAME = "2RC+effects"
@@ -284,16 +285,24 @@ def folds(case, state, noise, *, split_rest_second):
 def blocks_of_case(case, rest_second):
     """Number of the block of each row, and [test, from, until] of each; unused rows: number −1.
 
+    Blocks as of the members of the family, see `record.blocks_of_used`.
+
     Parameters
     ----------
     case : case.Case. rest_second : shortest rest that ends a block [s].
     """
-    stack, numbers, spans = case.fit, np.full(len(case.fit.file), -1), []
     rest_ampere = REST_C_RATE * case.cell.capacity_ampere_hour
+    rest = {"rest_second": rest_second, "rest_ampere": rest_ampere}
+    numbers, spans = _spans(case.fit, blocks, rest)
+    return (numbers, spans) if len(spans) > 1 else _spans(case.fit, parts, rest)
+
+
+def _spans(stack, cut, rest):
+    """Numbers and spans of `blocks_of_case` by one way of cutting the records."""
+    numbers, spans = np.full(len(stack.file), -1), []
     for file, test in enumerate(stack.tests):
         rows = np.flatnonzero(stack.file == file)
-        second, current = stack.second[rows], stack.current_ampere[rows]
-        block = blocks(second, current, rest_second=rest_second, rest_ampere=rest_ampere)
+        block = cut(stack.second[rows], stack.current_ampere[rows], **rest)
         for number in np.unique(block[stack.used[rows]]):
             inside = rows[block == number]
             numbers[inside] = len(spans)

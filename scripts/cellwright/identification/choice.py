@@ -20,6 +20,7 @@ CLEAR = 1.0  # standard errors: the one-standard-error rule
 SURE = 2.0  # standard errors that are no chance: 95 %
 FAR = 2.0  # times the smallest error of a temperature: no member that errs by more is chosen
 LEAST_BLOCKS = 3  # fewer tell no scatter between them
+UNUSABLE_VOLT = 0.1  # error from which on a model is told to be of no use where the voltage counts
 MATERIAL_VOLT = 1e-3  # accuracy of a good cycler: errors that differ by less are alike
 
 
@@ -131,6 +132,7 @@ def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched
         chosen, equal = (chosen, equal) if against else (name, [name])
     words = _words(chosen, equal, logs, rmse, [name for name in scores if name not in sound])
     words += f". Not to be relied on: {chosen} {faults[left].words}" if chosen == left else ""
+    words += _warning(rmse[chosen])
     return Choice(chosen, rmse, words, reasons | {chosen: words.partition(". ")[0]})
 
 
@@ -289,6 +291,16 @@ def _words(chosen, equal, logs, rmse, far):
     rivals = [name for name in ranked if name != chosen and name not in far]
     clear = _how_clearly(chosen, rivals, logs, rmse) if rivals else ", the only one left"
     return f"{chosen} chosen{clear}. {listed}"
+
+
+def _warning(rmse_volt):
+    """Sentence on an error that is too large for use, else ""."""
+    if rmse_volt <= UNUSABLE_VOLT:
+        return ""
+    return (
+        f". It misses what was left out by {1e3 * rmse_volt:.0f} mV rms, more than "
+        f"{1e3 * UNUSABLE_VOLT:.0f} mV: nothing that needs the voltage should rest on it"
+    )
 
 
 def _how_clearly(chosen, rivals, logs, rmse):

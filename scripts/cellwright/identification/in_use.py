@@ -9,7 +9,8 @@ from cellwright.identification.identify import ready_records
 from cellwright.identification.validation import beyond_volt, simulated
 from cellwright.numerics.statistics import rms
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.record import Record, blocks_of_used, records_by_temperature
+from cellwright.records.blocks import blocks_of_used
+from cellwright.records.record import Record, records_by_temperature
 from cellwright.refusal import Refusal
 
 INNER_SOC = (0.05, 0.95)  # the range over which validation is told, too
@@ -76,7 +77,8 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
         fit_records = by_names.get(tuple(entry["tests"]))
         if fit_records is None:
             raise Refusal(f"not to be compared: {', '.join(entry['tests'])} cannot be read again")
-        ready = ready_records(fit_records.records)
+        size = {"capacity_ampere_hour": basis["capacity_ampere_hour"]}
+        ready = ready_records(fit_records.records, **size)
         pairs = zip(ready, blocks_of_used(ready, **rest), strict=True)
         conditions.append([FittedRecord(*pair) for pair in pairs])
     return conditions

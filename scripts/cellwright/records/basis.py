@@ -46,9 +46,9 @@ def basis(
     its test to the slow rate by the reference cell's ratio where that has a test at both rates.
     3. Without a lender, the curves are those from the rests of its own pulse tests, one for each
     temperature, the slowest; the capacity is that of the one nearest 25 °C, and all of them are put
-    on its scale, full at 1. 4. Without any curve the capacity is the cell's own, without a
-    capacity test the rating, times the state of health that the sheet states. What was taken is
-    said in `capacity_source`.
+    on its scale, full at 1; without pulse tests, those of its long loads in the same way.
+    4. Without any curve the capacity is the cell's own, without a capacity test the rating, times
+    the state of health that the sheet states. What was taken is said in `capacity_source`.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def basis(
         soc, ocv_volt and what else the OCV stage gives.
     capacities : list of dict, rows of the capacity stage with ambient_temperature_celsius.
     lenders : list of Lender.
-    rests : list of dict, as `curves`, one a pulse test, with capacity_source besides.
+    rests : list of dict, as `curves`, one a pulse test or long load, with capacity_source besides.
     rated_capacity_ampere_hour, state_of_health : of the sheet [Ah], [1], or None.
     lower_cutoff_volt : a curve from rests is not continued below it [V].
 
@@ -140,7 +140,10 @@ def reference_of(cells, *, capacity):
 
 
 def _from_rests(curves, lower_cutoff_volt):
-    """Basis from rests: one OCV curve per temperature on the SoC scale of the one nearest 25 °C."""
+    """Basis from rests, or from long loads: one OCV curve per temperature, the slowest.
+
+    All are on the SoC scale of the one nearest 25 °C.
+    """
     ordered = sorted(curves, key=lambda c: (*first_choice(c), -_celsius(c), _load(c)))
     chosen = []
     for curve in ordered:
@@ -148,7 +151,7 @@ def _from_rests(curves, lower_cutoff_volt):
         slowest = min(same_temperature, key=lambda c: (c["cycle"] or 0, _load(c)))
         chosen += [slowest] if slowest not in chosen else []
     capacity, source = (chosen[0][name] for name in ("capacity_ampere_hour", "capacity_source"))
-    if not source.startswith("rating"):
+    if not source.startswith("rating") and chosen[0]["branches"] == "rests":
         source += f" (rests of {chosen[0]['test']})"
     scaled = [_on_scale(curve, capacity, lower_cutoff_volt) for curve in chosen]
     return {"ocv": scaled, "capacity_ampere_hour": capacity, "capacity_source": source}

@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.numerics.noise import least_digit
 from cellwright.records.anchor import AS_STATED, REST_C_RATE, Anchored, slow_soc
 from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle, on_scale, soc_of
+from cellwright.records.blocks import fit_mask
 from cellwright.records.channels import (
     BRANCH_CURRENT,
     CELL_TEMPERATURE,
@@ -18,7 +19,7 @@ from cellwright.records.channels import (
 from cellwright.records.filled import bridged, with_edges
 from cellwright.records.repeats import counted_once
 from cellwright.refusal import Refusal
-from cellwright.series.rest_current import as_logged, hidden_rest_level
+from cellwright.series.rest_current import as_logged
 
 SAME_CELSIUS = 2.0
 
@@ -254,81 +255,11 @@ def cell_temperature(facts, series, *, as_read=False):
     return np.full(len(series["test_time_second"]), float(held)), source
 
 
-def blocks(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
-    """Number of the block of each row, from 0; a block is a load and the rest that follows it.
-
-    A relaxation so stays together with the load that caused it. A rest at the very start ends no
-    block. Where the reading of the record's rests is above what counts as rest, a rest is also what
-    stays within that of it: an offset of the sensor must not turn rests into loads.
-
-    Parameters
-    ----------
-    test_time_second, current_ampere : (n,) [s], [A].
-    rest_second : shortest stretch without current that ends a block [s].
-    rest_ampere : current below which the cell rests [A].
-
-    Returns
-    -------
-    block : (n,) integers.
-    """
-    level = hidden_rest_level(test_time_second, current_ampere, rest_ampere)
-    resting = np.minimum(np.abs(current_ampere), np.abs(current_ampere - level)) <= rest_ampere
-    bounds = np.flatnonzero(np.diff(resting.astype(int), prepend=0, append=0))
-    first, last = bounds[::2], bounds[1::2] - 1
-    long = test_time_second[last] - test_time_second[first] >= rest_second
-    starts = last[long & (first > 0)] + 1
-    return np.searchsorted(starts, np.arange(len(resting)), side="right")
-
-
-def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
-    """Rows of a record that may be fitted: its odd blocks, counted from 1; even ones validate.
-
-    Parameters
-    ----------
-    test_time_second, current_ampere, rest_second, rest_ampere : as in `blocks`.
-
-    Returns
-    -------
-    fit : (n,) bool, True where the row may be fitted.
-
-    Raises
-    ------
-    Refusal : fewer than two blocks: nothing would be left to validate.
-
-    Source: campaign contract, role `split`.
-    """
-    settings = {"rest_second": rest_second, "rest_ampere": rest_ampere}
-    block = blocks(test_time_second, current_ampere, **settings)
-    if block[-1] == 0:
-        raise Refusal(f"no rest of {rest_second:g} s inside the record to cut it at")
-    return block % 2 == 0
-
-
-def blocks_of_used(records, *, rest_second, rest_ampere):
-    """Block number of each used row of several records, counted through all records.
-
-    Parameters
-    ----------
-    records : sequence of Record. rest_second, rest_ampere : as in `blocks`.
-
-    Returns
-    -------
-    block : list of (used rows,) integers, one a record.
-    """
-    numbers, next_free = [], 0
-    for record in records:
-        time, current = record.test_time_second, record.current_ampere
-        block = blocks(time, current, rest_second=rest_second, rest_ampere=rest_ampere)
-        numbers.append(next_free + block[record.used])
-        next_free += block.max() + 1
-    return numbers
-
-
 class FitRecords(NamedTuple):
     """The records of one temperature, ready to be fitted.
 
     celsius : of the chamber, to which the resistances of the fit belong [°C]. records : tuple of
-    Record. pulsed : excited by pulses at set points, not by drives.
+    Record. pulsed : excited by pulses at set points, not by drives or long loads.
     """
 
     celsius: float
@@ -340,7 +271,7 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
     """Records by chamber temperature, coldest first; tests within 2 °C belong together.
 
     At each temperature HPPC tests and beside them capacity tests, whose long loads show what
-    pulses do not; where there is no HPPC, drives.
+    pulses do not; where there is no HPPC, drives. Of a cell with neither, capacity tests alone.
 
     Parameters
     ----------
@@ -395,17 +326,23 @@ def _record_to_fit(test, basis, cell, settings, notes):
 
 
 def _by_temperature(tests):
-    by_celsius = {}
+    by_celsius, of_cell = {}, {test.facts.kind for test in tests}
     for test in sorted(tests, key=_chamber_celsius):
         celsius = _chamber_celsius(test)
         same = [t for t in by_celsius if abs(t - celsius) <= SAME_CELSIUS]
         by_celsius.setdefault(same[0] if same else celsius, []).append(test)
     for celsius, members in by_celsius.items():
-        kinds = {test.facts.kind for test in members}
-        kinds_to_fit = {"hppc", "capacity"} if "hppc" in kinds else {"drive"}
+        kinds_to_fit = _kinds_to_fit({test.facts.kind for test in members}, of_cell)
         chosen = [test for test in members if test.facts.kind in kinds_to_fit]
         if chosen:
             yield celsius, chosen
+
+
+def _kinds_to_fit(kinds, of_cell):
+    """Kinds of test that are fitted at a temperature, of the kinds there and of the whole cell."""
+    if "hppc" in kinds:
+        return {"hppc", "capacity"}
+    return {"drive"} if of_cell & {"hppc", "drive"} else {"capacity"}
 
 
 def _chamber_celsius(test):

@@ -18,6 +18,7 @@ from cellwright.series.rest_current import offset_at_rest
 from cellwright.settings import Ocv
 
 OCV = Ocv()
+SAME_LOAD = 1.1  # ratio of currents up to which two legs are joined to one curve
 CLOSED = 0.03  # of the charge, by which slow discharge and charge may differ
 LEAST_OFFSET, MOST_OFFSET = 0.005, 0.3  # of the slow current: readings at rest that are looked for
 FULL_SHARE = 0.85  # of a record's largest leg: what is less is no full branch, but for a drift
@@ -227,6 +228,29 @@ def slow_ocv(
         moved_volt=float(max(moved_out, moved_back, np.abs(table - ocv).max())),
         note=_balance(discharge, charge, closed) or note,
     )
+
+
+def slowest_load(*columns, **limits):
+    """As `slow_ocv` of whatever is slowest in a record: a faster full leg is no part of the curve.
+
+    Parameters
+    ----------
+    columns, limits : arguments of `slow_ocv` without least_hour.
+
+    Returns
+    -------
+    curve : OcvCurve.
+
+    Raises
+    ------
+    Refusal : no leg of the record is full and runs to its cut-off.
+    """
+    curve = slow_ocv(*columns, **limits, least_hour=0.0)
+    sides = abs(curve.discharge_current_ampere), abs(curve.charge_current_ampere)
+    if curve.branches != "both" or max(sides) <= SAME_LOAD * min(sides):
+        return curve
+    slower = SAME_LOAD * curve.capacity_ampere_hour / max(sides)
+    return slow_ocv(*columns, **limits, least_hour=slower)
 
 
 def _begun(legs, columns, limits, known):
