@@ -327,8 +327,8 @@ def soc_of(series, basis, facts, cell):
         As `anchor.soc_series`.
     """
     basis = at_cycle(basis, facts.cycle)
-    no_curve = {"soc": None, "ocv_volt": None}
-    curve = curve_at(basis["ocv"], facts.ambient_temperature_celsius) or no_curve
+    found = curve_at(basis["ocv"], facts.ambient_temperature_celsius)
+    curve = {"soc": None, "ocv_volt": None} if found is None else found
     anchored = soc_series(
         series["charge_ampere_hour"],
         series["current_ampere"],
