@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from synthetic import NOISE_VOLT, data, fit, hysteresis, measured, with_target
 
-from cellwright.identification.choice import Score, choose, left_out
+from cellwright.identification.choice import (
+    Score,
+    choose,
+    left_out,
+    rmse_of,
+    typical_of,
+    worst_of,
+)
 from cellwright.identification.regression import held_out
 from cellwright.records.blocks import blocks
 from cellwright.refusal import Refusal
@@ -171,8 +178,9 @@ def test_what_a_search_found_must_be_better_beyond_chance_and_nowhere_worse():
 
 def test_refusals():
     fit_of_member = fit(data(*measured(11, seconds=3000)), "0RC")
-    with pytest.raises(Refusal, match="the data are one block"):
-        left_out(fit_of_member, np.zeros(len(fit_of_member.system.target), int))
+    alone = left_out(fit_of_member, np.zeros(len(fit_of_member.system.target), int))
+    assert len(alone.rows) == 0
+    assert np.isnan([rmse_of(alone), typical_of(alone), worst_of(alone)]).all()
     with pytest.raises(Refusal, match="no member of the family could be fitted"):
         choose({})
     with pytest.raises(Refusal, match="not scored on the same blocks"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.records.blocks import blocks, blocks_of_used, fit_mask, parts
+from cellwright.records.blocks import blocks, blocks_of_used, cut_of, fit_mask, parts
 from cellwright.records.filled import bridged, with_edges
 from cellwright.records.record import checked, record_of
 from cellwright.refusal import Refusal
@@ -170,10 +170,18 @@ def test_a_short_record_has_fewer_parts_and_none_that_is_shorter_than_two_rests(
         fit_mask(time[:471], np.full(471, -1.0), rest_ampere=0.01)
 
 
-def test_records_that_are_one_block_together_are_cut_into_parts():
+def test_records_are_cut_into_parts_only_where_none_of_the_cell_has_a_rest():
     time = np.arange(2000.0)
     drives = [record_of(time, np.full(2000, -ampere), time, time * 0) for ampere in (1.0, 2.0)]
     rest = {"rest_second": 120.0, "rest_ampere": 0.01}
-    (alone,) = blocks_of_used(drives[:1], **rest)
-    assert len(np.unique(alone)) == 8
-    assert [np.unique(block).tolist() for block in blocks_of_used(drives, **rest)] == [[0], [1]]
+    columns = [[("drive", r.test_time_second, r.current_ampere)] for r in drives]
+    assert cut_of(columns, **rest) is parts
+    assert cut_of([[*columns[0], *columns[1]]], **rest) is blocks
+    numbers = blocks_of_used(drives, cut=parts, **rest)
+    assert [len(np.unique(block)) for block in numbers] == [8, 8]
+    pulse = np.where((time > 500) & (time < 900), 0.0, -1.0)
+    assert cut_of([*columns, [("hppc", time, pulse)]], **rest) is blocks
+    assert cut_of([*columns, [("capacity", time, pulse)]], **rest) is parts
+    assert cut_of([[("capacity", time, pulse)]], **rest) is blocks
+    numbers = blocks_of_used(drives, cut=blocks, **rest)
+    assert [np.unique(block).tolist() for block in numbers] == [[0], [1]]

@@ -21,7 +21,7 @@ from cellwright.effects.library.overpotential import DIFFUSION_KINDS
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import NEAR_END, stacked
 from cellwright.effects.search import POLISH_STEPS
-from cellwright.identification.choice import FOLDS, Score
+from cellwright.identification.choice import FOLDS, score_of
 from cellwright.identification.in_use import (
     Judged,
     decided,
@@ -31,7 +31,7 @@ from cellwright.identification.in_use import (
 )
 from cellwright.numerics.least_squares import fit
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.blocks import blocks, parts
+from cellwright.records.blocks import cut_of
 from cellwright.records.record import cell_temperature, record_of
 from cellwright.refusal import Refusal
 
@@ -285,7 +285,7 @@ def folds(case, state, noise, *, split_rest_second):
 def blocks_of_case(case, rest_second):
     """Number of the block of each row, and [test, from, until] of each; unused rows: number −1.
 
-    Blocks as of the members of the family, see `record.blocks_of_used`.
+    Blocks as of the members of the family, see `blocks.cut_of`.
 
     Parameters
     ----------
@@ -293,16 +293,18 @@ def blocks_of_case(case, rest_second):
     """
     rest_ampere = REST_C_RATE * case.cell.capacity_ampere_hour
     rest = {"rest_second": rest_second, "rest_ampere": rest_ampere}
-    numbers, spans = _spans(case.fit, blocks, rest)
-    return (numbers, spans) if len(spans) > 1 else _spans(case.fit, parts, rest)
-
-
-def _spans(stack, cut, rest):
-    """Numbers and spans of `blocks_of_case` by one way of cutting the records."""
-    numbers, spans = np.full(len(stack.file), -1), []
-    for file, test in enumerate(stack.tests):
-        rows = np.flatnonzero(stack.file == file)
-        block = cut(stack.second[rows], stack.current_ampere[rows], **rest)
+    stack, numbers, spans = case.fit, np.full(len(case.fit.file), -1), []
+    rows_of = [np.flatnonzero(stack.file == file) for file in range(len(stack.tests))]
+    columns = [(stack.second[rows], stack.current_ampere[rows]) for rows in rows_of]
+    means = [float(np.mean(stack.celsius[rows])) for rows in rows_of]
+    kept = np.array(distinct(sorted(means)))
+    at_celsius = [int(np.abs(kept - celsius).argmin()) for celsius in means]
+    conditions = [[] for _ in kept]
+    for condition, kind, record in zip(at_celsius, stack.kinds, columns, strict=True):
+        conditions[condition].append((kind, *record))
+    cut = cut_of(conditions, **rest)
+    for test, rows, record in zip(stack.tests, rows_of, columns, strict=True):
+        block = cut(*record, **rest)
         for number in np.unique(block[stack.used[rows]]):
             inside = rows[block == number]
             numbers[inside] = len(spans)
@@ -407,9 +409,7 @@ def _score(records, errors, folds):
         fold = _fold_of(record.test, record.test_time_second[record.used], folds)
         held_out.append(by_fit[fold + 1, np.arange(len(fold))])
     blocks = np.concatenate([fitted_record.block for fitted_record in records])
-    _, at = np.unique(blocks, return_inverse=True)
-    rows = np.bincount(at)
-    return Score(np.bincount(at, np.concatenate(held_out) ** 2) / rows, rows)
+    return score_of(blocks, np.concatenate(held_out))
 
 
 def _fold_of(test, time_second, folds):

@@ -26,7 +26,7 @@ from cellwright.records.basis import (
     capacities_of_checkups,
     stated_or_reference,
 )
-from cellwright.records.blocks import blocks_of_used
+from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
 from cellwright.records.facts import of_first_checkup
 from cellwright.records.record import records_by_temperature
 from cellwright.refusal import Refusal
@@ -92,10 +92,15 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     )
     if later:
         notes.append(f"not fitted, of a later check-up: {', '.join(later)}")
-    identified, energies = _identified(by_temperature, basis, members, split_rest_second, notes)
+    capacity = basis["capacity_ampere_hour"]
+    rest = {"rest_second": split_rest_second, "rest_ampere": REST_C_RATE * capacity}
+    rest["cut"] = cut_of(columns_of([one.records for one in by_temperature]), **rest)
+    identified, energies = _identified(by_temperature, basis, members, rest, notes)
     if not identified:
         raise Refusal("; ".join(notes) or "no test can be fitted")
     scores = _scored_everywhere([condition.scores for condition in identified])
+    if not any(len(score.rows) for parts in scores.values() for score in parts):
+        raise Refusal("the data are one block: nothing can be left out to choose a model by")
     choice = choose(scores)
     return {
         "schema": SCHEMA,
@@ -130,7 +135,7 @@ def _kind(by_temperature):
     return next(kind for kind in ("hppc", "drive", "capacity") if kind in kinds)
 
 
-def _identified(by_temperature, basis, members, split_rest_second, notes):
+def _identified(by_temperature, basis, members, rest, notes):
     """List of Identified, one per temperature, and a sentence on the activation energies."""
     capacity, usable = basis["capacity_ampere_hour"], []
     for fit_records in by_temperature:
@@ -155,7 +160,7 @@ def _identified(by_temperature, basis, members, split_rest_second, notes):
     ):
         energy = energies[fit_records.celsius]
         ready = at_activation_energy(fit_records, energy)
-        identified = _condition(ready, energy, basis, members, split_rest_second, diffusion, limits)
+        identified = _condition(ready, energy, basis, members, rest, diffusion, limits)
         notes += identified.notes
         if identified.entries:
             by_celsius[fit_records.celsius] = identified
@@ -217,7 +222,7 @@ def _data(fit_records, basis):
     )
 
 
-def _condition(fit_records, energy, basis, members, split_rest_second, diffusion, limits):
+def _condition(fit_records, energy, basis, members, rest, diffusion, limits):
     """Identified of every member that can be fitted at one temperature."""
     capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], fit_records.celsius)
     settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
@@ -232,7 +237,6 @@ def _condition(fit_records, energy, basis, members, split_rest_second, diffusion
         first = identify(data, member_named("DRT"), shared=shared, **settings).condition
         data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))
         shared = shared_of(data, like=shared)
-    rest = {"rest_second": split_rest_second, "rest_ampere": REST_C_RATE * capacity}
     blocks = blocks_of_used(data.records, **rest)
     block = np.concatenate(blocks)
     dense = shape_records(fit_records.records, capacity_ampere_hour=capacity)

@@ -47,7 +47,7 @@ class Choice(NamedTuple):
 
 
 def left_out(fitted, block):
-    """Errors of a fitted member by block, each block predicted without its fold.
+    """Errors of a fitted member by block, each block predicted without its fold; see `score_of`.
 
     Every fourth block is left out at once, so that blocks predicted lie between blocks fitted, as
     in use. Time constants and scales are not searched anew.
@@ -60,18 +60,27 @@ def left_out(fitted, block):
     Returns
     -------
     score : Score.
-
-    Raises
-    ------
-    Refusal : fewer than two blocks: nothing can be left out.
     """
     numbers, block_index = np.unique(block, return_inverse=True)
     if len(numbers) < 2:
-        raise Refusal("the data are one block: nothing can be left out to choose a model by")
+        return score_of(block, np.zeros(len(block)))
     folds = min(FOLDS, len(numbers))
-    error = held_out(fitted.system, fitted.solution, block_index % folds)
+    return score_of(block, held_out(fitted.system, fitted.solution, block_index % folds))
+
+
+def score_of(block, error_volt):
+    """Score of the errors of what was left out; of no blocks where there is one, from which
+    nothing can be left out: such a condition is fitted, and tells nothing of the choice.
+
+    Parameters
+    ----------
+    block : (n,) number of the block of each row. error_volt : (n,) [V].
+    """
+    numbers, block_index = np.unique(block, return_inverse=True)
+    if len(numbers) < 2:
+        return Score(np.empty(0), np.empty(0, int))
     rows = np.bincount(block_index)
-    return Score(np.bincount(block_index, error**2) / rows, rows)
+    return Score(np.bincount(block_index, np.asarray(error_volt) ** 2) / rows, rows)
 
 
 def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched=()):
@@ -137,22 +146,36 @@ def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched
 
 
 def rmse_of(score):
-    """Root mean square error over all rows of what was left out [V].
+    """Root mean square error over all rows of what was left out [V]; NaN where nothing was.
 
     Parameters
     ----------
     score : Score.
     """
+    if not len(score.rows):
+        return np.nan
     return float(np.sqrt(np.average(score.square_volt2, weights=score.rows)))
 
 
-def typical_of(score):
-    """Geometric mean of the blocks' rms errors [V].
+def worst_of(score):
+    """Rms error of the worst block that was left out [V]; NaN where nothing was.
 
     Parameters
     ----------
     score : Score.
     """
+    return float(np.sqrt(score.square_volt2.max())) if len(score.rows) else np.nan
+
+
+def typical_of(score):
+    """Geometric mean of the blocks' rms errors [V]; NaN where nothing was left out.
+
+    Parameters
+    ----------
+    score : Score.
+    """
+    if not len(score.rows):
+        return np.nan
     return float(np.exp(np.log(np.maximum(score.square_volt2, SMALLEST_VOLT2)).mean() / 2))
 
 

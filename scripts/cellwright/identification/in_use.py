@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.identification.choice import Score, choose, rmse_of, typical_of
+from cellwright.identification.choice import Score, choose, rmse_of, typical_of, worst_of
 from cellwright.identification.identify import ready_records
 from cellwright.identification.validation import beyond_volt, simulated
 from cellwright.numerics.statistics import rms
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.blocks import blocks_of_used
+from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
 from cellwright.records.record import Record, records_by_temperature
 from cellwright.refusal import Refusal
 
@@ -72,6 +72,7 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
         tuple(record.test for record in fit_records.records): fit_records
         for fit_records in by_temperature
     }
+    rest["cut"] = cut_of(columns_of([one.records for one in by_temperature]), **rest)
     conditions = []
     for entry in entries:
         fit_records = by_names.get(tuple(entry["tests"]))
@@ -206,7 +207,7 @@ def judged_rows(name, judged, celsius):
             "blocks": len(score.rows),
             "typical_volt": typical_of(score),
             "left_out_rmse_volt": rmse_of(score),
-            "worst_volt": float(np.sqrt(score.square_volt2.max())),
+            "worst_volt": worst_of(score),
             "fit_rmse_volt": float(volt),
             "fit_beyond_volt": float(beyond_at),
         }

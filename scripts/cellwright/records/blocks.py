@@ -94,31 +94,50 @@ def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere
     return block % 2 == 0
 
 
-def blocks_of_used(records, *, rest_second, rest_ampere):
-    """Block number of each used row of several records, counted through all records.
+def cut_of(conditions, *, rest_second, rest_ampere):
+    """How the records of a cell are cut: at their rests, or into parts where nothing else is told.
 
-    Where all of them are one block, so that nothing could be left out, the record is cut into
-    `parts`.
+    One way for all of them: a part of a drive tells less than a block does, for what is left out of
+    a discharge with it is a range of SoC, not a load that the model has not seen. So parts are cut
+    only where at no temperature one of several blocks could be left out.
 
     Parameters
     ----------
-    records : sequence of Record. rest_second, rest_ampere : as in `blocks`.
+    conditions : list of lists, one a temperature, of (kind of test, test_time_second,
+        current_ampere) of each record, (n,) [s], [A].
+    rest_second, rest_ampere : as in `blocks`.
+
+    Returns
+    -------
+    cut : `blocks` or `parts`. Capacity tests decide where there is nothing else.
+    """
+    rest = {"rest_second": rest_second, "rest_ampere": rest_ampere}
+    others = [[record for record in one if record[0] != "capacity"] for one in conditions]
+    telling = others if any(others) else conditions
+    counts = [sum(blocks(*r[1:], **rest).max() + 1 for r in records) for records in telling]
+    return blocks if max(counts, default=0) > 1 else parts
+
+
+def blocks_of_used(records, *, cut, rest_second, rest_ampere):
+    """Block number of each used row of several records, counted through all records.
+
+    Parameters
+    ----------
+    records : sequence of Record. cut : from `cut_of`. rest_second, rest_ampere : as in `blocks`.
 
     Returns
     -------
     block : list of (used rows,) integers, one a record.
     """
-    rest = {"rest_second": rest_second, "rest_ampere": rest_ampere}
-    numbers = _numbered(records, blocks, rest)
-    alone = len(np.unique(np.concatenate(numbers))) < 2
-    return _numbered(records, parts, rest) if alone else numbers
-
-
-def _numbered(records, cut, rest):
-    """Block number of each used row of several records by one way of cutting them."""
     numbers, next_free = [], 0
     for record in records:
-        block = cut(record.test_time_second, record.current_ampere, **rest)
+        columns = record.test_time_second, record.current_ampere
+        block = cut(*columns, rest_second=rest_second, rest_ampere=rest_ampere)
         numbers.append(next_free + block[record.used])
         next_free += block.max() + 1
     return numbers
+
+
+def columns_of(conditions):
+    """Of conditions, sequences of Record, what `cut_of` takes."""
+    return [[(r.kind, r.test_time_second, r.current_ampere) for r in one] for one in conditions]
