@@ -26,7 +26,7 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
 sys.path.insert(0, SCRIPTS)
 
 from cellwright.packs import wiring
-from cellwright.records.facts import SAME_CHECKUP_CYCLES
+from cellwright.records.conditions import checkups_of, in_first_checkup
 from runtime import contract, job_environment, job_requests, object_storage
 from runtime import settings, sheets, snakemake_state
 from runtime.provenance import codes_of

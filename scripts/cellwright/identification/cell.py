@@ -19,8 +19,8 @@ from cellwright.identification.ocv_shape import ocv_from_loads, shape_records
 from cellwright.identification.search import ABSENT_SECOND, shared_of
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.basis import REFERENCE_CELSIUS, capacities_of_checkups, stated_or_reference
-from cellwright.records.facts import of_first_checkup
+from cellwright.records.basis import capacities_of_checkups
+from cellwright.records.conditions import REFERENCE_CELSIUS, of_first_checkup, stated_or_reference
 from cellwright.records.record import blocks_of_used, records_by_temperature
 from cellwright.refusal import Refusal
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.records.anchor import REST_C_RATE, slow_soc
-from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle, soc_of
+from cellwright.records.basis import at_cycle, soc_of
 from cellwright.records.channels import (
     BRANCH_CURRENT,
     CELL_TEMPERATURE,
@@ -14,11 +14,11 @@ from cellwright.records.channels import (
     refuse_beyond,
     table,
 )
+from cellwright.records.conditions import REFERENCE_CELSIUS, same_temperature
 from cellwright.records.filled import bridged, with_edges
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import as_logged, hidden_rest_level
 
-SAME_CELSIUS = 2.0
 SOC_RANGE = (-0.1, 1.1)  # counted SoC beyond it: the anchor or the capacity is wrong
 
 
@@ -373,7 +373,7 @@ def _by_temperature(tests):
     by_celsius = {}
     for test in sorted(tests, key=_chamber_celsius):
         celsius = _chamber_celsius(test)
-        same = [t for t in by_celsius if abs(t - celsius) <= SAME_CELSIUS]
+        same = [t for t in by_celsius if same_temperature(t, celsius)]
         by_celsius.setdefault(same[0] if same else celsius, []).append(test)
     for celsius, members in by_celsius.items():
         kinds = {test.facts.kind for test in members}

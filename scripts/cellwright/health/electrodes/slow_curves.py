@@ -4,10 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from cellwright.health.conditions import SAME_CELSIUS
 from cellwright.health.electrodes.alignment import SlowCurve
 from cellwright.protocols.ocv.legs import legs_of
 from cellwright.protocols.ocv.slow import slow_ocv
+from cellwright.records.conditions import SAME_CELSIUS
 from cellwright.refusal import Refusal
 
 SAME_RATE = 1.25  # currents this near are one; one protocol may follow the capacity as it falls
