@@ -304,14 +304,16 @@ def _tests_for_proof(series):
 def draw_effect_validation(verdict, series):
     """Measured voltage of a cell, and models without and with the effects found, on proof tests.
 
-    Of many tests those are shown that the model without effects fails most.
+    Of many tests those are shown that the model without effects fails most. Errors count the rows
+    that the verdict's count; its own, over all these tests together, stand on top.
 
     `verdict` and `series` are verdict.json and series.parquet of `missing_effect/<cell>`.
     """
     tests = _tests_for_proof(series)
     judging = (series["role"] == "validation") & series["used"]
+    counted = judging & np.asarray(series.get("counted", series["used"]), bool)
     error = np.where(judging, series["voltage_volt"] - series["before_volt"], np.nan)
-    rms = {test: _rms(error[judging & (series["test"] == test)]) for test in tests}
+    rms = {test: _rms(error[counted & (series["test"] == test)]) for test in tests}
     worst = sorted(tests, key=rms.get, reverse=True)[:MOST_TESTS]
     shown = [test for test in tests if test in worst]
     figure, axes = style.subplots(
@@ -323,13 +325,25 @@ def draw_effect_validation(verdict, series):
     )
     floors = {row["test"]: row["volt"] for row in verdict.get("floors", ())}
     for upper, lower, test in zip(axes[::2], axes[1::2], shown, strict=True):
-        samples = rows_where(series, judging & (series["test"] == test))
+        samples = rows_where(series | {"counted": counted}, judging & (series["test"] == test))
         floor = floors.get(test, verdict["floor_volt"])
         _whole_and_worst(upper, lower, test, samples, _models(verdict), floor)
+    parts = _together(verdict, tests)
     if len(tests) > len(shown):
-        title = f"{len(shown)} of {len(tests)} tests, with the largest error"
-        figure.suptitle(title, x=0.01, ha="left", fontsize=8)
+        parts.append(f"{len(shown)} of {len(tests)} tests, with the largest error")
+    if parts:
+        figure.suptitle("; ".join(parts), x=0.01, ha="left", fontsize=8)
     return figure
+
+
+def _together(verdict, tests):
+    """The verdict's own errors, over all its tests for proof, in words; none where it has none."""
+    errors = verdict.get("validation_rmse_volt")
+    if not errors:
+        return []
+    sizes = [f"{OF_CELL[model]} {1e3 * errors[model]:.2f} mV" for model in _models(verdict)]
+    over = f"over all {len(tests)} tests together" if len(tests) > 1 else "over the test"
+    return [f"RMS {over}, as in the text: {', '.join(sizes)}"]
 
 
 def _whole_and_worst(upper, lower, test, series, models, floor):
@@ -347,15 +361,16 @@ def _whole_and_worst(upper, lower, test, series, models, floor):
     title = f"{test}: voltage of a test that took no part in the fit"
     upper[0].set(ylabel="voltage [V]", title=title)
     upper[1].set(title="Its worst six minutes")
-    sizes = [1e3 * _rms(series["voltage_volt"] - series[f"{model}_volt"]) for model in models]
+    own = rows_where(series, series["counted"])
+    sizes = [1e3 * _rms(own["voltage_volt"] - own[f"{model}_volt"]) for model in models]
     errors = [f"{OF_CELL[model]} {size:.2f} mV" for model, size in zip(models, sizes, strict=True)]
-    title = f"Residual, RMS: {', '.join(errors)} (grey: floor {1e3 * floor:.2f} mV)"
+    title = f"Residual, RMS of this test: {', '.join(errors)} (grey: floor {1e3 * floor:.2f} mV)"
     lower[0].set(ylabel="measured − model [mV]", title=title)
     style.legend_once(upper[0], loc="best")
 
 
 def _rms(error):
-    return np.sqrt(np.mean(error**2))
+    return np.sqrt(np.mean(error**2)) if len(error) else np.nan
 
 
 def _voltage(axes, series, models):

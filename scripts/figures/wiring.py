@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.patches import Rectangle
 
 from cellwright.packs.wiring import cells_of, described, wiring_of
+from cellwright.records.basis import REFERENCE_CELSIUS, stated_or_reference
 from figures import style
 from figures.models import resistance_after
 
@@ -47,14 +48,16 @@ def draw_wiring(group, rows, models):
     wiring = wiring_of(group, rows)
     block = _placed(wiring)
     capacity = {model["cell"]: model["capacity_ampere_hour"] for model in models}
-    resistance = {model["cell"]: _resistance(model) for model in models}
+    compared = [_resistance(model) for model in models]
+    resistance = {model["cell"]: ohm for model, (_, ohm) in zip(models, compared, strict=True)}
     beside = 2 * block.width <= 1.6 * ACROSS
     unit = min(POINT_PER_UNIT, 620.0 / ((2.1 if beside else 1.0) * (block.width + 0.8))) / 72.0
     high = (block.height + 0.8) * unit + 0.35
     grid = (1, 2) if beside else (2, 1)
     figure, axes = style.subplots(*grid, width=9.0, height=(1 if beside else 2) * high + 0.3)
     panels = axes.flat
-    what = f"resistance after {SECOND:g} s at {100 * MIDDLE_SOC:g} % SoC"
+    celsius = sorted({celsius for celsius, _ in compared})
+    what = f"resistance, {SECOND:g} s, {100 * MIDDLE_SOC:g} % SoC{_temperatures(celsius)}"
     for value, name, size, less in (
         (capacity, "capacity", "{:.3g} Ah", -1),
         (resistance, what, "{:.3g} mΩ", 1),
@@ -68,12 +71,24 @@ def draw_wiring(group, rows, models):
 
 
 def _resistance(model):
-    """Resistance of a model's chosen member some seconds after a small step of current [Ω]."""
+    """Temperature nearest 25 °C [°C], and the chosen member's resistance there [Ω].
+
+    The resistance is that some seconds after a small step of the current.
+    """
     member = next(m for m in model["members"] if m["model"] == model["chosen"])
-    at = min(
-        member["conditions"], key=lambda c: abs((c["ambient_temperature_celsius"] or 25.0) - 25.0)
+    stated = [stated_or_reference(c["ambient_temperature_celsius"]) for c in member["conditions"]]
+    celsius = min(stated, key=lambda celsius: abs(celsius - REFERENCE_CELSIUS))
+    at = member["conditions"][stated.index(celsius)]
+    return celsius, float(np.interp(MIDDLE_SOC, at["soc"], resistance_after(at, SECOND)))
+
+
+def _temperatures(celsius):
+    """Words for the temperatures [°C], ascending, at which the cells' resistances were taken."""
+    if not celsius:
+        return ""
+    return (
+        f", {celsius[0]:g} °C" if len(celsius) == 1 else f", {celsius[0]:g} to {celsius[-1]:g} °C"
     )
-    return float(np.interp(MIDDLE_SOC, at["soc"], resistance_after(at, SECOND)))
 
 
 def _bias(value, cells):

@@ -6,7 +6,7 @@ from runtime import artefact
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
     record = [job.load(path) for path in (inputs.series, inputs.steps, inputs.basis)]
-    cycle = params.test["cycle"]
-    found = cw.fast_charge(*record, params.cell, params.settings, cycle=cycle)
+    known = {name: params.test[name] for name in ("cycle", "soc")}
+    found = cw.fast_charge(*record, params.cell, params.settings, **known)
     job.note(*found.notes)
     job.save(found.rows)

@@ -1,10 +1,11 @@
 """A cell's model for other tools: PyBaMM's Thevenin model, and a look-up table."""
 
 import cellwright as cw
-from runtime import artefact
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
-    found = cw.export_model(job.load(snakemake.input[0]))
+    scores = facts.rows_of_tests(snakemake.input.validation)
+    found = cw.export_model(job.load(snakemake.input.model), validation=scores)
     job.note(*found.notes)
     job.save(found.pybamm, snakemake.output.pybamm)
     job.save(found.lookup, snakemake.output.lookup)

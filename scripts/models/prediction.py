@@ -7,7 +7,8 @@ inputs, output, params = snakemake.input, snakemake.output, snakemake.params
 split = {"split_rest_second": params.split_rest_second}
 with artefact.Job(snakemake, output.scores, output.simulation) as job:
     about = facts.of_job(snakemake)
-    found = cw.validate(job.load(inputs.model), job.load(inputs.series), *about, **split)
+    record, once = (job.load(inputs.model), job.load(inputs.series)), inputs.repeats
+    found = cw.validate(*record, *about, **split, repeats=artefact.load_first(once))
     job.note(*found.notes)
     job.save(found.rows, output.scores)
     job.save(found.series, output.simulation)

@@ -1,18 +1,18 @@
 """Resistance at stated delays into each pulse of one test, and the depolarisation in its rests."""
 
 import cellwright as cw
-from runtime import artefact
+from runtime import artefact, facts
 
 inputs, output, params = snakemake.input, snakemake.output, snakemake.params
-paths = inputs.series, inputs.steps, inputs.basis
+paths, about = (inputs.series, inputs.steps, inputs.basis), facts.of_job(snakemake)
 with artefact.Job(snakemake, output.resistance) as job:
-    record = [job.load(path) for path in paths]
-    found = cw.resistance(*record, params.test, params.cell, params.resistance)
+    record, once = [job.load(path) for path in paths], artefact.load_first(inputs.repeats)
+    found = cw.resistance(*record, *about, params.resistance, repeats=once)
     job.note(*found.notes)
     job.save(found.rows)
 with artefact.Job(snakemake, output.rests, output.curve) as job:
-    record = [job.load(path) for path in paths]
-    found = cw.relaxation(*record, params.test, params.cell, params.relaxation)
+    record, once = [job.load(path) for path in paths], artefact.load_first(inputs.repeats)
+    found = cw.relaxation(*record, *about, params.relaxation, repeats=once)
     job.note(*found.notes)
     job.save(found.rows, output.rests)
     job.save(found.curve, output.curve)

@@ -1,12 +1,13 @@
 """Depolarisation in the rests of one test: two exponentials each, or why not."""
 
 import cellwright as cw
-from runtime import artefact
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
-    inputs, params = snakemake.input, snakemake.params
+    inputs = snakemake.input
     record = [job.load(path) for path in (inputs.series, inputs.steps, inputs.basis)]
-    found = cw.relaxation(*record, params.test, params.cell, params.settings)
+    about, once = facts.of_job(snakemake), artefact.load_first(inputs.repeats)
+    found = cw.relaxation(*record, *about, snakemake.params.settings, repeats=once)
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.rests)
     job.save(found.curve, snakemake.output.curve)

@@ -1,11 +1,12 @@
 """Resistance at stated delays into each pulse of one test."""
 
 import cellwright as cw
-from runtime import artefact
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
-    inputs, params = snakemake.input, snakemake.params
+    inputs = snakemake.input
     record = [job.load(path) for path in (inputs.series, inputs.steps, inputs.basis)]
-    found = cw.resistance(*record, params.test, params.cell, params.settings)
+    about, once = facts.of_job(snakemake), artefact.load_first(inputs.repeats)
+    found = cw.resistance(*record, *about, snakemake.params.settings, repeats=once)
     job.note(*found.notes)
     job.save(found.rows)

@@ -24,8 +24,9 @@ NAMES = ["validation", "branches", "map", "evidence", "ranking", "confounding"]
 PROOFS = [f"effect_{name}" for name in NAMES]
 OF_HEALTH = ("lives", "fleet")  # pictures of the overview that stand in its part on health
 NO_MODEL = {
-    "text": "No model, and no simulation: that needs an hppc test, a drive of role fit or split, a "
-    "modelled cell of the same chemistry and rating to borrow from, or branch currents of a group.",
+    "text": "No model, and no simulation: that needs an hppc test, a drive of role fit or split, "
+    "capacity tests at two rates (at one beside a slow test), a modelled cell of the same "
+    "chemistry and rating to borrow from, or branch currents of a group.",
     "tests": [],
 }
 

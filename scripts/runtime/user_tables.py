@@ -3,7 +3,9 @@
 import csv
 from pathlib import Path
 
-from cellwright.health.electrodes.half_cells import from_table
+from cellwright.health.electrodes.half_cells import half_cell
+from cellwright.health.electrodes.names import half_cell_files
+from cellwright.health.electrodes.tables import from_table
 from cellwright.refusal import Refusal
 from runtime import provenance
 
@@ -14,16 +16,17 @@ HALF_CELL = ("lithiation", "potential_volt")
 def half_cells(materials, paths) -> tuple:
     """Negative and positive half cell: HalfCell of a file, name of the library, None where blank.
 
-    `paths` are the job's inputs among which the files are.
+    `paths` are the job's inputs among which the files are. A blend may be of files, of names of the
+    library, or of one of each.
     """
     files = {provenance.name_of(path): path for path in paths}
     names = [materials[f"{electrode}_half_cell"] for electrode in ("negative", "positive")]
-    return tuple(
-        from_table(*read(files[name], name, HALF_CELL).values(), name=name)
-        if name in files
-        else name or None
+    own = {
+        file: from_table(*read(files.get(file, file), file, HALF_CELL).values(), name=file)
         for name in names
-    )
+        for file in half_cell_files(name)
+    }
+    return tuple(half_cell(name, own) if half_cell_files(name) else name or None for name in names)
 
 
 def read(path, name, columns) -> dict:

@@ -3,6 +3,9 @@
 import re
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 import cellwright as cw
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -18,6 +21,13 @@ def test_the_page_runs_from_a_raw_file_to_a_verdict(monkeypatch):
         exec(compile(block, f"docs/api.md, block {number}", "exec"), names)
     assert names["lacking"].verdict["verdict"] in ("none", "named", "ambiguous", "unknown")
     assert 4.0 < names["basis"].content["capacity_ampere_hour"] < 5.0
+    verdict, series = names["lacking"].verdict, names["lacking"].series
+    for role, errors in (("fit", "rmse_volt"), ("validation", "validation_rmse_volt")):
+        rows = np.equal(series["role"], role) & series["counted"]
+        assert not np.any(rows & ~np.asarray(series["used"]))
+        for model, volt in verdict[errors].items():
+            error = np.subtract(series["voltage_volt"], series[f"{model}_volt"])[rows]
+            assert np.sqrt(np.mean(error**2)) == pytest.approx(volt, rel=1e-9)
     case = cw.prepared_case(names["cell"], names["basis"], names["tests"])
     assert [case.fit.tests, case.validation.tests] == [("hppc_25C",), ("us06_25C",)]
 

@@ -146,3 +146,8 @@ def test_what_is_not_used_is_not_loaded(code, banned):
         [sys.executable, "-c", check], capture_output=True, text=True, check=True
     )
     assert not set(banned) & set(loaded.stdout.split())
+
+
+def test_facts_of_another_kind_are_refused():
+    with pytest.raises(cw.Refusal, match="found a TestFacts, wanted CellFacts or a mapping"):
+        inputs.cell_facts(cw.TestFacts("t", "hppc"))

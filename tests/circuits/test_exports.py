@@ -5,7 +5,11 @@ PyBaMM itself runs the exported set in tests/virtual_lab/test_thevenin.py.
 
 import csv
 import json
+import re
 import runpy
+import sys
+import warnings
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -66,7 +70,7 @@ def exported(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     artefact._read_json.cache_clear()
 
-    def run(model):
+    def run(model, validation=()):
         source = Path("results/models/A.json")
         source.parent.mkdir(parents=True)
         about = {"reason": None, "origin": None, "notes": [], "facts": {}}
@@ -76,7 +80,8 @@ def exported(tmp_path, monkeypatch):
         outputs["temperature"] = f"{folder}/over_temperature.csv"
         names = ("input", "output", "params", "wildcards", "log")
         lists = [_Named(), _Named(outputs), _Named(code="x"), _Named(cell="A"), ["job.log"]]
-        lists[0].append(str(source))
+        tests = scores(model, validation)
+        lists[0] = _Inputs([str(source), *tests], model=str(source), validation=tests)
         job = SimpleNamespace(rule="export", **dict(zip(names, lists, strict=True)))
         runpy.run_path(
             str(ROOT / "scripts" / "models" / "export.py"), init_globals={"snakemake": job}
@@ -85,6 +90,23 @@ def exported(tmp_path, monkeypatch):
 
     yield run
     artefact._read_json.cache_clear()
+
+
+def scores(model, errors):
+    """Paths of validation artefacts, one a test, of (rmse_volt of each member, samples)."""
+    paths = []
+    for number, (rmse, samples) in enumerate(errors):
+        path = f"results/validation/A/t{number}.parquet"
+        names = [member["model"] for member in model["members"]]
+        many = {"soc_anchor": [""], "extrapolated": [0.0], "soc_start": [1.0], "mean_volt": [0.0]}
+        columns = {name: values * len(names) for name, values in many.items()}
+        columns |= {"model": names, "chosen": [name == model["chosen"] for name in names]}
+        columns |= {"rmse_volt": rmse, "rmse_volt_soc_5_95": rmse, "max_abs_volt": rmse}
+        columns["samples"] = [samples] * len(names)
+        about = {"reason": None, "origin": None, "notes": [], "facts": {}, "params": {}}
+        artefact.write(path, columns, about | {"wildcards": {"cell": "A", "test": f"t{number}"}})
+        paths.append(path)
+    return paths
 
 
 class _Named(list):
@@ -100,6 +122,15 @@ class _Named(list):
 
     def get(self, key, default=None):
         return self.__dict__.get(key, default)
+
+
+class _Inputs(_Named):
+    """Inputs of which one name holds several."""
+
+    def __init__(self, paths, **named):
+        super().__init__()
+        self.extend(paths)
+        self.__dict__.update(named)
 
 
 @pytest.mark.parametrize("celsius", [25.0, 0.0, 12.0])
@@ -156,10 +187,13 @@ def test_pybamm_reads_the_ocv_where_the_model_does():
 def test_the_table_holds_units_and_says_where_it_extrapolates(exported):
     path = exported(family())[1]
     header = next(csv.reader(Path(path).read_text().splitlines()))
-    assert header[:6] == [
-        *("model", "ambient_temperature_celsius", "soc", "ocv_volt", "extrapolated", "r0_ohm")
+    assert header[:4] == [
+        *("model", "chosen", "validation_rmse_volt", "chosen_validation_rmse_volt")
     ]
-    assert header[6:] == [f"{name}{k}_{unit}" for k in (1, 2) for name, unit in UNITS.items()]
+    assert header[4:9] == [
+        *("ambient_temperature_celsius", "soc", "ocv_volt", "extrapolated", "r0_ohm")
+    ]
+    assert header[9:] == [f"{name}{k}_{unit}" for k in (1, 2) for name, unit in UNITS.items()]
     for row in artefact.load_table(path):
         outside = not 0.1 <= float(row["soc"]) <= 0.9
         assert row["extrapolated"] == str(outside)
@@ -195,8 +229,7 @@ def test_linear_kinds_become_rc_pairs_with_the_same_impedance():
 
 
 def test_what_pybamm_cannot_run_is_named_and_the_others_are_exported(exported):
-    diffusion = branch("diffusion", soc_per_ampere=0.01, tau_second=900.0)
-    more = [("h", [RC, HYSTERESIS]), ("s", [RC, SWITCH]), ("d", [diffusion])]
+    more = [("h", [RC, HYSTERESIS]), ("s", [RC, SWITCH]), ("d", [DIFFUSION])]
     document = artefact.load(exported(family(*more, chosen="s"))[0])
     assert [member["model"] for member in document["members"]] == ["2RC", "h"]
     assert [t["temperature_celsius"] for t in document["members"][0]["tables"]] == [0.0, 25.0]
@@ -205,6 +238,85 @@ def test_what_pybamm_cannot_run_is_named_and_the_others_are_exported(exported):
     log = Path("job.log").read_text()
     assert "s is not exported" in log
     assert "the look-up table holds 2RC: s is more than RC pairs" in log
+
+
+DIFFUSION = branch("diffusion", soc_per_ampere=0.01, tau_second=900.0)
+
+
+def test_who_stands_for_the_chosen_member_is_said_with_the_validation_error_of_both(exported):
+    """Over all tests together: 10 and 20 mV of 300 and 100 samples are 13.2 mV."""
+    model = family(("h", [RC, HYSTERESIS]), ("d", [DIFFUSION]), chosen="d")
+    for member, left_out in zip(model["members"], (3e-3, 1e-3, 5e-4), strict=True):
+        member["left_out_rmse_volt"] = left_out
+    errors = [([0.010, 0.004, 0.002], 300), ([0.020, 0.004, 0.002], 100)]
+    pybamm, lookup = exported(model, errors)
+    row = artefact.load_table(lookup)[0]
+    assert (row["model"], row["chosen"]) == ("2RC", "d")
+    plain = float(np.sqrt((300 * 0.01**2 + 100 * 0.02**2) / 400))
+    assert float(row["validation_rmse_volt"]) == pytest.approx(plain)
+    assert float(row["chosen_validation_rmse_volt"]) == pytest.approx(0.002)
+    document = artefact.load(pybamm)
+    assert (document["exported"], document["chosen"]) == ("h", "d")
+    assert document["members"][1]["validation_rmse_volt"] == pytest.approx(0.004)
+    assert document["refused_validation_rmse_volt"]["d"] == pytest.approx(0.002)
+    log = Path("job.log").read_text()
+    assert "is more than RC pairs (validation error: 2RC 13.2 mV, d 2 mV)" in log
+    assert "PyBaMM's loader takes h: d is refused (validation error: h 4 mV, d 2 mV)" in log
+
+
+PAGE = (ROOT / "docs" / "exports.md").read_text(encoding="utf-8")
+(EXAMPLE,) = re.findall(r"^```python\n(import pybamm\n.*?)^```", PAGE, re.M | re.S)
+
+
+PYBAMM = find_spec("pybamm") is not None
+
+
+class _Stand(SimpleNamespace):
+    """What the example needs of PyBaMM where it is not installed: values are numbers."""
+
+    def __init__(self):
+        super().__init__(Interpolant=lambda soc, values, at: np.interp(at, soc, values))
+        self.sqrt, self.arcsinh, self.Simulation = np.sqrt, np.arcsinh, self.simulation
+        self.equivalent_circuit = SimpleNamespace(Thevenin=self.thevenin)
+
+    def thevenin(self, options):
+        return SimpleNamespace(options=options, default_parameter_values=_Values())
+
+    def simulation(self, model, parameter_values):
+        return SimpleNamespace(solve=lambda span: (model, parameter_values))
+
+
+class _Values(dict):
+    def update(self, new, *, check_already_exists):
+        super().update(new)
+
+
+@pytest.mark.parametrize("chosen", ["2RC", "d"])
+def test_the_example_of_the_page_runs_as_printed_on_what_is_exported(exported, monkeypatch, chosen):
+    """By PyBaMM where it is installed, else by a stand-in that reads the same keys."""
+    path = Path(exported(family(("d", [DIFFUSION]), chosen=chosen))[0])
+    named = Path(re.search(r'load\("(.*?)"', EXAMPLE)[1])
+    named.parent.mkdir(parents=True)
+    named.write_bytes(path.read_bytes())
+    if not PYBAMM:
+        monkeypatch.setitem(sys.modules, "pybamm", _Stand())
+    monkeypatch.syspath_prepend(str(ROOT / "scripts" / "virtual_lab" / "physics"))
+    monkeypatch.delitem(sys.modules, "thevenin", raising=False)
+    names = {}
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        exec(compile(EXAMPLE, "docs/exports.md", "exec"), names)
+    said = [str(one.message) for one in warned if "in place of" in str(one.message)]
+    assert [one[:31] for one in said] == (
+        [] if chosen == "2RC" else ["2RC in place of d (not validate"]
+    )
+    values = names["values"]
+    assert values["Cell capacity [A.h]"] == truth.CAPACITY_AMPERE_HOUR
+    if not PYBAMM:
+        ohm = values["R1 [Ohm]"](25.0, -1.0, truth.KNOTS)
+        np.testing.assert_allclose(ohm, truth.R[0])
+    else:
+        assert names["solution"].t[-1] == 1800
 
 
 def test_a_condition_of_unknown_temperature_is_exported_as_such(exported):

@@ -32,6 +32,15 @@ def answer(cell, word, *effects, gap=0.97, sizes=None, **more):
     return row | {"cpu_second": 3.0, "reason": "", "document": json.dumps(document | more)}
 
 
+def test_an_effect_that_the_judging_records_do_not_show_has_no_strength():
+    """A gap of 0 mV on them is a measured one; only where there is none do others stand for it."""
+    one = hidden("a4", "single", "leakage", validation_gap_millivolt=0.0, visible_gap_millivolt=5.0)
+    assert judging.strength(one) == 0.0
+    one["effects"][0]["validation_gap_millivolt"] = None
+    assert judging.strength(one) == 5.0
+    assert judging.strength(hidden("a2", "none")) == 0.0
+
+
 TRUTH = [
     hidden("a1", "reference", visible=False),
     hidden("a2", "none", visible=False),

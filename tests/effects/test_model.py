@@ -27,7 +27,7 @@ from cellwright.effects.records import stacked
 from cellwright.filters.bank import bank_of
 from cellwright.filters.evaluate import _without_instrument_faults
 from cellwright.identification.cell import cell_model
-from cellwright.identification.choice import fitted_records
+from cellwright.identification.in_use import fitted_records
 from cellwright.records.record import laid_out, record_of
 from cellwright.refusal import Refusal
 

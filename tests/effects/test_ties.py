@@ -22,6 +22,7 @@ from cellwright.effects.ties import (
     tie_of,
     with_partners,
 )
+from cellwright.numerics.noise import least_digit
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +154,8 @@ def logged(offset, *, noise=0.002, step=0.001, seed=5):
     reading = record.current_ampere + offset
     reading = reading + noise * np.random.default_rng(seed).standard_normal(len(reading))
     reading = np.round(reading / step) * step
-    stack = stacked([record._replace(current_ampere=reading)], capacity_ampere_hour=small.CAPACITY)
+    record = record._replace(current_ampere=reading, least_digit_ampere=least_digit(reading))
+    stack = stacked([record], capacity_ampere_hour=small.CAPACITY)
     return rest_current(stack, capacity_ampere_hour=small.CAPACITY)
 
 

@@ -161,6 +161,12 @@ def test_asymmetry():
     assert says(pulses(), "pulses", one) == "silent"
 
 
+def test_a_falling_load_says_nothing_of_a_resistance():
+    one = entry("resistance_soc", step_to_20_percent=0.3)
+    falling = pulses(over_soc=lambda soc: 2 - soc, charge={"falling charge": 0.3})
+    assert says(falling, "pulses", one) == "silent"
+
+
 def kinetics(per_ampere, share):
     given = {"per_exchange_current_per_ampere": per_ampere, "share_of_resistance": share}
     return entry("charge_transfer_nonlinearity", **given)

@@ -174,6 +174,24 @@ def test_only_tests_for_proof_are_drawn_whole_and_where_the_plain_model_is_worst
     assert hours.max() - hours.min() == pytest.approx(0.1)
 
 
+def test_errors_are_those_of_the_verdict_and_leave_out_what_it_leaves_out():
+    """Rows on a steep end of the OCV are drawn, not counted; the error of all stands on top."""
+    found = series(("udds", "validation"), ("us06", "validation"))
+    steep = found["test_time_second"] >= 7000.0
+    found["before_volt"] = found["before_volt"] - 0.1 * steep
+    found["counted"] = found["used"] & ~steep
+    error = (found["voltage_volt"] - found["before_volt"])[found["counted"]]
+    together = {"before": float(np.sqrt(np.mean(error**2))), "after": 1e-3}
+    verdict = {"effects": [{"effect": "leakage"}], "floor_volt": 0.8e-3}
+    figure = effects.draw_effect_validation(verdict | {"validation_rmse_volt": together}, found)
+    panels = rendered(figure)
+    plain = f"plain model {1e3 * together['before']:.2f} mV"
+    assert f"over all 2 tests together, as in the text: {plain}" in figure.get_suptitle()
+    for residual in (panels[2], panels[6]):
+        assert f"of this test: {plain}, with what was missing 1.00 mV" in title(residual)
+        assert residual.get_lines()[0].get_ydata().max() > 100.0
+
+
 def test_the_floor_of_a_test_is_its_own_where_the_verdict_has_it():
     verdict = {"effects": [], "partial": [], "floor_volt": 1e-3}
     verdict["floors"] = [{"test": "udds", "volt": 2.5e-3}]

@@ -85,6 +85,32 @@ def test_bias_is_written_in_percent_of_the_mean_and_a_cell_without_a_model_says_
         assert texts.count("no model") == 1
 
 
+def at_temperatures(ohms):
+    """A model of one resistance [Ω] at each temperature [°C]."""
+    models = {celsius: model("A", 3.0, ohm) for celsius, ohm in ohms.items()}
+    conditions = [
+        one["members"][0]["conditions"][0] | {"ambient_temperature_celsius": celsius}
+        for celsius, one in models.items()
+    ]
+    return {**models[max(ohms, key=str)], "members": [{"model": "1RC", "conditions": conditions}]}
+
+
+def test_resistance_is_that_nearest_25_degrees_and_the_title_says_at_which():
+    """0 °C is a temperature, not a blank: a blank alone stands for 25 °C."""
+    for ohms, said in (
+        ({0.0: 0.05, 25.0: 0.02}, ", 25 °C (mean 20 mΩ)"),
+        ({0.0: 0.05, 10.0: 0.03}, ", 10 °C (mean 30 mΩ)"),
+        ({None: 0.02}, ", 25 °C (mean 20 mΩ)"),
+    ):
+        figure = wiring.draw_wiring("g", rows("g", "AB"), [at_temperatures(ohms)])
+        title = rendered(figure)[1].get_title(loc="left")
+        assert title.endswith(said), title
+    cold = at_temperatures({0.0: 0.05}) | {"cell": "B"}
+    models = [at_temperatures({25.0: 0.02}), cold]
+    title = rendered(wiring.draw_wiring("g", rows("g", "AB"), models))[1].get_title(loc="left")
+    assert ", 0 to 25 °C (mean" in title
+
+
 def test_links_contacts_and_sense_points_are_drawn_where_the_sheet_has_them():
     figure = wiring.draw_wiring("g", SHEETS["modules"], [])
     axes = rendered(figure)[0]

@@ -7,7 +7,15 @@ from truth import VALUES, stated, with_branch
 
 from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.simulate import overpotentials
-from cellwright.filters.bank import BEYOND, NODES, UNSEEN, bank_of, drives, resistance_factor_of
+from cellwright.filters.bank import (
+    BEYOND,
+    NODES,
+    UNSEEN,
+    _model_errors,
+    bank_of,
+    drives,
+    resistance_factor_of,
+)
 from cellwright.refusal import Refusal
 
 
@@ -55,6 +63,19 @@ def test_error_lies_between_the_temperatures():
     assert level(bank_of(model, None, -20.0)) == pytest.approx(UNSEEN * 0.03)
     model["members"][0]["left_out_rmse_volt"] = 3.0 * np.sqrt((0.01**2 + 0.03**2) / 2)
     assert level(bank_of(model, None, 15.0)) == pytest.approx(3.0 * 0.02)
+
+
+def test_a_condition_without_a_temperature_holds_at_25_degrees():
+    """Between one of 0 °C and it the error is interpolated; a blank is not 0 °C."""
+    model = stated()
+    (warm,) = model["members"][0]["conditions"]
+    cold = warm | {"ambient_temperature_celsius": 0.0, "fit_rmse_volt": 0.03}
+    blank = warm | {"ambient_temperature_celsius": None}
+    levels = []
+    for known in (warm, blank):
+        model["members"][0]["conditions"] = [cold, known]
+        levels.append(_model_errors(model["members"][0], 20.0))
+    assert levels[0] == pytest.approx(levels[1])
 
 
 def level(bank):

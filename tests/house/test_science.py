@@ -155,6 +155,21 @@ def test_no_global_no_hidden_randomness_no_caught_everything(path):
             assert node.args or node.keywords, f"{where}: a generator without a seed"
 
 
+@held_by_every([m for m in modules(SCRIPTS) if "virtual_lab" not in m.parts])
+def test_zero_degrees_and_an_empty_cell_are_no_blanks(path):
+    """`celsius or 25.0` takes 0 °C for a blank; `stated_or_reference` does not."""
+    for node in ast.walk(parsed(path)):
+        if not isinstance(node, ast.BoolOp) or not isinstance(node.op, ast.Or):
+            continue
+        *asked, last = node.values
+        number = isinstance(last, ast.Name | ast.Attribute) or (
+            isinstance(last, ast.Constant) and isinstance(last.value, int | float) and last.value
+        )
+        written = [ast.unparse(one).rstrip("]'\")") for one in asked]
+        taken = [one for one in written if one.endswith(("celsius", "soc", "kelvin"))]
+        assert not (number and taken), f"{name(path)}:{node.lineno}: {taken} may be 0"
+
+
 @every_module
 def test_what_is_public_is_documented(path):
     assert ast.get_docstring(parsed(path)), f"{name(path)} has no docstring"

@@ -50,11 +50,12 @@ def fit_test(
     cycle=None,
     scale=1.0,
     branches=(),
+    seed=1,
 ):
     time, current = pulses() if course is None else course
     soc = truth.soc_of(time, current, 1.0)
     ocv = np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT)
-    noise = np.random.default_rng(1).normal(0, 2e-4, len(time))
+    noise = np.random.default_rng(seed).normal(0, 2e-4, len(time))
     volt = ocv + scale * (truth.voltage(time, current, soc, extra=branches) - ocv) + noise
     charge = (soc - soc[0]) * truth.CAPACITY_AMPERE_HOUR
     series = {"test_time_second": time, "current_ampere": current, "voltage_volt": volt}
@@ -127,7 +128,7 @@ def test_of_a_split_drive_only_odd_blocks_are_fitted():
 def test_each_temperature_is_a_condition_of_its_own():
     tests = [
         fit_test("cold", celsius=0.0, scale=3.0),
-        fit_test("warm"),
+        fit_test("warm", seed=2),
         fit_test("lab", celsius=24),
     ]
     model = cell_model(CELL, basis(), tests, **SETTINGS | {"members": ["1RC"]})
@@ -248,3 +249,11 @@ def test_every_member_has_the_same_branches_at_every_temperature():
 def test_without_an_ocv_there_is_no_model():
     with pytest.raises(Refusal, match="no OCV curve"):
         cell_model(CELL, basis() | {"ocv": []}, [fit_test()], **SETTINGS)
+
+
+def test_the_same_record_under_two_names_is_fitted_once():
+    one, again = fit_test("one"), fit_test("again")
+    model = cell_model(CELL, basis(), [one, again], **SETTINGS)
+    (entry,) = model["members"][0]["conditions"]
+    assert entry["tests"] == ["one"]
+    assert any("again" in note and "same measurement as one" in note for note in model["notes"])

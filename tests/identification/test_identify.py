@@ -26,8 +26,9 @@ from cellwright.identification.identify import data_of, limits_of
 from cellwright.identification.regression import SCALES
 from cellwright.identification.search import shared_of
 from cellwright.numerics.linear import solve
+from cellwright.records.blocks import fit_mask
 from cellwright.records.filled import bridged
-from cellwright.records.record import fit_mask, record_of
+from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
 THERMAL_VOLT = 2 * 8.314462618 * 298.15 / 96485.33212

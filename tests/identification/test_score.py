@@ -5,7 +5,7 @@ import pytest
 import truth
 from sheets_facts import cell_facts, facts_of
 
-from cellwright.identification.validation import scores, validate
+from cellwright.identification.validation import beyond_volt, scores, validate
 from cellwright.records.facts import MeasuredTest
 from cellwright.refusal import Refusal
 
@@ -94,12 +94,33 @@ def test_scores_are_arithmetic():
     assert np.isnan(scores(np.ones(2), np.zeros(2))["rmse_volt_soc_5_95"])
 
 
+def test_a_simulation_outside_what_was_measured_is_told_by_how_much():
+    """Two samples of a thousand at -1.5 V are 0.2 V rms, and no cell is ever there."""
+    measured = np.linspace(4.2, 2.5, 1000)
+    simulated_volt = measured.copy()
+    simulated_volt[-2:] = -1.5
+    assert scores(measured - simulated_volt, np.full(1000, 0.5))["rmse_volt"] < 0.2
+    assert beyond_volt(measured, measured - simulated_volt) == pytest.approx(4.0)
+    assert beyond_volt(measured, measured - measured.clip(3.0, 4.0)) == 0.0
+    assert beyond_volt(measured, np.full(1000, -0.3)) == pytest.approx(0.3)
+
+
+def test_the_whole_simulation_counts_not_only_what_is_scored():
+    volt = series()["voltage_volt"]
+    lowest = volt.min()
+    (row,) = score(FACTS._replace(role="split"), voltage_volt=volt.clip(lowest + 0.2)).rows
+    assert row["beyond_volt"] == pytest.approx(0.2)
+    far = score(voltage_volt=volt.clip(lowest + 0.7))
+    assert far.notes[1:] == ("2RC simulates 0.7 V outside what was measured: a fault",)
+
+
 def test_refusals():
     with pytest.raises(Refusal, match="no sample is left"):
         scores(np.array([]), np.array([]))
     with pytest.raises(Refusal, match="1 simulated voltages are not finite"):
         scores(np.array([0.1, np.nan]), np.array([0.5, 0.5]))
+    short = {"test_time_second": TIME / 20, "current_ampere": CURRENT - 1.5}
     with pytest.raises(Refusal, match="no rest of 120 s inside"):
-        score(FACTS._replace(role="split"), current_ampere=CURRENT - 1.5)
+        score(FACTS._replace(role="split"), **short)
     with pytest.raises(Refusal, match="no state of charge"):
         score(FACTS._replace(soc=None), current_ampere=CURRENT - 1.5)

@@ -6,7 +6,7 @@ from synthetic import NOISE_VOLT, data, fit, hysteresis, measured, with_target
 
 from cellwright.identification.choice import Score, choose, left_out
 from cellwright.identification.regression import held_out
-from cellwright.records.record import blocks
+from cellwright.records.blocks import blocks
 from cellwright.refusal import Refusal
 
 
@@ -65,9 +65,50 @@ def score(*square_volt2, rows=100):
 
 def test_one_block_near_empty_does_not_outvote_the_others():
     better, worse = [1e-6, 1.1e-6, 0.9e-6] * 5, [4e-6, 4.4e-6, 3.6e-6] * 5
-    chosen = choose({"1RC": score(*better, 9e-2), "2RC": score(*worse, 2e-2)})
+    chosen = choose({"1RC": score(*better, 9e-2), "2RC": score(*worse, 3e-2)})
     assert chosen.name == "1RC"
     assert chosen.rmse_volt["1RC"] > chosen.rmse_volt["2RC"]
+    assert "1RC chosen for most blocks, not clearly: over all of them 2RC errs less" in chosen.words
+    assert "clearly before" not in chosen.words
+
+
+def test_a_member_far_worse_as_a_whole_is_not_chosen_for_most_blocks():
+    """318 mV rms, though 2 mV in most blocks, is not before 65 mV."""
+    better, worse = [4e-6, 4.1e-6, 3.9e-6] * 5, [9e-6, 9.4e-6, 8.6e-6] * 5
+    scores = {"1RC": score(*better, 1.618), "2RC": score(*worse, 0.0676)}
+    chosen = choose(scores)
+    assert [round(1e3 * volt) for volt in chosen.rmse_volt.values()] == [318, 65]
+    assert chosen.name == "2RC"
+    assert chosen.reasons["1RC"] == "errs by 318 mV rms on what was left out, 2RC by 65 mV"
+    assert "2RC chosen before 1RC, which errs by 4.9 times as much" in chosen.words
+
+
+def test_two_blocks_tell_no_doubt_so_nothing_is_clear():
+    """One pulse and its rest, twice: their scatter is not known."""
+    chosen = choose({"2RC": score(4e-6, 0.2), "1RC": score(5e-6, 8.4e-3)})
+    assert chosen.name == "1RC"
+    assert "clearly before" not in chosen.words
+    near = choose({"2RC": score(4e-6, 4e-6), "1RC": score(4.2e-6, 4.2e-6)})
+    assert near.name == "1RC"
+    assert "1RC chosen: equal within chance to 2RC, and simpler" in near.words
+
+
+def test_clearly_is_two_standard_errors():
+    blocks_of = {"2RC": score(1e-6, 1e-6, 1e-6), "1RC": score(1e-6, 1.5e-6, 2.25e-6)}
+    words = choose(blocks_of).words
+    assert "2RC chosen before 1RC, not clearly (1.7 standard errors)" in words
+
+
+def test_a_member_that_simulates_what_no_cell_has_is_not_chosen():
+    scores = {"1RC": score(1e-6, 1e-6, 1e-6), "2RC": score(4e-6, 5e-6, 4e-6)}
+    volt = {"1RC": np.array([4.0]), "2RC": np.array([0.1])}
+    chosen = choose(scores, celsius=[25.0], beyond_volt=volt)
+    assert chosen.name == "2RC"
+    assert chosen.reasons["1RC"] == "simulates 4 V outside what was measured at 25 °C"
+    none_left = choose(scores, celsius=[25.0], beyond_volt=volt | {"2RC": np.array([1.2])})
+    assert none_left.name == "2RC"
+    fault = "Not to be relied on: 2RC simulates 1.2 V outside what was measured at 25 °C"
+    assert fault in none_left.words
 
 
 def test_of_members_alike_in_most_blocks_the_one_without_a_corner_is_chosen():

@@ -5,7 +5,7 @@ import pytest
 
 from cellwright.effects.records import stacked
 from cellwright.numerics import noise
-from cellwright.numerics.noise import Noise, estimate_noise, read_volt, whitening
+from cellwright.numerics.noise import Noise, estimate_noise, least_digit, read_volt, whitening
 from cellwright.records.record import record_of
 
 LIMITS = {"most_slow_volt": 5e-3, "most_slow_second": 300.0}
@@ -130,3 +130,40 @@ def test_without_neighbours_the_whole_residual_is_read():
     stack = stack._replace(current_ampere=np.tile([1.0, -1.0], 100))
     rows = drawn(Noise(1.5e-3, 0.0, 30.0), stack)
     assert read_volt(rows, stack, steady_ampere=0.05) == pytest.approx(1.5e-3, rel=0.25)
+
+
+def random_walk(size=5000, step=1e-3):
+    return 3.7 + np.cumsum(np.random.default_rng(11).normal(0, step, size))
+
+
+DIGITS = {
+    "four decimals": (np.round(random_walk(), 4), 1e-4),
+    "a converter's step": (np.round(random_walk() / 1.526e-4) * 1.526e-4, 1.526e-4),
+    "the same in float32": ((np.round(random_walk() / 1.526e-4) * 1.526e-4).astype("f4"), 1.526e-4),
+    "the same with few digits": (np.round(np.round(random_walk() / 2.55e-3) * 2.55e-3, 3), 2.55e-3),
+    "repaired rows": (np.append(np.round(random_walk(), 3), [3.70123, 3.71219]), 1e-3),
+    "no digit": (random_walk(), 0.0),
+    "one level": (np.full(50, 3.7), 0.0),
+    "nothing": (np.array([]), 0.0),
+    "not finite": (np.append(np.round(random_walk(), 3), np.nan), 1e-3),
+}
+
+
+@pytest.mark.parametrize("what", DIGITS)
+def test_the_least_digit_is_the_step_of_the_levels(what):
+    values, digit = DIGITS[what]
+    assert least_digit(values) == pytest.approx(digit, rel=0.02)
+
+
+def test_a_reading_that_stands_still_is_no_surer_than_its_digit():
+    """Nine of ten neighbours read alike: their scatter alone says that there is no noise."""
+    digit, random = 1e-3, np.random.default_rng(5)
+    clock = np.arange(4000.0)
+    true = 3.7 + 0.02 * np.exp(-clock / 2000) + 0.02e-3 * random.normal(size=clock.size)
+    record = record_of(clock, np.zeros(4000), np.round(true / digit) * digit, 0.5)
+    stack = stacked([record], capacity_ampere_hour=2.0)
+    residual = stack.voltage_volt - true
+    hidden = digit / np.sqrt(12)
+    assert read_volt(residual, stack, steady_ampere=0.01) >= hidden * 0.99
+    assert estimate_noise(residual, stack, **LIMITS).white_volt >= hidden * 0.99
+    assert residual.std() == pytest.approx(hidden, rel=0.1)

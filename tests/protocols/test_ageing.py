@@ -110,7 +110,7 @@ def test_a_hold_after_a_pause_is_part_of_the_charge():
 def test_a_record_from_an_unknown_start_begins_with_the_next_half():
     ageing = run(series((1.0, 1.0), (-1.0, 0.0), soc=0.4))
     assert ageing.rows.direction.tolist() == ["discharge"]
-    assert "a rest voltage of 3.400 V it may already hold 65% of its charge" in ageing.left_out[0]
+    assert "already held 40.0%, for the discharge after it moves 1.999 Ah" in ageing.left_out[0]
 
 
 def test_nothing_complete_and_no_cut_off_are_refused():

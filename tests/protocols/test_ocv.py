@@ -265,3 +265,28 @@ def test_a123_in_the_cold_has_gaps_in_its_branches_but_none_in_its_ocv(shared):
     assert curve.capacity_ampere_hour == pytest.approx(2.0677, rel=0.01)
     assert np.isnan(curve.charge_volt[-1])
     assert (np.diff(curve.ocv_volt) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "named"),
+    [(3.0, None, "the upper"), (None, 4.2, "the lower"), (None, None, "the lower cut-off and the")],
+)
+def test_a_cutoff_that_is_not_stated_is_named(lower, upper, named):
+    with pytest.raises(Refusal, match=f"{named} .*is not stated, so no slow curve"):
+        slow_ocv(*both(), lower_cutoff_volt=lower, upper_cutoff_volt=upper)
+
+
+def test_a_discharge_that_does_not_start_full_is_no_branch():
+    """From 90 % down, then a full charge: which is right, the charge after it tells."""
+    columns = record(rest(0.9), ramp(0.9, 0), rest(0), ramp(0, 1), rest(1))
+    curve = slow_ocv(*columns, **CUTOFFS)
+    assert curve.branches == "charge"
+    assert curve.closed_capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
+    assert "its first discharge: it does not start full: it lacked 10.0%" in curve.note
+
+
+def test_a_branch_that_the_sheet_starts_elsewhere_is_no_full_one():
+    columns = record(rest(0.4), ramp(0.4, 1), rest(1))
+    assert slow_ocv(*columns, **CUTOFFS).branches == "charge"  # nothing tells otherwise
+    with pytest.raises(Refusal, match=r"its first charge: .* the sheet states an SoC of 0\.4"):
+        slow_ocv(*columns, **CUTOFFS, soc_at_start=0.4)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from cellwright.protocols.resistance import pulse_resistance
 from cellwright.refusal import Refusal
-from cellwright.series.steps import segment
+from cellwright.series.steps import Steps, segment
 
 R0, R1, TAU = 0.020, 0.015, 8.0
 
@@ -60,6 +60,40 @@ def test_pulse_on_a_running_discharge_is_referred_to_it():
     rows = measure(*pulse(level=-6.0, base=-1.0)).rows
     assert np.allclose(rows.resistance_ohm, truth(np.array([0.1, 1, 10])), rtol=1e-6)
     assert np.allclose(rows.c_rate, 5 / 3)
+
+
+@pytest.mark.parametrize(
+    ("base", "level", "direction"),
+    [
+        (0.9, 0.34, "falling charge"),
+        (-0.9, -0.34, "falling discharge"),
+        (0.34, 0.9, "charge"),
+        (-0.34, -0.9, "discharge"),
+        (0.9, -0.34, "discharge"),
+        (-0.9, 0.34, "charge"),
+    ],
+)
+def test_direction_is_what_flows_and_a_falling_load_is_neither(base, level, direction):
+    rows = measure(*pulse(base=base, level=level)).rows
+    assert set(rows.direction) == {direction}
+    assert np.allclose(rows.current_ampere, level)
+    assert np.allclose(rows.resistance_ohm, truth(np.array([0.1, 1, 10])), rtol=1e-6)
+
+
+def test_two_pieces_of_one_unsteady_load_tell_no_resistance():
+    """samsung30q: a charge of 0.30 A was cut in two; its second piece is 3 mA lower."""
+    time, current, voltage = pulse(level=0.3)
+    cut = int(np.searchsorted(time, 65.0))
+    current[cut:][current[cut:] > 0] -= 0.003
+    whole = segment(time, current, voltage, 0 * time + 1e-3 * time, rated_capacity_ampere_hour=3.0)
+    steps = Steps(*(np.repeat(column, [1, 2, 1]) for column in whole))
+    steps.last_row[1], steps.first_row[2] = cut - 1, cut
+    steps.end_time_second[1] = steps.start_time_second[2] = time[cut - 1]
+    about = {"rated_capacity_ampere_hour": 3.0, "delay_second": (0, 1)}
+    found = pulse_resistance(time, current, voltage, 0 * time, steps, **about)
+    assert found.rows.direction.tolist() == ["charge", "charge"]
+    assert np.allclose(found.rows.resistance_ohm, truth(np.array([0.1, 1])))
+    assert found.left_out == ("2 × current does not step into the pulse",)
 
 
 def test_instantaneous_waits_for_nine_tenths_of_the_current():
@@ -163,6 +197,15 @@ def test_published_lgm50(shared, place, cell, published):
     columns, _ = read(shared / f"campaigns/lgm50/raw/pulses/{place}/Cell{cell}_SoC5.csv.gz")
     rows = measure(*columns, rated=5.0, delays=(10,)).rows
     assert np.isclose(1e3 * rows.resistance_ohm[0], published, rtol=0.01)
+
+
+@pytest.mark.parametrize("name", ["sample_hppc_pulse", "multipulse_hppc"])
+def test_published_samsung30t(shared, name):
+    columns, _ = read(shared / f"campaigns/samsung30t_pybop/raw/{name}.csv.gz")
+    rows = measure(columns[0], -columns[1], columns[2], delays=(0, 1, 10)).rows
+    assert set(rows.direction[:3]) == {"discharge"}
+    assert np.allclose(1e3 * rows.resistance_ohm[:3], [7.34, 12.9, 20.7], rtol=0.003)
+    assert np.all((rows.current_ampere > 0) == (rows.direction == "charge"))
 
 
 def test_long_loads_serve_where_there_is_no_pulse(shared):

@@ -117,6 +117,98 @@ def dated(name, columns, begin_second):
     return ends_of_test(name, columns, steps_of(columns), **LIMITS)
 
 
+def moved(found, direction, column="capacity_ampere_hour"):
+    return getattr(found.rows, column)[found.rows.direction == direction]
+
+
+def test_a_charge_that_begins_under_load_at_the_cut_off_begins_empty():
+    """A C/30 charge without a rest before it: under load the voltage is no lower than at rest."""
+    columns = life((0.12, 4.2), soc=-0.002, ohm=0.02)
+    cut = {
+        name: values[180:] - values[180] * (name == NAMES[0]) for name, values in columns.items()
+    }
+    assert cut["current_ampere"][0] > 0
+    assert cut["voltage_volt"][0] < 3.0 + 0.01
+    assert moved(capacity_of(cut), "charge") == pytest.approx(2.0, rel=0.01)
+    later = {name: values[1000:] for name, values in columns.items()}
+    with pytest.raises(Refusal, match="from an unknown state of charge"):
+        capacity_of(later)
+    assert moved(capacity_of(later, soc_at_start=0.0), "charge") > 0
+
+
+def lfp(soc):
+    """A flat curve: a full cell rests far below its cut-off."""
+    return 3.25 + 0.08 * soc + 0.14 * np.exp((soc - 1) / 0.01) - 0.4 * np.exp(-soc / 0.02)
+
+
+FLAT = LIMITS | {"lower_cutoff_volt": 2.5, "upper_cutoff_volt": 3.65}
+
+
+def test_a_full_cell_of_a_flat_curve_is_full_where_the_sheet_says_so(monkeypatch):
+    monkeypatch.setitem(globals(), "ocv", lfp)
+    columns = life((-1.0, 2.5))
+    about = [columns[n] for n in NAMES], steps_of(columns)
+    with pytest.raises(Refusal, match=r"a rest voltage of 3.470 V it may lack"):
+        capacity(*about[0], about[1], **FLAT)
+    found = capacity(*about[0], about[1], **FLAT, soc_at_start=1.0)
+    assert found.rows.capacity_ampere_hour == pytest.approx([2.0], rel=0.02)
+    assert not found.left_out
+    soc = np.linspace(0, 1, 201)
+    curve = {"soc": soc, "ocv_volt": lfp(soc)}
+    found = capacity(*about[0], about[1], **FLAT, soc_at_start=1.0, curve=curve)
+    assert found.rows.capacity_ampere_hour == pytest.approx([2.0], rel=0.02)
+
+
+def test_a_stated_full_that_the_rest_contradicts_is_said():
+    soc = np.linspace(0, 1, 201)
+    curve = {"soc": soc, "ocv_volt": ocv(soc)}
+    with pytest.raises(Refusal, match=r"the stated SoC of 1 is not used: a rest at 3.7"):
+        capacity_of(life((-1.0, 3.0), soc=0.6), soc_at_start=1.0, curve=curve)
+    with pytest.raises(Refusal, match=r"it does not start full: the sheet states an SoC of 0.6"):
+        capacity_of(life((-1.0, 3.0), soc=0.6), soc_at_start=0.6, curve=curve)
+    with pytest.raises(Refusal, match=r"no such cell between 3 and 4.2 V"):
+        capacity_of(life((1.0, 4.2), soc=0.7), soc_at_start=0.0)
+
+
+def test_a_stated_state_that_the_half_cycles_contradict_is_said():
+    found = capacity_of(life(*CYCLE, soc=1.0), soc_at_start=0.5)
+    assert moved(found, "discharge") == pytest.approx(2.0, rel=0.1)
+    assert "the stated SoC of 0.5 is not used: it starts full" in found.left_out[0]
+
+
+@pytest.mark.parametrize("begun", [0.02, 0.12, 0.5])
+def test_the_discharge_after_a_first_charge_tells_what_it_already_held(begun):
+    """A lab's file often begins with the charge of whatever was left in the cell."""
+    columns = life((0.5, 4.2), (-0.5, 3.0), soc=begun, ohm=0.01)
+    found = capacity_of(columns)
+    if begun < 0.03:
+        lacking = moved(found, "discharge") - moved(found, "charge")
+        assert moved(found, "charge", "capacity_std_ampere_hour") == pytest.approx(lacking)
+        return
+    assert moved(found, "charge").size == 0
+    held = float(re.search(r"already held ([\d.]+)%", found.left_out[0])[1])
+    assert held == pytest.approx(100 * begun, abs=1.0)
+
+
+def test_an_offset_of_the_current_is_not_taken_for_a_start_that_is_not_full():
+    """Discharge and charge differ by 6 %, and the rest before them is at the upper cut-off."""
+    columns = life(*CYCLE, ohm=0.01)
+    columns["current_ampere"] = columns["current_ampere"] + 0.03 * (columns["current_ampere"] != 0)
+    columns[NAMES[3]] = net_charge(columns[NAMES[0]], columns[NAMES[1]])
+    found = capacity_of(columns)
+    ratio = moved(found, "discharge") / moved(found, "charge")
+    assert ratio == pytest.approx(0.97 / 1.03, abs=0.01)
+
+
+@pytest.mark.parametrize("share", [0.025, 0.035, 0.045])
+def test_an_aged_cell_that_rests_lower_has_a_capacity_with_its_doubt(share):
+    """From 4.09 V down: what the discharge may lack is its doubt, not a reason to refuse it."""
+    found = capacity_of(life((-1.0, 3.0), soc=1 - share, ohm=0.15))
+    true = 2.0 - 0.15 / 0.55 * 0.02
+    lacked = true - found.rows.capacity_ampere_hour[0]
+    assert found.rows.capacity_std_ampere_hour[0] > 0.5 * lacked
+
+
 def run_course(*ends):
     return course(list(ends), lower_cutoff_volt=3.0, upper_cutoff_volt=4.2)
 

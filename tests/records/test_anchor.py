@@ -101,3 +101,27 @@ def test_refusals_name_what_is_missing(change, reason):
     settings = {"capacity_ampere_hour": 2.0, **LIMITS, **change}
     with pytest.raises(Refusal, match=reason):
         soc_series(np.zeros(3), load, np.full(3, 3.7), **settings)
+
+
+CURVE = {"ocv_soc": np.linspace(0, 1, 101), "ocv_volt": 3.0 + 1.2 * np.linspace(0, 1, 101)}
+
+
+@pytest.mark.parametrize(
+    ("stated", "rest", "gap", "used"),
+    [(1.0, 4.2, 0.0, True), (1.0, 3.96, 0.0, False), (0.8, 3.96, 0.0, True), (0.8, 3.93, 0.0, True)]
+    + [(0.5, 3.96, 0.0, False), (0.5, 3.96, 0.3, True)],
+)
+def test_a_stated_soc_counts_unless_the_first_rest_contradicts_it(stated, rest, gap, used):
+    still = np.zeros(3)
+    about = {"capacity_ampere_hour": 2.0, "soc_at_start": stated, **LIMITS, **CURVE}
+    anchored = soc_series(still, still, still + rest, half_gap_volt=np.full(101, gap), **about)
+    assert anchored.soc[0] == pytest.approx(stated if used else (rest - 3.0) / 1.2, abs=1e-6)
+    assert ("is not used: a rest at" in anchored.anchor) is not used
+
+
+def test_a_stated_soc_counts_under_load_and_without_a_curve():
+    load = np.full(3, -1.0)
+    about = {"capacity_ampere_hour": 2.0, "soc_at_start": 1.0, **LIMITS}
+    assert soc_series(load * 0, load, load * 0 + 3.9, **about, **CURVE).soc[0] == 1.0
+    still = soc_series(load * 0, load * 0, load * 0 + 3.9, **about)
+    assert (still.soc[0], still.anchor) == (1.0, "stated at the start")

@@ -220,3 +220,22 @@ def test_curves_from_rests_share_charge_from_full():
     assert min(cold["ocv_volt"]) == pytest.approx(2.9, abs=1e-5)  # straight on, to the cut-off
     assert (np.diff(cold["ocv_volt"]) > 0).all()
     assert cold["measured_soc"] == pytest.approx([0.28, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("stated", "ampere", "run"), [(0.2, -1.0, "-0.800 to 0.200"), (0.8, 1.0, "0.800 to 1.800")]
+)
+def test_a_stated_soc_that_the_charge_contradicts_is_not_known_and_all_three_are_named(
+    stated, ampere, run
+):
+    hours = np.linspace(0.0, 2.0, 200)
+    columns = {"test_time_second": 3600 * hours, "voltage_volt": np.full(200, 3.7)}
+    columns |= {"current_ampere": np.full(200, ampere), "charge_ampere_hour": ampere * hours}
+    known = {"capacity_ampere_hour": 2.0, "capacity_source": "rating", "ocv": []}
+    facts = facts_of(soc=stated)
+    anchored = soc_or_unknown(columns, known, facts, CELL)
+    assert np.isnan(anchored.soc).all()
+    for part in (run, "stated at the start", "charge (2 Ah", "capacity of 2 Ah (rating)"):
+        assert part in anchored.anchor
+    within = soc_or_unknown(columns, known | {"capacity_ampere_hour": 20.0}, facts, CELL)
+    np.testing.assert_allclose(within.soc[[0, -1]], [stated, stated + 0.1 * ampere])

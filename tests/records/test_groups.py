@@ -20,7 +20,7 @@ SOC = truth.soc_of(TIME, CURRENT, 1.0)
 
 
 def made(name, kind="drive", *, celsius=25.0, role="fit", soc=1.0, surface=None, factor=1.0):
-    noise = np.random.default_rng(2).normal(0, 5e-4, len(TIME))
+    noise = np.random.default_rng([2, *name.encode()]).normal(0, 5e-4, len(TIME))
     series = {
         "test_time_second": TIME,
         "current_ampere": CURRENT,
@@ -57,7 +57,13 @@ def test_pulses_displace_drives_and_take_capacity_tests_with_them():
     assert (set(names_of(pulsed)), pulsed.pulsed) == ({"h", "q"}, True)
     (driven,), _ = grouped(made("d"), made("q", "capacity"))
     assert (names_of(driven), driven.pulsed) == (("d",), False)
-    assert grouped(made("q", "capacity")) == ([], [])
+    (loaded,), _ = grouped(made("q", "capacity"))
+    assert (names_of(loaded), loaded.pulsed) == (("q",), False)
+
+
+def test_capacity_tests_alone_serve_no_temperature_of_a_cell_with_pulses_or_drives():
+    groups, _ = grouped(made("h", "hppc"), made("q", "capacity", celsius=0.0))
+    assert [names_of(group) for group in groups] == [("h",)]
 
 
 def test_of_a_split_record_the_even_blocks_are_not_used():

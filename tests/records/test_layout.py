@@ -121,7 +121,7 @@ def test_what_is_filled_into_a_gap_is_never_compared(proof):
         ({"test_time_second": TIME[::-1]}, "the clock runs back after row 0"),
         ({"soc": 1.2}, "stated SoC at the start is 1.2"),
         ({"soc": None}, "no state of charge: none is stated at the start"),
-        ({"role": "split", "current_ampere": LOADS - 1.0}, "no rest of 120 s inside the record"),
+        ({"role": "split", "rows": slice(0, 6)}, "no rest of 120 s inside the record"),
     ],
 )
 def test_what_cannot_be_laid_out_is_refused_with_its_reason(change, reason):

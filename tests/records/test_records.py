@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from cellwright.records.blocks import blocks, blocks_of_used, fit_mask, parts
 from cellwright.records.filled import bridged, with_edges
-from cellwright.records.record import blocks, checked, fit_mask, record_of
+from cellwright.records.record import checked, record_of
 from cellwright.refusal import Refusal
 
 TIME = np.arange(3000.0)
@@ -149,6 +150,30 @@ def test_blocks_end_with_their_rest():
     np.testing.assert_array_equal(short, 0)
 
 
-def test_a_record_without_a_rest_cannot_be_cut():
-    with pytest.raises(Refusal, match="no rest of 120 s inside the record"):
-        fit_mask(TIME, TIME * 0 - 1.0, rest_ampere=0.01)
+def test_a_record_without_a_rest_is_cut_into_parts_where_its_current_is_small():
+    time = np.arange(4000.0)
+    current = np.where(np.abs(time - 1010) <= 3, -0.05, -1.0)
+    part = parts(time, current, rest_ampere=0.01)
+    starts = np.flatnonzero(np.diff(part)) + 1
+    np.testing.assert_allclose(np.diff(starts), 250, atol=63)
+    assert (part.max() + 1, set(np.unique(part))) == (16, set(range(16)))
+    assert 1007 < starts[3] <= 1014
+    np.testing.assert_array_equal(fit_mask(time, current, rest_ampere=0.01), part % 2 == 0)
+
+
+def test_a_short_record_has_fewer_parts_and_none_that_is_shorter_than_two_rests():
+    time = np.arange(800.0)
+    part = parts(time, np.full(800, -1.0), rest_ampere=0.01)
+    np.testing.assert_array_equal(np.bincount(part), [267, 267, 266])
+    message = "no rest of 120 s inside the record to cut it at, and its 470 s are too short for two"
+    with pytest.raises(Refusal, match=message):
+        fit_mask(time[:471], np.full(471, -1.0), rest_ampere=0.01)
+
+
+def test_records_that_are_one_block_together_are_cut_into_parts():
+    time = np.arange(2000.0)
+    drives = [record_of(time, np.full(2000, -ampere), time, time * 0) for ampere in (1.0, 2.0)]
+    rest = {"rest_second": 120.0, "rest_ampere": 0.01}
+    (alone,) = blocks_of_used(drives[:1], **rest)
+    assert len(np.unique(alone)) == 8
+    assert [np.unique(block).tolist() for block in blocks_of_used(drives, **rest)] == [[0], [1]]

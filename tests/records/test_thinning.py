@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from cellwright.effects.preparing import _least_step_ampere
 from cellwright.records.record import GroupRecord, record_of
 from cellwright.records.thinning import (
     averaged,
@@ -144,3 +145,67 @@ def test_branch_currents_of_a_group_are_averaged_with_their_total():
 def test_a_drive_steps_at_most_of_its_rows():
     assert driven(np.tile([1.0, -1.0, 0.5], 30))
     assert not driven(pulses())
+
+
+SLOW_AMPERE = 0.15  # C/20 of 3 Ah
+
+
+def slow_test(*, noise_ampere=0.0, digit_ampere=0.0, every=5.0):
+    """A rest, a slow discharge, a rest and a slow charge, as a coarse shunt reads them."""
+    current = np.repeat([0.0, -SLOW_AMPERE, 0.0, SLOW_AMPERE, 0.0], [100, 6000, 300, 6000, 100])
+    random = np.random.default_rng(7)
+    # A shunt's reading wanders with its temperature, so that a level is passed here and there.
+    current = current + 3e-4 * np.sin(np.arange(len(current)) / 150.0) * (current != 0)
+    current += noise_ampere * random.normal(size=len(current))
+    if digit_ampere:
+        current = np.round(current / digit_ampere) * digit_ampere
+    return record(current, every=every)
+
+
+@pytest.mark.parametrize("digit", [0.0065, 0.02])
+@pytest.mark.parametrize("noise", [5e-5, 2e-4])
+def test_a_flicker_of_the_least_digit_keeps_no_rows(digit, noise):
+    sizes = {"capacity_ampere_hour": 3.0}
+    kept = [
+        len(thin(made, step_ampere=_least_step_ampere(made), **sizes).soc)
+        for made in (
+            slow_test(),
+            slow_test(noise_ampere=noise, digit_ampere=digit * SLOW_AMPERE),
+        )
+    ]
+    assert kept[1] == pytest.approx(kept[0], rel=0.2)
+
+
+def test_noise_of_a_slow_test_is_no_step():
+    """A white noise of 0.5 % of the current of a slow test, whose edges are all that steps."""
+    quiet, noisy = slow_test(), slow_test(noise_ampere=0.005 * SLOW_AMPERE)
+    kept = [len(thin(r, step_ampere=_least_step_ampere(r)).soc) for r in (quiet, noisy)]
+    assert kept[1] == pytest.approx(kept[0], rel=0.2)
+
+
+def test_small_pulses_beside_large_ones_are_steps_however_coarse_the_reading():
+    """All levels are multiples of 0.5 A, and none of them is a digit."""
+    current = np.repeat([0.0, -0.5, 0.0, -10.0, 0.0, 5.0, 0.0, 0.5, 0.0], 200)
+    made = record(current)
+    assert set(edges(made, step_ampere=0.05)) >= set(200 * np.arange(1, 7))
+
+
+def test_a_hold_at_the_end_of_a_slow_charge_does_not_make_it_a_drive():
+    """A tapering current at 60 s steps beside one that flickers by 1.7 %, as LG HG2 logs it."""
+    flicker = 2.55e-3 * (np.random.default_rng(4).random(2000) < 0.3)
+    taper = 0.15 * np.exp(-np.arange(60) / 3.0)
+    current = np.concatenate([np.zeros(100), 0.15 + flicker, taper, np.zeros(100)])
+    made = record(np.round(current / 2.55e-3) * 2.55e-3, every=60.0)
+    assert driven(made.current_ampere)
+    kept = thin(made, step_ampere=_least_step_ampere(made), capacity_ampere_hour=10.0)
+    assert len(kept.soc) < 600
+
+
+def test_noise_of_a_record_without_any_step_is_no_step():
+    """A charge that begins and ends under load: its largest change is its noise."""
+    noise = 5e-5 * np.random.default_rng(6).normal(size=5000)
+    kept = [
+        len(thin(made, step_ampere=_least_step_ampere(made), capacity_ampere_hour=5.0).soc)
+        for made in (record(0.15 + noise, every=11.0), record(np.full(5000, 0.15), every=11.0))
+    ]
+    assert kept[0] == pytest.approx(kept[1], rel=0.2)

@@ -55,3 +55,17 @@ def test_the_houses_own_laws_find_a_negative_resistance(tmp_path):
     (failed,) = [row for row in broken if row["outcome"] == "failed"]
     assert failed["check"].startswith("A resistance is not negative")
     assert "A hppc 0.5 -0.03" in failed["found"]
+
+
+@pytest.mark.parametrize(
+    ("table", "column"), [("validation", "beyond_"), ("choice", "fit_beyond_")]
+)
+def test_a_chosen_model_at_minus_one_and_a_half_volt_does_not_pass(tmp_path, table, column):
+    for name, error in (("validation", "beyond_"), ("choice", "fit_beyond_")):
+        volt = 4.0 if name == table else 0.02
+        head = f"cell,test,model,rmse_volt,{error}volt,chosen"
+        lines = [head, f"A,t,2RC,0.2,{volt},True", "A,t,1RC,0.2,4.5,False"]
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines))
+    (failed,) = [row for row in results_check.outcomes(tmp_path) if row["outcome"] == "failed"]
+    assert failed["check"].startswith("A model half a volt off")
+    assert "A t 2RC 4.0" in failed["found"]

@@ -52,3 +52,14 @@ def test_half_cells_from_a_file_by_name_and_blank(tmp_path, monkeypatch):
     assert np.interp(0.5, negative.lithiation, negative.potential_volt) == pytest.approx(0.55)
     assert positive == "nmc811_chen"
     assert user_tables.half_cells(NOTHING, []) == (None, None)
+
+
+def test_own_half_cells_are_blended_and_one_that_is_not_there_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows = "\n".join(f"{x:.3f},{1 - 0.9 * x:.4f}" for x in np.linspace(0, 1, 30))
+    written(tmp_path, f"lithiation,potential_volt\n{rows}\n")
+    materials = NOTHING | {"negative_half_cell": "a.csv+silicon_verbrugge:0.3"}
+    negative, positive = user_tables.half_cells(materials, ["a.csv"])
+    assert (negative.name, negative.share, positive) == ("a.csv+silicon_verbrugge", 0.3, None)
+    with pytest.raises(Refusal, match=r"no file b\.csv in the campaign"):
+        user_tables.half_cells(NOTHING | {"negative_half_cell": "a.csv+b.csv"}, ["a.csv"])

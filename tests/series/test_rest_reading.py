@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cellwright import formats
-from cellwright.records.record import fit_mask
+from cellwright.records.blocks import fit_mask
 from cellwright.series import assemble, clean
 from cellwright.series.rest_current import as_logged, open_circuit
 

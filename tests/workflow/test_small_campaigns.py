@@ -25,17 +25,31 @@ CAPACITY = SERIES | {"capacity", "basis", "relaxation", "check_ups", "health"}
 METHODS = {"identification_methods"}
 # Of each campaign the other rules, among them the search, which says what it would need.
 PLANNED = {
-    "bad_file_only": CAPACITY | {"effect_search", "witnesses"},
-    "capacity_only": CAPACITY | {"effect_search", "witnesses"},
+    "bad_file_only": CAPACITY | {"no_model", "effect_search", "witnesses"},
+    "capacity_only": CAPACITY | {"no_model", "effect_search", "witnesses"},
+    "loads_and_drive": CAPACITY
+    | {"ica", "ocv_load", "identify", "member", "model", "thermal", "export", "prediction"}
+    | {"effect_search", "effect_search_own", "witnesses"},
     "ocv_pulses_drive": CAPACITY
     | METHODS
-    | {"ocv", "pulses", "polarisation", "identify", "member", "model", "thermal", "export"}
+    | {
+        "repeats",
+        "ocv",
+        "pulses",
+        "polarisation",
+        "identify",
+        "member",
+        "model",
+        "thermal",
+        "export",
+    }
     | {"prediction"}
     | {"effect_search", "effect_search_own", "witnesses"},
-    "spectra_only": {"impedance", "basis", "temperature", "cold_limit"},
+    "spectra_only": {"impedance", "basis", "no_model", "temperature", "cold_limit"},
     "pulses_over_temperature": CAPACITY
     | METHODS
-    | {"pulses", "temperature", "resistance_surface", "cold_limit", "effect_search", "witnesses"},
+    | {"repeats", "pulses", "temperature", "resistance_surface", "cold_limit"}
+    | {"effect_search", "witnesses", "no_model"},
     "parallel_group": SERIES
     | {"basis", "branches", "member", "model", "export", "pack", "missing_effect_group"}
     | {"pack_checks", "pack_decisions", "pack_model"},
@@ -92,7 +106,9 @@ def test_what_is_planned_is_what_its_tests_carry(name, tmp_path):
 def test_a_campaign_of_one_bad_file_ends_with_a_report_that_names_it(tmp_path):
     folder = copied("bad_file_only", tmp_path)
     assert rules(snakemake(folder, "all")) - {"all"} == ALWAYS | PLANNED["bad_file_only"]
-    (row,) = table(folder, "tables/excluded.csv")
+    row, no_model = table(folder, "tables/excluded.csv")
+    assert (no_model["cell"], no_model["stage"]) == ("X", "models")
+    assert no_model["reason"].startswith("no model: loads at one rate only")
     assert (row["cell"], row["test"], row["stage"]) == ("X", "capacity", "ingest")
     assert row["reason"].startswith("raw/letter.csv: of no instrument known here")
     page = unpacked((folder / "results/report.html").read_text(encoding="utf-8"))

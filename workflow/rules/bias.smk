@@ -45,7 +45,7 @@ rule bias_correction:
     wildcard_constraints:
         cell=either(BIASED),
     params:
-        references=lambda w: [c for c in references(w.cell) if c in IDENTIFIED],
+        references=lambda w: [c for c in references(w.cell) if c in EXCITED],
     message:
         "Model of {wildcards.cell} from the reference cell and the differences between their tests."
     script:
@@ -57,7 +57,7 @@ MOST_JUDGED = 60  # cells of a type
 
 def judged(cells):
     """Cells of a type whose models are compared: spread over the sheet, marked ones first."""
-    shows = [c for c in cells if c in IDENTIFIED and tests(c, "capacity", "ica", roles=["fit"])]
+    shows = [c for c in cells if c in EXCITED and tests(c, "capacity", "ica", roles=["fit"])]
     marked = [cell for cell in shows if CELLS[cell]["reference"] == "yes"]
     rest = [cell for cell in shows if cell not in marked and SCORED[cell]]
     most = max(MOST_JUDGED - len(marked), 1)

@@ -25,6 +25,7 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
     )
 sys.path.insert(0, SCRIPTS)
 
+from cellwright.health.electrodes import names as half_cell_names
 from cellwright.packs import wiring
 from cellwright.records.conditions import checkups_of, in_first_checkup
 from runtime import contract, job_environment, job_requests, object_storage
@@ -207,6 +208,9 @@ CAPACITY_KINDS = ("capacity", "ocv")
 SIZE_KINDS = (*CAPACITY_KINDS, "ica")
 PULSE_KINDS = ("hppc", "pulse_resistance")
 RELAXATION_KINDS = config["relaxation"]["kinds"]
+# Tests whose loads tell resistances, models and their errors: the same measurement in two of them
+# counts once.
+EVIDENCE_KINDS = sorted({*PULSE_KINDS, *RELAXATION_KINDS, "capacity", "drive"})
 SERIES_KINDS = sorted({row["kind"] for row in CAMPAIGN.tests} - {"eis"})
 # Of each test what tables say beside its results.
 TEST_FACTS = {

@@ -10,7 +10,7 @@ def known_celsius(cell):
 # Two temperatures are the least that a law can go through, and one is left out.
 LEAVES_OUT = config["models"]["leave_temperatures_out"]
 COMPENSATED = cells_where(
-    lambda cell: LEAVES_OUT and cell in IDENTIFIED and len(known_celsius(cell)) >= 3
+    lambda cell: LEAVES_OUT and cell in EXCITED and len(known_celsius(cell)) >= 3
 )
 
 

@@ -75,9 +75,10 @@ def half_cells_of(cell):
 
 
 def half_cell_files(cell):
-    """Files among the half cells of a cell: what ends in .csv is no name of the library."""
+    """Files among the half cells of a cell, each once; one that is not there the job refuses."""
     given = half_cells_of(cell).values()
-    return [name for name in given if str(name).lower().endswith(".csv")]
+    files = {file for name in given for file in half_cell_names.half_cell_files(name)}
+    return sorted(file for file in files if Path(file).is_file())
 
 
 rule degradation_modes:

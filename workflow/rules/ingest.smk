@@ -47,6 +47,35 @@ rule series:
         "../../scripts/ingest/series.py"
 
 
+def evidence_of(cell):
+    """Clean series of the tests of a cell whose loads tell resistances and models."""
+    return artefacts("clean", cell, *EVIDENCE_KINDS)
+
+
+# Cells with several of them, in which one measurement may stand twice.
+REPEATABLE = cells_where(lambda cell: len(evidence_of(cell)) > 1)
+
+
+def repeats_of(wildcards):
+    """What the tests of a cell repeat of each other, where it has several."""
+    return [f"results/repeats/{wildcards.cell}.parquet"] if wildcards.cell in REPEATABLE else []
+
+
+rule repeats:
+    input:
+        series=lambda w: evidence_of(w.cell),
+    output:
+        "results/repeats/{cell}.parquet",
+    log:
+        "logs/repeats/{cell}.log",
+    wildcard_constraints:
+        cell=either(REPEATABLE),
+    message:
+        "What the tests of {wildcards.cell} repeat of each other."
+    script:
+        "../../scripts/ingest/repeats.py"
+
+
 def series_of(stage, cell):
     """Artefacts of one stage of all series of a cell, where it has several of them."""
     paths = artefacts(stage, cell, *SERIES_KINDS)

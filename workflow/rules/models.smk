@@ -39,36 +39,58 @@ def curve_lenders(cell):
 WARMING_KINDS = ("capacity", "hppc", "ica")
 # Kinds of test that a model may be fitted to, and in which roles.
 FIT_ROLES = {"hppc": ["fit"], "drive": ["fit", "split"]}
+FIT_KINDS = config["models"]["fit_kinds"]
 
 
 def fit_tests(cell):
     """HPPC tests and drives that may be fitted (`fit`, or the odd blocks of `split`)."""
-    kinds = [kind for kind in FIT_ROLES if kind in config["models"]["fit_kinds"]]
+    kinds = [kind for kind in FIT_ROLES if kind in FIT_KINDS]
     return [row for kind in kinds for row in tests(cell, kind, roles=FIT_ROLES[kind])]
 
 
 def fit_series(cell):
     """What a model is fitted to; capacity tests join the pulses, whose loads are short."""
-    rows = fit_tests(cell)
-    if "capacity" in config["models"]["fit_kinds"] and any(row["kind"] == "hppc" for row in rows):
+    rows = fit_tests(cell) or long_loads(cell)
+    if "capacity" in FIT_KINDS and any(row["kind"] == "hppc" for row in rows):
         rows = rows + tests(cell, "capacity", roles=["fit"])
     return [f"results/clean/{cell}/{row['test']}.parquet" for row in rows]
 
 
+def near_in_cycles(row, cycles):
+    """Whether a test lies within 5 cycles of one of these, so that it sees a cell of one age."""
+    return any(abs((row["cycle"] or 0) - cycle) <= 5 for cycle in cycles)
+
+
+def long_loads(cell, *kinds):
+    """Capacity tests of a cell's first check-up (and tests of other `kinds`) that may be fitted."""
+    rows = tests(cell, "capacity", *kinds, roles=["fit"])
+    young = min((row["cycle"] or 0 for row in rows), default=0)
+    return [row for row in rows if near_in_cycles(row, [young])]
+
+
+def several_loads(cell):
+    """Whether long loads may tell a model: beside a slow test or a lent curve, or two of them."""
+    slow = tests(cell, "ocv", roles=["fit"]) or curve_lenders(cell)
+    fits = "capacity" in FIT_KINDS and long_loads(cell)
+    return bool(fits and (slow or len(long_loads(cell, "ica")) > 1))
+
+
 def calibrating(cell):
-    """Cells of the type that have a model of their own."""
-    return [c for c in OF_TYPE.get(type_of(cell), []) if c != cell and c in IDENTIFIED]
+    """Cells of the type that have a model of their own pulses or drives."""
+    return [c for c in OF_TYPE.get(type_of(cell), []) if c != cell and c in EXCITED]
 
 
-# A cell's model comes from its own tests, else from the table that the sheet gives of it, else from
-# its type's reference, else from its group.
-IDENTIFIED = cells_where(fit_tests)
-GIVEN = cells_where(lambda cell: cell not in IDENTIFIED and CELLS[cell].get("model_table"))
+# A cell's model comes from its own pulses or drives, else from the table that the sheet gives of it,
+# else from its type's reference, else from its own long loads, else from its group.
+EXCITED = cells_where(fit_tests)
+GIVEN = cells_where(lambda cell: cell not in EXCITED and CELLS[cell].get("model_table"))
 BIASED = cells_where(
-    lambda cell: cell not in IDENTIFIED | GIVEN
+    lambda cell: cell not in EXCITED | GIVEN
     and tests(cell, "ica", "drive", "capacity")
     and calibrating(cell)
 )
+LOADED = cells_where(lambda cell: cell not in EXCITED | GIVEN | BIASED and several_loads(cell))
+IDENTIFIED = EXCITED | LOADED
 # Of a plain group of cells in parallel alone: in series nothing tells one cell's charge by itself.
 PARALLEL = {
     group: rows
@@ -82,6 +104,7 @@ GROUPED = {
     if row["cell"] not in IDENTIFIED | GIVEN | BIASED and tests(group, "group", roles=["fit"])
 }
 MODELLED = IDENTIFIED | GIVEN | BIASED | GROUPED
+UNMODELLED = cells_where(lambda cell: cell not in MODELLED)
 SCORED = {cell: tests(cell, *SERIES_KINDS, roles=["validation", "split"]) for cell in MODELLED}
 
 
@@ -96,9 +119,11 @@ def resting(name):
     ]
 
 
-def near_in_cycles(row, cycles):
-    """Whether a test lies within 5 cycles of one of these, so that it sees a cell of one age."""
-    return any(abs((row["cycle"] or 0) - cycle) <= 5 for cycle in cycles)
+def curves_of_loads(cell):
+    """Long loads of a cell, the slowest of which stands for its OCV: where nothing else tells one."""
+    told = cell not in IDENTIFIED or tests(cell, "ocv", roles=["fit"]) or resting(cell)
+    rows = [] if told or curve_lenders(cell) else long_loads(cell, "ica")
+    return [f"results/ocv_load/{cell}/{row['test']}.parquet" for row in rows]
 
 
 def rest_curves(cell):
@@ -138,7 +163,7 @@ rule ocv_shift:
 
 rule basis:
     input:
-        rests=lambda w: rest_curves(w.cell),
+        rests=lambda w: [*rest_curves(w.cell), *curves_of_loads(w.cell)],
         shifts=lambda w: (
             [f"results/ocv_shift/{w.cell}.parquet"] if aged_capacity_tests(w.cell) else []
         ),
@@ -317,6 +342,25 @@ rule model:
         "../../scripts/models/model.py"
 
 
+rule no_model:
+    output:
+        "results/models/{cell}.json",
+    log:
+        "logs/no_model/{cell}.log",
+    wildcard_constraints:
+        cell=either(UNMODELLED),
+    params:
+        tests=lambda w: [
+            {name: row[name] for name in ("test", "kind", "role")} for row in TESTS_OF[w.cell]
+        ],
+        fit_kinds=FIT_KINDS,
+        lent_curve=lambda w: bool(curve_lenders(w.cell)),
+    message:
+        "Why {wildcards.cell} has no model."
+    script:
+        "../../scripts/models/no_model.py"
+
+
 EXPORTED = {
     kind: [f"results/export/{cell}/{kind}" for cell in MODELLED]
     for kind in ("pybamm_thevenin.json", "lookup.csv", "over_temperature.csv")
@@ -385,7 +429,8 @@ def model_at_age(wildcards):
 
 rule export:
     input:
-        "results/models/{cell}.json",
+        model="results/models/{cell}.json",
+        validation=lambda w: scores_of(w.cell),
     output:
         pybamm="results/export/{cell}/pybamm_thevenin.json",
         lookup="results/export/{cell}/lookup.csv",
@@ -404,6 +449,7 @@ rule prediction:
     input:
         model=model_at_age,
         series="results/clean/{cell}/{test}.parquet",
+        repeats=repeats_of,
     output:
         scores="results/validation/{cell}/{test}.parquet",
         simulation="results/simulation/{cell}/{test}.parquet",

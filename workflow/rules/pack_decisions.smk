@@ -13,10 +13,10 @@ def capacities_of(cells):
     return [path for cell in cells for path in fitted("capacity", cell, "capacity")]
 
 
-# Cells of one type that have a model of their own tests, under a name that a file may have.
+# Cells of one type that have a model of their own pulses or drives, under a name that a file may have.
 MATCHED = {
     "".join(c if c.isalnum() else "_" for c in name): names
-    for name, names in types_of(IDENTIFIED).items()
+    for name, names in types_of(EXCITED).items()
     if 4 <= len(names) <= 200
 }
 

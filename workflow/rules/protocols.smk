@@ -1,11 +1,18 @@
 # One test protocol, one rule: capacity, slow OCV, pulses, incremental capacity, impedance.
 
 
+def curves_for_stated_soc(wildcards):
+    """Slow tests of the cell whose open-circuit voltage a stated SoC is held against."""
+    stated = TESTS.get((wildcards.cell, wildcards.test), {}).get("soc") is not None
+    return fitted("ocv", wildcards.cell, "ocv") if stated else []
+
+
 rule capacity:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
         course=course_of,
+        curves=curves_for_stated_soc,
     output:
         "results/capacity/{cell}/{test}.parquet",
     log:
@@ -64,6 +71,22 @@ rule ocv_rests:
         "../../scripts/protocols/ocv_rests.py"
 
 
+rule ocv_load:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+    output:
+        "results/ocv_load/{cell}/{test}.parquet",
+    log:
+        "logs/ocv_load/{cell}/{test}.log",
+    params:
+        test=test_facts,
+        cell=cell_facts,
+    message:
+        "Voltage of {wildcards.cell} over SoC in the long load {wildcards.test}, for want of an OCV."
+    script:
+        "../../scripts/protocols/ocv_load.py"
+
+
 # Pulses and the rests after them tell the resistance and its relaxation: one job where both are asked.
 BOTH_KINDS = {*PULSE_KINDS} & {*RELAXATION_KINDS}
 
@@ -73,6 +96,7 @@ rule pulses:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
         basis="results/basis/{cell}.json",
+        repeats=repeats_of,
     output:
         resistance="results/resistance/{cell}/{test}.parquet",
         rests="results/relaxation/{cell}/{test}.parquet",
@@ -97,6 +121,7 @@ rule resistance:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
         basis="results/basis/{cell}.json",
+        repeats=repeats_of,
     output:
         "results/resistance/{cell}/{test}.parquet",
     log:
@@ -118,6 +143,7 @@ rule relaxation:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
         basis="results/basis/{cell}.json",
+        repeats=repeats_of,
     output:
         rests="results/relaxation/{cell}/{test}.parquet",
         curve="results/relaxation_curve/{cell}/{test}.parquet",

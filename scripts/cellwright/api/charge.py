@@ -12,7 +12,7 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
     curves : (test, result of `ocv`) each.
     capacities : (test, result of `capacity`) each.
     lenders : `records.basis.Lender` of cells of the same type.
-    rests : (test, result of `ocv_from_rests`) each.
+    rests : (test, result of `ocv_from_rests`, or of `ocv_from_load`) each.
     shifts : result of `ocv_shifts`, or its rows.
 
     Returns
@@ -44,6 +44,38 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
     return results.Document(content, tuple(_basis_notes(content)), _curve_rows(content["ocv"]))
 
 
+def ocv_from_load(series, cell, test):
+    """Voltage [V] over SoC of the slowest full load of a test that is not slow, for want of an OCV.
+
+    Under one direction it still holds the drop over the resistance: `identify` takes that off with
+    what other rates tell.
+
+    Parameters
+    ----------
+    series : clean series, (n,) columns.
+    cell, test : CellFacts, TestFacts or mappings.
+
+    Returns
+    -------
+    ocv : RestOcv; curve over SoC as of `ocv`, no points.
+
+    Raises
+    ------
+    Refusal : No leg of the record is full and runs to its cut-off.
+
+    Source: docs/ocv.md.
+    """
+    from cellwright.protocols.ocv.slow import slowest_load
+    from cellwright.records.basis import slow_capacity
+
+    cell, test = inputs.cell_facts(cell), inputs.test_facts(test)
+    limits = {name: getattr(cell, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
+    curve = slowest_load(*inputs.quantities(series, inputs.COUNTED), **limits)
+    named = curve._asdict() | {"test": test.test}
+    _, source = slow_capacity(named)
+    return results.RestOcv(curve, {}, source.replace("slow test", "long load"), (curve.note,))
+
+
 def basis_at(basis, cycle):
     """The basis of a cell at one of its check-ups: that capacity and OCV, for a model of that age.
 
@@ -59,7 +91,7 @@ def basis_at(basis, cycle):
     """
     from cellwright.records.basis import at_cycle
 
-    return at_cycle(inputs.content(basis), cycle) | {"checkups": []}
+    return at_cycle(inputs.basis(basis), cycle) | {"checkups": []}
 
 
 def lender(cell, curves, capacities, *, marked=False):
@@ -133,4 +165,4 @@ def state_of_charge(series, basis, test, cell):
     from cellwright.records.basis import soc_or_unknown
 
     columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
-    return soc_or_unknown(columns, inputs.content(basis), inputs.test_facts(test), facts)
+    return soc_or_unknown(columns, inputs.basis(basis), inputs.test_facts(test), facts)

@@ -50,11 +50,12 @@ def degradation_modes(
     from cellwright.health.electrodes.slow_curves import alike, growth, need_two
 
     options = inputs.settings_of(DegradationModes, settings, changes)
-    facts = inputs.cell_facts(cell)
+    facts, ends_seen = _with_ends_seen(inputs.cell_facts(cell), tests)
     slow = _curves(tests, facts, options)
     own, left_out = _check_ups(_with_rests(slow, rests, facts))
     if fresh is not None and len(own) == 1:
-        lent = _curves(fresh[1], inputs.cell_facts(fresh[0]), options).curves
+        lender, _ = _with_ends_seen(inputs.cell_facts(fresh[0]), fresh[1])
+        lent = _curves(fresh[1], lender, options).curves
         lent = [curve for curve in lent if alike(curve, own[0])][:1]
         own = [*lent, *own]
         left_out += [f"fresh state: {curve.cell}, not this cell's own" for curve in lent]
@@ -62,9 +63,28 @@ def degradation_modes(
     pairs = _pairs(chemistry, half_cells)
     fitting = chosen_pair(own, pairs, misfit_volt=options.misfit_volt)
     found = modes_of(own, fitting[0][0], others=[pair for pair, _ in fitting[1:]])
-    words = mode_rows.notes(found, fitting, given=None not in half_cells)
     rows = mode_rows.mode_rows(found, fitting[0][0], own)
-    return results.Table(rows, (*words, *left_out, *growth(own)))
+    words = mode_rows.notes(found, fitting, given=None not in half_cells)
+    words += [f"the last check-up {rows[-1]['doubt']}"] if rows[-1]["doubt"] else []
+    return results.Table(rows, (*words, *ends_seen, *left_out, *growth(own)))
+
+
+CUTOFFS = ("lower_cutoff_volt", "upper_cutoff_volt")
+
+
+def _with_ends_seen(facts, tests):
+    """The cell with the ends of its tests' voltage as cut-offs that are not stated, and a sentence.
+
+    Of all tests the lowest and the highest voltage: one that does not reach them is no full one.
+    """
+    voltages = [test.series["voltage_volt"] for test in inputs.tests(tests)]
+    found, words = {}, []
+    for name, end, most in zip(CUTOFFS, (min, max), ("lowest", "highest"), strict=True):
+        if getattr(facts, name) is None and voltages:
+            found[name] = float(end(end(voltage) for voltage in voltages))
+            volt = f"{found[name]:.3f} V, the {most} voltage of its slow tests"
+            words.append(f"{name} is blank in cells.tsv: taken is {volt}")
+    return facts._replace(**found), words
 
 
 class _Curves(NamedTuple):
@@ -77,8 +97,7 @@ class _Curves(NamedTuple):
 def _curves(tests, facts, options):
     from cellwright.health.electrodes.slow_curves import slow_curve
 
-    found, names = _Curves([], {}), ("lower_cutoff_volt", "upper_cutoff_volt")
-    limits = {name: getattr(facts, name) for name in names}
+    found, limits = _Curves([], {}), {name: getattr(facts, name) for name in CUTOFFS}
     limits |= {"least_hour": options.least_hour, "mean_hour": options.mean_hour}
     for test in inputs.tests(tests):
         try:
@@ -126,13 +145,11 @@ def plateau_losses(tests, cell, settings=None, **changes):
     from cellwright.health.electrodes.plateaus import plateau_losses as losses_of
     from cellwright.health.electrodes.slow_curves import growth, need_two
 
-    options, facts = (
-        inputs.settings_of(DegradationModes, settings, changes),
-        inputs.cell_facts(cell),
-    )
+    options = inputs.settings_of(DegradationModes, settings, changes)
+    facts, ends_seen = _with_ends_seen(inputs.cell_facts(cell), tests)
     own, left_out = _check_ups(_curves(tests, facts, options))
     need_two(own, facts.cell)
-    return results.Table(losses_of(own), (*left_out, *growth(own)))
+    return results.Table(losses_of(own), (*ends_seen, *left_out, *growth(own)))
 
 
 def _check_ups(found):
@@ -152,7 +169,7 @@ def _check_ups(found):
 def _pairs(chemistry, half_cells):
     """Pairs of half cells to try: those given, else the chemistry's."""
     from cellwright.health.electrodes.alignment import Pair
-    from cellwright.health.electrodes.half_cells import CHEMISTRIES, candidates, half_cell
+    from cellwright.health.electrodes.half_cells import CHEMISTRIES, half_cell
 
     known = CHEMISTRIES.get(str(chemistry).upper())
     if known is None and None in half_cells:
@@ -162,6 +179,6 @@ def _pairs(chemistry, half_cells):
         )
     tried = []
     for given, names in zip(half_cells, known or (None, None), strict=True):
-        named = candidates(names if given is None else [given] if isinstance(given, str) else [])
+        named = names if given is None else [given] if isinstance(given, str) else []
         tried.append([half_cell(name) for name in named] or [given])
     return [Pair(negative, positive) for negative in tried[0] for positive in tried[1]]

@@ -29,7 +29,7 @@ def missing_effect(
     settings : `settings.MissingEffect`, or its keys as keywords.
     references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is
         compared with them.
-    model : result of `finish_model`: what does its chosen member still lack?
+    model : result of `finish_model`, or path of its file: what does its chosen member still lack?
     simulated : dict test → (time (n,) [s], voltage (n,) [V]) by any simulator, on the test's own
         clock, or the result of `read_simulated`: what does that one lack? Tests without a simulated
         voltage take no part; one whose simulation does not fit is left out with a note.
@@ -51,12 +51,12 @@ def missing_effect(
 
     finding = searched(
         inputs.cell_facts(cell),
-        inputs.content(basis),
+        inputs.basis(basis),
         inputs.tests(tests),
         LIBRARY if library is None else library,
         settings=_search(settings, split_rest_second, changes),
         references=[_reference(reference) for reference in references],
-        model=None if model is None else inputs.content(model),
+        model=None if model is None else inputs.model(model),
         simulated=None if simulated is None else _simulated(simulated),
     )
     return results.MissingEffect(**finding._asdict())
@@ -81,7 +81,7 @@ def add_own_effects(model, effects, *, choice=()):
     from cellwright.effects.given.member import with_own_effects
 
     rows = inputs.rows(choice or getattr(model, "choice", ()))
-    content, rows = with_own_effects(inputs.content(model), rows, effects)
+    content, rows = with_own_effects(inputs.model(model), rows, inputs.content(effects))
     notes = (content["choice"],) if rows else ()
     return results.FinishedModel(content, parameter_rows(content), rows, notes)
 
@@ -120,12 +120,12 @@ def missing_effect_stability(
 
     found = stability(
         inputs.cell_facts(cell),
-        inputs.content(basis),
+        inputs.basis(basis),
         inputs.tests(tests),
         LIBRARY if library is None else library,
         settings=_search(settings, split_rest_second, changes),
         references=[_reference(reference) for reference in references],
-        model=None if model is None else inputs.content(model),
+        model=None if model is None else inputs.model(model),
     )
     return results.Stability(found.rows, repeat_rows(found.repeats))
 
@@ -152,7 +152,8 @@ def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=No
     from cellwright.effects.witnesses.collected import measured_of
     from cellwright.effects.witnesses.collected import witnesses as held_against
 
-    content, known = inputs.content(basis), dict(tables)
+    content, known = inputs.basis(basis), dict(tables)
+    verdict, model = inputs.content(verdict), inputs.content(model)
     series = inputs.columns(known.pop("series", {}))
     rows = {name: inputs.rows(table) for name, table in known.items()}
     ambient = ambient_celsius or {}
@@ -187,7 +188,7 @@ def prepared_case(
     known = [(inputs.test_facts(facts), series) for facts, series in tests]
     mine = inputs.tests([one for one in known if one[0].kind in (SLOW_TEST, *KINDS)])
     facts = inputs.cell_facts(cell)
-    return prepared(facts, inputs.content(basis), mine, **options).case
+    return prepared(facts, inputs.basis(basis), mine, **options).case
 
 
 def _simulated(simulated) -> dict:
@@ -208,7 +209,7 @@ def _reference(reference):
     from cellwright.effects.finding import Reference
 
     cell, basis, tests = reference
-    return Reference(inputs.cell_facts(cell), inputs.content(basis), inputs.tests(tests))
+    return Reference(inputs.cell_facts(cell), inputs.basis(basis), inputs.tests(tests))
 
 
 def missing_group_effect(group, branches, known_cells, tests, settings=None, **changes):
@@ -239,7 +240,8 @@ def missing_group_effect(group, branches, known_cells, tests, settings=None, **c
         for name, value in search._asdict().items()
     }
     rows = [inputs.branch_facts(branch) for branch in branches]
-    finding = searched(group, rows, known_cells, inputs.tests(tests), settings=plain)
+    known = [one._replace(model=inputs.content(one.model)) for one in known_cells]
+    finding = searched(group, rows, known, inputs.tests(tests), settings=plain)
     empty = {key: {} for key in ("residual_map", "evidence", "confounding", "menu")}
     return results.MissingEffect(**empty, **finding._asdict())
 
@@ -302,7 +304,7 @@ def simulate_group(
     from cellwright.packs.simulate import simulate_pack
     from cellwright.packs.wiring import Wiring
 
-    documents = [inputs.content(model) for model in models]
+    documents = inputs.models(models)
     cells = pack_cells(documents, temperature_celsius=temperature_celsius)
     time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
     wire = np.broadcast_to(np.asarray(wire_resistance_ohm, float), len(documents))

@@ -60,6 +60,24 @@ def steps(table):
     return table if isinstance(table, Steps) else Steps(**columns(table, *Steps._fields))
 
 
+def repeats(table):
+    """Repeats of the tests of a cell from the result of `repeats`, or its columns; None: none."""
+    from cellwright.records.repeats import Repeats
+
+    table = getattr(table, "rows", table)
+    if table is None or isinstance(table, Repeats):
+        return table
+    return Repeats(**columns(table, *Repeats._fields))
+
+
+def elsewhere(table, test, cut):
+    """Name of the test in which each step of a test counts, see `repeats.steps_elsewhere`."""
+    from cellwright.records.repeats import steps_elsewhere
+
+    found = repeats(table)
+    return None if found is None else steps_elsewhere(found, test_facts(test).test, steps(cut))
+
+
 def rows(table) -> list[dict]:
     """Rows as dicts of plain values: of a list of rows, a result, a DataFrame or columns."""
     if isinstance(table, list | tuple) and not hasattr(table, "_asdict"):
@@ -95,6 +113,8 @@ def branch_facts(branch):
 def _facts(kind, values):
     if isinstance(values, kind):
         return values
+    if not isinstance(values, Mapping):
+        raise Refusal(f"found a {type(values).__name__}, wanted {kind.__name__} or a mapping")
     lacking = [n for n in kind._fields if n not in values and n not in kind._field_defaults]
     if lacking:
         raise Refusal(f"{kind.__name__} needs {', '.join(lacking)}; given are {', '.join(values)}")
@@ -108,25 +128,112 @@ def tests(pairs) -> list:
     return [MeasuredTest(test_facts(facts), columns(series, *COUNTED)) for facts, series in pairs]
 
 
+MODEL = ("cell", "capacity_ampere_hour", "ocv", "members", "chosen")
+BASIS = ("capacity_ampere_hour", "ocv")
+
+
 def content(document):
-    """The plain document of a result; a mapping or None is returned as it is."""
-    return getattr(document, "content", document)
-
-
-def json_of_file(path):
-    """Content of a JSON file that a user names.
+    """The plain document of a result, or of the file of a path; a mapping or None as it is.
 
     Raises
     ------
-    Refusal : No such file, or no JSON in it.
+    Refusal : as `json_of_file`.
+    """
+    held = getattr(document, "content", document)
+    return json_of_file(held) if _is_path(held) else held
+
+
+def model(document, *, cell=None):
+    """Content of a model: of a result, a document, or the path of results/models/<cell>.json.
+
+    Parameters
+    ----------
+    document : result of `identify` or `finish_model`, its content, or a path.
+    cell : name, whose model is taken where the document holds the models of a group.
+
+    Raises
+    ------
+    Refusal : as `json_of_file`; something else than a model, with what it is.
+    """
+    from cellwright.circuits.model_file import model_of
+
+    held = content(document)
+    if cell is not None and isinstance(held, Mapping):
+        held = model_of(held, cell)
+    wanted = "a model: a result of `identify` or `finish_model`, or its results/models/<cell>.json"
+    return _of_fields(document, held, MODEL, wanted)
+
+
+def models(documents) -> list:
+    """Content of each of several models, see `model`.
+
+    Raises
+    ------
+    Refusal : one document instead of several, or as `model`.
+    """
+    if _is_path(documents) or isinstance(getattr(documents, "content", documents), Mapping):
+        raise Refusal(f"found {_named_document(documents)}, wanted a list of models, one a cell")
+    return [model(document) for document in documents]
+
+
+def basis(document):
+    """Content of a basis: of a result, a document, a model, or path of results/basis/<cell>.json.
+
+    Raises
+    ------
+    Refusal : as `json_of_file`; something else than a basis or model, with what it is.
+    """
+    wanted = "a result of `basis`, its results/basis/<cell>.json, or a model"
+    return _of_fields(document, content(document), BASIS, wanted)
+
+
+def _of_fields(document, held, fields, wanted):
+    """`held`, refused where it has not these fields; `document` is what the user gave."""
+    if isinstance(held, Mapping) and all(name in held for name in fields):
+        return held
+    place = f"{document}: " if _is_path(document) else ""
+    raise Refusal(f"{place}found {_named_document(held)}, wanted {wanted}")
+
+
+def _named_document(held):
+    """What a document is, in words: its schema, else its first fields, else its type."""
+    if not isinstance(held, Mapping):
+        return "nothing" if held is None else f"a {type(held).__name__}"
+    if "schema" in held:
+        return f"a document of schema {held['schema']}"
+    shown = list(map(str, held))
+    more = f" and {len(shown) - SHOWN_FIELDS} more" if len(shown) > SHOWN_FIELDS else ""
+    return f"a document of {', '.join(shown[:SHOWN_FIELDS]) or 'nothing'}{more}"
+
+
+SHOWN_FIELDS = 5
+
+
+def _is_path(given):
+    return isinstance(given, str) or hasattr(given, "__fspath__")
+
+
+def json_of_file(path):
+    """Content of a JSON file that a user names, without the provenance of an artefact.
+
+    Raises
+    ------
+    Refusal : No such file, or no JSON in it; of an artefact without content the reason that it
+        carries.
     """
     import json
 
     try:
         with open(path, encoding="utf-8") as file:
-            return json.load(file)
+            document = json.load(file)
     except (OSError, ValueError) as error:
         raise Refusal(f"{path}: {error}, wanted a JSON document") from error
+    about = document.get("provenance") if isinstance(document, dict) else None
+    if not isinstance(about, dict):
+        return document
+    if about.get("reason"):
+        raise Refusal(f"{path} holds nothing: {about['reason']}")
+    return {name: value for name, value in document.items() if name != "provenance"}
 
 
 def entries(pairs, fields=None) -> list[dict]:

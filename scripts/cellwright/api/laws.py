@@ -355,6 +355,6 @@ def thermal_constants(cell, model, tests, *, split_rest_second=MODELS.split_rest
     """
     from cellwright.identification.thermal import thermal_of
 
-    about = inputs.content(model), inputs.cell_facts(cell), inputs.tests(tests)
+    about = inputs.model(model), inputs.cell_facts(cell), inputs.tests(tests)
     found = thermal_of(*about, split_rest_second=split_rest_second)
     return results.Document(found.content, found.notes, found.rows)

@@ -31,7 +31,7 @@ def identify(
     """
     from cellwright.identification.cell import cell_model
 
-    measured = (inputs.cell_facts(cell), inputs.content(basis), inputs.tests(tests))
+    measured = (inputs.cell_facts(cell), inputs.basis(basis), inputs.tests(tests))
     return _model(cell_model(*measured, members=members, split_rest_second=split_rest_second))
 
 
@@ -66,8 +66,8 @@ def identify_without(
     from cellwright.identification.cell import cell_model
     from cellwright.identification.compensation import without
 
-    rest = without(inputs.content(basis), inputs.tests(tests), celsius=celsius)
-    members = [inputs.content(whole)["chosen"]]
+    rest = without(inputs.basis(basis), inputs.tests(tests), celsius=celsius)
+    members = [inputs.model(whole)["chosen"]]
     facts = inputs.cell_facts(cell)
     return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
 
@@ -91,7 +91,9 @@ def compare_identification_methods(cell, basis, tests, settings=None, **changes)
     Source: thesis 2.3 and table 2.2; docs/identification.md.
     """
     from cellwright.identification.methods.comparison import compare_methods
-    from cellwright.identification.methods.pulse_records import PulseTest
+    from cellwright.identification.methods.pulse_records import PulseTest, counted_here
+    from cellwright.records.facts import MeasuredTest
+    from cellwright.records.repeats import repeats, sentences, steps_elsewhere
 
     measured = [
         PulseTest(
@@ -99,11 +101,17 @@ def compare_identification_methods(cell, basis, tests, settings=None, **changes)
         )
         for test, series, steps in tests
     ]
+    found = repeats([MeasuredTest(test.facts, test.series) for test in measured])
+    elsewhere = [steps_elsewhere(found, test.facts.test, test.steps) for test in measured]
+    measured = [
+        test._replace(steps=counted_here(test.steps, of))
+        for test, of in zip(measured, elsewhere, strict=True)
+    ]
     chosen = inputs.settings_of(IdentificationMethods, settings, changes)
     comparison = compare_methods(
-        measured, inputs.content(basis), inputs.cell_facts(cell), **chosen._asdict()
+        measured, inputs.basis(basis), inputs.cell_facts(cell), **chosen._asdict()
     )
-    return results.Table(comparison.rows, comparison.left_out)
+    return results.Table(comparison.rows, (*sentences(found), *comparison.left_out))
 
 
 def compare_temperature_laws(
@@ -129,8 +137,8 @@ def compare_temperature_laws(
     """
     from cellwright.identification.compensation import choose_laws, laws_beyond, predicted
 
-    whole = inputs.content(whole)
-    models = {celsius: inputs.content(model) for celsius, model in reduced.items()}
+    whole = inputs.model(whole)
+    models = {celsius: inputs.model(model) for celsius, model in reduced.items()}
     measured = (inputs.cell_facts(cell), inputs.tests(tests))
     rows, notes = predicted(whole, models, *measured, split_rest_second=split_rest_second)
     offered, refused = laws_beyond(whole)
@@ -155,9 +163,9 @@ def predict_left_out(
     """
     from cellwright.identification.compensation import laws_kept, predicted
 
-    models = {celsius: inputs.content(model) for celsius, model in reduced.items()}
+    models = {celsius: inputs.model(model) for celsius, model in reduced.items()}
     rows, notes = predicted(
-        inputs.content(whole),
+        inputs.model(whole),
         models,
         inputs.cell_facts(cell),
         inputs.tests(tests),
@@ -183,7 +191,7 @@ def finish_model(
     Parameters
     ----------
     cell, basis, tests : as of `identify`; basis and tests only for a model of the cell's own tests.
-    model : result of `identify`, of `borrow_model` or of `identify_branches`.
+    model : result of `identify`, of `borrow_model` or of `identify_branches`, or path of its file.
     laws : results of `compare_temperature_laws`.
     effects : `model` of the result of `missing_effect`, or None.
     split_rest_second : shortest rest that cuts a test of role split into blocks [s].
@@ -196,25 +204,40 @@ def finish_model(
     ------
     Refusal : A group's document that has no model of the cell.
     """
-    from cellwright.circuits.model_file import model_of
     from cellwright.circuits.parameters import parameter_rows
     from cellwright.effects.member import finished
     from cellwright.identification.compensation import laws_kept, with_laws
 
     facts = inputs.cell_facts(cell)
-    content = model_of(inputs.content(model), facts.cell)
+    content = inputs.model(model, cell=facts.cell)
     for law in laws:
         content = with_laws(content, laws_kept(inputs.rows(law)))
     content, choice = finished(
         content,
-        inputs.content(basis),
+        None if basis is None else inputs.basis(basis),
         facts,
         inputs.tests(tests),
-        effects,
+        inputs.content(effects),
         split_rest_second=split_rest_second,
     )
     notes = (content["choice"],) if choice else ()
     return results.FinishedModel(content, parameter_rows(content), choice, notes)
+
+
+def refuse_model(tests, *, fit_kinds=("hppc", "drive", "capacity"), lent_curve=False):
+    """Say what is missing for a model of a cell of which no test may be fitted.
+
+    Parameters
+    ----------
+    tests : of the cell. fit_kinds : kinds that models are fitted to. lent_curve : an OCV is lent.
+
+    Raises
+    ------
+    Refusal : Always, with what is missing.
+    """
+    from cellwright.identification import lacking
+
+    raise lacking.no_model([*map(inputs.test_facts, tests)], fit_kinds=fit_kinds, lent=lent_curve)
 
 
 def model_of_table(
@@ -266,7 +289,17 @@ def borrow_model(cell, peers):
     """
     from cellwright.bias.corrected import borrowed_model
 
-    return _model(borrowed_model(cell, peers))
+    return _model(borrowed_model(_shown(cell), [_shown(peer) for peer in peers]))
+
+
+def _shown(cell):
+    """`Shown` with its model read, where it has one."""
+    return cell if cell.model is None else cell._replace(model=inputs.model(cell.model))
+
+
+def _scored(cells):
+    """`Scored` each with its models read."""
+    return [c._replace(shown=_shown(c.shown), own=inputs.model(c.own)) for c in cells]
 
 
 def compare_bias_ways(cells, *, split_rest_second=MODELS.split_rest_second):
@@ -290,7 +323,7 @@ def compare_bias_ways(cells, *, split_rest_second=MODELS.split_rest_second):
     """
     from cellwright.bias.ways import compare_ways
 
-    rows, notes = compare_ways(cells, split_rest_second=split_rest_second)
+    rows, notes = compare_ways(_scored(cells), split_rest_second=split_rest_second)
     return results.Table(rows, tuple(notes))
 
 
@@ -336,37 +369,7 @@ def corrected_voltages(cells, name, tests, *, split_rest_second=MODELS.split_res
     from cellwright.bias.worst import corrected_voltages as simulated
 
     measured = inputs.tests(tests)
-    return simulated(cells, name, measured, split_rest_second=split_rest_second)
-
-
-def export_model(model):
-    """A model for other tools: as PyBaMM's Thevenin model, and as tables over SoC and temperature.
-
-    Parameters
-    ----------
-    model : result of `identify` or `finish_model`.
-
-    Returns
-    -------
-    exported : Exported.
-
-    Source: docs/exports.md.
-    """
-    from cellwright.circuits.exports import lookup_table, pybamm_document
-    from cellwright.circuits.instrument import words_of
-    from cellwright.circuits.model_file import plain_member
-    from cellwright.identification.compensation import temperature_table
-
-    model = inputs.content(model)
-    document, member = pybamm_document(model), plain_member(model)
-    notes = [f"{name} is not exported: {why}" for name, why in document["refused"].items()]
-    for entry in model["members"]:
-        with_blocks = entry.get("companions", {"with": entry})["with"]
-        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(with_blocks)]
-    if member != model["chosen"]:
-        notes.append(f"the look-up table holds {member}: {model['chosen']} is more than RC pairs")
-    tables = (lookup_table(model, member), temperature_table(model, None))
-    return results.Exported(document, *tables, tuple(notes))
+    return simulated(_scored(cells), name, measured, split_rest_second=split_rest_second)
 
 
 def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=None):
@@ -374,7 +377,7 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
 
     Parameters
     ----------
-    model : result of `identify` or `finish_model`.
+    model : result of `identify` or `finish_model`, or path of its results/models/<cell>.json.
     current : DataFrame or columns: test_time_second [s], current_ampere [A], positive on charge.
     initial_soc : state of charge at the first sample [1].
     temperature_celsius : of the cell, scalar or (n,) [°C].
@@ -396,7 +399,7 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     from cellwright.refusal import Refusal
     from cellwright.series.cleaning import net_charge
 
-    model = inputs.content(model)
+    model = inputs.model(model)
     if not 0.0 <= initial_soc <= 1.0:
         raise Refusal(f"SoC {initial_soc:g} at the start; wanted 0 to 1")
     time, ampere = inputs.quantities(current, ("test_time_second", "current_ampere"))
@@ -409,15 +412,19 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     return results.Simulation(columns, member_of(model, member)["model"])
 
 
-def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_second):
+def validate(
+    model, series, test, cell, *, split_rest_second=MODELS.split_rest_second, repeats=None
+):
     """Errors [V] of every member of a model, simulated through a test it was not fitted to.
 
     Parameters
     ----------
-    model : result of `identify` or `finish_model`.
+    model : result of `identify` or `finish_model`, or path of its results/models/<cell>.json.
     series : DataFrame or columns of a clean series, (n,) each.
     test, cell : TestFacts, CellFacts or mappings.
     split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+    repeats : result of `repeats` of the cell's tests: rows that were fitted in another test, or
+        score there, do not score here; None: all do.
 
     Returns
     -------
@@ -431,10 +438,13 @@ def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_s
     """
     from cellwright.identification.validation import validate as validated
     from cellwright.records.basis import at_cycle
+    from cellwright.records.repeats import with_repeated
 
     (measured,) = inputs.tests([(test, series)])
+    found = inputs.repeats(repeats)
+    measured = measured if found is None else with_repeated(measured, found)
     scores = validated(
-        at_cycle(inputs.content(model), measured.facts.cycle),
+        at_cycle(inputs.model(model), measured.facts.cycle),
         inputs.cell_facts(cell),
         measured,
         split_rest_second=split_rest_second,
@@ -475,7 +485,7 @@ def estimate_soc(
 
     (measured,) = inputs.tests([(test, series)])
     runs = soc_runs(
-        at_cycle(inputs.content(model), measured.facts.cycle),
+        at_cycle(inputs.model(model), measured.facts.cycle),
         inputs.cell_facts(cell),
         measured,
         settings=inputs.settings_of(Soc, settings, changes),

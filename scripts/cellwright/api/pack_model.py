@@ -33,7 +33,7 @@ def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_te
     from cellwright.packs.wiring import wiring_of
     from cellwright.records.checkups import repeat_std
 
-    documents = {model["cell"]: model for model in map(inputs.content, models)}
+    documents = {model["cell"]: model for model in inputs.models(models)}
     start = {row["cell"]: row.get("initial_soc") for row in rows}
     told = thermal if isinstance(thermal, Mapping) else constants_of(map(inputs.content, thermal))
     heat = {cell: ThermalConstants(*values) for cell, values in told.items()}
@@ -91,8 +91,6 @@ def pack_model(source):
     from cellwright.refusal import Refusal
 
     content = inputs.content(source)
-    if isinstance(content, str) or hasattr(content, "__fspath__"):
-        content = inputs.json_of_file(content)
     reason = content.get("provenance", {}).get("reason") if isinstance(content, dict) else None
     if reason:
         raise Refusal(reason)

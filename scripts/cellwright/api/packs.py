@@ -100,7 +100,7 @@ def _wired(models, members, celsius, thermal, member):
     if not isinstance(members, Wiring):
         rows = inputs.rows(members)
         wiring = wiring_of(rows[0].get("group", "the pack"), rows)
-    documents = models_of(wiring, [inputs.content(model) for model in models])
+    documents = models_of(wiring, inputs.models(models))
     if thermal is None and np.ndim(celsius) == 0:
         return wiring, pack_cells(documents, temperature_celsius=celsius, member=member)
     grid = table_temperatures(documents, celsius)
@@ -193,7 +193,7 @@ def validate_group(
     rows = inputs.rows(branches)
     group = rows[0].get("group", "the group")
     wiring = wiring_of(group, rows)
-    documents = models_of(wiring, [inputs.content(model) for model in models])
+    documents = models_of(wiring, inputs.models(models))
     own = [row for row in rows if row.get("group", group) == group]
     members = sorted(own, key=lambda row: row["position"])
     facts = [inputs.branch_facts(row) for row in members]
@@ -247,7 +247,7 @@ def nested_pack(models, members, series, test):
     rows = inputs.rows(members)
     group = rows[0].get("group", "the pack")
     wiring = wiring_of(group, rows)
-    documents = models_of(wiring, [inputs.content(model) for model in models])
+    documents = models_of(wiring, inputs.models(models))
     by_name = {row["cell"]: inputs.branch_facts(row) for row in rows}
     own = [part if isinstance(part, str) else part.name for part in wiring.members]
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
@@ -332,7 +332,7 @@ def match_cells(models, cells, capacities=(), settings=None, **changes):
     from cellwright.packs.decisions.fleet import fleet_of, matched_fleet
     from cellwright.packs.series.capability import cutoffs_of
 
-    documents = [inputs.content(model) for model in models]
+    documents = inputs.models(models)
     names = [model["cell"] for model in documents]
     facts = _facts_of(cells, names)
     cutoffs_of(facts)
@@ -348,7 +348,7 @@ def _pack(models, members, cells):
     rows = inputs.rows(members)
     wiring = wiring_of(rows[0].get("group", "the pack"), rows)
     names = cells_of(wiring)
-    documents = models_of(wiring, [inputs.content(model) for model in models])
+    documents = models_of(wiring, inputs.models(models))
     by_cell = {row["cell"]: inputs.branch_facts(row) for row in rows}
     return wiring, documents, [by_cell[name] for name in names], _facts_of(cells, names)
 

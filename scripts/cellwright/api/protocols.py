@@ -50,14 +50,24 @@ def course(tests, cell):
     return results.Table(course_of(ends, **limits))
 
 
-def _state_before(course, test):
-    """State in which the test before left the cell, by the result of `course`; "" where none."""
+def _before(course, test):
+    """State in which the test before left the cell, by the result of `course` ("" where none), and
+    the SoC at the start that the sheet states [1], or None."""
     rows = inputs.rows(course) if course is not None else []
-    name = inputs.test_facts(test).test if test is not None else None
-    return next((row["state_at_begin"] for row in rows if row["test"] == name), "")
+    facts = inputs.test_facts(test) if test is not None else None
+    name, soc = (None, None) if facts is None else (facts.test, facts.soc)
+    state = next((row["state_at_begin"] for row in rows if row["test"] == name), "")
+    return {"state_before": state, "soc_at_start": soc}
 
 
-def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None):
+def _nearest(curves, test):
+    """The open-circuit voltage curve that is nearest to a test in temperature, or None."""
+    from cellwright.records.basis import curve_at
+
+    return curve_at(curves, inputs.test_facts(test).ambient_temperature_celsius) if curves else None
+
+
+def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, curves=()):
     """Capacities [Ah] of the complete charges and discharges of one test.
 
     Parameters
@@ -67,6 +77,7 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None):
     cell : CellFacts or mapping: rating [Ah] and cut-offs [V].
     whole_swing : a half cycle that ends short of the cut-off counts too, as in slow OCV tests.
     test, course : TestFacts or mapping, result of `course`: how the test before left the cell.
+    curves : list of dict, open-circuit voltages of the cell that a stated SoC is held against.
 
     Returns
     -------
@@ -90,12 +101,13 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None):
         upper_cutoff_volt=facts.upper_cutoff_volt,
         surface_temperature_celsius=columns.get("surface_temperature_celsius"),
         whole_swing=whole_swing,
-        state_before=_state_before(course, test),
+        **_before(course, test),
+        curve=_nearest(curves, test),
     )
     return results.Table(half_cycles.rows, tuple(half_cycles.left_out))
 
 
-def ocv(series, cell, *, least_hour=OCV.least_hour):
+def ocv(series, cell, *, least_hour=OCV.least_hour, test=None):
     """Open-circuit voltage [V] over SoC of one slow test: a curve, and functions fitted to it.
 
     Parameters
@@ -103,6 +115,7 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
     series : DataFrame or columns of a clean series, (n,) each.
     cell : CellFacts or mapping: cut-offs [V].
     least_hour : shortest charge or discharge that is slow enough [h].
+    test : TestFacts or mapping: its SoC at the start, or None.
 
     Returns
     -------
@@ -124,6 +137,7 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
         least_hour=least_hour,
+        soc_at_start=None if test is None else inputs.test_facts(test).soc,
     )
     notes = tuple(filter(None, [curve.note]))
     return results.Ocv(curve, fit_functions(curve.soc, curve.ocv_volt), notes)
@@ -167,8 +181,7 @@ def ocv_from_rests(
         upper_cutoff_volt=cell.upper_cutoff_volt,
         ambient_temperature_celsius=test.ambient_temperature_celsius,
         cycle=test.cycle,
-        soc_at_start=test.soc,
-        state_before=_state_before(course, test),
+        **_before(course, test),
     )
     points = rest_points(*columns, steps, rest_second=rest_second)
     limits = {name: getattr(cell, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
@@ -211,7 +224,7 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
     return results.Table(shifts.rows, (f"SoC: {anchored.anchor}", *shifts.left_out))
 
 
-def resistance(series, steps, basis, test, cell, settings=None, **changes):
+def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None, **changes):
     """Resistance [ohm] at stated delays into each pulse of one test.
 
     Parameters
@@ -220,6 +233,7 @@ def resistance(series, steps, basis, test, cell, settings=None, **changes):
     basis : result of `basis`.
     test, cell : TestFacts, CellFacts or mappings.
     settings : `settings.Resistance`, or its key as keyword: delay_second [s].
+    repeats : result of `repeats` of the cell's tests: what counts in another test is left out.
 
     Returns
     -------
@@ -240,13 +254,14 @@ def resistance(series, steps, basis, test, cell, settings=None, **changes):
         *inputs.quantities(series),
         anchored.soc,
         inputs.steps(steps),
-        rated_capacity_ampere_hour=inputs.content(basis)["capacity_ampere_hour"],
+        elsewhere=inputs.elsewhere(repeats, test, steps),
+        rated_capacity_ampere_hour=inputs.basis(basis)["capacity_ampere_hour"],
         **inputs.settings_of(Resistance, settings, changes)._asdict(),
     )
     return results.Table(pulses.rows, (f"SoC: {anchored.anchor}", *pulses.left_out))
 
 
-def relaxation(series, steps, basis, test, cell, settings=None, **changes):
+def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None, **changes):
     """Two exponentials fitted to the voltage of each rest of one test: amplitudes, time constants.
 
     Parameters
@@ -255,6 +270,7 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
     basis : result of `basis`.
     test, cell : TestFacts, CellFacts or mappings.
     settings : `settings.Relaxation`, or its keys as keywords.
+    repeats : as of `resistance`.
 
     Returns
     -------
@@ -269,20 +285,26 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
     """
     from cellwright.api.charge import state_of_charge
     from cellwright.protocols.rests import chamber_or_cell, example, rests_of
+    from cellwright.records.anchor import AS_STATED
 
     columns = inputs.columns(series, *inputs.NAMES)
     time, current, voltage = inputs.quantities(columns)
+    anchored = state_of_charge(columns, basis, test, cell)
     rests = rests_of(
         time,
         current,
         voltage,
-        state_of_charge(columns, basis, test, cell).soc,
+        anchored.soc,
         inputs.steps(steps),
         temperature_celsius=chamber_or_cell(columns),
+        elsewhere=inputs.elsewhere(repeats, test, steps),
         **inputs.settings_of(Relaxation, settings, changes)._asdict(),
     )
     shown = example(rests.rows, time, voltage)
-    return results.Relaxation(rests.rows, shown, tuple(rests.left_out))
+    stated = inputs.test_facts(test).soc is not None
+    told = np.isnan(anchored.soc).all() or (stated and not anchored.anchor.startswith(AS_STATED))
+    where = [f"SoC: {anchored.anchor}"] if told else []
+    return results.Relaxation(rests.rows, shown, (*where, *rests.left_out))
 
 
 def ica(series, steps, settings=None, **changes):
@@ -400,7 +422,7 @@ def thermometer(spectra, series):
     return results.Table(rows, tuple(notes))
 
 
-def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, **changes):
+def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=None, **changes):
     """Share of the capacity [1] that a fast charge reaches in its minutes, and what limits it.
 
     Parameters
@@ -408,7 +430,8 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, **chan
     series, steps : clean series, (n,) columns, and its steps.
     basis : result of `basis`.
     cell : CellFacts or mapping.
-    cycle : of the test: the share is of the capacity of that check-up.
+    cycle : of the test: the share is of the capacity of that check-up. soc : stated at its start
+        [1], or None.
     settings : `settings.FastCharge`, or its key as keyword: minutes [min].
 
     Returns
@@ -428,10 +451,11 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, **chan
     charge, notes = charged(
         inputs.columns(series, *inputs.COUNTED),
         inputs.steps(steps),
-        capacity_ampere_hour=at_cycle(inputs.content(basis), cycle)["capacity_ampere_hour"],
+        capacity_ampere_hour=at_cycle(inputs.basis(basis), cycle)["capacity_ampere_hour"],
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
+        soc_at_start=soc,
         **inputs.settings_of(FastCharge, settings, changes)._asdict(),
     )
     return results.Table([charge], tuple(notes))
@@ -467,7 +491,7 @@ def ageing_cycles(series, steps, test, cell, course=None):
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
-        state_before=_state_before(course, test),
+        **_before(course, test),
     )
     left_out = tuple(complete.left_out)
     return results.Cycles(complete.rows, (*left_out, *complete.by_rest), left_out)

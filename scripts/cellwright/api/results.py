@@ -92,7 +92,10 @@ class Ocv(NamedTuple):
 
 
 class RestOcv(NamedTuple):
-    """Open-circuit voltage from the rests of a pulse test: curve, rests, source of the capacity."""
+    """Open-circuit voltage from the rests of a pulse test: curve, rests, source of the capacity.
+
+    From a long load it has no points.
+    """
 
     curve: object
     points: dict

@@ -122,6 +122,27 @@ def clean(series, settings=None, **changes):
     return results.CleanSeries(cleaning.columns, cleaning.actions, tuple(cleaning.notes))
 
 
+def repeats(tests):
+    """Stretches that tests of one cell have in common, number for number: one measurement each.
+
+    Parameters
+    ----------
+    tests : (test, clean series) each; TestFacts or a mapping, DataFrame or columns.
+
+    Returns
+    -------
+    repeats : Table; rows: `records.repeats.Repeats`, (k,): the test and rows in which it does not
+        count, times [s], and the test in which it does; a note on each.
+
+    Source: docs/cleaning.md.
+    """
+    from cellwright.records.repeats import repeats as shared
+    from cellwright.records.repeats import sentences
+
+    found = shared(inputs.tests(tests))
+    return results.Table(found, sentences(found))
+
+
 def segment(series, cell=None, settings=None, **changes):
     """Steps of a clean series: rest, constant current, held voltage, pulse, dynamic load.
 

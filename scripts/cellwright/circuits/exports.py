@@ -9,6 +9,7 @@ from cellwright.circuits.model_file import (
     is_plain,
     member_of,
     open_circuit_volt,
+    standing_in,
 )
 from cellwright.circuits.temperature import celsius_of, temperature_weights
 from cellwright.refusal import Refusal
@@ -97,42 +98,71 @@ def _times(element, share):
     return element | {name: share * element[name] for name in sized}
 
 
-def pybamm_document(model):
+def validation_errors(rows):
+    """Error of each member over all tests that took no part in its fit [V], by its name.
+
+    Parameters
+    ----------
+    rows : list of dict, scores of members on tests: model, rmse_volt [V], samples.
+    """
+    squares = {}
+    for row in rows:
+        square, samples = squares.get(row["model"], (0.0, 0.0))
+        more = row["samples"] * row["rmse_volt"] ** 2
+        squares[row["model"]] = (square + more, samples + row["samples"])
+    return {name: float(np.sqrt(square / count)) for name, (square, count) in squares.items()}
+
+
+def pybamm_document(model, errors=None):
     """PyBaMM tables of all members of a model at all temperatures, and why members are missing.
 
     Parameters
     ----------
-    model : dict, a model file.
+    model : dict, a model file. errors : of members, see `validation_errors`, or None.
 
     Returns
     -------
-    document : dict of schema, cell, chosen, members (list of model and its `tables`, one per
-        temperature) and refused (member → reason).
+    document : dict of schema, cell, chosen, exported (the chosen member, or which stands for it
+        where it is refused; None where all are), members (list of model, its validation_rmse_volt
+        [V] and its `tables`, one per temperature), refused (member → reason) and
+        refused_validation_rmse_volt.
     """
-    members, refused = [], {}
+    members, refused, errors = [], {}, errors or {}
     for member in model["members"]:
         name = member["model"]
         try:
             tables = [pybamm_parameters(model, name, t) for t in _temperatures(member)]
-            members.append({"model": name, "tables": tables})
         except Refusal as refusal:
             refused[name] = str(refusal)
+        else:
+            error = {"validation_rmse_volt": errors.get(name)}
+            members.append({"model": name} | error | {"tables": tables})
+    able = [member["model"] for member in members]
     about = {"schema": SCHEMA, "cell": model["cell"], "chosen": model["chosen"]}
-    return about | {"members": members, "refused": refused}
+    about["exported"] = standing_in(model, able) if able else None
+    left = {name: errors.get(name) for name in refused}
+    return about | {
+        "members": members,
+        "refused": refused,
+        "refused_validation_rmse_volt": left,
+    }
 
 
-def lookup_table(model, member):
+def lookup_table(model, member, errors=None):
     """Look-up table of a member of RC pairs: one row per temperature and SoC, on one grid of SoC.
 
     Parameters
     ----------
     model : dict, a model file.
     member : name of a member of RC pairs, see `plain_member`.
+    errors : of members, see `validation_errors`, or None.
 
     Returns
     -------
     columns : dict of model, ambient_temperature_celsius, soc, ocv_volt, r0_ohm, and of each pair
-        r1_ohm, tau1_second, c1_farad, …; `extrapolated` where the SoC was not identified.
+        r1_ohm, tau1_second, c1_farad, …; `extrapolated` where the SoC was not identified. The same
+        in each row: chosen, the member that the pipeline uses, and the validation errors of both
+        [V], NaN where no test tells them.
 
     Raises
     ------
@@ -144,7 +174,13 @@ def lookup_table(model, member):
     temperatures = _temperatures(entry)
     soc = _distinct_soc(np.concatenate([_knots(model, entry, celsius) for celsius in temperatures]))
     blocks = [_lookup_block(model, entry, soc, celsius) for celsius in temperatures]
-    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    rows, known = len(columns["soc"]), errors or {}
+    return columns | {
+        "chosen": np.full(rows, model["chosen"]),
+        "validation_rmse_volt": np.full(rows, known.get(member, np.nan)),
+        "chosen_validation_rmse_volt": np.full(rows, known.get(model["chosen"], np.nan)),
+    }
 
 
 def _lookup_block(model, member, soc, celsius):

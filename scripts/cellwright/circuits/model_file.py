@@ -40,6 +40,7 @@ def condition_entry(condition, *, ambient_temperature_celsius, tests):
         "soc": _plain(condition.soc),
         "r0_ohm": _plain(condition.r0_ohm),
         "r0_std_ohm": _plain(condition.r0_std_ohm),
+        "steady_std_ohm": _plain(condition.steady_std_ohm),
         "branches": [_branch(element) for element in condition.branches],
         "ocv_shift_volt": _plain(condition.ocv_shift_volt),
         "ocv_scale": {"missing": condition.missing, "stretch": condition.stretch},
@@ -454,22 +455,36 @@ def plain_member(model):
 
     Returns
     -------
-    name : the chosen member where it is plain, or the one that its effects stand beside, else the
-        plain one of the smallest error of what was
-        left out of its fit (`left_out_rmse_volt`); where none states it, that of most pairs.
+    name : of the plain members the one that `standing_in` takes.
 
     Raises
     ------
     Refusal : no member is plain.
     """
-    plain = [member for member in model["members"] if is_plain(member)]
+    plain = [member["model"] for member in model["members"] if is_plain(member)]
     if not plain:
         raise Refusal(f"no member of the model of {model['cell']} is made of RC pairs alone")
+    return standing_in(model, plain)
+
+
+def standing_in(model, names):
+    """Which of some members stands for the chosen one where only they can be used.
+
+    Parameters
+    ----------
+    model : dict, a model file. names : of those members, at least one.
+
+    Returns
+    -------
+    name : the chosen member where it is among them, or the one that its effects stand beside, else
+        the one of the smallest `left_out_rmse_volt`; where none states it, that of most branches.
+    """
     chosen = member_of(model)
     for name in (chosen["model"], chosen.get("of")):
-        if name in [member["model"] for member in plain]:
+        if name in names:
             return name
-    return min(plain, key=_left_out_rank)["model"]
+    able = [member for member in model["members"] if member["model"] in names]
+    return min(able, key=_left_out_rank)["model"]
 
 
 def _left_out_rank(member):

@@ -30,6 +30,8 @@ def parameter_rows(model):
     rows : list of dict, by member, condition, parameter and SoC: r0, then r1, tau1, … of RC pairs
         and kinetics (these with scale1, …), rct, tauct, scalect of the charge transfer that no
         sample resolves, hysteresis_m, hysteresis_charge, diffusion_gain, diffusion_tau, ocv_shift;
+        steady_resistance, the sum of r0 and all resistances of branches for small currents, of
+        members that were identified;
         without SoC ocv_missing, ocv_stretch and activation_energy, of the condition as a whole.
         Of a member with companions the circuit that it begins from, and the sizes of its effects.
     """
@@ -73,5 +75,9 @@ def _columns(condition):
             name = f"{short}{label}" if label else f"{kind}_{short}"
             flag = f"{short}{label}".upper()
             yield name, flag, branch[parameter], branch.get(std_name(parameter)), unit
+    if "steady_std_ohm" in condition:
+        parts = [branch["r_ohm"] for branch in condition["branches"] if "r_ohm" in branch]
+        steady = [sum(at_knot) for at_knot in zip(condition["r0_ohm"], *parts, strict=True)]
+        yield "steady_resistance", "", steady, condition["steady_std_ohm"], "Ohm"
     if "ocv_shift_volt" in condition:
         yield "ocv_shift", "", condition["ocv_shift_volt"], None, "V"

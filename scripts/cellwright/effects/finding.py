@@ -248,7 +248,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
         ranking,
         residuals,
         _evidence(case, result),
-        _series(case, rounds[0].before, result.last),
+        _series(case, rounds[0].before, result.last, rounds[-1].filters),
         confounding(shown(case, library, plain, spread=rounds[0].noise)),
         menu,
         model,
@@ -437,9 +437,9 @@ def _evidence(case, result):
     return joined(parts)
 
 
-def _series(case, before, after):
-    """Columns of all records: what was measured, and both models."""
-    parts = []
+def _series(case, before, after, filters):
+    """Columns of all records: what was measured, both models, and which rows the errors count."""
+    parts, counted = [], {"fit": filters.fit_rows, "validation": filters.validation_rows}
     for role, stack in (("fit", case.fit), ("validation", case.validation)):
         values = after.solution.values if role == "fit" else after.values
         fields = base.fields_of(case.cell, stack, values, after.effects)
@@ -455,6 +455,7 @@ def _series(case, before, after):
                 "celsius": stack.celsius.tolist(),
                 "soc": fields.soc.tolist(),
                 "used": stack.used.tolist(),
+                "counted": counted[role].tolist(),
                 "voltage_volt": stack.voltage_volt.tolist(),
                 "before_volt": (stack.voltage_volt - residuals[0]).tolist(),
                 "after_volt": (stack.voltage_volt - residuals[1]).tolist(),

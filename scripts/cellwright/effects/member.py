@@ -21,19 +21,19 @@ from cellwright.effects.library.overpotential import DIFFUSION_KINDS
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import NEAR_END, stacked
 from cellwright.effects.search import POLISH_STEPS
-from cellwright.identification.choice import (
-    FOLDS,
+from cellwright.identification.choice import FOLDS, Score
+from cellwright.identification.in_use import (
     Judged,
-    Score,
     decided,
     errors_of,
     fitted_records,
-    inner_rmse,
+    simulated_errors,
 )
 from cellwright.numerics.least_squares import fit
 from cellwright.records.anchor import REST_C_RATE
+from cellwright.records.blocks import blocks, parts
 from cellwright.records.conditions import same_temperature
-from cellwright.records.record import blocks, cell_temperature, record_of
+from cellwright.records.record import cell_temperature, record_of
 from cellwright.refusal import Refusal
 
 NAME = "2RC+effects"
@@ -286,16 +286,24 @@ def folds(case, state, noise, *, split_rest_second):
 def blocks_of_case(case, rest_second):
     """Number of the block of each row, and [test, from, until] of each; unused rows: number −1.
 
+    Blocks as of the members of the family, see `record.blocks_of_used`.
+
     Parameters
     ----------
     case : case.Case. rest_second : shortest rest that ends a block [s].
     """
-    stack, numbers, spans = case.fit, np.full(len(case.fit.file), -1), []
     rest_ampere = REST_C_RATE * case.cell.capacity_ampere_hour
+    rest = {"rest_second": rest_second, "rest_ampere": rest_ampere}
+    numbers, spans = _spans(case.fit, blocks, rest)
+    return (numbers, spans) if len(spans) > 1 else _spans(case.fit, parts, rest)
+
+
+def _spans(stack, cut, rest):
+    """Numbers and spans of `blocks_of_case` by one way of cutting the records."""
+    numbers, spans = np.full(len(stack.file), -1), []
     for file, test in enumerate(stack.tests):
         rows = np.flatnonzero(stack.file == file)
-        second, current = stack.second[rows], stack.current_ampere[rows]
-        block = blocks(second, current, rest_second=rest_second, rest_ampere=rest_ampere)
+        block = cut(stack.second[rows], stack.current_ampere[rows], **rest)
         for number in np.unique(block[stack.used[rows]]):
             inside = rows[block == number]
             numbers[inside] = len(spans)
@@ -316,7 +324,7 @@ def finished(model, basis, cell, tests, effect_model, *, split_rest_second):
 
     Returns
     -------
-    model : dict of the same schema. rows : list of dict, see `identification.choice.decided`;
+    model : dict of the same schema. rows : list of dict, see `identification.in_use.decided`;
         none for a
         borrowed model, whose cell has no records that its members were fitted to.
     """
@@ -346,11 +354,11 @@ def with_effects(model, effect_model, tests, conditions):
     effect_model : dict, see `effect_member`, with `start_soc` (of the search's fit) and `folds`
         (see `folds`).
     tests : list of MeasuredTest, whose temperatures the member is to hold.
-    conditions : list of lists of choice.FittedRecord, one a condition of the model.
+    conditions : list of lists of in_use.FittedRecord, one a condition of the model.
 
     Returns
     -------
-    model : dict of the same schema, the member last. judged : choice.Judged, of the same blocks as
+    model : dict of the same schema, the member last. judged : in_use.Judged, of the same blocks as
         the family's members.
 
     Raises
@@ -375,7 +383,7 @@ def with_effects(model, effect_model, tests, conditions):
     pairs = list(zip(conditions, errors, strict=True))
     judged = Judged(
         [_score(part, of_part, folds) for part, of_part in pairs],
-        np.array([inner_rmse(part, [by_fit[0] for by_fit in of_part]) for part, of_part in pairs]),
+        *simulated_errors(conditions, [[by_fit[0] for by_fit in part] for part in errors]),
     )
     notes = [*model["notes"], *(f"{NAME}: {words}" for words in words_of(member))]
     return models[0] | {"notes": notes}, judged

@@ -16,7 +16,8 @@ from cellwright.protocols.ocv.gap import slow_gap
 from cellwright.protocols.ocv.slow import mean_of_branches, rising
 from cellwright.records.conditions import REFERENCE_CELSIUS, of_first_checkup
 from cellwright.records.record import laid_out_to_fit
-from cellwright.records.thinning import STEP_PART, averaged_to, thin
+from cellwright.records.repeats import counted_once
+from cellwright.records.thinning import STEP_PART, averaged_to, driven, largest_ampere, thin
 from cellwright.refusal import Refusal
 
 MEASURED_SOC = 0.1, 0.9  # of a slow test; towards its ends the OCV is joined to what rests show
@@ -108,7 +109,9 @@ def _with_slow_test(tests, basis, curve):
 def _sides(cell, basis, tests, settings):
     """Records that are fitted and that judge, with notes on those that cannot be used."""
     young, later = of_first_checkup(tests)
+    young, words = counted_once(young)
     fitted, judging, notes = [], [], [f"not used, of a later check-up: {n}" for n in later]
+    notes += words
     for test in young:
         role, given = test.facts.role, (test, basis, cell, settings)
         try:
@@ -133,6 +136,8 @@ def _record(test, basis, cell, settings, *, proof=False):
     # What the instrument read, with what cleaning did not count: an offset is one of the effects.
     cut = {"split_rest_second": settings["split_rest_second"]}
     record = laid_out_to_fit(test, basis, cell, proof=proof, as_read=True, **cut)
+    if not record.used.any():
+        raise Refusal("all of it counts in another test")
     if record.kind != SLOW_TEST:
         return record
     moved = np.abs(np.diff(record.soc)).sum()
@@ -193,14 +198,15 @@ def _thinned(records, most_rows, capacity_ampere_hour):
 def _least_step_ampere(record):
     """Change of the current from row to row that ends a steady stretch of a record [A].
 
-    Where the usual change is far below its steps it is noise, which no step may be taken for. In a
-    drive that moves all the time, every change is one of the load.
+    Between the steps of a record that is no drive the usual change is noise, which no step may be
+    taken for. In a drive that moves all the time, every change is one of the load.
     """
     change = np.abs(np.diff(record.current_ampere))
-    largest = change.max(initial=0.0)
-    least = largest / EDGE_PART
-    noise = NOISES * float(np.median(change)) if len(change) else 0.0
-    return max(least, noise) if noise < largest / STEP_PART else least
+    largest = largest_ampere(record)
+    least, noise = largest / EDGE_PART, NOISES * float(np.median(change)) if len(change) else 0.0
+    if driven(record.current_ampere) and noise >= largest / STEP_PART:
+        return least
+    return max(least, min(noise, largest / STEP_PART))
 
 
 def _misfit(case):

@@ -47,6 +47,7 @@ class Stack(NamedTuple):
     parameters of a model change neither. courses : `base.Course` of the last parameters that moved
     the charge, by their values; kept likewise.
     stated : (f,) bool, records of which no sensor told the temperature.
+    least_digit_ampere, least_digit_volt : (f,) of the readings [A], [V].
     anchor_row : (f,) row of each record whose SoC is known, the end of a full charge say; None
     where that is the first row of all. anchor_rise : (f,) its SoC over that at the start, as it was
     counted first [1].
@@ -73,6 +74,8 @@ class Stack(NamedTuple):
     responses: dict
     courses: dict
     stated: np.ndarray
+    least_digit_ampere: np.ndarray
+    least_digit_volt: np.ndarray
     ohmic_course: np.ndarray | None = None
     slow_courses: tuple | None = None
     tau_course: np.ndarray | float = 1.0
@@ -137,6 +140,8 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         responses={},
         courses={},
         stated=np.array([record.temperature_source in STATED for record in records]),
+        least_digit_ampere=np.array([record.least_digit_ampere for record in records]),
+        least_digit_volt=np.array([record.least_digit_volt for record in records]),
         anchor_row=None if np.all(anchors == rows["first"]) else anchors,
         anchor_rise=moved[anchors] - moved[rows["first"]],
     )

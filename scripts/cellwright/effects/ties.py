@@ -189,7 +189,7 @@ def rest_current(stack, *, capacity_ampere_hour):
     mean = float(np.average(means, weights=weights))
     spread = np.sqrt(np.average((means - mean) ** 2, weights=weights) / max(len(means) - 1, 1))
     within = np.sqrt(sum(rest.var() * len(rest) for rest in logged)) / weights.sum()
-    finest = max(_resolution(stack.current_ampere), FINEST_C_RATE * capacity_ampere_hour)
+    finest = max(stack.least_digit_ampere.max(), FINEST_C_RATE * capacity_ampere_hour)
     std = float(np.sqrt(spread**2 + within**2 + finest**2 / 12.0))
     return RestCurrent(mean, std, len(logged), informative=True)
 
@@ -239,9 +239,3 @@ def _steady(stack, begin, end, capacity):
     logged, second = stack.current_ampere[begin:end], stack.second[begin:end]
     near = np.abs(logged - np.median(logged)) <= STEADY_C_RATE * capacity
     return second[-1] - second[0] >= REST_SECOND and bool(near.mean() > 0.95)
-
-
-def _resolution(logged):
-    """Resolution of a log: the smallest step between two readings [A]."""
-    steps = np.diff(np.unique(np.round(logged, 9)))
-    return float(steps.min(initial=np.inf)) if len(steps) else 0.0

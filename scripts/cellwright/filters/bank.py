@@ -8,6 +8,7 @@ from cellwright.circuits.circuit import kind_of
 from cellwright.circuits.model_file import capacity_of, circuit_at, member_of
 from cellwright.circuits.temperature import continued_ocv_at
 from cellwright.numerics.statistics import rms
+from cellwright.records.basis import stated_or_reference
 from cellwright.refusal import Refusal
 
 BEYOND = 0.25  # how far the tables go on below empty and above full
@@ -194,13 +195,9 @@ def _model_errors(member, celsius):
     overall = np.sqrt(np.average(errors**2, weights=samples))
     errors = errors * (UNSEEN if left_out is None else left_out / max(overall, 1e-9))
     rest = errors.min() / np.sqrt(2.0)
-    order = np.argsort([celsius_of_conditions or 0.0 for celsius_of_conditions, _ in pairs])
-    celsius_of_conditions = np.array([celsius_of_conditions for celsius_of_conditions, _ in pairs])[
-        order
-    ]
-    at_celsius = (
-        errors[0] if len(pairs) == 1 else np.interp(celsius, celsius_of_conditions, errors[order])
-    )
+    known = np.array([stated_or_reference(stated) for stated, _ in pairs])
+    order = np.argsort(known)
+    at_celsius = np.interp(celsius, known[order], errors[order])
     return float(rest), float(np.sqrt(at_celsius**2 - rest**2))
 
 

@@ -8,6 +8,7 @@ from cellwright.circuits.circuit import member_named
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch
 from cellwright.circuits.temperature import ocv_at, resistance_factor
 from cellwright.identification.choice import choose, left_out
+from cellwright.identification.condition import ABSENT_SECOND
 from cellwright.identification.identify import (
     activation_of,
     at_activation_energy,
@@ -16,12 +17,17 @@ from cellwright.identification.identify import (
     limits_of,
 )
 from cellwright.identification.ocv_shape import ocv_from_loads, shape_records
-from cellwright.identification.search import ABSENT_SECOND, shared_of
+from cellwright.identification.search import shared_of
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.basis import capacities_of_checkups
-from cellwright.records.conditions import REFERENCE_CELSIUS, of_first_checkup, stated_or_reference
-from cellwright.records.record import blocks_of_used, records_by_temperature
+from cellwright.records.blocks import blocks_of_used
+from cellwright.records.conditions import (
+    REFERENCE_CELSIUS,
+    of_first_checkup,
+    stated_or_reference,
+)
+from cellwright.records.record import records_by_temperature
 from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-model/2"
@@ -51,11 +57,12 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     """Identify every member of the circuit family at every temperature a cell was tested at.
 
     1. Tests of the earliest check-up are grouped by chamber temperature; at each, HPPC tests are
-    used where there are any, with the capacity tests beside them, else drives. Of a drive of role
-    `split` only the odd blocks are fitted. 2. Resistances are taken to the chamber's temperature
-    with the activation energy that the temperatures show between them. 3. Where the OCV comes from
-    one slow branch, its drop over the model's resistances is put back and the fit repeated. 4. The
-    member that best predicts blocks left out of its fit is the chosen one.
+    used where there are any, with the capacity tests beside them, else drives, and of a cell with
+    neither capacity tests alone. Of a drive of role `split` only the odd blocks are fitted.
+    2. Resistances are taken to the chamber's temperature with the activation energy that the
+    temperatures show between them. 3. Where the OCV comes from one slow branch, its drop over the
+    model's resistances is put back and the fit repeated. 4. The member that best predicts blocks
+    left out of its fit is the chosen one.
 
     Parameters
     ----------
@@ -111,9 +118,15 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
             }
             for condition in identified
         ],
-        "kind": "hppc" if any(fit_records.pulsed for fit_records in by_temperature) else "drive",
+        "kind": _kind(by_temperature),
         "notes": [*notes, *filter(None, [energies])],
     }
+
+
+def _kind(by_temperature):
+    """Kind of test that a model is from: pulses before drives before long loads."""
+    kinds = {record.kind for fit_records in by_temperature for record in fit_records.records}
+    return next(kind for kind in ("hppc", "drive", "capacity") if kind in kinds)
 
 
 def _identified(by_temperature, basis, members, split_rest_second, notes):
@@ -122,6 +135,7 @@ def _identified(by_temperature, basis, members, split_rest_second, notes):
     for fit_records in by_temperature:
         try:
             _data(fit_records, basis)
+            _refuse_own_curve(fit_records, _nearest(basis["ocv"], fit_records.celsius))
             usable.append(fit_records)
         except Refusal as refusal:
             notes.append(f"not identified at {fit_records.celsius:g} °C: {refusal}")
@@ -146,6 +160,19 @@ def _identified(by_temperature, basis, members, split_rest_second, notes):
             by_celsius[fit_records.celsius] = identified
             diffusion = _first_diffusion(diffusion, identified, fit_records.celsius)
     return [by_celsius[celsius] for celsius in sorted(by_celsius)], activation.words
+
+
+def _refuse_own_curve(fit_records, curve):
+    """Refuse long loads that are no faster than the one of them that stands for the OCV."""
+    if curve["branches"] not in ("discharge", "charge"):
+        return
+    slow = abs(curve[f"{curve['branches']}_current_ampere"])
+    fastest = max(np.abs(record.current_ampere).max() for record in fit_records.records)
+    if fastest <= slow or same_rate(fastest, slow):
+        raise Refusal(
+            f"the OCV is from {curve['test']} at {slow:.3g} A, and no load is faster: one rate "
+            "cannot tell OCV and resistance apart; wanted loads at two rates, or a slow test"
+        )
 
 
 def _widest_limits(limits):

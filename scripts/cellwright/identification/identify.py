@@ -15,11 +15,10 @@ import numpy as np
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, resistance_factor
 from cellwright.identification.columns import Data, Held
+from cellwright.identification.condition import Condition, condition_of
 from cellwright.identification.regression import SCALES, pull_of, solved
 from cellwright.identification.search import (
-    Condition,
     cheapest,
-    condition_of,
     cost_of,
     key_of,
     lowest,
@@ -38,6 +37,7 @@ GRID_PER_DECADE = 4
 FARADAY = 96485.33212  # C/mol
 CHARGE_SHARES = (0.01, 0.03, 0.1, 0.3)  # of the capacity: charge constants of the hysteresis
 ELECTRODES = (1.0, 2.0)  # that share the charge transfer: scale 2RT/F each
+SAME_CURRENT = 0.05  # of the largest current: currents that differ by less tell nothing apart
 FINEST = 0.02  # of the logarithm of a time constant
 DIFFUSION_SECOND = (500.0, 1000.0, 2000.0, 4000.0, 8000.0, 16000.0)  # radius² over diffusivity
 EMPTY_KNOTS = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15)
@@ -81,7 +81,7 @@ def data_of(
     ------
     Refusal : the current never changes: nothing excites the cell.
     """
-    ready = ready_records(records)
+    ready = ready_records(records, capacity_ampere_hour=capacity_ampere_hour)
     soc = np.concatenate([r.soc[r.used] for r in ready])
     if not len(soc):
         raise Refusal("no row of the records is left to fit")
@@ -100,12 +100,15 @@ def data_of(
     )
 
 
-def ready_records(records):
+def ready_records(records, *, capacity_ampere_hour):
     """Records with their steady stretches thinned and the rows at edges of the current left out.
+
+    Of long loads without pulses or drives beside them a row is kept at each half per cent of the
+    SoC as well: they alone tell how the resistance changes with it.
 
     Parameters
     ----------
-    records : sequence of Record.
+    records : sequence of Record. capacity_ampere_hour : what their SoC refers to [Ah].
 
     Returns
     -------
@@ -113,12 +116,27 @@ def ready_records(records):
 
     Raises
     ------
-    Refusal : the current never changes: nothing excites the cell.
+    Refusal : one current in all of them: nothing excites the cell.
     """
-    step = max(np.abs(np.diff(r.current_ampere)).max() for r in records) / 20
-    if step == 0:
+    current = np.concatenate([record.current_ampere for record in records])
+    if np.ptp(current) <= SAME_CURRENT * np.abs(current).max(initial=0.0):
         raise Refusal("the current never changes: resistance cannot be told from OCV")
-    return tuple(without_edges(thin(r, step_ampere=step / 10), step_ampere=step) for r in records)
+    step = max(largest_step(record) for record in records) / 20
+    along = {"capacity_ampere_hour": capacity_ampere_hour}
+    if any(record.kind != "capacity" for record in records):
+        along = {}
+    thinned = [thin(record, step_ampere=step / 10, **along) for record in records]
+    return tuple(without_edges(record, step_ampere=step) for record in thinned)
+
+
+def largest_step(record):
+    """Largest change of a record's current [A], that from the rest before its first row included.
+
+    Parameters
+    ----------
+    record : Record, which starts from rest.
+    """
+    return float(np.abs(np.diff(record.current_ampere, prepend=0.0)).max())
 
 
 def identify(
@@ -207,7 +225,7 @@ def limits_of(data):
     """
     steady, sampling = [], []
     for r in data.records:
-        step = max(np.abs(np.diff(r.current_ampere)).max() / 20, 1e-9)
+        step = max(largest_step(r) / 20, 1e-9)
         marks = np.r_[0, edges(r, step_ampere=step), len(r.soc) - 1]
         steady.append(np.diff(r.test_time_second[marks]).max())
         steps = np.diff(r.test_time_second)

@@ -9,6 +9,8 @@ from cellwright.numerics.statistics import rms
 from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 
+FAULT_VOLT = 0.5  # a simulation so far outside what was measured has a fault, not an error
+
 
 class Validation(NamedTuple):
     """Rows of scores, one a member, and the series (n,) they were taken from."""
@@ -59,6 +61,7 @@ def validate(model, cell, test, *, split_rest_second):
         columns[f"simulated_{name}_volt"] = run.voltage_volt
         error = record.voltage_volt - run.voltage_volt
         row = scores(error[scored], record.soc[scored])
+        row["beyond_volt"] = beyond_volt(record.voltage_volt, error)
         outside = (run.extrapolated | run.outside_temperature)[scored]
         rows.append(
             {"model": name, **row, "extrapolated": float(outside.mean())}
@@ -67,7 +70,27 @@ def validate(model, cell, test, *, split_rest_second):
         )
     names = ("test_time_second", "current_ampere", "voltage_volt", "soc")
     columns = {name: getattr(record, name) for name in names} | {"scored": scored} | columns
-    return Validation(rows, columns, (f"simulated at {record.temperature_source} temperature",))
+    notes = [f"simulated at {record.temperature_source} temperature"]
+    notes += [
+        f"{row['model']} simulates {row['beyond_volt']:.2g} V outside what was measured: a fault"
+        for row in rows
+        if row["chosen"] and row["beyond_volt"] > FAULT_VOLT
+    ]
+    return Validation(rows, columns, tuple(notes))
+
+
+def beyond_volt(voltage_volt, error_volt):
+    """How far a simulation leaves the range of the measured voltage [V]; 0 where it stays inside.
+
+    A small error over a whole record may hide a few samples at -1.5 V, which no cell ever has.
+
+    Parameters
+    ----------
+    voltage_volt, error_volt : (n,) measured, and measured minus simulated [V].
+    """
+    simulated_volt = voltage_volt - error_volt
+    above = simulated_volt.max() - voltage_volt.max()
+    return float(max(above, voltage_volt.min() - simulated_volt.min(), 0.0))
 
 
 def scores(error_volt, soc):

@@ -37,6 +37,46 @@ class Noise(NamedTuple):
 
 FIRST = Noise(2e-3, 1e-3, 200.0)  # of a usual cycler: what a search begins with
 
+FORMAT_DIGIT = 5e-7  # of the largest value: two that differ by less are one, written as float32
+REPEATED_SHARE = 0.95  # of the rows: levels read twice or more that hold so many are all there are
+UNEVEN = 1.6  # a converter's step, written with few digits, is now 2 and now 3 of these
+OFF_GRID = 0.25  # of a digit, by which a level then misses the grid
+FAR_DIGITS = 10.5  # between two levels: farther ones tell nothing of the digit
+CANDIDATES = 30
+
+
+def least_digit(values):
+    """Least digit of a reading, the step between its neighbouring levels; 0 where it has none.
+
+    The smallest distance of neighbouring levels whose multiples hold 95 % of all such distances up
+    to ten of it. Levels read once beside many that are repeated are repairs of cleaning. Within a
+    digit q the truth lies anywhere: its standard deviation is q/√12.
+
+    Parameters
+    ----------
+    values : (n,) of one channel, in any unit; not finite ones are passed over.
+
+    Returns
+    -------
+    digit : in the unit of the values.
+
+    Source: W. R. Bennett, Bell System Technical Journal 27 (1948), 446 (noise of a quantised
+    signal).
+    """
+    read = np.asarray(values, float)
+    levels, rows = np.unique(read[np.isfinite(read)], return_counts=True)
+    repeated = rows > 1
+    if rows[repeated].sum() >= REPEATED_SHARE * rows.sum():
+        levels = levels[repeated]
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > FORMAT_DIGIT * np.abs(levels).max(initial=0.0)]
+    for smallest in np.sort(gaps)[:CANDIDATES]:
+        digit = float(gaps[(gaps >= smallest) & (gaps <= UNEVEN * smallest)].mean())
+        multiples = gaps[gaps <= FAR_DIGITS * digit] / digit
+        if np.mean(np.abs(multiples - np.round(multiples)) <= OFF_GRID) >= REPEATED_SHARE:
+            return digit
+    return 0.0
+
 
 class Whitening(NamedTuple):
     """Filter gains for a stack of records; `apply` makes rows independent and of unit variance.
@@ -87,10 +127,21 @@ def whitening(noise, stack, *, extra_volt=0.0):
     return Whitening(keep, gain, scale)
 
 
+def digit_volt(stack):
+    """Standard deviation of what the voltmeters' least digits hide, over all rows [V].
+
+    Parameters
+    ----------
+    stack : records.Stack.
+    """
+    return max(rms(stack.least_digit_volt[stack.file]) / np.sqrt(12.0), SMALLEST_VOLT)
+
+
 def estimate_noise(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_volt=0.0):
     """Most likely noise of residuals, its slow part within limits.
 
-    The slow part must not grow until it holds a slow effect: hence the limits.
+    The slow part must not grow until it holds a slow effect: hence the limits. The white part is no
+    smaller than what the least digit hides.
 
     Parameters
     ----------
@@ -103,7 +154,8 @@ def estimate_noise(residual_volt, stack, *, most_slow_volt, most_slow_second, ex
     -------
     noise : Noise.
     """
-    size = max(_robust(residual_volt), SMALLEST_VOLT)
+    least_volt = digit_volt(stack)
+    size = max(_robust(residual_volt), least_volt)
     best, cost = Noise(size, 0.0, TIMES_SECOND[0]), np.inf
     times = [t for t in TIMES_SECOND if t <= most_slow_second]
     # Without a slow part one time constant is enough.
@@ -112,6 +164,7 @@ def estimate_noise(residual_volt, stack, *, most_slow_volt, most_slow_second, ex
         tried = Noise(size, size * np.sqrt(ratio), second)
         for _ in range(2):
             tried = _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt)
+            tried = tried._replace(white_volt=max(tried.white_volt, least_volt))
         w = whitening(tried, stack, extra_volt=extra_volt)
         trial_cost = w.log_variance + np.sum(w.apply(residual_volt) ** 2)
         if trial_cost < cost:
@@ -124,11 +177,13 @@ def _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt)
     w = whitening(tried, stack, extra_volt=extra_volt)
     factor = max(rms(w.apply(residual_volt)), 1e-3)
     slow = min(tried.slow_volt * factor, most_slow_volt)
-    return Noise(max(tried.white_volt * factor, SMALLEST_VOLT), slow, tried.slow_second)
+    return Noise(tried.white_volt * factor, slow, tried.slow_second)
 
 
 def read_volt(residual_volt, stack, *, steady_ampere):
-    """White noise [V] from differences of neighbouring rows at steady current.
+    """White noise [V] from differences of neighbouring rows at steady current, or the least digit.
+
+    Where the voltage stands still for many rows, it is the digit that hides its noise.
 
     Parameters
     ----------
@@ -143,8 +198,8 @@ def read_volt(residual_volt, stack, *, steady_ampere):
     near = stack.step_second[1:] <= 1.5 * np.median(stack.step_second[stack.step_second > 0])
     rows = moved & near & (stack.fresh[1:] == 0)
     if rows.sum() < LEAST_ROWS:
-        return _robust(residual_volt)
-    return max(_robust(np.diff(residual_volt)[rows]) / np.sqrt(2.0), SMALLEST_VOLT)
+        return max(_robust(residual_volt), digit_volt(stack))
+    return max(_robust(np.diff(residual_volt)[rows]) / np.sqrt(2.0), digit_volt(stack))
 
 
 def _robust(values):

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from cellwright.numerics.noise import least_digit
 from cellwright.numerics.statistics import parameter_covariance, rms, standard_deviations
 from cellwright.packs.wiring import cells_of
 from cellwright.records.channels import BRANCH_CURRENT, CELL_VOLTAGE
@@ -270,7 +271,7 @@ def _wanted_beside(k, currents, left):
 def _dependent(currents, total, left, test):
     """Whether the sum is exact, so that one branch was computed from the total and the others."""
     members = currents.shape[1]
-    digit = max(map(_digit, currents.T))
+    digit = max(map(least_digit, currents.T))
     exact = np.abs(left).max() <= 1e-9 * np.abs(total).max()
     rounded = np.abs(left).max() <= 0.5 * (members + 1) * digit
     noise = np.sqrt(sum(_jitter(column) ** 2 for column in currents.T))
@@ -285,13 +286,6 @@ def _dependent(currents, total, left, test):
         )
     largest = float(np.abs(left).max())
     return Finding("dependent", None, largest, np.nan, np.nan, "A", found, text)
-
-
-def _digit(column):
-    """Smallest step between different readings, which a resolution shows as."""
-    steps = np.diff(np.unique(column))
-    steps = steps[steps > 1e-9 * max(np.abs(column).max(), 1e-30)]
-    return float(steps.min()) if len(steps) else 0.0
 
 
 def _jitter(column):

@@ -8,11 +8,12 @@ import numpy as np
 
 from cellwright.protocols.capacity import NAMES, TURN_SHARE, turns
 from cellwright.protocols.start import (
-    ENDS,
     NEAR_VOLT,
+    Before,
     Start,
+    Swing,
     spans_with_lost_charges,
-    start_at_rest,
+    starts_of,
 )
 from cellwright.refusal import Refusal
 from cellwright.series.steps import assumed_rating
@@ -82,18 +83,17 @@ def ageing_cycles(
     upper_cutoff_volt,
     first_cycle=0.0,
     state_before="",
+    soc_at_start=None,
 ):
     """Capacity, energy and temperature of every complete half cycle of an ageing record.
 
     1. The record is cut where its counted charge turns (a return of less than 2 % of the rating
     is no turn), and where a charge between two discharges was not logged. 2. A half cycle is
     complete where it reaches its cut-off within 10 mV (what is held there afterwards is part of it)
-    and the one before it, in this record or in the test before, reached the other. Where that
-    is not in the record, its rest tells (`start.start_at_rest`): as high as before those that start
-    full, or what it may lack is its standard deviation. What was cut short is left out, and so is
-    what follows it. 3. Coulombic efficiency is a discharge
-    over the charge before it; NaN outside 0.8 … 1.05, where the record lacks what happened
-    between.
+    and begins at the other (`start.starts_of`); what it may lack at its start is its standard
+    deviation. What was cut short is left out, and so is what follows it. 3. Coulombic efficiency is
+    a discharge over the charge before it; NaN outside 0.8 … 1.05, where the record lacks what
+    happened between.
 
     Parameters
     ----------
@@ -105,6 +105,7 @@ def ageing_cycles(
     first_cycle : cycles before the record [1].
     state_before : "full" or "empty", as the test before this one in time left the cell; "": not
         known.
+    soc_at_start : of the first row, as the sheet states it [1], or None.
 
     Returns
     -------
@@ -119,7 +120,8 @@ def ageing_cycles(
     rated = rated_capacity_ampere_hour or assumed_rating(
         series["current_ampere"], series["charge_ampere_hour"]
     )
-    halves = _halves(series, steps, rated, (lower_cutoff_volt, upper_cutoff_volt), state_before)
+    known = Before(state_before, soc_at_start)
+    halves = _halves(series, steps, rated, (lower_cutoff_volt, upper_cutoff_volt), known)
     left_out, by_rest = (_by_reason(halves, first_cycle, faulty=faulty) for faulty in (True, False))
     rows = [
         (first_cycle + half.number, *_numbers(half, before, series, rated))
@@ -132,56 +134,24 @@ def ageing_cycles(
     return Ageing(table, left_out, by_rest)
 
 
-def _halves(series, steps, rated, limits, state_before):
-    """Half cycles in time order, each with its cycle's number and why it is not complete.
-
-    What starts after something that is not in the record is judged last, by the others' rests.
-    """
+def _halves(series, steps, rated, limits, known):
+    """Half cycles in time order, each with its cycle's number and why it is not complete."""
     names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
-    columns, halves, number = tuple(series[name] for name in names), [], 0
+    columns, halves, swings, number = tuple(series[name] for name in names), [], [], 0
     spans = turns(columns[2], steps, least_ampere_hour=TURN_SHARE * rated)
     for sign, first, last in spans_with_lost_charges(spans, columns, steps, limits):
         loads = [k for k in range(first, last + 1) if steps.kind[k] != "rest"]
         begin = max(int(steps.first_row[loads[0]]) - 1, 0)
         reached, last_load = _end(columns[1], steps, sign, loads, limits)
-        end = int(steps.last_row[last_load])
+        end, turn = int(steps.last_row[last_load]), int(steps.last_row[loads[-1]])
         number += sign < 0
         cut_off = f"before the cut-off of {limits[sign > 0]:g} V"
         fault = "" if reached else f"it ends at {columns[1][end]:.3f} V, {cut_off}"
         halves.append(_Half(sign, begin, end, number + (sign > 0), None, fault))
-    sure = [
-        half._replace(start=_sure_start(half, earlier, state_before))
-        for earlier, half in zip([None, *halves], halves, strict=False)
-    ]
-    known = {
-        sign: [columns[1][h.first] for h in sure if h.start and h.sign == sign] for sign in ENDS
-    }
-    return [
-        half
-        if half.start
-        else half._replace(start=_start_by_rest(half, earlier, columns, limits, known))
-        for earlier, half in zip([None, *sure], sure, strict=False)
-    ]
-
-
-def _sure_start(half, earlier, state_before):
-    """Start of a half cycle that what came before tells, else None."""
-    if earlier is None:
-        return Start() if state_before == ENDS[half.sign] else None
-    return Start() if earlier.sign != half.sign and not earlier.end_fault else None
-
-
-def _start_by_rest(half, earlier, columns, limits, known):
-    """Start of a half cycle after something that was cut short or is not in the record."""
-    after_other = earlier is not None and earlier.sign != half.sign
-    return start_at_rest(
-        columns,
-        (half.first, half.last),
-        half.sign,
-        limits,
-        known_rests_volt=known[half.sign],
-        cut_short_volt=columns[1][earlier.last] if after_other else None,
-    )
+        moved, volt = abs(float(columns[2][turn] - columns[2][begin])), float(columns[1][end])
+        swings.append(Swing(sign, begin, end, moved, reached, volt, loads[0] == 0))
+    starts = starts_of(swings, columns, limits, known)
+    return [half._replace(start=start) for half, start in zip(halves, starts, strict=True)]
 
 
 EXAMPLES = 5

@@ -4,20 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.start import (
-    ENDS,
-    NEAR_VOLT,
-    Start,
-    spans_with_lost_charges,
-    start_at_rest,
-)
+from cellwright.protocols.start import NEAR_VOLT, Before, Swing, spans_with_lost_charges, starts_of
+from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
 from cellwright.series.steps import assumed_rating
 
 TURN_SHARE = 0.02  # of the rating: a smaller return of charge (regeneration, dither) is no turn
 RATE_SHARE = 0.9  # of the charge must move at the one rate that a capacity is stated for
-SAME_RATE = 1.05
-RETURN_SHARE = 0.03
 NAMES = {1: "charge", -1: "discharge"}
 
 
@@ -85,14 +78,13 @@ class _Record(NamedTuple):
         return self.limits[sign > 0]
 
 
-# ASSUME: A record that begins under load with a discharge begins with a full cell.
-def _half_cycles(record, rated, state_before, *, whole):
+def _half_cycles(record, rated, known, *, whole):
     """Half cycles of a record in time order, each with the reason why it is not complete.
 
     They are counted to the turn of the charge where `whole`, else to where the cut-off is first
-    reached.
+    reached. known : start.Before.
     """
-    steps, halves, ended = record.steps, [], None
+    steps, halves, swings = record.steps, [], {}
     spans = turns(record.charge, steps, least_ampere_hour=TURN_SHARE * rated)
     columns = (record.current, record.voltage, record.charge)
     for sign, first, last in spans_with_lost_charges(spans, columns, steps, record.limits):
@@ -101,13 +93,22 @@ def _half_cycles(record, rated, state_before, *, whole):
             halves.append(_at_rest(record, sign, first, last))
             continue
         reached = _reaches(record, sign, loads)
-        half = _half(record, sign, loads, reached, whole)
-        if not half.fault:
-            start = _start(record, half, loads[0], ended, state_before)
-            half = half._replace(**start._asdict())
-        ended = (sign, reached is not None, float(record.voltage[steps.last_row[loads[-1]]]))
-        halves.append(half)
-    return _excused(halves, record.charge)
+        halves.append(_half(record, sign, loads, reached, whole))
+        swings[len(halves) - 1] = _swing(record, halves[-1], loads, reached)
+    starts = starts_of(list(swings.values()), columns, record.limits, known)
+    for place, start in zip(swings, starts, strict=True):
+        if not halves[place].fault:
+            halves[place] = halves[place]._replace(**start._asdict())
+    return halves
+
+
+def _swing(record, half, loads, reached):
+    """Swing of a half cycle, to its last load."""
+    steps = record.steps
+    end = int(steps.last_row[loads[-1]])
+    moved = abs(float(record.charge[end] - record.charge[half.first_row]))
+    volt, under_load = float(record.voltage[end]), loads[0] == 0
+    return Swing(half.sign, half.first_row, end, moved, reached is not None, volt, under_load)
 
 
 def _at_rest(record, sign, first, last):
@@ -118,17 +119,6 @@ def _at_rest(record, sign, first, last):
     return Half(sign, *rows, abs(read), rows[1], fault)
 
 
-# ASSUME: A first discharge that the complete charge after it returns within 3 % began full.
-def _excused(halves, charge):
-    """Half cycles; the first counts as begun full where the second returns its charge."""
-    unsure = halves and ("start" in halves[0].fault or halves[0].missing_ampere_hour)
-    if len(halves) < 2 or not unsure or halves[1].fault:
-        return halves
-    if abs(_moved(halves[0], charge) / _moved(halves[1], charge) - 1) > RETURN_SHARE:
-        return halves
-    return [halves[0]._replace(fault="", missing_ampere_hour=0.0, words=""), *halves[1:]]
-
-
 def _half(record, sign, loads, reached, whole):
     """Half cycle over the given loads, with the fault of its end or of its rate."""
     steps = record.steps
@@ -137,7 +127,7 @@ def _half(record, sign, loads, reached, whole):
     main = used[int(np.argmax(moved))]
     rate, held = _rate(record, main)
     rates = np.array([_rate(record, k)[0] for k in used])
-    same = np.maximum(rates / rate, rate / rates) <= SAME_RATE
+    same = same_rate(rates, rate)
     fault = ""
     if reached is None:
         fault = _end_fault(record, sign, used[-1])
@@ -186,27 +176,6 @@ def _end_fault(record, sign, last_load):
         return f"the {name} cut-off is not stated, so its end cannot be told"
     end = record.voltage[record.steps.last_row[last_load]]
     return f"it ends at {end:.3f} V, before the cut-off of {limit} V"
-
-
-def _start(record, half, load, ended, state_before):
-    """How a half cycle begins: Start. `ended`: sign, whether it reached its cut-off and voltage of
-    the half cycle before, None for the first."""
-    sign, limits = half.sign, record.limits
-    turned = ended is not None and ended[0] != sign
-    if turned and ended[1]:
-        return Start()
-    if ended is None and state_before == ENDS[sign]:
-        return Start()
-    if load == 0 and sign < 0 and state_before == "empty":
-        return Start("it does not start full: the test before it left the cell empty")
-    if load == 0:
-        unknown = "the record begins with it, from an unknown state of charge"
-        return Start() if sign < 0 else Start(unknown)
-    if None in limits:
-        return Start(f"whether it starts {ENDS[sign]} cannot be told: a cut-off is not stated")
-    columns = (record.current, record.voltage, record.charge)
-    rows = half.first_row, half.last_row
-    return start_at_rest(columns, rows, sign, limits, cut_short_volt=ended[2] if turned else None)
 
 
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
@@ -266,6 +235,8 @@ def capacity(
     surface_temperature_celsius=None,
     whole_swing=False,
     state_before="",
+    soc_at_start=None,
+    curve=None,
 ):
     """Capacity of every complete discharge and charge, averaged over repeats at one rate.
 
@@ -276,10 +247,9 @@ def capacity(
     that a remainder drawn later, at another temperature, is included (slow OCV tests).
     4. Rates within 5 % are repeats of one: mean and standard deviation (thesis, ch. 4.3).
 
-    A start that only a rest tells (`start.start_at_rest`) may lack some charge: that is part of
-    the standard deviation. Coulombic efficiency is the discharge over the charge before it, or else
-    the one after it; NaN where there is none, or where it exceeds 1.05: such a charge did not
-    return the discharge.
+    What an unsure start may lack is part of the standard deviation. Coulombic efficiency is the
+    discharge over the charge before it, or else the one after it; NaN where there is none, or where
+    it exceeds 1.05: such a charge did not return the discharge.
 
     Parameters
     ----------
@@ -292,6 +262,8 @@ def capacity(
     whole_swing : count from turn to turn of the charge.
     state_before : "full" or "empty", as the test before this one in time left the cell; "": not
         known.
+    soc_at_start : of the first row, as the sheet states it [1], or None.
+    curve : open-circuit voltage that this is held against, see `anchor.contradiction`, or None.
 
     Returns
     -------
@@ -305,7 +277,8 @@ def capacity(
     charge, time = np.asarray(charge_ampere_hour, float), np.asarray(test_time_second, float)
     rated = rated_capacity_ampere_hour or assumed_rating(current, charge)
     record = _Record(current, voltage, charge, steps, (lower_cutoff_volt, upper_cutoff_volt))
-    halves = _half_cycles(record, rated, state_before, whole=whole_swing)
+    known = Before(state_before, soc_at_start, curve)
+    halves = _half_cycles(record, rated, known, whole=whole_swing)
     left_out = tuple(
         f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {half.fault or half.words}"
         for half in halves
@@ -381,7 +354,7 @@ def _table(complete, rated):
     repeats = []
     for half in sorted(complete, key=lambda half: (-half.sign, half.rate)):
         first = repeats[-1][0] if repeats else None
-        if first and first.sign == half.sign and half.rate <= SAME_RATE * first.rate:
+        if first and first.sign == half.sign and same_rate(half.rate, first.rate):
             repeats[-1].append(half)
         else:
             repeats.append([half])

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.protocols.capacity import TURN_SHARE, turns
 from cellwright.protocols.start import NEAR_VOLT, spans_with_lost_charges
+from cellwright.records.anchor import in_its_half
 from cellwright.series.steps import assumed_rating
 
 # Of the rating: what may flow after a cut-off for the cell to be left full, or empty.
@@ -123,8 +124,7 @@ def _before(one, ends, limits):
     if hour > LONGEST_HOUR:
         return *found, "", f"{last.test} before it ended {hour / 24:.0f} days earlier"
     sign = 1 if last.state_at_end == "full" else -1
-    middle = sum(limits) / 2
-    fits = sign * (one.begin_volt - middle) > 0
+    fits = in_its_half(one.begin_volt, limits, full=sign > 0)
     if not fits or sign * (one.begin_volt - last.end_volt) > NEAR_VOLT:
         words = f"{last.test} before it ended {last.state_at_end} at {last.end_volt:.3f} V, "
         return *found, "", f"{words}but it begins at {one.begin_volt:.3f} V"

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.protocols.capacity import TURN_SHARE, turns
-from cellwright.protocols.start import NEAR_VOLT, start_at_rest
+from cellwright.protocols.start import NEAR_VOLT, Before, Swing, starts_of
 from cellwright.refusal import Refusal
 from cellwright.settings import FastCharge
 
@@ -40,8 +40,6 @@ class FastCharge(NamedTuple):
     from_empty: bool
 
 
-# ASSUME: A charge is fast-charged from empty where a discharge to the lower cut-off went before it,
-# or where it begins at a rest within 5 % of the voltage window of that cut-off.
 def fast_charge(
     series,
     steps,
@@ -50,13 +48,14 @@ def fast_charge(
     rated_capacity_ampere_hour,
     lower_cutoff_volt,
     upper_cutoff_volt,
+    soc_at_start=None,
     minutes=FAST_CHARGE.minutes,
 ):
     """Charge put in within a given time at the limits of current and voltage.
 
     1. The charge of the record that moves the most. 2. Constant current ends where the upper
     cut-off is met within 10 mV. 3. What is in after `minutes` is read off the counted charge; a
-    charge that ended before counts as it ended.
+    charge that ended before counts as it ended. 4. Whether it began empty, `start.starts_of` tells.
 
     Parameters
     ----------
@@ -64,6 +63,7 @@ def fast_charge(
     capacity_ampere_hour : that the share refers to [Ah].
     rated_capacity_ampere_hour : that the rate refers to [Ah]; None: the same.
     lower_cutoff_volt, upper_cutoff_volt : [V]. minutes : [min].
+    soc_at_start : state of charge of the first row as the sheet states it [1], or None.
 
     Returns
     -------
@@ -89,8 +89,8 @@ def fast_charge(
     voltage, current = series["voltage_volt"][rows], series["current_ampere"][rows]
     met = np.flatnonzero(voltage[1:] >= upper_cutoff_volt - NEAR_VOLT) + 1
     held = int(met[0]) if len(met) else len(voltage) - 1
-    limits = (lower_cutoff_volt, upper_cutoff_volt)
-    empty = _from_empty((rows.start, rows.stop - 1), steps_before, series, steps, limits)
+    limits, known = (lower_cutoff_volt, upper_cutoff_volt), Before(soc_at_start=soc_at_start)
+    empty = _from_empty((rows.start, rows.stop - 1), steps_before, series, steps, limits, known)
     within = float(np.interp(minutes, minute, charge))
     constant = float(np.interp(min(minute[held], minutes), minute, charge))
     energy = np.concatenate([[0.0], np.cumsum((voltage[1:] + voltage[:-1]) / 2 * np.diff(charge))])
@@ -130,15 +130,26 @@ def _main_charge(charge, steps, capacity):
     return (loads[0], loads[-1]), spans[best - 1][1:] if best else None
 
 
-def _from_empty(rows, steps_before, series, steps, limits):
+def _from_empty(rows, steps_before, series, steps, limits, known):
     """Whether the cell was at its lower cut-off when the charge over these rows began."""
     if limits[0] is None:
         return False
     names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
+    columns, swings = tuple(series[name] for name in names), []
     if steps_before:
         first, last = int(steps.first_row[steps_before[0]]), int(steps.last_row[steps_before[1]])
-        return bool(series["voltage_volt"][first : last + 1].min() <= limits[0] + NEAR_VOLT)
-    return not start_at_rest(tuple(series[name] for name in names), rows, 1, limits).fault
+        reached = columns[1][first : last + 1].min() <= limits[0] + NEAR_VOLT
+        swings.append(_swing(-1, first, last, columns, reached=bool(reached)))
+    swings.append(_swing(1, *rows, columns, reached=True))
+    return not starts_of(swings, columns, limits, known)[-1].fault
+
+
+def _swing(sign, first, last, columns, *, reached):
+    """Swing over these rows; under load from its first one on where the record begins so."""
+    current, voltage, charge = columns
+    moved = abs(float(charge[last] - charge[first]))
+    loaded = first == 0 and abs(current[0]) > abs(np.median(current[: last + 1])) / 2
+    return Swing(sign, first, last, moved, reached, float(voltage[last]), bool(loaded))
 
 
 def _time_to(wanted, minute, charge):

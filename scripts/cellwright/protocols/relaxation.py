@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.exponentials import UNDETERMINED, Normal, best_of_grid, levenberg
+from cellwright.numerics.noise import least_digit
 from cellwright.numerics.statistics import is_white, parameter_covariance
 from cellwright.refusal import Refusal
 
@@ -236,12 +237,6 @@ COARSE = 20.0  # grains that a rest must move
 AT_NOISE = 1.2  # residual over noise up to which nothing is left to explain
 
 
-def grain_volt(voltage_volt):
-    """Resolution of the logger, its smallest step [V]; 0 where the voltage never moves."""
-    moved = np.abs(np.diff(voltage_volt))
-    return float(moved[moved > 1e-7].min(initial=np.inf)) if (moved > 1e-7).any() else 0.0
-
-
 def noise_volt(voltage_volt):
     """Standard deviation of one sample in the second half of a rest [V].
 
@@ -250,7 +245,7 @@ def noise_volt(voltage_volt):
     late = np.asarray(voltage_volt)[len(voltage_volt) // 2 :]
     bent = np.diff(late, 2)
     spread = 1.4826 * float(np.median(np.abs(bent))) / np.sqrt(6) if len(bent) else 0.0
-    return max(spread, grain_volt(voltage_volt) / np.sqrt(12))
+    return max(spread, least_digit(voltage_volt) / np.sqrt(12))
 
 
 def reasons_against(two, three, voltage_volt, *, limit, grain, noise):

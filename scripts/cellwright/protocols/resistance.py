@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.noise import least_digit
 from cellwright.refusal import Refusal
+from cellwright.series.steps import EDGE_C_RATE, EDGE_SHARE
 from cellwright.settings import Resistance
 
 RESISTANCE = Resistance()
@@ -19,8 +21,11 @@ DELAY_SHARE = 0.02  # a pulse that ends so little before a delay still gives the
 
 
 class ResistanceRows(NamedTuple):
-    """One entry a pulse and delay, arrays of shape (rows,); direction is "discharge" or "charge".
+    """One entry a pulse and delay, arrays of shape (rows,).
 
+    direction is "discharge" or "charge", by the sign of the current in the pulse; "falling
+    discharge" or "falling charge" where a running load only becomes smaller: the polarisation of
+    that load goes on building up and hides part of the answer, so laws leave these out.
     delay_second is as asked (0: the first sample of the pulse), actual_delay_second as measured.
     current_ampere is the level of the pulse, + on charge; c_rate that of the step of the current.
     """
@@ -67,6 +72,7 @@ def pulse_resistance(
     *,
     rated_capacity_ampere_hour,
     delay_second=RESISTANCE.delay_second,
+    elsewhere=None,
 ):
     """Resistance of every pulse of a record at the delays asked for.
 
@@ -89,6 +95,8 @@ def pulse_resistance(
     steps : Steps of the record.
     rated_capacity_ampere_hour : [Ah] for the C-rate.
     delay_second : delays from the edge [s].
+    elsewhere : (steps,) name of the test in which a step counts, being the same measurement; empty
+        where it counts here. None: all do.
 
     Returns
     -------
@@ -105,9 +113,15 @@ def pulse_resistance(
         raise Refusal("the record has no pulse, nor a constant-current load that begins from rest")
     noise = _noise(voltage, steps, resolution=True), _noise(current, steps, resolution=False)
     rows, reasons = [], Counter()
+    if elsewhere is not None:
+        reasons.update(
+            f"pulse of the same measurement as in {of}" for of in elsewhere[chosen] if of
+        )
+        chosen = chosen[elsewhere[chosen] == ""]
     pulses = [_pulse(time, current, voltage, steps, step) for step in chosen]
     for pulse, asked in product(pulses, delay_second):
         try:
+            _check_step(pulse, rated_capacity_ampere_hour)
             value = _at(pulse, float(asked))
         except Refusal as refusal:
             reasons[str(refusal)] += 1
@@ -157,6 +171,14 @@ def _before(time, voltage, steps, step, first, arrived):
     return int(unmoved[-1]) if len(unmoved) else first - 1
 
 
+def _check_step(pulse, rated):
+    """Refuses a pulse whose current differs from that before it by less than any edge does."""
+    before = pulse.level - pulse.step
+    least = max(EDGE_C_RATE[0] * rated, EDGE_SHARE * max(abs(before), abs(pulse.level)))
+    if abs(pulse.step) < least:
+        raise Refusal("current does not step into the pulse")
+
+
 def _at(pulse, asked):
     """Actual delay [s] and resistance [ohm] at a delay; 0 asks for the first sample."""
     delay, ratio, held = pulse.delay, pulse.ratio, pulse.held
@@ -192,9 +214,14 @@ def _noise(values, steps, *, resolution):
     if not len(change):
         return 0.0
     spread = 1.4826 * np.median(np.abs(change - np.median(change))) / np.sqrt(2)
-    moved = np.abs(change[np.abs(change) > 1e-7])
-    grain = moved.min() / np.sqrt(12) if resolution and len(moved) else 0.0
+    grain = least_digit(values) / np.sqrt(12) if resolution else 0.0
     return float(np.hypot(spread, grain))
+
+
+def _direction(pulse):
+    """What flows in a pulse, by its sign; "falling" where its edge runs against it."""
+    name = "charge" if pulse.level > 0 else "discharge"
+    return name if pulse.level * pulse.step > 0 else f"falling {name}"
 
 
 def _row(pulse, value, asked, soc, voltage, noise, rated):
@@ -203,7 +230,7 @@ def _row(pulse, value, asked, soc, voltage, noise, rated):
     error = np.sqrt(2) * np.hypot(noise[0], resistance * noise[1]) / abs(pulse.step)
     return (
         soc[pulse.before],
-        "charge" if pulse.step > 0 else "discharge",
+        _direction(pulse),
         asked,
         actual,
         resistance,

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.relaxation import fit_relaxation, grain_volt, noise_volt, reasons_against
+from cellwright.numerics.noise import least_digit
+from cellwright.protocols.relaxation import fit_relaxation, noise_volt, reasons_against
 from cellwright.refusal import Refusal
 from cellwright.settings import Relaxation
 
@@ -98,6 +99,7 @@ def rests_of(
     temperature_celsius=None,
     shortest_rest_second=RELAXATION.shortest_rest_second,
     r_squared_limit=RELAXATION.r_squared_limit,
+    elsewhere=None,
 ):
     """Depolarisation of every rest that follows a load, by two exponentials.
 
@@ -115,6 +117,7 @@ def rests_of(
     temperature_celsius : (n,) of the chamber, else of the cell, or None [°C].
     shortest_rest_second : [s].
     r_squared_limit : R² from which a rest needs no reason (thesis 3.3: 0.98).
+    elsewhere : (steps,) name of the test in which a step counts, as of `pulse_resistance`.
 
     Returns
     -------
@@ -132,6 +135,9 @@ def rests_of(
     follows &= (kind == "rest") & (np.roll(kind, 1) != "rest")
     rests = np.flatnonzero(follows & (np.asarray(steps.duration_second) >= shortest_rest_second))
     rows, reasons = [], Counter()
+    if elsewhere is not None:
+        reasons.update(f"rest of the same measurement as in {of}" for of in elsewhere[rests] if of)
+        rests = rests[elsewhere[rests] == ""]
     for number, step in enumerate(rests):
         try:
             rows += _rows_of(number, series, steps, step, shortest_rest_second, r_squared_limit)
@@ -181,7 +187,7 @@ def _rows_of(number, series, steps, step, shortest, limit):
     fits = [two, three] if len(three.tau_second) == 3 else [two]
     common = _load(series, steps, step, rows) | {"rest": number, "noise_volt": noise_volt(v)}
     reason = reasons_against(
-        two, three, v, limit=limit, grain=grain_volt(v), noise=common["noise_volt"]
+        two, three, v, limit=limit, grain=least_digit(v), noise=common["noise_volt"]
     )
     return [
         common | _fit(fit, common) | {"chosen": fit is fits[-1], "reason": reason} for fit in fits

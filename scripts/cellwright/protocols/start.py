@@ -1,8 +1,10 @@
-"""Whether a discharge begins full and a charge empty: from what came before, else from its rest.
+"""Whether a discharge begins full and a charge empty: one rule for every kind of test.
 
-A full cell rests below its upper cut-off, an aged one further below: how far is no sign of how full
-it is. What tells is the half cycle before, in this record or in the test before it in time. Where
-neither is known, a rest tells no more than how much charge may be missing.
+The witnesses, in order: the half cycle before it, the test before it in time, the half cycle after
+it (between the same two ends both move the same charge), what the sheet states where the record
+does not contradict it, the voltage under load, and the rest. A full cell rests below its upper
+cut-off, an aged one further below: how far is no sign of how full it is. So a rest alone tells no
+more than how much charge may be missing.
 """
 
 from itertools import pairwise
@@ -10,8 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.records.anchor import STATED_SOC, contradiction
+
 NEAR_VOLT = 0.010  # a limit counts as reached this near to it
-MOST_MISSING = 0.10  # of the charge moved: beyond it a start is not known well enough to be counted
+MOST_MISSING = 0.20  # of the charge moved: with more doubt no new cell is told from one at its end
+RETURN_SHARE = 0.03  # by which a charge and a discharge between the same two ends may differ
 ENDS = {-1: "full", 1: "empty"}  # how a discharge (-1) and a charge (+1) are to begin
 
 
@@ -28,6 +33,198 @@ class Start(NamedTuple):
     words: str = ""
 
 
+class Swing(NamedTuple):
+    """A half cycle to its turn, as its start is judged by it and by those beside it.
+
+    sign : +1 charge, -1 discharge. first_row : the last one before its load. last_row : inclusive.
+    moved_ampere_hour : from turn to turn [Ah]. reached : whether it reached its cut-off.
+    end_volt : of its last loaded row [V]. under_load : the record begins with it, without a rest.
+    """
+
+    sign: int
+    first_row: int
+    last_row: int
+    moved_ampere_hour: float
+    reached: bool
+    end_volt: float
+    under_load: bool
+
+
+class Before(NamedTuple):
+    """What is known of a record's start besides the record.
+
+    state_before : "full" or "empty", as the test before it in time left the cell; "": not known.
+    soc_at_start : of the first row, as the sheet states it [1], or None. curve : open-circuit
+    voltage of the cell that it is held against, see `anchor.contradiction`, or None.
+    """
+
+    state_before: str = ""
+    soc_at_start: float | None = None
+    curve: dict | None = None
+
+
+UNKNOWN = Before()
+
+
+def starts_of(swings, columns, limits, known=UNKNOWN):
+    """How each half cycle of a record begins.
+
+    Parameters
+    ----------
+    swings : list of Swing, in time order.
+    columns : (current [A] positive on charge, voltage [V], charge [Ah]), (n,) each.
+    limits : lower and upper cut-off [V] or None. known : Before.
+
+    Returns
+    -------
+    starts : list of Start.
+    """
+    told = [
+        _told(swing, before) if before else _first(swing, after, columns, limits, known)
+        for before, swing, after in zip([None, *swings], swings, [*swings[1:], None], strict=False)
+    ]
+    rests = {
+        sign: [
+            columns[1][swing.first_row]
+            for swing, start in zip(swings, told, strict=True)
+            if start and swing.sign == sign and not (start.fault or swing.under_load)
+        ]
+        for sign in ENDS
+    }
+    starts = [
+        start or _by_rest(swing, before, columns, limits, rests[swing.sign])
+        for before, swing, start in zip([None, *swings], swings, told, strict=False)
+    ]
+    wrong = _contradiction(swings, starts, columns, limits, known)
+    return [_with_words(starts[0], wrong), *starts[1:]] if wrong else starts
+
+
+def _with_words(start, words):
+    """The start with a sentence more: behind its fault, or else behind what it is known from."""
+    name = "fault" if start.fault else "words"
+    return start._replace(**{name: "; ".join(filter(None, [getattr(start, name), words]))})
+
+
+def _told(swing, before):
+    """Start of a half cycle after another one that reached its cut-off; else None."""
+    return Start() if before.sign != swing.sign and before.reached else None
+
+
+def _first(swing, after, columns, limits, known):
+    """Start of a record's first half cycle but by its rest, or None."""
+    told = told_of_first(swing, after, columns, limits, known)
+    if told is None and swing.under_load:
+        return _under_load(swing, known.state_before)
+    return told
+
+
+def told_of_first(swing, after, columns, limits, known=UNKNOWN):
+    """Start of a record's first half cycle, where anything tells it but the rest alone, or None.
+
+    Parameters
+    ----------
+    swing, after : Swing, the first one and the one after it, or None.
+    columns, limits, known : as in `starts_of`.
+    """
+    if known.state_before == ENDS[swing.sign] or _at_limit(swing, columns[1], limits):
+        return Start()
+    returned = _by_return(swing, after)
+    room = np.inf if not (returned and returned.fault) else _room(swing, columns, limits)
+    if returned and returned.missing_ampere_hour <= room:
+        return returned
+    if known.soc_at_start is not None and not _rest_contradicts(swing, columns, limits, known):
+        return _as_stated(swing, known.soc_at_start)
+    return None
+
+
+def _at_limit(swing, voltage, limits):
+    """Whether the first voltage, at rest or under load, is at the cut-off that it is to leave."""
+    limit, first = limits[swing.sign < 0], float(voltage[swing.first_row])
+    return limit is not None and swing.sign * (first - limit) <= NEAR_VOLT
+
+
+def _by_return(swing, after):
+    """Start of a first half cycle by the one after it, which runs from end to end; or None.
+
+    The one after it moves what lies between both cut-offs; what the first one moves less it lacked.
+    """
+    if after is None or after.sign == swing.sign or not (after.reached and swing.reached):
+        return None
+    lacking = after.moved_ampere_hour - swing.moved_ampere_hour
+    share = lacking / after.moved_ampere_hour
+    if abs(share) <= RETURN_SHARE:
+        # A charge takes more than it gives back: what a discharge gives beyond it was there before.
+        return Start("", max(lacking, 0.0) if swing.sign > 0 else 0.0)
+    if share < 0:
+        return None
+    lacked, after_it = ("lacked", "charge") if swing.sign < 0 else ("already held", "discharge")
+    moved = f"the {after_it} after it moves {after.moved_ampere_hour:.4g} Ah between the same ends"
+    fault = f"it does not start {ENDS[swing.sign]}: it {lacked} {share:.1%}, for {moved}"
+    return Start(fault, lacking)
+
+
+def _room(swing, columns, limits):
+    """Most charge that a first half cycle may lack by its first voltage [Ah].
+
+    Where the half cycle after it moves more than that leaves room for, the current has an offset.
+    """
+    by_rest = _by_rest(swing, None, columns, limits, ())
+    return np.inf if by_rest.fault else by_rest.missing_ampere_hour
+
+
+def _rest_contradicts(swing, columns, limits, known):
+    """Why the first rest contradicts the stated SoC, "" where it does not."""
+    rest = np.nan if swing.under_load else float(columns[1][swing.first_row])
+    return contradiction(known.soc_at_start, rest, limits, known.curve)
+
+
+# ASSUME: A cell that the sheet states full or empty was so by its protocol, without a doubt.
+def _as_stated(swing, soc):
+    """Start of a first half cycle by the sheet's SoC."""
+    missing = 1 - soc if swing.sign < 0 else soc
+    if missing > RETURN_SHARE:
+        return Start(f"it does not start {ENDS[swing.sign]}: the sheet states an SoC of {soc:g}")
+    return Start("", missing * swing.moved_ampere_hour)
+
+
+def _contradiction(swings, starts, columns, limits, known):
+    """In words, what contradicts the stated SoC: the first rest, or an end that others tell."""
+    if not swings or known.soc_at_start is None:
+        return ""
+    by_rest = _rest_contradicts(swings[0], columns, limits, known)
+    missing = 1 - known.soc_at_start if swings[0].sign < 0 else known.soc_at_start
+    if by_rest or starts[0].fault or missing <= STATED_SOC:
+        return by_rest
+    return f"the stated SoC of {known.soc_at_start:g} is not used: it starts {ENDS[swings[0].sign]}"
+
+
+# ASSUME: A record that begins under load with a discharge begins with a full cell.
+def _under_load(swing, state_before):
+    """Start of a record that begins under load, not at a cut-off."""
+    if swing.sign > 0:
+        return Start("the record begins with it, from an unknown state of charge")
+    if state_before == "empty":
+        return Start("it does not start full: the test before it left the cell empty")
+    return Start()
+
+
+def _by_rest(swing, before, columns, limits, known_rests_volt):
+    """Start of a half cycle by the voltage at which the cell rests before it."""
+    if None in limits:
+        return Start(
+            f"whether it starts {ENDS[swing.sign]} cannot be told: a cut-off is not stated"
+        )
+    turned = before is not None and before.sign != swing.sign
+    return start_at_rest(
+        columns,
+        (swing.first_row, swing.last_row),
+        swing.sign,
+        limits,
+        known_rests_volt=known_rests_volt,
+        cut_short_volt=before.end_volt if turned else None,
+    )
+
+
 def start_at_rest(columns, rows, sign, limits, *, known_rests_volt=(), cut_short_volt=None):
     """How a half cycle begins whose cell rests before it, by the voltage of that rest.
 
@@ -36,7 +233,7 @@ def start_at_rest(columns, rows, sign, limits, *, known_rests_volt=(), cut_short
     the charge that may be missing: open-circuit curves are steepest at their ends, so it is no more
     than what it takes to lower the voltage as far again. Under load this is counted from the first
     loaded sample on; it is then somewhat too small, for the load's own polarisation still grows,
-    and stands for the standard deviation instead of a bound. 3. Where that exceeds 10 % of the
+    and stands for the standard deviation instead of a bound. 3. Where that exceeds 20 % of the
     charge moved, the start is not known.
 
     Parameters

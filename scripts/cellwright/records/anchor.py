@@ -13,6 +13,61 @@ START_C_RATE = 0.02  # of one row: its noise, or a leak that moves the voltage b
 WHOLE_SWING = 0.9  # of the capacity: a record that moves so much has its place on the scale
 SLOW_C_RATE = 1.1 / 15  # a slow test: C/15 by a rating that the cell need not have
 CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full charge is
+SOC_RANGE = (-0.1, 1.1)  # counted SoC beyond it: the anchor, the charge or the capacity is wrong
+
+
+AS_STATED = "stated at the start"  # what a record is counted from
+REST_VOLT = 0.02  # that a rest may err by, beside half of what is between charge and discharge
+STATED_SOC = 0.05  # beyond what the rest allows, by which a stated SoC contradicts it
+
+
+def contradiction(soc_at_start, rest_volt, limits, curve=None):
+    """Why a record's first rest contradicts the stated state of charge, "" where it does not.
+
+    With an open-circuit voltage it tells a range of SoC: where the curve lies within 20 mV, and
+    half of what is between charge and discharge, of the rest. The stated one may be 5 % beyond.
+    Without, only a cell that is full below the middle of its window, or empty above it.
+
+    Parameters
+    ----------
+    soc_at_start : stated [1]. rest_volt : of the first row [V], NaN under load: no contradiction.
+    limits : lower and upper cut-off [V] or None. curve : mapping with soc [1], ocv_volt [V] and
+        half_gap_volt [V, NaN or absent where not known], (m,) each; None: there is none.
+    """
+    if np.isnan(rest_volt):
+        return ""
+    if curve is not None:
+        low, high = soc_range_of_rest(rest_volt, curve)
+        if low - STATED_SOC <= soc_at_start <= high + STATED_SOC:
+            return ""
+        tells = f"{low:.2f} to {high:.2f} by the OCV"
+    else:
+        beyond = None in limits or STATED_SOC < soc_at_start < 1 - STATED_SOC
+        if beyond or in_its_half(rest_volt, limits, full=soc_at_start > 0.5):
+            return ""
+        tells = f"no such cell between {limits[0]:g} and {limits[1]:g} V"
+    return (
+        f"the stated SoC of {soc_at_start:g} is not used: a rest at {rest_volt:.3f} V tells {tells}"
+    )
+
+
+def in_its_half(volt, limits, *, full):
+    """Whether a voltage [V] is in the half of the window in which a full, or empty, cell rests.
+
+    Parameters
+    ----------
+    volt : of a rest [V]. limits : lower and upper cut-off [V]. full : of a full cell, else empty.
+    """
+    return bool((volt > sum(limits) / 2) == full)
+
+
+def soc_range_of_rest(rest_volt, curve):
+    """Lowest and highest SoC that a rest voltage [V] may be, by a curve as in `contradiction`."""
+    soc, ocv = (np.asarray(curve[name], float) for name in ("soc", "ocv_volt"))
+    gap = curve.get("half_gap_volt")
+    gap = np.zeros(len(soc)) if gap is None else np.nan_to_num(np.asarray(gap, float))
+    above, below = (np.maximum.accumulate(ocv + way * (REST_VOLT + np.abs(gap))) for way in (1, -1))
+    return float(np.interp(rest_volt, above, soc)), float(np.interp(rest_volt, below, soc))
 
 
 class Anchored(NamedTuple):
@@ -37,11 +92,13 @@ def soc_series(
     soc_at_start=None,
     ocv_soc=None,
     ocv_volt=None,
+    half_gap_volt=None,
     full_c_rate=0.1,
 ):
     """State of charge over a record: counted charge over capacity, from the best anchor there is.
 
-    The first that applies: 1. the state of charge at the start, as stated; 2. the record itself
+    The first that applies: 1. the state of charge at the start, as stated, unless the rest that the
+    record begins with contradicts it (`contradiction`), which is then said; 2. the record itself
     reaches full: a charge that ends at the upper cut-off with a current of at most `full_c_rate`;
     3. the record starts at rest, and its first voltage is looked up in the OCV table;
     4. the record moves at least 90 % of the capacity: what it leaves is shared by the two ends.
@@ -55,6 +112,7 @@ def soc_series(
     lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None (not stated).
     soc_at_start : stated state of charge at the first row, 0 to 1 [1], or None.
     ocv_soc, ocv_volt : (m,) table of the open-circuit voltage, SoC ascending [1], [V], or None.
+    half_gap_volt : (m,) half of what is between slow charge and discharge [V], or None.
     full_c_rate : largest current over capacity that may end a full charge [1/h].
 
     Returns
@@ -68,16 +126,29 @@ def soc_series(
     if not capacity_ampere_hour or not capacity_ampere_hour > 0:
         raise Refusal(f"capacity is {capacity_ampere_hour}; SoC needs a positive one")
     counted = np.asarray(charge_ampere_hour, float) / capacity_ampere_hour
-    if soc_at_start is not None:
-        if not 0 <= soc_at_start <= 1:
-            raise Refusal(f"stated SoC at the start is {soc_at_start}; allowed is 0 to 1")
-        return Anchored(float(soc_at_start) + counted - counted[0], "stated at the start")
     rate = np.asarray(current_ampere, float) / capacity_ampere_hour
+    curve = None
+    if ocv_soc is not None:
+        curve = {"soc": ocv_soc, "ocv_volt": ocv_volt, "half_gap_volt": half_gap_volt}
+    if soc_at_start is None:
+        return _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate)
+    if not 0 <= soc_at_start <= 1:
+        raise Refusal(f"stated SoC at the start is {soc_at_start}; allowed is 0 to 1")
+    rest = float(voltage_volt[0]) if abs(rate[0]) <= START_C_RATE else np.nan
+    wrong = contradiction(soc_at_start, rest, (lower_cutoff_volt, upper_cutoff_volt), curve)
+    if not wrong:
+        return Anchored(float(soc_at_start) + counted - counted[0], AS_STATED)
+    found = _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate)
+    return found._replace(anchor=f"{found.anchor}; {wrong}")
+
+
+def _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate):
+    """Anchored by the record itself: the end of a full charge, a rest, or a whole swing."""
     full = full_row(rate, voltage_volt, upper_cutoff_volt, full_c_rate=full_c_rate)
     if full is not None:
         return Anchored(1.0 + counted - counted[full], "end of the full charge in the record", full)
-    if ocv_soc is not None and abs(rate[0]) <= START_C_RATE:
-        start = _soc_of_rest(voltage_volt[0], ocv_soc, ocv_volt)
+    if curve is not None and abs(rate[0]) <= START_C_RATE:
+        start = _soc_of_rest(voltage_volt[0], curve["soc"], curve["ocv_volt"])
         return Anchored(start + counted - counted[0], "rest voltage at the start, by the OCV table")
     span = float(np.ptp(counted))
     if span >= WHOLE_SWING:
@@ -85,7 +156,32 @@ def soc_series(
         words = f"the record moves {span:.1%} of the capacity: its highest SoC is {top:.3f}"
         words = f"{words} ± {max(1 - span, 0) / 2:.3f}"
         return Anchored(top + counted - counted.max(), words, int(np.argmax(counted)))
-    raise Refusal(_why_not_anchored(rate[0], upper_cutoff_volt, ocv_soc))
+    raise Refusal(_why_not_anchored(rate[0], upper_cutoff_volt, curve))
+
+
+def refuse_impossible_soc(low, high, anchor, *, capacity_ampere_hour, source):
+    """Refuse a counted SoC that no cell can have: its anchor, its charge and the capacity disagree.
+
+    Which of the three is wrong is not known, and with it no SoC of the record.
+
+    Parameters
+    ----------
+    low, high : least and largest SoC that was counted [1].
+    anchor, source : what the SoC is counted from and what tells the capacity, in words.
+    capacity_ampere_hour : that the SoC refers to [Ah].
+
+    Raises
+    ------
+    Refusal : a SoC outside −0.1 to 1.1.
+    """
+    if low >= SOC_RANGE[0] and high <= SOC_RANGE[1]:
+        return
+    moved = (high - low) * capacity_ampere_hour
+    raise Refusal(
+        f"SoC of the record runs from {low:.3f} to {high:.3f}, outside −0.1 to 1.1: its SoC "
+        f"({anchor}), its charge ({moved:.3g} Ah between the two) and the capacity of "
+        f"{capacity_ampere_hour:.4g} Ah ({source}) contradict each other"
+    )
 
 
 def slow_soc(charge_ampere_hour, *, capacity_ampere_hour):
@@ -128,7 +224,7 @@ def _soc_of_rest(voltage, ocv_soc, ocv_volt):
     return float(np.interp(voltage, rising, np.asarray(ocv_soc, float)))
 
 
-def _why_not_anchored(first_rate, upper_cutoff_volt, ocv_soc):
+def _why_not_anchored(first_rate, upper_cutoff_volt, curve):
     """Why no anchor of the SoC applies to a record, in one sentence."""
     full = (
         "the upper cut-off is not stated, so no full charge can be told"
@@ -137,7 +233,7 @@ def _why_not_anchored(first_rate, upper_cutoff_volt, ocv_soc):
     )
     table = (
         "there is no OCV table"
-        if ocv_soc is None
+        if curve is None
         else f"the record starts under a load of {abs(first_rate):.3g} C, not at rest"
     )
     return f"no state of charge: none is stated at the start, {full}, and {table}"
@@ -215,11 +311,16 @@ def rest_scale(
 
     Raises
     ------
-    Refusal : no capacity is known, or nothing tells where the record begins.
+    Refusal : no capacity is known, nothing tells where the record begins, or a stated SoC that
+        contradicts the record's charge and the capacity.
     """
     current, voltage, charge = (
         np.asarray(column, float) for column in (current_ampere, voltage_volt, charge_ampere_hour)
     )
+    if lower_cutoff_volt is None:
+        raise Refusal(
+            "the lower cut-off is not stated, so whether the record ends empty is unknown"
+        )
     upper, window = upper_cutoff_volt, WINDOW_VOLT
     if upper is not None:
         window = upper - lower_cutoff_volt
@@ -229,11 +330,16 @@ def rest_scale(
     rate = current / max(nominal, float(np.ptp(charge)))
     first = float(voltage[0]) if abs(rate[0]) <= START_C_RATE else np.nan
     share = 1.0 if ends_empty or not nominal else float(np.ptp(charge)) / nominal
+    wrong = ""
     if soc_at_start is not None:
+        wrong = contradiction(soc_at_start, first, (lower_cutoff_volt, upper))
+    if soc_at_start is not None and not wrong:
         anchor = _Anchor(charge[0], soc_at_start, f"SoC {soc_at_start:g} is stated at its start")
+        _refuse_stated(anchor, charge, nominal, source)
     else:
         near = FULL_WINDOW * window if state_before != "full" else np.inf
-        anchor = _full_anchor(rate, voltage, charge, upper, near, share, first)
+        anchor = _full_anchor(rate, voltage, charge, upper, near, share, first, wrong)
+        anchor = anchor._replace(words="; ".join(filter(None, [anchor.words, wrong])))
     discharged = float(anchor.charge_ampere_hour - charge.min())
     if ends_empty:
         nominal, source = (
@@ -242,9 +348,24 @@ def rest_scale(
         )
     elif not nominal:
         raise Refusal("no capacity: the record does not end empty, no capacity test and no rating")
-    capacity = max(nominal, discharged / anchor.soc)
+    capacity = max(nominal, discharged / anchor.soc if discharged else 0.0)
     full = anchor.charge_ampere_hour + (1 - anchor.soc) * capacity
     return Scale(float(full), capacity, first, source, anchor.words)
+
+
+def _refuse_stated(anchor, charge, nominal, source):
+    """Refuse a stated SoC from which the record's charge leaves the scale of the known capacity.
+
+    Of a cell that is stated full a discharge beyond it contradicts the capacity alone, which the
+    record itself then tells.
+    """
+    up, down = (float(moved - anchor.charge_ampere_hour) for moved in (charge.max(), charge.min()))
+    capacity = nominal or max(up, -down)
+    if not capacity:
+        return
+    low = anchor.soc + (down / capacity if anchor.soc < 1 else 0.0)
+    about = {"capacity_ampere_hour": capacity, "source": source}
+    refuse_impossible_soc(low, anchor.soc + up / capacity, anchor.words, **about)
 
 
 # ASSUME: A complete charge at C/15 or slower puts in what a discharge as slow takes out.
@@ -289,7 +410,8 @@ def _ends_empty(steps, limit_volt):
 
 # ASSUME: A record that begins at rest within 3 % of the voltage window of the upper cut-off begins
 # full; where no upper cut-off is stated, one that moves 90 % of the capacity begins full.
-def _full_anchor(rate, voltage, charge, upper, near_volt, share, first_volt):
+def _full_anchor(rate, voltage, charge, upper, near_volt, share, first_volt, wrong):
+    """Where a record is full; wrong : what contradicts the stated SoC, "" where none is stated."""
     row = full_row(rate, voltage, upper)
     if row is not None:
         return _Anchor(charge[row], 1.0, "full at the end of its full charge")
@@ -305,4 +427,5 @@ def _full_anchor(rate, voltage, charge, upper, near_volt, share, first_volt):
     wanted = (
         wanted or f"{WHOLE_SWING:.0%} of the capacity moved (found {share:.1%}), for want of limits"
     )
-    raise Refusal(f"no SoC at the start: none is stated, it begins {beginning}; wanted: {wanted}")
+    stated = wrong or "none is stated"
+    raise Refusal(f"no SoC at the start: {stated}, it begins {beginning}; wanted: {wanted}")

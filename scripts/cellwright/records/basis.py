@@ -4,7 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.anchor import Anchored, soc_series, telling_capacity
+from cellwright.records.anchor import (
+    Anchored,
+    refuse_impossible_soc,
+    soc_series,
+    telling_capacity,
+)
 from cellwright.records.conditions import (
     REFERENCE_CELSIUS,
     SAME_CELSIUS,
@@ -45,9 +50,9 @@ def basis(
     its test to the slow rate by the reference cell's ratio where that has a test at both rates.
     3. Without a lender, the curves are those from the rests of its own pulse tests, one for each
     temperature, the slowest; the capacity is that of the one nearest 25 °C, and all of them are put
-    on its scale, full at 1. 4. Without any curve the capacity is the cell's own, without a
-    capacity test the rating, times the state of health that the sheet states. What was taken is
-    said in `capacity_source`.
+    on its scale, full at 1; without pulse tests, those of its long loads in the same way.
+    4. Without any curve the capacity is the cell's own, without a capacity test the rating, times
+    the state of health that the sheet states. What was taken is said in `capacity_source`.
 
     Parameters
     ----------
@@ -56,7 +61,7 @@ def basis(
         soc, ocv_volt and what else the OCV stage gives.
     capacities : list of dict, rows of the capacity stage with ambient_temperature_celsius.
     lenders : list of Lender.
-    rests : list of dict, as `curves`, one a pulse test, with capacity_source besides.
+    rests : list of dict, as `curves`, one a pulse test or long load, with capacity_source besides.
     rated_capacity_ampere_hour, state_of_health : of the sheet [Ah], [1], or None.
     lower_cutoff_volt : a curve from rests is not continued below it [V].
 
@@ -88,6 +93,17 @@ def basis(
     return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
 
 
+def curve_at(curves, celsius):
+    """The curve whose temperature is nearest, None where there is none.
+
+    Parameters
+    ----------
+    curves : list of dict with ambient_temperature_celsius [°C]. celsius : of a test [°C] or None.
+    """
+    wanted = stated_or_reference(celsius)
+    return min(curves, key=lambda curve: abs(_celsius(curve) - wanted), default=None)
+
+
 def _celsius(row):
     return stated_or_reference(row["ambient_temperature_celsius"])
 
@@ -117,7 +133,10 @@ def reference_of(cells, *, capacity):
 
 
 def _from_rests(curves, lower_cutoff_volt):
-    """Basis from rests: one OCV curve per temperature on the SoC scale of the one nearest 25 °C."""
+    """Basis from rests, or from long loads: one OCV curve per temperature, the slowest.
+
+    All are on the SoC scale of the one nearest 25 °C.
+    """
     ordered = sorted(curves, key=lambda c: (*first_choice(c), -_celsius(c), _load(c)))
     chosen = []
     for curve in ordered:
@@ -125,7 +144,7 @@ def _from_rests(curves, lower_cutoff_volt):
         slowest = min(as_warm, key=lambda c: (c["cycle"] or 0, _load(c)))
         chosen += [slowest] if slowest not in chosen else []
     capacity, source = (chosen[0][name] for name in ("capacity_ampere_hour", "capacity_source"))
-    if not source.startswith("rating"):
+    if not source.startswith("rating") and chosen[0]["branches"] == "rests":
         source += f" (rests of {chosen[0]['test']})"
     scaled = [_on_scale(curve, capacity, lower_cutoff_volt) for curve in chosen]
     return {"ocv": scaled, "capacity_ampere_hour": capacity, "capacity_source": source}
@@ -291,9 +310,8 @@ def soc_of(series, basis, facts, cell):
         As `anchor.soc_series`.
     """
     basis = at_cycle(basis, facts.cycle)
-    celsius = stated_or_reference(facts.ambient_temperature_celsius)
-    no_curve = {"soc": None, "ocv_volt": None}
-    curve = min(basis["ocv"], key=lambda row: abs(_celsius(row) - celsius), default=no_curve)
+    found = curve_at(basis["ocv"], facts.ambient_temperature_celsius)
+    curve = {"soc": None, "ocv_volt": None} if found is None else found
     anchored = soc_series(
         series["charge_ampere_hour"],
         series["current_ampere"],
@@ -304,8 +322,26 @@ def soc_of(series, basis, facts, cell):
         soc_at_start=facts.soc,
         ocv_soc=curve["soc"],
         ocv_volt=curve["ocv_volt"],
+        half_gap_volt=curve.get("half_gap_volt"),
     )
     return anchored._replace(anchor=anchored.anchor + _size_in_words(basis))
+
+
+def on_scale(anchored, basis):
+    """The same SoC, refused where it leaves the scale of its basis.
+
+    Parameters
+    ----------
+    anchored : Anchored. basis : dict, at the age of the record.
+
+    Raises
+    ------
+    Refusal : as `anchor.refuse_impossible_soc`.
+    """
+    size, source = basis["capacity_ampere_hour"], basis.get("capacity_source", "of the model")
+    ends = float(np.min(anchored.soc)), float(np.max(anchored.soc))
+    refuse_impossible_soc(*ends, anchored.anchor, capacity_ampere_hour=size, source=source)
+    return anchored
 
 
 def _size_in_words(basis):
@@ -318,10 +354,11 @@ def _size_in_words(basis):
 def soc_or_unknown(series, basis, facts, cell):
     """As `soc_of`, but NaN with the reason as anchor where no state of charge can be known.
 
-    For results that need no SoC, such as the resistance of a pulse.
+    For results that need no SoC, such as the resistance of a pulse. One that leaves −0.1 to 1.1 is
+    not known: its anchor, its charge and the capacity contradict each other (`on_scale`).
     """
     try:
-        return soc_of(series, basis, facts, cell)
+        return on_scale(soc_of(series, basis, facts, cell), at_cycle(basis, facts.cycle))
     except Refusal as refusal:
         unknown = np.full(len(series["test_time_second"]), np.nan)
         return Anchored(unknown, f"not known: {refusal}")

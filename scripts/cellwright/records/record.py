@@ -4,8 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.anchor import REST_C_RATE, slow_soc
-from cellwright.records.basis import at_cycle, soc_of
+from cellwright.numerics.noise import least_digit
+from cellwright.records.anchor import AS_STATED, REST_C_RATE, Anchored, slow_soc
+from cellwright.records.basis import at_cycle, on_scale, soc_of
+from cellwright.records.blocks import fit_mask
 from cellwright.records.channels import (
     BRANCH_CURRENT,
     CELL_TEMPERATURE,
@@ -16,11 +18,9 @@ from cellwright.records.channels import (
 )
 from cellwright.records.conditions import REFERENCE_CELSIUS, same_temperature
 from cellwright.records.filled import bridged, with_edges
+from cellwright.records.repeats import counted_once
 from cellwright.refusal import Refusal
-from cellwright.series.rest_current import as_logged, hidden_rest_level
-
-SOC_RANGE = (-0.1, 1.1)  # counted SoC beyond it: the anchor or the capacity is wrong
-
+from cellwright.series.rest_current import as_logged
 
 BY_SHEET, BY_NOTHING = "the chamber's", "25 °C, for want of any"
 STATED = (BY_SHEET, BY_NOTHING)  # sources of a temperature that no sensor told
@@ -42,6 +42,7 @@ class Record(NamedTuple):
     simulated_volt : voltage of the test that the user simulated, None where there is none [V].
     anchor_second : time of the row whose SoC is known, from which all others are counted [s]; None
         for the first.
+    least_digit_ampere, least_digit_volt : of the readings, see `noise.least_digit` [A], [V].
     """
 
     test: str
@@ -59,6 +60,8 @@ class Record(NamedTuple):
     temperature_source: str = ""
     simulated_volt: np.ndarray | None = None
     anchor_second: float | None = None
+    least_digit_ampere: float = 0.0
+    least_digit_volt: float = 0.0
 
 
 def record_of(
@@ -106,6 +109,8 @@ def record_of(
         np.broadcast_to(np.asarray(resistance_factor, float), (rows,)).copy(),
         anchor,
         temperature_source,
+        least_digit_ampere=least_digit(current_ampere),
+        least_digit_volt=least_digit(voltage_volt),
     )
 
 
@@ -137,7 +142,8 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
     1. The SoC is counted from the best anchor that there is (`basis.soc_of`), of a slow test from
     its own end. 2. The temperature is
     the cell's own, see `cell_temperature`. 3. Of a test of role `split` the odd blocks are compared
-    in a fit and the even ones in a proof; of any other test all rows.
+    in a fit and the even ones in a proof; of any other test all rows. Rows that count in another
+    test (`repeats.counted_once`) are not compared, and drive the model all the same.
 
     Parameters
     ----------
@@ -175,6 +181,8 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
         rest = REST_C_RATE * basis["capacity_ampere_hour"]
         cut = series["current_ampere"]
         used = fit_mask(time, cut, rest_second=split_rest_second, rest_ampere=rest) ^ proof
+    if "repeated" in columns:
+        used &= ~columns["repeated"]
     return checked(
         record_of(
             time,
@@ -208,13 +216,11 @@ def laid_out_to_fit(test, basis, cell, **settings):
 
     Raises
     ------
-    Refusal : as `laid_out`; a SoC outside −0.1 to 1.1.
+    Refusal : as `laid_out` and `on_scale`.
     """
-    record = laid_out(test, basis, cell, **settings)
-    low, high = record.soc.min(), record.soc.max()
-    if low < SOC_RANGE[0] or high > SOC_RANGE[1]:
-        raise Refusal(f"SoC of the record runs from {low:.3f} to {high:.3f}, outside −0.1 to 1.1")
-    size = at_cycle(basis, test.facts.cycle)["capacity_ampere_hour"]
+    record, aged = laid_out(test, basis, cell, **settings), at_cycle(basis, test.facts.cycle)
+    on_scale(Anchored(record.soc, record.anchor), aged)
+    size = aged["capacity_ampere_hour"]
     return with_edges(bridged(record, capacity_ampere_hour=size), capacity_ampere_hour=size)
 
 
@@ -248,81 +254,11 @@ def cell_temperature(facts, series, *, as_read=False):
     return np.full(len(series["test_time_second"]), float(held)), source
 
 
-def blocks(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
-    """Number of the block of each row, from 0; a block is a load and the rest that follows it.
-
-    A relaxation so stays together with the load that caused it. A rest at the very start ends no
-    block. Where the reading of the record's rests is above what counts as rest, a rest is also what
-    stays within that of it: an offset of the sensor must not turn rests into loads.
-
-    Parameters
-    ----------
-    test_time_second, current_ampere : (n,) [s], [A].
-    rest_second : shortest stretch without current that ends a block [s].
-    rest_ampere : current below which the cell rests [A].
-
-    Returns
-    -------
-    block : (n,) integers.
-    """
-    level = hidden_rest_level(test_time_second, current_ampere, rest_ampere)
-    resting = np.minimum(np.abs(current_ampere), np.abs(current_ampere - level)) <= rest_ampere
-    bounds = np.flatnonzero(np.diff(resting.astype(int), prepend=0, append=0))
-    first, last = bounds[::2], bounds[1::2] - 1
-    long = test_time_second[last] - test_time_second[first] >= rest_second
-    starts = last[long & (first > 0)] + 1
-    return np.searchsorted(starts, np.arange(len(resting)), side="right")
-
-
-def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
-    """Rows of a record that may be fitted: its odd blocks, counted from 1; even ones validate.
-
-    Parameters
-    ----------
-    test_time_second, current_ampere, rest_second, rest_ampere : as in `blocks`.
-
-    Returns
-    -------
-    fit : (n,) bool, True where the row may be fitted.
-
-    Raises
-    ------
-    Refusal : fewer than two blocks: nothing would be left to validate.
-
-    Source: campaign contract, role `split`.
-    """
-    settings = {"rest_second": rest_second, "rest_ampere": rest_ampere}
-    block = blocks(test_time_second, current_ampere, **settings)
-    if block[-1] == 0:
-        raise Refusal(f"no rest of {rest_second:g} s inside the record to cut it at")
-    return block % 2 == 0
-
-
-def blocks_of_used(records, *, rest_second, rest_ampere):
-    """Block number of each used row of several records, counted through all records.
-
-    Parameters
-    ----------
-    records : sequence of Record. rest_second, rest_ampere : as in `blocks`.
-
-    Returns
-    -------
-    block : list of (used rows,) integers, one a record.
-    """
-    numbers, next_free = [], 0
-    for record in records:
-        time, current = record.test_time_second, record.current_ampere
-        block = blocks(time, current, rest_second=rest_second, rest_ampere=rest_ampere)
-        numbers.append(next_free + block[record.used])
-        next_free += block.max() + 1
-    return numbers
-
-
 class FitRecords(NamedTuple):
     """The records of one temperature, ready to be fitted.
 
     celsius : of the chamber, to which the resistances of the fit belong [°C]. records : tuple of
-    Record. pulsed : excited by pulses at set points, not by drives.
+    Record. pulsed : excited by pulses at set points, not by drives or long loads.
     """
 
     celsius: float
@@ -334,7 +270,7 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
     """Records by chamber temperature, coldest first; tests within 2 °C belong together.
 
     At each temperature HPPC tests and beside them capacity tests, whose long loads show what
-    pulses do not; where there is no HPPC, drives.
+    pulses do not; where there is no HPPC, drives. Of a cell with neither, capacity tests alone.
 
     Parameters
     ----------
@@ -348,13 +284,29 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
     """
     conditions, notes = [], []
     settings = {"split_rest_second": split_rest_second}
-    for celsius, members in _by_temperature(tests):
+    together = list(_by_temperature(tests))
+    all_tests = [test for _, members in together for test in members]
+    marked, words = _counted_once(all_tests, basis, cell, settings)
+    notes += words
+    once = iter(marked)
+    for celsius, members in [(c, [next(once) for _ in of]) for c, of in together]:
         laid = [_record_to_fit(test, basis, cell, settings, notes) for test in members]
         records = tuple(record for record in laid if record is not None)
         if records:
             pulsed = any(test.facts.kind == "hppc" for test in members)
             conditions.append(FitRecords(celsius, records, pulsed))
     return conditions, notes
+
+
+def _counted_once(tests, basis, cell, settings):
+    """As `counted_once`; a test that cannot be fitted takes no measurement from the others."""
+    marked, words = counted_once(tests)
+    if not words:
+        return marked, words
+    usable = [t for t in tests if _record_to_fit(t, basis, cell, settings, []) is not None]
+    marked, words = counted_once(usable)
+    once = {test.facts.test: test for test in marked}
+    return [once.get(test.facts.test, test) for test in tests], words
 
 
 def _record_to_fit(test, basis, cell, settings, notes):
@@ -364,23 +316,32 @@ def _record_to_fit(test, basis, cell, settings, notes):
     except Refusal as refusal:
         notes.append(f"not fitted: {test.facts.test}: {refusal}")
         return None
-    if test.facts.soc is None:
+    if not record.used.any():
+        notes.append(f"not fitted: {test.facts.test}: all of it counts in another test")
+        return None
+    if not record.anchor.startswith(AS_STATED):
         notes.append(f"{record.test}: SoC by {record.anchor}")
     return record
 
 
 def _by_temperature(tests):
-    by_celsius = {}
+    by_celsius, of_cell = {}, {test.facts.kind for test in tests}
     for test in sorted(tests, key=_chamber_celsius):
         celsius = _chamber_celsius(test)
         same = [t for t in by_celsius if same_temperature(t, celsius)]
         by_celsius.setdefault(same[0] if same else celsius, []).append(test)
     for celsius, members in by_celsius.items():
-        kinds = {test.facts.kind for test in members}
-        kinds_to_fit = {"hppc", "capacity"} if "hppc" in kinds else {"drive"}
+        kinds_to_fit = _kinds_to_fit({test.facts.kind for test in members}, of_cell)
         chosen = [test for test in members if test.facts.kind in kinds_to_fit]
         if chosen:
             yield celsius, chosen
+
+
+def _kinds_to_fit(kinds, of_cell):
+    """Kinds of test that are fitted at a temperature, of the kinds there and of the whole cell."""
+    if "hppc" in kinds:
+        return {"hppc", "capacity"}
+    return {"drive"} if of_cell & {"hppc", "drive"} else {"capacity"}
 
 
 def _chamber_celsius(test):

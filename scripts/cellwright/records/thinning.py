@@ -7,6 +7,8 @@ from cellwright.refusal import Refusal
 STEP_PART = 20.0  # a change of this part of a record's largest is a step
 DRIVE_SHARE = 0.5  # of steps that stand alone, below which a record is a drive
 FINEST_SECOND = 1.0  # width of the first bins, doubled until the rows are few enough
+DIGITS = 2.5  # of the current's reading: it flickers by one, with noise of its own size by two
+BACK_ROWS, FLICKERS = 3, 10  # by so many rows a flicker is taken back, and so often it is seen
 WORTH = 0.8  # of the width of a bin, below which the sampling of a record is worth averaging
 
 
@@ -120,8 +122,42 @@ def rows_of(record, rows):
 
 
 def edges(record, *, step_ampere):
-    """Rows at which the current has stepped by more than a threshold since the row before."""
-    return np.flatnonzero(np.abs(np.diff(record.current_ampere)) > step_ampere) + 1
+    """Rows at which the current has stepped by more than a threshold since the row before.
+
+    A flicker of the reading's least digit is no step.
+    """
+    return np.flatnonzero(_stepped(record, step_ampere)) + 1
+
+
+def _stepped(record, step_ampere):
+    """Whether the current has stepped since the row before, (n - 1,) bool."""
+    return np.abs(np.diff(record.current_ampere)) > max(step_ampere, _flicker_ampere(record))
+
+
+def _flicker_ampere(record):
+    """Change of the current that its reading's least digit makes by itself [A], 0 where none does.
+
+    Levels of a simulated load are multiples of one as well: a digit flickers only where most
+    changes are so small, and are taken back at once time and again.
+    """
+    change = np.diff(record.current_ampere)
+    least = min(DIGITS * record.least_digit_ampere, largest_ampere(record) / STEP_PART)
+    moved = np.flatnonzero(change)
+    small = np.abs(change[moved]) <= least
+    back = small[1:] & small[:-1] & (change[moved][1:] * change[moved][:-1] < 0)
+    seen = np.sum(back & (np.diff(moved) <= BACK_ROWS)) >= FLICKERS
+    return least if seen and small.mean() > 0.5 else 0.0
+
+
+def largest_ampere(record):
+    """Largest current or change of it from row to row [A], against which steps are small.
+
+    Parameters
+    ----------
+    record : Record.
+    """
+    current = record.current_ampere
+    return max(np.abs(np.diff(current)).max(initial=0.0), np.abs(current).max(initial=0.0))
 
 
 def thin(record, *, step_ampere, growth=0.1, capacity_ampere_hour=None, portion_soc=0.005):
@@ -171,7 +207,7 @@ def without_edges(record, *, step_ampere):
     record : Record.
     step_ampere : change of current between samples that counts as a step [A].
     """
-    steps = np.abs(np.diff(record.current_ampere)) > step_ampere
+    steps = _stepped(record, step_ampere)
     before, after = np.append(False, steps[:-1]), np.append(steps[1:], False)
     alone = np.append(False, steps & ~before & ~after)
     return record._replace(used=record.used & ~alone)

@@ -14,7 +14,7 @@ class Models(NamedTuple):
         (resistances on a fixed series of time constants); +H with hysteresis, +K with kinetics,
         +D with diffusion in the particles.
     split_rest_second [s] : Tests of role `split` are cut into blocks at rests that last at least
-        this long.
+        this long; those without one into parts, each at least twice as long.
     """
 
     members: tuple[str, ...] = (

@@ -169,14 +169,11 @@ def _against(hidden, verdict):
 
 def strength(hidden: dict) -> float:
     """Largest strength [mV] of the hidden effects on the records that judge; 0 without one."""
-    sizes = [
-        one.get("validation_gap_millivolt")
-        or one.get("visible_gap_millivolt")
-        or one.get("target_gap_millivolt")
-        or 0.0
-        for one in hidden["effects"]
+    names = [f"{records}_gap_millivolt" for records in ("validation", "visible", "target")]
+    known = [
+        [one[name] for name in names if one.get(name) is not None] for one in hidden["effects"]
     ]
-    return float(max(sizes, default=0.0))
+    return float(max((gaps[0] for gaps in known if gaps), default=0.0))
 
 
 def names_said(verdict: dict | None) -> list[dict]:

@@ -7,6 +7,7 @@ solution = pybamm.Simulation(model, parameter_values=values).solve([0, 1800])
 """
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,15 @@ TINY_AMPERE = 1e-6  # smooths |I| at zero
 
 
 def load(path, *, member: str | None = None, celsius: float) -> dict:
-    """Tables of one model (None: the chosen one, where exported) at one of its temperatures."""
+    """Tables of one model at one of its temperatures.
+
+    Without a `member` it is the chosen one, or, where PyBaMM cannot run that, the one that the file
+    names for it: a warning says so, and how well both do on tests that took no part in their fit.
+    """
     document = json.loads(Path(path).read_text(encoding="utf-8"))
-    name = member or document["chosen"]
+    name = member or document["exported"] or document["chosen"]
+    if member is None and name != document["chosen"]:
+        warnings.warn(_stands_in(document, name), stacklevel=2)
     if name in document["refused"]:
         raise ValueError(f"{name} was not exported: {document['refused'][name]}")
     tables = next(one["tables"] for one in document["members"] if one["model"] == name)
@@ -26,6 +33,19 @@ def load(path, *, member: str | None = None, celsius: float) -> dict:
     if celsius not in by_temperature:
         raise ValueError(f"{name} is known at {sorted(by_temperature)} °C, not at {celsius}")
     return by_temperature[celsius]
+
+
+def _stands_in(document: dict, name: str) -> str:
+    """Which model stands for the chosen one, why, and the validation error of both."""
+    chosen = document["chosen"]
+    own = next(one["validation_rmse_volt"] for one in document["members"] if one["model"] == name)
+    both = own, document["refused_validation_rmse_volt"][chosen]
+    errors = "not validated"
+    if None not in both:
+        errors = "validation error {:.3g} mV against {:.3g} mV".format(
+            *(1e3 * volt for volt in both)
+        )
+    return f"{name} in place of {chosen} ({errors}): {document['refused'][chosen]}"
 
 
 def thevenin(tables: dict):

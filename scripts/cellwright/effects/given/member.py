@@ -13,7 +13,8 @@ from cellwright.circuits.model_file import member_of
 from cellwright.effects.given.case import resistances
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.member import KNOTS, NAME, distinct, effect_member, temperatures
-from cellwright.identification.choice import Judged, Score, choose, judged_rows, rmse_of
+from cellwright.identification.choice import Score, choose, rmse_of
+from cellwright.identification.in_use import Judged, judged_rows
 from cellwright.refusal import Refusal
 
 SUFFIX, OWN_SUFFIX = "+effects", "+own_effects"
@@ -40,7 +41,7 @@ def with_own_effects(model, rows, effect_model):
     Parameters
     ----------
     model : dict of schema cellwright-model/2, from `member.finished`. rows : list of dict, its
-        table of reasons, see `choice.decided`.
+        table of reasons, see `in_use.decided`.
     effect_model : dict, `model` of a Finding of the base `own`; None: nothing was searched.
 
     Returns

@@ -47,7 +47,7 @@ def _stack(current, celsius, step):
     return Stack(
         *(("",), ("drive",), np.zeros(1, int), np.zeros(len(current), int), np.cumsum(steps)),
         *(steps, fresh, current, current, np.sign(current), none, celsius, np.ones(1)),
-        *("zero_order", none, none, none == 0, none, {}, {}, np.zeros(1, bool)),
+        *("zero_order", none, none, none == 0, none, {}, {}, np.zeros(1, bool), *np.zeros((2, 1))),
     )
 
 

@@ -47,6 +47,7 @@ def of_pulses(rows, *, capacity_ampere_hour):
         temperature, between directions, between rates.
     """
     rows = [row for row in _earliest(rows) if _known(row, "soc", "resistance_ohm")]
+    rows = [row for row in rows if row["direction"] in ("discharge", "charge")]
     courses = _courses(rows)
     if not courses:
         names = (*OVER_SOC, "resistance_temperature", "resistance_asymmetry")

@@ -5,11 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
+from cellwright.health.electrodes.half_cells import CHARGE_STD, at_share
 from cellwright.refusal import Refusal
 
 CORRELATED_SOC = 0.05  # range over which half cells and polarisation are wrong alike
-# Of the capacity: how far charge and lithiation are off where the curve is steep.
-CHARGE_STD = 0.001
 # ASSUME: Polarisation and hysteresis shift a slow charge by up to some 40 mV, and change by up to
 # some 10 mV from empty to full; of the mean of a slow charge and discharge little is left.
 # In a rest no current flows: half the hysteresis is left.
@@ -29,6 +28,10 @@ MOVED[1:, 0], MOVED[1:, 2] = (-0.003, 0.02, 0.0, 0.0), (-0.02, 0.0, -0.06, 0.02)
 QUICK_STEPS = 12  # of a fit that only tells which half cells are worth a thorough one
 HOPELESS = 8.0  # half of chi-square above the best minimum
 STEPS = np.array([0.01, 0.02, 0.02, 0.02, 0.005, 0.002])  # typical changes of the limits
+SHARE_STEP = 0.02  # the same of the share of a blend
+# ASSUME: What is said of the share of a blend, by the user or by nobody, is right to 10 % of the
+# electrode's lithium; the curve tells it better where it tells it.
+SHARE_STD = 0.1
 
 
 class SlowCurve(NamedTuple):
@@ -54,10 +57,11 @@ class SlowCurve(NamedTuple):
 class Alignment(NamedTuple):
     """The four stoichiometric limits of one curve, what they say, and how well it fits.
 
-    limits : (6,) lithiation [1] of the negative electrode at soc 0 and 1, of the positive one
-    at 0 and 1, the shift of the voltage by current and hysteresis at half charge [V], and by how
-    much more it is at soc 1 than at 0 [V]. covariance : (6, 6). spread : (6, n) change of `limits`
-    per volt of error in each sample. residual_volt : (n,) measured less model. error_volt : (n,)
+    limits : (p,) lithiation [1] of the negative electrode at soc 0 and 1, of the positive one
+    at 0 and 1, the shift of the voltage by current and hysteresis at half charge [V], by how
+    much more it is at soc 1 than at 0 [V], and the share of each electrode that is a blend [1].
+    covariance : (p, p). spread : (p, n) change of `limits` per volt of error in each sample.
+    residual_volt : (n,) measured less model. error_volt : (n,)
     standard deviation of each sample. rmse_volt, slope_rmse_volt : of the voltage and of its slope
     over SoC, steep ends weighed down.
     """
@@ -78,20 +82,31 @@ class Pair(NamedTuple):
     negative: object
     positive: object
 
+    @property
+    def blends(self):
+        """Half cells of which the share of the second material is fitted."""
+        return [one for one in self if one.parts is not None]
+
+    def at(self, shares):
+        """The pair with these shares of its blends [1]."""
+        given = iter(shares)
+        return Pair(*(one if one.parts is None else at_share(one, next(given)) for one in self))
+
 
 def cell_volt(pair, limits, soc):
     """Voltage of a cell [V] from its half cells.
 
     Parameters
     ----------
-    pair : Pair. limits : (6,), as in `Alignment`. soc : (n,) [1].
+    pair : Pair. limits : (p,), as in `Alignment`; of (6,) blends have their own share.
+    soc : (n,) [1].
 
     Source: U(soc) = Up(y(soc)) − Un(x(soc)) + shift; Honkura and Horiba, J. Power Sources 264
     (2014) 140; Birkl et al., J. Power Sources 341 (2017) 373.
     """
     x = limits[0] + (limits[1] - limits[0]) * soc
     y = limits[2] + (limits[3] - limits[2]) * soc
-    negative, positive = pair
+    negative, positive = pair.at(limits[6:]) if len(limits) > 6 else pair
     return (
         np.interp(y, positive.lithiation, positive.potential_volt)
         - np.interp(x, negative.lithiation, negative.potential_volt)
@@ -110,7 +125,7 @@ def align(curve, pair, *, starts=(), least_std_volt=LEAST_STD_VOLT):
     Parameters
     ----------
     curve : SlowCurve. pair : Pair.
-    starts : limits (6,) to begin from, beside a search over the whole range.
+    starts : limits (p,) to begin from, beside a search over the whole range.
     least_std_volt : least error of the half cells and of the readings [V].
 
     Returns
@@ -124,9 +139,29 @@ def align(curve, pair, *, starts=(), least_std_volt=LEAST_STD_VOLT):
         best = fits[0]
         residual = curve.voltage_volt - cell_volt(pair, best.x, curve.soc)
         std = max(_std(residual, errors, best, curve.soc), least_std_volt)
-        starts = [*(best.x + MOVED), *(fit.x for fit in fits[1:])]
+        moved = np.pad(MOVED, ((0, 0), (0, len(pair.blends))))
+        starts = [*(best.x + moved), *(fit.x for fit in fits[1:])]
         errors = _errors(curve, std, best.x[4])
     return _alignment(curve, fits, residual, errors)
+
+
+def realigned(alignment, pair, kept):
+    """The same fit to a part of the curve, from where the whole one ended.
+
+    Parameters
+    ----------
+    alignment : Alignment. pair : Pair. kept : (n,) bool, samples of its curve that count.
+
+    Returns
+    -------
+    alignment : Alignment of which only `limits` are those of the part.
+    """
+    if kept.all():
+        return alignment
+    curve = alignment.curve
+    part = curve._replace(soc=curve.soc[kept], voltage_volt=curve.voltage_volt[kept])
+    (fit,) = _fits(part, pair, [alignment.limits], alignment.error_volt[kept])
+    return alignment._replace(limits=fit.x)
 
 
 def _minima(curve, pair, starts, errors):
@@ -136,9 +171,9 @@ def _minima(curve, pair, starts, errors):
     """
     fits = sorted(_fits(curve, pair, starts, errors), key=lambda fit: fit.cost)
     forward = [fit for fit in fits if fit.x[1] > fit.x[0] and fit.x[2] > fit.x[3]] or fits[:1]
-    kept = []
+    kept, steps = [], _steps(pair)
     for fit in forward:
-        near = [np.abs((fit.x - other.x) / STEPS).max() < 1.0 for other in kept]
+        near = [np.abs((fit.x - other.x) / steps).max() < 1.0 for other in kept]
         if fit.cost < forward[0].cost + HOPELESS and not any(near):
             kept.append(fit)
     return kept
@@ -153,7 +188,7 @@ def _fits(curve, pair, starts, errors, *, most_steps=100):
             np.clip(start, low + 1e-6, high - 1e-6),
             jac=_derivatives,
             bounds=(low, high),
-            x_scale=STEPS,
+            x_scale=_steps(pair),
             args=(curve, pair, errors),
             max_nfev=most_steps,
             ftol=1e-6,
@@ -161,6 +196,10 @@ def _fits(curve, pair, starts, errors, *, most_steps=100):
         )
         for start in starts
     ]
+
+
+def _steps(pair):
+    return np.append(STEPS, [SHARE_STEP] * len(pair.blends))
 
 
 def _without_steep_ends(curve):
@@ -171,10 +210,12 @@ def _without_steep_ends(curve):
 
 
 def _bounds(pair):
-    """Limits [1] and shift [V] that the half cells' tables allow."""
-    (low_x, high_x), (low_y, high_y) = ((c.lithiation[0], c.lithiation[-1]) for c in pair)
-    low = np.array([low_x, low_x, low_y, low_y, -0.1, -0.05])
-    return low, np.array([high_x, high_x, high_y, high_y, 0.1, 0.05])
+    """Limits [1], shift [V] and shares [1] that the half cells' tables allow."""
+    tables = [one.lithiation if one.parts is None else one.parts for one in pair]
+    (low_x, high_x), (low_y, high_y) = ((table.min(), table.max()) for table in tables)
+    shares = len(pair.blends)
+    low = np.array([low_x, low_x, low_y, low_y, -0.1, -0.05, *[0.0] * shares])
+    return low, np.array([high_x, high_x, high_y, high_y, 0.1, 0.05, *[1.0] * shares])
 
 
 def _errors(curve, std, shift):
@@ -190,22 +231,34 @@ def _errors(curve, std, shift):
 
 
 def _whitened(limits, curve, pair, errors):
-    """Residuals of unit variance and no correlation, then the shift over its expected size."""
+    """Residuals of unit variance and no correlation, then how far shift and shares are off."""
     scaled = (curve.voltage_volt - cell_volt(pair, limits, curve.soc)) / errors
-    expected = limits[4:] / SHIFT_STD_VOLT[curve.branches]
-    return np.append(_white(scaled, curve.soc), expected)
+    expected, std = _expected(curve, pair)
+    return np.append(_white(scaled, curve.soc), (limits[4:] - expected) / std)
+
+
+def _expected(curve, pair):
+    """Expected shift [V] and shares [1], and their standard deviations."""
+    blends = pair.blends
+    expected = np.array([0.0, 0.0, *(blend.share for blend in blends)])
+    return expected, np.array([*SHIFT_STD_VOLT[curve.branches], *[SHARE_STD] * len(blends)])
 
 
 def _derivatives(limits, curve, pair, errors):
-    """Derivatives (n + 2, 6) of `_whitened` by the limits."""
-    soc, (negative, positive) = curve.soc, pair
-    x_slope = _slope(negative, limits[0] + (limits[1] - limits[0]) * soc)
-    y_slope = _slope(positive, limits[2] + (limits[3] - limits[2]) * soc)
-    ends = np.stack([1.0 - soc, soc], axis=1)
-    of_shift = np.stack([np.ones(len(soc)), soc - 0.5], axis=1)
-    volt = np.concatenate([-x_slope[:, None] * ends, y_slope[:, None] * ends, of_shift], axis=1)
-    expected = np.zeros((2, 6))
-    expected[:, 4:] = np.diag(1.0 / np.asarray(SHIFT_STD_VOLT[curve.branches]))
+    """Derivatives (n + 2 + blends, p) of `_whitened` by the limits."""
+    soc, ends = curve.soc, np.stack([1.0 - curve.soc, curve.soc], axis=1)
+    columns, shares = [], []
+    for sign, one, empty in zip((-1, 1), pair.at(limits[6:]), (0, 2), strict=True):
+        lithiation = ends @ limits[empty : empty + 2]
+        slope = sign * _slope(one, lithiation)
+        columns.append(slope[:, None] * ends)
+        if one.parts is not None:  # at one lithiation the potential follows what the second lacks
+            more = np.interp(lithiation, one.lithiation, one.parts[1] - one.parts[0])
+            shares.append(-slope * more)
+    columns.append(np.stack([np.ones(len(soc)), soc - 0.5, *shares], axis=1))
+    std = _expected(curve, pair)[1]
+    expected = np.pad(np.diag(1.0 / std), ((0, 0), (4, 0)))
+    volt = np.concatenate(columns, axis=1)
     return np.concatenate([_white(-volt / errors[:, None], soc), expected])
 
 
@@ -226,7 +279,7 @@ def _white(series, soc):
 
 
 def _search(curve, pair, *, best=4):
-    """The best of a coarse grid of limits, as starts: list of (6,)."""
+    """The best of a coarse grid of limits, as starts: list of (p,)."""
     grid = [
         (x0, x1, y0, y1)
         for x0 in (0.005, 0.02, 0.06, 0.15)
@@ -235,7 +288,7 @@ def _search(curve, pair, *, best=4):
         for y1 in (0.01, 0.1, 0.2, 0.27, 0.35, 0.45)
         if x1 > x0 + 0.1 and y0 > y1 + 0.1
     ]
-    low, high = _bounds(pair)
+    low, high = (bound[:6] for bound in _bounds(pair))
     limits = np.clip(np.c_[grid, np.zeros((len(grid), 2))], low, high)
     sparse = slice(None, None, 4 if len(curve.soc) > 100 else 1)
     soc, voltage = curve.soc[sparse], curve.voltage_volt[sparse]
@@ -249,12 +302,12 @@ def _search(curve, pair, *, best=4):
             chosen.append(limits[row])
         if len(chosen) == best:
             break
-    return chosen
+    return [np.append(one, [blend.share for blend in pair.blends]) for one in chosen]
 
 
 def _std(residual, errors, fit, soc):
     """Error of the half cells that explains a misfit [V], what the fit has taken up added."""
-    slopes = _coloured(fit.jac[:-2], soc)
+    slopes = _coloured(fit.jac[: len(soc)], soc)
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac, rcond=1e-14, hermitian=True)
     taken_up = np.mean(np.einsum("ni,ij,nj->n", slopes, covariance, slopes))
     return _rms(residual, errors) / float(np.sqrt(max(1 - taken_up, 0.1)))
@@ -290,7 +343,7 @@ def _alignment(curve, fits, residual, errors):
         curve=curve,
         limits=best.x,
         covariance=covariance + (apart * (likely / likely.sum())[:, None]).T @ apart,
-        spread=-covariance @ best.jac[:-2].T @ whitening,
+        spread=-covariance @ best.jac[: len(curve.soc)].T @ whitening,
         residual_volt=residual,
         error_volt=errors,
         rmse_volt=_rms(residual, errors),

@@ -1,14 +1,16 @@
-"""Potential of electrode materials over lithiation: published fits, a user's tables, blends."""
+"""Potential of electrode materials over lithiation: published fits by name, and blends."""
 
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.health.electrodes.names import named_parts
 from cellwright.refusal import Refusal
 
 POINTS = 4001  # of a tabulated fit; 0.25 per mille of lithiation
 END_VOLT, END_LITHIATION = 2.0, 0.004
+CHARGE_STD = 0.001  # of the capacity: how well the charge of a slow curve tells lithiation
 
 
 class HalfCell(NamedTuple):
@@ -16,12 +18,16 @@ class HalfCell(NamedTuple):
 
     name : of the library, or the user's file. lithiation : (n,) rising [1], 0 empty of lithium.
     potential_volt : (n,), falling [V]. source : paper or file.
+    Of a blend, parts : (2, n) lithiation of its materials at `potential_volt` [1]; share : of the
+    electrode's capacity that the second holds [1]. `at_share` gives it another share.
     """
 
     name: str
     lithiation: np.ndarray
     potential_volt: np.ndarray
     source: str
+    parts: np.ndarray | None = None
+    share: float = 0.0
 
 
 class Fit(NamedTuple):
@@ -225,27 +231,50 @@ CHEMISTRIES = {
     "LFP": Materials(GRAPHITES, ("lfp_afshar", "lfp_safari")),
     "LMO": Materials(GRAPHITES, ("lmo_doyle", "lmo_fuller", "lmo_doyle+nca_kim")),
 }
-BLEND_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5)  # of the second material, tried one after the other
+# ASSUME: Silicon beside graphite, or the second of another blend, holds some 10 % of an electrode's
+# lithium where nobody says more.
+BLEND_SHARE = 0.1
+BLEND_FORM = "wanted a+b, or a+b:0.1 where b holds 10 % of the electrode's lithium"
 
 
-@cache
-def half_cell(name):
-    """A half cell of the library by its name; "a+b:0.2" is a blend with 20 % of the second.
+def half_cell(name, own=None):
+    """A half cell by its name; "a+b:0.2" is a blend with 20 % of the electrode's lithium in b.
 
     Parameters
     ----------
-    name : of `LIBRARY`.
+    name : of `LIBRARY` or `own`, or two such names of a blend. own : the user's half cells by name.
 
     Raises
     ------
-    Refusal : no such name.
+    Refusal : no such name, or a blend that is not of this form.
     """
-    names, _, share = name.partition(":")
-    first, _, second = names.partition("+")
-    if second:
-        return blended(half_cell(first), half_cell(second), share=float(share or 0.5))
-    if name not in LIBRARY:
-        raise Refusal(f"half cell {name!r} is not in the library: {', '.join(sorted(LIBRARY))}")
+    own = own or {}
+    names, share = named_parts(name)
+    unknown = [one for one in names if one not in LIBRARY and one not in own]
+    if unknown:
+        words = f"half cell {unknown[0]!r} is not in the library: {', '.join(sorted(LIBRARY))}"
+        raise Refusal(words if len(names) == 1 else f"{name}: {words}; {BLEND_FORM}")
+    materials = [own[one] if one in own else _of_library(one) for one in names]
+    if len(materials) == 1:
+        return materials[0]
+    if len(materials) > 2:
+        raise Refusal(f"{name}: a blend of {len(materials)}, wanted two; {BLEND_FORM}")
+    return blended(*materials, share=BLEND_SHARE if share is None else _number(share, name))
+
+
+def _number(share, name):
+    """Share of a blend [1] from what follows the colon."""
+    try:
+        value = float(share)
+    except ValueError:
+        value = np.nan
+    if not 0 <= value <= 1:
+        raise Refusal(f"{name}: found the share {share!r}, {BLEND_FORM}")
+    return value
+
+
+@cache
+def _of_library(name):
     fit = LIBRARY[name]
     lithiation = np.linspace(fit.lowest, fit.highest, POINTS)
     # A fit may rise by a fraction of a millivolt between its steps, which no equilibrium does.
@@ -265,19 +294,19 @@ def with_ends(half_cell):
     half_cell : HalfCell.
     """
     lithiation, potential = half_cell.lithiation, half_cell.potential_volt
-    if lithiation[0] < 0.01:
+    if lithiation[0] <= 0.01:
         lithiation = np.append(lithiation[0] - END_LITHIATION, lithiation)
         potential = np.append(potential[0] + END_VOLT, potential)
-    if lithiation[-1] > 0.99:
+    if lithiation[-1] >= 0.99:
         lithiation = np.append(lithiation, lithiation[-1] + END_LITHIATION)
         potential = np.append(potential, potential[-1] - END_VOLT)
     return half_cell._replace(lithiation=lithiation, potential_volt=potential)
 
 
-def candidates(names):
-    """Names with each blend "a+b" replaced by that blend at all shares of `BLEND_SHARES`."""
-    shares = {name: [f"{name}:{share:g}" for share in BLEND_SHARES] for name in names}
-    return [one for name in names for one in (shares[name] if "+" in name else [name])]
+def may_hold_silicon(half_cell):
+    """Whether silicon may be in a negative electrode: not in graphite of the library alone."""
+    name = half_cell.name
+    return name not in GRAPHITES or "siox" in name
 
 
 def blended(first, second, *, share):
@@ -299,41 +328,13 @@ def blended(first, second, *, share):
     # Levels of both tables: a plateau of either keeps its resolution.
     levels = np.union1d(first.potential_volt, second.potential_volt)[::-1]
     levels = levels[(levels <= highest) & (levels >= lowest)]
-    shares = ((first, 1 - share), (second, share))
-    lithiation = sum(
-        part * np.interp(-levels, -one.potential_volt, one.lithiation) for one, part in shares
-    )
-    name = f"{first.name}+{second.name}:{share:g}"
-    return HalfCell(name, lithiation, levels, f"{first.source}; {second.source}")
+    parts = [np.interp(-levels, -one.potential_volt, one.lithiation) for one in (first, second)]
+    sources = f"{first.source}; {second.source}"
+    name = f"{first.name}+{second.name}"
+    return at_share(HalfCell(name, levels, levels, sources, parts=np.array(parts)), share)
 
 
-def from_table(lithiation, potential_volt, *, name):
-    """A half cell measured by the user.
-
-    Parameters
-    ----------
-    lithiation, potential_volt : (n,) [1], [V], in any order.
-    name : of the file, for messages.
-
-    Raises
-    ------
-    Refusal : fewer than 20 rows, lithiation outside 0 to 1, or a potential that rises with it by
-        more than 5 mV.
-    """
-    lithiation, potential = np.asarray(lithiation, float), np.asarray(potential_volt, float)
-    finite = np.isfinite(lithiation) & np.isfinite(potential)
-    lithiation, first = np.unique(lithiation[finite], return_index=True)
-    potential = potential[finite][first]
-    if len(lithiation) < 20:
-        raise Refusal(f"{name}: {len(lithiation)} rows of lithiation and potential, at least 20")
-    if lithiation[0] < 0 or lithiation[-1] > 1:
-        found = f"{lithiation[0]:.3g} to {lithiation[-1]:.3g}"
-        raise Refusal(f"{name}: lithiation runs from {found}, wanted within 0 to 1 (not percent)")
-    falling = np.minimum.accumulate(potential)
-    rise = (potential - falling).max()
-    if rise > 0.005:
-        raise Refusal(
-            f"{name}: potential rises by {1e3 * rise:.0f} mV with lithiation; against lithium it "
-            "falls. Is the column state of charge instead?"
-        )
-    return with_ends(HalfCell(name, lithiation, falling, name))
+def at_share(blend, share):
+    """A blend in which the second material holds another share of the electrode's capacity [1]."""
+    lithiation = blend.parts[0] + share * (blend.parts[1] - blend.parts[0])
+    return blend._replace(lithiation=lithiation, share=share)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from cellwright.health.electrodes.modes import MODES
+from cellwright.health.electrodes.alignment import CORRELATED_SOC
+from cellwright.health.electrodes.modes import MODES, QUANTILE
 
 WARNED_VOLT = 0.003  # misfit from which the half cells are said to fit poorly
 
@@ -19,7 +20,9 @@ def mode_rows(found, pair, curves):
     """
     fresh = curves[0]
     own = [k for k, curve in enumerate(curves) if k or curve.cell == curves[-1].cell]
-    return [_row(found, k, curves[k]) | _facts(pair, fresh) for k in own]
+    return [
+        _row(found, k, curves[k]) | _of_blends(found, k, pair) | _facts(pair, fresh) for k in own
+    ]
 
 
 def _row(found, k, curve):
@@ -39,6 +42,7 @@ def _row(found, k, curve):
             "rmse_volt": alignment.rmse_volt,
             "identifiable": bool(known.all()),
             "reason": _reason(found, k),
+            "doubt": _doubt(found, k, curve),
         }
         | limits
         | {"shift_volt": float(alignment.limits[4])}
@@ -49,12 +53,53 @@ def _reason(found, k):
     """Which modes the window does not tell, and by how much."""
     words = [
         f"{mode} not identifiable from this window: {100 * found.single[k, j]:.0f} ± "
-        f"{196 * found.single_std[k, j]:.0f} % (95 %), the capacity alone allows up to "
+        f"{_points(found.single_std[k, j]):.0f} % (95 %), the capacity alone allows up to "
         f"{100 * found.possible[k, j]:.0f} %"
         for j, mode in enumerate(MODES)
         if not found.known[k, j]
     ]
     return "; ".join(words)
+
+
+def _points(std):
+    """Half of a 95 % interval, in percent."""
+    return 100 * QUANTILE * std
+
+
+def _doubt(found, k, curve):
+    """On what modes hang more than on the curve's own misfit, by how much, and where."""
+    hanging = {}
+    for j, mode in enumerate(MODES):
+        stds = {source: std[k, j] for source, std in found.doubts.items()}
+        source = max(stds, key=stds.get)
+        words = f"{mode} ± {_points(stds[source]):.1f}"
+        if source == "window":
+            most = np.abs(found.left_out[:, k, j]).argmax()
+            without = 100 * (found.single[k, j] + found.left_out[most, k, j])
+            low, high = (round(100 * CORRELATED_SOC * edge) for edge in (most, most + 1))
+            words += f" ({without:.1f} % without {low} to {high} % of SoC)"
+        if source != "data" and stds[source] > 0:
+            hanging.setdefault(source, []).append(words)
+    names = {"branch": f"branch, a {curve.branches} alone of a cell that may hold silicon"}
+    return "; ".join(
+        f"hangs on the {names.get(source, source)}: {', '.join(modes)} points (95 %)"
+        for source, modes in hanging.items()
+    )
+
+
+def _of_blends(found, k, pair):
+    """Shares of the second materials of blends, and losses of a blended negative's materials."""
+    row, shares = {}, iter(zip(found.shares[k], found.shares_std[k], strict=True))
+    for electrode, one in zip(pair._fields, pair, strict=True):
+        share = (np.nan, np.nan) if one.parts is None else next(shares)
+        row[f"{electrode}_blend_share"], row[f"{electrode}_blend_share_std"] = map(float, share)
+    materials = np.full((2, 2), np.nan)
+    if found.materials.size:
+        materials = np.stack([found.materials[k], found.materials_std[k]], axis=1)
+        materials[2 * QUANTILE * materials[:, 1] >= 1] = np.nan  # from nothing to all of it
+    for name, (loss, std) in zip(("first", "second"), materials, strict=True):
+        row[f"lam_negative_{name}"], row[f"lam_negative_{name}_std"] = float(loss), float(std)
+    return row
 
 
 def _facts(pair, fresh):

@@ -6,13 +6,23 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from cellwright.health.electrodes.alignment import CORRELATED_SOC, align
+from cellwright.health.electrodes.alignment import CORRELATED_SOC, align, realigned
+from cellwright.health.electrodes.half_cells import may_hold_silicon
 
 MODES = ("lli", "lam_negative", "lam_positive")
 DRAWS, SEED = 200, 16
 CHANGE_OF_SLOPE = 0.5  # of a mode per capacity lost, from one check-up to the next
 LEAST_LOSS = 0.02  # of the capacity, over which such a slope is taken
 QUANTILE = 1.959964  # of the normal distribution, for 95 %
+LEAST_SHARE = 1e-3  # of a blend: of less there is nothing to lose
+# ASSUME: What a charge alone tells of a cell with silicon at its end of life (a fifth of the
+# capacity lost) and a discharge does not: 5.36 points of lithium, 3.42 of the positive electrode,
+# −14.38 of the silicon, which holds 22 % of that cell's negative electrode (docs/health-modes.md).
+# Taken as the 95 % interval of either branch, in proportion to the capacity lost.
+# M. Asheruddin et al., Phantom LAM and LLI, arXiv 2512.19773 (2025), Molicel P45B.
+BRANCH_POINTS = {"lli": 0.0536, "lam_positive": 0.0342, "silicon": 0.1438}
+BRANCH_SHARE = 0.22
+END_OF_LIFE = 0.2
 
 
 class Modes(NamedTuple):
@@ -22,6 +32,10 @@ class Modes(NamedTuple):
     of all check-ups together: no active material comes back. known : (k, 3) bool, whether the data
     tell more than the capacity alone. possible : (k, 3) largest loss that the capacity allows.
     alignments : list of Alignment. likeness : correlation of the misfit between check-ups [1].
+    doubts : (k, 3) standard deviation by where it is from: "data", and what of it or beside it
+    hangs on the "window", the "half cells" and the "branch". left_out : (b, k, 3) change of
+    `single` without each 5 % of SoC. materials, materials_std : (k, 2) loss of either material of a
+    blended negative electrode, (k, 0) of one material. shares, shares_std : (k, blends) [1].
     """
 
     single: np.ndarray
@@ -32,6 +46,12 @@ class Modes(NamedTuple):
     possible: np.ndarray
     alignments: list
     likeness: float
+    doubts: dict
+    left_out: np.ndarray
+    materials: np.ndarray
+    materials_std: np.ndarray
+    shares: np.ndarray
+    shares_std: np.ndarray
 
 
 def degradation_modes(curves, pair, *, others=()):
@@ -40,8 +60,9 @@ def degradation_modes(curves, pair, *, others=()):
     1. Each curve is aligned with the half cells. 2. Electrode capacities are charge over change of
     lithiation; cyclable lithium is what both electrodes hold at soc 0; losses are the changes of
     the three since the first check-up. 3. Errors of the half cells that all check-ups share cancel
-    in part: the covariance between check-ups follows from how alike their misfits are. What other
-    half cells that fit give instead adds to it. 4. The joint estimate weighs all
+    in part: the covariance between check-ups follows from how alike their misfits are. An interval
+    is no narrower than what leaving out each 5 % of SoC in turn gives. What other half cells that
+    fit give instead adds to it, and what the other branch may. 4. The joint estimate weighs all
     check-ups by that covariance; active material only falls, and a mode's slope over the capacity
     lost changes little from one check-up to the next.
 
@@ -55,22 +76,49 @@ def degradation_modes(curves, pair, *, others=()):
     modes : Modes.
 
     Source: definitions of Birkl et al., J. Power Sources 341 (2017) 373; losses of delithiated
-    material, as there.
+    material, as there. Leaving out: the jackknife, B. Efron, The Jackknife, the Bootstrap and Other
+    Resampling Plans (1982), over parts as long as the error is alike.
     """
     alignments = aligned(curves, pair)
     likeness = _likeness(alignments)
-    losses, covariance = _losses(alignments, likeness)
-    for other in others:
-        apart = (_losses(aligned(curves, other), likeness)[0] - losses).ravel()
-        covariance += np.outer(apart, apart) / len(others)
-    spread = np.sqrt(np.diag(covariance)).reshape(losses.shape)
+    losses, covariance = _losses(alignments, pair, likeness)
+    doubts = {"data": np.sqrt(np.diag(covariance)).reshape(losses.shape)}
+    parts = _left_out(alignments, pair)
+    left_out = np.array([_losses_of(part, pair) for part in parts]) - losses
+    doubts["window"] = _jackknife(left_out)
+    wider = (np.maximum(doubts["window"] / np.maximum(doubts["data"], 1e-12), 1.0)).ravel()
+    apart = _by_other_half_cells(curves, others, losses)
+    doubts["half cells"] = np.sqrt(np.mean(apart**2, axis=0)).reshape(losses.shape)
+    covariance = covariance * np.outer(wider, wider) + apart.T @ apart / len(apart)
     capacity = np.array([curve.capacity_ampere_hour for curve in curves])
-    fresh = quantities(alignments[0])[0]
+    lost = 1 - capacity / capacity[0]
+    doubts["branch"] = _of_the_branch(curves, pair, alignments, lost, losses.shape)
+    spread = np.hypot(np.sqrt(np.diag(covariance)).reshape(losses.shape), doubts["branch"])
+    fresh = _capacities(alignments[:1], pair)[0, :3]
     possible = 1 - capacity[:, None] / fresh[None, :]
-    known = 2 * QUANTILE * spread < np.maximum(possible, 0.0)
+    known = 2 * QUANTILE * spread[:, :3] < np.maximum(possible, 0.0)
     known[0] = True
-    joint, joint_std = _joint(losses, covariance, 1 - capacity / capacity[0])
-    return Modes(losses, spread, joint, joint_std, known, possible, alignments, likeness)
+    modes = np.tile(np.arange(losses.shape[1]) < 3, len(losses))
+    joint, joint_std = _joint(losses[:, :3], covariance[np.ix_(modes, modes)], lost)
+    return Modes(
+        single=losses[:, :3],
+        single_std=spread[:, :3],
+        joint=joint,
+        joint_std=np.hypot(joint_std, doubts["branch"][:, :3]),
+        known=known,
+        possible=possible,
+        alignments=alignments,
+        likeness=likeness,
+        doubts={source: std[:, :3] for source, std in doubts.items()},
+        left_out=left_out[:, :, :3],
+        materials=losses[:, 3:],
+        materials_std=spread[:, 3:],
+        shares=_shares(alignments),
+        shares_std=np.maximum(
+            np.sqrt([np.diag(one.covariance)[6:] for one in alignments]),
+            _jackknife(np.array([_shares(part) for part in parts]) - _shares(alignments)),
+        ),
+    )
 
 
 def aligned(curves, pair):
@@ -91,27 +139,88 @@ def aligned(curves, pair):
     return forward
 
 
-def quantities(alignment):
-    """Cyclable lithium, negative and positive electrode's capacity (3,) [Ah], and derivatives.
+def quantities(alignment, pair):
+    """Cyclable lithium and what the electrodes can hold (m,) [Ah], and derivatives.
 
     Parameters
     ----------
-    alignment : Alignment.
+    alignment : Alignment. pair : Pair.
 
     Returns
     -------
-    values : (3,) [Ah]. gradient : (3, 6) over `limits`.
+    values : (m,) [Ah]: lithium, negative, positive electrode; of a blended negative one also its
+        first and its second material. gradient : (m, p) over `limits`.
     """
     x0, x1, y0, y1 = alignment.limits[:4]
     charge = alignment.curve.capacity_ampere_hour
     negative, positive = charge / (x1 - x0), charge / (y0 - y1)
-    of_negative = negative / (x1 - x0) * np.array([1.0, -1.0, 0.0, 0.0, 0.0, 0.0])
-    of_positive = positive / (y0 - y1) * np.array([0.0, 0.0, -1.0, 1.0, 0.0, 0.0])
-    of_lithium = x0 * of_negative + y0 * of_positive
-    of_lithium[0] += negative
-    of_lithium[2] += positive
-    values = np.array([x0 * negative + y0 * positive, negative, positive])
-    return values, np.array([of_lithium, of_negative, of_positive])
+    none = np.zeros(len(alignment.limits))
+    of_negative, of_positive, of_lithium = none.copy(), none.copy(), none.copy()
+    of_negative[:2] = negative / (x1 - x0) * np.array([1.0, -1.0])
+    of_positive[2:4] = positive / (y0 - y1) * np.array([-1.0, 1.0])
+    of_lithium[[0, 2]] = negative, positive
+    of_lithium += x0 * of_negative + y0 * of_positive
+    values = [x0 * negative + y0 * positive, negative, positive]
+    gradient = [of_lithium, of_negative, of_positive]
+    if pair.negative.parts is not None:
+        share, of_share = alignment.limits[6], none.copy()
+        of_share[6] = negative
+        values += [(1 - share) * negative, share * negative]
+        gradient += [(1 - share) * of_negative - of_share, share * of_negative + of_share]
+    return np.array(values), np.array(gradient)
+
+
+def _capacities(alignments, pair):
+    """Lithium and materials (k, m) [Ah]; the fresh ones no less than can be divided by."""
+    values = np.array([quantities(alignment, pair)[0] for alignment in alignments])
+    values[0, 3:] = np.maximum(values[0, 3:], LEAST_SHARE * values[0, 1])
+    return values
+
+
+def _losses_of(alignments, pair):
+    """Losses (k, m) [1] against the first check-up."""
+    values = _capacities(alignments, pair)
+    return 1 - values / values[0]
+
+
+def _shares(alignments):
+    """Shares of the blends (k, blends) [1]."""
+    return np.array([one.limits[6:] for one in alignments])
+
+
+def _by_other_half_cells(curves, others, losses):
+    """What other half cells give instead: changes of the losses (n, m k), 0 of a blend's parts."""
+    apart = np.zeros((max(len(others), 1), *losses.shape))
+    for k, other in enumerate(others):
+        apart[k, :, :3] = _losses_of(aligned(curves, other), other)[:, :3] - losses[:, :3]
+    return apart.reshape(len(apart), -1)
+
+
+def _left_out(alignments, pair):
+    """Alignments of all check-ups without each part of SoC in which half cells err alike (b, k)."""
+    edges = np.linspace(0.0, 1.0, round(1 / CORRELATED_SOC) + 1)
+    parts = [np.digitize(alignment.curve.soc, edges[1:-1]) for alignment in alignments]
+    return [
+        [realigned(one, pair, own != part) for one, own in zip(alignments, parts, strict=True)]
+        for part in range(len(edges) - 1)
+    ]
+
+
+def _jackknife(left_out):
+    """Standard deviation from changes (b, …) as each of b parts is left out."""
+    return np.sqrt((len(left_out) - 1) / len(left_out) * np.sum(left_out**2, axis=0))
+
+
+def _of_the_branch(curves, pair, alignments, lost, shape):
+    """Standard deviation (k, m) of what the other branch would tell; none where both are there."""
+    doubt = np.zeros(shape)
+    if curves[0].branches not in ("charge", "discharge") or not may_hold_silicon(pair.negative):
+        return doubt
+    blended, count = pair.negative.parts is not None, len(curves)
+    share = np.array([one.limits[6] if blended else BRANCH_SHARE for one in alignments])
+    lithium, positive, silicon = (np.full(count, points) for points in BRANCH_POINTS.values())
+    columns = [lithium, silicon * share, positive, *([0 * silicon, silicon] if blended else [])]
+    return np.stack(columns, 1) * (np.abs(lost) / END_OF_LIFE / QUANTILE)[:, None]
 
 
 def _likeness(alignments):
@@ -123,24 +232,24 @@ def _likeness(alignments):
     return float(np.clip(np.mean(each), 0.0, 0.98)) if each else 0.0
 
 
-def _losses(alignments, likeness):
-    """Losses (k, 3) [1] against the first check-up, and their covariance (3 k, 3 k)."""
-    values, gradients = zip(*(quantities(alignment) for alignment in alignments), strict=True)
-    values, count = np.array(values), len(alignments)
-    between = np.zeros((count, 3, count, 3))
+def _losses(alignments, pair, likeness):
+    """Losses (k, m) [1] against the first check-up, and their covariance (m k, m k)."""
+    values, gradients = _capacities(alignments, pair), [quantities(a, pair)[1] for a in alignments]
+    count, size = values.shape
+    between = np.zeros((count, size, count, size))
     for i, first in enumerate(alignments):
         for j, second in enumerate(alignments):
             limits = first.covariance if i == j else likeness * _shared(first, second)
             between[i, :, j, :] = gradients[i] @ limits @ gradients[j].T
-    between = between.reshape(3 * count, 3 * count)
+    between = between.reshape(size * count, size * count)
     fresh = values[0]
     change = -np.kron(np.eye(count), np.diag(1 / fresh))
-    change[:, :3] += np.vstack([np.diag(row / fresh**2) for row in values])
+    change[:, :size] += np.vstack([np.diag(row / fresh**2) for row in values])
     return 1 - values / fresh, change @ between @ change.T
 
 
 def _shared(first, second):
-    """Covariance (6, 6) of the limits of two check-ups whose half cells err alike."""
+    """Covariance (p, p) of the limits of two check-ups whose half cells err alike."""
     distance = np.abs(first.curve.soc[:, None] - second.curve.soc[None, :])
     errors = np.exp(-distance / CORRELATED_SOC)
     errors *= first.error_volt[:, None] * second.error_volt[None, :]

@@ -52,6 +52,17 @@ class PulseRecords(NamedTuple):
     left_out: tuple
 
 
+def counted_here(steps, elsewhere):
+    """Steps whose pulses that count in another test are no pulses; see `repeats.steps_elsewhere`.
+
+    Parameters
+    ----------
+    steps : series.steps.Steps. elsewhere : (steps,) str, empty where a step counts here.
+    """
+    repeated = (elsewhere != "") & (np.asarray(steps.kind) == "pulse")
+    return steps._replace(kind=np.where(repeated, "repeat", steps.kind))
+
+
 # ASSUME: A pulse changes the SoC so little that one set of circuit parameters holds within it.
 def pulse_records(tests, basis, cell, *, pulses_per_cell, samples, rest_lengths):
     """Pulses of a cell's tests as records for identification, a bounded number, evenly over SoC.

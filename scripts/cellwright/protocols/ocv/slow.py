@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.protocols.ocv.legs import Leg, legs_of
+from cellwright.protocols.start import Before, Swing, told_of_first
+from cellwright.records.conditions import SAME_RATE, same_rate
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import offset_at_rest
 from cellwright.settings import Ocv
@@ -161,6 +163,7 @@ def slow_ocv(
     upper_cutoff_volt,
     join="auto",
     least_hour=OCV.least_hour,
+    soc_at_start=None,
 ):
     """OCV of a slow test from its discharge and its charge branch at equal SoC.
 
@@ -174,6 +177,8 @@ def slow_ocv(
         the discharge branch, each moved by the gap (`from_equilibrium`); "auto": the latter
         where files of their own complete both branches, so that each begins in equilibrium.
     least_hour : a branch is slow if it takes longer than this at its current [h].
+    soc_at_start : of the first row, as the sheet states it [1], or None. A first branch that it, or
+        the branch after it, tells not to begin at its end is left out.
 
     Returns
     -------
@@ -181,18 +186,24 @@ def slow_ocv(
 
     Raises
     ------
-    Refusal : no leg of the record is slow, full and runs to its cut-off.
+    Refusal : no leg of the record is slow, full and runs to its cut-off, or one is not stated.
 
     Source: joining of four scripts, "equilibrium": G. L. Plett, Battery Management Systems I
     (2015), ch. 2, function processOCV.
     """
+    ends = {"lower": lower_cutoff_volt, "upper": upper_cutoff_volt}
+    unstated = [name for name, volt in ends.items() if volt is None]
+    if unstated:
+        named = " and the ".join(f"{name} cut-off" for name in unstated)
+        raise Refusal(f"the {named} is not stated, so no slow curve can be told to be complete")
     files = np.zeros(len(voltage_volt), int) if file_index is None else np.asarray(file_index, int)
     columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
     time, current, voltage, net_charge = (np.asarray(column, float) for column in columns)
     cutoffs = {-1: lower_cutoff_volt, 1: upper_cutoff_volt}
     limits = cutoffs, least_hour
+    known = Before(soc_at_start=soc_at_start)
     columns = time, current, voltage, net_charge, files
-    discharge, charge, net_charge, offset_note = _legs_chosen(columns, limits)
+    discharge, charge, net_charge, note = _legs_chosen(columns, limits, known)
     closed = _closed(discharge, charge, time, current, net_charge)
     soc = np.linspace(0.0, 1.0, POINTS)
     discharge_volt, moved_out = _branch(closed.discharge, voltage, closed.net_charge, soc)
@@ -215,11 +226,57 @@ def slow_ocv(
         joined_by=joined_by,
         measured_soc=(float(soc[measured].min()), float(soc[measured].max())),
         moved_volt=float(max(moved_out, moved_back, np.abs(table - ocv).max())),
-        note=_balance(discharge, charge, closed) or offset_note,
+        note=_balance(discharge, charge, closed) or note,
     )
 
 
-def _legs_chosen(columns, limits):
+def slowest_load(*columns, **limits):
+    """As `slow_ocv` of whatever is slowest in a record: a faster full leg is no part of the curve.
+
+    Parameters
+    ----------
+    columns, limits : arguments of `slow_ocv` without least_hour.
+
+    Returns
+    -------
+    curve : OcvCurve.
+
+    Raises
+    ------
+    Refusal : no leg of the record is full and runs to its cut-off.
+    """
+    curve = slow_ocv(*columns, **limits, least_hour=0.0)
+    sides = abs(curve.discharge_current_ampere), abs(curve.charge_current_ampere)
+    if curve.branches != "both" or same_rate(*sides):
+        return curve
+    slower = SAME_RATE * curve.capacity_ampere_hour / max(sides)
+    return slow_ocv(*columns, **limits, least_hour=slower)
+
+
+def _begun(legs, columns, limits, known):
+    """Legs of a record, without a first one that does not begin full, or empty; and why not."""
+    _, current, voltage, net_charge, _ = columns
+    cutoffs, _ = limits
+    nearly = NEARLY * (cutoffs[1] - cutoffs[-1])
+    swings = [
+        Swing(
+            *(leg.sign, leg.first_row, leg.last_row, leg.capacity_ampere_hour),
+            reached=leg.sign * (leg.end_volt - cutoffs[leg.sign]) > -nearly,
+            end_volt=leg.end_volt,
+            under_load=abs(current[leg.first_row]) > abs(leg.current_ampere) / 2,
+        )
+        for leg in legs[:2]
+    ]
+    if not swings:
+        return legs, ""
+    about = (current, voltage, net_charge), (cutoffs[-1], cutoffs[1])
+    start = told_of_first(swings[0], swings[1] if len(swings) > 1 else None, *about, known)
+    if start is None or not start.fault:
+        return legs, ""
+    return legs[1:], f"its first {'charge' if legs[0].sign > 0 else 'discharge'}: {start.fault}"
+
+
+def _legs_chosen(columns, limits, known):
     """Branches of a record, its net charge [Ah], and a note: with an offset of the reading.
 
     An offset of the current counts a discharge and a charge between the same ends unequal. Where
@@ -227,10 +284,13 @@ def _legs_chosen(columns, limits):
     logs at rest makes up for most of it, that is taken off.
     """
     time, current, voltage, net_charge, files = columns
+    legs, left_out = _begun(legs_of(*columns), columns, limits, known)
     try:
-        chosen, refusal = _chosen(legs_of(*columns), *limits), None
+        chosen, refusal = _chosen(legs, *limits), None
     except Refusal as refused:
-        chosen, refusal = (None, None), refused
+        chosen, refusal = (None, None), Refusal("; ".join(filter(None, [str(refused), left_out])))
+    if left_out and chosen != (None, None):
+        return *chosen, net_charge, left_out
     if None not in chosen and _unequal(*chosen) < CLOSED:
         return *chosen, net_charge, ""
     largest = float(np.percentile(np.abs(current), 90))
@@ -280,7 +340,8 @@ def _unequal(discharge, charge):
 
 def _chosen(legs, cutoffs, least_hour, *, least_share=FULL_SHARE):
     """First full slow discharge and the full slow charge after or before it, None if missing."""
-    # ASSUME: An OCV record that starts with a discharge starts full, with a charge starts empty.
+    # ASSUME: An OCV record that starts with a discharge starts full, with a charge starts empty,
+    # where nothing tells otherwise (`_begun`).
     largest = max((leg.capacity_ampere_hour for leg in legs), default=0.0)
     nearly = NEARLY * (cutoffs[1] - cutoffs[-1])
     slow = [

@@ -1,0 +1,143 @@
+"""Fitted circuit of one temperature, with deviations and the names of what stands at a bound."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.circuit import UNRESOLVED_SECOND
+from cellwright.identification.columns import FAST_SECOND
+from cellwright.identification.regression import named
+from cellwright.identification.search import whole_covariance, with_time_constants
+from cellwright.numerics.statistics import rms
+
+LINEAR_VOLT = 1e3  # a scale so wide that kinetics are linear
+ABSENT_SECOND = 2e-4  # a diffusion time that stands for none
+ABSENT_SHARE = 0.01  # of the capacity: charge constant of a hysteresis that was not found
+AT_BOUND = 0.02  # of the logarithm of a time constant: as near as the search goes
+
+
+class Element(NamedTuple):
+    """A branch of a fitted circuit: its kind, and dicts name → (k,) of values and deviations."""
+
+    kind: str
+    values: dict
+    stds: dict
+
+
+class Condition(NamedTuple):
+    """A fitted circuit over SoC at one temperature; a deviation is NaN at a bound or if held.
+
+    soc : (k,). r0_ohm, r0_std_ohm, ocv_shift_volt : (k,). branches : tuple of Element.
+    missing, stretch : the SoC at which the OCV table is read, see `regression.Held`.
+    at_bound : names. fit_rmse_volt, samples : of the rows used. steady_std_ohm : (k,) of the sum of
+    all resistances, which a steady load tells though it tells none of them apart.
+    """
+
+    soc: np.ndarray
+    r0_ohm: np.ndarray
+    r0_std_ohm: np.ndarray
+    branches: tuple
+    ocv_shift_volt: np.ndarray
+    missing: float
+    stretch: float
+    at_bound: tuple
+    fit_rmse_volt: float
+    samples: int
+    steady_std_ohm: np.ndarray
+
+
+def condition_of(shared, member, fit, bounds):
+    """Condition of a solution, with deviations of the time constants where these were searched.
+
+    Parameters
+    ----------
+    shared : Shared. member : circuit.Member. fit : Fit.
+    bounds : (low, high) of searched time constants [s]; None where they are a fixed series.
+
+    Returns
+    -------
+    condition : Condition.
+    """
+    data, (held, system, solution, covariance) = shared.base.data, fit
+    stds = named(system, np.sqrt(np.diag(covariance)))
+    values, tau_stds, at_bound = solution.values, np.full(len(held.tau_second), np.nan), []
+    if bounds is not None and held.tau_second:
+        stds, tau_stds = _with_time_constants(shared, fit)
+        log = np.log(held.tau_second)
+        edge = (np.abs(log - np.log(bounds[0])) < AT_BOUND) | (
+            np.abs(log - np.log(bounds[1])) < AT_BOUND
+        )
+        at_bound = [f"tau{n}" for n, is_at_bound in enumerate(edge, 1) if is_at_bound]
+        tau_stds = np.where(edge, np.nan, tau_stds)
+    bounded = [
+        f"{name.upper()} at SoC {soc:.3f}"
+        for name in system.names
+        for soc, value in zip(data.knots, values[name], strict=True)
+        if value == 0
+    ]
+    if held.charge_ampere_hour is not None and data.most_volt is not None:
+        at_most = zip(data.knots, values["m"] >= data.most_volt, strict=True)
+        bounded += [
+            f"M at SoC {soc:.3f}, the most that the slow test allows"
+            for soc, is_at_bound in at_most
+            if is_at_bound
+        ]
+    return Condition(
+        data.knots,
+        values["r0"],
+        stds["r0"],
+        _elements(data, member, held, values, stds, tau_stds),
+        values["shift"],
+        held.missing,
+        held.stretch,
+        (*at_bound, *bounded),
+        rms(solution.residual_volt),
+        len(solution.residual_volt),
+        _steady_std(system, covariance),
+    )
+
+
+def _steady_std(system, covariance):
+    """Standard deviation of the sum of all resistances at each knot (k,) [ohm].
+
+    One at its bound is no part of it; NaN where all are.
+    """
+    places = named(system, np.arange(len(covariance)))
+    of_knot = np.array([places[name] for name in system.names if name != "m"]).T
+    parts = [covariance[np.ix_(rows, rows)] for rows in of_knot]
+    return np.array([np.sqrt(np.nansum(p)) if np.isfinite(p).any() else np.nan for p in parts])
+
+
+def _elements(data, member, held, values, stds, tau_stds):
+    """Branches of a member, the same at every temperature; one that was not fitted is near zero."""
+    ones, elements = np.ones(len(data.knots)), []
+    taus = zip(held.tau_second, tau_stds, strict=True)
+    pairs = [(f"r{n}", tau, std) for n, (tau, std) in enumerate(taus, 1)]
+    if member.kinetic:
+        pairs.insert(0, ("rct", UNRESOLVED_SECOND, np.nan))
+    for name, tau, tau_std in pairs:
+        values_of = {"r_ohm": values.get(name, 0.0 * ones), "tau_second": tau * ones}
+        std = {"r_ohm": stds.get(name, np.nan * ones), "tau_second": tau_std * ones}
+        kinetic = member.kinetic and tau <= FAST_SECOND
+        if kinetic:
+            values_of["scale_volt"] = (held.scale_volt or LINEAR_VOLT) * ones
+            std["scale_volt"] = np.nan * ones
+        elements.append(Element("kinetic" if kinetic else "RC", values_of, std))
+    if member.diffusion:
+        second = held.diffusion_second or ABSENT_SECOND
+        gain = second / 15.0 / 3600.0 / data.capacity_ampere_hour
+        values_of = {"soc_per_ampere": gain * ones, "tau_second": second * ones}
+        elements.append(Element("diffusion", values_of, dict.fromkeys(values_of, np.nan * ones)))
+    if member.hysteresis:
+        charge = held.charge_ampere_hour or ABSENT_SHARE * data.capacity_ampere_hour
+        values_of = {"m_volt": values.get("m", 0.0 * ones), "charge_ampere_hour": charge * ones}
+        std = {"m_volt": stds.get("m", np.nan * ones), "charge_ampere_hour": np.nan * ones}
+        elements.append(Element("hysteresis", values_of, std))
+    return tuple(elements)
+
+
+def _with_time_constants(shared, fit):
+    """Standard deviations with the time constants free: of the linear parameters, of tau [s]."""
+    std = np.sqrt(np.diag(whole_covariance(with_time_constants(shared, fit), fit)))
+    size = len(fit.solution.vector)
+    return named(fit.system, std[:size]), std[size:] * np.asarray(fit.held.tau_second)

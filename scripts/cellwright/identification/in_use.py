@@ -1,0 +1,212 @@
+"""Members of a model simulated through the records that they were fitted to, as in use."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.identification.choice import Score, choose, rmse_of, typical_of
+from cellwright.identification.identify import ready_records
+from cellwright.identification.validation import beyond_volt, simulated
+from cellwright.numerics.statistics import rms
+from cellwright.records.anchor import REST_C_RATE
+from cellwright.records.blocks import blocks_of_used
+from cellwright.records.record import Record, records_by_temperature
+from cellwright.refusal import Refusal
+
+INNER_SOC = (0.05, 0.95)  # the range over which validation is told, too
+
+
+class FittedRecord(NamedTuple):
+    """A record that the members were fitted to, thinned as in their fit.
+
+    record : Record (n,), whose used rows count. block : (used rows,) number of the block of each,
+    counted over the records of its temperature.
+    """
+
+    record: Record
+    block: np.ndarray
+
+
+class Judged(NamedTuple):
+    """Errors of a member.
+
+    scores : list of Score of blocks left out of its fit, one per condition.
+    fit_rmse_volt : (conditions,) simulated through the records fitted, SoC 5–95 % [V].
+    fit_beyond_volt : (conditions,) how far that leaves the range of the measured voltage at any
+        SoC [V]; None: not looked at.
+    """
+
+    scores: list
+    fit_rmse_volt: np.ndarray
+    fit_beyond_volt: np.ndarray | None = None
+
+
+def fitted_records(model, basis, cell, tests, *, split_rest_second):
+    """The records that a model was identified from, by condition.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2, from `cell.cell_model`.
+    basis : dict, from `basis.basis`. cell : CellFacts.
+    tests : list of MeasuredTest, at least those fitted; others are passed over.
+    split_rest_second : shortest rest that cuts a record of role `split` [s].
+
+    Returns
+    -------
+    conditions : list of lists of FittedRecord, in the order of the model's conditions.
+
+    Raises
+    ------
+    Refusal : a condition whose tests are not among those given.
+    """
+    entries = model["members"][0]["conditions"]
+    names = [name for entry in entries for name in entry["tests"]]
+    fitted = [test for test in tests if test.facts.test in names]
+    fitted = sorted(fitted, key=lambda test: names.index(test.facts.test))
+    by_temperature, _ = records_by_temperature(
+        fitted, basis, cell, split_rest_second=split_rest_second
+    )
+    rest = {"rest_second": split_rest_second}
+    rest["rest_ampere"] = REST_C_RATE * basis["capacity_ampere_hour"]
+    by_names = {
+        tuple(record.test for record in fit_records.records): fit_records
+        for fit_records in by_temperature
+    }
+    conditions = []
+    for entry in entries:
+        fit_records = by_names.get(tuple(entry["tests"]))
+        if fit_records is None:
+            raise Refusal(f"not to be compared: {', '.join(entry['tests'])} cannot be read again")
+        size = {"capacity_ampere_hour": basis["capacity_ampere_hour"]}
+        ready = ready_records(fit_records.records, **size)
+        pairs = zip(ready, blocks_of_used(ready, **rest), strict=True)
+        conditions.append([FittedRecord(*pair) for pair in pairs])
+    return conditions
+
+
+def errors_of(model, name, fitted_record):
+    """Measured less simulated voltage of a member over the used rows of a record (n,) [V].
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2. name : of the member. fitted_record : FittedRecord.
+    """
+    record = fitted_record.record
+    return (record.voltage_volt - simulated(model, name, record).voltage_volt)[record.used]
+
+
+def inner_rmse(records, errors_volt):
+    """Error over SoC 5–95 % of the used rows of a condition [V]; over all where none lies there.
+
+    Parameters
+    ----------
+    records : list of FittedRecord. errors_volt : list of (used rows,) of each, see `errors_of`.
+    """
+    soc = np.concatenate([fitted.record.soc[fitted.record.used] for fitted in records])
+    error = np.concatenate(errors_volt)
+    inner = (soc >= INNER_SOC[0]) & (soc <= INNER_SOC[1])
+    return rms(error[inner] if inner.any() else error)
+
+
+def furthest_beyond(records, errors_volt):
+    """How far a simulation leaves the range of any record of a condition [V]; 0 where in none.
+
+    Parameters
+    ----------
+    records : list of FittedRecord. errors_volt : list of (used rows,) of each, see `errors_of`.
+    """
+    measured = [fitted.record.voltage_volt[fitted.record.used] for fitted in records]
+    pairs = zip(measured, errors_volt, strict=True)
+    return max((beyond_volt(*pair) for pair in pairs if len(pair[0])), default=0.0)
+
+
+def decided(model, conditions, searched=None):
+    """A model with its chosen member, and the table of reasons.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2, with `left_out`.
+    conditions : list of lists of FittedRecord, from `fitted_records`.
+    searched : dict name → Judged, of members that a search has found.
+
+    Returns
+    -------
+    model : the same with `chosen` and `choice`, and `left_out` of all members.
+    rows : list of dict, one a member and temperature: model, ambient_temperature_celsius, blocks,
+        typical_volt, left_out_rmse_volt, worst_volt (of a block), fit_rmse_volt (simulated, SoC
+        5–95 %), fit_beyond_volt (of the whole simulation), chosen, reason.
+    """
+    judged = {
+        name: judged_of(model, name, conditions) for name in model["left_out"][0]["square_volt2"]
+    }
+    judged |= searched or {}
+    celsius = [entry["ambient_temperature_celsius"] for entry in model["left_out"]]
+    choice = choose(
+        {name: verdict.scores for name, verdict in judged.items()},
+        celsius=celsius,
+        fitted_volt={name: verdict.fit_rmse_volt for name, verdict in judged.items()},
+        beyond_volt={
+            name: verdict.fit_beyond_volt
+            for name, verdict in judged.items()
+            if verdict.fit_beyond_volt is not None
+        },
+        searched=tuple(searched or ()),
+    )
+    rows = [
+        row | {"chosen": name == choice.name, "reason": choice.reasons[name]}
+        for name, verdict in judged.items()
+        for row in judged_rows(name, verdict, celsius)
+    ]
+    members = [m | {"left_out_rmse_volt": choice.rmse_volt[m["model"]]} for m in model["members"]]
+    return model | {"members": members, "chosen": choice.name, "choice": choice.words}, rows
+
+
+def judged_of(model, name, conditions):
+    """Judged of a member of the family: left-out blocks and its simulation.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2, with `left_out`. name : of the member.
+    conditions : list of lists of FittedRecord, from `fitted_records`.
+    """
+    scores = [
+        Score(np.array(fitted["square_volt2"][name]), np.array(fitted["rows"]))
+        for fitted in model["left_out"]
+    ]
+    errors = [[errors_of(model, name, fitted) for fitted in condition] for condition in conditions]
+    return Judged(scores, *simulated_errors(conditions, errors))
+
+
+def simulated_errors(conditions, errors_volt):
+    """`fit_rmse_volt` and `fit_beyond_volt` of Judged, (conditions,) each [V].
+
+    Parameters
+    ----------
+    conditions : list of lists of FittedRecord. errors_volt : the same of (used rows,) errors.
+    """
+    pairs = list(zip(conditions, errors_volt, strict=True))
+    return tuple(np.array([of(*pair) for pair in pairs]) for of in (inner_rmse, furthest_beyond))
+
+
+def judged_rows(name, judged, celsius):
+    """Rows of a member in the table of reasons, without `chosen` and `reason`; see `decided`.
+
+    Parameters
+    ----------
+    name : of the member. judged : Judged. celsius : temperature of each condition [degC].
+    """
+    beyond = judged.fit_beyond_volt
+    beyond = np.full(len(celsius), np.nan) if beyond is None else beyond
+    for score, volt, beyond_at, condition_celsius in zip(
+        judged.scores, judged.fit_rmse_volt, beyond, celsius, strict=True
+    ):
+        yield {
+            "model": name,
+            "ambient_temperature_celsius": condition_celsius,
+            "blocks": len(score.rows),
+            "typical_volt": typical_of(score),
+            "left_out_rmse_volt": rmse_of(score),
+            "worst_volt": float(np.sqrt(score.square_volt2.max())),
+            "fit_rmse_volt": float(volt),
+            "fit_beyond_volt": float(beyond_at),
+        }

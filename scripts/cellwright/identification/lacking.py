@@ -1,0 +1,68 @@
+"""Why a cell has no model: what its tests lack, as the sheet of the campaign tells it."""
+
+from collections import Counter
+
+from cellwright.refusal import Refusal
+
+FITTED = {"hppc": "pulses", "drive": "drives", "capacity": "constant-current loads"}
+
+
+def why_no_model(tests, *, fit_kinds, lent=False):
+    """What is missing for a model of a cell that has no pulses or drives to fit, in a sentence.
+
+    Parameters
+    ----------
+    tests : list of TestFacts, all tests of the cell.
+    fit_kinds : kinds of test that models may be fitted to.
+    lent : whether a cell of its chemistry and rating has an OCV curve to lend.
+
+    Returns
+    -------
+    words : str.
+    """
+    if not tests:
+        return "no model: the sheet has no test of this cell, and no cell of its type lends one"
+    wanted = " or ".join(f"{FITTED[kind]} ({kind})" for kind in fit_kinds)
+    could_fit = [test for test in tests if test.kind in FITTED]
+    reasons = [
+        *_of_roles(test for test in could_fit if test.role == "validation"),
+        *_of_choice(test for test in could_fit if test.kind not in fit_kinds),
+        *_of_one_load([t for t in could_fit if t.role != "validation"], fit_kinds),
+    ]
+    if not could_fit:
+        kinds = ", ".join(f"{n} {kind}" for kind, n in Counter(t.kind for t in tests).items())
+        reasons = [f"of its tests ({kinds}) none is of {wanted}, which models are fitted to"]
+    if not lent and not any(test.kind == "ocv" for test in tests):
+        reasons.append("no slow test (ocv) of it or of a cell of its type tells an OCV")
+    return f"no model: {'; '.join(reasons)}"
+
+
+def no_model(tests, **settings):
+    """The refusal of a model, with what is missing.
+
+    Parameters
+    ----------
+    tests, settings : as of `why_no_model`.
+    """
+    return Refusal(why_no_model(tests, **settings))
+
+
+def _of_roles(tests):
+    names = ", ".join(test.test for test in tests)
+    if names:
+        yield f"for validation by their role: {names}; role fit or split lets a model be fitted"
+
+
+def _of_choice(tests):
+    names = ", ".join(test.test for test in tests)
+    if names:
+        yield f"left out by models.fit_kinds: {names}"
+
+
+def _of_one_load(tests, fit_kinds):
+    loads = [test.test for test in tests if test.kind == "capacity" and "capacity" in fit_kinds]
+    if loads:
+        yield (
+            f"loads at one rate only, as far as the sheet tells ({loads[0]}): they cannot tell OCV "
+            "and resistance apart; wanted a test at a second rate at the same age, or a slow test"
+        )

@@ -1,0 +1,9 @@
+"""Why a cell has no model, for the list of what was left out."""
+
+import cellwright as cw
+from runtime import artefact
+
+with artefact.Job(snakemake):
+    params = snakemake.params
+    kinds = {"fit_kinds": params.fit_kinds, "lent_curve": params.lent_curve}
+    cw.refuse_model(params.tests, **kinds)

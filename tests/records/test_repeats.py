@@ -1,0 +1,118 @@
+"""The same measurement in two tests counts once; what is only alike counts in each."""
+
+import numpy as np
+import pytest
+from sheets_facts import cell_facts, facts_of
+
+import cellwright as cw
+from cellwright.records.facts import MeasuredTest
+from cellwright.records.record import laid_out, records_by_temperature
+from cellwright.records.repeats import counted_once, repeats, sentences
+
+
+def pulses(levels, *, seed=1, grain=1e-5, noise=2e-4):
+    """Time, current and voltage of 10 s pulses between rests, read with a noise and a grain."""
+    time = np.arange(0, 40.0 * len(levels), 0.1)
+    current = np.zeros(len(time))
+    for k, level in enumerate(levels):
+        current[(time > 40 * k + 10) & (time <= 40 * k + 20)] = level
+    slow = np.convolve(current, np.exp(-np.arange(300) / 80) / 80)[: len(time)]
+    rng = np.random.default_rng(seed)
+    volt = 3.8 + 0.02 * current + 0.015 * slow + rng.normal(0, noise, len(time))
+    return (
+        time,
+        current + np.where(current, rng.normal(0, 1e-3, len(time)), 0),
+        grain * np.rint(volt / grain),
+    )
+
+
+def test_of(name, columns, **facts):
+    time, current, voltage = (np.array(column) for column in columns)
+    charge = np.append(0, np.cumsum((current[1:] + current[:-1]) / 2 * np.diff(time)) / 3600)
+    series = {"test_time_second": time, "current_ampere": current, "voltage_volt": voltage}
+    about = facts_of()._replace(test=name, kind="hppc", soc=0.8, **facts)
+    return MeasuredTest(about, series | {"charge_ampere_hour": charge})
+
+
+test_of.__test__ = False
+LONG = pulses([-3.0, 1.0, -6.0])
+
+
+def cut(columns, first, last, *, later=0.0):
+    return [column[first:last] + (later if k == 0 else 0.0) for k, column in enumerate(columns)]
+
+
+@pytest.mark.parametrize("later", [0.0, 1234.567, -7.03])
+def test_a_pulse_in_a_file_of_its_own_counts_there(later):
+    short = test_of("alone", cut(LONG, 0, 400, later=later))
+    found = repeats([test_of("train", LONG), short])
+    assert (found.test.tolist(), found.of.tolist()) == (["train"], ["alone"])
+    assert (found.first_row[0], found.last_row[0]) == (0, 399)
+    (words,) = sentences(found)
+    assert words.startswith("train from 0 to 39.9 s is the same measurement as alone from ")
+    swapped = repeats([short, test_of("train", LONG)])
+    assert swapped.test.tolist() == ["train"]
+
+
+def test_a_repeated_time_and_the_charge_of_the_file_change_nothing():
+    double = [np.insert(column, 250, column[250]) for column in cut(LONG, 0, 400)]
+    found = repeats([test_of("train", LONG), test_of("alone", double)])
+    assert set(found.test) == {"train"}
+    assert np.sum(found.last_row - found.first_row + 1) >= 395
+
+
+def test_what_may_be_fitted_keeps_what_a_validation_test_repeats():
+    judge = test_of("judge", cut(LONG, 0, 400), role="validation")
+    assert repeats([test_of("train", LONG), judge]).test.tolist() == ["judge"]
+
+
+def test_pulses_that_are_only_alike_and_rests_are_no_repeats():
+    """The same protocol done again, read to a millivolt, and two hours of rest at one voltage."""
+    again = [test_of(f"t{seed}", pulses([-3.0, 1.0], seed=seed, grain=1e-3)) for seed in range(6)]
+    time = np.arange(7200.0)
+    rest = [test_of(name, (time, 0 * time, 0 * time + 3.7)) for name in ("a", "b")]
+    ramp = [test_of(n, (time, 0 * time - 1, 4.2 - 1e-4 * time)) for n in ("c", "d")]
+    short = test_of("short", cut(LONG, 0, 5))
+    assert len(repeats([*again, *rest, *ramp, short]).test) == 0
+    assert len(repeats([]).test) == len(repeats(again[:1]).test) == 0
+
+
+def test_another_pace_is_another_measurement():
+    slower = [2 * LONG[0], *LONG[1:]]
+    assert len(repeats([test_of("one", LONG), test_of("two", slower)]).test) == 0
+
+
+BASIS = {"capacity_ampere_hour": 3.0, "borrowed_from": None, "ocv": [], "capacity_source": ""}
+
+
+def test_repeated_rows_drive_a_record_and_are_not_compared():
+    train, alone = test_of("train", LONG), test_of("alone", cut(LONG, 0, 400))
+    (marked, kept), words = counted_once([train, alone])
+    assert len(words) == 1
+    record = laid_out(marked, BASIS, cell_facts(), split_rest_second=120.0)
+    assert len(record.test_time_second) == len(LONG[0])
+    assert np.array_equal(record.used, np.arange(len(LONG[0])) >= 400)
+    assert laid_out(kept, BASIS, cell_facts(), split_rest_second=120.0).used.all()
+    (at,), notes = records_by_temperature(
+        [train, alone], BASIS, cell_facts(), split_rest_second=120.0
+    )
+    assert sum(record.used.sum() for record in at.records) < len(LONG[0]) + 10
+    assert words[0] in notes
+    alone.series["voltage_volt"][300] = np.nan
+    (at,), notes = records_by_temperature(
+        [train, alone], BASIS, cell_facts(), split_rest_second=120.0
+    )
+    assert [record.used.all() for record in at.records] == [True]
+    assert [note.partition(":")[0] for note in notes] == ["not fitted"]
+
+
+def test_resistance_of_a_repeated_pulse_is_in_one_table_only():
+    tests = [test_of("train", LONG), test_of("alone", cut(LONG, 0, 400))]
+    found, cell = cw.repeats(tests), cell_facts()
+    train, alone = (
+        cw.resistance(series, cw.segment(series, cell), BASIS, about, cell, repeats=found)
+        for about, series in tests
+    )
+    assert len(set(train.rows.start_time_second)) == 2
+    assert len(set(alone.rows.start_time_second)) == 1
+    assert "1 × pulse of the same measurement as in alone" in train.notes
