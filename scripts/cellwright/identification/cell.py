@@ -25,6 +25,7 @@ from cellwright.records.blocks import blocks_of_used
 from cellwright.records.conditions import (
     REFERENCE_CELSIUS,
     of_first_checkup,
+    same_rate,
     stated_or_reference,
 )
 from cellwright.records.record import records_by_temperature
