@@ -59,6 +59,9 @@ QUANTITIES = {
     "spectrum: ohmic resistance": Quantity("mohm", "near", 0.0, 0.02, CELL),
     "spectrum: charge-transfer resistance": Quantity("mohm", "near", 0.0, 0.05, CELL),
     "resistance of the model, mean over SoC": Quantity("mohm", "near", 0.0, 0.05, CELL),
+    "lithium lost": Quantity("%", "near", 0.3, 0.0, CELL),
+    "negative material lost": Quantity("%", "near", 0.3, 0.0, CELL),
+    "positive material lost": Quantity("%", "near", 0.3, 0.0, CELL),
     "capacity inside the group": Quantity("Ah", "near", 0.0, 0.005, CELL),
     "chosen member": Quantity("word", topic=MODEL, **SHOWN),
     "best member": Quantity("word", topic=MODEL, **SHOWN),
@@ -173,7 +176,8 @@ def read_tests(campaign) -> pd.DataFrame:
     path = Path(campaign) / "config" / "tests.tsv"
     texts = {"cell": str, "test": str}
     sheet = pd.read_csv(path, sep="\t", dtype=texts, keep_default_na=False, na_values=[""])
-    return sheet if "cycle" in sheet else sheet.assign(cycle=float("nan"))
+    absent = [name for name in ("cycle", TEMPERATURE) if name not in sheet]
+    return sheet.assign(**dict.fromkeys(absent, float("nan")))
 
 
 def first_and_last_age(rows: pd.DataFrame):
@@ -252,6 +256,22 @@ def open_circuit_voltages(campaign):
                 place(celsius, f"{soc * 100:.0f} % SoC"),
                 float(volt),
             )
+
+
+MODES = {
+    "lli": "lithium lost",
+    "lam_negative": "negative material lost",
+    "lam_positive": "positive material lost",
+}
+
+
+def degradation_modes(campaign):
+    """Lithium and material lost [%] at each later check-up, by the degradation modes, per cell."""
+    rows = read_table(campaign, "health")
+    rows = rows[rows["method"].astype(str).eq("degradation modes") & rows["cycle"].gt(0)]
+    for cell, cycle, *shares in rows[["cell", "cycle", *MODES]].itertuples(index=False):
+        for quantity, share in zip(MODES.values(), shares, strict=True):
+            yield cell, quantity, f"cycle {cycle:g}", PERCENT * share
 
 
 def spectra(campaign):
@@ -430,7 +450,7 @@ def job_seconds(campaign):
 
 
 MEASUREMENTS = (
-    *(capacities, open_circuit_voltages, pulse_resistances, spectra),
+    *(capacities, open_circuit_voltages, pulse_resistances, spectra, degradation_modes),
     *(model_resistances, model_errors, filter_errors, filter_capacities, packs),
     *(verdicts, right_verdicts),
     *(left_out, broken_laws, flagged_samples, job_seconds),

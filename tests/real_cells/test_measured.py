@@ -71,6 +71,14 @@ CONTENT = {
         "parameter": ["r0", "r1", "r0", "tau1", "r2"],
         "value": [0.02, 0.01, 0.05, 40.0, 7.0],
     },
+    "health": {
+        "cell": "A",
+        "cycle": [0, 300, 300],
+        "method": ["degradation modes", "check-up", "degradation modes"],
+        "lli": [0.0, None, 0.05],
+        "lam_negative": [0.0, None, 0.012],
+        "lam_positive": [0.0, None, None],
+    },
     "excluded": {
         "stage": ["ingest", "soc"],
         "reason": ["the file is empty (0 bytes)", "internal error: KeyError: 'a'"],
@@ -123,6 +131,8 @@ EXPECTED = [
     ("A", "open-circuit voltage", "25 °C, 30 % SoC", "3.3"),
     ("A", "pulse resistance", "25 °C, 50 % SoC, after 10 s", "22"),
     ("A", "spectrum: ohmic resistance", "25 °C, 50 % SoC", "16"),
+    ("A", "lithium lost", "cycle 300", "5"),
+    ("A", "negative material lost", "cycle 300", "1.2"),
     ("A", "resistance of the model, mean over SoC", "25 °C", "40"),
     ("A", "chosen member", "25 °C", "2RC"),
     ("A", "best member", "25 °C", "DRT"),  # 1RC is better, and has not seen every test
@@ -157,6 +167,11 @@ def test_every_number_stands_once_and_what_is_not_known_not_at_all(campaign):
     assert not rows.duplicated(KEYS).any()
     assert "spectrum: charge-transfer resistance" not in set(rows["quantity"])
     assert not [key for key in numbers_of(campaign) if "coulomb" in key[2]]
+
+
+def test_a_sheet_of_tests_need_not_state_temperature_or_cycle(campaign):
+    (campaign / "config/tests.tsv").write_text("cell\ttest\nA\tslow\nA\tspectrum\n")
+    assert ("A", "open-circuit voltage", "temperature not known, 30 % SoC") in numbers_of(campaign)
 
 
 def test_of_many_cells_models_are_given_as_median_and_worst(campaign):
