@@ -14,7 +14,7 @@ from cellwright.effects.library import LIBRARY
 from cellwright.effects.proof import excess_volt, explained, significant
 from cellwright.effects.records import parts_of
 from cellwright.effects.verdict import entry_of, gap_closed, outcome, searched, verdict_of
-from cellwright.records.basis import REFERENCE_CELSIUS
+from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 from effect_benchmark import campaign, controls
 from runtime.artefact import plain

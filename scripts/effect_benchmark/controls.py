@@ -13,6 +13,7 @@ from cellwright.effects.candidates import tried as refitted
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import Effect, Parameter
+from cellwright.records.conditions import REFERENCE_CELSIUS
 
 EXTRA_RC = "slow_diffusion"
 WAVES = 8  # of which a random function is the sum
@@ -36,7 +37,7 @@ def random_term(count: int, capacity_ampere_hour: float, random) -> Effect:
 
     def act(fields, stack, p):
         rate = stack.current_ampere / capacity_ampere_hour
-        where = np.stack([fields.soc, rate, stack.celsius - base.REFERENCE_CELSIUS])
+        where = np.stack([fields.soc, rate, stack.celsius - REFERENCE_CELSIUS])
         volt = fields.volt
         for name, turns, start in zip(names, frequency, phase, strict=True):
             wave = np.cos(turns @ where + start[:, None]).sum(axis=0)

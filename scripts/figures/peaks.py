@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.health.conditions import SAME_CELSIUS, SAME_RATE
+from cellwright.records.conditions import SAME_CELSIUS, same_rate
 from figures import style
 from figures.style import rows_where
 
@@ -30,8 +30,7 @@ def _sequences(tracks):
     celsius = np.nan_to_num(tracks["ambient_temperature_celsius"], nan=25.0)
     while left.any():
         first = int(np.argmax(left))
-        ratio = tracks["c_rate"] / tracks["c_rate"][first]
-        same = left & (ratio <= SAME_RATE) & (ratio >= 1 / SAME_RATE)
+        same = left & same_rate(tracks["c_rate"], tracks["c_rate"][first])
         same &= np.abs(celsius - celsius[first]) <= SAME_CELSIUS
         sequences.append(rows_where(tracks, same))
         left &= ~same

@@ -7,7 +7,8 @@ from cellwright.bias.features import Shown
 from cellwright.bias.ways import Scored
 from cellwright.laws.peaks import Charge
 from cellwright.records.basis import Lender
-from cellwright.records.facts import SAME_CHECKUP_CYCLES, CellFacts
+from cellwright.records.conditions import in_first_checkup
+from cellwright.records.facts import CellFacts
 from runtime import artefact, facts
 
 
@@ -113,9 +114,8 @@ def _name_of(path):
 def _first_checkup(paths) -> list:
     """(columns, about) of the artefacts with content of the earliest check-up."""
     loaded = artefact.load_all(paths)
-    ages = [facts.of_artefact(about).cycle or 0 for _, about in loaded]
-    first = min(ages, default=0) + SAME_CHECKUP_CYCLES
-    return [one for one, age in zip(loaded, ages, strict=True) if age <= first]
+    first = in_first_checkup([facts.of_artefact(about).cycle for _, about in loaded])
+    return [one for one, young in zip(loaded, first, strict=True) if young]
 
 
 def _rows(loaded) -> list[dict]:

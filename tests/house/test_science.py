@@ -14,7 +14,7 @@ ROOMS = {
     "series": {"formats"},
     "records": {"numerics", "series"},
     "protocols": {"numerics", "series", "records"},
-    "laws": {"numerics", "protocols"},
+    "laws": {"numerics", "protocols", "records"},
     "circuits": {"numerics", "records"},
     "health": {"numerics", "protocols", "laws", "series", "records", "circuits"},
     "identification": {"numerics", "records", "protocols", "circuits"},

@@ -13,9 +13,9 @@ def searchable(cell):
 
     Of the first check-up alone: an aged cell lacks what a fresh one's model does not know.
     """
-    cycles = {row["test"]: row["cycle"] or 0 for row in tests(cell, *EFFECT_KINDS)}
-    last = min(cycles.values(), default=0) + SAME_CHECKUP_CYCLES
-    first = [row for row in tests(cell, *EFFECT_KINDS) if cycles[row["test"]] <= last]
+    rows = tests(cell, *EFFECT_KINDS)
+    young = in_first_checkup([row["cycle"] for row in rows])
+    first = [row for row, among in zip(rows, young) if among]
     fit = [row for row in first if row["role"] in ("fit", "split")]
     proof = [row for row in first if row["role"] in ("validation", "split")]
     return bool(fit and proof) or len(fit) >= 3

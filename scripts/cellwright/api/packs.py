@@ -3,9 +3,6 @@
 from cellwright.api import inputs, results
 from cellwright.settings import PackDecisions
 
-SAME_RATE = 1.1  # over the slowest: rates of charge and discharge this near are one
-SAME_CELSIUS = 3.0  # chamber temperatures this near are one
-
 
 def simulate_pack(
     models,
@@ -390,6 +387,8 @@ def _capacity_stds(capacities, names):
     Of charge and discharge the one that repeats better tells it: a discharge also differs by how
     full the one before has left the cell, which says nothing of the cell.
     """
+    from cellwright.records.conditions import same_rate
+
     found = {}
     for row in inputs.rows(capacities):
         std, repeats = row["capacity_std_ampere_hour"], row["repeats"]
@@ -398,7 +397,7 @@ def _capacity_stds(capacities, names):
     slowest = {cell: min(rates)[0] for cell, rates in found.items()}
     return [
         min(
-            (std for rate, std in found.get(name, ()) if rate <= SAME_RATE * slowest[name]),
+            (std for rate, std in found.get(name, ()) if same_rate(rate, slowest[name])),
             default=None,
         )
         for name in names
@@ -417,5 +416,7 @@ def _loaded_celsius(capacities, names, around):
 
 
 def _near(row, around):
+    from cellwright.records.conditions import same_temperature
+
     stated = row.get("ambient_temperature_celsius")
-    return stated is None or abs(stated - around) <= SAME_CELSIUS
+    return stated is None or same_temperature(stated, around)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import circuit_at, member_of, open_circuit_volt
-from cellwright.records.basis import REFERENCE_CELSIUS
+from cellwright.records.conditions import REFERENCE_CELSIUS
 
 KNOTS = np.append(0.02, np.round(np.arange(0.05, 1.001, 0.05), 2))
 # ASSUME: What a step of current causes within 10 s is fast, what comes within ten minutes is slow.

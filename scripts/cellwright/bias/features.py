@@ -7,9 +7,9 @@ import numpy as np
 from cellwright.bias.courses import full_ohm
 from cellwright.health.peaks.alike import matched
 from cellwright.records.basis import same_condition
+from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
 
-SAME_RATE = 0.1
 SHARES = np.round(np.arange(0.05, 0.951, 0.05), 2)  # of the capacity, where charges are compared
 
 
@@ -166,9 +166,9 @@ def charge_shift(reference, cell):
 
 
 def _at_one_rate(ours, theirs):
-    """Rows of both at the slowest rate of the first that the second has too, within 10 %."""
+    """Rows of both at the slowest rate of the first that the second has too."""
     for rate in sorted({row["c_rate"] for row in ours}):
-        alike = [row for row in theirs if abs(row["c_rate"] / rate - 1) < SAME_RATE]
+        alike = [row for row in theirs if same_rate(row["c_rate"], rate)]
         if alike:
             return [row for row in ours if row["c_rate"] == rate], alike
     return [], []

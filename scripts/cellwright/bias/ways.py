@@ -17,7 +17,8 @@ from cellwright.bias.courses import FAST_SECOND, KNOTS, courses_of, step_ohm
 from cellwright.circuits.model_file import circuit_at, member_of, simulate_model
 from cellwright.identification.validation import scores
 from cellwright.numerics.statistics import rms
-from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle
+from cellwright.records.basis import at_cycle
+from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 

@@ -23,7 +23,7 @@ from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.simulate import closing
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
-from cellwright.records.basis import REFERENCE_CELSIUS
+from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.records.thinning import driven
 
 ABOUT = {

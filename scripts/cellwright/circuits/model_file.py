@@ -142,7 +142,7 @@ def model_of(document, cell):
     return document["models"][cell]
 
 
-SAME_KELVIN = 5.0
+BEYOND_KELVIN = 5.0
 
 
 class SampledParameters(NamedTuple):
@@ -248,7 +248,7 @@ def circuit_at(conditions, soc, temperature_celsius):
     circuit = with_shared_scale(circuit)
     scaled = scaled_soc(conditions, weights, soc)
     # Cells warm a little in a chamber: a few kelvin beyond the measured range count as inside.
-    cold, hot = measured[0] - SAME_KELVIN, measured[-1] + SAME_KELVIN
+    cold, hot = measured[0] - BEYOND_KELVIN, measured[-1] + BEYOND_KELVIN
     return SampledCircuit(circuit, scaled, shift, outside, (celsius < cold) | (celsius > hot))
 
 

@@ -18,7 +18,6 @@ from cellwright.numerics.least_squares import Free
 from cellwright.settings import MissingEffect
 
 STAGES = ("current", "counting", "resistance", "ocv", "overpotential", "reading")
-REFERENCE_CELSIUS = 25.0
 OCV_KNOTS = 16
 OCV_NAMES = tuple(f"ocv[{k}]" for k in range(OCV_KNOTS))
 TAU_SECOND = {"tau1": (2.0, 40.0), "tau2": (40.0, 600.0)}

@@ -14,6 +14,7 @@ from cellwright.effects.proof import blocks_of, excess_volt
 from cellwright.effects.search import up_to
 from cellwright.numerics.linear import hats
 from cellwright.numerics.statistics import rms
+from cellwright.records.conditions import REFERENCE_CELSIUS
 
 KNOTS = np.linspace(0.0, 1.0, 9)  # of the SoC
 KNOTS_OF_CURRENT = np.linspace(-1.0, 1.0, 7)  # of the largest of the records fitted
@@ -138,7 +139,7 @@ def _side(case, stack, values, effects, within):
     drives = np.column_stack([at_once, np.sign(current), *lags])
     if within[1] - within[0] < LEAST_KELVIN:
         return _Side(soc, drives)
-    warmer = (np.clip(stack.celsius, *within) - base.REFERENCE_CELSIUS) / KELVIN
+    warmer = (np.clip(stack.celsius, *within) - REFERENCE_CELSIUS) / KELVIN
     return _Side(soc, np.concatenate([drives, drives * warmer[:, None]], axis=1))
 
 

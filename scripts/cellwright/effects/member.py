@@ -32,6 +32,7 @@ from cellwright.identification.in_use import (
 from cellwright.numerics.least_squares import fit
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.blocks import cut_of
+from cellwright.records.conditions import same_temperature
 from cellwright.records.record import cell_temperature, record_of
 from cellwright.refusal import Refusal
 
@@ -39,7 +40,7 @@ NAME = "2RC+effects"
 KNOTS = np.linspace(0.0, 1.0, 61)  # four to each of the OCV's error, and to every course's bend
 PLAIN_PAIRS = 2  # branches of the plain circuit, the first ones
 PROBED = ("counting", "resistance", "ocv")  # stages that a circuit holds by itself
-SAME_KELVIN, FURTHEST_KELVIN = 2.0, 15.0
+FURTHEST_KELVIN = 15.0
 # Effects on OCV or time constants, which a look-up takes straight in 1/T between conditions.
 LOOKED_UP_OVER_TEMPERATURE = {"entropic_ocv", "resistance_temperature"}
 
@@ -135,7 +136,7 @@ def temperatures(courses, stated, effects):
 
 
 def distinct(ordered):
-    """Sorted temperatures without those within 2 K above the one before [degC].
+    """Sorted temperatures without those that are the same as the one before [degC].
 
     Parameters
     ----------
@@ -143,7 +144,7 @@ def distinct(ordered):
     """
     kept = ordered[:1]
     for celsius in ordered[1:]:
-        kept += [celsius] if celsius - kept[-1] > SAME_KELVIN else []
+        kept += [celsius] if not same_temperature(celsius, kept[-1]) else []
     return kept
 
 

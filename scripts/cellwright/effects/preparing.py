@@ -14,8 +14,7 @@ from cellwright.effects.records import stacked
 from cellwright.numerics.least_squares import fit
 from cellwright.protocols.ocv.gap import slow_gap
 from cellwright.protocols.ocv.slow import mean_of_branches, rising
-from cellwright.records.basis import REFERENCE_CELSIUS
-from cellwright.records.facts import of_first_checkup
+from cellwright.records.conditions import REFERENCE_CELSIUS, of_first_checkup
 from cellwright.records.record import laid_out_to_fit
 from cellwright.records.repeats import counted_once
 from cellwright.records.thinning import STEP_PART, averaged_to, driven, largest_ampere, thin

@@ -25,7 +25,7 @@ from cellwright.packs.network import network_of
 from cellwright.packs.simulate import TOLERANCE_VOLT, sensed_element
 from cellwright.packs.steps import SAME_SOC
 from cellwright.packs.wiring import Wiring
-from cellwright.records.basis import REFERENCE_CELSIUS
+from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
 MAGIC = b"cellwright-fmu/1"

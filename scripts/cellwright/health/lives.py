@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.conditions import SAME_CELSIUS, SAME_RATE
+from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 
 NEIGHBOURS = 4  # discharges on each side of which the median tells what one should be
@@ -124,24 +124,24 @@ def _at_one_temperature(records):
     """Records at the chamber temperature with most discharges, and a sentence on the others."""
     stated = [r.ambient_temperature_celsius for r in records]
     known = sorted({value for value in stated if value is not None})
-    if not known or known[-1] - known[0] <= SAME_CELSIUS:
+    if not known or same_temperature(known[0], known[-1]):
         return records, ()
     sizes = dict.fromkeys(known, 0)
     for record in records:
         if record.ambient_temperature_celsius is not None:
             sizes[record.ambient_temperature_celsius] += len(record.columns["cycle"])
     usual = max(sizes, key=sizes.get)
-    kept = [r for r, c in zip(records, stated, strict=True) if c is not None and _near(c, usual)]
+    kept = [
+        r
+        for r, c in zip(records, stated, strict=True)
+        if c is not None and same_temperature(c, usual)
+    ]
     others = [r.test for r in records if r not in kept]
     temperatures = ", ".join(f"{value:g}" for value in known)
     return kept, (
         f"mixed temperatures ({temperatures} °C): the life is that at {usual:g} °C; left out "
         f"{', '.join(others)}",
     )
-
-
-def _near(celsius, usual):
-    return abs(celsius - usual) <= SAME_CELSIUS
 
 
 def _cycle_numbers(record, rated):
@@ -200,8 +200,7 @@ def _comparable(joined):
     """Which discharges are like their neighbours, and why the others are not."""
     rate, capacity = joined["c_rate"], joined["at_reference_ampere_hour"]
     usual = np.median(rate)
-    ratio = np.maximum(rate / usual, usual / np.maximum(rate, 1e-12))
-    reason = np.where(ratio > SAME_RATE, f"not at the usual rate of {usual:.2g}C", "")
+    reason = np.where(same_rate(rate, usual), "", f"not at the usual rate of {usual:.2g}C")
     reason = reason.astype(object)
     if len(reason) > LONG:
         reason[0] = "the first of the life: what came before it is not known"

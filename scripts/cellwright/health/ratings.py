@@ -4,12 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.conditions import SAME_CELSIUS, same_rate
 from cellwright.health.fleet import mean_over_soc
+from cellwright.records.conditions import checkups_of, same_rate, same_temperature
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 
-SAME_CHECKUP_CYCLES = 5.0  # tests so near in cycles see a cell of one age
 POWER_SOCS = (0.8, 0.5, 0.2)
 SOC_REACH = 0.15  # a state of charge is asked for between pulses at most this far apart from it [1]
 SAME_CAPACITY = 0.03  # of a capacity: what differs more is not one check-up [1]
@@ -156,38 +155,28 @@ def _cycle(row):
     return float(row["cycle"] or 0.0)
 
 
-# ASSUME: Tests within 5 cycles of each other see a cell of one age.
-def _of_one_age(rows):
-    """Rows with the cycle of their check-up: the first of those that follow within 5 cycles."""
-    first, begin = {}, -np.inf
-    for cycle in sorted({_cycle(row) for row in rows}):
-        begin = cycle if cycle > begin + SAME_CHECKUP_CYCLES else begin
-        first[cycle] = begin
-    return [row | {"cycle": first[_cycle(row)]} for row in rows]
-
-
 def _at_one_temperature(capacities, resistances):
     """Rows at the temperature that most check-ups have, and what was left out."""
-    both = _of_one_age([*capacities, *resistances])
+    both = [*capacities, *resistances]
+    first = checkups_of([_cycle(row) for row in both])
+    both = [row | {"cycle": cycle} for row, cycle in zip(both, first, strict=True)]
     capacities, resistances = both[: len(capacities)], both[len(capacities) :]
     met = {}
     for row in both:
         celsius = row["ambient_temperature_celsius"]
         if celsius is not None:
             met.setdefault(celsius, set()).add(_cycle(row))
-    if not met or max(met) - min(met) <= SAME_CELSIUS:
+    if not met or same_temperature(min(met), max(met)):
         return capacities, resistances, []
     usual = max(met, key=lambda celsius: (len(met[celsius]), -abs(celsius - 25.0)))
 
     def kept(rows):
         known = [row for row in rows if row["ambient_temperature_celsius"] is not None]
         # Tests without any stated temperature compare among themselves.
-        near = [
-            row for row in known if abs(row["ambient_temperature_celsius"] - usual) <= SAME_CELSIUS
-        ]
+        near = [row for row in known if same_temperature(row["ambient_temperature_celsius"], usual)]
         return near if known else rows
 
-    other = ", ".join(f"{c:g}" for c in sorted(met) if abs(c - usual) > SAME_CELSIUS)
+    other = ", ".join(f"{c:g}" for c in sorted(met) if not same_temperature(c, usual))
     note = f"check-ups are compared at {usual:g} °C; tests at {other} °C are left out"
     return kept(capacities), kept(resistances), [note]
 

@@ -20,14 +20,14 @@ from cellwright.identification.ocv_shape import ocv_from_loads, shape_records
 from cellwright.identification.search import shared_of
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.basis import (
+from cellwright.records.basis import capacities_of_checkups
+from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
+from cellwright.records.conditions import (
     REFERENCE_CELSIUS,
-    SAME_RATE,
-    capacities_of_checkups,
+    of_first_checkup,
+    same_rate,
     stated_or_reference,
 )
-from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
-from cellwright.records.facts import of_first_checkup
 from cellwright.records.record import records_by_temperature
 from cellwright.refusal import Refusal
 
@@ -174,7 +174,7 @@ def _refuse_own_curve(fit_records, curve):
         return
     slow = abs(curve[f"{curve['branches']}_current_ampere"])
     fastest = max(np.abs(record.current_ampere).max() for record in fit_records.records)
-    if fastest <= (1 + SAME_RATE) * slow:
+    if fastest <= slow or same_rate(fastest, slow):
         raise Refusal(
             f"the OCV is from {curve['test']} at {slow:.3g} A, and no load is faster: one rate "
             "cannot tell OCV and resistance apart; wanted loads at two rates, or a slow test"

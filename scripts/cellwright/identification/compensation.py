@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import (
-    SAME_KELVIN,
+    BEYOND_KELVIN,
     circuit_at,
     member_of,
     open_circuit_volt,
@@ -20,7 +20,8 @@ from cellwright.circuits.model_file import (
 from cellwright.circuits.temperature import LAWS, Laws, celsius_of
 from cellwright.identification.validation import simulated
 from cellwright.numerics.statistics import rms
-from cellwright.records.record import SAME_CELSIUS, laid_out
+from cellwright.records.conditions import same_temperature
+from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 
 SMALLEST_VOLT = 1e-6
@@ -113,7 +114,7 @@ def _rows(celsius, models, cell, test, laws, settings):
     """Rows of one test, one per law; the errors of the whole model are the same in each."""
     whole, reduced = models
     temperatures = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
-    beyond = not min(temperatures) - SAME_KELVIN < celsius < max(temperatures) + SAME_KELVIN
+    beyond = not min(temperatures) - BEYOND_KELVIN < celsius < max(temperatures) + BEYOND_KELVIN
     tried = LAWS if laws is None else [laws.beyond if beyond else laws.inside]
     reference = _errors(whole, cell, test, **settings)
     by_law = [_errors(with_laws(reduced, Laws(law, law)), cell, test, **settings) for law in tried]
@@ -228,7 +229,7 @@ def _compared(law, error, reference):
 
 
 def _near(stated, celsius):
-    return stated is not None and abs(stated - celsius) <= SAME_CELSIUS
+    return stated is not None and same_temperature(stated, celsius)
 
 
 SOC = np.linspace(0.0, 1.0, 21)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.identification.cell import SCHEMA
-from cellwright.records.basis import stated_or_reference
+from cellwright.records.conditions import stated_or_reference
 from cellwright.refusal import Refusal
 
 MEMBER = "0RC"  # a resistance, without pairs

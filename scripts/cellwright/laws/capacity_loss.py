@@ -7,13 +7,11 @@ import numpy as np
 from cellwright.laws.points import first_check_up
 from cellwright.laws.temperature import law_row
 from cellwright.numerics.statistics import NORMAL_95
+from cellwright.records.conditions import SAME_CELSIUS, same_rate, same_temperature
 from cellwright.refusal import Refusal
 from cellwright.settings import CapacityLoss
 
 CAPACITY_LOSS = CapacityLoss()
-
-SAME_CELSIUS = 3.0  # chamber temperatures this near are one
-SAME_RATE = 1.12  # rates this near are one (a C/20 is 0.047 to 0.051 over real currents)
 
 
 class ReachedCapacity(NamedTuple):
@@ -76,8 +74,8 @@ def _key(row, rows_by_point):
         key
         for key in rows_by_point
         if key[0] == direction
-        and abs(key[1] - celsius) <= SAME_CELSIUS
-        and max(key[2] / row["c_rate"], row["c_rate"] / key[2]) <= SAME_RATE
+        and same_temperature(key[1], celsius)
+        and same_rate(key[2], row["c_rate"])
     ]
     return near[0] if near else (direction, celsius, row["c_rate"])
 
@@ -101,13 +99,13 @@ def _joined(key, rows):
 
 
 def slowest(points, direction, celsius):
-    """Points of a direction at a temperature (within 3 K), slowest first."""
-    same_temperature = [
+    """Points of a direction at a temperature, slowest first."""
+    as_warm = [
         point
         for point in points
-        if point.direction == direction and abs(point.temperature_celsius - celsius) <= SAME_CELSIUS
+        if point.direction == direction and same_temperature(point.temperature_celsius, celsius)
     ]
-    return sorted(same_temperature, key=lambda point: point.c_rate)
+    return sorted(as_warm, key=lambda point: point.c_rate)
 
 
 def repeatability(points, reference, *, assumed_share, slow_c_rate):
@@ -349,7 +347,7 @@ def _true_losses(points, reference, repeat_ampere_hour, slow):
     true_losses = []
     for celsius in sorted({point.temperature_celsius for point in points}):
         slow_point = slowest(points, reference.direction, celsius)[0]
-        at_reference = abs(celsius - reference.temperature_celsius) <= SAME_CELSIUS
+        at_reference = same_temperature(celsius, reference.temperature_celsius)
         if slow_point.c_rate <= slow or (at_reference and slow_point is reference):
             loss = _relative_loss(reference, slow_point, repeat_ampere_hour)
             true_losses.append(_TrueLoss(celsius, slow_point, *loss))
@@ -376,10 +374,8 @@ def _loss(point, reference, true_losses, repeat_ampere_hour):
     """Loss of one capacity against the reference, split where a slow test allows it."""
     whole = reference.capacity_ampere_hour
     total, total_std = _relative_loss(reference, point, repeat_ampere_hour)
-    same_temperature = (
-        t for t in true_losses if abs(t.celsius - point.temperature_celsius) <= SAME_CELSIUS
-    )
-    true_loss = next(same_temperature, None)
+    as_warm = (t for t in true_losses if same_temperature(t.celsius, point.temperature_celsius))
+    true_loss = next(as_warm, None)
     slow = true_loss.slow_point if true_loss else None
     if slow is None:
         true, false = _bounds(point, reference, true_losses, total, total_std)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.statistics import NORMAL_95
+from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
 from cellwright.settings import IcaTemperature
 
@@ -280,9 +281,6 @@ def _peak(voltage, height, wide, top, lower, upper, sigma):
     )
 
 
-SAME_RATE = 1.12
-
-
 class Charge(NamedTuple):
     """One slow charge: its test, temperature [°C], rate [1/h] and curve, (n,) [V], [A h/V]."""
 
@@ -318,25 +316,24 @@ def peaks_over_temperature(
 
     Returns
     -------
-    OverTemperature. Charges at another rate than the reference's (by more than 12 %) are left
+    OverTemperature. Charges at another rate than the reference's (by more than 11.8 %) are left
     out: peaks move with the rate as well.
 
     Raises
     ------
     Refusal : fewer than two temperatures with charges of one rate.
     """
-    notes, same_rate = [], []
+    notes, comparable = [], []
     reference = min(charges, key=lambda charge: abs(charge.temperature_celsius - reference_celsius))
     for charge in sorted(charges, key=lambda charge: -charge.temperature_celsius):
-        ratio = max(charge.c_rate / reference.c_rate, reference.c_rate / charge.c_rate)
-        if ratio > SAME_RATE:
+        if not same_rate(charge.c_rate, reference.c_rate):
             rates = (
                 f"{charge.c_rate:.3g}C, the reference {reference.test} at {reference.c_rate:.3g}C"
             )
             notes.append(f"{charge.test} was left out: it is at {rates}")
         else:
-            same_rate.append(charge)
-    if len({charge.temperature_celsius for charge in same_rate}) < 2:
+            comparable.append(charge)
+    if len({charge.temperature_celsius for charge in comparable}) < 2:
         raise Refusal("charges of one rate are known at one temperature only")
     peaks = {
         charge.test: scaled_peaks(
@@ -345,20 +342,20 @@ def peaks_over_temperature(
             sigma_volt=sigma_volt,
             prominence=prominence,
         )
-        for charge in same_rate
+        for charge in comparable
     }
     unclear = [
-        charge.test for charge in same_rate if not all(peak.clear for peak in peaks[charge.test])
+        charge.test for charge in comparable if not all(peak.clear for peak in peaks[charge.test])
     ]
     notes += [f"{test}: not all peaks stand clear of their valleys" for test in unclear]
     matches = [
         row
-        for charge in same_rate
+        for charge in comparable
         if charge.test != reference.test
         for row in _matched(reference, charge, peaks, sigma_volt)
     ]
     return OverTemperature(
-        matches, _peak_rows(same_rate, peaks), _curves(same_rate, sigma_volt), notes
+        matches, _peak_rows(comparable, peaks), _curves(comparable, sigma_volt), notes
     )
 
 

@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.records.conditions import in_first_checkup, same_rate
 from cellwright.settings import Temperature
 
 TEMPERATURE = Temperature()
-
-SAME_RATE = 0.1
 
 
 class Point(NamedTuple):
@@ -52,15 +51,17 @@ def capacity_points(rows):
     ):
         if row["direction"] != "discharge":
             continue
-        rate = _same_rate(row["c_rate"], rates, lambda ratio: abs(ratio - 1) < SAME_RATE)
+        rate = _rate_seen(row["c_rate"], rates)
         celsius, value = row["ambient_temperature_celsius"], row["capacity_ampere_hour"]
         points.append(Point(f"capacity at {rate:.2g}C", "Ah", celsius, value, family="capacity"))
     return points
 
 
-def _same_rate(rate, rates, alike):
-    """First rate seen so far whose ratio to a rate is `alike`; else the rate, which is added."""
-    match = next((earlier for earlier in rates if alike(rate / earlier)), None)
+def _rate_seen(rate, rates, *, or_less=False):
+    """First rate seen so far that is the same, or not less; else the rate, which is added."""
+    match = next(
+        (seen for seen in rates if same_rate(rate, seen) or (or_less and rate < seen)), None
+    )
     if match is None:
         rates.append(rate)
     return match or rate
@@ -132,8 +133,8 @@ def first_check_up(rows):
     rows : list of dict with ambient_temperature_celsius and cycle.
     """
     with_temperature = [row for row in rows if row["ambient_temperature_celsius"] is not None]
-    first = min((row["cycle"] or 0 for row in with_temperature), default=0)
-    return [row for row in with_temperature if (row["cycle"] or 0) == first]
+    young = in_first_checkup([row["cycle"] for row in with_temperature])
+    return [row for row, among in zip(with_temperature, young, strict=True) if among]
 
 
 def mean_per_temperature(points):
@@ -232,12 +233,12 @@ def resistance_name(direction, delay_second):
 
 
 def rate_classes(rows):
-    """Median rate → its rows; a class ends where the next rate is more than 10 % higher."""
+    """Median rate → its rows; a class ends where the next rate is no longer the same."""
     classes = []
     for row in sorted(rows, key=lambda row: row["c_rate"]):
         if row["c_rate"] <= 0:
             continue
-        if not classes or np.log(row["c_rate"] / classes[-1][-1]["c_rate"]) > SAME_RATE:
+        if not classes or not same_rate(row["c_rate"], classes[-1][-1]["c_rate"]):
             classes.append([])
         classes[-1].append(row)
     return {
@@ -309,7 +310,6 @@ def _interpolated(rows, level):
 
 
 RESISTANCE = ("resistance_ohm", "resistance_std_ohm")
-SAME_LIMIT_RATE = 1.1
 
 
 def fast_charge_points(rows):
@@ -334,7 +334,7 @@ def fast_charge_points(rows):
     rates, points = [], []
     for row in charges:
         # The set current shows at warm temperatures; in the cold the voltage cuts it at once.
-        rate = _same_rate(row["c_rate"], rates, lambda ratio: ratio <= SAME_LIMIT_RATE)
+        rate = _rate_seen(row["c_rate"], rates, or_less=True)
         points += [
             Point(f"{name} at up to {rate:.2g}C", unit, row["ambient_temperature_celsius"], value)
             for name, unit, value in _quantities(row)

@@ -15,7 +15,7 @@ from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
 from cellwright.numerics.statistics import parameter_covariance, rms, standard_deviations
 from cellwright.packs.cells import PackCells, rc_cells
-from cellwright.records.basis import stated_or_reference
+from cellwright.records.conditions import stated_or_reference
 from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
 

@@ -13,7 +13,7 @@ from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.uncertainty.bands import DRAWS, WITHIN_90_PERCENT, band_of
 from cellwright.packs.uncertainty.draws import draw_cells, is_known, wire_factors
 from cellwright.packs.wiring import cells_of, described, member_currents
-from cellwright.records.basis import stated_or_reference
+from cellwright.records.conditions import stated_or_reference
 from cellwright.records.record import group_record, stated_soc
 from cellwright.refusal import Refusal
 

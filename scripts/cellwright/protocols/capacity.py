@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.protocols.start import NEAR_VOLT, Before, Swing, spans_with_lost_charges, starts_of
+from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
 from cellwright.series.steps import assumed_rating
 
 TURN_SHARE = 0.02  # of the rating: a smaller return of charge (regeneration, dither) is no turn
 RATE_SHARE = 0.9  # of the charge must move at the one rate that a capacity is stated for
-SAME_RATE = 1.05
 NAMES = {1: "charge", -1: "discharge"}
 
 
@@ -127,7 +127,7 @@ def _half(record, sign, loads, reached, whole):
     main = used[int(np.argmax(moved))]
     rate, held = _rate(record, main)
     rates = np.array([_rate(record, k)[0] for k in used])
-    same = np.maximum(rates / rate, rate / rates) <= SAME_RATE
+    same = same_rate(rates, rate)
     fault = ""
     if reached is None:
         fault = _end_fault(record, sign, used[-1])
@@ -354,7 +354,7 @@ def _table(complete, rated):
     repeats = []
     for half in sorted(complete, key=lambda half: (-half.sign, half.rate)):
         first = repeats[-1][0] if repeats else None
-        if first and first.sign == half.sign and half.rate <= SAME_RATE * first.rate:
+        if first and first.sign == half.sign and same_rate(half.rate, first.rate):
             repeats[-1].append(half)
         else:
             repeats.append([half])

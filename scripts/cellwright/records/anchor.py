@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.facts import SAME_CHECKUP_CYCLES, stated_capacity
+from cellwright.records.conditions import SAME_CHECKUP_CYCLES
+from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 
 REST_C_RATE = 0.004

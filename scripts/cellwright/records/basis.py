@@ -10,12 +10,16 @@ from cellwright.records.anchor import (
     soc_series,
     telling_capacity,
 )
-from cellwright.records.facts import SAME_CHECKUP_CYCLES, stated_capacity
+from cellwright.records.conditions import (
+    REFERENCE_CELSIUS,
+    SAME_CELSIUS,
+    SAME_CHECKUP_CYCLES,
+    same_rate,
+    same_temperature,
+    stated_or_reference,
+)
+from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
-
-REFERENCE_CELSIUS = 25.0
-SAME_RATE = 0.1
-SAME_CELSIUS = 3.0
 
 
 class Lender(NamedTuple):
@@ -89,17 +93,6 @@ def basis(
     return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
 
 
-# ASSUME: A test without a stated temperature was made at 25 °C.
-def stated_or_reference(celsius):
-    """A stated temperature [degC], 25 °C where none is.
-
-    Parameters
-    ----------
-    celsius : number or None.
-    """
-    return REFERENCE_CELSIUS if celsius is None else celsius
-
-
 def curve_at(curves, celsius):
     """The curve whose temperature is nearest, None where there is none.
 
@@ -116,7 +109,7 @@ def _celsius(row):
 
 
 def first_choice(row):
-    """Sort key of tests: distance from 25 °C beyond 3 K first, then age in cycles.
+    """Sort key of tests: distance from 25 °C beyond 2.5 K first, then age in cycles.
 
     Parameters
     ----------
@@ -147,8 +140,8 @@ def _from_rests(curves, lower_cutoff_volt):
     ordered = sorted(curves, key=lambda c: (*first_choice(c), -_celsius(c), _load(c)))
     chosen = []
     for curve in ordered:
-        same_temperature = [c for c in ordered if abs(_celsius(c) - _celsius(curve)) < SAME_CELSIUS]
-        slowest = min(same_temperature, key=lambda c: (c["cycle"] or 0, _load(c)))
+        as_warm = [c for c in ordered if same_temperature(_celsius(c), _celsius(curve))]
+        slowest = min(as_warm, key=lambda c: (c["cycle"] or 0, _load(c)))
         chosen += [slowest] if slowest not in chosen else []
     capacity, source = (chosen[0][name] for name in ("capacity_ampere_hour", "capacity_source"))
     if not source.startswith("rating") and chosen[0]["branches"] == "rests":
@@ -224,7 +217,7 @@ def _slow_ratio(row, lender):
 
 
 def same_condition(row, other):
-    """Whether two rows have one direction, rate (within 10 %) and temperature (within 3 K).
+    """Whether two rows have one direction, rate and temperature.
 
     Parameters
     ----------
@@ -232,19 +225,9 @@ def same_condition(row, other):
     """
     return (
         other["direction"] == row["direction"]
-        and abs(other["c_rate"] / row["c_rate"] - 1) < SAME_RATE
-        and same_temperature(row, other)
+        and same_rate(other["c_rate"], row["c_rate"])
+        and same_temperature(_celsius(row), _celsius(other))
     )
-
-
-def same_temperature(row, other):
-    """Whether two tests were made at one temperature, within 3 K.
-
-    Parameters
-    ----------
-    row, other : dict with ambient_temperature_celsius [°C], 25 °C where None.
-    """
-    return abs(_celsius(other) - _celsius(row)) < SAME_CELSIUS
 
 
 def at_cycle(basis, cycle):

@@ -7,10 +7,9 @@ from cellwright.records.basis import (
     basis,
     first_choice,
     same_condition,
-    same_temperature,
     slow_capacity,
 )
-from cellwright.records.facts import SAME_CHECKUP_CYCLES
+from cellwright.records.conditions import SAME_CHECKUP_CYCLES, checkups_of, same_temperature
 
 
 def basis_of_life(cell, curves, capacities, lenders, *, rests=(), shifts=(), **limits):
@@ -46,7 +45,7 @@ def basis_of_life(cell, curves, capacities, lenders, *, rests=(), shifts=(), **l
     """
     capacities = telling_capacity(capacities)
     kinds = (curves, capacities)
-    cycles = _checkup_cycles([row for rows in kinds for row in rows])
+    cycles = sorted(set(checkups_of([row["cycle"] for rows in kinds for row in rows])))
     alike = [
         cycle for cycle in cycles[1:] if _comparable(*[_within(k, cycles, cycle) for k in kinds])
     ]
@@ -65,15 +64,6 @@ def basis_of_life(cell, curves, capacities, lenders, *, rests=(), shifts=(), **l
     return content | {"checkups": checkups}
 
 
-def _checkup_cycles(rows):
-    """First cycle of each check-up, ascending."""
-    first = []
-    for cycle in sorted(row["cycle"] or 0 for row in rows):
-        if not first or cycle - first[-1] > SAME_CHECKUP_CYCLES:
-            first.append(cycle)
-    return first
-
-
 def _within(rows, cycles, cycle):
     """Rows of the first check-up, and those of the one at `cycle`."""
     ages = [row["cycle"] or 0 for row in rows]
@@ -86,9 +76,13 @@ def _within(rows, cycles, cycle):
 def _comparable(curves, discharges):
     """Whether a check-up can be compared with the first; each is a pair (first, it)."""
     young = min([*curves[0], *discharges[0]], key=first_choice)
-    if any(same_temperature(curve, young) for curve in curves[1]):
+    if any(_as_warm(curve, young) for curve in curves[1]):
         return True
     return any(same_condition(row, old) for row in discharges[1] for old in discharges[0])
+
+
+def _as_warm(row, other):
+    return same_temperature(*(r["ambient_temperature_celsius"] for r in (row, other)))
 
 
 def _nearest(rows, cycles, cycle):
@@ -172,7 +166,7 @@ def _shifted(curve, shifts):
 # its check-ups.
 def _later_capacity(curves, capacities, first_capacities, first):
     """Capacity of a later check-up [Ah] and in words where it is from."""
-    if any(same_temperature(curve, first) for curve in curves):
+    if any(_as_warm(curve, first) for curve in curves):
         return slow_capacity(min(curves, key=first_choice))
     own = sorted(capacities, key=lambda row: (*first_choice(row), row["c_rate"]))
     pairs = [(row, old) for row in own for old in first_capacities if same_condition(row, old)]

@@ -74,26 +74,3 @@ class MeasuredTest(NamedTuple):
 
     facts: TestFacts
     series: dict
-
-
-SAME_CHECKUP_CYCLES = 5.0  # tests so near in cycles see a cell of one age
-
-
-# ASSUME: Tests within 5 cycles of each other see a cell of one age.
-def of_first_checkup(tests):
-    """Tests of the earliest check-up, and the names of the later ones, which see an aged cell.
-
-    Parameters
-    ----------
-    tests : list of MeasuredTest; one whose cycles are not stated counts as new.
-
-    Returns
-    -------
-    first : list of MeasuredTest. later : list of names.
-    """
-    cycles = [test.facts.cycle or 0 for test in tests]
-    earliest = min(cycles, default=0)
-    pairs = list(zip(tests, cycles, strict=True))
-    last = earliest + SAME_CHECKUP_CYCLES
-    first = [test for test, cycle in pairs if cycle <= last]
-    return first, [test.facts.test for test, cycle in pairs if cycle > last]

@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.numerics.noise import least_digit
 from cellwright.records.anchor import AS_STATED, REST_C_RATE, Anchored, slow_soc
-from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle, on_scale, soc_of
+from cellwright.records.basis import at_cycle, on_scale, soc_of
 from cellwright.records.blocks import fit_mask
 from cellwright.records.channels import (
     BRANCH_CURRENT,
@@ -16,12 +16,11 @@ from cellwright.records.channels import (
     refuse_beyond,
     table,
 )
+from cellwright.records.conditions import REFERENCE_CELSIUS, same_temperature
 from cellwright.records.filled import bridged, with_edges
 from cellwright.records.repeats import counted_once
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import as_logged
-
-SAME_CELSIUS = 2.0
 
 BY_SHEET, BY_NOTHING = "the chamber's", "25 °C, for want of any"
 STATED = (BY_SHEET, BY_NOTHING)  # sources of a temperature that no sensor told
@@ -329,7 +328,7 @@ def _by_temperature(tests):
     by_celsius, of_cell = {}, {test.facts.kind for test in tests}
     for test in sorted(tests, key=_chamber_celsius):
         celsius = _chamber_celsius(test)
-        same = [t for t in by_celsius if abs(t - celsius) <= SAME_CELSIUS]
+        same = [t for t in by_celsius if same_temperature(t, celsius)]
         by_celsius.setdefault(same[0] if same else celsius, []).append(test)
     for celsius, members in by_celsius.items():
         kinds_to_fit = _kinds_to_fit({test.facts.kind for test in members}, of_cell)

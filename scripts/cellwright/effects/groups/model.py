@@ -11,11 +11,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from cellwright.circuits.temperature import resistance_factor
-from cellwright.effects.base import OCV_KNOTS, REFERENCE_CELSIUS
+from cellwright.effects.base import OCV_KNOTS
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.native import array, count, function
 from cellwright.numerics.lags import lag_weights
 from cellwright.numerics.least_squares import Free
+from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
 LEAST_OHM = 1e-6

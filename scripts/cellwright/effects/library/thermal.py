@@ -6,9 +6,10 @@ import numpy as np
 
 from cellwright.circuits.instrument import capacity_over_temperature
 from cellwright.circuits.temperature import resistance_factor
-from cellwright.effects.base import REFERENCE_CELSIUS, kept_response, relaxed, slow_volt, slowed
+from cellwright.effects.base import kept_response, relaxed, slow_volt, slowed
 from cellwright.effects.library.resistance import KNOTS, at_knots, course_parameters
 from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
+from cellwright.records.conditions import REFERENCE_CELSIUS
 
 # ASSUME: Resistances of a cell that warms itself fall with 30 kJ/mol. What data of one chamber
 # temperature show is the product of this and the thermal resistance.

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from cellwright.effects.finding import asked_of
 from cellwright.effects.preparing import KINDS, SLOW_TEST
 from cellwright.effects.verdict import searched
-from cellwright.records.facts import of_first_checkup
+from cellwright.records.conditions import of_first_checkup
 from cellwright.refusal import Refusal
 
 FINDS = ("named", "ambiguous")  # words of a verdict that has names

@@ -5,8 +5,6 @@ import numpy as np
 from cellwright.effects.ties import AT_REST_C_RATE, REST_SECOND, STEADY_C_RATE
 from cellwright.effects.witnesses.statement import (
     LEAST_SHARE,
-    REFERENCE_CELSIUS,
-    SAME_CELSIUS,
     Measured,
     celsius_of,
     cycle_of,
@@ -14,9 +12,14 @@ from cellwright.effects.witnesses.statement import (
     spread,
 )
 from cellwright.numerics.lags import lag
+from cellwright.records.conditions import (
+    REFERENCE_CELSIUS,
+    SAME_CELSIUS,
+    same_rate,
+    same_temperature,
+)
 
 SLOW_C_RATE = 0.1  # up to which the polarisation ends a discharge at nearly the OCV
-SAME_RATE = 1.1  # ratio of rates that are one
 WARM_KELVIN = 3.0  # of rise, from which it is held against the heat
 DAY_HOUR = 24.0
 TAU_SECOND = np.geomspace(60.0, 6000.0, 9)
@@ -45,7 +48,7 @@ def _over_temperature(rows):
     points = [
         (celsius_of(row), row["capacity_ampere_hour"])
         for row in slow
-        if row["c_rate"] <= SAME_RATE * slowest
+        if same_rate(row["c_rate"], slowest)
     ]
     if np.ptp([c for c, _ in points] or [0.0]) < SAME_CELSIUS:
         reason = (
@@ -81,12 +84,10 @@ def _later(rows):
 
 
 def _compare(row, other):
-    rates = sorted([row["c_rate"], other["c_rate"]])
-    alike = rates[1] <= SAME_RATE * rates[0]
     return (
         cycle_of(row) < cycle_of(other)
-        and alike
-        and abs(celsius_of(row) - celsius_of(other)) <= SAME_CELSIUS
+        and same_rate(row["c_rate"], other["c_rate"])
+        and same_temperature(celsius_of(row), celsius_of(other))
     )
 
 

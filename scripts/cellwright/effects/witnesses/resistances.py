@@ -12,8 +12,6 @@ from cellwright.effects.base import TAU_SECOND
 from cellwright.effects.witnesses.statement import (
     FACTOR,
     LEAST_VOLT,
-    REFERENCE_CELSIUS,
-    SAME_CELSIUS,
     Measured,
     celsius_of,
     cycle_of,
@@ -22,12 +20,12 @@ from cellwright.effects.witnesses.statement import (
     spread,
 )
 from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
+from cellwright.records.conditions import REFERENCE_CELSIUS, SAME_CELSIUS, SAME_RATE
 
 SOC_ENDS = (0.1, 0.9)
 SOC_SPAN = 0.5  # least range of SoC over which a course is told
 LEVELS = (0.2, 0.5, 0.8)  # of SoC at which temperatures are compared
 NEAR_CELSIUS = 8.0  # from 25 °C, within which directions and rates are compared
-SAME_RATE = 1.15  # ratio of rates that are one
 RATES_APART = 2.0  # ratio of two rates whose pulses are compared
 # ASSUME: Charge transfer follows Butler–Volmer with a transfer coefficient of one half.
 FARADAY = 96485.33212  # C/mol

@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.records.conditions import stated_or_reference
+
 AGREES, CONTRADICTS, SILENT = "agrees", "contradicts", "silent"
 DEVIATIONS = 2.0  # combined standard deviations up to which two stated sizes are the same
 FACTOR = 1.5  # up to which two sizes of one sign are the same where deviations are not stated
 LEAST_VOLT = 5e-3  # of voltage at the rated current, below which nobody acts on a resistance
 LEAST_SHARE = 0.02  # of the capacity, below which nobody acts on it
-REFERENCE_CELSIUS = 25.0
-SAME_CELSIUS = 3.0  # between tests that were made at one temperature
 FEWEST = 3  # readings whose spread is a deviation
 
 
@@ -107,9 +107,7 @@ def celsius_of(row, name="ambient_temperature_celsius"):
     ----------
     row : dict. name : of its column.
     """
-    # ASSUME: A test without a stated temperature was made at 25 °C.
-    celsius = row.get(name)
-    return REFERENCE_CELSIUS if celsius is None or not np.isfinite(celsius) else float(celsius)
+    return float(stated_or_reference(row.get(name)))
 
 
 def cycle_of(row):

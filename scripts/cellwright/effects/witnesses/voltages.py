@@ -7,8 +7,6 @@ from cellwright.effects.witnesses.probes import EARLIER_SECOND, PROBES
 from cellwright.effects.witnesses.resistances import SOC_ENDS, SOC_SPAN
 from cellwright.effects.witnesses.statement import (
     LEAST_VOLT,
-    REFERENCE_CELSIUS,
-    SAME_CELSIUS,
     Measured,
     celsius_of,
     cycle_of,
@@ -17,6 +15,7 @@ from cellwright.effects.witnesses.statement import (
     spread,
 )
 from cellwright.protocols.ocv.gap import HYSTERESIS, shows_hysteresis, slow_gap
+from cellwright.records.conditions import REFERENCE_CELSIUS, SAME_CELSIUS, same_temperature
 
 LONG_SECOND = 1800.0  # of a rest that shows what relaxes later than ten minutes
 MIDDLE = (0.2, 0.8)  # of SoC
@@ -171,7 +170,7 @@ def of_moved_ocv(basis):
     measured : list of Measured, one.
     """
     curves = sorted(basis.get("ocv", ()), key=cycle_of)
-    alike = [c for c in curves if abs(celsius_of(c) - celsius_of(curves[0])) <= SAME_CELSIUS]
+    alike = [c for c in curves if same_temperature(celsius_of(c), celsius_of(curves[0]))]
     if len({cycle_of(c) for c in alike}) < 2:
         return [silent("check-ups", ("ocv_shift",), "no slow tests of two check-ups")]
     soc = np.linspace(*SOC_ENDS, 41)

@@ -4,13 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from cellwright.health.conditions import SAME_CELSIUS
 from cellwright.health.electrodes.alignment import SlowCurve
 from cellwright.protocols.ocv.legs import legs_of
 from cellwright.protocols.ocv.slow import slow_ocv
+from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 
-SAME_RATE = 1.25  # currents this near are one; one protocol may follow the capacity as it falls
 GROWN = 0.01  # of the capacity: by less than this a cell may gain from lithium of the overhang
 
 
@@ -123,7 +122,7 @@ def _mean_of_both(columns, limits, mean_hour, refusal):
     except Refusal:
         raise refusal from None
     currents = _currents(found)
-    if found.branches != "both" or currents.max() > SAME_RATE * currents.min():
+    if found.branches != "both" or not same_rate(*currents):
         raise refusal
     return found, _mean_at_equal_charge(found, columns)
 
@@ -215,16 +214,21 @@ def _second(curve, counted):
 
 
 def alike(first, second):
-    """Whether two curves were made by one protocol: branches, current within 25 %, within 3 K.
+    """Whether two curves were made by one protocol: branches, rate, temperature.
+
+    The current of a protocol stays as the capacity falls, or falls with it.
 
     Parameters
     ----------
     first, second : SlowCurve.
     """
-    warmer = first.ambient_temperature_celsius - second.ambient_temperature_celsius
-    currents = sorted([first.current_ampere, second.current_ampere])
-    same_rate = currents[1] <= SAME_RATE * currents[0]
-    return first.branches == second.branches and same_rate and not abs(warmer) > SAME_CELSIUS
+    currents = [one.current_ampere for one in (first, second)]
+    rates = [one.current_ampere / one.capacity_ampere_hour for one in (first, second)]
+    at_one = same_rate(*currents) or same_rate(*rates)
+    as_warm = same_temperature(
+        first.ambient_temperature_celsius, second.ambient_temperature_celsius
+    )
+    return first.branches == second.branches and at_one and as_warm
 
 
 def _protocol(curve):

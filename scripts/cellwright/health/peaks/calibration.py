@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.conditions import SAME_CELSIUS, same_rate
 from cellwright.health.peaks.alike import named_alike
 from cellwright.health.peaks.estimate import (
     disagreeing,
@@ -13,6 +12,7 @@ from cellwright.health.peaks.estimate import (
 )
 from cellwright.health.peaks.features import IdentifiedPeak, PeakCharge
 from cellwright.health.table import DISAGREE
+from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 from cellwright.settings import HealthFromPeaks
 
@@ -162,7 +162,7 @@ def _capacity(discharges, cell, cycle, celsius, usual):
         and not row.get("of_a_life")
         and _number(row["cycle"], 0.0) == cycle
         and same_rate(row["c_rate"], usual)
-        and not abs(_number(row["ambient_temperature_celsius"]) - celsius) > SAME_CELSIUS
+        and same_temperature(row["ambient_temperature_celsius"], celsius)
     ]
     return float(np.mean(sizes)) if sizes else np.nan
 
@@ -231,8 +231,8 @@ def _conditions(charges):
 
 
 def _alike(first, second):
-    apart = abs(first.temperature_celsius - second.temperature_celsius)
-    return same_rate(first.c_rate, second.c_rate) and not apart > SAME_CELSIUS
+    as_warm = same_temperature(first.temperature_celsius, second.temperature_celsius)
+    return same_rate(first.c_rate, second.c_rate) and as_warm
 
 
 def _where(charges):

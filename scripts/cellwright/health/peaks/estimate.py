@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.conditions import SAME_CELSIUS, same_rate
 from cellwright.health.peaks.features import features_of, is_partial
 from cellwright.numerics.averaged_models import Rows, averaged, fitted_models
+from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 from cellwright.settings import HealthFromPeaks
 
@@ -109,8 +109,8 @@ def _further_std(std):
 def _comparable(charge, other):
     """Whether a charge of known capacity was made at the same rate and temperature."""
     alike = same_rate(charge.c_rate, other.c_rate)
-    apart = abs(charge.temperature_celsius - other.temperature_celsius)
-    return other.capacity_ampere_hour > 0 and alike and not apart > SAME_CELSIUS
+    as_warm = same_temperature(charge.temperature_celsius, other.temperature_celsius)
+    return other.capacity_ampere_hour > 0 and alike and as_warm
 
 
 def _why_not(charge, calibration, alike):

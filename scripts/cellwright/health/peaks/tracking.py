@@ -11,15 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.conditions import SAME_CELSIUS, same_rate
 from cellwright.health.peaks.alignment import align
 from cellwright.health.peaks.names import names_of
 from cellwright.health.peaks.sequences import joined_identities
+from cellwright.records.conditions import (
+    REFERENCE_CELSIUS,
+    same_rate,
+    same_temperature,
+    stated_or_reference,
+)
 from cellwright.refusal import Refusal
 
 SHRUNK = 0.5  # height over that in the first charge, from which a peak is said to have shrunk
 AMBIGUOUS = 2.0  # cost, in units of -2 log likelihood, by which another assignment must be worse
-NO_TEMPERATURE = 25.0
 
 
 class TrackedCharge(NamedTuple):
@@ -142,16 +146,12 @@ def _sequences(charges):
 
 def _alike(first, other):
     """Whether two charges are of one rate and one temperature."""
-    apart = abs(_celsius(first) - _celsius(other))
-    return same_rate(first.c_rate, other.c_rate) and apart <= SAME_CELSIUS
-
-
-def _celsius(charge):
-    return charge.celsius if np.isfinite(charge.celsius) else NO_TEMPERATURE
+    return same_rate(first.c_rate, other.c_rate) and same_temperature(first.celsius, other.celsius)
 
 
 def _from_reference(sequence):
-    return abs(_celsius(sequence[0]) - NO_TEMPERATURE) > 10, sequence[0].c_rate, sequence[0].cycle
+    celsius = stated_or_reference(sequence[0].celsius)
+    return abs(celsius - REFERENCE_CELSIUS) > 10, sequence[0].c_rate, sequence[0].cycle
 
 
 def _nearest(states, cycle):

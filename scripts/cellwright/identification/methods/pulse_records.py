@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.basis import soc_or_unknown, stated_or_reference
+from cellwright.records.basis import soc_or_unknown
+from cellwright.records.conditions import same_rate, stated_or_reference
 from cellwright.records.facts import TestFacts
 
 RELAXED_SECOND = 600.0  # a rest so long before a pulse leaves nothing to relax in it …
@@ -14,7 +15,6 @@ NONE = (
     f"no pulse of {FEWEST} samples with a rest after it and, before it, a rest of "
     f"{RELAXED_SECOND:g} s or of {RELAXED_LOADS:g} lengths of the load before"
 )
-SAME_RATE = 0.1  # relative difference of currents that count as one rate
 
 
 class PulseTest(NamedTuple):
@@ -125,7 +125,7 @@ def _relaxed_pulses(steps):
 def _of_one_rate(steps, pulses):
     """The pulses of the direction and rate that most of them have, of equals the lowest rate."""
     level = steps.current_mean_ampere[pulses]
-    alike = np.abs(level[:, None] / level - 1) < SAME_RATE
+    alike = same_rate(level[:, None], level)
     count = alike.sum(axis=1)
     first = min(range(len(pulses)), key=lambda k: (-count[k], abs(level[k])))
     return pulses[alike[:, first]]

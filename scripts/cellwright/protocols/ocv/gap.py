@@ -4,12 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.records.conditions import SAME_CELSIUS
+
 MIDDLE = (0.2, 0.8)  # SoC over which the gap is read: near the ends it is resistance
 READING_VOLT = (
     3e-3  # how far a slow branch is trusted, as `identification.regression.Noise.floor_volt`
 )
 READING_SOC = 0.02  # and at which SoC, as `identification.regression.Prior.missing`
-SAME_CELSIUS = 3.0
 
 
 class SlowGap(NamedTuple):

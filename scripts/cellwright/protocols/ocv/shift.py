@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
 
-SAME_RATE = 1.1
 LEAST_SHARE = 0.7  # of a half cycle: what must move at one current for its voltage to be compared
 GRID = np.linspace(0.0, 1.0, 41)
 COMPARED = (0.05, 0.95)  # SoC beyond which the polarisation of a load that begins or ends is read
@@ -56,8 +56,7 @@ def ocv_shift(earlier, later):
     """
     old, new = _branches(*earlier), _branches(*later)
     for one, other in zip(old, new, strict=True):
-        ratio = abs(other.ampere / one.ampere)
-        if max(ratio, 1 / ratio) > SAME_RATE:
+        if not same_rate(abs(other.ampere), abs(one.ampere)):
             raise Refusal(f"{abs(other.ampere):.3g} A and {abs(one.ampere):.3g} A are not one rate")
     inner = np.clip(GRID, *COMPARED)
     moved = [

@@ -13,12 +13,12 @@ import numpy as np
 
 from cellwright.protocols.ocv.legs import Leg, legs_of
 from cellwright.protocols.start import Before, Swing, told_of_first
+from cellwright.records.conditions import SAME_RATE, same_rate
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import offset_at_rest
 from cellwright.settings import Ocv
 
 OCV = Ocv()
-SAME_LOAD = 1.1  # ratio of currents up to which two legs are joined to one curve
 CLOSED = 0.03  # of the charge, by which slow discharge and charge may differ
 LEAST_OFFSET, MOST_OFFSET = 0.005, 0.3  # of the slow current: readings at rest that are looked for
 FULL_SHARE = 0.85  # of a record's largest leg: what is less is no full branch, but for a drift
@@ -247,9 +247,9 @@ def slowest_load(*columns, **limits):
     """
     curve = slow_ocv(*columns, **limits, least_hour=0.0)
     sides = abs(curve.discharge_current_ampere), abs(curve.charge_current_ampere)
-    if curve.branches != "both" or max(sides) <= SAME_LOAD * min(sides):
+    if curve.branches != "both" or same_rate(*sides):
         return curve
-    slower = SAME_LOAD * curve.capacity_ampere_hour / max(sides)
+    slower = SAME_RATE * curve.capacity_ampere_hour / max(sides)
     return slow_ocv(*columns, **limits, least_hour=slower)
 
 

@@ -155,7 +155,7 @@ def _exponential_fit(tau, seen, volt, wanted):
     return np.sum((columns @ coefficients - volt) ** 2), asked @ coefficients, leverage
 
 
-SAME_KELVIN = 1.0
+PLATEAU_KELVIN = 1.0
 
 
 class StepShifts(NamedTuple):
@@ -246,7 +246,7 @@ def cell_temperature(series):
 
 def _kept(time, plateaus, skip, least_reference):
     """First row of the first plateau after `skip` [s]; refuses a rest without a usable one."""
-    if all(abs(p.celsius - plateaus[0].celsius) <= SAME_KELVIN for p in plateaus):
+    if all(abs(p.celsius - plateaus[0].celsius) <= PLATEAU_KELVIN for p in plateaus):
         raise Refusal(f"{len(plateaus)} plateau(s) of temperature, none away from the first")
     first = plateaus[0]
     kept = max(first.first, int(np.searchsorted(time, time[0] + skip)))
@@ -264,7 +264,7 @@ def _shifts_of_rest(time, voltage, celsius, *, settled, least, skip, least_refer
     kept = _kept(time, plateaus, skip, least_reference)
     first = plateaus[0]
     first = first._replace(first=kept, celsius=float(celsius[kept : first.last + 1].mean()))
-    at_reference = [abs(p.celsius - first.celsius) <= SAME_KELVIN for p in plateaus]
+    at_reference = [abs(p.celsius - first.celsius) <= PLATEAU_KELVIN for p in plateaus]
     used = [(kept, first.last)]
     later = zip(plateaus[1:], at_reference[1:], strict=True)
     used += [(p.first, p.last) for p, same in later if same]

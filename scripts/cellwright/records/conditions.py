@@ -1,0 +1,95 @@
+"""When two tests were made alike: one rate, one temperature, one check-up, said once for all rooms.
+
+Each bound lies in the middle between what laboratories call the same and the nearest that they call
+another. Where a bound is asked of tests, what their sheet leaves blank has the value stated here.
+"""
+
+import numpy as np
+
+REFERENCE_CELSIUS = 25.0
+# Rates that are chosen to differ stand 5:4 apart or more (C/5 and C/4, 1C and 1.25C): the bound is
+# the geometric middle of such two. A C/20 is 0.047 to 0.051 C over real ratings and currents.
+SAME_RATE = 1.25**0.5
+# Temperatures that are chosen to differ stand 5 K apart or more; a chamber, its sensor and what the
+# sheet states agree within half of that.
+SAME_CELSIUS = 2.5
+# A check-up's own tests are a few cycles; check-ups lie tens of cycles apart.
+SAME_CHECKUP_CYCLES = 5.0
+
+
+def same_rate(first, second):
+    """Whether two rates or currents are one: within a factor of √(5/4), 11.8 %.
+
+    Parameters
+    ----------
+    first, second : above zero, of one unit; numbers or arrays.
+    """
+    ratio = np.divide(first, second)
+    return (ratio <= SAME_RATE) & (ratio >= 1.0 / SAME_RATE)
+
+
+# ASSUME: A test without a stated temperature was made at 25 °C.
+def stated_or_reference(celsius):
+    """A stated temperature [degC], 25 °C where none is.
+
+    Parameters
+    ----------
+    celsius : number; None or NaN where not stated.
+    """
+    return REFERENCE_CELSIUS if celsius is None or celsius != celsius else celsius
+
+
+def same_temperature(first, second):
+    """Whether two temperatures are one: within 2.5 K [degC]; one that is not stated is 25 °C.
+
+    Parameters
+    ----------
+    first, second : numbers; None or NaN where not stated.
+    """
+    return abs(stated_or_reference(first) - stated_or_reference(second)) <= SAME_CELSIUS
+
+
+# ASSUME: Tests within 5 cycles of each other see a cell of one age.
+def checkups_of(cycles):
+    """First cycle of the check-up that each test belongs to, in the order given.
+
+    Parameters
+    ----------
+    cycles : of the tests; None, not stated, is a new cell's.
+
+    Returns
+    -------
+    first : list of cycles: those of tests that follow the first of them within 5 cycles are equal.
+    """
+    first, begin = {}, -np.inf
+    for cycle in sorted({cycle or 0.0 for cycle in cycles}):
+        begin = cycle if cycle > begin + SAME_CHECKUP_CYCLES else begin
+        first[cycle] = begin
+    return [first[cycle or 0.0] for cycle in cycles]
+
+
+def in_first_checkup(cycles):
+    """Whether each test belongs to the earliest check-up among them, a list of bool.
+
+    Parameters
+    ----------
+    cycles : of the tests; None, not stated, is a new cell's.
+    """
+    first = checkups_of(cycles)
+    return [cycle == min(first) for cycle in first]
+
+
+def of_first_checkup(tests):
+    """Tests of the earliest check-up, and the names of the later ones, which see an aged cell.
+
+    Parameters
+    ----------
+    tests : list of MeasuredTest.
+
+    Returns
+    -------
+    first : list of MeasuredTest. later : list of names.
+    """
+    among = in_first_checkup([test.facts.cycle for test in tests])
+    pairs = list(zip(tests, among, strict=True))
+    return [t for t, first in pairs if first], [t.facts.test for t, first in pairs if not first]
