@@ -1,6 +1,7 @@
 """Laws of scripts/cellwright: pure, short, documented, and imports that run one way."""
 
 import ast
+import re
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
@@ -54,6 +55,17 @@ def test_imports_run_back_only(path):
     room = path.relative_to(SCIENCE).parts[0].removesuffix(".py")
     forward = rooms_imported(path) - ROOMS.get(room, set()) - {room} - GROUND
     assert not forward, f"{name(path)} may not import {sorted(forward)}"
+
+
+MADE_ALIKE = re.compile(r"^(SAME|ALIKE|NEAR|CLOSE)_(C_)?(RATE|CELSIUS|KELVIN|CHECK_?UP)", re.M)
+
+
+@every_module
+def test_what_is_made_alike_is_said_once(path):
+    """One rate, temperature and check-up: all rooms take them from `records.conditions`."""
+    if path.name != "conditions.py":
+        found = MADE_ALIKE.findall(path.read_text(encoding="utf-8"))
+        assert not found, f"{name(path)} says by itself when tests were made alike"
 
 
 def test_rooms_stand_in_one_order():

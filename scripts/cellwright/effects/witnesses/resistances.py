@@ -25,7 +25,7 @@ from cellwright.records.conditions import REFERENCE_CELSIUS, SAME_CELSIUS, SAME_
 SOC_ENDS = (0.1, 0.9)
 SOC_SPAN = 0.5  # least range of SoC over which a course is told
 LEVELS = (0.2, 0.5, 0.8)  # of SoC at which temperatures are compared
-NEAR_CELSIUS = 8.0  # from 25 °C, within which directions and rates are compared
+ROOM_KELVIN = 8.0  # from 25 °C, within which directions and rates are compared
 RATES_APART = 2.0  # ratio of two rates whose pulses are compared
 # ASSUME: Charge transfer follows Butler–Volmer with a transfer coefficient of one half.
 FARADAY = 96485.33212  # C/mol
@@ -235,7 +235,7 @@ def _directions(courses, ampere):
         if (
             direction != "discharge"
             or other is None
-            or abs(celsius - REFERENCE_CELSIUS) > NEAR_CELSIUS
+            or abs(celsius - REFERENCE_CELSIUS) > ROOM_KELVIN
         ):
             continue
         inside = [k for k, one in enumerate(soc) if 0.15 < one < 0.85 and _holds(other, one)]
@@ -255,7 +255,7 @@ def _rates(courses, ampere):
     """Resistance of the largest over that of the smallest pulses at the same SoC."""
     effect, families = "charge_transfer_nonlinearity", {}
     for (celsius, direction, rate, _), course in courses.items():
-        if abs(celsius - REFERENCE_CELSIUS) <= NEAR_CELSIUS:
+        if abs(celsius - REFERENCE_CELSIUS) <= ROOM_KELVIN:
             families.setdefault((celsius, direction), {})[rate] = course
     best = max(families.values(), key=lambda one: max(one) / min(one), default={})
     if not best or max(best) / min(best) < RATES_APART:
