@@ -99,6 +99,7 @@ def scores(model, errors):
         path = f"results/validation/A/t{number}.parquet"
         names = [member["model"] for member in model["members"]]
         many = {"soc_anchor": [""], "extrapolated": [0.0], "soc_start": [1.0], "mean_volt": [0.0]}
+        many["beyond_volt"] = [0.0]
         columns = {name: values * len(names) for name, values in many.items()}
         columns |= {"model": names, "chosen": [name == model["chosen"] for name in names]}
         columns |= {"rmse_volt": rmse, "rmse_volt_soc_5_95": rmse, "max_abs_volt": rmse}
