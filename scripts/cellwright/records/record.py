@@ -109,7 +109,8 @@ def record_of(
         np.broadcast_to(np.asarray(resistance_factor, float), (rows,)).copy(),
         anchor,
         temperature_source,
-        least_digit_ampere=least_digit(current_ampere),
+        # A reading is a whole number of digits, so zero is a level of it as well.
+        least_digit_ampere=least_digit(np.append(current_ampere, [0.0, 0.0])),
         least_digit_volt=least_digit(voltage_volt),
     )
 
