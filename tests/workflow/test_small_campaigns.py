@@ -28,7 +28,17 @@ PLANNED = {
     "bad_file_only": CAPACITY | {"no_model", "effect_search", "witnesses"},
     "capacity_only": CAPACITY | {"no_model", "effect_search", "witnesses"},
     "loads_and_drive": CAPACITY
-    | {"ica", "ocv_load", "identify", "member", "model", "thermal", "export", "prediction"}
+    | {
+        "repeats",
+        "ica",
+        "ocv_load",
+        "identify",
+        "member",
+        "model",
+        "thermal",
+        "export",
+        "prediction",
+    }
     | {"effect_search", "effect_search_own", "witnesses"},
     "ocv_pulses_drive": CAPACITY
     | METHODS
