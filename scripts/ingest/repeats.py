@@ -4,6 +4,6 @@ import cellwright as cw
 from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
-    found = cw.repeats(facts.tests(snakemake.input.series))
+    found = cw.repeats(facts.tests(snakemake.input.series), roles=snakemake.params.roles)
     job.note(*found.notes)
     job.save(found.rows)

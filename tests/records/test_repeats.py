@@ -63,7 +63,9 @@ def test_a_repeated_time_and_the_charge_of_the_file_change_nothing():
 
 def test_what_may_be_fitted_keeps_what_a_validation_test_repeats():
     judge = test_of("judge", cut(LONG, 0, 400), role="validation")
-    assert repeats([test_of("train", LONG), judge]).test.tolist() == ["judge"]
+    tests = [test_of("train", LONG), judge]
+    assert repeats(tests).test.tolist() == repeats(tests, ["validation"]).test.tolist() == ["judge"]
+    assert len(repeats(tests, ["fit"]).test) == 0
 
 
 def test_pulses_that_are_only_alike_and_rests_are_no_repeats():

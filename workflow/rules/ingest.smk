@@ -47,31 +47,46 @@ rule series:
         "../../scripts/ingest/series.py"
 
 
-def evidence_of(cell):
+# Tests that are asked what they repeat, and those in which it may count instead: a test that may be
+# fitted repeats nothing of one that may not, so that another drive leaves what is fitted alone.
+COUNTED_IN = {"fit": ["fit"], "validation": ["fit", "validation", "split"]}
+
+
+def evidence_of(cell, part):
     """Clean series of the tests of a cell whose loads tell resistances and models."""
-    return artefacts("clean", cell, *EVIDENCE_KINDS)
+    return artefacts("clean", cell, *EVIDENCE_KINDS, roles=COUNTED_IN[part])
 
 
 # Cells with several of them, in which one measurement may stand twice.
-REPEATABLE = cells_where(lambda cell: len(evidence_of(cell)) > 1)
+REPEATABLE = {
+    part: cells_where(lambda cell: len(evidence_of(cell, part)) > 1) for part in COUNTED_IN
+}
+REPEATS = [
+    f"results/repeats/{cell}/{part}.parquet" for part in REPEATABLE for cell in REPEATABLE[part]
+]
 
 
 def repeats_of(wildcards):
-    """What the tests of a cell repeat of each other, where it has several."""
-    return [f"results/repeats/{wildcards.cell}.parquet"] if wildcards.cell in REPEATABLE else []
+    """What a test of a cell repeats of others, where there are any."""
+    cell, role = wildcards.cell, TESTS[wildcards.cell, wildcards.test]["role"]
+    part = "fit" if role == "fit" else "validation"
+    return [f"results/repeats/{cell}/{part}.parquet"] if cell in REPEATABLE[part] else []
 
 
 rule repeats:
     input:
-        series=lambda w: evidence_of(w.cell),
+        series=lambda w: evidence_of(w.cell, w.part),
     output:
-        "results/repeats/{cell}.parquet",
+        "results/repeats/{cell}/{part}.parquet",
     log:
-        "logs/repeats/{cell}.log",
+        "logs/repeats/{cell}/{part}.log",
     wildcard_constraints:
-        cell=either(REPEATABLE),
+        cell=either({*REPEATABLE["fit"], *REPEATABLE["validation"]}),
+        part=either(COUNTED_IN),
+    params:
+        roles=lambda w: ["fit"] if w.part == "fit" else ["validation", "split"],
     message:
-        "What the tests of {wildcards.cell} repeat of each other."
+        "What the tests of {wildcards.cell} for {wildcards.part} repeat of others."
     script:
         "../../scripts/ingest/repeats.py"
 

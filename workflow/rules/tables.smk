@@ -87,7 +87,7 @@ STAGES = [
     *everywhere("spectrum", "eis"),
     *everywhere("clean", *SERIES_KINDS),
     *everywhere("segment", *SERIES_KINDS),
-    *[f"results/repeats/{cell}.parquet" for cell in REPEATABLE],
+    *REPEATS,
     *everywhere("relaxation", *RELAXATION_KINDS),
     *[path for cell in CELLS for path in [*rest_curves(cell), *curves_of_loads(cell)]],
     *[f"results/basis/{cell}.json" for cell in CELLS],

@@ -122,12 +122,13 @@ def clean(series, settings=None, **changes):
     return results.CleanSeries(cleaning.columns, cleaning.actions, tuple(cleaning.notes))
 
 
-def repeats(tests):
+def repeats(tests, roles=("fit", "validation", "split")):
     """Stretches that tests of one cell have in common, number for number: one measurement each.
 
     Parameters
     ----------
     tests : (test, clean series) each; TestFacts or a mapping, DataFrame or columns.
+    roles : Only what tests of these roles repeat.
 
     Returns
     -------
@@ -139,7 +140,7 @@ def repeats(tests):
     from cellwright.records.repeats import repeats as shared
     from cellwright.records.repeats import sentences
 
-    found = shared(inputs.tests(tests))
+    found = shared(inputs.tests(tests), roles)
     return results.Table(found, sentences(found))
 
 

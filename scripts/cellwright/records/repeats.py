@@ -40,7 +40,7 @@ class _Keys(NamedTuple):
     unforeseen: np.ndarray
 
 
-def repeats(tests):
+def repeats(tests, roles=("fit", "validation", "split")):
     """Stretches of tests of one cell that are, number for number, in another of them too.
 
     1. Windows of 16 rows of current and voltage, as logged, are compared by a hash, whatever their
@@ -53,6 +53,7 @@ def repeats(tests):
     Parameters
     ----------
     tests : list of MeasuredTest of one cell.
+    roles : Only what tests of these roles repeat; the answer for "fit" hangs on no other test.
 
     Returns
     -------
@@ -62,6 +63,8 @@ def repeats(tests):
     keys = [_keys(tests[k].series) for k in order]
     found = []
     for place, start, shift in _shared_windows(keys):
+        if tests[order[place[1]]].facts.role not in roles:
+            continue
         one, other = keys[place[0]], keys[place[1]]
         for first, last in _stretches(one, other, start, shift):
             names = [tests[order[p]].facts.test for p in place]
