@@ -12,7 +12,7 @@ from tree import SCIENCE, SCRIPTS, functions, held_by_every, imports, modules, n
 ROOMS = {
     "numerics": set(),
     "formats": set(),
-    "series": {"formats"},
+    "series": {"numerics", "formats"},
     "records": {"numerics", "series"},
     "protocols": {"numerics", "series", "records"},
     "laws": {"numerics", "protocols", "records"},
@@ -57,15 +57,25 @@ def test_imports_run_back_only(path):
     assert not forward, f"{name(path)} may not import {sorted(forward)}"
 
 
-MADE_ALIKE = re.compile(r"^(SAME|ALIKE|NEAR|CLOSE)_(C_)?(RATE|CELSIUS|KELVIN|CHECK_?UP)", re.M)
+MADE_ALIKE = re.compile(
+    r"^(SAME|ALIKE|NEAR|CLOSE)_(C_)?(RATE|CELSIUS|KELVIN|CHECK_?UP)"
+    r"|^(((AT_)?REST|START|LOADED)_(C_RATE|SHARE)|(LEAST|LOW)_C_RATE)\b",
+    re.M,
+)
 
 
 @every_module
 def test_what_is_made_alike_is_said_once(path):
-    """One rate, temperature and check-up: all rooms take them from `records.conditions`."""
+    """One rate, temperature, check-up and rest: all rooms take them from `records.conditions`."""
     if path.name != "conditions.py":
         found = MADE_ALIKE.findall(path.read_text(encoding="utf-8"))
-        assert not found, f"{name(path)} says by itself when tests were made alike"
+        assert not found, f"{name(path)} says by itself when tests were made alike, or rest"
+
+
+@every_module
+def test_the_robust_deviation_is_said_once(path):
+    if path.name != "statistics.py":
+        assert "1.4826" not in path.read_text(encoding="utf-8"), name(path)
 
 
 def test_rooms_stand_in_one_order():

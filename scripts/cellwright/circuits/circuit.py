@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.hysteresis import FIRST_SLOPE
+from cellwright.records.conditions import at_rest_in_record
 from cellwright.refusal import Refusal
 
 MODES = 5
 UNRESOLVED_SECOND = 1e-3  # of a lag that is over before the next sample
 TRANSFER_STEPS = 4  # of Newton's method, to rounding up to a hundred times the exchange current
-REST_SHARE = 0.01  # of a record's largest current: below it the sign is the sensor's noise
 
 
 class Branch(NamedTuple):
@@ -143,8 +143,7 @@ def _transfer(current, *, r_ohm, exchange_ampere, charge_coefficient):
 def _last_sign(current, *, m_volt):
     """Sign of the current; at rest that of the last current, before the first one zero."""
     # ASSUME: A current below a hundredth of a record's largest is rest, not a turn of the load.
-    loaded = np.abs(current.real) > REST_SHARE * np.abs(current.real).max()
-    sign = np.where(loaded, np.sign(current.real), 0.0)
+    sign = np.where(at_rest_in_record(current.real), 0.0, np.sign(current.real))
     last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
     return m_volt * sign[last]
 

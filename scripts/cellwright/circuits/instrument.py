@@ -23,7 +23,7 @@ from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.simulate import closing
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
-from cellwright.records.conditions import REFERENCE_CELSIUS
+from cellwright.records.conditions import LOW_C_RATE, REFERENCE_CELSIUS
 from cellwright.records.thinning import driven
 
 ABOUT = {
@@ -37,7 +37,6 @@ FOLLOWS = ("switch", "hysteresis", "preisach")
 EDGE_SECOND = 0.06  # before the stamp of a row, within which the current of the row sets in
 # ASSUME: However cold, a cell keeps a tenth of its capacity; a straight line would end at none.
 LEAST_CAPACITY = 0.1
-LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
 
 
 class Corrected(NamedTuple):
@@ -339,7 +338,7 @@ def with_history(
     capacity_ampere_hour : [Ah]. hold : of the current between samples.
     """
     time, current = record
-    least = LOADED_C_RATE * capacity_ampere_hour
+    least = LOW_C_RATE * capacity_ampere_hour
     ends = {"soc_at_start": soc_at_start, "near_end_soc": member["history"]["near_end_soc"]}
     direction = load_direction(read_ampere, least_ampere=least, **ends)
     steps = np.diff(time)

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, beginning
-from cellwright.effects.records import LOADED_C_RATE
 from cellwright.numerics.least_squares import Free, bounded_minimum, inverse
 from cellwright.numerics.statistics import rms
+from cellwright.records.conditions import low_current
 
 READ_VOLT = 2e-3  # of a single reading at rest
 LEAST_SLOPE_VOLT = 1e-3  # of the OCV over the whole SoC; below it a rest shows no SoC
@@ -254,7 +254,7 @@ def _core_per_watt(case, state):
 
 
 def _loaded(cell, stack):
-    return np.abs(stack.current_ampere) > LOADED_C_RATE * cell.capacity_ampere_hour
+    return ~low_current(stack.current_ampere, cell.capacity_ampere_hour)
 
 
 def _error_near(soc, rests):

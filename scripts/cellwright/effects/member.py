@@ -30,9 +30,8 @@ from cellwright.identification.in_use import (
     simulated_errors,
 )
 from cellwright.numerics.least_squares import fit
-from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.blocks import cut_of
-from cellwright.records.conditions import same_temperature
+from cellwright.records.conditions import AT_REST_C_RATE, same_temperature
 from cellwright.records.record import cell_temperature, record_of
 from cellwright.refusal import Refusal
 
@@ -292,7 +291,7 @@ def blocks_of_case(case, rest_second):
     ----------
     case : case.Case. rest_second : shortest rest that ends a block [s].
     """
-    rest_ampere = REST_C_RATE * case.cell.capacity_ampere_hour
+    rest_ampere = AT_REST_C_RATE * case.cell.capacity_ampere_hour
     rest = {"rest_second": rest_second, "rest_ampere": rest_ampere}
     stack, numbers, spans = case.fit, np.full(len(case.fit.file), -1), []
     rows_of = [np.flatnonzero(stack.file == file) for file in range(len(stack.tests))]

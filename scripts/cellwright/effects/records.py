@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.instrument import LOADED_C_RATE, load_direction
+from cellwright.circuits.instrument import load_direction
+from cellwright.records.conditions import LOW_C_RATE, low_current
 from cellwright.records.record import STATED, checked
 from cellwright.records.thinning import driven
 from cellwright.refusal import Refusal
@@ -122,7 +123,7 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     linear = np.concatenate([_linear(r, hold) for r in records])
     held = np.where(linear, (before + current) / 2, before)
     held = held * (1.0 - fresh)
-    least = {"least_ampere": LOADED_C_RATE * capacity_ampere_hour, "near_end_soc": NEAR_END}
+    least = {"least_ampere": LOW_C_RATE * capacity_ampere_hour, "near_end_soc": NEAR_END}
     loads = [load_direction(r.current_ampere, soc_at_start=r.soc[0], **least) for r in records]
     held, unseen = _counted(records, held, step, linear, capacity_ampere_hour)
     moved = np.cumsum(held * step / 3600.0 + unseen) / capacity_ampere_hour
@@ -343,13 +344,13 @@ def _soc_range(stack, capacity):
 
 def _rates(stack, capacity):
     loads = np.abs(stack.current_ampere)
-    loads = loads[loads > LOADED_C_RATE * capacity]
+    loads = loads[~low_current(loads, capacity)]
     low, high = np.percentile(loads, [10, 95]) if len(loads) else (1.0, 1.0)
     return high / low >= RATE_RATIO
 
 
 def _long_rest(stack, capacity):
-    rest = np.abs(stack.current_ampere) <= LOADED_C_RATE * capacity
+    rest = low_current(stack.current_ampere, capacity)
     edges = np.flatnonzero(np.diff(np.r_[0, rest & (stack.fresh == 0), 0]))
     clock = np.cumsum(stack.step_second)
     lasting = [clock[end - 1] - clock[begin] for begin, end in edges.reshape(-1, 2)]

@@ -6,10 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.records import LOADED_C_RATE, lacking
+from cellwright.effects.records import lacking
+from cellwright.records.conditions import at_rest, low_current
 
-AT_REST_C_RATE = 2.5 * LOADED_C_RATE  # an offset of the reading must not make a rest a load
-STEADY_C_RATE = LOADED_C_RATE / 2  # within a rest, about its median
 REST_SECOND = 60.0
 DECIDED = 9.0  # chi-square between the two explanations of a current logged at rest
 FITTING = 9.0  # chi-square up to which the better of them fits
@@ -224,7 +223,7 @@ def offset_or_leak(rest, *, size_ampere, std_ampere):
 
 def _rests(stack, capacity):
     """First rows of steady stretches near zero current, and the rows after their last."""
-    low = np.abs(stack.current_ampere) <= AT_REST_C_RATE * capacity
+    low = low_current(stack.current_ampere, capacity)
     edges = np.flatnonzero(np.diff(np.r_[0, low.astype(int), 0]))
     starts = np.flatnonzero(stack.fresh)
     stretches = []
@@ -235,7 +234,7 @@ def _rests(stack, capacity):
 
 
 def _steady(stack, begin, end, capacity):
-    """Whether a stretch lasts 60 s and 95 % of its rows are within C/200 of its median."""
+    """Whether a stretch lasts 60 s and 95 % of its rows are at rest about its median."""
     logged, second = stack.current_ampere[begin:end], stack.second[begin:end]
-    near = np.abs(logged - np.median(logged)) <= STEADY_C_RATE * capacity
+    near = at_rest(logged - np.median(logged), capacity)
     return second[-1] - second[0] >= REST_SECOND and bool(near.mean() > 0.95)

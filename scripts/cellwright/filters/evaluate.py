@@ -10,7 +10,7 @@ from cellwright.filters.bank import bank_of, resistance_factor_of
 from cellwright.filters.estimate import Start, estimate_on
 from cellwright.filters.plant import Noise, plant_of, with_tracked
 from cellwright.numerics.statistics import rms
-from cellwright.records.anchor import REST_C_RATE
+from cellwright.records.conditions import at_rest
 from cellwright.records.record import laid_out
 from cellwright.records.thinning import rows_of
 from cellwright.refusal import Refusal
@@ -266,8 +266,7 @@ def _loaded_mean(model, record):
     """Mean temperature of a record under load [degC], for the tables of the whole record."""
     # ASSUME: OCV and time constants of a filter stand at the mean temperature of a record under
     # load; resistances follow the temperature.
-    limit = REST_C_RATE * model["capacity_ampere_hour"]
-    loaded = np.abs(record.current_ampere) > limit
+    loaded = ~at_rest(record.current_ampere, model["capacity_ampere_hour"])
     return float(np.mean(record.celsius[loaded] if loaded.any() else record.celsius))
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.statistics import robust_std
 from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 
@@ -206,8 +207,8 @@ def _comparable(joined):
         reason[0] = "the first of the life: what came before it is not known"
     for _ in range(2):
         able = np.flatnonzero(reason == "")
-        step = np.median(np.abs(np.diff(capacity[able]))) if len(able) > 1 else 0.0
-        limit = max(OUTLIER * 1.4826 * step, LEAST_DEVIATION * np.median(capacity))
+        step = robust_std(np.diff(capacity[able]))
+        limit = max(OUTLIER * step, LEAST_DEVIATION * np.median(capacity))
         off = np.array([_deviation(capacity[able], k) for k in range(len(able))])
         reason[able[off > limit]] = "capacity unlike that of its neighbours"
     return reason == "", reason.astype(str)

@@ -19,10 +19,10 @@ from cellwright.identification.identify import (
 from cellwright.identification.ocv_shape import ocv_from_loads, shape_records
 from cellwright.identification.search import shared_of
 from cellwright.protocols.ocv.gap import largest_hysteresis
-from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.basis import capacities_of_checkups
 from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
 from cellwright.records.conditions import (
+    AT_REST_C_RATE,
     REFERENCE_CELSIUS,
     of_first_checkup,
     same_rate,
@@ -93,7 +93,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     if later:
         notes.append(f"not fitted, of a later check-up: {', '.join(later)}")
     capacity = basis["capacity_ampere_hour"]
-    rest = {"rest_second": split_rest_second, "rest_ampere": REST_C_RATE * capacity}
+    rest = {"rest_second": split_rest_second, "rest_ampere": AT_REST_C_RATE * capacity}
     rest["cut"] = cut_of(columns_of([one.records for one in by_temperature]), **rest)
     identified, energies = _identified(by_temperature, basis, members, rest, notes)
     if not identified:

@@ -8,8 +8,8 @@ from cellwright.identification.choice import Score, choose, rmse_of, typical_of,
 from cellwright.identification.identify import ready_records
 from cellwright.identification.validation import beyond_volt, simulated
 from cellwright.numerics.statistics import rms
-from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
+from cellwright.records.conditions import AT_REST_C_RATE
 from cellwright.records.record import Record, records_by_temperature
 from cellwright.refusal import Refusal
 
@@ -67,7 +67,7 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
         fitted, basis, cell, split_rest_second=split_rest_second
     )
     rest = {"rest_second": split_rest_second}
-    rest["rest_ampere"] = REST_C_RATE * basis["capacity_ampere_hour"]
+    rest["rest_ampere"] = AT_REST_C_RATE * basis["capacity_ampere_hour"]
     by_names = {
         tuple(record.test for record in fit_records.records): fit_records
         for fit_records in by_temperature

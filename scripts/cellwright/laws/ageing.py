@@ -7,7 +7,7 @@ import numpy as np
 from cellwright.laws.temperature import law_row
 from cellwright.numerics.lines import coloured_line, residuals
 from cellwright.numerics.periods import daily_sine, periods
-from cellwright.numerics.statistics import rms, t_interval
+from cellwright.numerics.statistics import rms, robust_std, t_interval
 from cellwright.refusal import Refusal
 from cellwright.settings import Ageing
 
@@ -259,7 +259,7 @@ def _inliers(cycle, capacity, followed):
         basis = _basis(cycle, used, _highest_degree(used))
         values = np.linalg.lstsq(basis[used], capacity[used], rcond=None)[0]
         residual = capacity - basis @ values
-        spread = 1.4826 * np.median(np.abs(residual[used]))
+        spread = robust_std(residual[used])
         near = np.abs(residual) <= max(OUTLIER * spread, 1e-4 * np.abs(capacity).max())
         used = followed & near
     return used

@@ -14,6 +14,7 @@ from cellwright.laws.points import (
     resistance_points,
 )
 from cellwright.laws.temperature import fit_laws
+from cellwright.numerics.statistics import robust_std
 from cellwright.settings import Temperature
 
 TEMPERATURE = Temperature()
@@ -110,7 +111,7 @@ def _sentence(quantity, points):
     off = np.log(value)
     for level in np.unique(celsius):
         off[celsius == level] -= np.median(off[celsius == level])
-    spread = 1.4826 * np.median(np.abs(off))
+    spread = robust_std(off)
     apart = (np.abs(off) > OUTLIER * spread) & (spread > 0)
     text = (
         f"{quantity}: {len({p.member for p in points})} cells that differ by {100 * spread:.1f} % "

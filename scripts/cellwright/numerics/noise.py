@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.native import array, count, function, real
-from cellwright.numerics.statistics import rms
+from cellwright.numerics.statistics import rms, robust_std
 
 RATIOS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)  # variance of the slow part over the white one's
 TIMES_SECOND = (30.0, 100.0, 300.0)
@@ -204,8 +204,7 @@ def read_volt(residual_volt, stack, *, steady_ampere):
 
 def _robust(values):
     """Standard deviation by the median of absolute deviations: few outliers change it little."""
-    middle = np.median(values)
-    return 1.4826 * float(np.median(np.abs(values - middle)))
+    return robust_std(values - np.median(values))
 
 
 def _gains(keep, white, slow, gain, scale):

@@ -9,6 +9,30 @@ EPSILON = float(np.finfo(float).eps)
 NORMAL_95 = 1.959964  # standard deviations that hold 95 % of a normal distribution
 
 
+def robust_std(deviations):
+    """Standard deviation of normal deviations from zero by their median size, in their unit.
+
+    A few outliers change it little; 0 where there are none.
+
+    Parameters
+    ----------
+    deviations : (n,).
+
+    Source: Rousseeuw & Croux, J. Am. Stat. Assoc. 88 (1993) 1273: 1.4826 median |x|.
+    """
+    return 1.4826 * float(np.median(np.abs(deviations))) if np.size(deviations) else 0.0
+
+
+def white_noise_of(values):
+    """Standard deviation of the white noise of a smooth course, by its second differences.
+
+    Parameters
+    ----------
+    values : (n,) evenly sampled; fewer than three: 0.
+    """
+    return robust_std(np.diff(values, 2)) / np.sqrt(6.0)
+
+
 def rms(values):
     """Root mean square of errors, in their unit; NaN where there are none.
 

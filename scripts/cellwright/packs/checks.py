@@ -13,7 +13,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from cellwright.numerics.noise import least_digit
-from cellwright.numerics.statistics import parameter_covariance, rms, standard_deviations
+from cellwright.numerics.statistics import (
+    parameter_covariance,
+    rms,
+    standard_deviations,
+    white_noise_of,
+)
 from cellwright.packs.wiring import cells_of
 from cellwright.records.channels import BRANCH_CURRENT, CELL_VOLTAGE
 from cellwright.refusal import Refusal
@@ -274,8 +279,8 @@ def _dependent(currents, total, left, test):
     digit = max(map(least_digit, currents.T))
     exact = np.abs(left).max() <= 1e-9 * np.abs(total).max()
     rounded = np.abs(left).max() <= 0.5 * (members + 1) * digit
-    noise = np.sqrt(sum(_jitter(column) ** 2 for column in currents.T))
-    found = bool(exact or (rounded and _jitter(left) < 0.3 * noise))
+    noise = np.sqrt(sum(white_noise_of(column) ** 2 for column in currents.T))
+    found = bool(exact or (rounded and white_noise_of(left) < 0.3 * noise))
     text = ""
     if found:
         same = "the errors of the two branches are the same number"
@@ -286,12 +291,6 @@ def _dependent(currents, total, left, test):
         )
     largest = float(np.abs(left).max())
     return Finding("dependent", None, largest, np.nan, np.nan, "A", found, text)
-
-
-def _jitter(column):
-    """White noise from second differences, which a slow course hardly has: robust deviation."""
-    bend = np.diff(column, 2)
-    return 1.4826 * float(np.median(np.abs(bend))) / np.sqrt(6.0)
 
 
 def _series_currents(record):

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.statistics import rms
+from cellwright.records.conditions import at_rest_in_record
 
-LOADED_SHARE = 0.05  # of the largest current: above it the group is loaded
 LOW_SOC = 0.15  # of the group: below it branch currents part (thesis 5.4)
 WHOLE_SHARE = 0.5  # of the cells' capacity, which a discharge of the group passes at least
 LONGER = 0.15  # of its duration, by which a discharge is run on to find the simulated end
@@ -55,7 +55,7 @@ def loaded(total_ampere):
     ----------
     total_ampere : (n,) [A].
     """
-    return np.abs(total_ampere) > LOADED_SHARE * np.abs(total_ampere).max()
+    return ~at_rest_in_record(total_ampere)
 
 
 def whole_discharge(compared):

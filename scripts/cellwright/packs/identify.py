@@ -15,12 +15,11 @@ from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
 from cellwright.numerics.statistics import parameter_covariance, rms, standard_deviations
 from cellwright.packs.cells import PackCells, rc_cells
-from cellwright.records.conditions import stated_or_reference
+from cellwright.records.conditions import AT_REST_SHARE, stated_or_reference
 from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
 
 KNOTS = 21  # of SoC, of a resistance in the model file
-REST_SHARE = 0.02  # of the largest total current: below it the group rests
 
 
 class GroupFit(NamedTuple):
@@ -279,7 +278,7 @@ def group_models(test, steps, cells):
     rest = slice(steps["first_row"][before], steps["last_row"][before] + 1)
     total = series["current_ampere"]
     tail = slice(max(rest.stop - (rest.stop - rest.start) // 2, rest.start), rest.stop)
-    limit = REST_SHARE * np.abs(total).max()
+    limit = AT_REST_SHARE * np.abs(total).max()
     offset = rest_offset(current[tail], total[tail], rest_ampere=limit)
     rows = slice(tail.start, steps["last_row"][last] + 1)
     time = series["test_time_second"][rows]

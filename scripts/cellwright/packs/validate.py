@@ -13,11 +13,10 @@ from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.uncertainty.bands import DRAWS, WITHIN_90_PERCENT, band_of
 from cellwright.packs.uncertainty.draws import draw_cells, is_known, wire_factors
 from cellwright.packs.wiring import cells_of, described, member_currents
-from cellwright.records.conditions import stated_or_reference
+from cellwright.records.conditions import at_rest_in_record, stated_or_reference
 from cellwright.records.record import group_record, stated_soc
 from cellwright.refusal import Refusal
 
-REST_SHARE = 0.02  # of the largest current: below it the group rests
 TABLE_KELVIN = 5.0  # between the temperatures of the cells' tables
 ENERGY = "activation_energy_joule_per_mole"
 OFFSET_ROWS = 20  # of a rest at the start, at least, for the offset of a branch sensor
@@ -205,8 +204,7 @@ def _initial_soc(stated, cells, wiring, record, notes):
             f"{wiring.name} is {described(wiring)}: its voltage does not tell the SoC of each "
             "cell, wanted initial_soc of all in groups.tsv"
         )
-    total = record.current_ampere
-    if abs(total[0]) > REST_SHARE * np.abs(total).max():
+    if not at_rest_in_record(record.current_ampere)[0]:
         raise Refusal("initial_soc is not stated in groups.tsv, and the record begins under load")
     # ASSUME: A group that starts at rest without a stated SoC is at equilibrium: the OCV of every
     # cell is the group's first voltage.
@@ -303,9 +301,8 @@ def _offset(fits, stated, record, notes):
 
 # ASSUME: In a rest of a group at equilibrium what a branch sensor reads is its offset.
 def _read_at_start(record):
-    total = np.abs(record.current_ampere)
-    resting = np.append(total > REST_SHARE * total.max(), True)
-    rows = int(np.argmax(resting))
+    loaded = np.append(~at_rest_in_record(record.current_ampere), True)
+    rows = int(np.argmax(loaded))
     measured = record.branch_current_ampere
     return measured[:rows].mean(axis=0) if rows >= OFFSET_ROWS else np.zeros(measured.shape[1])
 

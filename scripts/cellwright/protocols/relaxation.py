@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.numerics.exponentials import UNDETERMINED, Normal, best_of_grid, levenberg
 from cellwright.numerics.noise import least_digit
-from cellwright.numerics.statistics import is_white, parameter_covariance
+from cellwright.numerics.statistics import is_white, parameter_covariance, white_noise_of
 from cellwright.refusal import Refusal
 
 FEWEST = 8  # samples of a rest
@@ -243,9 +243,7 @@ def noise_volt(voltage_volt):
     From second differences, so that a slope is none; not below that of the logger's grain.
     """
     late = np.asarray(voltage_volt)[len(voltage_volt) // 2 :]
-    bent = np.diff(late, 2)
-    spread = 1.4826 * float(np.median(np.abs(bent))) / np.sqrt(6) if len(bent) else 0.0
-    return max(spread, least_digit(voltage_volt) / np.sqrt(12))
+    return max(white_noise_of(late), least_digit(voltage_volt) / np.sqrt(12))
 
 
 def reasons_against(two, three, voltage_volt, *, limit, grain, noise):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.noise import least_digit
+from cellwright.numerics.statistics import robust_std
 from cellwright.refusal import Refusal
 from cellwright.series.steps import EDGE_C_RATE, EDGE_SHARE
 from cellwright.settings import Resistance
@@ -213,7 +214,7 @@ def _noise(values, steps, *, resolution):
     change = np.concatenate([np.diff(values[first:last]) for first, last in spans] or [[0.0]])
     if not len(change):
         return 0.0
-    spread = 1.4826 * np.median(np.abs(change - np.median(change))) / np.sqrt(2)
+    spread = robust_std(change - np.median(change)) / np.sqrt(2)
     grain = least_digit(values) / np.sqrt(12) if resolution else 0.0
     return float(np.hypot(spread, grain))
 

@@ -7,13 +7,13 @@ import numpy as np
 
 from cellwright.numerics.noise import least_digit
 from cellwright.protocols.relaxation import fit_relaxation, noise_volt, reasons_against
+from cellwright.records.conditions import LOW_C_RATE, low_current
 from cellwright.refusal import Refusal
 from cellwright.settings import Relaxation
 
 RELAXATION = Relaxation()
 
 STEADY = ("CC", "pulse")  # loads of one current, whose polarisation is proportional to it
-LEAST_C_RATE = 0.02  # of a load; what is less is a leak or noise
 MOVED_KELVIN = 3.0  # from here on the rest is one of the chamber, not of the cell
 EDGE = 3.0  # slopes: a first sample that moves on so much faster than the next is of the edge
 EDGE_NOISES = 6.0  # and by so many noises
@@ -104,8 +104,8 @@ def rests_of(
     """Depolarisation of every rest that follows a load, by two exponentials.
 
     1. A rest counts from `shortest_rest_second` on, where the record has no gap before it and the
-    load was at least 0.02 C; its first sample is left out where it still shows the edge; it ends
-    where the temperature has moved by 3 K. 2. Two exponentials
+    load was no low current (C/56); its first sample is left out where it still shows the edge; it
+    ends where the temperature has moved by 3 K. 2. Two exponentials
     are fitted, or one where two are not told. 3. Where a third, faster one is told as well, it has
     a row of its own and is chosen. 4. What falls short of the limit says why.
 
@@ -171,8 +171,8 @@ def chamber_or_cell(series):
 
 def _rows_of(number, series, steps, step, shortest, limit):
     """Rows of RestRows of one rest: of two exponentials or one, and of three where determined."""
-    if steps.c_rate[step - 1] < LEAST_C_RATE:
-        raise Refusal(f"load before the rest is below {LEAST_C_RATE:g} C")
+    if low_current(steps.c_rate[step - 1], 1.0):
+        raise Refusal(f"load before the rest is below {LOW_C_RATE:.2g} C")
     time, voltage, celsius = series.time, series.voltage, series.celsius
     rows = np.arange(int(steps.first_row[step]), int(steps.last_row[step]) + 1)
     moved = np.abs(celsius[rows] - celsius[rows[0]]) > MOVED_KELVIN

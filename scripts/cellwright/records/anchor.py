@@ -4,12 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.conditions import SAME_CHECKUP_CYCLES
+from cellwright.records.conditions import AT_REST_C_RATE, SAME_CHECKUP_CYCLES, low_current
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 
-REST_C_RATE = 0.004
-START_C_RATE = 0.02  # of one row: its noise, or a leak that moves the voltage by a millivolt
 WHOLE_SWING = 0.9  # of the capacity: a record that moves so much has its place on the scale
 SLOW_C_RATE = 1.1 / 15  # a slow test: C/15 by a rating that the cell need not have
 CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full charge is
@@ -134,7 +132,7 @@ def soc_series(
         return _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate)
     if not 0 <= soc_at_start <= 1:
         raise Refusal(f"stated SoC at the start is {soc_at_start}; allowed is 0 to 1")
-    rest = float(voltage_volt[0]) if abs(rate[0]) <= START_C_RATE else np.nan
+    rest = float(voltage_volt[0]) if low_current(rate[0], 1.0) else np.nan
     wrong = contradiction(soc_at_start, rest, (lower_cutoff_volt, upper_cutoff_volt), curve)
     if not wrong:
         return Anchored(float(soc_at_start) + counted - counted[0], AS_STATED)
@@ -147,7 +145,7 @@ def _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rat
     full = full_row(rate, voltage_volt, upper_cutoff_volt, full_c_rate=full_c_rate)
     if full is not None:
         return Anchored(1.0 + counted - counted[full], "end of the full charge in the record", full)
-    if curve is not None and abs(rate[0]) <= START_C_RATE:
+    if curve is not None and low_current(rate[0], 1.0):
         start = _soc_of_rest(voltage_volt[0], curve["soc"], curve["ocv_volt"])
         return Anchored(start + counted - counted[0], "rest voltage at the start, by the OCV table")
     span = float(np.ptp(counted))
@@ -212,7 +210,7 @@ def full_row(rate, voltage_volt, upper_cutoff_volt, *, full_c_rate=0.1):
     if upper_cutoff_volt is None:
         return None
     at_cutoff = np.asarray(voltage_volt) >= upper_cutoff_volt * (1 - CUTOFF_SHARE)
-    charging = at_cutoff & (rate > REST_C_RATE)
+    charging = at_cutoff & (rate > AT_REST_C_RATE)
     slow = charging & (rate <= full_c_rate)
     ends = np.flatnonzero(slow & ~np.append(charging[1:], False))
     return int(ends[0]) if len(ends) else None
@@ -328,7 +326,7 @@ def rest_scale(
     nominal, source = _nominal_capacity(capacities, ambient_temperature_celsius, cycle, stated)
     ends_empty = _ends_empty(steps, lower_cutoff_volt + EMPTY_WINDOW * window)
     rate = current / max(nominal, float(np.ptp(charge)))
-    first = float(voltage[0]) if abs(rate[0]) <= START_C_RATE else np.nan
+    first = float(voltage[0]) if low_current(rate[0], 1.0) else np.nan
     share = 1.0 if ends_empty or not nominal else float(np.ptp(charge)) / nominal
     wrong = ""
     if soc_at_start is not None:

@@ -1,10 +1,12 @@
-"""When two tests were made alike: one rate, one temperature, one check-up, said once for all rooms.
+"""When two tests were made alike, and when a cell rests: said once for all rooms.
 
 Each bound lies in the middle between what laboratories call the same and the nearest that they call
 another. Where a bound is asked of tests, what their sheet leaves blank has the value stated here.
 """
 
 import numpy as np
+
+from cellwright.settings.tests import Segment
 
 REFERENCE_CELSIUS = 25.0
 # Rates that are chosen to differ stand 5:4 apart or more (C/5 and C/4, 1C and 1.25C): the bound is
@@ -15,6 +17,45 @@ SAME_RATE = 1.25**0.5
 SAME_CELSIUS = 2.5
 # A check-up's own tests are a few cycles; check-ups lie tens of cycles apart.
 SAME_CHECKUP_CYCLES = 5.0
+
+# A current channel reads zero within 0.1 % of its range, and spans at most four times the rating.
+AT_REST_C_RATE = Segment().rest_c_rate
+# The slowest load that is a test of its own is C/50. What is below it by more than rates of one
+# load differ is none: a sensor's offset in a rest, a leak, the noise of one row.
+LOW_C_RATE = 0.02 / SAME_RATE
+# Of the largest current of a record, where no capacity is known to set its readings against.
+AT_REST_SHARE = 0.01
+
+
+def at_rest(current_ampere, capacity_ampere_hour):
+    """Whether no current flows: the reading is within C/250 of zero.
+
+    Parameters
+    ----------
+    current_ampere : number or (n,) [A]. capacity_ampere_hour : of the cell or group [Ah].
+    """
+    return np.abs(current_ampere) <= AT_REST_C_RATE * capacity_ampere_hour
+
+
+def low_current(current_ampere, capacity_ampere_hour):
+    """Whether a reading is no load, but what a sensor's offset, a leak or noise may be: below C/56.
+
+    Parameters
+    ----------
+    current_ampere : number or (n,) [A]. capacity_ampere_hour : of the cell or group [Ah].
+    """
+    return np.abs(current_ampere) <= LOW_C_RATE * capacity_ampere_hour
+
+
+def at_rest_in_record(current_ampere):
+    """Rows (n,) of a record without current: within 1 % of its largest, no capacity being known.
+
+    Parameters
+    ----------
+    current_ampere : (n,) [A].
+    """
+    size = np.abs(current_ampere)
+    return size <= AT_REST_SHARE * size.max(initial=0.0)
 
 
 def same_rate(first, second):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.noise import least_digit
-from cellwright.records.anchor import AS_STATED, REST_C_RATE, Anchored, slow_soc
+from cellwright.records.anchor import AS_STATED, Anchored, slow_soc
 from cellwright.records.basis import at_cycle, on_scale, soc_of
 from cellwright.records.blocks import fit_mask
 from cellwright.records.channels import (
@@ -16,7 +16,7 @@ from cellwright.records.channels import (
     refuse_beyond,
     table,
 )
-from cellwright.records.conditions import REFERENCE_CELSIUS, same_temperature
+from cellwright.records.conditions import AT_REST_C_RATE, REFERENCE_CELSIUS, same_temperature
 from cellwright.records.filled import bridged, with_edges
 from cellwright.records.repeats import counted_once
 from cellwright.refusal import Refusal
@@ -179,7 +179,7 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
     celsius, source = cell_temperature(facts, columns, as_read=as_read)
     used = np.ones(len(time), bool)
     if facts.role == "split":
-        rest = REST_C_RATE * basis["capacity_ampere_hour"]
+        rest = AT_REST_C_RATE * basis["capacity_ampere_hour"]
         cut = series["current_ampere"]
         used = fit_mask(time, cut, rest_second=split_rest_second, rest_ampere=rest) ^ proof
     if "repeated" in columns:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.statistics import robust_std
 from cellwright.refusal import Refusal
 from cellwright.settings import Segment
 
@@ -79,8 +80,7 @@ def rest_rows(time, current, *, threshold, rated):
 
 def hold_tolerance(voltage, rest):
     """Largest deviation of a held voltage [V]: four sigma of the noise at rest, within bounds."""
-    pairs = np.abs(np.diff(voltage))[rest[1:] & rest[:-1]]
-    noise = 1.4826 * np.median(pairs) if len(pairs) else 0.0
+    noise = robust_std(np.diff(voltage)[rest[1:] & rest[:-1]])
     return float(np.clip(4 * noise, HOLD_FLOOR_VOLT, HOLD_CEILING_VOLT))
 
 

@@ -19,15 +19,14 @@ from cellwright.effects.candidates import frees_of, neutral
 from cellwright.effects.case import STEADY_C_RATE, extra_volt_of, filters_of, problem_of, state_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.records import LOADED_C_RATE, lacking
-from cellwright.effects.ties import AT_REST_C_RATE
+from cellwright.effects.records import lacking
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST, read_volt
 from cellwright.numerics.statistics import rms
+from cellwright.records.conditions import at_rest, low_current
 from cellwright.refusal import Refusal
 
 NEXT_ROWS = np.arange(-1, 3)
-STEP_C_RATE = 0.02  # between two rows, from which the current steps
 FITTED = (*base.LOGARITHMS, "soc0[")  # first letters of the parameters fitted to a reference
 # What the resistances of any cell do. An effect acts on the resistance as it is at a SoC and a
 # temperature, which a circuit of constants does not know.
@@ -141,12 +140,12 @@ def _difference_ampere(record, reference, rows, second):
 def _rest_edges(record, least_second):
     """First row, and the rows at which long rests begin and end.
 
-    A rest stays within C/100 of what the log reads at rest: an offset of the sensor makes no load.
+    A rest stays at what the log reads in rests: an offset of the sensor makes no load.
     """
     current, capacity = record.current_ampere, record.capacity_ampere_hour
-    low = np.abs(current) <= AT_REST_C_RATE * capacity
+    low = low_current(current, capacity)
     level = np.median(current[low]) if low.any() else 0.0
-    rest = low & (np.abs(current - level) <= LOADED_C_RATE * capacity)
+    rest = low & at_rest(current - level, capacity)
     edges = np.flatnonzero(np.diff(np.r_[0, rest, 0])).reshape(-1, 2)
     last, second = len(record.second) - 1, record.second
     lasting = [e for e in edges if second[min(e[1], last)] - second[e[0]] >= least_second]
@@ -178,7 +177,7 @@ def _nearest(record, reference, second, matched):
 def _steps(reference, second, capacity):
     """Whether the reference's current steps within the rows next to a time: (n,) bool."""
     step = np.abs(np.diff(reference.current_ampere, prepend=reference.current_ampere[0]))
-    near = np.convolve(step > STEP_C_RATE * capacity, np.ones(5), "same") > 0
+    near = np.convolve(~low_current(step, capacity), np.ones(5), "same") > 0
     return near[np.clip(np.searchsorted(reference.second, second), 0, len(near) - 1)]
 
 

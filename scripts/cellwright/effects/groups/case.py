@@ -28,7 +28,6 @@ from cellwright.effects.proof import (
     inflation,
     promised_of,
 )
-from cellwright.effects.records import LOADED_C_RATE
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import (
     Problem,
@@ -37,7 +36,8 @@ from cellwright.numerics.least_squares import (
     inverse,
     priors,
 )
-from cellwright.numerics.statistics import rms
+from cellwright.numerics.statistics import rms, robust_std
+from cellwright.records.conditions import low_current
 from cellwright.settings.effects import MissingEffectGroupGates
 from cellwright.settings.effects import MissingEffectGroupShared as Shared
 from cellwright.settings.effects import MissingEffectGroupSpread as Spread
@@ -414,7 +414,7 @@ def noises_of(case, residual, earlier=None):
 def _noise_of(residual, stack, most_slow):
     """Noise of a channel: white from differences of rows, the slow part from the rest."""
     step = np.diff(residual)[stack.fresh[1:] == 0]
-    white = max(1.4826 * float(np.median(np.abs(step))) / np.sqrt(2), noise.SMALLEST_VOLT)
+    white = max(robust_std(step) / np.sqrt(2), noise.SMALLEST_VOLT)
     slow = min(np.sqrt(max(np.mean(residual**2) - white**2, 0.0)), most_slow)
     tried = [noise.Noise(white, slow, second) for second in SLOW_SECOND]
     return min(tried, key=lambda spread: _minus_log_likelihood(spread, residual, stack))
@@ -429,7 +429,7 @@ def _started(case, values, effects):
     """Values with the shift of the group's SoC at the start of each validation record [1]."""
     stack, soc = case.validation, case.validation_soc
     rating = sum(cell.capacity_ampere_hour for cell in case.cells)
-    loaded = np.abs(stack.current_ampere) > LOADED_C_RATE * rating
+    loaded = ~low_current(stack.current_ampere, rating)
     values = values | {f"soc0[{k}]": 0.0 for k in range(len(stack.first))}
     for _ in range(PASSES):
         run = group_run(group_fields(case.cells, soc, values, effects), stack)

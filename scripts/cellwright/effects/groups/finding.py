@@ -22,10 +22,11 @@ from cellwright.effects.groups.model import (
     smooth_shares,
 )
 from cellwright.effects.library.groups import GROUP_LIBRARY
-from cellwright.effects.records import LOADED_C_RATE, group_stacked, parts_of
+from cellwright.effects.records import group_stacked, parts_of
 from cellwright.effects.search import search
 from cellwright.effects.story.words import Phrases, paragraph
 from cellwright.effects.verdict import entry_of, outcome, verdict_of
+from cellwright.records.conditions import at_rest_in_record, low_current
 from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
@@ -156,7 +157,7 @@ def _stated(cells, record, initial_soc):
     if stated is not None:
         return np.asarray(stated, float)
     rating = sum(cell.capacity_ampere_hour for cell in cells)
-    if abs(record.current_ampere[0]) > LOADED_C_RATE * rating:
+    if not low_current(record.current_ampere[0], rating):
         raise Refusal(f"{record.test} begins under load, and no SoC at its start is stated")
     ocv = np.mean([cell.ocv_volt for cell in cells], axis=0)
     volt = np.median(record.voltage_volt[:FIRST_ROWS])
@@ -452,6 +453,6 @@ def _located(case, state):
 
 def _current(ampere):
     """Direction of the current in most rows: discharge, charge or rest."""
-    least = LOADED_C_RATE * np.abs(ampere).max()
-    many = {"discharge": ampere < -least, "charge": ampere > least, "rest": np.abs(ampere) <= least}
+    rest = at_rest_in_record(ampere)
+    many = {"discharge": (ampere < 0) & ~rest, "charge": (ampere > 0) & ~rest, "rest": rest}
     return max(many, key=lambda name: many[name].sum())

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.effects.ties import AT_REST_C_RATE, REST_SECOND, STEADY_C_RATE
+from cellwright.effects.ties import REST_SECOND
 from cellwright.effects.witnesses.statement import (
     LEAST_SHARE,
     Measured,
@@ -15,6 +15,8 @@ from cellwright.numerics.lags import lag
 from cellwright.records.conditions import (
     REFERENCE_CELSIUS,
     SAME_CELSIUS,
+    at_rest,
+    low_current,
     same_rate,
     same_temperature,
 )
@@ -138,13 +140,13 @@ def _at_rest(parts, capacity):
 def _rest_means(one, capacity):
     """Mean logged current of each steady stretch near zero of a record [A]."""
     current, second = one["current_ampere"], one["test_time_second"]
-    low = np.abs(current) <= AT_REST_C_RATE * capacity
+    low = low_current(current, capacity)
     edges = np.flatnonzero(np.diff(np.r_[0, low.astype(int), 0])).reshape(-1, 2)
     found = []
     for begin, end in edges:
-        steady = np.abs(current[begin:end] - np.median(current[begin:end]))
+        steady = at_rest(current[begin:end] - np.median(current[begin:end]), capacity)
         long = second[end - 1] - second[begin] >= REST_SECOND
-        if long and np.mean(steady <= STEADY_C_RATE * capacity) > 0.95:
+        if long and np.mean(steady) > 0.95:
             found.append(float(np.mean(current[begin:end])))
     return found
 

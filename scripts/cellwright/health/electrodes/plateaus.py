@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.linear import savitzky_golay_weights
+from cellwright.numerics.statistics import white_noise_of
 from cellwright.refusal import Refusal
 
 SMOOTH_SOC = 0.04  # window over which dV/dSoC is taken
@@ -76,8 +77,7 @@ def boundaries(curve, *, prominence=PROMINENCE):
     smooth, inner = np.convolve(volt, line, "valid"), soc[half:-half]
     usual = np.median(slope)
     # The median passes over the steep ends, whose second differences are no noise.
-    white = 1.4826 * np.median(np.abs(np.diff(volt, 2))) / np.sqrt(6)
-    noise = white * np.linalg.norm(weights)
+    noise = white_noise_of(volt) * np.linalg.norm(weights)
     least = max(prominence * usual, NOISE_FACTOR * noise)
     tops = np.flatnonzero((slope[1:-1] > slope[:-2]) & (slope[1:-1] >= slope[2:])) + 1
     tops = [top for top in tops if _rise(slope, top) > least]

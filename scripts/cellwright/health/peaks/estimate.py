@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.health.peaks.features import features_of, is_partial
 from cellwright.numerics.averaged_models import Rows, averaged, fitted_models
+from cellwright.numerics.statistics import robust_std
 from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 from cellwright.settings import HealthFromPeaks
@@ -260,7 +261,7 @@ def disagreeing(found):
         ]
     )
     off = np.abs(errors - np.median(errors))
-    spread = np.hypot(1.4826 * np.median(off), PRIOR_SHARE)
+    spread = np.hypot(robust_std(off), PRIOR_SHARE)
     worst = np.argsort(-off)[: max(len(told) // 10, 1)]
     return {
         (told[place].charge.cell, told[place].charge.cycle): float(errors[place])

@@ -5,13 +5,15 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.packs.series.power import power_of_string, power_rows
-from cellwright.packs.series.string import REST_SHARE, logged, simulate_string, validate_string
+from cellwright.packs.series.string import logged, simulate_string, validate_string
+from cellwright.records.conditions import at_rest_in_record
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
 STEP_SHARE = 0.002  # of the charge of the largest cell, a step of a simulated discharge
 BEYOND = 1.05  # a discharge is followed this much further than the largest cell holds
+CONSTANT_SHARE = 0.02  # of the largest current: by which a constant one scatters
 NEAR_VOLT = 0.01  # a discharge that ends this near to a cell's cut-off was ended by it
 
 
@@ -279,7 +281,7 @@ def series_pack(models, positions, cells, record, settings=SETTINGS):
     ended = _measured_discharge(record, lower, names)
     current = ended.pop("current_ampere") or settings.c_rate * float(np.median(capacity))
     contact = contact_of(positions)
-    loaded = np.abs(record.current_ampere) > REST_SHARE * np.abs(record.current_ampere).max()
+    loaded = ~at_rest_in_record(record.current_ampere)
     celsius = float(np.mean(record.celsius[loaded])) if loaded.any() else float(record.celsius[0])
     at = {"celsius": celsius, "contact_ohm": contact}
     discharge = {"lower_cutoff_volt": lower, "current_ampere": current, **at}
@@ -339,7 +341,7 @@ def contact_of(positions):
 def _measured_discharge(record, lower, names):
     """What a record took out of the string; its current where that is one, ended by a cell."""
     current, time = record.current_ampere, record.test_time_second
-    down = current < -REST_SHARE * np.abs(current).max()
+    down = (current < 0) & ~at_rest_in_record(current)
     per_hour = np.diff(time) / 3600.0 * (down[1:] | down[:-1])
     drawn = -0.5 * (current[1:] + current[:-1]) * per_hour
     volt = 0.5 * (record.voltage_volt[1:] + record.voltage_volt[:-1])
@@ -354,7 +356,7 @@ def _measured_discharge(record, lower, names):
         return row | unknown
     end = int(np.flatnonzero(down)[-1])
     above = cells[end] - lower
-    constant = np.std(current[down]) < REST_SHARE * np.abs(current).max()
+    constant = np.std(current[down]) < CONSTANT_SHARE * np.abs(current).max()
     if not constant or above.min() > NEAR_VOLT:
         return row | unknown
     return row | {

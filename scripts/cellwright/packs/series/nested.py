@@ -7,10 +7,11 @@ import numpy as np
 from cellwright.numerics.statistics import rms
 from cellwright.packs.cells import pack_cells, table_temperatures
 from cellwright.packs.checks import beyond_calibration
-from cellwright.packs.series.string import POINTS, REST_SHARE, rested_curves
+from cellwright.packs.series.string import POINTS, rested_curves
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.wiring import cells_of, described, member_currents
 from cellwright.records.channels import BRANCH_CURRENT, CELL_VOLTAGE
+from cellwright.records.conditions import at_rest_in_record
 from cellwright.refusal import Refusal
 
 
@@ -110,8 +111,7 @@ def _start(models, wiring, positions, record, notes):
         stated = list(np.broadcast_to(record.initial_soc[:1], len(positions)))
     if None not in stated:
         return np.array(stated, float)
-    current = np.abs(record.current_ampere)
-    if current[0] > REST_SHARE * current.max():
+    if not at_rest_in_record(record.current_ampere)[0]:
         raise Refusal(
             f"{record.test}: initial_soc is not stated for every cell of {described(wiring)}, and "
             "the record begins under load"

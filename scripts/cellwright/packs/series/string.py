@@ -8,9 +8,9 @@ from cellwright.circuits.model_file import simulate_model
 from cellwright.numerics.lags import mean_over_steps
 from cellwright.numerics.statistics import rms
 from cellwright.packs.checks import beyond_calibration, swapped
+from cellwright.records.conditions import at_rest_in_record
 from cellwright.refusal import Refusal
 
-REST_SHARE = 0.02  # of the largest current: less is a rest
 POINTS = 201
 
 
@@ -154,11 +154,10 @@ def string_soc(models, positions, record, notes):
     unknown = np.isnan(start)
     if not unknown.any():
         return start
-    current = np.abs(record.current_ampere)
-    if current[0] > REST_SHARE * current.max():
+    if not at_rest_in_record(record.current_ampere)[0]:
         raise Refusal("initial_soc is not stated in groups.tsv, and the record begins under load")
     # ASSUME: A string that begins at rest without a stated SoC is at equilibrium.
-    first = logged(record.cell_voltage_volt, (len(current), len(models)))[0]
+    first = logged(record.cell_voltage_volt, (len(record.current_ampere), len(models)))[0]
     grid, curves = np.linspace(0.0, 1.0, POINTS), rested_curves(models, record)
     if not np.isfinite(first[unknown]).all():
         alike = np.interp(record.voltage_volt[0], curves.sum(axis=0), grid)
@@ -272,7 +271,7 @@ def _pack_row(record, run, measured, names, cells, error):
 
 def _end_of_discharge(current):
     """Last row under discharge; the last row at all where there is none."""
-    down = np.flatnonzero(current < -REST_SHARE * np.abs(current).max())
+    down = np.flatnonzero((current < 0) & ~at_rest_in_record(current))
     return int(down[-1]) if len(down) else len(current) - 1
 
 
@@ -288,7 +287,7 @@ def _agreement(current, volt, measured, names, end):
             "lowest_cell_found_share": np.nan,
             "lowest_cell_gap_volt": np.nan,
         }
-    loaded = current < -REST_SHARE * np.abs(current).max()
+    loaded = (current < 0) & ~at_rest_in_record(current)
     loaded = loaded if loaded.any() else np.ones(len(current), bool)
     said, true = np.argmin(volt, axis=1)[loaded], np.argmin(measured, axis=1)[loaded]
     rows = np.flatnonzero(loaded)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weights
+from cellwright.numerics.statistics import robust_std
 from cellwright.protocols.ica.curve import gridded
 from cellwright.protocols.ica.levels import rises, tally, volt_at_rank
 from cellwright.refusal import Refusal
@@ -56,7 +57,7 @@ def binned_capacity(
     smooth, slope = (np.convolve(mean_charge, filter_, "valid") for filter_ in filters)
     removed = (mean_charge[half:-half] - smooth) / np.maximum(slope, slope.max() / 100)
     rows = np.maximum(slope * width * layout.density, 1.0)
-    between_bins = 1.4826 * np.median(np.abs(removed) * np.sqrt(rows))
+    between_bins = robust_std(removed * np.sqrt(rows))
     return gridded(
         grid[half:-half],
         slope,

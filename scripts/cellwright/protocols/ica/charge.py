@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.numerics.statistics import robust_std
 from cellwright.protocols.ica import spline as ica_spline
 from cellwright.protocols.ica.adaptive import adaptive_capacity
 from cellwright.protocols.ica.binned import binned_capacity, counted_capacity
@@ -64,7 +65,7 @@ def constant_rows(current_ampere, first, last):
     """
     part = current_ampere[first : last + 1]
     usual = np.median(part)
-    noise = 1.4826 * np.median(np.abs(part - usual))
+    noise = robust_std(part - usual)
     tolerance = max(CURRENT_TOLERANCE * usual, NOISE_SIGMAS * noise)
     steady = np.flatnonzero(np.abs(part - usual) <= tolerance)
     return int(first + steady[0]), int(first + steady[-1])

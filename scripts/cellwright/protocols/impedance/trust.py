@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.statistics import rms
+from cellwright.records.conditions import at_rest_in_record
 from cellwright.refusal import Refusal
 from cellwright.settings import Impedance
 
@@ -168,7 +169,6 @@ def _notes(frequency, order, dropped, cut, whole):
 
 
 RESTED_SECOND = 1800.0
-REST_SHARE = 0.01  # of a record's largest current: what is below is rest
 MATERIAL_KELVIN = 0.5
 
 
@@ -186,8 +186,7 @@ def rested_temperature(test_time_second, current_ampere, temperature_celsius):
     # ASSUME: After half an hour without current a cell has the temperature of its chamber.
     if temperature_celsius is None:
         return np.nan
-    size = np.abs(current_ampere)
-    resting = size <= REST_SHARE * size.max()
+    resting = at_rest_in_record(current_ampere)
     loaded = np.where(resting, test_time_second[0], test_time_second)
     rested = resting & (test_time_second - np.maximum.accumulate(loaded) >= RESTED_SECOND)
     rested_celsius = temperature_celsius[rested & np.isfinite(temperature_celsius)]
