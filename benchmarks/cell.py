@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.circuits.fast import Tables
+from cellwright.circuits.cell import Tables
 
 CAPACITY_AMPERE_HOUR, INITIAL_SOC = 3.0, 0.8
 GRID = np.linspace(0.0, 1.0, 101)

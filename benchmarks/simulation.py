@@ -5,7 +5,7 @@ import numpy as np
 from general_solver import solved
 from timing import Entry, Goal, Topic, millivolt, where_importable
 
-from cellwright.circuits.fast import simulate_counted
+from cellwright.circuits.cell import simulate_counted
 from cellwright.numerics.lags import lag_weights
 
 SAMPLES = 10_000

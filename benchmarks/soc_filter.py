@@ -4,7 +4,7 @@ import cell
 import numpy as np
 from timing import Entry, Goal, Topic, where_importable
 
-from cellwright.circuits.fast import simulate_counted
+from cellwright.circuits.cell import simulate_counted
 
 SAMPLES, WINDOW = 20000, 60
 SENSOR_VOLT, START = 2e-3, 0.5

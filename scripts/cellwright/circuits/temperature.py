@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import continued
 from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.refusal import Refusal
 
@@ -31,27 +32,14 @@ def ocv_at(tables, soc, temperature_celsius):
 
 
 def continued_ocv_at(tables, soc, temperature_celsius):
-    """As `ocv_at`, but continued on its first and last slope outside 0…1.
-
-    The surface of a particle may run empty before its mean does; there the voltage falls on.
+    """As `ocv_at`, and beyond 0…1 as `cell.continued` goes on.
 
     Parameters
     ----------
     tables, soc, temperature_celsius : as in `ocv_at`.
     """
-    soc = np.asarray(soc, float)
-    volt = ocv_at(tables, np.clip(soc, 0.0, 1.0), temperature_celsius)
-    outside = (soc < 0.0) | (soc > 1.0)
-    if not outside.any():
-        return volt
-    there, celsius = soc[outside], np.broadcast_to(temperature_celsius, soc.shape)[outside]
-    ends = np.array([0.0, 0.005, 0.995, 1.0])
-    end_volt = [ocv_at(tables, np.full(there.shape, end), celsius) for end in ends]
-    below, above = np.minimum(there, 0.0), np.maximum(there - 1.0, 0.0)
-    volt[outside] += (
-        below * (end_volt[1] - end_volt[0]) / 0.005 + above * (end_volt[3] - end_volt[2]) / 0.005
-    )
-    return volt
+    celsius = np.broadcast_to(temperature_celsius, np.shape(soc))
+    return continued(lambda within, of: ocv_at(tables, within, celsius[of]), soc)
 
 
 def table_soc(soc, missing, stretch):

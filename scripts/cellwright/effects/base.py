@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import ocv_on_grid, place
 from cellwright.circuits.instrument import delayed
 from cellwright.native import array, count, function, real
 from cellwright.numerics.lags import lag_weights
@@ -24,7 +25,6 @@ TAU_SECOND = {"tau1": (2.0, 40.0), "tau2": (40.0, 600.0)}
 KEPT_RESPONSES = 40
 KEPT_COURSES = 4  # of the SoC, and of the OCV over each
 SOC_LIMITS = (-0.5, 1.5)  # of a trial step of the fit, so that nothing overflows
-TABLE_LIMITS = (-0.05, 1.05)  # of the SoC at which the OCV's table is read
 LOGARITHMS = ("log_r0", "log_r1", "log_tau1", "log_r2", "log_tau2")
 LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
 APART_SECOND = 1e6  # between records, so that they lie on one time axis
@@ -83,11 +83,8 @@ class Cell(NamedTuple):
     ocv_volt: np.ndarray
 
     def ocv_at(self, soc):
-        """OCV [V]; up to 5 % of SoC beyond the table on its last slope, constant from there."""
-        spot = np.clip(soc, *TABLE_LIMITS) * (len(self.ocv_volt) - 1)
-        below = np.clip(spot.astype(int), 0, len(self.ocv_volt) - 2)
-        low, high = self.ocv_volt[below], self.ocv_volt[below + 1]
-        return low + (spot - below) * (high - low)
+        """OCV [V], beyond the table straight on."""
+        return ocv_on_grid(self.ocv_volt, soc)
 
 
 def base_names(files):
@@ -112,8 +109,7 @@ def stated_starts(stack):
 
 def knot_below(soc):
     """Number of the knot of the OCV error below each SoC: (n,)."""
-    spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
-    return np.minimum(spot.astype(int), OCV_KNOTS - 2)
+    return place(np.clip(soc, 0.0, 1.0), OCV_KNOTS)[0]
 
 
 def voltage(cell, stack, values, effects=()):
@@ -273,14 +269,12 @@ def _open_circuit(cell, values, soc, course):
 def _looked_up(cell, knots, soc):
     """OCV at each SoC by the table and its error at the knots [V]."""
     error = np.array(knots, float)
-    kernel = function("open_circuit", count, count, array, real, real, count, *[array] * 3)
+    kernel = function("open_circuit", count, count, array, count, *[array] * 3)
     if kernel is None:
-        spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
-        below = knot_below(soc)
-        low, high = error[below], error[below + 1]
-        return cell.ocv_at(soc) + low + (spot - below) * (high - low)
+        below, share = place(np.clip(soc, 0.0, 1.0), OCV_KNOTS)
+        return cell.ocv_at(soc) + error[below] + share * (error[below + 1] - error[below])
     table, volt = np.ascontiguousarray(cell.ocv_volt, float), np.empty(len(soc))
-    kernel(len(soc), len(table), table, *TABLE_LIMITS, len(error), error, soc, volt)
+    kernel(len(soc), len(table), table, len(error), error, soc, volt)
     return volt
 
 

@@ -19,23 +19,22 @@ void counted_soc(int64_t n, const double *moved, const double *capacity, int64_t
     }
 }
 
-/* Of m values on an even grid over 0 to 1, the one at `soc`, straight between two of them; beyond
- * the grid on its last slope, as far as low and high. A soc that is no number takes the first. */
-static double straight(int64_t m, const double *values, double soc, double low, double high,
-                       double *part) {
-    const double spot = within(soc, low, high) * (double)(m - 1), last = (double)(m - 2);
+/* Of m values on an even grid over 0 to 1, the one at `soc`, straight between two of them and on
+ * beyond the grid, as circuits/cell.py says. A soc that is no number takes the first. */
+static double straight(int64_t m, const double *values, double soc, double *part) {
+    const double spot = soc * (double)(m - 1), last = (double)(m - 2);
     const int64_t i = spot > 0.0 ? (int64_t)(spot < last ? spot : last) : 0;
     *part = (spot - (double)i) * (values[i + 1] - values[i]);
     return values[i];
 }
 
 /* OCV by its table (m,) and the table's error at its knots (k,), both over 0 to 1 of the SoC. */
-void open_circuit(int64_t n, int64_t m, const double *table, double low, double high, int64_t k,
-                  const double *knots, const double *soc, double *volt) {
+void open_circuit(int64_t n, int64_t m, const double *table, int64_t k, const double *knots,
+                  const double *soc, double *volt) {
     double more, error_more;
     for (int64_t row = 0; row < n; row++) {
-        const double ocv = straight(m, table, soc[row], low, high, &more);
-        const double error = straight(k, knots, soc[row], 0.0, 1.0, &error_more);
+        const double ocv = straight(m, table, soc[row], &more);
+        const double error = straight(k, knots, within(soc[row], 0.0, 1.0), &error_more);
         volt[row] = ocv + more + error + error_more;
     }
 }

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import place
 from cellwright.circuits.temperature import SMALLEST, ZERO_CELSIUS_KELVIN
 from cellwright.numerics.lags import lag_weights
 from cellwright.packs.cells import TABLES
@@ -160,8 +161,7 @@ def _entries(cells, name, soc, celsius):
     """Entries of a table at each cell's SoC and temperature, and their slopes over SoC."""
     table = getattr(cells, name)
     last, rows = table.shape[-1] - 1, np.arange(len(soc))
-    lower = np.clip((soc * last).astype(int), 0, last - 1)
-    share = soc * last - lower
+    lower, share = place(soc, last + 1)
     inside = share if name == "ocv_volt" else np.minimum(np.maximum(share, 0.0), 1.0)
     low, high = (
         _at_temperature(cells, table[:, rows, :, at], name, celsius) for at in (lower, lower + 1)

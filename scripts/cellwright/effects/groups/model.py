@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 
+from cellwright.circuits.cell import place
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.effects.base import OCV_KNOTS
 from cellwright.effects.library.groups import GROUP_LIBRARY
@@ -250,9 +251,9 @@ def _moved(fields, pairs, factor, soc, pair, begin, charge, weights, total):
 def _ocv_at(table, soc):
     """OCV of each branch [V], and its slope over SoC [V]."""
     last, rows = table.shape[1] - 1, np.arange(len(soc))
-    below = np.clip((soc * last).astype(int), 0, last - 1)
-    slope = (table[rows, below + 1] - table[rows, below]) * last
-    return table[rows, below] + slope * (soc - below / last), slope
+    below, share = place(soc, last + 1)
+    rise = table[rows, below + 1] - table[rows, below]
+    return table[rows, below] + share * rise, rise * last
 
 
 LOG_STEP, SOC_STEP, VOLT_STEP = 5e-3, 1e-3, 1e-3

@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from cellwright.circuits import fast
-from cellwright.circuits.fast import Tables, simulate_counted, simulate_given, tables_of
+from cellwright.circuits import cell as fast
+from cellwright.circuits.cell import Tables, simulate_counted, simulate_given
+from cellwright.circuits.exports import tables_of
 from cellwright.circuits.model_file import simulate_model
 from cellwright.numerics.lags import HOLDS
 from cellwright.refusal import Refusal

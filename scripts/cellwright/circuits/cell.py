@@ -1,21 +1,17 @@
-"""Terminal voltage of RC circuits whose parameters run over SoC, a few nanoseconds a sample.
+"""A cell as tables over SoC: how they are looked up, what holds beyond their ends, its voltage.
 
-The same numbers as `simulate` gives for the same circuit, which serves every kind of branch; this
-serves resistances, RC pairs and the counting of SoC, at once and in one pass.
+What all rooms mean by the OCV at a SoC: linear between the points of a table; below 0 and above 1
+straight on with the slope of the outermost half percent of SoC, where a particle's surface may run
+empty before its mean does. All other parameters stay there what they are at the ends.
+
+A circuit of RC pairs runs over such tables at a few nanoseconds a sample, with the same numbers as
+`simulate`, which serves every kind of branch.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.model_file import (
-    circuit_at,
-    is_plain,
-    member_of,
-    open_circuit_volt,
-    parameters_at,
-    plain_member,
-)
 from cellwright.native import array, count, function, real
 from cellwright.numerics.lags import HOLDS, lag
 from cellwright.refusal import Refusal
@@ -24,6 +20,55 @@ MOST_PAIRS = 16  # as in native/simulate.c
 TYPES = (count, array, count, count, array, count, count, *[array] * 4, count, array, real)
 TYPES = (*TYPES, array, array)
 NOT_FINITE = "a current is not finite"
+END_SOC = 0.005  # over which the slope is taken with which an OCV goes on beyond its table
+
+
+def place(soc, points):
+    """Where SoC lie on an even grid from 0 to 1: the point below, and the share to the next one.
+
+    Beyond the ends the outermost interval is kept, with a share below 0 or above 1.
+
+    Parameters
+    ----------
+    soc : number or array [1]. points : of the grid, two or more.
+
+    Returns
+    -------
+    below : int, shape of soc. share : shape of soc [1].
+    """
+    spot = np.asarray(soc, float) * (points - 1)
+    below = np.clip(spot, 0, points - 2).astype(int)
+    return below, spot - below
+
+
+def ocv_on_grid(ocv_volt, soc):
+    """OCV of a table on an even grid from 0 to 1, straight on beyond it [V].
+
+    The grid's outermost interval is the slope there: half a percent of SoC on 201 points.
+
+    Parameters
+    ----------
+    ocv_volt : (p,) [V]. soc : number or array [1].
+    """
+    below, share = place(soc, len(ocv_volt))
+    return ocv_volt[below] + share * (ocv_volt[below + 1] - ocv_volt[below])
+
+
+def continued(volt_at, soc):
+    """OCV at any SoC by a look-up that knows those from 0 to 1, straight on beyond them [V].
+
+    Parameters
+    ----------
+    volt_at : function of SoC (n,), within 0 to 1 [1], and of a mask (n,) of the samples that they
+        belong to → (m,) [V]. soc : (n,) [1].
+    """
+    soc = np.asarray(soc, float)
+    volt = volt_at(np.clip(soc, 0.0, 1.0), np.ones(soc.shape, bool))
+    for end, inner, beyond in ((0.0, END_SOC, soc < 0.0), (1.0, 1.0 - END_SOC, soc > 1.0)):
+        if beyond.any():
+            at_end, inside = (volt_at(np.full(beyond.sum(), at), beyond) for at in (end, inner))
+            volt[beyond] += (soc[beyond] - end) * (at_end - inside) / (end - inner)
+    return volt
 
 
 class Tables(NamedTuple):
@@ -108,34 +153,6 @@ def simulate_given(tables, step_second, current_ampere, soc, *, hold):
     return _run(tables, step, current, soc, hold, 0.0).voltage_volt
 
 
-def tables_of(model, *, temperature_celsius=None, member=None, points=201):
-    """A cell's model at one temperature, on a uniform grid of SoC.
-
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2.
-    temperature_celsius : [degC]; None only for a model of one condition.
-    member : name of a member of RC pairs, or None for that of `model_file.plain_member`.
-    points : size of the grid; where its knots lie on the grid the tables say what the model says.
-
-    Returns
-    -------
-    tables : Tables, with time constants over SoC.
-
-    Raises
-    ------
-    Refusal : a member with more than RC pairs, or as `model_file.circuit_at`.
-    """
-    soc = np.linspace(0.0, 1.0, points)
-    temperature = np.nan if temperature_celsius is None else temperature_celsius
-    entry = member_of(model, plain_member(model) if member is None else member)
-    if not is_plain(entry):
-        raise Refusal(f"{entry['model']} holds more than RC pairs, which is all that runs here")
-    conditions = entry["conditions"]
-    ocv = open_circuit_volt(model, circuit_at(conditions, soc, temperature), temperature)
-    return Tables(ocv, *parameters_at(conditions, soc, temperature)[:3])
-
-
 def _run(tables, step, current, soc, hold, ampere_second):
     kernel = function("simulate", *TYPES, result=count)
     if kernel is None or len(tables.r_ohm) > MOST_PAIRS:
@@ -158,10 +175,7 @@ def _run_by_lags(tables, step, current, soc, hold, ampere_second):
         between = (current[:-1] + current[1:]) / 2 if hold == "first_order" else current[:-1]
         soc = np.cumsum(np.append(soc[0], step * between / ampere_second))
     grid = np.linspace(0.0, 1.0, len(tables.ocv_volt))
-    ocv, points = tables.ocv_volt, len(grid) - 1
-    below, above = np.minimum(soc, 0.0) * points, np.maximum(soc - 1.0, 0.0) * points
-    voltage = np.interp(soc, grid, ocv) + below * (ocv[1] - ocv[0]) + above * (ocv[-1] - ocv[-2])
-    voltage += np.interp(soc, grid, tables.r0_ohm) * current
+    voltage = ocv_on_grid(tables.ocv_volt, soc) + np.interp(soc, grid, tables.r0_ohm) * current
     for r, tau in zip(tables.r_ohm, tables.tau_second, strict=True):
         slow = tau if np.ndim(tau) == 0 else np.interp(soc[:-1], grid, tau)
         voltage += lag(step, slow, np.interp(soc, grid, r) * current, hold=hold)
