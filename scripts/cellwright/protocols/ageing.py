@@ -15,6 +15,7 @@ from cellwright.protocols.start import (
     spans_with_lost_charges,
     starts_of,
 )
+from cellwright.records.anchor import first_rest_second
 from cellwright.refusal import Refusal
 from cellwright.series.steps import assumed_rating
 
@@ -120,7 +121,7 @@ def ageing_cycles(
     rated = rated_capacity_ampere_hour or assumed_rating(
         series["current_ampere"], series["charge_ampere_hour"]
     )
-    known = Before(state_before, soc_at_start)
+    known = Before(state_before, soc_at_start, rest_second=first_rest_second(steps))
     halves = _halves(series, steps, rated, (lower_cutoff_volt, upper_cutoff_volt), known)
     left_out, by_rest = (_by_reason(halves, first_cycle, faulty=faulty) for faulty in (True, False))
     rows = [

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.protocols.start import NEAR_VOLT, Before, Swing, spans_with_lost_charges, starts_of
+from cellwright.records.anchor import first_rest_second
 from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
 from cellwright.series.steps import assumed_rating
@@ -277,7 +278,7 @@ def capacity(
     charge, time = np.asarray(charge_ampere_hour, float), np.asarray(test_time_second, float)
     rated = rated_capacity_ampere_hour or assumed_rating(current, charge)
     record = _Record(current, voltage, charge, steps, (lower_cutoff_volt, upper_cutoff_volt))
-    known = Before(state_before, soc_at_start, curve)
+    known = Before(state_before, soc_at_start, curve, first_rest_second(steps))
     halves = _half_cycles(record, rated, known, whole=whole_swing)
     left_out = tuple(
         f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {half.fault or half.words}"

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.protocols.capacity import TURN_SHARE, turns
 from cellwright.protocols.start import NEAR_VOLT, Before, Swing, starts_of
+from cellwright.records.anchor import first_rest_second
 from cellwright.refusal import Refusal
 from cellwright.settings import FastCharge
 
@@ -89,7 +90,8 @@ def fast_charge(
     voltage, current = series["voltage_volt"][rows], series["current_ampere"][rows]
     met = np.flatnonzero(voltage[1:] >= upper_cutoff_volt - NEAR_VOLT) + 1
     held = int(met[0]) if len(met) else len(voltage) - 1
-    limits, known = (lower_cutoff_volt, upper_cutoff_volt), Before(soc_at_start=soc_at_start)
+    limits = lower_cutoff_volt, upper_cutoff_volt
+    known = Before(soc_at_start=soc_at_start, rest_second=first_rest_second(steps))
     empty = _from_empty((rows.start, rows.stop - 1), steps_before, series, steps, limits, known)
     within = float(np.interp(minutes, minute, charge))
     constant = float(np.interp(min(minute[held], minutes), minute, charge))

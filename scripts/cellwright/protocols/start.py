@@ -55,12 +55,14 @@ class Before(NamedTuple):
 
     state_before : "full" or "empty", as the test before it in time left the cell; "": not known.
     soc_at_start : of the first row, as the sheet states it [1], or None. curve : open-circuit
-    voltage of the cell that it is held against, see `anchor.contradiction`, or None.
+    voltage of the cell that it is held against, see `anchor.contradiction`, or None. rest_second :
+    how long the record rests at its start [s].
     """
 
     state_before: str = ""
     soc_at_start: float | None = None
     curve: dict | None = None
+    rest_second: float = 0.0
 
 
 UNKNOWN = Before()
@@ -175,14 +177,15 @@ def _room(swing, columns, limits):
 def _rest_contradicts(swing, columns, limits, known):
     """Why the first rest contradicts the stated SoC, "" where it does not."""
     rest = np.nan if swing.under_load else float(columns[1][swing.first_row])
-    return contradiction(known.soc_at_start, rest, limits, known.curve)
+    second = known.rest_second
+    return contradiction(known.soc_at_start, rest, limits, known.curve, rest_second=second)
 
 
 # ASSUME: A cell that the sheet states full or empty was so by its protocol, without a doubt.
 def _as_stated(swing, soc):
     """Start of a first half cycle by the sheet's SoC."""
     missing = 1 - soc if swing.sign < 0 else soc
-    if missing > RETURN_SHARE:
+    if not missing <= RETURN_SHARE:
         return Start(f"it does not start {ENDS[swing.sign]}: the sheet states an SoC of {soc:g}")
     return Start("", missing * swing.moved_ampere_hour)
 

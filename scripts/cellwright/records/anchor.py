@@ -16,26 +16,33 @@ SOC_RANGE = (-0.1, 1.1)  # counted SoC beyond it: the anchor, the charge or the 
 
 AS_STATED = "stated at the start"  # what a record is counted from
 REST_VOLT = 0.02  # that a rest may err by, beside half of what is between charge and discharge
+# ASSUME: After ten minutes without load a cell is within 20 mV of its OCV, sooner within 100 mV.
+RELAXED_SECOND, UNRELAXED_VOLT = 600.0, 0.1
+EMPTY_REACHES = 0.8  # of the window: an emptied LFP cell relaxes onto its plateau
 STATED_SOC = 0.05  # beyond what the rest allows, by which a stated SoC contradicts it
 
 
-def contradiction(soc_at_start, rest_volt, limits, curve=None):
+def contradiction(soc_at_start, rest_volt, limits, curve=None, *, rest_second=0.0):
     """Why a record's first rest contradicts the stated state of charge, "" where it does not.
 
-    With an open-circuit voltage it tells a range of SoC: where the curve lies within 20 mV, and
-    half of what is between charge and discharge, of the rest. The stated one may be 5 % beyond.
-    Without, only a cell that is full below the middle of its window, or empty above it.
+    With an open-circuit voltage it tells a range of SoC: where the curve lies within 20 mV (of a
+    rest of less than ten minutes, 100 mV), and half of what is between charge and discharge, of the
+    rest. The stated one may be 5 % beyond. Without, only a cell that is full below the middle of
+    its window, or empty in its highest fifth.
 
     Parameters
     ----------
-    soc_at_start : stated [1]. rest_volt : of the first row [V], NaN under load: no contradiction.
+    soc_at_start : stated [1]. rest_volt : at the end of the first rest [V], NaN under load: no
+        contradiction.
     limits : lower and upper cut-off [V] or None. curve : mapping with soc [1], ocv_volt [V] and
         half_gap_volt [V, NaN or absent where not known], (m,) each; None: there is none.
+    rest_second : how long the record rests at its start [s]; what was before is not known.
     """
     if np.isnan(rest_volt):
         return ""
     if curve is not None:
-        low, high = soc_range_of_rest(rest_volt, curve)
+        error = REST_VOLT if rest_second >= RELAXED_SECOND else UNRELAXED_VOLT
+        low, high = soc_range_of_rest(rest_volt, curve, error_volt=error)
         if low - STATED_SOC <= soc_at_start <= high + STATED_SOC:
             return ""
         tells = f"{low:.2f} to {high:.2f} by the OCV"
@@ -50,21 +57,24 @@ def contradiction(soc_at_start, rest_volt, limits, curve=None):
 
 
 def in_its_half(volt, limits, *, full):
-    """Whether a voltage [V] is in the half of the window in which a full, or empty, cell rests.
+    """Whether a voltage [V] is in the part of the window in which a full, or empty, cell may rest.
 
     Parameters
     ----------
     volt : of a rest [V]. limits : lower and upper cut-off [V]. full : of a full cell, else empty.
     """
-    return bool((volt > sum(limits) / 2) == full)
+    share = (volt - limits[0]) / (limits[1] - limits[0])
+    return bool(share > 0.5) if full else bool(share <= EMPTY_REACHES)
 
 
-def soc_range_of_rest(rest_volt, curve):
+def soc_range_of_rest(rest_volt, curve, *, error_volt=REST_VOLT):
     """Lowest and highest SoC that a rest voltage [V] may be, by a curve as in `contradiction`."""
     soc, ocv = (np.asarray(curve[name], float) for name in ("soc", "ocv_volt"))
     gap = curve.get("half_gap_volt")
     gap = np.zeros(len(soc)) if gap is None else np.nan_to_num(np.asarray(gap, float))
-    above, below = (np.maximum.accumulate(ocv + way * (REST_VOLT + np.abs(gap))) for way in (1, -1))
+    above, below = (
+        np.maximum.accumulate(ocv + way * (error_volt + np.abs(gap))) for way in (1, -1)
+    )
     return float(np.interp(rest_volt, above, soc)), float(np.interp(rest_volt, below, soc))
 
 
@@ -92,6 +102,7 @@ def soc_series(
     ocv_volt=None,
     half_gap_volt=None,
     full_c_rate=0.1,
+    test_time_second=None,
 ):
     """State of charge over a record: counted charge over capacity, from the best anchor there is.
 
@@ -112,6 +123,8 @@ def soc_series(
     ocv_soc, ocv_volt : (m,) table of the open-circuit voltage, SoC ascending [1], [V], or None.
     half_gap_volt : (m,) half of what is between slow charge and discharge [V], or None.
     full_c_rate : largest current over capacity that may end a full charge [1/h].
+    test_time_second : (n,) by which the rest that the record begins with is long or short [s]; None:
+        it counts as short.
 
     Returns
     -------
@@ -132,12 +145,24 @@ def soc_series(
         return _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate)
     if not 0 <= soc_at_start <= 1:
         raise Refusal(f"stated SoC at the start is {soc_at_start}; allowed is 0 to 1")
-    rest = float(voltage_volt[0]) if low_current(rate[0], 1.0) else np.nan
-    wrong = contradiction(soc_at_start, rest, (lower_cutoff_volt, upper_cutoff_volt), curve)
+    rest, second = _first_rest(rate, voltage_volt, test_time_second)
+    limits = lower_cutoff_volt, upper_cutoff_volt
+    wrong = contradiction(soc_at_start, rest, limits, curve, rest_second=second)
     if not wrong:
         return Anchored(float(soc_at_start) + counted - counted[0], AS_STATED)
     found = _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate)
     return found._replace(anchor=f"{found.anchor}; {wrong}")
+
+
+def _first_rest(rate, voltage_volt, test_time_second):
+    """Voltage at the end of the rest that a record begins with [V], NaN of none, and its length."""
+    idle = low_current(rate, 1.0)
+    if not idle[0]:
+        return np.nan, 0.0
+    last = len(idle) - 1 if idle.all() else int(np.argmin(idle)) - 1
+    known = test_time_second is not None
+    second = float(test_time_second[last] - test_time_second[0]) if known else 0.0
+    return float(voltage_volt[last]), second
 
 
 def _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate):
@@ -330,7 +355,8 @@ def rest_scale(
     share = 1.0 if ends_empty or not nominal else float(np.ptp(charge)) / nominal
     wrong = ""
     if soc_at_start is not None:
-        wrong = contradiction(soc_at_start, first, (lower_cutoff_volt, upper))
+        second = first_rest_second(steps)
+        wrong = contradiction(soc_at_start, first, (lower_cutoff_volt, upper), rest_second=second)
     if soc_at_start is not None and not wrong:
         anchor = _Anchor(charge[0], soc_at_start, f"SoC {soc_at_start:g} is stated at its start")
         _refuse_stated(anchor, charge, nominal, source)
@@ -339,16 +365,19 @@ def rest_scale(
         anchor = _full_anchor(rate, voltage, charge, upper, near, share, first, wrong)
         anchor = anchor._replace(words="; ".join(filter(None, [anchor.words, wrong])))
     discharged = float(anchor.charge_ampere_hour - charge.min())
-    if ends_empty:
-        nominal, source = (
-            discharged / anchor.soc,
-            "taken out to the lower cut-off, with rests between",
-        )
+    by_record = discharged / anchor.soc if anchor.soc > STATED_SOC else 0.0
+    if ends_empty and by_record:
+        nominal, source = by_record, "taken out to the lower cut-off, with rests between"
     elif not nominal:
         raise Refusal("no capacity: the record does not end empty, no capacity test and no rating")
-    capacity = max(nominal, discharged / anchor.soc if discharged else 0.0)
+    capacity = max(nominal, by_record)
     full = anchor.charge_ampere_hour + (1 - anchor.soc) * capacity
     return Scale(float(full), capacity, first, source, anchor.words)
+
+
+def first_rest_second(steps):
+    """How long a record rests before its first load [s], 0 where it begins with one."""
+    return float(steps.duration_second[0]) if len(steps.kind) and steps.kind[0] == "rest" else 0.0
 
 
 def _refuse_stated(anchor, charge, nominal, source):

@@ -153,7 +153,8 @@ def _from_rests(curves, lower_cutoff_volt):
 def _load(curve):
     """Current of the loads between the rests [A], rounded so that equal loads compare."""
     sides = (curve["discharge_current_ampere"], curve["charge_current_ampere"])
-    largest = max((abs(side) for side in sides if side is not None), default=0.0)
+    known = [abs(side) for side in sides if side is not None and np.isfinite(side)]
+    largest = max(known, default=0.0)
     return float(f"{largest:.2g}")
 
 
@@ -323,6 +324,7 @@ def soc_of(series, basis, facts, cell):
         ocv_soc=curve["soc"],
         ocv_volt=curve["ocv_volt"],
         half_gap_volt=curve.get("half_gap_volt"),
+        test_time_second=series["test_time_second"],
     )
     return anchored._replace(anchor=anchored.anchor + _size_in_words(basis))
 

@@ -78,8 +78,11 @@ def _none():
     return Repeats(words, whole, whole, number, number, words, number)
 
 
+FITTED_FIRST = ("fit", "split", "validation")  # what may be fitted keeps its rows
+
+
 def _priority(test, place):
-    return test.facts.role != "fit", len(test.series["test_time_second"]), place
+    return FITTED_FIRST.index(test.facts.role), len(test.series["test_time_second"]), place
 
 
 def _keys(series):

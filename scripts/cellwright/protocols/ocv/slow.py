@@ -13,7 +13,7 @@ import numpy as np
 
 from cellwright.protocols.ocv.legs import Leg, legs_of
 from cellwright.protocols.start import Before, Swing, told_of_first
-from cellwright.records.conditions import SAME_RATE, same_rate
+from cellwright.records.conditions import SAME_RATE
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import offset_at_rest
 from cellwright.settings import Ocv
@@ -246,11 +246,13 @@ def slowest_load(*columns, **limits):
     Refusal : no leg of the record is full and runs to its cut-off.
     """
     curve = slow_ocv(*columns, **limits, least_hour=0.0)
-    sides = abs(curve.discharge_current_ampere), abs(curve.charge_current_ampere)
-    if curve.branches != "both" or same_rate(*sides):
-        return curve
-    slower = SAME_RATE * curve.capacity_ampere_hour / max(sides)
-    return slow_ocv(*columns, **limits, least_hour=slower)
+    while True:
+        sides = abs(curve.discharge_current_ampere), abs(curve.charge_current_ampere)
+        slower = SAME_RATE * curve.capacity_ampere_hour / np.nanmax(sides)
+        try:
+            curve = slow_ocv(*columns, **limits, least_hour=slower)
+        except Refusal:
+            return curve
 
 
 def _begun(legs, columns, limits, known):
