@@ -98,6 +98,9 @@ def test_too_few_and_all_alike_are_refused():
         capacity_from_resistance(alike._replace(capacity_ampere_hour=np.full(10, 20.0)))
     with pytest.raises(Refusal, match="0 cells"):
         capacity_from_resistance(over_shared_soc([("a", {"first_delay_second": np.nan}, [])]))
+    but_one = np.append(np.full(7, 2.0), 1.8)
+    with pytest.raises(Refusal, match="all cells but one have one capacity"):
+        capacity_from_resistance(fleet(0, 8)._replace(capacity_ampere_hour=but_one))
 
 
 def checked(name, socs, *, first_delay=0.01, capacity=2.0, cycle=0.0):
@@ -130,6 +133,8 @@ def test_cells_are_compared_over_the_soc_that_they_share():
     assert found.soc[[0, -1]] == pytest.approx([0.09, 0.5])
     assert found.resistance_ohm == pytest.approx(np.tile(1 + found.soc, (5, 1)))
     assert "45 to 50 % SoC only" in found.left_out["short"]
+    nowhere = over_shared_soc([*cells, checked("lost", [np.nan, 0.3 * np.nan])])
+    assert "known SoC" in nowhere.left_out["lost"]
     single = over_shared_soc([checked(f"a{k}", [0.5 + 0.001 * k]) for k in range(6)])
     assert single.resistance_ohm.shape == (6, 1)
 

@@ -183,3 +183,14 @@ def test_growth_is_read_at_equal_soc_and_no_further():
     assert [row.factor for row in rows[:2]] == pytest.approx([4, 4])
     assert rows[0].factor_std == pytest.approx(4 * 0.01 * np.sqrt(2), rel=0.01)
     assert np.isnan(rows[2].factor)
+
+
+def test_growth_has_the_check_ups_and_the_temperature_of_the_ratings():
+    """A capacity at cycle 0 beside pulses at cycle 2, and pulses in the cold that others lack."""
+    sizes = [capacity(0, 2.0), capacity(300, 1.8)]
+    warm = [*pulses(2, 0.031), *pulses(302, 0.04)]
+    cold = [*pulses(2, 0.093, celsius=0.0), *pulses(302, 0.12, celsius=0.0)]
+    rows, _ = check_ups(sizes, [*warm, *cold], **LIMITS)
+    growth = resistance_growth([*warm, *cold], sizes)
+    assert {row.cycle for row in growth} == {row.cycle for row in rows} == {0, 300}
+    assert {row.resistance_ohm for row in growth if row.cycle == 0} == {0.031}

@@ -14,7 +14,7 @@ ALL = ("hppc", "drive", "capacity")
         ([], "the sheet has no test of this cell"),
         (
             [facts_of("d", "drive", role="validation")],
-            "for validation by their role: d; role fit or split lets a model be fitted",
+            r"by their role: d \(validation\); a test of kind drive is fitted as fit or split",
         ),
         (
             [facts_of("a", "ageing"), facts_of("b", "ageing"), facts_of("e", "eis")],

@@ -124,3 +124,8 @@ def test_refusals():
         score(FACTS._replace(role="split"), **short)
     with pytest.raises(Refusal, match="no state of charge"):
         score(FACTS._replace(soc=None), current_ampere=CURRENT - 1.5)
+
+
+def test_a_simulation_with_a_value_that_is_no_number_is_beyond_all_measurement():
+    measured = np.linspace(3.0, 4.0, 10)
+    assert beyond_volt(measured, np.where(np.arange(10) == 3, np.nan, 0.0)) == np.inf

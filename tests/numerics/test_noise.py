@@ -5,7 +5,14 @@ import pytest
 
 from cellwright.effects.records import stacked
 from cellwright.numerics import noise
-from cellwright.numerics.noise import Noise, estimate_noise, least_digit, read_volt, whitening
+from cellwright.numerics.noise import (
+    Noise,
+    estimate_noise,
+    least_digit,
+    least_digit_ampere,
+    read_volt,
+    whitening,
+)
 from cellwright.records.record import record_of
 
 LIMITS = {"most_slow_volt": 5e-3, "most_slow_second": 300.0}
@@ -143,6 +150,7 @@ DIGITS = {
     "the same with few digits": (np.round(np.round(random_walk() / 2.55e-3) * 2.55e-3, 3), 2.55e-3),
     "repaired rows": (np.append(np.round(random_walk(), 3), [3.70123, 3.71219]), 1e-3),
     "no digit": (random_walk(), 0.0),
+    "logged every 5 mV": (4.2 - 5e-3 * np.arange(50) + 5e-5 * np.sin(np.arange(50.0)), 0.0),
     "one level": (np.full(50, 3.7), 0.0),
     "nothing": (np.array([]), 0.0),
     "not finite": (np.append(np.round(random_walk(), 3), np.nan), 1e-3),
@@ -167,3 +175,12 @@ def test_a_reading_that_stands_still_is_no_surer_than_its_digit():
     assert read_volt(residual, stack, steady_ampere=0.01) >= hidden * 0.99
     assert estimate_noise(residual, stack, **LIMITS).white_volt >= hidden * 0.99
     assert residual.std() == pytest.approx(hidden, rel=0.1)
+
+
+def test_the_loads_of_a_protocol_are_no_digit_of_its_current():
+    loads = np.repeat([0.0, -3.0, 2.25, -1.0], 50)
+    assert least_digit_ampere(loads) == 0.0
+    steady = np.round(0.15 + 0.01 * np.sin(np.arange(300.0)), 3)
+    assert least_digit_ampere(steady) == pytest.approx(0.001)
+    record = record_of(np.arange(200.0), loads, np.full(200, 3.7), 0.5)
+    assert record.least_digit_ampere == 0.0

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.protocols.ocv.legs import turning_points
-from cellwright.protocols.ocv.slow import joined, slow_ocv
+from cellwright.protocols.ocv.slow import joined, slow_ocv, slowest_load
 from cellwright.refusal import Refusal
 
 CUTOFFS = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
@@ -290,3 +290,30 @@ def test_a_branch_that_the_sheet_starts_elsewhere_is_no_full_one():
     assert slow_ocv(*columns, **CUTOFFS).branches == "charge"  # nothing tells otherwise
     with pytest.raises(Refusal, match=r"its first charge: .* the sheet states an SoC of 0\.4"):
         slow_ocv(*columns, **CUTOFFS, soc_at_start=0.4)
+
+
+def turned(rates):
+    """Discharges and charges between both ends, one after the other, at these rates [1/h]."""
+    pieces, soc = [rest(1)], 1.0
+    for rate in rates:
+        end = 0.0 if rate < 0 else 1.0
+        pieces += [ramp(soc, end, current=abs(rate) * CAPACITY, step_second=20), rest(end)]
+        soc = end
+    return record(*pieces, step_second=20)
+
+
+@pytest.mark.parametrize(
+    ("rates", "wanted"),
+    [
+        ((-0.5, 0.5, -0.1, 0.1), (-0.1, 0.1)),
+        ((-0.1, 0.1, -0.5, 0.5), (-0.1, 0.1)),
+        ((-1.0, 0.5, -0.2, 0.5), (-0.2, np.nan)),
+        ((-0.2, 0.5, -0.1, 0.5), (-0.1, np.nan)),
+        ((-0.5, 0.5), (-0.5, 0.5)),
+    ],
+)
+def test_the_slowest_load_of_a_rate_test_is_the_slowest(rates, wanted):
+    """And its opposite only where both have one rate."""
+    curve = slowest_load(*turned(rates), **CUTOFFS)
+    found = curve.discharge_current_ampere, curve.charge_current_ampere
+    np.testing.assert_allclose(found, np.array(wanted) * CAPACITY, rtol=1e-6)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.records.anchor import full_row, slow_soc, soc_series
+from cellwright.records.anchor import contradiction, full_row, slow_soc, soc_series
 from cellwright.refusal import Refusal
 
 TABLE = {"ocv_soc": np.array([0.0, 0.5, 1.0]), "ocv_volt": np.array([3.0, 3.6, 4.2])}
@@ -114,7 +114,8 @@ CURVE = {"ocv_soc": np.linspace(0, 1, 101), "ocv_volt": 3.0 + 1.2 * np.linspace(
 def test_a_stated_soc_counts_unless_the_first_rest_contradicts_it(stated, rest, gap, used):
     still = np.zeros(3)
     about = {"capacity_ampere_hour": 2.0, "soc_at_start": stated, **LIMITS, **CURVE}
-    anchored = soc_series(still, still, still + rest, half_gap_volt=np.full(101, gap), **about)
+    about |= {"half_gap_volt": np.full(101, gap), "test_time_second": np.array([0.0, 300.0, 700.0])}
+    anchored = soc_series(still, still, still + rest, **about)
     assert anchored.soc[0] == pytest.approx(stated if used else (rest - 3.0) / 1.2, abs=1e-6)
     assert ("is not used: a rest at" in anchored.anchor) is not used
 
@@ -125,3 +126,24 @@ def test_a_stated_soc_counts_under_load_and_without_a_curve():
     assert soc_series(load * 0, load, load * 0 + 3.9, **about, **CURVE).soc[0] == 1.0
     still = soc_series(load * 0, load * 0, load * 0 + 3.9, **about)
     assert (still.soc[0], still.anchor) == (1.0, "stated at the start")
+
+
+def test_a_rest_of_a_minute_after_a_load_does_not_overrule_what_is_stated():
+    """A lithium iron phosphate cell at 50 %, still 40 mV below where its load will leave it."""
+    soc = np.linspace(0, 1, 101)
+    flat = {"ocv_soc": soc, "ocv_volt": 3.27 + 0.03 * soc + 0.1 * (1 - np.exp(-soc / 0.02)) - 0.1}
+    about = {"capacity_ampere_hour": 2.0, "soc_at_start": 0.5, **flat}
+    about |= {"lower_cutoff_volt": 2.5, "upper_cutoff_volt": 3.65}
+    volt, still = float(np.interp(0.5, soc, flat["ocv_volt"])) - 0.04, np.zeros(3)
+    for second, stated in ((30.0, True), (900.0, False)):
+        time = np.array([0.0, second / 2, second])
+        found = soc_series(still, still, still + volt, **about, test_time_second=time)
+        assert (found.anchor == "stated at the start") is stated
+
+
+def test_without_a_curve_an_empty_cell_may_rest_on_its_plateau():
+    limits = (2.0, 3.65)
+    assert contradiction(0.0, 2.95, limits) == ""
+    assert contradiction(0.0, 3.1, (2.5, 3.65)) == ""
+    assert "tells no such cell" in contradiction(0.0, 3.45, limits)
+    assert "tells no such cell" in contradiction(1.0, 2.6, limits)

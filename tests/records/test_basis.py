@@ -239,3 +239,12 @@ def test_a_stated_soc_that_the_charge_contradicts_is_not_known_and_all_three_are
         assert part in anchored.anchor
     within = soc_or_unknown(columns, known | {"capacity_ampere_hour": 20.0}, facts, CELL)
     np.testing.assert_allclose(within.soc[[0, -1]], [stated, stated + 0.1 * ampere])
+
+
+def test_a_capacity_whose_start_is_unsure_counts_only_where_no_sure_one_does():
+    unsure = row(2.5, rate=0.2, test="C5") | {"capacity_std_ampere_hour": 0.41}
+    sure = row(2.885, rate=0.5, test="C2") | {"capacity_std_ampere_hour": np.nan}
+    found = basis("A", [], [unsure, sure], [], rated_capacity_ampere_hour=3.0)
+    assert found["capacity_ampere_hour"] == 2.885
+    alone = basis("A", [], [unsure], [], rated_capacity_ampere_hour=3.0)
+    assert alone["capacity_source"] == "discharge of C5 at 0.2C, ± 0.41 Ah"

@@ -6,8 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cellwright.records.conditions import (
+    at_rest,
+    at_rest_in_record,
     checkups_of,
     in_first_checkup,
+    low_current,
     same_rate,
     same_temperature,
     stated_or_reference,
@@ -58,3 +61,18 @@ def test_each_test_lies_within_five_cycles_of_its_checkup(cycles):
     assert all(0 <= cycle - begin <= 5 for cycle, begin in zip(cycles, first, strict=True))
     starts = np.sort(np.unique(first))
     assert np.all(np.diff(starts) > 5)
+
+
+def test_a_cycle_that_is_no_number_is_a_new_cells():
+    nan = float("nan")
+    assert checkups_of([nan, 0, 100, nan, 3, 102]) == [0, 0, 100, 0, 0, 100]
+
+
+def test_rest_low_current_and_load_follow_from_the_slowest_test():
+    """C/50 is a load, also of a cell that is rated a tenth too small; a tester's zero is none."""
+    assert not low_current(0.02 / 1.1, 1.0)
+    assert low_current(0.016, 1.0)
+    assert at_rest(np.array([0.003, 0.005]), 1.0).tolist() == [True, False]
+    rows = at_rest_in_record(np.array([0.0, -0.04, 0.06, -5.0]))
+    assert rows.tolist() == [True, True, False, False]
+    assert at_rest_in_record(np.zeros(3)).all()

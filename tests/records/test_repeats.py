@@ -118,3 +118,21 @@ def test_resistance_of_a_repeated_pulse_is_in_one_table_only():
     assert len(set(train.rows.start_time_second)) == 2
     assert len(set(alone.rows.start_time_second)) == 1
     assert "1 × pulse of the same measurement as in alone" in train.notes
+
+
+def test_rows_that_a_split_test_fits_are_not_compared_in_a_validation_test():
+    """The shorter of the two would else keep them, and be scored on what was fitted."""
+    judge = test_of("judge", cut(LONG, 0, 400), role="validation")
+    found = repeats([test_of("split", LONG, role="split"), judge])
+    assert (found.test.tolist(), found.of.tolist()) == (["judge"], ["split"])
+
+
+def test_discharges_that_are_only_read_coarsely_are_no_repeats():
+    """Four cells' worth of one flat discharge, each read to a millivolt with a noise below it."""
+    soc = np.linspace(1, 0, 7000)
+    flat = 3.30 + 0.15 * np.exp(-(1 - soc) * 60) - 0.6 * np.exp(-soc * 25) + 0.03 * soc
+    made = []
+    for seed in range(4):
+        read = flat + np.random.default_rng(seed).normal(0, 1.5e-4, 7000)
+        made += [test_of(f"t{seed}", (np.arange(7000.0), 0 * soc - 2.5, np.round(read, 3)))]
+    assert len(repeats(made).test) == 0

@@ -27,7 +27,7 @@ sys.path.insert(0, SCRIPTS)
 
 from cellwright.health.electrodes import names as half_cell_names
 from cellwright.packs import wiring
-from cellwright.records.conditions import checkups_of, in_first_checkup
+from cellwright.records.conditions import SAME_CHECKUP_CYCLES, in_first_checkup
 from runtime import contract, job_environment, job_requests, object_storage
 from runtime import settings, sheets, snakemake_state
 from runtime.provenance import codes_of

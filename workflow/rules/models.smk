@@ -37,14 +37,12 @@ def curve_lenders(cell):
 
 # Kinds of test of which a logged temperature may tell how a cell warms.
 WARMING_KINDS = ("capacity", "hppc", "ica")
-# Kinds of test that a model may be fitted to, and in which roles.
-FIT_ROLES = {"hppc": ["fit"], "drive": ["fit", "split"]}
 FIT_KINDS = config["models"]["fit_kinds"]
 
 
 def fit_tests(cell):
     """HPPC tests and drives that may be fitted (`fit`, or the odd blocks of `split`)."""
-    kinds = [kind for kind in FIT_ROLES if kind in FIT_KINDS]
+    kinds = [kind for kind in ("hppc", "drive") if kind in FIT_KINDS]
     return [row for kind in kinds for row in tests(cell, kind, roles=FIT_ROLES[kind])]
 
 
@@ -57,15 +55,15 @@ def fit_series(cell):
 
 
 def near_in_cycles(row, cycles):
-    """Whether a test lies within 5 cycles of one of these, so that it sees a cell of one age."""
-    return any(abs((row["cycle"] or 0) - cycle) <= 5 for cycle in cycles)
+    """Whether a test belongs to a check-up at one of these cycles, so that it sees that age."""
+    return any(abs((row["cycle"] or 0) - cycle) <= SAME_CHECKUP_CYCLES for cycle in cycles)
 
 
 def long_loads(cell, *kinds):
     """Capacity tests of a cell's first check-up (and tests of other `kinds`) that may be fitted."""
     rows = tests(cell, "capacity", *kinds, roles=["fit"])
-    young = min((row["cycle"] or 0 for row in rows), default=0)
-    return [row for row in rows if near_in_cycles(row, [young])]
+    young = in_first_checkup([row["cycle"] for row in rows])
+    return [row for row, is_young in zip(rows, young) if is_young]
 
 
 def several_loads(cell):

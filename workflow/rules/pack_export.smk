@@ -6,8 +6,10 @@ PACK_MODELS = [group for group, cells in LEAVES.items() if all(cell in MODELLED 
 
 
 def scores_of(cell):
-    """What tests that took no part in the fit say of a cell's model."""
-    return [f"results/validation/{cell}/{row['test']}.parquet" for row in SCORED[cell]]
+    """What tests of its age that took no part in the fit say of a cell's model."""
+    later = [float(cycle) for cycle in CHECKUPS.get(cell, [])]
+    own = [row for row in SCORED[cell] if not near_in_cycles(row, later)]
+    return [f"results/validation/{cell}/{row['test']}.parquet" for row in own]
 
 
 def scored_stage(group):

@@ -50,6 +50,7 @@ def degradation_modes(
     from cellwright.health.electrodes.slow_curves import alike, growth, need_two
 
     options = inputs.settings_of(DegradationModes, settings, changes)
+    tests = list(tests)
     facts, ends_seen = _with_ends_seen(inputs.cell_facts(cell), tests)
     slow = _curves(tests, facts, options)
     own, left_out = _check_ups(_with_rests(slow, rests, facts))
@@ -146,6 +147,7 @@ def plateau_losses(tests, cell, settings=None, **changes):
     from cellwright.health.electrodes.slow_curves import growth, need_two
 
     options = inputs.settings_of(DegradationModes, settings, changes)
+    tests = list(tests)
     facts, ends_seen = _with_ends_seen(inputs.cell_facts(cell), tests)
     own, left_out = _check_ups(_curves(tests, facts, options))
     need_two(own, facts.cell)

@@ -82,7 +82,7 @@ def check_ups(capacities, resistances, cell, throughputs=()):
     limits.pop("cell")
     rows, notes = ratings.check_ups(sizes, pulses, throughputs=throughputs, **limits)
     try:
-        growth = ratings.resistance_growth(pulses)
+        growth = ratings.resistance_growth(pulses, sizes)
     except Refusal as refusal:
         growth, notes = [], [*notes, str(refusal)]
     return results.CheckUps(rows, growth, tuple(notes))

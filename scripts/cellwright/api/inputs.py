@@ -118,7 +118,9 @@ def _facts(kind, values):
     lacking = [n for n in kind._fields if n not in values and n not in kind._field_defaults]
     if lacking:
         raise Refusal(f"{kind.__name__} needs {', '.join(lacking)}; given are {', '.join(values)}")
-    return kind(**{name: values[name] for name in kind._fields if name in values})
+    given = {name: values[name] for name in kind._fields if name in values}
+    # A blank in a DataFrame is NaN, in a sheet None.
+    return kind(**{name: None if value != value else value for name, value in given.items()})
 
 
 def tests(pairs) -> list:

@@ -277,8 +277,8 @@ def pack_decisions(
         branches.
     capacities : rows of the capacity stage of its cells, with cell and test: of their standard
         deviations, and of the temperature of cells under such a load (temperature_mean_celsius).
-    temperature_celsius : around the cells [°C]; they are as warm as in their discharges within 3 K
-        of it, where those tell.
+    temperature_celsius : around the cells [°C]; they are as warm as in their discharges within
+        2.5 K of it, where those tell.
     thermal : documents of `thermal_constants`: where those of all cells are known, the cells of a
         pack with parallel ones warm by their own heat instead.
 

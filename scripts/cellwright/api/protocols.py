@@ -64,7 +64,10 @@ def _nearest(curves, test):
     """The open-circuit voltage curve that is nearest to a test in temperature, or None."""
     from cellwright.records.basis import curve_at
 
-    return curve_at(curves, inputs.test_facts(test).ambient_temperature_celsius) if curves else None
+    if not curves:
+        return None
+    celsius = None if test is None else inputs.test_facts(test).ambient_temperature_celsius
+    return curve_at(curves, celsius)
 
 
 def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, curves=()):

@@ -115,7 +115,7 @@ def peak_pairs(reference, cell):
 
     Raises
     ------
-    Refusal : no charges at the same rate (within 10 %), or no peak is the same.
+    Refusal : no charges at one rate, or no peak is the same.
     """
     ours, theirs = _at_one_rate(reference.peaks, cell.peaks)
     if not theirs:

@@ -179,7 +179,8 @@ def rest_current(stack, *, capacity_ampere_hour):
     -------
     rest : RestCurrent.
     """
-    rests = [stack.current_ampere[b:e] for b, e in _rests(stack, capacity_ampere_hour)]
+    places = _rests(stack, capacity_ampere_hour)
+    rests = [stack.current_ampere[begin:end] for begin, end in places]
     logged = [rest for rest in rests if np.any(rest)]
     if not logged:
         return RestCurrent(np.nan, np.nan, len(rests), informative=False)
@@ -188,7 +189,8 @@ def rest_current(stack, *, capacity_ampere_hour):
     mean = float(np.average(means, weights=weights))
     spread = np.sqrt(np.average((means - mean) ** 2, weights=weights) / max(len(means) - 1, 1))
     within = np.sqrt(sum(rest.var() * len(rest) for rest in logged)) / weights.sum()
-    finest = max(stack.least_digit_ampere.max(), FINEST_C_RATE * capacity_ampere_hour)
+    digits = [stack.least_digit_ampere[stack.file[begin]] for begin, _ in places]
+    finest = max(*digits, FINEST_C_RATE * capacity_ampere_hour)
     std = float(np.sqrt(spread**2 + within**2 + finest**2 / 12.0))
     return RestCurrent(mean, std, len(logged), informative=True)
 

@@ -11,6 +11,7 @@ from cellwright.refusal import Refusal
 LEAST_CELLS = 6
 MOST_OUTLIERS = 0.15  # of the cells: more than that are no outliers, but no line
 ALARM = 0.05  # chance that a fleet without an outlier has one named
+ONE_SIZE = 1e-3  # of the mean capacity: cells that differ by less are all alike
 SAME_DELAY, LEAST_DELAY_SECOND = 2.0, 0.01  # first samples this near in time are alike
 LEAST_EXPLAINED = 0.2  # of the variance of cells left out: below it resistance is of no use
 MOST_SOCS = 10  # at which resistances are compared; a pulse each 5 to 10 % tells no more
@@ -115,8 +116,8 @@ def capacity_from_resistance(fleet):
         )
     capacity, ohms = fleet.capacity_ampere_hour, fleet.resistance_ohm
     mean = ohms.mean(axis=1)
-    if np.ptp(capacity[known]) < 1e-3 * capacity[known].mean() or np.ptp(mean[known]) == 0:
-        raise Refusal("all cells have one capacity or one resistance: no line")
+    if _all_but_one_alike(capacity[known]) or np.ptp(mean[known]) == 0:
+        raise Refusal("all cells but one have one capacity, or all one resistance: no line")
     inside = known.copy()
     inside[known] = _inliers(capacity[known], mean[known])
     order = np.argsort(~known, kind="stable")
@@ -125,6 +126,12 @@ def capacity_from_resistance(fleet):
         FleetCell(name, *[np.nan] * 6, False, reason) for name, reason in fleet.left_out.items()
     ]
     return _line(fleet, inside, [row for row in rows if np.isfinite(row.error_ampere_hour)]), rows
+
+
+def _all_but_one_alike(capacity):
+    """Whether a line over the capacity would hang on a single cell."""
+    ordered = np.sort(capacity)
+    return min(np.ptp(ordered[1:]), np.ptp(ordered[:-1])) < ONE_SIZE * capacity.mean()
 
 
 def _inliers(capacity, resistance):
@@ -245,17 +252,22 @@ def over_shared_soc(cells):
 
     Returns
     -------
-    fleet : Fleet, cells in their order; one without discharge pulses of known SoC is no part of it.
+    fleet : Fleet, cells in their order; one without discharge pulses of known SoC is left out.
     """
     delays = np.array([check_up["first_delay_second"] for _, check_up, _ in cells], float)
     known = delays[np.isfinite(delays)]
     alike = len(known) and known.max() <= SAME_DELAY * max(known.min(), LEAST_DELAY_SECOND)
     delay = 0.0 if alike else 1.0
     courses = {name: _course(check_up, rows, delay) for name, check_up, rows in cells}
-    courses = {name: course for name, course in courses.items() if len(course[0])}
     word = "first sample" if alike else "1 s"
+    left_out = {
+        name: f"no discharge pulse of its first check-up has a known SoC and a resistance ({word})"
+        for name, course in courses.items()
+        if not len(course[0])
+    }
+    courses = {name: course for name, course in courses.items() if name not in left_out}
     if not courses:
-        return Fleet([], np.empty(0), np.empty((0, 0)), np.empty(0), word, {})
+        return Fleet([], np.empty(0), np.empty((0, 0)), np.empty(0), word, left_out)
     ends = np.array([(soc[0], soc[-1]) for soc, _ in courses.values()])
     inside = _sharing(ends)
     low, high = ends[inside, 0].max(), ends[inside, 1].min()
@@ -266,7 +278,7 @@ def over_shared_soc(cells):
     socs = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
     names = [name for name, shares in zip(courses, inside, strict=True) if shares]
     sizes = {name: check_up["capacity_ampere_hour"] for name, check_up, _ in cells}
-    left_out = {
+    left_out |= {
         name: f"pulses from {100 * end[0]:.0f} to {100 * end[1]:.0f} % SoC only, where the others "
         f"share {100 * low:.0f} to {100 * high:.0f} %"
         for name, end, shares in zip(courses, ends, inside, strict=True)
@@ -290,6 +302,8 @@ def _course(check_up, rows, delay):
         if row["cycle"] == check_up["cycle"]
         and row["direction"] == "discharge"
         and row["delay_second"] == delay
+        and np.isfinite(row["soc"])
+        and np.isfinite(row["resistance_ohm"])
     )
     return np.array([soc for soc, _ in course]), np.array([ohm for _, ohm in course])
 

@@ -365,12 +365,14 @@ def _changes(row, first):
     return {new: float(row[name] / first[name] - 1) for name, new in CHANGES.items()}
 
 
-def resistance_growth(resistances):
+def resistance_growth(resistances, capacities=()):
     """Resistance over SoC at every check-up, and its growth since the first one.
 
     Parameters
     ----------
     resistances : rows of stage `resistance` with cycle and ambient_temperature_celsius.
+    capacities : rows of stage `capacity` of the same cell: check-ups and their temperature are then
+        those of `check_ups`.
 
     Returns
     -------
@@ -383,7 +385,7 @@ def resistance_growth(resistances):
 
     Source: thesis 4.3 (fourfold at the end of life).
     """
-    _, rows, _ = _at_one_temperature([], resistances)
+    _, rows, _ = _at_one_temperature(list(capacities), resistances)
     kinds = sorted({(row["direction"], row["delay_second"]) for row in rows}, reverse=True)
     found = [one for kind in kinds for one in _growths(rows, *kind)]
     if not found:

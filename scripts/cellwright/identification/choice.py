@@ -210,6 +210,7 @@ def _far_from_best(errors, searched, celsius):
     """
     family = [name for name in errors if name not in searched]
     faults = {}
+    errors = {name: np.nan_to_num(error, nan=np.inf) for name, error in errors.items()}
     best = np.min([errors[name] for name in family], axis=0) if family else None
     for name, error in errors.items():
         ratio = np.where(error > best + MATERIAL_VOLT, error / np.maximum(best, 1e-9), 1.0)

@@ -40,7 +40,7 @@ def without(basis, tests, *, celsius):
     Parameters
     ----------
     basis : dict, from `basis.basis`. tests : list of MeasuredTest.
-    celsius : the temperature to leave out [degC]; what lies within 2 °C goes with it.
+    celsius : the temperature to leave out [degC]; tests of one temperature go with it.
 
     Returns
     -------

@@ -5,6 +5,8 @@ from collections import Counter
 from cellwright.refusal import Refusal
 
 FITTED = {"hppc": "pulses", "drive": "drives", "capacity": "constant-current loads"}
+# Roles in which a test of each kind may be fitted; of `split` the odd blocks.
+FIT_ROLES = {"hppc": ("fit",), "drive": ("fit", "split"), "capacity": ("fit",)}
 
 
 def why_no_model(tests, *, fit_kinds, lent=False):
@@ -25,15 +27,17 @@ def why_no_model(tests, *, fit_kinds, lent=False):
     wanted = " or ".join(f"{FITTED[kind]} ({kind})" for kind in fit_kinds)
     could_fit = [test for test in tests if test.kind in FITTED]
     reasons = [
-        *_of_roles(test for test in could_fit if test.role == "validation"),
+        *_of_roles([test for test in could_fit if not _may_be_fitted(test)]),
         *_of_choice(test for test in could_fit if test.kind not in fit_kinds),
-        *_of_one_load([t for t in could_fit if t.role != "validation"], fit_kinds),
+        *_of_one_load([test for test in could_fit if _may_be_fitted(test)], fit_kinds),
     ]
     if not could_fit:
         kinds = ", ".join(f"{n} {kind}" for kind, n in Counter(t.kind for t in tests).items())
         reasons = [f"of its tests ({kinds}) none is of {wanted}, which models are fitted to"]
     if not lent and not any(test.kind == "ocv" for test in tests):
         reasons.append("no slow test (ocv) of it or of a cell of its type tells an OCV")
+    names = ", ".join(test.test for test in tests)
+    reasons = reasons or [f"none of its tests ({names}) could be laid out for a fit"]
     return f"no model: {'; '.join(reasons)}"
 
 
@@ -47,10 +51,15 @@ def no_model(tests, **settings):
     return Refusal(why_no_model(tests, **settings))
 
 
+def _may_be_fitted(test):
+    return test.role in FIT_ROLES[test.kind]
+
+
 def _of_roles(tests):
-    names = ", ".join(test.test for test in tests)
-    if names:
-        yield f"for validation by their role: {names}; role fit or split lets a model be fitted"
+    for kind in dict.fromkeys(test.kind for test in tests):
+        names = ", ".join(f"{t.test} ({t.role})" for t in tests if t.kind == kind)
+        roles = " or ".join(FIT_ROLES[kind])
+        yield f"not to be fitted by their role: {names}; a test of kind {kind} is fitted as {roles}"
 
 
 def _of_choice(tests):

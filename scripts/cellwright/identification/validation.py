@@ -82,6 +82,8 @@ def validate(model, cell, test, *, split_rest_second):
 def beyond_volt(voltage_volt, error_volt):
     """How far a simulation leaves the range of the measured voltage [V]; 0 where it stays inside.
 
+    Infinite where it holds values that are not finite.
+
     A small error over a whole record may hide a few samples at -1.5 V, which no cell ever has.
 
     Parameters
@@ -90,7 +92,8 @@ def beyond_volt(voltage_volt, error_volt):
     """
     simulated_volt = voltage_volt - error_volt
     above = simulated_volt.max() - voltage_volt.max()
-    return float(max(above, voltage_volt.min() - simulated_volt.min(), 0.0))
+    most = max(above, voltage_volt.min() - simulated_volt.min(), 0.0)
+    return float(most) if np.isfinite(simulated_volt).all() else np.inf
 
 
 def scores(error_volt, soc):

@@ -40,7 +40,7 @@ def comparable_capacities(
     1. Only the earliest check-up: age must not pass for temperature. 2. A row whose cell was
     colder on average than the chamber is said to be by more than `mismatch_kelvin`, or in a slow
     test warmer by as much, was not made at that temperature, and is left out. 3. Temperatures
-    within 3 K and rates within 12 % are one; rows of one record under two kinds count once.
+    and rates are one as `conditions` has it; rows of one record under two kinds count once.
 
     Parameters
     ----------

@@ -190,7 +190,7 @@ def resistance_points(
     """Pulse resistance [ohm] at stated SoC and each temperature, discharge and charge apart.
 
     Resistance depends on the current where charge transfer is slow, in the cold most of all. So
-    all temperatures of a quantity come from pulses of one rate (within 10 %): the one that most
+    all temperatures of a quantity come from pulses of one rate: the one that most
     temperatures have, and of those the nearest to `c_rate`. Where no rate reaches three
     temperatures, each temperature gives its nearest, and a note says so.
 

@@ -43,14 +43,16 @@ UNEVEN = 1.6  # a converter's step, written with few digits, is now 2 and now 3 
 OFF_GRID = 0.25  # of a digit, by which a level then misses the grid
 FAR_DIGITS = 10.5  # between two levels: farther ones tell nothing of the digit
 CANDIDATES = 30
+LARGEST_DIGIT = 0.05  # of a record's largest current
 
 
 def least_digit(values):
     """Least digit of a reading, the step between its neighbouring levels; 0 where it has none.
 
     The smallest distance of neighbouring levels whose multiples hold 95 % of all such distances up
-    to ten of it. Levels read once beside many that are repeated are repairs of cleaning. Within a
-    digit q the truth lies anywhere: its standard deviation is q/√12.
+    to ten of it. Levels read once beside many that are repeated are repairs of cleaning; levels
+    read once that are all one step apart are those at which a logger writes, and say nothing of its
+    digit. Within a digit q the truth lies anywhere: its standard deviation is q/√12.
 
     Parameters
     ----------
@@ -74,8 +76,22 @@ def least_digit(values):
         digit = float(gaps[(gaps >= smallest) & (gaps <= UNEVEN * smallest)].mean())
         multiples = gaps[gaps <= FAR_DIGITS * digit] / digit
         if np.mean(np.abs(multiples - np.round(multiples)) <= OFF_GRID) >= REPEATED_SHARE:
-            return digit
+            by_steps = not repeated.any() and np.all(np.round(multiples) == 1.0)
+            return 0.0 if by_steps and len(multiples) > 1 else digit
     return 0.0
+
+
+def least_digit_ampere(current_ampere):
+    """Least digit of a current [A], zero being one of its levels; 0 where it has none.
+
+    Levels that lie farther apart than a twentieth of the largest are the loads of a protocol.
+
+    Parameters
+    ----------
+    current_ampere : (n,) [A].
+    """
+    digit = least_digit(np.append(current_ampere, [0.0, 0.0]))
+    return digit if digit <= LARGEST_DIGIT * np.nanmax(np.abs(current_ampere), initial=0.0) else 0.0
 
 
 class Whitening(NamedTuple):

@@ -13,6 +13,7 @@ from cellwright.series.steps import assumed_rating
 TURN_SHARE = 0.02  # of the rating: a smaller return of charge (regeneration, dither) is no turn
 RATE_SHARE = 0.9  # of the charge must move at the one rate that a capacity is stated for
 NAMES = {1: "charge", -1: "discharge"}
+CONSTANT_SHARE = 0.05  # by which portions of one discharge at a constant current may differ
 
 
 class Half(NamedTuple):
@@ -128,7 +129,7 @@ def _half(record, sign, loads, reached, whole):
     main = used[int(np.argmax(moved))]
     rate, held = _rate(record, main)
     rates = np.array([_rate(record, k)[0] for k in used])
-    same = same_rate(rates, rate)
+    same = np.abs(rates / rate - 1.0) <= CONSTANT_SHARE
     fault = ""
     if reached is None:
         fault = _end_fault(record, sign, used[-1])
@@ -246,7 +247,8 @@ def capacity(
     charge from empty to the upper cut-off; what was held there at constant voltage is part of it.
     3. It is counted to where the limit is first reached; with `whole_swing` to the turn itself, so
     that a remainder drawn later, at another temperature, is included (slow OCV tests).
-    4. Rates within 5 % are repeats of one: mean and standard deviation (thesis, ch. 4.3).
+    4. Discharges, or charges, of one rate (`conditions.same_rate`) are repeats: mean and standard
+    deviation (thesis, ch. 4.3).
 
     What an unsure start may lack is part of the standard deviation. Coulombic efficiency is the
     discharge over the charge before it, or else the one after it; NaN where there is none, or where

@@ -123,8 +123,8 @@ def soc_series(
     ocv_soc, ocv_volt : (m,) table of the open-circuit voltage, SoC ascending [1], [V], or None.
     half_gap_volt : (m,) half of what is between slow charge and discharge [V], or None.
     full_c_rate : largest current over capacity that may end a full charge [1/h].
-    test_time_second : (n,) by which the rest that the record begins with is long or short [s]; None:
-        it counts as short.
+    test_time_second : (n,) by which the rest that the record begins with is long or short [s]; None
+        counts as short.
 
     Returns
     -------
@@ -395,6 +395,21 @@ def _refuse_stated(anchor, charge, nominal, source):
     refuse_impossible_soc(low, anchor.soc + up / capacity, anchor.words, **about)
 
 
+UNSURE_SHARE = 0.03  # of a capacity: one that is less sure counts where no sure one does
+
+
+def is_unsure(row):
+    """Whether the start of a capacity row, or its repeats, leave more than 3 % of it open."""
+    std = row.get("capacity_std_ampere_hour")
+    return std is not None and std > UNSURE_SHARE * row["capacity_ampere_hour"]
+
+
+def capacity_in_words(row):
+    """Which test a capacity row is of, and its standard deviation where that is large."""
+    words = f"{row['direction']} of {row['test']} at {row['c_rate']:.2g}C"
+    return f"{words}, ± {row['capacity_std_ampere_hour']:.2g} Ah" if is_unsure(row) else words
+
+
 # ASSUME: A complete charge at C/15 or slower puts in what a discharge as slow takes out.
 def telling_capacity(capacities):
     """Rows that tell a cell's capacity: its discharges, and its charges at C/15 or slower.
@@ -418,12 +433,10 @@ def _nominal_capacity(capacities, celsius, cycle, stated):
         cycles = abs((row.get("cycle") or 0) - (cycle or 0))
         temperatures = row["ambient_temperature_celsius"], celsius
         kelvin = 0.0 if None in temperatures else abs(temperatures[0] - temperatures[1])
-        return max(cycles, SAME_CHECKUP_CYCLES), kelvin, row["c_rate"]
+        return is_unsure(row), max(cycles, SAME_CHECKUP_CYCLES), kelvin, row["c_rate"]
 
     best = min(rows, key=distance)
-    return best[
-        "capacity_ampere_hour"
-    ], f"{best['direction']} of {best['test']} at {best['c_rate']:.2g}C"
+    return best["capacity_ampere_hour"], capacity_in_words(best)
 
 
 def _ends_empty(steps, limit_volt):

@@ -6,6 +6,8 @@ import numpy as np
 
 from cellwright.records.anchor import (
     Anchored,
+    capacity_in_words,
+    is_unsure,
     refuse_impossible_soc,
     soc_series,
     telling_capacity,
@@ -199,8 +201,8 @@ def _own_capacity(capacities, lender, stated):
         if not stated[0]:
             raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
         return stated
-    slowest = min(rows, key=lambda row: (*first_choice(row), row["c_rate"]))
-    source = f"{slowest['direction']} of {slowest['test']} at {slowest['c_rate']:.2g}C"
+    slowest = min(rows, key=lambda row: (is_unsure(row), *first_choice(row), row["c_rate"]))
+    source = capacity_in_words(slowest)
     ratio = _slow_ratio(slowest, lender) if lender else None
     if ratio is None:
         return slowest["capacity_ampere_hour"], source
@@ -324,7 +326,7 @@ def soc_of(series, basis, facts, cell):
         ocv_soc=curve["soc"],
         ocv_volt=curve["ocv_volt"],
         half_gap_volt=curve.get("half_gap_volt"),
-        test_time_second=series["test_time_second"],
+        test_time_second=series.get("test_time_second"),
     )
     return anchored._replace(anchor=anchored.anchor + _size_in_words(basis))
 

@@ -96,17 +96,18 @@ def checkups_of(cycles):
 
     Parameters
     ----------
-    cycles : of the tests; None, not stated, is a new cell's.
+    cycles : of the tests; None or NaN, not stated, is a new cell's.
 
     Returns
     -------
     first : list of cycles: those of tests that follow the first of them within 5 cycles are equal.
     """
+    known = [0.0 if cycle is None or cycle != cycle else float(cycle) for cycle in cycles]
     first, begin = {}, -np.inf
-    for cycle in sorted({cycle or 0.0 for cycle in cycles}):
+    for cycle in sorted(set(known)):
         begin = cycle if cycle > begin + SAME_CHECKUP_CYCLES else begin
         first[cycle] = begin
-    return [first[cycle or 0.0] for cycle in cycles]
+    return [first[cycle] for cycle in known]
 
 
 def in_first_checkup(cycles):

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.noise import least_digit
+from cellwright.numerics.noise import least_digit, least_digit_ampere
 from cellwright.records.anchor import AS_STATED, Anchored, slow_soc
 from cellwright.records.basis import at_cycle, on_scale, soc_of
 from cellwright.records.blocks import fit_mask
@@ -110,7 +110,7 @@ def record_of(
         anchor,
         temperature_source,
         # A reading is a whole number of digits, so zero is a level of it as well.
-        least_digit_ampere=least_digit(np.append(current_ampere, [0.0, 0.0])),
+        least_digit_ampere=least_digit_ampere(current_ampere),
         least_digit_volt=least_digit(voltage_volt),
     )
 
@@ -268,7 +268,7 @@ class FitRecords(NamedTuple):
 
 
 def records_by_temperature(tests, basis, cell, *, split_rest_second):
-    """Records by chamber temperature, coldest first; tests within 2 °C belong together.
+    """Records by chamber temperature, coldest first; tests of one temperature belong together.
 
     At each temperature HPPC tests and beside them capacity tests, whose long loads show what
     pulses do not; where there is no HPPC, drives. Of a cell with neither, capacity tests alone.

@@ -4,10 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.noise import least_digit, least_digit_ampere
 from cellwright.series.rest_current import as_logged
 
 WINDOW_ROWS = 16
 LEAST_UNFORESEEN = 20  # rows: each that the two before it do not foretell halves the odds of chance
+FORESEEN_DIGITS = 2  # of the reading, by which a row that a straight line foretells may miss it
 SAME_SECOND = 1e-3  # two exports of one clock differ by their rounding
 GRAIN = 1e6  # steps of current [1/A] and voltage [1/V] within which decoded numbers are one
 
@@ -46,8 +48,9 @@ def repeats(tests, roles=("fit", "validation", "split")):
     1. Windows of 16 rows of current and voltage, as logged, are compared by a hash, whatever their
     time; they may stand still in less than half of their rows, as rests of every test do. 2. A
     window in two tests grows to the longest stretch that is the same in both and runs at the same
-    pace. 3. It is one measurement where at least 20 of its rows are not foretold by the two rows
-    before (by a straight line), which chance does not do. 4. It counts in the test that may be
+    pace. 3. It is one measurement where so many of its rows are not foretold by the two before (by
+    a straight line, to two of the reading's digits) that chance does not do it: 20, and one more
+    for each doubling of the pairs of rows that are compared. 4. It counts in the test that may be
     fitted, of those in the one with fewer rows, which would have less left without it.
 
     Parameters
@@ -92,8 +95,9 @@ def _keys(series):
     whole = [np.rint(np.asarray(column, float) * GRAIN) for column in (current, voltage)]
     whole = [np.nan_to_num(column).astype(np.int64) for column in whole]
     bent = np.zeros(len(voltage), bool)
-    for column in whole:
-        bent[2:] |= np.abs(np.diff(column, 2)) > 1
+    for column, digit_of in zip(whole, (least_digit_ampere, least_digit), strict=True):
+        digit = max(digit_of(column), 1.0)
+        bent[2:] |= np.abs(np.diff(column, 2)) > FORESEEN_DIGITS * digit
     row = (whole[0].view(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ (
         whole[1].view(np.uint64) * np.uint64(0xC2B2AE3D27D4EB4F)
     )
@@ -130,6 +134,7 @@ def _shared_windows(keys):
 def _stretches(one, other, rows, shift):
     """First and last rows, in the other test, of what is the same in both around shared windows."""
     found, after = [], -1
+    least = LEAST_UNFORESEEN + np.log2(len(one.row) * len(other.row))
     for row in rows:
         if row <= after:
             continue
@@ -142,7 +147,7 @@ def _stretches(one, other, rows, shift):
         first = low + (ends[at - 1] + 1 if at else 0)
         last = low + (ends[at] - 1 if at < len(ends) else len(same) - 1)
         after = max(last, row)
-        if other.unforeseen[last + 1] - other.unforeseen[first] >= LEAST_UNFORESEEN:
+        if other.unforeseen[last + 1] - other.unforeseen[first] >= least:
             found.append((first, last))
     return found
 

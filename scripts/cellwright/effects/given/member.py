@@ -169,7 +169,7 @@ def _decided(model, rows, entry, blocks):
 
 
 def _by_temperature(blocks):
-    """Blocks of records that lie within 2 K of each other, and their temperatures [degC]."""
+    """Blocks of records of one temperature, and their temperatures [degC]."""
     means = np.array([block["celsius"][1] for block in blocks])
     kept = distinct(sorted(means))
     nearest = np.abs(np.subtract.outer(means, kept)).argmin(axis=1)

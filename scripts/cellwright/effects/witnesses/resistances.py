@@ -20,7 +20,7 @@ from cellwright.effects.witnesses.statement import (
     spread,
 )
 from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
-from cellwright.records.conditions import REFERENCE_CELSIUS, SAME_CELSIUS, SAME_RATE
+from cellwright.records.conditions import REFERENCE_CELSIUS, SAME_CELSIUS, same_rate
 
 SOC_ENDS = (0.1, 0.9)
 SOC_SPAN = 0.5  # least range of SoC over which a course is told
@@ -129,12 +129,12 @@ def _delays(rows):
 
 def _courses(rows):
     """Resistance over SoC: (celsius, direction, rate, delay) → (SoC rising, ohm)."""
-    found = {}
+    found, rates = {}, []
     for row in rows:
-        rate = np.exp(
-            np.round(np.log(float(row["c_rate"])) / np.log(SAME_RATE)) * np.log(SAME_RATE)
-        )
-        key = (celsius_of(row), row["direction"], float(rate), float(row["delay_second"]))
+        own = float(row["c_rate"])
+        rate = next((known for known in rates if same_rate(known, own)), own)
+        rates += [] if rate in rates else [rate]
+        key = (celsius_of(row), row["direction"], rate, float(row["delay_second"]))
         found.setdefault(key, []).append((float(row["soc"]), float(row["resistance_ohm"])))
     return {key: np.array(sorted(pairs)).T for key, pairs in found.items()}
 

@@ -6,6 +6,7 @@ from cellwright.health.electrodes.alignment import CORRELATED_SOC
 from cellwright.health.electrodes.modes import MODES, QUANTILE
 
 WARNED_VOLT = 0.003  # misfit from which the half cells are said to fit poorly
+CLEARLY = 1.5  # times the deviation by the misfit: on what exceeds it a mode hangs
 
 
 def mode_rows(found, pair, curves):
@@ -78,7 +79,7 @@ def _doubt(found, k, curve):
             without = 100 * (found.single[k, j] + found.left_out[most, k, j])
             low, high = (round(100 * CORRELATED_SOC * edge) for edge in (most, most + 1))
             words += f" ({without:.1f} % without {low} to {high} % of SoC)"
-        if source != "data" and stds[source] > 0:
+        if source != "data" and stds[source] > CLEARLY * stds.get("data", 0.0):
             hanging.setdefault(source, []).append(words)
     names = {"branch": f"branch, a {curve.branches} alone of a cell that may hold silicon"}
     return "; ".join(

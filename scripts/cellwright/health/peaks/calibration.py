@@ -172,7 +172,7 @@ def peak_calibration(
 ):
     """State of health of every charge of one type from its peaks, and which peaks tell it.
 
-    Charges are told apart by rate (12 %) and temperature (3 K). Capacities are estimated without
+    Charges are told apart by rate and temperature. Capacities are estimated without
     the check-up's own capacity (`left_out_estimates`), so that the errors are those at a check-up,
     and at a cell, that the calibration has not seen.
 

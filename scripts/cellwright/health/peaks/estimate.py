@@ -51,7 +51,7 @@ class PeakEstimate(NamedTuple):
 def capacity_from_peaks(charge, calibration, *, most_terms=HEALTH_FROM_PEAKS.most_terms):
     """Capacity of a charge from its peaks, by charges of known capacity of the same type [Ah].
 
-    1. The calibration is narrowed to charges at the rate (12 %) and temperature (3 K) of this one,
+    1. The calibration is narrowed to charges at the rate and temperature of this one,
     and of more than 100 to 100 that are spread evenly over their order by capacity.
     2. Features are positions, heights and areas of peaks, distances and charge between two
     (`features_of`); heights, areas, charges and the capacity as logarithms. 3. Every linear model

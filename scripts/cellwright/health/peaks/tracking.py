@@ -79,7 +79,7 @@ def tracked_peaks(
 ):
     """Peaks of every charge of one cell under names that stay through its life.
 
-    1. Charges within 12 % of rate and 3 K form a sequence by cycle. 2. Each charge is aligned with
+    1. Charges of one rate and temperature form a sequence by cycle. 2. Each charge is aligned with
     the peaks known so far: one common shift, the order kept, squared distances over the stated
     tolerances; what fits nothing is new, or missing. A missing peak is remembered, moves with
     the common shift, and may return. 3. The slowest sequence gives the names; another one begins

@@ -66,8 +66,8 @@ def largest_hysteresis(basis, celsius, knots):
 
     Between the branches lie hysteresis and twice the drop over the resistance, so that half the
     distance is the most that hysteresis can be. Hysteresis grows in the cold: a slow test that was
-    warmer by more than 3 K bounds nothing. A knot takes the widest gap within 2 % of SoC, with 3 mV
-    for the reading of the branches; beyond what both branches reach, the gap at the end.
+    warmer by more than 2.5 K bounds nothing. A knot takes the widest gap within 2 % of SoC, with
+    3 mV for the reading of the branches; beyond what both branches reach, the gap at the end.
 
     Parameters
     ----------
