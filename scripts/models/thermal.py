@@ -9,4 +9,4 @@ with artefact.Job(snakemake) as job:
     found = cw.thermal_constants(*about, split_rest_second=params.split_rest_second)
     job.note(*found.notes)
     job.save(found.content, output.constants)
-    job.save(found.table, output.tests)
+    job.save(found.rows, output.tests)

@@ -10,4 +10,4 @@ with artefact.Job(snakemake) as job:
         validation=facts.rows_of_tests(snakemake.input.validation),
     )
     job.note(*found.notes)
-    job.save(found.content, token=found.token, platform=found.platform)
+    job.save(found.archive, token=found.token, platform=found.platform)

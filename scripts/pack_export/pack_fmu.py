@@ -6,4 +6,4 @@ from runtime import artefact
 with artefact.Job(snakemake) as job:
     found = cw.pack_fmu(job.load(snakemake.input[0]))
     job.note(*found.notes)
-    job.save(found.content, token=found.token, platform=found.platform)
+    job.save(found.archive, token=found.token, platform=found.platform)

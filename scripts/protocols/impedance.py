@@ -11,7 +11,7 @@ with artefact.Job(snakemake, output.spectrum) as reading:
 with artefact.Job(snakemake, *output[1:], after=reading) as job:
     found = cw.impedance(job.load(output.spectrum), params.settings)
     job.note(*found.notes)
-    job.save([found.row], output.fit)
+    job.save(found.rows, output.fit)
     job.save(found.curve, output.curve)
     job.save(found.parameters, output.parameters)
     job.save(found.candidates, output.candidates)

@@ -34,8 +34,7 @@ class Piece(NamedTuple):
 
 # Folders of modules whose functions and classes are hashed one by one.
 PARTED = ("cellwright/api", "cellwright/settings")
-# Table of a package's `__init__`: name → module that it is imported from at first use.
-LAZY = "MODULE_OF"
+LAZY = ".pyi"  # stub of a package whose names are imported from their modules at first use
 IMPORTS = (ast.Import, ast.ImportFrom)
 
 
@@ -151,10 +150,16 @@ def _entries(path: Path) -> dict:
             statements |= {
                 target.id: node for target in node.targets if isinstance(target, ast.Name)
             }
-    if LAZY in statements:
-        for name, module in ast.literal_eval(statements[LAZY].value).items():
-            statements[name] = ast.ImportFrom(module, [ast.alias(name)], 0)
+    for line in _stub(path).body:
+        if isinstance(line, ast.ImportFrom) and line.module != "cellwright":
+            statements |= {name.name: _only(line, ast.alias(name.name)) for name in line.names}
     return statements
+
+
+def _stub(path: Path) -> ast.Module:
+    """The stub beside a module, an empty one where there is none."""
+    stub = path.with_suffix(LAZY)
+    return ast.parse(stub.read_text(encoding="utf-8") if stub.exists() else "")
 
 
 def _only(node, alias):
@@ -222,7 +227,7 @@ def _pieces_named(name: str) -> set[Piece]:
 @cache
 def _gives_names(file: Path) -> bool:
     """Whether the names of this file are hashed one by one."""
-    return file.parent.relative_to(SCRIPTS).as_posix() in PARTED or LAZY in _entries(file)
+    return file.parent.relative_to(SCRIPTS).as_posix() in PARTED or file.with_suffix(LAZY).exists()
 
 
 def _is_docstring(node) -> bool:

@@ -15,8 +15,10 @@ SOURCES = {
 # A job that calls one function of the public interface, of which each counts for itself.
 PUBLIC = SOURCES | {
     "job.py": "import cellwright as cw\nprint(cw.first(1))\n",
-    "cellwright/__init__.py": (
-        "MODULE_OF = {'first': 'cellwright.api.steps', 'second': 'cellwright.api.steps'}\n"
+    "cellwright/__init__.py": "",
+    "cellwright/__init__.pyi": (
+        "from cellwright.api.steps import first as first\n"
+        "from cellwright.api.steps import second as second\n"
     ),
     "cellwright/api/__init__.py": "",
     "cellwright/api/steps.py": (
@@ -59,7 +61,7 @@ def code(tmp_path, monkeypatch):
 
     def hashed(sources=SOURCES, **changes):
         for name, text in (sources | {file_of(k): v for k, v in changes.items()}).items():
-            path = tmp_path / (name if name.endswith(".py") else f"{name}.py")
+            path = tmp_path / (name if ".py" in name else f"{name}.py")
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
         forget()

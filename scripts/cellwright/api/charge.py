@@ -17,7 +17,7 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
 
     Returns
     -------
-    basis : Document; content: cell, capacity_ampere_hour [Ah], capacity_source, borrowed_from,
+    basis : Result; content: cell, capacity_ampere_hour [Ah], capacity_source, borrowed_from,
         ocv, the curves over SoC [1], and checkups, the same for each of several check-ups; its
         table: one row a curve and SoC.
 
@@ -41,7 +41,8 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
         state_of_health=facts.state_of_health,
         lower_cutoff_volt=facts.lower_cutoff_volt,
     )
-    return results.Document(content, tuple(_basis_notes(content)), _curve_rows(content["ocv"]))
+    curves = _curve_rows(content["ocv"])
+    return results.Result({"curves": curves}, content, tuple(_basis_notes(content)))
 
 
 def ocv_from_load(series, cell, test):
@@ -57,7 +58,7 @@ def ocv_from_load(series, cell, test):
 
     Returns
     -------
-    ocv : RestOcv; curve over SoC as of `ocv`, no points.
+    ocv : Result; curve over SoC as of `ocv`, no points.
 
     Raises
     ------
@@ -73,7 +74,8 @@ def ocv_from_load(series, cell, test):
     curve = slowest_load(*inputs.quantities(series, inputs.COUNTED), **limits)
     named = curve._asdict() | {"test": test.test}
     _, source = slow_capacity(named)
-    return results.RestOcv(curve, {}, source.replace("slow test", "long load"), (curve.note,))
+    words = {"capacity_source": source.replace("slow test", "long load")}
+    return results.Result({"curve": curve, "points": {}}, words, (curve.note,))
 
 
 def basis_at(basis, cycle):

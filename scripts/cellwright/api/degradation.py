@@ -35,7 +35,7 @@ def degradation_modes(
 
     Returns
     -------
-    modes : Table; one row a check-up: losses as shares of the fresh cell's lithium and electrodes,
+    modes : Result; one row a check-up: losses as shares of the fresh cell's lithium and electrodes,
         with standard deviations, NaN and a reason where the curve does not tell.
 
     Raises
@@ -67,7 +67,7 @@ def degradation_modes(
     rows = mode_rows.mode_rows(found, fitting[0][0], own)
     words = mode_rows.notes(found, fitting, given=None not in half_cells)
     words += [f"the last check-up {rows[-1]['doubt']}"] if rows[-1]["doubt"] else []
-    return results.Table(rows, (*words, *ends_seen, *left_out, *growth(own)))
+    return results.Result({"rows": rows}, notes=(*words, *ends_seen, *left_out, *growth(own)))
 
 
 CUTOFFS = ("lower_cutoff_volt", "upper_cutoff_volt")
@@ -135,7 +135,7 @@ def plateau_losses(tests, cell, settings=None, **changes):
 
     Returns
     -------
-    losses : Table; rows: `health.plateaus.PlateauLoss`, one a plateau and check-up.
+    losses : Result; rows: `health.plateaus.PlateauLoss`, one a plateau and check-up.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def plateau_losses(tests, cell, settings=None, **changes):
     facts, ends_seen = _with_ends_seen(inputs.cell_facts(cell), tests)
     own, left_out = _check_ups(_curves(tests, facts, options))
     need_two(own, facts.cell)
-    return results.Table(losses_of(own), (*ends_seen, *left_out, *growth(own)))
+    return results.Result({"rows": losses_of(own)}, notes=(*ends_seen, *left_out, *growth(own)))
 
 
 def _check_ups(found):

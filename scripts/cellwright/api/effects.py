@@ -38,7 +38,7 @@ def missing_effect(
 
     Returns
     -------
-    finding : MissingEffect; its verdict is the document of docs/missing-effect.md.
+    finding : Result; its verdict is the document of docs/missing-effect.md.
 
     Raises
     ------
@@ -59,7 +59,18 @@ def missing_effect(
         model=None if model is None else inputs.model(model),
         simulated=None if simulated is None else _simulated(simulated),
     )
-    return results.MissingEffect(**finding._asdict())
+    return _missing_effect(finding)
+
+
+TABLES_OF_SEARCH = ("ranking", "residual_map", "evidence", "series", "confounding", "menu")
+
+
+def _missing_effect(finding):
+    """Result of a search: its tables (of a group fewer), verdict and model as content."""
+    tables = {name: getattr(finding, name, {}) for name in TABLES_OF_SEARCH}
+    return results.Result(
+        tables, {"verdict": finding.verdict, "model": finding.model}, finding.notes
+    )
 
 
 def add_own_effects(model, effects, *, choice=()):
@@ -73,7 +84,7 @@ def add_own_effects(model, effects, *, choice=()):
 
     Returns
     -------
-    model : FinishedModel, with the member `<chosen>+effects` where effects were found.
+    model : Result, with the member `<chosen>+effects` where effects were found.
 
     Source: docs/models.md.
     """
@@ -83,7 +94,8 @@ def add_own_effects(model, effects, *, choice=()):
     rows = inputs.rows(choice or getattr(model, "choice", ()))
     content, rows = with_own_effects(inputs.model(model), rows, inputs.content(effects))
     notes = (content["choice"],) if rows else ()
-    return results.FinishedModel(content, parameter_rows(content), rows, notes)
+    tables = {"parameters": parameter_rows(content), "choice": rows}
+    return results.Result(tables, content, notes)
 
 
 def missing_effect_stability(
@@ -107,7 +119,7 @@ def missing_effect_stability(
 
     Returns
     -------
-    stability : Stability; one row a name; `repeats`: one row a search.
+    stability : Result; one row a name; `repeats`: one row a search.
 
     Raises
     ------
@@ -127,7 +139,7 @@ def missing_effect_stability(
         references=[_reference(reference) for reference in references],
         model=None if model is None else inputs.model(model),
     )
-    return results.Stability(found.rows, repeat_rows(found.repeats))
+    return results.Result({"rows": found.rows, "repeats": repeat_rows(found.repeats)})
 
 
 def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=None):
@@ -144,7 +156,7 @@ def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=No
 
     Returns
     -------
-    found : Table; one row a witness: what is measured, what the verdict implies, which it says.
+    found : Result; one row a witness: what is measured, what the verdict implies, which it says.
 
     Source: docs/missing-effect.md.
     """
@@ -158,7 +170,8 @@ def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=No
     rows = {name: inputs.rows(table) for name, table in known.items()}
     ambient = ambient_celsius or {}
     measured = measured_of(rows | {"series": series}, content, model, ambient=ambient)
-    return results.Table(held_against(verdict, model, measured, library or LIBRARY))
+    rows = held_against(verdict, model, measured, library or LIBRARY)
+    return results.Result({"rows": rows})
 
 
 def prepared_case(
@@ -224,7 +237,7 @@ def missing_group_effect(group, branches, known_cells, tests, settings=None, **c
 
     Returns
     -------
-    finding : MissingEffect, with empty residual_map, evidence, confounding and menu.
+    finding : Result, with empty residual_map, evidence, confounding and menu.
 
     Raises
     ------
@@ -242,8 +255,7 @@ def missing_group_effect(group, branches, known_cells, tests, settings=None, **c
     rows = [inputs.branch_facts(branch) for branch in branches]
     known = [one._replace(model=inputs.content(one.model)) for one in known_cells]
     finding = searched(group, rows, known, inputs.tests(tests), settings=plain)
-    empty = {key: {} for key in ("residual_map", "evidence", "confounding", "menu")}
-    return results.MissingEffect(**empty, **finding._asdict())
+    return _missing_effect(finding)
 
 
 def identify_branches(series, steps, cells, test):
@@ -257,7 +269,7 @@ def identify_branches(series, steps, cells, test):
 
     Returns
     -------
-    models : Document; content: "models", cell → model.
+    models : Result; content: "models", cell → model.
 
     Raises
     ------
@@ -272,7 +284,7 @@ def identify_branches(series, steps, cells, test):
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
     models = group_models(measured, inputs.steps(steps)._asdict(), cells)
     rows = [{"cell": cell} | row for cell, model in models.items() for row in parameter_rows(model)]
-    return results.Document({"models": models}, (), rows)
+    return results.Result({"rows": rows}, {"models": models})
 
 
 def simulate_group(
@@ -289,7 +301,7 @@ def simulate_group(
 
     Returns
     -------
-    simulation : Simulation; (n,) columns: voltage_volt [V], branch_<k>_current_ampere [A],
+    simulation : Result; (n,) columns: voltage_volt [V], branch_<k>_current_ampere [A],
         branch_<k>_soc [1].
 
     Raises
@@ -315,7 +327,8 @@ def simulate_group(
     for k in range(len(documents)):
         columns[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, k]
         columns[f"branch_{k + 1}_soc"] = run.soc[:, k]
-    return results.Simulation(columns, ", ".join(dict.fromkeys(cells.members)))
+    member = ", ".join(dict.fromkeys(cells.members))
+    return results.Result({"columns": columns}, {"member": member})
 
 
 def check_group(branches, series, test, simulated=None):
@@ -330,7 +343,7 @@ def check_group(branches, series, test, simulated=None):
 
     Returns
     -------
-    checks : Table; a row a check, notes what was found.
+    checks : Result; a row a check, notes what was found.
 
     Raises
     ------
@@ -354,4 +367,4 @@ def check_group(branches, series, test, simulated=None):
     if simulated is not None:
         findings += swapped_channels(inputs.columns(simulated), wiring, record.test)
     notes = tuple(found.sentence for found in findings if found.found)
-    return results.Table([found._asdict() for found in findings], notes)
+    return results.Result({"rows": [found._asdict() for found in findings]}, notes=notes)

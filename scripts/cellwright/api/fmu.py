@@ -27,7 +27,7 @@ def cell_fmu(
 
     Returns
     -------
-    unit : Fmu; content: the bytes of a .fmu file, the same for the same model.
+    unit : Result; content: the bytes of a .fmu file, the same for the same model.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def pack_fmu(pack, *, points=201, largest_step_second=1.0):
 
     Returns
     -------
-    unit : Fmu, as of `cell_fmu`.
+    unit : Result, as of `cell_fmu`.
 
     Raises
     ------
@@ -104,7 +104,8 @@ def _unit(pack, shown, points, largest_step_second, *, alone):
         largest_step_second=largest_step_second,
         documents={"documentation/index.html": shown},
     )
-    return results.Fmu(archive(unit.files), unit.token, unit.binary, unit.variables, unit.notes)
+    about = {"archive": archive(unit.files), "token": unit.token, "platform": unit.binary}
+    return results.Result({"variables": unit.variables}, about, unit.notes)
 
 
 def export_model(model, *, validation=()):
@@ -118,7 +119,7 @@ def export_model(model, *, validation=()):
 
     Returns
     -------
-    exported : Exported; notes say which member stands for the chosen one, and both errors.
+    exported : Result; notes say which member stands for the chosen one, and both errors.
 
     Source: docs/exports.md.
     """
@@ -141,7 +142,8 @@ def export_model(model, *, validation=()):
         why = f"{chosen} is more than RC pairs ({_both_errors(errors, member, chosen)})"
         notes.append(f"the look-up table holds {member}: {why}")
     tables = (lookup_table(model, member, errors), temperature_table(model, None))
-    return results.Exported(document, *tables, tuple(notes))
+    named = dict(zip(("lookup", "temperature"), tables, strict=True))
+    return results.Result(named, {"pybamm": document}, tuple(notes))
 
 
 def _both_errors(errors, taken, chosen):

@@ -16,7 +16,7 @@ def fade(records, cell, settings=None, **changes):
 
     Returns
     -------
-    fade : FadeOfLife; columns: one row a discharge [Ah], [Wh], [1]; laws: one row a law;
+    fade : Result; columns: one row a discharge [Ah], [Wh], [1]; laws: one row a law;
         summary: knee, remaining cycles and state of health at the last cycle.
 
     Raises
@@ -39,7 +39,8 @@ def fade(records, cell, settings=None, **changes):
     rated = inputs.cell_facts(cell).rated_capacity_ampere_hour
     life = lives.life_of(ready, rated_capacity_ampere_hour=rated)
     found = analysed(life, **options._asdict())
-    return results.FadeOfLife(found.columns, found.laws, found.summary, life.notes)
+    tables = {"columns": found.columns, "laws": found.laws}
+    return results.Result(tables, {"summary": found.summary}, life.notes)
 
 
 def _shift(temperature):
@@ -65,7 +66,7 @@ def check_ups(capacities, resistances, cell, throughputs=()):
 
     Returns
     -------
-    check_ups : CheckUps; rows: one a check-up; growth: one a pulse.
+    check_ups : Result; rows: one a check-up; growth: one a pulse.
 
     Raises
     ------
@@ -85,7 +86,7 @@ def check_ups(capacities, resistances, cell, throughputs=()):
         growth = ratings.resistance_growth(pulses, sizes)
     except Refusal as refusal:
         growth, notes = [], [*notes, str(refusal)]
-    return results.CheckUps(rows, growth, tuple(notes))
+    return results.Result({"rows": rows, "growth": growth}, notes=tuple(notes))
 
 
 def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):
@@ -98,7 +99,7 @@ def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):
 
     Returns
     -------
-    health : Table; rows: `health.table.HealthRow`.
+    health : Result; rows: `health.table.HealthRow`.
 
     Raises
     ------
@@ -117,7 +118,7 @@ def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):
     )
     if not rows:
         raise Refusal("no capacity of a check-up and no life: no state of health")
-    return results.Table(rows)
+    return results.Result({"rows": rows})
 
 
 def fleet_resistance(cells):
@@ -129,7 +130,7 @@ def fleet_resistance(cells):
 
     Returns
     -------
-    fleet : FleetResistance; line: `health.fleet.FleetLine`; rows: one a cell.
+    fleet : Result; line: `health.fleet.FleetLine`; rows: one a cell.
 
     Raises
     ------
@@ -141,7 +142,8 @@ def fleet_resistance(cells):
 
     ready = [(name, inputs.rows([row])[0], inputs.rows(growth)) for name, row, growth in cells]
     fleet = over_shared_soc(ready)
-    return results.FleetResistance(*capacity_from_resistance(fleet), fleet.delay)
+    line, rows = capacity_from_resistance(fleet)
+    return results.Result({"rows": rows}, {"line": line, "delay": fleet.delay})
 
 
 def compare_protocols(lives):
@@ -153,7 +155,7 @@ def compare_protocols(lives):
 
     Returns
     -------
-    comparisons : Table; rows: `health.protocols_compared.Comparison`.
+    comparisons : Result; rows: `health.protocols_compared.Comparison`.
 
     Raises
     ------
@@ -171,4 +173,4 @@ def compare_protocols(lives):
         law = np.asarray(columns["law_ampere_hour"], float)
         share = law / summary["start_ampere_hour"]
         ready.append(LifeOfProtocol(cell, protocol, np.asarray(columns["cycle"], float), share))
-    return results.Table(compared(ready))
+    return results.Result({"rows": compared(ready)})

@@ -31,7 +31,7 @@ def health_from_peaks(
 
     Returns
     -------
-    health : PeakHealth; one row a charge.
+    health : Result; one row a charge.
 
     Raises
     ------
@@ -47,4 +47,5 @@ def health_from_peaks(
     found = peak_calibration(
         charges, rated_ampere_hour=rated_ampere_hour, tracked=tracked, most_terms=most_terms
     )
-    return results.PeakHealth(found.rows, found.information, tuple(found.notes))
+    tables = {"rows": found.rows, "information": found.information}
+    return results.Result(tables, notes=tuple(found.notes))

@@ -141,7 +141,8 @@ def content(document):
     ------
     Refusal : as `json_of_file`.
     """
-    held = getattr(document, "content", document)
+    held = getattr(document, "content", None)
+    held = document if held is None else held
     return json_of_file(held) if _is_path(held) else held
 
 

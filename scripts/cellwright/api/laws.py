@@ -25,7 +25,7 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
 
     Returns
     -------
-    laws : Laws; one row a parameter; points: what the laws were fitted to.
+    laws : Result; one row a parameter; points: what the laws were fitted to.
 
     Raises
     ------
@@ -43,7 +43,8 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
     points = measured.with_enough_temperatures([*sizes, *circuits.points, *pulses.points])
     points = measured.mean_per_temperature(points)
     rows, reasons = law_rows(points)
-    return results.Laws(rows, points, (*circuits.notes, *pulses.notes, *reasons))
+    notes = (*circuits.notes, *pulses.notes, *reasons)
+    return results.Result({"rows": rows, "points": points}, notes=notes)
 
 
 def _rows(tables):
@@ -62,7 +63,7 @@ def temperature_laws_of_type(resistances, settings=None, **changes):
 
     Returns
     -------
-    laws : Laws.
+    laws : Result.
 
     Raises
     ------
@@ -78,7 +79,8 @@ def temperature_laws_of_type(resistances, settings=None, **changes):
     compared = points_of_type(inputs.rows(resistances), **options._asdict())
     points = with_enough_temperatures(compared.points)
     rows, reasons = law_rows(points)
-    return results.Laws(rows, points, (*compared.notes, *sentences_of_type(points), *reasons))
+    notes = (*compared.notes, *sentences_of_type(points), *reasons)
+    return results.Result({"rows": rows, "points": points}, notes=notes)
 
 
 def fast_charge_laws(charges):
@@ -90,7 +92,7 @@ def fast_charge_laws(charges):
 
     Returns
     -------
-    laws : Laws.
+    laws : Result.
 
     Raises
     ------
@@ -103,7 +105,7 @@ def fast_charge_laws(charges):
 
     points = fast_charge_points(_rows(charges))
     rows, reasons = law_rows(with_enough_temperatures(points))
-    return results.Laws(rows, points, tuple(reasons))
+    return results.Result({"rows": rows, "points": points}, notes=tuple(reasons))
 
 
 def cold_limit(laws, points=None):
@@ -115,7 +117,7 @@ def cold_limit(laws, points=None):
 
     Returns
     -------
-    limit : Document.
+    limit : Result.
 
     Raises
     ------
@@ -127,7 +129,8 @@ def cold_limit(laws, points=None):
     from cellwright.laws.points import Point
 
     points = inputs.rows(laws.points if points is None else points)
-    return results.Document(limited([Point(**row) for row in points], inputs.rows(laws))._asdict())
+    found = limited([Point(**row) for row in points], inputs.rows(laws))
+    return results.Result({}, found._asdict())
 
 
 def resistance_surface(
@@ -144,7 +147,7 @@ def resistance_surface(
 
     Returns
     -------
-    laws : Laws; points: measured and fitted.
+    laws : Result; points: measured and fitted.
 
     Raises
     ------
@@ -156,7 +159,8 @@ def resistance_surface(
 
     fits, reasons = surface.surfaces(_rows(resistances), delay_second=delay_second, c_rate=c_rate)
     notes = (*reasons, *surface.sentences(fits))
-    return results.Laws(surface.law_rows(fits), surface.point_rows(fits), notes)
+    tables = {"rows": surface.law_rows(fits), "points": surface.point_rows(fits)}
+    return results.Result(tables, notes=notes)
 
 
 def polarisation_laws(rests):
@@ -168,7 +172,7 @@ def polarisation_laws(rests):
 
     Returns
     -------
-    laws : Laws; without points where no rests compare, the reason in its notes.
+    laws : Result; without points where no rests compare, the reason in its notes.
 
     Source: thesis 3.3; docs/relaxation.md.
     """
@@ -176,7 +180,8 @@ def polarisation_laws(rests):
 
     found = comparable_rests(_rows(rests))
     laws, reasons = laws_of(found.points)
-    return results.Laws(law_rows(laws), found.points, (paragraph(found, laws), *reasons))
+    tables = {"rows": law_rows(laws), "points": found.points}
+    return results.Result(tables, notes=(paragraph(found, laws), *reasons))
 
 
 def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
@@ -189,7 +194,7 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
 
     Returns
     -------
-    map : OcvMap.
+    map : Result.
 
     Raises
     ------
@@ -203,14 +208,14 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
     chosen = inputs.settings_of(OcvTemperature, settings, changes)
     slow = inputs.entries(curves, _curves)
     result = ocv.over_temperature(slow, inputs.entries(steps), **chosen._asdict())
-    return results.OcvMap(
-        ocv.law_rows(result),
-        ocv.map_columns(result),
-        ocv.entropic_columns(result),
-        ocv.surface_columns(result),
-        ocv.function_rows(result),
-        tuple(result.notes),
-    )
+    tables = {
+        "rows": ocv.law_rows(result),
+        "map": ocv.map_columns(result),
+        "entropic": ocv.entropic_columns(result),
+        "surface": ocv.surface_columns(result),
+        "functions": ocv.function_rows(result),
+    }
+    return results.Result(tables, notes=tuple(result.notes))
 
 
 def ocv_shifts(tests):
@@ -222,7 +227,7 @@ def ocv_shifts(tests):
 
     Returns
     -------
-    shifts : Table; one row a later test and SoC: cycle, soc [1], shift_volt, shift_std_volt [V],
+    shifts : Result; one row a later test and SoC: cycle, soc [1], shift_volt, shift_std_volt [V],
         test, reference_test. What cannot be compared is in the notes.
 
     Source: docs/state-of-charge.md.
@@ -239,7 +244,7 @@ def ocv_shifts(tests):
         for test, series, steps in tests
     ]
     rows, notes = shifts_since_first(records)
-    return results.Table(rows, tuple(notes))
+    return results.Result({"rows": rows}, notes=tuple(notes))
 
 
 def capacity_loss(capacities, settings=None, **changes):
@@ -253,7 +258,7 @@ def capacity_loss(capacities, settings=None, **changes):
 
     Returns
     -------
-    losses : Laws; points: one row a loss [%].
+    losses : Result; points: one row a loss [%].
 
     Raises
     ------
@@ -265,7 +270,7 @@ def capacity_loss(capacities, settings=None, **changes):
 
     options = inputs.settings_of(CapacityLoss, settings, changes)
     losses, notes = capacity_losses(_rows(capacities), **options._asdict())
-    return results.Laws(law_rows(losses), losses, tuple(notes))
+    return results.Result({"rows": law_rows(losses), "points": losses}, notes=tuple(notes))
 
 
 def ica_over_temperature(charges, settings=None, **changes):
@@ -278,7 +283,7 @@ def ica_over_temperature(charges, settings=None, **changes):
 
     Returns
     -------
-    matches : PeakMatches.
+    matches : Result.
 
     Raises
     ------
@@ -290,7 +295,8 @@ def ica_over_temperature(charges, settings=None, **changes):
 
     options = inputs.settings_of(IcaTemperature, settings, changes)
     matched = peaks_over_temperature([_charge(charge) for charge in charges], **options._asdict())
-    return results.PeakMatches(matched.matches, matched.peaks, matched.curves, tuple(matched.notes))
+    tables = {"rows": matched.matches, "peaks": matched.peaks, "curves": matched.curves}
+    return results.Result(tables, notes=tuple(matched.notes))
 
 
 def _charge(charge):
@@ -315,7 +321,7 @@ def ageing_over_temperature(cycles, test, settings=None, **changes):
 
     Returns
     -------
-    laws : AgeingLaws.
+    laws : Result.
 
     Raises
     ------
@@ -332,7 +338,8 @@ def ageing_over_temperature(cycles, test, settings=None, **changes):
     ageing = cycle_temperature(table, **inputs.settings_of(Ageing, settings, changes)._asdict())
     rows = law_rows(ageing.summary, test=inputs.test_facts(test).test)
     notes = tuple(filter(None, [ageing.summary["reason"]]))
-    return results.AgeingLaws(ageing.summary, rows, ageing.cycles, ageing.periodogram, notes)
+    tables = {"cycles": ageing.cycles, "rows": rows, "periodogram": ageing.periodogram}
+    return results.Result(tables, {"summary": ageing.summary}, notes)
 
 
 def thermal_constants(cell, model, tests, *, split_rest_second=MODELS.split_rest_second):
@@ -347,7 +354,7 @@ def thermal_constants(cell, model, tests, *, split_rest_second=MODELS.split_rest
 
     Returns
     -------
-    thermal : Document; content: heat_capacity_joule_per_kelvin [J/K], resistance_kelvin_per_watt
+    thermal : Result; content: heat_capacity_joule_per_kelvin [J/K], resistance_kelvin_per_watt
         [K/W], their standard deviations, the entropic coefficient over SoC [V/K], or None and the
         reason; its table: one row a test.
 
@@ -357,4 +364,4 @@ def thermal_constants(cell, model, tests, *, split_rest_second=MODELS.split_rest
 
     about = inputs.model(model), inputs.cell_facts(cell), inputs.tests(tests)
     found = thermal_of(*about, split_rest_second=split_rest_second)
-    return results.Document(found.content, found.notes, found.rows)
+    return results.Result({"rows": found.rows}, found.content, found.notes)

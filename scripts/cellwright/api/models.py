@@ -21,7 +21,7 @@ def identify(
 
     Returns
     -------
-    model : Document; content: schema cellwright-model/2; its table: one row a parameter.
+    model : Result; content: schema cellwright-model/2; its table: one row a parameter.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def identify(
 def _model(content):
     from cellwright.circuits.parameters import parameter_rows
 
-    return results.Document(content, tuple(content["notes"]), parameter_rows(content))
+    return results.Result({"parameters": parameter_rows(content)}, content, tuple(content["notes"]))
 
 
 def identify_without(
@@ -55,7 +55,7 @@ def identify_without(
 
     Returns
     -------
-    model : Document, as of `identify`.
+    model : Result, as of `identify`.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def compare_identification_methods(cell, basis, tests, settings=None, **changes)
 
     Returns
     -------
-    comparison : Table; one row a pulse and method: r0_ohm, r1_ohm, r2_ohm [ohm], tau1_second,
+    comparison : Result; one row a pulse and method: r0_ohm, r1_ohm, r2_ohm [ohm], tau1_second,
         tau2_second [s], rmse_volt [V], evaluations, and the reason where a method has no circuit.
         Without a pulse that counts there is no row, and `notes` say why.
 
@@ -111,7 +111,8 @@ def compare_identification_methods(cell, basis, tests, settings=None, **changes)
     comparison = compare_methods(
         measured, inputs.basis(basis), inputs.cell_facts(cell), **chosen._asdict()
     )
-    return results.Table(comparison.rows, (*sentences(found), *comparison.left_out))
+    notes = (*sentences(found), *comparison.left_out)
+    return results.Result({"rows": comparison.rows}, notes=notes)
 
 
 def compare_temperature_laws(
@@ -127,7 +128,7 @@ def compare_temperature_laws(
 
     Returns
     -------
-    laws : Table; one row a test and law: errors [V], chosen.
+    laws : Result; one row a test and law: errors [V], chosen.
 
     Raises
     ------
@@ -144,7 +145,8 @@ def compare_temperature_laws(
     offered, refused = laws_beyond(whole)
     choice = choose_laws(rows, beyond=offered)
     marked = [row | {"chosen": row["law"] == choice.laws[row["beyond"]]} for row in rows]
-    return results.Table(marked, (choice.words, *filter(None, [refused]), *notes))
+    notes = (choice.words, *filter(None, [refused]), *notes)
+    return results.Result({"rows": marked}, notes=notes)
 
 
 def predict_left_out(
@@ -159,7 +161,7 @@ def predict_left_out(
 
     Returns
     -------
-    predictions : Table; one row a test: errors [V].
+    predictions : Result; one row a test: errors [V].
     """
     from cellwright.identification.compensation import laws_kept, predicted
 
@@ -173,7 +175,7 @@ def predict_left_out(
         proof=True,
         split_rest_second=split_rest_second,
     )
-    return results.Table(rows, tuple(notes))
+    return results.Result({"rows": rows}, notes=tuple(notes))
 
 
 def finish_model(
@@ -198,7 +200,7 @@ def finish_model(
 
     Returns
     -------
-    model : FinishedModel; content: schema cellwright-model/2.
+    model : Result; content: schema cellwright-model/2.
 
     Raises
     ------
@@ -221,7 +223,8 @@ def finish_model(
         split_rest_second=split_rest_second,
     )
     notes = (content["choice"],) if choice else ()
-    return results.FinishedModel(content, parameter_rows(content), choice, notes)
+    tables = {"parameters": parameter_rows(content), "choice": choice}
+    return results.Result(tables, content, notes)
 
 
 def refuse_model(tests, *, fit_kinds=("hppc", "drive", "capacity"), lent_curve=False):
@@ -254,7 +257,7 @@ def model_of_table(
 
     Returns
     -------
-    model : Document, as of `identify`.
+    model : Result, as of `identify`.
 
     Raises
     ------
@@ -279,7 +282,7 @@ def borrow_model(cell, peers):
 
     Returns
     -------
-    model : Document, as of `identify`.
+    model : Result, as of `identify`.
 
     Raises
     ------
@@ -312,7 +315,7 @@ def compare_bias_ways(cells, *, split_rest_second=MODELS.split_rest_second):
 
     Returns
     -------
-    ways : Table; one row a cell, way and test: rmse_volt, mean_abs_volt, max_abs_volt,
+    ways : Result; one row a cell, way and test: rmse_volt, mean_abs_volt, max_abs_volt,
         half_interval_volt [V], share_within, relative errors of resistances [1].
 
     Raises
@@ -324,7 +327,7 @@ def compare_bias_ways(cells, *, split_rest_second=MODELS.split_rest_second):
     from cellwright.bias.ways import compare_ways
 
     rows, notes = compare_ways(_scored(cells), split_rest_second=split_rest_second)
-    return results.Table(rows, tuple(notes))
+    return results.Result({"rows": rows}, notes=tuple(notes))
 
 
 def worst_corrected(rows):
@@ -385,7 +388,7 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
 
     Returns
     -------
-    simulation : Simulation; (n,) columns: soc [1], ocv_volt, voltage_volt [V].
+    simulation : Result; (n,) columns: soc [1], ocv_volt, voltage_volt [V].
 
     Raises
     ------
@@ -409,7 +412,7 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     run = simulate_model(model, member, time, ampere, soc, celsius)
     columns = {"test_time_second": time, "current_ampere": ampere, "soc": soc}
     columns |= {"ocv_volt": run.ocv_volt, "voltage_volt": run.voltage_volt}
-    return results.Simulation(columns, member_of(model, member)["model"])
+    return results.Result({"columns": columns}, {"member": member_of(model, member)["model"]})
 
 
 def validate(
@@ -428,7 +431,7 @@ def validate(
 
     Returns
     -------
-    validation : Scored; one row a member: rmse_volt, max_abs_volt [V] and others.
+    validation : Result; one row a member: rmse_volt, max_abs_volt [V] and others.
 
     Raises
     ------
@@ -449,7 +452,8 @@ def validate(
         measured,
         split_rest_second=split_rest_second,
     )
-    return results.Scored(scores.rows, scores.series, tuple(scores.notes))
+    tables = {"rows": scores.rows, "series": scores.series}
+    return results.Result(tables, notes=tuple(scores.notes))
 
 
 def estimate_soc(
@@ -471,7 +475,7 @@ def estimate_soc(
 
     Returns
     -------
-    estimates : Scored; one row a filter, start and scenario: rmse_soc, max_abs_soc [1],
+    estimates : Result; one row a filter, start and scenario: rmse_soc, max_abs_soc [1],
         convergence_second [s]; series: (n,) estimates of the first start.
 
     Raises
@@ -491,4 +495,5 @@ def estimate_soc(
         settings=inputs.settings_of(Soc, settings, changes),
         split_rest_second=split_rest_second,
     )
-    return results.Scored(runs.rows, runs.series, tuple(runs.notes))
+    tables = {"rows": runs.rows, "series": runs.series}
+    return results.Result(tables, notes=tuple(runs.notes))

@@ -20,7 +20,7 @@ def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_te
 
     Returns
     -------
-    pack : PackDocument; content: schema cellwright-pack/1, lookup: its tables in long form.
+    pack : Result; content: schema cellwright-pack/1, lookup: its tables in long form.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_te
         for entry in document["cells"]
         if entry["instead_of"]
     ]
-    return results.PackDocument(document, pack_lookup(document), tuple(notes))
+    return results.Result({"lookup": pack_lookup(document)}, document, tuple(notes))
 
 
 def pack_model(source):

@@ -30,7 +30,7 @@ def simulate_pack(
 
     Returns
     -------
-    simulation : PackSimulation; (n,) columns: voltage_volt [V], cell_<k>_current_ampere [A],
+    simulation : Result; (n,) columns: voltage_volt [V], cell_<k>_current_ampere [A],
         cell_<k>_voltage_volt [V], cell_<k>_soc [1], cell_<k>_temperature_celsius [°C].
 
     Raises
@@ -46,7 +46,8 @@ def simulate_pack(
     around = {"ambient_celsius": temperature_celsius, "thermal": thermal}
     run = simulated(time, total, cells, wiring, initial_soc=initial_soc, hold=hold, **around)
     columns = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
-    return results.PackSimulation(columns | _of_cells(run), cells.names, cells.members, [])
+    about = {"cells": cells.names, "members": cells.members}
+    return results.Result({"columns": columns | _of_cells(run), "rows": []}, about)
 
 
 def run_pack_phases(
@@ -69,7 +70,7 @@ def run_pack_phases(
 
     Returns
     -------
-    simulation : PackSimulation; columns as of `simulate_pack` and `phase`; rows say when, why and
+    simulation : Result; columns as of `simulate_pack` and `phase`; rows say when, why and
         by which cell each phase ended.
 
     Raises
@@ -86,7 +87,8 @@ def run_pack_phases(
     names = ("test_time_second", "phase", "current_ampere", "voltage_volt")
     columns = {name: getattr(run, name) for name in names} | _of_cells(run)
     ends = [end._asdict() for end in run.ends]
-    return results.PackSimulation(columns, cells.names, cells.members, ends)
+    about = {"cells": cells.names, "members": cells.members}
+    return results.Result({"columns": columns, "rows": ends}, about)
 
 
 def _wired(models, members, celsius, thermal, member):
@@ -131,7 +133,7 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
 
     Returns
     -------
-    pack : SeriesPack; one row of the pack, rows of its cells, of its power and of its charge.
+    pack : Result; one row of the pack, rows of its cells, of its power and of its charge.
 
     Raises
     ------
@@ -153,7 +155,10 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
     record = group_record(measured, positions, cells=len(positions))
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     found = analysed(documents, positions, facts, record, chosen)
-    return results.SeriesPack(*found)
+    tables = {
+        name: getattr(found, name) for name in ("cells", "pack", "power", "waterfall", "series")
+    }
+    return results.Result(tables, notes=found.notes)
 
 
 def validate_group(
@@ -175,7 +180,7 @@ def validate_group(
 
     Returns
     -------
-    validation : ScoredGroup; one row a branch: errors of current [A] and voltage [V], and how wide
+    validation : Result; one row a branch: errors of current [A] and voltage [V], and how wide
         their intervals of 90 % are.
 
     Raises
@@ -213,7 +218,8 @@ def validate_group(
     warms = _thermal_of(thermal, cells_of(wiring))
     how = {"leaves": leaves, "uncertainty": known, "thermal": warms}
     found = validated(documents, facts, measured, wiring, **how)
-    return results.ScoredGroup(*found)
+    tables = {name: getattr(found, name) for name in ("rows", "findings", "spread", "series")}
+    return results.Result(tables, notes=found.notes)
 
 
 def nested_pack(models, members, series, test):
@@ -228,7 +234,7 @@ def nested_pack(models, members, series, test):
 
     Returns
     -------
-    pack : Scored; a row a channel: errors of the pack's voltage, of branch currents, of cell
+    pack : Result; a row a channel: errors of the pack's voltage, of branch currents, of cell
         voltages.
 
     Raises
@@ -255,7 +261,7 @@ def nested_pack(models, members, series, test):
     record = group_record(measured, [by_name[name] for name in own], cells=len(leaves))
     refuse_contradiction(record, wiring)
     found = scored(documents, wiring, [by_name[name] for name in leaves], record)
-    return results.Scored(found.rows, found.series, found.notes)
+    return results.Result({"rows": found.rows, "series": found.series}, notes=found.notes)
 
 
 def pack_decisions(
@@ -284,7 +290,7 @@ def pack_decisions(
 
     Returns
     -------
-    decisions : Table; rows of decision, quantity, cell, unit, value and percentiles.
+    decisions : Result; rows of decision, quantity, cell, unit, value and percentiles.
 
     Raises
     ------
@@ -308,7 +314,7 @@ def pack_decisions(
     if warms is not None and not string:
         how = f"cells warm by their own heat from {temperature_celsius:.1f} °C"
     notes = [how, *_borrowed(documents)]
-    return results.Table(rows, tuple(notes))
+    return results.Result({"rows": rows}, notes=tuple(notes))
 
 
 def match_cells(models, cells, capacities=(), settings=None, **changes):
@@ -321,7 +327,7 @@ def match_cells(models, cells, capacities=(), settings=None, **changes):
 
     Returns
     -------
-    matching : Matching; rows of what is gained, rows of who is put where.
+    matching : Result; rows of what is gained, rows of who is put where.
 
     Raises
     ------
@@ -338,7 +344,8 @@ def match_cells(models, cells, capacities=(), settings=None, **changes):
     cutoffs_of(facts)
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     fleet = fleet_of(documents, facts, _capacity_stds(capacities, names), chosen)
-    return results.Matching(*matched_fleet(fleet, chosen))
+    rows, assembly = matched_fleet(fleet, chosen)
+    return results.Result({"rows": rows, "assembly": assembly})
 
 
 def _pack(models, members, cells):

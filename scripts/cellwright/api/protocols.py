@@ -19,7 +19,7 @@ def course(tests, cell):
 
     Returns
     -------
-    course : Table; rows: `protocols.course.Course`, one entry a test: test_before, hour_between
+    course : Result; rows: `protocols.course.Course`, one entry a test: test_before, hour_between
         [h], state_at_begin ("full", "empty" or "" where not known) and words.
 
     Raises
@@ -47,7 +47,7 @@ def course(tests, cell):
         )
         for test, series, steps in tests
     ]
-    return results.Table(course_of(ends, **limits))
+    return results.Result({"rows": course_of(ends, **limits)})
 
 
 def _before(course, test):
@@ -84,7 +84,7 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, 
 
     Returns
     -------
-    capacities : Table; rows: `protocols.capacity.CapacityRows`, (k,): charge [Ah], energy [Wh],
+    capacities : Result; rows: `protocols.capacity.CapacityRows`, (k,): charge [Ah], energy [Wh],
         rate [1/h], efficiency [1]. Half cycles left out are in the notes.
 
     Raises
@@ -107,7 +107,7 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, 
         **_before(course, test),
         curve=_nearest(curves, test),
     )
-    return results.Table(half_cycles.rows, tuple(half_cycles.left_out))
+    return results.Result({"rows": half_cycles.rows}, notes=tuple(half_cycles.left_out))
 
 
 def ocv(series, cell, *, least_hour=OCV.least_hour, test=None):
@@ -122,7 +122,7 @@ def ocv(series, cell, *, least_hour=OCV.least_hour, test=None):
 
     Returns
     -------
-    ocv : Ocv; curve: `protocols.ocv.slow.OcvCurve` over SoC, functions: list of OcvFunction.
+    ocv : Result; curve: `protocols.ocv.slow.OcvCurve` over SoC, functions: list of OcvFunction.
 
     Raises
     ------
@@ -143,7 +143,8 @@ def ocv(series, cell, *, least_hour=OCV.least_hour, test=None):
         soc_at_start=None if test is None else inputs.test_facts(test).soc,
     )
     notes = tuple(filter(None, [curve.note]))
-    return results.Ocv(curve, fit_functions(curve.soc, curve.ocv_volt), notes)
+    tables = {"curve": curve, "functions": fit_functions(curve.soc, curve.ocv_volt)}
+    return results.Result(tables, notes=notes)
 
 
 def ocv_from_rests(
@@ -161,7 +162,7 @@ def ocv_from_rests(
 
     Returns
     -------
-    ocv : RestOcv; curve over SoC as of `ocv`, points: dict of (k,) columns, one entry a rest.
+    ocv : Result; curve over SoC as of `ocv`, points: dict of (k,) columns, one entry a rest.
 
     Raises
     ------
@@ -190,7 +191,8 @@ def ocv_from_rests(
     limits = {name: getattr(cell, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
     curve = ocv_of_rests(points, scale, **limits)
     table = points._asdict() | {"soc": soc_at(points, scale)}
-    return results.RestOcv(curve, table, scale.source, (curve.note,))
+    tables, words = {"curve": curve, "points": table}, {"capacity_source": scale.source}
+    return results.Result(tables, words, (curve.note,))
 
 
 def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
@@ -205,7 +207,7 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
 
     Returns
     -------
-    shifts : Table; one row a plateau: shift [V] and its uncertainty, temperatures [°C], SoC [1].
+    shifts : Result; one row a plateau: shift [V] and its uncertainty, temperatures [°C], SoC [1].
 
     Raises
     ------
@@ -224,7 +226,8 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
         inputs.steps(steps),
         **inputs.settings_of(OcvStep, settings, changes)._asdict(),
     )
-    return results.Table(shifts.rows, (f"SoC: {anchored.anchor}", *shifts.left_out))
+    notes = (f"SoC: {anchored.anchor}", *shifts.left_out)
+    return results.Result({"rows": shifts.rows}, notes=notes)
 
 
 def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None, **changes):
@@ -240,7 +243,7 @@ def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None,
 
     Returns
     -------
-    resistances : Table; rows: `protocols.resistance.ResistanceRows`, (k,): resistance_ohm and
+    resistances : Result; rows: `protocols.resistance.ResistanceRows`, (k,): resistance_ohm and
         resistance_std_ohm [ohm] by SoC [1], direction and delay [s]; SoC is NaN where not known.
 
     Raises
@@ -261,7 +264,8 @@ def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None,
         rated_capacity_ampere_hour=inputs.basis(basis)["capacity_ampere_hour"],
         **inputs.settings_of(Resistance, settings, changes)._asdict(),
     )
-    return results.Table(pulses.rows, (f"SoC: {anchored.anchor}", *pulses.left_out))
+    notes = (f"SoC: {anchored.anchor}", *pulses.left_out)
+    return results.Result({"rows": pulses.rows}, notes=notes)
 
 
 def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None, **changes):
@@ -277,7 +281,7 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
 
     Returns
     -------
-    relaxation : Relaxation; rows: `protocols.rests.RestRows`, (k,): amplitudes [V], time constants
+    relaxation : Result; rows: `protocols.rests.RestRows`, (k,): amplitudes [V], time constants
         [s] and their uncertainty; curve: voltage over time of one rest.
 
     Raises
@@ -307,7 +311,8 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
     stated = inputs.test_facts(test).soc is not None
     told = np.isnan(anchored.soc).all() or (stated and not anchored.anchor.startswith(AS_STATED))
     where = [f"SoC: {anchored.anchor}"] if told else []
-    return results.Relaxation(rests.rows, shown, (*where, *rests.left_out))
+    tables = {"rows": rests.rows, "curve": shown}
+    return results.Result(tables, notes=(*where, *rests.left_out))
 
 
 def ica(series, steps, settings=None, **changes):
@@ -320,7 +325,7 @@ def ica(series, steps, settings=None, **changes):
 
     Returns
     -------
-    ica : Ica; curve: `protocols.ica.curve.IncrementalCapacity` [Ah/V] over voltage [V].
+    ica : Result; curve: `protocols.ica.curve.IncrementalCapacity` [Ah/V] over voltage [V].
 
     Raises
     ------
@@ -340,7 +345,8 @@ def ica(series, steps, settings=None, **changes):
     curve, slope = charge_slope(voltage[rows], charge[rows], settings=chosen)
     # The mean current of a step that holds the voltage in the end is less than its constant one.
     rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
-    return results.Ica(curve, float(np.median(current[rows]) / rated), slope)
+    about = {"c_rate": float(np.median(current[rows]) / rated), "slope": slope}
+    return results.Result({"curve": curve}, about)
 
 
 def ica_peaks(ica, *, prominence=ICA.prominence):
@@ -353,7 +359,7 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
 
     Returns
     -------
-    peaks : Table; (k,) columns: voltage [V], height [Ah/V], area [Ah], width [V], each with its
+    peaks : Result; (k,) columns: voltage [V], height [Ah/V], area [Ah], width [V], each with its
         standard deviation.
 
     Raises
@@ -363,7 +369,7 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
     from cellwright.protocols.ica.charge import charge_peaks
 
     options = {"c_rate": ica.c_rate, "prominence": prominence}
-    return results.Table(charge_peaks(ica.curve, ica.slope, **options))
+    return results.Result({"rows": charge_peaks(ica.curve, ica.slope, **options)})
 
 
 def impedance(spectrum, settings=None, **changes):
@@ -377,7 +383,7 @@ def impedance(spectrum, settings=None, **changes):
 
     Returns
     -------
-    impedance : Impedance.
+    impedance : Result.
 
     Raises
     ------
@@ -395,7 +401,9 @@ def impedance(spectrum, settings=None, **changes):
         temperature_celsius=columns.get("surface_temperature_celsius"),
         **inputs.settings_of(Impedance, settings, changes)._asdict(),
     )
-    return results.Impedance(**analysis._asdict())
+    found = analysis._asdict()
+    tables = {"rows": [found.pop("row")], **found}
+    return results.Result(tables, notes=tables.pop("notes"))
 
 
 def thermometer(spectra, series):
@@ -407,12 +415,15 @@ def thermometer(spectra, series):
 
     Returns
     -------
-    offsets : Table; one row a chamber temperature: the offset [K], NaN without either reading.
+    offsets : Result; one row a chamber temperature: the offset [K], NaN without either reading.
     """
     from cellwright.protocols.impedance.trust import rested_temperature, temperature_offsets
 
     names = ("test_time_second", "current_ampere", "surface_temperature_celsius")
-    read = [(test, getattr(entry, "row", entry)["temperature_celsius"]) for test, entry in spectra]
+    read = [
+        (test, inputs.rows(getattr(entry, "rows", [entry]))[0]["temperature_celsius"])
+        for test, entry in spectra
+    ]
     at_rest = [
         (test, rested_temperature(*[inputs.columns(entry).get(name) for name in names]))
         for test, entry in series
@@ -422,7 +433,7 @@ def thermometer(spectra, series):
         for entry in (read, at_rest)
     ]
     rows, notes = temperature_offsets(*pairs)
-    return results.Table(rows, tuple(notes))
+    return results.Result({"rows": rows}, notes=tuple(notes))
 
 
 def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=None, **changes):
@@ -439,7 +450,7 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=No
 
     Returns
     -------
-    charge : Table with one row, `protocols.fast_charge.FastCharge`: charge [Ah], shares [1].
+    charge : Result with one row, `protocols.fast_charge.FastCharge`: charge [Ah], shares [1].
 
     Raises
     ------
@@ -461,7 +472,7 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=No
         soc_at_start=soc,
         **inputs.settings_of(FastCharge, settings, changes)._asdict(),
     )
-    return results.Table([charge], tuple(notes))
+    return results.Result({"rows": [charge]}, notes=tuple(notes))
 
 
 def ageing_cycles(series, steps, test, cell, course=None):
@@ -475,7 +486,7 @@ def ageing_cycles(series, steps, test, cell, course=None):
 
     Returns
     -------
-    cycles : Cycles; rows: `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C]; left_out:
+    cycles : Result; rows: `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C]; left_out:
         for each reason how many half cycles were left out, and which.
 
     Raises
@@ -497,4 +508,5 @@ def ageing_cycles(series, steps, test, cell, course=None):
         **_before(course, test),
     )
     left_out = tuple(complete.left_out)
-    return results.Cycles(complete.rows, (*left_out, *complete.by_rest), left_out)
+    notes = (*left_out, *complete.by_rest)
+    return results.Result({"rows": complete.rows}, {"left_out": left_out}, notes)

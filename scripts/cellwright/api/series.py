@@ -28,7 +28,7 @@ def read(
 
     Returns
     -------
-    raw : Raw. Of a series test_time_second [s], current_ampere [A], positive on charge,
+    raw : Result. Of a series test_time_second [s], current_ampere [A], positive on charge,
         voltage_volt [V], file_index [1] and other columns; of a spectrum frequency_hertz [Hz],
         impedance_real_ohm, impedance_imaginary_ohm [ohm].
 
@@ -49,11 +49,14 @@ def read(
         joined = assemble(readings, stated_sign=current_sign)
         if members:
             refuse_beyond(joined.columns, members=members, cells=cells or members)
-        return results.Raw(joined.columns, kind, instruments, tuple(joined.notes))
+        about = {"kind": kind, "instrument": instruments}
+        return results.Result({"columns": joined.columns}, about, tuple(joined.notes))
     if len(readings) != 1 or readings[0].kind != kind:
         held = ", ".join(reading.kind for reading in readings)
         raise Refusal(f"the files hold {held or 'nothing'}, wanted one of {kind}")
-    return results.Raw(readings[0].columns, kind, instruments, ())
+    return results.Result(
+        {"columns": readings[0].columns}, {"kind": kind, "instrument": instruments}
+    )
 
 
 def read_simulated(source, *, name=None):
@@ -107,7 +110,7 @@ def clean(series, settings=None, **changes):
 
     Returns
     -------
-    series : CleanSeries; charge_ampere_hour [Ah] is added.
+    series : Result; charge_ampere_hour [Ah] is added.
 
     Raises
     ------
@@ -119,7 +122,8 @@ def clean(series, settings=None, **changes):
 
     options = inputs.settings_of(Clean, settings, changes)
     cleaning = cleaned(inputs.columns(series, *inputs.NAMES), **options._asdict())
-    return results.CleanSeries(cleaning.columns, cleaning.actions, tuple(cleaning.notes))
+    tables = {"columns": cleaning.columns, "actions": cleaning.actions}
+    return results.Result(tables, notes=tuple(cleaning.notes))
 
 
 def repeats(tests, roles=("fit", "validation", "split")):
@@ -132,7 +136,7 @@ def repeats(tests, roles=("fit", "validation", "split")):
 
     Returns
     -------
-    repeats : Table; rows: `records.repeats.Repeats`, (k,): the test and rows in which it does not
+    repeats : Result; rows: `records.repeats.Repeats`, (k,): the test and rows in which it does not
         count, times [s], and the test in which it does; a note on each.
 
     Source: docs/cleaning.md.
@@ -141,7 +145,7 @@ def repeats(tests, roles=("fit", "validation", "split")):
     from cellwright.records.repeats import sentences
 
     found = shared(inputs.tests(tests), roles)
-    return results.Table(found, sentences(found))
+    return results.Result({"rows": found}, notes=sentences(found))
 
 
 def segment(series, cell=None, settings=None, **changes):
@@ -155,7 +159,7 @@ def segment(series, cell=None, settings=None, **changes):
 
     Returns
     -------
-    steps : Table; rows: `series.steps.Steps`, (k,) columns with rows, times [s], mean current [A],
+    steps : Result; rows: `series.steps.Steps`, (k,) columns with rows, times [s], mean current [A],
         voltages [V], charge [Ah] and rate [1/h] of each step.
 
     Raises
@@ -174,4 +178,4 @@ def segment(series, cell=None, settings=None, **changes):
         rated_capacity_ampere_hour=rated,
         **inputs.settings_of(Segment, settings, changes)._asdict(),
     )
-    return results.Table(steps)
+    return results.Result({"rows": steps})

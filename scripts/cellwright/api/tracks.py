@@ -17,7 +17,7 @@ def ica_life(series, steps, cycles, settings=None, *, most=TRACKS.most_charges, 
 
     Returns
     -------
-    life : IcaLife; rows: one a peak, curves: columns cycle, voltage [V], dQ/dV [Ah/V].
+    life : Result; rows: one a peak, curves: columns cycle, voltage [V], dQ/dV [Ah/V].
 
     Raises
     ------
@@ -33,7 +33,8 @@ def ica_life(series, steps, cycles, settings=None, *, most=TRACKS.most_charges, 
     columns = inputs.columns(cycles, "cycle", "direction", "start_time_second")
     steps = inputs.steps(steps)._asdict()
     found = peaks_of_life(*record, steps, columns, settings=chosen, most=most)
-    return results.IcaLife(found.rows, found.curves, tuple(found.notes))
+    tables = {"rows": found.rows, "curves": found.curves}
+    return results.Result(tables, notes=tuple(found.notes))
 
 
 def ica_tracks(charges, settings=None, *, chemistry="", **changes):
@@ -47,7 +48,7 @@ def ica_tracks(charges, settings=None, *, chemistry="", **changes):
 
     Returns
     -------
-    tracks : Table; rows: `health.tracking.TrackRow`, one a peak and charge.
+    tracks : Result; rows: `health.tracking.TrackRow`, one a peak and charge.
 
     Raises
     ------
@@ -59,4 +60,5 @@ def ica_tracks(charges, settings=None, *, chemistry="", **changes):
 
     options = inputs.settings_of(IcaTracks, settings, changes)._asdict()
     options.pop("most_charges")
-    return results.Table(tracked_peaks(charges, chemistry=chemistry or "", **options))
+    rows = tracked_peaks(charges, chemistry=chemistry or "", **options)
+    return results.Result({"rows": rows})
