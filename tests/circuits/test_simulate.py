@@ -48,7 +48,7 @@ def _diffusion():
     ("change", "reason"),
     [
         ({"hold": "second_order"}, "hold of the current is 'second_order'"),
-        ({"test_time_second": [0.0, 2.0, 1.0]}, "time runs back after sample 1"),
+        ({"test_time_second": [0.0, 2.0, 1.0]}, "the clock runs back after row 1"),
         ({"current_ampere": [0.0, np.nan, 1.0]}, "not finite"),
         ({"current_ampere": [0.0, 1.0]}, "both must be"),
         ({"test_time_second": [], "current_ampere": []}, "holds no sample"),

@@ -146,7 +146,7 @@ def test_the_printed_law_never_learns():
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"time": [0.0, 2.0, 1.0]}, "time runs back after sample 1"),
+        ({"time": [0.0, 2.0, 1.0]}, "the clock runs back after row 1"),
         ({"voltage": [3.0, np.nan, 3.0]}, "not finite"),
         ({"current": [0.0, 1.0]}, "all must be"),
         ({"time": [], "current": [], "voltage": []}, "no sample"),

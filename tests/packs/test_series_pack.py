@@ -214,7 +214,10 @@ def test_a_drive_is_no_capacity_test():
     ("call", "message"),
     [
         (lambda: simulate_string([], [0.0], [0.0], initial_soc=1.0), "without models"),
-        (lambda: simulate_string(MODELS, [0, 1, 0], [0, 0, 0], initial_soc=1.0), "time runs back"),
+        (
+            lambda: simulate_string(MODELS, [0, 1, 0], [0, 0, 0], initial_soc=1.0),
+            "the clock runs back",
+        ),
         (lambda: cutoffs_of([FACTS[0], CellFacts("X")]), "no cut-offs are stated for X"),
         (
             lambda: string_soc(

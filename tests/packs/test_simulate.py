@@ -171,7 +171,7 @@ def test_refusals():
     def run(time=TIME, load=LOAD, wiring=THREE, **changes):
         return simulate_pack(time, load, pack(*CELLS), wiring, **{"initial_soc": 0.5} | changes)
 
-    with pytest.raises(Refusal, match="time runs back after sample 0"):
+    with pytest.raises(Refusal, match="the clock runs back after row 0"):
         run(time=TIME[::-1])
     with pytest.raises(Refusal, match="not finite"):
         run(load=LOAD * np.nan)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import Branch, kind_of
+from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.hysteresis import preisach
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.refusal import Refusal
@@ -167,8 +168,7 @@ def _checked(test_time_second, current_ampere):
         raise Refusal("the record holds no sample")
     if not (np.isfinite(time).all() and np.isfinite(current).all()):
         raise Refusal("time or current holds values that are not finite")
-    if np.any(np.diff(time) < 0):
-        raise Refusal(f"time runs back after sample {int(np.argmax(np.diff(time) < 0))}")
+    refuse_backward(time)
     return time, current
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.instrument import load_direction
+from cellwright.numerics.clock import refuse_backward
 from cellwright.records.conditions import LOW_C_RATE, low_current
 from cellwright.records.record import STATED, checked
 from cellwright.records.thinning import driven
@@ -303,9 +304,7 @@ def _check_group(record, branches):
         if len(wrong):
             value = values[tuple(wrong[0])]
             raise Refusal(f"{record.test}: row {wrong[0][0]} of {name} is {value}, not a number")
-    back = np.flatnonzero(np.diff(record.test_time_second) < 0)
-    if len(back):
-        raise Refusal(f"{record.test}: the clock runs back after row {back[0]}")
+    refuse_backward(record.test_time_second, of=record.test)
     if record.branch_current_ampere is not None:
         _check_sum(record, branches)
 

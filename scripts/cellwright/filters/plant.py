@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.filters.bank import NODES, drives
+from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.lags import lag, lag_weights
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
@@ -312,8 +313,7 @@ def _checked(time, current, voltage):
         raise Refusal("the record holds no sample")
     if not all(np.isfinite(column).all() for column in columns):
         raise Refusal("time, current or voltage holds values that are not finite")
-    if np.any(np.diff(columns[0]) < 0):
-        raise Refusal(f"time runs back after sample {int(np.argmax(np.diff(columns[0]) < 0))}")
+    refuse_backward(columns[0])
     return columns
 
 

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.clock import refuse_backward
 from cellwright.packs.kernel import Keep, Load, Steps
 from cellwright.packs.simulate import (
     TOLERANCE_VOLT,
@@ -182,8 +183,9 @@ def _check(index, phase):
         time, current = (np.asarray(column, float) for column in phase.value)
         if time.shape != current.shape or time.ndim != 1 or len(time) < 2 or time[0] != 0:
             raise Refusal(f"the drive of phase {number} has no two samples from 0 s on")
-        if np.any(np.diff(time) < 0) or not np.isfinite([time, current]).all():
-            raise Refusal(f"the drive of phase {number} runs back in time or is not finite")
+        refuse_backward(time, of=f"the drive of phase {number}")
+        if not np.isfinite([time, current]).all():
+            raise Refusal(f"the drive of phase {number} is not finite")
         return
     if not any(np.isfinite(end).any() for end in _ends(phase)):
         raise Refusal(f"phase {number} of kind {phase.kind} has no end")

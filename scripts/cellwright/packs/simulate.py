@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.lags import HOLDS
 from cellwright.packs.kernel import Keep, Load, Steps, prepare, run_steps
 from cellwright.packs.network import network_of, sensed_element
@@ -240,8 +241,7 @@ def _record(test_time_second, current_ampere, hold):
         raise Refusal(f"time has shape {time.shape}, current {total.shape}; both must be (n,)")
     if not (np.isfinite(time).all() and np.isfinite(total).all()):
         raise Refusal("time or total current holds values that are not finite")
-    if np.any(np.diff(time) < 0):
-        raise Refusal(f"time runs back after sample {int(np.argmax(np.diff(time) < 0))}")
+    refuse_backward(time)
     if hold not in HOLDS:
         raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
     return time, total

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.exponentials import UNDETERMINED, Normal, best_of_grid, levenberg
 from cellwright.numerics.noise import least_digit
 from cellwright.numerics.statistics import is_white, parameter_covariance, white_noise_of
@@ -223,8 +224,9 @@ def _check(time, voltage):
         raise Refusal(f"rest has {len(time)} sample(s); two exponentials take {FEWEST} or more")
     if not (np.isfinite(time).all() and np.isfinite(voltage).all()):
         raise Refusal("time or voltage of the rest holds values that are not finite")
-    if np.any(np.diff(time) < 0) or time[-1] <= time[0]:
-        raise Refusal("time of the rest runs back or stands still")
+    refuse_backward(time)
+    if time[-1] <= time[0]:
+        raise Refusal("the clock of the rest stands still")
     longest, whole = np.diff(time).max(), time[-1] - time[0]
     if longest > EMPTY * whole:
         raise Refusal(f"{longest:.4g} of the rest's {whole:.4g} s pass between two samples: a gap")

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.noise import least_digit, least_digit_ampere
 from cellwright.records.anchor import AS_STATED, Anchored, slow_soc
 from cellwright.records.basis import at_cycle, on_scale, soc_of
@@ -131,9 +132,7 @@ def checked(record):
         if len(wrong):
             value = getattr(record, name)[wrong[0]]
             raise Refusal(f"row {wrong[0]} of {name} is {value}, not a number")
-    back = np.flatnonzero(np.diff(record.test_time_second) < 0)
-    if len(back):
-        raise Refusal(f"the clock runs back after row {back[0]}")
+    refuse_backward(record.test_time_second)
     return record
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.statistics import robust_std
 from cellwright.refusal import Refusal
 from cellwright.settings import Segment
@@ -418,8 +419,7 @@ def segment(
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
     if len(time) < 3:
         raise Refusal(f"the record has {len(time)} rows; steps need at least 3")
-    if np.any(np.diff(time) < 0):
-        raise Refusal("test time runs backwards; clean the record first")
+    refuse_backward(time)
     rated = rated_capacity_ampere_hour or assumed_rating(current, charge)
     files = np.zeros(len(time), int) if file_index is None else np.asarray(file_index)
     gap = gap_rows(time, files, gap_second=gap_second)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
+from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.lags import mean_over_steps
 from cellwright.numerics.statistics import rms
 from cellwright.packs.checks import beyond_calibration, swapped
@@ -52,8 +53,9 @@ def simulate_string(
     if not models:
         raise Refusal("a string without models cannot be simulated")
     time, current = np.asarray(test_time_second, float), np.asarray(current_ampere, float)
-    if np.any(np.diff(time) < 0) or not np.isfinite(current).all():
-        raise Refusal("time runs back or the current is not finite")
+    refuse_backward(time)
+    if not np.isfinite(current).all():
+        raise Refusal("the current is not finite")
     shape = (len(time), len(models))
     charge = _counted_ampere_hour(time, current, hold)
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
