@@ -58,17 +58,18 @@ def is_number(node) -> bool:
 
 def numeric_constants(paths) -> int:
     """Names in capitals at the top of modules that hold numbers."""
-    count = 0
-    for path in paths:
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if not isinstance(node, ast.Assign) or len(node.targets) != 1:
-                continue
-            target, value = node.targets[0], node.value
-            if isinstance(target, ast.Name):
-                count += target.id.isupper() and is_number(value)
-            elif isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
-                count += sum(map(is_number, value.elts))
-    return count
+    statements = [node for path in paths for node in ast.parse(path.read_text()).body]
+    return sum(map(numbers_named, statements))
+
+
+def numbers_named(node) -> int:
+    """How many names a statement gives to numbers; several at once count each."""
+    if not isinstance(node, ast.Assign) or len(node.targets) != 1:
+        return 0
+    target, value = node.targets[0], node.value
+    if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+        return sum(map(is_number, value.elts))
+    return int(isinstance(target, ast.Name) and target.id.isupper() and is_number(value))
 
 
 def comment_share(paths) -> float:

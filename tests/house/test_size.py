@@ -1,4 +1,4 @@
-"""Laws of size, for all code of ours: functions, nesting, files, and the rules' thin scripts."""
+"""Laws of size, for all code of ours: functions, nesting, and the rules' thin scripts."""
 
 import ast
 import re
@@ -6,7 +6,6 @@ import re
 from tree import ROOT, SCRIPTS, functions, held_by_every, modules, name, parsed
 
 FUNCTION_LINES = 60
-FILE_LINES = 500
 NESTING = 2
 SCRIPT_LINES = 20
 BLOCKS = (ast.For, ast.While, ast.If, ast.With, ast.Try, ast.Match)
@@ -46,12 +45,6 @@ def test_functions_are_short(path):
 def test_nesting_is_shallow(path):
     deep = {f.name: depth(f) for f in functions(path) if depth(f) > NESTING}
     assert not deep, f"{name(path)}: blocks nested deeper than {NESTING}: {deep}"
-
-
-@every_module
-def test_files_are_short(path):
-    count = len(path.read_text(encoding="utf-8").splitlines())
-    assert count <= FILE_LINES, f"{name(path)} has {count} lines, at most {FILE_LINES}"
 
 
 @held_by_every([SCRIPTS / f"{script}.py" for script in sorted(RUN_BY_RULES)])

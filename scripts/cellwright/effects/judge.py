@@ -23,7 +23,7 @@ CORE_STEP, OWN_HEAT = 0.5, "self_heating"  # K/W for derivatives; the effect tha
 FAR_STDS = 3.0
 ALIKE_SOC = 0.02  # between two rests whose OCV errs alike
 BANDS = 10  # of the SoC
-LOW_C_RATE, HIGH_C_RATE = 0.05, 0.7
+RATE_CLASSES = (0.05, 0.7)  # C, between rest, low and high rates of a residual map
 RATES = ("rest", "discharge_low", "discharge_high", "charge_low", "charge_high")
 LEAST_ROWS = 5
 
@@ -302,8 +302,8 @@ def rate_of(current_ampere, capacity_ampere_hour):
     """Class of the current of each row: index into RATES."""
     rate = np.asarray(current_ampere) / capacity_ampere_hour
     size = np.abs(rate)
-    high = (size > HIGH_C_RATE).astype(int)
-    return np.where(size <= LOW_C_RATE, 0, np.where(rate < 0, 1 + high, 3 + high))
+    high = (size > RATE_CLASSES[1]).astype(int)
+    return np.where(size <= RATE_CLASSES[0], 0, np.where(rate < 0, 1 + high, 3 + high))
 
 
 def residual_map(stack, role, soc, before, after, capacity_ampere_hour, rows):
