@@ -64,5 +64,5 @@ def test_no_exception_outlives_its_finding(found):
 
 
 def test_the_virtual_laboratory_has_no_other_findings():
-    found = findings("workflow/virtual_lab.smk", "--config", "campaign=scale", "cells=1")
+    found = findings("lab/Snakefile", "--config", "campaign=scale", "cells=1")
     assert {title for _, title in found} == {next(iter(EXCEPTIONS))}

@@ -25,7 +25,7 @@ def zoo_options(wildcards):
 
 def laboratory(wildcards):
     """Hash of what makes the campaign: an edit of the laboratory makes it anew."""
-    folder = PIPELINE / "scripts" / "virtual_lab"
+    folder = PIPELINE / "lab" / "virtual_lab"
     making = [p for p in folder.rglob("*.py") if p.parent.name not in ("score", "reality")]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(making))).hexdigest()[:16]
 
@@ -37,7 +37,7 @@ rule effect_campaign:
     log:
         "logs/effect_campaign.log",
     threads: workflow.cores
-    # Its jobs run scripts/tools/make_campaign.py in the laboratory's own environment.
+    # Its jobs run lab/tools/make_campaign.py in the laboratory's own environment.
     params:
         # Derived, as Snakemake sees it: a clone that was moved makes no campaign anew.
         pipeline=lambda w, output: PIPELINE,
@@ -47,7 +47,7 @@ rule effect_campaign:
     message:
         "The virtual laboratory hides effects in cells: {params.options}."
     shell:
-        "{params.pipeline}/run --lab snakemake -s {params.pipeline}/workflow/virtual_lab.smk"
+        "{params.pipeline}/run --lab snakemake -s {params.pipeline}/lab/Snakefile"
         " --directory {params.pipeline} --cores {threads} --config campaign=hidden"
         " folder=$PWD/{params.folder} {params.options} > {log} 2>&1"
 
@@ -137,7 +137,7 @@ rule zoo_campaign:
     message:
         "Make the part {wildcards.part} of the zoo: {params.options}."
     shell:
-        "{params.pipeline}/run --lab python {params.pipeline}/scripts/tools/make_zoo.py"
+        "{params.pipeline}/run --lab python {params.pipeline}/lab/tools/make_zoo.py"
         " {wildcards.part} {params.folder} {params.options:q} > {log} 2>&1"
 
 

@@ -1,7 +1,7 @@
 """Set the laboratory's records beside real ones: figures, a table, a page.
 
-python scripts/tools/check_reality.py OUT . virtual/thesis --real FOLDER/a123 FOLDER/panasonic
-python scripts/tools/check_reality.py OUT demo=. --real FOLDER/a123 --celsius 25 --cells 8
+python lab/tools/check_reality.py OUT . virtual/thesis --real FOLDER/a123 FOLDER/panasonic
+python lab/tools/check_reality.py OUT demo=. --real FOLDER/a123 --celsius 25 --cells 8
 A campaign is a folder, or a name for the figures, `=` and a folder; what is absent is skipped.
 """
 

@@ -50,7 +50,7 @@ CONFIG = "# No choice of this campaign differs from the documented defaults.\n"
 ABOUT = """# What is hidden in this campaign
 
 `missing_effect.json`: per cell or group its `kind` (reference, none, single, two, unknown), the
-effects with their parameters (defined in scripts/virtual_lab/hidden/vocabulary.py) and the names
+effects with their parameters (defined in lab/virtual_lab/hidden/vocabulary.py) and the names
 that count as right (`accept`). `visible_gap_millivolt`: what is left, as a root mean square over
 the fit tests, when the resistances, time constants and initial states of the plain circuit have
 been refitted, with the exact OCV; `gap_after_base_fit_millivolt`: the OCV, too, may move within

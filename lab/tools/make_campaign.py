@@ -1,7 +1,7 @@
-"""One job of the virtual laboratory, as workflow/virtual_lab.smk calls it.
+"""One job of the virtual laboratory, as lab/Snakefile calls it.
 
-python scripts/tools/make_campaign.py thesis virtual/thesis '{"seed": 0}' P01     files of one job
-python scripts/tools/make_campaign.py thesis virtual/thesis '{"seed": 0}'         sheets and truth
+python lab/tools/make_campaign.py thesis virtual/thesis '{"seed": 0}' P01     files of one job
+python lab/tools/make_campaign.py thesis virtual/thesis '{"seed": 0}'         sheets and truth
 """
 
 import json

@@ -1,7 +1,7 @@
 """The zoo's cells by physics: effects inside porous-electrode cells, beside healthy references.
 
 python -m virtual_lab.zoo.physics_cells FOLDER '{"seed": 0}'        all cells, one after the other
-python scripts/tools/make_campaign.py zoo_physics FOLDER '{}' p003  one cell; without it the sheets
+python lab/tools/make_campaign.py zoo_physics FOLDER '{}' p003  one cell; without it the sheets
 """
 
 import json
@@ -68,7 +68,7 @@ ABOUT = """# What is hidden in these cells by physics
 
 `missing_effect.json`: a row a cell. `kind`: reference, none, single (an effect), unknown (an effect
 that the vocabulary has no name for), sheet (a sheet or thermometer that is wrong). `form`: how the
-cell differs (scripts/virtual_lab/zoo/physics_forms.py), `accept`: names that explain the same data.
+cell differs (lab/virtual_lab/zoo/physics_forms.py), `accept`: names that explain the same data.
 Strengths [mV] compare the cell with the same cell without the effect under the same load: each is
 fitted by a plain circuit (R0, two RC pairs, a start of each drive, the healthy cell's own OCV),
 and the root mean square difference of the two residuals is told, on the drives for the fit

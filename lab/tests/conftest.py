@@ -3,6 +3,8 @@
 And the records of the committed campaign, read once.
 """
 
+import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,12 @@ from virtual_lab import campaigns
 from virtual_lab.behaviour import Behaviour
 from virtual_lab.chamber import steady
 from virtual_lab.instruments import measurement
+
+ROOT = Path(__file__).resolve().parents[2]
+# Small matrices: threads of the linear algebra only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Models of cells whose truth is known, which the core's tests are held against as well.
+sys.path.insert(0, str(ROOT / "tests" / "known"))
 
 
 def constant(current_ampere, duration_second):
@@ -39,10 +47,10 @@ def ideal():
 @pytest.fixture(scope="session")
 def demo_records():
     """Each record of the demo with its test, currents positive on charge."""
-    root, found = Path(__file__).resolve().parents[2], []
+    found = []
     for test in campaigns.plan("demo").tests:
         if test.steps is not None:
-            columns = formats.read((root / test.file).read_bytes(), name=test.file).columns
+            columns = formats.read((ROOT / test.file).read_bytes(), name=test.file).columns
             columns["current_ampere"] = columns["current_ampere"] * (
                 1 - 2 * test.discharge_positive
             )

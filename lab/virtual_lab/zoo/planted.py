@@ -40,7 +40,7 @@ Made from the campaign {source} (seed {seed}). `missing_effect.json`: per copy o
 (`unplanted`: the records as they are, whose truth nobody knows; `single`), its `control` (the
 unplanted copy), `base_volt` (what a plain circuit leaves of the unplanted records that judge: OCV
 table, R0, two RC pairs, starts refitted) and the effect with its parameters (equations in
-scripts/virtual_lab/zoo/equations.py) and the names that count as right (`accept`: less than 5 % of
+lab/virtual_lab/zoo/equations.py) and the names that count as right (`accept`: less than 5 % of
 the square of what the effect leaves remains beside them). `visible_gap_millivolt`: root mean square
 of what is left of the effect on the records that judge when the plain circuit has been refitted to
 the planted records; `gap_after_base_fit_millivolt`: the same on the records that are fitted.

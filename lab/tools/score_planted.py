@@ -1,6 +1,6 @@
 """Search planted campaigns of real cells, and score the names that are new beside the unplanted.
 
-python scripts/tools/score_planted.py FOLDER ... --sizes 0.5base 1base --page scores.md
+python lab/tools/score_planted.py FOLDER ... --sizes 0.5base 1base --page scores.md
 
 Each folder keeps its answers in answers.jsonl, one line a cell; a cell that has one is not searched
 again unless --anew is given. With --run own (or plain) nothing is searched: the verdicts of that

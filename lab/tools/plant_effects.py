@@ -1,6 +1,6 @@
 """Plant effects of known size in a campaign of real cells, beside the same records unplanted.
 
-python scripts/tools/plant_effects.py CAMPAIGN FOLDER --cells A123 --seed 0
+python lab/tools/plant_effects.py CAMPAIGN FOLDER --cells A123 --seed 0
     --effects leakage time_skew --sizes 6mV 0.5base --proof hppc_40C
 """
 

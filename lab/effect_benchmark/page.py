@@ -23,7 +23,7 @@ LOGGED = {
 MARK = {True: "yes", False: "**no**", None: "–"}
 INTRODUCTION = """# The benchmark of the missing effect
 
-Made by `snakemake missing_effect_benchmark`, put here by `scripts/tools/publish_benchmark.py`;
+Made by `snakemake missing_effect_benchmark`, put here by `lab/tools/publish_benchmark.py`;
 nothing on this page is written by hand. The rule `effect_campaign` has the
 [virtual laboratory](virtual-laboratory.md) make a campaign with hidden effects ({options}), by
 equations that share no code with the models fitted here. `effect_left_out` tells the searches which

@@ -1,6 +1,6 @@
 """The benchmark in small, end to end: a hidden campaign made, searched blindly, and scored.
 
-Where the virtual laboratory runs (`./run --lab pytest tests/effects/test_benchmark_small.py`).
+Where the virtual laboratory runs (`./run --lab pytest lab/tests/test_benchmark_small.py`).
 The seed is of no campaign that anything was chosen on. Thresholds are counts: they fail.
 """
 
