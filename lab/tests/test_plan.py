@@ -83,7 +83,7 @@ def test_another_seed_is_another_campaign(plans):
 @pytest.mark.parametrize(
     ("name", "given", "message"),
     [
-        ("thesi", {}, "no campaign 'thesi'; there are demo, thesis, hidden, scale, zoo_physics"),
+        ("thesi", {}, "no campaign 'thesi'; there are demo, thesis, hidden, scale"),
         ("thesis", {"sed": 1}, "thesis has no option sed; it has seed"),
         ("demo", {"cells": 1}, "demo has no option cells; it has none"),
         ("scale", {"cells": "many"}, "option cells: 'many' is not int"),

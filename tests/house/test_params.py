@@ -25,9 +25,6 @@ OF_THEIR_OWN = (
     "effect_left_out",
     "effect_answers",
     "missing_effect_benchmark",
-    "zoo_campaign",
-    "zoo_answers",
-    "zoo",
 )
 
 

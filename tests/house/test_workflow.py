@@ -18,7 +18,6 @@ CONFIG = settings.load(WORKFLOW / "schemas", "config")
 # Rules that run a command and no script of ours, and why.
 COMMANDS = {
     "effect_campaign": "the virtual laboratory is a workflow of its own, in its own environment",
-    "zoo_campaign": "the virtual laboratory has its own environment",
 }
 # Rules that start runs of their own, which no cluster is asked for, or that wait for a user's word.
 STARTERS = {
@@ -26,9 +25,6 @@ STARTERS = {
     "effect_left_out": "part of the benchmark that is run by hand",
     "effect_answers": "runs the pipeline on the benchmark's campaign",
     "missing_effect_benchmark": "part of the benchmark that is run by hand",
-    "zoo_campaign": "runs the virtual laboratory",
-    "zoo_answers": "runs the pipeline on the zoo's campaigns",
-    "zoo": "part of the benchmark that is run by hand",
     "real_campaign": "runs the pipeline on a campaign of real cells",
     "real": "gathers those runs",
 }

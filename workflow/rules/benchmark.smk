@@ -1,26 +1,12 @@
 # How well missing effects are found: a campaign of the virtual laboratory, searched and scored.
-# No part of the main job: `snakemake missing_effect_benchmark`, and on cells by several hands
-# `snakemake zoo`.
+# No part of the main job: `snakemake missing_effect_benchmark`.
 
 import hashlib
-import json
 
 BENCHMARK = config["benchmark"]
 HIDDEN = BENCHMARK["folder"]
 SIZES = ["seed", "cells", "healthy", "unknown", "two", "physics", "groups"]
 OPTIONS = " ".join(f"{name}={BENCHMARK[name]}" for name in SIZES)
-ZOO = BENCHMARK["zoo"]
-
-
-def zoo_options(wildcards):
-    """Options of the maker of a part of the zoo: the seed, its own sizes, where real cells are."""
-    prefix = f"{wildcards.part}_"
-    sizes = {k.removeprefix(prefix): v for k, v in ZOO.items() if k.startswith(prefix)}
-    if wildcards.part == "fast":
-        sizes |= {"physics": 0}
-    if wildcards.part == "planted":
-        sizes |= {"real": str(PIPELINE / config["real"]["folder"])}
-    return json.dumps({"seed": ZOO["seed"]} | sizes)
 
 
 def laboratory(wildcards):
@@ -119,66 +105,3 @@ rule missing_effect_benchmark:
         "Score every search against the hidden truth: {output.page}."
     script:
         "../../scripts/benchmark/missing_effect_benchmark.py"
-
-
-rule zoo_campaign:
-    output:
-        f"{ZOO['folder']}/{{part}}/made.json",
-    log:
-        "logs/zoo_campaign/{part}.log",
-    wildcard_constraints:
-        part=either(ZOO["parts"]),
-    # In the laboratory's own environment, which has the solver of cells by physics.
-    params:
-        pipeline=lambda w, output: PIPELINE,
-        folder=subpath(output[0], parent=True),
-        options=zoo_options,
-        laboratory=laboratory,
-    message:
-        "Make the part {wildcards.part} of the zoo: {params.options}."
-    shell:
-        "{params.pipeline}/run --lab python {params.pipeline}/lab/tools/make_zoo.py"
-        " {wildcards.part} {params.folder} {params.options:q} > {log} 2>&1"
-
-
-rule zoo_answers:
-    input:
-        rules.zoo_campaign.output,
-    output:
-        "results/zoo_answers/{part}/{batch}.parquet",
-    log:
-        "logs/zoo_answers/{part}/{batch}.log",
-    wildcard_constraints:
-        part=either(ZOO["parts"]),
-        batch=r"\d+",
-    params:
-        folder=subpath(input[0], parent=True),
-        batches=ZOO["batches"],
-        # Choices of the search; all others are those of each campaign.
-        settings={name: config[name] for name in ["missing_effect", "missing_effect_group"]},
-    message:
-        "Search batch {wildcards.batch} of {params.batches} of the part {wildcards.part} of the zoo."
-    script:
-        "../../scripts/benchmark/zoo_answers.py"
-
-
-rule zoo:
-    input:
-        answers=[
-            f"results/zoo_answers/{part}/{n}.parquet"
-            for part in ZOO["parts"]
-            for n in range(ZOO["batches"])
-        ],
-    output:
-        page="results/effect_scores/zoo.md",
-        picture="results/effect_scores/zoo.svg",
-        cells="results/effect_scores/zoo.parquet",
-    log:
-        "logs/zoo.log",
-    params:
-        folder=ZOO["folder"],
-        options=", ".join(f"{k} {v}" for k, v in ZOO.items() if isinstance(v, int)),
-    message:
-        "Judge the search on every part of the zoo: {output.page}."
-    script:
-        "../../scripts/benchmark/zoo.py"

@@ -177,7 +177,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "groups": 2,
     },
     "scale": {"seed": 0, "cells": 1000},
-    "zoo_physics": {"seed": 0, "forms": 13, "healthy": 3},
 }
 OF_THE_WORKFLOW = {"campaign", "folder", "real"}  # what else its --config may hold
 FOLDERS = {"demo": "."} | {name: f"virtual/{name}" for name in OPTIONS if name != "demo"}
