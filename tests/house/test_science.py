@@ -221,7 +221,7 @@ def test_settings_are_keyword_only():
             assert not numbers, f"{name(path)}:{node.lineno} {node.name}: {numbers} before the *"
 
 
-PACKAGES = ("cellwright", "runtime", "figures", "effect_benchmark", "real_cells")
+PACKAGES = ("cellwright", "runtime", "figures", "real_cells")
 
 
 @held_by_every(modules(SCRIPTS))

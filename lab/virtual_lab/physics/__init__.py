@@ -24,28 +24,6 @@ LFP_DECAY = 40.0
 DEMO_RATING = Rating(RATED_CAPACITY_AMPERE_HOUR, LOWER_CUTOFF_VOLT, UPPER_CUTOFF_VOLT)
 
 
-class Inside(NamedTuple):
-    """What a cell's physics has beyond its type's, at its neutral values by default.
-
-    Factors [1] multiply the solid diffusivities and the heat transfer to the chamber.
-    `kinetics_per_lithiation` is the slope a of a factor exp(a (x − 1/2)) on the exchange current of
-    the negative electrode over its lithiation x. `kinetics_joule_per_mole` is added to the
-    activation energies of both exchange currents. `hysteresis_volt` is half the gap between two
-    branches of the positive electrode's potential, and `hysteresis_decay` how fast a change of
-    branch goes on [1/lithiation]. `core_kelvin_per_watt` lies between the
-    electrodes and the can, on which the sensor is; without it both have one temperature.
-    """
-
-    diffusivity_negative: float = 1.0
-    diffusivity_positive: float = 1.0
-    cooling: float = 1.0
-    kinetics_per_lithiation: float = 0.0
-    kinetics_joule_per_mole: float = 0.0
-    hysteresis_volt: float = 0.0
-    hysteresis_decay: float = 20.0
-    core_kelvin_per_watt: float = 0.0
-
-
 class Cell(NamedTuple):
     """Differences of a cell from a fresh one of its type.
 
@@ -55,8 +33,6 @@ class Cell(NamedTuple):
     charge between two pulses; `cycle` is the number of equivalent full cycles that the cell has
     made. `chemistry` is one of `electrodes.CHEMISTRIES`, `rating` its data sheet. `entropy` is the
     share of the published entropic coefficients that the cell has: those of the demo have none.
-    `equations` names PyBaMM's model: SPM, SPMe or DFN; `volumes` are its finite volumes across each
-    layer and in each particle, there the thinner the nearer to the surface (empty: PyBaMM's mesh).
     """
 
     lli: float
@@ -70,9 +46,6 @@ class Cell(NamedTuple):
     chemistry: str = "NMC"
     rating: Rating = DEMO_RATING
     entropy: float = 0.0
-    equations: str = "SPMe"
-    inside: Inside = Inside()
-    volumes: tuple[int, int] | tuple[()] = ()
 
 
 DEMO_CELLS = {

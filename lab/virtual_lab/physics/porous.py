@@ -19,10 +19,10 @@ import pybamm
 from virtual_lab import electrodes, physics
 from virtual_lab.behaviour import Rating
 from virtual_lab.electrodes import HALF_CELLS
-from virtual_lab.physics import inside
-from virtual_lab.physics.inside import arrhenius, scaled, steeper
 
 FARADAY_COULOMB = 96485.33212
+GAS_CONSTANT = 8.314462618
+REFERENCE_KELVIN = 298.15
 # Activation energies [J/mol] added to those of OKane2022, so that the sum is what Ecker et al.
 # (J. Electrochem. Soc. 162, 2015, A1836) measured for kinetics (53.4 and 43.6 kJ/mol) and near
 # to what they measured for diffusion. With the set alone a cell hardly feels the cold.
@@ -109,9 +109,7 @@ def fresh_parameters(chemistry: str, rating: Rating) -> pybamm.ParameterValues:
         _put_materials(values, chemistry)
     _put_size(values, chemistry, rating)
     if chemistry == "LFP":
-        inside.put_hysteresis(
-            values, half_gap_volt=physics.LFP_HALF_GAP_VOLT, decay=physics.LFP_DECAY
-        )
+        _put_hysteresis(values)
     return values
 
 
@@ -172,6 +170,36 @@ def _by_pybamm_names(side, material):
     }
 
 
+def arrhenius(energy, temperature):
+    """Factor [1] of an activation energy [J/mol] at a temperature [K], 1 at 25 °C."""
+    return pybamm.exp(energy / GAS_CONSTANT * (1 / REFERENCE_KELVIN - 1 / temperature))
+
+
+def steeper(function, energy):
+    """The same function of (…, temperature) with an activation energy [J/mol] added."""
+    if function.__code__.co_argcount == 2:
+        return lambda sto, T: function(sto, T) * arrhenius(energy, T)
+    return lambda c_e, c_s, c_max, T: function(c_e, c_s, c_max, T) * arrhenius(energy, T)
+
+
+def scaled(function, factor: float):
+    """An exchange-current density times a factor [1]."""
+    return lambda c_e, c_s, c_max, T: factor * function(c_e, c_s, c_max, T)
+
+
+def _put_hysteresis(values):
+    """Two branches of LFP's potential about its middle, into PyBaMM's values."""
+    middle, half_gap = values["Positive electrode OCP [V]"], physics.LFP_HALF_GAP_VOLT
+    new = {
+        "Positive electrode lithiation OCP [V]": lambda sto: middle(sto) - half_gap,
+        "Positive electrode delithiation OCP [V]": lambda sto: middle(sto) + half_gap,
+        "Positive particle lithiation hysteresis decay rate": physics.LFP_DECAY,
+        "Positive particle delithiation hysteresis decay rate": physics.LFP_DECAY,
+        "Initial hysteresis state in positive electrode": 1.0,
+    }
+    values.update(new, check_already_exists=False)
+
+
 def _put_size(values, chemistry, rating):
     """Set area and thickness of the electrodes by the charges that they must hold."""
     window = electrodes.window(chemistry, rating)
@@ -205,7 +233,6 @@ def _ampere_hour(values, side):
 warnings.filterwarnings("ignore", message="The definition of the hysteresis decay rate")
 
 ZERO_CELSIUS_KELVIN = 273.15
-STRETCH = 3.0
 OPTIONS = {"thermal": "lumped", "contact resistance": "true", "surface form": "differential"}
 HYSTERESIS = {"open-circuit potential": ("single", "one-state hysteresis")}
 
@@ -213,38 +240,16 @@ HYSTERESIS = {"open-circuit potential": ("single", "one-state hysteresis")}
 def model(cell: physics.Cell, *, hysteresis: bool = True):
     """PyBaMM's model of a cell, with double layers (charge transfer takes time).
 
-    `cell.equations`: SPM (single particles), SPMe (with the electrolyte) or DFN (whole
-    electrodes). `hysteresis`: where a cell has it; small signals about rest stay on one branch, so
-    spectra go without.
+    `hysteresis`: where a cell has it; small signals about rest stay on one branch, so spectra go
+    without.
     """
-    options = OPTIONS | inside.options(cell.inside)
-    if hysteresis and has_hysteresis(cell):
-        options |= HYSTERESIS
-    return getattr(pybamm.lithium_ion, cell.equations)(options)
+    branches = HYSTERESIS if hysteresis and has_hysteresis(cell) else {}
+    return pybamm.lithium_ion.SPMe(OPTIONS | branches)
 
 
 def has_hysteresis(cell: physics.Cell) -> bool:
     """Whether the positive electrode's potential has two branches."""
-    return cell.chemistry == "LFP" or cell.inside.hysteresis_volt > 0
-
-
-def mesh(model, cell: physics.Cell) -> dict:
-    """Mesh of a cell's model as PyBaMM's Simulation takes it; empty for PyBaMM's own.
-
-    PyBaMM's even mesh of 20 volumes is 3.8 mV (root mean square) off on a drive of the LG M50; 15
-    and 25 volumes that are thin at the surface of the particles are 0.3 mV off.
-    """
-    if not cell.volumes:
-        return {}
-    layer, particle = cell.volumes
-    counts = dict.fromkeys(("x_n", "x_s", "x_p"), layer) | dict.fromkeys(("r_n", "r_p"), particle)
-    thin = {"side": "right", "stretch": STRETCH}
-    spheres = pybamm.MeshGenerator(pybamm.Exponential1DSubMesh, submesh_params=thin)
-    sides = dict.fromkeys(("negative particle", "positive particle"), spheres)
-    return {
-        "var_pts": dict(model.default_var_pts) | counts,
-        "submesh_types": dict(model.default_submesh_types) | sides,
-    }
+    return cell.chemistry == "LFP"
 
 
 def parameters(cell: physics.Cell, *, ambient_celsius: float) -> pybamm.ParameterValues:
@@ -318,7 +323,6 @@ def _with_losses(cell):
     values["Contact resistance [Ohm]"] = cell.contact_resistance_ohm
     if cell.entropy:
         values.update(entropic(cell.chemistry, cell.entropy))
-    inside.put(values, cell.inside)
     return values
 
 

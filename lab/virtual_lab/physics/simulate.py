@@ -16,10 +16,11 @@ from virtual_lab.behaviour import Behaviour
 from virtual_lab.chamber import Chamber, steady, temperature_at
 from virtual_lab.instruments.chain import EARLY_SECOND
 from virtual_lab.instruments.measurement import Columns
-from virtual_lab.physics import Cell, inside, porous
+from virtual_lab.physics import Cell, porous
 from virtual_lab.protocols import Step
 
 TOLERANCE = 1e-6
+KELVIN = "Volume-averaged cell temperature [K]"
 FOREVER_SECOND = 1e9
 SHORTEST_STRIDE_SECOND = 5.0
 
@@ -47,19 +48,16 @@ def run(
     One behaviour per step.
     """
     around = steady(ambient_celsius) if chamber is None else chamber
-    model = porous.model(cell)
     simulation = pybamm.Simulation(
-        model,
+        porous.model(cell),
         parameter_values=_parameters(cell, around, initial_soc),
         experiment=pybamm.Experiment([_instruction(step) for step in steps]),
         solver=pybamm.IDAKLUSolver(rtol=TOLERANCE, atol=TOLERANCE, options=_solver_options(around)),
-        **porous.mesh(model, cell),
     )
     solution = simulation.solve()
     full, drawn, behaviours = porous.full_charge_ampere_hour(cell), 0.0, []
-    sensor = inside.sensor_kelvin(cell.inside)
     for cycle in solution.cycles:
-        behaviours.append(_behaviour(cycle.steps[0], drawn, initial_soc, full, sensor))
+        behaviours.append(_behaviour(cycle.steps[0], drawn, initial_soc, full))
         drawn = float(cycle.steps[0]["Discharge capacity [A.h]"].data[-1])
     return behaviours
 
@@ -109,7 +107,7 @@ def _instruction(step: Step):
     return pybamm.step.current(value, **common)
 
 
-def _behaviour(solution, drawn_before, initial_soc, full_ampere_hour, sensor) -> Behaviour:
+def _behaviour(solution, drawn_before, initial_soc, full_ampere_hour) -> Behaviour:
     begin, end = solution.t[0], solution.t[-1]
 
     def quantity(name, sign=1.0, shift=0.0):
@@ -127,7 +125,7 @@ def _behaviour(solution, drawn_before, initial_soc, full_ampere_hour, sensor) ->
         duration_second=float(end - begin),
         current=quantity("Current [A]", sign=-1.0),
         voltage=quantity("Voltage [V]"),
-        temperature=quantity(sensor, shift=-porous.ZERO_CELSIUS_KELVIN),
+        temperature=quantity(KELVIN, shift=-porous.ZERO_CELSIUS_KELVIN),
         charge=lambda second: drawn_before - drawn(second),
         soc=lambda second: initial_soc - drawn(second) / full_ampere_hour,
     )
@@ -203,7 +201,7 @@ def _branch(cell, wire_ohm, soc, *, ambient_celsius) -> Branch:
         return expression.to_casadi(casadi.MX(0), casadi.vertcat(x, z), inputs={CURRENT: current})
 
     begin = np.ravel(model.concatenated_initial_conditions.evaluate(inputs=at_rest))
-    kelvin = model.get_processed_variable("Volume-averaged cell temperature [K]")
+    kelvin = model.get_processed_variable(KELVIN)
     return Branch(
         x, z, current,
         x_change=symbolic(model.concatenated_rhs),

@@ -6,9 +6,11 @@ import math
 from pathlib import Path
 
 import jinja2
+import matplotlib as mpl
 import numpy as np
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
 
-from figures import style
 from virtual_lab.score import files, verdicts
 from virtual_lab.score.missing import COUNTED
 from virtual_lab.score.summary import QUANTITIES, Score, score
@@ -104,6 +106,9 @@ MOST_CELLS = 40
 MOST_VECTORS = 1500
 WIDTH = 10.5
 INSIDE, OUTSIDE, NO_INTERVAL = "#0b6fb8", "#c0392b", "#5d6d7e"
+INK, QUIET = "#1d2733", "#67727e"
+# Text as text, and the same names of marks in each drawing.
+LOOK = {"svg.fonttype": "none", "svg.hashsalt": "score", "font.size": 9.0, "axes.titlesize": 9.0}
 
 
 def table_picture(compared) -> str | None:
@@ -115,9 +120,8 @@ def table_picture(compared) -> str | None:
     ]
     if not kinds:
         return None
-    canvas, axes = style.subplots(
-        len(kinds), 2, width=WIDTH, height=2.7 * len(kinds), width_ratios=[2, 3]
-    )
+    size = (WIDTH, 2.7 * len(kinds))
+    canvas, axes = _subplots(size, len(kinds), 2, width_ratios=[2, 3])
     for (name, part), (against, cells) in zip(kinds, axes, strict=True):
         _draw_against_truth(against, name, part)
         _draw_errors(cells, part)
@@ -131,7 +135,7 @@ def _draw_against_truth(axes, name, part):
     low, high = min(true.min(), found.min()), max(true.max(), found.max())
     room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
     line = [low - room, high + room]
-    axes.plot(line, line, color=style.QUIET, linewidth=0.8, zorder=1)
+    axes.plot(line, line, color=QUIET, linewidth=0.8, zorder=1)
     look = {"s": 11, "linewidths": 0, "alpha": 0.7, "rasterized": len(rows) > MOST_VECTORS}
     axes.scatter(true, found, c=_colours(rows), **look)
     shown = f" [{unit}]" if unit not in ("", "1") else ""
@@ -154,7 +158,7 @@ def _draw_errors(axes, part):
     factor, unit = shown_unit(part["unit"].iloc[0])
     rows = part[(part["status"] == "compared") & part["cell"].isin(names)]
     at = rows["cell"].map(place).to_numpy(float) + _spread(rows)
-    axes.axhline(0, color=style.QUIET, linewidth=0.8)
+    axes.axhline(0, color=QUIET, linewidth=0.8)
     look = {"s": 11, "linewidths": 0, "alpha": 0.7, "rasterized": len(rows) > MOST_VECTORS}
     axes.scatter(at, factor * rows["error"], c=_colours(rows), **look)
     lost = part[(part["status"] == "missing") & part["cell"].isin(names)]["cell"].map(place)
@@ -181,7 +185,7 @@ def coverage_picture(summary) -> str | None:
     if not len(rows):
         return None
     rows = rows.iloc[::-1]
-    canvas, axes = style.subplots(width=WIDTH, height=0.7 + 0.26 * len(rows))
+    canvas, axes = _subplots((WIDTH, 0.7 + 0.26 * len(rows)))
     axes = axes[0, 0]
     share = 100 * rows["coverage_95"].to_numpy(float)
     low, high = (100 * rows[f"coverage_{side}"].to_numpy(float) for side in ("low", "high"))
@@ -190,7 +194,7 @@ def coverage_picture(summary) -> str | None:
         mine = np.flatnonzero(holds == good)
         reach = [np.maximum(share - low, 0)[mine], np.maximum(high - share, 0)[mine]]
         axes.errorbar(share[mine], mine, xerr=reach, fmt="o", color=colour, capsize=2)
-    axes.axvline(95, color=style.INK, linewidth=0.8, linestyle="--")
+    axes.axvline(95, color=INK, linewidth=0.8, linestyle="--")
     names = rows["table"] + ": " + rows["quantity"].map(plain_name)
     counts = rows["n_interval"].map("{:.0f}".format)
     axes.set_yticks(range(len(rows)), names + "  (" + counts + ")")
@@ -198,9 +202,17 @@ def coverage_picture(summary) -> str | None:
     return _svg_text(canvas)
 
 
+def _subplots(size_inch, rows=1, columns=1, **more):
+    with mpl.rc_context(LOOK):
+        canvas = Figure(figsize=size_inch, layout="constrained")
+        FigureCanvasSVG(canvas)
+        return canvas, canvas.subplots(rows, columns, squeeze=False, **more)
+
+
 def _svg_text(canvas) -> str:
     text = io.StringIO()
-    canvas.savefig(text, format="svg", dpi=150, metadata={"Date": None, "Creator": "Cellwright"})
+    with mpl.rc_context(LOOK):
+        canvas.savefig(text, format="svg", dpi=150, metadata={"Date": None, "Creator": None})
     return text.getvalue()
 
 
@@ -391,7 +403,11 @@ def _unpaired_rows(rows, status) -> dict:
 def _verdict_tables(judged) -> dict | None:
     if not len(judged):
         return None
-    tables = {"outcomes": verdicts.confusion(judged), "answers": verdicts.answers(judged)}
+    tables = {
+        "outcomes": verdicts.confusion(judged),
+        "answers": verdicts.answers(judged),
+        "power": verdicts.power(judged),
+    }
     return {
         "rows": judged.to_dict("records"),
         **{

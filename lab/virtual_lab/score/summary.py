@@ -85,7 +85,7 @@ def _state(place, table) -> str:
     """Whether the pipeline has made a table, and whether its truth is known, in words."""
     if table == "missing_effect":
         made = (place.results / table).is_dir()
-        has_truth = (place.truth / "missing_effect.json").is_file()
+        has_truth = bool(verdicts.hidden_effects(place))
     else:
         flags = (place.results / "flags").is_dir()
         made = flags if table == "faults" else files.found(place, table) is not None

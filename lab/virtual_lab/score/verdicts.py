@@ -9,24 +9,26 @@ from virtual_lab.score.comparison import errors
 HEALTHY = ("none", "reference")
 NAMED = ("right", "right, as one of a tie")
 COLUMNS = [
-    *("cell", "kind", "visible", "hidden", "verdict", "said", "outcome", "extra_names"),
-    "gap_closed",
+    *("cell", "kind", "visible", "hidden", "strength_millivolt", "verdict", "said", "outcome"),
+    *("extra_names", "branch_right", "gap_closed"),
 ]
 
 
 def compare(place: files.Campaign) -> pd.DataFrame:
     """One row a cell: what was hidden, the verdict, and the outcome; empty without truth."""
-    hidden_by_cell = sorted(_hidden(place).items())
+    hidden_by_cell = sorted(hidden_effects(place).items())
     rows = [_judged(cell, hidden, _verdict(place, cell)) for cell, hidden in hidden_by_cell]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _hidden(place) -> dict:
+def hidden_effects(place) -> dict:
     """What was hidden, by cell.
 
-    The truth is such a document, or its entry "cells", or a list of rows.
+    The truth is such a document, or its entry "cells", or a list of rows; in sets simulated by
+    others it is `truth.json`.
     """
-    document = files.read_json(place.truth / "missing_effect.json") or {}
+    names = (place.truth / "missing_effect.json", place.truth / "truth.json")
+    document = next(filter(None, map(files.read_json, names)), {})
     if isinstance(document, list):
         return {row["cell"]: row for row in document}
     return document.get("cells", document)
@@ -44,12 +46,27 @@ def _judged(cell, hidden, verdict) -> dict:
         "kind": hidden["kind"],
         "visible": bool(hidden["visible"]),
         "hidden": " + ".join(one["effect"] for one in hidden["effects"]) or hidden["kind"],
+        "strength_millivolt": _strength(hidden),
         "verdict": verdict["verdict"] if verdict else None,
         "said": " + ".join(one["effect"] for one in said),
         "outcome": outcome(hidden, verdict),
         "extra_names": len(said) - len(_partners(accepts, said)) if verdict else None,
+        "branch_right": _branch_right(hidden, said),
         "gap_closed": said[-1].get("gap_closed") if said else None,
     }
+
+
+def _strength(hidden) -> float | None:
+    """Gap that the strongest hidden effect leaves after the fit [mV]."""
+    names = ("target_gap_millivolt", "visible_gap_millivolt")
+    gaps = [next((one[n] for n in names if one.get(n)), None) for one in hidden["effects"]]
+    return max(filter(None, gaps), default=None)
+
+
+def _branch_right(hidden, said) -> bool | None:
+    """Whether the first effect named in a group is in the right branch; None without branches."""
+    true = [one.get("parameters", {}).get("branch") for one in hidden["effects"]]
+    return said[0].get("branch") == true[0] if said and any(true) else None
 
 
 def outcome(hidden: dict, verdict: dict | None) -> str:
@@ -114,6 +131,26 @@ def _classes(judged):
     return hidden.mask(kind.isin(HEALTHY), "healthy")
 
 
+def power(judged: pd.DataFrame) -> pd.DataFrame:
+    """Numbers of cells with one hidden effect, by effect and strength [mV, two digits].
+
+    Columns: cells, those that were named right, those that are visible, and those with an answer
+    that is right or, where nothing shows, rightly silent.
+    """
+    single = judged[judged["kind"] == "single"]
+    strength = pd.to_numeric(single["strength_millivolt"]).map(lambda value: f"{value:.2g} mV")
+    right, silent = single["outcome"].isin(NAMED), single["outcome"] == "rightly silent"
+    counts = pd.DataFrame(
+        {
+            "cells": 1,
+            "visible": single["visible"].astype(int),
+            "named right": right.astype(int),
+            "right or rightly silent": (right | silent).astype(int),
+        }
+    )
+    return counts.groupby(single["hidden"] + ", " + strength).sum()
+
+
 def rates(judged: pd.DataFrame) -> list[tuple[str, int, int]]:
     """Name, hits, number of cases: the shares by which a search for missing effects is judged."""
     given = judged[judged["verdict"].notna()]
@@ -122,8 +159,10 @@ def rates(judged: pd.DataFrame) -> list[tuple[str, int, int]]:
     seen = given["visible"].astype(bool)
     healthy = kind.isin(HEALTHY)
     wrong = given["outcome"] == "false name"
+    in_branch = right & given["branch_right"].notna()
     shares = [
         ("right name of one visible effect", right & seen, (kind == "single") & seen),
+        ("right branch of a rightly named effect", given["branch_right"].eq(True), in_branch),
         ("both names of two visible effects", right & seen, (kind == "two") & seen),
         ("right, or rightly silent, of one hidden effect", content, kind == "single"),
         ("unknown effect called unknown", right, kind == "unknown"),
@@ -153,7 +192,7 @@ def parameters(place: files.Campaign) -> pd.DataFrame:
 
 def _rightly_named(place):
     """Cell, hidden effect and named effect, where the two are the same."""
-    for cell, hidden in sorted(_hidden(place).items()):
+    for cell, hidden in sorted(hidden_effects(place).items()):
         said = (_verdict(place, cell) or {"effects": []})["effects"]
         partners = _partners([{one["effect"]} for one in hidden["effects"]], said)
         pairs = [(hidden["effects"][mine], said[number]) for number, mine in partners.items()]
