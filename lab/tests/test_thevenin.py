@@ -8,13 +8,13 @@ import pytest
 pytest.importorskip("pybamm", reason="the virtual laboratory's environment is not installed")
 
 import pybamm
+from thevenin import load, thevenin
 
 from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.exports import pybamm_document
 from cellwright.circuits.model_file import simulate_model
 from cellwright.circuits.simulate import simulate
 from runtime.artefact import plain
-from virtual_lab.physics.thevenin import load, thevenin
 
 CAPACITY, R0, R, TAU = 2.9, 0.025, (0.012, 0.02), (8.0, 180.0)
 

@@ -301,7 +301,7 @@ def test_the_example_of_the_page_runs_as_printed_on_what_is_exported(exported, m
     named.write_bytes(path.read_bytes())
     if not PYBAMM:
         monkeypatch.setitem(sys.modules, "pybamm", _Stand())
-    monkeypatch.syspath_prepend(str(ROOT / "lab" / "virtual_lab" / "physics"))
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "examples"))
     monkeypatch.delitem(sys.modules, "thevenin", raising=False)
     names = {}
     with warnings.catch_warnings(record=True) as warned:

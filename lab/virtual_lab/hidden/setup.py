@@ -92,12 +92,18 @@ LONGEST_SECOND = 30.0
 
 
 class File(NamedTuple):
-    """One test of a cell: protocol, temperature [°C], kind, and whether it is for validation."""
+    """One test of a cell: protocol, temperature [°C], kind, and whether it is for validation.
+
+    In place of a protocol a test may have times [s] and currents [A] that were `measured`, from a
+    state of charge [1].
+    """
 
     steps: list[Step]
     celsius: float
     kind: str = "drive"
     is_validation: bool = False
+    measured: tuple[np.ndarray, np.ndarray] | None = None
+    initial_soc: float = 1.0
 
 
 class Record(NamedTuple):
@@ -113,6 +119,9 @@ class Record(NamedTuple):
 
 def noise_free_record(file: File, setup: Setup) -> Record:
     """Noise-free record of a test, with the systematic errors of the setup's channel."""
+    if file.measured:
+        shown = Record([file.measured], np.zeros(0), np.ones(file.measured[0].size, bool))
+        return shown._replace(volt=replayed_volt(shown, file, setup))
     behaviours = fast.run(file.steps, _cell_in(setup, file), chamber=steady(file.celsius))
     pairs = list(zip(behaviours, file.steps, strict=True))
     measured = [_sampled(behaviour.duration_second, step) for behaviour, step in pairs]
@@ -131,13 +140,17 @@ def noise_free_record(file: File, setup: Setup) -> Record:
 
 
 def replayed_volt(
-    record: Record, file: File, setup: Setup, *, initial_soc: float = 1.0
+    record: Record, file: File, setup: Setup, *, lower_soc: float = 0.0
 ) -> np.ndarray:
-    """Voltage [V] that a setup would show if its instrument had shown the record's current."""
+    """Voltage [V] that a setup would show if its instrument had shown the record's current.
+
+    It begins at the file's state of charge, or `lower_soc` [1] below it.
+    """
     offset, gain = setup.chain.current_offset_ampere, setup.chain.current_gain
     true = [(second, (ampere - offset) / (1 + gain)) for second, ampere in record.steps]
     around = steady(file.celsius)
-    behaviours = driven_by(true, _cell_in(setup, file), around, initial_soc=initial_soc)
+    start = file.initial_soc - lower_soc
+    behaviours = driven_by(true, _cell_in(setup, file), around, initial_soc=start)
     times, currents = zip(*record.steps, strict=True)
     return _shown_volt(behaviours, times, currents, setup)
 
@@ -161,7 +174,8 @@ def driven_by(
 
 def soc_of(record: Record, file: File, setup: Setup) -> np.ndarray:
     """State of charge [1] of a healthy cell at the record's samples."""
-    behaviours = driven_by(record.steps, setup.cell, steady(file.celsius))
+    around, start = steady(file.celsius), file.initial_soc
+    behaviours = driven_by(record.steps, setup.cell, around, initial_soc=start)
     times = [second for second, _ in record.steps]
     return np.concatenate([b.soc(second) for b, second in zip(behaviours, times, strict=True)])
 

@@ -121,18 +121,8 @@ def _hidden_in(name, seed, effects, strength_volt) -> HiddenEffects:
 def truth_row(cell, name: str) -> dict:
     """Row of missing_effect.json: what was hidden, how much of it is visible, accepted names."""
     hidden = hidden_in(cell)
-    effects = [
-        {
-            "effect": one.effect,
-            "parameters": one.parameters,
-            "target_gap_millivolt": round(1e3 * cell.strength_volt, 3),
-            "visible_gap_millivolt": round(1e3 * one.gap.visible_volt, 3),
-            "gap_after_base_fit_millivolt": round(1e3 * one.gap.base_volt, 3),
-            "validation_gap_millivolt": round(1e3 * one.gap.validation_volt, 3),
-            "accept": names,
-        }
-        for one, names in zip(hidden.found, hidden.accept, strict=True)
-    ]
+    pairs = zip(hidden.found, hidden.accept, strict=True)
+    effects = [effect_row(one, names, cell.strength_volt) for one, names in pairs]
     visible = any(one.visible for one in hidden.found)
     return {
         "cell": name,
@@ -141,6 +131,19 @@ def truth_row(cell, name: str) -> dict:
         "none_acceptable": not visible,
         "floor_volt": round(NOISE_VOLT, 6),
         "effects": effects,
+    }
+
+
+def effect_row(hidden: Hidden, accept: list[str], strength_volt: float) -> dict:
+    """What the truth says of one effect: its parameters, its strength asked for and found."""
+    return {
+        "effect": hidden.effect,
+        "parameters": hidden.parameters,
+        "target_gap_millivolt": round(1e3 * strength_volt, 3),
+        "visible_gap_millivolt": round(1e3 * hidden.gap.visible_volt, 3),
+        "gap_after_base_fit_millivolt": round(1e3 * hidden.gap.base_volt, 3),
+        "validation_gap_millivolt": round(1e3 * hidden.gap.validation_volt, 3),
+        "accept": accept,
     }
 
 

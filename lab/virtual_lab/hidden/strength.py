@@ -114,9 +114,10 @@ def _file_gap(setup, plain, file):
         for field in FITTED
         for k in range(np.size(getattr(plain.cell, field)))
     ]
-    slopes.append(replayed_volt(record, file, plain, initial_soc=1 - SMALL) - model)
+    slopes.append(replayed_volt(record, file, plain, lower_soc=SMALL) - model)
     soc = soc_of(record, file, plain)
-    counts = record.sampled & (soc > NEARLY_EMPTY if file.kind == "capacity" else True)
+    to_the_end = file.kind == "capacity" or file.measured
+    counts = record.sampled & (soc > NEARLY_EMPTY if to_the_end else True)
     return FileGap(
         file,
         record,
