@@ -29,7 +29,6 @@ from virtual_lab.hidden.strength import accepted, with_effect
 from virtual_lab.hidden.vocabulary import EFFECTS, INVISIBLE
 
 KINDS = ("ocv", "capacity", "hppc", "pulse_resistance", "drive")
-JUDGING = ("validation", "split")
 PLANTED = tuple(name for name in EFFECTS if name not in INVISIBLE)
 MOST_ROWS = 4000  # of a record, on which strengths are found
 FROM_FULL = 0.5  # of the capacity: a record that moves so much reaches full once
@@ -90,8 +89,11 @@ def _records(campaign, cell, tests) -> list[tuple[dict, pd.DataFrame, File]]:
         series = pd.read_parquet(path) if path.is_file() else pd.DataFrame()
         if len(series):
             records.append((test, series, _file(test, series, RATING.capacity_ampere_hour / rated)))
-    judged = {file.is_validation for _, _, file in records}
-    if judged != {True, False}:
+    if not any(file.is_validation for *_, file in records):  # one of several that do both judges
+        last = max((k for k, one in enumerate(records) if one[0]["role"] == "split"), default=None)
+        if last is not None:
+            records[last] = (*records[last][:2], records[last][2]._replace(is_validation=True))
+    if {file.is_validation for *_, file in records} != {True, False}:
         raise ValueError(f"{cell['cell']} needs a test to fit and one to judge in results/clean")
     return records
 
@@ -107,7 +109,7 @@ def _file(test, series, shares) -> File:
         [],
         float(test["ambient_temperature_celsius"] or 25.0),
         test["kind"],
-        test.get("role") in JUDGING,
+        test["role"] == "validation",
         (second[later] - second[0], shares * series["current_ampere"].to_numpy(float)[later]),
         float(test["soc"]) if test["soc"] else 1.0 + counted[0] - counted.max(),
     )

@@ -18,14 +18,14 @@ def compare(place: files.Campaign) -> pd.DataFrame:
     """One row a cell: what was hidden, the verdict, and the outcome; empty without truth."""
     hidden_by_cell = sorted(hidden_effects(place).items())
     rows = [
-        _judged(cell, hidden, _beside(place, hidden, _verdict(place, cell)))
+        _judged(cell, hidden, _new_names(place, hidden, _verdict(place, cell)))
         for cell, hidden in hidden_by_cell
         if hidden["kind"] != "unplanted"
     ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _beside(place, hidden, verdict):
+def _new_names(place, hidden, verdict):
     """The verdict on a planted copy of a real cell, without what is named in the unplanted one."""
     control = _verdict(place, hidden["control"]) if "control" in hidden else None
     known = {one["effect"] for one in control["effects"]} if control else set()
