@@ -68,15 +68,16 @@ def make(campaign, out, *, cells=(), effects=PLANTED, millivolts=(6.0,), seed: i
     names = ("cells", "tests")
     sheets = [pd.read_csv(campaign / "config" / f"{name}.tsv", **texts) for name in names]
     written = {name: [] for name in ("cells", "tests", "truth")}
-    for cell in sheets[0].to_dict("records"):
-        if not cells or cell["cell"] in cells:
-            mine = sheets[1][(sheets[1]["cell"] == cell["cell"]) & sheets[1]["kind"].isin(KINDS)]
-            records = _records(campaign, cell, mine.to_dict("records"))
-            for truth, changes in _copies(cell, records, effects, millivolts, seed):
-                written["truth"].append(truth)
-                written["cells"].append(cell | {"cell": truth["cell"], "reference": ""})
-                for (test, series, _), volt in zip(records, changes, strict=True):
-                    written["tests"].append(_written(out, truth["cell"], test, series, volt))
+    for cell in (row for row in sheets[0].to_dict("records") if not cells or row["cell"] in cells):
+        mine = sheets[1][(sheets[1]["cell"] == cell["cell"]) & sheets[1]["kind"].isin(KINDS)]
+        records = _records(campaign, cell, mine.to_dict("records"))
+        for truth, changes in _copies(cell, records, effects, millivolts, seed):
+            pairs = zip(records, changes, strict=True)
+            written["truth"].append(truth)
+            written["cells"].append(cell | {"cell": truth["cell"], "reference": ""})
+            written["tests"] += [
+                _written(out, truth["cell"], *one[:2], volt) for one, volt in pairs
+            ]
     _write_sheets(out, campaign, written)
     return len(written["truth"])
 
@@ -89,10 +90,10 @@ def _records(campaign, cell, tests) -> list[tuple[dict, pd.DataFrame, File]]:
         series = pd.read_parquet(path) if path.is_file() else pd.DataFrame()
         if len(series):
             records.append((test, series, _file(test, series, RATING.capacity_ampere_hour / rated)))
-    if not any(file.is_validation for *_, file in records):  # one of several that do both judges
-        last = max((k for k, one in enumerate(records) if one[0]["role"] == "split"), default=None)
-        if last is not None:
-            records[last] = (*records[last][:2], records[last][2]._replace(is_validation=True))
+    splits = [k for k, one in enumerate(records) if one[0]["role"] == "split"]
+    if splits and not any(file.is_validation for *_, file in records):
+        test, series, file = records[splits[-1]]  # one of those that are fitted and judged alike
+        records[splits[-1]] = test, series, file._replace(is_validation=True)
     if {file.is_validation for *_, file in records} != {True, False}:
         raise ValueError(f"{cell['cell']} needs a test to fit and one to judge in results/clean")
     return records
