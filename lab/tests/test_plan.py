@@ -96,7 +96,7 @@ def test_what_is_not_there_is_refused(name, given, message):
 
 
 def test_options_are_read_from_text_and_the_workflows_own_are_left():
-    given = {"campaign": "scale", "folder": "x", "real": "y", "cells": "7"}
+    given = {"campaign": "scale", "folder": "x", "cells": "7"}
     assert campaigns.options("scale", given) == {"seed": 0, "cells": 7}
     assert set(campaigns.FOLDERS) == set(campaigns.OPTIONS)
 
