@@ -1,6 +1,6 @@
 """Exports: what is read back runs to the same voltage; what cannot be exported says why.
 
-PyBaMM itself runs the exported set in tests/virtual_lab/test_thevenin.py.
+PyBaMM itself runs the exported set in lab/tests/test_thevenin.py.
 """
 
 import csv
@@ -301,7 +301,7 @@ def test_the_example_of_the_page_runs_as_printed_on_what_is_exported(exported, m
     named.write_bytes(path.read_bytes())
     if not PYBAMM:
         monkeypatch.setitem(sys.modules, "pybamm", _Stand())
-    monkeypatch.syspath_prepend(str(ROOT / "scripts" / "virtual_lab" / "physics"))
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "examples"))
     monkeypatch.delitem(sys.modules, "thevenin", raising=False)
     names = {}
     with warnings.catch_warnings(record=True) as warned:

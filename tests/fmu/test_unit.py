@@ -1,6 +1,6 @@
 """Functional mock-up units as archives: the same bytes, a whole description, sources that build.
 
-FMPy runs them in tests/virtual_lab/test_fmu.py.
+FMPy runs them in lab/tests/test_fmu.py.
 """
 
 import io

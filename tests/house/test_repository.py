@@ -17,7 +17,7 @@ LOCKED = re.findall(r"^([a-z0-9][\w.-]*)==([^ ;\\]+)", LOCK, re.M)
 def readable():
     """Texts of ours; tests may name machines and hosts in order to forbid them."""
     for path in committed():
-        if TEXT.search(name(path)) and not name(path).startswith(("tests/", "data/")):
+        if TEXT.search(name(path)) and not name(path).startswith(("tests/", "lab/tests/", "data/")):
             yield path, path.read_text(encoding="utf-8", errors="replace")
 
 

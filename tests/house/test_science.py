@@ -179,7 +179,7 @@ def test_no_global_no_hidden_randomness_no_caught_everything(path):
             assert node.args or node.keywords, f"{where}: a generator without a seed"
 
 
-@held_by_every([m for m in modules(SCRIPTS) if "virtual_lab" not in m.parts])
+@held_by_every(modules(SCRIPTS))
 def test_zero_degrees_and_an_empty_cell_are_no_blanks(path):
     """`celsius or 25.0` takes 0 °C for a blank; `stated_or_reference` does not."""
     for node in ast.walk(parsed(path)):
@@ -233,11 +233,10 @@ def test_settings_are_keyword_only():
             assert not numbers, f"{name(path)}:{node.lineno} {node.name}: {numbers} before the *"
 
 
-PACKAGES = ("cellwright", "runtime", "figures", "effect_benchmark", "real_cells")
+PACKAGES = ("cellwright", "runtime", "figures", "real_cells")
 
 
-# The virtual laboratory has an environment of its own.
-@held_by_every([m for m in modules(SCRIPTS) if "virtual_lab" not in m.parts])
+@held_by_every(modules(SCRIPTS))
 def test_what_is_taken_from_a_module_of_ours_exists(path):
     """Also where it is imported within a function, which no import of the module itself shows."""
     for imported in imports(path):

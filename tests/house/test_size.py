@@ -3,7 +3,7 @@
 import ast
 import re
 
-from tree import ROOT, SCRIPTS, functions, held_by_every, modules, name, parsed
+from tree import LABORATORY, ROOT, SCRIPTS, functions, held_by_every, modules, name, parsed
 
 FUNCTION_LINES = 60
 NESTING = 2
@@ -13,7 +13,8 @@ RULES = sorted((ROOT / "workflow" / "rules").glob("*.smk"))
 RUN_BY_RULES = {
     script for path in RULES for script in re.findall(r"scripts/([\w/]+)\.py\"", path.read_text())
 }
-OURS = [*modules(SCRIPTS), *modules(ROOT / "plugins")]
+OF_THE_LABORATORY = [p for p in modules(LABORATORY) if "tests" not in p.relative_to(ROOT).parts]
+OURS = [*modules(SCRIPTS), *modules(ROOT / "plugins"), *OF_THE_LABORATORY]
 every_module = held_by_every(OURS)
 
 

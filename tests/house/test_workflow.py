@@ -15,20 +15,8 @@ TEXT = "\n".join(path.read_text(encoding="utf-8") for path in [*FILES, WORKFLOW 
 BLOCKS = re.findall(r"^(?:rule|checkpoint) (\w+):\n((?:[ \t]+.*\n|\n)*)", TEXT + "\n", re.M)
 RULES = [(rule, body) for rule, body in BLOCKS if rule != "all"]
 CONFIG = settings.load(WORKFLOW / "schemas", "config")
-# Rules that run a command and no script of ours, and why.
-COMMANDS = {
-    "effect_campaign": "the virtual laboratory is a workflow of its own, in its own environment",
-    "zoo_campaign": "the virtual laboratory has its own environment",
-}
 # Rules that start runs of their own, which no cluster is asked for, or that wait for a user's word.
 STARTERS = {
-    "effect_campaign": "runs the virtual laboratory",
-    "effect_left_out": "part of the benchmark that is run by hand",
-    "effect_answers": "runs the pipeline on the benchmark's campaign",
-    "missing_effect_benchmark": "part of the benchmark that is run by hand",
-    "zoo_campaign": "runs the virtual laboratory",
-    "zoo_answers": "runs the pipeline on the zoo's campaigns",
-    "zoo": "part of the benchmark that is run by hand",
     "real_campaign": "runs the pipeline on a campaign of real cells",
     "real": "gathers those runs",
 }
@@ -40,9 +28,6 @@ SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in SHEET_NAMES]
 def test_a_rule_says_what_it_does_logs_and_runs_the_script_of_its_name(rule, body):
     for needed in ("message:", "log:"):
         assert needed in body, f"rule {rule} has no {needed}"
-    assert ("shell:" in body) is (rule in COMMANDS), f"rule {rule}: a script, or named here"
-    if rule in COMMANDS:
-        return
     script = re.search(r"scripts/(\w+)/(\w+)\.py", body)
     assert script, f"rule {rule} runs no script"
     assert (SCRIPTS / script[1] / f"{script[2]}.py").is_file(), f"{script[0]} is missing"
@@ -51,9 +36,8 @@ def test_a_rule_says_what_it_does_logs_and_runs_the_script_of_its_name(rule, bod
     assert smk.stem == script[1], f"rule {rule} of {smk.name} runs {script[0]}"
 
 
-def test_only_rules_with_a_reason_run_a_command():
-    commands = {rule for rule, body in RULES if re.search(r"^ +(shell|run):", body, re.M)}
-    assert commands == set(COMMANDS)
+def test_no_rule_runs_a_command():
+    assert not [rule for rule, body in RULES if re.search(r"^ +(shell|run):", body, re.M)]
 
 
 def test_every_rule_asks_for_memory_and_time():
@@ -129,7 +113,7 @@ def test_every_section_of_the_science_has_typed_settings_with_its_defaults():
 
     chosen = settings.defaults(CONFIG)
     named = {name for _, names in settings_module.FILES.values() for name in names}
-    workflow = {"title", "strict", "pack", "benchmark", "real"}
+    workflow = {"title", "strict", "pack", "real"}
     assert named == set(CONFIG["properties"]) - workflow
     for section in named:
         value = getattr(typed, settings_module.class_name(section))()

@@ -10,6 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = ROOT / "scripts"
 SCIENCE = SCRIPTS / "cellwright"
+LABORATORY = ROOT / "lab"
 
 
 def name(path: Path) -> str:

@@ -20,7 +20,7 @@ EXCEPTIONS = {
         "image is published that a rule could name.",
     ),
     "Mixed rules and functions in same snakefile.": (
-        r"snakefile .+/rules/(benchmark|bias|compensation|drawing|health|ingest|laws|loss"
+        r"snakefile .+/rules/(bias|compensation|drawing|health|ingest|laws|loss"
         r"|missing_effect|models|pack|pack_decisions|pack_export|protocols)\.smk",
         "Which tests a stage takes stands as a function above the rules of that stage; what "
         "several stages use is in common.smk. Apart, both files would have to be read together.",
@@ -64,5 +64,5 @@ def test_no_exception_outlives_its_finding(found):
 
 
 def test_the_virtual_laboratory_has_no_other_findings():
-    found = findings("workflow/virtual_lab.smk", "--config", "campaign=scale", "cells=1")
+    found = findings("lab/Snakefile", "--config", "campaign=scale", "cells=1")
     assert {title for _, title in found} == {next(iter(EXCEPTIONS))}

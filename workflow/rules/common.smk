@@ -32,7 +32,8 @@ from runtime import contract, job_environment, job_requests, object_storage
 from runtime import settings, sheets, snakemake_state
 from runtime.provenance import codes_of
 
-job_environment.prepare(SCRIPTS)
+# Rules that judge the pipeline against known truth use the laboratory's scorer.
+job_environment.prepare(SCRIPTS, str(PIPELINE / "lab"))
 snakemake_state.compare_parameters_without_pandas()
 object_storage.keep_wildcard_constraints(workflow.storage_registry.default_storage_provider)
 STARTED = time.time()
