@@ -359,25 +359,6 @@ class PackDocument(NamedTuple):
         return frame(self.lookup)
 
 
-class Fmu(NamedTuple):
-    """A functional mock-up unit of a cell or a pack.
-
-    content : bytes of a .fmu file. token : instantiation token, the hash of what it is made of.
-    platform : that its binary is built for as FMI 3 names it, None where it holds sources only.
-    variables : `fmu.description.Variable` each.
-    """
-
-    content: bytes
-    token: str
-    platform: str | None
-    variables: tuple
-    notes: tuple
-
-    def to_frame(self):
-        """One row a variable."""
-        return frame(self.variables)
-
-
 class MissingEffect(NamedTuple):
     """Result of a search for missing effects.
 

@@ -1,6 +1,34 @@
-"""Models for other tools: functional mock-up units (FMI 3.0), PyBaMM, look-up tables."""
+"""A cell or a pack as a functional mock-up unit: the package's two functions and their result."""
 
-from cellwright.api import inputs, results
+from typing import NamedTuple
+
+from cellwright.api import inputs
+from cellwright.api.pack_model import pack_model
+from cellwright.api.results import frame
+from cellwright.packs.artefact import CellInPack, PackModel, ThermalConstants, cell_entry
+from cellwright.records.checkups import repeat_std
+from cellwright_fmu.evidence import page
+from cellwright_fmu.native import COMPILED, unit_binary, unit_sources
+from cellwright_fmu.unit import archive, single, unit_of
+
+
+class Fmu(NamedTuple):
+    """A functional mock-up unit of a cell or a pack.
+
+    content : bytes of a .fmu file. token : instantiation token, the hash of what it is made of.
+    platform : that its binary is built for as FMI 3 names it, None where it holds sources only.
+    variables : `cellwright_fmu.description.Variable` each.
+    """
+
+    content: bytes
+    token: str
+    platform: str | None
+    variables: tuple
+    notes: tuple
+
+    def to_frame(self):
+        """One row a variable."""
+        return frame(self.variables)
 
 
 def cell_fmu(
@@ -35,10 +63,6 @@ def cell_fmu(
 
     Source: FMI 3.0; docs/exports.md.
     """
-    from cellwright.fmu.evidence import page
-    from cellwright.fmu.unit import single
-    from cellwright.packs.artefact import CellInPack, PackModel, ThermalConstants, cell_entry
-
     content = inputs.model(model)
     heat = None if thermal is None else ThermalConstants(*thermal)
     known = {"capacities": capacities, "validation": validation}
@@ -54,8 +78,6 @@ def cell_fmu(
 
 
 def _known_errors(model, *, capacities, validation):
-    from cellwright.records.checkups import repeat_std
-
     discharges = [row for row in inputs.rows(capacities) if row["direction"] == "discharge"]
     std = repeat_std(discharges, model["capacity_ampere_hour"])
     return {"capacity_std_ampere_hour": std, "validation": tuple(inputs.rows(validation))}
@@ -79,10 +101,6 @@ def pack_fmu(pack, *, points=201, largest_step_second=1.0):
 
     Source: FMI 3.0; docs/exports.md.
     """
-    from cellwright.api.pack_model import pack_model
-    from cellwright.fmu.evidence import page
-    from cellwright.packs.artefact import PackModel
-
     read = pack if isinstance(pack, PackModel) else pack_model(pack)
     document = read.document
     errors = document["cells"], document["tests"], document["why_not_validated"]
@@ -91,9 +109,6 @@ def pack_fmu(pack, *, points=201, largest_step_second=1.0):
 
 
 def _unit(pack, shown, points, largest_step_second, *, alone):
-    from cellwright.fmu.unit import archive, unit_of
-    from cellwright.native.fmu import COMPILED, unit_binary, unit_sources
-
     unit = unit_of(
         pack,
         unit_sources(),
@@ -104,49 +119,4 @@ def _unit(pack, shown, points, largest_step_second, *, alone):
         largest_step_second=largest_step_second,
         documents={"documentation/index.html": shown},
     )
-    return results.Fmu(archive(unit.files), unit.token, unit.binary, unit.variables, unit.notes)
-
-
-def export_model(model, *, validation=()):
-    """A model for other tools: as PyBaMM's Thevenin model, and as tables over SoC and temperature.
-
-    Parameters
-    ----------
-    model : result of `identify` or `finish_model`, or path of its results/models/<cell>.json.
-    validation : rows of `validate` of the cell's tests: errors of the member that is exported
-        stand beside those of the chosen one, where it is another.
-
-    Returns
-    -------
-    exported : Exported; notes say which member stands for the chosen one, and both errors.
-
-    Source: docs/exports.md.
-    """
-    from cellwright.circuits.exports import lookup_table, pybamm_document, validation_errors
-    from cellwright.circuits.instrument import words_of
-    from cellwright.circuits.model_file import plain_member
-    from cellwright.identification.compensation import temperature_table
-
-    model, errors = inputs.model(model), validation_errors(inputs.rows(validation))
-    document, member = pybamm_document(model, errors), plain_member(model)
-    notes = [f"{name} is not exported: {why}" for name, why in document["refused"].items()]
-    for entry in model["members"]:
-        with_blocks = entry.get("companions", {"with": entry})["with"]
-        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(with_blocks)]
-    chosen, taken = model["chosen"], document["exported"]
-    if taken not in (chosen, None):
-        why = f"{chosen} is refused ({_both_errors(errors, taken, chosen)})"
-        notes.append(f"PyBaMM's loader takes {taken}: {why}")
-    if member != chosen:
-        why = f"{chosen} is more than RC pairs ({_both_errors(errors, member, chosen)})"
-        notes.append(f"the look-up table holds {member}: {why}")
-    tables = (lookup_table(model, member, errors), temperature_table(model, None))
-    return results.Exported(document, *tables, tuple(notes))
-
-
-def _both_errors(errors, taken, chosen):
-    """Validation errors [V] of two members, in words."""
-    if taken not in errors or chosen not in errors:
-        return "no validation test tells the errors of both"
-    both = f"{taken} {1e3 * errors[taken]:.3g} mV, {chosen} {1e3 * errors[chosen]:.3g} mV"
-    return f"validation error: {both}"
+    return Fmu(archive(unit.files), unit.token, unit.binary, unit.variables, unit.notes)

@@ -1,21 +1,22 @@
 """C sources of functional mock-up units, and their build for this machine.
 
-The kernel of packs, pack.c of the room above with pack_network.h, is part of them: battery.c
-includes it.
+Cellwright's kernel of packs, pack.c with pack_network.h, is part of them: battery.c includes it.
 """
 
 import os
 from pathlib import Path
 
+import cellwright.native
 from cellwright.native import compiler_command, library_file
 
 HERE = Path(__file__).parent
-SOURCES = [HERE.parent / "pack.c", HERE.parent / "pack_network.h", *sorted(HERE.glob("*.[ch]"))]
+KERNELS = Path(cellwright.native.__file__).parent
+SOURCES = [KERNELS / "pack.c", KERNELS / "pack_network.h", *sorted(HERE.glob("*.[ch]"))]
 COMPILED = ("battery.c", "fmi3.c")
 # Of a library that is handed on: no names but those of the interface, nothing of this machine.
 FLAGS = (
     *("-O2", "-std=c11", "-fno-math-errno", "-ffp-contract=off", "-shared", "-fPIC"),
-    *("-fvisibility=hidden", "-s", "-I", str(HERE.parent)),
+    *("-fvisibility=hidden", "-s", "-I", str(KERNELS)),
 )
 SYSTEMS = {"Linux": ("linux", ".so"), "Darwin": ("darwin", ".dylib")}
 MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}

@@ -10,14 +10,6 @@ import numpy as np
 
 from cellwright.circuits.model_file import capacity_of, member_of
 from cellwright.circuits.temperature import celsius_of
-from cellwright.fmu.description import (
-    build_description,
-    identifier_of,
-    model_description,
-    variables_of_cell,
-    variables_of_pack,
-)
-from cellwright.fmu.evidence import BEYOND_KELVIN
 from cellwright.packs.artefact import ThermalConstants
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.kernel import ORDER, STRAIGHT, Keep, kernel_sizes, work_room
@@ -27,6 +19,14 @@ from cellwright.packs.steps import SAME_SOC
 from cellwright.packs.wiring import Wiring
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
+from cellwright_fmu.description import (
+    build_description,
+    identifier_of,
+    model_description,
+    variables_of_cell,
+    variables_of_pack,
+)
+from cellwright_fmu.evidence import BEYOND_KELVIN
 
 MAGIC = b"cellwright-fmu/1"
 NAME_BYTES = 32

@@ -18,14 +18,15 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 import cellwright as cw
+import cellwright_fmu
 from cellwright.bias.scaled import scaled_reference
 from cellwright.circuits.circuit import KINDS
-from cellwright.fmu.unit import unit_temperatures
 from cellwright.packs.artefact import CellInPack, ThermalConstants, pack_document, read_pack
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.thermal import Thermal
 from cellwright.packs.wiring import cells_of
+from cellwright_fmu.unit import unit_temperatures
 
 if shutil.which("cc") is None and shutil.which("gcc") is None:
     pytest.skip("no C compiler on this machine: units hold sources only", allow_module_level=True)
@@ -104,7 +105,7 @@ def warm_and_cold():
 
 @pytest.fixture(scope="module")
 def unit():
-    return cw.cell_fmu(truth.with_branch("kinetic"), initial_soc=0.6)
+    return cellwright_fmu.cell_fmu(truth.with_branch("kinetic"), initial_soc=0.6)
 
 
 def pack_of(wiring, *, kind="kinetic", start=0.6, **known):
@@ -124,7 +125,7 @@ def pack_of(wiring, *, kind="kinetic", start=0.6, **known):
 
 
 def test_fmpy_finds_no_fault(unit, tmp_path):
-    for name, one in (("cell", unit), ("pack", cw.pack_fmu(pack_of(parallel(*"ABC"))))):
+    for name, one in (("cell", unit), ("pack", cellwright_fmu.pack_fmu(pack_of(parallel(*"ABC"))))):
         path = tmp_path / f"{name}.fmu"
         path.write_bytes(one.content)
         assert validate_fmu(str(path)) == []
@@ -153,7 +154,7 @@ def test_fmpy_runs_a_cell_as_anyone_would(unit, tmp_path):
 def test_every_kind_of_branch_is_what_our_simulation_gives(kind, tmp_path):
     model = truth.with_branch(kind)
     seconds, currents = load(np.random.default_rng(5))
-    runner = Runner(tmp_path, cw.cell_fmu(model, initial_soc=0.6)).begin()
+    runner = Runner(tmp_path, cellwright_fmu.cell_fmu(model, initial_soc=0.6)).begin()
     volt, soc = run_through(runner, seconds, currents, VOLTAGE, SOC).T
     time, held = edges(seconds, currents)
     record = {"test_time_second": time, "current_ampere": held}
@@ -166,7 +167,7 @@ def test_every_kind_of_branch_is_what_our_simulation_gives(kind, tmp_path):
 def test_parameters_follow_the_temperature_of_the_surroundings(celsius, tmp_path):
     model = warm_and_cold()
     seconds, currents = load(np.random.default_rng(6))
-    runner = Runner(tmp_path, cw.cell_fmu(model, initial_soc=0.6)).begin()
+    runner = Runner(tmp_path, cellwright_fmu.cell_fmu(model, initial_soc=0.6)).begin()
     volt = run_through(runner, seconds, currents, VOLTAGE, celsius=celsius)[:, 0]
     time, held = edges(seconds, currents)
     record = {"test_time_second": time, "current_ampere": held}
@@ -181,7 +182,7 @@ def test_a_pack_in_any_wiring_is_what_simulate_pack_gives(shape, tmp_path):
     pack = pack_of(wiring)
     count = len(pack.models)
     seconds, currents = load(np.random.default_rng(7), 150)
-    runner = Runner(tmp_path, cw.pack_fmu(pack)).begin()
+    runner = Runner(tmp_path, cellwright_fmu.pack_fmu(pack)).begin()
     arrays = (VOLTAGE, CELL_CURRENT, CELL_VOLTAGE, CELL_SOC, LEAST, MOST, SOC)
     found = run_through(runner, seconds, currents, *arrays, count=4 + 3 * count)
     time, held = edges(seconds, currents)
@@ -206,7 +207,7 @@ def test_cells_with_thermal_constants_warm_by_their_own_heat(tmp_path):
     constants = ThermalConstants(40.0, 5.0)
     pack = pack_of(series(*"AB"), kind="RC", thermal=constants)
     seconds, currents = np.full(600, 1.0), np.full(600, -4.0)
-    runner = Runner(tmp_path, cw.pack_fmu(pack)).begin()
+    runner = Runner(tmp_path, cellwright_fmu.pack_fmu(pack)).begin()
     found = run_through(runner, seconds, currents, CELL_CELSIUS, CELSIUS, count=3)
     cells = pack_cells(pack.models, temperature_celsius=unit_temperatures(pack.models))
     time, held = edges(seconds, currents)

@@ -1,9 +1,10 @@
 """Functional mock-up units as archives: the same bytes, a whole description, sources that build.
 
-FMPy runs them in tests/virtual_lab/test_fmu.py.
+FMPy runs them in test_fmpy.py.
 """
 
 import io
+import json
 import shutil
 import subprocess
 import zipfile
@@ -14,12 +15,12 @@ import pytest
 import truth
 from wirings import parallel
 
-import cellwright as cw
+import cellwright_fmu
 from cellwright import native
-from cellwright.fmu.description import identifier_of
-from cellwright.fmu.unit import unit_temperatures
 from cellwright.packs.artefact import CellInPack, pack_document
 from cellwright.refusal import Refusal
+from cellwright_fmu.description import identifier_of
+from cellwright_fmu.unit import unit_temperatures
 
 
 def unpacked(unit):
@@ -33,18 +34,18 @@ def description(unit):
 
 @pytest.fixture(scope="module")
 def cell():
-    return cw.cell_fmu(truth.stated(), initial_soc=0.7, points=101)
+    return cellwright_fmu.cell_fmu(truth.stated(), initial_soc=0.7, points=101)
 
 
 @pytest.fixture(scope="module")
 def pack():
     cells = {name: CellInPack(truth.stated(name=name), 0.6) for name in "AB"}
-    return cw.pack_fmu(pack_document(parallel(*"AB", link=1e-3), cells), points=101)
+    return cellwright_fmu.pack_fmu(pack_document(parallel(*"AB", link=1e-3), cells), points=101)
 
 
 def test_the_same_model_gives_the_same_bytes_and_another_one_another_token(cell):
-    again = cw.cell_fmu(truth.stated(), initial_soc=0.7, points=101)
-    other = cw.cell_fmu(truth.stated(scale=1.001), initial_soc=0.7, points=101)
+    again = cellwright_fmu.cell_fmu(truth.stated(), initial_soc=0.7, points=101)
+    other = cellwright_fmu.cell_fmu(truth.stated(scale=1.001), initial_soc=0.7, points=101)
     assert again.content == cell.content
     assert other.token != cell.token
     assert len(cell.token) == 64
@@ -77,9 +78,11 @@ def test_arrays_of_a_pack_have_a_value_for_each_cell(pack):
 def test_errors_of_the_model_stand_in_the_documentation():
     score = {"test": "us06", "role": "validation", "model": "2RC", "rmse_volt": 0.0042}
     score |= {"max_abs_volt": 0.031, "samples": 100}
-    page = unpacked(cw.cell_fmu(truth.stated(), validation=[score], points=51))
+    page = unpacked(cellwright_fmu.cell_fmu(truth.stated(), validation=[score], points=51))
     assert b"us06: 4.2, 31" in page["documentation/index.html"]
-    without = unpacked(cw.cell_fmu(truth.stated(), points=51))["documentation/index.html"]
+    without = unpacked(cellwright_fmu.cell_fmu(truth.stated(), points=51))[
+        "documentation/index.html"
+    ]
     assert b"not validated: it has no test" in without
 
 
@@ -92,7 +95,7 @@ def test_errors_of_each_kind_of_group_test_stand_in_the_documentation():
         about | {"test": "three", "channel": "pack voltage", "of": "p", "rmse": 0.007, "unit": "V"},
         about | {"test": "four", "cell": "A", "rmse_volt": np.nan},
     ]
-    page = unpacked(cw.pack_fmu(pack_document(parallel(*"AB"), cells, rows), points=51))
+    page = unpacked(cellwright_fmu.pack_fmu(pack_document(parallel(*"AB"), cells, rows), points=51))
     text = page["documentation/index.html"].decode()
     for said in (
         *("<td>1 A</td><td>current_rmse_ampere 0.0123</td>", "<td>B</td><td>rmse_volt 0.0045</td>"),
@@ -128,7 +131,7 @@ def test_the_sources_build_by_themselves_without_a_warning(cell, tmp_path):
 def test_without_a_compiler_the_unit_holds_sources_only(monkeypatch):
     monkeypatch.setenv("CELLWRIGHT_NATIVE", "0")
     native._library.cache_clear()
-    unit = cw.cell_fmu(truth.stated(), points=51)
+    unit = cellwright_fmu.cell_fmu(truth.stated(), points=51)
     monkeypatch.undo()
     native._library.cache_clear()
     assert unit.platform is None
@@ -160,12 +163,31 @@ def test_tables_reach_where_the_model_reaches():
 
 def test_a_start_that_is_not_stated_is_said():
     cells = {name: CellInPack(truth.stated(name=name), None) for name in "AB"}
-    unit = cw.pack_fmu(pack_document(parallel(*"AB"), cells), points=51)
+    unit = cellwright_fmu.pack_fmu(pack_document(parallel(*"AB"), cells), points=51)
     assert "no start is stated of A, B: initial_soc is 0.5, set it" in unit.notes
+
+
+def test_a_cell_with_companions_runs_without_its_effects_and_says_so():
+    found = truth.stated()
+    chosen = dict(found["members"][0], model="2RC+own_effects", of="2RC", companions={})
+    found = found | {"members": [*found["members"], chosen], "chosen": "2RC+own_effects"}
+    unit = cellwright_fmu.cell_fmu(found, points=51)
+    assert unit.notes[-1] == "it runs as 2RC instead of 2RC+own_effects"
+
+
+def test_the_path_of_a_model_gives_what_the_model_gives(cell, tmp_path):
+    path = tmp_path / "A.json"
+    path.write_text(json.dumps(truth.stated() | {"provenance": {"reason": None}}))
+    unit = cellwright_fmu.cell_fmu(path, initial_soc=0.7, points=101)
+    assert unit.content == cell.content
+    assert len(unit.to_frame()) == len(unit.variables)
+    path.write_text(json.dumps({"cell": "A", "ocv": []}))
+    with pytest.raises(Refusal, match=r"A\.json: found a document of cell, ocv, wanted a model"):
+        cellwright_fmu.cell_fmu(path)
 
 
 def test_refusals():
     with pytest.raises(Refusal, match="SoC at the start is"):
-        cw.cell_fmu(truth.stated(), initial_soc=1.2)
+        cellwright_fmu.cell_fmu(truth.stated(), initial_soc=1.2)
     with pytest.raises(Refusal, match="longest internal step is 0 s"):
-        cw.cell_fmu(truth.stated(), largest_step_second=0.0)
+        cellwright_fmu.cell_fmu(truth.stated(), largest_step_second=0.0)
