@@ -55,7 +55,6 @@ MODULE_OF = {
     "state_of_charge": "cellwright.api.charge",
     "identify": "cellwright.api.models",
     "identify_without": "cellwright.api.models",
-    "compare_identification_methods": "cellwright.api.models",
     "compare_temperature_laws": "cellwright.api.models",
     "predict_left_out": "cellwright.api.models",
     "finish_model": "cellwright.api.models",

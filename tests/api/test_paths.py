@@ -55,7 +55,6 @@ OF_BASIS = {
     "prepared_case": lambda b: cw.prepared_case(CELL, b, TESTS),
     "identify": lambda b: cw.identify(CELL, b, TESTS),
     "identify_without": lambda b: cw.identify_without(CELL, truth.model(), b, TESTS, celsius=0),
-    "compare_identification_methods": lambda b: cw.compare_identification_methods(CELL, b, []),
     "finish_model": lambda b: cw.finish_model(CELL, truth.model(), b),
     "chamber_steps": lambda b: cw.chamber_steps(SERIES, STEPS, b, TEST, CELL),
     "resistance": lambda b: cw.resistance(SERIES, STEPS, b, TEST, CELL),

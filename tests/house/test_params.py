@@ -19,8 +19,9 @@ SECTIONS = {
     for _, names in settings_module.FILES.values()
     for name in names
 }
-# Rules that call no step of the interface: the benchmark and figures say themselves what they use.
+# Rules that call no step of the interface: they say themselves what they use.
 OF_THEIR_OWN = (
+    "identification_methods",
     "effect_campaign",
     "effect_left_out",
     "effect_answers",

@@ -220,6 +220,7 @@ def test_settings_are_keyword_only():
 
 
 PACKAGES = ("cellwright", "cellwright_fmu", "runtime", "figures", "effect_benchmark", "real_cells")
+PACKAGES += ("pulse_methods",)
 
 
 # The virtual laboratory has an environment of its own.

@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.identification.methods.pulse import load_of, names_of
-from cellwright.native import array, count, function
 from cellwright.numerics.lags import lag_weights
 from cellwright.refusal import Refusal
+from pulse_methods.pulse import load_of, names_of
 
 
 class GeneticFit(NamedTuple):
@@ -43,16 +42,13 @@ def cost_function(record, *, hold, n_rc=2):
         r0, r, tau = values[:, 0], values[:, 1 : n_rc + 1], values[:, n_rc + 1 :]
         decay, before, after = lag_weights(load.step_second[:, None, None], tau, hold=hold)
         pushed = before * load.drive[:-1, None, None] + after * load.drive[1:, None, None]
-        columns = (load.drive, load.target_volt)
-        return _power(decay, pushed, *map(np.ascontiguousarray, (r0, r, *columns))) / len(
-            load.drive
-        )
+        return _power(decay, pushed, r0, r, load.drive, load.target_volt) / len(load.drive)
 
     return cost
 
 
 def _power(decay, pushed, r0, r, drive, target_volt):
-    """Sum of squared errors (k,) [V²] of k circuits, in C where that can be built.
+    """Sum of squared errors (k,) [V²] of k circuits.
 
     Parameters
     ----------
@@ -60,10 +56,6 @@ def _power(decay, pushed, r0, r, drive, target_volt):
         load adds to it [A]. r0, r : (k,), (k, m) [ohm]. drive, target_volt : (n,) [A], [V].
     """
     state, power = np.zeros(r.shape), (target_volt[0] - r0 * drive[0]) ** 2
-    kernel = function("pulse_power", count, count, count, *[array] * 8)
-    if kernel is not None:
-        kernel(len(drive), *r.shape, decay, pushed, r0, r, drive, target_volt, state, power)
-        return power
     for k, target in enumerate(target_volt[1:]):
         state = decay[k] * state + pushed[k]
         power += (target - r0 * drive[k + 1] - (r * state).sum(axis=1)) ** 2

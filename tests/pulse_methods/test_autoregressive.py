@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.simulate import simulate
-from cellwright.identification.methods.autoregressive import (
+from cellwright.numerics.lags import HOLDS, lag_weights
+from cellwright.refusal import Refusal
+from pulse_methods.autoregressive import (
     circuit_of_coefficients,
     track,
 )
-from cellwright.numerics.lags import HOLDS, lag_weights
-from cellwright.refusal import Refusal
 
 STEP = 1.0
 CURRENT = np.repeat(np.random.default_rng(1).normal(size=300), 20) * 3.0

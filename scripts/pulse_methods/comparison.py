@@ -7,17 +7,17 @@ import numpy as np
 from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.simulate import simulate
 from cellwright.circuits.temperature import celsius_of
-from cellwright.identification.methods.autoregressive import (
-    circuit_of_coefficients,
-    track,
-)
-from cellwright.identification.methods.genetic import evolve_by_genes
-from cellwright.identification.methods.pulse import fit_circuit, names_of, profile_interval
-from cellwright.identification.methods.pulse_records import pulse_records
-from cellwright.identification.methods.with_lmfit import fit_by_lmfit, lmfit_parameters
 from cellwright.numerics.statistics import delta_method
 from cellwright.protocols.relaxation import fit_relaxation
 from cellwright.refusal import Refusal
+from pulse_methods.autoregressive import (
+    circuit_of_coefficients,
+    track,
+)
+from pulse_methods.genetic import evolve_by_genes
+from pulse_methods.pulse import fit_circuit, names_of, profile_interval
+from pulse_methods.pulse_records import pulse_records
+from pulse_methods.with_lmfit import fit_by_lmfit, lmfit_parameters
 
 PAIRS = 2
 HOLD = "zero_order"  # the current of a pulse stays until the next sample

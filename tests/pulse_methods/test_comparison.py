@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from sheets_facts import cell_facts, facts_of
 
-import cellwright as cw
 from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.simulate import simulate
-from cellwright.identification.methods.comparison import (
+from cellwright.series.steps import segment
+from pulse_methods.comparison import (
     METHODS,
     NAMES,
     compare_methods,
     identify_pulse,
     local_spread,
 )
-from cellwright.identification.methods.pulse_records import PulseTest, pulse_records
-from cellwright.series.steps import segment
+from pulse_methods.of_cell import compare_identification_methods
+from pulse_methods.pulse_records import PulseTest, pulse_records
 
 TRUE = np.array([0.020, 0.010, 0.015, 3.0, 40.0])
 CAPACITY = 5.0
@@ -211,7 +211,7 @@ def test_a_cell_without_such_pulses_has_no_row_and_the_reason():
 def test_the_step_of_the_interface_gives_the_same_rows():
     test = pulse_test(PULSE)
     comparison = compare_methods([test], BASIS, FULL, **SETTINGS)
-    step = cw.compare_identification_methods(FULL, BASIS, [tuple(test)], pulses_per_cell=24)
+    step = compare_identification_methods(FULL, BASIS, [tuple(test)], pulses_per_cell=24)
     columns = comparison.rows._asdict()
     assert step.notes == comparison.left_out
     for name, values in step.rows._asdict().items():

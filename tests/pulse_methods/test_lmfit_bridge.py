@@ -6,12 +6,12 @@ from pulse_train import CURRENT, TIME, fitted, noisy
 
 from cellwright.circuits.circuit import Branch, rc_circuit
 from cellwright.circuits.simulate import simulate
-from cellwright.identification.methods.with_lmfit import (
+from cellwright.refusal import Refusal
+from pulse_methods.with_lmfit import (
     circuit_with,
     fit_by_lmfit,
     lmfit_parameters,
 )
-from cellwright.refusal import Refusal
 
 START = rc_circuit(0.03, [0.005, 0.03], [1.0, 80.0])
 HOLD = {"hold": "zero_order"}

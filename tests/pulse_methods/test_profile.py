@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pulse_train import CURRENT, NOISE, TIME, noisy, voltage
 
-from cellwright.identification.methods.pulse import fit_circuit, profile_interval
 from cellwright.refusal import Refusal
+from pulse_methods.pulse import fit_circuit, profile_interval
 
 HOLD = {"hold": "zero_order"}
 

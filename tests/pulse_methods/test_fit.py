@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pulse_train import CURRENT, NOISE, TIME, TRUE, fitted, noisy, voltage
 
-from cellwright.identification.methods.pulse import fit_circuit, load_of
 from cellwright.native import function
 from cellwright.numerics import exponentials
 from cellwright.numerics.lags import HOLDS
 from cellwright.numerics.statistics import correlation_factor, is_white, parameter_covariance
 from cellwright.refusal import Refusal
+from pulse_methods.pulse import fit_circuit, load_of
 
 
 def distance(fit, other):
