@@ -1,6 +1,7 @@
-"""Peaks of a dQ/dV curve that is known on a uniform grid of voltage."""
+"""dQ/dV on a uniform grid of voltage: the curve with what follows from it, and its peaks."""
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,12 +9,62 @@ from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weig
 from cellwright.protocols.ica.curve import Peaks
 
 
+class GridCurve(NamedTuple):
+    """dQ/dV over a uniform grid of voltage, arrays (n,).
+
+    charge from the first point. bin_volt, smooth_volt : width of a bin and of the smoothing window.
+    scatter_volt : white noise of one row along the axis of voltage.
+    """
+
+    voltage_volt: np.ndarray
+    charge_ampere_hour: np.ndarray
+    dq_dv_ampere_hour_per_volt: np.ndarray
+    dq_dv_std_ampere_hour_per_volt: np.ndarray
+    bin_volt: float
+    smooth_volt: float
+    scatter_volt: float
+
+
+def gridded(voltage_volt, dq_dv, *, bin_volt, smooth_volt, scatter_volt, density):
+    """Curve of a method that gives dQ/dV on a uniform grid, with what follows from it.
+
+    Parameters
+    ----------
+    voltage_volt, dq_dv : (n,) [V], [Ah/V]. bin_volt, smooth_volt, scatter_volt : [V].
+    density : rows of the record per charge [1/Ah].
+
+    Returns
+    -------
+    curve : GridCurve. The noise of dQ/dV is that of a slope over the smoothing window.
+    """
+    positive = np.maximum(dq_dv, 1e-6 * np.max(np.abs(dq_dv)))
+    moved = (dq_dv[1:] + dq_dv[:-1]) / 2 * np.diff(voltage_volt)
+    rows = np.maximum(positive * bin_volt * density, 1.0)
+    per_bin = positive * scatter_volt / np.sqrt(rows)
+    # The norm of a Savitzky-Golay filter of order 5 for the slope, half a window of `half` bins.
+    half = max(smooth_volt / bin_volt / 2, 1.0)
+    return GridCurve(
+        voltage_volt=voltage_volt,
+        charge_ampere_hour=np.append(0.0, np.cumsum(moved)),
+        dq_dv_ampere_hour_per_volt=dq_dv,
+        dq_dv_std_ampere_hour_per_volt=per_bin * SLOPE_NORM / (bin_volt * half**1.5),
+        bin_volt=bin_volt,
+        smooth_volt=smooth_volt,
+        scatter_volt=float(scatter_volt),
+    )
+
+
+# Of a Savitzky-Golay filter of order 5: norm of the weights of the slope, for half a window of many
+# bins h of unit width, times h to the power 1.5.
+SLOPE_NORM = 5.2
+
+
 def grid_peaks(curve, *, prominence, noise_factor=5.0):
     """Peaks of dQ/dV that stand out of their surroundings and of the noise.
 
     Parameters
     ----------
-    curve : IncrementalCapacity.
+    curve : GridCurve.
     prominence : least height of a peak above the higher of the two valleys that part it from
         higher ones, as a share of the highest dQ/dV [1].
     noise_factor : the same, in standard deviations of the noise of dQ/dV.

@@ -1,15 +1,34 @@
 """dQ/dV by the adaptive filter of the thesis: stiff in the middle of a charge, less at its ends."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from cellwright.protocols.ica.curve import gridded
+from dq_dv.on_grid import gridded
 
 FIRST_DIVISOR = 5
 MARGIN_SHARE = 0.035  # 500 rows of a C/2 charge read twice a second, as the thesis' code adds
 LEAST_SPAN = 5
 
 
-def adaptive_capacity(voltage_volt, charge_ampere_hour, *, settings):
+class Adaptive(NamedTuple):
+    """What the thesis' code takes; its text: 0.1 and 0.6 mV.
+
+    span_share : of the first filter, of the record [1]. threshold_volt : where more is removed an
+    end is filtered again. end_volt : spans shrink until less is removed on average. bin_volt : of
+    the grid.
+    """
+
+    span_share: float = 0.05
+    threshold_volt: float = 4e-4
+    end_volt: float = 1e-3
+    bin_volt: float = 3e-3
+
+
+CODE = Adaptive()
+
+
+def adaptive_capacity(voltage_volt, charge_ampere_hour, *, settings=CODE):
     """dQ/dV of one constant-current charge by the adaptive filter of the thesis.
 
     1. A Savitzky-Golay filter of degree 2 over a share of the record smooths the voltage. 2. What
@@ -22,11 +41,11 @@ def adaptive_capacity(voltage_volt, charge_ampere_hour, *, settings):
     ----------
     voltage_volt, charge_ampere_hour : (n,) rows of one charge [V], [Ah], the charge by the true
         times of the rows.
-    settings : Ica with adaptive_span_share [1], adaptive_threshold_volt, adaptive_end_volt [V].
+    settings : Adaptive.
 
     Returns
     -------
-    curve : IncrementalCapacity; dQ/dV of the rows averaged over bins of `bin_volt`.
+    curve : GridCurve; dQ/dV of the rows averaged over bins of `bin_volt`.
 
     Source: thesis 4.4 and appendix A. Erratum: text (N/10, 0.6 mV) and code (N/20, 0.4 mV) differ,
     so both are settings; the code multiplies each time by the current of that row, and its limits
@@ -34,7 +53,7 @@ def adaptive_capacity(voltage_volt, charge_ampere_hour, *, settings):
     """
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
     apart = max(len(voltage) // 100, 1)
-    smooth = _refiltered(voltage, _savitzky_golay(voltage, settings.adaptive_span_share), settings)
+    smooth = _refiltered(voltage, _savitzky_golay(voltage, settings.span_share), settings)
     rise = smooth[apart:] - smooth[:-apart]
     passed = charge[apart:] - charge[:-apart]
     slope = np.divide(passed, rise, where=rise > 0, out=np.full(len(rise), np.nan))
@@ -47,10 +66,9 @@ def adaptive_capacity(voltage_volt, charge_ampere_hour, *, settings):
         grid,
         mean,
         bin_volt=float(grid[1] - grid[0]),
-        smooth_volt=float(settings.adaptive_span_share * np.ptp(voltage)),
+        smooth_volt=float(settings.span_share * np.ptp(voltage)),
         scatter_volt=np.sqrt(bend / max(len(voltage) - 2, 1) / 6),
         density=len(voltage) / np.ptp(charge),
-        method="adaptive",
     )
 
 
@@ -66,15 +84,15 @@ def _refiltered(voltage, smooth, settings):
     """Smoothed voltage with both ends filtered again where too much was removed."""
     rows, margin = len(voltage), int(MARGIN_SHARE * len(voltage))
     joined = smooth.copy()
-    much = np.abs(_savitzky_golay(smooth - voltage, 1 / 100)) > settings.adaptive_threshold_volt
+    much = np.abs(_savitzky_golay(smooth - voltage, 1 / 100)) > settings.threshold_volt
     early = np.flatnonzero(much[: rows // 2])
     late = np.flatnonzero(much[rows // 2 :]) + rows // 2
     if len(early):
         stop = min(early[-1] + margin, rows // 2)
-        joined[:stop] = _end(voltage[:stop], settings.adaptive_end_volt)
+        joined[:stop] = _end(voltage[:stop], settings.end_volt)
     if len(late):
         start = max(late[0] - margin, rows // 2)
-        joined[start:] = _end(voltage[start:], settings.adaptive_end_volt)
+        joined[start:] = _end(voltage[start:], settings.end_volt)
     return joined
 
 

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weights
-from cellwright.protocols.ica.curve import gridded
-from cellwright.protocols.ica.levels import rises, tally, volt_at_rank
+from cellwright.protocols.ica.levels import rises, tally
 from cellwright.refusal import Refusal
+from dq_dv.on_grid import gridded
 
 LEAST_ROWS = 50
 
@@ -39,7 +39,7 @@ def binned_capacity(
 
     Returns
     -------
-    curve : IncrementalCapacity, half a window short at each end.
+    curve : GridCurve, half a window short at each end.
 
     Raises
     ------
@@ -62,9 +62,8 @@ def binned_capacity(
         slope,
         bin_volt=width,
         smooth_volt=(2 * half + 1) * width,
-        scatter_volt=max(levels.scatter_volt, between_bins),
+        scatter_volt=max(layout.scatter_volt, between_bins),
         density=layout.density,
-        method="binned",
     )
 
 
@@ -89,7 +88,7 @@ def counted_capacity(
 
     Returns
     -------
-    curve : IncrementalCapacity, half a window short at each end.
+    curve : GridCurve, half a window short at each end.
 
     Raises
     ------
@@ -110,19 +109,22 @@ def counted_capacity(
         np.convolve(rows / (layout.density * width), weights, "valid"),
         bin_volt=width,
         smooth_volt=(2 * half + 1) * width,
-        scatter_volt=levels.scatter_volt,
+        scatter_volt=layout.scatter_volt,
         density=layout.density,
-        method="counting",
     )
 
 
 class _Layout(NamedTuple):
-    """Levels of a record, width of a bin [V], half a window in bins, rows per charge [1/Ah]."""
+    """Levels of a record, width of a bin [V], half a window in bins, rows per charge [1/Ah].
+
+    scatter_volt : white noise of one row along the axis of voltage [V].
+    """
 
     levels: object
     bin_volt: float
     half: int
     density: float
+    scatter_volt: float
 
 
 def _laid_out(voltage_volt, charge_ampere_hour, bin_volt, smooth_volt, densest_share, slope_noise):
@@ -131,17 +133,18 @@ def _laid_out(voltage_volt, charge_ampere_hour, bin_volt, smooth_volt, densest_s
     if len(voltage) < LEAST_ROWS:
         raise Refusal(f"{len(voltage)} rows of charge are too few for dQ/dV; 50 are needed")
     levels = tally(voltage, charge)
-    rising = charge if levels.rising else np.sort(charge)
+    rising = np.sort(charge, kind="stable")
+    scatter = float(np.sqrt(np.sum(np.diff(voltage, 2) ** 2) / max(len(voltage) - 2, 1) / 6))
     if rising[-1] <= rising[0]:
         raise Refusal(f"no charge was moved in {len(voltage)} rows")
     densest, typical = _spans(voltage, rising, levels)
     density = 0.8 * len(voltage) / typical
-    quiet = _quiet_window(levels.scatter_volt, density, slope_noise)
+    quiet = _quiet_window(scatter, density, slope_noise)
     window = max(min(smooth_volt, densest_share * densest), quiet)
     finest = max(min(bin_volt, window / (2 * SAVITZKY_GOLAY_ORDER + 1)), 2 / density)
     width = _whole_steps(levels, finest)
     half = max(round(window / width / 2), SAVITZKY_GOLAY_ORDER)
-    return _Layout(levels, width, half, len(voltage) / (rising[-1] - rising[0]))
+    return _Layout(levels, width, half, len(voltage) / (rising[-1] - rising[0]), scatter)
 
 
 def _wide_enough(grid, layout):
@@ -162,7 +165,7 @@ def _spans(voltage, rising, levels):
     rank = np.searchsorted(rising, shares, side="right") - 1
     after = np.minimum(rank + 1, len(rising) - 1)
     gap = np.maximum(rising[after] - rising[rank], np.finfo(float).tiny)
-    low, high = volt_at_rank(levels, rank), volt_at_rank(levels, after)
+    low, high = _volt_at_rank(levels, rank), _volt_at_rank(levels, after)
     share_volt = low + (high - low) * (shares - rising[rank]) / gap
     return (share_volt[20:] - share_volt[:-20]).min(), share_volt[90] - share_volt[10]
 
@@ -199,3 +202,8 @@ def _binned(levels, width):
     mean_voltage = np.bincount(bin_number, levels.rows * levels.volt)[filled] / rows[filled]
     grid = levels.volt[0] + width * (np.arange(len(rows)) + 0.25)
     return grid, np.interp(grid, mean_voltage, mean_charge)
+
+
+def _volt_at_rank(levels, rank):
+    """Voltage at ranks (m,) in the order of rising voltage, from 0 [V]."""
+    return levels.volt[np.searchsorted(np.cumsum(levels.rows), rank, side="right")]
