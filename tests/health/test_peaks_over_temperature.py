@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.peaks import (
+from cellwright.health.peaks.over_temperature import (
     Charge,
     match_peaks,
     peaks_over_temperature,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.ageing import cycle_temperature, law_rows, reading_noise
+from cellwright.health.ageing import cycle_temperature, law_rows, reading_noise
 from cellwright.numerics.lines import coloured_line
 from cellwright.numerics.periods import periods
 from cellwright.numerics.statistics import t_interval

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.capacity_loss import capacity_losses, law_rows
+from cellwright.health.capacity_loss import capacity_losses, law_rows
 from cellwright.refusal import Refusal
 
 
