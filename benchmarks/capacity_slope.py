@@ -3,10 +3,13 @@
 from functools import partial
 
 import numpy as np
+from dq_dv.adaptive import adaptive_capacity
+from dq_dv.binned import binned_capacity, counted_capacity
+from dq_dv.on_grid import grid_peaks
 from timing import Entry, Goal, Topic, where_importable
 
-from cellwright.protocols.ica.charge import charge_slope, peaks_of
-from cellwright.settings import Ica
+from cellwright.protocols.ica.charge import charge_slope
+from cellwright.protocols.ica.spline import slope_peaks
 
 ROWS, SEEDS, STEP_VOLT, NOISE_VOLT = 200_000, 20, 3e-4, 5e-5
 VOLT = np.linspace(3.2, 4.15, 20_001)
@@ -28,10 +31,10 @@ TOPS = np.flatnonzero((SLOPE[1:-1] > SLOPE[:-2]) & (SLOPE[1:-1] > SLOPE[2:])) + 
 def topic():
     """Topic: 200,000 rows in steps of 0.3 mV, three peaks."""
     makers = {
-        "**Cellwright**": lambda: _entry("**Cellwright**", partial(_ours, "spline"), runs=9),
-        "binned": lambda: _entry("**Cellwright**, binned", partial(_ours, "binned"), runs=21),
-        "counting": lambda: _entry("**Cellwright**, counting", partial(_ours, "counting"), runs=21),
-        "adaptive": lambda: _entry("**Cellwright**, adaptive", partial(_ours, "adaptive"), runs=1),
+        "**Cellwright**": lambda: _entry("**Cellwright**", _ours, runs=9),
+        "binned": lambda: _entry("mean charge of bins, Savitzky-Golay", _by_bins, runs=21),
+        "counting": lambda: _entry("rows counted by voltage (LEAN)", _by_counting, runs=21),
+        "adaptive": lambda: _entry("adaptive filter of the thesis", _by_thesis, runs=1),
         "interp": lambda: _entry("uniform grid by interpolation, scipy savgol_filter", _by_grid),
         "PyProBE": lambda: _entry("PyProBE, level evaluation (LEAN)", _by_levels, runs=3),
         "cellpy": lambda: _entry("cellpy dqdv_np, its own settings", _by_cellpy, runs=1),
@@ -48,7 +51,7 @@ def topic():
         "false peaks",
         entries,
         skipped,
-        goals=(Goal("**Cellwright**", 1e-3), Goal("**Cellwright**, binned", 1e-3)),
+        goals=(Goal("**Cellwright**", 1e-3),),
     )
 
 
@@ -70,9 +73,25 @@ def _entry(name, curve, runs=5):
     return Entry(name, lambda: curve(*first), judge, runs=runs)
 
 
-def _ours(method, volt, charge):
-    curve, slope = charge_slope(volt, charge, settings=Ica(method=method))
-    return curve.voltage_volt, curve.dq_dv_ampere_hour_per_volt, (curve, slope)
+def _ours(volt, charge):
+    curve, slope = charge_slope(volt, charge)
+    found = partial(slope_peaks, slope)
+    return curve.voltage_volt, curve.dq_dv_ampere_hour_per_volt, found
+
+
+def _on_grid(method, volt, charge):
+    curve = method(volt, charge, bin_volt=3e-3, smooth_volt=WINDOW_VOLT)
+    found = partial(grid_peaks, curve)
+    return curve.voltage_volt, curve.dq_dv_ampere_hour_per_volt, found
+
+
+_by_bins, _by_counting = (partial(_on_grid, of) for of in (binned_capacity, counted_capacity))
+
+
+def _by_thesis(volt, charge):
+    curve = adaptive_capacity(volt, charge)
+    found = partial(grid_peaks, curve)
+    return curve.voltage_volt, curve.dq_dv_ampere_hour_per_volt, found
 
 
 def _by_grid(volt, charge):
@@ -123,9 +142,9 @@ def _by_ampworks(volt, charge):
 
 
 def _tops(volt, slope, found):
-    """(position, height) of the peaks: ours where the curve is ours, else a plain search."""
+    """(position, height) of the peaks: by the method's own search where it has one."""
     if found is not None:
-        tops = peaks_of(*found, prominence=PROMINENCE)
+        tops = found(prominence=PROMINENCE)
         return tops.voltage_volt, tops.height_ampere_hour_per_volt
     from scipy.signal import find_peaks
 

@@ -24,7 +24,7 @@ def hppc():
     }
     needed = {"lmfit": ("lmfit",), "PyBOP": ("pybamm", "pybop")}
     ours = {"**Cellwright**": lambda: _ours(time, current, volt)}
-    needed["**Cellwright**"] = ("cellwright.identification.methods.pulse",)
+    needed["**Cellwright**"] = ("pulse_methods.pulse",)
     entries, skipped = where_importable(needed, ours | peers)
     return Topic(
         "2-RC fit of a pulse test",
@@ -75,7 +75,7 @@ def _judge(current, volt, step):
 
 
 def _ours(time, current, volt):
-    from cellwright.identification.methods.pulse import fit_circuit
+    from pulse_methods.pulse import fit_circuit
 
     def run():
         return fit_circuit(time, current, volt, 3.7, hold="first_order").values

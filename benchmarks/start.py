@@ -9,8 +9,7 @@ from timing import Entry, Goal, Topic, missing
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 JOBS = {
-    "**Cellwright**, simulation and fit": "cellwright.circuits.cell,"
-    " cellwright.identification.methods.pulse",
+    "**Cellwright**, simulation and fit": "cellwright.circuits.cell, pulse_methods.pulse",
     "**Cellwright**, dQ/dV": "cellwright.protocols.ica.charge",
     "Python alone": "sys",
     "numpy": "numpy",

@@ -1,7 +1,6 @@
 """What several test rooms share: measured campaigns, and a stand-in for a job's `snakemake`."""
 
 import os
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,8 +9,6 @@ import pytest
 # Small matrices: threads of the linear algebra only wait for each other, tens of times longer
 # where the machine is shared. Heeded where numpy has not been loaded before.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Cells, records and spectra whose truth is known, which several rooms are held against.
-sys.path.insert(0, str(Path(__file__).parent / "known"))
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 # Files that take longest begin first, so that two workers end together: whole runs of Snakemake,

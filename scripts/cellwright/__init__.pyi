@@ -17,9 +17,7 @@ from cellwright.api.effects import missing_group_effect as missing_group_effect
 from cellwright.api.effects import prepared_case as prepared_case
 from cellwright.api.effects import simulate_group as simulate_group
 from cellwright.api.effects import witnesses as witnesses
-from cellwright.api.fmu import cell_fmu as cell_fmu
-from cellwright.api.fmu import export_model as export_model
-from cellwright.api.fmu import pack_fmu as pack_fmu
+from cellwright.api.export import export_model as export_model
 from cellwright.api.health import check_ups as check_ups
 from cellwright.api.health import compare_protocols as compare_protocols
 from cellwright.api.health import fade as fade
@@ -40,7 +38,6 @@ from cellwright.api.laws import temperature_laws_of_type as temperature_laws_of_
 from cellwright.api.laws import thermal_constants as thermal_constants
 from cellwright.api.models import borrow_model as borrow_model
 from cellwright.api.models import compare_bias_ways as compare_bias_ways
-from cellwright.api.models import compare_identification_methods as compare_identification_methods
 from cellwright.api.models import compare_temperature_laws as compare_temperature_laws
 from cellwright.api.models import corrected_voltages as corrected_voltages
 from cellwright.api.models import estimate_soc as estimate_soc

@@ -212,7 +212,6 @@ DRAW = {
     "relaxation": lambda of, _: relaxation.draw_relaxation(artefact.load_all(of.rests)),
     "polarisation": lambda of, _: relaxation.draw_polarisation(_table(of.points), _table(of.laws)),
     "parameters": lambda of, _: models.draw_parameters(artefact.load(of.model)),
-    "identification_methods": lambda of, _: models.draw_identification_methods(_table(of.methods)),
     "compensation": lambda of, _: models.draw_compensation(_table(of.laws), _table(of.proof)),
     "validation": _validation,
     "soc": _soc,

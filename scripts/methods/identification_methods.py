@@ -1,11 +1,11 @@
 """Circuits of a cell's pulses by each identification method, side by side."""
 
-import cellwright as cw
+from pulse_methods.of_cell import compare_identification_methods
 from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
     params, inputs = snakemake.params, snakemake.input
-    comparison = cw.compare_identification_methods(
+    comparison = compare_identification_methods(
         params.cell,
         job.load(inputs.basis),
         facts.tests_with_steps(inputs.steps, inputs.series),

@@ -1,13 +1,13 @@
 """A cell's model as a functional mock-up unit for other simulators."""
 
-import cellwright as cw
+import cellwright_fmu
 from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
-    found = cw.cell_fmu(
+    found = cellwright_fmu.cell_fmu(
         job.load(snakemake.input.model),
         capacities=facts.rows_of_tests(snakemake.input.capacities),
         validation=facts.rows_of_tests(snakemake.input.validation),
     )
     job.note(*found.notes)
-    job.save(found.archive, token=found.token, platform=found.platform)
+    job.save(found.content, token=found.token, platform=found.platform)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from cellwright.bias.features import Shown
 from cellwright.bias.ways import Scored
-from cellwright.laws.peaks import Charge
+from cellwright.health.peaks.over_temperature import Charge
 from cellwright.records.basis import Lender
 from cellwright.records.conditions import in_first_checkup
 from cellwright.records.facts import CellFacts

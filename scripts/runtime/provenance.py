@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 SCRIPTS = Path(__file__).resolve().parents[1]
 LOCK = SCRIPTS.parent / "environment.lock"
+# Packages beside scripts/ that scripts of rules import.
+BESIDE = (Path("plugins", "cellwright-fmu"),)
 # Where Snakemake lays copies of what is in object storage: below this folder of the campaign.
 COPIES = (".snakemake", "storage")
 
@@ -40,7 +42,7 @@ IMPORTS = (ast.Import, ast.ImportFrom)
 
 @cache
 def code_of(script: str) -> str:
-    """Hash of the code that `scripts/<script>.py` runs: itself and all it imports from scripts/.
+    """Hash of the code that `scripts/<script>.py` runs: itself and all it imports of ours.
 
     Hashed is the syntax tree without docstrings, so that comments, layout and documentation
     change nothing, and a changed formula in any imported module changes the hash. Of the public
@@ -53,12 +55,22 @@ def code_of(script: str) -> str:
 @cache
 def digest_of(piece: Piece) -> str:
     """SHA-256 of a piece's place and syntax tree; of a package, also of the C sources beside it."""
-    digest = hashlib.sha256(f"{piece.path.relative_to(SCRIPTS).as_posix()}:{piece.name}".encode())
+    digest = hashlib.sha256(f"{_place(piece.path).as_posix()}:{piece.name}".encode())
     digest.update(ast.dump(_tree(piece)).encode())
     package = piece.path.name == "__init__.py"  # it builds the C sources in its folder
     for source in sorted(piece.path.parent.glob("*.[ch]")) if package else []:
         digest.update(source.read_bytes())
     return digest.hexdigest()
+
+
+def _roots() -> list[Path]:
+    """Folders that packages of ours lie in."""
+    return [SCRIPTS, *(SCRIPTS.parent / folder for folder in BESIDE)]
+
+
+def _place(path: Path) -> Path:
+    """Path of a module below the folder that its package lies in."""
+    return path.relative_to(next(root for root in _roots() if path.is_relative_to(root)))
 
 
 def codes_of(scripts, folders=None) -> dict[str, str]:
@@ -88,8 +100,9 @@ def _caches():
 
 def _sources_digest() -> str:
     sources = hashlib.sha256(sys.version.encode())
-    for path in sorted([*SCRIPTS.rglob("*.py"), *SCRIPTS.rglob("*.[ch]")]):
-        sources.update(f"{path.relative_to(SCRIPTS).as_posix()}\n".encode() + path.read_bytes())
+    found = [path for root in _roots() for kind in ("*.py", "*.[ch]") for path in root.rglob(kind)]
+    for path in sorted(found):
+        sources.update(f"{_place(path).as_posix()}\n".encode() + path.read_bytes())
     return sources.hexdigest()[:32]
 
 
@@ -182,7 +195,7 @@ def _needs(piece: Piece) -> frozenset:
         used = {node.id for node in nodes if isinstance(node, ast.Name)} & set(entries)
         needed = {Piece(piece.path, name) for name in used}
         nodes += [entries[name] for name in used if isinstance(entries[name], IMPORTS)]
-    package = piece.path.parent.relative_to(SCRIPTS).parts
+    package = _place(piece.path).parent.parts
     names = [name for node in nodes for name in _imported(node, package)]
     names += _attributes_of_modules(nodes)
     needed.update(*(_pieces_named(name) for name in names))
@@ -212,9 +225,10 @@ def _attributes_of_modules(nodes) -> list[str]:
 
 @cache
 def _pieces_named(name: str) -> set[Piece]:
-    """The module of a dotted name and each package above it, where they lie in scripts/."""
+    """The module of a dotted name and each package above it, where they are ours."""
     parts = name.split(".")
-    stems = [SCRIPTS.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
+    root = next((root for root in _roots() if _holds(root, parts[0])), SCRIPTS)
+    stems = [root.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
     files = [stem / "__init__.py" for stem in stems] + [stems[-1].with_suffix(".py")]
     pieces = {Piece(file) for file in files if file.is_file() and not _gives_names(file)}
     owners = [stems[-2].with_suffix(".py"), stems[-2] / "__init__.py"] if len(stems) > 1 else []
@@ -224,10 +238,15 @@ def _pieces_named(name: str) -> set[Piece]:
     return pieces
 
 
+def _holds(root: Path, package: str) -> bool:
+    """Whether a package or module of this name lies in a folder."""
+    return (root / package).is_dir() or (root / f"{package}.py").is_file()
+
+
 @cache
 def _gives_names(file: Path) -> bool:
     """Whether the names of this file are hashed one by one."""
-    return file.parent.relative_to(SCRIPTS).as_posix() in PARTED or file.with_suffix(LAZY).exists()
+    return _place(file).parent.as_posix() in PARTED or file.with_suffix(LAZY).exists()
 
 
 def _is_docstring(node) -> bool:

@@ -36,7 +36,6 @@ OF_MODEL = {
         CELL, truth.model(), TESTS, model=m
     ),
     "add_own_effects": lambda m: cw.add_own_effects(m, None),
-    "cell_fmu": lambda m: cw.cell_fmu(m, points=21),
     "assemble_pack": lambda m: cw.assemble_pack("g", ROWS, [m, SECOND]),
     "simulate_group": lambda m: cw.simulate_group([m, m], CURRENT, initial_soc=0.9),
     "simulate_pack": lambda m: cw.simulate_pack([m, SECOND], ROWS, CURRENT, initial_soc=0.9),
@@ -56,7 +55,6 @@ OF_BASIS = {
     "prepared_case": lambda b: cw.prepared_case(CELL, b, TESTS),
     "identify": lambda b: cw.identify(CELL, b, TESTS),
     "identify_without": lambda b: cw.identify_without(CELL, truth.model(), b, TESTS, celsius=0),
-    "compare_identification_methods": lambda b: cw.compare_identification_methods(CELL, b, []),
     "finish_model": lambda b: cw.finish_model(CELL, truth.model(), b),
     "chamber_steps": lambda b: cw.chamber_steps(SERIES, STEPS, b, TEST, CELL),
     "resistance": lambda b: cw.resistance(SERIES, STEPS, b, TEST, CELL),
@@ -110,9 +108,7 @@ def test_another_file_than_a_basis_is_named_for_what_it_is(tmp_path, name):
         OF_BASIS[name](path)
 
 
-@pytest.mark.parametrize(
-    "name", ["cell_fmu", "simulate", "validate", "simulate_pack", "export_model"]
-)
+@pytest.mark.parametrize("name", ["simulate", "validate", "simulate_pack", "export_model"])
 @pytest.mark.parametrize("as_path", [str, lambda path: path])
 def test_the_path_of_a_model_gives_what_the_model_gives(tmp_path, name, as_path):
     """What an artefact carries beside its content, its provenance, changes nothing."""

@@ -1,10 +1,9 @@
-"""Figures of models: parameters, methods, validation, filters."""
+"""Figures of models: parameters, validation, filters."""
 
 import numpy as np
 import pytest
 from figure_panels import SOC, TIME, drawn, labels, panels, rendered
 
-from cellwright.identification.methods.comparison import METHODS, MethodRows
 from figures import models
 
 
@@ -115,31 +114,3 @@ def test_every_filter_is_drawn_once_with_its_band_where_it_has_one():
     np.testing.assert_allclose(error.get_lines()[0].get_ydata(), 1.0)
     assert len(error.get_lines()) == 1
     assert len(error.collections) == 1
-
-
-def rows(**changes):
-    base = dict.fromkeys(MethodRows._fields, 0.01)
-    base |= {"tau1_second": 2.0, "tau2_second": 30.0, "rmse_volt": 1e-3, "evaluations": 5}
-    return [
-        base | {"soc": soc, "ambient_temperature_celsius": celsius, "method": method} | changes
-        for method in METHODS
-        for celsius in (0.0, 25.0)
-        for soc in (0.2, 0.5, 0.8)
-    ]
-
-
-def test_every_method_is_in_every_panel_at_the_temperature_nearest_25():
-    canvas = models.draw_identification_methods(rows())
-    assert canvas.axes[0].get_title(loc="left") == "R0 at 25 °C"
-    for axes in canvas.axes[:6]:
-        assert len(axes.containers) == len(METHODS)
-        assert all(len(one.lines[0].get_xdata()) == 3 for one in axes.containers)
-    assert len(canvas.axes[7].patches) == len(METHODS)
-
-
-def test_a_method_without_values_leaves_its_place_open():
-    lost = [row | {"r0_ohm": np.nan} if row["method"] == "genetic" else row for row in rows()]
-    canvas = models.draw_identification_methods(lost)
-    assert len(canvas.axes[7].patches) == len(METHODS) - 1
-    nothing = models.draw_identification_methods(rows(r0_ohm=np.nan))
-    assert "No pulse was identified" in nothing.axes[0].texts[0].get_text()

@@ -22,7 +22,6 @@ ROOMS = {
     "bias": {"numerics", "records", "protocols", "circuits", "health", "identification"},
     "filters": {"numerics", "records", "circuits"},
     "packs": {"numerics", "records", "circuits", "identification"},
-    "fmu": {"records", "circuits", "packs"},
     "effects": {"numerics", "series", "records", "protocols", "circuits", "identification"},
 }
 # The public interface stands on all rooms, and no room on it.
@@ -114,8 +113,8 @@ def test_a_room_is_small_and_says_what_it_is_for(room):
     assert ast.get_docstring(parsed(room / "__init__.py")), f"{name(room)} does not say its purpose"
 
 
-# What builds compiled kernels and units has to touch a compiler and a cache; none else may.
-BUILDERS = ("native/__init__.py", "native/fmu/__init__.py")
+# What builds compiled kernels has to touch a compiler and a cache; none else may.
+BUILDERS = ("native/__init__.py",)
 
 
 # What the public interface alone may: make DataFrames, and open a file that a user names.
@@ -161,7 +160,6 @@ OF_THEIR_OWN = {
     "laws: impedance_points: soc_tolerance",
     "identification: profile_interval: level",
     "identification: solved: rounds",
-    "api: cell_fmu: initial_soc",
 }
 
 
@@ -233,7 +231,7 @@ def test_settings_are_keyword_only():
             assert not numbers, f"{name(path)}:{node.lineno} {node.name}: {numbers} before the *"
 
 
-PACKAGES = ("cellwright", "runtime", "figures", "real_cells")
+PACKAGES = ("cellwright", "cellwright_fmu", "runtime", "figures", "real_cells", "pulse_methods")
 
 
 @held_by_every(modules(SCRIPTS))

@@ -4,7 +4,7 @@ import numpy as np
 
 from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.simulate import simulate
-from cellwright.identification.methods.pulse import fit_circuit
+from pulse_methods.pulse import fit_circuit
 
 TRUE = np.array([0.020, 0.010, 0.015, 3.0, 40.0])
 TIME = np.arange(4000) * 0.2

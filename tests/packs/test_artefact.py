@@ -120,8 +120,6 @@ def test_a_cell_with_companions_runs_without_its_effects_and_says_so():
     assert (first["model"]["chosen"], first["instead_of"]) == ("2RC", "2RC+own_effects")
     assert second["instead_of"] is None
     assert pack_cells([found]).members == ("2RC",)
-    unit = cw.cell_fmu(found, points=51)
-    assert unit.notes[-1] == "it runs as 2RC instead of 2RC+own_effects"
 
 
 def test_every_number_has_its_error_beside_it():

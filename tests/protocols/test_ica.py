@@ -5,20 +5,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.numerics.linear import savitzky_golay_weights
 from cellwright.protocols.ica.charge import (
     charge_peaks,
     charge_slope,
     constant_current_charge,
     constant_rows,
-    peaks_of,
 )
+from cellwright.protocols.ica.spline import slope_peaks
 from cellwright.refusal import Refusal
 from cellwright.settings import Ica
 
 VOLT = np.linspace(3.2, 4.15, 200_001)
 PEAKS = ((3.55, 0.020, 0.8), (3.70, 0.025, 1.0), (3.95, 0.022, 0.6))
-METHODS = ("spline", "binned", "counting", "adaptive")
 
 
 def bell(centre, width, area):
@@ -44,11 +42,10 @@ def record(rows, seed, step_volt=3e-4, noise_volt=5e-5):
     return read(VOLT, CHARGE, rows, seed, step_volt, noise_volt)
 
 
-def found_in(voltage, charge, **changes):
+def found_in(voltage, charge):
     """Curve and peaks of a charge."""
-    chosen = Ica(**changes)
-    curve, slope = charge_slope(voltage, charge, settings=chosen)
-    return curve, peaks_of(curve, slope, prominence=chosen.prominence)
+    curve, slope = charge_slope(voltage, charge)
+    return curve, slope_peaks(slope, prominence=Ica().prominence)
 
 
 @pytest.fixture(scope="module")
@@ -113,20 +110,6 @@ def test_a_narrow_peak_keeps_its_height(width_volt, rows):
     assert abs(np.mean(error)) < 0.05
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_every_method_finds_the_peaks(method):
-    _, found = found_in(*record(20_000, 3), method=method)
-    nearest = np.abs(found.voltage_volt[:, None] - VOLT[TOPS]).min(axis=0)
-    assert nearest.max() < 5e-3
-
-
-def test_the_thesis_variants_of_text_and_code_differ():
-    code = found_in(*record(5000, 3), method="adaptive")[0]
-    changes = {"adaptive_span_share": 0.1, "adaptive_threshold_volt": 6e-4}
-    text = found_in(*record(5000, 3), method="adaptive", **changes)[0]
-    assert text.dq_dv_ampere_hour_per_volt.max() < code.dq_dv_ampere_hour_per_volt.max()
-
-
 def test_steps_of_a_converter_without_noise_are_no_peaks():
     _, found = found_in(*record(7200, 5, step_volt=1e-3, noise_volt=0))
     np.testing.assert_allclose(found.voltage_volt, VOLT[TOPS], atol=5e-4)
@@ -150,34 +133,21 @@ def test_dv_dq_is_one_over_dq_dv_and_the_charge_its_integral():
     np.testing.assert_allclose(curve.charge_ampere_hour, moved - moved[0], atol=2e-3)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_straight_charge_has_no_peaks(method):
+def test_a_straight_charge_has_no_peaks():
     rng = np.random.default_rng(0)
     voltage = np.linspace(3.2, 4.2, 20_000) + 2e-4 * rng.standard_normal(20_000)
-    _, found = found_in(voltage, np.linspace(0, 2, 20_000), method=method)
+    _, found = found_in(voltage, np.linspace(0, 2, 20_000))
     assert all(len(column) == 0 for column in found)
 
 
 def test_peaks_as_columns_are_numbered_and_none_is_a_refusal():
     options = {"c_rate": 0.05, "prominence": 0.05}
-    columns = charge_peaks(*charge_slope(*record(5000, 4)), **options)
+    columns = charge_peaks(charge_slope(*record(5000, 4))[1], **options)
     assert columns["peak"].tolist() == [1, 2, 3]
     assert columns["c_rate"].tolist() == [0.05] * 3
-    straight = charge_slope(np.linspace(3, 4, 5000), np.linspace(0, 2, 5000))
+    _, straight = charge_slope(np.linspace(3, 4, 5000), np.linspace(0, 2, 5000))
     with pytest.raises(Refusal, match="no peaks: dQ/dV at 0"):
-        charge_peaks(*straight, **options)
-
-
-@given(st.lists(st.floats(-3, 3), min_size=6, max_size=6), st.integers(3, 30))
-def test_the_filter_is_exact_on_polynomials_of_its_order(coefficients, half):
-    offsets = np.arange(-half, half + 1) * 0.01
-    values = np.polynomial.polynomial.polyval(offsets, coefficients)
-    assert savitzky_golay_weights(half, 0.01, 0) @ values == pytest.approx(
-        coefficients[0], abs=1e-9
-    )
-    assert savitzky_golay_weights(half, 0.01, 1) @ values == pytest.approx(
-        coefficients[1], abs=1e-6
-    )
+        charge_peaks(straight, **options)
 
 
 @settings(max_examples=10, deadline=None)
@@ -227,13 +197,6 @@ def test_a_record_without_a_charge_is_refused():
     )
     with pytest.raises(Refusal, match="no constant-current charge among 1 step"):
         constant_current_charge(table, np.linspace(0, -1, 10))
-
-
-@pytest.mark.parametrize("method", ["binned", "counting"])
-def test_a_charge_over_too_little_voltage_is_refused(method):
-    voltage = 3.3 + np.tile([0, 1e-3], 300) + np.linspace(0, 1e-3, 600)
-    with pytest.raises(Refusal, match="spans"):
-        charge_slope(voltage, np.arange(600.0), settings=Ica(method=method))
 
 
 def test_rows_count_while_the_current_is_its_usual_one():

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cellwright.fmu.unit import archive
 from cellwright.refusal import Refusal
+from cellwright_fmu.unit import archive
 from runtime import artefact, contract
 
 CURVE = {name: np.array([1.0, 2.0]) for name in contract.stages()["ica_curve"]["columns"]}

@@ -61,13 +61,13 @@ def code(tmp_path, monkeypatch):
 
     def hashed(sources=SOURCES, **changes):
         for name, text in (sources | {file_of(k): v for k, v in changes.items()}).items():
-            path = tmp_path / (name if ".py" in name else f"{name}.py")
+            path = tmp_path / "scripts" / (name if ".py" in name else f"{name}.py")
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
         forget()
         return provenance.code_of("job")
 
-    monkeypatch.setattr(provenance, "SCRIPTS", tmp_path)
+    monkeypatch.setattr(provenance, "SCRIPTS", tmp_path / "scripts")
     yield hashed
     forget()
 
@@ -90,6 +90,19 @@ def test_every_assumption_is_found_with_its_place():
     found = provenance.assumptions()
     assert found
     assert all(one["text"] and one["module"].startswith("cellwright/") for one in found)
+
+
+def test_a_package_beside_the_scripts_counts(code, tmp_path):
+    job = {"job": "import cellwright_fmu\n"}
+    package = tmp_path / "plugins" / "cellwright-fmu" / "cellwright_fmu"
+    package.mkdir(parents=True)
+    module = package / "__init__.py"
+    module.write_text("ONE = 1\n")
+    before = code(**job)
+    module.write_text("ONE = 2\n")
+    assert code(**job) != before
+    (package / "unit.c").write_text("int one;\n")
+    assert code(**job) not in (before, code())
 
 
 STEPS = PUBLIC["cellwright/api/steps.py"]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cellwright import formats, series
-from cellwright.laws.ageing import cycle_temperature
+from cellwright.health.ageing import cycle_temperature
 from cellwright.protocols.ageing import ageing_cycles
 from cellwright.protocols.capacity import capacity
 from cellwright.protocols.impedance import analyse

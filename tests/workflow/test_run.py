@@ -233,7 +233,8 @@ def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_nam
     """By a profile in the environment, which a command line's or the user's own replaces."""
     said = ["sh", "-c", 'echo "$PYTHONPATH $SNAKEMAKE_PROFILE"']
     ours = f"{clone}/workflow/profiles/warm"
-    paths = f"{clone}/scripts:{clone}/lab:{clone}/plugins/snakemake-executor-plugin-warm"
+    folders = ("scripts", "lab", "plugins/snakemake-executor-plugin-warm", "plugins/cellwright-fmu")
+    paths = ":".join(f"{clone}/{folder}" for folder in folders)
     assert run(clone, *said, path=quick, HOME="").stdout == f"{paths} {ours}\n"
     own = run(clone, *said, path=quick, HOME="", SNAKEMAKE_PROFILE="own")
     assert own.stdout == f"{paths} own\n"

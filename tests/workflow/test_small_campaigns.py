@@ -22,7 +22,6 @@ ALWAYS |= {"figure_overview", "figures", "fleet"}
 ALWAYS |= {"tables_of_health", "fleet_health", "protocols_compared"}
 SERIES = {"series"}
 CAPACITY = SERIES | {"capacity", "basis", "relaxation", "check_ups", "health"}
-METHODS = {"identification_methods"}
 # Of each campaign the other rules, among them the search, which says what it would need.
 PLANNED = {
     "bad_file_only": CAPACITY | {"no_model", "effect_search", "witnesses"},
@@ -41,7 +40,6 @@ PLANNED = {
     }
     | {"effect_search", "effect_search_own", "witnesses"},
     "ocv_pulses_drive": CAPACITY
-    | METHODS
     | {
         "repeats",
         "ocv",
@@ -57,7 +55,6 @@ PLANNED = {
     | {"effect_search", "effect_search_own", "witnesses"},
     "spectra_only": {"impedance", "basis", "no_model", "temperature", "cold_limit"},
     "pulses_over_temperature": CAPACITY
-    | METHODS
     | {"repeats", "pulses", "temperature", "resistance_surface", "cold_limit"}
     | {"effect_search", "witnesses", "no_model"},
     "parallel_group": SERIES

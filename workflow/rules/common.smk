@@ -32,8 +32,11 @@ from runtime import contract, job_environment, job_requests, object_storage
 from runtime import settings, sheets, snakemake_state
 from runtime.provenance import codes_of
 
-# Rules that judge the pipeline against known truth use the laboratory's scorer.
-job_environment.prepare(SCRIPTS, str(PIPELINE / "lab"))
+# Rules that judge the pipeline against known truth use the laboratory's scorer; functional mock-up
+# units are made by a package beside the science.
+job_environment.prepare(
+    SCRIPTS, str(PIPELINE / "lab"), str(PIPELINE / "plugins" / "cellwright-fmu")
+)
 snakemake_state.compare_parameters_without_pandas()
 object_storage.keep_wildcard_constraints(workflow.storage_registry.default_storage_provider)
 STARTED = time.time()

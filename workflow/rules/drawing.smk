@@ -122,8 +122,6 @@ def figures_of_models(cell):
     """A cell's model, what it lacks, and both over measurement."""
     if cell in MODELLED:
         yield figure("parameters", model=f"results/models/{cell}.json")
-    if cell in COMPARED:
-        yield figure("identification_methods", **of_cell(cell, methods="identification_methods"))
     if cell in COMPENSATED:
         parts = of_cell(cell, laws="compensation", proof="temperature_prediction")
         yield figure("compensation", **parts)

@@ -1,4 +1,5 @@
 # Identification methods compared: the thesis' three, lmfit and this project's, on the same pulses.
+# No part of the main job: `snakemake methods`.
 
 # Cells with pulses that may be fitted.
 COMPARED = cells_where(lambda cell: tests(cell, *PULSE_KINDS, roles=["fit"]))
@@ -22,3 +23,34 @@ rule identification_methods:
         "Identify the pulses of {wildcards.cell} by each method, to compare them."
     script:
         "../../scripts/methods/identification_methods.py"
+
+
+rule figure_methods:
+    input:
+        "results/identification_methods/{cell}.parquet",
+    output:
+        "results/identification_methods/{cell}.svg",
+    log:
+        "logs/figure_methods/{cell}.log",
+    wildcard_constraints:
+        cell=either(COMPARED),
+    message:
+        "Figure: the pulses of {wildcards.cell} by each identification method."
+    script:
+        "../../scripts/methods/figure_methods.py"
+
+
+rule methods:
+    input:
+        rows=[f"results/identification_methods/{cell}.parquet" for cell in COMPARED],
+        figures=[f"results/identification_methods/{cell}.svg" for cell in COMPARED],
+    output:
+        "results/tables/identification_methods.csv",
+    log:
+        "logs/methods.log",
+    params:
+        tests=TEST_FACTS,
+    message:
+        "Identification methods compared on the pulses of the whole campaign: {output}."
+    script:
+        "../../scripts/methods/methods.py"

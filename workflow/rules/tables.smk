@@ -55,9 +55,6 @@ TABLES_OF_MODELS = {
         for cell, cycles in CHECKUPS.items()
         for cycle in cycles
     ],
-    "identification_methods": [
-        f"results/identification_methods/{cell}.parquet" for cell in COMPARED
-    ],
     "choice": [f"results/choice/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
     "thermal": [f"results/thermal_tests/{cell}.parquet" for cell in WARMED],

@@ -266,7 +266,7 @@ def capacity_loss(capacities, settings=None, **changes):
 
     Source: thesis 4.2; docs/capacity-loss.md.
     """
-    from cellwright.laws.capacity_loss import capacity_losses, law_rows
+    from cellwright.health.capacity_loss import capacity_losses, law_rows
 
     options = inputs.settings_of(CapacityLoss, settings, changes)
     losses, notes = capacity_losses(_rows(capacities), **options._asdict())
@@ -278,7 +278,7 @@ def ica_over_temperature(charges, settings=None, **changes):
 
     Parameters
     ----------
-    charges : `laws.peaks.Charge` each, or (test, result of `ica`).
+    charges : `health.peaks.over_temperature.Charge` each, or (test, result of `ica`).
     settings : `settings.IcaTemperature`, or its keys as keywords.
 
     Returns
@@ -291,7 +291,7 @@ def ica_over_temperature(charges, settings=None, **changes):
 
     Source: docs/ica-temperature.md.
     """
-    from cellwright.laws.peaks import peaks_over_temperature
+    from cellwright.health.peaks.over_temperature import peaks_over_temperature
 
     options = inputs.settings_of(IcaTemperature, settings, changes)
     matched = peaks_over_temperature([_charge(charge) for charge in charges], **options._asdict())
@@ -300,8 +300,8 @@ def ica_over_temperature(charges, settings=None, **changes):
 
 
 def _charge(charge):
-    """`laws.peaks.Charge` as it is, or made of (test, result of `ica`)."""
-    from cellwright.laws.peaks import Charge
+    """`health.peaks.over_temperature.Charge` as it is, or made of (test, result of `ica`)."""
+    from cellwright.health.peaks.over_temperature import Charge
 
     if isinstance(charge, Charge):
         return charge
@@ -329,7 +329,7 @@ def ageing_over_temperature(cycles, test, settings=None, **changes):
 
     Source: docs/ageing.md.
     """
-    from cellwright.laws.ageing import cycle_temperature, law_rows
+    from cellwright.health.ageing import cycle_temperature, law_rows
     from cellwright.protocols.ageing import AgeingCycles
 
     table = getattr(cycles, "rows", cycles)

@@ -342,7 +342,7 @@ def ica(series, steps, settings=None, **changes):
     first, last = constant_rows(current, first, last)
     rows = slice(first, last + 1)
     chosen = inputs.settings_of(Ica, settings, changes)
-    curve, slope = charge_slope(voltage[rows], charge[rows], settings=chosen)
+    curve, slope = charge_slope(voltage[rows], charge[rows], bin_volt=chosen.bin_volt)
     # The mean current of a step that holds the voltage in the end is less than its constant one.
     rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
     about = {"c_rate": float(np.median(current[rows]) / rated), "slope": slope}
@@ -369,7 +369,7 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
     from cellwright.protocols.ica.charge import charge_peaks
 
     options = {"c_rate": ica.c_rate, "prominence": prominence}
-    return results.Result({"rows": charge_peaks(ica.curve, ica.slope, **options)})
+    return results.Result({"rows": charge_peaks(ica.slope, **options)})
 
 
 def impedance(spectrum, settings=None, **changes):

@@ -1,1 +1,1 @@
-"""Health of cells over their lives: fade, knee, remaining cycles, degradation, ratings."""
+"""Health of cells over their lives: ageing, capacity lost, fade, knee, degradation, ratings."""

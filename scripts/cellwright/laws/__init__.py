@@ -1,1 +1,1 @@
-"""How quantities change with temperature, with cycles and across cells of a type."""
+"""How quantities change with temperature, state of charge and rate, and across cells of a type."""

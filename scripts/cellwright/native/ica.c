@@ -27,35 +27,11 @@ static inline int32_t level_of(double voltage, int32_t *slots, int64_t room, dou
     return (int32_t)(*levels)++;
 }
 
-/* Sum of the squared second differences of the voltage, and rows whose charge is below that of the
- * row before; several sums at a time, so that none waits for the one before. */
-static void surveyed(int64_t n, const double *voltage, const double *charge, double *facts) {
-    double squares[LANES] = {0.0};
-    int64_t falling = 0, k = 2;
-    for (; k + LANES <= n; k += LANES)
-        for (int lane = 0; lane < LANES; lane++) {
-            const double *here = voltage + k + lane;
-            const double second = (here[0] - here[-1]) - (here[-1] - here[-2]);
-            squares[lane] += second * second;
-        }
-    for (; k < n; k++) {
-        const double second = (voltage[k] - voltage[k - 1]) - (voltage[k - 1] - voltage[k - 2]);
-        squares[0] += second * second;
-    }
-    for (k = 1; k < n; k++)
-        falling += charge[k] < charge[k - 1];
-    facts[0] = 0.0;
-    for (int lane = 0; lane < LANES; lane++)
-        facts[0] += squares[lane];
-    facts[1] = (double)falling;
-}
-
 /* Levels in the order of their first row; rows and charge of each, (2, room), all zero at first:
  * every second row counts apart, so that it need not wait for the sum of the row before.
- * Gives the number of levels, or -1 for more than `room`. facts: sum of the squared second
- * differences of the voltage, rows whose charge is below that of the row before. */
+ * Gives the number of levels, or -1 for more than `room`. */
 int64_t tally(int64_t n, const double *voltage, const double *charge, int64_t room, double *level,
-              double *rows, double *sum, double *facts) {
+              double *rows, double *sum) {
     int32_t slots[SLOTS];
     memset(slots, 0xff, sizeof slots);
     int64_t levels = 0;
@@ -67,7 +43,6 @@ int64_t tally(int64_t n, const double *voltage, const double *charge, int64_t ro
         rows[(k & 1) * room + found] += 1.0;
         sum[(k & 1) * room + found] += charge[k];
     }
-    surveyed(n, voltage, charge, facts);
     return levels;
 }
 

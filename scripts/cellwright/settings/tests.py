@@ -130,29 +130,13 @@ class Relaxation(NamedTuple):
 class Ica(NamedTuple):
     """Incremental capacity of constant-current charges.
 
-    method : `spline` smooths voltage over charge so that its logarithmic slope is smooth;
-        `binned` filters the mean charge of voltage bins; `counting` counts rows by voltage
-        (LEAN); `adaptive` is the thesis' filter (appendix A).
-    bin_volt [V] : Width of the voltage bins over which the charge is averaged; for `spline` the
-        widest step of the curve that is written.
-    smooth_volt [V] : Width of the smoothing window of `binned` and `counting`.
-    adaptive_span_share : Span of the first filter of `adaptive`, as a part of the record (the
-        thesis' code 1/20, its text 1/10).
-    adaptive_threshold_volt [V] : Where `adaptive` removes more than this, an end of the charge
-        is filtered again (the thesis' code 0.4 mV, its text 0.6 mV).
-    adaptive_end_volt [V] : Spans at the ends of `adaptive` shrink until less than this is
-        removed on average.
+    bin_volt [V] : Widest step of voltage of the curve that is written.
     prominence : A peak must rise out of its surroundings by this part of the curve's maximum,
         and by more than its noise allows. Beside one narrow peak that towers over all others
         even 0.05 would hide graphite's.
     """
 
-    method: str = "spline"
     bin_volt: float = 0.003
-    smooth_volt: float = 0.039
-    adaptive_span_share: float = 0.05
-    adaptive_threshold_volt: float = 0.0004
-    adaptive_end_volt: float = 0.001
     prominence: float = 0.02
 
 

@@ -13,8 +13,8 @@ from cellwright.circuits.model_file import member_of
 from cellwright.effects.given.case import resistances
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.member import KNOTS, NAME, distinct, effect_member, temperatures
-from cellwright.identification.choice import Score, choose, rmse_of
-from cellwright.identification.in_use import Judged, judged_rows
+from cellwright.identification.choice import Score, rmse_of
+from cellwright.identification.in_use import Judged, decided_beside
 from cellwright.refusal import Refusal
 
 SUFFIX, OWN_SUFFIX = "+effects", "+own_effects"
@@ -138,34 +138,15 @@ def _temperatures(origin, effect_model):
 
 
 def _decided(model, rows, entry, blocks):
-    """The model with the member, its choice between that and the one that it begins from."""
-    name, origin = entry["model"], entry["of"]
+    """The model with the member, on the blocks of its search; see `in_use.decided_beside`."""
     parts, celsius = _by_temperature(blocks)
-    scores = {
-        n: [_score(part, key) for part in parts]
-        for n, key in ((origin, "member"), (name, "left_out"))
-    }
-    choice = choose(scores, celsius=celsius, searched=(name,))
-    taken = choice.name == name
-    word = "chosen" if taken else "not chosen"
-    errors = " against ".join(f"{1e3 * choice.rmse_volt[n]:.2g}" for n in (name, origin))
-    reason = f"{word}: {choice.reasons[name]}" if not taken else "chosen: better beyond chance"
-    reason += f"; {errors} mV rms of {origin} over the records of the search, left out in turn"
-    before = {"chosen": False, "reason": f"{name} is better beyond chance"} if taken else {}
-    rows = [row | before if row["chosen"] else row for row in rows]
+    of_origin, scores = ([_score(part, key) for part in parts] for key in ("member", "left_out"))
     fitted = np.array([rmse_of(_score(part, "with_effects")) for part in parts])
-    judged = Judged(scores[name], fitted)
-    rows += [
-        row | {"chosen": taken, "reason": reason} for row in judged_rows(name, judged, celsius)
-    ]
-    entry = entry | {"left_out_rmse_volt": choice.rmse_volt[name]}
+    judged = Judged(scores, fitted)
+    model, rows = decided_beside(model, rows, entry, judged, of_origin, celsius)
+    name = entry["model"]
     notes = [f"{name}: {words}" for words in words_of(entry["companions"]["with"])]
-    return model | {
-        "members": [*model["members"], entry],
-        "chosen": choice.name,
-        "choice": f"{model['choice']}. {name} {reason}",
-        "notes": [*model["notes"], *notes],
-    }, rows
+    return model | {"notes": [*model["notes"], *notes]}, rows
 
 
 def _by_temperature(blocks):

@@ -1,1 +1,1 @@
-"""State of health from peaks of dQ/dV: features of peaks, estimates, their calibration."""
+"""Peaks of dQ/dV over a life and over temperature, and the state of health that they tell."""

@@ -1,1 +1,1 @@
-"""Incremental capacity of constant-current charges, its methods, and its peaks."""
+"""Incremental capacity of constant-current charges, and its peaks."""

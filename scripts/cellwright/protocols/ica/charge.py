@@ -3,19 +3,14 @@
 import numpy as np
 
 from cellwright.numerics.statistics import robust_std
-from cellwright.protocols.ica import spline as ica_spline
-from cellwright.protocols.ica.adaptive import adaptive_capacity
-from cellwright.protocols.ica.binned import binned_capacity, counted_capacity
-from cellwright.protocols.ica.grid_peaks import grid_peaks
 from cellwright.protocols.ica.levels import rises
+from cellwright.protocols.ica.spline import curve_of, slope_of_charge, slope_peaks
 from cellwright.refusal import Refusal
 from cellwright.settings import Ica
 
 ICA = Ica()
 
 LEAST_ROWS = 50
-# On a grid of voltage; they refuse what they cannot use themselves.
-GRID_METHODS = {"binned": binned_capacity, "counting": counted_capacity}
 
 
 def constant_current_charge(steps, charge_ampere_hour):
@@ -71,17 +66,17 @@ def constant_rows(current_ampere, first, last):
     return int(first + steady[0]), int(first + steady[-1])
 
 
-def charge_slope(voltage_volt, charge_ampere_hour, *, settings=ICA):
-    """dQ/dV of one charge by the method that the settings name, and the fit behind it.
+def charge_slope(voltage_volt, charge_ampere_hour, *, bin_volt=ICA.bin_volt):
+    """dQ/dV of one charge, and the fit behind it.
 
     Parameters
     ----------
     voltage_volt, charge_ampere_hour : (n,) rows of one constant-current charge [V], [Ah].
-    settings : Ica.
+    bin_volt : widest step of the curve's grid [V].
 
     Returns
     -------
-    curve : IncrementalCapacity [Ah/V]. slope : ica_spline.Slope, or None for other methods.
+    curve : IncrementalCapacity [Ah/V]. slope : spline.Slope.
 
     Raises
     ------
@@ -90,14 +85,9 @@ def charge_slope(voltage_volt, charge_ampere_hour, *, settings=ICA):
     Source: docs/ica.md.
     """
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
-    if settings.method in GRID_METHODS:
-        widths = {"bin_volt": settings.bin_volt, "smooth_volt": settings.smooth_volt}
-        return GRID_METHODS[settings.method](voltage, charge, **widths), None
     _refuse_unusable(voltage, charge)
-    if settings.method == "spline":
-        slope = ica_spline.slope_of_charge(voltage, charge)
-        return ica_spline.curve_of(slope, len(voltage), bin_volt=settings.bin_volt), slope
-    return adaptive_capacity(voltage, charge, settings=settings), None
+    slope = slope_of_charge(voltage, charge)
+    return curve_of(slope, bin_volt=bin_volt), slope
 
 
 def _refuse_unusable(voltage, charge):
@@ -110,29 +100,12 @@ def _refuse_unusable(voltage, charge):
         raise Refusal("voltage does not rise in the charge")
 
 
-def peaks_of(curve, slope, *, prominence=ICA.prominence):
-    """Peaks of the dQ/dV of one charge, each with its covariance.
-
-    Parameters
-    ----------
-    curve, slope : results of `charge_slope`.
-    prominence : least rise above the higher valley, as a share of the highest dQ/dV [1].
-
-    Returns
-    -------
-    peaks : ica_curve.Peaks; empty where there is none, which is a result.
-    """
-    if slope is None:
-        return grid_peaks(curve, prominence=prominence)
-    return ica_spline.slope_peaks(slope, prominence=prominence)
-
-
-def charge_peaks(curve, slope, *, c_rate, prominence):
+def charge_peaks(slope, *, c_rate, prominence):
     """Peaks of one charge as the columns of the stage `ica`.
 
     Parameters
     ----------
-    curve, slope : results of `charge_slope`.
+    slope : result of `charge_slope`.
     c_rate : rate of the charge [1/h].
     prominence : least rise of a peak, as a share of the highest dQ/dV [1].
 
@@ -144,7 +117,7 @@ def charge_peaks(curve, slope, *, c_rate, prominence):
     ------
     Refusal : no peaks; a flat curve is typical of an aged cell or a high rate.
     """
-    columns = peaks_of(curve, slope, prominence=prominence)._asdict()
+    columns = slope_peaks(slope, prominence=prominence)._asdict()
     count = len(columns["voltage_volt"])
     if not count:
         raise Refusal(f"no peaks: dQ/dV at {c_rate:.3g}C is flat within {prominence:.0%}")

@@ -12,16 +12,12 @@ ROOM = 32768  # levels; half of the slots in ica.c
 class Tally(NamedTuple):
     """Number of rows and charge at each distinct voltage of a record, in rising order (k,).
 
-    volt [V], rows [1], charge_ampere_hour: sum over the rows [Ah]. scatter_volt: white noise of
-    one row along the axis of voltage, from the second differences [V]. rising : no row has less
-    charge than the row before.
+    volt [V], rows [1], charge_ampere_hour: sum over the rows [Ah].
     """
 
     volt: np.ndarray
     rows: np.ndarray
     charge_ampere_hour: np.ndarray
-    scatter_volt: float
-    rising: bool
 
 
 def tally(voltage_volt, charge_ampere_hour):
@@ -35,7 +31,7 @@ def tally(voltage_volt, charge_ampere_hour):
     -------
     tally : Tally.
     """
-    types = (count, array, array, count, array, array, array, array)
+    types = (count, array, array, count, array, array, array)
     kernel = function("tally", *types, result=count)
     room = min(ROOM, len(voltage_volt) // 2)
     if kernel is None or not room:
@@ -44,13 +40,13 @@ def tally(voltage_volt, charge_ampere_hour):
         np.ascontiguousarray(voltage_volt, float),
         np.ascontiguousarray(charge_ampere_hour, float),
     )
-    volt, sums, facts = np.empty(room), np.zeros((2, 2, room)), np.empty(2)
-    levels = kernel(len(rows[0]), *rows, room, volt, *sums, facts)
+    volt, sums = np.empty(room), np.zeros((2, 2, room))
+    levels = kernel(len(rows[0]), *rows, room, volt, *sums)
     if levels < 0:
         return _tally_by_sorting(*rows)
     order = volt[:levels].argsort()
     sums = (sums[:, 0, :levels] + sums[:, 1, :levels])[:, order]
-    return Tally(volt[order], *sums, _scatter(facts[0], len(rows[0])), not facts[1])
+    return Tally(volt[order], *sums)
 
 
 def rises(voltage_volt):
@@ -66,30 +62,7 @@ def rises(voltage_volt):
     return bool(np.median(last) > np.median(first))
 
 
-def volt_at_rank(levels, rank):
-    """Voltage at ranks in the order of rising voltage [V].
-
-    Parameters
-    ----------
-    levels : Tally.
-    rank : (m,) places from 0 [1].
-
-    Returns
-    -------
-    voltage_volt : (m,) [V].
-    """
-    return levels.volt[np.searchsorted(np.cumsum(levels.rows), rank, side="right")]
-
-
 def _tally_by_sorting(voltage, charge):
     """Tally without a compiler, with the same result."""
     volt, level = np.unique(voltage, return_inverse=True)
-    bend = np.sum(np.diff(voltage, 2) ** 2)
-    sums = np.bincount(level) + 0.0, np.bincount(level, charge)
-    rising = bool(np.all(charge[1:] >= charge[:-1]))
-    return Tally(volt, *sums, _scatter(bend, len(voltage)), rising)
-
-
-def _scatter(bend, rows):
-    """White noise of one row [V], from the sum of squared second differences [V²]."""
-    return float(np.sqrt(bend / max(rows - 2, 1) / 6))
+    return Tally(volt, np.bincount(level) + 0.0, np.bincount(level, charge))

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.ica.charge import charge_slope, constant_rows, peaks_of
+from cellwright.protocols.ica.charge import charge_slope, constant_rows
 from cellwright.protocols.ica.curve import Peaks
+from cellwright.protocols.ica.spline import slope_peaks
 from cellwright.refusal import Refusal
 
 AHEAD_SECOND = 1.0
@@ -101,12 +102,12 @@ def peaks_of_life(
         part = slice(first, last + 1)
         try:
             curve, slope = charge_slope(
-                voltage_volt[part], charge_ampere_hour[part], settings=settings
+                voltage_volt[part], charge_ampere_hour[part], bin_volt=settings.bin_volt
             )
         except Refusal as refusal:
             notes.append(f"cycle {cycle:g}: {refusal}")
             continue
-        rows += _rows(cycle, rate, peaks_of(curve, slope, prominence=settings.prominence))
+        rows += _rows(cycle, rate, slope_peaks(slope, prominence=settings.prominence))
         curves.append(_thinned(cycle, curve))
     if not rows:
         raise Refusal(f"no charge of the record has a dQ/dV: {notes[0]}")

@@ -213,12 +213,12 @@ def _zero_range(slope, top, lower, upper):
     return found
 
 
-def curve_of(slope, rows, *, bin_volt):
+def curve_of(slope, *, bin_volt):
     """dQ/dV of a fitted charge over a uniform grid of voltage.
 
     Parameters
     ----------
-    slope : Slope. rows : of the record. bin_volt : widest step of the grid [V]; a tenth of the
+    slope : Slope. bin_volt : widest step of the grid [V]; a tenth of the
         narrowest range that holds a tenth of the charge, if that is less.
 
     Returns
@@ -244,9 +244,4 @@ def curve_of(slope, rows, *, bin_volt):
         dq_dv_ampere_hour_per_volt=1 / steep,
         dv_dq_volt_per_ampere_hour=steep,
         dq_dv_std_ampere_hour_per_volt=np.interp(grid, volt[some], relative) / steep,
-        bin_volt=float(grid[1] - grid[0]),
-        smooth_volt=0.0,
-        scatter_volt=float(np.sqrt(slope.fit.variance)),
-        rows_per_ampere_hour=float(rows / (charge[-1] - charge[0])),
-        method="spline",
     )

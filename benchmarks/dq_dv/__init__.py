@@ -1,0 +1,1 @@
+"""Methods of dQ/dV that lost against the rising curve of `cellwright.protocols.ica`, to compare."""

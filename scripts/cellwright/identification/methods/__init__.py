@@ -1,1 +1,0 @@
-"""Identification of one pulse record by each method of the thesis, lmfit and ours."""

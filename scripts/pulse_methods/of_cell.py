@@ -1,0 +1,45 @@
+"""The pulses of a cell's tests by each identification method: from frames to a table."""
+
+from cellwright.api import inputs, results
+from cellwright.records.facts import MeasuredTest
+from cellwright.records.repeats import repeats, sentences, steps_elsewhere
+from cellwright.settings import IdentificationMethods
+from pulse_methods.comparison import compare_methods
+from pulse_methods.pulse_records import PulseTest, counted_here
+
+
+def compare_identification_methods(cell, basis, tests, settings=None, **changes):
+    """R0 and two RC pairs from the same pulses by each identification method, side by side.
+
+    Parameters
+    ----------
+    cell : CellFacts or mapping.
+    basis : result of `basis`.
+    tests : (test, clean series, result of `segment`) each, of tests with pulses.
+    settings : `settings.IdentificationMethods`, or its keys as keywords.
+
+    Returns
+    -------
+    comparison : Table; one row a pulse and method: r0_ohm, r1_ohm, r2_ohm [ohm], tau1_second,
+        tau2_second [s], rmse_volt [V], evaluations, and the reason where a method has no circuit.
+        Without a pulse that counts there is no row, and `notes` say why.
+
+    Source: thesis 2.3 and table 2.2; docs/identification.md.
+    """
+    measured = [
+        PulseTest(
+            inputs.test_facts(test), inputs.columns(series, *inputs.COUNTED), inputs.steps(steps)
+        )
+        for test, series, steps in tests
+    ]
+    found = repeats([MeasuredTest(test.facts, test.series) for test in measured])
+    elsewhere = [steps_elsewhere(found, test.facts.test, test.steps) for test in measured]
+    measured = [
+        test._replace(steps=counted_here(test.steps, of))
+        for test, of in zip(measured, elsewhere, strict=True)
+    ]
+    chosen = inputs.settings_of(IdentificationMethods, settings, changes)
+    comparison = compare_methods(
+        measured, inputs.basis(basis), inputs.cell_facts(cell), **chosen._asdict()
+    )
+    return results.Table(comparison.rows, (*sentences(found), *comparison.left_out))
