@@ -42,4 +42,5 @@ def compare_identification_methods(cell, basis, tests, settings=None, **changes)
     comparison = compare_methods(
         measured, inputs.basis(basis), inputs.cell_facts(cell), **chosen._asdict()
     )
-    return results.Table(comparison.rows, (*sentences(found), *comparison.left_out))
+    notes = (*sentences(found), *comparison.left_out)
+    return results.Result({"rows": comparison.rows}, notes=notes)
