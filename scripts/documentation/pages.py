@@ -67,7 +67,7 @@ def for_site(markdown: str, page: str, repository: str = "") -> str:
     """Markdown of a page as the site needs it: parts made, lists set apart, links of the site.
 
     A link to a file of the repository leads to its page; one to code, which has none, leads to
-    `repository` (the address of its files), or becomes plain text where that is blank.
+    `repository` (the address of its files), or becomes its path where that is blank.
     """
     markdown = with_parts(markdown)
     done, last = [], 0
@@ -97,4 +97,11 @@ def _link(link, page: str, repository: str) -> str:
         return f"{mark}[{label}]({relpath(goal, start)}{separator}{anchor})"
     if not (ROOT / found).exists():
         return link[0]  # leads nowhere: MkDocs says so
-    return f"[{label}]({repository}/{found})" if repository else label
+    return f"[{label}]({repository}/{found})" if repository else _named(label, found)
+
+
+def _named(label: str, path: str) -> str:
+    """A file of code in words: its path in place of its name, or behind other words."""
+    if path.endswith(label.replace("\\", "").strip("`")):
+        return f"`{path}`"
+    return f"{label} (`{path}`)"
