@@ -10,8 +10,8 @@ import cellwright
 INTRODUCTION = """\
 # Python interface
 
-Every public name of `import cellwright as cw`, made from the docstrings; `help(cw.capacity)` shows the
-same. [The steps as a library](api.md) has worked examples.
+Every public name of `import cellwright as cw`, made from the docstrings; `help(cw.capacity)` shows
+the same. [The steps as a library](api.md) has worked examples.
 """
 LONGEST_DEFAULT = 40  # characters of a default value that are shown
 

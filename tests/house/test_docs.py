@@ -9,7 +9,8 @@ from tree import ROOT, name
 
 import cellwright
 from documentation import api_page, artefacts_page, pages, rooms, rules_page, settings_page
-from real_cells import page, record
+from real_cells import page as real_cells_page
+from real_cells import record
 from runtime import contract, settings
 
 SOURCES = [
@@ -80,7 +81,7 @@ def test_record_of_real_cells_is_sound():
 
 
 def test_page_of_real_cells_has_every_campaign_of_the_record():
-    text = page.of_record()
+    text = real_cells_page.of_record()
     for campaign in record.read(record.RECORDED)["campaign"].unique():
         assert f"\n## {campaign}\n" in text
 
@@ -117,9 +118,8 @@ def test_every_page_has_one_place_in_the_navigation():
 
 
 def test_pages_made_at_build_are_not_committed():
-    assert not [
-        made for made in [*pages.MADE, *pages.MADE_PICTURES] if (ROOT / "docs" / made).exists()
-    ]
+    made = [*pages.MADE, *pages.MADE_PICTURES]
+    assert not [file for file in made if (ROOT / "docs" / file).exists()]
 
 
 def test_the_site_fetches_nothing_from_elsewhere():
@@ -148,7 +148,8 @@ def test_every_link_leads_somewhere(source):
 def test_links_of_the_site_lead_to_pages_of_the_site():
     """A file of the repository that is a page leads there; code, which is none, is its path."""
     text = pages.for_site(
-        "[a](../config/README.md#pack), [b](../CONTRIBUTING.md), [c](../run), [d](ocv.md#x), [run](../run)\n"
+        "[a](../config/README.md#pack), [b](../CONTRIBUTING.md), "
+        "[c](../run), [d](ocv.md#x), [run](../run)\n"
         "```\n[e](../run)\n```\n",
         "tutorial.md",
     )
