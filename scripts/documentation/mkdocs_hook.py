@@ -1,8 +1,14 @@
-"""MkDocs' hook: adds the pages that are made, and leads every link to a page of the site."""
+"""MkDocs' hook: adds the pages that are made, leads links to pages of the site, draws formulas."""
 
+import re
+from html import unescape
+
+from latex2mathml.converter import convert
 from mkdocs.structure.files import File
 
 from documentation import pages
+
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.S)
 
 
 def on_files(files, config):
@@ -19,3 +25,12 @@ def on_page_markdown(markdown, page, config, files):
     address = (config.repo_url or "").rstrip("/")
     repository = f"{address}/blob/main" if address else ""
     return pages.for_site(markdown, page.file.src_uri, repository)
+
+
+def on_page_content(html, page, config, files):
+    """Formulas in LaTeX as MathML, which browsers show without a script."""
+    return FORMULA.sub(_formula, html)
+
+
+def _formula(found) -> str:
+    return convert(unescape(found[3]), display="block" if found[2] == "[" else "inline")
