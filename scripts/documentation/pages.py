@@ -69,12 +69,33 @@ def for_site(markdown: str, page: str, repository: str = "") -> str:
     A link to a file of the repository leads to its page; one to code, which has none, leads to
     `repository` (the address of its files), or becomes its path where that is blank.
     """
-    markdown = with_parts(markdown)
+    markdown = indented_by_four(with_parts(markdown))
     done, last = [], 0
     for fence in FENCE.finditer(markdown):
         done += [_prose(markdown[last : fence.start()], page, repository), fence[0]]
         last = fence.end()
     return "".join([*done, _prose(markdown[last:], page, repository)])
+
+
+def indented_by_four(markdown: str) -> str:
+    """What belongs to an entry of a list by four blanks a level, as Python's Markdown wants it.
+
+    In the sources it is indented as far as the entry's text: two blanks, three after a number.
+    """
+    out, entries, fenced = [], [], False
+    for line in markdown.splitlines():
+        words = line.lstrip(" ")
+        indent = len(line) - len(words)
+        while entries and words and not fenced and indent < entries[-1]:
+            entries.pop()
+        inside = entries[-1] if entries else 0
+        out.append(" " * (4 * len(entries) + max(0, indent - inside)) + words if words else "")
+        if words.startswith("```"):
+            fenced = not fenced
+        marker = re.match(r"(?:[*+-]|\d+\.) +(?=\S)", words)
+        if marker and not fenced:
+            entries.append(indent + len(marker[0]))
+    return "\n".join([*out, ""])
 
 
 def _prose(markdown: str, page: str, repository: str) -> str:

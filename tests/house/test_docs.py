@@ -164,7 +164,16 @@ def test_links_of_the_site_lead_to_pages_of_the_site():
     )
     assert "[e](../run)" in text
     linked = pages.for_site("[c](../run)", "tutorial.md", "address")
-    assert linked == "[c](address/run)"
+    assert linked == "[c](address/run)\n"
+
+
+def test_what_belongs_to_an_entry_of_a_list_stays_in_it():
+    code = ["", "   ```", "     code", "   ```", "2. two", "end", ""]
+    source = ["1. one", "", "   more", "   * inner", "     goes on", *code]
+    shifted = ["", "    ```", "      code", "    ```", "2. two", "end", ""]
+    wanted = ["1. one", "", "    more", "    * inner", "        goes on", *shifted]
+    assert pages.indented_by_four("\n".join(source)) == "\n".join(wanted)
+    assert pages.indented_by_four("text\n    code\n") == "text\n    code\n"
 
 
 @pytest.mark.parametrize("page", TEXTS)
