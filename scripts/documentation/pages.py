@@ -81,19 +81,23 @@ def indented_by_four(markdown: str) -> str:
     """What belongs to an entry of a list by four blanks a level, as Python's Markdown wants it.
 
     In the sources it is indented as far as the entry's text: two blanks, three after a number.
+    Behind an entry of several paragraphs the next one needs a blank line.
     """
-    out, entries, fenced = [], [], False
+    out, entries, fenced, paragraphs = [], [], False, False
     for line in markdown.splitlines():
         words = line.lstrip(" ")
         indent = len(line) - len(words)
         while entries and words and not fenced and indent < entries[-1]:
             entries.pop()
+        marker = None if fenced else re.match(r"(?:[*+-]|\d+\.) +(?=\S)", words)
+        paragraphs = bool(entries or marker) and (paragraphs or not words)
+        if marker and paragraphs and out and out[-1]:
+            out.append("")
         inside = entries[-1] if entries else 0
         out.append(" " * (4 * len(entries) + max(0, indent - inside)) + words if words else "")
         if words.startswith("```"):
             fenced = not fenced
-        marker = re.match(r"(?:[*+-]|\d+\.) +(?=\S)", words)
-        if marker and not fenced:
+        if marker:
             entries.append(indent + len(marker[0]))
     return "\n".join([*out, ""])
 

@@ -170,8 +170,8 @@ def test_links_of_the_site_lead_to_pages_of_the_site():
 def test_what_belongs_to_an_entry_of_a_list_stays_in_it():
     code = ["", "   ```", "     code", "   ```", "2. two", "end", ""]
     source = ["1. one", "", "   more", "   * inner", "     goes on", *code]
-    shifted = ["", "    ```", "      code", "    ```", "2. two", "end", ""]
-    wanted = ["1. one", "", "    more", "    * inner", "        goes on", *shifted]
+    shifted = ["", "    ```", "      code", "    ```", "", "2. two", "end", ""]
+    wanted = ["1. one", "", "    more", "", "    * inner", "        goes on", *shifted]
     assert pages.indented_by_four("\n".join(source)) == "\n".join(wanted)
     assert pages.indented_by_four("text\n    code\n") == "text\n    code\n"
 
