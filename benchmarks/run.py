@@ -2,12 +2,12 @@
 
 benchmarks/run                      every topic
 benchmarks/run simulation fit       only these
-benchmarks/run --write              every topic, into docs/benchmarks.md
+benchmarks/run --write              every topic, kept in benchmarks/measured.json
 """
 
+import json
 import sys
 import warnings
-from pathlib import Path
 
 import capacity_slope
 import fit
@@ -17,7 +17,7 @@ import reading
 import simulation
 import soc_filter
 import start
-from as_page import FOOT, heading, section
+from as_page import KEPT, measured, section, topic_measured
 from timing import timed
 
 from cellwright.native import function
@@ -32,24 +32,23 @@ TOPICS = {
     "reading": (reading.topic,),
     "start": (start.topic,),
 }
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks.md"
 
 
 def main(words):
-    """Print the tables of the topics named, of all where none is; --write makes the page."""
+    """Print the tables of the topics named, of all where none is; --write keeps them."""
     if function("lag") is None:
         sys.exit("benchmarks: no compiled kernels (no C compiler, or CELLWRIGHT_NATIVE=0)")
     # PyBOP's optimisers warn of what they do not use.
     warnings.simplefilter("ignore")
     chosen = [word for word in words if word != "--write"] or list(TOPICS)
-    texts = [heading()]
-    print(texts[0], flush=True)
+    topics = []
     for maker in (maker for name in chosen for maker in TOPICS[name]):
         topic = maker()
-        texts.append(section(topic, [timed(entry) for entry in topic.entries]))
-        print(texts[-1], flush=True)
+        topics.append(topic_measured(topic, [timed(entry) for entry in topic.entries]))
+        print(section(topics[-1]), flush=True)
     if "--write" in words:
-        PAGE.write_text("\n".join([*texts, FOOT]), encoding="utf-8")
+        text = json.dumps(measured(topics), indent=1, ensure_ascii=False)
+        KEPT.write_text(f"{text}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,7 @@
 """Runs campaigns from their raw files and tells where the CPU time goes: benchmarks/whole_run.
 
-benchmarks/whole_run NAME=FOLDER ...     run these campaigns, keep what was measured, write the page
+benchmarks/whole_run NAME=FOLDER ...     run these campaigns, keep what was measured in whole_runs/
 benchmarks/whole_run --cores 1 ...       as many jobs at a time (default 2)
-benchmarks/whole_run                     the page again from what is kept in benchmarks/whole_runs
 """
 
 import json
@@ -14,17 +13,16 @@ import time
 from pathlib import Path
 
 from as_page import machine
-from whole_run_page import KINDS, write_page
+from whole_run_page import KEPT, KINDS
 
 HERE = Path(__file__).resolve().parent
-KEPT = HERE / "whole_runs"
 CALM_LOAD, CALM_SECOND = 0.5, 180.0  # a machine may take so long to become calm
 # What a run makes, which a run from the raw files must not find.
 MADE = {"results", "logs", ".snakemake", "real", "virtual"}
 
 
 def main(words):
-    """Measure the campaigns named, then make the page."""
+    """Measure the campaigns named and keep what was measured."""
     cores = words.pop(words.index("--cores") + 1) if "--cores" in words else "2"
     for word in (word for word in words if word != "--cores"):
         name, separator, folder = word.partition("=")
@@ -33,7 +31,6 @@ def main(words):
         KEPT.mkdir(exist_ok=True)
         measured = run(Path(folder).resolve(), cores)
         (KEPT / f"{name}.json").write_text(json.dumps(measured, indent=1) + "\n", encoding="utf-8")
-    write_page(KEPT)
 
 
 def run(campaign, cores) -> dict:

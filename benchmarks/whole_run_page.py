@@ -1,14 +1,13 @@
-"""The page of whole runs: a table per campaign, one picture, from what is kept of each run."""
+"""Whole runs for docs/performance.md: tables and a picture of what is kept of each."""
 
+import io
 import json
 from pathlib import Path
 
 import matplotlib
 from matplotlib.figure import Figure
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
-PICTURE = DOCS / "pictures" / "whole-runs.svg"
-PAGE = DOCS / "performance.md"
+KEPT = Path(__file__).parent / "whole_runs"
 KINDS = ("import", "files", "numerics", "figures", "other")
 WORDS = {
     "import": "imports",
@@ -19,35 +18,16 @@ WORDS = {
     "server": "imports of the warm executor's server",
     "snakemake": "Snakemake itself",
 }
-HEAD = """# Where the time of a run goes
-
-Made by `benchmarks/whole_run NAME=FOLDER ...`, which runs each campaign from its raw files and
-measures every process; what was measured is kept in
-[benchmarks/whole_runs](../benchmarks/whole_runs).
-
-CPU time is user and system time of a script's process with its children, from its start (with the
-warm executor, from its fork). Its parts are sampled: every 10 ms of CPU time a script notes in
-which part of the code it is, by the innermost function whose file tells it, and counts to that part
-all CPU time since the note before, so that a compiled kernel counts in full to whoever called it.
-The parts are: {kinds}. Work of pandas inside a step of the science counts as numerics. The peak
-memory of a forked script holds the pages that it shares with its server. The load is the mean
-number of processes that wanted a core before and after the run; on a busy machine wall time says
-little, and CPU time is longer too.
-
-![CPU time of whole runs by kind of work](pictures/whole-runs.svg)
-"""
 
 
-def write_page(kept):
-    """Page and picture from the records `kept`/NAME.json."""
-    runs = {
-        path.stem: json.loads(path.read_text(encoding="utf-8"))
-        for path in sorted(kept.glob("*.json"))
-    }
-    _picture(runs)
-    head = HEAD.format(kinds="; ".join(WORDS[kind] for kind in KINDS))
-    texts = [head, *[_section(name, run) for name, run in runs.items()]]
-    PAGE.write_text("\n".join(texts), encoding="utf-8")
+def runs() -> dict:
+    """The records of all runs that are kept, by the campaign's name."""
+    return {path.stem: json.loads(path.read_bytes()) for path in sorted(KEPT.glob("*.json"))}
+
+
+def tables() -> str:
+    """A section for each campaign, in Markdown."""
+    return "\n".join(_section(name, run) for name, run in runs().items())
 
 
 def parts(run) -> dict:
@@ -73,7 +53,7 @@ def _section(name, run) -> str:
     warning = ["**Other work ran at the same time: to be measured again on an idle machine.**", ""]
     busy = warning if run["load_before"] > 1.0 else []
     lines = [
-        f"## {name}",
+        f"### {name}",
         "",
         f"{run['cells']} cells, {total:.1f} s of CPU ({total / run['cells']:.2f} s a cell), "
         f"{run['wall_second']:.0f} s of wall time with --cores {run['cores']}, load "
@@ -101,20 +81,23 @@ def _row(rule, about) -> str:
     return f"| {' | '.join([name, str(about['jobs']), f'{second:.1f}', each, *shares, memory])} |"
 
 
-def _picture(runs):
-    """A bar for each campaign: seconds of CPU a cell, by kind of work."""
-    figure = Figure(figsize=(9.0, 1.2 + 0.5 * len(runs)), layout="constrained")
+def picture() -> bytes:
+    """An SVG with a bar for each campaign: seconds of CPU a cell, by kind of work."""
+    kept = runs()
+    figure = Figure(figsize=(9.0, 1.2 + 0.5 * len(kept)), layout="constrained")
     axes = figure.subplots()
-    for row, run in enumerate(runs.values()):
+    for row, run in enumerate(kept.values()):
         start = 0.0
         for colour, (kind, second) in enumerate(parts(run).items()):
             width = second / run["cells"]
             label = WORDS[kind] if row == 0 else None
             axes.barh(row, width, left=start, color=f"C{colour}", label=label)
             start += width
-    axes.set_yticks(range(len(runs)), list(runs))
+    axes.set_yticks(range(len(kept)), list(kept))
     axes.invert_yaxis()
     axes.set_xlabel("CPU time a cell [s]")
     figure.legend(loc="outside upper center", ncols=4, fontsize=8, frameon=False)
     matplotlib.rcParams["svg.hashsalt"] = "cellwright"
-    figure.savefig(PICTURE, metadata={"Date": None})
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="svg", metadata={"Date": None})
+    return drawn.getvalue()

@@ -9,7 +9,6 @@ from real_cells import record
 from real_cells.measured import KEYS, QUANTITIES, topics
 
 ABOUT = """\
-<!-- Made by scripts/tools/real_record.py from real-cells/*.csv. Do not edit. -->
 # Real cells
 
 What the pipeline makes of real campaigns, as others measured them, run whole on the documented
@@ -39,7 +38,7 @@ The numbers lie beside this page as data, with tolerances:
 ```
 ./run snakemake --cores 2 real                  # every campaign whole: up to an hour; again, little
 ./run python scripts/tools/real_check.py              # fails where a number is worse than recorded
-./run python scripts/tools/real_record.py --why "…"   # renews the record and this page
+./run python scripts/tools/real_record.py --why "…"   # renews the record
 ```"""
 MEASURED = (
     "These are the numbers of the last run, not the record;"
@@ -76,8 +75,8 @@ def text(numbers: pd.DataFrame, before: pd.DataFrame, *, recorded: bool = True) 
     return "\n".join(parts)
 
 
-def committed() -> str:
-    """The page as it belongs into the repository: of the record, with why it was renewed."""
+def of_record() -> str:
+    """The page of the documentation: of the record, with why it was renewed."""
     reasons = {name: record.last_reason(name) for name in ("recorded", "before")}
     lines = [f"* **{WORDS[name]}**: {reason}\n" for name, reason in reasons.items() if reason]
     whole = text(record.read(record.RECORDED), record.read(record.BEFORE))

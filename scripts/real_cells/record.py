@@ -9,11 +9,9 @@ import pandas as pd
 from real_cells.measured import COLUMNS, KEYS, MEASUREMENTS, MODEL, PERCENT, QUANTITIES, SEARCH
 from virtual_lab.score import files, summary
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-FOLDER = DOCS / "real-cells"
+FOLDER = Path(__file__).resolve().parents[2] / "docs" / "real-cells"
 RECORDED, BEFORE = FOLDER / "recorded.csv", FOLDER / "before.csv"
 PUBLISHED, RENEWALS = FOLDER / "published.csv", FOLDER / "renewals.md"
-PAGE = DOCS / "real-cells.md"
 HEAD = """\
 # Renewals of the record of real cells
 

@@ -1,28 +1,29 @@
-"""Laws of the documents: made from the contract, complete, every link leads somewhere."""
+"""Laws of the documents: what is made is complete, every page has a place, every link a target."""
 
 import re
+from posixpath import normpath
 
 import pytest
 from test_repository import HOST, MACHINE
-from tree import ROOT
+from tree import ROOT, name
 
-from real_cells import page, record
+import cellwright
+from documentation import api_page, artefacts_page, pages, rooms, rules_page, settings_page
+from real_cells import page as real_cells_page
+from real_cells import record
 from runtime import contract, settings
-from tools import architecture, contract_readme
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-TEXTS = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in PAGES}
-ALL = "\n".join(TEXTS.values())
+SOURCES = [
+    *(ROOT / file for file in ("README.md", "CONTRIBUTING.md", "config/README.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+]
+TEXTS = {name(path): path.read_text(encoding="utf-8") for path in SOURCES}
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 SCHEMAS = ROOT / "workflow" / "schemas"
-
-
-def rules() -> list[str]:
-    files = [*(ROOT / "workflow" / "rules").rglob("*.smk"), ROOT / "workflow" / "Snakefile"]
-    texts = [path.read_text(encoding="utf-8") for path in files]
-    return sorted(
-        rule for text in texts for rule in re.findall(r"^(?:rule|checkpoint) (\w+):", text, re.M)
-    )
+NAVIGATION = re.findall(
+    r"^ *- .+: ([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.M
+)
+MADE = {page: pages.text_of(page) for page in pages.MADE}
 
 
 def anchors(text: str) -> set[str]:
@@ -31,39 +32,64 @@ def anchors(text: str) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
 
 
-def test_artefacts_page_is_what_the_contract_says():
-    written = contract_readme.README.read_text(encoding="utf-8")
-    assert written == contract_readme.text(), "run `python scripts/tools/contract_readme.py`"
+def test_every_artefact_and_column_is_documented():
+    text = artefacts_page.text()
+    for stage, spec in contract.stages().items():
+        assert f"## {stage}\n" in text
+        assert not [column for column in spec["columns"] if f"`{column}`" not in text]
 
 
-def test_page_and_picture_of_the_rooms_are_what_the_code_says():
-    made = {
-        architecture.PAGE: architecture.page(),
-        architecture.PICTURE: architecture.picture(),
-    }
-    for path, text in made.items():
-        assert path.read_text(encoding="utf-8") == text, (
-            "run `python scripts/tools/architecture.py`"
-        )
+def test_every_column_and_key_is_documented():
+    text = settings_page.text()
+    for sheet in ("cells", "tests", "groups", "checkups"):
+        columns = settings.load(SCHEMAS, sheet)["properties"]
+        assert not [column for column in columns if f"| `{column}` |" not in text]
+    for key, spec in settings.load(SCHEMAS, "config")["properties"].items():
+        inner = settings.keys(spec) if spec.get("properties") else []
+        assert f"`{key}`" in text or not inner
+        assert not [one for one, _ in inner if f"| `{one}` |" not in text]
 
 
-def test_page_of_real_cells_is_what_the_record_says():
-    written = record.PAGE.read_text(encoding="utf-8")
-    assert written == page.committed(), "run `python scripts/tools/real_record.py --page`"
+def test_every_rule_is_documented_with_its_message():
+    files = [ROOT / "workflow" / "Snakefile", *(ROOT / "workflow" / "rules").glob("*.smk")]
+    text = rules_page.text()
+    for file in files:
+        for rule in re.findall(r"^(?:rule|checkpoint) (\w+):", file.read_text("utf-8"), re.M):
+            assert re.search(rf"^\| `{rule}` \| \S.+ \| .* \|$", text, re.M), f"{file.name}: {rule}"
+
+
+def test_every_public_name_is_documented():
+    text = api_page.text()
+    for public in cellwright.__all__:
+        assert re.search(rf"^### {public}\n\n```python\n.+\n```\n\n\S", text, re.M | re.S), public
+
+
+def test_the_table_and_the_picture_of_the_rooms_have_all_of_them():
+    assert len(rooms.rooms()) > 10
+    for room in rooms.rooms():
+        assert f"| `{room}` |" in rooms.table()
+        assert f">{room}</text>" in rooms.picture()
+
+
+def test_every_page_uses_parts_that_are_made():
+    used = {part for text in TEXTS.values() for part in pages.PART.findall(text)}
+    assert used == set(pages.MADE_PARTS)
 
 
 def test_record_of_real_cells_is_sound():
     assert record.faults_of(record.read(record.RECORDED)) == []
 
 
+def test_page_of_real_cells_has_every_campaign_of_the_record():
+    text = real_cells_page.of_record()
+    for campaign in record.read(record.RECORDED)["campaign"].unique():
+        assert f"\n## {campaign}\n" in text
+
+
 def test_every_published_number_has_a_value_and_a_source():
     rows = record.read(record.PUBLISHED).to_dict("records")
     assert len(rows) > 50
     assert not [row for row in rows if not row["source"] or not float(row["value"])]
-
-
-def test_every_rule_is_documented():
-    assert not [rule for rule in rules() if f"`{rule}`" not in ALL]
 
 
 def test_every_kind_and_role_is_documented():
@@ -73,10 +99,9 @@ def test_every_kind_and_role_is_documented():
 
 
 def test_every_table_of_the_results_is_in_the_readme():
-    tables = [f"{stage}.csv" for stage in contract.stages() if stage.startswith("tables/")]
-    assert not [
-        table for table in [*tables, "summary.csv"] if f"`{table}`" not in TEXTS["README.md"]
-    ]
+    stages = [stage for stage in contract.stages() if stage.startswith("tables/")]
+    tables = [f"{stage.removeprefix('tables/')}.csv" for stage in [*stages, "summary"]]
+    assert not [table for table in tables if f"`{table}`" not in TEXTS["README.md"]]
 
 
 def test_every_flag_is_documented():
@@ -87,25 +112,68 @@ def test_every_flag_is_documented():
     ]
 
 
-def test_every_page_is_linked_from_the_index():
-    index = TEXTS["docs/README.md"]
-    assert not [
-        p
-        for p in TEXTS
-        if p.startswith("docs/") and p[5:] != "README.md" and f"]({p[5:]})" not in index
-    ]
+def test_documentation_by_hand_can_be_read():
+    words = {source: len(text.split()) for source, text in TEXTS.items()}
+    assert sum(words.values()) <= 50_000
+    assert not {source: count for source, count in words.items() if count > 3_000}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=TEXTS)
-def test_every_link_leads_somewhere(page):
-    for link in LINK.findall(page.read_text(encoding="utf-8")):
+def test_every_page_has_one_place_in_the_navigation():
+    of_docs = {path.removeprefix("docs/") for path in TEXTS if path.startswith("docs/")}
+    assert sorted(NAVIGATION) == sorted({*of_docs, *pages.MADE, *pages.ELSEWHERE})
+
+
+def test_pages_made_at_build_are_not_committed():
+    made = [*pages.MADE, *pages.MADE_PICTURES]
+    assert not [file for file in made if (ROOT / "docs" / file).exists()]
+
+
+def test_the_site_fetches_nothing_from_elsewhere():
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    assert "font: false" in text
+    assert "  - offline\n" in text
+    assert "://" not in text
+
+
+@pytest.mark.parametrize("source", TEXTS)
+def test_every_link_leads_somewhere(source):
+    for link in LINK.findall(TEXTS[source]):
         path, _, anchor = link.partition("#")
-        target = (page.parent / path) if path else page
         if re.match(r"https?:|mailto:", link):
             continue
-        assert target.exists(), f"{page.name}: {link} leads nowhere"
+        found = normpath(f"{source.rpartition('/')[0]}/{path}".lstrip("/")) if path else source
+        made = MADE.get(pages.STANDS_FOR.get(found, found).removeprefix("docs/"))
+        picture = found.removeprefix("docs/") in pages.MADE_PICTURES
+        elsewhere = pages.ELSEWHERE.get(found.removeprefix("docs/"), found)
+        assert made or picture or (ROOT / elsewhere).exists(), f"{source}: {link} leads nowhere"
         if anchor:
-            assert anchor in anchors(target.read_text(encoding="utf-8")), f"{page.name}: {link}"
+            text = made or (ROOT / elsewhere).read_text(encoding="utf-8")
+            assert anchor in anchors(pages.with_parts(text)), f"{source}: {link}"
+
+
+def test_links_of_the_site_lead_to_pages_of_the_site():
+    """A file of the repository that is a page leads there; code, which is none, is its path."""
+    text = pages.for_site(
+        "[a](../config/README.md#pack), [b](../CONTRIBUTING.md), "
+        "[c](../run), [d](ocv.md#x), [run](../run)\n"
+        "```\n[e](../run)\n```\n",
+        "tutorial.md",
+    )
+    assert text.splitlines()[0] == (
+        "[a](settings.md#pack), [b](contributing.md), c (`run`), [d](ocv.md#x), `run`"
+    )
+    assert "[e](../run)" in text
+    linked = pages.for_site("[c](../run)", "tutorial.md", "address")
+    assert linked == "[c](address/run)\n"
+
+
+def test_what_belongs_to_an_entry_of_a_list_stays_in_it():
+    code = ["", "   ```", "     code", "   ```", "2. two", "end", ""]
+    source = ["1. one", "", "   more", "   * inner", "     goes on", *code]
+    shifted = ["", "    ```", "      code", "    ```", "", "2. two", "end", ""]
+    wanted = ["1. one", "", "    more", "", "    * inner", "        goes on", *shifted]
+    assert pages.indented_by_four("\n".join(source)) == "\n".join(wanted)
+    assert pages.indented_by_four("text\n    code\n") == "text\n    code\n"
 
 
 @pytest.mark.parametrize("page", TEXTS)

@@ -61,7 +61,11 @@ def versions(lock):
 
 
 # The client of object storage needs an older one.
-OTHER_VERSIONS = {"environment-cluster.lock": set(), "environment-cloud.lock": {"python-dateutil"}}
+OTHER_VERSIONS = {
+    "environment-cluster.lock": set(),
+    "environment-cloud.lock": {"python-dateutil"},
+    "environment-docs.lock": set(),
+}
 
 
 @pytest.mark.parametrize("lock", OTHER_VERSIONS)

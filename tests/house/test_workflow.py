@@ -6,7 +6,7 @@ import pytest
 from tree import ROOT, SCRIPTS
 
 from runtime import job_requests, settings
-from tools import config_readme, settings_module
+from tools import settings_module
 
 WORKFLOW = ROOT / "workflow"
 FILES = sorted((WORKFLOW / "rules").glob("*.smk"))
@@ -141,11 +141,6 @@ def test_every_column_has_type_and_meaning():
         for column, spec in sheet["properties"].items():
             assert spec.get("type"), f"{sheet['title']} {column} has no type"
             assert spec.get("description"), f"{sheet['title']} {column} has no description"
-
-
-def test_config_readme_is_what_the_schemas_say():
-    written = config_readme.README.read_text(encoding="utf-8")
-    assert written == config_readme.text(), "run `python scripts/tools/config_readme.py`"
 
 
 def test_a_caption_has_one_title_and_one_sentence_on_how_to_read_it():

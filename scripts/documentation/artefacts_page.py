@@ -1,14 +1,12 @@
-"""Writes docs/artefacts.md from the contract; with --check, fails where it differs from it."""
+"""The page of all artefacts and their columns, from the contract; run by hand, it prints them.
 
-import sys
-from pathlib import Path
+./run python scripts/documentation/artefacts_page.py
+"""
 
 from runtime import contract
 
-README = Path(__file__).resolve().parents[2] / "docs" / "artefacts.md"
 INTRODUCTION = """\
-<!-- Made by scripts/tools/contract_readme.py from workflow/schemas/artefacts.yaml. Do not edit. -->
-# Every artefact and its columns
+# Artefacts and their columns
 
 An artefact lies in `results/<stage>/<cell or group>/<test>.parquet`; of `parameters` and of stages
 that begin with `temperature` or `resistance_surface` there is one per cell,
@@ -22,7 +20,7 @@ ranges as it is written. A column in parentheses may be absent: not every instru
 
 
 def text() -> str:
-    """The whole of docs/artefacts.md."""
+    """The whole page, in Markdown."""
     return "\n".join([INTRODUCTION, *(_stage(*stage) for stage in contract.stages().items())])
 
 
@@ -49,7 +47,4 @@ def _range(low, high) -> str:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["--check"]:
-        current = README.read_text(encoding="utf-8") if README.is_file() else ""
-        sys.exit(current != text() and "docs/artefacts.md: run scripts/tools/contract_readme.py")
-    README.write_text(text(), encoding="utf-8")
+    print(text())

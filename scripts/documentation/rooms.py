@@ -1,19 +1,14 @@
-"""Draws the rooms of scripts/cellwright and their imports into docs/architecture.md.
+"""The rooms of scripts/cellwright and what they import, as a table and a picture.
 
-The table and the picture docs/pictures/architecture.svg are made from the code: purposes from the
-rooms' docstrings, arrows from their imports. With --check, fails where either is out of date.
+Both are made from the code: purposes from the rooms' docstrings, arrows from their imports.
 """
 
 import ast
-import sys
 from html import escape
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SCIENCE = ROOT / "scripts" / "cellwright"
-PAGE = ROOT / "docs" / "architecture.md"
-PICTURE = ROOT / "docs" / "pictures" / "architecture.svg"
-BEGIN, END = "<!-- rooms: made by scripts/tools/architecture.py -->", "<!-- end of rooms -->"
 WIDTH, HEIGHT, GAP_X, GAP_Y, MARGIN = 176, 72, 30, 40, 20
 BESIDE = {"native", "settings"}  # serve every room: no arrows are drawn to them
 
@@ -73,7 +68,7 @@ def table() -> str:
     order = sorted(purposes, key=lambda room: (level[room], room))
     lines = ["| room | what is in it | imports |", "| --- | --- | --- |"]
     lines += [
-        f"| [{room}](../scripts/cellwright/{room}) | {purposes[room]} "
+        f"| `{room}` | {purposes[room]} "
         f"| {', '.join(sorted(needs[room], key=order.index)) or '–'} |"
         for room in order
     ]
@@ -129,19 +124,3 @@ def _box(room, purpose, corner) -> str:
         f'stroke="#0b6fb8"/><text x="{x + 10:g}" y="{y + 18:g}" font-size="13" '
         f'font-weight="bold" fill="#0b6fb8">{room}</text>{text}\n'
     )
-
-
-def page() -> str:
-    """docs/architecture.md with its table of rooms as the code says it now."""
-    written = PAGE.read_text(encoding="utf-8")
-    head, rest = written.split(BEGIN)
-    return f"{head}{BEGIN}\n{table()}\n{END}{rest.split(END)[1]}"
-
-
-if __name__ == "__main__":
-    made = {PAGE: page(), PICTURE: picture()}
-    if sys.argv[1:] == ["--check"]:
-        old = [p.name for p, text in made.items() if p.read_text(encoding="utf-8") != text]
-        sys.exit(", ".join(old) + ": run scripts/tools/architecture.py" if old else 0)
-    for path, text in made.items():
-        path.write_text(text, encoding="utf-8")

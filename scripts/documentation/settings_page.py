@@ -1,7 +1,9 @@
-"""Writes config/README.md from the schemas; with --check, fails where it differs from them."""
+"""The page of all sheet columns and config keys, from the schemas; run by hand, it prints them.
+
+./run python scripts/documentation/settings_page.py
+"""
 
 import json
-import sys
 from pathlib import Path
 
 from runtime import settings
@@ -9,10 +11,8 @@ from runtime.settings import wanted
 
 ROOT = Path(__file__).resolve().parents[2]
 SCHEMAS = ROOT / "workflow" / "schemas"
-README = ROOT / "config" / "README.md"
 INTRODUCTION = """\
-<!-- Made by scripts/tools/config_readme.py from workflow/schemas. Do not edit. -->
-# Sheets and settings of a campaign
+# Sheet columns and config keys
 
 Facts stand in tab-separated sheets, choices in `config.yaml`. UTF-8, one header row, columns in
 any order, blank = not known. Unknown columns, ids, kinds and keys are faults; all faults of all
@@ -21,7 +21,7 @@ files are reported at once, before anything runs.
 
 
 def text() -> str:
-    """The whole of config/README.md."""
+    """The whole page, in Markdown."""
     sheets = [
         _sheet(settings.load(SCHEMAS, name)) for name in ("cells", "tests", "groups", "checkups")
     ]
@@ -73,7 +73,4 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["--check"]:
-        current = README.read_text(encoding="utf-8") if README.is_file() else ""
-        sys.exit(current != text() and "config/README.md: run scripts/tools/config_readme.py")
-    README.write_text(text(), encoding="utf-8")
+    print(text())

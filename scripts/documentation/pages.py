@@ -1,0 +1,133 @@
+"""Every page of the site that is no file of docs/: made from the code, or read elsewhere in it."""
+
+import re
+import sys
+from pathlib import Path, PurePosixPath
+from posixpath import normpath, relpath
+
+from documentation import api_page, artefacts_page, rooms, rules_page, settings_page
+from real_cells import page as real_cells_page
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "benchmarks"))  # its tables are made where they are measured
+
+import as_page  # noqa: E402
+import whole_run_page  # noqa: E402
+
+MADE = {
+    "settings.md": settings_page.text,
+    "artefacts.md": artefacts_page.text,
+    "rules.md": rules_page.text,
+    "reference.md": api_page.text,
+    "real-cells.md": real_cells_page.of_record,
+}
+MADE_PICTURES = {
+    "pictures/architecture.svg": rooms.picture,
+    "pictures/whole-runs.svg": whole_run_page.picture,
+}
+# What stands in a page of docs/ in place of a line `<!-- made: name -->`.
+MADE_PARTS = {
+    "rooms": rooms.table,
+    "benchmarks": as_page.tables,
+    "whole runs": whole_run_page.tables,
+}
+# Files elsewhere in the repository that are pages of the site too.
+ELSEWHERE = {
+    "contributing.md": "CONTRIBUTING.md",
+    "changelog.md": "CHANGELOG.md",
+    "small-campaigns.md": "tests/campaigns/README.md",
+    "demo-data.md": "data/README.md",
+    "warm-executor.md": "plugins/snakemake-executor-plugin-warm/README.md",
+    "functional-mock-up-units.md": "plugins/cellwright-fmu/README.md",
+}
+STANDS_FOR = {"config/README.md": "settings.md", "README.md": "README.md"}
+PART = re.compile(r"^<!-- made: ([\w ]+) -->$", re.M)
+LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
+FENCE = re.compile(r"^ *```.*?^ *```", re.M | re.S)
+SOURCE = re.compile(r"\bdocs/([\w-]+)\.md\b")
+
+
+def source_of(page: str) -> str:
+    """Path in the repository of a page of the site; pages that are made count as files of docs/."""
+    return ELSEWHERE.get(page, f"docs/{page}")
+
+
+def text_of(page: str) -> str:
+    """Markdown of a page that is no file of docs/."""
+    if page in ELSEWHERE:
+        return (ROOT / ELSEWHERE[page]).read_text(encoding="utf-8")
+    return SOURCE.sub(r"[\1](\1.md)", MADE[page]())
+
+
+def with_parts(markdown: str) -> str:
+    """A page with the parts in it that are made from the code."""
+    return PART.sub(lambda part: MADE_PARTS[part[1]](), markdown)
+
+
+def for_site(markdown: str, page: str, repository: str = "") -> str:
+    """Markdown of a page as the site needs it: parts made, lists set apart, links of the site.
+
+    A link to a file of the repository leads to its page; one to code, which has none, leads to
+    `repository` (the address of its files), or becomes its path where that is blank.
+    """
+    markdown = indented_by_four(with_parts(markdown))
+    done, last = [], 0
+    for fence in FENCE.finditer(markdown):
+        done += [_prose(markdown[last : fence.start()], page, repository), fence[0]]
+        last = fence.end()
+    return "".join([*done, _prose(markdown[last:], page, repository)])
+
+
+def indented_by_four(markdown: str) -> str:
+    """What belongs to an entry of a list by four blanks a level, as Python's Markdown wants it.
+
+    In the sources it is indented as far as the entry's text: two blanks, three after a number.
+    Behind an entry of several paragraphs the next one needs a blank line.
+    """
+    out, entries, fenced, paragraphs = [], [], False, False
+    for line in markdown.splitlines():
+        words = line.lstrip(" ")
+        indent = len(line) - len(words)
+        while entries and words and not fenced and indent < entries[-1]:
+            entries.pop()
+        marker = None if fenced else re.match(r"(?:[*+-]|\d+\.) +(?=\S)", words)
+        paragraphs = bool(entries or marker) and (paragraphs or not words)
+        if marker and paragraphs and out and out[-1]:
+            out.append("")
+        inside = entries[-1] if entries else 0
+        out.append(" " * (4 * len(entries) + max(0, indent - inside)) + words if words else "")
+        if words.startswith("```"):
+            fenced = not fenced
+        if marker:
+            entries.append(indent + len(marker[0]))
+    return "\n".join([*out, ""])
+
+
+def _prose(markdown: str, page: str, repository: str) -> str:
+    """Links of the site; a blank line before each list, which Python's Markdown wants."""
+    markdown = re.sub(r"(?m)^((?![*\-|>\s]|\d+\.).+\n)(?=(?:[*-]|1\.) )", r"\1\n", markdown)
+    return LINK.sub(lambda link: _link(link, page, repository), markdown)
+
+
+def _link(link, page: str, repository: str) -> str:
+    mark, label, target = link.groups()
+    path, separator, anchor = target.partition("#")
+    if not path or re.match(r"[a-z]+:", target):
+        return link[0]
+    folder = PurePosixPath(source_of(page)).parent
+    found = normpath((folder / path).as_posix())
+    on_site = {source: name for name, source in ELSEWHERE.items()} | STANDS_FOR
+    if found in on_site or found.startswith("docs/"):
+        goal = on_site.get(found, found.removeprefix("docs/"))
+        start = PurePosixPath(page).parent.as_posix()
+        return f"{mark}[{label}]({relpath(goal, start)}{separator}{anchor})"
+    if not (ROOT / found).exists():
+        return link[0]  # leads nowhere: MkDocs says so
+    return f"[{label}]({repository}/{found})" if repository else _named(label, found)
+
+
+def _named(label: str, path: str) -> str:
+    """A file of code in words: its path in place of its name, or behind other words."""
+    if path.endswith(label.replace("\\", "").strip("`")):
+        return f"`{path}`"
+    return f"{label} (`{path}`)"
