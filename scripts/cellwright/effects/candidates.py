@@ -197,7 +197,7 @@ def screened(case, candidates, before, possible, filters):
     slopes = inside.white, inside.precision, solution.values
     for score in scored(candidates, many, residual, *slopes):
         candidate = score.candidate
-        if candidate.effect.bends:
+        if candidate.effect.needs_restart:
             score = _score_by_regression(case, before, possible, score, filters, without)
         visible = score.visible >= case.gates.visible_chi_square
         kept, name = best if visible else hidden, (candidate.effect.key, candidate.form)
@@ -325,7 +325,7 @@ def tried(case, possible, free, before, score, filters, end=None):
     effects = in_order((*before.effects, effect), possible | {effect.key: effect})
     problem = case.problem(effects, case.with_effect(free, effect), filters)
     starts = [score.values, *([end.solution.values] if end else [])]
-    if not effect.bends and not effect.given(candidate.sizes):
+    if not effect.needs_restart and not effect.given(candidate.sizes):
         # An offset that the OCV has to follow costs much where it is estimated: kept derivatives
         # end beside the minimum. Not where nothing shows next to none, as the effect's starts say.
         starts.append(before.solution.values | candidate.absent)
@@ -333,7 +333,7 @@ def tried(case, possible, free, before, score, filters, end=None):
     how = {"steps": CHORD_STEPS}
     if end and start is end.solution.values:
         how |= {"columns": end.solution.columns, "renew": effect.names}
-    elif effect.bends:
+    elif effect.needs_restart:
         how = {"steps": ANEW_STEPS}
     else:
         how |= {name: getattr(before.solution, name) for name in ("columns", "white", "gram")}

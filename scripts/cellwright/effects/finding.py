@@ -31,7 +31,6 @@ from cellwright.effects.stated.nuisances import stretched
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
 from cellwright.effects.story.words import paragraph
-from cellwright.effects.ties import tie_of
 from cellwright.effects.verdict import entry_of, searched, verdict_of
 from cellwright.effects.witnesses.collected import values_of
 from cellwright.numerics.least_squares import covariances, stds
@@ -199,7 +198,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {step.chosen.effect.id for step in result.steps}
     hidden = set.intersection(*(set(step.hidden) for step in rounds)) - named
-    hidden |= {name for name in library if tie_of(name) is not None}
+    hidden |= {name for name, effect in library.items() if effect.invisible}
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     place = worst(residuals, result.floor.validation_volt)
     open_place = None if result.adequate else place

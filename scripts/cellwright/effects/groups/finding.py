@@ -21,6 +21,7 @@ from cellwright.effects.groups.model import (
     smooth_ocv,
     smooth_shares,
 )
+from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import LOADED_C_RATE, group_stacked, parts_of
 from cellwright.effects.search import search
@@ -32,7 +33,6 @@ from cellwright.refusal import Refusal
 from cellwright.settings.effects import MissingEffectGroupShared as Shared
 from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
-ENERGY = "resistance_temperature.activation_energy_joule_per_mole"
 FIRST_ROWS = 3
 LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
 SECTIONS = {"spread": Spread, "shared": Shared, "gates": GroupGates}
@@ -42,9 +42,7 @@ BLIND = (
 )
 HEALTHY = "healthy cells within the declared spread are off by"
 LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"
-OTHER_TEMPERATURE = "repeat the group's drive at a chamber temperature 20 K away"
-KELVIN = 5.0  # between records; below it a warm cell and one of low resistance look alike
-WARM = {"branch_cell_resistance", "branch_temperature"}
+KELVIN = 5.0  # between records; below it they are at one temperature
 PARTS = 3
 
 
@@ -125,10 +123,16 @@ def branch_of(cell, model, *, wire_ohm=0.0, own=True):
         ocv + error,
         tuple(float(np.exp(values[f"log_r{k}"])) for k in range(3)),
         tuple(float(np.exp(values[f"log_tau{k}"])) for k in (1, 2)),
-        values.get(ENERGY, 0.0),
+        _activation_energy(values),
         wire_ohm,
         own,
     )
+
+
+def _activation_energy(values):
+    """Activation energy of the resistances of a cell's model [J/mol]; 0: none in it."""
+    effects = (effect for effect in LIBRARY.values() if effect.activation_energy)
+    return sum(values.get(f"{e.key}.{e.activation_energy}", 0.0) for e in effects)
 
 
 def _case(cells, records, initial_soc, settings, hold):
@@ -399,8 +403,8 @@ def _alternatives(case, step):
     names = {t.effect.id for t in step.trials if t.effect.key in step.tied}
     if not case.sensors:
         names |= {score.candidate.effect.id for score in step.scores}
-    if chosen in WARM and not _two_temperatures(case):
-        names |= WARM
+    if not _two_temperatures(case):
+        names |= {tie.partner for tie in step.chosen.effect.ties if tie.one_temperature}
     return sorted(names - {chosen})
 
 
@@ -417,10 +421,12 @@ def _next_test(case, steps, library):
     tied = next((step for step in steps if _alternatives(case, step)), None)
     if tied is None:
         return None
-    chosen, (other, *_) = tied.chosen.effect.id, _alternatives(case, tied)
-    if {chosen, *_alternatives(case, tied)} >= WARM and not _two_temperatures(case):
-        return OTHER_TEMPERATURE
-    return f"{library[chosen].shows}, beside {library[other].shows}"
+    chosen, others = tied.chosen.effect.id, _alternatives(case, tied)
+    pairs = [(tie, {name, tie.partner}) for name in (chosen, *others) for tie in library[name].ties]
+    warm = [tie.check for tie, pair in pairs if tie.one_temperature and pair <= {chosen, *others}]
+    if warm and not _two_temperatures(case):
+        return warm[0]
+    return f"{library[chosen].shows}, beside {library[others[0]].shows}"
 
 
 def _located(case, state):

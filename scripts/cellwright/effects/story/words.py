@@ -4,51 +4,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.effects.library import known_effects
+from cellwright.effects.library.readings import READINGS
 from cellwright.effects.odds import SURE
 from cellwright.effects.story.places import millivolt, near, where
 from cellwright.effects.story.sizes import Size, sizes_as_used
 
-NAMES = {
-    "hysteresis_instant": "instant hysteresis",
-    "hysteresis_one_state": "hysteresis",
-    "resistance_asymmetry": "a resistance that differs between charge and discharge",
-    "resistance_soc": "resistance over state of charge",
-    "polarisation_soc": "polarisation over state of charge",
-    "slow_diffusion": "slow diffusion",
-    "charge_transfer_nonlinearity": "charge-transfer kinetics",
-    "resistance_temperature": "resistance over temperature",
-    "entropic_ocv": "an OCV that moves with temperature",
-    "self_heating": "self-heating",
-    "capacity_temperature": "capacity over temperature",
-    "coulombic_inefficiency": "charge lost in charging",
-    "leakage": "self-discharge",
-    "capacity_error": "a capacity other than tested",
-    "ocv_shift": "a shifted OCV",
-    "ocv_edge": "an OCV that differs near empty or full",
-    "current_offset": "an offset of the current reading",
-    "current_gain": "a gain error of the current reading",
-    "voltage_offset": "an offset of the voltage reading",
-    "voltage_gain": "a gain error of the voltage reading",
-    "time_skew": "a time shift between voltage and current",
-    "lead_resistance": "lead resistance",
-    "resistance_drift": "a resistance that drifts while a test runs",
-    "none": "nothing missing",
-    "unknown": "something unknown",
-}
+# Answers of a search that are no effect.
+ANSWERS = {"none": "nothing missing", "unknown": "something unknown"}
+SHORT_NAMES = {one.id: one.short for one in known_effects() if one.short} | ANSWERS
 LEAST_PROBABILITY = 0.01
 BENT = 1.1  # times its error as it is, beyond which a given model was bent by the records fitted
 UNSURE = 1.0 - SURE  # probability that another choice of the parts leaves a name out
 MANY_WORSE = 0.1  # of the parts that are better: so many worse ones make a name unsure
 SHOWN_WORSE, SHOWN_STARTS = 2, 3
-# An error of reading of one test: its words, unit, and that over the unit of the verdict.
-MISREAD = {
-    "voltage_offset": ("the voltage is off by", "mV", 1e3),
-    "voltage_drift": ("the voltage drifts until the end by", "mV", 1e3),
-    "current_offset": ("the current is off by", "mA", 1e3),
-    "current_gain": ("the current is off by the factor 1 plus", "%", 1e2),
-    "voltage_delay": ("the voltage is behind the current by", "s", 1.0),
-}
-
 # Units of sizes outside the vocabulary, as they are told, over those of the verdict.
 TOLD_IN = {"1/h": ("% in an hour", 1e2)}
 
@@ -80,8 +49,8 @@ BASES = {
 
 
 def name_of_effect(effect):
-    """An effect's short name in words; of one that has none here, its id."""
-    return NAMES.get(effect, effect.removeprefix("branch_").replace("_", " "))
+    """An effect's short name in words; of one that has none, its id."""
+    return SHORT_NAMES.get(effect, effect.replace("_", " "))
 
 
 def one_line(verdict, own=None, external=None):
@@ -382,8 +351,8 @@ def _outside(verdict):
 def _stretched(nuisances):
     """What the model takes otherwise than was declared, at the limit or beyond."""
     starts = [one["test"] for one in nuisances if one["name"] == "soc_at_start"]
-    misread = [_misread(one) for one in nuisances if one["name"] in MISREAD]
-    others = {"soc_at_start", *MISREAD}
+    misread = [_misread(one) for one in nuisances if one["name"] in READINGS]
+    others = {"soc_at_start", *READINGS}
     told = [_beyond(one) for one in nuisances if one["name"] not in others]
     if starts:
         more = len(starts) - SHOWN_STARTS
@@ -406,9 +375,10 @@ def _stretched(nuisances):
 
 
 def _misread(one):
-    words, unit, factor = MISREAD[one["name"]]
+    reading = READINGS[one["name"]]
+    factor, unit = reading.unit_factor, reading.unit_in_words
     size = Size("", factor * one["value"], factor * one["std"], unit).text.strip()
-    return f"in {one['test']} {words} {size}"
+    return f"in {one['test']} {reading.sentence} {size}"
 
 
 def _beyond(one):
