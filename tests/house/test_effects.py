@@ -38,7 +38,9 @@ def words_of(path):
 def files_naming(ids):
     """Modules of the product in which each id stands, alone or before a dot: dict id → set."""
     found = defaultdict(set)
-    product = (path for path in modules(SCRIPTS) if not APART & set(path.relative_to(SCRIPTS).parts))
+    product = (
+        path for path in modules(SCRIPTS) if not APART & set(path.relative_to(SCRIPTS).parts)
+    )
     for path in product:
         for word in {word.partition(".")[0] for word in words_of(path)} & set(ids):
             found[word].add(name(path))

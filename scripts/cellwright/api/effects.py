@@ -59,7 +59,7 @@ def missing_effect(
         model=None if model is None else inputs.model(model),
         simulated=None if simulated is None else _simulated(simulated),
     )
-    return results.MissingEffect(**finding._asdict())
+    return results.MissingEffect(*finding)
 
 
 def add_own_effects(model, effects, *, choice=()):
@@ -241,9 +241,7 @@ def missing_group_effect(group, branches, known_cells, tests, settings=None, **c
     }
     rows = [inputs.branch_facts(branch) for branch in branches]
     known = [one._replace(model=inputs.content(one.model)) for one in known_cells]
-    finding = searched(group, rows, known, inputs.tests(tests), settings=plain)
-    empty = {key: {} for key in ("residual_map", "evidence", "confounding", "menu")}
-    return results.MissingEffect(**empty, **finding._asdict())
+    return results.MissingEffect(*searched(group, rows, known, inputs.tests(tests), settings=plain))
 
 
 def identify_branches(series, steps, cells, test):

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+from cellwright.effects.result import Finding
+
 
 def frame(table):
     """A pandas DataFrame of columns, of rows, or of a NamedTuple of arrays.
@@ -378,22 +380,10 @@ class Fmu(NamedTuple):
         return frame(self.variables)
 
 
-class MissingEffect(NamedTuple):
-    """Result of a search for missing effects.
+class MissingEffect(Finding):
+    """Result of a search for missing effects, of a cell or a group; fields as of `Finding`."""
 
-    verdict : dict of the verdict file. ranking, residual_map, evidence, series, confounding, menu :
-    columns, of a group only ranking and series. model : dict, the plain model and its effects.
-    """
-
-    verdict: dict
-    ranking: dict
-    residual_map: dict
-    evidence: dict
-    series: dict
-    confounding: dict
-    menu: dict
-    model: dict
-    notes: tuple
+    __slots__ = ()
 
     def to_frame(self):
         """One row for each effect tried."""

@@ -217,7 +217,7 @@ def _score_by_regression(case, before, possible, score, filters, without):
     """
     candidate = score.candidate
     effects = in_order((*before.effects, candidate.effect), possible)
-    given = candidate.effect.given(candidate.start)
+    given = candidate.effect.set_by_starts(candidate.start)
     sizes = dict(zip(candidate.sizes, score.estimate, strict=True))
     if given & sizes.keys() and all(abs(sizes[n]) < abs(candidate.start[n]) for n in given):
         return score
@@ -290,7 +290,7 @@ class Trial(NamedTuple):
         return self.effect.names[0] in self.state.solution.at_bound
 
 
-def asked(scores, ends, most):
+def scores_to_refit(scores, ends, most):
     """Scores of the best so many effects, each in all its forms: no form takes another's place.
 
     ends : State by key of effects that were tried by another noise: each in its best form, for
@@ -325,7 +325,7 @@ def tried(case, possible, free, before, score, filters, end=None):
     effects = in_order((*before.effects, effect), possible | {effect.key: effect})
     problem = case.problem(effects, case.with_effect(free, effect), filters)
     starts = [score.values, *([end.solution.values] if end else [])]
-    if not effect.needs_restart and not effect.given(candidate.sizes):
+    if not effect.needs_restart and not effect.set_by_starts(candidate.sizes):
         # An offset that the OCV has to follow costs much where it is estimated: kept derivatives
         # end beside the minimum. Not where nothing shows next to none, as the effect's starts say.
         starts.append(before.solution.values | candidate.absent)

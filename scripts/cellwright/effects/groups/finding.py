@@ -8,7 +8,6 @@ from cellwright.effects.base import OCV_KNOTS
 from cellwright.effects.finding import KEPT, ranking_of
 from cellwright.effects.groups.case import (
     GroupCase,
-    GroupGates,
     error_volt,
     predicted,
     rows_of,
@@ -24,12 +23,14 @@ from cellwright.effects.groups.model import (
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import LOADED_C_RATE, group_stacked, parts_of
+from cellwright.effects.result import Finding
 from cellwright.effects.search import search
 from cellwright.effects.story.words import Phrases, paragraph
 from cellwright.effects.verdict import entry_of, outcome, verdict_of
 from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
+from cellwright.settings.effects import MissingEffectGroupGates as GroupGates
 from cellwright.settings.effects import MissingEffectGroupShared as Shared
 from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
@@ -44,20 +45,6 @@ HEALTHY = "healthy cells within the declared spread are off by"
 LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"
 KELVIN = 5.0  # between records; below it they are at one temperature
 PARTS = 3
-
-
-class GroupFinding(NamedTuple):
-    """Result of the search of a group.
-
-    verdict : dict of the contract. ranking, series : dicts of columns. model : dict, see
-    `model.document`. notes : tuple of str.
-    """
-
-    verdict: dict
-    ranking: dict
-    series: dict
-    model: dict
-    notes: tuple = ()
 
 
 def group_finding(
@@ -84,7 +71,7 @@ def group_finding(
 
     Returns
     -------
-    finding : GroupFinding.
+    finding : Finding, its ranking, series and model alone.
 
     Raises
     ------
@@ -95,13 +82,16 @@ def group_finding(
     rounds = search(case, library)
     verdict = group_verdict(group, case, rounds, library)
     kept = rounds[-1].before if verdict["verdict"] in KEPT else rounds[0].before
-    return GroupFinding(
-        verdict, ranking_of(case, rounds), _series(case, rounds), document(case, kept)
+    return Finding(
+        verdict,
+        ranking=ranking_of(case, rounds),
+        series=_series(case, rounds),
+        model=document(case, kept),
     )
 
 
 def branch_of(cell, model, *, wire_ohm=0.0, own=True):
-    """Branch of a group from the model of its cell (`Finding.model`).
+    """Branch of a group from the model of its cell (`result.Finding.model`).
 
     Parameters
     ----------
@@ -213,7 +203,7 @@ def _columns(role, stack, runs, cells):
 class KnownCell(NamedTuple):
     """Model of a branch's cell, and whose it is.
 
-    model : dict, as a search leaves it (`finding.Finding.model`); None where there is none.
+    model : dict, as a search leaves it (`result.Finding.model`); None where there is none.
     source : name of the cell that it is the model of: this very one, or one of its type.
     """
 
@@ -233,7 +223,7 @@ def missing_group_effect(group, branches, models, tests, *, settings):
 
     Returns
     -------
-    finding : GroupFinding, with the notes of its preparation.
+    finding : Finding, with the notes of its preparation.
 
     Raises
     ------

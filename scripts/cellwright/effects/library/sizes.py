@@ -5,14 +5,14 @@ Each is a function (effect, p, values) → list of (name, value, unit), as `Effe
 
 from cellwright.effects.library.quantities import QUANTITIES, fields_with
 
-THIRDS = (0.1, 0.5, 0.9)  # SoC at which a course is told
-# Between which the activation energy is told, where those of the records fitted are not known.
+THIRDS = (0.1, 0.5, 0.9)  # SoC at which a course is stated
+# Between which the activation energy is stated, where those of the records fitted are not known.
 WARMED_CELSIUS = (0.0, 25.0)
 DAY_HOUR, MINUTE_SECOND = 24.0, 60.0
 
 
 def at_thirds():
-    """Names of the three states of charge at which a course is told."""
+    """Names of the three states of charge at which a course is stated."""
     return [f"at {100 * soc:.0f} % SoC" for soc in THIRDS]
 
 
@@ -91,7 +91,7 @@ def ocv(soc, names):
 
     Parameters
     ----------
-    soc : SoC at which it is told [1]. names : of each, in words.
+    soc : SoC at which it is stated [1]. names : of each, in words.
     """
 
     def sizes(effect, p, values):

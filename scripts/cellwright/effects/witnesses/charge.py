@@ -40,7 +40,7 @@ def of_capacities(rows):
     measured : list of Measured, two.
     """
     rows = [row for row in rows if row["direction"] == "discharge"]
-    return [_over_temperature(rows), _later(rows)]
+    return [_over_temperature(rows), _capacity_change(rows)]
 
 
 def _over_temperature(rows):
@@ -70,11 +70,11 @@ def _over_temperature(rows):
     )
 
 
-def _later(rows):
+def _capacity_change(rows):
     """Change of the capacity from the first check-up to the last, of discharges that compare."""
     quantity, name = "capacity_change", "check-ups"
     known = sorted(rows, key=cycle_of)
-    before = [row for row in known if _compare(row, known[-1])]
+    before = [row for row in known if _comparable(row, known[-1])]
     if not before:
         return silent(name, quantity, "no capacities of two check-ups at one rate and temperature")
     last = known[-1]
@@ -86,7 +86,7 @@ def _later(rows):
     )
 
 
-def _compare(row, other):
+def _comparable(row, other):
     return (
         cycle_of(row) < cycle_of(other)
         and same_rate(row["c_rate"], other["c_rate"])

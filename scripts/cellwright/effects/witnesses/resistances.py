@@ -23,7 +23,7 @@ from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS, SAME_CELSIUS, SAME_RATE
 
 SOC_ENDS = (0.1, 0.9)
-SOC_SPAN = 0.5  # least range of SoC over which a course is told
+SOC_SPAN = 0.5  # least range of SoC over which a course is read
 LEVELS = (0.2, 0.5, 0.8)  # of SoC at which temperatures are compared
 ROOM_KELVIN = 8.0  # from 25 °C, within which directions and rates are compared
 RATES_APART = 2.0  # ratio of two rates whose pulses are compared
@@ -83,17 +83,17 @@ def of_spectra(rows, *, capacity_ampere_hour):
     measured : list of Measured.
     """
     rows = [row for row in rows if _known(row, "soc", "r_ohmic_ohm")]
-    told = [row for row in rows if row.get("charge_transfer_told") in (True, "True")]
-    told = [row for row in told if _known(row, "r_charge_transfer_ohm")]
+    arcs_known = [row for row in rows if row.get("charge_transfer_told") in (True, "True")]
+    arcs_known = [row for row in arcs_known if _known(row, "r_charge_transfer_ohm")]
     if not rows:
         read = (OHMIC, RELAXING, ENERGY, RATES)
         return [silent("impedance", quantity, "no spectrum of known SoC") for quantity in read]
-    fast, slow = _split_by_arc(told)
+    fast, slow = _split_by_arc(arcs_known)
     ohmic = "r_ohmic_ohm", "r_charge_transfer_ohm"
     ampere = capacity_ampere_hour
     quick = _spectral(fast, ohmic) if fast else _spectral(rows, ohmic[:1])
     what = "ohmic and charge-transfer resistance" if fast else "ohmic resistance"
-    total = _spectral(told, ohmic)
+    total = _spectral(arcs_known, ohmic)
     said = [
         _over_soc("impedance", OHMIC, what, quick, ampere),
         _over_temperature("impedance", "ohmic and charge-transfer resistance", total),

@@ -35,20 +35,20 @@ def of_rests(rows, values, *, capacity_ampere_hour):
     -------
     measured : list of Measured: slow diffusion, and polarisation over SoC.
     """
-    kept = [row for row in rows if row.get("chosen") in (True, "True") and _told(row)]
+    kept = [row for row in rows if row.get("chosen") in (True, "True") and _follows_a_load(row)]
     near = min((abs(celsius_of(row, INSIDE) - REFERENCE_CELSIUS) for row in kept), default=0.0)
     kept = [
         r for r in kept if abs(celsius_of(r, INSIDE) - REFERENCE_CELSIUS) <= near + SAME_CELSIUS
     ]
-    return [_slow(kept, values), _polarisation(kept, capacity_ampere_hour)]
+    return [_slow_resistance(kept, values), _relaxing_over_soc(kept, capacity_ampere_hour)]
 
 
-def _told(row):
+def _follows_a_load(row):
     current = row.get("current_before_ampere")
     return current is not None and abs(current) > 0 and row.get("load_second", 0) > 0
 
 
-def _slow(rows, values):
+def _slow_resistance(rows, values):
     """Voltage that relaxes later than ten minutes after a load, per ampere of the load."""
     quantity = "slow_resistance"
     long = [row for row in rows if row["rest_second"] >= LONG_SECOND and row["load"] == "CC"]
@@ -76,7 +76,7 @@ def _late_ohm(row):
     return float(volt / row["current_before_ampere"])
 
 
-def _polarisation(rows, ampere):
+def _relaxing_over_soc(rows, ampere):
     """Resistance of what relaxes, at the lower over that at the upper end of SoC."""
     quantity = "relaxing_over_soc"
     known = [r for r in rows if np.isfinite([r["soc"], r["r1_ohm"]]).all() and r["r1_ohm"] > 0]
