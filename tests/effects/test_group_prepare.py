@@ -8,7 +8,7 @@ from sheets_facts import branch_facts, measured_test
 from cellwright.effects.groups import finding
 from cellwright.effects.groups.finding import KnownCell, missing_group_effect
 from cellwright.effects.groups.model import group_frees
-from cellwright.effects.result import Finding
+from cellwright.effects.story.result import Finding
 from cellwright.refusal import Refusal
 from cellwright.settings.effects import MissingEffectGroupShared as Shared
 from cellwright.settings.effects import MissingEffectGroupSpread as Spread

@@ -48,7 +48,7 @@ NEW = Effect(
     needs=("rates",),
     shows="pulses of a minute at four currents",
     short="a film on the electrode",
-    sizes_in_words=as_is("resistance_ohm", "mΩ", 1e3),
+    sizes_in_words=as_is("resistance_ohm", "mΩ", factor=1e3),
     quantity="large_over_small",
     consequence="small loads cost more than large ones say",
 )

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from cellwright.effects.result import Finding
+from cellwright.effects.story.result import Finding
 
 
 def frame(table):

@@ -26,10 +26,10 @@ from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import prepared
 from cellwright.effects.proof import explained, prominent
 from cellwright.effects.records import parts_of
-from cellwright.effects.result import Finding
 from cellwright.effects.search import against
 from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.effects.story.places import worsened
+from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
 from cellwright.effects.story.words import paragraph
 from cellwright.effects.verdict import entry_of, searched, verdict_of

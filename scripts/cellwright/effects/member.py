@@ -48,7 +48,7 @@ def effect_member(effect_model, model, celsius, library=LIBRARY, *, courses=None
 
     Parameters
     ----------
-    effect_model : dict, see `result.Finding`: capacity_ampere_hour, ocv_soc, ocv_volt, hold,
+    effect_model : dict, see `story.result.Finding`: capacity_ampere_hour, ocv_soc, ocv_volt, hold,
         values, std
         and effects (ids).
     model : dict of schema cellwright-model/2, whose capacity and OCV tables it stands beside.

@@ -23,8 +23,8 @@ from cellwright.effects.groups.model import (
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import LOADED_C_RATE, group_stacked, parts_of
-from cellwright.effects.result import Finding
 from cellwright.effects.search import search
+from cellwright.effects.story.result import Finding
 from cellwright.effects.story.words import Phrases, paragraph
 from cellwright.effects.verdict import entry_of, outcome, verdict_of
 from cellwright.records.record import group_record
@@ -91,7 +91,7 @@ def group_finding(
 
 
 def branch_of(cell, model, *, wire_ohm=0.0, own=True):
-    """Branch of a group from the model of its cell (`result.Finding.model`).
+    """Branch of a group from the model of its cell (`story.result.Finding.model`).
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def _columns(role, stack, runs, cells):
 class KnownCell(NamedTuple):
     """Model of a branch's cell, and whose it is.
 
-    model : dict, as a search leaves it (`result.Finding.model`); None where there is none.
+    model : dict, as a search leaves it (`story.result.Finding.model`); None where there is none.
     source : name of the cell that it is the model of: this very one, or one of its type.
     """
 

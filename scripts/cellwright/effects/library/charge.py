@@ -59,7 +59,7 @@ EFFECTS = (
         needs=("both_directions",),
         shows="four full cycles with constant-current constant-voltage charges",
         short="charge lost in charging",
-        sizes_in_words=as_is("lost_share_of_charge", "% of what is charged", 100),
+        sizes_in_words=as_is("lost_share_of_charge", "% of what is charged", factor=100),
         consequence="counted charge drifts up with every charge",
     ),
     Effect(

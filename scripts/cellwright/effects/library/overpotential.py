@@ -222,7 +222,7 @@ EFFECTS = (
         slow_gap="resistance",
         quantity="slow_resistance",
         short="slow diffusion",
-        sizes_in_words=with_minutes("resistance_ohm", "mΩ", 1e3),
+        sizes_in_words=with_minutes("resistance_ohm", "mΩ", factor=1e3),
         consequence="rests of minutes end before the open-circuit voltage is reached",
     ),
     Effect(

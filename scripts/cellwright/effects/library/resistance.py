@@ -181,7 +181,7 @@ EFFECTS = (
         shows=LEAD_CHECK,
         ties=(Tie("the cell's own ohmic resistance", LEAD_CHECK, always=True, exact=True),),
         short="lead resistance",
-        sizes_in_words=as_is("resistance_ohm", "mΩ", 1e3),
+        sizes_in_words=as_is("resistance_ohm", "mΩ", factor=1e3),
         consequence="the cell's own resistance is smaller than the model's",
     ),
 )

@@ -92,7 +92,7 @@ EFFECTS = (
             ),
         ),
         short="a gain error of the current reading",
-        sizes_in_words=as_is("gain_relative", "% of reading", 100),
+        sizes_in_words=as_is("gain_relative", "% of reading", factor=100),
         consequence="capacity and resistance are off by the same factor",
     ),
     Effect(
@@ -143,7 +143,7 @@ EFFECTS = (
             Tie("voltage_gain", TWO_REFERENCES, exact=True),
         ),
         short="an offset of the voltage reading",
-        sizes_in_words=as_is("offset_volt", "mV", 1e3),
+        sizes_in_words=as_is("offset_volt", "mV", factor=1e3),
         consequence="every state of charge by voltage is biased",
     ),
     Effect(
@@ -163,7 +163,7 @@ EFFECTS = (
         shows=TWO_REFERENCES,
         ties=(Tie("ocv_shift", TWO_REFERENCES, exact=True),),
         short="a gain error of the voltage reading",
-        sizes_in_words=as_is("gain_relative", "% of reading", 100),
+        sizes_in_words=as_is("gain_relative", "% of reading", factor=100),
         consequence="every state of charge by voltage is biased, most near full",
     ),
 )

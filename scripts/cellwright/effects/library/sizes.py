@@ -50,7 +50,7 @@ def resistance_by_direction(effect, p, values):
     return [(name, one, "mΩ") for name, one in sizes]
 
 
-def as_is(parameter, unit, factor=1.0, name=""):
+def as_is(parameter, unit, *, factor=1.0, name=""):
     """One parameter in another unit.
 
     Parameters
@@ -60,7 +60,7 @@ def as_is(parameter, unit, factor=1.0, name=""):
     return lambda effect, p, values: [(name, factor * p[parameter], unit)]
 
 
-def with_minutes(parameter, unit, factor=1.0):
+def with_minutes(parameter, unit, *, factor=1.0):
     """One parameter as by `as_is`, and the time constant of its effect."""
 
     def sizes(effect, p, values):
