@@ -6,8 +6,9 @@ from group_pair import CELLS, TABLE
 from sheets_facts import branch_facts, measured_test
 
 from cellwright.effects.groups import finding
-from cellwright.effects.groups.finding import GroupFinding, KnownCell, missing_group_effect
+from cellwright.effects.groups.finding import KnownCell, missing_group_effect
 from cellwright.effects.groups.model import group_frees
+from cellwright.effects.story.result import Finding
 from cellwright.refusal import Refusal
 from cellwright.settings.effects import MissingEffectGroupShared as Shared
 from cellwright.settings.effects import MissingEffectGroupSpread as Spread
@@ -35,7 +36,7 @@ def asked(monkeypatch):
     monkeypatch.setattr(
         finding,
         "group_finding",
-        lambda *given, **options: GroupFinding({}, {}, {}, {"given": given, "options": options}),
+        lambda *given, **options: Finding({}, model={"given": given, "options": options}),
     )
 
     def ask(*tests, known=KNOWN):

@@ -18,7 +18,7 @@ from cellwright.effects.judge import (
 )
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import parts_of, stacked
-from cellwright.effects.stated.nuisances import stretched
+from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.numerics.least_squares import Solution, fit
 from cellwright.numerics.noise import FIRST, whitening
 
@@ -176,7 +176,7 @@ def fitted(made):
 def test_what_a_model_takes_beyond_its_tolerance_is_told_and_of_a_healthy_cell_there_is_none():
     made = case(HEALTHY)._replace(holds_declared=True)
     state, parts = fitted(made), parts_of(made.fit)
-    assert stretched(made, state, parts) == []
+    assert declared_values_at_limit(made, state, parts) == []
     start = next(one for one in unfitted(made)[1] if one.name == "soc0[0]")
     farthest = FAR_STDS * base.ocv_stds(made.cell, made.tolerance)[7]
     moved = {
@@ -187,7 +187,7 @@ def test_what_a_model_takes_beyond_its_tolerance_is_told_and_of_a_healthy_cell_t
     }
     held = ("ocv[7]", "soc0[0]", "log_tau1")
     solution = state.solution._replace(values=state.solution.values | moved, at_bound=held)
-    found = stretched(made, state._replace(solution=solution), parts)
+    found = declared_values_at_limit(made, state._replace(solution=solution), parts)
     capacity, ocv, soc = found
     assert [one["name"] for one in found] == ["capacity", "open_circuit_voltage", "soc_at_start"]
     assert (capacity["value"], capacity["prior_std"]) == (-0.12, made.tolerance.capacity)
@@ -202,7 +202,9 @@ def test_an_ocv_that_nothing_holds_is_told_where_it_ends_far_off():
     made = case(HEALTHY)
     state, parts = fitted(made), parts_of(made.fit)
     values = state.solution.values | {"ocv[12]": 0.04}
-    found = stretched(made, state._replace(solution=state.solution._replace(values=values)), parts)
+    found = declared_values_at_limit(
+        made, state._replace(solution=state.solution._replace(values=values)), parts
+    )
     (ocv,) = found
     assert (ocv["name"], ocv["value"]) == ("open_circuit_voltage", 0.04)
     assert 0 < ocv["std"] < 0.01
@@ -213,7 +215,9 @@ def test_a_capacity_at_its_limit_is_told_without_a_deviation():
     state, limit = fitted(made), FAR_STDS * made.tolerance.capacity
     values = state.solution.values | {"capacity": limit}
     solution = state.solution._replace(values=values, at_bound=("capacity",))
-    (capacity,) = stretched(made, state._replace(solution=solution), parts_of(made.fit))
+    (capacity,) = declared_values_at_limit(
+        made, state._replace(solution=solution), parts_of(made.fit)
+    )
     assert (capacity["value"], capacity["std"]) == (limit, None)
 
 
@@ -252,7 +256,7 @@ def test_a_capacity_that_the_records_hardly_tell_is_not_beyond_its_tolerance():
     state = fitted(made)
     values = state.solution.values | {"capacity": 4 * made.tolerance.capacity}
     flat = state.solution._replace(values=values, precision=1e-9 * state.solution.precision)
-    assert stretched(made, state._replace(solution=flat), parts_of(made.fit)) == []
+    assert declared_values_at_limit(made, state._replace(solution=flat), parts_of(made.fit)) == []
 
 
 ENERGY = "resistance_temperature.activation_energy_joule_per_mole"

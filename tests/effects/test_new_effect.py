@@ -12,9 +12,12 @@ from cellwright.effects import base
 from cellwright.effects.case import Case
 from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.sizes import as_is
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.member import NAME, effect_member
 from cellwright.effects.records import stacked
+from cellwright.effects.witnesses.collected import witnesses
+from cellwright.effects.witnesses.statement import Measured
 from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
@@ -44,6 +47,9 @@ NEW = Effect(
     starts=({"resistance_ohm": 0.02}, {"resistance_ohm": 0.06}),
     needs=("rates",),
     shows="pulses of a minute at four currents",
+    short="a film on the electrode",
+    sizes_in_words=as_is("resistance_ohm", "mΩ", factor=1e3),
+    quantity="large_over_small",
     consequence="small loads cost more than large ones say",
 )
 RIVALS = ("slow_diffusion", "charge_transfer_nonlinearity", "polarisation_soc", "leakage")
@@ -80,9 +86,17 @@ def test_it_is_found_with_its_size():
 
 def test_it_is_said_in_its_own_words():
     text = finding().verdict["paragraph"]
-    assert text.startswith(f"Shows {NEW.id.replace('_', ' ')}: it takes the error")
-    assert f"{NEW.sentence[0].upper()}{NEW.sentence[1:]} (resistance " in text
+    assert text.startswith(f"Shows {NEW.short}: it takes the error")
+    (size,) = finding().verdict["effects"][0]["sizes"]
+    assert size["value"] == pytest.approx(1e3 * OHM, rel=0.1)
+    assert f"{NEW.sentence[0].upper()}{NEW.sentence[1:]} ({size['value']:.3g} ± " in text
     assert NEW.consequence in text
+
+
+def test_a_witness_of_its_quantity_speaks_of_it():
+    read = Measured("pulses", NEW.quantity, "ratio", (0.1, 1.0), 0.6, 0.1, "1", 1.0, material=True)
+    (heard,) = witnesses(finding().verdict, finding().model, [read], WITH_NEW)
+    assert (heard.effect, heard.named, heard.measured) == (NEW.id, True, 0.6)
 
 
 def test_it_is_ranked_before_its_rivals():

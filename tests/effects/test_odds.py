@@ -41,7 +41,7 @@ def test_a_clear_answer_is_the_likeliest_but_never_certain(truth, answer):
 
 def test_told_shares_are_sharper_and_keep_their_order():
     shares = {"none": 0.6, "leakage": 0.3, "unknown": 0.1}
-    sharp = odds.told(shares)
+    sharp = odds.sharpened(shares)
     assert list(sharp) == list(shares)
     assert sum(sharp.values()) == pytest.approx(1.0)
     assert sharp["none"] > 0.6

@@ -5,7 +5,8 @@ import pytest
 
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
-from cellwright.effects.story.sizes import DIFFUSION, Fitted, Size, sizes_as_used
+from cellwright.effects.library.resistance import DIFFUSION_OHM
+from cellwright.effects.story.sizes import Fitted, Size, sizes_as_used
 
 POLARISATION = LIBRARY["polarisation_soc"]
 VALUES = {"log_r0": np.log(0.020), "log_r1": np.log(0.010), "log_r2": np.log(0.005)}
@@ -159,8 +160,8 @@ def test_a_course_over_soc_is_told_in_milliohm_of_the_model_itself():
 def test_what_relaxes_does_so_in_diffusion_too():
     """As unsure as both are together: what one gives, the other takes."""
     given = {p.name: {"value": 0.0, "std": 0.0, "unit": "1"} for p in POLARISATION.parameters}
-    values = VALUES | {DIFFUSION: 4e-3}
-    names = ("log_r2", DIFFUSION)
+    values = VALUES | {DIFFUSION_OHM: 4e-3}
+    names = ("log_r2", DIFFUSION_OHM)
     std = np.array([0.1, 0.1 * np.exp(VALUES["log_r2"])])
     fitted = Fitted(names, (np.outer(std, std) * [[1.0, -1.0], [-1.0, 1.0]],))
     found = sizes_as_used(POLARISATION, given, values, fitted)

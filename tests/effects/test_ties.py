@@ -14,12 +14,12 @@ from cellwright.effects.planning.sensitivity import (
 )
 from cellwright.effects.records import stacked
 from cellwright.effects.ties import (
-    STRUCTURAL,
     RestCurrent,
     at_one_temperature,
-    offset_or_leak,
+    is_in_rest_log,
     rest_current,
-    tie_of,
+    structural_ties,
+    tie_between,
     with_partners,
 )
 from cellwright.numerics.noise import least_digit
@@ -118,12 +118,12 @@ def test_partners_are_added_where_their_bounds_allow_them():
 
 
 def test_every_tie_is_of_known_effects_and_says_what_separates():
-    for tie in STRUCTURAL:
-        assert tie.effect in LIBRARY
+    for effect, tie in structural_ties():
+        assert tie.partner in LIBRARY or " " in tie.partner
         assert tie.check
-        assert tie_of(tie.partner, tie.effect) is tie
-    assert tie_of("lead_resistance").exact
-    assert tie_of("self_heating") is None
+        assert tie_between(tie.partner, effect) is tie
+    assert LIBRARY["lead_resistance"].invisible
+    assert not LIBRARY["self_heating"].invisible
 
 
 def warming(*rises, ambient=(25.0,)):
@@ -139,13 +139,14 @@ def warming(*rises, ambient=(25.0,)):
 def test_own_heat_is_tied_where_the_logged_temperature_rises_and_no_other_is_there():
     """At one temperature resistances may follow the log, or a core that is warmer than it."""
     ampere_hour = small.CAPACITY
-    tied = at_one_temperature("self_heating", warming(3.0), ampere_hour)
+    heating, diffusion = LIBRARY["self_heating"], LIBRARY["slow_diffusion"]
+    tied = at_one_temperature(heating, warming(3.0), ampere_hour)
     assert tied == ("resistance_temperature",)
-    assert at_one_temperature("slow_diffusion", warming(3.0), ampere_hour) == ()
-    assert at_one_temperature("self_heating", warming(0.2), ampere_hour) == ()
+    assert at_one_temperature(diffusion, warming(3.0), ampere_hour) == ()
+    assert at_one_temperature(heating, warming(0.2), ampere_hour) == ()
     both = warming(3.0, 3.0, ambient=(25.0, 5.0))
-    assert at_one_temperature("self_heating", both, ampere_hour) == ()
-    assert "colder" in tie_of("self_heating", "resistance_temperature").check
+    assert at_one_temperature(heating, both, ampere_hour) == ()
+    assert "colder" in tie_between("self_heating", "resistance_temperature").check
 
 
 def logged(offset, *, noise=0.002, step=0.001, seed=5):
@@ -164,28 +165,29 @@ def test_an_offset_stands_in_the_log_of_a_rest(offset):
     rest = logged(offset)
     assert rest.informative
     assert abs(rest.mean_ampere - offset) < 3 * rest.std_ampere
-    effect = offset_or_leak(rest, size_ampere=offset, std_ampere=0.1 * abs(offset))
-    assert effect == "current_offset"
+    assert is_in_rest_log(rest, size_ampere=offset, std_ampere=0.1 * abs(offset)) is True
+    assert LIBRARY["current_offset"].in_rest_log is True
 
 
 def test_a_leak_does_not():
-    assert offset_or_leak(logged(0.0), size_ampere=0.01, std_ampere=0.001) == "leakage"
+    assert is_in_rest_log(logged(0.0), size_ampere=0.01, std_ampere=0.001) is False
+    assert LIBRARY["leakage"].in_rest_log is False
 
 
 def test_half_an_offset_settles_nothing():
-    assert offset_or_leak(logged(0.01), size_ampere=0.02, std_ampere=0.001) is None
+    assert is_in_rest_log(logged(0.01), size_ampere=0.02, std_ampere=0.001) is None
 
 
 def test_an_offset_below_the_uncertainty_of_the_log_settles_nothing():
     rest = RestCurrent(1e-4, 4e-4, 10, informative=True)
-    assert offset_or_leak(rest, size_ampere=5e-4, std_ampere=5e-5) is None
+    assert is_in_rest_log(rest, size_ampere=5e-4, std_ampere=5e-5) is None
 
 
 def test_a_reading_forced_to_zero_cannot_tell():
     rest = logged(0.0, noise=0.0)
     assert not rest.informative
     assert rest.rests > 0
-    assert offset_or_leak(rest, size_ampere=0.01, std_ampere=0.001) is None
+    assert is_in_rest_log(rest, size_ampere=0.01, std_ampere=0.001) is None
 
 
 def test_a_coarse_log_is_as_uncertain_as_its_steps():

@@ -342,7 +342,7 @@ def test_no_trial_ends_dearer_than_the_model_without_it():
     ends = [
         trial.state.solution.cost - step.before.solution.cost
         for step, trial in trials
-        if not trial.effect.bends
+        if not trial.effect.needs_restart
     ]
     assert max(ends) <= 1e-6 * steps[0].before.solution.cost
 

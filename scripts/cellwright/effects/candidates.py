@@ -197,7 +197,7 @@ def screened(case, candidates, before, possible, filters):
     slopes = inside.white, inside.precision, solution.values
     for score in scored(candidates, many, residual, *slopes):
         candidate = score.candidate
-        if candidate.effect.bends:
+        if candidate.effect.needs_restart:
             score = _score_by_regression(case, before, possible, score, filters, without)
         visible = score.visible >= case.gates.visible_chi_square
         kept, name = best if visible else hidden, (candidate.effect.key, candidate.form)
@@ -217,7 +217,7 @@ def _score_by_regression(case, before, possible, score, filters, without):
     """
     candidate = score.candidate
     effects = in_order((*before.effects, candidate.effect), possible)
-    given = candidate.effect.given(candidate.start)
+    given = candidate.effect.set_by_starts(candidate.start)
     sizes = dict(zip(candidate.sizes, score.estimate, strict=True))
     if given & sizes.keys() and all(abs(sizes[n]) < abs(candidate.start[n]) for n in given):
         return score
@@ -290,7 +290,7 @@ class Trial(NamedTuple):
         return self.effect.names[0] in self.state.solution.at_bound
 
 
-def asked(scores, ends, most):
+def scores_to_refit(scores, ends, most):
     """Scores of the best so many effects, each in all its forms: no form takes another's place.
 
     ends : State by key of effects that were tried by another noise: each in its best form, for
@@ -325,7 +325,7 @@ def tried(case, possible, free, before, score, filters, end=None):
     effects = in_order((*before.effects, effect), possible | {effect.key: effect})
     problem = case.problem(effects, case.with_effect(free, effect), filters)
     starts = [score.values, *([end.solution.values] if end else [])]
-    if not effect.bends and not effect.given(candidate.sizes):
+    if not effect.needs_restart and not effect.set_by_starts(candidate.sizes):
         # An offset that the OCV has to follow costs much where it is estimated: kept derivatives
         # end beside the minimum. Not where nothing shows next to none, as the effect's starts say.
         starts.append(before.solution.values | candidate.absent)
@@ -333,7 +333,7 @@ def tried(case, possible, free, before, score, filters, end=None):
     how = {"steps": CHORD_STEPS}
     if end and start is end.solution.values:
         how |= {"columns": end.solution.columns, "renew": effect.names}
-    elif effect.bends:
+    elif effect.needs_restart:
         how = {"steps": ANEW_STEPS}
     else:
         how |= {name: getattr(before.solution, name) for name in ("columns", "white", "gram")}

@@ -15,7 +15,7 @@ from cellwright.effects.records import lacking
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import SETTLED, Problem, stds
 from cellwright.numerics.statistics import rms
-from cellwright.protocols.ocv.gap import HYSTERESIS, SlowGap, shows_hysteresis
+from cellwright.protocols.ocv.gap import SlowGap, shows_hysteresis
 from cellwright.settings import MissingEffect
 
 UNUSED_VOLT = 1e4  # error of a row that is not compared: so large that it has no weight
@@ -41,8 +41,6 @@ class Gates(NamedTuple):
 
 
 STEADY_C_RATE = 0.02
-LOGGED = {"current_offset", "leakage"}  # what the current logged at rest decides between
-SLOW = "slow_diffusion"
 MOST_WHITE = 1.5  # times the scatter of neighbouring rows
 FAR_LOG = 0.2  # change of a log resistance or time constant up to which derivatives are kept
 FAR_SOC = 0.003  # and of the SoC of any row
@@ -104,7 +102,7 @@ class Case(NamedTuple):
         return {
             key: effect
             for key, effect in library.items()
-            if not not_excited(self, effect) and ties.tie_of(effect.id) is None
+            if not not_excited(self, effect) and not effect.invisible
         }
 
     def begun(self):
@@ -256,19 +254,21 @@ class Case(NamedTuple):
         The current logged at rest decides between an offset and a leak. A gap between the branches
         of the slow test that no resistance explains is hysteresis, and no slow diffusion.
         """
-        at_rest = {t.effect.id: _by_rest_current(self, t) for t in trials if t.effect.id in LOGGED}
-        denied = {name for name, effect in at_rest.items() if effect not in (None, name)}
-        slow = [t for t in trials if t.effect.id == SLOW and _in_place_of_hysteresis(self, t)]
-        return denied | {t.effect.key for t in slow}
+        by_log = (t for t in trials if t.effect.in_rest_log is not None)
+        against = [t for t in by_log if _by_rest_log(self, t) is (not t.effect.in_rest_log)]
+        slow = (t for t in trials if t.effect.slow_gap == "resistance")
+        against += [t for t in slow if _in_place_of_hysteresis(self, t)]
+        return {t.effect.key for t in against}
 
     def ties(self, chosen, tied, denied, library):
         """The ties of a choice with their structural partners, without those that are denied."""
         values = chosen.state.solution.values
-        tied = ties.with_partners(chosen.effect.id, tied, library, values)
+        effect = chosen.effect
+        tied = ties.with_partners(effect.id, tied, library, values)
         ampere_hour = self.cell.capacity_ampere_hour
-        tied = (*tied, *ties.at_one_temperature(chosen.effect.id, self.fit, ampere_hour))
-        if chosen.effect.id in LOGGED and _by_rest_current(self, chosen) is not None:
-            denied = denied | LOGGED
+        tied = (*tied, *ties.at_one_temperature(effect, self.fit, ampere_hour))
+        if effect.in_rest_log is not None and _by_rest_log(self, chosen) is not None:
+            denied = denied | {e.id for e in library.values() if e.in_rest_log is not None}
         return tuple(name for name in tied if name not in denied)
 
 
@@ -277,20 +277,21 @@ def not_excited(case, effect):
     return lacking(effect, case.fit, case.cell.capacity_ampere_hour)
 
 
-def _by_rest_current(case, trial):
-    """Which of current offset and leak the log at rest shows; None where it does not decide."""
+def _by_rest_log(case, trial):
+    """Whether the log at rest shows the size of a trial; None where it does not decide."""
     name = trial.effect.names[0]
     size, std = trial.state.solution.values[name], stds(trial.state.solution)[name]
     rest = ties.rest_current(case.fit, capacity_ampere_hour=case.cell.capacity_ampere_hour)
-    return ties.offset_or_leak(rest, size_ampere=size, std_ampere=std)
+    return ties.is_in_rest_log(rest, size_ampere=size, std_ampere=std)
 
 
 def _in_place_of_hysteresis(case, trial):
-    """Whether slow diffusion is fitted to a gap that is hysteresis by the slow test's branches."""
+    """Whether a resistance is fitted to a gap that is hysteresis by the slow test's branches."""
     values = trial.state.solution.values
     ohm = sum(np.exp(values[name]) for name in ("log_r0", "log_r1", "log_r2"))
-    modelled = HYSTERESIS & {effect.id for effect in trial.state.effects}
-    return not modelled and shows_hysteresis(case.gap, ohm + values[f"{SLOW}.resistance_ohm"])
+    modelled = any(effect.slow_gap == "hysteresis" for effect in trial.state.effects)
+    ohm = ohm + values[trial.effect.names[0]]
+    return not modelled and shows_hysteresis(case.gap, ohm)
 
 
 def problem_of(case, effects, free, filters):

@@ -27,11 +27,11 @@ from cellwright.effects.preparing import prepared
 from cellwright.effects.proof import explained, prominent
 from cellwright.effects.records import parts_of
 from cellwright.effects.search import against
-from cellwright.effects.stated.nuisances import stretched
+from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.effects.story.places import worsened
+from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
 from cellwright.effects.story.words import paragraph
-from cellwright.effects.ties import tie_of
 from cellwright.effects.verdict import entry_of, searched, verdict_of
 from cellwright.effects.witnesses.collected import values_of
 from cellwright.numerics.least_squares import covariances, stds
@@ -43,24 +43,6 @@ SMALL_PART = "it takes off less than half as much as is left beside it"
 SMALL = "in the model, too small for a name"
 NOT_SURE = f"in the model; beside a likelier name it has to be {100 * SURE:.0f} % likely"
 KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model
-
-
-class Finding(NamedTuple):
-    """Result of the search of a cell.
-
-    verdict : dict of the contract. ranking, residual_map, evidence, series, confounding, menu :
-    dicts of columns. model : dict, see `model_of`. notes : tuple of str.
-    """
-
-    verdict: dict
-    ranking: dict
-    residual_map: dict
-    evidence: dict
-    series: dict
-    confounding: dict
-    menu: dict
-    model: dict
-    notes: tuple
 
 
 class Reference(NamedTuple):
@@ -100,19 +82,19 @@ def missing_effect(
     joined to its test.
     """
     bases = {"references": references, "model": model, "simulated": simulated}
-    asked = asked_of(cell, basis, tests, settings=settings, **bases)
+    task = task_of(cell, basis, tests, settings=settings, **bases)
     # A plain or own model is one to choose: it is fitted again without blocks. External is none.
-    split = None if asked.base_name == "external" else settings["split_rest_second"]
-    names = {"split_rest_second": split, "base_name": asked.base_name}
-    finding = of_case(cell.cell, asked.case, library, **names)
-    text = "\n".join([finding.verdict["paragraph"], *asked.caveats])
-    verdict = finding.verdict | {"references": list(asked.references), "paragraph": text}
-    known = {} if asked.given is None else {"given": asked.given}
-    notes = (*asked.notes, *finding.notes)
+    split = None if task.base_name == "external" else settings["split_rest_second"]
+    names = {"split_rest_second": split, "base_name": task.base_name}
+    finding = of_case(cell.cell, task.case, library, **names)
+    text = "\n".join([finding.verdict["paragraph"], *task.caveats])
+    verdict = finding.verdict | {"references": list(task.references), "paragraph": text}
+    known = {} if task.given is None else {"given": task.given}
+    notes = (*task.notes, *finding.notes)
     return finding._replace(verdict=verdict, model=finding.model | known, notes=notes)
 
 
-class Asked(NamedTuple):
+class Task(NamedTuple):
     """What a search is asked: its case, and what the model is.
 
     case : case.Case. base_name : "plain", "own" or "external". references : names of the healthy
@@ -127,8 +109,8 @@ class Asked(NamedTuple):
     given: dict | None = None
 
 
-def asked_of(cell, basis, tests, *, settings, references=(), model=None, simulated=None):
-    """Case of a search before anything is searched: Asked; arguments as of `missing_effect`."""
+def task_of(cell, basis, tests, *, settings, references=(), model=None, simulated=None):
+    """Case of a search before anything is searched: Task; arguments as of `missing_effect`."""
     gates, tolerance = settings_of(settings)
     options = {"tolerance": tolerance, "gates": gates, "settings": settings}
     base_name, used, note, given = "plain", [], (), None
@@ -141,7 +123,7 @@ def asked_of(cell, basis, tests, *, settings, references=(), model=None, simulat
         base_name, case = "external", external_case(ready)
     else:
         case, used, note = _paired(ready.case, references, options)
-    return Asked(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats, given)
+    return Task(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats, given)
 
 
 def _ready(cell, basis, tests, options, notes):
@@ -199,7 +181,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {step.chosen.effect.id for step in result.steps}
     hidden = set.intersection(*(set(step.hidden) for step in rounds)) - named
-    hidden |= {name for name in library if tie_of(name) is not None}
+    hidden |= {name for name, effect in library.items() if effect.invisible}
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     place = worst(residuals, result.floor.validation_volt)
     open_place = None if result.adequate else place
@@ -222,7 +204,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict["outside"] = [_outside(trial, result.last, parts_of(case.fit)) for trial in outside]
     kept = bool(result.steps) and result.word in KEPT
     state = result.last if kept else rounds[0].before
-    verdict["nuisances"] = stretched(case, state, parts_of(case.fit))
+    verdict["nuisances"] = declared_values_at_limit(case, state, parts_of(case.fit))
     ranking = ranking_of(case, rounds, result)
     nameless = dict.fromkeys(verdict["small"], SMALL)
     nameless |= {step.unsure.effect.key: NOT_SURE for step in rounds if step.unsure}

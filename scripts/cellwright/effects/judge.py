@@ -18,7 +18,7 @@ SOC_STEP, KELVIN_STEP = 2e-4, 0.5
 # 300 s after the load. Cells of 2.3 Ah (26650) have 2 to 3.3 K/W (X. Lin et al., J. Power Sources
 # 257 (2014) 1; C. Forgez et al., J. Power Sources 195 (2010) 2961).
 CORE_KELVIN_AMPERE_HOUR_PER_WATT, CORE_SECOND = 6.0, 300.0
-CORE_STEP, OWN_HEAT = 0.5, "self_heating"  # K/W for derivatives; the effect that tells it
+CORE_STEP = 0.5  # K/W, for derivatives
 # Of what is known before a fit: of some dozens of records none lies farther off by chance.
 FAR_STDS = 3.0
 ALIKE_SOC = 0.02  # between two rests whose OCV errs alike
@@ -227,7 +227,7 @@ def unsure_by_temperature(case, state, whitening):
         stated = _change_of_warming(case, state, KELVIN_STEP * stack.stated[stack.file])
         changes += list((stated[:, None] * of_record / KELVIN_STEP).T)
         tolerances += [case.tolerance.kelvin] * of_record.shape[1]
-    if all(effect.id != OWN_HEAT for effect in state.effects):
+    if not any(effect.warms_core for effect in state.effects):
         rise = CORE_STEP * _core_per_watt(case, state)
         changes.append(_change_of_warming(case, state, rise) / CORE_STEP)
         tolerances.append(CORE_KELVIN_AMPERE_HOUR_PER_WATT / case.cell.capacity_ampere_hour)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.instrument import FOLLOWS, words_of
 from cellwright.circuits.model_file import std_name
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, continued_ocv_at
@@ -17,7 +18,6 @@ from cellwright.effects.candidates import frees_of
 from cellwright.effects.case import extra_volt_of, filters_of, problem_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.library.overpotential import DIFFUSION_KINDS
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import NEAR_END, stacked
 from cellwright.effects.search import POLISH_STEPS
@@ -40,8 +40,6 @@ KNOTS = np.linspace(0.0, 1.0, 61)  # four to each of the OCV's error, and to eve
 PLAIN_PAIRS = 2  # branches of the plain circuit, the first ones
 PROBED = ("counting", "resistance", "ocv")  # stages that a circuit holds by itself
 FURTHEST_KELVIN = 15.0
-# Effects on OCV or time constants, which a look-up takes straight in 1/T between conditions.
-LOOKED_UP_OVER_TEMPERATURE = {"entropic_ocv", "resistance_temperature"}
 
 
 def effect_member(effect_model, model, celsius, library=LIBRARY, *, courses=None):
@@ -49,7 +47,7 @@ def effect_member(effect_model, model, celsius, library=LIBRARY, *, courses=None
 
     Parameters
     ----------
-    effect_model : dict, see `finding.Finding`: capacity_ampere_hour, ocv_soc, ocv_volt, hold,
+    effect_model : dict, see `story.result.Finding`: capacity_ampere_hour, ocv_soc, ocv_volt, hold,
         values, std
         and effects (ids).
     model : dict of schema cellwright-model/2, whose capacity and OCV tables it stands beside.
@@ -115,16 +113,16 @@ def temperatures(courses, stated, effects):
     ----------
     courses : temperature of each record, (n,) each [degC].
     stated : temperature of the chamber of each, or None [degC].
-    effects : ids. Where OCV or time constants move with temperature no two may lie far apart, and
-        the coldest and warmest that were measured count as well: a look-up of them is straight in
-        1/T, and ends there.
+    effects : ids of the library. Where OCV or time constants move with temperature no two may lie
+        far apart, and the coldest and warmest that were measured count as well: a look-up of them
+        is straight in 1/T, and ends there.
     """
     means = [
         float(np.mean(course)) if chamber is None else float(chamber)
         for course, chamber in zip(courses, stated, strict=True)
     ]
     kept = distinct(sorted(means))
-    if LOOKED_UP_OVER_TEMPERATURE.isdisjoint(effects):
+    if not any(LIBRARY[name].bent_over_temperature for name in effects if name in LIBRARY):
         return kept
     ends = [float(np.floor(min(c.min() for c in courses)))]
     ends += [float(np.ceil(max(c.max() for c in courses)))]
@@ -151,7 +149,6 @@ def _condition(searched, tables, celsius):
     """Resistances, branches and OCV of the model of a search at one temperature."""
     values, std = searched.document["values"], searched.document.get("std", {})
     out, back = (_probed(searched, celsius, sign) for sign in (-1.0, 1.0))
-    gain = 1.0 + values.get("current_gain.gain_relative", 0.0)
     r0, excess = np.minimum(out.r0, back.r0) + values.get(base.LEAD, 0.0), out.r0 - back.r0
     branches = [
         _branch("RC", std.get(f"log_r{n}"), r_ohm=r, tau_second=tau, tau_std=std.get(f"log_tau{n}"))
@@ -160,10 +157,9 @@ def _condition(searched, tables, celsius):
     if np.any(excess != 0.0):
         ways = {"r_charge_ohm": np.maximum(-excess, 0.0), "r_discharge_ohm": np.maximum(excess, 0)}
         branches.append(_branch("R_two_way", None, **ways))
+    capacity = _probed(searched, celsius, -1.0, ("current", *PROBED)).capacity
     for effect in (e for e in searched.effects if e.circuit):
-        r0, kind, parameters = effect.circuit(
-            effect.sizes_of(values), r0, out.capacity / gain, KNOTS
-        )
+        r0, kind, parameters = effect.circuit(effect.sizes_of(values), r0, capacity, KNOTS)
         branches.append(_branch(kind, None, **parameters))
     shift = out.ocv - continued_ocv_at(tables, KNOTS, celsius)
     return {
@@ -179,8 +175,11 @@ def _condition(searched, tables, celsius):
     }
 
 
-def _probed(searched, celsius, sign):
-    """Fields of the model of a search at every knot of SoC, at C/1000 of the sign given."""
+def _probed(searched, celsius, sign, stages=PROBED):
+    """Fields of the model of a search at every knot of SoC, at C/1000 of the sign given.
+
+    stages : of the effects that act.
+    """
     cell, document = searched.cell, searched.document
     capacity = cell.capacity_ampere_hour
     current = sign * 1e-3 * capacity
@@ -189,8 +188,8 @@ def _probed(searched, celsius, sign):
     ohmic, slow = searched.courses(celsius)
     stack = stack.with_courses(ohmic, slow)
     starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(KNOTS)}
-    held = [effect for effect in searched.effects if effect.stage in PROBED]
-    return base.fields_of(cell, stack, document["values"] | starts, held)
+    acting = [effect for effect in searched.effects if effect.stage in stages]
+    return base.fields_of(cell, stack, document["values"] | starts, acting)
 
 
 def _energy(searched, celsius):
@@ -236,9 +235,14 @@ def _blocks(effects, values, tested, branches):
         blocks["history"] = {"near_end_soc": NEAR_END}
     if "own_heat" in blocks:
         # The search takes the heat of the plain circuit, without the loss of slow diffusion.
-        diffusion = [k for k, b in enumerate(branches, 1) if b["kind"] in DIFFUSION_KINDS]
-        blocks["own_heat"] |= {"branches_apart": diffusion[PLAIN_PAIRS:]}
+        relaxing = [k for k, b in enumerate(branches, 1) if _relaxes(KINDS[b["kind"]])]
+        blocks["own_heat"] |= {"branches_apart": relaxing[PLAIN_PAIRS:]}
     return blocks
+
+
+def _relaxes(kind):
+    """Whether a kind of branch is ohmic in the end, and gets there with time."""
+    return kind.linear and kind.output == "volt" and "tau_second" in kind.parameters
 
 
 def folds(case, state, noise, *, split_rest_second):

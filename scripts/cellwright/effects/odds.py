@@ -239,8 +239,8 @@ def _shares(answers, unknown, result):
     return shares
 
 
-def told(shares, *, sharper=SHARPER):
-    """Probabilities as they are told: shares of the draws to a power, in sum one.
+def sharpened(shares, *, sharper=SHARPER):
+    """Probabilities as a report states them: shares of the draws to a power, in sum one.
 
     A rule that asks for even help is passed by a weak right effect in few draws.
 

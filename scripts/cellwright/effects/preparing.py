@@ -213,14 +213,14 @@ def _misfit(case):
     """Chi-square of the plain model on the records fitted, the least over delays of the voltage.
 
     Fitted, for guessed time constants err by more than the holds differ. Without the delays, a time
-    skew of the readings would choose the hold that imitates it.
+    skew of the readings would choose the hold that imitates it (`Effect.hold_imitates`).
     """
     free, values, filters = case.begun()
     values = fit(case.problem((), free, filters), values, steps=STEPS_OF_HOLD).values
-    skew = LIBRARY["time_skew"]
     costs = [chi_square_of(case, values, (), filters)]
-    for start in skew.starts:
-        skewed = values | {skew.names[0]: start["voltage_delay_second"]}
-        skewed = beginning.regressed(case.cell, case.fit, skewed, (skew,))
-        costs.append(chi_square_of(case, skewed, (skew,), filters))
+    alike = [effect for effect in LIBRARY.values() if effect.hold_imitates]
+    for effect, start in [(one, start) for one in alike for start in one.starts]:
+        begun = values | {f"{effect.key}.{name}": size for name, size in start.items()}
+        begun = beginning.regressed(case.cell, case.fit, begun, (effect,))
+        costs.append(chi_square_of(case, begun, (effect,), filters))
     return min(costs)

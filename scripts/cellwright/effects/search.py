@@ -32,10 +32,10 @@ from typing import NamedTuple
 from cellwright.effects.candidates import (
     State,
     Trial,
-    asked,
     judged,
     polished,
     residual_with_all,
+    scores_to_refit,
     trial_of,
     tried,
 )
@@ -399,7 +399,7 @@ def _tested(case, possible, effects, free, solution, filters, candidates, earlie
     ends = {trial.effect.key: trial.state for trial in reversed(earlier)}
     trials = [
         tried(case, possible, free, before, score, filters, ends.get(score.candidate.effect.key))
-        for score in asked(scores, ends, case.gates.refits)
+        for score in scores_to_refit(scores, ends, case.gates.refits)
     ]
     trials = judged(case, before, polished(case, free, before, trials, filters), filters)
     return Round(before, filters, None, scores, trials, None, (), hidden)

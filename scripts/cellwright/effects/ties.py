@@ -15,57 +15,6 @@ FITTING = 9.0  # chi-square up to which the better of them fits
 SLACK = 0.15  # share of its size by which a fit of an imperfect model may miss an offset
 FINEST_C_RATE = 1e-7  # no log resolves less
 WARMED_KELVIN = 1.0  # a smaller change of the logged temperature within a record moves nothing
-OWN_HEAT, OF_LOGGED = "self_heating", "resistance_temperature"
-
-
-class Tie(NamedTuple):
-    """Two explanations that records of current and voltage cannot tell apart.
-
-    effect : id. partner : id, or the parameter that takes its place, in words. always : no fit
-    weighs one against the other. exact : no test of the cell by this instrument ever does.
-    same_size : both have one size, so that the bounds of one rule out the other. check : what
-    does separate them, for people.
-    """
-
-    effect: str
-    partner: str
-    always: bool
-    exact: bool
-    same_size: bool
-    check: str
-
-
-STRUCTURAL = (
-    Tie(
-        *("lead_resistance", "the cell's own ohmic resistance", True, True, False),
-        "a four-wire reading, an impedance spectrum, or the resistance against temperature",
-    ),
-    Tie(
-        *("current_gain", "capacity_error", True, True, False),
-        "a reference shunt, a second channel, or other cells of the same channel",
-    ),
-    Tie(
-        *("current_offset", "leakage", True, False, True),
-        "the logged current at commanded open circuit (free); where it is not logged there, a rest "
-        "of 48 h, in which only a leak discharges the cell",
-    ),
-    Tie(
-        *("voltage_offset", "ocv_shift", False, True, False),
-        "a voltage reference in place of the cell",
-    ),
-    Tie(
-        *("voltage_offset", "voltage_gain", False, True, False),
-        "two voltage references in place of the cell",
-    ),
-    Tie(
-        *("voltage_gain", "ocv_shift", False, True, False),
-        "two voltage references in place of the cell",
-    ),
-    Tie(
-        *(OWN_HEAT, OF_LOGGED, False, False, False),
-        "the same drive in a chamber 15 K colder or warmer",
-    ),
-)
 
 
 class RestCurrent(NamedTuple):
@@ -103,7 +52,7 @@ def with_partners(effect, tied, library, values):
 
 
 def at_one_temperature(effect, stack, capacity_ampere_hour):
-    """Partner of own heat where the logged temperature rises with the load: tuple of ids.
+    """Partners of an effect where the logged temperature rises with the load: tuple of ids.
 
     Resistances fall under lasting load by heat inside the cell, or because they follow the
     temperature that was logged. Nothing tells which, without records at another temperature; where
@@ -111,42 +60,37 @@ def at_one_temperature(effect, stack, capacity_ampere_hour):
 
     Parameters
     ----------
-    effect : id that was chosen. stack : records.Stack fitted. capacity_ampere_hour : [Ah].
+    effect : Effect that was chosen. stack : records.Stack fitted. capacity_ampere_hour : [Ah].
     """
-    if effect != OWN_HEAT or not lacking(LIBRARY[OF_LOGGED], stack, capacity_ampere_hour):
+    partners = [tie.partner for tie in effect.ties if tie.one_temperature]
+    hidden = [p for p in partners if lacking(LIBRARY[p], stack, capacity_ampere_hour)]
+    if not hidden:
         return ()
     warmed = max(np.ptp(stack.celsius[stack.part([k])]) for k in range(len(stack.first)))
-    return (OF_LOGGED,) if warmed >= WARMED_KELVIN else ()
+    return tuple(hidden) if warmed >= WARMED_KELVIN else ()
 
 
 def needs_another_temperature(*effects):
-    """Whether ids of effects hold both that no records at one temperature tell apart."""
-    return {OWN_HEAT, OF_LOGGED} <= set(effects)
+    """Whether ids of effects hold two that no records at one temperature tell apart."""
+    pairs = (({name, tie.partner}, tie) for name, tie in structural_ties())
+    return any(tie.one_temperature and pair <= set(effects) for pair, tie in pairs)
 
 
-def tie_of(effect, other=None):
-    """The structural tie between two effects, in any order, or None.
+def structural_ties():
+    """Ties of all effects of the library: list of (id, vocabulary.Tie)."""
+    return [(effect.id, tie) for effect in LIBRARY.values() for tie in effect.ties]
 
-    Parameters
-    ----------
-    effect, other : ids; without `other` the tie that makes an effect invisible.
 
-    Returns
-    -------
-    tie : Tie or None.
-    """
-    for tie in STRUCTURAL:
-        if {tie.effect, tie.partner} == {effect, other}:
-            return tie
-        if other is None and tie.effect == effect and tie.always and tie.exact:
-            return tie
-    return None
+def tie_between(effect, other):
+    """The structural tie between two ids, in any order: vocabulary.Tie or None."""
+    pairs = (({name, tie.partner}, tie) for name, tie in structural_ties())
+    return next((tie for pair, tie in pairs if pair == {effect, other}), None)
 
 
 def _partners(effect, library, values):
     """Ids of the partners of an effect by ties that hold always: those no search could weigh."""
-    pairs = [(tie, tie.effect, tie.partner) for tie in STRUCTURAL if tie.always]
-    pairs += [(tie, tie.partner, tie.effect) for tie in STRUCTURAL if tie.always]
+    pairs = [(tie, name, tie.partner) for name, tie in structural_ties() if tie.always]
+    pairs += [(tie, tie.partner, name) for name, tie in structural_ties() if tie.always]
     partners = [(t, other) for t, tied, other in pairs if tied == effect and other in library]
     return [
         other
@@ -195,8 +139,8 @@ def rest_current(stack, *, capacity_ampere_hour):
     return RestCurrent(mean, std, len(logged), informative=True)
 
 
-def offset_or_leak(rest, *, size_ampere, std_ampere):
-    """Whether it is a current offset or a leak, by the logged current at commanded open circuit.
+def is_in_rest_log(rest, *, size_ampere, std_ampere):
+    """Whether the logged current at commanded open circuit shows a current that moves the SoC.
 
     An offset of the reading is in the log of a rest; a leak is not: it does not pass the ammeter.
 
@@ -207,7 +151,7 @@ def offset_or_leak(rest, *, size_ampere, std_ampere):
 
     Returns
     -------
-    effect : "current_offset", "leakage" or None: the log does not decide.
+    shown : True, False, or None: the log does not decide. See `Effect.in_rest_log`.
     """
     if not rest.informative:
         return None
@@ -217,9 +161,9 @@ def offset_or_leak(rest, *, size_ampere, std_ampere):
     as_offset = ((rest.mean_ampere - size_ampere) / spread) ** 2
     small = abs(rest.mean_ampere) < abs(size_ampere) / 4
     if as_leak - as_offset > DECIDED and as_offset <= FITTING:
-        return "current_offset"
+        return True
     if as_offset > DECIDED and small:
-        return "leakage"
+        return False
     return None
 
 

@@ -9,7 +9,7 @@ from cellwright.effects.candidates import judged, neutral, trial_of
 from cellwright.effects.ceiling import reached
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.odds import likely, probabilities, sure_beside, told, without_name
+from cellwright.effects.odds import likely, probabilities, sharpened, sure_beside, without_name
 from cellwright.effects.proof import left_volt, significant
 from cellwright.effects.search import beside_names, search, up_to
 from cellwright.effects.stated.readings import corrected, misread
@@ -92,12 +92,12 @@ def decided(case, rounds):
     result = outcome(rounds, case.gates)
     shares = probabilities(case, rounds, result)
     rounds, unlikely = likely(rounds, result, shares)
-    rounds = sure_beside(rounds, outcome(rounds, case.gates), told(shares))
+    rounds = sure_beside(rounds, outcome(rounds, case.gates), sharpened(shares))
     rounds, worse = _helping(rounds, outcome(rounds, case.gates))
     result = outcome(rounds, case.gates)
     ways = zip((worse, unlikely, short), REFUSED, strict=True)
     refused, why = next(((step, why) for step, why in ways if step is not None), (None, ""))
-    return rounds, result._replace(refused=refused, why_refused=why), told(shares)
+    return rounds, result._replace(refused=refused, why_refused=why), sharpened(shares)
 
 
 class Searched(NamedTuple):

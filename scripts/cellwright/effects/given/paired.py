@@ -28,9 +28,6 @@ from cellwright.refusal import Refusal
 
 NEXT_ROWS = np.arange(-1, 3)
 FITTED = (*base.LOGARITHMS, "soc0[")  # first letters of the parameters fitted to a reference
-# What the resistances of any cell do. An effect acts on the resistance as it is at a SoC and a
-# temperature, which a circuit of constants does not know.
-COURSES = ("resistance_soc", "polarisation_soc", "resistance_temperature")
 ROLES = ("fit", "validation")
 CLEARLY = 0.5  # of the difference in proportion, below which that by the clock decides
 
@@ -296,7 +293,7 @@ def paired(case, references, pairing=None):
     sizes = {role: rms(stacks[role].template_volt) for role in ROLES}
     spread = {role: _scatter_volt(rows[role]) for role in ROLES}
     read = _read_volt(case, rows["fit"])
-    constant = [healthy_state(one, courses=()) for one in shared.values()]
+    constant = [healthy_state(one, ()) for one in shared.values()]
     needed = rms([one.worst_volt for one in constant]) >= np.hypot(1.0, pairing.needed_ratio) * read
     return Paired(with_template, tuple(seconds), left_out, unshared, sizes, spread, read, needed)
 
@@ -446,7 +443,7 @@ def _with_courses(case, stack, states):
     return stack._replace(ohmic_course=ohmic, **slow, courses={})
 
 
-def healthy_state(case, courses=COURSES):
+def healthy_state(case, courses=None):
     """The plain circuit, its resistances over SoC and temperature, fitted to a healthy reference.
 
     OCV and capacity stay as they were measured: fitted, they would take up part of the circuit's
@@ -454,18 +451,18 @@ def healthy_state(case, courses=COURSES):
 
     Parameters
     ----------
-    case : case.Case. courses : ids of the effects whose forms the resistances may follow, as far
-        as the records excite them.
+    case : case.Case. courses : Effects whose forms the resistances may follow, as far as the
+        records excite them; None: those that they follow in any cell. An effect acts on the
+        resistance as it is at a SoC and a temperature, which a circuit of constants does not know.
 
     Returns
     -------
     state : case.State.
     """
-    effects = tuple(
-        e
-        for e in LIBRARY.values()
-        if e.id in courses and not lacking(e, case.fit, case.cell.capacity_ampere_hour)
-    )
+    if courses is None:
+        courses = [effect for effect in LIBRARY.values() if effect.in_healthy_cells]
+    ampere_hour = case.cell.capacity_ampere_hour
+    effects = tuple(e for e in courses if not lacking(e, case.fit, ampere_hour))
     values, free = unfitted(case)
     for effect in effects:
         values |= neutral(effect)

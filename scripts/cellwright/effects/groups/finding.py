@@ -8,7 +8,6 @@ from cellwright.effects.base import OCV_KNOTS
 from cellwright.effects.finding import KEPT, ranking_of
 from cellwright.effects.groups.case import (
     GroupCase,
-    GroupGates,
     error_volt,
     predicted,
     rows_of,
@@ -21,19 +20,21 @@ from cellwright.effects.groups.model import (
     smooth_ocv,
     smooth_shares,
 )
+from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import group_stacked, parts_of
 from cellwright.effects.search import search
+from cellwright.effects.story.result import Finding
 from cellwright.effects.story.words import Phrases, paragraph
 from cellwright.effects.verdict import entry_of, outcome, verdict_of
 from cellwright.records.conditions import at_rest_in_record, low_current
 from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
+from cellwright.settings.effects import MissingEffectGroupGates as GroupGates
 from cellwright.settings.effects import MissingEffectGroupShared as Shared
 from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
-ENERGY = "resistance_temperature.activation_energy_joule_per_mole"
 FIRST_ROWS = 3
 LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
 SECTIONS = {"spread": Spread, "shared": Shared, "gates": GroupGates}
@@ -43,24 +44,8 @@ BLIND = (
 )
 HEALTHY = "healthy cells within the declared spread are off by"
 LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"
-OTHER_TEMPERATURE = "repeat the group's drive at a chamber temperature 20 K away"
-KELVIN = 5.0  # between records; below it a warm cell and one of low resistance look alike
-WARM = {"branch_cell_resistance", "branch_temperature"}
+KELVIN = 5.0  # between records; below it they are at one temperature
 PARTS = 3
-
-
-class GroupFinding(NamedTuple):
-    """Result of the search of a group.
-
-    verdict : dict of the contract. ranking, series : dicts of columns. model : dict, see
-    `model.document`. notes : tuple of str.
-    """
-
-    verdict: dict
-    ranking: dict
-    series: dict
-    model: dict
-    notes: tuple = ()
 
 
 def group_finding(
@@ -87,7 +72,7 @@ def group_finding(
 
     Returns
     -------
-    finding : GroupFinding.
+    finding : Finding, its ranking, series and model alone.
 
     Raises
     ------
@@ -98,13 +83,16 @@ def group_finding(
     rounds = search(case, library)
     verdict = group_verdict(group, case, rounds, library)
     kept = rounds[-1].before if verdict["verdict"] in KEPT else rounds[0].before
-    return GroupFinding(
-        verdict, ranking_of(case, rounds), _series(case, rounds), document(case, kept)
+    return Finding(
+        verdict,
+        ranking=ranking_of(case, rounds),
+        series=_series(case, rounds),
+        model=document(case, kept),
     )
 
 
 def branch_of(cell, model, *, wire_ohm=0.0, own=True):
-    """Branch of a group from the model of its cell (`Finding.model`).
+    """Branch of a group from the model of its cell (`story.result.Finding.model`).
 
     Parameters
     ----------
@@ -126,10 +114,16 @@ def branch_of(cell, model, *, wire_ohm=0.0, own=True):
         ocv + error,
         tuple(float(np.exp(values[f"log_r{k}"])) for k in range(3)),
         tuple(float(np.exp(values[f"log_tau{k}"])) for k in (1, 2)),
-        values.get(ENERGY, 0.0),
+        _activation_energy(values),
         wire_ohm,
         own,
     )
+
+
+def _activation_energy(values):
+    """Activation energy of the resistances of a cell's model [J/mol]; 0: none in it."""
+    effects = (effect for effect in LIBRARY.values() if effect.activation_energy)
+    return sum(values.get(f"{e.key}.{e.activation_energy}", 0.0) for e in effects)
 
 
 def _case(cells, records, initial_soc, settings, hold):
@@ -210,7 +204,7 @@ def _columns(role, stack, runs, cells):
 class KnownCell(NamedTuple):
     """Model of a branch's cell, and whose it is.
 
-    model : dict, as a search leaves it (`finding.Finding.model`); None where there is none.
+    model : dict, as a search leaves it (`story.result.Finding.model`); None where there is none.
     source : name of the cell that it is the model of: this very one, or one of its type.
     """
 
@@ -230,7 +224,7 @@ def missing_group_effect(group, branches, models, tests, *, settings):
 
     Returns
     -------
-    finding : GroupFinding, with the notes of its preparation.
+    finding : Finding, with the notes of its preparation.
 
     Raises
     ------
@@ -400,8 +394,8 @@ def _alternatives(case, step):
     names = {t.effect.id for t in step.trials if t.effect.key in step.tied}
     if not case.sensors:
         names |= {score.candidate.effect.id for score in step.scores}
-    if chosen in WARM and not _two_temperatures(case):
-        names |= WARM
+    if not _two_temperatures(case):
+        names |= {tie.partner for tie in step.chosen.effect.ties if tie.one_temperature}
     return sorted(names - {chosen})
 
 
@@ -418,10 +412,12 @@ def _next_test(case, steps, library):
     tied = next((step for step in steps if _alternatives(case, step)), None)
     if tied is None:
         return None
-    chosen, (other, *_) = tied.chosen.effect.id, _alternatives(case, tied)
-    if {chosen, *_alternatives(case, tied)} >= WARM and not _two_temperatures(case):
-        return OTHER_TEMPERATURE
-    return f"{library[chosen].shows}, beside {library[other].shows}"
+    chosen, others = tied.chosen.effect.id, _alternatives(case, tied)
+    pairs = [(tie, {name, tie.partner}) for name in (chosen, *others) for tie in library[name].ties]
+    warm = [tie.check for tie, pair in pairs if tie.one_temperature and pair <= {chosen, *others}]
+    if warm and not _two_temperatures(case):
+        return warm[0]
+    return f"{library[chosen].shows}, beside {library[others[0]].shows}"
 
 
 def _located(case, state):

@@ -3,6 +3,8 @@
 import numpy as np
 
 from cellwright.circuits.instrument import stored
+from cellwright.effects.library.quantities import fields_with
+from cellwright.effects.library.sizes import as_is, current
 from cellwright.effects.library.vocabulary import SLOW_TEST, Effect, Parameter, numbers_of
 
 # ASSUME: No lithium-ion cell loses a tenth of its charge: measured are less than 1 % a cycle (A.
@@ -33,6 +35,12 @@ def _capacity_error_block(p, blocks):
     return blocks | {"counting": blocks["counting"] | now}
 
 
+def _change_of_capacity(effect, p, values):
+    now, before = (fields_with(one, p, values).capacity[0] for one in (effect, None))
+    sizes = [("", 100 * (now / before - 1), "% of capacity")]
+    return [*sizes, ("", now - before, "Ah")] if "capacity_ampere_hour" in values else sizes
+
+
 EFFECTS = (
     Effect(
         id="coulombic_inefficiency",
@@ -50,6 +58,8 @@ EFFECTS = (
         blocks=numbers_of("counting", lost_share_of_charge="lost_share_of_charge"),
         needs=("both_directions",),
         shows="four full cycles with constant-current constant-voltage charges",
+        short="charge lost in charging",
+        sizes_in_words=as_is("lost_share_of_charge", "% of what is charged", factor=100),
         consequence="counted charge drifts up with every charge",
     ),
     Effect(
@@ -67,6 +77,10 @@ EFFECTS = (
         act=_leakage,
         blocks=numbers_of("counting", leak_ampere="leak_ampere"),
         shows="a rest of 48 hours",
+        in_rest_log=False,
+        quantity="no_current_at_rest",
+        short="self-discharge",
+        sizes_in_words=current("leak_ampere"),
         consequence="the state of charge falls at rest; a pack drifts out of balance",
     ),
     Effect(
@@ -85,6 +99,9 @@ EFFECTS = (
         blocks=_capacity_error_block,
         needs=("soc_range",),
         shows="a capacity test of the day",
+        quantity="capacity_change",
+        short="a capacity other than tested",
+        sizes_in_words=_change_of_capacity,
         consequence="counted state of charge is wrong in proportion to the charge that passed",
     ),
 )

@@ -7,7 +7,7 @@ are held at zero while the effect is in the model.
 
 import numpy as np
 
-from cellwright.effects.library.vocabulary import Effect, Parameter
+from cellwright.effects.library.vocabulary import Effect, Parameter, Tie
 
 
 def _of_branch(name, change):
@@ -36,9 +36,11 @@ def _gain(value, size):
     return (1.0 + value) * (1.0 + size) - 1.0
 
 
+OTHER_TEMPERATURE = "repeat the group's drive at a chamber temperature 20 K away"
 EFFECTS = (
     Effect(
         id="branch_wire_resistance",
+        short="wire resistance",
         sentence="the connection of one branch has another resistance than stated",
         parameters=(
             Parameter(
@@ -53,6 +55,7 @@ EFFECTS = (
     ),
     Effect(
         id="branch_initial_soc",
+        short="initial soc",
         sentence="one cell was at another state of charge when the group was joined",
         parameters=(
             Parameter(
@@ -67,6 +70,7 @@ EFFECTS = (
     ),
     Effect(
         id="branch_capacity",
+        short="capacity",
         sentence="one cell has another capacity than its own or its type's tests say",
         parameters=(
             Parameter(
@@ -82,6 +86,7 @@ EFFECTS = (
     ),
     Effect(
         id="branch_cell_resistance",
+        short="cell resistance",
         sentence="one cell has another resistance than its own or its type's tests say",
         parameters=(
             Parameter(
@@ -92,10 +97,12 @@ EFFECTS = (
         act=_of_branch("r", _times),
         replaces=("log_r0", "log_slow"),
         shows="pulses on the cell by itself, or drives of the group at two temperatures",
+        ties=(Tie("branch_temperature", OTHER_TEMPERATURE, one_temperature=True),),
         consequence="the branch takes less of every load; the others age faster",
     ),
     Effect(
         id="branch_temperature",
+        short="temperature",
         sentence="one cell is at another temperature than was measured",
         parameters=(
             Parameter(
@@ -106,10 +113,13 @@ EFFECTS = (
         act=_of_branch("warmer", _more),
         replaces=("celsius",),
         shows="a sensor on each cell, or drives of the group at two temperatures",
+        # A hotter cell looks like a less resistive one.
+        ties=(Tie("branch_cell_resistance", OTHER_TEMPERATURE, one_temperature=True),),
         consequence="the warm cell takes more of every load and ages faster",
     ),
     Effect(
         id="branch_current_offset",
+        short="current offset",
         sentence="the current reading of one branch is off by a constant",
         parameters=(
             Parameter(
@@ -124,6 +134,7 @@ EFFECTS = (
     ),
     Effect(
         id="branch_current_gain",
+        short="current gain",
         sentence="the current reading of one branch is off by a factor",
         parameters=(
             Parameter(

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.effects.library.sizes import THIRDS, at_thirds, ocv
 from cellwright.effects.library.vocabulary import Effect, Parameter, since_slow_test
 
 WAVES = 5
@@ -40,6 +41,9 @@ EFFECTS = (
         act=_shift,
         needs=("soc_range",),
         shows="a slow discharge and charge (C/20) of this very cell",
+        quantity="ocv_change",
+        short="a shifted OCV",
+        sizes_in_words=ocv(THIRDS, at_thirds()),
         consequence="voltage at rest is looked up in a curve that is no longer the cell's",
     ),
     Effect(
@@ -50,6 +54,8 @@ EFFECTS = (
         act=_edge,
         needs=("soc_range",),
         shows="a slow discharge and charge (C/20) to both limits",
+        short="an OCV that differs near empty or full",
+        sizes_in_words=ocv([0.0, 1.0], ("when empty", "when full")),
         consequence="the end of discharge or charge comes sooner or later than predicted",
     ),
 )

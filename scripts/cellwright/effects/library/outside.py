@@ -31,6 +31,7 @@ EFFECTS = (
         ),
         stage="resistance",
         act=_drift,
+        short="a resistance that drifts while a test runs",
         shows="the same pulses at the same state of charge, first and last in a test of hours",
     ),
 )

@@ -4,6 +4,8 @@ import numpy as np
 
 from cellwright.circuits.circuit import KINDS
 from cellwright.effects.base import kept_response, lag_fresh
+from cellwright.effects.library.quantities import fields_with
+from cellwright.effects.library.sizes import with_minutes
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.numerics.hysteresis import preisach
 
@@ -12,6 +14,7 @@ from cellwright.numerics.hysteresis import preisach
 DIFFUSION_KINDS = ("RC", "warburg", "warburg_sphere")
 # Of hysteresis: one state, which every turn moves; stops, between which small loops close.
 HYSTERESIS_KINDS = ("hysteresis", "preisach")
+SMALL_RATE = 0.02  # of the capacity per hour: a current that charge transfer answers in proportion
 KINETIC_SOC = (0.02, 0.98)  # beyond them an exchange current stays as it is
 
 
@@ -118,6 +121,24 @@ def _hysteresis_one_state(fields, stack, p):
     return fields._replace(volt=fields.volt + p["amplitude_volt"] * state)
 
 
+def _resistance_at_rates(effect, p, values):
+    rates = np.array([-SMALL_RATE, -1.0, -3.0, 3.0])
+    current = rates * values["capacity_ampere_hour"]
+    ohm = fields_with(effect, p, values, current=current).ohmic / current
+    names = ("R0 at small currents", "at 1C", "at 3C", "charging at 3C")
+    return [(name, 1e3 * one, "mΩ") for name, one in zip(names, ohm, strict=True)]
+
+
+def _half_distance(effect, p, values):
+    return [("half the distance of charge and discharge", 1e3 * p["amplitude_volt"], "mV")]
+
+
+def _half_distance_and_turn(effect, p, values):
+    turned = "small turns close their loop, " if p["small_loops_close"] else ""
+    name = f"{turned}turned over within"
+    return [*_half_distance(effect, p, values), (name, 100 / p["rate_per_soc"], "% of SoC")]
+
+
 def _amplitude(largest_volt):
     return Parameter(
         *("amplitude_volt", "V", 0.0, 0.0, largest_volt), step=1e-3, plausible=0.02, material=5e-4
@@ -136,6 +157,10 @@ EFFECTS = (
         circuit=_switch_branch,
         needs=("both_directions",),
         shows="loads of both directions, each followed by a rest",
+        slow_gap="hysteresis",
+        quantity="half_gap",
+        short="instant hysteresis",
+        sizes_in_words=_half_distance,
         consequence="the voltage at rest tells the state of charge only with the last direction",
     ),
     Effect(
@@ -157,6 +182,10 @@ EFFECTS = (
         ),
         needs=("both_directions",),
         shows="a slow discharge and charge (C/20) with turns in between",
+        slow_gap="hysteresis",
+        quantity="half_gap",
+        short="hysteresis",
+        sizes_in_words=_half_distance_and_turn,
         consequence="the voltage at rest depends on the way there; a filter without it is biased",
     ),
     Effect(
@@ -187,9 +216,13 @@ EFFECTS = (
             )
             for second in seconds
         ),
-        bends=True,
+        needs_restart=True,
         needs=("long_rest",),
         shows="a rest of two hours after a long load",
+        slow_gap="resistance",
+        quantity="slow_resistance",
+        short="slow diffusion",
+        sizes_in_words=with_minutes("resistance_ohm", "mΩ", factor=1e3),
         consequence="rests of minutes end before the open-circuit voltage is reached",
     ),
     Effect(
@@ -228,6 +261,10 @@ EFFECTS = (
         ),
         needs=("rates",),
         shows="pulses of at least four sizes at one state of charge",
+        quantity="large_over_small",
+        short="charge-transfer kinetics",
+        sizes_in_words=_resistance_at_rates,
+        sizes_need_model=True,
         consequence="resistance from small pulses overstates what large loads cost",
     ),
 )

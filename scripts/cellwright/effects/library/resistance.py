@@ -3,7 +3,8 @@
 import numpy as np
 
 from cellwright.effects.base import kept_response, slowed
-from cellwright.effects.library.vocabulary import Effect, Parameter
+from cellwright.effects.library.sizes import as_is, over_soc, resistance_by_direction
+from cellwright.effects.library.vocabulary import Effect, Parameter, Tie
 
 # Knots of a course over SoC (logarithm of a resistance, entropic coefficient), from the middle to
 # either end. A parameter is the change from one knot to the next: beyond the last SoC tested the
@@ -14,6 +15,7 @@ KNOTS = np.array([*TOWARDS_EMPTY[::-1], 0.5, *TOWARDS_FULL])
 MATERIAL_EXCESS = 0.03  # of a resistance
 CHANGE_OF_EXCESS = {"step": 0.05, "plausible": 0.3, "prior_std": 0.3}
 LEAST_ON_CHARGE = 0.05  # of the resistance on discharge
+DIFFUSION_OHM = "slow_diffusion.resistance_ohm"  # what relaxes does so in diffusion, too
 QUICKER = "excess_of_quicker_pair"  # of the logarithm of its course over the mean of both
 
 
@@ -105,6 +107,7 @@ def course_parameters(unit="1", *, most=3.0, **about):
     )
 
 
+LEAD_CHECK = "a four-wire reading, an impedance spectrum, or the resistance against temperature"
 EFFECTS = (
     Effect(
         id="resistance_asymmetry",
@@ -127,6 +130,10 @@ EFFECTS = (
         material=_differs,
         needs=("both_directions",),
         shows="pulses of the same size in both directions",
+        quantity="charge_over_discharge",
+        short="a resistance that differs between charge and discharge",
+        sizes_in_words=resistance_by_direction,
+        sizes_need_model=True,
         consequence="voltage limits on charge and discharge are reached at other currents",
     ),
     Effect(
@@ -138,6 +145,11 @@ EFFECTS = (
         material=_changes_by_a_tenth,
         needs=("soc_range",),
         shows="pulses at ten or more states of charge",
+        in_healthy_cells=True,
+        quantity="ohmic_over_soc",
+        short="resistance over state of charge",
+        sizes_in_words=over_soc("R0", lambda fields: fields.r0),
+        sizes_need_model=True,
         consequence="power near empty and full is not what the middle says",
     ),
     Effect(
@@ -153,6 +165,11 @@ EFFECTS = (
         material=_changes_by_a_tenth,
         needs=("soc_range",),
         shows="pulses with rests of ten minutes at ten or more states of charge",
+        in_healthy_cells=True,
+        quantity="relaxing_over_soc",
+        short="polarisation over state of charge",
+        sizes_in_words=over_soc("what relaxes", lambda fields: sum(fields.slow_ohm), DIFFUSION_OHM),
+        sizes_need_model=True,
         consequence="the voltage under lasting load is not what the middle says",
     ),
     Effect(
@@ -161,7 +178,10 @@ EFFECTS = (
         parameters=(Parameter("resistance_ohm", "Ohm", 0.0, 0.0, 0.05, step=1e-4, plausible=5e-3),),
         stage="resistance",
         act=_lead,
-        shows="a four-wire reading, an impedance spectrum, or the resistance against temperature",
+        shows=LEAD_CHECK,
+        ties=(Tie("the cell's own ohmic resistance", LEAD_CHECK, always=True, exact=True),),
+        short="lead resistance",
+        sizes_in_words=as_is("resistance_ohm", "mΩ", factor=1e3),
         consequence="the cell's own resistance is smaller than the model's",
     ),
 )

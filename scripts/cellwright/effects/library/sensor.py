@@ -2,7 +2,14 @@
 
 from cellwright.circuits.instrument import displayed, through_cell
 from cellwright.effects.base import late
-from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of, since_slow_test
+from cellwright.effects.library.sizes import as_is, current
+from cellwright.effects.library.vocabulary import (
+    Effect,
+    Parameter,
+    Tie,
+    numbers_of,
+    since_slow_test,
+)
 
 
 def _current_offset(fields, stack, p):
@@ -36,6 +43,7 @@ def _skew(fields, stack, p):
     return fields._replace(volt=late(stack, fields, p["voltage_delay_second"]))
 
 
+TWO_REFERENCES = "two voltage references in place of the cell"
 EFFECTS = (
     Effect(
         id="current_offset",
@@ -52,6 +60,19 @@ EFFECTS = (
         act=_current_offset,
         blocks=numbers_of("reading", offset_ampere="current_offset_ampere"),
         shows="the logged current at commanded open circuit",
+        ties=(
+            Tie(
+                "leakage",
+                "the logged current at commanded open circuit (free); where it is not logged "
+                "there, a rest of 48 h, in which only a leak discharges the cell",
+                always=True,
+                same_size=True,
+            ),
+        ),
+        in_rest_log=True,
+        quantity="current_at_rest",
+        short="an offset of the current reading",
+        sizes_in_words=current("offset_ampere"),
         consequence="counted state of charge drifts with time",
     ),
     Effect(
@@ -62,6 +83,16 @@ EFFECTS = (
         act=_current_gain,
         blocks=numbers_of("reading", gain_relative="current_gain_relative"),
         shows="a reference shunt, a second channel, or other cells of the same channel",
+        ties=(
+            Tie(
+                "capacity_error",
+                "a reference shunt, a second channel, or other cells of the same channel",
+                always=True,
+                exact=True,
+            ),
+        ),
+        short="a gain error of the current reading",
+        sizes_in_words=as_is("gain_relative", "% of reading", factor=100),
         consequence="capacity and resistance are off by the same factor",
     ),
     Effect(
@@ -83,10 +114,13 @@ EFFECTS = (
             for d in (0.05, 0.12, 0.25, 0.5, 1.0)
             for sign in (1.0, -1.0)
         ),
-        held=True,
-        bends=True,
+        nonlinear=True,
+        needs_restart=True,
         needs=("edges",),
         shows="pulses with sharp edges, sampled ten times a second",
+        hold_imitates=True,
+        short="a time shift between voltage and current",
+        sizes_in_words=as_is("voltage_delay_second", "s", name="voltage behind current by"),
         consequence="resistance is mistaken for fast polarisation",
     ),
     Effect(
@@ -104,6 +138,12 @@ EFFECTS = (
         act=_voltage_offset,
         blocks=numbers_of("reading", offset_volt="voltage_offset_volt"),
         shows="a voltage reference in place of the cell",
+        ties=(
+            Tie("ocv_shift", "a voltage reference in place of the cell", exact=True),
+            Tie("voltage_gain", TWO_REFERENCES, exact=True),
+        ),
+        short="an offset of the voltage reading",
+        sizes_in_words=as_is("offset_volt", "mV", factor=1e3),
         consequence="every state of charge by voltage is biased",
     ),
     Effect(
@@ -120,7 +160,10 @@ EFFECTS = (
         stage="reading",
         act=_voltage_gain,
         blocks=numbers_of("reading", gain_relative="voltage_gain_relative"),
-        shows="two voltage references in place of the cell",
+        shows=TWO_REFERENCES,
+        ties=(Tie("ocv_shift", TWO_REFERENCES, exact=True),),
+        short="a gain error of the voltage reading",
+        sizes_in_words=as_is("gain_relative", "% of reading", factor=100),
         consequence="every state of charge by voltage is biased, most near full",
     ),
 )

@@ -7,13 +7,24 @@ import numpy as np
 from cellwright.circuits.instrument import capacity_over_temperature
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.effects.base import kept_response, relaxed, slow_volt, slowed
+from cellwright.effects.library.quantities import fields_with
 from cellwright.effects.library.resistance import KNOTS, at_knots, course_parameters
-from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
+from cellwright.effects.library.sizes import (
+    THIRDS,
+    WARMED_CELSIUS,
+    at_thirds,
+    energy,
+    with_minutes,
+)
+from cellwright.effects.library.vocabulary import Effect, Parameter, Tie, numbers_of
 from cellwright.records.conditions import REFERENCE_CELSIUS
 
 # ASSUME: Resistances of a cell that warms itself fall with 30 kJ/mol. What data of one chamber
 # temperature show is the product of this and the thermal resistance.
 OWN_HEAT_JOULE_PER_MOLE = 30e3
+# ASSUME: That energy is sure to four tenths, for the resistances of the real cells of
+# docs/temperature.md and docs/missing-effect.md have 13 to 37 kJ/mol.
+OWN_HEAT_RELATIVE = 0.4
 COLD_CELSIUS = -20.0
 MIDDLE_ENTROPY = "coefficient_volt_per_kelvin"  # at half charge
 
@@ -83,6 +94,19 @@ def _capacity(fields, stack, p):
     return fields._replace(capacity=fields.capacity * factor)
 
 
+def _ocv_per_kelvin(effect, p, values):
+    warm, cold = (fields_with(effect, p, values, soc=THIRDS, celsius=c).ocv for c in (26.0, 25.0))
+    return [(name, 1e3 * one, "mV/K") for name, one in zip(at_thirds(), warm - cold, strict=True)]
+
+
+def _change_of_capacity(effect, p, values):
+    """Between the temperatures fitted: a capacity falls in the cold and hardly rises in warmth."""
+    low, high = values.get("fitted_celsius", WARMED_CELSIUS)
+    cold, middle, warm = fields_with(effect, p, values, celsius=[low, 25.0, high]).capacity
+    name = f"from {low:.0f} to {high:.0f} °C"
+    return [(name, 100 * (warm - cold) / middle, "% of capacity")]
+
+
 EFFECTS = (
     Effect(
         id="resistance_temperature",
@@ -112,6 +136,14 @@ EFFECTS = (
         act=_resistance,
         needs=("temperature",),
         shows="the same drive at two temperatures, 15 K apart",
+        asked_if_unseen=True,
+        in_healthy_cells=True,
+        activation_energy="activation_energy_joule_per_mole",
+        bent_over_temperature=True,
+        quantity="activation_energy",
+        short="resistance over temperature",
+        sizes_in_words=energy,
+        sizes_need_model=True,
         consequence="power in the cold and warm is not that at the model's temperature",
     ),
     Effect(
@@ -132,6 +164,18 @@ EFFECTS = (
         starts=tuple({"time_constant_second": t} for t in (200.0, 500.0, 1500.0)),
         needs=("rates",),
         shows="a load of 2C or more for half an hour, with pulses in it",
+        ties=(
+            Tie(
+                "resistance_temperature",
+                "the same drive in a chamber 15 K colder or warmer",
+                one_temperature=True,
+            ),
+        ),
+        warms_core=True,
+        quantity="core_rise",
+        short="self-heating",
+        sizes_in_words=with_minutes("thermal_resistance_kelvin_per_watt", "K for each watt"),
+        assumed_relative=(OWN_HEAT_RELATIVE, 0.0),
         consequence="resistance falls under lasting load; in the cold the cell helps itself",
     ),
     Effect(
@@ -154,6 +198,10 @@ EFFECTS = (
         act=_entropic,
         needs=("temperature",),
         shows="rests of the same states of charge at two temperatures, 15 K apart",
+        bent_over_temperature=True,
+        quantity="ocv_per_kelvin",
+        short="an OCV that moves with temperature",
+        sizes_in_words=_ocv_per_kelvin,
         consequence="a voltage at rest means another state of charge in the cold",
     ),
     Effect(
@@ -172,6 +220,9 @@ EFFECTS = (
         blocks=numbers_of("counting", relative_per_kelvin="capacity_relative_per_kelvin"),
         needs=("temperature",),
         shows="capacity tests, or drives from full to near empty, at two temperatures",
+        quantity="capacity_per_kelvin",
+        short="capacity over temperature",
+        sizes_in_words=_change_of_capacity,
         consequence="the state of charge moves faster in the cold than counted",
     ),
 )

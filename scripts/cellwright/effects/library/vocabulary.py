@@ -1,4 +1,4 @@
-"""The types of an entry of the library: an effect and its parameters."""
+"""The types of an entry of the library: an effect, its parameters and its ties."""
 
 from collections.abc import Callable
 from functools import cache
@@ -32,27 +32,66 @@ class Parameter(NamedTuple):
     prior_std: float = np.inf
 
 
-class Effect(NamedTuple):
-    """One effect: its equation, its numbers, its words, and how it stands in a model file.
+class Tie(NamedTuple):
+    """Another explanation that records of current and voltage cannot tell from an effect.
 
-    id : of the contract. sentence : for people, a clause. parameters : tuple of
-    Parameter. stage : where it enters the model, one of `base.STAGES`. act : its equation, function
-    (fields, stack, p) → fields, p being a dict of its parameters by name; see `base.Fields`.
-    starts : tuple of dicts, parameters from which it is tried. held : what it changes is not
-    linear in its size. bends : a model without it is fitted with resistances and time constants so
-    far off that they have to be estimated again together with it.
-    material : function (p) → whether anyone would act on its sizes; None: on one that is at least
-    its parameter's `material`.
-    needs : names of `records.FACTORS` without which data cannot show it.
-    shows : the test that shows it, in words. consequence : what it changes for the user.
-    circuit : function (p, r0_ohm, capacity_ampere_hour, soc) → (r0_ohm, kind, parameters): the
-    branch of `circuits.circuit.KINDS` that it is in a model file, its parameters scalars or one
-    value a SoC, and the ohmic resistance beside it.
-    blocks : function (p, blocks) → blocks: the blocks of `circuits.instrument` with its numbers.
-    One without either, of stage "resistance" or "ocv", is in the courses of a model file over SoC
-    and temperature; of any other stage it has no place there.
-    position : of an effect of a parallel group, number of its branch, from 0; of a cell's, None.
-    replaces : names of the parameters of a healthy branch whose place it takes in a group.
+    partner : id of an effect, or the parameter that takes its place, in words. check : what does
+    separate them, for people. always : no fit weighs one against the other. exact : no test of the
+    cell by this instrument ever does. same_size : both have one size, so that the bounds of one
+    rule out the other. one_temperature : they are one as long as all records are at one
+    temperature; where each is tried, tests at another are what tells them apart.
+    """
+
+    partner: str
+    check: str
+    always: bool = False
+    exact: bool = False
+    same_size: bool = False
+    one_temperature: bool = False
+
+
+class Effect(NamedTuple):
+    """One effect: its equation, numbers, words, ties, witness, and how it stands in a model file.
+
+    Equation and fit. id : of the contract. parameters : tuple of Parameter. stage : where it enters
+    the model, one of `base.STAGES`. act : its equation, function (fields, stack, p) → fields, p
+    being a dict of its parameters by name; see `base.Fields`. starts : tuple of dicts, parameters
+    from which it is tried. nonlinear : what it changes is not linear in its size. needs_restart :
+    without it resistances and time constants converge to a wrong minimum: they are estimated again
+    together with it. material : function (p) → whether anyone would act on its sizes; None: on one
+    that is at least its parameter's `material`.
+
+    What excites it. needs : names of `records.FACTORS` without which data cannot show it. shows :
+    the test that shows it, in words. asked_if_unseen : where nothing is missing, but the records
+    could not show this effect, its test is the next (most cells have it).
+
+    Words. sentence : a clause. short : its name in a report; "": its id in words. consequence :
+    what it changes for the user. sizes_in_words : function (effect, p, values) → list of (name,
+    value, unit), its sizes as people use them, values being those of the model; None: its
+    parameters as they are. sizes_need_model : these are changes of the model's own resistances.
+    assumed_relative : standard deviation of each size by what its equation assumes, over the size.
+
+    Ties. ties : tuple of Tie. in_rest_log : whether the current logged at rest shows it (True) or
+    must not (False), so that the log can decide between the two; None: it says nothing of it.
+    slow_gap : how it parts the two branches of a slow test: "hysteresis", by the same voltage at
+    any current; "resistance", by its leading size times the current; "": not at all.
+    hold_imitates : the other hold of the current between rows looks like it.
+
+    Witness. quantity : name in `quantities.QUANTITIES` of what other measurements read of it.
+
+    Model. circuit : function (p, r0_ohm, capacity_ampere_hour, soc) → (r0_ohm, kind, parameters):
+    the branch of `circuits.circuit.KINDS` that it is in a model file, its parameters scalars or one
+    value a SoC, and the ohmic resistance beside it. blocks : function (p, blocks) → blocks: the
+    blocks of `circuits.instrument` with its numbers. One without either, of stage "resistance" or
+    "ocv", is in the courses of a model file over SoC and temperature; of any other stage it has no
+    place there. bent_over_temperature : it moves the OCV or time constants with temperature, which
+    a look-up takes straight in 1/T: conditions of a model file may not lie far apart.
+    warms_core : its size tells how much warmer the core is than was measured. in_healthy_cells :
+    the resistances of any healthy cell follow it. activation_energy : name of its parameter that is
+    the activation energy of the resistances, which a cell keeps in a parallel group; "": none.
+
+    Of a parallel group. position : number of its branch, from 0; of a cell's effect None.
+    replaces : names of the parameters of a healthy branch whose place it takes.
     """
 
     id: str
@@ -63,12 +102,26 @@ class Effect(NamedTuple):
     starts: tuple = ({},)
     needs: tuple = ()
     shows: str = ""
+    asked_if_unseen: bool = False
+    short: str = ""
     consequence: str = ""
-    held: bool = False
-    bends: bool = False
+    sizes_in_words: Callable | None = None
+    sizes_need_model: bool = False
+    assumed_relative: tuple = ()
+    nonlinear: bool = False
+    needs_restart: bool = False
     material: Callable | None = None
+    ties: tuple = ()
+    in_rest_log: bool | None = None
+    slow_gap: str = ""
+    hold_imitates: bool = False
+    quantity: str = ""
     circuit: Callable | None = None
     blocks: Callable | None = None
+    bent_over_temperature: bool = False
+    warms_core: bool = False
+    in_healthy_cells: bool = False
+    activation_energy: str = ""
     position: int | None = None
     replaces: tuple = ()
 
@@ -82,11 +135,16 @@ class Effect(NamedTuple):
         """Names of the parameters within a model: key.parameter."""
         return _names_within(self.key, *[p.name for p in self.parameters])
 
+    @property
+    def invisible(self):
+        """Whether a tie holds always and for good: no record of current and voltage shows it."""
+        return any(tie.always and tie.exact for tie in self.ties)
+
     def sizes_of(self, values):
         """Values of its parameters by their names within the effect, from those of a model."""
         return {p.name: values[n] for p, n in zip(self.parameters, self.names, strict=True)}
 
-    def given(self, start):
+    def set_by_starts(self, start):
         """Names of the parameters of a start that the effect's starts give."""
         stated = {name for values in self.starts for name in values}
         return {name for name in start if name.rpartition(".")[2] in stated}

@@ -21,7 +21,8 @@ def advised(case, result, rounds, library, untestable, place, outside=()):
        apart, or would prove the only one, where they take a quarter of the gap and a test of the
        menu at least doubles what the records on hand say. Else the test in which most of the gap
        sits, again, with rests before and after.
-    6. Nothing missing, at one temperature only: whether resistance over temperature is.
+    6. Nothing missing: whether an effect is that most cells have and the records could not show
+       (`Effect.asked_if_unseen`).
 
     Parameters
     ----------
@@ -38,25 +39,27 @@ def advised(case, result, rounds, library, untestable, place, outside=()):
     tied = next((step for step in result.steps if step.tied), None)
     if tied is not None:
         after, name = tied.chosen.state, tied.chosen.effect.id
-        return _told(next_test(case, after, name, tied.tied, library=library))
+        return _advice_of(next_test(case, after, name, tied.tied, library=library))
     unproven = (step.chosen for step in result.steps if not step.chosen.proven)
     unsure = (step.unsure for step in rounds if step.unsure is not None)
     asked = next(chain(unproven, unsure), None)
     if asked is not None:
         name = asked.effect.id
-        return _told(next_test(case, result.last, name, library=library, proof=True))
+        return _advice_of(next_test(case, result.last, name, library=library, proof=True))
     if outside:
         effect = outside[0].effect
         return {}, f"To see whether {effect.sentence}: {effect.shows}.", None
     if not result.adequate:
         return _of_gap(case, result, rounds[-1], library, place)
-    # Of effects that could not be tested, resistance over temperature is what most cells have.
-    if result.word != "none" or "resistance_temperature" not in untestable:
+    unseen = (name for name in untestable if library[name].asked_if_unseen)
+    name = next(unseen, None) if result.word == "none" else None
+    if name is None:
         return {}, None, None
-    return _told(next_test(case, result.last, "resistance_temperature", library=library))
+    return _advice_of(next_test(case, result.last, name, library=library))
 
 
-def _told(advice):
+def _advice_of(advice):
+    """Menu, sentence and test of an Advice, as `advised` returns them."""
     return advice.table, advice.sentence, None if advice.test == "check" else advice.test
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from cellwright.effects.base import STAGES
 from cellwright.effects.planning.sensitivity import Model, at_starts_of, information, projected
 from cellwright.effects.records import stacked
-from cellwright.effects.ties import needs_another_temperature, tie_of
+from cellwright.effects.ties import needs_another_temperature, tie_between
 from cellwright.numerics.noise import FIRST
 from cellwright.records.record import Record, record_of
 from cellwright.refusal import Refusal
@@ -403,12 +403,19 @@ def _advice(question, library, tests, chi_square, now):
         "hours": [tests[k].hours for k in order],
         "chi_square": [chi_square[k] for k in order],
     }
-    ties = [tie_of(question.effect, rival) for rival in question.rivals or (None,)]
-    ties = [tie for tie in ties if tie is not None]
+    ties = _ties(library[question.effect], question.rivals)
     helps = most - now >= WORTH_IT and not any(tie.exact for tie in ties)
     test = best.id if helps else "check" if ties else None
     effect = library[question.effect]
     return Advice(test, _sentence(effect, question, ties, best, most, now, helps), now, table)
+
+
+def _ties(effect, rivals):
+    """Structural ties of an effect with its rivals; without any, those that make it invisible."""
+    if not rivals:
+        return [tie for tie in effect.ties if tie.always and tie.exact]
+    ties = (tie_between(effect.id, rival) for rival in rivals)
+    return [tie for tie in ties if tie is not None]
 
 
 def _sentence(effect, question, ties, best, most, now, helps):

@@ -200,7 +200,7 @@ def shown(case, library, model, *, spread=FIRST):
     inside = {effect.id for effect in model.effects}
     absent = [e for e in library.values() if e.id not in inside and e.stage in base.STAGES]
     total = information(case.cell, case.fit, model, absent, tolerance=case.tolerance, spread=spread)
-    held = tuple(e.id for e in absent if e.held or e.bends)
+    held = tuple(e.id for e in absent if e.nonlinear or e.needs_restart)
     return Shown(total.labels, projected(total, case.tolerance), held)
 
 

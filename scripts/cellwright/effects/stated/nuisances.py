@@ -5,10 +5,10 @@ from cellwright.effects.judge import FAR_STDS, unfitted
 from cellwright.effects.stated.readings import tolerances as of_readings
 from cellwright.numerics.least_squares import stds
 
-WRONG_STDS = 2.0  # from which on a stated temperature is told to be wrong
+WRONG_STDS = 2.0  # from which on a stated temperature is said to be wrong
 
 
-def stretched(case, state, parts):
+def declared_values_at_limit(case, state, parts):
     """What was declared with a tolerance and ends at its limit, or surely beyond, in a model.
 
     Such a quantity stands in for something that the model lacks, or was declared wrongly: a
@@ -34,18 +34,18 @@ def stretched(case, state, parts):
         value, std = solution.values[parameter], deviations[parameter]
         return parameter in held or abs(value) > FAR_STDS * max(tolerance, std)
 
-    def told(name, parameter, soc, unit, tolerance):
+    def entry(name, parameter, soc, unit, tolerance):
         std = None if parameter in held else deviations[parameter]
         return _beyond(name, None, soc, solution.values[parameter], std, unit, tolerance)
 
     if beyond("capacity", case.tolerance.capacity):
-        found.append(told("capacity", "capacity", None, "1", case.tolerance.capacity))
+        found.append(entry("capacity", "capacity", None, "1", case.tolerance.capacity))
     tolerances = base.ocv_stds(case.cell, case.tolerance).tolist()
     knots = dict(zip(base.OCV_NAMES, tolerances, strict=True))
     if far := [name for name, tolerance in knots.items() if beyond(name, tolerance)]:
         farthest = max(far, key=lambda name: abs(solution.values[name]))
         soc = base.OCV_NAMES.index(farthest) / (base.OCV_KNOTS - 1)
-        found.append(told("open_circuit_voltage", farthest, soc, "V", knots[farthest]))
+        found.append(entry("open_circuit_voltage", farthest, soc, "V", knots[farthest]))
     for k, test in enumerate(case.fit.tests):
         name = f"soc0[{k}]"
         if name in held:

@@ -12,6 +12,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.judge import FAR_STDS, unsure_of
+from cellwright.effects.library.readings import READINGS
 from cellwright.effects.library.vocabulary import SLOW_TEST
 from cellwright.effects.proof import block_sums, blocks_of, evenly, excess_volt
 from cellwright.effects.records import KELVIN
@@ -26,9 +27,8 @@ STEPS = 3  # of the size of an error, the model refitted with it
 class Misread(NamedTuple):
     """An error of reading of one test.
 
-    test : its name. name : `voltage_offset`, `voltage_drift` (from none at its start to this at its
-    end), `current_offset`, `current_gain` or `voltage_delay` (after the current if positive).
-    value : what is read less what is true, of a gain relative. std : of it. unit : of both.
+    test : its name. name : of the kind of error, in `library.readings.READINGS`. value : what is
+    read less what is true, of a gain relative. std : of it. unit : of both.
     """
 
     test: str
@@ -38,33 +38,14 @@ class Misread(NamedTuple):
     unit: str
 
 
-UNITS = {
-    "voltage_offset": "V",
-    "voltage_drift": "V",
-    "current_offset": "A",
-    "current_gain": "1",
-    "voltage_delay": "s",
-}
-ALIKE = 1.01  # falls of chi-square up to which of two delays the larger is taken
-# Sizes that an error is tried at. A delay is not linear; between rows any may be alike.
-DELAYS_SECOND = 1.0, -1.0, 0.3, -0.3, 0.1, -0.1
-SHAPES = (
-    *(("voltage_offset", 1e-3), ("voltage_drift", 1e-3)),
-    *(("current_offset", 1e-3), ("current_gain", 1e-3)),
-    *(("voltage_delay", second) for second in DELAYS_SECOND),
-)
+ALIKE = 1.01  # falls of chi-square up to which of two sizes tried the first is taken
+SHAPES = tuple((name, size) for name, one in READINGS.items() for size in one.sizes)
 
 
 def tolerances(case):
     """Standard deviation of each error of reading as the sheets of the instruments state it."""
-    known = case.tolerance
-    return {
-        "voltage_offset": known.voltage_reading,
-        "voltage_drift": known.voltage_reading,
-        "current_offset": known.current_reading * case.cell.capacity_ampere_hour,
-        "current_gain": known.current_reading,
-        "voltage_delay": known.clock,
-    }
+    about = case.tolerance, case.cell.capacity_ampere_hour
+    return {name: reading.tolerance(*about) for name, reading in READINGS.items()}
 
 
 def misread(case, state, filters, floor, refit):
@@ -128,7 +109,7 @@ def _refined(case, state, filters, floor, refit, error, test, name):
     value = 0.0
     for _ in range(STEPS):
         value += error.value
-        one = Misread(test, name, value, error.std, UNITS[name])
+        one = Misread(test, name, value, error.std, READINGS[name].unit)
         read = _taken_off(case, one)
         again = read.state(state.effects, refit(read, state, filters), filters)
         now = _estimates(read, again, filters, floor)[test]
@@ -289,8 +270,8 @@ def _errors(information, score):
     columns = share.tolist(), information.tolist(), (share * score).tolist()
     for shape, (part, much, fall) in enumerate(zip(*columns, strict=True)):
         name, size = SHAPES[shape]
-        # A delay is linear about its own size only.
-        near = name != "voltage_delay" or HALF <= part <= 1.0 / HALF
+        # What is not linear is so about its own size only.
+        near = READINGS[name].linear or HALF <= part <= 1.0 / HALF
         error = _Error(part * size, abs(size) * max(much, 1e-300) ** -0.5, fall, shape)
         if name not in errors or (near and fall > ALIKE * errors[name].fall):
             errors[name] = error
@@ -359,26 +340,4 @@ def _taken_off(case, found):
 
 def _read_anew(case, stack, name, size):
     """A stack without an error of reading of so much (f,) in each record."""
-    off = size[stack.file]
-    if name == "voltage_offset":
-        return stack._replace(voltage_volt=stack.voltage_volt - off)
-    if name == "voltage_drift":
-        ends = stack.second[np.append(stack.first[1:], len(off)) - 1]
-        course = stack.second / np.maximum(ends[stack.file], 1.0)
-        return stack._replace(voltage_volt=stack.voltage_volt - off * course)
-    if name == "voltage_delay":
-        known = 0.0 if stack.late_second is None else stack.late_second
-        return stack._replace(late_second=known + off)
-    anew = {"responses": {}, "courses": {}}
-    if name == "current_gain":
-        columns = "current_ampere", "held_ampere", "unseen_ampere_hour"
-        scaled = {column: getattr(stack, column) / (1.0 + off) for column in columns}
-        return stack._replace(**scaled, **anew, anchor_rise=stack.anchor_rise / (1.0 + size))
-    anchor = stack.first if stack.anchor_row is None else stack.anchor_row
-    hours = (stack.second[anchor] - stack.second[stack.first]) / 3600.0
-    return stack._replace(
-        current_ampere=stack.current_ampere - off,
-        held_ampere=stack.held_ampere - off * (1.0 - stack.fresh),
-        anchor_rise=stack.anchor_rise - size * hours / case.cell.capacity_ampere_hour,
-        **anew,
-    )
+    return READINGS[name].taken_off(stack, size, case.cell.capacity_ampere_hour)

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from cellwright.effects.finding import asked_of
+from cellwright.effects.finding import task_of
 from cellwright.effects.preparing import KINDS, SLOW_TEST
 from cellwright.effects.verdict import searched
 from cellwright.records.conditions import of_first_checkup
@@ -64,21 +64,21 @@ def stability(cell, basis, tests, library, **options):
     """
     slow = [test for test in tests if test.facts.kind == SLOW_TEST]
     records = of_first_checkup([test for test in tests if test.facts.kind in KINDS])[0]
-    repeats = [_repeat(None, asked_of(cell, basis, [*slow, *records], **options), library)]
+    repeats = [_repeat(None, task_of(cell, basis, [*slow, *records], **options), library)]
     for test in records:
         others = [*slow, *(other for other in records if other is not test)]
         try:
-            asked = asked_of(cell, basis, others, **options)
-            repeats.append(_repeat(test.facts, asked, library))
+            task = task_of(cell, basis, others, **options)
+            repeats.append(_repeat(test.facts, task, library))
         except Refusal as refusal:
             facts = test.facts
             repeats.append(Repeat(facts.test, facts.role, None, reason=str(refusal)))
     return Stability(repeats, list(name_rows(repeats)))
 
 
-def _repeat(facts, asked, library):
+def _repeat(facts, task, library):
     """One search: Repeat."""
-    _, rounds, result, *_ = searched(asked.case, library)
+    _, rounds, result, *_ = searched(task.case, library)
     left_out, role = (facts.test, facts.role) if facts else (None, None)
     steps = result.steps if result.word in FINDS else ()
     errors = rounds[0].before.validation_rmse_volt, result.last.validation_rmse_volt

@@ -4,53 +4,22 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.effects.library import known_effects
+from cellwright.effects.library.readings import READINGS
 from cellwright.effects.odds import SURE
 from cellwright.effects.story.places import millivolt, near, where
 from cellwright.effects.story.sizes import Size, sizes_as_used
 
-NAMES = {
-    "hysteresis_instant": "instant hysteresis",
-    "hysteresis_one_state": "hysteresis",
-    "resistance_asymmetry": "a resistance that differs between charge and discharge",
-    "resistance_soc": "resistance over state of charge",
-    "polarisation_soc": "polarisation over state of charge",
-    "slow_diffusion": "slow diffusion",
-    "charge_transfer_nonlinearity": "charge-transfer kinetics",
-    "resistance_temperature": "resistance over temperature",
-    "entropic_ocv": "an OCV that moves with temperature",
-    "self_heating": "self-heating",
-    "capacity_temperature": "capacity over temperature",
-    "coulombic_inefficiency": "charge lost in charging",
-    "leakage": "self-discharge",
-    "capacity_error": "a capacity other than tested",
-    "ocv_shift": "a shifted OCV",
-    "ocv_edge": "an OCV that differs near empty or full",
-    "current_offset": "an offset of the current reading",
-    "current_gain": "a gain error of the current reading",
-    "voltage_offset": "an offset of the voltage reading",
-    "voltage_gain": "a gain error of the voltage reading",
-    "time_skew": "a time shift between voltage and current",
-    "lead_resistance": "lead resistance",
-    "resistance_drift": "a resistance that drifts while a test runs",
-    "none": "nothing missing",
-    "unknown": "something unknown",
-}
+# Answers of a search that are no effect.
+ANSWERS = {"none": "nothing missing", "unknown": "something unknown"}
+KNOWN = {effect.id: effect for effect in known_effects()}
 LEAST_PROBABILITY = 0.01
 BENT = 1.1  # times its error as it is, beyond which a given model was bent by the records fitted
 UNSURE = 1.0 - SURE  # probability that another choice of the parts leaves a name out
 MANY_WORSE = 0.1  # of the parts that are better: so many worse ones make a name unsure
 SHOWN_WORSE, SHOWN_STARTS = 2, 3
-# An error of reading of one test: its words, unit, and that over the unit of the verdict.
-MISREAD = {
-    "voltage_offset": ("the voltage is off by", "mV", 1e3),
-    "voltage_drift": ("the voltage drifts until the end by", "mV", 1e3),
-    "current_offset": ("the current is off by", "mA", 1e3),
-    "current_gain": ("the current is off by the factor 1 plus", "%", 1e2),
-    "voltage_delay": ("the voltage is behind the current by", "s", 1.0),
-}
-
-# Units of sizes outside the vocabulary, as they are told, over those of the verdict.
-TOLD_IN = {"1/h": ("% in an hour", 1e2)}
+# Units of sizes outside the vocabulary in words, and over those of the verdict.
+UNIT_IN_WORDS = {"1/h": ("% in an hour", 1e2)}
 
 
 class Phrases(NamedTuple):
@@ -79,9 +48,16 @@ BASES = {
 }
 
 
-def name_of_effect(effect):
-    """An effect's short name in words; of one that has none here, its id."""
-    return NAMES.get(effect, effect.removeprefix("branch_").replace("_", " "))
+def name_of_effect(effect, library=KNOWN):
+    """An effect's short name in words; of one that has none, its id.
+
+    Parameters
+    ----------
+    effect : id, or an answer that is none. library : dict of Effect by id, asked first.
+    """
+    entry = library.get(effect) or KNOWN.get(effect)
+    in_words = effect.removeprefix("branch_").replace("_", " ")
+    return (entry.short if entry else ANSWERS.get(effect)) or in_words
 
 
 def one_line(verdict, own=None, external=None):
@@ -97,8 +73,8 @@ def one_line(verdict, own=None, external=None):
     line : str, without a full stop.
     """
     lacking = (("its model", own), ("your simulation", external))
-    told = [_lacks(model, other) for model, other in lacking if other is not None]
-    return "; ".join([_shows(verdict), *told])
+    lacks = [_lacks(model, other) for model, other in lacking if other is not None]
+    return "; ".join([_shows(verdict), *lacks])
 
 
 def _shows(verdict):
@@ -145,8 +121,8 @@ def _located(verdict):
     return (verdict.get("remainder") or {}).get("located_at") or verdict["located_at"]
 
 
-def _name(one):
-    names = [name_of_effect(name) for name in (one["effect"], *one["alternatives"])]
+def _name(one, library=KNOWN):
+    names = [name_of_effect(name, library) for name in (one["effect"], *one["alternatives"])]
     text = " or ".join(dict.fromkeys(names)) + _branch(one)
     return f"{text} (unproven)" if one.get("proof") == "unproven" else text
 
@@ -178,13 +154,13 @@ def paragraph(verdict, library, phrases=None):
     opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
     parts = [
         *opening(verdict, library, phrases),
-        *_nameless(verdict),
+        *_nameless(verdict, library),
         *_as_given(verdict),
         *_remainder(verdict),
         *_worsened(verdict),
         *_outside(verdict),
-        *_stretched(verdict.get("nuisances") or []),
-        *_probabilities(verdict),
+        *_declared_values_at_limit(verdict.get("nuisances") or []),
+        *_probabilities(verdict, library),
     ]
     if verdict["next_test"]:
         advice = verdict["next_test"].rstrip(".")
@@ -193,11 +169,12 @@ def paragraph(verdict, library, phrases=None):
     return "\n".join(parts)
 
 
-def _nameless(verdict):
+def _nameless(verdict, library):
     """What is in the model beside the names, and why it is none."""
     known = verdict.get("against") or {}
-    told = [f"{name_of_effect(one)} ({known[one]})" for one in verdict.get("small") or []]
-    return [f"Without a name: {_listed(told)}."] if told and verdict["effects"] else []
+    small = verdict.get("small") or []
+    listed = [f"{name_of_effect(one, library)} ({known[one]})" for one in small]
+    return [f"Without a name: {_listed(listed)}."] if listed and verdict["effects"] else []
 
 
 def _as_given(verdict):
@@ -240,7 +217,7 @@ def _unknown(verdict, library, phrases):
     )
     if not verdict["partial"]:
         return [f"{text}; {phrases.none} explains it."]
-    names, last = _listed(_name(one) for one in verdict["partial"]), verdict["partial"][-1]
+    names, last = _listed(_name(one, library) for one in verdict["partial"]), verdict["partial"][-1]
     left = millivolt(last["validation_rmse_volt"]["after"])
     why = (verdict.get("against") or {}).get(last["effect"], "that is too much")
     return [f"{text}. The nearest explanation, {names}, leaves {left}; it is no name: {why}."]
@@ -248,7 +225,7 @@ def _unknown(verdict, library, phrases):
 
 def _named(verdict, library, phrases):
     both, named = verdict["validation_rmse_volt"], verdict["effects"]
-    names = _listed(_name(one) for one in named)
+    names = _listed(_name(one, library) for one in named)
     after = millivolt(both["after"])
     by_names = millivolt(named[-1]["validation_rmse_volt"]["after"]) if named else after
     if verdict.get("small") and by_names != after:
@@ -276,8 +253,8 @@ def _named(verdict, library, phrases):
 def _effect(one, library):
     """One effect: what it is, its sizes, what it cannot be told from, and what makes it unsure."""
     effect = library[one["effect"]]
-    told = one.get("sizes")
-    sizes = [Size(**size) for size in told] if told else sizes_as_used(effect, one["parameters"])
+    known = one.get("sizes")
+    sizes = [Size(**size) for size in known] if known else sizes_as_used(effect, one["parameters"])
     sizes = ", ".join(size.text for size in sizes)
     place = f"in branch {one['branch']} ({one['cell']}) " if "branch" in one else ""
     text = f"{place}{effect.sentence}"
@@ -369,7 +346,7 @@ def _worsened(verdict):
 def _outside(verdict):
     """What the records show that the vocabulary has no name for, and is not in the model."""
     for one in verdict.get("outside") or []:
-        unit, factor = TOLD_IN.get(one["unit"], (one["unit"], 1.0))
+        unit, factor = UNIT_IN_WORDS.get(one["unit"], (one["unit"], 1.0))
         size = Size("", factor * one["value"], factor * one["std"], unit).text.strip()
         both = one["validation_rmse_volt"]
         yield (
@@ -379,16 +356,16 @@ def _outside(verdict):
         )
 
 
-def _stretched(nuisances):
+def _declared_values_at_limit(nuisances):
     """What the model takes otherwise than was declared, at the limit or beyond."""
     starts = [one["test"] for one in nuisances if one["name"] == "soc_at_start"]
-    misread = [_misread(one) for one in nuisances if one["name"] in MISREAD]
-    others = {"soc_at_start", *MISREAD}
-    told = [_beyond(one) for one in nuisances if one["name"] not in others]
+    misread = [_misread(one) for one in nuisances if one["name"] in READINGS]
+    others = {"soc_at_start", *READINGS}
+    beyond = [_beyond(one) for one in nuisances if one["name"] not in others]
     if starts:
         more = len(starts) - SHOWN_STARTS
         tests = [*starts[:SHOWN_STARTS], *([f"{more} more"] if more > 0 else [])]
-        told.append(
+        beyond.append(
             f"the SoC at the start of {_listed(tests)} is at the limit that rest and sheet allow"
         )
     parts = []
@@ -397,18 +374,19 @@ def _stretched(nuisances):
             f"Read wrongly in one test alone, and taken off it here: {'; '.join(misread)}. Tests "
             "like it do not show this."
         )
-    if told:
+    if beyond:
         parts.append(
-            f"Off what was declared: {'; '.join(told)}. That stands in for what the model lacks, "
+            f"Off what was declared: {'; '.join(beyond)}. That stands in for what the model lacks, "
             "or it was declared wrongly."
         )
     return parts
 
 
 def _misread(one):
-    words, unit, factor = MISREAD[one["name"]]
+    reading = READINGS[one["name"]]
+    factor, unit = reading.unit_factor, reading.unit_in_words
     size = Size("", factor * one["value"], factor * one["std"], unit).text.strip()
-    return f"in {one['test']} {words} {size}"
+    return f"in {one['test']} {reading.sentence} {size}"
 
 
 def _beyond(one):
@@ -417,12 +395,12 @@ def _beyond(one):
         wrong = f"{one['test']} was {by:.1f} K {way} than the sheet states"
         return f"{wrong} (no sensor told; tolerance {one['prior_std']:g} K)"
     way = "above" if one["value"] > 0 else "below"
-    told = millivolt if one["unit"] == "V" else _percent
-    size, tolerance = told(abs(one["value"])), told(one["prior_std"])
+    in_words = millivolt if one["unit"] == "V" else _percent
+    size, tolerance = in_words(abs(one["value"])), in_words(one["prior_std"])
     moved = f"the capacity {size} {way} the measured one"
     if one["unit"] == "V":
         moved = f"the open-circuit voltage at {100 * one['soc']:.0f} % SoC {size} {way} its curve"
-    sure = "as far as it may" if one["std"] is None else f"± {told(one['std'])}"
+    sure = "as far as it may" if one["std"] is None else f"± {in_words(one['std'])}"
     return f"{moved} ({sure}; tolerance {tolerance})"
 
 
@@ -430,11 +408,11 @@ def _percent(share):
     return f"{100 * share:.2g} %"
 
 
-def _probabilities(verdict):
+def _probabilities(verdict, library):
     known = sorted((verdict.get("probabilities") or {}).items(), key=lambda pair: -pair[1])
+    named = [(answer.split("+"), p) for answer, p in known if p >= LEAST_PROBABILITY]
     listed = [
-        f"{' and '.join(name_of_effect(one.strip()) for one in answer.split('+'))} {100 * p:.0f} %"
-        for answer, p in known
-        if p >= LEAST_PROBABILITY
+        f"{' and '.join(name_of_effect(one.strip(), library) for one in answer)} {100 * p:.0f} %"
+        for answer, p in named
     ]
     return [f"How likely: {', '.join(listed)}."] if listed else []

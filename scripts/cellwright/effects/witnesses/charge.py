@@ -24,6 +24,9 @@ from cellwright.records.conditions import (
 SLOW_C_RATE = 0.1  # up to which the polarisation ends a discharge at nearly the OCV
 WARM_KELVIN = 3.0  # of rise, from which it is held against the heat
 DAY_HOUR = 24.0
+# What passes the ammeter at rest, and what passes it by.
+AT_REST = ("current_at_rest", "no_current_at_rest")
+SURFACE = "core_rise"  # no sensor tells the core's temperature
 TAU_SECOND = np.geomspace(60.0, 6000.0, 9)
 
 
@@ -39,11 +42,11 @@ def of_capacities(rows):
     measured : list of Measured, two.
     """
     rows = [row for row in rows if row["direction"] == "discharge"]
-    return [_over_temperature(rows), _later(rows)]
+    return [_over_temperature(rows), _capacity_change(rows)]
 
 
 def _over_temperature(rows):
-    effect, name = "capacity_temperature", "capacities"
+    quantity, name = "capacity_per_kelvin", "capacities"
     first = min((cycle_of(row) for row in rows), default=0.0)
     slow = [row for row in rows if row["c_rate"] <= SLOW_C_RATE and cycle_of(row) == first]
     slowest = min((row["c_rate"] for row in slow), default=0.0)
@@ -56,36 +59,36 @@ def _over_temperature(rows):
         reason = (
             "no discharges of C/10 or slower at two temperatures: faster ones end by resistance"
         )
-        return silent(name, (effect,), reason)
+        return silent(name, quantity, reason)
     celsius, ampere_hour = np.array(sorted(points)).T
     line = np.polyfit(celsius - REFERENCE_CELSIUS, ampere_hour, 1)
     local = np.diff(ampere_hour) / np.maximum(np.diff(celsius), 1e-9) / line[1]
     slope, at = float(line[0] / line[1]), (float(celsius[0]), float(celsius[-1]))
     return Measured(
-        *(name, (effect,), f"change of the slow capacity, {at[0]:g} to {at[1]:g} °C"),
-        *("capacity_per_kelvin", at, slope, spread(local[np.diff(celsius) >= SAME_CELSIUS])),
+        *(name, quantity, f"change of the slow capacity, {at[0]:g} to {at[1]:g} °C"),
+        *(at, slope, spread(local[np.diff(celsius) >= SAME_CELSIUS])),
         *("1/K", 0.0),
         material=bool(abs(slope) * (at[1] - at[0]) > LEAST_SHARE),
     )
 
 
-def _later(rows):
+def _capacity_change(rows):
     """Change of the capacity from the first check-up to the last, of discharges that compare."""
-    effect, name = "capacity_error", "check-ups"
+    quantity, name = "capacity_change", "check-ups"
     known = sorted(rows, key=cycle_of)
-    before = [row for row in known if _compare(row, known[-1])]
+    before = [row for row in known if _comparable(row, known[-1])]
     if not before:
-        return silent(name, (effect,), "no capacities of two check-ups at one rate and temperature")
+        return silent(name, quantity, "no capacities of two check-ups at one rate and temperature")
     last = known[-1]
     share = last["capacity_ampere_hour"] / before[0]["capacity_ampere_hour"] - 1.0
     words = f"change of the capacity from cycle {cycle_of(before[0]):g} to {cycle_of(last):g}"
     return Measured(
-        *(name, (effect,), words, "capacity", (), float(share), np.nan, "share", 0.0),
+        *(name, quantity, words, (), float(share), np.nan, "share", 0.0),
         material=bool(abs(share) > LEAST_SHARE),
     )
 
 
-def _compare(row, other):
+def _comparable(row, other):
     return (
         cycle_of(row) < cycle_of(other)
         and same_rate(row["c_rate"], other["c_rate"])
@@ -108,8 +111,8 @@ def of_records(series, ambient, values):
     measured : list of Measured, three.
     """
     if not len(series.get("test", ())):
-        names = (("current_offset",), ("leakage",), ("self_heating",))
-        return [silent("records", one, "the records were not searched") for one in names]
+        read = (*AT_REST, SURFACE)
+        return [silent("records", quantity, "the records were not searched") for quantity in read]
     tests = np.asarray(series["test"])
     parts = [
         (test, {name: np.asarray(column)[tests == test] for name, column in series.items()})
@@ -119,21 +122,21 @@ def of_records(series, ambient, values):
 
 
 def _at_rest(parts, capacity):
-    effects, name = ("current_offset", "leakage"), "current at rest"
+    name = "current at rest"
     means = [_rest_means(one, capacity) for _, one in parts]
     logged = [np.mean(one) for one in ([m for m in some if m != 0.0] for some in means) if one]
     if not logged:
         reason = "the log reads exactly zero in every rest: switched off, or not resolved"
         reason = reason if any(means) else "no rest of a minute in the records"
-        return [silent(name, (effect,), reason) for effect in effects]
+        return [silent(name, quantity, reason) for quantity in AT_REST]
     # A reading drifts from test to test, by more than the noise of each: that is its deviation.
     mean, std = float(np.mean(logged)), spread(logged)
     words, share = f"logged current at rest in {len(logged)} tests", abs(mean) * DAY_HOUR / capacity
-    numbers = (mean, std, "A", 0.0)
-    large = share > LEAST_SHARE
+    read = (words, (), mean, std, "A", 0.0)
+    logged_there, by_passing = AT_REST
     return [
-        Measured(name, effects[:1], words, "offset", (), *numbers, material=large),
-        Measured(name, effects[1:], words, "no_reading", (), *numbers),
+        Measured(name, logged_there, *read, material=share > LEAST_SHARE),
+        Measured(name, by_passing, *read),
     ]
 
 
@@ -153,7 +156,7 @@ def _rest_means(one, capacity):
 
 def _surface(parts, ambient, values):
     """How far the surface warms above the chamber, and by how much a watt of loss warms it."""
-    effect, name = "self_heating", "surface temperature"
+    name = "surface temperature"
     rises, fitted = [], []
     for test, one in parts:
         rise = one["celsius"] - one["celsius"][0]
@@ -163,12 +166,12 @@ def _surface(parts, ambient, values):
         if rises[-1] >= WARM_KELVIN:
             fitted.append(_kelvin_per_watt(one, rise, values))
     if not rises:
-        return silent(name, (effect,), "no temperature of the surface was logged")
+        return silent(name, SURFACE, "no temperature of the surface was logged")
     words = f"the surface warms by up to {max(rises):.1f} K"
     if fitted:
         words += f", {np.median(fitted):.2g} K for each watt of loss"
     reason = f"{words}; the model runs at the surface's temperature, and no sensor tells the core's"
-    return silent(name, (effect,), reason)
+    return silent(name, SURFACE, reason)
 
 
 def _kelvin_per_watt(one, rise, values):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from cellwright.effects.library.quantities import QUANTITIES
 from cellwright.effects.witnesses.charge import of_capacities, of_records
-from cellwright.effects.witnesses.probes import implied
 from cellwright.effects.witnesses.resistances import of_pulses, of_spectra
 from cellwright.effects.witnesses.statement import (
     AGREES,
@@ -78,13 +78,18 @@ def witnesses(verdict, model, measured, library):
         for effect, entry in entries.items()
         if effect in library
         for one in measured
-        if effect in one.effects
+        if library[effect].quantity == one.quantity
     ]
     explained = {other for one in entries.values() for other in one.get("alternatives", [])}
-    hidden = [
-        _of_unnamed(one)
+    showing = [
+        (one, [effect for effect in library.values() if effect.quantity == one.quantity])
         for one in measured
-        if _shows(one) and not {*entries, *explained} & set(one.effects)
+        if _shows(one)
+    ]
+    hidden = [
+        _of_unnamed(one, effects)
+        for one, effects in showing
+        if effects and not {*entries, *explained} & {effect.id for effect in effects}
     ]
     return [*spoken, *hidden]
 
@@ -97,7 +102,7 @@ def _of_named(one, effect, entry, values):
     if one.reason:
         blank = (np.nan, np.nan, one.unit, np.nan, False)
         return Witness(one.name, effect.id, True, SILENT, *blank, one.reason)
-    value, doubt = implied(one.probe, effect, entry, values, one.at)
+    value, doubt = implied(effect, entry, values, one.at)
     stated = np.isfinite([one.std, doubt]).all()
     std = float(np.hypot(one.std, doubt)) if stated else np.nan
     agrees = same(one.value, value, std, neutral=one.neutral)
@@ -107,7 +112,7 @@ def _of_named(one, effect, entry, values):
         and abs(one.value - one.neutral) <= DEVIATIONS * std
     )
     said = in_words(one.value, one.unit, one.std)
-    text = f"{one.quantity}: {said} measured, {in_words(value, one.unit, doubt)} by the verdict"
+    text = f"{one.words}: {said} measured, {in_words(value, one.unit, doubt)} by the verdict"
     word = AGREES if agrees else CONTRADICTS
     alongside = size_of(one.value, one.neutral) * size_of(value, one.neutral) > 0
     shown = bool(alongside and _shows(one))
@@ -123,8 +128,36 @@ def _of_named(one, effect, entry, values):
     return Witness(one.name, effect.id, True, word, *numbers, shown, text)
 
 
-def _of_unnamed(one):
+def implied(effect, entry, values, at):
+    """What an effect of a verdict implies of its quantity, and the standard deviation of that.
+
+    The deviation adds up those of the effect's parameters, as if they were independent.
+
+    Parameters
+    ----------
+    effect : Effect. entry : of the verdict, with `parameters`.
+    values : dict of the model's parameters, with capacity_ampere_hour. at : conditions.
+
+    Returns
+    -------
+    value, std : in the unit of its quantity; std is NaN where no parameter states one.
+    """
+    own = {name: one["value"] for name, one in entry["parameters"].items()}
+    stds = {name: one.get("std") for name, one in entry["parameters"].items()}
+    function = QUANTITIES[effect.quantity]
+    value = function(effect, own, values, at)
+    moved = [
+        function(effect, own | {name: own[name] + std}, values, at) - value
+        for name, std in stds.items()
+        if std is not None and np.isfinite(std)
+    ]
+    return value, float(np.sqrt(np.sum(np.square(moved)))) if moved else np.nan
+
+
+def _of_unnamed(one, effects):
+    """Witness of the most general of the effects that would show in a measurement."""
+    effect = max(effects, key=lambda effect: len(effect.parameters))
     said = in_words(one.value, one.unit, one.std)
-    text = f"not named, although {one.quantity} is {said}"
+    text = f"not named, although {one.words} is {said}"
     numbers = (one.value, one.neutral, one.unit, one.std)
-    return Witness(one.name, one.effects[0], False, CONTRADICTS, *numbers, True, text)
+    return Witness(one.name, effect.id, False, CONTRADICTS, *numbers, True, text)

@@ -23,14 +23,15 @@ from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS, SAME_CELSIUS, same_rate
 
 SOC_ENDS = (0.1, 0.9)
-SOC_SPAN = 0.5  # least range of SoC over which a course is told
+SOC_SPAN = 0.5  # least range of SoC over which a course is read
 LEVELS = (0.2, 0.5, 0.8)  # of SoC at which temperatures are compared
 ROOM_KELVIN = 8.0  # from 25 °C, within which directions and rates are compared
 RATES_APART = 2.0  # ratio of two rates whose pulses are compared
 # ASSUME: Charge transfer follows Butler–Volmer with a transfer coefficient of one half.
 FARADAY = 96485.33212  # C/mol
 THERMAL_VOLT = GAS_CONSTANT * (25.0 + ZERO_CELSIUS_KELVIN) / FARADAY
-OVER_SOC = ("resistance_soc", "polarisation_soc")
+OHMIC, RELAXING, ENERGY = "ohmic_over_soc", "relaxing_over_soc", "activation_energy"
+DIRECTIONS, RATES = "charge_over_discharge", "large_over_small"
 
 
 def of_pulses(rows, *, capacity_ampere_hour):
@@ -50,16 +51,16 @@ def of_pulses(rows, *, capacity_ampere_hour):
     rows = [row for row in rows if row["direction"] in ("discharge", "charge")]
     courses = _courses(rows)
     if not courses:
-        names = (*OVER_SOC, "resistance_temperature", "resistance_asymmetry")
-        return [silent("pulses", (one,), "no pulses of known SoC") for one in names]
+        read = (OHMIC, RELAXING, ENERGY, DIRECTIONS)
+        return [silent("pulses", quantity, "no pulses of known SoC") for quantity in read]
     begin, end = _delays(rows)
     first = {key: one for key, one in courses.items() if key[-1] == begin}
     ampere, delay = capacity_ampere_hour, f"resistance {begin:g} s into the pulse"
     what = f"what a pulse builds up from {begin:g} to {end:g} s,"
     building = _differences(courses, begin, end)
     return [
-        _over_soc("pulses", "resistance_soc", delay, first, ampere),
-        _over_soc("pulses", "polarisation_soc", what, building, ampere),
+        _over_soc("pulses", OHMIC, delay, first, ampere),
+        _over_soc("pulses", RELAXING, what, building, ampere),
         _over_temperature("pulses", "resistance in pulses", courses),
         _directions(first, ampere),
         _rates(first, ampere),
@@ -82,27 +83,27 @@ def of_spectra(rows, *, capacity_ampere_hour):
     measured : list of Measured.
     """
     rows = [row for row in rows if _known(row, "soc", "r_ohmic_ohm")]
-    told = [row for row in rows if row.get("charge_transfer_told") in (True, "True")]
-    told = [row for row in told if _known(row, "r_charge_transfer_ohm")]
+    arcs_known = [row for row in rows if row.get("charge_transfer_told") in (True, "True")]
+    arcs_known = [row for row in arcs_known if _known(row, "r_charge_transfer_ohm")]
     if not rows:
-        names = (*OVER_SOC, "resistance_temperature", "charge_transfer_nonlinearity")
-        return [silent("impedance", (one,), "no spectrum of known SoC") for one in names]
-    fast, slow = _split_by_arc(told)
+        read = (OHMIC, RELAXING, ENERGY, RATES)
+        return [silent("impedance", quantity, "no spectrum of known SoC") for quantity in read]
+    fast, slow = _split_by_arc(arcs_known)
     ohmic = "r_ohmic_ohm", "r_charge_transfer_ohm"
     ampere = capacity_ampere_hour
     quick = _spectral(fast, ohmic) if fast else _spectral(rows, ohmic[:1])
     what = "ohmic and charge-transfer resistance" if fast else "ohmic resistance"
-    total = _spectral(told, ohmic)
+    total = _spectral(arcs_known, ohmic)
     said = [
-        _over_soc("impedance", "resistance_soc", what, quick, ampere),
+        _over_soc("impedance", OHMIC, what, quick, ampere),
         _over_temperature("impedance", "ohmic and charge-transfer resistance", total),
         _butler_volmer(fast or slow, ampere),
     ]
     if not slow:
         reason = "its arc is over before the model's RC pairs begin"
-        return [*said, silent("impedance", ("polarisation_soc",), reason)]
+        return [*said, silent("impedance", RELAXING, reason)]
     arcs = _spectral(slow, ohmic[1:])
-    return [*said, _over_soc("impedance", "polarisation_soc", "arc of the spectra", arcs, ampere)]
+    return [*said, _over_soc("impedance", RELAXING, "arc of the spectra", arcs, ampere)]
 
 
 def _known(row, *names):
@@ -164,11 +165,11 @@ def _wide(course):
     return len(soc) >= 3 and min(soc[-1], SOC_ENDS[1]) - max(soc[0], SOC_ENDS[0]) >= SOC_SPAN
 
 
-def _over_soc(name, effect, what, courses, ampere):
+def _over_soc(name, quantity, what, courses, ampere):
     """Factor from the upper to the lower end of SoC that was measured, nearest to 25 °C."""
     wide = {key: one for key, one in courses.items() if _wide(one)}
     if not wide:
-        return silent(name, (effect,), f"{what}: fewer than three SoC, or too near each other")
+        return silent(name, quantity, f"{what}: fewer than three SoC, or too near each other")
     nearest = min(wide, key=lambda k: (abs(k[0] - REFERENCE_CELSIUS), k[1] != "discharge", k[2]))
     low = max(SOC_ENDS[0], wide[nearest][0][0])
     high = min(SOC_ENDS[1], wide[nearest][0][-1])
@@ -177,16 +178,14 @@ def _over_soc(name, effect, what, courses, ampere):
     at_low, at_high = np.interp([low, high], *wide[nearest])
     factor = at_low / at_high
     return Measured(
-        *(name, (effect,), f"{what} at {100 * low:.0f} % over that at {100 * high:.0f} % SoC"),
-        *("ohmic_over_soc" if effect == "resistance_soc" else "relaxing_over_soc", (low, high)),
-        *(float(factor), spread(ends[:, 0] / ends[:, 1]), "1", 1.0),
+        *(name, quantity, f"{what} at {100 * low:.0f} % over that at {100 * high:.0f} % SoC"),
+        *((low, high), float(factor), spread(ends[:, 0] / ends[:, 1]), "1", 1.0),
         material=is_material(factor, ampere * (at_low - at_high)),
     )
 
 
 def _over_temperature(name, what, courses):
     """Activation energy at fixed SoC; its deviation is the spread over SoC and temperatures."""
-    effect = "resistance_temperature"
     families = {}
     for (celsius, *family), course in courses.items():
         families.setdefault(tuple(family), {})[celsius] = course
@@ -194,7 +193,7 @@ def _over_temperature(name, what, courses):
     order = sorted(families, key=lambda key: key[-1])
     best = families[max(order, key=lambda key: (_temperatures(families[key]), key[-1]))]
     if _temperatures(best) < 2:
-        return silent(name, (effect,), f"{what}: one temperature, or no SoC at two of them")
+        return silent(name, ENERGY, f"{what}: one temperature, or no SoC at two of them")
     local, whole = [], []
     for soc in LEVELS:
         known = [(c, np.interp(soc, *one)) for c, one in sorted(best.items()) if _holds(one, soc)]
@@ -202,13 +201,13 @@ def _over_temperature(name, what, courses):
         local += [_energy(a, b) for a, b in pairs]
         whole += [(_energy(known[0], known[-1]), known[0], known[-1])] if pairs else []
     if not whole:
-        return silent(name, (effect,), f"{what}: no SoC was measured at two temperatures")
+        return silent(name, ENERGY, f"{what}: no SoC was measured at two temperatures")
     cold, warm = min(one[1][0] for one in whole), max(one[2][0] for one in whole)
     energy = float(np.mean([one[0] for one in whole]))
     factor = float(np.mean([a[1] / b[1] for _, a, b in whole]))
     return Measured(
-        *(name, (effect,), f"activation energy of the {what}, {cold:g} to {warm:g} °C"),
-        *("activation_energy", (cold, warm), energy, spread(local), "J/mol", 0.0),
+        *(name, ENERGY, f"activation energy of the {what}, {cold:g} to {warm:g} °C"),
+        *((cold, warm), energy, spread(local), "J/mol", 0.0),
         material=bool(abs(np.log(factor)) > np.log(FACTOR)),
     )
 
@@ -229,7 +228,7 @@ def _energy(cold, warm):
 
 def _directions(courses, ampere):
     """Charge over discharge at the same SoC, temperature and rate."""
-    effect, ratios, volts = "resistance_asymmetry", [], []
+    ratios, volts = [], []
     for (celsius, direction, rate, delay), (soc, ohm) in courses.items():
         other = courses.get((celsius, "charge", rate, delay))
         if (
@@ -243,32 +242,32 @@ def _directions(courses, ampere):
         volts += [rate * ampere * float(np.interp(soc[k], *other) - ohm[k]) for k in inside]
     if not ratios:
         reason = "no pulses of both directions at one SoC, rate and temperature"
-        return silent("pulses", (effect,), reason)
+        return silent("pulses", DIRECTIONS, reason)
     return Measured(
-        *("pulses", (effect,), "resistance on charge over that on discharge"),
-        *("charge_over_discharge", (ampere,), float(np.median(ratios)), spread(ratios), "1", 1.0),
+        *("pulses", DIRECTIONS, "resistance on charge over that on discharge"),
+        *((ampere,), float(np.median(ratios)), spread(ratios), "1", 1.0),
         material=bool(abs(np.median(volts)) > LEAST_VOLT),
     )
 
 
 def _rates(courses, ampere):
     """Resistance of the largest over that of the smallest pulses at the same SoC."""
-    effect, families = "charge_transfer_nonlinearity", {}
+    families = {}
     for (celsius, direction, rate, _), course in courses.items():
         if abs(celsius - REFERENCE_CELSIUS) <= ROOM_KELVIN:
             families.setdefault((celsius, direction), {})[rate] = course
     best = max(families.values(), key=lambda one: max(one) / min(one), default={})
     if not best or max(best) / min(best) < RATES_APART:
-        return silent("pulses", (effect,), "no pulses of two rates, one twice the other")
+        return silent("pulses", RATES, "no pulses of two rates, one twice the other")
     small, large = best[min(best)], best[max(best)]
     ratios = [np.interp(s, *large) / np.interp(s, *small) for s in LEVELS if _both(small, large, s)]
     if not ratios:
-        return silent("pulses", (effect,), "pulses of two rates share no SoC")
+        return silent("pulses", RATES, "pulses of two rates share no SoC")
     at = min(best) * ampere, max(best) * ampere
     fall = (1 - np.mean(ratios)) * np.interp(0.5, *small) * at[1]
     return Measured(
-        *("pulses", (effect,), f"resistance at {max(best):.2g}C over that at {min(best):.2g}C"),
-        *("large_over_small", at, float(np.mean(ratios)), spread(ratios), "1", 1.0),
+        *("pulses", RATES, f"resistance at {max(best):.2g}C over that at {min(best):.2g}C"),
+        *(at, float(np.mean(ratios)), spread(ratios), "1", 1.0),
         material=bool(fall > LEAST_VOLT),
     )
 
@@ -288,17 +287,16 @@ def _split_by_arc(rows):
 
 def _butler_volmer(rows, ampere):
     """Resistance at 1C over that at small currents, from the charge transfer near 50 % SoC."""
-    effect = "charge_transfer_nonlinearity"
     near = [row for row in rows if abs(celsius_of(row) - REFERENCE_CELSIUS) <= SAME_CELSIUS]
     near = [row for row in near if abs(float(row["soc"]) - 0.5) <= 0.2]
     if not near:
-        return silent("impedance", (effect,), "no charge-transfer arc near 25 °C and 50 % SoC")
+        return silent("impedance", RATES, "no charge-transfer arc near 25 °C and 50 % SoC")
     row = min(near, key=lambda one: abs(float(one["soc"]) - 0.5))
     transfer, ohmic = float(row["r_charge_transfer_ohm"]), float(row["r_ohmic_ohm"])
     drive = ampere * transfer / (2 * THERMAL_VOLT)
     factor = (ohmic + transfer * np.arcsinh(drive) / drive) / (ohmic + transfer)
     return Measured(
-        *("impedance", (effect,), "resistance at 1C over that at C/50, after Butler–Volmer"),
-        *("large_over_small", (ampere / 50, ampere), float(factor), np.nan, "1", 1.0),
+        *("impedance", RATES, "resistance at 1C over that at C/50, after Butler–Volmer"),
+        *((ampere / 50, ampere), float(factor), np.nan, "1", 1.0),
         material=bool((1 - factor) * (ohmic + transfer) * ampere > LEAST_VOLT),
     )

@@ -1,4 +1,4 @@
-"""What a measurement says of an effect, and the rule by which it agrees with a verdict."""
+"""What a measurement says of a quantity, and the rule by which it agrees with a verdict."""
 
 from typing import NamedTuple
 
@@ -15,20 +15,19 @@ FEWEST = 3  # readings whose spread is a deviation
 
 
 class Measured(NamedTuple):
-    """What one kind of measurement tells of an effect, before it is held against a verdict.
+    """What one kind of measurement reads of a quantity, before it is held against a verdict.
 
-    name : of the measurement. effects : ids that would show in it, the usual one first.
-    quantity : in words. probe : name in `probes.PROBES` of what an effect implies of the same
-    quantity, `at` : under which conditions. value, std : as measured, the deviation NaN where it is
+    name : of the measurement. quantity : what it reads, a name in `quantities.QUANTITIES`: effects
+    of that `Effect.quantity` would show in it. words : the quantity in words. at : the conditions
+    under which it was measured. value, std : as measured, the deviation NaN where it is
     not stated. unit : "1" of a factor. neutral : the value where the effect is absent. material :
     whether the difference is large enough for somebody to act on. reason : why it tells nothing,
     else "".
     """
 
     name: str
-    effects: tuple
     quantity: str
-    probe: str = ""
+    words: str = ""
     at: tuple = ()
     value: float = np.nan
     std: float = np.nan
@@ -61,9 +60,9 @@ class Witness(NamedTuple):
     text: str
 
 
-def silent(name, effects, reason):
-    """A measurement that tells nothing of the effects, and why."""
-    return Measured(name, tuple(effects), "", reason=reason)
+def silent(name, quantity, reason):
+    """A measurement that tells nothing of a quantity, and why."""
+    return Measured(name, quantity, reason=reason)
 
 
 def same(measured, implied, std, *, neutral=0.0):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.effects.base import LOGARITHMS
-from cellwright.effects.witnesses.probes import EARLIER_SECOND, PROBES
+from cellwright.effects.library.quantities import EARLIER_SECOND, QUANTITIES
 from cellwright.effects.witnesses.resistances import SOC_ENDS, SOC_SPAN
 from cellwright.effects.witnesses.statement import (
     LEAST_VOLT,
@@ -14,7 +14,7 @@ from cellwright.effects.witnesses.statement import (
     silent,
     spread,
 )
-from cellwright.protocols.ocv.gap import HYSTERESIS, shows_hysteresis, slow_gap
+from cellwright.protocols.ocv.gap import shows_hysteresis, slow_gap
 from cellwright.records.conditions import REFERENCE_CELSIUS, SAME_CELSIUS, same_temperature
 
 LONG_SECOND = 1800.0  # of a rest that shows what relaxes later than ten minutes
@@ -35,34 +35,34 @@ def of_rests(rows, values, *, capacity_ampere_hour):
     -------
     measured : list of Measured: slow diffusion, and polarisation over SoC.
     """
-    kept = [row for row in rows if row.get("chosen") in (True, "True") and _told(row)]
+    kept = [row for row in rows if row.get("chosen") in (True, "True") and _follows_a_load(row)]
     near = min((abs(celsius_of(row, INSIDE) - REFERENCE_CELSIUS) for row in kept), default=0.0)
     kept = [
         r for r in kept if abs(celsius_of(r, INSIDE) - REFERENCE_CELSIUS) <= near + SAME_CELSIUS
     ]
-    return [_slow(kept, values), _polarisation(kept, capacity_ampere_hour)]
+    return [_slow_resistance(kept, values), _relaxing_over_soc(kept, capacity_ampere_hour)]
 
 
-def _told(row):
+def _follows_a_load(row):
     current = row.get("current_before_ampere")
     return current is not None and abs(current) > 0 and row.get("load_second", 0) > 0
 
 
-def _slow(rows, values):
+def _slow_resistance(rows, values):
     """Voltage that relaxes later than ten minutes after a load, per ampere of the load."""
-    effect = "slow_diffusion"
+    quantity = "slow_resistance"
     long = [row for row in rows if row["rest_second"] >= LONG_SECOND and row["load"] == "CC"]
     if not long:
-        return silent("relaxations", (effect,), "no rest of half an hour after a steady load")
+        return silent("relaxations", quantity, "no rest of half an hour after a steady load")
     late = np.array([_late_ohm(row) for row in long])
     row = long[int(np.argmin(np.abs(late - np.median(late))))]
     at = float(min(row["load_second"], 2e4)), float(row["rest_second"])
     own = values if all(name in values for name in LOGARITHMS) else None
-    alone = 0.0 if own is None else PROBES["slow_resistance"](None, {}, values, at)
-    quantity = f"what relaxes between 10 and {at[1] / 60:.0f} min of a rest, per ampere of its load"
+    alone = 0.0 if own is None else QUANTITIES[quantity](None, {}, values, at)
+    words = f"what relaxes between 10 and {at[1] / 60:.0f} min of a rest, per ampere of its load"
     measured = float(np.median(late))
     return Measured(
-        *("relaxations", (effect,), quantity, "slow_resistance", at),
+        *("relaxations", quantity, words, at),
         *(measured, spread(late), "Ohm", alone),
         material=bool((measured - alone) * abs(row["current_before_ampere"]) > LEAST_VOLT),
     )
@@ -76,19 +76,19 @@ def _late_ohm(row):
     return float(volt / row["current_before_ampere"])
 
 
-def _polarisation(rows, ampere):
+def _relaxing_over_soc(rows, ampere):
     """Resistance of what relaxes, at the lower over that at the upper end of SoC."""
-    effect = "polarisation_soc"
+    quantity = "relaxing_over_soc"
     known = [r for r in rows if np.isfinite([r["soc"], r["r1_ohm"]]).all() and r["r1_ohm"] > 0]
     pairs = [(r["soc"], r["r1_ohm"] + np.nan_to_num(r["r2_ohm"])) for r in known]
     soc, ohm = np.array(sorted(pairs)).reshape(-1, 2).T
     low, high = (max(SOC_ENDS[0], soc[0]), min(SOC_ENDS[1], soc[-1])) if len(soc) else (0, 0)
     if len(soc) < 3 or high - low < SOC_SPAN:
-        return silent("relaxations", (effect,), "rests at fewer than three SoC over half the range")
+        return silent("relaxations", quantity, "rests at fewer than three SoC over half the range")
     at_low, at_high = np.interp([low, high], soc, ohm)
     words = f"resistance that relaxes at {100 * low:.0f} % over that at {100 * high:.0f} % SoC"
     return Measured(
-        *("relaxations", (effect,), words, "relaxing_over_soc", (float(low), float(high))),
+        *("relaxations", quantity, words, (float(low), float(high))),
         *(float(at_low / at_high), np.nan, "1", 1.0),
         material=is_material(at_low / at_high, ampere * (at_low - at_high)),
     )
@@ -105,23 +105,23 @@ def of_slow_test(basis, values):
     -------
     measured : list of Measured, one.
     """
-    effects = tuple(sorted(HYSTERESIS, reverse=True))
+    quantity = "half_gap"
     if basis.get("borrowed_from") is not None:
-        return [silent("slow test", effects, f"its OCV is that of {basis['borrowed_from']}")]
+        return [silent("slow test", quantity, f"its OCV is that of {basis['borrowed_from']}")]
     known = [(abs(celsius_of(c) - REFERENCE_CELSIUS), slow_gap(c)) for c in basis.get("ocv", ())]
     known = [pair for pair in known if np.isfinite(pair[1].half_gap_volt)]
     if not known or not all(name in values for name in LOGARITHMS):
-        return [silent("slow test", effects, "no slow test with both directions")]
+        return [silent("slow test", quantity, "no slow test with both directions")]
     gap = min(known, key=lambda pair: pair[0])[1]
     ohm = sum(float(np.exp(values[name])) for name in ("log_r0", "log_r1", "log_r2"))
     drop = gap.current_ampere * ohm
-    quantity = (
+    words = (
         f"half the gap of the slow branches, {1e3 * gap.half_gap_volt:.1f} mV, less the drop of "
         f"{gap.current_ampere:.3g} A over the model's {1e3 * ohm:.3g} mΩ"
     )
     return [
         Measured(
-            *("slow test", effects, quantity, "hysteresis", ()),
+            *("slow test", quantity, words, ()),
             *(float(gap.half_gap_volt - drop), np.nan, "V", 0.0),
             material=shows_hysteresis(gap, ohm),
         )
@@ -139,9 +139,10 @@ def of_entropy(rows):
     -------
     measured : list of Measured, one.
     """
+    quantity = "ocv_per_kelvin"
     used = [r for r in rows if r["used"] in (True, "True") and MIDDLE[0] <= r["soc"] <= MIDDLE[1]]
     if not used:
-        return [silent("entropic coefficient", ("entropic_ocv",), "no OCV at three temperatures")]
+        return [silent("entropic coefficient", quantity, "no OCV at three temperatures")]
     slopes, stds = (
         1e-3 * np.array([row[name] for row in used], float)
         for name in ("entropic_millivolt_per_kelvin", "std_millivolt_per_kelvin")
@@ -151,7 +152,7 @@ def of_entropy(rows):
     words = f"slope of the OCV over temperature, {100 * at[0]:.0f} to {100 * at[1]:.0f} % SoC"
     return [
         Measured(
-            *("entropic coefficient", ("entropic_ocv",), words, "entropic", at),
+            *("entropic coefficient", quantity, words, at),
             *(mean, std, "V/K", 0.0),
             material=abs(mean) * USUAL_KELVIN > LEAST_VOLT,
         )
@@ -169,17 +170,17 @@ def of_moved_ocv(basis):
     -------
     measured : list of Measured, one.
     """
-    curves = sorted(basis.get("ocv", ()), key=cycle_of)
+    quantity, curves = "ocv_change", sorted(basis.get("ocv", ()), key=cycle_of)
     alike = [c for c in curves if same_temperature(celsius_of(c), celsius_of(curves[0]))]
     if len({cycle_of(c) for c in alike}) < 2:
-        return [silent("check-ups", ("ocv_shift",), "no slow tests of two check-ups")]
+        return [silent("check-ups", quantity, "no slow tests of two check-ups")]
     soc = np.linspace(*SOC_ENDS, 41)
     before, after = (np.interp(soc, c["soc"], c["ocv_volt"]) for c in (alike[0], alike[-1]))
     moved = float(np.sqrt(np.mean((after - before) ** 2)))
     return [
         Measured(
-            *("check-ups", ("ocv_shift",), "RMS change of the OCV between slow tests"),
-            *("ocv", SOC_ENDS, moved, np.nan, "V", 0.0),
+            *("check-ups", quantity, "RMS change of the OCV between slow tests"),
+            *(SOC_ENDS, moved, np.nan, "V", 0.0),
             material=moved > LEAST_VOLT,
         )
     ]

@@ -105,7 +105,6 @@ def _celsius(curve):
     return 25.0 if celsius is None else celsius
 
 
-HYSTERESIS = {"hysteresis_one_state", "hysteresis_instant"}
 LEAST_VOLT = 5e-3  # of half the gap, the design's limit of what an OCV error swallows
 LEAST_SHARE = 0.5  # of half the gap that a resistance may leave
 

@@ -1,6 +1,6 @@
-"""What an effect of a model implies of a quantity that other measurements read.
+"""Quantities that other measurements read, as an effect of a model implies them.
 
-Each probe lets the effect act on the plain model's resistances, capacity and OCV under the
+Each lets the effect act on the plain model's resistances, capacity and OCV under the
 conditions of the measurement, so that none depends on the formula that an effect has.
 """
 
@@ -9,13 +9,16 @@ import numpy as np
 from cellwright.effects.base import LOGARITHMS, Fields, slow_volt
 from cellwright.effects.records import Stack
 from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
+from cellwright.records.conditions import REFERENCE_CELSIUS
 
-REFERENCE_CELSIUS, MIDDLE_SOC = 25.0, 0.5
+MIDDLE_SOC = 0.5
 STEP_SECOND = 10.0  # of a record made for a rest
 EARLIER_SECOND = 600.0  # of a rest: what relaxes later is slow, as the plain model's longest tau2
 
 
-def acted(effect, p, values, *, soc=MIDDLE_SOC, celsius=REFERENCE_CELSIUS, current=-1.0, step=None):
+def fields_with(
+    effect, p, values, *, soc=MIDDLE_SOC, celsius=REFERENCE_CELSIUS, current=-1.0, step=None
+):
     """Fields of the plain model with one effect, at given conditions.
 
     Parameters
@@ -58,30 +61,30 @@ def _total(fields):
 def _activation_energy(effect, p, values, at):
     """Of the sum of all resistances between two temperatures [J/mol]."""
     cold, warm = at
-    ohm = _total(acted(effect, p, values, celsius=[cold, warm]))
+    ohm = _total(fields_with(effect, p, values, celsius=[cold, warm]))
     kelvin = np.array([cold, warm]) + ZERO_CELSIUS_KELVIN
     return GAS_CONSTANT * float(np.log(ohm[0] / ohm[1]) / (1 / kelvin[0] - 1 / kelvin[1]))
 
 
 def _ohmic_over_soc(effect, p, values, at):
-    low, high = acted(effect, p, values, soc=at).r0
+    low, high = fields_with(effect, p, values, soc=at).r0
     return float(low / high)
 
 
 def _relaxing_over_soc(effect, p, values, at):
-    fields = acted(effect, p, values, soc=at)
+    fields = fields_with(effect, p, values, soc=at)
     low, high = sum(fields.slow_ohm)
     return float(low / high)
 
 
 def _charge_over_discharge(effect, p, values, at):
-    discharge, charge = acted(effect, p, values, current=[-at[0], at[0]]).r0
+    discharge, charge = fields_with(effect, p, values, current=[-at[0], at[0]]).r0
     return float(charge / discharge)
 
 
 def _large_over_small(effect, p, values, at):
     small, large = np.abs(at)
-    ohmic = acted(effect, p, values, current=[-small, -large]).ohmic
+    ohmic = fields_with(effect, p, values, current=[-small, -large]).ohmic
     return float((ohmic[1] / large) / (ohmic[0] / small))
 
 
@@ -89,18 +92,18 @@ def _slow_resistance(effect, p, values, at):
     """Voltage that relaxes between 10 min and the end of a rest, per ampere of its load [ohm]."""
     load, rest = (int(np.ceil(second / STEP_SECOND)) for second in at)
     current = np.append(np.full(load + 1, -1.0), np.zeros(rest))
-    fields = acted(effect, p, values, current=current, step=STEP_SECOND)
+    fields = fields_with(effect, p, values, current=current, step=STEP_SECOND)
     pairs = slow_volt(_stack(current, fields.celsius, STEP_SECOND), fields)
     volt = fields.volt + pairs
     return float(volt[-1] - volt[load + int(EARLIER_SECOND / STEP_SECOND)])
 
 
-def _hysteresis(effect, p, values, at):
-    return float(p["amplitude_volt"])
+def _half_gap(effect, p, values, at):
+    return float(p[effect.parameters[0].name])
 
 
-def _offset(effect, p, values, at):
-    fields = acted(effect, p, values, current=[0.0])
+def _current_at_rest(effect, p, values, at):
+    fields = fields_with(effect, p, values, current=[0.0])
     return -float(fields.current[0])
 
 
@@ -109,68 +112,49 @@ def _nothing(effect, p, values, at):
     return 0.0
 
 
-def _entropic(effect, p, values, at):
+def _not_read(effect, p, values, at):
+    """The rise of the core over the surface, which no sensor reads."""
+    return np.nan
+
+
+def _ocv_per_kelvin(effect, p, values, at):
     """Mean slope of the OCV over temperature within a range of SoC [V/K]."""
     soc = np.linspace(*at, 21)
-    warm, cold = (acted(effect, p, values, soc=soc, celsius=c).ocv for c in (26.0, 25.0))
+    warm, cold = (fields_with(effect, p, values, soc=soc, celsius=c).ocv for c in (26.0, 25.0))
     return float(np.mean(warm - cold))
 
 
 def _capacity_per_kelvin(effect, p, values, at):
     cold, warm = at
-    ampere_hour = acted(effect, p, values, celsius=[cold, warm]).capacity
-    middle = acted(effect, p, values).capacity[0]
+    ampere_hour = fields_with(effect, p, values, celsius=[cold, warm]).capacity
+    middle = fields_with(effect, p, values).capacity[0]
     return float((ampere_hour[1] - ampere_hour[0]) / (warm - cold) / middle)
 
 
-def _capacity(effect, p, values, at):
-    return float(acted(effect, p, values).capacity[0] / acted(None, {}, values).capacity[0] - 1.0)
+def _capacity_change(effect, p, values, at):
+    now, before = (fields_with(one, p, values).capacity[0] for one in (effect, None))
+    return float(now / before - 1.0)
 
 
-def _ocv(effect, p, values, at):
+def _ocv_change(effect, p, values, at):
     """RMS change of the OCV within a range of SoC [V]."""
     soc = np.linspace(*at, 41)
-    return float(np.sqrt(np.mean(acted(effect, p, values, soc=soc).ocv ** 2)))
+    return float(np.sqrt(np.mean(fields_with(effect, p, values, soc=soc).ocv ** 2)))
 
 
-PROBES = {
+QUANTITIES = {
     "activation_energy": _activation_energy,
     "ohmic_over_soc": _ohmic_over_soc,
     "relaxing_over_soc": _relaxing_over_soc,
     "charge_over_discharge": _charge_over_discharge,
     "large_over_small": _large_over_small,
     "slow_resistance": _slow_resistance,
-    "hysteresis": _hysteresis,
-    "offset": _offset,
-    "no_reading": _nothing,
-    "entropic": _entropic,
+    "half_gap": _half_gap,
+    "current_at_rest": _current_at_rest,
+    "no_current_at_rest": _nothing,
+    "core_rise": _not_read,
+    "ocv_per_kelvin": _ocv_per_kelvin,
     "capacity_per_kelvin": _capacity_per_kelvin,
-    "capacity": _capacity,
-    "ocv": _ocv,
+    "capacity_change": _capacity_change,
+    "ocv_change": _ocv_change,
 }
-
-
-def implied(probe, effect, entry, values, at):
-    """What an effect of a verdict implies of a measured quantity, and its standard deviation.
-
-    The deviation adds up those of the effect's parameters, as if they were independent.
-
-    Parameters
-    ----------
-    probe : name in `PROBES`. effect : Effect. entry : of the verdict, with `parameters`.
-    values : dict of the model's parameters, with capacity_ampere_hour. at : conditions.
-
-    Returns
-    -------
-    value, std : in the probe's unit; std is NaN where no parameter states one.
-    """
-    own = {name: one["value"] for name, one in entry["parameters"].items()}
-    stds = {name: one.get("std") for name, one in entry["parameters"].items()}
-    function = PROBES[probe]
-    value = function(effect, own, values, at)
-    moved = [
-        function(effect, own | {name: own[name] + std}, values, at) - value
-        for name, std in stds.items()
-        if std is not None and np.isfinite(std)
-    ]
-    return value, float(np.sqrt(np.sum(np.square(moved)))) if moved else np.nan
