@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.numerics.linear import savitzky_golay_weights
+from cellwright.protocols.ica.adaptive import adaptive_capacity
 from cellwright.protocols.ica.charge import (
     charge_peaks,
     charge_slope,
@@ -121,9 +122,8 @@ def test_every_method_finds_the_peaks(method):
 
 
 def test_the_thesis_variants_of_text_and_code_differ():
-    code = found_in(*record(5000, 3), method="adaptive")[0]
-    changes = {"adaptive_span_share": 0.1, "adaptive_threshold_volt": 6e-4}
-    text = found_in(*record(5000, 3), method="adaptive", **changes)[0]
+    code = adaptive_capacity(*record(5000, 3))
+    text = adaptive_capacity(*record(5000, 3), span_share=0.1, threshold_volt=6e-4)
     assert text.dq_dv_ampere_hour_per_volt.max() < code.dq_dv_ampere_hour_per_volt.max()
 
 

@@ -128,8 +128,7 @@ def figures_of_models(cell):
         parts = of_cell(cell, laws="compensation", proof="temperature_prediction")
         yield figure("compensation", **parts)
     if cell in SEARCHED:
-        gates = {key: config["missing_effect"][key] for key in ("bic", "validation_chi_square")}
-        yield from figures_of_effect(cell, EFFECT_FIGURES, gates)
+        yield from figures_of_effect(cell, EFFECT_FIGURES)
     scored = [row["test"] for row in SCORED.get(cell, [])]
     for test in scored:
         parts = of_test(cell, test, series="simulation", scores="validation")
@@ -138,13 +137,12 @@ def figures_of_models(cell):
         yield figure("soc", test=test, **of_test(cell, test, series="soc_series", scores="soc"))
 
 
-def figures_of_effect(owner, figures, gates):
-    """Figures of the search in a cell or group; `gates`: what a proven effect must exceed."""
+def figures_of_effect(owner, figures):
+    """Figures of the search in a cell or group."""
     for name, parts in figures.items():
         paths = {part: f"results/missing_effect/{owner}/{file}" for part, file in parts.items()}
-        settings = {"gates": gates} if name.endswith("ranking") else {}
         called = f"effect_{name.removeprefix('group_')}"
-        yield figure(f"effect_{name}", name=called, settings=settings, **paths)
+        yield figure(f"effect_{name}", name=called, **paths)
 
 
 def figures_of_group(group):
@@ -152,8 +150,7 @@ def figures_of_group(group):
     models = [f"results/models/{cell}.json" for cell in LEAVES[group] if cell in MODELLED]
     yield figure("wiring", settings={"rows": WIRED[group]}, models=models)
     if group in GROUPS_SEARCHED:
-        gates = config["missing_effect_group"]["gates"]
-        yield from figures_of_effect(group, GROUP_EFFECT_FIGURES, gates)
+        yield from figures_of_effect(group, GROUP_EFFECT_FIGURES)
     for row in tests(group, "group") if group in SHARED else ():
         parts = of_test(group, row["test"], series="pack_series", scores="pack")
         yield figure("pack", test=row["test"], **parts)

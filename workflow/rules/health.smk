@@ -15,9 +15,8 @@ rule ica_life:
         "logs/ica_life/{cell}/{test}.log",
     params:
         settings=config["ica"],
-        most=config["ica_tracks"]["most_charges"],
     message:
-        "Incremental capacity of {wildcards.cell}, up to {params.most} charges of {wildcards.test}."
+        "Incremental capacity of {wildcards.cell} in charges over the life of {wildcards.test}."
     script:
         "../../scripts/health/ica_life.py"
 
@@ -34,7 +33,6 @@ rule ica_tracks:
     wildcard_constraints:
         cell=either(FOLLOWED),
     params:
-        settings=config["ica_tracks"],
         tests=facts_of_own_tests,
         chemistry=lambda w: CELLS[w.cell]["chemistry"],
     message:
@@ -183,7 +181,6 @@ rule peak_calibration:
     params:
         tests=lambda w: facts_of_tests_of(PEAK_TYPES[w.cell]),
         rated_ampere_hour=lambda w: CELLS[w.cell]["rated_capacity_ampere_hour"],
-        most_terms=config["health_from_peaks"]["most_terms"],
     message:
         "Capacity from peaks of dQ/dV, calibrated over the cells of the type of {wildcards.cell}."
     script:

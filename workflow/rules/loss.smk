@@ -116,7 +116,6 @@ rule ageing:
     log:
         "logs/ageing/{cell}/{test}.log",
     params:
-        settings=config["ageing"],
         test=test_facts,
         cell=cell_facts,
     message:

@@ -16,7 +16,6 @@ rule identification_methods:
     wildcard_constraints:
         cell=either(COMPARED),
     params:
-        settings=config["identification_methods"],
         cell=cell_facts,
     message:
         "Identify the pulses of {wildcards.cell} by each method, to compare them."

@@ -1,7 +1,7 @@
 """Equivalent circuits and state of charge: basis, identification, simulation, validation."""
 
 from cellwright.api import inputs, results
-from cellwright.settings import IdentificationMethods, Models, Soc
+from cellwright.settings import Models, Soc
 
 MODELS = Models()
 
@@ -72,7 +72,7 @@ def identify_without(
     return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
 
 
-def compare_identification_methods(cell, basis, tests, settings=None, **changes):
+def compare_identification_methods(cell, basis, tests, **limits):
     """R0 and two RC pairs from the same pulses by each identification method, side by side.
 
     Parameters
@@ -80,7 +80,7 @@ def compare_identification_methods(cell, basis, tests, settings=None, **changes)
     cell : CellFacts or mapping.
     basis : result of `basis`.
     tests : (test, clean series, result of `segment`) each, of tests with pulses.
-    settings : `settings.IdentificationMethods`, or its keys as keywords.
+    limits : pulses_per_cell, samples, rest_lengths, as of `methods.pulse_records.pulse_records`.
 
     Returns
     -------
@@ -107,10 +107,7 @@ def compare_identification_methods(cell, basis, tests, settings=None, **changes)
         test._replace(steps=counted_here(test.steps, of))
         for test, of in zip(measured, elsewhere, strict=True)
     ]
-    chosen = inputs.settings_of(IdentificationMethods, settings, changes)
-    comparison = compare_methods(
-        measured, inputs.basis(basis), inputs.cell_facts(cell), **chosen._asdict()
-    )
+    comparison = compare_methods(measured, inputs.basis(basis), inputs.cell_facts(cell), **limits)
     return results.Table(comparison.rows, (*sentences(found), *comparison.left_out))
 
 

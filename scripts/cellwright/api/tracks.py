@@ -1,12 +1,10 @@
 """How a cell ages: dQ/dV over an ageing record, peaks followed through a life."""
 
 from cellwright.api import inputs, results
-from cellwright.settings import Ica, IcaTracks
-
-TRACKS = IcaTracks()
+from cellwright.settings import Ica
 
 
-def ica_life(series, steps, cycles, settings=None, *, most=TRACKS.most_charges, **changes):
+def ica_life(series, steps, cycles, settings=None, *, most=30, **changes):
     """Peaks of dQ/dV of charges spread evenly over one ageing record.
 
     Parameters
@@ -36,13 +34,12 @@ def ica_life(series, steps, cycles, settings=None, *, most=TRACKS.most_charges, 
     return results.IcaLife(found.rows, found.curves, tuple(found.notes))
 
 
-def ica_tracks(charges, settings=None, *, chemistry="", **changes):
+def ica_tracks(charges, *, chemistry=""):
     """Peaks of dQ/dV of one cell under names that stay through its life.
 
     Parameters
     ----------
     charges : `health.tracking.TrackedCharge` each.
-    settings : `settings.IcaTracks`, or its keys as keywords.
     chemistry : of the cell, for names alone.
 
     Returns
@@ -57,6 +54,4 @@ def ica_tracks(charges, settings=None, *, chemistry="", **changes):
     """
     from cellwright.health.peaks.tracking import tracked_peaks
 
-    options = inputs.settings_of(IcaTracks, settings, changes)._asdict()
-    options.pop("most_charges")
-    return results.Table(tracked_peaks(charges, chemistry=chemistry or "", **options))
+    return results.Table(tracked_peaks(charges, chemistry=chemistry or ""))

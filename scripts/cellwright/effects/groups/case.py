@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.candidates import Score, State, candidates, frees_of
+from cellwright.effects.groups.known import GroupGates, Shared, Spread
 from cellwright.effects.groups.model import (
     at_branch,
     group_coupling,
@@ -38,11 +39,7 @@ from cellwright.numerics.least_squares import (
     priors,
 )
 from cellwright.numerics.statistics import rms
-from cellwright.settings.effects import MissingEffectGroupGates
-from cellwright.settings.effects import MissingEffectGroupShared as Shared
-from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
-GATES = MissingEffectGroupGates()  # the schema's defaults
 PASSES = 2
 SOC_APART = 0.005
 SOC_STEP = 1e-3
@@ -51,28 +48,6 @@ FIRST_NOISE_VOLT = 2e-3
 FIRST_NOISE_SHARE = 2e-3  # of the largest branch current
 SHARPER = 0.8  # fall of the slow noise for which a round is repeated
 VISIBLE = 25.0  # fall of chi-square by an effect of plausible size
-
-
-class GroupGates(NamedTuple):
-    """When an effect of a branch counts; meanings as those of a cell's gates.
-
-    material_volt : an error of the branch currents, times their cells' ohmic resistance, that
-    nobody acts on [V]. unknown_volt : such an error beyond the floor up to which there is no
-    unknown effect [V]. most_slow_volt : largest slow noise of a branch current, times its cell's
-    ohmic resistance [V]. shared_slow_volt : slow error of the model's voltage that all branches
-    share, and that must not move their currents [V].
-    """
-
-    refits: int = GATES.refits
-    bic: float = GATES.bic
-    validation_chi_square: float = GATES.validation_chi_square
-    material_volt: float = GATES.material_volt
-    unknown_volt: float = GATES.unknown_volt
-    tie_absolute: float = GATES.tie_absolute
-    tie_relative: float = GATES.tie_relative
-    rounds: int = GATES.rounds
-    most_slow_volt: float = GATES.most_slow_volt
-    shared_slow_volt: float = GATES.shared_slow_volt
 
 
 class Channels(NamedTuple):

@@ -2,14 +2,22 @@
 
 import numpy as np
 
-from cellwright.protocols.ica.curve import gridded
+from cellwright.protocols.ica.curve import BIN_VOLT, gridded
 
 FIRST_DIVISOR = 5
 MARGIN_SHARE = 0.035  # 500 rows of a C/2 charge read twice a second, as the thesis' code adds
 LEAST_SPAN = 5
 
 
-def adaptive_capacity(voltage_volt, charge_ampere_hour, *, settings):
+def adaptive_capacity(
+    voltage_volt,
+    charge_ampere_hour,
+    *,
+    bin_volt=BIN_VOLT,
+    span_share=1 / 20,
+    threshold_volt=4e-4,
+    end_volt=1e-3,
+):
     """dQ/dV of one constant-current charge by the adaptive filter of the thesis.
 
     1. A Savitzky-Golay filter of degree 2 over a share of the record smooths the voltage. 2. What
@@ -22,19 +30,23 @@ def adaptive_capacity(voltage_volt, charge_ampere_hour, *, settings):
     ----------
     voltage_volt, charge_ampere_hour : (n,) rows of one charge [V], [Ah], the charge by the true
         times of the rows.
-    settings : Ica with adaptive_span_share [1], adaptive_threshold_volt, adaptive_end_volt [V].
+    bin_volt : width of a bin of the curve [V].
+    span_share : span of the first filter, as a share of the record [1]. threshold_volt : where
+        the filter removes more, an end of the charge is filtered again [V]. end_volt : spans at
+        the ends shrink until less than this is removed on average [V].
 
     Returns
     -------
     curve : IncrementalCapacity; dQ/dV of the rows averaged over bins of `bin_volt`.
 
     Source: thesis 4.4 and appendix A. Erratum: text (N/10, 0.6 mV) and code (N/20, 0.4 mV) differ,
-    so both are settings; the code multiplies each time by the current of that row, and its limits
+    the code's are the defaults; it multiplies each time by the current of that row, and its limits
     of 10,000 and 500 rows fit one length of record: here halves of the record, and a share of it.
     """
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
     apart = max(len(voltage) // 100, 1)
-    smooth = _refiltered(voltage, _savitzky_golay(voltage, settings.adaptive_span_share), settings)
+    first = _savitzky_golay(voltage, span_share)
+    smooth = _refiltered(voltage, first, threshold_volt, end_volt)
     rise = smooth[apart:] - smooth[:-apart]
     passed = charge[apart:] - charge[:-apart]
     slope = np.divide(passed, rise, where=rise > 0, out=np.full(len(rise), np.nan))
@@ -42,12 +54,12 @@ def adaptive_capacity(voltage_volt, charge_ampere_hour, *, settings):
     middle = (smooth[apart:] + smooth[:-apart])[known] / 2
     height = _savitzky_golay(slope[known], 1 / 100)
     bend = np.sum(np.diff(voltage, 2) ** 2)
-    grid, mean = _averaged(middle, height, settings.bin_volt)
+    grid, mean = _averaged(middle, height, bin_volt)
     return gridded(
         grid,
         mean,
         bin_volt=float(grid[1] - grid[0]),
-        smooth_volt=float(settings.adaptive_span_share * np.ptp(voltage)),
+        smooth_volt=float(span_share * np.ptp(voltage)),
         scatter_volt=np.sqrt(bend / max(len(voltage) - 2, 1) / 6),
         density=len(voltage) / np.ptp(charge),
         method="adaptive",
@@ -62,19 +74,19 @@ def _savitzky_golay(values, share):
     return savgol_filter(values, min(span, 2 * ((len(values) - 1) // 2) + 1), 2, mode="interp")
 
 
-def _refiltered(voltage, smooth, settings):
+def _refiltered(voltage, smooth, threshold_volt, end_volt):
     """Smoothed voltage with both ends filtered again where too much was removed."""
     rows, margin = len(voltage), int(MARGIN_SHARE * len(voltage))
     joined = smooth.copy()
-    much = np.abs(_savitzky_golay(smooth - voltage, 1 / 100)) > settings.adaptive_threshold_volt
+    much = np.abs(_savitzky_golay(smooth - voltage, 1 / 100)) > threshold_volt
     early = np.flatnonzero(much[: rows // 2])
     late = np.flatnonzero(much[rows // 2 :]) + rows // 2
     if len(early):
         stop = min(early[-1] + margin, rows // 2)
-        joined[:stop] = _end(voltage[:stop], settings.adaptive_end_volt)
+        joined[:stop] = _end(voltage[:stop], end_volt)
     if len(late):
         start = max(late[0] - margin, rows // 2)
-        joined[start:] = _end(voltage[start:], settings.adaptive_end_volt)
+        joined[start:] = _end(voltage[start:], end_volt)
     return joined
 
 

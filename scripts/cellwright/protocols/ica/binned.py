@@ -5,19 +5,20 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weights
-from cellwright.protocols.ica.curve import gridded
+from cellwright.protocols.ica.curve import BIN_VOLT, gridded
 from cellwright.protocols.ica.levels import rises, tally, volt_at_rank
 from cellwright.refusal import Refusal
 
 LEAST_ROWS = 50
+SMOOTH_VOLT = 0.039  # window of the filter: 13 bins
 
 
 def binned_capacity(
     voltage_volt,
     charge_ampere_hour,
     *,
-    bin_volt,
-    smooth_volt,
+    bin_volt=BIN_VOLT,
+    smooth_volt=SMOOTH_VOLT,
     densest_share=0.8,
     slope_noise=0.02,
 ):
@@ -72,8 +73,8 @@ def counted_capacity(
     voltage_volt,
     charge_ampere_hour,
     *,
-    bin_volt,
-    smooth_volt,
+    bin_volt=BIN_VOLT,
+    smooth_volt=SMOOTH_VOLT,
     densest_share=0.8,
     slope_noise=0.02,
 ):

@@ -90,13 +90,12 @@ def charge_slope(voltage_volt, charge_ampere_hour, *, settings=ICA):
     """
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
     if settings.method in GRID_METHODS:
-        widths = {"bin_volt": settings.bin_volt, "smooth_volt": settings.smooth_volt}
-        return GRID_METHODS[settings.method](voltage, charge, **widths), None
+        return GRID_METHODS[settings.method](voltage, charge), None
     _refuse_unusable(voltage, charge)
     if settings.method == "spline":
         slope = ica_spline.slope_of_charge(voltage, charge)
-        return ica_spline.curve_of(slope, len(voltage), bin_volt=settings.bin_volt), slope
-    return adaptive_capacity(voltage, charge, settings=settings), None
+        return ica_spline.curve_of(slope, len(voltage)), slope
+    return adaptive_capacity(voltage, charge), None
 
 
 def _refuse_unusable(voltage, charge):
