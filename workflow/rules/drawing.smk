@@ -20,11 +20,6 @@ def figure(kind, *, test=None, settings=None, name=None, **inputs):
     return name, {"kind": kind, "test": test, "inputs": inputs, "settings": settings or {}}
 
 
-def of_test(owner, test, **stages):
-    """The artefact of a test in each of these stages."""
-    return {name: f"results/{stage}/{owner}/{test}.parquet" for name, stage in stages.items()}
-
-
 def thumbnails(cell):
     """The first twelve records of a cell, one of each kind and temperature first."""
     rows = tests(cell, *SERIES_KINDS)
@@ -188,7 +183,9 @@ DRAWN_FROM = {
     for cell in CELLS
 } | {group: dict(figures_of_group(group)) for group in BRANCHES}
 # Cells seen at two cycles of their life.
-LIVED = cells_where(lambda cell: cell in AGED or len(check_ups(cell, *CAPACITY_KINDS)) > 1)
+LIVED = dict.fromkeys(
+    cell for cell in CELLS if cell in AGED or len(PLAN.cycles(cell, *CAPACITY_KINDS)) > 1
+)
 HEALTH_FIGURES = [
     *(["results/figures/lives.svg"] if LIVED else []),
     # Of fewer cells of a type no line is drawn; tables and page say so.
@@ -223,7 +220,7 @@ rule figures:
     log:
         "logs/figures/{owner}.log",
     params:
-        figures=lambda w: DRAWN_FROM[w.owner],
+        figures=own(DRAWN_FROM.get),
         owner_kind=lambda w: "cell" if w.owner in CELLS else "group",
     message:
         "Figures of {wildcards.owner}."

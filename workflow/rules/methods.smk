@@ -1,13 +1,13 @@
 # Identification methods compared: the thesis' three, lmfit and this project's, on the same pulses.
 
 # Cells with pulses that may be fitted.
-COMPARED = cells_where(lambda cell: tests(cell, *PULSE_KINDS, roles=["fit"]))
+COMPARED = dict.fromkeys(cell for cell in CELLS if tests(cell, *PULSE_KINDS, roles=["fit"]))
 
 
 rule identification_methods:
     input:
-        series=lambda w: fitted("clean", w.cell, *PULSE_KINDS),
-        steps=lambda w: fitted("segment", w.cell, *PULSE_KINDS),
+        series=PLAN.own_fitted("clean", *PULSE_KINDS),
+        steps=PLAN.own_fitted("segment", *PULSE_KINDS),
         basis="results/basis/{cell}.json",
     output:
         "results/identification_methods/{cell}.parquet",

@@ -9,6 +9,19 @@ EPSILON = float(np.finfo(float).eps)
 NORMAL_95 = 1.959964  # standard deviations that hold 95 % of a normal distribution
 
 
+def pooled_rms(errors, weights=None):
+    """Weighted root mean square of errors, such as those of several records; None without weight.
+
+    Parameters
+    ----------
+    errors : (n,). weights : (n,) such as numbers of samples; None: all alike.
+    """
+    weights = np.ones(len(errors)) if weights is None else np.asarray(weights, float)
+    if not weights.sum():
+        return None
+    return float(np.average(np.square(np.asarray(errors, float)), weights=weights) ** 0.5)
+
+
 def rms(values):
     """Root mean square of errors, in their unit; NaN where there are none.
 
