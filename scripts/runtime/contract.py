@@ -41,15 +41,19 @@ def expanded(written: dict) -> dict:
     for stage, spec in written.items():
         columns = {}
         for name, about in spec["columns"].items():
-            if name.startswith(SAME):
-                columns |= _columns_of(stages, name.removeprefix(SAME), about, stage)
-            elif "same_as" in about:
-                source, _, column = about["same_as"].rpartition(".")
-                columns[name] = _columns_of(stages, source, [column], stage)[column]
-            else:
-                columns[name] = about
+            columns |= _in_full(stages, name, about, stage)
         stages[stage] = spec | {"columns": columns}
     return stages
+
+
+def _in_full(stages, name, about, stage):
+    """Columns of one line of the contract; `stages` are those that stand before it."""
+    if name.startswith(SAME):
+        return _columns_of(stages, name.removeprefix(SAME), about, stage)
+    if "same_as" in about:
+        source, _, column = about["same_as"].rpartition(".")
+        return {name: _columns_of(stages, source, [column], stage)[column]}
+    return {name: about}
 
 
 def _columns_of(stages, source, names, stage):
