@@ -6,9 +6,11 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from cellwright.effects.case import Gates
 from figures import style
 from figures.style import rows_where
 
+GATES = Gates()  # those of a group have the same limits on fit and proof
 RATES = {
     "rest": "rest",
     "discharge_low": "discharge, slow",
@@ -106,10 +108,10 @@ def _separate_tests(panel, tests):
             panel.axhline(k, color=style.QUIET, linewidth=0.6)
 
 
-def draw_ranking(columns, gates):
+def draw_ranking(columns):
     """Effects that were tried: improvement J of the model by each, and which passed the gates.
 
-    `columns` are those of `missing_effect/<cell>/ranking`, `gates` the limits of the search.
+    `columns` are those of `missing_effect/<cell>/ranking`.
     """
     rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     if not rows:
@@ -119,7 +121,7 @@ def draw_ranking(columns, gates):
     height = 1.3 + 0.24 * sum(sizes) + 0.9 * len(rounds)
     ratios = [size + 1.0 for size in sizes]
     figure, axes = style.subplots(len(rounds), 1, height=height, height_ratios=ratios, sharex=True)
-    gate = gates["bic"] + gates["validation_chi_square"]
+    gate = GATES.bic + GATES.validation_chi_square
     for panel, number in zip(axes[:, 0], rounds, strict=True):
         in_round = sorted((r for r in rows if r["round"] == number), key=lambda r: -r["j"])
         _round(panel, in_round, gate)
@@ -129,17 +131,17 @@ def draw_ranking(columns, gates):
     low = min(0.0, *(row["j"] for row in rows))
     axes[0, 0].set_xlim(2 * low - 40 if low < 0 else 0.0, 40 * max(largest, LINEAR))
     axes[-1, 0].set(xlabel="J: how much better with the effect, fit and proof together [1]")
-    _ranking_legend(figure, gates)
+    _ranking_legend(figure)
     return figure
 
 
-def draw_group_ranking(ranking, gates):
+def draw_group_ranking(ranking):
     """As `draw_ranking` for a group: each effect named together with its branch."""
     if not ranking:
-        return draw_ranking(ranking, gates)
+        return draw_ranking(ranking)
     pairs = zip(ranking["effect"], ranking["branch"], strict=True)
     names = [f"{effect.removeprefix('branch_')} of branch {branch}" for effect, branch in pairs]
-    return draw_ranking(ranking | {"effect": np.array(names, object)}, gates)
+    return draw_ranking(ranking | {"effect": np.array(names, object)})
 
 
 def _round_title(number, rows):
@@ -179,13 +181,11 @@ def _colour(row):
     return TIED if row["tied"] else OTHER
 
 
-def _ranking_legend(figure, gates):
+def _ranking_legend(figure):
     keys = [Patch(facecolor=c, edgecolor="white", label=text) for c, text in LABELS.items()]
     keys[-1].set_hatch(HATCH)
-    fit, proof = gates["bic"], gates["validation_chi_square"]
-    fall = gates.get("validation_fall")  # of groups; an effect of a cell must help evenly
-    also = "help in most parts of the records" if fall is None else f"its error down by {fall:.0%}"
-    label = f"needed: fit above {fit:g}, proof above {proof:g} (line: the sum), {also}"
+    needed = f"fit above {GATES.bic:g}, proof above {GATES.validation_chi_square:g}"
+    label = f"needed: {needed} (line: the sum), help in most parts of the records"
     gate = Line2D([], [], color=style.ERROR, lw=0.9, ls="--", label=label)
     figure.legend(handles=[*keys, gate], loc="outside lower center", ncols=2, fontsize=7.5)
 

@@ -225,10 +225,8 @@ DRAW = {
     "effect_validation": _effect_validation,
     "effect_map": lambda of, _: effects.draw_residual_map(artefact.load(of.residuals)),
     "effect_evidence": lambda of, _: effects.draw_evidence(artefact.load(of.evidence)),
-    "effect_ranking": lambda of, _: effects.draw_ranking(artefact.load(of.ranking), of.gates),
+    "effect_ranking": lambda of, _: effects.draw_ranking(artefact.load(of.ranking)),
     "effect_confounding": lambda of, _: effects.draw_confounding(artefact.load(of.confounding)),
     "effect_branches": _effect_branches,
-    "effect_group_ranking": lambda of, _: effects.draw_group_ranking(
-        artefact.load(of.ranking), of.gates
-    ),
+    "effect_group_ranking": lambda of, _: effects.draw_group_ranking(artefact.load(of.ranking)),
 }

@@ -4,9 +4,9 @@ import cellwright as cw
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    inputs, params = snakemake.input, snakemake.params
+    inputs = snakemake.input
     record = [job.load(path) for path in (inputs.series, inputs.steps, inputs.cycles)]
-    found = cw.ica_life(*record, params.settings, most=params.most)
+    found = cw.ica_life(*record, prominence=snakemake.params.prominence)
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.peaks)
     job.save(found.curves, snakemake.output.curves)

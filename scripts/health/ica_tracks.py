@@ -7,6 +7,6 @@ with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
     charges = peaks.of_check_ups(inputs.check_ups, inputs.curves, params.tests)
     charges += peaks.of_lives(inputs.lives, params.tests)
-    found = cw.ica_tracks(charges, params.settings, chemistry=params.chemistry)
+    found = cw.ica_tracks(charges, chemistry=params.chemistry)
     job.note(*found.notes)
     job.save(found.rows)

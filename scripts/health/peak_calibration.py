@@ -12,7 +12,6 @@ with artefact.Job(snakemake) as job:
         peak_curves.curves(inputs.curves, inputs.life_curves, tests),
         rated_ampere_hour=params.rated_ampere_hour,
         tracked=tracked,
-        most_terms=params.most_terms,
     )
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.charges)

@@ -12,7 +12,7 @@ with artefact.Job(snakemake, output.cycles) as counting:
     counting.save(found.rows, left_out=list(found.left_out))
 with artefact.Job(snakemake, *output[1:], after=counting) as job:
     test = {"test": snakemake.wildcards.test, "kind": "ageing"}
-    found = cw.ageing_over_temperature(job.load(output.cycles), test, params.settings)
+    found = cw.ageing_over_temperature(job.load(output.cycles), test)
     job.note(*found.notes)
     job.save([found.summary], output.summary)
     job.save(found.rows, output.laws)

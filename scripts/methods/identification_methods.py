@@ -9,7 +9,6 @@ with artefact.Job(snakemake) as job:
         params.cell,
         job.load(inputs.basis),
         facts.tests_with_steps(inputs.steps, inputs.series),
-        params.settings,
     )
     job.note(*comparison.notes)
     job.save(comparison.rows)

@@ -4,10 +4,9 @@ import cellwright as cw
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    params = snakemake.params
     record = job.load(snakemake.input.series), job.load(snakemake.input.steps)
-    found = cw.ica(*record, params.settings)
+    found = cw.ica(*record)
     arrays, facts = artefact.split(found.curve)
     job.save(arrays, snakemake.output.curve, c_rate=found.c_rate, **facts)
-    peaks = cw.ica_peaks(found, prominence=params.settings["prominence"])
+    peaks = cw.ica_peaks(found, prominence=snakemake.params.prominence)
     job.save(peaks.rows, snakemake.output.peaks)

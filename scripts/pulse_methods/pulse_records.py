@@ -64,7 +64,7 @@ def counted_here(steps, elsewhere):
 
 
 # ASSUME: A pulse changes the SoC so little that one set of circuit parameters holds within it.
-def pulse_records(tests, basis, cell, *, pulses_per_cell, samples, rest_lengths):
+def pulse_records(tests, basis, cell, *, pulses_per_cell=16, samples=200, rest_lengths=30.0):
     """Pulses of a cell's tests as records for identification, a bounded number, evenly over SoC.
 
     1. A pulse counts where it begins from a rest of 600 s, or of ten lengths of the load before,

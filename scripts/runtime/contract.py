@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+SAME = "same_as "  # begins a line of columns that an earlier stage has
 CONTRACT = Path(__file__).resolve().parents[2] / "workflow" / "schemas" / "artefacts.yaml"
 
 
@@ -22,7 +23,47 @@ def _stages_of_file(*version) -> dict:
     import yaml
 
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    return yaml.load(CONTRACT.read_text(encoding="utf-8"), Loader=loader)
+    return expanded(yaml.load(CONTRACT.read_text(encoding="utf-8"), Loader=loader))
+
+
+def expanded(written: dict) -> dict:
+    """The contract with each column in full, where it says once what several stages have.
+
+    `c_rate: {same_as: capacity.c_rate}` is that column of an earlier stage; `same_as capacity:
+    [direction, c_rate]` are those columns of it, in this order; `same_as capacity: all` are all.
+
+    Raises
+    ------
+    ValueError
+        Columns of what is no earlier stage, or that it does not have.
+    """
+    stages = {}
+    for stage, spec in written.items():
+        columns = {}
+        for name, about in spec["columns"].items():
+            columns |= _in_full(stages, name, about, stage)
+        stages[stage] = spec | {"columns": columns}
+    return stages
+
+
+def _in_full(stages, name, about, stage):
+    """Columns of one line of the contract; `stages` are those that stand before it."""
+    if name.startswith(SAME):
+        return _columns_of(stages, name.removeprefix(SAME), about, stage)
+    if "same_as" in about:
+        source, _, column = about["same_as"].rpartition(".")
+        return {name: _columns_of(stages, source, [column], stage)[column]}
+    return {name: about}
+
+
+def _columns_of(stages, source, names, stage):
+    """Columns of an earlier stage, or all of them."""
+    columns = stages.get(source, {}).get("columns", {})
+    wanted = columns if names == "all" else names
+    if not columns or (unknown := [name for name in wanted if name not in columns]):
+        found = f"column {unknown[0]} of {source}" if columns else f"columns of {source}"
+        raise ValueError(f"{stage}: same as {found}, wanted those of an earlier stage")
+    return {name: columns[name] for name in wanted}
 
 
 def name_of(stage: str, stem: str) -> str:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.health.summary import surest_late
 from cellwright.health.table import CHECK_UP, CYCLES, MODES, PEAKS
 from runtime import artefact
 
@@ -86,11 +87,13 @@ def _row(cell, rows, life):
 
 
 def _latest(rows):
-    """The surest row of the last twentieth of the cycles."""
+    """The surest row of the last cycles, as text."""
     found = rows.to_dict("records")
-    last = max(float(row["cycle"] or 0) for row in found)
-    late = [row for row in found if float(row["cycle"] or 0) >= 0.95 * last]
-    return min(late, key=lambda row: float(row["soh_std"] or "inf"))
+    numbers = [
+        {name: float(row[name]) if row[name] else None for name in ("cycle", "soh_std")}
+        for row in found
+    ]
+    return found[numbers.index(surest_late(numbers))]
 
 
 def _last(rows):

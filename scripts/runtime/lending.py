@@ -1,9 +1,8 @@
 """Artefacts of one cell for the model of another: OCV curves, capacities, peaks, models."""
 
-from statistics import median
 from typing import NamedTuple
 
-from cellwright.bias.features import Shown
+from cellwright.bias.features import Shown, onset_resistances
 from cellwright.bias.ways import Scored
 from cellwright.health.peaks.over_temperature import Charge
 from cellwright.records.basis import Lender
@@ -63,9 +62,6 @@ def charges(pairs, celsius) -> list[Charge]:
     ]
 
 
-FULL_SOC, EMPTY_SOC = 0.95, 0.1
-
-
 class ShownPaths(NamedTuple):
     """Paths of what a cell shows: peaks, curves of dQ/dV, onset resistances, capacities."""
 
@@ -97,8 +93,8 @@ def cell_shows(basis_path, model_path, paths, references) -> Shown:
         capacity_ampere_hour=basis["capacity_ampere_hour"],
         model=models[0][0] if models else None,
         peaks=_rows(peaks),
-        onset_ohm=_onset(onset, "discharge", lambda soc: soc > FULL_SOC),
-        begin_ohm=_onset(onset, "charge", lambda soc: soc < EMPTY_SOC),
+        onset_ohm=onset_resistances(_rows(onset), "discharge"),
+        begin_ohm=onset_resistances(_rows(onset), "charge"),
         capacities=tuple(_rows(capacity)),
         charges=tuple(_charge(path, columns) for path, columns in pairs if len(columns["c_rate"])),
     )
@@ -126,15 +122,6 @@ def _charge(path, peaks) -> dict:
     curve = artefact.load(path)
     names = ("voltage_volt", "charge_ampere_hour")
     return {"c_rate": float(peaks["c_rate"][0])} | {name: curve[name] for name in names}
-
-
-def _onset(loaded, direction, within) -> dict:
-    """Median resistance [ohm] at the onset of loads from full or from empty, by delay [s]."""
-    by_delay = {}
-    for row in (row for columns, _ in loaded for row in artefact.rows(columns)):
-        if row["direction"] == direction and within(row["soc"]):
-            by_delay.setdefault(row["delay_second"], []).append(row["resistance_ohm"])
-    return {delay: median(values) for delay, values in by_delay.items()}
 
 
 def peer_paths(inputs):

@@ -23,12 +23,6 @@ SHOWN_ROWS = 60
 NAMES = ["validation", "branches", "map", "evidence", "ranking", "confounding"]
 PROOFS = [f"effect_{name}" for name in NAMES]
 OF_HEALTH = ("lives", "fleet")  # pictures of the overview that stand in its part on health
-NO_MODEL = {
-    "text": "No model, and no simulation: that needs an hppc test, a drive of role fit or split, "
-    "capacity tests at two rates (at one beside a slow test), a modelled cell of the same "
-    "chemistry and rating to borrow from, or branch currents of a group.",
-    "tests": [],
-}
 
 
 def render(job) -> str:
@@ -177,7 +171,6 @@ def _page(name, params, tables, abouts, captions) -> dict:
     branches = [row for row in params.groups if row["group"] == name]
     shown = {table: tables[table] for table in [*TABLES_OF_CELL, *PACK_TABLES]}
     pictures = params.figures.get(name, [])
-    unmodelled = facts and name not in params.modelled
     return {
         "name": name,
         "facts": {key: value for key, value in facts.items() if value not in (None, "")},
@@ -191,7 +184,7 @@ def _page(name, params, tables, abouts, captions) -> dict:
         ],
         "choice": _choice(tables["choice"]),
         "tables": {table: _short(rows) for table, rows in shown.items() if len(rows)},
-        "notes": [*([NO_MODEL] if unmodelled else []), *_notes(abouts)],
+        "notes": [*_without_model(abouts), *_notes(abouts)],
     }
 
 
@@ -219,6 +212,12 @@ def _test(row, abouts) -> dict:
     of_test = [about for about in abouts if about["wildcards"].get("test") == row["test"]]
     reasons = list(dict.fromkeys(about["reason"] for about in of_test if about["reason"]))
     return row | {"reasons": reasons}
+
+
+def _without_model(abouts) -> list[dict]:
+    """What a cell lacks for a model and a simulation, where it has none."""
+    reasons = [about["reason"] for about in abouts if about["rule"] == "no_model"]
+    return [{"text": f"{reason[0].upper()}{reason[1:]}.", "tests": []} for reason in reasons]
 
 
 def _notes(abouts) -> list[dict]:

@@ -93,6 +93,12 @@ def defaults(schema: dict) -> dict:
     return _filled({}, schema)
 
 
+def of_analysis(config: dict, schema: dict, section: str) -> dict:
+    """Settings of a section that reach an analysis; the others decide which jobs there are."""
+    keys = schema["properties"][section]["properties"]
+    return {name: config[section][name] for name, spec in keys.items() if not spec.get("plans")}
+
+
 def flat(config: dict, path=()) -> dict:
     """Settings by their dotted keys."""
     dotted = {}

@@ -66,6 +66,17 @@ def compare_parameters_without_pandas():
     PersistenceBase._serialize_param_pandas = serialize
 
 
+def lift_usual_job_rate(workflow):
+    """Take Snakemake's default limit of 100 jobs a second away; who asks for another limit gets it.
+
+    It limits nothing here, and costs: each look for jobs sets a timer that causes another look a
+    second later, and so on, so that looks add up with the jobs done.
+    """
+    limit = workflow.scheduler.job_rate_limiter
+    if limit and (limit.max_jobs, limit.timespan) == (100, 1):
+        workflow.scheduler.job_rate_limiter = None
+
+
 def slowest(folder, since, *, count=5) -> list[str]:
     """The rules that took longest since a moment: seconds, jobs, and the longest one's output.
 

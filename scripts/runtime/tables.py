@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from cellwright.health.summary import latest_health, reference_resistance, slowest_capacity
+from cellwright.numerics.statistics import pooled_rms
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 from runtime import artefact
@@ -13,7 +13,6 @@ from runtime.artefact import stage_of
 if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables for people
     from pandas import DataFrame
 
-COUNTED = ("check-up", "ageing cycles")  # methods of tables/health that count a whole discharge
 # Facts of a row that is computed from several tests, in a table of rows of single tests.
 OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
 
@@ -190,23 +189,24 @@ def summary(cells, tables, models) -> "DataFrame":
 
 def _summary_row(facts, of_cell, model) -> dict:
     rated, scored = facts["rated_capacity_ampere_hour"], of_cell["validation"]
-    capacity = model.get("capacity_ampere_hour") or _slowest(of_cell["capacity"])
+    capacity = model.get("capacity_ampere_hour") or slowest_capacity(_known(of_cell["capacity"]))
     notes = model.get("notes", [])
     if capacity is None and facts.get("state_of_health"):
         capacity, source = stated_capacity(rated, facts["state_of_health"])
         notes = [*notes, f"capacity: {source}; no test measures it"]
     missing, filtered = of_cell["missing_effect"], of_cell["soc"]
     scored = scored[scored["chosen"].eq(True)]
+    pulses = of_cell["resistance"][of_cell["resistance"]["soc"].notna()]
     filtered = filtered[filtered["filter"].eq("aekf") & filtered["scenario"].eq("nominal")]
     return {
         "cell": facts["cell"],
         "capacity_ampere_hour": capacity,
         **_health(of_cell, capacity / rated if capacity and rated else None),
-        "r0_50_25_ohm": _resistance(of_cell["resistance"]),
+        "r0_50_25_ohm": reference_resistance(_known(pulses)),
         "best_model": model.get("chosen"),
-        "validation_rmse_volt": _pooled(scored["rmse_volt"], scored["samples"]),
+        "validation_rmse_volt": pooled_rms(scored["rmse_volt"], scored["samples"]),
         # Every test and start of the adaptive filter alike, without the faulty ones.
-        "soc_rmse": _pooled(filtered["rmse_soc"], np.ones(len(filtered))),
+        "soc_rmse": pooled_rms(filtered["rmse_soc"]),
         "verdict": next(iter(missing["verdict"]), None),
         "missing_effect": _effects_named(missing),
         "in_one_line": next(iter(missing["in_one_line"]), None),
@@ -226,54 +226,19 @@ def _effects_named(missing) -> str:
 
 def _health(of_cell, fresh) -> dict:
     """Latest state of health, or that of a cell that was not aged; knee and remaining cycles."""
-    told, lives = of_cell["health"], of_cell["fade"]
-    # A check-up goes before a cycle of the ageing itself, which is faster.
-    told = told[told["cycle"].gt(0) & told["soh"].notna()]
-    counted = told["method"].isin(COUNTED)
-    # What was counted goes before what models tell, from peaks or half cells.
-    aged = (told[counted] if counted.any() else told).sort_values("method", ascending=False)
-    latest = aged.sort_values("cycle", kind="stable").drop_duplicates("cycle").tail(1)
-    life = next(iter(lives.to_dict("records")), {})
+    latest = latest_health(of_cell["health"].to_dict("records")) or {}
+    life = next(iter(of_cell["fade"].to_dict("records")), {})
     names = ("knee_cycle", "remaining_cycles", "remaining_lower_cycles", "remaining_upper_cycles")
     return {
-        "soh": next(iter(latest["soh"]), fresh),
-        "soh_cycle": next(iter(latest["cycle"]), None),
+        "soh": latest.get("soh", fresh),
+        "soh_cycle": latest.get("cycle"),
         **{name: life.get(name) for name in names},
     }
 
 
-def _slowest(rows):
-    """Capacity [Ah] of the slowest discharge of the earliest cycle."""
-    full = rows[rows["direction"] == "discharge"]
-    full = rows if full.empty else full
-    if full.empty:
-        return None
-    # Cycles of one ageing test differ in the last digits of their rate: the first of them counts.
-    alike = full[full["c_rate"] <= 1.05 * full["c_rate"].min()]
-    return float(alike.loc[alike["cycle"].fillna(0).idxmin(), "capacity_ampere_hour"])
-
-
-def _resistance(rows):
-    """First-sample resistance [ohm] of the discharge pulse nearest 50 ± 10 % SoC at 20–30 °C."""
-    rows = rows[rows["direction"].eq("discharge") & rows["delay_second"].eq(0)]
-    if rows.empty:
-        return None
-    rows = rows.assign(
-        cycle=rows["cycle"].fillna(0),
-        from_half=(rows["soc"] - 0.5).abs(),
-        from_1c=(rows["c_rate"] - 1).abs(),
-    )
-    warm = (rows["ambient_temperature_celsius"] - 25).abs() <= 5
-    near = rows[warm & (rows["from_half"] <= 0.1)]
-    best = near.sort_values(["cycle", "from_half", "from_1c"], kind="stable").head(1)
-    return next(iter(best["resistance_ohm"]), None)
-
-
-def _pooled(errors, weights):
-    """Weighted root mean square of errors; None without weights."""
-    if not weights.sum():
-        return None
-    return float(np.average(errors**2, weights=weights) ** 0.5)
+def _known(frame) -> list[dict]:
+    """Rows of a table, None where a number is not known."""
+    return frame.astype(object).where(frame.notna(), None).to_dict("records")
 
 
 def manifest(paths) -> str:

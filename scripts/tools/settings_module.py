@@ -15,14 +15,13 @@ FILES = {
         "Settings of what is read from the tests of a cell, and of the laws over them.",
         [
             *("clean", "segment", "ocv", "ocv_step", "ocv_temperature", "resistance"),
-            *("temperature", "relaxation", "ica", "ica_tracks", "capacity_loss"),
-            *("ica_temperature", "health_from_peaks", "fast_charge", "ageing", "health"),
-            *("impedance", "degradation_modes"),
+            *("temperature", "relaxation", "ica", "capacity_loss", "ica_temperature"),
+            *("degradation_modes", "fast_charge", "health", "impedance"),
         ],
     ),
     "models.py": (
-        "Settings of equivalent circuits, of the methods that find them, and of filters.",
-        ["models", "identification_methods", "soc", "pack_decisions"],
+        "Settings of equivalent circuits, of filters, and of packs.",
+        ["models", "soc", "pack_decisions"],
     ),
     "effects.py": (
         "Settings of the search for missing effects.",

@@ -17,7 +17,7 @@ CELLS = [
     {"cell": m["cell"], "lower_cutoff_volt": strings.LOWER_VOLT, "upper_cutoff_volt": 4.2}
     for m in MODELS
 ]
-FEW = {"draws": 20, "assemblies": 20, "string_length": 2}
+FEW = {"draws": 20, "string_length": 2}
 CAPACITIES = [
     {"cell": "A", "direction": "discharge", "c_rate": rate, "capacity_std_ampere_hour": std}
     | {"repeats": 4, "temperature_mean_celsius": celsius, "ambient_temperature_celsius": around}

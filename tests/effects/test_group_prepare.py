@@ -7,13 +7,12 @@ from sheets_facts import branch_facts, measured_test
 
 from cellwright.effects.groups import finding
 from cellwright.effects.groups.finding import KnownCell, missing_group_effect
+from cellwright.effects.groups.known import Shared, Spread
 from cellwright.effects.groups.model import group_frees
 from cellwright.effects.story.result import Finding
 from cellwright.refusal import Refusal
-from cellwright.settings.effects import MissingEffectGroupShared as Shared
-from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
-SETTINGS = {"most_rows": 1000} | {n: k()._asdict() for n, k in finding.SECTIONS.items()}
+SETTINGS = {n: k()._asdict() for n, k in finding.SECTIONS.items()}
 BRANCHES = branch_facts(["c1", "c2"], [0.9, 0.8])
 VALUES = {"log_r0": -4.0, "log_r1": -5.0, "log_r2": -5.0, "log_tau1": 2.0, "log_tau2": 5.0}
 VALUES |= {"capacity": 0.0} | {f"ocv[{k}]": 0.0 for k in range(16)}

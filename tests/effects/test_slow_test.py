@@ -1,17 +1,20 @@
 """The slow test that an OCV is from, the row that a SoC is counted from, and a wrong capacity."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from small_plant import CAPACITY, CELL, HEALTHY, Truth, case, drive, measured, ocv, slow_discharge
 
 import cellwright as cw
-from cellwright.effects import base, beginning
+from cellwright.effects import base, beginning, preparing
 from cellwright.effects.candidates import neutral
 from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.preparing import MEASURED_SOC
 from cellwright.effects.records import stacked
 from cellwright.records.record import record_of
+from cellwright.records.thinning import averaged_to
 
 SHEET = {"cell": "A", "lower_cutoff_volt": 2.5, "upper_cutoff_volt": 4.4}
 GRID = np.linspace(0.0, 1.0, 201)
@@ -128,7 +131,7 @@ def test_a_hysteresis_that_drives_alone_would_leave_to_the_ocv_shows_in_the_slow
 
 
 @pytest.mark.parametrize("noise_ampere", [0.0, 0.002 * CAPACITY])
-def test_noise_of_the_current_is_no_step_and_edges_stay_where_a_long_test_is_thinned(noise_ampere):
+def test_noise_is_no_step_and_edges_stay_where_a_long_test_is_thinned(monkeypatch, noise_ampere):
     """Pulses of a minute with rests of an hour: what noise would keep would blunt their edges."""
     pulses = np.tile(np.r_[np.full(30, -CAPACITY), np.zeros(1770)], 8)
     tests = []
@@ -137,7 +140,8 @@ def test_noise_of_the_current_is_no_step_and_edges_stay_where_a_long_test_is_thi
         read = noise_ampere * np.random.default_rng(seed).normal(size=len(record.soc))
         noisy = record._replace(current_ampere=record.current_ampere + read)
         tests.append(as_test(noisy, role=role))
-    made = cw.prepared_case(SHEET, BASIS, tests, most_rows=1500)
+    monkeypatch.setattr(preparing, "averaged_to", partial(averaged_to, most_rows=1500))
+    made = cw.prepared_case(SHEET, BASIS, tests)
     stack = made.fit
     moved = np.abs(np.diff(stack.current_ampere)) > CAPACITY / 2
     assert 300 < len(stack.second) <= 1500

@@ -10,8 +10,6 @@ from figure_panels import rendered, title
 from figures import canvas, effects
 from runtime import page
 
-GATES = {"bic": 10, "validation_chi_square": 25}
-
 
 def numbers(panel):
     """Texts written into the cells of a map."""
@@ -73,7 +71,7 @@ def test_evidence_shows_the_parts_that_judged_each_effect_and_says_what_they_say
 def test_without_an_effect_or_a_trial_the_figure_says_so():
     (panel,) = rendered(effects.draw_evidence({}))
     assert panel.texts[0].get_text() == effects.NO_EFFECT
-    (panel,) = rendered(effects.draw_ranking({}, GATES))
+    (panel,) = rendered(effects.draw_ranking({}))
     assert panel.texts[0].get_text() == effects.NO_TRIAL
     (panel,) = rendered(effects.draw_confounding({}))
     assert panel.texts[0].get_text() == effects.NO_PAIR
@@ -93,7 +91,7 @@ def test_the_ranking_is_sorted_marks_the_gates_and_greys_what_is_out_of_range():
         trial(2, "leakage", -12.0, -3.0),
     ]
     columns = {name: [row[name] for row in rows] for name in rows[0]}
-    figure = effects.draw_ranking(columns, GATES)
+    figure = effects.draw_ranking(columns)
     first, second = rendered(figure)
     names = [text.get_text() for text in first.get_yticklabels()]
     assert names == ["slow diffusion", "ocv edge", "leakage"]
@@ -110,9 +108,9 @@ def test_the_ranking_of_a_group_names_the_branch():
     row = {"round": 1, "delta_bic": 900.0, "delta_validation_chi_square": 90.0, "j": 990.0}
     row |= {"effect": "branch_capacity", "branch": 2, "chosen": True, "tied": False}
     columns = {name: [value] for name, value in (row | {"in_range": True}).items()}
-    (panel,) = rendered(effects.draw_group_ranking(columns, GATES))[:1]
+    (panel,) = rendered(effects.draw_group_ranking(columns))[:1]
     assert panel.get_yticklabels()[0].get_text() == "capacity of branch 2"
-    (panel,) = rendered(effects.draw_group_ranking({}, GATES))
+    (panel,) = rendered(effects.draw_group_ranking({}))
     assert panel.texts[0].get_text() == effects.NO_TRIAL
 
 

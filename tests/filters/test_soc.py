@@ -271,20 +271,8 @@ SETTINGS = {
     "current_offset_c_rate": 0.01,
     "voltage_bias_volt": 0.005,
     "capacity_error": 0.1,
-    "convergence_band": 0.03,
-    "convergence_hold_second": 600.0,
     "sensor_volt": 0.002,
     "current_error_c_rate": 0.005,
-    "resistance_error": 0.1,
-    "model_error_factor": 1.0,
-    "model_error_volt": 0.005,
-    "model_error_second": 150.0,
-    "model_error_soc": 0.3,
-    "resistance_error_second": 5.0,
-    "skew_second": 0.2,
-    "track_resistance": True,
-    "window_second": 600.0,
-    "slope_window_soc": 0.02,
 }
 
 

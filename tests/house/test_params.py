@@ -106,5 +106,5 @@ def test_settings_are_told_apart():
     assert scripts["ocv"] == {"ocv.least_hour"}
     assert scripts["ocv_rests"] == {"ocv.rest_second"}
     assert "missing_effect.enabled" not in scripts["effect_search"]
-    assert "missing_effect.bic" in scripts["effect_search"]
+    assert "missing_effect.material_volt" in scripts["effect_search"]
     assert scripts["capacity"] == set()

@@ -81,24 +81,27 @@ def test_keys_that_carry_a_unit_say_it():
             assert spec.get("unit") == unit, f"{key} says unit {spec.get('unit')}, not {unit}"
 
 
-def test_the_search_has_one_set_of_defaults():
-    """The config's are those of the code, so that a library user and a campaign agree."""
-    from cellwright.effects.base import Tolerance
-    from cellwright.effects.case import Gates
+def test_there_are_few_settings():
+    """A laboratory turns them; what it does not turn is a default of the science."""
+    count = sum(
+        spec["type"] != "object"
+        for key, spec in settings.keys(CONFIG)
+        if not key.startswith("benchmark")
+    )
+    assert count <= 80
 
-    chosen = settings.defaults(CONFIG)["missing_effect"]
-    tolerances = {f"{name}_tolerance": value for name, value in Tolerance()._asdict().items()}
-    others = {name: chosen[name] for name in ("enabled", "bases", "most_rows")}
-    assert chosen == others | Gates()._asdict() | tolerances
 
-
-def test_the_search_in_groups_has_one_set_of_defaults():
+def test_the_search_takes_every_setting_of_its_sections():
+    """A key that no gate, tolerance or spread bears would be chosen and never used."""
+    from cellwright.effects.finding import settings_of
     from cellwright.effects.groups.finding import SECTIONS
 
-    chosen = settings.defaults(CONFIG)["missing_effect_group"]
-    assert {name: chosen[name] for name in SECTIONS} == {
-        name: kind()._asdict() for name, kind in SECTIONS.items()
-    }
+    section = CONFIG["properties"]["missing_effect"]
+    chosen = dict.fromkeys(settings_module.of_science(section), 7.0)
+    gates, tolerance = settings_of(chosen)
+    assert [*gates, *tolerance].count(7.0) == len(chosen)
+    for name, spec in CONFIG["properties"]["missing_effect_group"]["properties"].items():
+        assert set(spec["properties"]) <= set(SECTIONS[name]._fields)
 
 
 @pytest.mark.parametrize("file", settings_module.files())
@@ -113,7 +116,7 @@ def test_every_section_of_the_science_has_typed_settings_with_its_defaults():
 
     chosen = settings.defaults(CONFIG)
     named = {name for _, names in settings_module.FILES.values() for name in names}
-    workflow = {"title", "strict", "pack", "real"}
+    workflow = {"title", "strict", "real"}
     assert named == set(CONFIG["properties"]) - workflow
     for section in named:
         value = getattr(typed, settings_module.class_name(section))()

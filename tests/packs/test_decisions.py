@@ -30,7 +30,7 @@ from cellwright.records.facts import BranchFacts, CellFacts
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
-SETTINGS = PackDecisions(draws=20, assemblies=20, string_length=2)
+SETTINGS = PackDecisions(draws=20, string_length=2)
 LOWER = strings.LOWER_VOLT
 
 
@@ -208,15 +208,14 @@ def test_a_drawn_string_is_the_string_of_so_changed_models():
     assert found.weakest[0] == direct.weakest
 
 
-def test_uncertainty_is_what_the_models_and_tests_say_and_never_less_than_the_settings():
+def test_uncertainty_is_what_the_models_and_tests_say_and_never_less_than_the_least():
     models = [strings.model("A", r_std=0.1), strings.model("B")]
     models[0]["members"][0]["left_out_rmse_volt"] = 0.004
     known = draws.uncertainty_of(models, [0.6, None])
-    least = PackDecisions()
-    np.testing.assert_allclose(known.capacity_relative, [0.02, least.capacity_relative_std])
+    np.testing.assert_allclose(known.capacity_relative, [0.02, 0.003])
     whole = strings.R0_OHM + sum(strings.R_OHM)
     stated = 0.1 * strings.R0_OHM * np.sqrt(3) / whole
-    np.testing.assert_allclose(known.resistance_relative, [stated, least.resistance_relative_std])
+    np.testing.assert_allclose(known.resistance_relative, [stated, 0.02])
     np.testing.assert_allclose(known.voltage_volt, [0.004, 0.0])
 
 

@@ -1,6 +1,7 @@
 """What of the contract makes an artefact anew: what it is held against, and nothing else."""
 
 import pytest
+import yaml
 
 from runtime import contract
 
@@ -56,6 +57,42 @@ def test_an_edited_contract_is_read_again(tmp_path, monkeypatch):
     assert list(contract.stages()["capacity"]["columns"]) == ["cell"]
     file.write_text("capacity: {columns: {cell: {}, test: {}}}")
     assert list(contract.stages()["capacity"]["columns"]) == ["cell", "test"]
+
+
+def test_what_an_earlier_entry_says_is_in_full_where_it_stands():
+    told = {"unit": "Ah", "range": [0, None]}
+    written = {
+        "capacity": {"columns": {"cell": {"meaning": "a"}, "rate": {}, "charge": told}},
+        "health": {"columns": {"soh": {}, "same_as capacity": ["charge", "cell"]}},
+        "fade": {"columns": {"same_as health": "all", "lost": {"same_as": "capacity.charge"}}},
+    }
+    stages = contract.expanded(written)
+    assert stages["health"]["columns"] == {"soh": {}, "charge": told, "cell": {"meaning": "a"}}
+    assert list(stages["fade"]["columns"]) == ["soh", "charge", "cell", "lost"]
+    assert stages["fade"]["columns"]["lost"] == told
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [{"same_as later": "all"}, {"same_as capacity": ["rate"]}, {"x": {"same_as": "capacity.rate"}}],
+)
+def test_the_same_as_what_no_earlier_entry_has_is_refused(columns):
+    written = {"capacity": {"columns": {"cell": {}}}, "health": {"columns": columns}}
+    with pytest.raises(ValueError, match="health: same as column"):
+        contract.expanded(written | {"later": {"columns": {"cell": {}}}})
+
+
+def test_no_column_of_the_contract_is_described_twice():
+    written = yaml.safe_load(contract.CONTRACT.read_text(encoding="utf-8"))
+    seen, twice = {}, []
+    for stage, spec in written.items():
+        for name, about in spec["columns"].items():
+            if (
+                "meaning" in about
+                and (first := seen.setdefault((name, str(about)), stage)) != stage
+            ):
+                twice.append(f"{stage}.{name}: write {{same_as: {first}.{name}}}")
+    assert not twice
 
 
 def test_what_has_no_entry_has_no_hash(fingerprint):

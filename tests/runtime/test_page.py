@@ -181,7 +181,6 @@ def job(snakemake):
         tests=[TEST, TEST | {"test": "good", "note": None}],
         groups=[{"group": "pair", "position": k, "cell": c} for k, c in ((1, "A"), (2, "B"))],
         figures={"campaign": [], "A": ["results/figures/A/validation_udds.svg"]},
-        modelled=["A"],
         title="Tiny & small",
         choices={"strict": True},
         assumptions=[{"module": "m.py", "text": "Cells are round."}],
@@ -320,10 +319,14 @@ def test_numbers_have_four_digits(text, shown):
     assert page.number(text) == shown
 
 
-def test_a_cell_without_a_model_is_told_what_it_lacks(job):
-    assert "No model, and no simulation" not in unpacked(page.render(job))
-    job.params.modelled = []
-    assert "No model, and no simulation: that needs an hppc test" in unpacked(page.render(job))
+def test_a_cell_without_a_model_is_told_what_it_lacks(job, snakemake):
+    assert "No model" not in unpacked(page.render(job))
+    asked = snakemake("results/models/A.json", wildcards={"cell": "A"})
+    asked.rule = "no_model"
+    with artefact.Job(asked):
+        raise Refusal("no model: it has no pulses")
+    job.input.artefacts.append("results/models/A.json")
+    assert "No model: it has no pulses." in unpacked(page.render(job))
 
 
 @pytest.mark.parametrize(("page_id", "seen"), [("cell-A", 1), ("all", 1), ("overview", 0)])

@@ -1,11 +1,6 @@
 # Models of cells without pulses, from the reference cell of their type; and how well they do.
 
 
-def of_peers(stage, *kinds):
-    """Input function: one stage's artefacts of the cells that a cell may borrow its model from."""
-    return lambda w: [p for c in calibrating(w.cell) for p in fitted(stage, c, *kinds)]
-
-
 rule onset:
     input:
         series="results/clean/{cell}/{test}.parquet",
@@ -28,16 +23,16 @@ rule onset:
 rule bias_correction:
     input:
         basis="results/basis/{cell}.json",
-        peaks=lambda w: fitted("ica", w.cell, "ica"),
-        curves=lambda w: fitted("ica_curve", w.cell, "ica"),
-        onset=lambda w: fitted("onset", w.cell, "capacity"),
-        capacity=lambda w: fitted("capacity", w.cell, "capacity"),
-        peer_basis=lambda w: [f"results/basis/{c}.json" for c in calibrating(w.cell)],
-        peer_models=lambda w: [f"results/identify/{c}.json" for c in calibrating(w.cell)],
-        peer_peaks=of_peers("ica", "ica"),
-        peer_curves=of_peers("ica_curve", "ica"),
-        peer_onset=of_peers("onset", "capacity"),
-        peer_capacity=of_peers("capacity", "capacity"),
+        peaks=PLAN.own_fitted("ica", "ica"),
+        curves=PLAN.own_fitted("ica_curve", "ica"),
+        onset=PLAN.own_fitted("onset", "capacity"),
+        capacity=PLAN.own_fitted("capacity", "capacity"),
+        peer_basis=paths_of(calibrating, "results/basis/{}.json"),
+        peer_models=paths_of(calibrating, "results/identify/{}.json"),
+        peer_peaks=PLAN.fitted_of(calibrating, "ica", "ica"),
+        peer_curves=PLAN.fitted_of(calibrating, "ica_curve", "ica"),
+        peer_onset=PLAN.fitted_of(calibrating, "onset", "capacity"),
+        peer_capacity=PLAN.fitted_of(calibrating, "capacity", "capacity"),
     output:
         "results/bias/{cell}.json",
     log:
@@ -82,7 +77,7 @@ def judged_inputs(wildcards):
         "peer_basis": [f"results/basis/{cell}.json" for cell in cells],
         "peer_models": [f"results/identify/{cell}.json" for cell in cells],
         "own": [f"results/models/{cell}.json" for cell in cells],
-        "series": [f"results/clean/{c}/{row['test']}.parquet" for c in cells for row in SCORED[c]],
+        "series": [path for cell in cells for path in of_rows("clean", cell, SCORED[cell])],
     }
 
 
@@ -119,16 +114,11 @@ rule bias_ways:
 JUDGED_WORST = JUDGED if config["missing_effect"]["enabled"] else {}
 
 
-def series_fitted(wildcards):
-    """Tests that the own models of those cells are fitted to: what a search may fit as well."""
-    return [path for cell in JUDGED[wildcards.cell] for path in fit_series(cell)]
-
-
 rule bias_worst:
     input:
         unpack(judged_inputs),
         ways="results/bias_ways/{cell}.parquet",
-        fitted=series_fitted,
+        fitted=gathered(JUDGED.get, fit_series),  # what a search may fit as well
     output:
         "results/bias_worst/{cell}.json",
     log:

@@ -9,8 +9,8 @@ def known_celsius(cell):
 
 # Two temperatures are the least that a law can go through, and one is left out.
 LEAVES_OUT = config["models"]["leave_temperatures_out"]
-COMPENSATED = cells_where(
-    lambda cell: LEAVES_OUT and cell in EXCITED and len(known_celsius(cell)) >= 3
+COMPENSATED = dict.fromkeys(
+    cell for cell in CELLS if LEAVES_OUT and cell in EXCITED and len(known_celsius(cell)) >= 3
 )
 
 
@@ -19,19 +19,19 @@ def left_out_of(cell):
     return [f"results/left_out/{cell}/{celsius:g}.json" for celsius in known_celsius(cell)]
 
 
-def predictable(cell, *roles):
+def predictable(cell, roles):
     """Series of drives and pulses at a stated temperature that a model is identified at."""
     rows = tests(cell, *FIT_ROLES, roles=roles)
     known = known_celsius(cell)
     near = [row for row in rows if row["ambient_temperature_celsius"] in known]
-    return [f"results/clean/{cell}/{row['test']}.parquet" for row in near]
+    return of_rows("clean", cell, near)
 
 
 rule identify_without:
     input:
         basis="results/basis/{cell}.json",
         whole="results/identify/{cell}.json",
-        series=lambda w: fit_series(w.cell),
+        series=own(fit_series),
     output:
         "results/left_out/{cell}/{celsius}.json",
     log:
@@ -51,8 +51,8 @@ rule identify_without:
 rule compensation:
     input:
         whole="results/identify/{cell}.json",
-        left_out=lambda w: left_out_of(w.cell),
-        series=lambda w: predictable(w.cell, "fit", "split"),
+        left_out=own(left_out_of),
+        series=own(partial(predictable, roles=["fit", "split"])),
     output:
         "results/compensation/{cell}.parquet",
     log:
@@ -71,9 +71,9 @@ rule compensation:
 rule temperature_prediction:
     input:
         whole="results/identify/{cell}.json",
-        left_out=lambda w: left_out_of(w.cell),
+        left_out=own(left_out_of),
         laws="results/compensation/{cell}.parquet",
-        series=lambda w: predictable(w.cell, "validation", "split"),
+        series=own(partial(predictable, roles=["validation", "split"])),
     output:
         "results/temperature_prediction/{cell}.parquet",
     log:

@@ -20,11 +20,6 @@ def figure(kind, *, test=None, settings=None, name=None, **inputs):
     return name, {"kind": kind, "test": test, "inputs": inputs, "settings": settings or {}}
 
 
-def of_test(owner, test, **stages):
-    """The artefact of a test in each of these stages."""
-    return {name: f"results/{stage}/{owner}/{test}.parquet" for name, stage in stages.items()}
-
-
 def thumbnails(cell):
     """The first twelve records of a cell, one of each kind and temperature first."""
     rows = tests(cell, *SERIES_KINDS)
@@ -126,8 +121,7 @@ def figures_of_models(cell):
         parts = of_cell(cell, laws="compensation", proof="temperature_prediction")
         yield figure("compensation", **parts)
     if cell in SEARCHED:
-        gates = {key: config["missing_effect"][key] for key in ("bic", "validation_chi_square")}
-        yield from figures_of_effect(cell, EFFECT_FIGURES, gates)
+        yield from figures_of_effect(cell, EFFECT_FIGURES)
     scored = [row["test"] for row in SCORED.get(cell, [])]
     for test in scored:
         parts = of_test(cell, test, series="simulation", scores="validation")
@@ -136,13 +130,12 @@ def figures_of_models(cell):
         yield figure("soc", test=test, **of_test(cell, test, series="soc_series", scores="soc"))
 
 
-def figures_of_effect(owner, figures, gates):
-    """Figures of the search in a cell or group; `gates`: what a proven effect must exceed."""
+def figures_of_effect(owner, figures):
+    """Figures of the search in a cell or group."""
     for name, parts in figures.items():
         paths = {part: f"results/missing_effect/{owner}/{file}" for part, file in parts.items()}
-        settings = {"gates": gates} if name.endswith("ranking") else {}
         called = f"effect_{name.removeprefix('group_')}"
-        yield figure(f"effect_{name}", name=called, settings=settings, **paths)
+        yield figure(f"effect_{name}", name=called, **paths)
 
 
 def figures_of_group(group):
@@ -150,8 +143,7 @@ def figures_of_group(group):
     models = [f"results/models/{cell}.json" for cell in LEAVES[group] if cell in MODELLED]
     yield figure("wiring", settings={"rows": WIRED[group]}, models=models)
     if group in GROUPS_SEARCHED:
-        gates = config["missing_effect_group"]["gates"]
-        yield from figures_of_effect(group, GROUP_EFFECT_FIGURES, gates)
+        yield from figures_of_effect(group, GROUP_EFFECT_FIGURES)
     for row in tests(group, "group") if group in SHARED else ():
         parts = of_test(group, row["test"], series="pack_series", scores="pack")
         yield figure("pack", test=row["test"], **parts)
@@ -189,7 +181,9 @@ DRAWN_FROM = {
     for cell in CELLS
 } | {group: dict(figures_of_group(group)) for group in BRANCHES}
 # Cells seen at two cycles of their life.
-LIVED = cells_where(lambda cell: cell in AGED or len(check_ups(cell, *CAPACITY_KINDS)) > 1)
+LIVED = dict.fromkeys(
+    cell for cell in CELLS if cell in AGED or len(PLAN.cycles(cell, *CAPACITY_KINDS)) > 1
+)
 HEALTH_FIGURES = [
     *(["results/figures/lives.svg"] if LIVED else []),
     # Of fewer cells of a type no line is drawn; tables and page say so.
@@ -224,7 +218,7 @@ rule figures:
     log:
         "logs/figures/{owner}.log",
     params:
-        figures=lambda w: DRAWN_FROM[w.owner],
+        figures=own(DRAWN_FROM.get),
         owner_kind=lambda w: "cell" if w.owner in CELLS else "group",
     message:
         "Figures of {wildcards.owner}."

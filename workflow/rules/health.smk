@@ -1,6 +1,8 @@
 # Health over a life: fade with knee and remaining cycles, ratings of check-ups, state of health.
 
-FOLLOWED = cells_where(lambda cell: len(tests(cell, "ica")) >= 2 or tests(cell, "ageing"))
+FOLLOWED = dict.fromkeys(
+    cell for cell in CELLS if len(tests(cell, "ica")) >= 2 or tests(cell, "ageing")
+)
 
 
 rule ica_life:
@@ -14,19 +16,18 @@ rule ica_life:
     log:
         "logs/ica_life/{cell}/{test}.log",
     params:
-        settings=config["ica"],
-        most=config["ica_tracks"]["most_charges"],
+        prominence=config["ica"]["prominence"],
     message:
-        "Incremental capacity of {wildcards.cell}, up to {params.most} charges of {wildcards.test}."
+        "Incremental capacity of {wildcards.cell} in charges over the life of {wildcards.test}."
     script:
         "../../scripts/health/ica_life.py"
 
 
 rule ica_tracks:
     input:
-        check_ups=lambda w: artefacts("ica", w.cell, "ica"),
-        curves=lambda w: artefacts("ica_curve", w.cell, "ica"),
-        lives=lambda w: artefacts("ica_life", w.cell, "ageing"),
+        check_ups=PLAN.own_artefacts("ica", "ica"),
+        curves=PLAN.own_artefacts("ica_curve", "ica"),
+        lives=PLAN.own_artefacts("ica_life", "ageing"),
     output:
         "results/ica_tracks/{cell}.parquet",
     log:
@@ -34,9 +35,8 @@ rule ica_tracks:
     wildcard_constraints:
         cell=either(FOLLOWED),
     params:
-        settings=config["ica_tracks"],
         tests=facts_of_own_tests,
-        chemistry=lambda w: CELLS[w.cell]["chemistry"],
+        chemistry=PLAN.column("chemistry"),
     message:
         "Peaks of incremental capacity of {wildcards.cell}, followed through its life."
     script:
@@ -48,15 +48,10 @@ rule ica_tracks:
 SLOW_CURVE_KINDS = ("ocv", "ica")
 
 
-def slow_check_ups(cell):
-    """Cycles at which a cell has a test that may be a slow curve; blank: fresh."""
-    return {row["cycle"] or 0 for row in tests(cell, *SLOW_CURVE_KINDS, roles=["fit"])}
-
-
 def fresh_cells(cell):
     """The marked cell of the type that stands for the fresh state of a cell with one check-up."""
-    marked = [c for c in references(cell) if slow_check_ups(c)]
-    return marked[:1] if len(slow_check_ups(cell)) == 1 else []
+    marked = [c for c in references(cell) if PLAN.cycles(c, *SLOW_CURVE_KINDS)]
+    return marked[:1] if len(PLAN.cycles(cell, *SLOW_CURVE_KINDS)) == 1 else []
 
 
 def aged_by_rests(cell):
@@ -64,8 +59,12 @@ def aged_by_rests(cell):
     return len({row["cycle"] or 0 for row in resting(cell)}) >= 2
 
 
-AGED_SLOWLY = cells_where(lambda cell: len(slow_check_ups(cell)) >= 2)
-DEGRADED = cells_where(lambda cell: cell in AGED_SLOWLY or fresh_cells(cell) or aged_by_rests(cell))
+AGED_SLOWLY = dict.fromkeys(
+    cell for cell in CELLS if len(PLAN.cycles(cell, *SLOW_CURVE_KINDS)) >= 2
+)
+DEGRADED = dict.fromkeys(
+    cell for cell in CELLS if cell in AGED_SLOWLY or fresh_cells(cell) or aged_by_rests(cell)
+)
 
 
 def half_cells_of(cell):
@@ -83,14 +82,10 @@ def half_cell_files(cell):
 
 rule degradation_modes:
     input:
-        own=lambda w: fitted("clean", w.cell, *SLOW_CURVE_KINDS),
-        fresh=lambda w: [
-            p for c in fresh_cells(w.cell) for p in fitted("clean", c, *SLOW_CURVE_KINDS)
-        ],
-        rests=lambda w: [
-            f"results/ocv_rest_points/{w.cell}/{row['test']}.parquet" for row in resting(w.cell)
-        ],
-        half_cells=lambda w: half_cell_files(w.cell),
+        own=PLAN.own_fitted("clean", *SLOW_CURVE_KINDS),
+        fresh=PLAN.fitted_of(fresh_cells, "clean", *SLOW_CURVE_KINDS),
+        rests=PLAN.own_rows("ocv_rest_points", resting),
+        half_cells=own(half_cell_files),
     output:
         "results/degradation_modes/{cell}.parquet",
     log:
@@ -100,8 +95,8 @@ rule degradation_modes:
     params:
         settings=config["degradation_modes"],
         cell=cell_facts,
-        materials=lambda w: half_cells_of(w.cell),
-        fresh=lambda w: [facts_of(c) for c in fresh_cells(w.cell)],
+        materials=own(half_cells_of),
+        fresh=PLAN.facts_of_cells(fresh_cells),
     message:
         "Lithium and active material lost by {wildcards.cell}, from slow curves or rests."
     script:
@@ -110,7 +105,7 @@ rule degradation_modes:
 
 rule plateau_losses:
     input:
-        lambda w: fitted("clean", w.cell, *SLOW_CURVE_KINDS),
+        PLAN.own_fitted("clean", *SLOW_CURVE_KINDS),
     output:
         "results/plateau_losses/{cell}.parquet",
     log:
@@ -136,14 +131,9 @@ for cell, row in CELLS.items():
         PEAK_TYPES.setdefault(type_of_cell, []).append(cell)
 
 
-def check_ups(cell, *kinds):
-    """Cycles at which a cell has tests of these kinds that may be fitted."""
-    return {row["cycle"] or 0 for row in tests(cell, *kinds, roles=["fit"])}
-
-
 def calibrate(cells):
     """Whether enough capacities of these cells are known beside charges for dQ/dV."""
-    known = [check_ups(cell, "ica") & check_ups(cell, *CAPACITY_KINDS) for cell in cells]
+    known = [PLAN.cycles(cell, "ica") & PLAN.cycles(cell, *CAPACITY_KINDS) for cell in cells]
     return sum(map(len, known)) >= 4 or any(tests(c, "ageing", roles=["fit"]) for c in cells)
 
 
@@ -152,11 +142,6 @@ FIRST_OF_TYPE = {cell: first for first, cells in PEAK_TYPES.items() for cell in 
 
 
 PEAK_STAGES = ("peak_calibration", "peak_information")
-
-
-def of_peak_type(stage, *kinds):
-    """Artefacts of a stage of all cells of the type of a job's cell."""
-    return lambda w: [path for cell in PEAK_TYPES[w.cell] for path in fitted(stage, cell, *kinds)]
 
 
 def tracks_of_type(wildcards):
@@ -168,11 +153,11 @@ def tracks_of_type(wildcards):
 rule peak_calibration:
     input:
         tracks=tracks_of_type,
-        peaks=of_peak_type("ica", "ica"),
-        curves=of_peak_type("ica_curve", "ica"),
-        life_curves=of_peak_type("ica_life_curve", "ageing"),
-        capacity=of_peak_type("capacity", *CAPACITY_KINDS),
-        cycles=of_peak_type("ageing_cycles", "ageing"),
+        peaks=PLAN.fitted_of(PEAK_TYPES.get, "ica", "ica"),
+        curves=PLAN.fitted_of(PEAK_TYPES.get, "ica_curve", "ica"),
+        life_curves=PLAN.fitted_of(PEAK_TYPES.get, "ica_life_curve", "ageing"),
+        capacity=PLAN.fitted_of(PEAK_TYPES.get, "capacity", *CAPACITY_KINDS),
+        cycles=PLAN.fitted_of(PEAK_TYPES.get, "ageing_cycles", "ageing"),
     output:
         charges="results/peak_calibration/{cell}.parquet",
         information="results/peak_information/{cell}.parquet",
@@ -181,9 +166,8 @@ rule peak_calibration:
     wildcard_constraints:
         cell=either(PEAK_TYPES),
     params:
-        tests=lambda w: facts_of_tests_of(PEAK_TYPES[w.cell]),
-        rated_ampere_hour=lambda w: CELLS[w.cell]["rated_capacity_ampere_hour"],
-        most_terms=config["health_from_peaks"]["most_terms"],
+        tests=PLAN.facts_of_tests_of_cells(PEAK_TYPES.get),
+        rated_ampere_hour=PLAN.column("rated_capacity_ampere_hour"),
     message:
         "Capacity from peaks of dQ/dV, calibrated over the cells of the type of {wildcards.cell}."
     script:
@@ -205,11 +189,13 @@ rule health_from_peaks:
         "../../scripts/health/health_from_peaks.py"
 
 
-AGED = cells_where(lambda cell: tests(cell, "ageing"))
-CHECKED = cells_where(lambda cell: tests(cell, *SLOW_KINDS, *PULSE_KINDS, roles=["fit"]))
-SIZED = cells_where(lambda cell: tests(cell, *SLOW_KINDS, roles=["fit"]))
-STATED = cells_where(lambda cell: cell in CHECKED and CELLS[cell]["state_of_health"])
-HEALTHY = cells_where(lambda cell: cell in AGED or cell in SIZED or cell in STATED)
+AGED = dict.fromkeys(cell for cell in CELLS if tests(cell, "ageing"))
+CHECKED = dict.fromkeys(
+    cell for cell in CELLS if tests(cell, *SLOW_KINDS, *PULSE_KINDS, roles=["fit"])
+)
+SIZED = dict.fromkeys(cell for cell in CELLS if tests(cell, *SLOW_KINDS, roles=["fit"]))
+STATED = dict.fromkeys(cell for cell in CELLS if cell in CHECKED and CELLS[cell]["state_of_health"])
+HEALTHY = dict.fromkeys(cell for cell in CELLS if cell in AGED or cell in SIZED or cell in STATED)
 # Further methods of the state of health: stage, and the cells that have it.
 HEALTH_METHODS = {
     "modes": ("degradation_modes", DEGRADED),
@@ -228,16 +214,11 @@ def inputs_of_health(wildcards):
     return of_cell(cell, **stages)
 
 
-def of_cell(cell, **stages):
-    """The artefact of a cell in each of these stages."""
-    return {name: f"results/{stage}/{cell}.parquet" for name, stage in stages.items()}
-
-
 rule fade:
     input:
-        cycles=lambda w: artefacts("ageing_cycles", w.cell, "ageing"),
-        summaries=lambda w: artefacts("ageing_temperature", w.cell, "ageing"),
-        compensated=lambda w: artefacts("ageing_temperature_cycles", w.cell, "ageing"),
+        cycles=PLAN.own_artefacts("ageing_cycles", "ageing"),
+        summaries=PLAN.own_artefacts("ageing_temperature", "ageing"),
+        compensated=PLAN.own_artefacts("ageing_temperature_cycles", "ageing"),
     output:
         laws="results/fade/{cell}.parquet",
         course="results/fade_course/{cell}.parquet",
@@ -255,12 +236,16 @@ rule fade:
         "../../scripts/health/fade.py"
 
 
+def rated_capacities(cell):
+    """Capacities of a cell's check-ups: of charges for dQ/dV where no test is for the capacity."""
+    return fitted("capacity", cell, *CAPACITY_KINDS) or fitted("capacity", cell, "ica")
+
+
 rule check_ups:
     input:
-        capacities=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS)
-        or fitted("capacity", w.cell, "ica"),
-        resistances=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
-        courses=lambda w: of_cell(w.cell, course="fade_course").values() if w.cell in AGED else [],
+        capacities=own(rated_capacities),
+        resistances=PLAN.own_fitted("resistance", *PULSE_KINDS),
+        courses=where(AGED, "results/fade_course/{}.parquet"),
     output:
         rows="results/checkups/{cell}.parquet",
         growth="results/resistance_growth/{cell}.parquet",

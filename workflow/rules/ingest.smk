@@ -59,7 +59,8 @@ def evidence_of(cell, part):
 
 # Cells with several of them, in which one measurement may stand twice.
 REPEATABLE = {
-    part: cells_where(lambda cell: len(evidence_of(cell, part)) > 1) for part in COUNTED_IN
+    part: dict.fromkeys(cell for cell in CELLS if len(evidence_of(cell, part)) > 1)
+    for part in COUNTED_IN
 }
 REPEATS = [
     f"results/repeats/{cell}/{part}.parquet" for part in REPEATABLE for cell in REPEATABLE[part]
@@ -110,8 +111,8 @@ def course_of(wildcards):
 
 rule course:
     input:
-        series=lambda w: series_of("clean", w.cell),
-        steps=lambda w: series_of("segment", w.cell),
+        series=own(partial(series_of, "clean")),
+        steps=own(partial(series_of, "segment")),
     output:
         "results/course/{cell}.parquet",
     log:

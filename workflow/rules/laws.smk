@@ -1,12 +1,16 @@
 # How quantities move with temperature, the open-circuit voltage among them.
 
 
-VARIED = cells_where(
-    lambda cell: len(chamber_temperatures(cell, *CAPACITY_KINDS, *PULSE_KINDS, "eis")) >= 3
+VARIED = dict.fromkeys(
+    cell
+    for cell in CELLS
+    if len(chamber_temperatures(cell, *CAPACITY_KINDS, *PULSE_KINDS, "eis")) >= 3
 )
-PULSED = cells_where(lambda cell: len(chamber_temperatures(cell, *PULSE_KINDS)) >= 3)
-CHILLED = cells_where(
-    lambda cell: max(len(chamber_temperatures(cell, k)) for k in [*PULSE_KINDS, "eis"]) >= 3
+PULSED = dict.fromkeys(cell for cell in CELLS if len(chamber_temperatures(cell, *PULSE_KINDS)) >= 3)
+CHILLED = dict.fromkeys(
+    cell
+    for cell in CELLS
+    if max(len(chamber_temperatures(cell, k)) for k in [*PULSE_KINDS, "eis"]) >= 3
 )
 
 # Cells of one type that were pulsed at few temperatures each, many together; by the first of them.
@@ -23,14 +27,14 @@ KINDRED = {
 
 def facts_of_tests_of_type(wildcards):
     """What the sheet says of each test of a cell, and of its kindred."""
-    return facts_of_tests_of(dict.fromkeys([wildcards.cell, *KINDRED.get(wildcards.cell, [])]))
+    return PLAN.facts_of_tests_of(dict.fromkeys([wildcards.cell, *KINDRED.get(wildcards.cell, [])]))
 
 
 rule temperature:
     input:
-        resistance=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
-        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
-        eis=lambda w: fitted("eis", w.cell, "eis"),
+        resistance=PLAN.own_fitted("resistance", *PULSE_KINDS),
+        capacity=PLAN.own_fitted("capacity", *CAPACITY_KINDS),
+        eis=PLAN.own_fitted("eis", "eis"),
     output:
         laws="results/temperature/{cell}.parquet",
         points="results/temperature_points/{cell}.parquet",
@@ -65,7 +69,7 @@ rule cold_limit:
 
 rule resistance_surface:
     input:
-        resistance=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
+        resistance=PLAN.own_fitted("resistance", *PULSE_KINDS),
     output:
         laws="results/resistance_surface/{cell}.parquet",
         points="results/resistance_surface_points/{cell}.parquet",
@@ -85,9 +89,7 @@ rule resistance_surface:
 
 rule temperature_of_type:
     input:
-        resistance=lambda w: [
-            path for cell in KINDRED[w.cell] for path in fitted("resistance", cell, *PULSE_KINDS)
-        ],
+        resistance=PLAN.fitted_of(KINDRED.get, "resistance", *PULSE_KINDS),
     output:
         laws="results/temperature_of_type/{cell}.parquet",
         points="results/temperature_of_type_points/{cell}.parquet",
@@ -105,9 +107,10 @@ rule temperature_of_type:
 
 
 # Cells with slow tests at three temperatures, or with rests in a chamber that steps.
-STEPPED = cells_where(
-    lambda cell: tests(cell, "ocv_temperature", roles=["fit"])
-    or len(chamber_temperatures(cell, "ocv")) >= 3
+STEPPED = dict.fromkeys(
+    cell
+    for cell in CELLS
+    if tests(cell, "ocv_temperature", roles=["fit"]) or len(chamber_temperatures(cell, "ocv")) >= 3
 )
 
 
@@ -132,8 +135,8 @@ rule ocv_step:
 
 rule ocv_temperature:
     input:
-        curves=lambda w: fitted("ocv", w.cell, "ocv"),
-        steps=lambda w: fitted("ocv_step", w.cell, "ocv_temperature"),
+        curves=PLAN.own_fitted("ocv", "ocv"),
+        steps=PLAN.own_fitted("ocv_step", "ocv_temperature"),
     output:
         map="results/ocv_temperature/{cell}.parquet",
         entropic="results/ocv_entropic/{cell}.parquet",
@@ -156,12 +159,14 @@ rule ocv_temperature:
 RESTED_KINDS = [
     kind for kind in ("relaxation", "hppc", "ocv_temperature") if kind in RELAXATION_KINDS
 ]
-RELAXED = cells_where(lambda cell: RESTED_KINDS and tests(cell, *RESTED_KINDS, roles=["fit"]))
+RELAXED = dict.fromkeys(
+    cell for cell in CELLS if RESTED_KINDS and tests(cell, *RESTED_KINDS, roles=["fit"])
+)
 
 
 rule polarisation:
     input:
-        lambda w: fitted("relaxation", w.cell, *RELAXATION_KINDS),
+        PLAN.own_fitted("relaxation", *RELAXATION_KINDS),
     output:
         laws="results/polarisation/{cell}.parquet",
         points="results/polarisation_points/{cell}.parquet",

@@ -3,9 +3,11 @@
 SLOW_KINDS = (*CAPACITY_KINDS, "ica")
 
 
-COLD = cells_where(lambda cell: len(chamber_temperatures(cell, *SLOW_KINDS)) >= 2)
-COLD_PEAKS = cells_where(lambda cell: len(chamber_temperatures(cell, "ica")) >= 2)
-COLD_FAST = cells_where(lambda cell: len(chamber_temperatures(cell, "fast_charge")) >= 3)
+COLD = dict.fromkeys(cell for cell in CELLS if len(chamber_temperatures(cell, *SLOW_KINDS)) >= 2)
+COLD_PEAKS = dict.fromkeys(cell for cell in CELLS if len(chamber_temperatures(cell, "ica")) >= 2)
+COLD_FAST = dict.fromkeys(
+    cell for cell in CELLS if len(chamber_temperatures(cell, "fast_charge")) >= 3
+)
 LOSS_LAWS = [
     *[f"results/capacity_loss_laws/{cell}.parquet" for cell in COLD],
     *[f"results/fast_charge_laws/{cell}.parquet" for cell in COLD_FAST],
@@ -17,17 +19,15 @@ def fresh_peaks(cell):
     """Charges for dQ/dV of a cell's earliest check-up, temperature known: age is not temperature."""
     rows = tests(cell, "ica", roles=["fit"])
     known = [row for row in rows if row["ambient_temperature_celsius"] is not None]
-    first = min((row["cycle"] or 0 for row in known), default=0)
+    first = in_first_checkup([row["cycle"] for row in known])
     return {
-        row["test"]: row["ambient_temperature_celsius"]
-        for row in known
-        if (row["cycle"] or 0) == first
+        row["test"]: row["ambient_temperature_celsius"] for row, young in zip(known, first) if young
     }
 
 
 rule capacity_loss:
     input:
-        lambda w: fitted("capacity", w.cell, *SLOW_KINDS),
+        PLAN.own_fitted("capacity", *SLOW_KINDS),
     output:
         losses="results/capacity_loss/{cell}.parquet",
         laws="results/capacity_loss_laws/{cell}.parquet",
@@ -58,7 +58,7 @@ rule ica_temperature:
         cell=either(COLD_PEAKS),
     params:
         settings=config["ica_temperature"],
-        tests=lambda w: fresh_peaks(w.cell),
+        tests=own(fresh_peaks),
     message:
         "Peaks of incremental capacity of {wildcards.cell}, matched across temperatures."
     script:
@@ -86,7 +86,7 @@ rule fast_charge:
 
 rule fast_charge_law:
     input:
-        lambda w: fitted("fast_charge", w.cell, "fast_charge"),
+        PLAN.own_fitted("fast_charge", "fast_charge"),
     output:
         laws="results/fast_charge_laws/{cell}.parquet",
         points="results/fast_charge_points/{cell}.parquet",
@@ -116,7 +116,6 @@ rule ageing:
     log:
         "logs/ageing/{cell}/{test}.log",
     params:
-        settings=config["ageing"],
         test=test_facts,
         cell=cell_facts,
     message:

@@ -2,13 +2,13 @@
 # No part of the main job: `snakemake methods`.
 
 # Cells with pulses that may be fitted.
-COMPARED = cells_where(lambda cell: tests(cell, *PULSE_KINDS, roles=["fit"]))
+COMPARED = dict.fromkeys(cell for cell in CELLS if tests(cell, *PULSE_KINDS, roles=["fit"]))
 
 
 rule identification_methods:
     input:
-        series=lambda w: fitted("clean", w.cell, *PULSE_KINDS),
-        steps=lambda w: fitted("segment", w.cell, *PULSE_KINDS),
+        series=PLAN.own_fitted("clean", *PULSE_KINDS),
+        steps=PLAN.own_fitted("segment", *PULSE_KINDS),
         basis="results/basis/{cell}.json",
     output:
         "results/identification_methods/{cell}.parquet",
@@ -17,7 +17,6 @@ rule identification_methods:
     wildcard_constraints:
         cell=either(COMPARED),
     params:
-        settings=config["identification_methods"],
         cell=cell_facts,
     message:
         "Identify the pulses of {wildcards.cell} by each method, to compare them."

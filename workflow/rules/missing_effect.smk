@@ -22,8 +22,10 @@ def searchable(cell):
 
 
 # A cell with any such test has a verdict file; one that cannot be searched says there why.
-ASKED = cells_where(lambda cell: config["missing_effect"]["enabled"] and tests(cell, *EFFECT_KINDS))
-SEARCHED = cells_where(lambda cell: cell in ASKED and searchable(cell))
+ASKED = dict.fromkeys(
+    cell for cell in CELLS if config["missing_effect"]["enabled"] and tests(cell, *EFFECT_KINDS)
+)
+SEARCHED = dict.fromkeys(cell for cell in CELLS if cell in ASKED and searchable(cell))
 # A group is asked where it has tests and its cells lie on one bar each, which is the group that the
 # search simulates. A branch is held against its cell's model, else its type's.
 GROUPS_ASKED = [
@@ -83,9 +85,9 @@ WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKE
 rule effect_search:
     input:
         basis="results/basis/{cell}.json",
-        series=lambda w: searched_series(w.cell),
-        lent_basis=lambda w: [f"results/basis/{c}.json" for c in references(w.cell)],
-        lent_series=lambda w: [p for c in references(w.cell) for p in searched_series(c)],
+        series=own(searched_series),
+        lent_basis=paths_of(references, "results/basis/{}.json"),
+        lent_series=gathered(references, searched_series),
     output:
         verdict="results/missing_effect/{cell}/verdict.json",
         ranking="results/missing_effect/{cell}/ranking.parquet",
@@ -105,7 +107,7 @@ rule effect_search:
         settings=of_analysis("missing_effect"),
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
-        references=lambda w: [facts_of(c) for c in references(w.cell)],
+        references=PLAN.facts_of_cells(references),
     message:
         "Search for an effect that the model of {wildcards.cell} lacks."
     script:
@@ -116,7 +118,7 @@ rule effect_search_own:
     input:
         member="results/member/{cell}.json",
         basis="results/basis/{cell}.json",
-        series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
+        series=PLAN.own_artefacts("clean", *EFFECT_KINDS),
     output:
         verdict="results/missing_effect/{cell}/own/verdict.json",
         ranking="results/missing_effect/{cell}/own/ranking.parquet",
@@ -146,9 +148,7 @@ def simulated_files(wildcards):
 rule effect_search_external:
     input:
         basis="results/basis/{cell}.json",
-        series=lambda w: [
-            f"results/clean/{w.cell}/{row['test']}.parquet" for row in simulated_tests(w.cell)
-        ],
+        series=PLAN.own_rows("clean", simulated_tests),
         simulated=simulated_files,
     output:
         verdict="results/missing_effect/{cell}/external/verdict.json",
@@ -173,7 +173,7 @@ rule effect_search_external:
 rule missing_effect_group:
     input:
         models=group_models,
-        series=lambda w: artefacts("clean", w.group, "group"),
+        series=PLAN.own_artefacts("clean", "group"),
     output:
         verdict="results/missing_effect/{group}/verdict.json",
         ranking="results/missing_effect/{group}/ranking.parquet",
@@ -185,7 +185,7 @@ rule missing_effect_group:
         group=either(GROUPS_ASKED),
     params:
         settings=config["missing_effect_group"],
-        branches=lambda w: BRANCHES[w.group],
+        branches=own(BRANCHES.get),
         lenders=lambda w: {row["cell"]: lender(row["cell"]) for row in BRANCHES[w.group]},
     message:
         "Search for an effect in one branch of the parallel group {wildcards.group}."
@@ -199,11 +199,11 @@ rule witnesses:
         model="results/missing_effect/{cell}/model.json",
         series="results/missing_effect/{cell}/series.parquet",
         basis="results/basis/{cell}.json",
-        eis=lambda w: fitted("eis", w.cell, "eis"),
-        resistance=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
-        relaxation=lambda w: fitted("relaxation", w.cell, *RELAXATION_KINDS),
-        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
-        ocv_entropic=lambda w: [f"results/ocv_entropic/{c}.parquet" for c in STEPPED if c == w.cell],
+        eis=PLAN.own_fitted("eis", "eis"),
+        resistance=PLAN.own_fitted("resistance", *PULSE_KINDS),
+        relaxation=PLAN.own_fitted("relaxation", *RELAXATION_KINDS),
+        capacity=PLAN.own_fitted("capacity", *CAPACITY_KINDS),
+        ocv_entropic=where(STEPPED, "results/ocv_entropic/{}.parquet"),
     output:
         "results/missing_effect/{cell}/witnesses.parquet",
     log:
@@ -224,9 +224,9 @@ rule witnesses:
 rule effect_stability:
     input:
         basis="results/basis/{cell}.json",
-        series=lambda w: searched_series(w.cell),
-        lent_basis=lambda w: [f"results/basis/{c}.json" for c in references(w.cell)],
-        lent_series=lambda w: [p for c in references(w.cell) for p in searched_series(c)],
+        series=own(searched_series),
+        lent_basis=paths_of(references, "results/basis/{}.json"),
+        lent_series=gathered(references, searched_series),
     output:
         names="results/missing_effect/{cell}/stability.parquet",
         searches="results/missing_effect/{cell}/stability_searches.parquet",
@@ -238,7 +238,7 @@ rule effect_stability:
         settings=of_analysis("missing_effect"),
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
-        references=lambda w: [facts_of(c) for c in references(w.cell)],
+        references=PLAN.facts_of_cells(references),
     message:
         "Search of {wildcards.cell} repeated without each of its records: which names stay."
     script:

@@ -9,7 +9,7 @@ def type_of(cell):
 
 # Cells of each stated type, and those of them that are marked as reference.
 OF_TYPE, MARKED_OF_TYPE = {}, {}
-for cell in cells_where(lambda cell: None not in type_of(cell)):
+for cell in dict.fromkeys(cell for cell in CELLS if None not in type_of(cell)):
     OF_TYPE.setdefault(type_of(cell), []).append(cell)
     if CELLS[cell]["reference"] == "yes":
         MARKED_OF_TYPE.setdefault(type_of(cell), []).append(cell)
@@ -51,12 +51,7 @@ def fit_series(cell):
     rows = fit_tests(cell) or long_loads(cell)
     if "capacity" in FIT_KINDS and any(row["kind"] == "hppc" for row in rows):
         rows = rows + tests(cell, "capacity", roles=["fit"])
-    return [f"results/clean/{cell}/{row['test']}.parquet" for row in rows]
-
-
-def near_in_cycles(row, cycles):
-    """Whether a test belongs to a check-up at one of these cycles, so that it sees that age."""
-    return any(abs((row["cycle"] or 0) - cycle) <= SAME_CHECKUP_CYCLES for cycle in cycles)
+    return of_rows("clean", cell, rows)
 
 
 def long_loads(cell, *kinds):
@@ -80,14 +75,18 @@ def calibrating(cell):
 
 # A cell's model comes from its own pulses or drives, else from the table that the sheet gives of it,
 # else from its type's reference, else from its own long loads, else from its group.
-EXCITED = cells_where(fit_tests)
-GIVEN = cells_where(lambda cell: cell not in EXCITED and CELLS[cell].get("model_table"))
-BIASED = cells_where(
-    lambda cell: cell not in EXCITED | GIVEN
-    and tests(cell, "ica", "drive", "capacity")
-    and calibrating(cell)
+EXCITED = dict.fromkeys(filter(fit_tests, CELLS))
+GIVEN = dict.fromkeys(
+    cell for cell in CELLS if cell not in EXCITED and CELLS[cell].get("model_table")
 )
-LOADED = cells_where(lambda cell: cell not in EXCITED | GIVEN | BIASED and several_loads(cell))
+BIASED = dict.fromkeys(
+    cell
+    for cell in CELLS
+    if cell not in EXCITED | GIVEN and tests(cell, "ica", "drive", "capacity") and calibrating(cell)
+)
+LOADED = dict.fromkeys(
+    cell for cell in CELLS if cell not in EXCITED | GIVEN | BIASED and several_loads(cell)
+)
 IDENTIFIED = EXCITED | LOADED
 # Of a plain group of cells in parallel alone: in series nothing tells one cell's charge by itself.
 PARALLEL = {
@@ -102,8 +101,14 @@ GROUPED = {
     if row["cell"] not in IDENTIFIED | GIVEN | BIASED and tests(group, "group", roles=["fit"])
 }
 MODELLED = IDENTIFIED | GIVEN | BIASED | GROUPED
-UNMODELLED = cells_where(lambda cell: cell not in MODELLED)
+UNMODELLED = dict.fromkeys(cell for cell in CELLS if cell not in MODELLED)
 SCORED = {cell: tests(cell, *SERIES_KINDS, roles=["validation", "split"]) for cell in MODELLED}
+
+
+def scores_of(cell):
+    """What tests of its age that took no part in the fit say of a cell's model."""
+    later = [float(cycle) for cycle in CHECKUPS.get(cell, [])]
+    return of_rows("validation", cell, [r for r in SCORED[cell] if not near_in_cycles(r, later)])
 
 
 def resting(name):
@@ -121,38 +126,34 @@ def curves_of_loads(cell):
     """Long loads of a cell, the slowest of which stands for its OCV: where nothing else tells one."""
     told = cell not in IDENTIFIED or tests(cell, "ocv", roles=["fit"]) or resting(cell)
     rows = [] if told or curve_lenders(cell) else long_loads(cell, "ica")
-    return [f"results/ocv_load/{cell}/{row['test']}.parquet" for row in rows]
+    return of_rows("ocv_load", cell, rows)
 
 
 def rest_curves(cell):
     """Their curves."""
-    return [f"results/ocv_rests/{cell}/{row['test']}.parquet" for row in resting(cell)]
+    return of_rows("ocv_rests", cell, resting(cell))
 
 
 def aged_capacity_tests(cell):
     """Capacity tests of a cell, where they lie at several ages."""
     rows = tests(cell, "capacity", roles=["fit"])
-    cycles = [row["cycle"] or 0 for row in rows]
-    return rows if cycles and max(cycles) - min(cycles) > 5 else []
+    young = [min((row["cycle"] or 0 for row in rows), default=0)]
+    return [] if all(near_in_cycles(row, young) for row in rows) else rows
 
 
-def of_aged(stage):
-    """Input function: one stage's artefacts of these tests."""
-    return lambda w: [
-        f"results/{stage}/{w.cell}/{row['test']}.parquet" for row in aged_capacity_tests(w.cell)
-    ]
+SHIFTED = dict.fromkeys(filter(aged_capacity_tests, CELLS))
 
 
 rule ocv_shift:
     input:
-        series=of_aged("clean"),
-        steps=of_aged("segment"),
+        series=PLAN.own_rows("clean", aged_capacity_tests),
+        steps=PLAN.own_rows("segment", aged_capacity_tests),
     output:
         "results/ocv_shift/{cell}.parquet",
     log:
         "logs/ocv_shift/{cell}.log",
     wildcard_constraints:
-        cell=either(cells_where(aged_capacity_tests)),
+        cell=either(SHIFTED),
     message:
         "Shift of the open-circuit voltage of {wildcards.cell} since its first check-up."
     script:
@@ -162,22 +163,18 @@ rule ocv_shift:
 rule basis:
     input:
         rests=lambda w: [*rest_curves(w.cell), *curves_of_loads(w.cell)],
-        shifts=lambda w: (
-            [f"results/ocv_shift/{w.cell}.parquet"] if aged_capacity_tests(w.cell) else []
-        ),
-        capacity=lambda w: fitted("capacity", w.cell, *SIZE_KINDS),
-        ocv=lambda w: fitted("ocv", w.cell, "ocv"),
-        lent_ocv=lambda w: [p for c in curve_lenders(w.cell) for p in fitted("ocv", c, "ocv")],
-        lent_capacity=lambda w: [
-            p for c in curve_lenders(w.cell) for p in fitted("capacity", c, *CAPACITY_KINDS)
-        ],
+        shifts=where(SHIFTED, "results/ocv_shift/{}.parquet"),
+        capacity=PLAN.own_fitted("capacity", *SIZE_KINDS),
+        ocv=PLAN.own_fitted("ocv", "ocv"),
+        lent_ocv=PLAN.fitted_of(curve_lenders, "ocv", "ocv"),
+        lent_capacity=PLAN.fitted_of(curve_lenders, "capacity", *CAPACITY_KINDS),
     output:
         "results/basis/{cell}.json",
     log:
         "logs/basis/{cell}.log",
     params:
         cell=cell_facts,
-        references=lambda w: references(w.cell),
+        references=own(references),
     message:
         "What the SoC of {wildcards.cell} refers to: capacity and OCV curves."
     script:
@@ -187,7 +184,7 @@ rule basis:
 rule identify:
     input:
         basis="results/basis/{cell}.json",
-        series=lambda w: fit_series(w.cell),
+        series=own(fit_series),
     output:
         "results/identify/{cell}.json",
     log:
@@ -205,8 +202,10 @@ rule identify:
 
 
 # Cells with tests in which a cell warms by loads both ways, or by pulses.
-WARMED = cells_where(
-    lambda cell: cell in IDENTIFIED | BIASED and tests(cell, *WARMING_KINDS, roles=["fit"])
+WARMED = dict.fromkeys(
+    cell
+    for cell in CELLS
+    if cell in IDENTIFIED | BIASED and tests(cell, *WARMING_KINDS, roles=["fit"])
 )
 
 
@@ -214,7 +213,7 @@ def warming_series(wildcards):
     """Tests that tell how a cell warms, and those that score it."""
     told = tests(wildcards.cell, *WARMING_KINDS, roles=["fit"])
     scored = tests(wildcards.cell, "drive", roles=["validation"])
-    return [f"results/clean/{wildcards.cell}/{row['test']}.parquet" for row in [*told, *scored]]
+    return of_rows("clean", wildcards.cell, [*told, *scored])
 
 
 rule thermal:
@@ -253,8 +252,8 @@ rule given_model:
     wildcard_constraints:
         cell=either(GIVEN),
     params:
-        table=lambda w: CELLS[w.cell]["model_table"],
-        capacity_ampere_hour=lambda w: CELLS[w.cell].get("model_capacity_ampere_hour"),
+        table=PLAN.column("model_table"),
+        capacity_ampere_hour=PLAN.column("model_capacity_ampere_hour"),
     message:
         "Model of {wildcards.cell} from the table that the sheet gives."
     script:
@@ -282,7 +281,7 @@ def choice_series(wildcards):
     """What decides which member a model uses: the tests that it was fitted to."""
     cell = wildcards.cell
     searched = tests(cell, *EFFECT_KINDS, roles=["fit", "split"]) if cell in SEARCHED else []
-    also = [f"results/clean/{cell}/{row['test']}.parquet" for row in searched]
+    also = of_rows("clean", cell, searched)
     return list(dict.fromkeys([*fit_series(cell), *also])) if cell in IDENTIFIED else []
 
 
@@ -295,7 +294,7 @@ def law_of(wildcards):
 rule member:
     input:
         source=source_of_model,
-        basis=lambda w: [f"results/basis/{w.cell}.json"] if w.cell in IDENTIFIED else [],
+        basis=where(IDENTIFIED, "results/basis/{}.json"),
         law=law_of,
         effects=effects_of,
         series=choice_series,
@@ -365,21 +364,15 @@ EXPORTED = {
 }
 
 
-def first_cycle(cell):
-    """Cycle of a cell's first check-up with a test that tells its capacity."""
-    rows = tests(cell, *CAPACITY_KINDS, roles=["fit"])
-    return min((row["cycle"] or 0 for row in rows), default=0)
-
-
 def later_checkups(cell):
     """Cycles of the later check-ups that have an HPPC test and one that tells the capacity."""
-    sized = [row["cycle"] or 0 for row in tests(cell, *CAPACITY_KINDS, roles=["fit"])]
+    sized = PLAN.cycles(cell, *CAPACITY_KINDS)
     aged = [
         row["cycle"]
         for row in fit_tests(cell)
         if row["kind"] == "hppc" and near_in_cycles(row, sized)
     ]
-    young = {"cycle": first_cycle(cell)}
+    young = {"cycle": min(sized, default=0)}
     return sorted({f"{cycle:g}" for cycle in aged if not near_in_cycles(young, [cycle or 0])})
 
 
@@ -393,7 +386,7 @@ def checkup_series(wildcards):
         for row in [*fit_tests(wildcards.cell), *tests(wildcards.cell, "capacity", roles=["fit"])]
         if near_in_cycles(row, [float(wildcards.checkup)])
     ]
-    return [f"results/clean/{wildcards.cell}/{row['test']}.parquet" for row in rows]
+    return of_rows("clean", wildcards.cell, rows)
 
 
 rule model_of_checkup:
@@ -428,7 +421,7 @@ def model_at_age(wildcards):
 rule export:
     input:
         model="results/models/{cell}.json",
-        validation=lambda w: scores_of(w.cell),
+        validation=own(scores_of),
     output:
         pybamm="results/export/{cell}/pybamm_thevenin.json",
         lookup="results/export/{cell}/lookup.csv",

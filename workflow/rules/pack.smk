@@ -20,8 +20,8 @@ def thermal_of_group(wildcards):
 
 rule branches:
     input:
-        series=lambda w: fitted("clean", w.group, "group"),
-        steps=lambda w: fitted("segment", w.group, "group"),
+        series=PLAN.own_fitted("clean", "group"),
+        steps=PLAN.own_fitted("segment", "group"),
     output:
         "results/branches/{group}.json",
     log:
@@ -30,7 +30,7 @@ rule branches:
         group=either(set(GROUPED.values())),
     params:
         cell=cell_facts,
-        branches=lambda w: BRANCHES[w.group],
+        branches=own(BRANCHES.get),
     message:
         "Models of the cells of group {wildcards.group} from its own branch currents."
     script:
@@ -41,7 +41,7 @@ rule pack:
     input:
         series="results/clean/{group}/{test}.parquet",
         models=models_of_group,
-        capacities=lambda w: capacities_of(LEAVES[w.group]),
+        capacities=PLAN.fitted_of(LEAVES.get, "capacity", "capacity"),
         thermal=thermal_of_group,
     output:
         scores="results/pack/{group}/{test}.parquet",
@@ -54,7 +54,7 @@ rule pack:
         group=either(SHARED),
     params:
         test=test_facts,
-        branches=lambda w: WIRED[w.group],
+        branches=own(WIRED.get),
         settings=config["pack_decisions"],
     message:
         "Simulate the group {wildcards.group} through {wildcards.test}."
@@ -75,7 +75,7 @@ rule nested_pack:
         group=either(NESTED),
     params:
         test=test_facts,
-        members=lambda w: WIRED[w.group],
+        members=own(WIRED.get),
     message:
         "Simulate the pack {wildcards.group} of groups through {wildcards.test}."
     script:
@@ -101,7 +101,7 @@ rule pack_checks:
         group=either(PAIRS),
     params:
         test=test_facts,
-        branches=lambda w: WIRED[w.group],
+        branches=own(WIRED.get),
     message:
         "Do the channels of {wildcards.group} in {wildcards.test} agree with each other?"
     script:

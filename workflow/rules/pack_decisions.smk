@@ -5,12 +5,7 @@ def median_celsius(group):
     """Median of the stated temperatures of a group's tests; 25 °C where none is stated."""
     rows = [row["ambient_temperature_celsius"] for row in TESTS_OF[group]]
     stated = sorted(celsius for celsius in rows if celsius is not None)
-    return stated[len(stated) // 2] if stated else 25.0
-
-
-def capacities_of(cells):
-    """Capacities of cells, of their tests that may be fitted."""
-    return [path for cell in cells for path in fitted("capacity", cell, "capacity")]
+    return stated_or_reference(stated[len(stated) // 2] if stated else None)
 
 
 # Cells of one type that have a model of their own pulses or drives, under a name that a file may have.
@@ -37,8 +32,8 @@ rule series_pack:
         group=either(SERIES),
     params:
         test=test_facts,
-        members=lambda w: WIRED[w.group],
-        cells=lambda w: [facts_of(cell) for cell in LEAVES[w.group]],
+        members=own(WIRED.get),
+        cells=PLAN.facts_of_cells(LEAVES.get),
         settings=config["pack_decisions"],
     message:
         "Series pack {wildcards.group} through {wildcards.test}: errors, limits, power, balancing."
@@ -49,7 +44,7 @@ rule series_pack:
 rule pack_decisions:
     input:
         models=models_of_group,
-        capacities=lambda w: capacities_of(LEAVES[w.group]),
+        capacities=PLAN.fitted_of(LEAVES.get, "capacity", "capacity"),
         thermal=thermal_of_group,
     output:
         "results/pack_decisions/{group}.parquet",
@@ -58,10 +53,10 @@ rule pack_decisions:
     wildcard_constraints:
         group=either(PAIRS),
     params:
-        members=lambda w: WIRED[w.group],
-        cells=lambda w: [facts_of(cell) for cell in LEAVES[w.group]],
-        tests=lambda w: {k: v for k, v in TEST_FACTS.items() if k.split("/")[0] in LEAVES[w.group]},
-        celsius=lambda w: median_celsius(w.group),
+        members=own(WIRED.get),
+        cells=PLAN.facts_of_cells(LEAVES.get),
+        tests=PLAN.facts_of_tests_of_cells(LEAVES.get),
+        celsius=own(median_celsius),
         settings=config["pack_decisions"],
     message:
         "Decisions on pack {wildcards.group}: uncertainty, which cell to replace, safe window of SoC."
@@ -71,8 +66,8 @@ rule pack_decisions:
 
 rule pack_matching:
     input:
-        models=lambda w: [f"results/models/{cell}.json" for cell in MATCHED[w.fleet]],
-        capacities=lambda w: capacities_of(MATCHED[w.fleet]),
+        models=paths_of(MATCHED.get, "results/models/{}.json"),
+        capacities=PLAN.fitted_of(MATCHED.get, "capacity", "capacity"),
     output:
         gains="results/pack_matching/{fleet}.parquet",
         assembly="results/pack_assembly/{fleet}.parquet",
@@ -81,8 +76,8 @@ rule pack_matching:
     wildcard_constraints:
         fleet=either(MATCHED),
     params:
-        cells=lambda w: [facts_of(cell) for cell in MATCHED[w.fleet]],
-        tests=lambda w: {k: v for k, v in TEST_FACTS.items() if k.split("/")[0] in MATCHED[w.fleet]},
+        cells=PLAN.facts_of_cells(MATCHED.get),
+        tests=PLAN.facts_of_tests_of_cells(MATCHED.get),
         settings=config["pack_decisions"],
     message:
         "Cells of type {wildcards.fleet} put together: matched beside random assemblies."

@@ -5,13 +5,6 @@
 PACK_MODELS = [group for group, cells in LEAVES.items() if all(cell in MODELLED for cell in cells)]
 
 
-def scores_of(cell):
-    """What tests of its age that took no part in the fit say of a cell's model."""
-    later = [float(cycle) for cycle in CHECKUPS.get(cell, [])]
-    own = [row for row in SCORED[cell] if not near_in_cycles(row, later)]
-    return [f"results/validation/{cell}/{row['test']}.parquet" for row in own]
-
-
 def scored_stage(group):
     """The stage whose rows say how well a group was simulated through its tests."""
     if group in NESTED:
@@ -21,11 +14,9 @@ def scored_stage(group):
 
 rule pack_model:
     input:
-        models=lambda w: [f"results/models/{cell}.json" for cell in LEAVES[w.group]],
-        capacities=lambda w: [
-            path for cell in LEAVES[w.group] for path in fitted("capacity", cell, "capacity")
-        ],
-        validation=lambda w: [path for cell in LEAVES[w.group] for path in scores_of(cell)],
+        models=paths_of(LEAVES.get, "results/models/{}.json"),
+        capacities=PLAN.fitted_of(LEAVES.get, "capacity", "capacity"),
+        validation=gathered(LEAVES.get, scores_of),
         tests=lambda w: artefacts(scored_stage(w.group), w.group, "group"),
         thermal=thermal_of_group,
     output:
@@ -36,7 +27,7 @@ rule pack_model:
     wildcard_constraints:
         group=either(PACK_MODELS),
     params:
-        rows=lambda w: WIRED[w.group],
+        rows=own(WIRED.get),
     message:
         "Model of pack {wildcards.group} as one document, with the errors that its tests show."
     script:
@@ -46,8 +37,8 @@ rule pack_model:
 rule cell_fmu:
     input:
         model="results/models/{cell}.json",
-        capacities=lambda w: fitted("capacity", w.cell, "capacity"),
-        validation=lambda w: scores_of(w.cell),
+        capacities=PLAN.own_fitted("capacity", "capacity"),
+        validation=own(scores_of),
     output:
         "results/fmu/{cell}.fmu",
     log:

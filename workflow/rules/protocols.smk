@@ -55,7 +55,7 @@ rule ocv_rests:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
         course=course_of,
-        capacity=lambda w: fitted("capacity", w.cell, *SIZE_KINDS),
+        capacity=PLAN.own_fitted("capacity", *SIZE_KINDS),
     output:
         curve="results/ocv_rests/{cell}/{test}.parquet",
         points="results/ocv_rest_points/{cell}/{test}.parquet",
@@ -171,7 +171,7 @@ rule ica:
     log:
         "logs/ica/{cell}/{test}.log",
     params:
-        settings=config["ica"],
+        prominence=config["ica"]["prominence"],
         test=test_facts,
         cell=cell_facts,
     message:
@@ -207,7 +207,7 @@ def beside_spectra(cell):
     """Series of a cell at the chamber temperatures at which it has spectra."""
     there = {row["ambient_temperature_celsius"] for row in tests(cell, "eis")} - {None}
     rows = tests(cell, *SERIES_KINDS)
-    return [row["test"] for row in rows if row["ambient_temperature_celsius"] in there]
+    return [row for row in rows if row["ambient_temperature_celsius"] in there]
 
 
 THERMOMETERS = [cell for cell in CELLS if beside_spectra(cell)]
@@ -215,10 +215,8 @@ THERMOMETERS = [cell for cell in CELLS if beside_spectra(cell)]
 
 rule thermometer:
     input:
-        spectra=lambda w: artefacts("eis", w.cell, "eis"),
-        series=lambda w: [
-            f"results/clean/{w.cell}/{test}.parquet" for test in beside_spectra(w.cell)
-        ],
+        spectra=PLAN.own_artefacts("eis", "eis"),
+        series=PLAN.own_rows("clean", beside_spectra),
     output:
         "results/thermometer/{cell}.parquet",
     log:

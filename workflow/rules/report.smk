@@ -46,7 +46,6 @@ rule report:
         tests=CAMPAIGN.tests,
         groups=CAMPAIGN.groups,
         figures=FIGURES,
-        modelled=list(MODELLED),
         title=config["title"],
         choices=CHOICES,
         assumptions=ASSUMPTIONS,

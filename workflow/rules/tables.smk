@@ -113,7 +113,7 @@ STAGES = [
 
 rule tables_of_tests:
     input:
-        unpack(lambda w: TABLES_OF_TESTS),
+        **TABLES_OF_TESTS,
     output:
         **{name: f"results/tables/{name}.csv" for name in TABLES_OF_TESTS},
     log:
@@ -128,7 +128,7 @@ rule tables_of_tests:
 
 rule tables_of_health:
     input:
-        unpack(lambda w: TABLES_OF_HEALTH),
+        **TABLES_OF_HEALTH,
     output:
         **{name: f"results/tables/{name}.csv" for name in TABLES_OF_HEALTH},
     log:
@@ -143,7 +143,7 @@ rule tables_of_health:
 
 rule tables_of_models:
     input:
-        unpack(lambda w: TABLES_OF_MODELS),
+        **TABLES_OF_MODELS,
     output:
         **{name: f"results/tables/{name}.csv" for name in TABLES_OF_MODELS},
     log:

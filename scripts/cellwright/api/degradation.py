@@ -99,7 +99,7 @@ def _curves(tests, facts, options):
     from cellwright.health.electrodes.slow_curves import slow_curve
 
     found, limits = _Curves([], {}), {name: getattr(facts, name) for name in CUTOFFS}
-    limits |= {"least_hour": options.least_hour, "mean_hour": options.mean_hour}
+    limits["least_hour"] = options.least_hour
     for test in inputs.tests(tests):
         try:
             curve = slow_curve(test.series, test.facts, cell=facts.cell, **limits)

@@ -1,9 +1,6 @@
 """State of health from peaks of dQ/dV, from the rows of many charges."""
 
 from cellwright.api import inputs, results
-from cellwright.settings import HealthFromPeaks
-
-HEALTH_FROM_PEAKS = HealthFromPeaks()
 
 
 def health_from_peaks(
@@ -13,7 +10,6 @@ def health_from_peaks(
     *,
     rated_ampere_hour=None,
     tracked=(),
-    most_terms=HEALTH_FROM_PEAKS.most_terms,
 ):
     """State of health of cells of one type from peaks of dQ/dV, calibrated on known capacities.
 
@@ -27,7 +23,6 @@ def health_from_peaks(
         charge between two peaks is not used.
     rated_ampere_hour : rating of the type [Ah], None: not known.
     tracked : cells in which an identity is one peak through the life.
-    most_terms : features in one model [1].
 
     Returns
     -------
@@ -44,8 +39,6 @@ def health_from_peaks(
     names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
     pairs = {key: inputs.quantities(curve, names) for key, curve in (curves or {}).items()}
     charges = peak_charges(inputs.rows(peaks), inputs.rows(capacities), pairs)
-    found = peak_calibration(
-        charges, rated_ampere_hour=rated_ampere_hour, tracked=tracked, most_terms=most_terms
-    )
+    found = peak_calibration(charges, rated_ampere_hour=rated_ampere_hour, tracked=tracked)
     tables = {"rows": found.rows, "information": found.information}
     return results.Result(tables, notes=tuple(found.notes))

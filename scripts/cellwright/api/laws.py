@@ -2,7 +2,6 @@
 
 from cellwright.api import inputs, results
 from cellwright.settings import (
-    Ageing,
     CapacityLoss,
     IcaTemperature,
     Models,
@@ -311,13 +310,12 @@ def _charge(charge):
     return Charge(test.test, test.ambient_temperature_celsius, ica.c_rate, *curve)
 
 
-def ageing_over_temperature(cycles, test, settings=None, **changes):
+def ageing_over_temperature(cycles, test):
     """Fade, temperature and daily cycle of the capacities of one ageing record.
 
     Parameters
     ----------
     cycles : result of `ageing_cycles`. test : TestFacts or mapping.
-    settings : `settings.Ageing`, or its keys as keywords.
 
     Returns
     -------
@@ -335,7 +333,7 @@ def ageing_over_temperature(cycles, test, settings=None, **changes):
     table = getattr(cycles, "rows", cycles)
     if not isinstance(table, AgeingCycles):
         table = AgeingCycles(**inputs.columns(table, *AgeingCycles._fields))
-    ageing = cycle_temperature(table, **inputs.settings_of(Ageing, settings, changes)._asdict())
+    ageing = cycle_temperature(table)
     rows = law_rows(ageing.summary, test=inputs.test_facts(test).test)
     notes = tuple(filter(None, [ageing.summary["reason"]]))
     tables = {"cycles": ageing.cycles, "rows": rows, "periodogram": ageing.periodogram}

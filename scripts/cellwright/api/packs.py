@@ -210,8 +210,6 @@ def validate_group(
         known = uncertainty_of(
             documents,
             _capacity_stds(capacities, cells_of(wiring)),
-            capacity_relative_std=chosen.capacity_relative_std,
-            resistance_relative_std=chosen.resistance_relative_std,
             initial_soc_std=chosen.initial_soc_std,
             wire_relative_std=chosen.wire_relative_std,
         )

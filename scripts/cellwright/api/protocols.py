@@ -315,13 +315,12 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
     return results.Result(tables, notes=(*where, *rests.left_out))
 
 
-def ica(series, steps, settings=None, **changes):
+def ica(series, steps):
     """Incremental capacity dQ/dV [Ah/V] over voltage of the constant-current charge in one test.
 
     Parameters
     ----------
     series, steps : clean series, (n,) columns, and its steps.
-    settings : `settings.Ica`, or its keys as keywords.
 
     Returns
     -------
@@ -341,8 +340,7 @@ def ica(series, steps, settings=None, **changes):
     first, last, step = constant_current_charge(steps, charge)
     first, last = constant_rows(current, first, last)
     rows = slice(first, last + 1)
-    chosen = inputs.settings_of(Ica, settings, changes)
-    curve, slope = charge_slope(voltage[rows], charge[rows], bin_volt=chosen.bin_volt)
+    curve, slope = charge_slope(voltage[rows], charge[rows])
     # The mean current of a step that holds the voltage in the end is less than its constant one.
     rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
     about = {"c_rate": float(np.median(current[rows]) / rated), "slope": slope}

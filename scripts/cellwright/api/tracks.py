@@ -1,19 +1,20 @@
 """How a cell ages: dQ/dV over an ageing record, peaks followed through a life."""
 
 from cellwright.api import inputs, results
-from cellwright.settings import Ica, IcaTracks
+from cellwright.settings import Ica
 
-TRACKS = IcaTracks()
+ICA = Ica()
 
 
-def ica_life(series, steps, cycles, settings=None, *, most=TRACKS.most_charges, **changes):
+def ica_life(series, steps, cycles, *, prominence=ICA.prominence, most=30):
     """Peaks of dQ/dV of charges spread evenly over one ageing record.
 
     Parameters
     ----------
     series, steps : clean series, (n,) columns, and its steps.
     cycles : result of `ageing_cycles`, or its columns.
-    settings : `settings.Ica`, or its keys as keywords. most : charges at most.
+    prominence : least rise of a peak above its valleys, of the highest one [1]. most : charges at
+        most.
 
     Returns
     -------
@@ -27,23 +28,21 @@ def ica_life(series, steps, cycles, settings=None, *, most=TRACKS.most_charges, 
     """
     from cellwright.protocols.ica.life import peaks_of_life
 
-    chosen = inputs.settings_of(Ica, settings, changes)
     names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
     record = inputs.quantities(series, names)
     columns = inputs.columns(cycles, "cycle", "direction", "start_time_second")
     steps = inputs.steps(steps)._asdict()
-    found = peaks_of_life(*record, steps, columns, settings=chosen, most=most)
+    found = peaks_of_life(*record, steps, columns, prominence=prominence, most=most)
     tables = {"rows": found.rows, "curves": found.curves}
     return results.Result(tables, notes=tuple(found.notes))
 
 
-def ica_tracks(charges, settings=None, *, chemistry="", **changes):
+def ica_tracks(charges, *, chemistry=""):
     """Peaks of dQ/dV of one cell under names that stay through its life.
 
     Parameters
     ----------
     charges : `health.tracking.TrackedCharge` each.
-    settings : `settings.IcaTracks`, or its keys as keywords.
     chemistry : of the cell, for names alone.
 
     Returns
@@ -58,7 +57,5 @@ def ica_tracks(charges, settings=None, *, chemistry="", **changes):
     """
     from cellwright.health.peaks.tracking import tracked_peaks
 
-    options = inputs.settings_of(IcaTracks, settings, changes)._asdict()
-    options.pop("most_charges")
-    rows = tracked_peaks(charges, chemistry=chemistry or "", **options)
+    rows = tracked_peaks(charges, chemistry=chemistry or "")
     return results.Result({"rows": rows})

@@ -1,5 +1,6 @@
 """What a cell shows without pulses, and how that differs from the reference cell of its type."""
 
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from cellwright.records.basis import same_condition
 from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
 
+FULL_SOC, EMPTY_SOC = 0.95, 0.1  # where a load begins that tells of the ends
 SHARES = np.round(np.arange(0.05, 0.951, 0.05), 2)  # of the capacity, where charges are compared
 
 
@@ -45,6 +47,25 @@ class Differences(NamedTuple):
 
     scalars: dict
     course: dict
+
+
+def onset_resistances(rows, direction):
+    """Median resistance at the onset of discharges from full, or of charges from empty.
+
+    Parameters
+    ----------
+    rows : list of dict, of stage `onset`. direction : "discharge" or "charge".
+
+    Returns
+    -------
+    resistance : dict, delay [s] → [ohm].
+    """
+    by_delay = {}
+    for row in rows:
+        begins = row["soc"] > FULL_SOC if direction == "discharge" else row["soc"] < EMPTY_SOC
+        if row["direction"] == direction and begins:
+            by_delay.setdefault(row["delay_second"], []).append(row["resistance_ohm"])
+    return {delay: median(values) for delay, values in by_delay.items()}
 
 
 def differences(reference, cell):

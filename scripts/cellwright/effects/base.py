@@ -392,11 +392,11 @@ class Tolerance(NamedTuple):
     """
 
     ocv_volt: float = SEARCH.ocv_volt_tolerance
-    ocv_soc: float = SEARCH.ocv_soc_tolerance
+    ocv_soc: float = 0.12
     capacity: float = SEARCH.capacity_tolerance
     soc: float = SEARCH.soc_tolerance
-    steep_soc: float = SEARCH.steep_soc_tolerance
-    known: float = SEARCH.known_tolerance
+    steep_soc: float = 0.003
+    known: float = 0.2
     kelvin: float = SEARCH.kelvin_tolerance
     voltage_reading: float = SEARCH.voltage_reading_tolerance
     current_reading: float = SEARCH.current_reading_tolerance

@@ -24,20 +24,33 @@ SEARCH = MissingEffect()  # the schema's defaults
 
 
 class Gates(NamedTuple):
-    """When an effect counts; meaning and source in config/README.md (missing_effect)."""
+    """When an effect counts.
 
-    refits: int = SEARCH.refits
-    bic: float = SEARCH.bic
-    validation_chi_square: float = SEARCH.validation_chi_square
-    visible_chi_square: float = SEARCH.visible_chi_square
+    refits : effects of a round that are fitted in full, the best of the score test first; the right
+    one is among the first eight. rounds : effects one cell may lack. bic, validation_chi_square :
+    an effect must lower the information criterion of the fit, and the chi-square of the tests for
+    proof, by more. visible_chi_square : an effect of plausible size whose chi-square there stays
+    below this cannot be tested. material_volt, unknown_volt : see config/README.md. tie_absolute,
+    tie_relative : effects whose J (gain of the criterion plus that of the proof) is within the
+    larger of these of the best are equally good. most_slow_volt, most_slow_second : slow noise that
+    is believed; more would swallow hysteresis and slow diffusion. steep_volt : samples that
+    `Tolerance.steep_soc` alone moves by more count in no rms error.
+    """
+
+    refits: int = 8
+    bic: float = (
+        10.0  # very strong evidence: Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572
+    )
+    validation_chi_square: float = 25.0  # five standard deviations of one parameter
+    visible_chi_square: float = 25.0  # likewise
     material_volt: float = SEARCH.material_volt
     unknown_volt: float = SEARCH.unknown_volt
-    tie_absolute: float = SEARCH.tie_absolute
-    tie_relative: float = SEARCH.tie_relative
-    rounds: int = SEARCH.rounds
-    most_slow_volt: float = SEARCH.most_slow_volt
-    most_slow_second: float = SEARCH.most_slow_second
-    steep_volt: float = SEARCH.steep_volt
+    tie_absolute: float = 6.0  # strong evidence, by the same scale
+    tie_relative: float = 0.03  # frozen before the cells it was proved on were made
+    rounds: int = 4
+    most_slow_volt: float = 0.0012
+    most_slow_second: float = 300.0
+    steep_volt: float = 0.002
 
 
 STEADY_C_RATE = 0.02

@@ -65,7 +65,7 @@ def missing_effect(
     ----------
     cell : CellFacts. basis : dict, from `basis.basis`.
     tests : list of MeasuredTest. library : dict of Effect by id.
-    settings : dict: those of `settings_of`, most_rows and split_rest_second.
+    settings : dict: those of `settings_of`, and split_rest_second.
     model : dict of schema cellwright-model/2, for the base `own`. simulated : dict test →
     external.Simulated, for the base `external`; tests without one take no part.
     references : sequence of Reference, of the base `plain`. Where one or more ran the same

@@ -56,7 +56,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     ----------
     cell : CellFacts. basis : dict, from `basis.basis`.
     tests : list of MeasuredTest. tolerance : base.Tolerance. gates : Gates.
-    settings : dict with most_rows, split_rest_second.
+    settings : dict with split_rest_second.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
         notes.append("no measured capacity: the rating, to 5 %")
     caveats = (*_stand_in(tests, judging), *_of_rests(curve, judging))
     capacity = basis["capacity_ampere_hour"]
-    sides = tuple(_thinned(side, settings["most_rows"], capacity) for side in (fitted, judging))
+    sides = tuple(_thinned(side, capacity) for side in (fitted, judging))
     measured = base.Cell(capacity, np.interp(GRID, curve["soc"], _between_branches(curve)))
     about = tolerance, gates, slow_gap(curve)
     cases = [
@@ -184,15 +184,15 @@ def _of_rests(curve, judging):
         yield f"The open-circuit voltage is from the rests of {curve['test']}: {also}."
 
 
-def _thinned(records, most_rows, capacity_ampere_hour):
-    """Records thinned for the search: whole seconds, steady stretches sparse, `most_rows`."""
+def _thinned(records, capacity_ampere_hour):
+    """Records thinned for the search: whole seconds, steady stretches sparse, few."""
 
     def sparse(record, growth):
         about = {"growth": growth, "capacity_ampere_hour": capacity_ampere_hour}
         return thin(record, step_ampere=_least_step_ampere(record), **about)
 
     ways = [partial(sparse, growth=growth) for growth in GROWTHS]
-    return averaged_to(records, most_rows=most_rows, thinned=ways)
+    return averaged_to(records, thinned=ways)
 
 
 def _least_step_ampere(record):

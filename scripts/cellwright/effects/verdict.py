@@ -51,7 +51,7 @@ def outcome(rounds, gates, *, alternatives=lambda step: step.tied):
 
     Parameters
     ----------
-    rounds : list of search.Round. gates : case.Gates or groups.case.GroupGates.
+    rounds : list of search.Round. gates : case.Gates or groups.known.GroupGates.
     alternatives : function (round) → ids of effects that its data cannot tell from the choice.
 
     Returns

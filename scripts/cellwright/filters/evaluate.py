@@ -17,6 +17,8 @@ from cellwright.refusal import Refusal
 
 NORMAL_95 = 1.959963985
 LAGS = 20  # of the autocorrelation that is tested
+CONVERGED_SOC, HELD_SECOND = 0.03, 600.0  # a filter has converged when its error stays this small
+WINDOW_SECOND = 600.0  # of the adaptive law
 
 
 class Innovations(NamedTuple):
@@ -83,7 +85,7 @@ def chi_square(normal, degrees):
     return float(degrees * (1.0 - ninth + normal * np.sqrt(ninth)) ** 3)
 
 
-def convergence_second(test_time_second, error_soc, *, band, hold_second):
+def convergence_second(test_time_second, error_soc, *, band=CONVERGED_SOC, hold_second=HELD_SECOND):
     """Time until the error is within a band and stays there for a while.
 
     Parameters
@@ -105,7 +107,7 @@ def convergence_second(test_time_second, error_soc, *, band, hold_second):
     return float(test_time_second[first[stays][0]] - test_time_second[0])
 
 
-def scores(test_time_second, estimate, reference_soc, scored, *, band, hold_second):
+def scores(test_time_second, estimate, reference_soc, scored):
     """Errors of an estimated SoC against a reference.
 
     Parameters
@@ -114,7 +116,6 @@ def scores(test_time_second, estimate, reference_soc, scored, *, band, hold_seco
     estimate : estimate.Estimate.
     reference_soc : (n,) [1].
     scored : (n,) bool, the samples that count.
-    band, hold_second : as in `convergence_second`.
 
     Returns
     -------
@@ -131,7 +132,7 @@ def scores(test_time_second, estimate, reference_soc, scored, *, band, hold_seco
     if not np.isfinite(error).all():
         raise Refusal(f"{np.sum(~np.isfinite(error))} estimated SoC are not finite")
     time = test_time_second
-    converged = convergence_second(time, error, band=band, hold_second=hold_second)
+    converged = convergence_second(time, error)
     late = scored & (time - time[0] >= (0.0 if np.isnan(converged) else converged))
     late = late if late.any() else scored
     covered = np.abs(error) <= NORMAL_95 * estimate.std
@@ -228,25 +229,17 @@ def noise_of(settings, test_time_second):
 
     Parameters
     ----------
-    settings : `settings.Soc`.
+    settings : `settings.Soc`; of the model the filters' own defaults.
     test_time_second : (n,) [s], for the length of the window in samples.
     """
     # ASSUME: An offset of the current sensor acts like a random walk of the SoC that is as large
     # after one hour.
     walk = settings.current_error_c_rate**2 / 3600.0
     step = np.median(np.diff(test_time_second)) if len(test_time_second) > 1 else 1.0
-    samples = settings.window_second / max(step, 1e-3)
+    samples = WINDOW_SECOND / max(step, 1e-3)
     return Noise(
         sensor_volt=settings.sensor_volt,
-        resistance_error=settings.resistance_error,
-        error_factor=settings.model_error_factor,
-        least_error_volt=settings.model_error_volt,
-        fast_second=settings.resistance_error_second,
-        error_second=settings.model_error_second,
-        error_soc=settings.model_error_soc,
         soc_walk=(walk, WALK_RATIO * walk),
-        skew_second=settings.skew_second,
-        slope_window_soc=settings.slope_window_soc,
         window=int(np.clip(samples, FEWEST, MOST)),
     )
 
@@ -303,7 +296,7 @@ def _plants(scenarios, record, bank, noise, hold, settings):
     def laid(disturbed, size):
         columns = (disturbed.test_time_second, disturbed.current_ampere, disturbed.voltage_volt)
         options = {"hold": hold, "resistance_factor": disturbed.resistance_factor}
-        return plant_of(size, *columns, noise, **options, track_ohmic=settings.track_resistance)
+        return plant_of(size, *columns, noise, **options, track_ohmic=True)
 
     nominal, plants = laid(record, bank), {}
     for scenario in scenarios:
@@ -322,9 +315,8 @@ def _plants(scenarios, record, bank, noise, hold, settings):
 
 def _runs(method, plans, record, bank, plants, noise, settings):
     """Row and estimate of one filter for each scenario and start."""
-    tracked = {"track_capacity": method == "dual", "track_ohmic": settings.track_resistance}
+    tracked = {"track_capacity": method == "dual", "track_ohmic": True}
     plants = {name: with_tracked(p, bank, noise, **tracked) for name, p in plants.items()}
-    limits = {"band": settings.convergence_band, "hold_second": settings.convergence_hold_second}
     runs, scored = [], {}
     for scenario, first in plans:
         disturbed, size, start = _disturbed(scenario, record, bank, first, settings)
@@ -333,22 +325,22 @@ def _runs(method, plans, record, bank, plants, noise, settings):
         if key not in scored:
             estimated = estimate_on(plants[scenario], start, method=method, noise=noise)
             reference = (disturbed.test_time_second, estimated, disturbed.soc, disturbed.used)
-            scored[key] = estimated, scores(*reference, **limits)
+            scored[key] = estimated, scores(*reference)
         estimated, score = scored[key]
         error = float(start.soc - disturbed.soc[0])
         row = {"filter": method, "scenario": scenario, "initial_soc_error": error} | score
-        reason = _reason(row, size, disturbed, noise, settings)
+        reason = _reason(row, size, disturbed, noise)
         runs.append((row | {"reason": reason}, estimated))
     return runs
 
 
-def _reason(row, bank, record, noise, settings):
+def _reason(row, bank, record, noise):
     """Why a filter did not converge, with numbers; empty where it did."""
     if not np.isnan(row["convergence_second"]):
         return ""
     if row["filter"] == "coulomb":
         return "counting keeps the error of its start"
-    band, hold = settings.convergence_band, settings.convergence_hold_second
+    band, hold = CONVERGED_SOC, HELD_SECOND
     visited = np.clip(record.soc, 0.0, 1.0)
     total = bank.ocv_volt + bank.shift_volt
     ends = [np.interp(np.clip(visited + side, 0, 1), bank.soc, total) for side in (-0.05, 0.05)]

@@ -9,6 +9,7 @@ from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.lags import lag, lag_weights
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
+from cellwright.settings import Soc
 
 
 def levels_of(bank, current_ampere, curved):
@@ -93,7 +94,7 @@ class Noise(NamedTuple):
     adaptive : noise is matched to what is seen, over `window` samples.
     """
 
-    sensor_volt: float = 0.002
+    sensor_volt: float = Soc().sensor_volt
     resistance_error: float = 0.1
     fast_second: float = 5.0
     error_factor: float = 1.0

@@ -9,9 +9,6 @@ from cellwright.numerics.lines import coloured_line, residuals
 from cellwright.numerics.periods import daily_sine, periods
 from cellwright.numerics.statistics import rms, robust_std, t_interval
 from cellwright.refusal import Refusal
-from cellwright.settings import Ageing
-
-AGEING = Ageing()
 
 LAGS_HOUR = np.array([*np.arange(11) / 10, 1.25, 1.5, 2.0, 2.5, 3.0])
 NEIGHBOURS = 4  # readings through which a cubic predicts the one between them
@@ -92,7 +89,7 @@ class CycleFit(NamedTuple):
     periodogram: dict
 
 
-def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.level):
+def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
     """Fade, temperature slope and daily cycle of the discharge capacities of one record.
 
     ln capacity = fade(cycle) + slope · (T − mean T) [+ bend · (T − mean T)²] + noise: a cell that

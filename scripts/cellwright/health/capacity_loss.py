@@ -253,8 +253,8 @@ def capacity_losses(
     *,
     reference_celsius=CAPACITY_LOSS.reference_celsius,
     slow_c_rate=CAPACITY_LOSS.slow_c_rate,
-    assumed_share=CAPACITY_LOSS.assumed_share,
     mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin,
+    assumed_share=0.003,  # repeats of a capacity test on good cyclers
 ):
     """Loss of capacity at each temperature and rate [%], split into true and false.
 
@@ -269,8 +269,9 @@ def capacity_losses(
     ----------
     rows : list of dict, of stage `capacity` with test, cycle and ambient_temperature_celsius.
     reference_celsius : wanted [°C]. slow_c_rate : highest rate that counts as slow [1/h].
-    assumed_share : least standard deviation of a capacity from test to test, as a share of it [1].
     mismatch_kelvin : between stated and measured temperature, beyond which a test is left out [K].
+    assumed_share : least standard deviation of a capacity from test to test, as a share of it;
+        repeats that scatter more raise it [1].
 
     Returns
     -------

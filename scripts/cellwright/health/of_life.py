@@ -30,16 +30,17 @@ def analysed(
     life,
     *,
     end_of_life=HEALTH.end_of_life,
-    level=HEALTH.level,
-    knee_log_evidence=HEALTH.knee_log_evidence,
-    draw_count=HEALTH.draw_count,
+    level=0.95,
+    knee_log_evidence=5.0,  # 150 to 1
+    draw_count=1000,
 ):
     """Law of the fade, knee, remaining cycles and what else a life tells.
 
     Parameters
     ----------
     life : lives.Life. end_of_life : share of the capacity at the start [1]. level : coverage of
-    intervals [1]. knee_log_evidence : from which a knee is told [1]. draw_count : laws drawn.
+    intervals [1]. knee_log_evidence : logarithm by which two stages must be likelier than every
+    smooth law for a knee [1]. draw_count : laws drawn, by their probability.
 
     Returns
     -------

@@ -33,6 +33,19 @@ def white_noise_of(values):
     return robust_std(np.diff(values, 2)) / np.sqrt(6.0)
 
 
+def pooled_rms(errors, weights=None):
+    """Weighted root mean square of errors, such as those of several records; None without weight.
+
+    Parameters
+    ----------
+    errors : (n,). weights : (n,) such as numbers of samples; None: all alike.
+    """
+    weights = np.ones(len(errors)) if weights is None else np.asarray(weights, float)
+    if not weights.sum():
+        return None
+    return float(np.average(np.square(np.asarray(errors, float)), weights=weights) ** 0.5)
+
+
 def rms(values):
     """Root mean square of errors, in their unit; NaN where there are none.
 

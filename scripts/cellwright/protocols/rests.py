@@ -98,7 +98,7 @@ def rests_of(
     *,
     temperature_celsius=None,
     shortest_rest_second=RELAXATION.shortest_rest_second,
-    r_squared_limit=RELAXATION.r_squared_limit,
+    r_squared_limit=0.98,  # thesis 3.3: every rest lies above it
     elsewhere=None,
 ):
     """Depolarisation of every rest that follows a load, by two exponentials.
@@ -116,7 +116,7 @@ def rests_of(
     steps : series.steps.Steps.
     temperature_celsius : (n,) of the chamber, else of the cell, or None [°C].
     shortest_rest_second : [s].
-    r_squared_limit : R² from which a rest needs no reason (thesis 3.3: 0.98).
+    r_squared_limit : R² from which a rest needs no reason [1].
     elsewhere : (steps,) name of the test in which a step counts, as of `pulse_resistance`.
 
     Returns

@@ -57,7 +57,7 @@ def _second_of_rows(steps, width_second):
     return np.clip(around, 1e-6 * width_second, width_second)
 
 
-def averaged_to(records, *, most_rows, thinned=()):
+def averaged_to(records, *, most_rows=20_000, thinned=()):
     """Records averaged over bins of 1, 2, 4 … s until they have so many rows in all, or fewer.
 
     Steady stretches are thinned as far as is given before bins are wider: an edge that is averaged

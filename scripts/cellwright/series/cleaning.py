@@ -39,10 +39,9 @@ def flag(
     columns: Mapping[str, np.ndarray],
     *,
     spike_limit_volt: float = CLEAN.spike_limit_volt,
-    spike_noise_factor: float = CLEAN.spike_noise_factor,
-    current_step_fraction: float = CLEAN.current_step_fraction,
     gap_second: float = CLEAN.gap_second,
-    gap_factor: float = CLEAN.gap_factor,
+    current_step_fraction: float = 0.01,
+    gap_factor: float = 5.0,
 ) -> np.ndarray:
     """Flags of each row of a series: all that is wrong with it.
 
@@ -53,10 +52,9 @@ def flag(
         joined.
     spike_limit_volt : float [V]
         Least step of the voltage to either neighbour that makes a spike.
-    spike_noise_factor : float
-        The same, in typical steps nearby.
     current_step_fraction : float
-        Change of the current that counts as a step, as a fraction of its largest magnitude.
+        Change of the current that counts as a step, as a fraction of its largest magnitude: it
+        explains a step of the voltage, which is then never touched.
     gap_second, gap_factor : float [s], float
         An interval is a gap where it is longer than `gap_second`, and than `gap_factor` times both
         the interval before and the one after.
@@ -72,13 +70,9 @@ def flag(
     _flag_among(flags, lambda rows: _out_of_place(time[rows]))
     _flag_among(flags, lambda rows: _clock_jumps(time[rows], rows, gap_factor))
     _flag_among(flags, lambda rows: _gaps(rebased(time[rows], flags[rows]), gap_second, gap_factor))
-    spikes = {
-        "limit_volt": spike_limit_volt,
-        "noise_factor": spike_noise_factor,
-        "current_step_ampere": step,
-    }
     rows = _kept(flags)
-    flags[rows[spike_rows(current[rows], voltage[rows], **spikes)]] |= Flag.SPIKE
+    limits = {"limit_volt": spike_limit_volt, "current_step_ampere": step}
+    flags[rows[spike_rows(current[rows], voltage[rows], **limits)]] |= Flag.SPIKE
     if "file_index" in columns:
         # What the cell did before a file begins is not in the record.
         rows = _kept(flags)
@@ -181,7 +175,7 @@ def spike_rows(
     voltage_volt: np.ndarray,
     *,
     limit_volt: float = CLEAN.spike_limit_volt,
-    noise_factor: float = CLEAN.spike_noise_factor,
+    noise_factor: float = 8.0,
     current_step_ampere: float,
 ) -> np.ndarray:
     """Rows of the voltage that are spikes.

@@ -9,22 +9,18 @@ from cellwright.settings.effects import (
     MissingEffectGroup,
 )
 from cellwright.settings.models import (
-    IdentificationMethods,
     Models,
     PackDecisions,
     Soc,
 )
 from cellwright.settings.tests import (
-    Ageing,
     CapacityLoss,
     Clean,
     DegradationModes,
     FastCharge,
     Health,
-    HealthFromPeaks,
     Ica,
     IcaTemperature,
-    IcaTracks,
     Impedance,
     Ocv,
     OcvStep,
@@ -36,17 +32,13 @@ from cellwright.settings.tests import (
 )
 
 __all__ = [
-    "Ageing",
     "CapacityLoss",
     "Clean",
     "DegradationModes",
     "FastCharge",
     "Health",
-    "HealthFromPeaks",
     "Ica",
     "IcaTemperature",
-    "IcaTracks",
-    "IdentificationMethods",
     "Impedance",
     "MissingEffect",
     "MissingEffectGroup",

@@ -12,19 +12,11 @@ class Clean(NamedTuple):
 
     spike_limit_volt [V] : A sample whose voltage lies further than this from both neighbours, on
         the same side, may be a spike.
-    spike_noise_factor : It must also lie further off than this many typical steps of the voltage
-        nearby.
-    current_step_fraction : A change of the current by more than this part of its largest
-        magnitude explains a step of the voltage; such a step is never touched.
     gap_second [s] : An interval between two samples may be a gap if it is longer than this.
-    gap_factor : A gap is also longer than this many times the interval before and the one after.
     """
 
     spike_limit_volt: float = 0.01
-    spike_noise_factor: float = 8.0
-    current_step_fraction: float = 0.01
     gap_second: float = 120.0
-    gap_factor: float = 5.0
 
 
 class Segment(NamedTuple):
@@ -56,18 +48,12 @@ class Ocv(NamedTuple):
 class OcvStep(NamedTuple):
     """Rests in a chamber that steps (kind `ocv_temperature`).
 
-    settled_kelvin_per_hour [K/h] : The cell has reached a temperature when it moves slower than
-        this, over 20 minutes.
     least_plateau_second [s] : A shorter stretch of steady temperature is not read.
-    skip_second [s] : What of a rest's beginning takes no part in the extrapolation of its
-        relaxation; faster processes have ended by then.
     least_reference_second [s] : How long the rest must last at the first temperature after that,
         for its relaxation to be carried on (thesis 3.3 rests 10 h).
     """
 
-    settled_kelvin_per_hour: float = 1.0
     least_plateau_second: float = 1200.0
-    skip_second: float = 3600.0
     least_reference_second: float = 7200.0
 
 
@@ -76,16 +62,12 @@ class OcvTemperature(NamedTuple):
 
     reference_celsius [°C] : Curves are compared with the one at the tested temperature nearest
         to this.
-    largest_std_volt [V] : Readings less certain than this take part neither in the functions
-        over temperature nor in the choice among them; where the coldest or warmest bias is, the
-        surface takes that of the nearest SoC.
     voltage_std_volt [V] : How well voltages of slow tests made weeks apart compare (typical
         accuracy of a 5 V cycler channel).
     step_std_volt [V] : The same for two plateaus of one rest, beside their noise.
     """
 
     reference_celsius: float = 25.0
-    largest_std_volt: float = 0.02
     voltage_std_volt: float = 0.001
     step_std_volt: float = 0.0001
 
@@ -120,44 +102,20 @@ class Relaxation(NamedTuple):
     """Depolarisation in rests (thesis 3.3).
 
     shortest_rest_second [s] : A rest counts from this length on; the thesis rests 40 min.
-    r_squared_limit : A fit with less R² says why (thesis 3.3, every rest above 0.98).
     """
 
     shortest_rest_second: float = 600.0
-    r_squared_limit: float = 0.98
 
 
 class Ica(NamedTuple):
     """Incremental capacity of constant-current charges.
 
-    bin_volt [V] : Widest step of voltage of the curve that is written.
     prominence : A peak must rise out of its surroundings by this part of the curve's maximum,
         and by more than its noise allows. Beside one narrow peak that towers over all others
         even 0.05 would hide graphite's.
     """
 
-    bin_volt: float = 0.003
     prominence: float = 0.02
-
-
-class IcaTracks(NamedTuple):
-    """Peaks of dQ/dV followed through the life of a cell.
-
-    most_charges : Charges of an ageing record whose dQ/dV is taken, evenly over its life.
-    motion_volt [V] : Standard deviation of a peak's own motion from charge to charge, beside
-        what all peaks move.
-    height_factor : Factor by which the height or area of a peak may well change from charge to
-        charge (one standard deviation).
-    shift_volt [V] : Standard deviation of the shift common to all peaks from charge to charge
-        (resistance).
-    rate_shift_volt [V] : The same between charges at different rates or temperatures.
-    """
-
-    most_charges: int = 30
-    motion_volt: float = 0.012
-    height_factor: float = 1.8
-    shift_volt: float = 0.015
-    rate_shift_volt: float = 0.08
 
 
 class CapacityLoss(NamedTuple):
@@ -167,15 +125,12 @@ class CapacityLoss(NamedTuple):
         nearest this one.
     slow_c_rate [1/h] : What a test at up to this rate does not reach is truly lost (thesis C/30;
         a C/20 with its tolerance).
-    assumed_share : Least standard deviation of a capacity from test to test, as a part of it;
-        repeats that scatter more raise it.
     mismatch_kelvin [K] : A test whose cell was this much colder than stated is left out; a slow
         one also where it was this much warmer.
     """
 
     reference_celsius: float = 25.0
     slow_c_rate: float = 0.06
-    assumed_share: float = 0.003
     mismatch_kelvin: float = 5.0
 
 
@@ -183,24 +138,23 @@ class IcaTemperature(NamedTuple):
     """Peaks of the incremental capacity matched across temperatures.
 
     reference_celsius [°C] : Peaks are matched with those at the temperature nearest this one.
-    sigma_volt [V] : Width of the Gaussian that all curves are smoothed by alike, against the
-        ripples of a chamber that swings.
-    prominence : A peak must rise out of its valleys by this part of the curve's maximum.
     """
 
     reference_celsius: float = 25.0
-    sigma_volt: float = 0.01
-    prominence: float = 0.05
 
 
-class HealthFromPeaks(NamedTuple):
-    """State of health from peaks of dQ/dV, calibrated on charges of known capacity.
+class DegradationModes(NamedTuple):
+    """Lithium and active material lost, from slow curves of check-ups, or rests where there are
+    none.
 
-    most_terms : A model of the capacity has at most this many features of peaks; how many it
-        needs is found by left-out charges.
+    least_hour [h] : A charge or discharge is slow enough to be compared with half cells if it
+        takes longer than this.
+    misfit_volt [V] : Half cells that miss the slow curves by more than this are refused; what
+        all others give instead of the best counts into the intervals.
     """
 
-    most_terms: int = 3
+    least_hour: float = 8.0
+    misfit_volt: float = 0.005
 
 
 class FastCharge(NamedTuple):
@@ -212,32 +166,13 @@ class FastCharge(NamedTuple):
     minutes: float = 30.0
 
 
-class Ageing(NamedTuple):
-    """Temperature in the capacities of ageing records.
-
-    least_kelvin [K] : The temperature must move by this RMS beside the fade, or no slope is
-        told.
-    level : Coverage of the slope's interval.
-    """
-
-    least_kelvin: float = 0.3
-    level: float = 0.95
-
-
 class Health(NamedTuple):
     """Fade of a life, its knee, and the cycles that remain.
 
     end_of_life [1] : Share of the capacity at the start of the life at which it ends.
-    level : Coverage of the intervals of the fade, the knee and the remaining cycles.
-    knee_log_evidence : A knee is told where two stages are likelier than every smooth law by
-        this logarithm (5 is 150 to 1).
-    draw_count : Laws that are drawn, by their probability, for the intervals.
     """
 
     end_of_life: float = 0.8
-    level: float = 0.95
-    knee_log_evidence: float = 5.0
-    draw_count: int = 1000
 
 
 class Impedance(NamedTuple):
@@ -254,11 +189,6 @@ class Impedance(NamedTuple):
         * r2_ohm` ties one to another.
     inductance : What becomes of inductive points (positive imaginary part); `model` adds an
         inductance to the circuit, `cut` leaves them out of the fit.
-    drift_tolerance : Slow points are left out of the fit while the slowest decade misses the
-        Kramers-Kronig relations by more than this, RMS, relative to the modulus. Source:
-        Schönleber et al. 2014, doi:10.1016/j.electacta.2014.01.034, residuals of valid spectra.
-    starts : Starts of a fit for each capacitive element of the circuit; where there is one,
-        three that lead to the same best are enough.
     """
 
     circuit: str = "R-(CPE|(R-W))"
@@ -272,22 +202,3 @@ class Impedance(NamedTuple):
     choose: str = "circuit"
     constraints: tuple[str, ...] = ()
     inductance: str = "model"
-    drift_tolerance: float = 0.01
-    starts: int = 8
-
-
-class DegradationModes(NamedTuple):
-    """Lithium and active material lost, from slow curves of check-ups, or rests where there are
-    none.
-
-    least_hour [h] : A charge or discharge is slow enough to be compared with half cells if it
-        takes longer than this.
-    mean_hour [h] : The same where a record has both a discharge and a charge of about one rate;
-        their mean counts, in which most of the polarisation drops out.
-    misfit_volt [V] : Half cells that miss the slow curves by more than this are refused; what
-        all others give instead of the best counts into the intervals.
-    """
-
-    least_hour: float = 8.0
-    mean_hour: float = 1.2
-    misfit_volt: float = 0.005

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.candidates import Score, State, candidates, frees_of
+from cellwright.effects.groups.known import GroupGates, Shared, Spread
 from cellwright.effects.groups.model import (
     at_branch,
     group_coupling,
@@ -38,9 +39,6 @@ from cellwright.numerics.least_squares import (
 )
 from cellwright.numerics.statistics import rms, robust_std
 from cellwright.records.conditions import low_current
-from cellwright.settings.effects import MissingEffectGroupGates as GroupGates
-from cellwright.settings.effects import MissingEffectGroupShared as Shared
-from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
 PASSES = 2
 SOC_APART = 0.005

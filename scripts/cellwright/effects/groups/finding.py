@@ -12,6 +12,7 @@ from cellwright.effects.groups.case import (
     predicted,
     rows_of,
 )
+from cellwright.effects.groups.known import GroupGates, Shared, Spread
 from cellwright.effects.groups.model import (
     Branch,
     document,
@@ -31,9 +32,6 @@ from cellwright.records.conditions import at_rest_in_record, low_current
 from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
-from cellwright.settings.effects import MissingEffectGroupGates as GroupGates
-from cellwright.settings.effects import MissingEffectGroupShared as Shared
-from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
 FIRST_ROWS = 3
 LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
@@ -219,8 +217,8 @@ def missing_group_effect(group, branches, models, tests, *, settings):
     ----------
     group : name. branches : list of BranchFacts in order of position.
     models : list of KnownCell in that order. tests : list of MeasuredTest of kind `group`.
-    settings : dict: most_rows, and those of Spread, Shared and GroupGates by name under "spread",
-        "shared" and "gates".
+    settings : dict: those of Spread, Shared and GroupGates by name under "spread", "shared" and
+        "gates"; what is not there is at its default.
 
     Returns
     -------
@@ -245,9 +243,8 @@ def missing_group_effect(group, branches, models, tests, *, settings):
             for record in made
             if record.branch_current_ampere is None
         ]
-        averaged = averaged_to(made, most_rows=settings["most_rows"])
-        records += [(role, record) for record in averaged]
-    chosen = {name: kind(**settings[name]) for name, kind in SECTIONS.items()}
+        records += [(role, record) for record in averaged_to(made)]
+    chosen = {name: kind(**settings.get(name, {})) for name, kind in SECTIONS.items()}
     # ASSUME: A group's current was logged as its cells' were: between two rows it is held, or
     # moves on a straight line, as in the model of the first cell.
     hold = models[0].model["hold"]

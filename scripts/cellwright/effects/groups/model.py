@@ -276,8 +276,8 @@ def group_frees(cells, files, spread, shared, *, sensors):
 
     Parameters
     ----------
-    cells : sequence of Branch. files : number of records. spread, shared : of the settings,
-    MissingEffectGroupSpread and MissingEffectGroupShared.
+    cells : sequence of Branch. files : number of records. spread, shared :
+    known.Spread, known.Shared.
     sensors : bool; the branch currents were logged.
 
     Returns

@@ -13,7 +13,9 @@ from cellwright.refusal import Refusal
 GROWN = 0.01  # of the capacity: by less than this a cell may gain from lithium of the overhang
 
 
-def slow_curve(columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, least_hour, mean_hour):
+def slow_curve(
+    columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, least_hour, mean_hour=1.2
+):
     """Voltage over charge of a slow test: the mean of its branches, or the only one.
 
     Parameters

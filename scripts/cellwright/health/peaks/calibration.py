@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.health.peaks.alike import named_alike
 from cellwright.health.peaks.estimate import (
+    MOST_TERMS,
     disagreeing,
     errors_of,
     left_out_estimates,
@@ -14,9 +15,7 @@ from cellwright.health.peaks.features import IdentifiedPeak, PeakCharge
 from cellwright.health.table import DISAGREE
 from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
-from cellwright.settings import HealthFromPeaks
 
-HEALTH_FROM_PEAKS = HealthFromPeaks()
 MOST_COMPARED = 60  # charges that errors with and without a peak are computed from
 NEEDED = 1.25  # times the error without a peak, from which on it is said to hold information
 
@@ -167,9 +166,7 @@ def _capacity(discharges, cell, cycle, celsius, usual):
     return float(np.mean(sizes)) if sizes else np.nan
 
 
-def peak_calibration(
-    charges, *, rated_ampere_hour=None, tracked=(), most_terms=HEALTH_FROM_PEAKS.most_terms
-):
+def peak_calibration(charges, *, rated_ampere_hour=None, tracked=(), most_terms=MOST_TERMS):
     """State of health of every charge of one type from its peaks, and which peaks tell it.
 
     Charges are told apart by rate and temperature. Capacities are estimated without

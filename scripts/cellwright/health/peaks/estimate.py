@@ -9,14 +9,13 @@ from cellwright.numerics.averaged_models import Rows, averaged, fitted_models
 from cellwright.numerics.statistics import robust_std
 from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
-from cellwright.settings import HealthFromPeaks
-
-HEALTH_FROM_PEAKS = HealthFromPeaks()
 
 FEWEST_CHARGES = 4
 MOST_CHARGES = 100  # that one estimate is calibrated on: few terms need no more
 FEWEST_CELLS = 3  # that show how cells of a type differ
 FEWEST_TOLD, DISAGREES, ENDS = 8, 5.0, 3  # charges, robust standard deviations, charges
+# Of the features in one model; how many it needs is found by left-out charges.
+MOST_TERMS = 3
 CARRIES = 0.5  # share of the models' weight from which on a peak carries the information
 FARTHEST = 0.5  # outside the calibration, in spans of a feature, that is still told
 # ASSUME: Before the data speak, a model misses the capacity by 1 %, weighing two charges;
@@ -48,7 +47,7 @@ class PeakEstimate(NamedTuple):
         return [name for name, share in self.peaks.items() if share >= min(CARRIES, most)]
 
 
-def capacity_from_peaks(charge, calibration, *, most_terms=HEALTH_FROM_PEAKS.most_terms):
+def capacity_from_peaks(charge, calibration, *, most_terms=MOST_TERMS):
     """Capacity of a charge from its peaks, by charges of known capacity of the same type [Ah].
 
     1. The calibration is narrowed to charges at the rate and temperature of this one,
@@ -187,9 +186,7 @@ class LeftOut(NamedTuple):
     without_cell: PeakEstimate
 
 
-def left_out_estimates(
-    charges, *, most_terms=HEALTH_FROM_PEAKS.most_terms, cells=True, distrusted=()
-):
+def left_out_estimates(charges, *, most_terms=MOST_TERMS, cells=True, distrusted=()):
     """Estimate of each charge by all others of its type: twice, without its check-up, its cell.
 
     Everything is done anew without what is left out, the choice of models included. A check-up

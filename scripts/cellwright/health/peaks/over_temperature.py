@@ -11,6 +11,7 @@ from cellwright.refusal import Refusal
 from cellwright.settings import IcaTemperature
 
 ICA_TEMPERATURE = IcaTemperature()
+SIGMA_VOLT = 0.01  # all curves are smoothed alike, against the ripples of a chamber that swings
 
 MOST_JOINED = 3
 # What a step of the alignment costs, in units of a squared standard deviation: a further peak in
@@ -203,8 +204,8 @@ def scaled_peaks(
     voltage_volt,
     dq_dv,
     *,
-    sigma_volt=ICA_TEMPERATURE.sigma_volt,
-    prominence=ICA_TEMPERATURE.prominence,
+    sigma_volt=SIGMA_VOLT,
+    prominence=0.05,
 ):
     """Peaks of one curve at the smoothing common to all temperatures.
 
@@ -304,15 +305,14 @@ def peaks_over_temperature(
     charges,
     *,
     reference_celsius=ICA_TEMPERATURE.reference_celsius,
-    sigma_volt=ICA_TEMPERATURE.sigma_volt,
-    prominence=ICA_TEMPERATURE.prominence,
+    sigma_volt=SIGMA_VOLT,
 ):
     """Peaks of slow charges at several temperatures, matched with those at the reference.
 
     Parameters
     ----------
     charges : list of Charge, all of one age. reference_celsius : wanted; the nearest is taken.
-    sigma_volt, prominence : as for `scaled_peaks`.
+    sigma_volt : as for `scaled_peaks`.
 
     Returns
     -------
@@ -340,7 +340,6 @@ def peaks_over_temperature(
             charge.voltage_volt,
             charge.dq_dv_ampere_hour_per_volt,
             sigma_volt=sigma_volt,
-            prominence=prominence,
         )
         for charge in comparable
     }

@@ -52,9 +52,9 @@ def over_temperature(
     step_rows,
     *,
     reference_celsius=OCV_TEMPERATURE.reference_celsius,
-    largest_std_volt=OCV_TEMPERATURE.largest_std_volt,
     voltage_std_volt=OCV_TEMPERATURE.voltage_std_volt,
     step_std_volt=OCV_TEMPERATURE.step_std_volt,
+    largest_std_volt=0.02,
 ):
     """Entropic coefficient, functions and surface of a cell.
 
@@ -63,8 +63,10 @@ def over_temperature(
     curves : list of dict, slow tests as `entropy.slow_readings` takes them.
     step_rows : list of dict, rows of stage `ocv_step`.
     reference_celsius : what is compared against; the tested temperature nearest to it [degC].
-    largest_std_volt : readings less certain take no part in the choice of a function [V].
     voltage_std_volt, step_std_volt : how well voltages of slow tests, of plateaus, compare [V].
+    largest_std_volt : readings less certain take part neither in the functions over temperature
+        nor in their choice; where the coldest or warmest bias is so, the surface takes that of the
+        nearest SoC [V].
 
     Returns
     -------

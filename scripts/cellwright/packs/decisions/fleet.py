@@ -14,7 +14,7 @@ from cellwright.packs.decisions.matching import (
     random_groups,
     strings_by_capacity,
 )
-from cellwright.packs.uncertainty.draws import draw_cells, drawn_cells, uncertainty_of
+from cellwright.packs.uncertainty.draws import SEED, draw_cells, drawn_cells, uncertainty_of
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
@@ -52,16 +52,12 @@ def fleet_of(models, cells, capacity_std_ampere_hour, settings=SETTINGS):
         found = f"{len(models)} cells of one type with a model"
         raise Refusal(f"{found}; from 2 to {MOST_CELLS} can be matched at once")
     known = uncertainty_of(
-        models,
-        capacity_std_ampere_hour,
-        capacity_relative_std=settings.capacity_relative_std,
-        resistance_relative_std=settings.resistance_relative_std,
-        initial_soc_std=settings.initial_soc_std,
+        models, capacity_std_ampere_hour, initial_soc_std=settings.initial_soc_std
     )
     warm = (pack_cells(models, temperature_celsius=float(t)) for t in settings.matching_celsius)
     lower = max(cell.lower_cutoff_volt for cell in cells)
     names = tuple(model["cell"] for model in models)
-    drawn = draw_cells(known, draws=settings.draws, seed=settings.random_seed)
+    drawn = draw_cells(known, draws=settings.draws)
     return Fleet(names, tuple(warm), float(lower), drawn)
 
 
@@ -131,7 +127,7 @@ def matched_fleet(fleet, settings=SETTINGS):
     if cells < 2 * size:
         raise Refusal(f"{cells} cells, wanted at least two groups of {size} to choose between")
     uses = discharges_of(fleet, settings.group_c_rate)
-    random = np.random.default_rng([settings.random_seed, 2])
+    random = np.random.default_rng([SEED, 2])
     rows, assembly = _parallel(fleet, uses, random, settings)
     if cells >= 2 * length:
         more = _strings(fleet, uses, random, settings)
@@ -170,7 +166,7 @@ def parallel_groups(fleet, uses, size):
 
 def _parallel(fleet, uses, random, settings):
     matched = parallel_groups(fleet, uses, settings.group_size)
-    at_random = _assemblies(matched, settings.group_size, random, settings.assemblies)
+    at_random = _assemblies(matched, settings.group_size, random, settings.draws)
 
     def of(quantity, over):
         return lambda groups, draw: float(over(getattr(uses(groups, draw), quantity)))
@@ -193,7 +189,7 @@ def _assemblies(matched, size, random, count):
 
 def _strings(fleet, uses, random, settings):
     matched = strings_by_capacity(_charges(fleet, uses, None), length=settings.string_length)
-    at_random = _assemblies(matched, settings.string_length, random, settings.assemblies)
+    at_random = _assemblies(matched, settings.string_length, random, settings.draws)
 
     def of_all(strings, draw):
         charge = _charges(fleet, uses, draw)
@@ -223,7 +219,7 @@ def _strings_of_groups(fleet, uses, random, settings):
         given = uses(strings.reshape(-1, size), draw).capacity_ampere_hour
         return float(given.reshape(strings.shape[:2]).min(axis=1).sum())
 
-    at_random = [shuffled() for _ in range(settings.assemblies)]
+    at_random = [shuffled() for _ in range(settings.draws)]
     quantities = {"usable charge of all strings": ("Ah", of_all, True)}
     decision = f"strings of {length} groups of {size}"
     return _compared(fleet, decision, matched, at_random, quantities, settings)

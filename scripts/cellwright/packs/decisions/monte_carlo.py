@@ -99,7 +99,6 @@ def pack_draws(
     thermal=None,
     ambient_celsius=None,
     wire_relative_std=SETTINGS.wire_relative_std,
-    random_seed=SETTINGS.random_seed,
 ):
     """A pack with parallel cells discharged to its cut-off in every draw of its cells and wires.
 
@@ -111,14 +110,14 @@ def pack_draws(
     ----------
     cells, wiring, lower_cutoff_volt, current_ampere, initial_soc, thermal, ambient_celsius : as of
         `group_use.discharge_pack`. drawn : CellDraws. wire_relative_std : of all contacts together
-        [1]. random_seed : of their draws.
+        [1].
 
     Returns
     -------
     draws : PackDraws.
     """
     draws = len(drawn.capacity_factor)
-    factors = wire_factors(draws, wire_relative_std=wire_relative_std, seed=random_seed)
+    factors = wire_factors(draws, wire_relative_std=wire_relative_std)
     ends = {"lower_cutoff_volt": lower_cutoff_volt, "current_ampere": current_ampere}
     rows, at_once = [], copies_at_once(cells, STEPS)
     for first in range(0, draws, at_once):

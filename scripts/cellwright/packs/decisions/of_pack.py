@@ -3,7 +3,12 @@
 import numpy as np
 
 from cellwright.packs.cells import pack_cells, table_temperatures
-from cellwright.packs.decisions.group_use import cells_at, discharge_pack, safe_window
+from cellwright.packs.decisions.group_use import (
+    CURRENT_SPREAD,
+    cells_at,
+    discharge_pack,
+    safe_window,
+)
 from cellwright.packs.decisions.matching import replacements
 from cellwright.packs.decisions.monte_carlo import pack_draws, string_draws, summary_rows
 from cellwright.packs.network import network_of
@@ -65,13 +70,11 @@ def pack_decisions(
     known = uncertainty_of(
         models,
         capacity_std_ampere_hour,
-        capacity_relative_std=settings.capacity_relative_std,
-        resistance_relative_std=settings.resistance_relative_std,
         initial_soc_std=settings.initial_soc_std,
     )
     # A course of the OCV would raise the largest current of every draw: it is the same over SoC.
     known = known._replace(ocv=None)
-    drawn = draw_cells(known, draws=settings.draws, seed=settings.random_seed)
+    drawn = draw_cells(known, draws=settings.draws)
     lower, _ = cutoffs_of(cells)
     if wiring.connection == "series" and depth(wiring) == 1:
         pack = _string(models, positions, lower, drawn, start, celsius, settings)
@@ -188,12 +191,11 @@ def _wired(wiring, tables, lower, drawn, start, settings, around):
         drawn,
         initial_soc=start,
         wire_relative_std=settings.wire_relative_std,
-        random_seed=settings.random_seed,
         **at,
         **around,
     )
     nominal = discharge_pack(tables, wiring, initial_soc=start, **at, **around)
-    window = window_rows(nominal, settings.current_spread)
+    window = window_rows(nominal)
     items = list(enumerate(start))
     return use, items, lambda item: (item[0], 1.0), draws, window
 
@@ -236,14 +238,14 @@ def replacement_rows(use, items, spare_of, capacity, names):
     return rows
 
 
-def window_rows(use, current_spread):
+def window_rows(use):
     """Rows on the range of SoC in which the branch currents stay within a spread.
 
     Parameters
     ----------
-    use : PackUse. current_spread : [1].
+    use : PackUse.
     """
-    window = safe_window(use, current_spread=current_spread)
+    window = safe_window(use)
     values = {
         "lowest SoC": window.lower_soc,
         "highest SoC": window.upper_soc,
@@ -254,7 +256,7 @@ def window_rows(use, current_spread):
         "largest branch current over its share": use.peak_share,
         "charge given over the sum of the cells": use.capacity_ampere_hour / use.cells_ampere_hour,
     }
-    about = {"decision": f"safe window, spread below {100 * current_spread:g} %", "cell": ""}
+    about = {"decision": f"safe window, spread below {100 * CURRENT_SPREAD:g} %", "cell": ""}
     return [
         about | {"quantity": quantity, "unit": "1", "value": float(value)}
         for quantity, value in values.items()

@@ -294,7 +294,6 @@ def series_pack(models, positions, cells, record, settings=SETTINGS):
         cutoffs_volt=(lower, upper),
         pulse_second=settings.pulse_second,
         largest_c_rate=settings.largest_c_rate,
-        points=settings.power_points,
         **at,
     )
     given = {"discharge_ampere": current} | _capability_row(balance, power, names) | ended

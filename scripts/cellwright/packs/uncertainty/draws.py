@@ -10,6 +10,7 @@ from cellwright.numerics.statistics import rms
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
+SEED = 17  # of all draws
 RESISTANCES = ("r0_ohm", "two_way_ohm", "r_ohm", "kinetic_r_ohm")
 POINTS = 101  # of SoC, on which an error of the OCV is drawn
 
@@ -44,23 +45,23 @@ def uncertainty_of(
     models,
     capacity_std_ampere_hour,
     *,
-    capacity_relative_std=SETTINGS.capacity_relative_std,
-    resistance_relative_std=SETTINGS.resistance_relative_std,
     initial_soc_std=SETTINGS.initial_soc_std,
     wire_relative_std=SETTINGS.wire_relative_std,
+    capacity_relative_std=0.003,  # repeats of a capacity test on good cyclers
+    resistance_relative_std=0.02,
 ):
     """Uncertainty of each cell of a pack.
 
     The capacity's is that of the mean of its repeats, the resistance's that of the sum of the
-    model's resistances (their standard deviations, median over SoC), none smaller than the settings
-    say. The voltage's is the error on records left out of the fit, else what the model states of
+    model's resistances (their standard deviations, median over SoC), none smaller than the least
+    values. The voltage's is the error on records left out of the fit, else what the model states of
     its OCV.
 
     Parameters
     ----------
     models : model dicts. capacity_std_ampere_hour : (cells,), NaN or None where not known [Ah].
-    capacity_relative_std, resistance_relative_std : least values [1].
     initial_soc_std, wire_relative_std : [1].
+    capacity_relative_std, resistance_relative_std : least values [1].
 
     Returns
     -------
@@ -153,7 +154,7 @@ class CellDraws(NamedTuple):
     ocv_volt: np.ndarray | None = None
 
 
-def draw_cells(uncertainty, *, draws=SETTINGS.draws, seed=SETTINGS.random_seed):
+def draw_cells(uncertainty, *, draws=SETTINGS.draws, seed=SEED):
     """Draws of the cells of a pack, independent from cell to cell, normal.
 
     Parameters
@@ -183,7 +184,7 @@ def _courses(error, draws, random):
     return (random.standard_normal((draws, len(error.soc))) * error.std_volt) @ between.T
 
 
-def wire_factors(draws, *, wire_relative_std=SETTINGS.wire_relative_std, seed=SETTINGS.random_seed):
+def wire_factors(draws, *, wire_relative_std=SETTINGS.wire_relative_std, seed=SEED):
     """Factors (draws,) of all contacts of a pack together [1].
 
     Parameters

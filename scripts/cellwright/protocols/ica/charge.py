@@ -66,13 +66,12 @@ def constant_rows(current_ampere, first, last):
     return int(first + steady[0]), int(first + steady[-1])
 
 
-def charge_slope(voltage_volt, charge_ampere_hour, *, bin_volt=ICA.bin_volt):
+def charge_slope(voltage_volt, charge_ampere_hour):
     """dQ/dV of one charge, and the fit behind it.
 
     Parameters
     ----------
     voltage_volt, charge_ampere_hour : (n,) rows of one constant-current charge [V], [Ah].
-    bin_volt : widest step of the curve's grid [V].
 
     Returns
     -------
@@ -87,7 +86,7 @@ def charge_slope(voltage_volt, charge_ampere_hour, *, bin_volt=ICA.bin_volt):
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
     _refuse_unusable(voltage, charge)
     slope = slope_of_charge(voltage, charge)
-    return curve_of(slope, bin_volt=bin_volt), slope
+    return curve_of(slope), slope
 
 
 def _refuse_unusable(voltage, charge):

@@ -79,14 +79,15 @@ CURVE_POINTS = 500
 
 
 def peaks_of_life(
-    current_ampere, voltage_volt, charge_ampere_hour, steps, cycles, *, settings, most
+    current_ampere, voltage_volt, charge_ampere_hour, steps, cycles, *, prominence, most
 ):
     """Peaks of dQ/dV of charges spread evenly over an ageing record.
 
     Parameters
     ----------
     current_ampere, voltage_volt, charge_ampere_hour : (n,) clean series [A], [V], [Ah].
-    steps, cycles : as for `charges_of_life`. settings : Ica. most : charges at most.
+    steps, cycles : as for `charges_of_life`. prominence : as of
+        `spline.slope_peaks`. most : charges at most.
 
     Returns
     -------
@@ -101,13 +102,11 @@ def peaks_of_life(
     for cycle, first, last, rate in charges_of_life(cycles, steps, *record, most=most):
         part = slice(first, last + 1)
         try:
-            curve, slope = charge_slope(
-                voltage_volt[part], charge_ampere_hour[part], bin_volt=settings.bin_volt
-            )
+            curve, slope = charge_slope(voltage_volt[part], charge_ampere_hour[part])
         except Refusal as refusal:
             notes.append(f"cycle {cycle:g}: {refusal}")
             continue
-        rows += _rows(cycle, rate, slope_peaks(slope, prominence=settings.prominence))
+        rows += _rows(cycle, rate, slope_peaks(slope, prominence=prominence))
         curves.append(_thinned(cycle, curve))
     if not rows:
         raise Refusal(f"no charge of the record has a dQ/dV: {notes[0]}")

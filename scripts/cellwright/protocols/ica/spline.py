@@ -13,7 +13,7 @@ import numpy as np
 from cellwright.numerics import monotone, rising_curve
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.protocols.ica.blocks import readings
-from cellwright.protocols.ica.curve import IncrementalCapacity, Peaks
+from cellwright.protocols.ica.curve import BIN_VOLT, IncrementalCapacity, Peaks
 from cellwright.refusal import Refusal
 
 LEAST_CELLS, MOST_CELLS = 12, 300
@@ -213,7 +213,7 @@ def _zero_range(slope, top, lower, upper):
     return found
 
 
-def curve_of(slope, *, bin_volt):
+def curve_of(slope, *, bin_volt=BIN_VOLT):
     """dQ/dV of a fitted charge over a uniform grid of voltage.
 
     Parameters

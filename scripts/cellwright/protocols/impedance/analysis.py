@@ -21,7 +21,7 @@ from cellwright.protocols.impedance.fit import (
     check,
     fit_circuit,
 )
-from cellwright.protocols.impedance.trust import trusted_points
+from cellwright.protocols.impedance.trust import DRIFT_TOLERANCE, trusted_points
 from cellwright.refusal import Refusal
 from cellwright.settings import Impedance
 
@@ -160,13 +160,13 @@ def with_inductance(circuit, impedance_ohm):
     return circuit if has or not (impedance_ohm.imag > 0).any() else f"L-{circuit}"
 
 
-def compare(frequency_hertz, impedance_ohm, circuits, *, starts):
+def compare(frequency_hertz, impedance_ohm, circuits, **options):
     """Fits of several circuits to the same points, with their criteria.
 
     Parameters
     ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω]. circuits : texts.
-    starts : of each fit, see `fit_circuit`.
+    options : of each fit, see `fit_circuit`.
 
     Returns
     -------
@@ -174,7 +174,7 @@ def compare(frequency_hertz, impedance_ohm, circuits, *, starts):
 
     Source: G. Schwarz, Ann. Statist. 6 (1978) 461 (Bayesian information criterion).
     """
-    return [_candidate(frequency_hertz, impedance_ohm, circuit, starts) for circuit in circuits]
+    return [_candidate(frequency_hertz, impedance_ohm, circuit, options) for circuit in circuits]
 
 
 def best(candidates, *, criterion):
@@ -194,10 +194,10 @@ def best(candidates, *, criterion):
     return min(inside or fitted, key=lambda candidate: getattr(candidate, CRITERIA[criterion]))
 
 
-def _candidate(frequency, impedance, circuit, starts):
+def _candidate(frequency, impedance, circuit, options):
     """Fit and criteria of one circuit, or the reason why it cannot be fitted."""
     try:
-        fit = fit_circuit(frequency, impedance, circuit=circuit, starts=starts)
+        fit = fit_circuit(frequency, impedance, circuit=circuit, **options)
     except Refusal as refusal:
         return Candidate(circuit, None, np.nan, np.nan, str(refusal))
     missed = _cross_validation_error(frequency, impedance, fit)
@@ -263,8 +263,7 @@ def analyse(
     candidates=(),
     choose=IMPEDANCE.choose,
     inductance=IMPEDANCE.inductance,
-    drift_tolerance=IMPEDANCE.drift_tolerance,
-    starts=IMPEDANCE.starts,
+    drift_tolerance=DRIFT_TOLERANCE,
     constraints=(),
 ):
     """Circuit fitted to the valid points of a spectrum, its tests and its relaxation times.
@@ -273,8 +272,7 @@ def analyse(
     ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
     temperature_celsius : (n,) of the cell during the spectrum [°C], where it was recorded.
-    circuit, starts : as in `fit_circuit`. constraints : on its parameters, see
-        `parse_constraints`.
+    circuit : as in `fit_circuit`. constraints : on its parameters, see `parse_constraints`.
     candidates : circuits to compare with it.
     choose : "circuit" keeps `circuit`; "bic" or "cross_validation" take the best candidate.
     inductance, drift_tolerance : as in `trusted_points`.
@@ -295,8 +293,8 @@ def analyse(
     points = frequency[trusted.keep], impedance[trusted.keep]
     names = [with_inductance(name, points[1]) for name in (circuit, *candidates)]
     fixed, tied = parse_constraints(constraints)
-    given = fit_circuit(*points, circuit=names[0], starts=starts, fixed=fixed, tied=tied)
-    compared = compare(*points, dict.fromkeys(names), starts=starts)
+    given = fit_circuit(*points, circuit=names[0], fixed=fixed, tied=tied)
+    compared = compare(*points, dict.fromkeys(names))
     preferred = best(compared, criterion="bic" if choose == "circuit" else choose)
     fit = given if choose == "circuit" else preferred.fit
     distribution = relaxation_times(*points)

@@ -20,9 +20,6 @@ from cellwright.protocols.impedance.circuits import (
     series_resistance,
 )
 from cellwright.refusal import Refusal
-from cellwright.settings import Impedance
-
-IMPEDANCE = Impedance()
 
 LOWEST_EXPONENT, HIGHEST_EXPONENT = 0.3, 1.0
 # Roles that set a time constant.
@@ -345,7 +342,7 @@ def fit_circuit(
     impedance_ohm,
     *,
     circuit=THESIS,
-    starts=IMPEDANCE.starts,
+    starts=8,
     enough=None,
     start=None,
     bounds=None,

@@ -10,6 +10,7 @@ from cellwright.refusal import Refusal
 from cellwright.settings import Impedance
 
 IMPEDANCE = Impedance()
+DRIFT_TOLERANCE = 0.01  # RMS over the slowest decade; residuals of valid spectra (Schönleber 2014)
 
 
 class KramersKronig(NamedTuple):
@@ -101,7 +102,11 @@ class Trusted(NamedTuple):
 
 
 def trusted_points(
-    frequency_hertz, impedance_ohm, *, drift_tolerance, inductance=IMPEDANCE.inductance
+    frequency_hertz,
+    impedance_ohm,
+    *,
+    drift_tolerance=DRIFT_TOLERANCE,
+    inductance=IMPEDANCE.inductance,
 ):
     """Points without drift at low frequencies and, where asked, without inductive points.
 

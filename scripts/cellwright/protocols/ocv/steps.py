@@ -172,10 +172,10 @@ def chamber_shifts(
     soc,
     steps,
     *,
-    settled_kelvin_per_hour=OCV_STEP.settled_kelvin_per_hour,
     least_plateau_second=OCV_STEP.least_plateau_second,
-    skip_second=OCV_STEP.skip_second,
     least_reference_second=OCV_STEP.least_reference_second,
+    settled_kelvin_per_hour=1.0,
+    skip_second=3600.0,  # faster processes of the relaxation have ended by then
 ):
     """Shift of the open-circuit voltage at every temperature of every rest.
 
@@ -185,10 +185,11 @@ def chamber_shifts(
     temperature_celsius : (n,) of the cell, else of the chamber [degC] (`cell_temperature`).
     soc : (n,) state of charge [1], NaN where it is not known.
     steps : `series.steps.Steps` of the record.
-    settled_kelvin_per_hour : the cell has reached a temperature when it moves slower [K/h].
     least_plateau_second : a shorter plateau does not count [s].
+    least_reference_second : how long the rest must last at the first temperature after
+        `skip_second` [s].
+    settled_kelvin_per_hour : the cell has reached a temperature when it moves slower [K/h].
     skip_second : what of a rest's beginning takes no part in the extrapolation [s].
-    least_reference_second : how much must then be left at the first temperature [s].
 
     Returns
     -------

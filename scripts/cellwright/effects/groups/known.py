@@ -1,0 +1,81 @@
+"""What is known of a healthy group before its fit, and when an effect of a branch counts."""
+
+from typing import NamedTuple
+
+from cellwright.settings import MissingEffectGroup
+
+CHOSEN = MissingEffectGroup()  # the schema's defaults
+
+
+class Spread(NamedTuple):
+    """How healthy branches scatter about what is known of them, standard deviations.
+
+    Only what is beyond counts: without it every healthy group raises an alarm. capacity,
+    resistance, time_constant : relative, of a cell about its own tests; type_* of a cell of which
+    only the type is known. ocv_volt, type_ocv_volt : of its OCV, smooth over `ocv_soc` [V].
+    soc : beside the others when the group was joined [1]. celsius : beside the others [K].
+    wire_ohm : of a connection beside what groups.tsv says [ohm]. current_offset_c_rate,
+    current_gain : of a branch's current sensor [1/h], [1]. widest : no healthy branch is farther
+    out than so many of these.
+    """
+
+    soc: float = CHOSEN.spread.soc
+    celsius: float = CHOSEN.spread.celsius
+    wire_ohm: float = CHOSEN.spread.wire_ohm
+    current_offset_c_rate: float = CHOSEN.spread.current_offset_c_rate
+    current_gain: float = CHOSEN.spread.current_gain
+    capacity: float = 0.004  # repeats of a capacity test
+    resistance: float = 0.008  # repeats of a pulse test; contacts moved
+    time_constant: float = 0.03
+    ocv_volt: float = 0.001  # repeats of a C/20 test on good cyclers
+    type_capacity: float = 0.05  # 5 % within a batch, study of 1,500 simulated cells
+    type_resistance: float = 0.17  # 15 to 20 % within a batch, the same study
+    type_time_constant: float = 0.2
+    type_ocv_volt: float = 0.002
+    ocv_soc: float = 0.12
+    widest: float = 3.0
+
+
+class Shared(NamedTuple):
+    """What all branches may be off by together, standard deviations.
+
+    resistance, time_constant, capacity : of all cells beside their own tests, relative; type_*
+    where a branch is known by its type only. soc : of the whole group at the start of a test [1].
+    ocv_volt : error that all OCV curves share, smooth over `ocv_soc` [V].
+    activation_joule_per_mole : of the resistances beside the cells' own; type_* where a branch was
+    never tested over temperature.
+    """
+
+    resistance: float = 0.01  # a group's record weeks after its cells'
+    type_resistance: float = 1.0
+    time_constant: float = 0.03
+    type_time_constant: float = 0.5
+    capacity: float = 0.004  # repeats of a capacity test
+    type_capacity: float = 0.05  # 5 % within a batch
+    soc: float = 0.005
+    ocv_volt: float = 0.001  # repeats of a C/20 test on good cyclers
+    ocv_soc: float = 0.03
+    activation_joule_per_mole: float = 1000.0
+    type_activation_joule_per_mole: float = 10000.0
+
+
+class GroupGates(NamedTuple):
+    """When an effect of a branch counts; meanings as those of a cell's gates.
+
+    material_volt : an error of the branch currents, times their cells' ohmic resistance, that
+    nobody acts on [V]. unknown_volt : such an error beyond the floor up to which there is no
+    unknown effect [V]. most_slow_volt : largest slow noise of a branch current, times its cell's
+    ohmic resistance [V]. shared_slow_volt : slow error of the model's voltage that all branches
+    share, and that must not move their currents [V].
+    """
+
+    refits: int = 6
+    bic: float = 10.0
+    validation_chi_square: float = 25.0
+    material_volt: float = CHOSEN.gates.material_volt
+    unknown_volt: float = CHOSEN.gates.unknown_volt
+    tie_absolute: float = 6.0
+    tie_relative: float = 0.003
+    rounds: int = 3
+    most_slow_volt: float = 0.0003
+    shared_slow_volt: float = 0.002

@@ -1,0 +1,62 @@
+"""What every rule of this pipeline gets once all rules are read: its hashes, its resources."""
+
+from pathlib import Path
+
+from runtime import contract, job_requests
+from runtime.provenance import codes_of
+
+
+def lay_on(workflow, scripts, costs):
+    """Give each rule whose script lies in `scripts` its hashes and what its jobs ask for.
+
+    Rules of a workflow that uses this one as a module stay as they are.
+
+    Parameters
+    ----------
+    workflow : Snakemake's workflow, all of whose rules have been read
+    scripts : folder of this pipeline's scripts
+    costs : dict of `job_requests.Cost` by rule, from `job_requests.read`
+    """
+    ours = {rule: script for rule in workflow.rules if (script := script_of(rule, scripts))}
+    codes = codes_of(ours.values())
+    for rule, script in ours.items():
+        rule.set_params(**_own_parameters(rule, script, codes[script]))
+        cost = costs.get(_name_of(script))
+        if cost is not None:
+            _ask_for(workflow, rule, cost)
+
+
+def script_of(rule, scripts) -> str | None:
+    """The script of a rule of this pipeline, as `protocols/ocv`; None for all other rules."""
+    if not rule.script:
+        return None
+    path = Path(str(rule.basedir.get_path_or_uri(secret_free=True)), rule.script).resolve()
+    inside = path.is_relative_to(scripts)
+    return path.relative_to(scripts).with_suffix("").as_posix() if inside else None
+
+
+def _name_of(script):
+    """A rule's own name, which it keeps in the provenance where a using workflow renames it."""
+    return script.rpartition("/")[2]
+
+
+def _own_parameters(rule, script, code):
+    """Parameters that decide, beside its own, whether a rule runs again.
+
+    `code` is the hash of its script and of all that this imports; `contract` that of what its
+    files are held against, which their folders and suffixes tell.
+    """
+    renamed = {"rule": _name_of(script)} if rule.name != _name_of(script) else {}
+    return {"code": code, "contract": contract.fingerprint(*map(str, rule.output)), **renamed}
+
+
+def _ask_for(workflow, rule, cost):
+    """Memory, time and group of a rule's jobs; what the user sets by --set-resources stays.
+
+    Executors on this machine know no groups.
+    """
+    set_by_user = workflow.resource_settings.overwrite_resources.get(rule.name, {})
+    for name, amount in job_requests.requests(cost).items():
+        if name not in set_by_user:
+            rule.resources[name] = amount
+    rule.group = job_requests.group_of(cost, rule.wildcard_names)
