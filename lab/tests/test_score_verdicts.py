@@ -92,6 +92,17 @@ def test_rates_are_shares_of_the_cells_that_they_are_about(place):
     assert rates["false name of a hidden effect"] == (3, 12)
 
 
+def test_power_counts_cells_of_one_effect_by_strength(place):
+    judged = verdicts.compare(place).assign(strength_millivolt=6.0)
+    counts = verdicts.power(judged).loc["leakage, 6 mV"]
+    of = [case for case in CASES if case[0]["kind"] == "single"]
+    outcomes = [outcome for *_, outcome in of]
+    assert counts["cells"] == counts["visible"] == len(of)
+    assert counts["named right"] == sum(outcome in verdicts.NAMED for outcome in outcomes)
+    assert counts["right or rightly silent"] == counts["named right"] + 1
+    assert not len(verdicts.power(judged[judged["kind"] != "single"]))
+
+
 def test_parameters_of_rightly_named_effects_are_scored(place):
     rows = verdicts.parameters(place)
     assert set(rows["quantity"]) == {"leakage: x_ohm", "time_skew: x_ohm"}

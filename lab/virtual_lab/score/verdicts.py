@@ -152,17 +152,18 @@ def power(judged: pd.DataFrame) -> pd.DataFrame:
     that is right or, where nothing shows, rightly silent.
     """
     single = judged[judged["kind"] == "single"]
-    strength = pd.to_numeric(single["strength_millivolt"]).map(lambda value: f"{value:.2g} mV")
+    strengths = pd.to_numeric(single["strength_millivolt"])
+    names = [f"{name}, {mv:.2g} mV" for name, mv in zip(single["hidden"], strengths, strict=True)]
     right, silent = single["outcome"].isin(NAMED), single["outcome"] == "rightly silent"
     counts = pd.DataFrame(
         {
-            "cells": 1,
+            "cells": np.ones(len(single), int),
             "visible": single["visible"].astype(int),
             "named right": right.astype(int),
             "right or rightly silent": (right | silent).astype(int),
         }
     )
-    return counts.groupby(single["hidden"] + ", " + strength).sum()
+    return counts.groupby(pd.Series(names, single.index, dtype=object)).sum()
 
 
 def rates(judged: pd.DataFrame) -> list[tuple[str, int, int]]:
