@@ -4,9 +4,9 @@ from pulse_methods.of_cell import compare_identification_methods
 from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
-    params, inputs = snakemake.params, snakemake.input
+    inputs = snakemake.input
     comparison = compare_identification_methods(
-        params.cell,
+        snakemake.params.cell,
         job.load(inputs.basis),
         facts.tests_with_steps(inputs.steps, inputs.series),
     )

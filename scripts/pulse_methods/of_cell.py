@@ -3,12 +3,11 @@
 from cellwright.api import inputs, results
 from cellwright.records.facts import MeasuredTest
 from cellwright.records.repeats import repeats, sentences, steps_elsewhere
-from cellwright.settings import IdentificationMethods
 from pulse_methods.comparison import compare_methods
 from pulse_methods.pulse_records import PulseTest, counted_here
 
 
-def compare_identification_methods(cell, basis, tests, settings=None, **changes):
+def compare_identification_methods(cell, basis, tests, **limits):
     """R0 and two RC pairs from the same pulses by each identification method, side by side.
 
     Parameters
@@ -16,7 +15,7 @@ def compare_identification_methods(cell, basis, tests, settings=None, **changes)
     cell : CellFacts or mapping.
     basis : result of `basis`.
     tests : (test, clean series, result of `segment`) each, of tests with pulses.
-    settings : `settings.IdentificationMethods`, or its keys as keywords.
+    limits : pulses_per_cell, samples, rest_lengths, as of `pulse_records.pulse_records`.
 
     Returns
     -------
@@ -38,9 +37,6 @@ def compare_identification_methods(cell, basis, tests, settings=None, **changes)
         test._replace(steps=counted_here(test.steps, of))
         for test, of in zip(measured, elsewhere, strict=True)
     ]
-    chosen = inputs.settings_of(IdentificationMethods, settings, changes)
-    comparison = compare_methods(
-        measured, inputs.basis(basis), inputs.cell_facts(cell), **chosen._asdict()
-    )
+    comparison = compare_methods(measured, inputs.basis(basis), inputs.cell_facts(cell), **limits)
     notes = (*sentences(found), *comparison.left_out)
     return results.Result({"rows": comparison.rows}, notes=notes)
