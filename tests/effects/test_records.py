@@ -70,7 +70,7 @@ def test_between_rows_that_were_thinned_out_the_counter_counts():
     clock, current = falling(1.0)
     counted = np.r_[0, np.cumsum(np.diff(clock) * (current[1:] + current[:-1]) / 2)] / 7200.0
     fine = record(current, test_time_second=clock, soc=counted)
-    (thin,) = _thinned([fine], 20_000, CAPACITY)
+    (thin,) = _thinned([fine], CAPACITY)
     stack = laid(thin)
     moved = np.cumsum(stack.held_ampere * stack.step_second / 3600.0)
     assert len(moved) < len(clock) / 20
@@ -82,7 +82,7 @@ def test_between_rows_that_were_thinned_out_the_counter_counts():
 
 @pytest.mark.parametrize(("soc", "before"), [(1.0, 1), (0.5, 0), (0.02, -1)])
 def test_the_direction_is_that_of_the_last_load(soc, before):
-    stack = laid(record([0, 0.001, -1, 0, 0.01, 2, 0], soc=soc))
+    stack = laid(record([0, 0.001, -1, 0, 0.006, 2, 0], soc=soc))
     assert stack.direction.tolist() == [before, before, -1, -1, -1, 1, 1]
 
 

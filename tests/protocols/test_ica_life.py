@@ -5,7 +5,6 @@ import pytest
 
 from cellwright.protocols.ica.life import peaks_of_life
 from cellwright.refusal import Refusal
-from cellwright.settings import Ica
 
 ROWS, CYCLES = 1500, 12
 
@@ -39,7 +38,7 @@ def life(peak_share=1.0):
 
 
 def test_charges_lie_evenly_over_the_life_with_the_rate_of_their_constant_current():
-    found = peaks_of_life(*life(), settings=Ica(), most=4)
+    found = peaks_of_life(*life(), prominence=0.02, most=4)
     assert [row["cycle"] for row in found.rows] == [1, 5, 8, 12]
     assert [row["c_rate"] for row in found.rows] == pytest.approx([0.5] * 4)
     wanted = [3.7 + 0.002 * (row["cycle"] - 1) for row in found.rows]
@@ -48,7 +47,7 @@ def test_charges_lie_evenly_over_the_life_with_the_rate_of_their_constant_curren
 
 
 def test_a_charge_without_peaks_says_so():
-    found = peaks_of_life(*life(peak_share=0), settings=Ica(), most=2)
+    found = peaks_of_life(*life(peak_share=0), prominence=0.02, most=2)
     assert [row["peak"] for row in found.rows] == [0, 0]
     assert {row["reason"] for row in found.rows} == {"no peaks: the curve is flat"}
 
@@ -57,4 +56,4 @@ def test_a_record_without_a_complete_charge_is_refused():
     *record, cycles = life()
     cycles["direction"] = np.full(CYCLES, "discharge")
     with pytest.raises(Refusal, match="no complete charge in the ageing record"):
-        peaks_of_life(*record, cycles, settings=Ica(), most=4)
+        peaks_of_life(*record, cycles, prominence=0.02, most=4)

@@ -69,9 +69,9 @@ def test_a_cycle_that_is_no_number_is_a_new_cells():
 
 
 def test_rest_low_current_and_load_follow_from_the_slowest_test():
-    """C/50 is a load, also of a cell that is rated a tenth too small; a tester's zero is none."""
-    assert not low_current(0.02 / 1.1, 1.0)
-    assert low_current(0.016, 1.0)
+    """C/30 is a load, also of a cell that is rated a tenth too small; a sensor's offset is none."""
+    assert not low_current(1 / 30 / 1.1, 1.0)
+    assert low_current(0.025, 1.0)
     assert at_rest(np.array([0.003, 0.005]), 1.0).tolist() == [True, False]
     rows = at_rest_in_record(np.array([0.0, -0.04, 0.06, -5.0]))
     assert rows.tolist() == [True, True, False, False]

@@ -279,8 +279,8 @@ BAD_CONFIG = [
     ),
     ("segment:\n  rest_c_rate: 1e-3", "found '1e-3', wanted a number above 0; write 0.001"),
     (
-        "pack_decisions:\n  random_seed: '20'",
-        "found '20', wanted a whole number at least 0; write 20",
+        "pack_decisions:\n  draws: '20'",
+        "found '20', wanted a whole number at least",
     ),
     ("segment:\n  rest_c_rate: .nan", "found nan, wanted a number above 0"),
     ("segment: 3", "segment: found 3, wanted keys with values below it"),

@@ -222,11 +222,11 @@ def test_nothing_to_run_is_told(clone):
 
 
 def test_the_laboratory_has_an_environment_of_its_own(clone, quick):
-    lock = wheel(clone.parent / "wheels", "setuptools") + wheel(clone.parent / "wheels", "lab")
+    lock = wheel(clone.parent / "wheels", "setuptools") + wheel(clone.parent / "wheels", "simulator")
     (clone / "environment-lab.lock").write_text(lock)
-    ran = run(clone, "--lab", "python", "-c", "import lab; print('ran')", path=quick, HOME="")
+    ran = run(clone, "--lab", "python", "-c", "import simulator; print('ran')", path=quick, HOME="")
     assert ran.stdout == "ran\n", ran.stderr
-    assert run(clone, "python", "-c", "import lab", path=quick, HOME="").returncode == 1
+    assert run(clone, "python", "-c", "import simulator", path=quick, HOME="").returncode == 1
 
 
 def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_named(clone, quick):

@@ -136,7 +136,7 @@ def test_the_package_is_the_whole_science_and_nothing_else(packaged):
     wanted = {
         path.relative_to(ROOT / "scripts").as_posix()
         for path in science.rglob("*")
-        if path.suffix in (".py", ".c", ".h")
+        if path.suffix in (".py", ".pyi", ".typed", ".c", ".h")
     }
     assert len([file for file in wanted if file.endswith(".c")]) >= 9
     assert packaged == wanted

@@ -23,7 +23,7 @@ from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.simulate import closing
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
-from cellwright.records.conditions import LOW_C_RATE, REFERENCE_CELSIUS
+from cellwright.records.conditions import AT_REST_C_RATE, REFERENCE_CELSIUS
 from cellwright.records.thinning import driven
 
 ABOUT = {
@@ -338,7 +338,7 @@ def with_history(
     capacity_ampere_hour : [Ah]. hold : of the current between samples.
     """
     time, current = record
-    least = LOW_C_RATE * capacity_ampere_hour
+    least = AT_REST_C_RATE * capacity_ampere_hour
     ends = {"soc_at_start": soc_at_start, "near_end_soc": member["history"]["near_end_soc"]}
     direction = load_direction(read_ampere, least_ampere=least, **ends)
     steps = np.diff(time)

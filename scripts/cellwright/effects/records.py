@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.circuits.instrument import load_direction
 from cellwright.numerics.clock import refuse_backward
-from cellwright.records.conditions import LOW_C_RATE, low_current
+from cellwright.records.conditions import AT_REST_C_RATE, low_current
 from cellwright.records.record import STATED, checked
 from cellwright.records.thinning import driven
 from cellwright.refusal import Refusal
@@ -124,7 +124,7 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     linear = np.concatenate([_linear(r, hold) for r in records])
     held = np.where(linear, (before + current) / 2, before)
     held = held * (1.0 - fresh)
-    least = {"least_ampere": LOW_C_RATE * capacity_ampere_hour, "near_end_soc": NEAR_END}
+    least = {"least_ampere": AT_REST_C_RATE * capacity_ampere_hour, "near_end_soc": NEAR_END}
     loads = [load_direction(r.current_ampere, soc_at_start=r.soc[0], **least) for r in records]
     held, unseen = _counted(records, held, step, linear, capacity_ampere_hour)
     moved = np.cumsum(held * step / 3600.0 + unseen) / capacity_ampere_hour

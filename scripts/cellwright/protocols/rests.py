@@ -104,7 +104,7 @@ def rests_of(
     """Depolarisation of every rest that follows a load, by two exponentials.
 
     1. A rest counts from `shortest_rest_second` on, where the record has no gap before it and the
-    load was no low current (C/56); its first sample is left out where it still shows the edge; it
+    load was no low current (C/37); its first sample is left out where it still shows the edge; it
     ends where the temperature has moved by 3 K. 2. Two exponentials
     are fitted, or one where two are not told. 3. Where a third, faster one is told as well, it has
     a row of its own and is chosen. 4. What falls short of the limit says why.

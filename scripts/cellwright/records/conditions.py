@@ -20,9 +20,9 @@ SAME_CHECKUP_CYCLES = 5.0
 
 # A current channel reads zero within 0.1 % of its range, and spans at most four times the rating.
 AT_REST_C_RATE = Segment().rest_c_rate
-# The slowest load that is a test of its own is C/50. What is below it by more than rates of one
-# load differ is none: a sensor's offset in a rest, a leak, the noise of one row.
-LOW_C_RATE = 0.02 / SAME_RATE
+# The slowest load that is a test of its own is C/30. What a step of rates (5:4) and more below it
+# is read is no load: a sensor's offset in a rest, a leak, the noise of one row.
+LOW_C_RATE = 1.0 / 30.0 / SAME_RATE**2
 # Of the largest current of a record, where no capacity is known to set its readings against.
 AT_REST_SHARE = 0.01
 
@@ -38,7 +38,7 @@ def at_rest(current_ampere, capacity_ampere_hour):
 
 
 def low_current(current_ampere, capacity_ampere_hour):
-    """Whether a reading is no load, but what a sensor's offset, a leak or noise may be: below C/56.
+    """Whether a reading is no load, but what a sensor's offset, a leak or noise may be: below C/37.
 
     Parameters
     ----------

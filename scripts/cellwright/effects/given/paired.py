@@ -23,7 +23,7 @@ from cellwright.effects.records import lacking
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST, read_volt
 from cellwright.numerics.statistics import rms
-from cellwright.records.conditions import at_rest, low_current
+from cellwright.records.conditions import low_current
 from cellwright.refusal import Refusal
 
 NEXT_ROWS = np.arange(-1, 3)
@@ -137,12 +137,9 @@ def _difference_ampere(record, reference, rows, second):
 def _rest_edges(record, least_second):
     """First row, and the rows at which long rests begin and end.
 
-    A rest stays at what the log reads in rests: an offset of the sensor makes no load.
+    An offset of the sensor makes no load of a rest.
     """
-    current, capacity = record.current_ampere, record.capacity_ampere_hour
-    low = low_current(current, capacity)
-    level = np.median(current[low]) if low.any() else 0.0
-    rest = low & at_rest(current - level, capacity)
+    rest = low_current(record.current_ampere, record.capacity_ampere_hour)
     edges = np.flatnonzero(np.diff(np.r_[0, rest, 0])).reshape(-1, 2)
     last, second = len(record.second) - 1, record.second
     lasting = [e for e in edges if second[min(e[1], last)] - second[e[0]] >= least_second]
