@@ -18,7 +18,7 @@ AS_STATED = "stated at the start"  # what a record is counted from
 REST_VOLT = 0.02  # that a rest may err by, beside half of what is between charge and discharge
 # ASSUME: After ten minutes without load a cell is within 20 mV of its OCV, sooner within 100 mV.
 RELAXED_SECOND, UNRELAXED_VOLT = 600.0, 0.1
-EMPTY_REACHES = 0.8  # of the window: an emptied LFP cell relaxes onto its plateau
+EMPTY_REACHES = 0.6  # of the window: an emptied LFP cell relaxes towards its plateau
 STATED_SOC = 0.05  # beyond what the rest allows, by which a stated SoC contradicts it
 
 
@@ -28,7 +28,7 @@ def contradiction(soc_at_start, rest_volt, limits, curve=None, *, rest_second=0.
     With an open-circuit voltage it tells a range of SoC: where the curve lies within 20 mV (of a
     rest of less than ten minutes, 100 mV), and half of what is between charge and discharge, of the
     rest. The stated one may be 5 % beyond. Without, only a cell that is full below the middle of
-    its window, or empty in its highest fifth.
+    its window, or empty in its highest two fifths.
 
     Parameters
     ----------
