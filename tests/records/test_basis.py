@@ -248,3 +248,10 @@ def test_a_capacity_whose_start_is_unsure_counts_only_where_no_sure_one_does():
     assert found["capacity_ampere_hour"] == 2.885
     alone = basis("A", [], [unsure], [], rated_capacity_ampere_hour=3.0)
     assert alone["capacity_source"] == "discharge of C5 at 0.2C, ± 0.41 Ah"
+
+
+def test_a_sure_capacity_of_an_aged_cell_or_of_the_cold_is_no_better_than_an_unsure_one():
+    unsure = row(2.9, test="fresh") | {"capacity_std_ampere_hour": 0.2}
+    others = [row(2.1, cycle=800, test="aged"), row(2.2, celsius=-10.0, test="cold")]
+    found = basis("A", [], [*others, unsure], [], rated_capacity_ampere_hour=3.0)
+    assert found["capacity_source"] == "discharge of fresh at 1C, ± 0.2 Ah"

@@ -222,7 +222,9 @@ def test_nothing_to_run_is_told(clone):
 
 
 def test_the_laboratory_has_an_environment_of_its_own(clone, quick):
-    lock = wheel(clone.parent / "wheels", "setuptools") + wheel(clone.parent / "wheels", "simulator")
+    lock = wheel(clone.parent / "wheels", "setuptools") + wheel(
+        clone.parent / "wheels", "simulator"
+    )
     (clone / "environment-lab.lock").write_text(lock)
     ran = run(clone, "--lab", "python", "-c", "import simulator; print('ran')", path=quick, HOME="")
     assert ran.stdout == "ran\n", ran.stderr

@@ -395,7 +395,9 @@ def _refuse_stated(anchor, charge, nominal, source):
     refuse_impossible_soc(low, anchor.soc + up / capacity, anchor.words, **about)
 
 
-UNSURE_SHARE = 0.03  # of a capacity: one that is less sure counts where no sure one does
+UNSURE_SHARE = (
+    0.03  # of a capacity: one that is less sure counts after the sure ones of its check-up
+)
 
 
 def is_unsure(row):
@@ -433,7 +435,7 @@ def _nominal_capacity(capacities, celsius, cycle, stated):
         cycles = abs((row.get("cycle") or 0) - (cycle or 0))
         temperatures = row["ambient_temperature_celsius"], celsius
         kelvin = 0.0 if None in temperatures else abs(temperatures[0] - temperatures[1])
-        return is_unsure(row), max(cycles, SAME_CHECKUP_CYCLES), kelvin, row["c_rate"]
+        return max(cycles, SAME_CHECKUP_CYCLES), is_unsure(row), kelvin, row["c_rate"]
 
     best = min(rows, key=distance)
     return best["capacity_ampere_hour"], capacity_in_words(best)

@@ -201,7 +201,7 @@ def _own_capacity(capacities, lender, stated):
         if not stated[0]:
             raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
         return stated
-    slowest = min(rows, key=lambda row: (is_unsure(row), *first_choice(row), row["c_rate"]))
+    slowest = min(rows, key=lambda row: (*first_choice(row), is_unsure(row), row["c_rate"]))
     source = capacity_in_words(slowest)
     ratio = _slow_ratio(slowest, lender) if lender else None
     if ratio is None:
