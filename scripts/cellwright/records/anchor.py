@@ -395,7 +395,7 @@ def _refuse_stated(anchor, charge, nominal, source):
     refuse_impossible_soc(low, anchor.soc + up / capacity, anchor.words, **about)
 
 
-UNSURE_SHARE = (
+UNSURE_SHARE = 0.03  # of a capacity: less sure ones count after the sure ones of their check-up
     0.03  # of a capacity: one that is less sure counts after the sure ones of its check-up
 )
 
