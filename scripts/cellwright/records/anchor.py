@@ -396,8 +396,6 @@ def _refuse_stated(anchor, charge, nominal, source):
 
 
 UNSURE_SHARE = 0.03  # of a capacity: less sure ones count after the sure ones of their check-up
-    0.03  # of a capacity: one that is less sure counts after the sure ones of its check-up
-)
 
 
 def is_unsure(row):
