@@ -15,11 +15,13 @@ PUBLISHED, RENEWALS = FOLDER / "published.csv", FOLDER / "renewals.md"
 HEAD = """\
 # Renewals of the record of real cells
 
-Why the numbers of [recorded.csv](recorded.csv) and [before.csv](before.csv) were renewed, the
-newest last. Made by scripts/tools/real_record.py. `code` is the hash of all code of the pipeline,
+Why the numbers of [recorded.csv](recorded.csv) and [before.csv](before.csv) were last renewed, the
+newest last; earlier reasons stand in the history of this file. Made by
+scripts/tools/real_record.py. `code` is the hash of all code of the pipeline,
 where the numbers are from a run of its own.
 
 """
+RENEWALS_KEPT = 8  # of each table: those that explain the numbers that stand there now
 TOLERANCES = ["tolerance_absolute", "tolerance_relative"]
 WORSE, MISSING, NEW, BETTER, SAME = "worse", "missing", "new", "better", "same"
 FAILING = (WORSE, MISSING)
@@ -116,15 +118,22 @@ def renew(measured: pd.DataFrame, reason: str, path=RECORDED, *, code: str = "")
     recorded = read(path)
     line = line_of_renewal(reason, recorded, measured, of=path.stem, code=code)
     write(renewed(recorded, measured), path)
-    written = RENEWALS.read_text(encoding="utf-8") if RENEWALS.is_file() else HEAD
-    RENEWALS.write_text(written + line, encoding="utf-8")
+    lines = [*_renewals(), line]
+    of_table = [other for other in lines if other.startswith(f"* {path.stem}: ")]
+    lines = [other for other in lines if other not in of_table[:-RENEWALS_KEPT]]
+    RENEWALS.write_text(HEAD + "".join(lines), encoding="utf-8")
+
+
+def _renewals() -> list[str]:
+    """Lines of the list of renewals, the oldest first."""
+    text = RENEWALS.read_text(encoding="utf-8") if RENEWALS.is_file() else ""
+    return [line for line in text.splitlines(keepends=True) if line.startswith("* ")]
 
 
 def last_reason(of: str) -> str:
     """Why a table was last renewed, with what stands behind it in brackets; "" where never."""
-    lines = RENEWALS.read_text(encoding="utf-8").splitlines() if RENEWALS.is_file() else []
-    reasons = [line.partition(": ")[2] for line in lines if line.startswith(f"* {of}: ")]
-    return reasons[-1] if reasons else ""
+    reasons = [line.partition(": ")[2] for line in _renewals() if line.startswith(f"* {of}: ")]
+    return reasons[-1].strip() if reasons else ""
 
 
 def compare(recorded: pd.DataFrame, measured: pd.DataFrame) -> pd.DataFrame:

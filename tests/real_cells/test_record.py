@@ -131,6 +131,17 @@ def test_a_renewal_says_why_and_what(tmp_path, monkeypatch):
     assert record.faults_of(record.read(path)) == []
 
 
+def test_of_each_table_the_newest_renewals_are_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(record, "RENEWALS", tmp_path / "renewals.md")
+    record.renew(table(), "as it was", tmp_path / "before.csv")
+    for number in range(record.RENEWALS_KEPT + 3):
+        record.renew(table(), f"reason {number}", tmp_path / "recorded.csv")
+    lines = [x for x in (tmp_path / "renewals.md").read_text().splitlines() if x[:1] == "*"]
+    assert len(lines) == 1 + record.RENEWALS_KEPT
+    assert record.last_reason("before").startswith("as it was")
+    assert lines[1].startswith("* recorded: reason 3 ")
+
+
 @pytest.mark.parametrize("why", [None, "", "  ", "better"])
 def test_a_renewal_without_a_reason_is_refused(why):
     with pytest.raises(ValueError, match="says why"):
