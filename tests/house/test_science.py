@@ -1,12 +1,15 @@
 """Laws of scripts/cellwright: pure, short, documented, and imports that run one way."""
 
 import ast
+import inspect
 import re
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 
 from tree import SCIENCE, SCRIPTS, functions, held_by_every, imports, modules, name, parsed
+
+import cellwright
 
 # Which rooms a room may import besides itself; docs/architecture.md says what each is for.
 ROOMS = {
@@ -201,6 +204,18 @@ def test_what_is_public_is_documented(path):
             arguments = {a.arg for a in (*node.args.args, *node.args.kwonlyargs)}
             missing = sorted(a for a in arguments if a not in about)
             assert not missing, f"{name(path)}:{node.lineno} {node.name} does not explain {missing}"
+
+
+def test_every_argument_of_a_step_is_explained():
+    """By the step itself, or for all steps in the docstring of the interface."""
+    shared = ast.get_docstring(parsed(SCIENCE / "api" / "__init__.py"))
+    for public in cellwright.__all__:
+        step = getattr(cellwright, public)
+        if inspect.isfunction(step):
+            about = f"{shared}\n{inspect.getdoc(step)}"
+            entries = re.findall(r"(?:^|\. )(\w+(?:, \w+)*) : ", about, re.M)
+            unsaid = {*inspect.signature(step).parameters} - set(", ".join(entries).split(", "))
+            assert not unsaid, f"{public} does not explain {unsaid}"
 
 
 # Results of a room that the public interface gives a frame.

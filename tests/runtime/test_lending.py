@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.api.charge import _basis_notes
+from cellwright.api.charge import basis_notes
 from cellwright.refusal import Refusal
 from runtime import artefact, lending
 
@@ -88,7 +88,7 @@ SLOW, RESTS = [{"test": "ocv", "branches": "both"}], [{"test": "hppc", "branches
 )
 def test_what_is_borrowed_or_missing_is_said(borrowed, ocv, said):
     facts = {"capacity_ampere_hour": 1.98765, "capacity_source": "rating"}
-    first, *rest = _basis_notes(facts | {"borrowed_from": borrowed, "ocv": ocv})
+    first, *rest = basis_notes(facts | {"borrowed_from": borrowed, "ocv": ocv})
     assert first == "SoC refers to 1.988 Ah: rating"
     assert len(rest) == (said is not None)
     assert all(sentence.startswith(said) for sentence in rest)

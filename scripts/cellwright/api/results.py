@@ -21,11 +21,12 @@ class Result(NamedTuple):
 
     def __getattr__(self, name):
         """The table, or the value of the content, of this name."""
-        for held in (self.tables, self.content):
-            if isinstance(held, dict) and name in held:
-                return held[name]
-        known = [*self.tables, *(self.content if isinstance(self.content, dict) else ())]
-        raise AttributeError(f"this result has no {name!r}; it has {', '.join(map(str, known))}")
+        values = self.content if isinstance(self.content, dict) else {}
+        for named in (self.tables, values):
+            if name in named:
+                return named[name]
+        known = ", ".join(map(str, [*self.tables, *values]))
+        raise AttributeError(f"this result has no {name!r}; it has {known}")
 
     def __dir__(self):
         """Names for completion: fields, tables and values."""
