@@ -36,7 +36,7 @@ class Piece(NamedTuple):
 
 # Folders of modules whose functions and classes are hashed one by one.
 PARTED = ("cellwright/api", "cellwright/settings")
-LAZY = ".pyi"  # stub of a package whose names are imported from their modules at first use
+STUB = ".pyi"  # of a package whose names are imported from their modules at first use
 IMPORTS = (ast.Import, ast.ImportFrom)
 
 
@@ -100,7 +100,12 @@ def _caches():
 
 def _sources_digest() -> str:
     sources = hashlib.sha256(sys.version.encode())
-    found = [path for root in _roots() for kind in ("*.py", "*.[ch]") for path in root.rglob(kind)]
+    found = [
+        path
+        for root in _roots()
+        for kind in ("*.py", "*.pyi", "*.[ch]")
+        for path in root.rglob(kind)
+    ]
     for path in sorted(found):
         sources.update(f"{_place(path).as_posix()}\n".encode() + path.read_bytes())
     return sources.hexdigest()[:32]
@@ -171,7 +176,7 @@ def _entries(path: Path) -> dict:
 
 def _stub(path: Path) -> ast.Module:
     """The stub beside a module, an empty one where there is none."""
-    stub = path.with_suffix(LAZY)
+    stub = path.with_suffix(STUB)
     return ast.parse(stub.read_text(encoding="utf-8") if stub.exists() else "")
 
 
@@ -246,7 +251,7 @@ def _holds(root: Path, package: str) -> bool:
 @cache
 def _gives_names(file: Path) -> bool:
     """Whether the names of this file are hashed one by one."""
-    return _place(file).parent.as_posix() in PARTED or file.with_suffix(LAZY).exists()
+    return _place(file).parent.as_posix() in PARTED or file.with_suffix(STUB).exists()
 
 
 def _is_docstring(node) -> bool:

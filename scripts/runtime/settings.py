@@ -195,9 +195,10 @@ def _unknown(place, path, key, schema, section) -> str:
 def _hint(error) -> str:
     """Hint for a number that YAML reads as text: 1e-3 must be written 1.0e-3."""
     try:
-        text = error.instance if isinstance(error.instance, str) else "no number"
-        number = float(text)
+        number = float(error.instance if isinstance(error.instance, str) else "")
     except ValueError:
+        return ""
+    if not math.isfinite(number):
         return ""
     return f"; write {int(number) if number.is_integer() else number}"
 
