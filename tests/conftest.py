@@ -27,13 +27,19 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(items):
-    """Put the files that take longest first; the order within a file and of the others stays."""
+    """Put the files that take longest first, and mark their tests as slow.
+
+    The order within a file and of the others stays.
+    """
 
     def place(item):
         path = item.path.as_posix()
         return next((k for k, name in enumerate(LONGEST) if name in path), len(LONGEST))
 
     items.sort(key=place)
+    for item in items:
+        if place(item) < len(LONGEST):
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="session")
