@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.numerics.statistics import rms
 from figures import style
 
 WAYS = {"reference": "x", "scaled": "s", "bias": "o", "own": "D"}
@@ -31,7 +32,7 @@ def errors_of(rows, way, count=None):
     for row in rows:
         if row["way"] == way and count in (None, row["calibrating_cells"]):
             by_cell.setdefault(row["cell"], []).append(row["rmse_volt"])
-    return {cell: 1e3 * np.sqrt(np.mean(np.square(own))) for cell, own in by_cell.items()}
+    return {cell: 1e3 * rms(own) for cell, own in by_cell.items()}
 
 
 def _by_cell(axes, rows, name):
@@ -45,8 +46,7 @@ def _by_cell(axes, rows, name):
     axes.set_xticks(range(0, len(order), step), order[::step], rotation=60, fontsize=7)
     axes.set(ylabel="RMS error of the voltage [mV]", yscale="log")
     axes.set_ylim(top=axes.get_ylim()[1] * 5)  # room for the legend
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter("")
+    style.plain_numbers(axes.yaxis)
     axes.set_title(f"{name}: tests that no fit has seen")
     axes.legend(fontsize=7, ncols=2, loc="upper left")
 

@@ -59,13 +59,11 @@ class Layout:
 
     def subplots(self, *, height=2.9):
         """A figure and its axes (n,), one a panel; `height` [inch] of a row."""
-        rows, columns = style.grid_of(len(self.panels), across=ACROSS)
-        figure, axes = style.subplots(rows, columns, height=height * rows)
+        figure, axes = style.panels(len(self.panels), across=ACROSS, height=height)
         if self.not_drawn:
             note = f"{self.not_drawn} other states not drawn"
             figure.suptitle(note, fontsize=8, color=style.QUIET)
-        style.hide(axes.flat[len(self.panels) :])
-        return figure, axes.ravel()[: len(self.panels)]
+        return figure, axes
 
 
 def _soc_label(value):

@@ -25,7 +25,7 @@ def draw_pack(series, scores, test):
     figure, axes = style.subplots(3, 1, height=5.4, sharex=True, height_ratios=[3, 2, 2])
     current, residual, voltage = axes[:, 0]
     hours = series["test_time_second"] / 3600
-    shown = _worst_first(scores)[:NAMED_BRANCHES]
+    shown = sorted(scores, key=lambda row: -row["current_rmse_ampere"])[:NAMED_BRANCHES]
     if len(scores) > len(shown):
         shown = shown[:3]
         _band(current, hours, [_branch(series, row["branch"]) for row in scores])
@@ -51,10 +51,6 @@ def draw_pack(series, scores, test):
     style.legend_once(current)
     style.legend_once(voltage)
     return figure
-
-
-def _worst_first(scores):
-    return sorted(scores, key=lambda row: -row["current_rmse_ampere"])
 
 
 def _branch(series, branch):
@@ -292,8 +288,7 @@ def draw_ways(rows, cells):
     step = -(-len(cells) // 25)
     single.set_xticks(range(0, len(cells), step), cells[::step], fontsize=7, rotation=60)
     single.set(ylabel="error of the voltage [mV]", yscale="log")
-    single.yaxis.set_major_formatter("{x:g}")
-    single.yaxis.set_minor_formatter("")
+    style.plain_numbers(single.yaxis)
     single.set_title("Mean absolute error, bar up to the largest")
     whole.set_xticks(range(len(found)), list(found), fontsize=7, rotation=30)
     whole.set(ylabel="mean absolute error [mV]", ylim=(0, None), xlim=(-0.5, len(found) - 0.2))

@@ -58,6 +58,18 @@ def grid_of(panels: int, *, across: int) -> tuple[int, int]:
     return -(-panels // across), min(panels, across)
 
 
+def panels(count, *, across, height, wide=None, **settings):
+    """A figure and the first `count` panels of its grid, the others switched off.
+
+    `height` [inch] is that of a row, `wide` [inch] that of a column; None: a page in all.
+    """
+    rows, columns = grid_of(count, across=across)
+    width = {} if wide is None else {"width": wide * columns + 0.4}
+    figure, axes = subplots(rows, columns, height=height * rows, **width, **settings)
+    hide(axes.flat[count:])
+    return figure, axes.ravel()[:count]
+
+
 def hide(panels):
     """Switch off empty panels of a grid."""
     for panel in panels:
@@ -126,6 +138,12 @@ def name_bars(axes, names, *, fontsize):
     axes.set_yticks(range(len(names)), names, fontsize=fontsize)
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
+
+
+def plain_numbers(axis):
+    """Labels of a logarithmic axis as 0.1 and 30, not as powers of ten; none between them."""
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("")
 
 
 def save(figure, job, path=None):

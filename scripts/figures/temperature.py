@@ -20,9 +20,8 @@ def draw_temperature_laws(points, laws):
     `points` are columns of stage `temperature_points`, `laws` rows of `temperature`.
     """
     quantities = _shown(points)
-    rows, columns = style.grid_of(len(quantities), across=ACROSS)
-    figure, axes = style.subplots(rows, columns, width=3.4 * columns + 0.4, height=2.8 * rows)
-    for panel, quantity in zip(axes.flat, quantities, strict=False):
+    figure, axes = style.panels(len(quantities), across=ACROSS, wide=3.4, height=2.8)
+    for panel, quantity in zip(axes, quantities, strict=True):
         of_quantity = points["quantity"] == quantity
         celsius, value = points["temperature_celsius"][of_quantity], points["value"][of_quantity]
         panel.plot(celsius, value, "o", color=style.MEASURED, label="measured")
@@ -32,7 +31,6 @@ def draw_temperature_laws(points, laws):
         unit, title = points["unit"][of_quantity][0], quantity.replace(", ", "\n", 1)
         panel.set(xlabel="temperature [°C]", ylabel=f"[{unit}]", title=title)
         style.legend_once(panel)
-    style.hide(axes.flat[len(quantities) :])
     return figure
 
 
@@ -99,8 +97,7 @@ def _family(upper, lower, points, laws):
     limits = values.min() / MARGIN, values.max() * MARGIN
     upper.set(yscale="log", ylim=limits, ylabel="[mΩ]", title=points[0]["family"] + note)
     upper.yaxis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
-    upper.yaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
-    upper.yaxis.set_minor_formatter(matplotlib.ticker.NullFormatter())
+    style.plain_numbers(upper.yaxis)
     _limit_to_arrhenius(lower)
     lower.set_xlim(upper.get_xlim())
     lower.axhline(0, color=style.QUIET, linewidth=0.8)
