@@ -80,3 +80,21 @@ def snakemake(tmp_path, monkeypatch):
         )
 
     return make
+
+
+@pytest.fixture
+def saved(snakemake):
+    """Writes an artefact and gives its path; a text as content is the reason why it has none."""
+    from cellwright.refusal import Refusal
+    from runtime import artefact
+
+    def save(path, content, params=None, **facts):
+        names = path.removeprefix("results/").partition(".")[0].split("/")[1:]
+        wildcards = dict(zip(("cell", "test"), names, strict=False))
+        with artefact.Job(snakemake(path, wildcards=wildcards, **(params or {}))) as job:
+            if isinstance(content, str):
+                raise Refusal(content)
+            job.save(content, **facts)
+        return path
+
+    return save

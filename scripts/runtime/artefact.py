@@ -364,6 +364,15 @@ def read_about(path) -> dict:
     return json.loads(pq.read_schema(path).metadata[KEY])
 
 
-@cache
 def _read_json(path) -> dict:
+    about = Path(path).stat()
+    return _json_of_version(path, about.st_mtime_ns, about.st_size, about.st_ino)
+
+
+@cache
+def _json_of_version(path, *version) -> dict:
+    """A document, read anew where its file has another time, size or inode than before.
+
+    What it says of itself and its content are read one after the other.
+    """
     return json.loads(Path(path).read_text(encoding="utf-8"))

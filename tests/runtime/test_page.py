@@ -69,18 +69,8 @@ PICTURE = """<?xml version="1.0"?>
 """ % ("ab" * 32)
 
 
-def of_a_and_not_of_b(snakemake, path, content, reason):
-    """Artefacts of cell A, and of cell B the reason why there is none."""
-    paths = [path.format(cell) for cell in "AB"]
-    with artefact.Job(snakemake(paths[0], wildcards={"cell": "A"})) as writing:
-        writing.save(content)
-    with artefact.Job(snakemake(paths[1], wildcards={"cell": "B"})):
-        raise Refusal(reason)
-    return paths
-
-
 @pytest.fixture
-def job(snakemake):
+def job(snakemake, saved):
     """The inputs of rule `report` for one cell with a good and a bad test, and one group."""
     contents = dict.fromkeys(TABLES, ())
     capacity = {
@@ -142,13 +132,18 @@ def job(snakemake):
             writing.save(
                 {"test_time_second": [0.0], "current_ampere": [0.0], "voltage_volt": [3.7]}
             )
+    # Of cell B there is the reason why it has none of these.
     search, no_test = "results/missing_effect/{}/", "no validation test"
     verdict = {"cell": "A", "paragraph": "What was missing: time & patience."}
-    verdicts = of_a_and_not_of_b(snakemake, f"{search}verdict.json", verdict, no_test)
-    heard = of_a_and_not_of_b(snakemake, f"{search}witnesses.parquet", [WITNESS, HEARD], no_test)
     limit = {"paragraph": "Limited by charge transfer & age."}
-    why = "neither spectra nor pulses"
-    cold = of_a_and_not_of_b(snakemake, "results/cold_limit/{}.json", limit, why)
+    verdicts, heard, cold = (
+        [saved(path.format("A"), content), saved(path.format("B"), reason)]
+        for path, content, reason in (
+            (f"{search}verdict.json", verdict, no_test),
+            (f"{search}witnesses.parquet", [WITNESS, HEARD], no_test),
+            ("results/cold_limit/{}.json", limit, "neither spectra nor pulses"),
+        )
+    )
     Path("results/figures/A").mkdir(parents=True)
     Path("results/figures/A/validation_udds.svg").write_text(PICTURE)
     inputs = SimpleNamespace(
