@@ -18,6 +18,7 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
     """
     from cellwright.records.checkups import basis_of_life as basis_of
 
+    # Over a life: each check-up has its own capacity and curves, so that SoC 1 stays "full".
     facts = inputs.cell_facts(cell)
     content = basis_of(
         facts.cell,
@@ -85,6 +86,7 @@ def ocv_from_load(series, cell, test):
     from cellwright.records.basis import slow_capacity
 
     curve = slowest_load(*inputs.quantities(series, inputs.COUNTED), **inputs.cutoffs(cell))
+    # The charge of this leg is at its own rate: less than a slow one, and said to be so.
     _, source = slow_capacity(curve._asdict() | {"test": inputs.test_facts(test).test})
     words = {"capacity_source": source.replace("slow test", "long load")}
     return results.Result({"curve": curve, "points": {}}, words, (curve.note,))

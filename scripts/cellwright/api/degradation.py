@@ -41,6 +41,8 @@ def degradation_modes(
     points = [(inputs.test_facts(test), inputs.columns(table)) for test, table in rests]
     at_rest = _curves_of(points, rest_curve, refused, cell=facts.cell)
     own, left_out = _by_check_up([*slow, *at_rest], refused)
+    # Losses are differences: a single check-up needs a fresh cell of the type to differ from, and a
+    # curve of another rate would differ by its polarisation as well.
     if fresh is not None and len(own) == 1:
         _, lent, _, _ = _slow_curves(*fresh, options)
         lent = [curve for curve in lent if alike(curve, own[0])][:1]
@@ -48,6 +50,7 @@ def degradation_modes(
         left_out += [f"fresh state: {curve.cell}, not this cell's own" for curve in lent]
     need_two(own, facts.cell)
     pairs = _pairs(chemistry, half_cells)
+    # Half cells of a chemistry differ between makers: all pairs that fit bound the error by choice.
     fitting = chosen_pair(own, pairs, misfit_volt=options.misfit_volt)
     found = modes_of(own, fitting[0][0], others=[pair for pair, _ in fitting[1:]])
     rows = mode_rows.mode_rows(found, fitting[0][0], own)
@@ -83,6 +86,7 @@ def _slow_curves(cell, tests, options):
     """
     from cellwright.health.electrodes.slow_curves import slow_curve
 
+    # Charges of a wider window would hold more lithium without any having been lost.
     facts, tests, notes = inputs.cell_facts(cell), inputs.tests(tests), []
     voltages = [test.series["voltage_volt"] for test in tests]
     for name, end, most in zip(inputs.CUTOFFS, (min, max), ("lowest", "highest"), strict=True):
@@ -114,6 +118,7 @@ def _by_check_up(curves, refused):
     from cellwright.health.electrodes.slow_curves import check_ups
 
     chosen, left_out = check_ups(curves)
+    # A faster charge that was passed over is no news where the same check-up has a slow one.
     seen = {curve.cycle for curve in curves}
     without = [why for cycle, why in refused.items() if cycle not in seen]
     return chosen, [*left_out, *(f"no slow curve or rests: {why}" for why in without)]

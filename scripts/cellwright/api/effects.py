@@ -53,6 +53,7 @@ def _searched_in(cell, basis, tests, library, references, model):
     def record_of(cell, basis, tests):
         return inputs.cell_facts(cell), inputs.basis(basis), inputs.tests(tests)
 
+    # Healthy cells of the type go the same way as the cell itself, so that errors of method cancel.
     about = (*record_of(cell, basis, tests), LIBRARY if library is None else library)
     healthy = [Reference(*record_of(*reference)) for reference in references]
     given = None if model is None else inputs.model(model)
@@ -66,6 +67,7 @@ def _search(settings, split_rest_second, changes) -> dict:
 
 def _missing_effect(finding):
     """Result of a search: its tables (of a group fewer), verdict and model as content."""
+    # A group has no map of its own, and no menu of tests: such tables are empty.
     names = ("ranking", "residual_map", "evidence", "series", "confounding", "menu")
     tables = {name: getattr(finding, name, {}) for name in names}
     content = {"verdict": finding.verdict, "model": finding.model}
@@ -140,6 +142,7 @@ def prepared_case(
     plain = _search(settings, split_rest_second, changes)
     gates, tolerance = settings_of(plain)
     options = {"tolerance": tolerance, "gates": gates, "settings": plain}
+    # Read before the kinds are chosen: impedance spectra have no columns of a series.
     known = [(inputs.test_facts(facts), series) for facts, series in tests]
     mine = inputs.tests([one for one in known if one[0].kind in (SLOW_TEST, *KINDS)])
     return prepared(inputs.cell_facts(cell), inputs.basis(basis), mine, **options).case
@@ -159,6 +162,7 @@ def missing_group_effect(group, branches, known_cells, tests, settings=None, **c
     from cellwright.effects.groups.finding import missing_group_effect as searched
 
     search = inputs.settings_of(MissingEffectGroup, settings, changes)
+    # The search takes sections as plain dicts, as a rule's parameters hand them over.
     plain = {
         name: value._asdict() if hasattr(value, "_asdict") else value
         for name, value in search._asdict().items()

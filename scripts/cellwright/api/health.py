@@ -24,6 +24,7 @@ def fade(records, cell, settings=None, **changes):
         facts = inputs.test_facts(test)
         columns = inputs.columns(getattr(cycles, "rows", cycles))
         pair = _pair(temperature, "cycles")
+        # A room that warms by a few kelvin over a year looks like a cell that ages more slowly.
         shift = {} if pair is None else lives.temperature_shift(*pair)
         about = facts.test, facts.cycle, facts.ambient_temperature_celsius
         ready.append(lives.AgeingRecord(*about, columns, shift))
@@ -54,6 +55,7 @@ def check_ups(capacities, resistances, cell, throughputs=()):
     sizes, pulses = inputs.entries(capacities), inputs.entries(resistances)
     known = inputs.ratings(cell) | {"state_of_health": health}
     rows, notes = ratings.check_ups(sizes, pulses, throughputs=throughputs, **known)
+    # Ratings stand without pulses as well: a refusal of these is a note.
     try:
         growth = ratings.resistance_growth(pulses, sizes)
     except Refusal as refusal:
@@ -131,6 +133,7 @@ def fleet_resistance(cells):
     """
     from cellwright.health.fleet import capacity_from_resistance, over_shared_soc
 
+    # Means over the SoC that all cells were pulsed at: resistance rises steeply when empty.
     ready = [(name, inputs.rows([row])[0], inputs.rows(growth)) for name, row, growth in cells]
     fleet = over_shared_soc(ready)
     line, rows = capacity_from_resistance(fleet)
@@ -152,6 +155,7 @@ def compare_protocols(lives):
     ready = []
     for cell, protocol, fade in lives:
         summary, columns = _pair(fade)
+        # Laws instead of points: a scattered discharge must not decide how long a protocol lasts.
         share = np.asarray(columns["law_ampere_hour"], float) / summary["start_ampere_hour"]
         ready.append(LifeOfProtocol(cell, protocol, np.asarray(columns["cycle"], float), share))
     return results.Result({"rows": compared(ready)})

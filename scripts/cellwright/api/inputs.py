@@ -5,9 +5,12 @@ from collections.abc import Mapping
 from cellwright.records.facts import BranchFacts, CellFacts, MeasuredTest, TestFacts
 from cellwright.refusal import Refusal
 
+# Every record has these; a clean one is also counted, since an instrument's own counter may be
+# reset within a test.
 NAMES = ("test_time_second", "current_ampere", "voltage_volt")
 COUNTED = (*NAMES, "charge_ampere_hour")
 CUTOFFS = ("lower_cutoff_volt", "upper_cutoff_volt")
+# Fields by which a document is known for what it is: any JSON file has the right suffix.
 MODEL = ("cell", "capacity_ampere_hour", "ocv", "members", "chosen")
 BASIS = ("capacity_ampere_hour", "ocv")
 
@@ -31,6 +34,8 @@ def columns(series, *needed) -> dict:
 
 
 def _by_name(series):
+    # The order matters: a result is a NamedTuple that may have a table `columns`, and a DataFrame
+    # has `columns` that are no mapping.
     if isinstance(series, Mapping):
         return series
     inner = getattr(series, "columns", None)
@@ -70,6 +75,7 @@ def repeats(table):
     return None if table is None else table_of(Repeats, table)
 
 
+# One measurement in two tests would count twice in every fit and every error.
 def elsewhere(table, test, cut):
     """Name of the test in which each step of a test counts, see `repeats.steps_elsewhere`."""
     from cellwright.records.repeats import steps_elsewhere
@@ -90,6 +96,7 @@ def rows(table) -> list[dict]:
 
 
 def _is_list(table):
+    # A NamedTuple of columns is a tuple as well, but one table and no list of rows.
     return isinstance(table, list | tuple) and not hasattr(table, "_asdict")
 
 
@@ -147,6 +154,7 @@ def cutoffs(cell) -> dict:
 
 def ratings(cell) -> dict:
     """Rated capacity [Ah] and limits of a cell's voltage [V] as keywords."""
+    # Blank in the sheet is None: each step says itself what it can do without.
     rated = cell_facts(cell).rated_capacity_ampere_hour
     return {"rated_capacity_ampere_hour": rated, **cutoffs(cell)}
 
@@ -163,6 +171,7 @@ def tests(pairs) -> list:
 
 def content(document):
     """The plain document of a result, or of the file of a path; a mapping or None as it is."""
+    # A step may give tables only: then the result itself is no document.
     inner = getattr(document, "content", None)
     inner = document if inner is None else inner
     return json_of_file(inner) if _is_path(inner) else inner
@@ -185,6 +194,7 @@ def model(document, *, cell=None):
 
 def models(documents) -> list:
     """Content of each of several models, see `model`; one document instead is refused."""
+    # A dict is iterable: its keys would be taken for models, and the message be about a text.
     if _is_path(documents) or isinstance(getattr(documents, "content", documents), Mapping):
         raise Refusal(f"found {_in_words(documents)}, wanted a list of models, one a cell")
     return [model(document) for document in documents]
@@ -234,6 +244,7 @@ def json_of_file(path):
             document = json.load(file)
     except (OSError, ValueError) as error:
         raise Refusal(f"{path}: {error}, wanted a JSON document") from error
+    # What an artefact says of how it was made is no part of the document, and changes no result.
     about = document.get("provenance") if isinstance(document, dict) else None
     if not isinstance(about, dict):
         return document

@@ -27,6 +27,8 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
     sizes = measured.capacity_points(inputs.entries(capacities))
     circuits = measured.impedance_points(inputs.entries(spectra))
     pulses = measured.resistance_points(inputs.entries(resistances), **options._asdict())
+    # Two temperatures fit any law of two parameters exactly: only a third can contradict it. Of
+    # several tests at one temperature the mean counts, lest the busiest one draw the law.
     points = measured.with_enough_temperatures([*sizes, *circuits.points, *pulses.points])
     return _fitted(measured.mean_per_temperature(points), (*circuits.notes, *pulses.notes))
 
@@ -52,6 +54,7 @@ def temperature_laws_of_type(resistances, settings=None, **changes):
 
     options = inputs.settings_of(Temperature, settings, changes)
     compared = points_of_type(inputs.rows(resistances), **options._asdict())
+    # Points stay apart here: how cells differ is what the interval of the type's law tells.
     points = with_enough_temperatures(compared.points)
     return _fitted(points, (*compared.notes, *sentences_of_type(points)))
 
@@ -68,6 +71,7 @@ def fast_charge_laws(charges):
 
     points = fast_charge_points(inputs.entries(charges))
     found = _fitted(with_enough_temperatures(points))
+    # Quantities known at two temperatures only have no law, but are points all the same.
     return found._replace(tables=found.tables | {"points": points})
 
 
@@ -100,6 +104,7 @@ def resistance_surface(
     from cellwright.laws import surface
 
     rows = inputs.entries(resistances)
+    # Temperatures left out of the fit choose the form: a table meets its own points best.
     fits, reasons = surface.surfaces(rows, delay_second=delay_second, c_rate=c_rate)
     tables = {"rows": surface.law_rows(fits), "points": surface.point_rows(fits)}
     return results.Result(tables, notes=(*reasons, *surface.sentences(fits)))
@@ -134,6 +139,8 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
     from cellwright.laws.ocv import over_temperature as ocv
 
     chosen = inputs.settings_of(OcvTemperature, settings, changes)
+    # Slow curves err by their polarisation, which differs between temperatures; rests at stepped
+    # temperatures are fewer. The surer of the two tells the entropic coefficient, both are tables.
     slow = inputs.entries(curves, curves_of)
     result = ocv.over_temperature(slow, inputs.entries(steps), **chosen._asdict())
     tables = {
@@ -159,6 +166,7 @@ def ocv_shifts(tests):
     records = []
     for test, series, steps in tests:
         facts, counted = inputs.test_facts(test), inputs.quantities(series, inputs.COUNTED)
+        # A test without a stated cycle is of the fresh cell, with which the others are compared.
         records.append((facts.test, facts.cycle or 0.0, (*counted[1:], inputs.steps(steps))))
     rows, notes = shifts_since_first(records)
     return results.Result({"rows": rows}, notes=tuple(notes))

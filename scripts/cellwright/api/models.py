@@ -44,7 +44,9 @@ def identify_without(
     from cellwright.identification.cell import cell_model
     from cellwright.identification.compensation import without
 
+    # Its OCV at that temperature goes too: it would tell what is to be predicted.
     rest = without(inputs.basis(basis), inputs.tests(tests), celsius=celsius)
+    # Other members would cost as much time and are not used.
     members = [inputs.model(whole)["chosen"]]
     facts = inputs.cell_facts(cell)
     return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
@@ -66,6 +68,7 @@ def compare_temperature_laws(
     models = {celsius: inputs.model(model) for celsius, model in reduced.items()}
     measured = (inputs.cell_facts(cell), inputs.tests(tests))
     rows, notes = predicted(whole, models, *measured, split_rest_second=split_rest_second)
+    # Beyond the tests a law by which resistance rises with temperature again is not offered.
     offered, refused = laws_beyond(whole)
     choice = choose_laws(rows, beyond=offered)
     marked = [row | {"chosen": row["law"] == choice.laws[row["beyond"]]} for row in rows]
@@ -91,6 +94,7 @@ def predict_left_out(
         inputs.cell_facts(cell),
         inputs.tests(tests),
         laws=laws_kept(inputs.rows(laws)),
+        # Validation tests, which took part neither in the fits nor in the choice of the law.
         proof=True,
         split_rest_second=split_rest_second,
     )
@@ -122,6 +126,7 @@ def finish_model(
 
     facts = inputs.cell_facts(cell)
     content = inputs.model(model, cell=facts.cell)
+    # The law first: whether an effect helps is judged with the temperatures as they will be used.
     for law in laws:
         content = with_laws(content, laws_kept(inputs.rows(law)))
     content, choice = finished(
@@ -273,9 +278,11 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     from cellwright.series.cleaning import net_charge
 
     model = inputs.model(model)
+    # Only the start: a current that goes beyond empty or full is the simulation's to show.
     if not 0.0 <= initial_soc <= 1.0:
         raise Refusal(f"SoC {initial_soc:g} at the start; wanted 0 to 1")
     time, ampere = inputs.quantities(current, ("test_time_second", "current_ampere"))
+    # From the current that is simulated, not from a counter that an instrument has logged.
     charge = net_charge(time, ampere)
     soc = initial_soc + (charge - charge[0]) / model["capacity_ampere_hour"]
     celsius = np.broadcast_to(np.asarray(temperature_celsius, float), time.shape)
@@ -364,6 +371,7 @@ def export_model(model, *, validation=()):
     for entry in model["members"]:
         with_blocks = entry.get("companions", {"with": entry})["with"]
         notes += [f"{entry['model']}, not exported: {words}" for words in words_of(with_blocks)]
+    # Other tools know RC pairs only: what stands in for the chosen member must say what it costs.
     chosen, taken = model["chosen"], document["exported"]
     if taken not in (chosen, None):
         why = f"{chosen} is refused ({_both_errors(errors, taken, chosen)})"

@@ -127,6 +127,7 @@ def simulate_group(
     from cellwright.packs.wiring import star_of
 
     documents = inputs.models(models)
+    # Models of one cell may stand in several branches, so branches go by their place.
     cells = pack_cells(documents, temperature_celsius=temperature_celsius)
     time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
     branches = [f"branch {k + 1}" for k in range(len(documents))]
@@ -151,6 +152,7 @@ def identify_branches(series, steps, cells, test):
     from cellwright.circuits.parameters import parameter_rows
     from cellwright.packs.identify import group_models
 
+    # Of one slow charge all cells get one time constant: the notes say how far such models reach.
     models = group_models(inputs.measured(test, series), inputs.steps(steps)._asdict(), cells)
     rows = [{"cell": cell} | row for cell, model in models.items() for row in parameter_rows(model)]
     return results.Result({"rows": rows}, {"models": models})
@@ -171,6 +173,7 @@ def check_group(branches, series, test, simulated=None):
 
     wiring, own, leaves = _wiring(branches)
     record = group_record(inputs.measured(test, series), own, cells=len(leaves))
+    # Sums and signs tell turned or exchanged sensors; only a simulation tells cells read as others.
     findings = channel_findings(record, wiring)
     if simulated is not None:
         findings += swapped_channels(inputs.columns(simulated), wiring, record.test)
@@ -201,6 +204,7 @@ def validate_group(
     wiring, own, leaves = _wiring(branches)
     documents = models_of(wiring, inputs.models(models))
     names, known = [leaf.cell for leaf in leaves], None
+    # Intervals need to know how sure the models are; a record is validated without them as well.
     if capacities is not None:
         chosen = inputs.settings_of(PackDecisions, settings, changes)
         known = uncertainty_of(
@@ -233,6 +237,7 @@ def nested_pack(models, members, series, test):
     wiring, own, leaves = _wiring(members)
     documents = models_of(wiring, inputs.models(models))
     record = group_record(inputs.measured(test, series), own, cells=len(leaves))
+    # Before anything is scored: against currents that do not add up no error means anything.
     refuse_contradiction(record, wiring)
     found = scored(documents, wiring, leaves, record)
     return results.Result({"rows": found.rows, "series": found.series}, notes=found.notes)
@@ -258,6 +263,7 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
     facts = _facts_of(cells, positions)
     if wiring.connection != "series" or depth(wiring) != 1:
         raise Refusal(f"{wiring.name}: found {described(wiring)}, wanted cells in series")
+    # Cells in series carry one current, so the record has no branches to read.
     record = group_record(inputs.measured(test, series), positions, cells=len(positions))
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     found = analysed(documents, positions, facts, record, chosen)
@@ -298,6 +304,7 @@ def pack_decisions(
     facts, names = _facts_of(cells, positions), [row.cell for row in positions]
     stds = _capacity_stds(capacities, names)
     chosen = inputs.settings_of(PackDecisions, settings, changes)
+    # Cells under load are warmer than the chamber, and resistance falls with that.
     warm = _loaded_celsius(capacities, names, temperature_celsius)
     warms = _thermal_of(thermal, names)
     around = {"thermal": warms, "ambient_celsius": float(temperature_celsius)}
@@ -325,6 +332,7 @@ def match_cells(models, cells, capacities=(), settings=None, **changes):
     documents = inputs.models(models)
     names = [model["cell"] for model in documents]
     facts = _facts_of(cells, [BranchFacts(k, name) for k, name in enumerate(names, 1)])
+    # Refused before the draws, which take minutes.
     cutoffs_of(facts)
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     fleet = fleet_of(documents, facts, _capacity_stds(capacities, names), chosen)
@@ -362,6 +370,7 @@ def _thermal_of(documents, names):
     from cellwright.packs.thermal import Thermal
 
     known = {content["cell"]: content for content in map(inputs.content, documents)}
+    # One unknown cell would take or give heat that nobody knows, so all cells keep the ambient.
     columns = thermal_columns([known.get(name) for name in names])
     return None if columns is None else Thermal(**columns)
 
@@ -377,6 +386,7 @@ def _capacity_stds(capacities, names):
     found = {name: [] for name in names}
     for row in inputs.rows(capacities):
         std, repeats = row["capacity_std_ampere_hour"], row["repeats"]
+        # A single cycle has no scatter, and tells nothing of how sure its capacity is.
         if row["cell"] in found and std is not None and std > 0 and repeats > 1:
             found[row["cell"]].append((row["c_rate"], std / repeats**0.5))
     return [
@@ -395,6 +405,7 @@ def _loaded_celsius(capacities, names, around):
         near = stated is None or same_temperature(stated, around)
         if row["cell"] in names and row["direction"] == "discharge" and near:
             warm.append(row["temperature_mean_celsius"])
+    # The median: a test whose sensor fell off must not decide.
     warm = sorted(celsius for celsius in warm if celsius is not None and celsius == celsius)
     return float(warm[len(warm) // 2]) if warm else float(around)
 
@@ -417,6 +428,7 @@ def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_te
     from cellwright.packs.wiring import wiring_of
     from cellwright.records.checkups import repeat_std
 
+    # By name: rows of the sheet and models may come in any order.
     documents = {model["cell"]: model for model in inputs.models(models)}
     start = {row["cell"]: row.get("initial_soc") for row in rows}
     known = thermal if isinstance(thermal, Mapping) else constants_of(map(inputs.content, thermal))

@@ -23,6 +23,7 @@ def course(tests, cell):
     from cellwright.protocols.course import ends_of_test
     from cellwright.refusal import Refusal
 
+    # A cell left full or empty is what anchors the SoC of a test that starts at rest.
     known = inputs.ratings(cell)
     limits = inputs.cutoffs(cell)
     if None in limits.values():
@@ -58,6 +59,7 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, 
     from cellwright.records.basis import curve_at
 
     columns = inputs.columns(series, *inputs.COUNTED)
+    # The OCV moves by tenths of a mV/K: the curve of the nearest temperature errs least.
     celsius = None if test is None else inputs.test_facts(test).ambient_temperature_celsius
     half_cycles = capacities(
         *inputs.quantities(columns, inputs.COUNTED),
@@ -110,6 +112,8 @@ def ocv_from_rests(
 
     test, steps = inputs.test_facts(test), inputs.steps(steps)
     columns = inputs.quantities(series, inputs.COUNTED)
+    # Pulse tests rarely end at the lower cut-off: full comes from the record or the test before
+    # it, the capacity from the discharges of the cell near this temperature and cycle.
     scale = rest_scale(
         *columns[1:],
         steps,
@@ -138,6 +142,7 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
     from cellwright.api.charge import state_of_charge
     from cellwright.protocols.ocv.steps import cell_temperature, chamber_shifts
 
+    # The shift of the OCV by temperature changes its sign over SoC, so that must be known.
     columns, anchored = inputs.columns(series), state_of_charge(series, basis, test, cell)
     shifts = chamber_shifts(
         *inputs.quantities(columns, ("test_time_second", "voltage_volt")),
@@ -162,6 +167,7 @@ def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None,
     from cellwright.api.charge import state_of_charge
     from cellwright.protocols.resistance import pulse_resistance
 
+    # Where SoC cannot be known the pulses count nevertheless: their SoC is then NaN.
     anchored = state_of_charge(series, basis, test, cell)
     pulses = pulse_resistance(
         *inputs.quantities(series),
@@ -280,10 +286,12 @@ def impedance(spectrum, settings=None, **changes):
     columns = inputs.columns(spectrum, *names)
     analysis = analyse(
         columns[names[0]],
+        # The imaginary part has its sign: capacitive arcs are negative.
         columns[names[1]] + 1j * columns[names[2]],
         temperature_celsius=columns.get("surface_temperature_celsius"),
         **inputs.settings_of(Impedance, settings, changes)._asdict(),
     )
+    # The row is the table of the step; curves of fit, test and distribution stand beside it.
     found = analysis._asdict()
     tables = {"rows": [found.pop("row")], **found}
     return results.Result(tables, notes=tables.pop("notes"))
@@ -306,6 +314,8 @@ def thermometer(spectra, series):
         (around(test), inputs.rows(getattr(entry, "rows", [entry]))[0]["temperature_celsius"])
         for test, entry in spectra
     ]
+    # Of spectra the instrument's reading, of series that at rest, when the cell is as warm as the
+    # chamber: what differs is the thermometer, and would shift every law over temperature.
     names = ("test_time_second", "current_ampere", "surface_temperature_celsius")
     at_rest = [
         (around(test), rested_temperature(*[inputs.columns(entry).get(name) for name in names]))
@@ -331,6 +341,7 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=No
     charge, notes = charged(
         inputs.columns(series, *inputs.COUNTED),
         inputs.steps(steps),
+        # An aged cell is full with less charge: its share is of what it holds then.
         capacity_ampere_hour=at_cycle(inputs.basis(basis), cycle)["capacity_ampere_hour"],
         soc_at_start=soc,
         **inputs.ratings(cell),
@@ -353,6 +364,7 @@ def ageing_cycles(series, steps, test, cell, course=None):
     complete = cycles(
         inputs.columns(series, *inputs.COUNTED),
         inputs.steps(steps),
+        # A record counts its own cycles; the sheet says how many came before it.
         first_cycle=inputs.test_facts(test).cycle or 0.0,
         **inputs.ratings(cell),
         **_before(course, test),

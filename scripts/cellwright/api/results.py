@@ -52,6 +52,7 @@ def frame(table):
     if not isinstance(table, dict):
         rows = [row._asdict() if hasattr(row, "_asdict") else row for row in table]
         return pd.DataFrame(rows)
+    # Empty lists are facts as well, such as of a record in which nothing was left out.
     sizes = {len(v) for v in table.values() if isinstance(v, np.ndarray | list) and len(v)}
     if len(sizes) != 1:
         return pd.DataFrame([table])

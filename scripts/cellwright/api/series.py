@@ -33,6 +33,7 @@ def read(
     from cellwright.records.channels import refuse_beyond
     from cellwright.series.joining import assemble
 
+    # Files are joined in the order given: their clocks often begin anew, so they cannot be sorted.
     parts = source if isinstance(source, list) else [source]
     files = [_named_bytes(part, name) for part in parts]
     readings = [formats.read(data, name=called, instrument=instrument) for called, data in files]
@@ -42,6 +43,7 @@ def read(
         if members:
             refuse_beyond(joined.columns, members=members, cells=cells or members)
         return results.Result({"columns": joined.columns}, about, tuple(joined.notes))
+    # Spectra are not joined: at two states of the cell they are two measurements.
     if len(readings) != 1 or readings[0].kind != kind:
         found = ", ".join(reading.kind for reading in readings)
         raise Refusal(f"the files hold {found or 'nothing'}, wanted one of {kind}")
@@ -122,6 +124,7 @@ def segment(series, cell=None, settings=None, **changes):
     from cellwright.series.steps import segment as segmented
 
     columns = inputs.columns(series, *inputs.COUNTED)
+    # Without a rating the charge that the record moves stands for the capacity.
     rated = inputs.cell_facts(cell).rated_capacity_ampere_hour if cell else None
     steps = segmented(
         *inputs.quantities(columns, inputs.COUNTED),
