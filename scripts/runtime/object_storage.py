@@ -14,5 +14,6 @@ def keep_wildcard_constraints(provider):
     """
     if provider is None or not provider.__module__.startswith("snakemake_storage_plugin_s3"):
         return
+    # Patched in the class: Snakemake makes an object for each output of each rule.
     objects = provider.get_storage_object_cls()
     objects.local_suffix = lambda self: self.query.removeprefix("s3://")

@@ -19,6 +19,7 @@ def of_check_ups(paths, curves, tests):
     found = []
     for path, curve in zip(paths, curves, strict=True):
         about, made = artefact.read_about(path), artefact.read_about(curve)
+        # A charge without peaks is a finding, one without a curve was never seen.
         if made["reason"] is None:
             peaks = artefact.load(path) if about["reason"] is None else {}
             facts, rate = _facts(about, tests), float(made["facts"]["c_rate"])

@@ -33,9 +33,11 @@ def lay_on(workflow, scripts, costs):
 
 def script_of(rule, scripts) -> str | None:
     """The script of a rule of this pipeline, as `protocols/ocv`; None for all other rules."""
+    # Rules without a script ask for files only, and so do those of a using workflow.
     if not rule.script:
         return None
     path = Path(str(rule.basedir.get_path_or_uri(secret_free=True)), rule.script).resolve()
+    # Scripts of a using workflow may bear the same names; only where they lie tells them apart.
     inside = path.is_relative_to(scripts)
     return path.relative_to(scripts).with_suffix("").as_posix() if inside else None
 
@@ -45,6 +47,7 @@ def _set_requests(workflow, rule, cost):
 
     Executors on this machine know no groups.
     """
+    # What the user asks for is on the rule already, and ours would replace it.
     set_by_user = workflow.resource_settings.overwrite_resources.get(rule.name, {})
     for name, amount in job_requests.requests(cost).items():
         if name not in set_by_user:

@@ -25,6 +25,7 @@ def clear_stale_locks(folder):
     me = psutil.Process()
     record = starts / f"{me.pid}@{socket.gethostname()}"
     record.write_text(str(me.create_time()), encoding="utf-8")
+    # Own start written before others are read: of two starts at once at least one sees the other.
     others = [start for start in starts.iterdir() if start != record]
     if others and all(_has_ended(start) for start in others):
         shutil.rmtree(state / "locks", ignore_errors=True)
@@ -39,6 +40,7 @@ def _has_ended(start: Path) -> bool:
         return False
     try:
         started = psutil.Process(int(number)).create_time()
+        # The number of an ended process may be another's by now, which began at another time.
         return abs(started - float(start.read_text(encoding="utf-8"))) > SAME_START_SECOND
     except psutil.NoSuchProcess:
         return True
@@ -88,6 +90,7 @@ def slowest(folder, since, *, count=5) -> list[str]:
     """
     records = [_record(path) for path in Path(folder, ".snakemake", "metadata").rglob("*")]
     recent = [record for record in records if record and (record["starttime"] or 0) >= since]
+    # A job of several outputs has a record for each; its log file is one.
     jobs = {(record["rule"], *record["log"]): record for record in recent}
     rules = {}
     for job in jobs.values():
