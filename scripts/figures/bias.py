@@ -37,6 +37,7 @@ def errors_of(rows, way, count=None):
 
 def _by_cell(axes, rows, name):
     found = {way: errors_of(rows, way) for way in WAYS}
+    # By the way that is judged here, so that its worst cells are on the right.
     order = sorted(found["bias"], key=found["bias"].get)
     for (way, marker), colour in zip(WAYS.items(), style.SERIES, strict=False):
         values = [found[way][cell] for cell in order]
@@ -56,6 +57,7 @@ def _by_count(axes, rows, name):
     groups = [(count, errors_of(rows, "bias_of_few", count)) for count in counts]
     most = max(row["calibrating_cells"] for row in rows if row["way"] == "bias")
     groups += [(most, errors_of(rows, "bias"))] if most not in counts else []
+    # Quantiles: a single cell with a bad test would make all bars as long.
     limits = np.array([np.quantile(list(e.values()), [0.05, 0.5, 0.95]) for _, e in groups])
     at = [count for count, _ in groups]
     bars = [limits[:, 1] - limits[:, 0], limits[:, 2] - limits[:, 1]]

@@ -23,6 +23,7 @@ def draw_modes(modes):
     order = np.argsort(modes["cycle"])
     columns = {name: np.asarray(modes[name], float)[order] for name in _drawn_columns()}
     cycle = columns["cycle"]
+    # A loss below zero is scatter; in a stack it would eat what lies below it.
     stacked = [100 * np.maximum(np.nan_to_num(columns[name]), 0.0) for name in MODES]
     labels, colours = zip(*MODES.values(), strict=True)
     axes[0, 0].stackplot(cycle, *stacked, labels=labels, colors=colours, alpha=0.55, lw=0)
@@ -67,6 +68,7 @@ def draw_peak_health(rows, cell):
     panel.plot(*_pair(rows, known & ~own), ".", color=style.QUIET, ms=3, label="cells of the type")
     rates = _rates(rows["c_rate"][own])
     for colour, rate in zip(style.SERIES, rates, strict=False):
+        # Rates as close are one protocol, whose current falls with the capacity.
         chosen = own & (np.abs(np.log(rows["c_rate"] / rate)) < 0.12)
         label = f"{cell}, {rate:.2g}C"
         shown = {"color": colour, "ms": 4, "capsize": 2, "lw": 0.8, "label": label}

@@ -52,6 +52,7 @@ def draw_residual_map(columns):
     sizes = {
         model: 1e3 * _rms_of_bins(columns, names, edges, f"{model}_rms_volt") for model in MODELS
     }
+    # One bad bin at the edge of SoC would else turn all others pale.
     top = max(np.nanpercentile(np.concatenate(list(sizes.values())), TOP_PERCENTILE), 1e-3)
     figure, axes = style.subplots(1, 2, height=1.4 + 0.2 * len(names), sharey=True)
     look = {"vmin": 0, "vmax": top, "cmap": "YlOrRd", "linewidth": 0}
@@ -128,6 +129,7 @@ def draw_ranking(columns):
         _round(panel, in_round, gate)
         panel.set(title=_round_title(number, in_round))
     largest = max(abs(row["j"]) for row in rows)
+    # J goes over four decades, and below zero where an effect makes the model worse.
     axes[0, 0].set_xscale("symlog", linthresh=LINEAR)
     low = min(0.0, *(row["j"] for row in rows))
     axes[0, 0].set_xlim(2 * low - 40 if low < 0 else 0.0, 40 * max(largest, LINEAR))
@@ -313,6 +315,7 @@ def draw_effect_validation(verdict, series):
     counted = judging & np.asarray(series.get("counted", series["used"]), bool)
     error = np.where(judging, series["voltage_volt"] - series["before_volt"], np.nan)
     errors = {test: rms(error[counted & (series["test"] == test)]) for test in tests}
+    # The largest errors of the plain model: there an effect has something to explain.
     worst = sorted(tests, key=errors.get, reverse=True)[:MOST_TESTS]
     shown = [test for test in tests if test in worst]
     figure, axes = style.subplots(
@@ -388,6 +391,7 @@ def _worst(hours, error):
     stop = np.searchsorted(hours, hours + CLOSE_HOUR)
     total = np.concatenate([[0.0], np.cumsum(error**2)])
     mean = (total[stop] - total[:-1]) / np.maximum(stop - np.arange(len(hours)), 1)
+    # A stretch that the record's end cuts short would win with a few bad samples.
     whole = hours + CLOSE_HOUR <= hours[-1]
     first = int(np.argmax(np.where(whole, mean, -1.0)))
     return (hours >= hours[first]) & (hours <= hours[first] + CLOSE_HOUR)
@@ -395,6 +399,7 @@ def _worst(hours, error):
 
 def _line(axes, hours, values, **look):
     """A line that stays open where nothing was recorded, or the rows are not shown."""
+    # A line across a gap would look as if something had been measured there.
     late = np.concatenate([[False], np.diff(hours) > GAP_HOUR])
     style.plot_thinned(axes, hours, np.where(late, np.nan, values), points=POINTS, **look)
 

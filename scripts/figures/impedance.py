@@ -39,6 +39,7 @@ class Layout:
     def _chosen(spectra):
         """Panels that are drawn: all, or evenly spread ones among those with the most spectra."""
         values = sorted(spectra, key=lambda value: (value is None, value or 0))
+        # Panels with the most temperatures first: a comparison is what the figure is for.
         if len(values) > MOST_PANELS:
             most = max(map(len, spectra.values()))
             fullest = [value for value in values if len(spectra[value]) == most]
@@ -81,6 +82,7 @@ def draw_nyquist(tests):
         for columns, fact in spectra:
             _nyquist(panel, columns, layout.style(fact))
         panel.set(xlabel="Re Z [mΩ]", ylabel="−Im Z [mΩ]", title=layout.title(value))
+        # A semicircle must look like one: depressed arcs are seen by eye.
         panel.set_aspect("equal", adjustable="datalim")
     style.legend_once(axes[0], fontsize=7)
     return figure
@@ -156,6 +158,7 @@ def draw_relaxation_times(tests):
 def _distribution(axes, curve, peaks, look):
     frequency, gamma = 1 / (2 * np.pi * curve["tau_second"]), 1e3 * curve["gamma_ohm"]
     axes.plot(frequency, gamma, **look)
+    # Peaks beyond the measured frequencies are extrapolated, and are not marked.
     inside = np.asarray(peaks.get("in_range", []), bool)
     tops = np.asarray(peaks.get("frequency_hertz", []), float)[inside]
     height = np.interp(np.log(tops), np.log(frequency[::-1]), gamma[::-1])

@@ -34,6 +34,7 @@ def part_of(job, name, drawn):
     parts = drawn["inputs"].values()
     paths = [path for part in parts for path in ([part] if isinstance(part, str) else part)]
     wildcards = {job.params.owner_kind: job.wildcards.owner}
+    # A figure of a whole cell has no test, and its provenance names none.
     wildcards |= {"test": drawn["test"]} if drawn["test"] else {}
     shared = {
         key: value for key, value in job.params.items() if key in ("code", "contract", "rule")

@@ -42,6 +42,7 @@ def _waterfall(panel, part, curves):
     charges = sorted({(c, t) for c, t in zip(part["cycle"], part["test"], strict=True)})
     heights = [curves[t, c][1] for c, t in charges if (t, c) in curves]
     peaks = part["height_ampere_hour_per_volt"]
+    # The highest peak of one charge may be noise; all curves share one scale.
     full = np.quantile(np.concatenate([*heights, peaks[np.isfinite(peaks)]]), FULL_SHARE)
     base = {charge: GAP * k for k, charge in enumerate(charges)}
     for k, (cycle, test) in enumerate(charges):
@@ -81,6 +82,7 @@ def curves_by_charge(check_ups, lives, tracks):
 def _of_test(columns, test, cycles):
     """Curves of one test by its cycles in the tracks."""
     own = columns.get("cycle", np.full(len(columns["voltage_volt"]), cycles[0]))
+    # Records without a stated cycle count on in the tracks, and from 1 in their own curves.
     before = 0.0 if np.isin(cycles, own).all() else cycles.max() - own.max()
     names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
     return {

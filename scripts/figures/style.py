@@ -86,6 +86,7 @@ def message(text):
 
 def temperature_colour(celsius):
     """Blue in the cold, red in the heat, −25 … 50 °C; grey where not known."""
+    # Without its ends: the darkest blue and red of the map look alike on a line.
     if celsius is None or not np.isfinite(celsius):
         return QUIET
     return matplotlib.colormaps["turbo"](0.08 + 0.84 * np.clip((celsius + 25) / 75, 0, 1))
@@ -110,6 +111,7 @@ def legend_once(axes, **settings):
     """A legend without repeated labels, or none where nothing is labelled."""
     handles, labels = axes.get_legend_handles_labels()
     if labels:
+        # Lines of one name are one thing, such as all discharges at 25 °C.
         unique = dict(zip(labels, handles, strict=True))
         axes.legend(unique.values(), unique.keys(), **settings)
 
@@ -182,6 +184,7 @@ def thinned(x, y, *, points=2000):
     if len(x) <= points:
         return x, y
     size = -(-len(x) // (points // 2))
+    # Means would hide a spike of one sample, which is what a reader looks for.
     starts = np.arange(0, len(x), size)
     stretches = np.full((len(starts), size), np.nan)
     stretches.flat[: len(x)] = y

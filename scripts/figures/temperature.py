@@ -39,6 +39,7 @@ def _shown(points):
     nearest = {}
     names = points["quantity"], points["family"], points["soc"]
     for quantity, family, soc in zip(*names, strict=True):
+        # A panel for each SoC would be dozens; half charge is where resistance is flattest.
         key = family if np.isfinite(soc) else quantity
         off = abs(soc - 0.5) if np.isfinite(soc) else 0.0
         if key not in nearest or off < nearest[key][0]:
@@ -107,6 +108,7 @@ def _family(upper, lower, points, laws):
 
 def _limit_to_arrhenius(axes):
     """Residuals of Arrhenius fill the panel; a quadratic that is off by far more leaves it."""
+    # The scale is that of Arrhenius: a quadratic off by far would flatten it to a line.
     marker = ARRHENIUS_FIGURE["arrhenius"][1]
     drawn = [line for line in axes.get_lines() if line.get_marker() == marker]
     largest = max((np.abs(line.get_ydata()).max() for line in drawn), default=1.0)

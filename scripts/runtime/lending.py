@@ -150,7 +150,7 @@ def judged_cells(inputs, references, cells) -> list[Scored]:
     for basis, model, paths in peer_paths(inputs):
         cell = _cell_of(basis)
         series = [path for path in inputs.series if f"/{cell}/" in path]
-        # Identified is not finished: without a model in use there is nothing to judge the others by.
+        # Identified is not finished: without a model in use others have nothing to be judged by.
         in_use = artefact.load_first([own[cell]])
         if in_use is not None:
             shown = cell_shows(basis, model, paths, references)
