@@ -1,4 +1,4 @@
-"""State of Snakemake in a campaign: stale locks removed, the slowest rules of a run named."""
+"""Snakemake in a campaign: stale locks, what it does otherwise than here is needed, slow rules."""
 
 import json
 import shutil
@@ -77,6 +77,24 @@ def lift_usual_job_rate(workflow):
     limit = workflow.scheduler.job_rate_limiter
     if limit and (limit.max_jobs, limit.timespan) == (100, 1):
         workflow.scheduler.job_rate_limiter = None
+
+
+def keep_wildcard_constraints(provider):
+    """Let rules with the same output patterns be told apart by the constraints of their wildcards.
+
+    Snakemake writes the constraints into the address of an output and matches files against the
+    path of its local copy. The S3 plugin (0.3.6) makes that path once, before there are
+    constraints; here it follows from the address as it is.
+
+    Parameters
+    ----------
+    provider : Snakemake's default storage provider, None where artefacts lie on a disk
+    """
+    if provider is None or not provider.__module__.startswith("snakemake_storage_plugin_s3"):
+        return
+    # Patched in the class: Snakemake makes an object for each output of each rule.
+    objects = provider.get_storage_object_cls()
+    objects.local_suffix = lambda self: self.query.removeprefix("s3://")
 
 
 def slowest(folder, since, *, count=5) -> list[str]:

@@ -32,3 +32,22 @@ def test_records_without_a_stated_cycle_count_on(saved):
     found = peaks.of_lives(paths, tests)
     assert [charge.cycle for charge in found] == [1.0, 9.0, 10.0, 18.0]
     assert [bool(charge.peaks) for charge in found] == [True, False, True, False]
+
+
+def test_capacities_and_curves_of_records_that_count_on_are_found_by_the_count_of_the_tracks(saved):
+    """The second record's charges 1 and 9 are 10 and 18 of the life; 9 of the first has no peak."""
+    tests = {f"A/{test}": FACTS for test in ("first", "second")}
+    tracks = [{"cell": "A", "test": "first", "cycle": 1.0}]
+    tracks += [{"cell": "A", "test": "second", "cycle": cycle} for cycle in (10.0, 18.0)]
+    lives, sizes = [], []
+    for test in ("first", "second"):
+        rows = [row_of("ica_life_curve", cycle=cycle) for cycle in (1.0, 9.0)]
+        lives.append(saved(f"results/ica_life_curve/A/{test}.parquet", rows))
+        rows = [row_of("ageing_cycles", cycle=cycle, direction="discharge") for cycle in (1.0, 9.0)]
+        sizes.append(saved(f"results/ageing_cycles/A/{test}.parquet", rows))
+    before = peaks.cycles_before(lives, tracks)
+    assert before == {("A", "first"): 0.0, ("A", "second"): 9.0}
+    wanted = [("first", 1.0), ("first", 9.0), ("second", 10.0), ("second", 18.0)]
+    assert [key[1:] for key in peaks.curves([], lives, tests, before)] == wanted
+    found = peaks.capacities([], sizes, tests, before)
+    assert [(row["test"], row["cycle"]) for row in found] == wanted
