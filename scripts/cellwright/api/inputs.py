@@ -55,9 +55,15 @@ def quantities(series, names=NAMES) -> list:
 
 
 def table_of(kind, table):
-    """A NamedTuple of columns, as it is or from a result with rows, a DataFrame or a mapping."""
+    """A NamedTuple of columns, as it is or from a result with rows, a DataFrame or a mapping.
+
+    Columns that have a default may be absent; further ones are left out.
+    """
     table = getattr(table, "rows", table)
-    return table if isinstance(table, kind) else kind(**columns(table, *kind._fields))
+    if isinstance(table, kind):
+        return table
+    given = columns(table, *(n for n in kind._fields if n not in kind._field_defaults))
+    return kind(**{name: given[name] for name in kind._fields if name in given})
 
 
 def steps(table):
