@@ -27,13 +27,19 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(items):
-    """Put the files that take longest first; the order within a file and of the others stays."""
+    """Put the files that take longest first, and mark their tests as slow.
+
+    The order within a file and of the others stays.
+    """
 
     def place(item):
         path = item.path.as_posix()
         return next((k for k, name in enumerate(LONGEST) if name in path), len(LONGEST))
 
     items.sort(key=place)
+    for item in items:
+        if place(item) < len(LONGEST):
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="session")
@@ -74,3 +80,21 @@ def snakemake(tmp_path, monkeypatch):
         )
 
     return make
+
+
+@pytest.fixture
+def saved(snakemake):
+    """Writes an artefact and gives its path; a text as content is the reason why it has none."""
+    from cellwright.refusal import Refusal
+    from runtime import artefact
+
+    def save(path, content, params=None, **facts):
+        names = path.removeprefix("results/").partition(".")[0].split("/")[1:]
+        wildcards = dict(zip(("cell", "test"), names, strict=False))
+        with artefact.Job(snakemake(path, wildcards=wildcards, **(params or {}))) as job:
+            if isinstance(content, str):
+                raise Refusal(content)
+            job.save(content, **facts)
+        return path
+
+    return save

@@ -19,8 +19,8 @@ __all__ = list(MODULE_OF)
 
 def __getattr__(name: str):
     """The step or type of this name, its module loaded now."""
-    if name == "settings":
-        return import_module("cellwright.settings")
+    if name in ("api", "settings"):
+        return import_module(f"cellwright.{name}")
     if name not in MODULE_OF:
         raise AttributeError(f"cellwright has no {name!r}; it has {', '.join(MODULE_OF)}")
     return getattr(import_module(MODULE_OF[name]), name)

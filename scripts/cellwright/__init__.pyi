@@ -1,5 +1,6 @@
 """The public interface as editors and type checkers see it; `__init__.py` reads the same list."""
 
+from cellwright import api as api
 from cellwright import settings as settings
 from cellwright.api.charge import basis as basis
 from cellwright.api.charge import basis_at as basis_at
@@ -8,22 +9,18 @@ from cellwright.api.charge import ocv_from_load as ocv_from_load
 from cellwright.api.charge import state_of_charge as state_of_charge
 from cellwright.api.degradation import degradation_modes as degradation_modes
 from cellwright.api.degradation import plateau_losses as plateau_losses
-from cellwright.api.effects import add_own_effects as add_own_effects
-from cellwright.api.effects import check_group as check_group
-from cellwright.api.effects import identify_branches as identify_branches
 from cellwright.api.effects import missing_effect as missing_effect
 from cellwright.api.effects import missing_effect_stability as missing_effect_stability
 from cellwright.api.effects import missing_group_effect as missing_group_effect
 from cellwright.api.effects import prepared_case as prepared_case
-from cellwright.api.effects import simulate_group as simulate_group
 from cellwright.api.effects import witnesses as witnesses
-from cellwright.api.export import export_model as export_model
 from cellwright.api.health import check_ups as check_ups
 from cellwright.api.health import compare_protocols as compare_protocols
 from cellwright.api.health import fade as fade
 from cellwright.api.health import fleet_resistance as fleet_resistance
+from cellwright.api.health import health_from_peaks as health_from_peaks
+from cellwright.api.health import ica_tracks as ica_tracks
 from cellwright.api.health import state_of_health as state_of_health
-from cellwright.api.health_peaks import health_from_peaks as health_from_peaks
 from cellwright.api.laws import ageing_over_temperature as ageing_over_temperature
 from cellwright.api.laws import capacity_loss as capacity_loss
 from cellwright.api.laws import cold_limit as cold_limit
@@ -36,11 +33,13 @@ from cellwright.api.laws import resistance_surface as resistance_surface
 from cellwright.api.laws import temperature_laws as temperature_laws
 from cellwright.api.laws import temperature_laws_of_type as temperature_laws_of_type
 from cellwright.api.laws import thermal_constants as thermal_constants
+from cellwright.api.models import add_own_effects as add_own_effects
 from cellwright.api.models import borrow_model as borrow_model
 from cellwright.api.models import compare_bias_ways as compare_bias_ways
 from cellwright.api.models import compare_temperature_laws as compare_temperature_laws
 from cellwright.api.models import corrected_voltages as corrected_voltages
 from cellwright.api.models import estimate_soc as estimate_soc
+from cellwright.api.models import export_model as export_model
 from cellwright.api.models import finish_model as finish_model
 from cellwright.api.models import identify as identify
 from cellwright.api.models import identify_without as identify_without
@@ -50,13 +49,16 @@ from cellwright.api.models import refuse_model as refuse_model
 from cellwright.api.models import simulate as simulate
 from cellwright.api.models import validate as validate
 from cellwright.api.models import worst_corrected as worst_corrected
-from cellwright.api.pack_model import assemble_pack as assemble_pack
-from cellwright.api.pack_model import pack_model as pack_model
+from cellwright.api.packs import assemble_pack as assemble_pack
+from cellwright.api.packs import check_group as check_group
+from cellwright.api.packs import identify_branches as identify_branches
 from cellwright.api.packs import match_cells as match_cells
 from cellwright.api.packs import nested_pack as nested_pack
 from cellwright.api.packs import pack_decisions as pack_decisions
+from cellwright.api.packs import pack_model as pack_model
 from cellwright.api.packs import run_pack_phases as run_pack_phases
 from cellwright.api.packs import series_pack as series_pack
+from cellwright.api.packs import simulate_group as simulate_group
 from cellwright.api.packs import simulate_pack as simulate_pack
 from cellwright.api.packs import validate_group as validate_group
 from cellwright.api.protocols import ageing_cycles as ageing_cycles
@@ -65,6 +67,7 @@ from cellwright.api.protocols import chamber_steps as chamber_steps
 from cellwright.api.protocols import course as course
 from cellwright.api.protocols import fast_charge as fast_charge
 from cellwright.api.protocols import ica as ica
+from cellwright.api.protocols import ica_life as ica_life
 from cellwright.api.protocols import ica_peaks as ica_peaks
 from cellwright.api.protocols import impedance as impedance
 from cellwright.api.protocols import ocv as ocv
@@ -77,8 +80,6 @@ from cellwright.api.series import read as read
 from cellwright.api.series import read_simulated as read_simulated
 from cellwright.api.series import repeats as repeats
 from cellwright.api.series import segment as segment
-from cellwright.api.tracks import ica_life as ica_life
-from cellwright.api.tracks import ica_tracks as ica_tracks
 from cellwright.packs.phases import Phase as Phase
 from cellwright.packs.thermal import Thermal as Thermal
 from cellwright.records.facts import CellFacts as CellFacts

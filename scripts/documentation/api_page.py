@@ -1,5 +1,6 @@
 """The page of the public interface, from the signatures and docstrings of `cellwright`."""
 
+import importlib
 import inspect
 import itertools
 import re
@@ -18,7 +19,7 @@ LONGEST_DEFAULT = 40  # characters of a default value that are shown
 
 def text() -> str:
     """The whole page, in Markdown."""
-    parts, module = [INTRODUCTION], None
+    parts, module = [INTRODUCTION, _arguments()], None
     for name in names():
         found = getattr(cellwright, name)
         if found.__module__ != module:
@@ -26,6 +27,13 @@ def text() -> str:
             parts.append(f"## {module}\n\n{_first_paragraph(sys.modules[module])}\n")
         parts.append(_entry(name, found))
     return "\n".join(parts)
+
+
+def _arguments() -> str:
+    """What the arguments mean that steps have in common, from the docstring of the interface."""
+    about = inspect.getdoc(importlib.import_module("cellwright.api"))
+    _, _, shared = about.partition("docs/api.md shows them.\n")
+    return f"## Arguments\n\n{_markdown(shared)}\n"
 
 
 def names() -> list[str]:

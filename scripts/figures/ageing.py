@@ -14,6 +14,7 @@ def draw_ageing(cycles, periods, summary):
     `cycles` and `periods` are columns of stages `ageing_temperature_cycles` and
     `ageing_temperature_periods`, `summary` the row of `ageing_temperature`.
     """
+    # Two panels where there is no temperature: an empty one would look like a fault.
     recorded = np.isfinite(cycles["temperature_celsius"][cycles["used"].astype(bool)]).all()
     widths = [1.5, 1, 1.1] if recorded else [1.5, 1.1]
     figure, axes = style.subplots(1, len(widths), width=10.5, height=3.2, width_ratios=widths)
@@ -52,6 +53,7 @@ def _over_temperature(axes, cycles, summary):
     grid = np.array([celsius.min(), celsius.max()]) - summary["reference_celsius"]
     names = ("slope", "slope_lower", "slope_upper")
     slope, low, high = (summary[f"{name}_percent_per_kelvin"] for name in names)
+    # A room that kept its temperature tells no slope: points without a line.
     if not np.isfinite(slope):
         axes.set_title("Temperature not excited")
         return
@@ -126,9 +128,11 @@ def _charge(series, steps, numbers, about):
     """Values drawn of one charge: charged share over time from the start of its largest step."""
     number = {name: values[0] for name, values in numbers.items()}
     largest = int(np.argmax(steps["charge_ampere_hour"]))
+    # From the row before the step: its first row is already under current.
     first = max(int(steps["first_row"][largest]) - 1, 0)
     minute = (series["test_time_second"][first:] - series["test_time_second"][first]) / 60
     charge = series["charge_ampere_hour"][first:] - series["charge_ampere_hour"][first]
+    # What follows, such as a discharge, is no part of the charge.
     inside = minute <= number["duration_minutes"]
     celsius = ambient_celsius(about)
     return {

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.numerics.statistics import rms
 from figures import style
 
 WAYS = {"reference": "x", "scaled": "s", "bias": "o", "own": "D"}
@@ -31,11 +32,12 @@ def errors_of(rows, way, count=None):
     for row in rows:
         if row["way"] == way and count in (None, row["calibrating_cells"]):
             by_cell.setdefault(row["cell"], []).append(row["rmse_volt"])
-    return {cell: 1e3 * np.sqrt(np.mean(np.square(own))) for cell, own in by_cell.items()}
+    return {cell: 1e3 * rms(own) for cell, own in by_cell.items()}
 
 
 def _by_cell(axes, rows, name):
     found = {way: errors_of(rows, way) for way in WAYS}
+    # By the way that is judged here, so that its worst cells are on the right.
     order = sorted(found["bias"], key=found["bias"].get)
     for (way, marker), colour in zip(WAYS.items(), style.SERIES, strict=False):
         values = [found[way][cell] for cell in order]
@@ -45,8 +47,7 @@ def _by_cell(axes, rows, name):
     axes.set_xticks(range(0, len(order), step), order[::step], rotation=60, fontsize=7)
     axes.set(ylabel="RMS error of the voltage [mV]", yscale="log")
     axes.set_ylim(top=axes.get_ylim()[1] * 5)  # room for the legend
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter("")
+    style.plain_numbers(axes.yaxis)
     axes.set_title(f"{name}: tests that no fit has seen")
     axes.legend(fontsize=7, ncols=2, loc="upper left")
 
@@ -56,6 +57,7 @@ def _by_count(axes, rows, name):
     groups = [(count, errors_of(rows, "bias_of_few", count)) for count in counts]
     most = max(row["calibrating_cells"] for row in rows if row["way"] == "bias")
     groups += [(most, errors_of(rows, "bias"))] if most not in counts else []
+    # Quantiles: a single cell with a bad test would make all bars as long.
     limits = np.array([np.quantile(list(e.values()), [0.05, 0.5, 0.95]) for _, e in groups])
     at = [count for count, _ in groups]
     bars = [limits[:, 1] - limits[:, 0], limits[:, 2] - limits[:, 1]]

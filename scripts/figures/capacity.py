@@ -14,6 +14,7 @@ def draw_capacity(tests):
     `tests` are (columns, about) of stage `capacity`.
     """
     cycles = [about["params"]["test"]["cycle"] or 0 for _, about in tests]
+    # One check-up over cycles is a single column of points, which says nothing.
     aged = len(set(cycles)) > 1
     figure, axes = style.subplots(1, 2 if aged else 1, height=3.0)
     for (columns, about), cycle in zip(tests, cycles, strict=True):
@@ -72,6 +73,7 @@ def draw_capacity_loss(losses):
 
 def _bars(axes, rows):
     position = np.arange(len(rows["c_rate"]))
+    # Where no slow test was made at a temperature, nobody knows whether the loss is true.
     known = rows["known"].astype(bool)
     reached = 100 - rows["total_percent"]
     true, false = (
@@ -132,6 +134,7 @@ def draw_ica_temperature(curves, peaks, matches):
     `curves` and `peaks` are columns of stages `ica_temperature_curve` and `ica_temperature_peaks`,
     `matches` rows of `ica_temperature`. The warmest curve is on top.
     """
+    # Warmest on top: peaks fade and move from there downwards.
     levels = sorted(set(curves["temperature_celsius"]), reverse=True)
     gap = 0.55 * curves["dq_dv_ampere_hour_per_volt"].max()
     figure, axes = style.subplots(1, 1, height=1.6 + 0.7 * len(levels))
@@ -171,6 +174,7 @@ def _join(axes, match, base, peaks):
     """Lines from the peaks at the reference to those that they became, with a word for the rest."""
     at_reference = _tops(match["reference_celsius"], match["reference_peaks"], base, peaks)
     at_temperature = _tops(match["temperature_celsius"], match["peaks"], base, peaks)
+    # Two peaks that may have become one or another are joined, but not as if it were known.
     line = ":" if match["fate"] == "unresolved" else "-"
     for start in at_reference:
         for end in at_temperature:

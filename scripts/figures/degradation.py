@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.numerics.statistics import rms
 from figures import style
 
 MOST_LIVES = 40
@@ -22,6 +23,7 @@ def draw_modes(modes):
     order = np.argsort(modes["cycle"])
     columns = {name: np.asarray(modes[name], float)[order] for name in _drawn_columns()}
     cycle = columns["cycle"]
+    # A loss below zero is scatter; in a stack it would eat what lies below it.
     stacked = [100 * np.maximum(np.nan_to_num(columns[name]), 0.0) for name in MODES]
     labels, colours = zip(*MODES.values(), strict=True)
     axes[0, 0].stackplot(cycle, *stacked, labels=labels, colors=colours, alpha=0.55, lw=0)
@@ -66,6 +68,7 @@ def draw_peak_health(rows, cell):
     panel.plot(*_pair(rows, known & ~own), ".", color=style.QUIET, ms=3, label="cells of the type")
     rates = _rates(rows["c_rate"][own])
     for colour, rate in zip(style.SERIES, rates, strict=False):
+        # Rates as close are one protocol, whose current falls with the capacity.
         chosen = own & (np.abs(np.log(rows["c_rate"] / rate)) < 0.12)
         label = f"{cell}, {rate:.2g}C"
         shown = {"color": colour, "ms": 4, "capsize": 2, "lw": 0.8, "label": label}
@@ -76,11 +79,13 @@ def draw_peak_health(rows, cell):
         spread = 100 * np.nan_to_num(rows["soh_std"][at])
         soh = 100 * rows["soh"][at]
         axes[0, 1].errorbar(rows["cycle"][at], soh, yerr=1.96 * spread, fmt="o", **shown)
-    _diagonal(panel, np.concatenate(_pair(rows, known)))
+    values = np.concatenate(_pair(rows, known))
+    if len(values):
+        ends = [values.min(), values.max()]
+        panel.plot(ends, ends, color=style.INK, lw=0.6, ls=":")
     panel.set(xlabel="measured capacity [Ah]", ylabel="from peaks, check-up left out [Ah]")
-    errors = rows["left_out_error"][known & own]
-    rms = 100 * np.sqrt(np.mean(errors**2)) if len(errors) else np.nan
-    panel.set_title(f"From peaks: {rms:.2g} % RMS" if np.isfinite(rms) else "From peaks")
+    error = 100 * rms(rows["left_out_error"][known & own])
+    panel.set_title(f"From peaks: {error:.2g} % RMS" if np.isfinite(error) else "From peaks")
     measured = 100 * rows["measured_ampere_hour"][own] / rows["fresh_ampere_hour"][own]
     order = np.argsort(rows["cycle"][own])
     line = {"color": style.MEASURED, "lw": 0.9, "label": "measured"}
@@ -109,12 +114,6 @@ def _rates(rates):
         if not found or rate > 1.12 * found[-1]:
             found.append(float(rate))
     return found
-
-
-def _diagonal(panel, values):
-    if len(values):
-        ends = [float(values.min()), float(values.max())]
-        panel.plot(ends, ends, color=style.INK, lw=0.6, ls=":")
 
 
 def draw_lives(lives):

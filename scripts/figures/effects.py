@@ -7,6 +7,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from cellwright.effects.case import Gates
+from cellwright.numerics.statistics import rms
 from figures import style
 from figures.style import rows_where
 
@@ -51,15 +52,16 @@ def draw_residual_map(columns):
     sizes = {
         model: 1e3 * _rms_of_bins(columns, names, edges, f"{model}_rms_volt") for model in MODELS
     }
+    # One bad bin at the edge of SoC would else turn all others pale.
     top = max(np.nanpercentile(np.concatenate(list(sizes.values())), TOP_PERCENTILE), 1e-3)
     figure, axes = style.subplots(1, 2, height=1.4 + 0.2 * len(names), sharey=True)
     look = {"vmin": 0, "vmax": top, "cmap": "YlOrRd", "linewidth": 0}
-    for panel, (model, rms) in zip(axes[0], sizes.items(), strict=True):
-        shown = panel.pcolormesh(100 * edges, np.arange(len(names) + 1), rms, **look)
+    for panel, (model, left) in zip(axes[0], sizes.items(), strict=True):
+        shown = panel.pcolormesh(100 * edges, np.arange(len(names) + 1), left, **look)
         panel.set(title=MODELS[model], xlabel="state of charge [%]")
         panel.grid(visible=False)
         if len(edges) - 1 <= MOST_BINS:
-            _write_numbers(panel, edges, rms, top)
+            _write_numbers(panel, edges, left, top)
         _separate_tests(panel, [test for _, test, _ in names])
     axes[0, 0].set_yticks(np.arange(len(names)) + 0.5, list(names.values()), fontsize=7.5)
     axes[0, 0].invert_yaxis()
@@ -92,9 +94,9 @@ def _rms_of_bins(columns, lines, edges, name):
         return np.sqrt(squares / counts)
 
 
-def _write_numbers(panel, edges, rms, top):
-    rows, columns = np.nonzero(np.isfinite(rms))
-    sizes = rms[rows, columns]
+def _write_numbers(panel, edges, left, top):
+    rows, columns = np.nonzero(np.isfinite(left))
+    sizes = left[rows, columns]
     middles = 50 * (edges[1:] + edges[:-1])[columns]
     colours = np.where(sizes > 0.6 * top, "white", style.INK).tolist()
     texts = [f"{size:.1f}" for size in sizes]
@@ -127,6 +129,7 @@ def draw_ranking(columns):
         _round(panel, in_round, gate)
         panel.set(title=_round_title(number, in_round))
     largest = max(abs(row["j"]) for row in rows)
+    # J goes over four decades, and below zero where an effect makes the model worse.
     axes[0, 0].set_xscale("symlog", linthresh=LINEAR)
     low = min(0.0, *(row["j"] for row in rows))
     axes[0, 0].set_xlim(2 * low - 40 if low < 0 else 0.0, 40 * max(largest, LINEAR))
@@ -200,11 +203,9 @@ def draw_evidence(columns):
     effects = list(dict.fromkeys(np.asarray(columns.get("effect", [])).tolist()))
     if not effects:
         return style.message(NO_EFFECT)
-    rows, across = style.grid_of(len(effects), across=2)
-    figure, axes = style.subplots(rows, across, height=4.2 * rows)
-    for panel, effect in zip(axes.flat, effects, strict=False):
+    figure, axes = style.panels(len(effects), across=2, height=4.2)
+    for panel, effect in zip(axes, effects, strict=True):
         _residual_over_change(panel, effect, rows_where(columns, columns["effect"] == effect))
-    style.hide(axes.flat[len(effects) :])
     return figure
 
 
@@ -313,8 +314,9 @@ def draw_effect_validation(verdict, series):
     judging = (series["role"] == "validation") & series["used"]
     counted = judging & np.asarray(series.get("counted", series["used"]), bool)
     error = np.where(judging, series["voltage_volt"] - series["before_volt"], np.nan)
-    rms = {test: _rms(error[counted & (series["test"] == test)]) for test in tests}
-    worst = sorted(tests, key=rms.get, reverse=True)[:MOST_TESTS]
+    errors = {test: rms(error[counted & (series["test"] == test)]) for test in tests}
+    # The largest errors of the plain model: there an effect has something to explain.
+    worst = sorted(tests, key=errors.get, reverse=True)[:MOST_TESTS]
     shown = [test for test in tests if test in worst]
     figure, axes = style.subplots(
         2 * len(shown),
@@ -362,15 +364,11 @@ def _whole_and_worst(upper, lower, test, series, models, floor):
     upper[0].set(ylabel="voltage [V]", title=title)
     upper[1].set(title="Its worst six minutes")
     own = rows_where(series, series["counted"])
-    sizes = [1e3 * _rms(own["voltage_volt"] - own[f"{model}_volt"]) for model in models]
+    sizes = [1e3 * rms(own["voltage_volt"] - own[f"{model}_volt"]) for model in models]
     errors = [f"{OF_CELL[model]} {size:.2f} mV" for model, size in zip(models, sizes, strict=True)]
     title = f"Residual, RMS of this test: {', '.join(errors)} (grey: floor {1e3 * floor:.2f} mV)"
     lower[0].set(ylabel="measured − model [mV]", title=title)
     style.legend_once(upper[0], loc="best")
-
-
-def _rms(error):
-    return np.sqrt(np.mean(error**2)) if len(error) else np.nan
 
 
 def _voltage(axes, series, models):
@@ -393,6 +391,7 @@ def _worst(hours, error):
     stop = np.searchsorted(hours, hours + CLOSE_HOUR)
     total = np.concatenate([[0.0], np.cumsum(error**2)])
     mean = (total[stop] - total[:-1]) / np.maximum(stop - np.arange(len(hours)), 1)
+    # A stretch that the record's end cuts short would win with a few bad samples.
     whole = hours + CLOSE_HOUR <= hours[-1]
     first = int(np.argmax(np.where(whole, mean, -1.0)))
     return (hours >= hours[first]) & (hours <= hours[first] + CLOSE_HOUR)
@@ -400,6 +399,7 @@ def _worst(hours, error):
 
 def _line(axes, hours, values, **look):
     """A line that stays open where nothing was recorded, or the rows are not shown."""
+    # A line across a gap would look as if something had been measured there.
     late = np.concatenate([[False], np.diff(hours) > GAP_HOUR])
     style.plot_thinned(axes, hours, np.where(late, np.nan, values), points=POINTS, **look)
 
@@ -451,7 +451,7 @@ def _branch(upper, lower, series, panel, models):
         look = {"points": POINTS, "color": COLOURS[model], "lw": 0.9}
         style.plot_thinned(upper, hours, expected, **look, label=OF_GROUP[model])
         style.plot_thinned(lower, hours, error, **look)
-        sizes.append(f"{_rms(error):.3g}")
+        sizes.append(f"{rms(error):.3g}")
     upper.set(ylabel=f"{quantity} [{unit}]", title=name)
     title = f"RMS left: {' → '.join(sizes)} {thousandth}"
     lower.set(ylabel=f"left [{thousandth}]", title=title)

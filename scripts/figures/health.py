@@ -49,6 +49,7 @@ def _knee_and_end(axes, course, life):
     if np.isfinite(end):
         lower = last + life["remaining_lower_cycles"]
         upper = last + life["remaining_upper_cycles"]
+        # An end of life far beyond the record would squeeze all that was measured to the left.
         seen = 3 * last
         label = f"end of life {end:.0f}"
         if not life["end_of_life_reached"]:
@@ -58,6 +59,7 @@ def _knee_and_end(axes, course, life):
             axes.axvspan(*span, color=style.SERIES[4], alpha=0.1, lw=0)
         axes.axvline(min(end, seen), color=style.SERIES[4], lw=0.9, ls=":", label=label)
     axes.set_title(title, loc="left")
+    # Left-out discharges, often of a tenth of the capacity, must not set the scale.
     size = course["capacity_ampere_hour"][course["used"].astype(bool)]
     axes.set_ylim(0.97 * size.min(), 1.03 * size.max())
 
@@ -142,6 +144,7 @@ def _resistance_panel(axes, cells, line):
     for cell, x, y in zip(cells, capacity, resistance, strict=True):
         if cell["outlier"]:
             axes.annotate(cell["cell"], (x, y), (4, 4), textcoords="offset points")
+    # The line only between the cells that it was fitted to.
     ends = np.array([capacity.min(), capacity.max()])
     law = 1e3 * (line["intercept_ohm"] + line["slope_ohm_per_ampere_hour"] * ends)
     axes.plot(ends, law, color=style.SERIES[1])

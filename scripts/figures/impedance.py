@@ -39,6 +39,7 @@ class Layout:
     def _chosen(spectra):
         """Panels that are drawn: all, or evenly spread ones among those with the most spectra."""
         values = sorted(spectra, key=lambda value: (value is None, value or 0))
+        # Panels with the most temperatures first: a comparison is what the figure is for.
         if len(values) > MOST_PANELS:
             most = max(map(len, spectra.values()))
             fullest = [value for value in values if len(spectra[value]) == most]
@@ -59,13 +60,11 @@ class Layout:
 
     def subplots(self, *, height=2.9):
         """A figure and its axes (n,), one a panel; `height` [inch] of a row."""
-        rows, columns = style.grid_of(len(self.panels), across=ACROSS)
-        figure, axes = style.subplots(rows, columns, height=height * rows)
+        figure, axes = style.panels(len(self.panels), across=ACROSS, height=height)
         if self.not_drawn:
             note = f"{self.not_drawn} other states not drawn"
             figure.suptitle(note, fontsize=8, color=style.QUIET)
-        style.hide(axes.flat[len(self.panels) :])
-        return figure, axes.ravel()[: len(self.panels)]
+        return figure, axes
 
 
 def _soc_label(value):
@@ -83,6 +82,7 @@ def draw_nyquist(tests):
         for columns, fact in spectra:
             _nyquist(panel, columns, layout.style(fact))
         panel.set(xlabel="Re Z [mΩ]", ylabel="−Im Z [mΩ]", title=layout.title(value))
+        # A semicircle must look like one: depressed arcs are seen by eye.
         panel.set_aspect("equal", adjustable="datalim")
     style.legend_once(axes[0], fontsize=7)
     return figure
@@ -158,6 +158,7 @@ def draw_relaxation_times(tests):
 def _distribution(axes, curve, peaks, look):
     frequency, gamma = 1 / (2 * np.pi * curve["tau_second"]), 1e3 * curve["gamma_ohm"]
     axes.plot(frequency, gamma, **look)
+    # Peaks beyond the measured frequencies are extrapolated, and are not marked.
     inside = np.asarray(peaks.get("in_range", []), bool)
     tops = np.asarray(peaks.get("frequency_hertz", []), float)[inside]
     height = np.interp(np.log(tops), np.log(frequency[::-1]), gamma[::-1])

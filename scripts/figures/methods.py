@@ -48,6 +48,7 @@ def _celsius(row):
 
 def _shown_temperature(rows):
     """The temperature nearest 25 °C, at which the courses over SoC are drawn."""
+    # All temperatures in one panel would hide how methods differ.
     stated = [_celsius(row) for row in rows if _celsius(row) is not None]
     return min(stated, key=lambda celsius: abs(celsius - 25.0), default=None)
 
@@ -78,6 +79,7 @@ def _method_over_soc(axes, rows, name):
 
 
 def _log_where_wide(axes, values):
+    # Nearly equal values on a logarithmic axis have no readable tick.
     positive = [value for value in values if value > 0]
     if positive and max(positive) > 8 * min(positive):
         axes.set_yscale("log")

@@ -24,6 +24,8 @@ def draw_parameters(model):
     kinds = {branch.get("kind", "RC") for branch in member["conditions"][0]["branches"]}
     panels = {"R0": _r0}
     panels |= {"Charge transfer": _charge_transfer} if "kinetic" in kinds else {}
+    # Single RC pairs trade resistance for time constant between fits; their sum after a time is
+    # what a user sees, and what stays the same.
     panels |= {f"Resistance {name}": _resistance_after(second) for name, second in TIMES.items()}
     panels |= {f"RC pairs at {100 * MIDDLE_SOC:g} % SoC": _rc_pairs}
     panels |= {"Correction of the OCV": _ocv_shift}
@@ -191,6 +193,7 @@ def draw_validation(series, scores, test):
     voltage.set(ylabel="voltage [V]", title=f"{test}: model over measurement")
     residual.set(ylabel="residual [mV]", title="Measured − simulated (grey: not scored)")
     current.set(ylabel="current [A]", xlabel="time [h]")
+    # Shared by hand: the panel of errors below has an axis of its own.
     for panel in (residual, current):
         panel.sharex(voltage)
     for panel in (voltage, residual):
@@ -221,6 +224,7 @@ def draw_soc(series, scores, test):
     level, error = axes[:, 0]
     hours, counted = series["test_time_second"] / 3600, 100 * series["soc"]
     style.plot_thinned(level, hours, counted, color=style.MEASURED, linewidth=1, label="counted")
+    # The series is kept of the first start alone; scores of the others follow it.
     first_run = {}  # of each filter: the series that is kept
     for row in scores:
         first_run.setdefault(row["filter"], row)
@@ -241,6 +245,7 @@ def draw_soc(series, scores, test):
 
 
 def _interval(axes, hours, middle, half_width, colour):
+    # A band needs both edges at the same points, which thinning chooses for each alone.
     grid = np.linspace(hours[0], hours[-1], 500)
     edges = [thinned(hours, middle + side * half_width) for side in (-1, 1)]
     low, high = (np.interp(grid, *edge) for edge in edges)

@@ -77,6 +77,7 @@ def _bias_map(axes, columns):
     bias = 1e3 * np.stack([curve["bias_volt"] for curve in curves])
     tested = columns["tested"].reshape(len(levels), -1) if len(soc) else None
     shown = np.where(tested, bias, np.nan)
+    # Even limits about zero, or no bias would have a colour.
     largest = max(np.nanmax(np.abs(shown)), 1.0) if np.isfinite(shown).any() else 1.0
     limit = 5 * np.ceil(largest / 5)
     filled = axes.contourf(soc, levels, shown, levels=np.linspace(-limit, limit, 21), cmap="RdBu_r")
@@ -101,6 +102,7 @@ def _entropic(axes, columns):
         axes.plot(soc, value, line, color=colour, label=f"{source}{used}")
         axes.fill_between(soc, low, high, color=colour, alpha=0.2, linewidth=0)
     value = np.append(columns["entropic_millivolt_per_kelvin"], 0.0)
+    # At the ends of SoC dOCV/dT goes off by tens of times: the middle sets the scale.
     middle = np.append((columns["soc"] > 0.2) & (columns["soc"] < 0.9), True)
     low, high = np.min(value[middle]), np.max(value[middle])
     margin = 0.8 * (high - low) + 0.05

@@ -22,6 +22,7 @@ from figures import (
     wiring,
 )
 from runtime import artefact, provenance
+from runtime.artefact import load, load_some
 
 
 def part_of(job, name, drawn):
@@ -30,8 +31,10 @@ def part_of(job, name, drawn):
     So a figure carries the provenance of its own artefacts alone, and a reason why it could not be
     drawn is its own. `drawn` is what `params.figures` of the rule says of the figure.
     """
-    paths = [path for part in drawn["inputs"].values() for path in _listed(part)]
+    parts = drawn["inputs"].values()
+    paths = [path for part in parts for path in ([part] if isinstance(part, str) else part)]
     wildcards = {job.params.owner_kind: job.wildcards.owner}
+    # A figure of a whole cell has no test, and its provenance names none.
     wildcards |= {"test": drawn["test"]} if drawn["test"] else {}
     shared = {
         key: value for key, value in job.params.items() if key in ("code", "contract", "rule")
@@ -61,10 +64,6 @@ def _by_name(paths):
     return {provenance.name_of(path): path for path in paths}
 
 
-def _listed(part):
-    return [part] if isinstance(part, str) else part
-
-
 def draw(drawn):
     """The figure of its kind.
 
@@ -73,160 +72,95 @@ def draw(drawn):
     Passed
         Where what it is drawn from is empty for a reason.
     """
-    return DRAW[drawn["kind"]](
-        SimpleNamespace(**drawn["inputs"], **drawn["settings"]), drawn["test"]
-    )
+    named = drawn["inputs"] | drawn["settings"] | {"test": drawn["test"]}
+    return DRAW[drawn["kind"]](SimpleNamespace(**named))
 
 
-def _table(path):
-    return artefact.rows(artefact.load(path))
+def _rows(path):
+    return artefact.rows(load(path))
 
 
-def _records(of, _):
-    records = artefact.load_together(zip(of.series, of.steps, strict=True))
-    return campaign.draw_records(records, of.total)
+def _together(first, second):
+    return artefact.load_together(zip(first, second, strict=True))
 
 
-def _ica(of, _):
-    return capacity.draw_ica(artefact.load_together(zip(of.curves, of.peaks, strict=True)))
-
-
-def _ica_tracks(of, _):
-    tracks = artefact.load(of.tracks)
+def _ica_tracks(of):
+    tracks = load(of.tracks)
     loaded = artefact.load_all(of.curves), artefact.load_all(of.lives)
     return peaks.draw_ica_tracks(tracks, peaks.curves_by_charge(*loaded, tracks))
 
 
-def _drt(of, _):
-    pairs = artefact.load_together(zip(of.curves, of.peaks, strict=True))
-    return impedance.draw_relaxation_times(pairs)
+def _ocv_temperature(of):
+    columns = [load(path) for path in (of.bias, of.entropic, of.surface)]
+    return ocv.draw_ocv_temperature(*columns, _rows(of.functions))
 
 
-def _ica_temperature(of, _):
-    curves, peaks = artefact.load(of.curves), artefact.load(of.peaks)
-    return capacity.draw_ica_temperature(curves, peaks, _table(of.matches))
-
-
-def _ocv_temperature(of, _):
-    columns = [artefact.load(path) for path in (of.bias, of.entropic, of.surface)]
-    return ocv.draw_ocv_temperature(*columns, _table(of.functions))
-
-
-def _fast_charge(of, _):
+def _fast_charge(of):
     charges = [
-        (artefact.load(series), artefact.load(steps), *pair)
+        (load(series), load(steps), *pair)
         for series, steps, path in zip(of.series, of.steps, of.numbers, strict=True)
         for pair in artefact.load_all([path])
     ]
     if not charges:
-        artefact.load(of.numbers[0])
+        load(of.numbers[0])
     return ageing.draw_fast_charge(charges)
 
 
-def _ageing(of, _):
-    (summary,) = _table(of.summary)
-    return ageing.draw_ageing(artefact.load(of.cycles), artefact.load(of.periods), summary)
-
-
-def _health_from_peaks(of, _):
-    return degradation.draw_peak_health(artefact.load(of.calibration), of.cell)
-
-
-def _fade(of, _):
-    (life,) = _table(of.life)
-    return health.draw_fade(artefact.load(of.course), life)
-
-
-def _surface(of, _):
-    return resistance.draw_resistance_surface(artefact.load(of.points), _table(of.laws))
-
-
-def _validation(of, test):
-    return models.draw_validation(artefact.load(of.series), _table(of.scores), test)
-
-
-def _soc(of, test):
-    return models.draw_soc(artefact.load(of.series), _table(of.scores), test)
-
-
-def _pack(of, test):
-    return packs.draw_pack(artefact.load(of.series), _table(of.scores), test)
-
-
-def _wiring(of, _):
+def _wiring(of):
     found = [content for content, _ in artefact.load_all(of.models)]
     return wiring.draw_wiring(of.rows[0]["group"], of.rows, found)
 
 
-def _pack_spread(of, test):
-    (findings,) = _table(of.findings)
-    return packs.draw_pack_spread(artefact.load(of.spread), findings, test)
-
-
-def _series_pack(of, test):
-    return packs.draw_series_pack(_table(of.waterfall), _table(of.cells), test)
-
-
-def _nested_pack(of, test):
-    return packs.draw_nested_pack(artefact.load(of.series), _table(of.scores), test)
-
-
-def _ways(of, _):
-    rows = [row for columns, _ in artefact.load_some(of.ways) for row in artefact.rows(columns)]
+def _ways(of):
+    rows = [row for columns, _ in load_some(of.ways) for row in artefact.rows(columns)]
     return packs.draw_ways(rows, of.cells)
 
 
-def _effect_validation(of, _):
-    return effects.draw_effect_validation(artefact.load(of.verdict), artefact.load(of.series))
-
-
-def _effect_branches(of, _):
-    return effects.draw_effect_branches(artefact.load(of.verdict), artefact.load(of.series))
-
-
-# Each kind of figure: of its inputs (and settings) and the test, if it is of one.
+# Each kind of figure, of its inputs and settings, and of the test if it is of one.
 DRAW = {
-    "records": _records,
-    "capacity": lambda of, _: capacity.draw_capacity(artefact.load_some(of.capacity)),
-    "ocv": lambda of, _: ocv.draw_ocv(artefact.load_some(of.curves)),
-    "resistance": lambda of, _: resistance.draw_resistance(artefact.load_some(of.pulses)),
-    "ica": _ica,
+    "records": lambda of: campaign.draw_records(_together(of.series, of.steps), of.total),
+    "capacity": lambda of: capacity.draw_capacity(load_some(of.capacity)),
+    "ocv": lambda of: ocv.draw_ocv(load_some(of.curves)),
+    "resistance": lambda of: resistance.draw_resistance(load_some(of.pulses)),
+    "ica": lambda of: capacity.draw_ica(_together(of.curves, of.peaks)),
     "ica_tracks": _ica_tracks,
-    "impedance": lambda of, _: impedance.draw_nyquist(artefact.load_some(of.spectra)),
-    "impedance_fit": lambda of, _: impedance.draw_impedance_fit(artefact.load_some(of.spectra)),
-    "drt": _drt,
-    "temperature": lambda of, _: temperature.draw_temperature_laws(
-        artefact.load(of.points), _table(of.laws)
-    ),
+    "impedance": lambda of: impedance.draw_nyquist(load_some(of.spectra)),
+    "impedance_fit": lambda of: impedance.draw_impedance_fit(load_some(of.spectra)),
+    "drt": lambda of: impedance.draw_relaxation_times(_together(of.curves, of.peaks)),
+    "temperature": lambda of: temperature.draw_temperature_laws(load(of.points), _rows(of.laws)),
     "ocv_temperature": _ocv_temperature,
-    "capacity_loss": lambda of, _: capacity.draw_capacity_loss(artefact.load(of.losses)),
-    "ica_temperature": _ica_temperature,
+    "capacity_loss": lambda of: capacity.draw_capacity_loss(load(of.losses)),
+    "ica_temperature": lambda of: capacity.draw_ica_temperature(
+        load(of.curves), load(of.peaks), _rows(of.matches)
+    ),
     "fast_charge": _fast_charge,
-    "ageing": _ageing,
-    "fade": _fade,
-    "resistance_growth": lambda of, _: health.draw_resistance_growth(artefact.load(of.growth)),
-    "arrhenius": lambda of, _: temperature.draw_arrhenius(_table(of.points), _table(of.laws)),
-    "degradation_modes": lambda of, _: degradation.draw_modes(artefact.load(of.modes)),
-    "health_from_peaks": _health_from_peaks,
-    "surface": _surface,
-    "relaxation": lambda of, _: relaxation.draw_relaxation(artefact.load_all(of.rests)),
-    "polarisation": lambda of, _: relaxation.draw_polarisation(_table(of.points), _table(of.laws)),
-    "parameters": lambda of, _: models.draw_parameters(artefact.load(of.model)),
-    "compensation": lambda of, _: models.draw_compensation(_table(of.laws), _table(of.proof)),
-    "validation": _validation,
-    "soc": _soc,
-    "pack": _pack,
+    "ageing": lambda of: ageing.draw_ageing(load(of.cycles), load(of.periods), *_rows(of.summary)),
+    "fade": lambda of: health.draw_fade(load(of.course), *_rows(of.life)),
+    "resistance_growth": lambda of: health.draw_resistance_growth(load(of.growth)),
+    "arrhenius": lambda of: temperature.draw_arrhenius(_rows(of.points), _rows(of.laws)),
+    "degradation_modes": lambda of: degradation.draw_modes(load(of.modes)),
+    "health_from_peaks": lambda of: degradation.draw_peak_health(load(of.calibration), of.cell),
+    "surface": lambda of: resistance.draw_resistance_surface(load(of.points), _rows(of.laws)),
+    "relaxation": lambda of: relaxation.draw_relaxation(artefact.load_all(of.rests)),
+    "polarisation": lambda of: relaxation.draw_polarisation(_rows(of.points), _rows(of.laws)),
+    "parameters": lambda of: models.draw_parameters(load(of.model)),
+    "compensation": lambda of: models.draw_compensation(_rows(of.laws), _rows(of.proof)),
+    "validation": lambda of: models.draw_validation(load(of.series), _rows(of.scores), of.test),
+    "soc": lambda of: models.draw_soc(load(of.series), _rows(of.scores), of.test),
+    "pack": lambda of: packs.draw_pack(load(of.series), _rows(of.scores), of.test),
     "wiring": _wiring,
-    "pack_spread": _pack_spread,
-    "series_pack": _series_pack,
-    "weakest": lambda of, test: packs.draw_weakest(artefact.load(of.series), test),
-    "nested_pack": _nested_pack,
+    "pack_spread": lambda of: packs.draw_pack_spread(load(of.spread), *_rows(of.findings), of.test),
+    "series_pack": lambda of: packs.draw_series_pack(_rows(of.waterfall), _rows(of.cells), of.test),
+    "weakest": lambda of: packs.draw_weakest(load(of.series), of.test),
+    "nested_pack": lambda of: packs.draw_nested_pack(load(of.series), _rows(of.scores), of.test),
     "ways": _ways,
-    "effect_validation": _effect_validation,
-    "effect_map": lambda of, _: effects.draw_residual_map(artefact.load(of.residuals)),
-    "effect_evidence": lambda of, _: effects.draw_evidence(artefact.load(of.evidence)),
-    "effect_ranking": lambda of, _: effects.draw_ranking(artefact.load(of.ranking)),
-    "effect_confounding": lambda of, _: effects.draw_confounding(artefact.load(of.confounding)),
-    "effect_branches": _effect_branches,
-    "effect_group_ranking": lambda of, _: effects.draw_group_ranking(artefact.load(of.ranking)),
+    "effect_validation": lambda of: effects.draw_effect_validation(
+        load(of.verdict), load(of.series)
+    ),
+    "effect_map": lambda of: effects.draw_residual_map(load(of.residuals)),
+    "effect_evidence": lambda of: effects.draw_evidence(load(of.evidence)),
+    "effect_ranking": lambda of: effects.draw_ranking(load(of.ranking)),
+    "effect_confounding": lambda of: effects.draw_confounding(load(of.confounding)),
+    "effect_branches": lambda of: effects.draw_effect_branches(load(of.verdict), load(of.series)),
+    "effect_group_ranking": lambda of: effects.draw_group_ranking(load(of.ranking)),
 }

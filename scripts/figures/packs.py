@@ -25,7 +25,8 @@ def draw_pack(series, scores, test):
     figure, axes = style.subplots(3, 1, height=5.4, sharex=True, height_ratios=[3, 2, 2])
     current, residual, voltage = axes[:, 0]
     hours = series["test_time_second"] / 3600
-    shown = _worst_first(scores)[:NAMED_BRANCHES]
+    # More lines than this cannot be told apart; the worst ones are what a reader asks for.
+    shown = sorted(scores, key=lambda row: -row["current_rmse_ampere"])[:NAMED_BRANCHES]
     if len(scores) > len(shown):
         shown = shown[:3]
         _band(current, hours, [_branch(series, row["branch"]) for row in scores])
@@ -51,10 +52,6 @@ def draw_pack(series, scores, test):
     style.legend_once(current)
     style.legend_once(voltage)
     return figure
-
-
-def _worst_first(scores):
-    return sorted(scores, key=lambda row: -row["current_rmse_ampere"])
 
 
 def _branch(series, branch):
@@ -201,6 +198,7 @@ def _lowest(axes, hours, series):
     """Which cell has the lowest voltage, a row a cell, the most frequent on top."""
     simulated = np.asarray(series["lowest_cell"], str)
     measured = np.asarray(series.get("measured_lowest_cell", simulated), str)
+    # Which of cells that are alike is lowest is chance, from sample to sample.
     apart = series["highest_cell_volt"] - series["lowest_cell_volt"] > APART_VOLT
     told = np.concatenate([simulated[apart], measured[apart]])
     names, counts = np.unique(told, return_counts=True)
@@ -230,6 +228,7 @@ def _runs(places, *, most=600):
     starts, stops = np.append(0, edges), np.append(edges, len(places))
     told = np.isfinite(places[starts])
     starts, stops = starts[told], stops[told]
+    # Thousands of short stretches are a grey bar and a file of megabytes.
     longest = np.sort(np.argsort(starts - stops)[:most])
     return list(zip(starts[longest], stops[longest], strict=True))
 
@@ -292,12 +291,12 @@ def draw_ways(rows, cells):
     step = -(-len(cells) // 25)
     single.set_xticks(range(0, len(cells), step), cells[::step], fontsize=7, rotation=60)
     single.set(ylabel="error of the voltage [mV]", yscale="log")
-    single.yaxis.set_major_formatter("{x:g}")
-    single.yaxis.set_minor_formatter("")
+    style.plain_numbers(single.yaxis)
     single.set_title("Mean absolute error, bar up to the largest")
     whole.set_xticks(range(len(found)), list(found), fontsize=7, rotation=30)
     whole.set(ylabel="mean absolute error [mV]", ylim=(0, None), xlim=(-0.5, len(found) - 0.2))
     whole.set_title("Median and 5 to 95 % of cells")
+    # Room for the legend above the points of a logarithmic axis.
     single.set_ylim(top=8 * single.get_ylim()[1])
     single.legend(fontsize=7, ncols=2, loc="upper left")
     return figure

@@ -5,6 +5,7 @@ import numpy as np
 from cellwright.records.conditions import SAME_CELSIUS, same_rate
 from figures import style
 from figures.style import rows_where
+from runtime.peaks import count_before
 
 MOST_PANELS = 3
 GAP = 0.45  # between two curves, as a share of what counts as full height
@@ -42,6 +43,7 @@ def _waterfall(panel, part, curves):
     charges = sorted({(c, t) for c, t in zip(part["cycle"], part["test"], strict=True)})
     heights = [curves[t, c][1] for c, t in charges if (t, c) in curves]
     peaks = part["height_ampere_hour_per_volt"]
+    # The highest peak of one charge may be noise; all curves share one scale.
     full = np.quantile(np.concatenate([*heights, peaks[np.isfinite(peaks)]]), FULL_SHARE)
     base = {charge: GAP * k for k, charge in enumerate(charges)}
     for k, (cycle, test) in enumerate(charges):
@@ -81,7 +83,8 @@ def curves_by_charge(check_ups, lives, tracks):
 def _of_test(columns, test, cycles):
     """Curves of one test by its cycles in the tracks."""
     own = columns.get("cycle", np.full(len(columns["voltage_volt"]), cycles[0]))
-    before = 0.0 if np.isin(cycles, own).all() else cycles.max() - own.max()
+    # Records without a stated cycle count on in the tracks, and from 1 in their own curves.
+    before = count_before(np.unique(own), set(cycles.tolist()))
     names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
     return {
         (test, float(cycle + before)): tuple(columns[name][own == cycle] for name in names)

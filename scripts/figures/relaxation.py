@@ -45,6 +45,7 @@ def _rest(panels, columns, about):
     time, volts, fitted = (columns[n] for n in ("time_second", "voltage_volt", "fitted_volt"))
     panels[0].plot(time + 1, volts, ".", markersize=2, color=style.MEASURED, label="measured")
     panels[0].plot(time + 1, fitted, color=style.SERIES[1], label="exponentials")
+    # Time from one second on: a logarithm has no place for the first sample.
     temperature = style.temperature_label(ambient_celsius(about))
     panels[0].set(title=f"{temperature}, SoC {100 * columns['soc'][0]:.0f} %", xscale="log")
     panels[1].plot(time + 1, 1e3 * (volts - fitted), ".", markersize=2, color=style.ERROR)

@@ -16,6 +16,7 @@ def draw_resistance(tests):
     `tests` are (columns, about) of stage `resistance`.
     """
     delays = sorted({delay for columns, _ in tests for delay in columns["delay_second"]})
+    # Data sheets state resistance at 10 s; the first sample is near the ohmic part.
     later = sorted(delays[1:], key=lambda delay: abs(delay - WANTED_DELAY_SECOND))
     shown = [delays[0], *later[:1]]
     figure, axes = style.subplots(1, len(shown), height=3.2, sharex=True)
@@ -69,6 +70,7 @@ def draw_resistance_surface(points, laws):
             _error_left_out(panel, of_quantity, form, form == chosen)
             for panel, form in zip(panels[2:], FORMS, strict=True)
         ]
+        # One scale for all forms: the eye compares heights.
         limit = 1.1 * np.nanmax([*largest, 1.0])
         for panel in panels[2:]:
             panel.set_ylim(-limit, limit)

@@ -58,6 +58,18 @@ def grid_of(panels: int, *, across: int) -> tuple[int, int]:
     return -(-panels // across), min(panels, across)
 
 
+def panels(count, *, across, height, wide=None, **settings):
+    """A figure and the first `count` panels of its grid, the others switched off.
+
+    `height` [inch] is that of a row, `wide` [inch] that of a column; None: a page in all.
+    """
+    rows, columns = grid_of(count, across=across)
+    width = {} if wide is None else {"width": wide * columns + 0.4}
+    figure, axes = subplots(rows, columns, height=height * rows, **width, **settings)
+    hide(axes.flat[count:])
+    return figure, axes.ravel()[:count]
+
+
 def hide(panels):
     """Switch off empty panels of a grid."""
     for panel in panels:
@@ -74,6 +86,7 @@ def message(text):
 
 def temperature_colour(celsius):
     """Blue in the cold, red in the heat, −25 … 50 °C; grey where not known."""
+    # Without its ends: the darkest blue and red of the map look alike on a line.
     if celsius is None or not np.isfinite(celsius):
         return QUIET
     return matplotlib.colormaps["turbo"](0.08 + 0.84 * np.clip((celsius + 25) / 75, 0, 1))
@@ -98,6 +111,7 @@ def legend_once(axes, **settings):
     """A legend without repeated labels, or none where nothing is labelled."""
     handles, labels = axes.get_legend_handles_labels()
     if labels:
+        # Lines of one name are one thing, such as all discharges at 25 °C.
         unique = dict(zip(labels, handles, strict=True))
         axes.legend(unique.values(), unique.keys(), **settings)
 
@@ -126,6 +140,12 @@ def name_bars(axes, names, *, fontsize):
     axes.set_yticks(range(len(names)), names, fontsize=fontsize)
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
+
+
+def plain_numbers(axis):
+    """Labels of a logarithmic axis as 0.1 and 30, not as powers of ten; none between them."""
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("")
 
 
 def save(figure, job, path=None):
@@ -164,6 +184,7 @@ def thinned(x, y, *, points=2000):
     if len(x) <= points:
         return x, y
     size = -(-len(x) // (points // 2))
+    # Means would hide a spike of one sample, which is what a reader looks for.
     starts = np.arange(0, len(x), size)
     stretches = np.full((len(starts), size), np.nan)
     stretches.flat[: len(x)] = y

@@ -41,6 +41,7 @@ def shortened(text: str) -> str:
 def _short_path(match):
     """A path: relative lines where it has only lines, else its numbers rounded."""
     path = match[1]
+    # Curves keep absolute numbers: control points are not steps from the point before.
     if re.search("[CQ]", path):
         closed_up = re.sub(r"\s*([MLCQz])\s*", r"\1", _rounded(path)).strip()
         return f' d="{closed_up}"'
@@ -49,6 +50,7 @@ def _short_path(match):
 
 
 def _short_transform(match):
+    # A matrix has shares among its numbers, which a tenth would spoil.
     return match[0] if "matrix" in match[0] else _rounded(match[0])
 
 

@@ -20,9 +20,8 @@ def draw_temperature_laws(points, laws):
     `points` are columns of stage `temperature_points`, `laws` rows of `temperature`.
     """
     quantities = _shown(points)
-    rows, columns = style.grid_of(len(quantities), across=ACROSS)
-    figure, axes = style.subplots(rows, columns, width=3.4 * columns + 0.4, height=2.8 * rows)
-    for panel, quantity in zip(axes.flat, quantities, strict=False):
+    figure, axes = style.panels(len(quantities), across=ACROSS, wide=3.4, height=2.8)
+    for panel, quantity in zip(axes, quantities, strict=True):
         of_quantity = points["quantity"] == quantity
         celsius, value = points["temperature_celsius"][of_quantity], points["value"][of_quantity]
         panel.plot(celsius, value, "o", color=style.MEASURED, label="measured")
@@ -32,7 +31,6 @@ def draw_temperature_laws(points, laws):
         unit, title = points["unit"][of_quantity][0], quantity.replace(", ", "\n", 1)
         panel.set(xlabel="temperature [°C]", ylabel=f"[{unit}]", title=title)
         style.legend_once(panel)
-    style.hide(axes.flat[len(quantities) :])
     return figure
 
 
@@ -41,6 +39,7 @@ def _shown(points):
     nearest = {}
     names = points["quantity"], points["family"], points["soc"]
     for quantity, family, soc in zip(*names, strict=True):
+        # A panel for each SoC would be dozens; half charge is where resistance is flattest.
         key = family if np.isfinite(soc) else quantity
         off = abs(soc - 0.5) if np.isfinite(soc) else 0.0
         if key not in nearest or off < nearest[key][0]:
@@ -99,8 +98,7 @@ def _family(upper, lower, points, laws):
     limits = values.min() / MARGIN, values.max() * MARGIN
     upper.set(yscale="log", ylim=limits, ylabel="[mΩ]", title=points[0]["family"] + note)
     upper.yaxis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
-    upper.yaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
-    upper.yaxis.set_minor_formatter(matplotlib.ticker.NullFormatter())
+    style.plain_numbers(upper.yaxis)
     _limit_to_arrhenius(lower)
     lower.set_xlim(upper.get_xlim())
     lower.axhline(0, color=style.QUIET, linewidth=0.8)
@@ -110,6 +108,7 @@ def _family(upper, lower, points, laws):
 
 def _limit_to_arrhenius(axes):
     """Residuals of Arrhenius fill the panel; a quadratic that is off by far more leaves it."""
+    # The scale is that of Arrhenius: a quadratic off by far would flatten it to a line.
     marker = ARRHENIUS_FIGURE["arrhenius"][1]
     drawn = [line for line in axes.get_lines() if line.get_marker() == marker]
     largest = max((np.abs(line.get_ydata()).max() for line in drawn), default=1.0)

@@ -155,6 +155,7 @@ def _members(wiring):
 def _series(wiring):
     """Members from left to right, in rows where they are many; y grows downwards."""
     rows = _in_rows(_members(wiring))
+    # Rows end at one side, where the lead to the next begins.
     widest = max(sum(block.width for block in row) for row in rows)
     placed, lines, top, end = [], [], 0.0, None
     for row in rows:
@@ -186,6 +187,7 @@ def _in_rows(blocks):
 
 def _levelled(block):
     """A block whose last end is led back to the height of its first, where it is not there."""
+    # Members of a row lie on one line, so that a string reads like one.
     if block.leaves == block.enters:
         return block
     x = block.width + LEAD
@@ -261,6 +263,7 @@ def _bars_between(parts, high):
 def _ladder_of_columns(whole, parts, wiring):
     """A ladder that goes on from column to column, by letters at the ends of its busbars."""
     words, lines, resistors = [], [], []
+    # Drawn leads would cross the columns; two ends of one letter are one point.
     letters = iter("abcdefghijklmnopqrstuvwxyz")
     for part, following in pairwise(parts):
         for bar in (-2, -1):
@@ -298,6 +301,7 @@ def _panel(axes, block, bias, *, worse, unit):
         axes.text(x, y, sign, ha="center", va="center", fontsize=10, fontweight="bold")
     for x, y, letter in block.words:
         axes.text(x, y, letter, ha="center", va="center", fontsize=7, color=SENSE)
+    # Cells that are nearly alike must not look like cells that differ.
     largest = max([LEAST_RANGE, *map(abs, bias.values())])
     longest = max(5, *(len(name) for name, _, _ in block.cells))
     size = float(np.clip(min(0.17, 1.6 * BOX[0] / longest) * unit, 3.5, 8.0))

@@ -1,15 +1,16 @@
 """Peaks of dQ/dV calibrated over the cells of one type: health of each charge, and its error."""
 
 import cellwright as cw
-from runtime import artefact, peak_curves
+from runtime import artefact, peaks
 
 with artefact.Job(snakemake) as job:
     inputs, params, tests = snakemake.input, snakemake.params, snakemake.params.tests
-    peaks, tracked = peak_curves.peaks(inputs.tracks, inputs.peaks, tests)
+    rows, tracked = peaks.of_type(inputs.tracks, inputs.peaks, tests)
+    before = peaks.cycles_before(inputs.life_curves, rows)
     found = cw.health_from_peaks(
-        peaks,
-        peak_curves.capacities(inputs.capacity, inputs.cycles, tests),
-        peak_curves.curves(inputs.curves, inputs.life_curves, tests),
+        rows,
+        peaks.capacities(inputs.capacity, inputs.cycles, tests, before),
+        peaks.curves(inputs.curves, inputs.life_curves, tests, before),
         rated_ampere_hour=params.rated_ampere_hour,
         tracked=tracked,
     )

@@ -96,6 +96,7 @@ def write(path, content, about):
         _write_unit(path, content or b"", about)
     else:
         columns = columns_of(content)
+        # What could not be made has no columns, and breaks no contract.
         if about["reason"] is None and len(columns):
             contract.check(contract.entry_of(path), columns)
         table = pa.table({name: _arrow(values) for name, values in columns.items()})
@@ -114,6 +115,7 @@ def write(path, content, about):
 
 
 def _arrow(values):
+    # Lists of several lengths, such as errors by test, stay lists in Parquet.
     ragged = len(values) and isinstance(values[0], list | tuple | np.ndarray)
     return pa.array([list(row) for row in values] if ragged else np.asarray(values))
 
@@ -224,6 +226,7 @@ class Job:
         reason = str(error) if expected else f"internal error: {kind.__name__}: {error}"
         log = "".join(traceback.format_exception(error)) if not expected else reason + "\n"
         self.log(log)
+        # Snakemake deletes all outputs of a job that fails: each must be there, with its reason.
         for path in self.outputs:
             if path not in self.saved:
                 write(path, {}, self.about(reason, getattr(error, "origin", path)))
@@ -364,6 +367,15 @@ def read_about(path) -> dict:
     return json.loads(pq.read_schema(path).metadata[KEY])
 
 
-@cache
 def _read_json(path) -> dict:
+    about = Path(path).stat()
+    return _json_of_version(path, about.st_mtime_ns, about.st_size, about.st_ino)
+
+
+@cache
+def _json_of_version(path, *version) -> dict:
+    """A document, read anew where its file has another time, size or inode than before.
+
+    What it says of itself and its content are read one after the other.
+    """
     return json.loads(Path(path).read_text(encoding="utf-8"))

@@ -22,6 +22,7 @@ def _stages_of_file(*version) -> dict:
     """Content of the file, read anew where its time, size or inode is another than before."""
     import yaml
 
+    # Several times as fast, where PyYAML was built with libyaml.
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     return expanded(yaml.load(CONTRACT.read_text(encoding="utf-8"), Loader=loader))
 
@@ -88,6 +89,7 @@ def fingerprint(*paths: str) -> str:
 
     Units and meanings are words for people and leave it as it is, and so does every other entry.
     """
+    # A file without an entry, such as a model, is held against nothing: its hash stays empty.
     entries = [stages().get(entry, {}).get("columns") for entry in map(entry_of, paths) if entry]
     held = [
         [(name, spec.get("range"), spec.get("required", True)) for name, spec in columns.items()]
@@ -109,6 +111,7 @@ def check(stage: str, columns: dict):
     for name, spec in contracted.items():
         if spec.get("required", True) and "<" not in name and name not in columns:
             raise ValueError(f"{stage}: column {name} is missing; found {sorted(columns)}")
+    # branch_<k>_current_ampere stands for as many columns as a group has branches.
     families = {name.split("<")[0]: spec for name, spec in contracted.items() if "<" in name}
     for name, values in columns.items():
         family = next((spec for stem, spec in families.items() if name.startswith(stem)), None)

@@ -12,6 +12,7 @@ def of_job(snakemake) -> tuple[TestFacts, CellFacts]:
 
 def of_artefact(about) -> TestFacts:
     """Facts of the test that an artefact is of, as the sheet gave them to its job."""
+    # As its job was told, not as the sheet says now: an artefact that is not made anew stays true.
     return TestFacts(about["wildcards"]["test"], **about["params"]["test"])
 
 
@@ -46,4 +47,5 @@ def rows_of_tests(paths) -> list[dict]:
 
 def fresh_cell(cells, paths):
     """Facts and tests of the cell that lends its fresh state; None where none does."""
+    # Of several cells marked fresh the first of the sheet, so that a run is the same every time.
     return (CellFacts(**cells[0]), tests(paths)) if cells else None

@@ -20,6 +20,7 @@ def resistance_tables(check_ups, resistances, types) -> tuple[list, list]:
     cells, lines = [], []
     for name, names in types.items():
         told = [(cell, rated[cell][0], pulses.get(cell, [])) for cell in names if cell in rated]
+        # A type that cannot be compared has its reason in the table, and takes no other type down.
         try:
             found = cw.fleet_resistance(told)
         except Refusal as refusal:

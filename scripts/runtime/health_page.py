@@ -22,6 +22,7 @@ def lives(health, fade, courses, protocols) -> list[dict]:
     found = _cycled(courses, starts)
     for cell, rows in health.groupby("cell", sort=False):
         seen = rows[(rows["method"] == CHECK_UP) & rows["soh"].notna()]
+        # Every discharge of a life tells more than its check-ups, which then only repeat it.
         if cell not in found and seen["cycle"].nunique() > 1:
             found[cell] = seen["cycle"].to_numpy(float), seen["soh"].to_numpy(float)
     told = health[(health["method"] == PEAKS) & health["soh"].notna()]

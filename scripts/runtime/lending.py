@@ -82,6 +82,7 @@ def cell_shows(basis_path, model_path, paths, references) -> Shown:
 
     `paths` : ShownPaths.
     """
+    # Without a basis a cell shows nothing: SoC, and with it every feature, refers to it.
     basis = artefact.load(basis_path)
     models = artefact.load_all([model_path] if model_path else [])
     peaks, onset, capacity = (_first_checkup(getattr(paths, name)) for name in SHOWN_TABLES)
@@ -110,6 +111,7 @@ def _name_of(path):
 def _first_checkup(paths) -> list:
     """(columns, about) of the artefacts with content of the earliest check-up."""
     loaded = artefact.load_all(paths)
+    # Features of an aged cell beside those of a fresh one would tell its age, not its making.
     first = in_first_checkup([facts.of_artefact(about).cycle for _, about in loaded])
     return [one for one, young in zip(loaded, first, strict=True) if young]
 
@@ -127,6 +129,7 @@ def _charge(path, peaks) -> dict:
 def peer_paths(inputs):
     """(basis, model, ShownPaths) of each peer that has a model, of `bias_correction`."""
     pairs = zip(inputs.peer_basis, inputs.peer_models, strict=True)
+    # A peer without a model cannot be the reference, nor does it calibrate anything.
     usable = [pair for pair in pairs if artefact.read_about(pair[1])["reason"] is None]
     for basis, model in usable:
         folder = f"/{_cell_of(basis)}/"
@@ -147,6 +150,7 @@ def judged_cells(inputs, references, cells) -> list[Scored]:
     for basis, model, paths in peer_paths(inputs):
         cell = _cell_of(basis)
         series = [path for path in inputs.series if f"/{cell}/" in path]
+        # Identified is not finished: without a model in use others have nothing to be judged by.
         in_use = artefact.load_first([own[cell]])
         if in_use is not None:
             shown = cell_shows(basis, model, paths, references)

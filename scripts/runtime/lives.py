@@ -11,6 +11,7 @@ def records(cycles_paths, summary_paths, compensated_paths) -> list[tuple]:
         for cycles_path, summary_path, compensated_path in triples
         for cycles, about in artefact.load_all([cycles_path])
     ]
+    # None has content: the first reason is the one to pass on.
     if not found:
         artefact.load_some(cycles_paths)
     return found
@@ -19,6 +20,7 @@ def records(cycles_paths, summary_paths, compensated_paths) -> list[tuple]:
 def _temperature(summary_path, compensated_path):
     """(row, columns) of what temperature does in a record, None where that could not be told."""
     told = artefact.load_all([summary_path, compensated_path])
+    # Both are made by one job, so that either both have content or neither has.
     if len(told) < 2:
         return None
     (summary, _), (compensated, _) = told
@@ -67,6 +69,7 @@ def found(inputs) -> dict:
 
 def with_sheet(check_ups, sheet) -> list[dict]:
     """Rows of check-ups beside what config/checkups.tsv says of the same cycle."""
+    # Any column with its unit: a laboratory measures thickness, mass or gas, as it likes.
     quantities = [name for name in (sheet[0] if sheet else {}) if name not in ("cell", "cycle")]
     by_cycle = {row["cycle"]: row for row in sheet}
     return [

@@ -37,6 +37,7 @@ def warnings(checks, abouts) -> list[str]:
     series pack the simulation itself tells swapped cells.
     """
     found = [row["sentence"] for row in checks.to_dict("records") if row["found"] == "True"]
+    # Strings have no row of checks of their own: their simulation finds swapped cells.
     notes = [note for about in abouts for note in about["notes"] if SWAPPED in note]
     return list(dict.fromkeys([*found, *notes]))
 
@@ -107,6 +108,7 @@ def _charge(findings, strings):
         )
         rate = f"{float(lost['current_c_rate']):.2g}C"
         return f"{given:.4g} of {cells:.4g} Ah of its cells at {rate} ({given / cells - 1:+.1%})"
+    # Of several records the one in which the string gave least: what its user can count on.
     least = min(
         (row for row in strings if row.get("usable_ampere_hour")),
         key=lambda row: float(row["usable_ampere_hour"]),

@@ -36,6 +36,7 @@ def render(job) -> str:
     witnesses = {_owner(artefact.read_about(p)): _witnesses(p) for p in inputs.witnesses}
     cold = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
+    # Sorted to their owners once: a look through all artefacts for each page grows with the square.
     abouts_of = {}
     for about in abouts.values():
         abouts_of.setdefault(_owner(about), []).append(about)
@@ -59,6 +60,7 @@ def render(job) -> str:
     template = environment.get_template(Path(inputs.page).name)
     campaign = params.figures["campaign"]
     for page in pages:
+        # Packed one by one, or a report of a hundred cells is tens of megabytes when it opens.
         page["packed"] = packed(template.render(page=page, excluded=excluded))
     return environment.get_template(Path(inputs.template).name).render(
         title=params.title,
@@ -203,6 +205,7 @@ def _choice(rows) -> dict:
 
 
 def _short(rows) -> dict:
+    # The page is of one cell or group: its name in every row would only take room.
     columns = rows.columns.drop(["cell", "group"], errors="ignore").tolist()
     more = max(len(rows) - SHOWN_ROWS, 0)
     return {"columns": columns, "rows": rows.head(SHOWN_ROWS).to_dict("records"), "more": more}
@@ -236,6 +239,7 @@ def _owner(about):
 
 def _picture(path, captions) -> dict:
     name = Path(path).stem
+    # Names of tests may themselves have underscores: the longest kind that fits is meant.
     fitting = [kind for kind in captions if name == kind or name.startswith(f"{kind}_")]
     kind = max(fitting, key=len, default=None)
     caption = captions.get(kind, {"title": name, "read": ""})

@@ -14,6 +14,7 @@ FACTS_OF_CELL = (
     *("cell", "rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt"),
     "state_of_health",
 )
+# What a reader of a table needs to compare rows; everything else is one look at the sheet away.
 FACTS_IN_TABLES = ("cycle", "ambient_temperature_celsius", "soc")
 OWNERS = ("cell", "group", "fleet", "owner")
 
@@ -84,13 +85,16 @@ class Plan:
     def __init__(self, campaign):
         self.cells = {row["cell"]: row for row in campaign.cells}
         self.tests = {(row["cell"], row["test"]): row for row in campaign.tests}
+        # A group is tested like a cell: the sheet of tests names it in the same column.
         groups = [row["group"] for row in campaign.groups]
         self.tests_of = {name: [] for name in [*self.cells, *groups]}
         for row in campaign.tests:
             self.tests_of[row["cell"]].append(row)
         self.branches = {}
+        # Rows of a sheet may be sorted in any way; logged channels are numbered by position.
         for row in sorted(campaign.groups, key=lambda row: row["position"]):
             self.branches.setdefault(row["group"], []).append(row)
+        # Wirings are made once: thousands of jobs ask for them while the graph is built.
         self.wired = {name: wiring.rows_below(name, campaign.groups) for name in self.branches}
         self.leaves = {
             name: wiring.cells_of(wiring.wiring_of(name, rows)) for name, rows in self.wired.items()
@@ -123,10 +127,12 @@ class Plan:
 
     def cycles(self, cell, *kinds):
         """Cycles at which a cell has tests of these kinds that may be fitted; blank: fresh."""
+        # A set: check-ups of two kinds of test are compared by what cycles they have in common.
         return {row["cycle"] or 0 for row in self.rows(cell, *kinds, roles=["fit"])}
 
     def facts_of(self, name):
         """What analyses need of a cell; of a group, of its first cell."""
+        # Limits of voltage are those of one cell, and all cells of a group are of one type.
         row = self.cells.get(name) or self.cells[self.leaves[name][0]]
         return {fact: row[fact] for fact in FACTS_OF_CELL}
 

@@ -36,7 +36,7 @@ class Piece(NamedTuple):
 
 # Folders of modules whose functions and classes are hashed one by one.
 PARTED = ("cellwright/api", "cellwright/settings")
-LAZY = ".pyi"  # stub of a package whose names are imported from their modules at first use
+STUB = ".pyi"  # of a package whose names are imported from their modules at first use
 IMPORTS = (ast.Import, ast.ImportFrom)
 
 
@@ -48,6 +48,7 @@ def code_of(script: str) -> str:
     change nothing, and a changed formula in any imported module changes the hash. Of the public
     interface and of the settings only the functions and classes that are used count.
     """
+    # Sorted: the order in which imports are walked must not count.
     digests = [digest_of(piece) for piece in sorted(pieces_of(script))]
     return hashlib.sha256("".join(digests).encode()).hexdigest()[:16]
 
@@ -83,6 +84,7 @@ def codes_of(scripts, folders=None) -> dict[str, str]:
         all sources that they are of, for all campaigns; the first that can be written to gets those
         that are new. None: the user's cache, else the campaign's records.
     """
+    # Named by what it is of: a file of other sources is never read, so none can be out of date.
     name = f"codes-{_sources_digest()}.json"
     files = [Path(folder) / name for folder in folders or _caches()]
     known = next(filter(None, map(_kept, files)), {})
@@ -99,8 +101,14 @@ def _caches():
 
 
 def _sources_digest() -> str:
+    # Syntax trees of one source differ between versions of Python.
     sources = hashlib.sha256(sys.version.encode())
-    found = [path for root in _roots() for kind in ("*.py", "*.[ch]") for path in root.rglob(kind)]
+    found = [
+        path
+        for root in _roots()
+        for kind in ("*.py", "*.pyi", "*.[ch]")
+        for path in root.rglob(kind)
+    ]
     for path in sorted(found):
         sources.update(f"{_place(path).as_posix()}\n".encode() + path.read_bytes())
     return sources.hexdigest()[:32]
@@ -171,7 +179,7 @@ def _entries(path: Path) -> dict:
 
 def _stub(path: Path) -> ast.Module:
     """The stub beside a module, an empty one where there is none."""
-    stub = path.with_suffix(LAZY)
+    stub = path.with_suffix(STUB)
     return ast.parse(stub.read_text(encoding="utf-8") if stub.exists() else "")
 
 
@@ -197,6 +205,7 @@ def _needs(piece: Piece) -> frozenset:
         nodes += [entries[name] for name in used if isinstance(entries[name], IMPORTS)]
     package = _place(piece.path).parent.parts
     names = [name for node in nodes for name in _imported(node, package)]
+    # `cw.capacity` is an attribute of a module, and names that step alone.
     names += _attributes_of_modules(nodes)
     needed.update(*(_pieces_named(name) for name in names))
     return frozenset(needed - {piece})
@@ -246,7 +255,7 @@ def _holds(root: Path, package: str) -> bool:
 @cache
 def _gives_names(file: Path) -> bool:
     """Whether the names of this file are hashed one by one."""
-    return _place(file).parent.as_posix() in PARTED or file.with_suffix(LAZY).exists()
+    return _place(file).parent.as_posix() in PARTED or file.with_suffix(STUB).exists()
 
 
 def _is_docstring(node) -> bool:

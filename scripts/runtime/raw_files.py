@@ -21,6 +21,7 @@ def contents(files, sha256) -> list[tuple[str, bytes]]:
     """
     if not files:
         raise Refusal("tests.tsv names no file for this test")
+    # Checksums are optional in the sheet; without one any content of that name is taken.
     sums = sha256 or [None] * len(files)
     return [(file, _bytes(file, wanted)) for file, wanted in zip(files, sums, strict=True)]
 
@@ -51,6 +52,7 @@ def _bytes(file, wanted) -> bytes:
         raise Refusal(f"{file}: cannot be read: {error.strerror}") from None
     if not data:
         raise Refusal(f"{file}: the file is empty (0 bytes)")
+    # Of the bytes that are used: a file may change between a look at it and its reading.
     checksum = hashlib.sha256(data).hexdigest()
     if wanted and checksum != wanted.lower():
         raise Refusal(f"{file}: SHA-256 is {checksum}, tests.tsv says {wanted}")

@@ -35,12 +35,14 @@ def outcomes(folder) -> list[dict]:
     import pytest
 
     collector = _Collector()
+    # The settings of the folder in which a run is started do not count, and no cache is left in it.
     settings = ["-q", "-p", "no:cacheprovider", "--rootdir", str(TESTS), "-c", "/dev/null"]
     with contextlib.redirect_stdout(io.StringIO()):
         ended = pytest.main(
             [*settings, "--import-mode=importlib", "--results", str(folder), str(TESTS)],
             plugins=[collector],
         )
+    # No tests found, or an error in them, must not read like results that passed.
     if ended not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
         raise RuntimeError(f"the checks themselves could not run: pytest ended with {ended}")
     return collector.rows

@@ -20,41 +20,34 @@ def lay_on(workflow, scripts, costs):
     ours = {rule: script for rule in workflow.rules if (script := script_of(rule, scripts))}
     codes = codes_of(ours.values())
     for rule, script in ours.items():
-        rule.set_params(**_own_parameters(rule, script, codes[script]))
-        cost = costs.get(_name_of(script))
-        if cost is not None:
-            _ask_for(workflow, rule, cost)
+        # A using workflow may rename a rule; in the provenance it keeps its own name.
+        name = script.rpartition("/")[2]
+        renamed = {} if rule.name == name else {"rule": name}
+        # Beside its own parameters these decide whether a rule runs again: the hash of its script
+        # and of all that this imports, and that of the contract of its files.
+        expected = contract.fingerprint(*map(str, rule.output))
+        rule.set_params(code=codes[script], contract=expected, **renamed)
+        if name in costs:
+            _set_requests(workflow, rule, costs[name])
 
 
 def script_of(rule, scripts) -> str | None:
     """The script of a rule of this pipeline, as `protocols/ocv`; None for all other rules."""
+    # Rules without a script ask for files only, and so do those of a using workflow.
     if not rule.script:
         return None
     path = Path(str(rule.basedir.get_path_or_uri(secret_free=True)), rule.script).resolve()
+    # Scripts of a using workflow may bear the same names; only where they lie tells them apart.
     inside = path.is_relative_to(scripts)
     return path.relative_to(scripts).with_suffix("").as_posix() if inside else None
 
 
-def _name_of(script):
-    """A rule's own name, which it keeps in the provenance where a using workflow renames it."""
-    return script.rpartition("/")[2]
-
-
-def _own_parameters(rule, script, code):
-    """Parameters that decide, beside its own, whether a rule runs again.
-
-    `code` is the hash of its script and of all that this imports; `contract` that of what its
-    files are held against, which their folders and suffixes tell.
-    """
-    renamed = {"rule": _name_of(script)} if rule.name != _name_of(script) else {}
-    return {"code": code, "contract": contract.fingerprint(*map(str, rule.output)), **renamed}
-
-
-def _ask_for(workflow, rule, cost):
+def _set_requests(workflow, rule, cost):
     """Memory, time and group of a rule's jobs; what the user sets by --set-resources stays.
 
     Executors on this machine know no groups.
     """
+    # What the user asks for is on the rule already, and ours would replace it.
     set_by_user = workflow.resource_settings.overwrite_resources.get(rule.name, {})
     for name, amount in job_requests.requests(cost).items():
         if name not in set_by_user:

@@ -16,6 +16,7 @@ def known_cells(branches, lenders, paths) -> list[KnownCell]:
     paths : of the models.
     """
     models = {about["wildcards"]["cell"]: model for model, about in artefact.load_all(paths)}
+    # A cell without pulses of its own is known by its type, which the verdict says.
     sources = [lenders.get(row["cell"], row["cell"]) for row in branches]
     return [KnownCell(models.get(source), source) for source in sources]
 
@@ -47,6 +48,7 @@ def simulated(files, tests) -> tuple[dict, list[str]]:
     import cellwright as cw
 
     curves, notes = {}, []
+    # A simulation of a test that could not be read has nothing to be compared with.
     for test in (name for name in files if name in {one.facts.test for one in tests}):
         try:
             curves[test] = cw.read_simulated(files[test])

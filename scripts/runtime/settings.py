@@ -59,6 +59,7 @@ def read(folder, schema: dict, overrides: dict, *, alone=False) -> tuple[dict, l
     `overrides` (Snakemake's --config and --configfile) goes before what the file says. Where it is
     `alone` (the `config:` of a module), the file is not looked at.
     """
+    # Snakemake hands values of a section given by --config over as texts.
     overrides = _typed(overrides, schema)
     path = Path(folder) / FILE
     has_file = path.is_file() and not alone
@@ -168,6 +169,7 @@ def _is_number(checker, value) -> bool:
 
 def faults_of(content, schema, place=lambda path: "config") -> list[str]:
     """Faults of settings, one line each; `place` gives the place of a path of keys in the file."""
+    # A section whose keys are all commented out is None, and means the defaults.
     content, faults = _without_blanks(content, schema), []
     if not content:  # the common case, which need not wait for jsonschema
         return []
@@ -195,9 +197,10 @@ def _unknown(place, path, key, schema, section) -> str:
 def _hint(error) -> str:
     """Hint for a number that YAML reads as text: 1e-3 must be written 1.0e-3."""
     try:
-        text = error.instance if isinstance(error.instance, str) else "no number"
-        number = float(text)
+        number = float(error.instance if isinstance(error.instance, str) else "")
     except ValueError:
+        return ""
+    if not math.isfinite(number):
         return ""
     return f"; write {int(number) if number.is_integer() else number}"
 

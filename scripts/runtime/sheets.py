@@ -195,12 +195,12 @@ def read(folder, schemas, overrides=None, *, alone=False) -> Campaign:
         folder, settings.load(schemas, "config"), overrides or {}, alone=alone
     )
     cells, tests = (_sheet(folder, schemas, name) for name in ("cells", "tests"))
-    groups = Sheet([], [], [])
-    if (folder / "config" / "groups.tsv").exists():
-        groups = _sheet(folder, schemas, "groups")
-    check_ups = Sheet([], [], [])
-    if (folder / "config" / "checkups.tsv").exists():
-        check_ups = _sheet(folder, schemas, "checkups")
+    groups, check_ups = (
+        _sheet(folder, schemas, name)
+        if (folder / "config" / f"{name}.tsv").exists()
+        else Sheet([], [], [])
+        for name in ("groups", "checkups")
+    )
     faults += [*cells.faults, *tests.faults, *groups.faults, *check_ups.faults]
     faults += [*_check_ups(check_ups, cells, tests)]
     faults += [*_cells(cells), *_groups(groups, cells), *_tests(tests, cells, groups)]
@@ -228,8 +228,10 @@ def _sheet(folder, schemas, name):
 
 def _with_quantities(folder, schema):
     """The schema of check-ups with the sheet's further columns, if named `quantity_unit`."""
-    data = (Path(folder) / "config" / "checkups.tsv").read_bytes()
-    lines, _ = _lines(_decoded(data, "config/checkups.tsv")[0], "config/checkups.tsv")
+    path = Path(folder) / "config" / "checkups.tsv"
+    if not path.is_file():
+        return schema
+    lines, _ = _lines(_decoded(path.read_bytes(), "config/checkups.tsv")[0], "config/checkups.tsv")
     names = [name for name in (lines[0][1] if lines else []) if QUANTITY.fullmatch(name)]
     further = {name: {"type": "number", "description": "measured"} for name in names}
     return schema | {"properties": further | schema["properties"]}

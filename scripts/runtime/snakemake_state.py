@@ -1,4 +1,4 @@
-"""State of Snakemake in a campaign: stale locks removed, the slowest rules of a run named."""
+"""Snakemake in a campaign: stale locks, what it does otherwise than here is needed, slow rules."""
 
 import json
 import shutil
@@ -25,6 +25,7 @@ def clear_stale_locks(folder):
     me = psutil.Process()
     record = starts / f"{me.pid}@{socket.gethostname()}"
     record.write_text(str(me.create_time()), encoding="utf-8")
+    # Own start written before others are read: of two starts at once at least one sees the other.
     others = [start for start in starts.iterdir() if start != record]
     if others and all(_has_ended(start) for start in others):
         shutil.rmtree(state / "locks", ignore_errors=True)
@@ -39,6 +40,7 @@ def _has_ended(start: Path) -> bool:
         return False
     try:
         started = psutil.Process(int(number)).create_time()
+        # The number of an ended process may be another's by now, which began at another time.
         return abs(started - float(start.read_text(encoding="utf-8"))) > SAME_START_SECOND
     except psutil.NoSuchProcess:
         return True
@@ -77,6 +79,24 @@ def lift_usual_job_rate(workflow):
         workflow.scheduler.job_rate_limiter = None
 
 
+def keep_wildcard_constraints(provider):
+    """Let rules with the same output patterns be told apart by the constraints of their wildcards.
+
+    Snakemake writes the constraints into the address of an output and matches files against the
+    path of its local copy. The S3 plugin (0.3.6) makes that path once, before there are
+    constraints; here it follows from the address as it is.
+
+    Parameters
+    ----------
+    provider : Snakemake's default storage provider, None where artefacts lie on a disk
+    """
+    if provider is None or not provider.__module__.startswith("snakemake_storage_plugin_s3"):
+        return
+    # Patched in the class: Snakemake makes an object for each output of each rule.
+    objects = provider.get_storage_object_cls()
+    objects.local_suffix = lambda self: self.query.removeprefix("s3://")
+
+
 def slowest(folder, since, *, count=5) -> list[str]:
     """The rules that took longest since a moment: seconds, jobs, and the longest one's output.
 
@@ -88,6 +108,7 @@ def slowest(folder, since, *, count=5) -> list[str]:
     """
     records = [_record(path) for path in Path(folder, ".snakemake", "metadata").rglob("*")]
     recent = [record for record in records if record and (record["starttime"] or 0) >= since]
+    # A job of several outputs has a record for each; its log file is one.
     jobs = {(record["rule"], *record["log"]): record for record in recent}
     rules = {}
     for job in jobs.values():

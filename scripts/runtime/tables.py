@@ -29,6 +29,7 @@ def rows_of(paths, tests) -> list[dict]:
         )
         table_rows += [wildcards | facts | row for row in artefact.rows(columns)]
     # Stages that share a table may have columns that the others lack: not known there.
+    # In the order in which they are first seen, so that the same results give the same table.
     names = dict.fromkeys(name for row in table_rows for name in row)
     return [dict.fromkeys(names) | row for row in table_rows]
 
@@ -59,6 +60,7 @@ def excluded(paths, files) -> "DataFrame":
     for path in paths:
         about = artefact.read_about(path)
         reasons = about.get("facts", {}).get("left_out", [])
+        # Passed-on reasons are told where they arose: one bad file is one row, not one a stage.
         if about["reason"] is not None:
             reasons = [about["reason"]] if about["origin"] == path else []
         wildcards = about["wildcards"]
@@ -189,6 +191,7 @@ def summary(cells, tables, models) -> "DataFrame":
 
 def _summary_row(facts, of_cell, model) -> dict:
     rated, scored = facts["rated_capacity_ampere_hour"], of_cell["validation"]
+    # What models count in goes first: SoC of all tables refers to it.
     capacity = model.get("capacity_ampere_hour") or slowest_capacity(_known(of_cell["capacity"]))
     notes = model.get("notes", [])
     if capacity is None and facts.get("state_of_health"):
@@ -259,6 +262,7 @@ def changed(manifest_path) -> list[str]:
     """Files of a manifest that are missing or whose bytes have changed."""
     from runtime.provenance import sha256_of
 
+    # All of them: who edits one table by hand has often edited two.
     differences = []
     for line in Path(manifest_path).read_text(encoding="utf-8").splitlines():
         digest, path = line.split("\t")

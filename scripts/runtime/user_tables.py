@@ -39,6 +39,7 @@ def read(path, name, columns) -> dict:
     """
     if not Path(path).is_file():
         raise Refusal(f"no file {name} in the campaign")
+    # Spreadsheets write a byte-order mark, which would be part of the first column's name.
     with Path(path).open(encoding="utf-8-sig", newline="") as file:
         reader = csv.DictReader(file)
         rows = [(reader.line_num, row) for row in reader]

@@ -38,11 +38,12 @@ def test_a_frame_a_mapping_and_a_result_give_the_same():
 def test_steps_are_taken_as_result_or_as_table():
     series = cw.clean(record())
     steps = cw.segment(series, CELL)
+    steps_with_more = steps.to_frame().assign(note="of no use here")
     mapping = {"cell": "A", "rated_capacity_ampere_hour": 2.0, "note": "of no use here"}
     mapping |= {"lower_cutoff_volt": 3.22, "upper_cutoff_volt": 4.12}
     found = [
         cw.capacity(series, one, cell, whole_swing=True).to_frame()
-        for one, cell in ((steps, CELL), (steps.to_frame(), mapping))
+        for one, cell in ((steps, CELL), (steps_with_more, mapping))
     ]
     pd.testing.assert_frame_equal(*found)
     assert found[0]["capacity_ampere_hour"].to_numpy() == pytest.approx(3400 / 1800, rel=0.01)

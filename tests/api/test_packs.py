@@ -69,3 +69,8 @@ def test_models_that_are_not_a_cells_own_are_said():
     notes = cw.pack_decisions(borrowed, MEMBERS, CELLS, **FEW).notes
     assert "models of A: the reference's, corrected by what was measured of the cell" in notes
     assert any(note.startswith("models of B: known from one slow record") for note in notes)
+
+
+def test_a_cell_of_which_no_facts_are_given_is_named():
+    with pytest.raises(cw.Refusal, match=r"no facts of B; there are A, C, D"):
+        cw.pack_decisions(MODELS, MEMBERS, [CELLS[0], *CELLS[2:]], **FEW)

@@ -1,6 +1,7 @@
 """Figures of health: what is known is drawn with its limits, what is not is said."""
 
 import numpy as np
+from figure_panels import labels
 
 from figures import health
 
@@ -30,10 +31,6 @@ LIFE = {
     "remaining_lower_cycles": 20.0,
     "remaining_upper_cycles": np.nan,
 }
-
-
-def labels(axes):
-    return [text.get_text() for text in axes.get_legend().get_texts()]
 
 
 def test_the_end_of_life_is_drawn_as_far_as_it_is_known():

@@ -2,20 +2,13 @@
 
 import numpy as np
 import pytest
-from figure_panels import outside, text_boxes, touching
+from figure_panels import sound
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from figures import measures, style
 
 WORDS = st.text("abc mW_°é", min_size=1, max_size=90).map(str.strip).filter(bool)
-
-
-def sound(figure):
-    boxes = text_boxes(figure)
-    assert outside(figure, boxes) == []
-    assert touching(figure, boxes) == []
-    return boxes
 
 
 @settings(max_examples=15, deadline=None)
@@ -27,7 +20,7 @@ def test_texts_of_any_length_stay_on_the_canvas_and_apart(title, label, power):
         panel.plot([0, 1], [0, 10**power])
         panel.set(title=title, xlabel=label, ylabel=label[:40])
     boxes = sound(figure)
-    written = "".join(text for text, *_ in boxes).replace(" ", "")
+    written = "".join(boxes).replace(" ", "")
     assert title.replace(" ", "") in written
 
 
@@ -49,8 +42,8 @@ def test_a_logarithmic_axis_of_less_than_a_decade_has_labels_apart_and_in_plain_
         panel.plot([2e-3, 9e-3], [2e-3, 9e-3])
         panel.set(xscale="log", yscale="log")
     boxes = sound(figure)
-    assert not any("$" in text for text, *_ in boxes)
-    assert any("×10⁻³" in text for text, *_ in boxes)
+    assert not any("$" in text for text in boxes)
+    assert any("×10⁻³" in text for text in boxes)
 
 
 def test_colour_bars_and_legends_outside_keep_their_room():

@@ -2,16 +2,9 @@
 
 import numpy as np
 import pytest
-from figure_panels import TIME, drawn, labels, outside, panels, text_boxes, title, touching
+from figure_panels import TIME, drawn, labels, panels, sound, title
 
 from figures import packs
-
-
-def sound(figure):
-    boxes = text_boxes(figure)
-    assert outside(figure, boxes) == []
-    assert touching(figure, boxes) == []
-    return [text for text, *_ in boxes]
 
 
 def branches(count):

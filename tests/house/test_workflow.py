@@ -1,9 +1,10 @@
 """Laws of the rules and the config: told in words, hashed code, every key known and documented."""
 
+import ast
 import re
 
 import pytest
-from tree import ROOT, SCRIPTS
+from tree import ROOT, SCRIPTS, held_by_every, parsed
 
 from runtime import job_requests, settings
 from tools import settings_module
@@ -24,16 +25,33 @@ SHEET_NAMES = ("cells", "tests", "groups", "checkups")
 SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in SHEET_NAMES]
 
 
+def scripts_in(body) -> list[str]:
+    """Paths below scripts/ of what a rule runs."""
+    return re.findall(r"scripts/(\w+/\w+\.py)", body)
+
+
 @pytest.mark.parametrize(("rule", "body"), RULES, ids=[rule for rule, _ in RULES])
 def test_a_rule_says_what_it_does_logs_and_runs_the_script_of_its_name(rule, body):
     for needed in ("message:", "log:"):
         assert needed in body, f"rule {rule} has no {needed}"
-    script = re.search(r"scripts/(\w+)/(\w+)\.py", body)
-    assert script, f"rule {rule} runs no script"
-    assert (SCRIPTS / script[1] / f"{script[2]}.py").is_file(), f"{script[0]} is missing"
-    assert script[2] == rule, f"rule {rule} runs {script[0]}"
     smk = next(path for path in FILES if re.search(rf"^rule {rule}:", path.read_text(), re.M))
-    assert smk.stem == script[1], f"rule {rule} of {smk.name} runs {script[0]}"
+    assert scripts_in(body) == [f"{smk.stem}/{rule}.py"]
+    assert (SCRIPTS / smk.stem / f"{rule}.py").is_file()
+
+
+@held_by_every([SCRIPTS / script for _, body in RULES for script in scripts_in(body)])
+def test_a_rules_script_decides_nothing(path):
+    """It loads, calls the science and saves; functions belong into the science or the runtime."""
+    made = [n for n in ast.walk(parsed(path)) if isinstance(n, ast.FunctionDef | ast.ClassDef)]
+    assert not made, f"{made[0].name} belongs into the science"
+
+
+def test_every_script_of_a_folder_of_rules_is_run():
+    """Folders of scripts bear the name of a file of rules, and hold nothing else."""
+    folders = [SCRIPTS / path.stem for path in FILES if (SCRIPTS / path.stem).is_dir()]
+    found = {f"{p.parent.name}/{p.name}" for folder in folders for p in folder.glob("*.py")}
+    assert found <= {script for _, body in RULES for script in scripts_in(body)}
+    assert not list(SCRIPTS.glob("*.py")), "scripts lie in folders"
 
 
 def test_no_rule_runs_a_command():
@@ -79,16 +97,6 @@ def test_keys_that_carry_a_unit_say_it():
         unit = endings.get(key.rsplit("_", 1)[-1])
         if unit and "_per_" not in key:
             assert spec.get("unit") == unit, f"{key} says unit {spec.get('unit')}, not {unit}"
-
-
-def test_there_are_few_settings():
-    """A laboratory turns them; what it does not turn is a default of the science."""
-    count = sum(
-        spec["type"] != "object"
-        for key, spec in settings.keys(CONFIG)
-        if not key.startswith("benchmark")
-    )
-    assert count <= 80
 
 
 def test_the_search_takes_every_setting_of_its_sections():

@@ -96,6 +96,14 @@ def _box(element):
     return *(at.min(axis=0) + [x, y]), *(at.max(axis=0) + [x, y])
 
 
+def sound(figure):
+    """Texts of a figure, none of which leaves the canvas or overlaps another around a panel."""
+    boxes = text_boxes(figure)
+    assert outside(figure, boxes) == []
+    assert touching(figure, boxes) == []
+    return [text for text, *_ in boxes]
+
+
 def outside(figure, boxes):
     """Texts that leave the canvas by more than half a point."""
     wide, high = figure.bbox.size

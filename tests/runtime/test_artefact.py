@@ -128,6 +128,12 @@ def test_json_documents_carry_their_provenance_inside(snakemake):
     assert artefact.load(path) == {"cell": "A", "value": None}
 
 
+def test_a_document_that_was_written_again_is_read_again(snakemake):
+    for value in (1, 22):
+        path = _saved(snakemake, "results/models/A.json", {"value": value})
+        assert artefact.load(path) == {"value": value}
+
+
 def test_tables_have_the_columns_of_the_contract_even_without_rows(snakemake):
     path = "results/tables/validation.csv"
     _saved(snakemake, path, [])

@@ -29,6 +29,9 @@ def test_without_the_sheet_there_are_none(tmp_path):
     assert read(tmp_path, "cell\tcycle\nA1\t0\n").check_ups == [{"cell": "A1", "cycle": 0.0}]
     (tmp_path / "config" / "checkups.tsv").unlink()
     assert sheets.read(tmp_path, SCHEMAS).check_ups == []
+    (tmp_path / "config" / "checkups.tsv").mkdir()
+    with pytest.raises(sheets.CampaignError, match="found 'a directory'"):
+        sheets.read(tmp_path, SCHEMAS)
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
+from contract_rows import row_of
 
-from runtime import artefact, health_page
+from runtime import health_page
 
 NAMES = ["cell", "cycle", "soh", "soh_std", "method", "lli", "lam_negative", "lam_positive"]
 
@@ -64,11 +65,14 @@ def test_a_campaign_of_fresh_cells_has_no_health_in_its_overview():
     assert health_page.section({"health": fresh, "fade": as_text(FADE)}) == {}
 
 
-def test_lives_are_drawn_from_every_discharge_else_from_check_ups(snakemake):
-    path = "results/fade_course/A.parquet"
-    columns = {"cycle": np.arange(1.0, 4.0), "capacity_ampere_hour": np.array([20.0, 5.0, 18.0])}
-    with artefact.Job(snakemake(path, wildcards={"cell": "A"})) as job:
-        job.save(made_course(columns))
+def test_lives_are_drawn_from_every_discharge_else_from_check_ups(saved):
+    """Of the three discharges the second was left out."""
+    course = row_of("fade_course", test="life")
+    rows = [
+        course | {"cycle": cycle, "capacity_ampere_hour": size, "used": why == "", "reason": why}
+        for cycle, size, why in ((1.0, 20.0, ""), (2.0, 5.0, "cut short"), (3.0, 18.0, ""))
+    ]
+    path = saved("results/fade_course/A.parquet", rows)
     aged = pd.concat([HEALTH, pd.DataFrame([row("B", 100.0, 0.9, "check-up")])])
     lives = health_page.lives(aged, FADE, [path], {"A": "fast_charge", "B": None})
     cycled, checked = lives
@@ -78,11 +82,3 @@ def test_lives_are_drawn_from_every_discharge_else_from_check_ups(snakemake):
     assert cycled["peaks"].tolist() == [[900.0, 0.881]]
     assert checked["cycle"].tolist() == [0.0, 100.0]
     assert checked["protocol"] == ""
-
-
-def made_course(columns):
-    """Columns of stage `fade_course` of three discharges, the second of them left out."""
-    names = artefact.contract.stages()["fade_course"]["columns"]
-    texts = {"test": ["life"] * 3, "reason": ["", "cut short", ""]}
-    course = {name: np.zeros(3) for name in names} | texts | columns
-    return course | {"used": np.array([True, False, True])}

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from contract_rows import row_of
 
 from cellwright.health.ratings import CheckUp, Growth, check_ups
-from cellwright.refusal import Refusal
 from runtime import artefact, fleets, lives
 
 
@@ -17,21 +17,16 @@ def rating(size, ohm, cycle=0.0):
 
 
 @pytest.fixture
-def checked(snakemake):
+def checked(saved):
     """Check-ups of nine cells of one pack, of which one was refused, and their pulses."""
     rated, pulsed = [], []
     for place in range(9):
         ohm = 4e-3 - 1e-4 * place + 1e-6 * (place % 3)
         growth = [Growth(0.0, "discharge", 0.0, soc, ohm, 1.0, 0.0) for soc in (0.2, 0.5, 0.8)]
-        for stage, found, paths in (
-            ("checkups", [rating(20.0 + place, ohm)], rated),
-            ("resistance_growth", growth, pulsed),
-        ):
-            paths.append(f"results/{stage}/P{place}.parquet")
-            with artefact.Job(snakemake(paths[-1], wildcards={"cell": f"P{place}"})) as job:
-                if place == 8:
-                    raise Refusal("no capacity and no resistance")
-                job.save(found)
+        refused = "no capacity and no resistance" if place == 8 else None
+        found = refused or [rating(20.0 + place, ohm)]
+        rated.append(saved(f"results/checkups/P{place}.parquet", found))
+        pulsed.append(saved(f"results/resistance_growth/P{place}.parquet", refused or growth))
     return rated, pulsed
 
 
@@ -59,21 +54,10 @@ def test_the_sheet_of_check_ups_comes_along():
     assert "sheet_thickness_millimetre" not in lives.with_sheet([rating(20.0, 1e-3)], [])[0]
 
 
-def test_ratings_fit_their_contract(snakemake):
-    capacity = {
-        "test": "c",
-        "cycle": None,
-        "ambient_temperature_celsius": None,
-        "direction": "discharge",
-        "c_rate": 0.5,
-        "capacity_ampere_hour": 2.0,
-        "capacity_std_ampere_hour": np.nan,
-        "repeats": 1,
-        "energy_watt_hour": 7.0,
-    }
+def test_ratings_fit_their_contract(saved):
+    capacity = row_of("capacity", direction="discharge", capacity_std_ampere_hour=np.nan)
+    capacity |= {"test": "c", "cycle": None, "ambient_temperature_celsius": None}
     limits = ("rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt")
     rows, _ = check_ups([capacity], [], **dict.fromkeys(limits))
-    path = "results/checkups/A.parquet"
-    with artefact.Job(snakemake(path, wildcards={"cell": "A"})) as job:
-        job.save(lives.with_sheet(rows, []))
+    path = saved("results/checkups/A.parquet", lives.with_sheet(rows, []))
     assert artefact.load(path)["soh"].tolist() == [1.0]

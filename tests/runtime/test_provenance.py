@@ -42,17 +42,9 @@ def file_of(key):
 
 def forget():
     """Files are read anew."""
-    names = (
-        "code_of",
-        "digest_of",
-        "_parsed",
-        "_entries",
-        "_needs",
-        "_pieces_named",
-        "_gives_names",
-    )
-    for name in names:
-        getattr(provenance, name).cache_clear()
+    for function in vars(provenance).values():
+        if hasattr(function, "cache_clear") and function is not provenance.sha256_of:
+            function.cache_clear()
 
 
 @pytest.fixture
@@ -170,6 +162,16 @@ def test_hashes_are_kept_until_a_source_changes(code, tmp_path):
     forget()
     assert provenance.codes_of(["job"], folders) == first
     assert provenance._parsed.cache_info().misses == 0, "earlier sources are known as well"
+
+
+def test_kept_hashes_follow_the_stub_too(code, tmp_path):
+    """A public name that is taken from elsewhere changes no module."""
+    code(PUBLIC)
+    before = provenance.codes_of(["job"], [tmp_path / "kept"])
+    stub = tmp_path / "scripts" / "cellwright" / "__init__.pyi"
+    stub.write_text(PUBLIC["cellwright/__init__.pyi"].replace("steps import", "inputs import"))
+    forget()
+    assert provenance.codes_of(["job"], [tmp_path / "kept"]) != before
 
 
 def test_hashes_of_further_scripts_are_added(code, tmp_path):

@@ -2,65 +2,30 @@
 
 import numpy as np
 import pytest
+from contract_rows import row_of
 
-from cellwright.refusal import Refusal
-from runtime import artefact, lending
+from runtime import lending
 
-PEAK = {
-    "c_rate": 0.1,
-    "peak": 1,
-    "voltage_volt": 3.5,
-    "voltage_std_volt": 0.001,
-    "height_ampere_hour_per_volt": 4.0,
-    "height_std_ampere_hour_per_volt": 0.02,
-    "area_ampere_hour": 0.5,
-    "area_std_ampere_hour": 0.01,
-    "width_volt": 0.05,
-    "width_std_volt": 0.001,
-    "position_height_covariance_ampere_hour": 1e-6,
-    "prominence": 0.5,
-}
+PEAK = row_of("ica", c_rate=0.1)
 
 
 def pulse(ohm, delay=10.0, soc=0.99, direction="discharge"):
-    return {
-        "soc": soc,
-        "direction": direction,
-        "delay_second": delay,
-        "actual_delay_second": delay,
-        "resistance_ohm": ohm,
-        "resistance_std_ohm": 1e-4,
-        "current_ampere": -2.0,
-        "c_rate": 1.0,
-        "voltage_before_volt": 4.1,
-        "start_time_second": 0.0,
-    }
+    known = {"soc": soc, "direction": direction, "delay_second": delay, "resistance_ohm": ohm}
+    return row_of("resistance", actual_delay_second=delay, **known)
 
 
 FACTS = {"kind": "capacity", "ambient_temperature_celsius": 25.0, "cycle": None, "role": "fit"}
 TEST = {"ambient_temperature_celsius": 25.0, "cycle": None}
 
 
-CURVE = {
-    "voltage_volt": [3.0, 4.0],
-    "charge_ampere_hour": [0.0, 1.0],
-    "dq_dv_ampere_hour_per_volt": [1.0, 1.0],
-    "dv_dq_volt_per_ampere_hour": [1.0, 1.0],
-    "dq_dv_std_ampere_hour_per_volt": [0.1, 0.1],
-}
+CURVE = {name: [0.0, 1.0] for name in row_of("ica_curve")}
 NOTHING = lending.ShownPaths([], [], [], [])
 
 
 @pytest.fixture
-def write(snakemake):
+def write(saved):
     def write(path, content, cycle=None):
-        name = path.rpartition("/")[2].partition(".")[0]
-        about = {"wildcards": {"cell": "A", "test": name}, "test": FACTS | {"cycle": cycle}}
-        with artefact.Job(snakemake(path, **about)) as job:
-            if isinstance(content, str):
-                raise Refusal(content)
-            job.save(content)
-        return path
+        return saved(path, content, {"test": FACTS | {"cycle": cycle}})
 
     return write
 

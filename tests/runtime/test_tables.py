@@ -5,34 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from contract_rows import row_of
 
 from cellwright.refusal import Refusal
 from runtime import artefact, provenance, tables
 
-ROW = {
-    "c_rate": 0.1,
-    "peak": 1,
-    "voltage_volt": 3.5,
-    "voltage_std_volt": 0.001,
-    "height_ampere_hour_per_volt": 4.0,
-    "height_std_ampere_hour_per_volt": 0.02,
-    "area_ampere_hour": 0.5,
-    "area_std_ampere_hour": 0.01,
-    "width_volt": 0.05,
-    "width_std_volt": 0.001,
-    "position_height_covariance_ampere_hour": 1e-6,
-    "prominence": 0.5,
-}
+ROW = row_of("ica", peak=1)
 GOOD, BAD, AFTER = (f"results/ica/A/{name}.parquet" for name in ("good", "bad", "after"))
 
 
 @pytest.fixture
-def campaign(snakemake):
+def campaign(saved, snakemake):
     """One good artefact, one refused one, and one that only passes the refusal on."""
-    with artefact.Job(snakemake(GOOD, wildcards={"cell": "A", "test": "good"})) as job:
-        job.save([ROW])
-    with artefact.Job(snakemake(BAD, wildcards={"cell": "A", "test": "bad"})):
-        raise Refusal("empty file")
+    saved(GOOD, [ROW])
+    saved(BAD, "empty file")
     with artefact.Job(snakemake(AFTER, wildcards={"cell": "A", "test": "bad"})) as job:
         job.load(BAD)
 
@@ -43,13 +29,9 @@ def test_rows_carry_cell_test_and_facts(campaign):
     assert rows == [{"cell": "A", "test": "good"} | facts["A/good"] | ROW]
 
 
-def test_a_row_of_several_tests_has_blanks_where_others_have_their_test(snakemake):
-    path = "results/ocv_laws/A.parquet"
-    names = ("quantity", "law", "parameter", "unit")
-    row = dict.fromkeys(names, "x") | dict.fromkeys(("value", "std", "r_squared"), 1.0)
-    with artefact.Job(snakemake(path, wildcards={"cell": "A"})) as job:
-        job.save([row | {"cross_validation_rmse": 0.1, "chosen": True}])
-    (found,) = tables.rows_of([path], {})
+def test_a_row_of_several_tests_has_blanks_where_others_have_their_test(saved):
+    row = row_of("ocv_laws", quantity="x", law="x", parameter="x", unit="x", chosen=True)
+    (found,) = tables.rows_of([saved("results/ocv_laws/A.parquet", [row])], {})
     assert (found["cell"], found["test"], found["ambient_temperature_celsius"]) == ("A", "", None)
 
 
@@ -72,12 +54,9 @@ def test_two_steps_of_one_job_that_refuse_for_one_reason_are_two_rows(snakemake)
     ]
 
 
-def test_what_a_record_lacks_is_excluded_too(snakemake):
-    path = "results/ica/A/good.parquet"
+def test_what_a_record_lacks_is_excluded_too(saved):
     said = ["3 of 50 discharges left out (cycles 4, 9, 20): cycle 4: it ends at 3.5 V"]
-    with artefact.Job(snakemake(path, wildcards={"cell": "A", "test": "good"})) as job:
-        job.save([ROW], left_out=said)
-    (row,) = tables.excluded([path], {}).to_dict("records")
+    (row,) = tables.excluded([saved(GOOD, [ROW], left_out=said)], {}).to_dict("records")
     assert (row["test"], row["reason"]) == ("good", said[0])
 
 

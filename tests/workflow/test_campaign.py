@@ -142,15 +142,15 @@ def test_validation_data_that_were_fitted_are_seen_through_a_copy(folder):
     assert "does not use to fit" in faults(folder)[0]
 
 
-BAD_CELLS = [
-    ("A\t2\t3", "found 'A', wanted each once"),
-    ("C\t4.2\t4.2", "upper_cutoff_volt: found 4.2, wanted more than lower_cutoff_volt, 4.2"),
-    ("C d\t2\t3", "cell: found 'C d', wanted letters"),
-    ("C\t2500\t4200", "found '2500', wanted a number from 0 to 10"),
-]
-
-
-@pytest.mark.parametrize(("row", "expected"), BAD_CELLS)
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        ("A\t2\t3", "found 'A', wanted each once"),
+        ("C\t4.2\t4.2", "upper_cutoff_volt: found 4.2, wanted more than lower_cutoff_volt, 4.2"),
+        ("C d\t2\t3", "cell: found 'C d', wanted letters"),
+        ("C\t2500\t4200", "found '2500', wanted a number from 0 to 10"),
+    ],
+)
 def test_a_bad_cell_is_named_with_its_place(folder, row, expected):
     write(folder, "cells.tsv", f"{CELLS}{row}\n")
     lines = faults(folder)

@@ -27,7 +27,7 @@ sys.path.insert(0, SCRIPTS)
 from cellwright.health.electrodes import names as half_cell_names
 from cellwright.identification.lacking import FIT_ROLES
 from cellwright.records.conditions import in_first_checkup, stated_or_reference
-from runtime import job_environment, job_requests, object_storage, rule_setup
+from runtime import job_environment, job_requests, rule_setup
 from runtime import settings, sheets, snakemake_state
 from runtime.plan import Plan, gathered, near_in_cycles, of_cell, of_rows, of_test, own
 from runtime.plan import paths_of, where
@@ -39,7 +39,7 @@ job_environment.prepare(
     SCRIPTS, str(PIPELINE / "lab"), str(PIPELINE / "plugins" / "cellwright-fmu")
 )
 snakemake_state.compare_parameters_without_pandas()
-object_storage.keep_wildcard_constraints(workflow.storage_registry.default_storage_provider)
+snakemake_state.keep_wildcard_constraints(workflow.storage_registry.default_storage_provider)
 STARTED = time.time()
 if workflow.is_main_process:
     snakemake_state.clear_stale_locks(Path.cwd())

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from cellwright.api import inputs
-from cellwright.api.pack_model import pack_model
+from cellwright.api.packs import pack_model
 from cellwright.api.results import frame
 from cellwright.packs.artefact import CellInPack, PackModel, ThermalConstants, cell_entry
 from cellwright.records.checkups import repeat_std

@@ -6,130 +6,41 @@ from cellwright.api import inputs, results
 def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
     """The capacity and OCV curves that the SoC of a cell refers to, its own or borrowed.
 
-    Parameters
-    ----------
-    cell : CellFacts or mapping.
     curves : (test, result of `ocv`) each.
-    capacities : (test, result of `capacity`) each.
-    lenders : `records.basis.Lender` of cells of the same type.
+    lenders : result of `lender` of each cell of the same type.
     rests : (test, result of `ocv_from_rests`, or of `ocv_from_load`) each.
     shifts : result of `ocv_shifts`, or its rows.
 
-    Returns
-    -------
-    basis : Result; content: cell, capacity_ampere_hour [Ah], capacity_source, borrowed_from,
-        ocv, the curves over SoC [1], and checkups, the same for each of several check-ups; its
-        table: one row a curve and SoC.
-
-    Raises
-    ------
-    Refusal : No capacity test, no slow test and no rating.
-
+    Returns content: cell, capacity_ampere_hour [Ah], capacity_source, borrowed_from, ocv, the
+    curves over SoC [1], and checkups, the same for each of several check-ups; curves: one row a
+    curve and SoC. Raises Refusal: no capacity test, no slow test and no rating.
     Source: docs/state-of-charge.md.
     """
     from cellwright.records.checkups import basis_of_life as basis_of
 
+    # Over a life: each check-up has its own capacity and curves, so that SoC 1 stays "full".
     facts = inputs.cell_facts(cell)
     content = basis_of(
         facts.cell,
-        inputs.entries(curves, _curves),
+        inputs.entries(curves, curves_of),
         inputs.entries(capacities),
         lenders,
-        rests=inputs.entries(rests, _curves),
+        rests=inputs.entries(rests, curves_of),
         shifts=inputs.rows(shifts),
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         state_of_health=facts.state_of_health,
         lower_cutoff_volt=facts.lower_cutoff_volt,
     )
-    curves = _curve_rows(content["ocv"])
-    return results.Result({"curves": curves}, content, tuple(_basis_notes(content)))
-
-
-def ocv_from_load(series, cell, test):
-    """Voltage [V] over SoC of the slowest full load of a test that is not slow, for want of an OCV.
-
-    Under one direction it still holds the drop over the resistance: `identify` takes that off with
-    what other rates tell.
-
-    Parameters
-    ----------
-    series : clean series, (n,) columns.
-    cell, test : CellFacts, TestFacts or mappings.
-
-    Returns
-    -------
-    ocv : Result; curve over SoC as of `ocv`, no points.
-
-    Raises
-    ------
-    Refusal : No leg of the record is full and runs to its cut-off.
-
-    Source: docs/ocv.md.
-    """
-    from cellwright.protocols.ocv.slow import slowest_load
-    from cellwright.records.basis import slow_capacity
-
-    cell, test = inputs.cell_facts(cell), inputs.test_facts(test)
-    limits = {name: getattr(cell, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
-    curve = slowest_load(*inputs.quantities(series, inputs.COUNTED), **limits)
-    named = curve._asdict() | {"test": test.test}
-    _, source = slow_capacity(named)
-    words = {"capacity_source": source.replace("slow test", "long load")}
-    return results.Result({"curve": curve, "points": {}}, words, (curve.note,))
-
-
-def basis_at(basis, cycle):
-    """The basis of a cell at one of its check-ups: that capacity and OCV, for a model of that age.
-
-    Parameters
-    ----------
-    basis : result of `basis`. cycle : of the check-up.
-
-    Returns
-    -------
-    basis : dict, content as of `basis`, without check-ups.
-
-    Source: docs/state-of-charge.md.
-    """
-    from cellwright.records.basis import at_cycle
-
-    return at_cycle(inputs.basis(basis), cycle) | {"checkups": []}
-
-
-def lender(cell, curves, capacities, *, marked=False):
-    """OCV curves and capacities of a cell, for other cells of its type to borrow.
-
-    Parameters
-    ----------
-    cell, curves, capacities : as of `basis`. marked : whether it is a reference of its type.
-
-    Returns
-    -------
-    lender : `records.basis.Lender`.
-    """
-    from cellwright.records.basis import Lender
-
-    shown = (inputs.entries(curves, _curves), inputs.entries(capacities))
-    return Lender(inputs.cell_facts(cell).cell, marked, *shown)
-
-
-def _curves(result):
-    """The OCV curve of a result as plain lists; of rests with the source of its capacity."""
-    source = getattr(result, "capacity_source", None)
-    source_fact = {} if source is None else {"capacity_source": source}
-    return [inputs.plain(result.curve._asdict()) | source_fact]
-
-
-def _curve_rows(curves):
-    names = ("test", "ambient_temperature_celsius")
-    return [
-        {name: curve[name] for name in names} | {"soc": soc, "ocv_volt": volt}
-        for curve in curves
+    rows = [
+        {name: curve[name] for name in ("test", "ambient_temperature_celsius")}
+        | {"soc": soc, "ocv_volt": volt}
+        for curve in content["ocv"]
         for soc, volt in zip(curve["soc"], curve["ocv_volt"], strict=True)
     ]
+    return results.Result({"curves": rows}, content, tuple(basis_notes(content)))
 
 
-def _basis_notes(basis):
+def basis_notes(basis):
     """Sentences on where capacity [Ah] and OCV come from."""
     notes = [f"SoC refers to {basis['capacity_ampere_hour']:.4g} Ah: {basis['capacity_source']}"]
     if basis["borrowed_from"]:
@@ -150,19 +61,67 @@ def _basis_notes(basis):
     return notes
 
 
+def curves_of(result):
+    """The OCV curve of a result as plain lists; of rests with the source of its capacity."""
+    import numpy as np
+
+    curve = {
+        name: value.tolist() if isinstance(value, np.ndarray) else value
+        for name, value in result.curve._asdict().items()
+    }
+    source = getattr(result, "capacity_source", None)
+    return [curve if source is None else curve | {"capacity_source": source}]
+
+
+def ocv_from_load(series, cell, test):
+    """Voltage [V] over SoC of the slowest full load of a test that is not slow, for want of an OCV.
+
+    Under one direction it still holds the drop over the resistance: `identify` takes that off with
+    what other rates tell.
+
+    Returns curve over SoC as of `ocv`, no points. Raises Refusal: no leg of the record is full and
+    runs to its cut-off. Source: docs/ocv.md.
+    """
+    from cellwright.protocols.ocv.slow import slowest_load
+    from cellwright.records.basis import slow_capacity
+
+    curve = slowest_load(*inputs.quantities(series, inputs.COUNTED), **inputs.cutoffs(cell))
+    # The charge of this leg is at its own rate: less than a slow one, and said to be so.
+    _, source = slow_capacity(curve._asdict() | {"test": inputs.test_facts(test).test})
+    words = {"capacity_source": source.replace("slow test", "long load")}
+    return results.Result({"curve": curve, "points": {}}, words, (curve.note,))
+
+
+def basis_at(basis, cycle):
+    """The basis of a cell at one of its check-ups: that capacity and OCV, for a model of that age.
+
+    cycle : of the check-up.
+
+    Returns dict, content as of `basis`, without check-ups. Source: docs/state-of-charge.md.
+    """
+    from cellwright.records.basis import at_cycle
+
+    return at_cycle(inputs.basis(basis), cycle) | {"checkups": []}
+
+
+def lender(cell, curves, capacities, *, marked=False):
+    """OCV curves and capacities of a cell, for other cells of its type to borrow.
+
+    curves : as of `basis`. marked : whether it is a reference of its type.
+
+    Returns `records.basis.Lender`.
+    """
+    from cellwright.records.basis import Lender
+
+    shown = (inputs.entries(curves, curves_of), inputs.entries(capacities))
+    return Lender(inputs.cell_facts(cell).cell, marked, *shown)
+
+
 def state_of_charge(series, basis, test, cell):
     """State of charge over a record of a cell.
 
-    Parameters
-    ----------
-    series : DataFrame or columns of a clean series, (n,) each.
-    basis : result of `basis`, or a model.
-    test, cell : TestFacts, CellFacts or mappings.
-
-    Returns
-    -------
-    anchored : `records.anchor.Anchored`: soc (n,) [1], NaN where it cannot be known, and in words
-        what it is counted from.
+    Returns `records.anchor.Anchored`: soc (n,) [1], NaN where it cannot be known, and in words what
+    it is counted from.
     """
     from cellwright.records.basis import soc_or_unknown
 

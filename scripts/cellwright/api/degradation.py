@@ -1,7 +1,5 @@
 """Degradation modes and losses of plateaus of one cell, from its slow curves."""
 
-from typing import NamedTuple
-
 from cellwright.api import inputs, results
 from cellwright.refusal import Refusal
 from cellwright.settings import DegradationModes
@@ -20,152 +18,110 @@ def degradation_modes(
 ):
     """Lithium and active material lost by one cell at each check-up [1], from slow curves or rests.
 
-    Parameters
-    ----------
-    tests : (test, clean series) each, of slow charges, discharges or both; tests that are not slow
-        are passed over.
-    cell : CellFacts or mapping: cut-offs [V].
+    tests : slow charges, discharges or both; tests that are not slow are passed over.
     chemistry : NMC, NCA, LCO, LMO or LFP: whose published half cells are tried.
     rests : (test, points of `ocv_from_rests`) each, of pulse tests at check-ups: they count where
         more check-ups have them than slow curves of one protocol.
     half_cells : (negative, positive): name of the library or `health.half_cells.HalfCell` each;
         None: those of the chemistry.
     fresh : (cell, tests) of a fresh cell of the type, for a cell without check-ups of its own.
-    settings : `settings.DegradationModes`, or its keys as keywords.
+    settings : `settings.DegradationModes`.
 
-    Returns
-    -------
-    modes : Result; one row a check-up: losses as shares of the fresh cell's lithium and electrodes,
-        with standard deviations, NaN and a reason where the curve does not tell.
-
-    Raises
-    ------
-    Refusal : Fewer than two check-ups, no half cells, or half cells that do not fit.
-
-    Source: docs/health-modes.md.
+    Returns one row a check-up: losses as shares of the fresh cell's lithium and electrodes, with
+    standard deviations, NaN and a reason where the curve does not tell. Raises Refusal: fewer than
+    two check-ups, no half cells, or half cells that do not fit. Source: docs/health-modes.md.
     """
     from cellwright.health.electrodes import mode_rows
     from cellwright.health.electrodes.alignment import chosen_pair
     from cellwright.health.electrodes.modes import degradation_modes as modes_of
-    from cellwright.health.electrodes.slow_curves import alike, growth, need_two
+    from cellwright.health.electrodes.slow_curves import alike, growth, need_two, rest_curve
 
     options = inputs.settings_of(DegradationModes, settings, changes)
-    tests = list(tests)
-    facts, ends_seen = _with_ends_seen(inputs.cell_facts(cell), tests)
-    slow = _curves(tests, facts, options)
-    own, left_out = _check_ups(_with_rests(slow, rests, facts))
+    facts, slow, refused, notes = _slow_curves(cell, tests, options)
+    points = [(inputs.test_facts(test), inputs.columns(table)) for test, table in rests]
+    at_rest = _curves_of(points, rest_curve, refused, cell=facts.cell)
+    own, left_out = _by_check_up([*slow, *at_rest], refused)
+    # Losses are differences: a single check-up needs a fresh cell of the type to differ from, and a
+    # curve of another rate would differ by its polarisation as well.
     if fresh is not None and len(own) == 1:
-        lender, _ = _with_ends_seen(inputs.cell_facts(fresh[0]), fresh[1])
-        lent = _curves(fresh[1], lender, options).curves
+        _, lent, _, _ = _slow_curves(*fresh, options)
         lent = [curve for curve in lent if alike(curve, own[0])][:1]
         own = [*lent, *own]
         left_out += [f"fresh state: {curve.cell}, not this cell's own" for curve in lent]
     need_two(own, facts.cell)
     pairs = _pairs(chemistry, half_cells)
+    # Half cells of a chemistry differ between makers: all pairs that fit bound the error by choice.
     fitting = chosen_pair(own, pairs, misfit_volt=options.misfit_volt)
     found = modes_of(own, fitting[0][0], others=[pair for pair, _ in fitting[1:]])
     rows = mode_rows.mode_rows(found, fitting[0][0], own)
     words = mode_rows.notes(found, fitting, given=None not in half_cells)
     words += [f"the last check-up {rows[-1]['doubt']}"] if rows[-1]["doubt"] else []
-    return results.Result({"rows": rows}, notes=(*words, *ends_seen, *left_out, *growth(own)))
-
-
-CUTOFFS = ("lower_cutoff_volt", "upper_cutoff_volt")
-
-
-def _with_ends_seen(facts, tests):
-    """The cell with the ends of its tests' voltage as cut-offs that are not stated, and a sentence.
-
-    Of all tests the lowest and the highest voltage: one that does not reach them is no full one.
-    """
-    voltages = [test.series["voltage_volt"] for test in inputs.tests(tests)]
-    found, words = {}, []
-    for name, end, most in zip(CUTOFFS, (min, max), ("lowest", "highest"), strict=True):
-        if getattr(facts, name) is None and voltages:
-            found[name] = float(end(end(voltage) for voltage in voltages))
-            volt = f"{found[name]:.3f} V, the {most} voltage of its slow tests"
-            words.append(f"{name} is blank in cells.tsv: taken is {volt}")
-    return facts._replace(**found), words
-
-
-class _Curves(NamedTuple):
-    """Slow curves of a cell, and why tests of a cycle gave none, by that cycle."""
-
-    curves: list
-    refused: dict
-
-
-def _curves(tests, facts, options):
-    from cellwright.health.electrodes.slow_curves import slow_curve
-
-    found, limits = _Curves([], {}), {name: getattr(facts, name) for name in CUTOFFS}
-    limits["least_hour"] = options.least_hour
-    for test in inputs.tests(tests):
-        try:
-            curve = slow_curve(test.series, test.facts, cell=facts.cell, **limits)
-            found.curves.append(curve)
-        except Refusal as refusal:  # most often a faster charge of the same kind of test
-            cycle = float(test.facts.cycle or 0)
-            found.refused.setdefault(cycle, f"{test.facts.test}: {refusal}")
-    return found
-
-
-def _with_rests(found, rests, facts):
-    """Slow curves and the rests of pulse tests, and why tests of a cycle gave neither."""
-    from cellwright.health.electrodes.slow_curves import rest_curve
-
-    curves, refused = list(found.curves), dict(found.refused)
-    for test, points in rests:
-        about = inputs.test_facts(test)
-        try:
-            curves.append(rest_curve(inputs.columns(points), about, cell=facts.cell))
-        except Refusal as refusal:
-            refused.setdefault(float(about.cycle or 0), f"{about.test}: {refusal}")
-    return _Curves(curves, refused)
+    return results.Result({"rows": rows}, notes=(*words, *notes, *left_out, *growth(own)))
 
 
 def plateau_losses(tests, cell, settings=None, **changes):
     """Charge lost by each plateau of one cell's slow curve since the first check-up [Ah].
 
-    Parameters
-    ----------
-    tests : (test, clean series) each, as of `degradation_modes`.
-    cell : CellFacts or mapping: cut-offs [V].
-    settings : `settings.DegradationModes`, or its keys as keywords.
+    tests, settings : as of `degradation_modes`.
 
-    Returns
-    -------
-    losses : Result; rows: `health.plateaus.PlateauLoss`, one a plateau and check-up.
-
-    Raises
-    ------
-    Refusal : Fewer than two check-ups, or a first curve without plateaus.
-
+    Returns rows, `health.electrodes.plateaus.PlateauLoss`, one a plateau and check-up. Raises
+    Refusal: fewer than two check-ups, or a first curve without plateaus.
     Source: thesis 4.3; docs/health-plateaus.md.
     """
     from cellwright.health.electrodes.plateaus import plateau_losses as losses_of
     from cellwright.health.electrodes.slow_curves import growth, need_two
 
     options = inputs.settings_of(DegradationModes, settings, changes)
-    tests = list(tests)
-    facts, ends_seen = _with_ends_seen(inputs.cell_facts(cell), tests)
-    own, left_out = _check_ups(_curves(tests, facts, options))
+    facts, slow, refused, notes = _slow_curves(cell, tests, options)
+    own, left_out = _by_check_up(slow, refused)
     need_two(own, facts.cell)
-    return results.Result({"rows": losses_of(own)}, notes=(*ends_seen, *left_out, *growth(own)))
+    return results.Result({"rows": losses_of(own)}, notes=(*notes, *left_out, *growth(own)))
 
 
-def _check_ups(found):
+def _slow_curves(cell, tests, options):
+    """CellFacts, slow curves of its tests, why others gave none (by cycle), and sentences.
+
+    A cut-off that is not stated is the lowest or highest voltage of all tests: one that does not
+    reach it is no full one.
+    """
+    from cellwright.health.electrodes.slow_curves import slow_curve
+
+    # Charges of a wider window would hold more lithium without any having been lost.
+    facts, tests, notes = inputs.cell_facts(cell), inputs.tests(tests), []
+    voltages = [test.series["voltage_volt"] for test in tests]
+    for name, end, most in zip(inputs.CUTOFFS, (min, max), ("lowest", "highest"), strict=True):
+        if getattr(facts, name) is None and voltages:
+            volt = float(end(end(voltage) for voltage in voltages))
+            facts = facts._replace(**{name: volt})
+            taken = f"{volt:.3f} V, the {most} voltage of its slow tests"
+            notes.append(f"{name} is blank in cells.tsv: taken is {taken}")
+    limits = inputs.cutoffs(facts) | {"least_hour": options.least_hour}
+    refused = {}
+    pairs = [(test.facts, test.series) for test in tests]
+    slow = _curves_of(pairs, slow_curve, refused, cell=facts.cell, **limits)
+    return facts, slow, refused, notes
+
+
+def _curves_of(pairs, curve_of, refused, **options):
+    """Curves of (TestFacts, columns) each; `refused` gets why a test of a cycle gave none."""
+    curves = []
+    for facts, columns in pairs:
+        try:
+            curves.append(curve_of(columns, facts, **options))
+        except Refusal as refusal:  # most often a faster charge of the same kind of test
+            refused.setdefault(float(facts.cycle or 0), f"{facts.test}: {refusal}")
+    return curves
+
+
+def _by_check_up(curves, refused):
     """Curves by check-up, and what was left out: also check-ups without any slow curve."""
     from cellwright.health.electrodes.slow_curves import check_ups
 
-    chosen, left_out = check_ups(found.curves)
-    seen = {curve.cycle for curve in found.curves}
-    without = [
-        f"no slow curve or rests: {why}"
-        for cycle, why in found.refused.items()
-        if cycle not in seen
-    ]
-    return chosen, [*left_out, *without]
+    chosen, left_out = check_ups(curves)
+    # A faster charge that was passed over is no news where the same check-up has a slow one.
+    seen = {curve.cycle for curve in curves}
+    without = [why for cycle, why in refused.items() if cycle not in seen]
+    return chosen, [*left_out, *(f"no slow curve or rests: {why}" for why in without)]
 
 
 def _pairs(chemistry, half_cells):

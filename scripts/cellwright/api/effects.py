@@ -1,4 +1,4 @@
-"""Missing effects of a cell or of a branch of a parallel group; models of parallel groups."""
+"""Missing effects of a cell, or of a branch of a parallel group."""
 
 from cellwright.api import inputs, results
 from cellwright.settings import MissingEffect, MissingEffectGroup, Models
@@ -23,10 +23,7 @@ def missing_effect(
 
     Of the plain circuit; of a model of the cell (`model`); or of any other (`simulated`).
 
-    Parameters
-    ----------
-    cell, basis, tests : as of `identify`, with tests of roles fit, split and validation.
-    settings : `settings.MissingEffect`, or its keys as keywords.
+    tests : of roles fit, split and validation. settings : `settings.MissingEffect`.
     references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is
         compared with them.
     model : result of `finish_model`, or path of its file: what does its chosen member still lack?
@@ -34,68 +31,47 @@ def missing_effect(
         clock, or the result of `read_simulated`: what does that one lack? Tests without a simulated
         voltage take no part; one whose simulation does not fit is left out with a note.
     library : effects by id that are tried, None: all of `effects.library.LIBRARY`.
-    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
-    Returns
-    -------
-    finding : Result; its verdict is the document of docs/missing-effect.md.
-
-    Raises
-    ------
-    Refusal : no OCV, no test to fit, or none for validation.
-
-    Source: docs/missing-effect.md.
+    Returns ranking, residual_map, evidence, series, confounding, menu; content: model, and verdict,
+    the document of docs/missing-effect.md. Raises Refusal: no OCV, no test to fit, or none for
+    validation. Source: docs/missing-effect.md.
     """
     from cellwright.effects.finding import missing_effect as searched
+    from cellwright.effects.given.external import Simulated
+
+    curves = None if simulated is None else {k: Simulated(*v) for k, v in simulated.items()}
+    searched_in, chosen = _searched_in(cell, basis, tests, library, references, model)
+    settings = _search(settings, split_rest_second, changes)
+    return _missing_effect(searched(*searched_in, settings=settings, simulated=curves, **chosen))
+
+
+def _searched_in(cell, basis, tests, library, references, model):
+    """What a search goes through: its arguments by position, and by name."""
+    from cellwright.effects.finding import Reference
     from cellwright.effects.library import LIBRARY
 
-    finding = searched(
-        inputs.cell_facts(cell),
-        inputs.basis(basis),
-        inputs.tests(tests),
-        LIBRARY if library is None else library,
-        settings=_search(settings, split_rest_second, changes),
-        references=[_reference(reference) for reference in references],
-        model=None if model is None else inputs.model(model),
-        simulated=None if simulated is None else _simulated(simulated),
-    )
-    return _missing_effect(finding)
+    def record_of(cell, basis, tests):
+        return inputs.cell_facts(cell), inputs.basis(basis), inputs.tests(tests)
+
+    # Healthy cells of the type go the same way as the cell itself, so that errors of method cancel.
+    about = (*record_of(cell, basis, tests), LIBRARY if library is None else library)
+    healthy = [Reference(*record_of(*reference)) for reference in references]
+    given = None if model is None else inputs.model(model)
+    return about, {"references": healthy, "model": given}
 
 
-TABLES_OF_SEARCH = ("ranking", "residual_map", "evidence", "series", "confounding", "menu")
+def _search(settings, split_rest_second, changes) -> dict:
+    search = inputs.settings_of(MissingEffect, settings, changes)
+    return search._asdict() | {"split_rest_second": split_rest_second}
 
 
 def _missing_effect(finding):
     """Result of a search: its tables (of a group fewer), verdict and model as content."""
-    tables = {name: getattr(finding, name, {}) for name in TABLES_OF_SEARCH}
-    return results.Result(
-        tables, {"verdict": finding.verdict, "model": finding.model}, finding.notes
-    )
-
-
-def add_own_effects(model, effects, *, choice=()):
-    """A model with the effects that its chosen member lacks; they are used where that is better.
-
-    Parameters
-    ----------
-    model : result of `finish_model`.
-    effects : `model` of the result of `missing_effect(..., model=model)`, or None.
-    choice : rows of the choice of the member, where `model` is a document without them.
-
-    Returns
-    -------
-    model : Result, with the member `<chosen>+effects` where effects were found.
-
-    Source: docs/models.md.
-    """
-    from cellwright.circuits.parameters import parameter_rows
-    from cellwright.effects.given.member import with_own_effects
-
-    rows = inputs.rows(choice or getattr(model, "choice", ()))
-    content, rows = with_own_effects(inputs.model(model), rows, inputs.content(effects))
-    notes = (content["choice"],) if rows else ()
-    tables = {"parameters": parameter_rows(content), "choice": rows}
-    return results.Result(tables, content, notes)
+    # A group has no map of its own, and no menu of tests: such tables are empty.
+    names = ("ranking", "residual_map", "evidence", "series", "confounding", "menu")
+    tables = {name: getattr(finding, name, {}) for name in names}
+    content = {"verdict": finding.verdict, "model": finding.model}
+    return results.Result(tables, content, finding.notes)
 
 
 def missing_effect_stability(
@@ -112,66 +88,42 @@ def missing_effect_stability(
 ):
     """How often each name of a verdict stays when one record is left out of the search.
 
-    Parameters
-    ----------
-    cell, basis, tests, settings, references, model, library, split_rest_second, changes : as of
-        `missing_effect`.
+    settings, references, model, library : as of `missing_effect`.
 
-    Returns
-    -------
-    stability : Result; one row a name; `repeats`: one row a search.
-
-    Raises
-    ------
-    Refusal : as `missing_effect`, with all records.
-
-    Source: docs/missing-effect.md.
+    Returns rows, one a name; repeats: one row a search. Raises Refusal: as `missing_effect`, with
+    all records. Source: docs/missing-effect.md.
     """
-    from cellwright.effects.library import LIBRARY
     from cellwright.effects.story.stability import repeat_rows, stability
 
-    found = stability(
-        inputs.cell_facts(cell),
-        inputs.basis(basis),
-        inputs.tests(tests),
-        LIBRARY if library is None else library,
-        settings=_search(settings, split_rest_second, changes),
-        references=[_reference(reference) for reference in references],
-        model=None if model is None else inputs.model(model),
-    )
+    searched_in, chosen = _searched_in(cell, basis, tests, library, references, model)
+    settings = _search(settings, split_rest_second, changes)
+    found = stability(*searched_in, settings=settings, **chosen)
     return results.Result({"rows": found.rows, "repeats": repeat_rows(found.repeats)})
 
 
 def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=None):
     """Which independent measurements of a cell agree with a verdict, contradict it, or are silent.
 
-    Parameters
-    ----------
-    verdict, model : of `missing_effect`. basis : as of `identify`.
+    verdict, model : of `missing_effect`.
     tables : rows or DataFrames by name, what is absent was not measured: resistance, eis,
         relaxation, capacity and ocv_entropic, with the test's temperature, SoC and cycle beside
         each row; `series`, that of `missing_effect`.
     ambient_celsius : chamber's temperature by test [°C].
     library : effects by id, None: all of `effects.library.LIBRARY`.
 
-    Returns
-    -------
-    found : Result; one row a witness: what is measured, what the verdict implies, which it says.
-
+    Returns rows, one a witness: what is measured, what the verdict implies, which it says.
     Source: docs/missing-effect.md.
     """
     from cellwright.effects.library import LIBRARY
     from cellwright.effects.witnesses.collected import measured_of
-    from cellwright.effects.witnesses.collected import witnesses as held_against
+    from cellwright.effects.witnesses.collected import witnesses as compared
 
     content, known = inputs.basis(basis), dict(tables)
     verdict, model = inputs.content(verdict), inputs.content(model)
     series = inputs.columns(known.pop("series", {}))
-    rows = {name: inputs.rows(table) for name, table in known.items()}
-    ambient = ambient_celsius or {}
-    measured = measured_of(rows | {"series": series}, content, model, ambient=ambient)
-    rows = held_against(verdict, model, measured, library or LIBRARY)
-    return results.Result({"rows": rows})
+    rows = {name: inputs.rows(table) for name, table in known.items()} | {"series": series}
+    measured = measured_of(rows, content, model, ambient=ambient_celsius or {})
+    return results.Result({"rows": compared(verdict, model, measured, library or LIBRARY)})
 
 
 def prepared_case(
@@ -179,18 +131,10 @@ def prepared_case(
 ):
     """The records and the plain model of a cell, as the search for missing effects takes them.
 
-    Parameters
-    ----------
-    cell, basis, tests, settings, split_rest_second : as of `missing_effect`; tests of other kinds
-        than those searched are skipped.
+    tests : those of other kinds than are searched are skipped. settings : `settings.MissingEffect`.
 
-    Returns
-    -------
-    case : `effects.case.Case`.
-
-    Raises
-    ------
-    Refusal : no OCV, no test to fit, or none for validation.
+    Returns `effects.case.Case`. Raises Refusal: no OCV, no test to fit, or none for validation.
+    Source: docs/missing-effect.md.
     """
     from cellwright.effects.finding import settings_of
     from cellwright.effects.preparing import KINDS, SLOW_TEST, prepared
@@ -198,173 +142,31 @@ def prepared_case(
     plain = _search(settings, split_rest_second, changes)
     gates, tolerance = settings_of(plain)
     options = {"tolerance": tolerance, "gates": gates, "settings": plain}
+    # Read before the kinds are chosen: impedance spectra have no columns of a series.
     known = [(inputs.test_facts(facts), series) for facts, series in tests]
     mine = inputs.tests([one for one in known if one[0].kind in (SLOW_TEST, *KINDS)])
-    facts = inputs.cell_facts(cell)
-    return prepared(facts, inputs.basis(basis), mine, **options).case
-
-
-def _simulated(simulated) -> dict:
-    """Simulated voltages by test, from pairs or triples (time, voltage, name of the file)."""
-    from cellwright.effects.given.external import Simulated
-
-    return {test: Simulated(*curve) for test, curve in simulated.items()}
-
-
-def _search(settings, split_rest_second, changes) -> dict:
-
-    search = inputs.settings_of(MissingEffect, settings, changes)
-    return search._asdict() | {"split_rest_second": split_rest_second}
-
-
-def _reference(reference):
-    """A healthy cell of the type, as the search takes it."""
-    from cellwright.effects.finding import Reference
-
-    cell, basis, tests = reference
-    return Reference(inputs.cell_facts(cell), inputs.basis(basis), inputs.tests(tests))
+    return prepared(inputs.cell_facts(cell), inputs.basis(basis), mine, **options).case
 
 
 def missing_group_effect(group, branches, known_cells, tests, settings=None, **changes):
     """Effects that one branch of a parallel group has and the others have not.
 
-    Parameters
-    ----------
-    group : its name. branches : rows of groups.tsv in order of position.
+    group : its name. branches : in order of position.
     known_cells : `effects.groups.finding.KnownCell` of each branch.
-    tests : (test, clean series with branch currents) each.
-    settings : `settings.MissingEffectGroup`, or its keys as keywords.
+    tests : of the group, with branch currents. settings : `settings.MissingEffectGroup`.
 
-    Returns
-    -------
-    finding : Result, with empty residual_map, evidence, confounding and menu.
-
-    Raises
-    ------
-    Refusal : a branch without a model, no test to fit, or none for validation.
-
+    Returns as `missing_effect`, with empty residual_map, evidence, confounding and menu. Raises
+    Refusal: a branch without a model, no test to fit, or none for validation.
     Source: docs/missing-effect.md.
     """
     from cellwright.effects.groups.finding import missing_group_effect as searched
 
     search = inputs.settings_of(MissingEffectGroup, settings, changes)
+    # The search takes sections as plain dicts, as a rule's parameters hand them over.
     plain = {
         name: value._asdict() if hasattr(value, "_asdict") else value
         for name, value in search._asdict().items()
     }
     rows = [inputs.branch_facts(branch) for branch in branches]
     known = [one._replace(model=inputs.content(one.model)) for one in known_cells]
-    finding = searched(group, rows, known, inputs.tests(tests), settings=plain)
-    return _missing_effect(finding)
-
-
-def identify_branches(series, steps, cells, test):
-    """Models of all cells of a group, from the longest charge in the group's record.
-
-    Parameters
-    ----------
-    series : clean series with branch_<k>_current_ampere [A], (n,) columns; steps : its steps.
-    cells : names of the cells, in the order of the branches.
-    test : TestFacts or mapping.
-
-    Returns
-    -------
-    models : Result; content: "models", cell → model.
-
-    Raises
-    ------
-    Refusal : No branch currents, or no charge between two rests.
-
-    Source: docs/packs.md.
-    """
-    from cellwright.circuits.parameters import parameter_rows
-    from cellwright.packs.identify import group_models
-    from cellwright.records.facts import MeasuredTest
-
-    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
-    models = group_models(measured, inputs.steps(steps)._asdict(), cells)
-    rows = [{"cell": cell} | row for cell, model in models.items() for row in parameter_rows(model)]
-    return results.Result({"rows": rows}, {"models": models})
-
-
-def simulate_group(
-    models, current, *, initial_soc, wire_resistance_ohm=0.0, temperature_celsius=25.0
-):
-    """Branch currents [A], SoC [1] and voltage [V] of cells in parallel under a total current.
-
-    Parameters
-    ----------
-    models : of the cells, in the order of the branches.
-    current : DataFrame or columns: test_time_second [s], current_ampere [A], of the group.
-    initial_soc, wire_resistance_ohm : scalar or one a branch [1], [ohm].
-    temperature_celsius : of all cells [°C].
-
-    Returns
-    -------
-    simulation : Result; (n,) columns: voltage_volt [V], branch_<k>_current_ampere [A],
-        branch_<k>_soc [1].
-
-    Raises
-    ------
-    Refusal : no model, or as `packs.simulate.simulate_pack`.
-
-    Source: docs/packs.md.
-    """
-    import numpy as np
-
-    from cellwright.packs.cells import pack_cells
-    from cellwright.packs.simulate import simulate_pack
-    from cellwright.packs.wiring import Wiring
-
-    documents = inputs.models(models)
-    cells = pack_cells(documents, temperature_celsius=temperature_celsius)
-    time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
-    wire = np.broadcast_to(np.asarray(wire_resistance_ohm, float), len(documents))
-    branches = tuple(f"branch {k + 1}" for k in range(len(documents)))
-    wiring = Wiring("the group", "parallel", branches, tuple(wire), (0.0,) * len(documents))
-    run = simulate_pack(time, total, cells, wiring, initial_soc=initial_soc)
-    columns = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
-    for k in range(len(documents)):
-        columns[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, k]
-        columns[f"branch_{k + 1}_soc"] = run.soc[:, k]
-    member = ", ".join(dict.fromkeys(cells.members))
-    return results.Result({"columns": columns}, {"member": member})
-
-
-def check_group(branches, series, test, simulated=None):
-    """Checks of a group's record: do its channels agree, and are they where the sheet says.
-
-    Parameters
-    ----------
-    branches : rows of groups.tsv, of the group and of all groups in it.
-    series : clean series of the group, (n,) columns, with whichever of branch_<k>_current_ampere
-        [A] and cell_<k>_voltage_volt [V] were logged. test : TestFacts or mapping.
-    simulated : the series of `validate_group`, whose simulated channels tell swapped ones.
-
-    Returns
-    -------
-    checks : Result; a row a check, notes what was found.
-
-    Raises
-    ------
-    Refusal : channels beyond the wiring, or a wiring that is none.
-
-    Source: docs/packs.md.
-    """
-    from cellwright.packs.checks import channel_findings, swapped_channels
-    from cellwright.packs.wiring import cells_of, wiring_of
-    from cellwright.records.facts import MeasuredTest
-    from cellwright.records.record import group_record
-
-    rows = inputs.rows(branches)
-    group = rows[0].get("group", "the group")
-    wiring = wiring_of(group, rows)
-    own = sorted((r for r in rows if r.get("group", group) == group), key=lambda r: r["position"])
-    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
-    facts = [inputs.branch_facts(row) for row in own]
-    record = group_record(measured, facts, cells=len(cells_of(wiring)))
-    findings = channel_findings(record, wiring)
-    if simulated is not None:
-        findings += swapped_channels(inputs.columns(simulated), wiring, record.test)
-    notes = tuple(found.sentence for found in findings if found.found)
-    return results.Result({"rows": [found._asdict() for found in findings]}, notes=notes)
+    return _missing_effect(searched(group, rows, known, inputs.tests(tests), settings=plain))

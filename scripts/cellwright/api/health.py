@@ -1,4 +1,4 @@
-"""Health over a life: fade, knee and remaining cycles; check-ups; fleets and protocols compared."""
+"""Health over a life: fade, check-ups, peaks of dQ/dV; fleets and protocols compared."""
 
 from cellwright.api import inputs, results
 from cellwright.settings import Health
@@ -7,23 +7,13 @@ from cellwright.settings import Health
 def fade(records, cell, settings=None, **changes):
     """Fade of a cell over its ageing records: law, knee, and cycles that remain.
 
-    Parameters
-    ----------
-    records : list of (test, cycles, temperature): TestFacts or mapping; result of `ageing_cycles`
-        or its columns; result of `ageing_over_temperature`, a pair (summary, columns of its
-        cycles), or None.
-    cell : CellFacts or mapping. settings : `settings.Health`, or its keys as keywords.
+    records : list of (test, result of `ageing_cycles`, temperature): the last the result of
+        `ageing_over_temperature`, a pair (summary, columns of its cycles), or None.
+    settings : `settings.Health`.
 
-    Returns
-    -------
-    fade : Result; columns: one row a discharge [Ah], [Wh], [1]; laws: one row a law;
-        summary: knee, remaining cycles and state of health at the last cycle.
-
-    Raises
-    ------
-    Refusal : Too few comparable discharges, or records that do not follow each other.
-
-    Source: docs/health-fade.md.
+    Returns columns: one row a discharge [Ah], [Wh], [1]; laws: one row a law; summary: knee,
+    remaining cycles and state of health at the last cycle. Raises Refusal: too few comparable
+    discharges, or records that do not follow each other. Source: docs/health-fade.md.
     """
     from cellwright.health import lives
     from cellwright.health.of_life import analysed
@@ -33,7 +23,9 @@ def fade(records, cell, settings=None, **changes):
     for test, cycles, temperature in records:
         facts = inputs.test_facts(test)
         columns = inputs.columns(getattr(cycles, "rows", cycles))
-        shift = _shift(temperature)
+        pair = _pair(temperature, "cycles")
+        # A room that warms by a few kelvin over a year looks like a cell that ages more slowly.
+        shift = {} if pair is None else lives.temperature_shift(*pair)
         about = facts.test, facts.cycle, facts.ambient_temperature_celsius
         ready.append(lives.AgeingRecord(*about, columns, shift))
     rated = inputs.cell_facts(cell).rated_capacity_ampere_hour
@@ -43,45 +35,27 @@ def fade(records, cell, settings=None, **changes):
     return results.Result(tables, {"summary": found.summary}, life.notes)
 
 
-def _shift(temperature):
-    """What temperature added to each discharge, of a result, a pair or None."""
-    from cellwright.health.lives import temperature_shift
-
-    if temperature is None:
-        return {}
-    pair = temperature
-    if hasattr(temperature, "summary"):
-        pair = temperature.summary, temperature.cycles
-    return temperature_shift(*pair)
+def _pair(found, table="columns"):
+    """(summary, columns) of a result; a pair or None as it is."""
+    return (found.summary, getattr(found, table)) if hasattr(found, "summary") else found
 
 
 def check_ups(capacities, resistances, cell, throughputs=()):
     """Ratings of every check-up of a cell, and resistance over SoC with its growth.
 
-    Parameters
-    ----------
-    capacities, resistances : rows of `capacity` and `resistance` with ambient_temperature_celsius
-        and cycle: (test, result) each, or tables of them.
-    cell : CellFacts or mapping. throughputs : pairs (cycle, [Ah]) of its ageing records.
+    throughputs : pairs (cycle, discharged up to there [Ah]) of its ageing records.
 
-    Returns
-    -------
-    check_ups : Result; rows: one a check-up; growth: one a pulse.
-
-    Raises
-    ------
-    Refusal : No capacity and no resistance.
-
-    Source: docs/health-check-ups.md.
+    Returns rows, one a check-up; growth: one a pulse. Raises Refusal: no capacity and no
+    resistance. Source: docs/health-check-ups.md.
     """
     from cellwright.health import ratings
     from cellwright.refusal import Refusal
 
-    facts = inputs.cell_facts(cell)
+    health = inputs.cell_facts(cell).state_of_health
     sizes, pulses = inputs.entries(capacities), inputs.entries(resistances)
-    limits = facts._asdict()
-    limits.pop("cell")
-    rows, notes = ratings.check_ups(sizes, pulses, throughputs=throughputs, **limits)
+    known = inputs.ratings(cell) | {"state_of_health": health}
+    rows, notes = ratings.check_ups(sizes, pulses, throughputs=throughputs, **known)
+    # Ratings stand without pulses as well: a refusal of these is a note.
     try:
         growth = ratings.resistance_growth(pulses, sizes)
     except Refusal as refusal:
@@ -92,54 +66,74 @@ def check_ups(capacities, resistances, cell, throughputs=()):
 def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):
     """State of health of a cell by each method, at each check-up or cycle.
 
-    Parameters
-    ----------
-    check_ups : result of `check_ups` or its rows. fade : result of `fade`, or a pair (summary,
-        columns), or None. modes, peaks : rows of degradation modes, of capacities from peaks.
+    check_ups : result of `check_ups` or its rows.
+    fade : result of `fade`, or a pair (summary, columns), or None.
+    modes, peaks : rows of degradation modes, of capacities from peaks.
 
-    Returns
-    -------
-    health : Result; rows: `health.table.HealthRow`.
-
-    Raises
-    ------
-    Refusal : No method tells anything.
-
+    Returns rows, `health.table.HealthRow`. Raises Refusal: no method tells anything.
     Source: docs/health-check-ups.md.
     """
     from cellwright.health.table import health_rows
     from cellwright.refusal import Refusal
 
-    life, course = (
-        (fade.summary, fade.columns) if hasattr(fade, "summary") else fade or (None, None)
-    )
-    rows = health_rows(
-        check_ups=inputs.rows(check_ups), life=life, course=course, modes=modes, peaks=peaks
-    )
+    life, course = _pair(fade) or (None, None)
+    rows = inputs.rows(check_ups)
+    rows = health_rows(check_ups=rows, life=life, course=course, modes=modes, peaks=peaks)
     if not rows:
         raise Refusal("no capacity of a check-up and no life: no state of health")
     return results.Result({"rows": rows})
 
 
+def ica_tracks(charges, *, chemistry=""):
+    """Peaks of dQ/dV of one cell under names that stay through its life.
+
+    charges : `health.peaks.tracking.TrackedCharge` each.
+    chemistry : of the cell, for names alone.
+
+    Returns rows, `health.peaks.tracking.TrackRow`, one a peak and charge. Raises Refusal: fewer
+    than two charges, or no peak in any. Source: docs/ica.md.
+    """
+    from cellwright.health.peaks.tracking import tracked_peaks
+
+    return results.Result({"rows": tracked_peaks(charges, chemistry=chemistry or "")})
+
+
+def health_from_peaks(peaks, capacities, curves=None, *, rated_ampere_hour=None, tracked=()):
+    """State of health of cells of one type from peaks of dQ/dV, calibrated on known capacities.
+
+    peaks : rows of `ica_peaks` with cell, test, cycle and ambient_temperature_celsius, or of
+        `ica_tracks` with cell.
+    capacities : rows of `capacity` with cell, cycle and ambient_temperature_celsius; of
+        `ageing_cycles` also test, and of_a_life, true.
+    curves : mapping of the curve of `ica` (or its columns) by (cell, test, cycle); None: the
+        charge between two peaks is not used.
+    rated_ampere_hour : rating of the type [Ah], None: not known.
+    tracked : cells in which an identity is one peak through the life.
+
+    Returns one row a charge. Raises Refusal: fewer than four charges of known capacity at any rate
+    and temperature. Source: docs/health-from-peaks.md.
+    """
+    from cellwright.health.peaks.calibration import peak_calibration, peak_charges
+
+    names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
+    pairs = {key: inputs.quantities(curve, names) for key, curve in (curves or {}).items()}
+    charges = peak_charges(inputs.rows(peaks), inputs.rows(capacities), pairs)
+    found = peak_calibration(charges, rated_ampere_hour=rated_ampere_hour, tracked=tracked)
+    tables = {"rows": found.rows, "information": found.information}
+    return results.Result(tables, notes=tuple(found.notes))
+
+
 def fleet_resistance(cells):
     """Capacity of each cell of a fleet from its resistances over SoC, as the other cells tell it.
 
-    Parameters
-    ----------
     cells : (name, first row of `check_ups`, its rows of growth) each, of one type and temperature.
 
-    Returns
-    -------
-    fleet : Result; line: `health.fleet.FleetLine`; rows: one a cell.
-
-    Raises
-    ------
-    Refusal : Fewer than six cells, or all alike.
-
-    Source: thesis 4.4; docs/health-fleet.md.
+    Returns rows, one a cell; line: `health.fleet.FleetLine`. Raises Refusal: fewer than six cells,
+    or all alike. Source: thesis 4.4; docs/health-fleet.md.
     """
     from cellwright.health.fleet import capacity_from_resistance, over_shared_soc
 
+    # Means over the SoC that all cells were pulsed at: resistance rises steeply when empty.
     ready = [(name, inputs.rows([row])[0], inputs.rows(growth)) for name, row, growth in cells]
     fleet = over_shared_soc(ready)
     line, rows = capacity_from_resistance(fleet)
@@ -149,19 +143,10 @@ def fleet_resistance(cells):
 def compare_protocols(lives):
     """Ageing protocols of one type of cells compared pair by pair, beyond what cells differ by.
 
-    Parameters
-    ----------
     lives : (cell, protocol, result of `fade` or a pair (summary, columns)) each.
 
-    Returns
-    -------
-    comparisons : Result; rows: `health.protocols_compared.Comparison`.
-
-    Raises
-    ------
-    Refusal : Fewer than two protocols, or a life that has hardly faded.
-
-    Source: docs/health-fleet.md.
+    Returns rows, `health.protocols_compared.Comparison`. Raises Refusal: fewer than two protocols,
+    or a life that has hardly faded. Source: docs/health-fleet.md.
     """
     import numpy as np
 
@@ -169,8 +154,8 @@ def compare_protocols(lives):
 
     ready = []
     for cell, protocol, fade in lives:
-        summary, columns = (fade.summary, fade.columns) if hasattr(fade, "summary") else fade
-        law = np.asarray(columns["law_ampere_hour"], float)
-        share = law / summary["start_ampere_hour"]
+        summary, columns = _pair(fade)
+        # Laws instead of points: a scattered discharge must not decide how long a protocol lasts.
+        share = np.asarray(columns["law_ampere_hour"], float) / summary["start_ampere_hour"]
         ready.append(LifeOfProtocol(cell, protocol, np.asarray(columns["cycle"], float), share))
     return results.Result({"rows": compared(ready)})

@@ -2,27 +2,27 @@
 
 from collections.abc import Mapping
 
+from cellwright.records.facts import BranchFacts, CellFacts, MeasuredTest, TestFacts
 from cellwright.refusal import Refusal
 
+# Every record has these; a clean one is also counted, since an instrument's own counter may be
+# reset within a test.
 NAMES = ("test_time_second", "current_ampere", "voltage_volt")
 COUNTED = (*NAMES, "charge_ampere_hour")
+CUTOFFS = ("lower_cutoff_volt", "upper_cutoff_volt")
+# Fields by which a document is known for what it is: any JSON file has the right suffix.
+MODEL = ("cell", "capacity_ampere_hour", "ocv", "members", "chosen")
+BASIS = ("capacity_ampere_hour", "ocv")
 
 
 def columns(series, *needed) -> dict:
     """Columns by name, (n,) arrays, of a DataFrame, a mapping, or a result with columns.
 
-    Parameters
-    ----------
-    series : pandas DataFrame, mapping of name → (n,), or result of another step.
-    needed : names that must be among them.
-
-    Raises
-    ------
-    Refusal : A column that is needed is not there, or columns are of different lengths.
+    Refused are a column of `needed` that is not there, and columns of different lengths.
     """
     import numpy as np
 
-    arrays = {str(name): np.asarray(values) for name, values in _named(series).items()}
+    arrays = {str(name): np.asarray(values) for name, values in _by_name(series).items()}
     lacking = [name for name in needed if name not in arrays]
     if lacking:
         hint = "; `clean` adds it" if lacking == ["charge_ampere_hour"] else ""
@@ -33,7 +33,9 @@ def columns(series, *needed) -> dict:
     return arrays
 
 
-def _named(series):
+def _by_name(series):
+    # The order matters: a result is a NamedTuple that may have a table `columns`, and a DataFrame
+    # has `columns` that are no mapping.
     if isinstance(series, Mapping):
         return series
     inner = getattr(series, "columns", None)
@@ -52,12 +54,23 @@ def quantities(series, names=NAMES) -> list:
     return [arrays[name] for name in names]
 
 
+def table_of(kind, table):
+    """A NamedTuple of columns, as it is or from a result with rows, a DataFrame or a mapping.
+
+    Columns that have a default may be absent; further ones are left out.
+    """
+    table = getattr(table, "rows", table)
+    if isinstance(table, kind):
+        return table
+    given = columns(table, *(n for n in kind._fields if n not in kind._field_defaults))
+    return kind(**{name: given[name] for name in kind._fields if name in given})
+
+
 def steps(table):
     """Steps of a record from the result of `segment`, a DataFrame or a mapping of its columns."""
     from cellwright.series.steps import Steps
 
-    table = getattr(table, "rows", table)
-    return table if isinstance(table, Steps) else Steps(**columns(table, *Steps._fields))
+    return table_of(Steps, table)
 
 
 def repeats(table):
@@ -65,11 +78,10 @@ def repeats(table):
     from cellwright.records.repeats import Repeats
 
     table = getattr(table, "rows", table)
-    if table is None or isinstance(table, Repeats):
-        return table
-    return Repeats(**columns(table, *Repeats._fields))
+    return None if table is None else table_of(Repeats, table)
 
 
+# One measurement in two tests would count twice in every fit and every error.
 def elsewhere(table, test, cut):
     """Name of the test in which each step of a test counts, see `repeats.steps_elsewhere`."""
     from cellwright.records.repeats import steps_elsewhere
@@ -80,7 +92,7 @@ def elsewhere(table, test, cut):
 
 def rows(table) -> list[dict]:
     """Rows as dicts of plain values: of a list of rows, a result, a DataFrame or columns."""
-    if isinstance(table, list | tuple) and not hasattr(table, "_asdict"):
+    if _is_list(table):
         return [row._asdict() if hasattr(row, "_asdict") else row for row in table]
     inner = getattr(table, "rows", None)
     if inner is not None:
@@ -89,24 +101,41 @@ def rows(table) -> list[dict]:
     return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
 
 
+def _is_list(table):
+    # A NamedTuple of columns is a tuple as well, but one table and no list of rows.
+    return isinstance(table, list | tuple) and not hasattr(table, "_asdict")
+
+
+def entries(table, fields=rows) -> list[dict]:
+    """Rows as dicts, those of (test, result) each with name, temperature and cycle of their test.
+
+    table : (TestFacts or mapping, result) each, among them rows as they are; or as of `rows`.
+    fields : function, result → list of dicts of plain values.
+    """
+    if not _is_list(table):
+        return rows(table)
+    dated = []
+    for pair in table:
+        if isinstance(pair, Mapping):
+            dated.append(pair)
+            continue
+        facts, names = test_facts(pair[0]), ("test", "ambient_temperature_celsius", "cycle")
+        dated += [{name: getattr(facts, name) for name in names} | r for r in fields(pair[1])]
+    return dated
+
+
 def cell_facts(cell):
     """CellFacts as they are, or from a mapping with more or fewer keys."""
-    from cellwright.records.facts import CellFacts
-
     return _facts(CellFacts, cell)
 
 
 def test_facts(test):
     """TestFacts as they are, or from a mapping with more or fewer keys."""
-    from cellwright.records.facts import TestFacts
-
     return _facts(TestFacts, {"test": "", **test} if isinstance(test, Mapping) else test)
 
 
 def branch_facts(branch):
     """BranchFacts as they are, or from a row of groups.tsv."""
-    from cellwright.records.facts import BranchFacts
-
     return _facts(BranchFacts, branch)
 
 
@@ -123,93 +152,86 @@ def _facts(kind, values):
     return kind(**{name: None if value != value else value for name, value in given.items()})
 
 
+def cutoffs(cell) -> dict:
+    """Limits of a cell's voltage [V] as keywords."""
+    facts = cell_facts(cell)
+    return {name: getattr(facts, name) for name in CUTOFFS}
+
+
+def ratings(cell) -> dict:
+    """Rated capacity [Ah] and limits of a cell's voltage [V] as keywords."""
+    # Blank in the sheet is None: each step says itself what it can do without.
+    rated = cell_facts(cell).rated_capacity_ampere_hour
+    return {"rated_capacity_ampere_hour": rated, **cutoffs(cell)}
+
+
+def measured(test, series, needed=NAMES):
+    """MeasuredTest of TestFacts or a mapping, and the columns of its series."""
+    return MeasuredTest(test_facts(test), columns(series, *needed))
+
+
 def tests(pairs) -> list:
-    """MeasuredTest of pairs (TestFacts or mapping, series)."""
-    from cellwright.records.facts import MeasuredTest
-
-    return [MeasuredTest(test_facts(facts), columns(series, *COUNTED)) for facts, series in pairs]
-
-
-MODEL = ("cell", "capacity_ampere_hour", "ocv", "members", "chosen")
-BASIS = ("capacity_ampere_hour", "ocv")
+    """MeasuredTest of pairs (TestFacts or mapping, clean series)."""
+    return [measured(*pair, COUNTED) for pair in pairs]
 
 
 def content(document):
-    """The plain document of a result, or of the file of a path; a mapping or None as it is.
-
-    Raises
-    ------
-    Refusal : as `json_of_file`.
-    """
-    held = getattr(document, "content", None)
-    held = document if held is None else held
-    return json_of_file(held) if _is_path(held) else held
+    """The plain document of a result, or of the file of a path; a mapping or None as it is."""
+    # A step may give tables only: then the result itself is no document.
+    inner = getattr(document, "content", None)
+    inner = document if inner is None else inner
+    return json_of_file(inner) if _is_path(inner) else inner
 
 
 def model(document, *, cell=None):
     """Content of a model: of a result, a document, or the path of results/models/<cell>.json.
 
-    Parameters
-    ----------
-    document : result of `identify` or `finish_model`, its content, or a path.
-    cell : name, whose model is taken where the document holds the models of a group.
-
-    Raises
-    ------
-    Refusal : as `json_of_file`; something else than a model, with what it is.
+    Of a document that holds the models of a group that of `cell`. Anything else than a model is
+    refused with what it is.
     """
     from cellwright.circuits.model_file import model_of
 
-    held = content(document)
-    if cell is not None and isinstance(held, Mapping):
-        held = model_of(held, cell)
+    found = content(document)
+    if cell is not None and isinstance(found, Mapping):
+        found = model_of(found, cell)
     wanted = "a model: a result of `identify` or `finish_model`, or its results/models/<cell>.json"
-    return _of_fields(document, held, MODEL, wanted)
+    return _with_fields(document, found, MODEL, wanted)
 
 
 def models(documents) -> list:
-    """Content of each of several models, see `model`.
-
-    Raises
-    ------
-    Refusal : one document instead of several, or as `model`.
-    """
+    """Content of each of several models, see `model`; one document instead is refused."""
+    # A dict is iterable: its keys would be taken for models, and the message be about a text.
     if _is_path(documents) or isinstance(getattr(documents, "content", documents), Mapping):
-        raise Refusal(f"found {_named_document(documents)}, wanted a list of models, one a cell")
+        raise Refusal(f"found {_in_words(documents)}, wanted a list of models, one a cell")
     return [model(document) for document in documents]
 
 
 def basis(document):
     """Content of a basis: of a result, a document, a model, or path of results/basis/<cell>.json.
 
-    Raises
-    ------
-    Refusal : as `json_of_file`; something else than a basis or model, with what it is.
+    Anything else is refused with what it is.
     """
     wanted = "a result of `basis`, its results/basis/<cell>.json, or a model"
-    return _of_fields(document, content(document), BASIS, wanted)
+    return _with_fields(document, content(document), BASIS, wanted)
 
 
-def _of_fields(document, held, fields, wanted):
-    """`held`, refused where it has not these fields; `document` is what the user gave."""
-    if isinstance(held, Mapping) and all(name in held for name in fields):
-        return held
+def _with_fields(document, found, fields, wanted):
+    """`found`, refused where it has not these fields; `document` is what the user gave."""
+    if isinstance(found, Mapping) and all(name in found for name in fields):
+        return found
     place = f"{document}: " if _is_path(document) else ""
-    raise Refusal(f"{place}found {_named_document(held)}, wanted {wanted}")
+    raise Refusal(f"{place}found {_in_words(found)}, wanted {wanted}")
 
 
-def _named_document(held):
-    """What a document is, in words: its schema, else its first fields, else its type."""
-    if not isinstance(held, Mapping):
-        return "nothing" if held is None else f"a {type(held).__name__}"
-    if "schema" in held:
-        return f"a document of schema {held['schema']}"
-    shown = list(map(str, held))
-    more = f" and {len(shown) - SHOWN_FIELDS} more" if len(shown) > SHOWN_FIELDS else ""
-    return f"a document of {', '.join(shown[:SHOWN_FIELDS]) or 'nothing'}{more}"
-
-
-SHOWN_FIELDS = 5
+def _in_words(document):
+    """What a document is: its schema, else its first five fields, else its type."""
+    if not isinstance(document, Mapping):
+        return "nothing" if document is None else f"a {type(document).__name__}"
+    if "schema" in document:
+        return f"a document of schema {document['schema']}"
+    names = list(map(str, document))
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return f"a document of {', '.join(names[:5]) or 'nothing'}{more}"
 
 
 def _is_path(given):
@@ -219,10 +241,7 @@ def _is_path(given):
 def json_of_file(path):
     """Content of a JSON file that a user names, without the provenance of an artefact.
 
-    Raises
-    ------
-    Refusal : No such file, or no JSON in it; of an artefact without content the reason that it
-        carries.
+    Refused are no such file, or no JSON in it; an artefact without content with its own reason.
     """
     import json
 
@@ -231,6 +250,7 @@ def json_of_file(path):
             document = json.load(file)
     except (OSError, ValueError) as error:
         raise Refusal(f"{path}: {error}, wanted a JSON document") from error
+    # What an artefact says of how it was made is no part of the document, and changes no result.
     about = document.get("provenance") if isinstance(document, dict) else None
     if not isinstance(about, dict):
         return document
@@ -239,61 +259,23 @@ def json_of_file(path):
     return {name: value for name, value in document.items() if name != "provenance"}
 
 
-def entries(pairs, fields=None) -> list[dict]:
-    """Rows of results as dicts, each with the name, temperature and cycle of its test.
-
-    Parameters
-    ----------
-    pairs : (TestFacts or mapping, result) each; a dict is taken as it is.
-    fields : function, result → list of dicts of plain values.
-    """
-    dated = []
-    for pair in pairs:
-        if isinstance(pair, Mapping):
-            dated.append(pair)
-            continue
-        facts, result = test_facts(pair[0]), pair[1]
-        names = ("test", "ambient_temperature_celsius", "cycle")
-        dated += [
-            {name: getattr(facts, name) for name in names} | row for row in (fields or rows)(result)
-        ]
-    return dated
-
-
-def plain(values: dict) -> dict:
-    """A dict with its arrays as lists."""
-    import numpy as np
-
-    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
-
-
 def settings_of(kind, settings, changes):
     """Settings of a step: the defaults or `settings`, with single keys changed.
 
-    Parameters
-    ----------
-    kind : class of `cellwright.settings`.
-    settings : None, a value of `kind`, or a mapping that names each of its keys.
+    kind : class of `cellwright.settings`. settings : None, a value of `kind`, or a mapping.
     changes : dict of single keys.
 
-    Raises
-    ------
-    Refusal
-        An unknown key, or a mapping that lacks one: a campaign's choice must not be replaced by a
-        default unnoticed.
+    Refused are an unknown key, and a mapping that lacks one: a campaign's choice must not be
+    replaced by a default unnoticed.
     """
     if isinstance(settings, Mapping):
         lacking = [name for name in kind._fields if name not in settings]
         if lacking:
             raise Refusal(f"settings {kind.__name__} lack {', '.join(lacking)}")
-        settings = _changed(kind, kind(), settings)
+        settings, changes = None, {**settings, **changes}
     if settings is not None and not isinstance(settings, kind):
         raise Refusal(f"settings are {type(settings).__name__}, wanted {kind.__name__}")
-    return _changed(kind, settings or kind(), changes)
-
-
-def _changed(kind, value, changes):
-    unknown = [name for name in changes if name not in kind._fields]
+    value, unknown = settings or kind(), [name for name in changes if name not in kind._fields]
     if unknown:
         known = ", ".join(kind._fields)
         raise Refusal(f"{kind.__name__} has no setting {', '.join(unknown)}; it has {known}")
@@ -301,7 +283,7 @@ def _changed(kind, value, changes):
 
 
 def _typed(before, value):
-    """A value as the settings hold it: a list as tuple, a mapping as the section it replaces."""
+    """A value as the settings have it: a list as tuple, a mapping as the section it replaces."""
     if hasattr(before, "_fields") and isinstance(value, Mapping):
         return settings_of(type(before), value, {})
     return tuple(value) if isinstance(value, list) else value

@@ -16,113 +16,72 @@ MODELS = Models()
 def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, **changes):
     """Laws of resistance and capacity of one cell over temperature: quadratic and Arrhenius.
 
-    Parameters
-    ----------
-    capacities, resistances, spectra : rows of `capacity`, `resistance` and `impedance` with
-        ambient_temperature_celsius and cycle: (test, result) each, or tables of them.
-    settings : `settings.Temperature`, or its keys as keywords.
+    settings : `settings.Temperature`.
 
-    Returns
-    -------
-    laws : Result; one row a parameter; points: what the laws were fitted to.
-
-    Raises
-    ------
-    Refusal : No quantity is known at three temperatures.
-
-    Source: thesis ch. 3; docs/temperature.md.
+    Returns rows, one a parameter; points: what the laws were fitted to. Raises Refusal: no quantity
+    is known at three temperatures. Source: thesis ch. 3; docs/temperature.md.
     """
     from cellwright.laws import points as measured
-    from cellwright.laws.temperature import law_rows
 
     options = inputs.settings_of(Temperature, settings, changes)
-    sizes = measured.capacity_points(_rows(capacities))
-    circuits = measured.impedance_points(_rows(spectra))
-    pulses = measured.resistance_points(_rows(resistances), **options._asdict())
+    sizes = measured.capacity_points(inputs.entries(capacities))
+    circuits = measured.impedance_points(inputs.entries(spectra))
+    pulses = measured.resistance_points(inputs.entries(resistances), **options._asdict())
+    # Two temperatures fit any law of two parameters exactly: only a third can contradict it. Of
+    # several tests at one temperature the mean counts, lest the busiest one draw the law.
     points = measured.with_enough_temperatures([*sizes, *circuits.points, *pulses.points])
-    points = measured.mean_per_temperature(points)
+    return _fitted(measured.mean_per_temperature(points), (*circuits.notes, *pulses.notes))
+
+
+def _fitted(points, notes=()):
+    """Result of the laws over temperature that are fitted to points."""
+    from cellwright.laws.temperature import law_rows
+
     rows, reasons = law_rows(points)
-    notes = (*circuits.notes, *pulses.notes, *reasons)
-    return results.Result({"rows": rows, "points": points}, notes=notes)
-
-
-def _rows(tables):
-    """Rows of a table, or of (test, result) each, with the facts of their tests."""
-    pairs = isinstance(tables, list | tuple) and not hasattr(tables, "_asdict")
-    return inputs.entries(tables) if pairs else inputs.rows(tables)
+    return results.Result({"rows": rows, "points": points}, notes=(*notes, *reasons))
 
 
 def temperature_laws_of_type(resistances, settings=None, **changes):
     """Laws of pulse resistance over temperature across cells of one type.
 
-    Parameters
-    ----------
-    resistances : rows of `resistance` with cell, ambient_temperature_celsius and cycle.
-    settings : `settings.Temperature`, or its keys as keywords.
+    resistances : rows with cell too. settings : `settings.Temperature`.
 
-    Returns
-    -------
-    laws : Result.
-
-    Raises
-    ------
-    Refusal : No quantity is known at three temperatures.
-
-    Source: docs/temperature.md.
+    Returns rows and points as of `temperature_laws`. Raises Refusal: no quantity is known at three
+    temperatures. Source: docs/temperature.md.
     """
     from cellwright.laws.of_type import points_of_type, sentences_of_type
     from cellwright.laws.points import with_enough_temperatures
-    from cellwright.laws.temperature import law_rows
 
     options = inputs.settings_of(Temperature, settings, changes)
     compared = points_of_type(inputs.rows(resistances), **options._asdict())
+    # Points stay apart here: how cells differ is what the interval of the type's law tells.
     points = with_enough_temperatures(compared.points)
-    rows, reasons = law_rows(points)
-    notes = (*compared.notes, *sentences_of_type(points), *reasons)
-    return results.Result({"rows": rows, "points": points}, notes=notes)
+    return _fitted(points, (*compared.notes, *sentences_of_type(points)))
 
 
 def fast_charge_laws(charges):
     """Laws of the fast charge of one cell over temperature.
 
-    Parameters
-    ----------
     charges : rows of `fast_charge` with ambient_temperature_celsius, or (test, result) each.
 
-    Returns
-    -------
-    laws : Result.
-
-    Raises
-    ------
-    Refusal : Fewer than three temperatures.
-
-    Source: docs/fast-charge.md.
+    Returns rows as of `temperature_laws`; points: all that was measured. Raises Refusal: fewer than
+    three temperatures. Source: docs/fast-charge.md.
     """
     from cellwright.laws.points import fast_charge_points, with_enough_temperatures
-    from cellwright.laws.temperature import law_rows
 
-    points = fast_charge_points(_rows(charges))
-    rows, reasons = law_rows(with_enough_temperatures(points))
-    return results.Result({"rows": rows, "points": points}, notes=tuple(reasons))
+    points = fast_charge_points(inputs.entries(charges))
+    found = _fitted(with_enough_temperatures(points))
+    # Quantities known at two temperatures only have no law, but are points all the same.
+    return found._replace(tables=found.tables | {"points": points})
 
 
 def cold_limit(laws, points=None):
     """A paragraph on the part of the resistance that limits a cell in the cold.
 
-    Parameters
-    ----------
     laws : result of `temperature_laws`, or its rows. points : rows of its points; None: of `laws`.
 
-    Returns
-    -------
-    limit : Result.
-
-    Raises
-    ------
-    Refusal : Too few parts of the resistance were measured over temperature.
-
-    Source: docs/temperature.md.
+    Returns content of `laws.cold.ColdLimit`. Raises Refusal: too few parts of the resistance were
+    measured over temperature. Source: docs/temperature.md.
     """
     from cellwright.laws.cold import cold_limit as limited
     from cellwright.laws.points import Point
@@ -137,47 +96,31 @@ def resistance_surface(
 ):
     """Resistance [ohm] of one cell over SoC and temperature in three forms, and which fits best.
 
-    Parameters
-    ----------
-    resistances : rows of `resistance` with ambient_temperature_celsius and cycle, or (test,
-        result) each.
-    delay_second : delays into the pulse [s].
-    c_rate : preferred rate of the pulses [1/h].
+    delay_second : delays into the pulse [s]. c_rate : preferred rate of the pulses [1/h].
 
-    Returns
-    -------
-    laws : Result; points: measured and fitted.
-
-    Raises
-    ------
-    Refusal : Too few pulses.
-
+    Returns rows: the laws; points: measured and fitted. Raises Refusal: too few pulses.
     Source: docs/resistance-surface.md.
     """
     from cellwright.laws import surface
 
-    fits, reasons = surface.surfaces(_rows(resistances), delay_second=delay_second, c_rate=c_rate)
-    notes = (*reasons, *surface.sentences(fits))
+    rows = inputs.entries(resistances)
+    # Temperatures left out of the fit choose the form: a table meets its own points best.
+    fits, reasons = surface.surfaces(rows, delay_second=delay_second, c_rate=c_rate)
     tables = {"rows": surface.law_rows(fits), "points": surface.point_rows(fits)}
-    return results.Result(tables, notes=notes)
+    return results.Result(tables, notes=(*reasons, *surface.sentences(fits)))
 
 
 def polarisation_laws(rests):
     """Polarisation of one cell over SoC and temperature: amplitudes [V], time constants [s], laws.
 
-    Parameters
-    ----------
     rests : rows of `relaxation` with ambient_temperature_celsius, or (test, result) each.
 
-    Returns
-    -------
-    laws : Result; without points where no rests compare, the reason in its notes.
-
+    Returns rows: the laws; points: without any where no rests compare, the reason in the notes.
     Source: thesis 3.3; docs/relaxation.md.
     """
     from cellwright.laws.polarisation import comparable_rests, law_rows, laws_of, paragraph
 
-    found = comparable_rests(_rows(rests))
+    found = comparable_rests(inputs.entries(rests))
     laws, reasons = laws_of(found.points)
     tables = {"rows": law_rows(laws), "points": found.points}
     return results.Result(tables, notes=(paragraph(found, laws), *reasons))
@@ -186,26 +129,19 @@ def polarisation_laws(rests):
 def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
     """Open-circuit voltage [V] of one cell over SoC and temperature.
 
-    Parameters
-    ----------
     curves : (test, result of `ocv`) each. steps : (test, result of `chamber_steps`) each.
-    settings : `settings.OcvTemperature`, or its keys as keywords.
+    settings : `settings.OcvTemperature`.
 
-    Returns
-    -------
-    map : Result.
-
-    Raises
-    ------
-    Refusal : Fewer than two temperatures.
-
-    Source: thesis 3.1; docs/ocv-temperature.md.
+    Returns rows: the laws; map, entropic, surface, functions. Raises Refusal: fewer than two
+    temperatures. Source: thesis 3.1; docs/ocv-temperature.md.
     """
-    from cellwright.api.charge import _curves
+    from cellwright.api.charge import curves_of
     from cellwright.laws.ocv import over_temperature as ocv
 
     chosen = inputs.settings_of(OcvTemperature, settings, changes)
-    slow = inputs.entries(curves, _curves)
+    # Slow curves err by their polarisation, which differs between temperatures; rests at stepped
+    # temperatures are fewer. The surer of the two tells the entropic coefficient, both are tables.
+    slow = inputs.entries(curves, curves_of)
     result = ocv.over_temperature(slow, inputs.entries(steps), **chosen._asdict())
     tables = {
         "rows": ocv.law_rows(result),
@@ -220,28 +156,18 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
 def ocv_shifts(tests):
     """Shift of the OCV [V] of a cell since its first check-up, from charges and discharges alike.
 
-    Parameters
-    ----------
-    tests : (test, clean series, result of `segment`) each, of capacity tests at several `cycle`s.
+    tests : (test, series, result of `segment`) each, of capacity tests at several `cycle`s.
 
-    Returns
-    -------
-    shifts : Result; one row a later test and SoC: cycle, soc [1], shift_volt, shift_std_volt [V],
-        test, reference_test. What cannot be compared is in the notes.
-
-    Source: docs/state-of-charge.md.
+    Returns rows, one a later test and SoC: cycle, soc [1], shift_volt, shift_std_volt [V], test,
+    reference_test. What cannot be compared is in the notes. Source: docs/state-of-charge.md.
     """
     from cellwright.protocols.ocv.shift import shifts_since_first
 
-    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
-    records = [
-        (
-            inputs.test_facts(test).test,
-            inputs.test_facts(test).cycle or 0.0,
-            (*inputs.quantities(series, names), inputs.steps(steps)),
-        )
-        for test, series, steps in tests
-    ]
+    records = []
+    for test, series, steps in tests:
+        facts, counted = inputs.test_facts(test), inputs.quantities(series, inputs.COUNTED)
+        # A test without a stated cycle is of the fresh cell, with which the others are compared.
+        records.append((facts.test, facts.cycle or 0.0, (*counted[1:], inputs.steps(steps))))
     rows, notes = shifts_since_first(records)
     return results.Result({"rows": rows}, notes=tuple(notes))
 
@@ -249,91 +175,54 @@ def ocv_shifts(tests):
 def capacity_loss(capacities, settings=None, **changes):
     """Capacity of one cell lost to temperature and rate [%], split into true and false.
 
-    Parameters
-    ----------
-    capacities : rows of `capacity` with test, ambient_temperature_celsius and cycle, or (test,
-        result) each.
-    settings : `settings.CapacityLoss`, or its keys as keywords.
+    settings : `settings.CapacityLoss`.
 
-    Returns
-    -------
-    losses : Result; points: one row a loss [%].
-
-    Raises
-    ------
-    Refusal : No slow test, or fewer than two comparable capacities.
-
-    Source: thesis 4.2; docs/capacity-loss.md.
+    Returns rows: the laws; points: one row a loss [%]. Raises Refusal: no slow test, or fewer than
+    two comparable capacities. Source: thesis 4.2; docs/capacity-loss.md.
     """
     from cellwright.health.capacity_loss import capacity_losses, law_rows
 
     options = inputs.settings_of(CapacityLoss, settings, changes)
-    losses, notes = capacity_losses(_rows(capacities), **options._asdict())
+    losses, notes = capacity_losses(inputs.entries(capacities), **options._asdict())
     return results.Result({"rows": law_rows(losses), "points": losses}, notes=tuple(notes))
 
 
 def ica_over_temperature(charges, settings=None, **changes):
     """Peaks of incremental capacity of one cell, matched across temperatures.
 
-    Parameters
-    ----------
     charges : `health.peaks.over_temperature.Charge` each, or (test, result of `ica`).
-    settings : `settings.IcaTemperature`, or its keys as keywords.
+    settings : `settings.IcaTemperature`.
 
-    Returns
-    -------
-    matches : Result.
-
-    Raises
-    ------
-    Refusal : Fewer than two temperatures.
-
+    Returns rows: the matches; peaks, curves. Raises Refusal: fewer than two temperatures.
     Source: docs/ica-temperature.md.
     """
-    from cellwright.health.peaks.over_temperature import peaks_over_temperature
+    from cellwright.health.peaks.over_temperature import Charge, peaks_over_temperature
+
+    def charge_of(charge):
+        if isinstance(charge, Charge):
+            return charge
+        test, ica = inputs.test_facts(charge[0]), charge[1]
+        curve = ica.curve.voltage_volt, ica.curve.dq_dv_ampere_hour_per_volt
+        return Charge(test.test, test.ambient_temperature_celsius, ica.c_rate, *curve)
 
     options = inputs.settings_of(IcaTemperature, settings, changes)
-    matched = peaks_over_temperature([_charge(charge) for charge in charges], **options._asdict())
+    matched = peaks_over_temperature(list(map(charge_of, charges)), **options._asdict())
     tables = {"rows": matched.matches, "peaks": matched.peaks, "curves": matched.curves}
     return results.Result(tables, notes=tuple(matched.notes))
-
-
-def _charge(charge):
-    """`health.peaks.over_temperature.Charge` as it is, or made of (test, result of `ica`)."""
-    from cellwright.health.peaks.over_temperature import Charge
-
-    if isinstance(charge, Charge):
-        return charge
-    test, ica = inputs.test_facts(charge[0]), charge[1]
-    names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
-    curve = [getattr(ica.curve, name) for name in names]
-    return Charge(test.test, test.ambient_temperature_celsius, ica.c_rate, *curve)
 
 
 def ageing_over_temperature(cycles, test):
     """Fade, temperature and daily cycle of the capacities of one ageing record.
 
-    Parameters
-    ----------
-    cycles : result of `ageing_cycles`. test : TestFacts or mapping.
+    cycles : result of `ageing_cycles`, or its columns.
 
-    Returns
-    -------
-    laws : Result.
-
-    Raises
-    ------
-    Refusal : Too few cycles.
-
+    Returns cycles; rows: the laws; periodogram; content: summary. Raises Refusal: too few cycles.
     Source: docs/ageing.md.
     """
     from cellwright.health.ageing import cycle_temperature, law_rows
     from cellwright.protocols.ageing import AgeingCycles
 
-    table = getattr(cycles, "rows", cycles)
-    if not isinstance(table, AgeingCycles):
-        table = AgeingCycles(**inputs.columns(table, *AgeingCycles._fields))
-    ageing = cycle_temperature(table)
+    ageing = cycle_temperature(inputs.table_of(AgeingCycles, cycles))
     rows = law_rows(ageing.summary, test=inputs.test_facts(test).test)
     notes = tuple(filter(None, [ageing.summary["reason"]]))
     tables = {"cycles": ageing.cycles, "rows": rows, "periodogram": ageing.periodogram}
@@ -343,20 +232,12 @@ def ageing_over_temperature(cycles, test):
 def thermal_constants(cell, model, tests, *, split_rest_second=MODELS.split_rest_second):
     """Heat capacity and thermal resistance of a cell from tests with its logged temperature.
 
-    Parameters
-    ----------
-    cell : CellFacts or mapping. model : of the cell.
-    tests : (test, clean series) each; those of role fit with surface_temperature_celsius are
-        fitted, those of role validation scored.
-    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+    tests : those of role fit with surface_temperature_celsius are fitted, those of role validation
+        scored.
 
-    Returns
-    -------
-    thermal : Result; content: heat_capacity_joule_per_kelvin [J/K], resistance_kelvin_per_watt
-        [K/W], their standard deviations, the entropic coefficient over SoC [V/K], or None and the
-        reason; its table: one row a test.
-
-    Source: docs/thermal.md.
+    Returns content: heat_capacity_joule_per_kelvin [J/K], resistance_kelvin_per_watt [K/W], their
+    standard deviations, the entropic coefficient over SoC [V/K], or None and the reason; rows: one
+    a test. Source: docs/thermal.md.
     """
     from cellwright.identification.thermal import thermal_of
 

@@ -1,4 +1,4 @@
-"""Equivalent circuits and state of charge: basis, identification, simulation, validation."""
+"""Equivalent circuits: identification, simulation, validation, state of charge, other tools."""
 
 from cellwright.api import inputs, results
 from cellwright.settings import Models, Soc
@@ -11,23 +11,12 @@ def identify(
 ):
     """Equivalent circuits of a cell from its own tests, at every temperature it was tested at.
 
-    Parameters
-    ----------
-    cell : CellFacts or mapping.
-    basis : result of `basis`.
-    tests : (test, clean series) each, roles fit or split.
+    tests : of roles fit or split.
     members : of the family that are identified, such as "2RC" or "DRT+H".
-    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
-    Returns
-    -------
-    model : Result; content: schema cellwright-model/2; its table: one row a parameter.
-
-    Raises
-    ------
-    Refusal : No OCV, or no test that can be fitted; the reasons are named.
-
-    Source: docs/models.md, docs/identification.md.
+    Returns content: schema cellwright-model/2; parameters: one row each. Raises Refusal: no OCV, or
+    no test that can be fitted; the reasons are named. Source: docs/models.md,
+    docs/identification.md.
     """
     from cellwright.identification.cell import cell_model
 
@@ -46,27 +35,18 @@ def identify_without(
 ):
     """The chosen member of a model, identified without the tests of one temperature.
 
-    Parameters
-    ----------
-    cell, basis, tests : as of `identify`.
     whole : the model of all temperatures.
     celsius : temperature that is left out [°C].
-    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
-    Returns
-    -------
-    model : Result, as of `identify`.
-
-    Raises
-    ------
-    Refusal : No test is left, or none that can be fitted.
-
+    Returns as `identify`. Raises Refusal: no test is left, or none that can be fitted.
     Source: docs/compensation.md.
     """
     from cellwright.identification.cell import cell_model
     from cellwright.identification.compensation import without
 
+    # Its OCV at that temperature goes too: it would tell what is to be predicted.
     rest = without(inputs.basis(basis), inputs.tests(tests), celsius=celsius)
+    # Other members would cost as much time and are not used.
     members = [inputs.model(whole)["chosen"]]
     facts = inputs.cell_facts(cell)
     return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
@@ -77,20 +57,9 @@ def compare_temperature_laws(
 ):
     """Errors [V] of each law over temperature at temperatures left out of the fit, the best chosen.
 
-    Parameters
-    ----------
-    cell, tests : as of `identify`.
     whole : the model of all temperatures. reduced : temperature [°C] → model without it.
-    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
-    Returns
-    -------
-    laws : Result; one row a test and law: errors [V], chosen.
-
-    Raises
-    ------
-    Refusal : Nothing was predicted.
-
+    Returns rows, one a test and law: errors [V], chosen. Raises Refusal: nothing was predicted.
     Source: docs/compensation.md.
     """
     from cellwright.identification.compensation import choose_laws, laws_beyond, predicted
@@ -99,6 +68,7 @@ def compare_temperature_laws(
     models = {celsius: inputs.model(model) for celsius, model in reduced.items()}
     measured = (inputs.cell_facts(cell), inputs.tests(tests))
     rows, notes = predicted(whole, models, *measured, split_rest_second=split_rest_second)
+    # Beyond the tests a law by which resistance rises with temperature again is not offered.
     offered, refused = laws_beyond(whole)
     choice = choose_laws(rows, beyond=offered)
     marked = [row | {"chosen": row["law"] == choice.laws[row["beyond"]]} for row in rows]
@@ -111,24 +81,20 @@ def predict_left_out(
 ):
     """Errors [V] on validation tests at temperatures that the predicting model was not fitted to.
 
-    Parameters
-    ----------
-    cell, whole, reduced, split_rest_second : as of `compare_temperature_laws`.
-    laws : its result, which law is kept. tests : (test, clean series) each, for validation.
+    whole, reduced : as of `compare_temperature_laws`. laws : its result, which law is kept.
+    tests : for validation.
 
-    Returns
-    -------
-    predictions : Result; one row a test: errors [V].
+    Returns rows, one a test: errors [V]. Source: docs/compensation.md.
     """
     from cellwright.identification.compensation import laws_kept, predicted
 
-    models = {celsius: inputs.model(model) for celsius, model in reduced.items()}
     rows, notes = predicted(
         inputs.model(whole),
-        models,
+        {celsius: inputs.model(model) for celsius, model in reduced.items()},
         inputs.cell_facts(cell),
         inputs.tests(tests),
         laws=laws_kept(inputs.rows(laws)),
+        # Validation tests, which took part neither in the fits nor in the choice of the law.
         proof=True,
         split_rest_second=split_rest_second,
     )
@@ -147,28 +113,20 @@ def finish_model(
 ):
     """A model ready for use: its law over temperature, the effects found, its member chosen.
 
-    Parameters
-    ----------
-    cell, basis, tests : as of `identify`; basis and tests only for a model of the cell's own tests.
     model : result of `identify`, of `borrow_model` or of `identify_branches`, or path of its file.
+    basis, tests : only for a model of the cell's own tests.
     laws : results of `compare_temperature_laws`.
     effects : `model` of the result of `missing_effect`, or None.
-    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
-    Returns
-    -------
-    model : Result; content: schema cellwright-model/2.
-
-    Raises
-    ------
-    Refusal : A group's document that has no model of the cell.
+    Returns content: schema cellwright-model/2; parameters, choice. Raises Refusal: a group's
+    document that has no model of the cell. Source: docs/models.md.
     """
-    from cellwright.circuits.parameters import parameter_rows
     from cellwright.effects.member import finished
     from cellwright.identification.compensation import laws_kept, with_laws
 
     facts = inputs.cell_facts(cell)
     content = inputs.model(model, cell=facts.cell)
+    # The law first: whether an effect helps is judged with the temperatures as they will be used.
     for law in laws:
         content = with_laws(content, laws_kept(inputs.rows(law)))
     content, choice = finished(
@@ -179,21 +137,37 @@ def finish_model(
         inputs.content(effects),
         split_rest_second=split_rest_second,
     )
-    notes = (content["choice"],) if choice else ()
+    return _with_choice(content, choice)
+
+
+def _with_choice(content, choice):
+    """Result of a model whose member was chosen: rows of the choice, none where there was none."""
+    from cellwright.circuits.parameters import parameter_rows
+
     tables = {"parameters": parameter_rows(content), "choice": choice}
-    return results.Result(tables, content, notes)
+    return results.Result(tables, content, (content["choice"],) if choice else ())
+
+
+def add_own_effects(model, effects, *, choice=()):
+    """A model with the effects that its chosen member lacks; they are used where that is better.
+
+    effects : `model` of the result of `missing_effect(..., model=model)`, or None.
+    choice : rows of the choice of the member, where `model` is a document without them.
+
+    Returns as `finish_model`, with the member `<chosen>+effects` where effects were found.
+    Source: docs/models.md.
+    """
+    from cellwright.effects.given.member import with_own_effects
+
+    rows = inputs.rows(choice or getattr(model, "choice", ()))
+    return _with_choice(*with_own_effects(inputs.model(model), rows, inputs.content(effects)))
 
 
 def refuse_model(tests, *, fit_kinds=("hppc", "drive", "capacity"), lent_curve=False):
-    """Say what is missing for a model of a cell of which no test may be fitted.
+    """Raise a Refusal that says what is missing for a model of a cell without a test to fit.
 
-    Parameters
-    ----------
-    tests : of the cell. fit_kinds : kinds that models are fitted to. lent_curve : an OCV is lent.
-
-    Raises
-    ------
-    Refusal : Always, with what is missing.
+    tests : TestFacts or mappings. fit_kinds : kinds that models are fitted to.
+    lent_curve : an OCV is lent.
     """
     from cellwright.identification import lacking
 
@@ -205,22 +179,13 @@ def model_of_table(
 ):
     """Model of a cell that is known as a table of OCV [V] and resistance [ohm] over SoC.
 
-    Parameters
-    ----------
     cell : its name. table : DataFrame or columns: soc (0 to 1), ocv_volt, resistance_ohm.
     capacity_ampere_hour : charge from SoC 0 to 1 [Ah].
     ambient_temperature_celsius : at which the table holds [°C]; None: 25.
     source : name of the table, for the notes.
 
-    Returns
-    -------
-    model : Result, as of `identify`.
-
-    Raises
-    ------
-    Refusal : A table that does not go from empty to full, an OCV that falls, no capacity.
-
-    Source: docs/packs.md.
+    Returns as `identify`. Raises Refusal: a table that does not go from empty to full, an OCV that
+    falls, no capacity. Source: docs/packs.md.
     """
     from cellwright.identification import given
 
@@ -233,18 +198,9 @@ def model_of_table(
 def borrow_model(cell, peers):
     """Model of a cell without pulses, borrowed from the reference cell of its type.
 
-    Parameters
-    ----------
     cell : `bias.features.Shown`, what its tests show. peers : the same of modelled cells.
 
-    Returns
-    -------
-    model : Result, as of `identify`.
-
-    Raises
-    ------
-    Refusal : No peer has a model, or the cell shows too little.
-
+    Returns as `identify`. Raises Refusal: no peer has a model, or the cell shows too little.
     Source: thesis 4.5; docs/bias.md.
     """
     from cellwright.bias.corrected import borrowed_model
@@ -265,21 +221,11 @@ def _scored(cells):
 def compare_bias_ways(cells, *, split_rest_second=MODELS.split_rest_second):
     """Voltage errors [V] of cells by the reference's model, scaled, corrected, and their own.
 
-    Parameters
-    ----------
     cells : `bias.ways.Scored` of one type, each with its own model and tests not fitted to.
-    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
-    Returns
-    -------
-    ways : Result; one row a cell, way and test: rmse_volt, mean_abs_volt, max_abs_volt,
-        half_interval_volt [V], share_within, relative errors of resistances [1].
-
-    Raises
-    ------
-    Refusal : Fewer than two cells, or no test could be compared.
-
-    Source: thesis 4.5; docs/bias.md.
+    Returns rows, one a cell, way and test: rmse_volt, mean_abs_volt, max_abs_volt,
+    half_interval_volt [V], share_within, relative errors of resistances [1]. Raises Refusal: fewer
+    than two cells, or no test could be compared. Source: thesis 4.5; docs/bias.md.
     """
     from cellwright.bias.ways import compare_ways
 
@@ -290,17 +236,10 @@ def compare_bias_ways(cells, *, split_rest_second=MODELS.split_rest_second):
 def worst_corrected(rows):
     """The cell of which the corrected model errs most beyond what the cell's own model does.
 
-    Parameters
-    ----------
     rows : result of `compare_bias_ways`, or its rows.
 
-    Returns
-    -------
-    worst : `bias.worst.Worst`: cell, rmse_volt and own_rmse_volt over all its tests [V], words.
-
-    Raises
-    ------
-    Refusal : No corrected model was scored.
+    Returns `bias.worst.Worst`: cell, rmse_volt and own_rmse_volt over all its tests [V], words.
+    Raises Refusal: no corrected model was scored. Source: docs/bias.md.
     """
     from cellwright.bias.worst import worst_cell
 
@@ -310,21 +249,10 @@ def worst_corrected(rows):
 def corrected_voltages(cells, name, tests, *, split_rest_second=MODELS.split_rest_second):
     """Voltage of a cell's corrected model on its tests, the cell left out of the calibration.
 
-    Parameters
-    ----------
-    cells : as of `compare_bias_ways`. name : of the cell among them.
-    tests : (test, clean series) each, of the cell.
-    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+    cells : as of `compare_bias_ways`. name : of the cell among them. tests : of that cell.
 
-    Returns
-    -------
-    voltages : dict test → (time [s], voltage [V]), (n,) each, as `missing_effect` takes them.
-
-    Raises
-    ------
-    Refusal : The cell is not among them, or a test cannot be laid out.
-
-    Source: docs/bias.md.
+    Returns dict test → (time [s], voltage [V]), (n,) each, as `missing_effect` takes them. Raises
+    Refusal: the cell is not among them, or a test cannot be laid out. Source: docs/bias.md.
     """
     from cellwright.bias.worst import corrected_voltages as simulated
 
@@ -335,23 +263,13 @@ def corrected_voltages(cells, name, tests, *, split_rest_second=MODELS.split_res
 def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=None):
     """Terminal voltage of a model under a current.
 
-    Parameters
-    ----------
-    model : result of `identify` or `finish_model`, or path of its results/models/<cell>.json.
     current : DataFrame or columns: test_time_second [s], current_ampere [A], positive on charge.
     initial_soc : state of charge at the first sample [1].
     temperature_celsius : of the cell, scalar or (n,) [°C].
     member : of the family; None: the chosen one.
 
-    Returns
-    -------
-    simulation : Result; (n,) columns: soc [1], ocv_volt, voltage_volt [V].
-
-    Raises
-    ------
-    Refusal : The model has no such member, or the SoC at the start is not within 0 to 1.
-
-    Source: docs/circuits.md.
+    Returns columns, (n,): soc [1], ocv_volt, voltage_volt [V]. Raises Refusal: the model has no
+    such member, or the SoC at the start is not within 0 to 1. Source: docs/circuits.md.
     """
     import numpy as np
 
@@ -360,9 +278,11 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     from cellwright.series.cleaning import net_charge
 
     model = inputs.model(model)
+    # Only the start: a current that goes beyond empty or full is the simulation's to show.
     if not 0.0 <= initial_soc <= 1.0:
         raise Refusal(f"SoC {initial_soc:g} at the start; wanted 0 to 1")
     time, ampere = inputs.quantities(current, ("test_time_second", "current_ampere"))
+    # From the current that is simulated, not from a counter that an instrument has logged.
     charge = net_charge(time, ampere)
     soc = initial_soc + (charge - charge[0]) / model["capacity_ampere_hour"]
     celsius = np.broadcast_to(np.asarray(temperature_celsius, float), time.shape)
@@ -377,36 +297,21 @@ def validate(
 ):
     """Errors [V] of every member of a model, simulated through a test it was not fitted to.
 
-    Parameters
-    ----------
-    model : result of `identify` or `finish_model`, or path of its results/models/<cell>.json.
-    series : DataFrame or columns of a clean series, (n,) each.
-    test, cell : TestFacts, CellFacts or mappings.
-    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
-    repeats : result of `repeats` of the cell's tests: rows that were fitted in another test, or
-        score there, do not score here; None: all do.
+    repeats : rows that were fitted in another test, or score there, do not score here; None: all
+        do.
 
-    Returns
-    -------
-    validation : Result; one row a member: rmse_volt, max_abs_volt [V] and others.
-
-    Raises
-    ------
-    Refusal : No SoC at the start can be known, or nothing is left to score.
-
-    Source: docs/models.md.
+    Returns rows, one a member: rmse_volt, max_abs_volt [V] and others; series. Raises Refusal: no
+    SoC at the start can be known, or nothing is left to score. Source: docs/models.md.
     """
     from cellwright.identification.validation import validate as validated
     from cellwright.records.basis import at_cycle
     from cellwright.records.repeats import with_repeated
 
-    (measured,) = inputs.tests([(test, series)])
-    found = inputs.repeats(repeats)
-    measured = measured if found is None else with_repeated(measured, found)
+    measured, found = inputs.measured(test, series, inputs.COUNTED), inputs.repeats(repeats)
     scores = validated(
         at_cycle(inputs.model(model), measured.facts.cycle),
         inputs.cell_facts(cell),
-        measured,
+        measured if found is None else with_repeated(measured, found),
         split_rest_second=split_rest_second,
     )
     tables = {"rows": scores.rows, "series": scores.series}
@@ -425,26 +330,16 @@ def estimate_soc(
 ):
     """State of charge [1] over a test by every filter, from wrong starts, with its error.
 
-    Parameters
-    ----------
-    model, series, test, cell, split_rest_second : as of `validate`.
-    settings : `settings.Soc`, or its keys as keywords, such as filters and initial_soc_error.
+    settings : `settings.Soc`, its keys such as filters and initial_soc_error.
 
-    Returns
-    -------
-    estimates : Result; one row a filter, start and scenario: rmse_soc, max_abs_soc [1],
-        convergence_second [s]; series: (n,) estimates of the first start.
-
-    Raises
-    ------
-    Refusal : No SoC at the start can be known, nothing is left to score, or an unknown filter.
-
-    Source: thesis 2.4; docs/soc-filters.md.
+    Returns rows, one a filter, start and scenario: rmse_soc, max_abs_soc [1], convergence_second
+    [s]; series: (n,) estimates of the first start. Raises Refusal: no SoC at the start can be
+    known, nothing is left to score, or an unknown filter. Source: thesis 2.4; docs/soc-filters.md.
     """
     from cellwright.filters.evaluate import soc_runs
     from cellwright.records.basis import at_cycle
 
-    (measured,) = inputs.tests([(test, series)])
+    measured = inputs.measured(test, series, inputs.COUNTED)
     runs = soc_runs(
         at_cycle(inputs.model(model), measured.facts.cycle),
         inputs.cell_facts(cell),
@@ -454,3 +349,44 @@ def estimate_soc(
     )
     tables = {"rows": runs.rows, "series": runs.series}
     return results.Result(tables, notes=tuple(runs.notes))
+
+
+def export_model(model, *, validation=()):
+    """A model for other tools: as PyBaMM's Thevenin model, and as tables over SoC and temperature.
+
+    validation : rows of `validate` of the cell's tests: errors of the member that is exported
+        stand beside those of the chosen one, where it is another.
+
+    Returns content: pybamm; lookup, temperature; notes say which member stands for the chosen one,
+    and both errors. Source: docs/exports.md.
+    """
+    from cellwright.circuits.exports import lookup_table, pybamm_document, validation_errors
+    from cellwright.circuits.instrument import words_of
+    from cellwright.circuits.model_file import plain_member
+    from cellwright.identification.compensation import temperature_table
+
+    model, errors = inputs.model(model), validation_errors(inputs.rows(validation))
+    document, member = pybamm_document(model, errors), plain_member(model)
+    notes = [f"{name} is not exported: {why}" for name, why in document["refused"].items()]
+    for entry in model["members"]:
+        with_blocks = entry.get("companions", {"with": entry})["with"]
+        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(with_blocks)]
+    # Other tools know RC pairs only: what stands in for the chosen member must say what it costs.
+    chosen, taken = model["chosen"], document["exported"]
+    if taken not in (chosen, None):
+        why = f"{chosen} is refused ({_both_errors(errors, taken, chosen)})"
+        notes.append(f"PyBaMM's loader takes {taken}: {why}")
+    if member != chosen:
+        why = f"{chosen} is more than RC pairs ({_both_errors(errors, member, chosen)})"
+        notes.append(f"the look-up table holds {member}: {why}")
+    tables = {"lookup": lookup_table(model, member, errors)}
+    tables["temperature"] = temperature_table(model, None)
+    return results.Result(tables, {"pybamm": document}, tuple(notes))
+
+
+def _both_errors(errors, taken, chosen):
+    """Validation errors [V] of two members, in words."""
+    if taken not in errors or chosen not in errors:
+        return "no validation test tells the errors of both"
+    both = f"{taken} {1e3 * errors[taken]:.3g} mV, {chosen} {1e3 * errors[chosen]:.3g} mV"
+    return f"validation error: {both}"

@@ -1,4 +1,6 @@
-"""Packs: simulated, what a series string can give, decisions on a pack, cells put together."""
+"""Packs: simulated, held against records, decided upon; the model of a pack for others."""
+
+from collections.abc import Mapping
 
 from cellwright.api import inputs, results
 from cellwright.settings import PackDecisions
@@ -17,27 +19,17 @@ def simulate_pack(
 ):
     """Currents, voltages, SoC and temperatures of all cells of a pack under a total current.
 
-    Parameters
-    ----------
-    models : of its cells, in any order; each runs as its chosen member, or as `member`.
-    members : rows of groups.tsv of the pack and of the groups in it, or a Wiring.
+    members : rows of groups.tsv, or a Wiring.
     current : DataFrame or columns: test_time_second [s], current_ampere [A], of the pack.
     initial_soc : scalar or one a cell in the order of the wiring [1].
     temperature_celsius : of all cells, or with `thermal` of the ambient; scalar or (n,) [°C].
     thermal : `Thermal`, or None: cells do not warm.
     hold : of the current between samples, "first_order" or "zero_order".
-    member : name of a member of all models, or None.
+    member : as which member of their family all models run; None: each as its chosen one.
 
-    Returns
-    -------
-    simulation : Result; (n,) columns: voltage_volt [V], cell_<k>_current_ampere [A],
-        cell_<k>_voltage_volt [V], cell_<k>_soc [1], cell_<k>_temperature_celsius [°C].
-
-    Raises
-    ------
-    Refusal : a wiring that is none, a cell without a model, or as `packs.simulate.simulate_pack`.
-
-    Source: docs/packs.md.
+    Returns columns, (n,): voltage_volt [V], cell_<k>_current_ampere [A], cell_<k>_voltage_volt [V],
+    cell_<k>_soc [1], cell_<k>_temperature_celsius [°C]. Raises Refusal: a wiring that is none, a
+    cell without a model, or as `packs.simulate.simulate_pack`. Source: docs/packs.md.
     """
     from cellwright.packs.simulate import simulate_pack as simulated
 
@@ -62,21 +54,11 @@ def run_pack_phases(
 ):
     """A pack through phases of current, voltage, power, rest or drive, with limits by cell.
 
-    Parameters
-    ----------
-    models, members, initial_soc, thermal, member : as of `simulate_pack`.
+    members, initial_soc, temperature_celsius, thermal, member : as of `simulate_pack`.
     phases : sequence of `Phase`.
-    temperature_celsius : of all cells, or with `thermal` of the ambient [°C].
 
-    Returns
-    -------
-    simulation : Result; columns as of `simulate_pack` and `phase`; rows say when, why and
-        by which cell each phase ended.
-
-    Raises
-    ------
-    Refusal : as `simulate_pack`, a phase of an unknown kind or without an end.
-
+    Returns columns as of `simulate_pack` and `phase`; rows: when, why and by which cell each phase
+    ended. Raises Refusal: as `simulate_pack`, a phase of an unknown kind or without an end.
     Source: docs/packs.md.
     """
     from cellwright.packs.phases import run_phases
@@ -96,17 +78,24 @@ def _wired(models, members, celsius, thermal, member):
     import numpy as np
 
     from cellwright.packs.cells import pack_cells, table_temperatures
-    from cellwright.packs.wiring import Wiring, models_of, wiring_of
+    from cellwright.packs.wiring import Wiring, models_of
 
-    wiring = members
-    if not isinstance(members, Wiring):
-        rows = inputs.rows(members)
-        wiring = wiring_of(rows[0].get("group", "the pack"), rows)
+    wiring = members if isinstance(members, Wiring) else _wiring(members)[0]
     documents = models_of(wiring, inputs.models(models))
-    if thermal is None and np.ndim(celsius) == 0:
-        return wiring, pack_cells(documents, temperature_celsius=celsius, member=member)
-    grid = table_temperatures(documents, celsius)
-    return wiring, pack_cells(documents, temperature_celsius=grid, member=member)
+    if thermal is not None or np.ndim(celsius):  # parameters follow the cells' temperature
+        celsius = table_temperatures(documents, celsius)
+    return wiring, pack_cells(documents, temperature_celsius=celsius, member=member)
+
+
+def _wiring(members):
+    """Wiring of rows of groups.tsv, BranchFacts of its own members, and those of all its cells."""
+    from cellwright.packs.wiring import cells_of, wiring_of
+
+    rows = inputs.rows(members)
+    wiring = wiring_of(rows[0].get("group", "the pack"), rows)
+    by_name = {row["cell"]: inputs.branch_facts(row) for row in rows}
+    own = [by_name[one if isinstance(one, str) else one.name] for one in wiring.members]
+    return wiring, own, [by_name[cell] for cell in cells_of(wiring)]
 
 
 def _of_cells(run):
@@ -120,45 +109,76 @@ def _of_cells(run):
     return columns
 
 
-def series_pack(models, members, cells, series, test, settings=None, **changes):
-    """A series pack simulated through a record; its charge, energy, power, limits and balancing.
+def simulate_group(
+    models, current, *, initial_soc, wire_resistance_ohm=0.0, temperature_celsius=25.0
+):
+    """Branch currents [A], SoC [1] and voltage [V] of cells in parallel under a total current.
 
-    Parameters
-    ----------
-    models : of its cells, in any order. members : rows of groups.tsv of the pack. cells :
-        CellFacts or mappings of its cells, in any order.
-    series : clean series of the pack, (n,) columns, with cell_<k>_voltage_volt where logged.
-    test : TestFacts or mapping.
-    settings : `settings.PackDecisions`, or its keys as keywords.
+    models : in the order of the branches.
+    current : DataFrame or columns: test_time_second [s], current_ampere [A], of the group.
+    initial_soc, wire_resistance_ohm : scalar or one a branch [1], [ohm].
+    temperature_celsius : of all cells [°C].
 
-    Returns
-    -------
-    pack : Result; one row of the pack, rows of its cells, of its power and of its charge.
-
-    Raises
-    ------
-    Refusal : a wiring that is not cells in series, a cell without a model or cut-offs, no SoC at
-        the start.
-
-    Source: docs/series-packs.md.
+    Returns columns, (n,): voltage_volt [V], branch_<k>_current_ampere [A], branch_<k>_soc [1].
+    Raises Refusal: no model, or as `packs.simulate.simulate_pack`. Source: docs/packs.md.
     """
-    from cellwright.packs.series.capability import series_pack as analysed
-    from cellwright.packs.wiring import depth, described
-    from cellwright.records.facts import MeasuredTest
-    from cellwright.records.record import group_record
-    from cellwright.refusal import Refusal
+    from cellwright.packs.cells import pack_cells
+    from cellwright.packs.simulate import simulate_pack
+    from cellwright.packs.wiring import star_of
 
-    wiring, documents, positions, facts = _pack(models, members, cells)
-    if wiring.connection != "series" or depth(wiring) != 1:
-        raise Refusal(f"{wiring.name}: found {described(wiring)}, wanted cells in series")
-    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
-    record = group_record(measured, positions, cells=len(positions))
-    chosen = inputs.settings_of(PackDecisions, settings, changes)
-    found = analysed(documents, positions, facts, record, chosen)
-    tables = {
-        name: getattr(found, name) for name in ("cells", "pack", "power", "waterfall", "series")
-    }
-    return results.Result(tables, notes=found.notes)
+    documents = inputs.models(models)
+    # Models of one cell may stand in several branches, so branches go by their place.
+    cells = pack_cells(documents, temperature_celsius=temperature_celsius)
+    time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
+    branches = [f"branch {k + 1}" for k in range(len(documents))]
+    wiring = star_of(branches, wire_resistance_ohm=wire_resistance_ohm)
+    run = simulate_pack(time, total, cells, wiring, initial_soc=initial_soc)
+    columns = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
+    for k in range(len(documents)):
+        columns[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, k]
+        columns[f"branch_{k + 1}_soc"] = run.soc[:, k]
+    member = ", ".join(dict.fromkeys(cells.members))
+    return results.Result({"columns": columns}, {"member": member})
+
+
+def identify_branches(series, steps, cells, test):
+    """Models of all cells of a group, from the longest charge in the group's record.
+
+    series : with branch_<k>_current_ampere [A]. cells : names, in the order of the branches.
+
+    Returns content: "models", cell → model; rows: one a parameter. Raises Refusal: no branch
+    currents, or no charge between two rests. Source: docs/packs.md.
+    """
+    from cellwright.circuits.parameters import parameter_rows
+    from cellwright.packs.identify import group_models
+
+    # Of one slow charge all cells get one time constant: the notes say how far such models reach.
+    models = group_models(inputs.measured(test, series), inputs.steps(steps)._asdict(), cells)
+    rows = [{"cell": cell} | row for cell, model in models.items() for row in parameter_rows(model)]
+    return results.Result({"rows": rows}, {"models": models})
+
+
+def check_group(branches, series, test, simulated=None):
+    """Checks of a group's record: do its channels agree, and are they where the sheet says.
+
+    series : of the group, with whichever of branch_<k>_current_ampere [A] and cell_<k>_voltage_volt
+        [V] were logged.
+    simulated : the series of `validate_group`, whose simulated channels tell swapped ones.
+
+    Returns rows, one a check; notes: what was found. Raises Refusal: channels beyond the wiring, or
+    a wiring that is none. Source: docs/packs.md.
+    """
+    from cellwright.packs.checks import channel_findings, swapped_channels
+    from cellwright.records.record import group_record
+
+    wiring, own, leaves = _wiring(branches)
+    record = group_record(inputs.measured(test, series), own, cells=len(leaves))
+    # Sums and signs tell turned or exchanged sensors; only a simulation tells cells read as others.
+    findings = channel_findings(record, wiring)
+    if simulated is not None:
+        findings += swapped_channels(inputs.columns(simulated), wiring, record.test)
+    notes = tuple(found.sentence for found in findings if found.found)
+    return results.Result({"rows": [found._asdict() for found in findings]}, notes=notes)
 
 
 def validate_group(
@@ -166,56 +186,35 @@ def validate_group(
 ):
     """Errors of a parallel group simulated through its record: branch currents [A], voltage [V].
 
-    Parameters
-    ----------
-    models : of the cells, in the order of the branches. branches : rows of groups.tsv, of the group
-        and of all groups in it.
-    series : clean series with branch_<k>_current_ampere [A], (n,) columns.
-    test : TestFacts or mapping.
+    series : with branch_<k>_current_ampere [A].
     capacities : rows of the capacity stage of its cells, with cell and test, by whose standard
         deviations intervals are told; () where there is none; None: no intervals are told.
-    settings : `settings.PackDecisions`, or its keys as keywords: least standard deviations.
+    settings : `settings.PackDecisions`: least standard deviations.
     thermal : documents of `thermal_constants`: where no temperature was logged in the group and
         those of all cells are known, the cells warm by their own heat.
 
-    Returns
-    -------
-    validation : Result; one row a branch: errors of current [A] and voltage [V], and how wide
-        their intervals of 90 % are.
-
-    Raises
-    ------
-    Refusal : Other branch currents than branches, a cell without a model, or no SoC at the start.
-
-    Source: docs/packs.md.
+    Returns rows, one a branch: errors of current [A] and voltage [V], and how wide their intervals
+    of 90 % are; findings, spread, series. Raises Refusal: other branch currents than branches, a
+    cell without a model, or no SoC at the start. Source: docs/packs.md.
     """
     from cellwright.packs.uncertainty.draws import uncertainty_of
     from cellwright.packs.validate import validate_group as validated
-    from cellwright.packs.wiring import cells_of, models_of, wiring_of
-    from cellwright.records.facts import MeasuredTest
+    from cellwright.packs.wiring import models_of
 
-    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
-    rows = inputs.rows(branches)
-    group = rows[0].get("group", "the group")
-    wiring = wiring_of(group, rows)
+    wiring, own, leaves = _wiring(branches)
     documents = models_of(wiring, inputs.models(models))
-    own = [row for row in rows if row.get("group", group) == group]
-    members = sorted(own, key=lambda row: row["position"])
-    facts = [inputs.branch_facts(row) for row in members]
-    by_cell = {row["cell"]: inputs.branch_facts(row) for row in rows}
-    leaves = [by_cell[cell] for cell in cells_of(wiring)]
-    known = None
+    names, known = [leaf.cell for leaf in leaves], None
+    # Intervals need to know how sure the models are; a record is validated without them as well.
     if capacities is not None:
         chosen = inputs.settings_of(PackDecisions, settings, changes)
         known = uncertainty_of(
             documents,
-            _capacity_stds(capacities, cells_of(wiring)),
+            _capacity_stds(capacities, names),
             initial_soc_std=chosen.initial_soc_std,
             wire_relative_std=chosen.wire_relative_std,
         )
-    warms = _thermal_of(thermal, cells_of(wiring))
-    how = {"leaves": leaves, "uncertainty": known, "thermal": warms}
-    found = validated(documents, facts, measured, wiring, **how)
+    how = {"leaves": leaves, "uncertainty": known, "thermal": _thermal_of(thermal, names)}
+    found = validated(documents, own, inputs.measured(test, series), wiring, **how)
     tables = {name: getattr(found, name) for name in ("rows", "findings", "spread", "series")}
     return results.Result(tables, notes=found.notes)
 
@@ -223,43 +222,53 @@ def validate_group(
 def nested_pack(models, members, series, test):
     """A pack of groups in groups simulated through its record, against what was logged of it.
 
-    Parameters
-    ----------
-    models : of its cells, in any order. members : rows of groups.tsv of the pack and of all groups
-        in it.
-    series : clean series of the pack, (n,) columns, with whichever of branch_<k>_current_ampere [A]
-        and cell_<k>_voltage_volt [V] were logged. test : TestFacts or mapping.
+    series : of the pack, with whichever of branch_<k>_current_ampere [A] and cell_<k>_voltage_volt
+        [V] were logged.
 
-    Returns
-    -------
-    pack : Result; a row a channel: errors of the pack's voltage, of branch currents, of cell
-        voltages.
-
-    Raises
-    ------
-    Refusal : a wiring that is none, a cell without a model, no SoC at the start, or branch currents
-        that contradict the total.
-
-    Source: docs/pack-records.md.
+    Returns rows, one a channel: errors of the pack's voltage, of branch currents, of cell voltages;
+    series. Raises Refusal: a wiring that is none, a cell without a model, no SoC at the start, or
+    branch currents that contradict the total. Source: docs/pack-records.md.
     """
     from cellwright.packs.checks import refuse_contradiction
     from cellwright.packs.series.nested import nested_pack as scored
-    from cellwright.packs.wiring import cells_of, models_of, wiring_of
-    from cellwright.records.facts import MeasuredTest
+    from cellwright.packs.wiring import models_of
     from cellwright.records.record import group_record
 
-    rows = inputs.rows(members)
-    group = rows[0].get("group", "the pack")
-    wiring = wiring_of(group, rows)
+    wiring, own, leaves = _wiring(members)
     documents = models_of(wiring, inputs.models(models))
-    by_name = {row["cell"]: inputs.branch_facts(row) for row in rows}
-    own = [part if isinstance(part, str) else part.name for part in wiring.members]
-    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
-    leaves = cells_of(wiring)
-    record = group_record(measured, [by_name[name] for name in own], cells=len(leaves))
+    record = group_record(inputs.measured(test, series), own, cells=len(leaves))
+    # Before anything is scored: against currents that do not add up no error means anything.
     refuse_contradiction(record, wiring)
-    found = scored(documents, wiring, [by_name[name] for name in leaves], record)
+    found = scored(documents, wiring, leaves, record)
     return results.Result({"rows": found.rows, "series": found.series}, notes=found.notes)
+
+
+def series_pack(models, members, cells, series, test, settings=None, **changes):
+    """A series pack simulated through a record; its charge, energy, power, limits and balancing.
+
+    series : of the pack, with cell_<k>_voltage_volt [V] where logged.
+    settings : `settings.PackDecisions`.
+
+    Returns cells, one row each; pack, one row; power, waterfall, series. Raises Refusal: a wiring
+    that is not cells in series, a cell without a model or cut-offs, no SoC at the start.
+    Source: docs/series-packs.md.
+    """
+    from cellwright.packs.series.capability import series_pack as analysed
+    from cellwright.packs.wiring import depth, described, models_of
+    from cellwright.records.record import group_record
+    from cellwright.refusal import Refusal
+
+    wiring, _, positions = _wiring(members)
+    documents = models_of(wiring, inputs.models(models))
+    facts = _facts_of(cells, positions)
+    if wiring.connection != "series" or depth(wiring) != 1:
+        raise Refusal(f"{wiring.name}: found {described(wiring)}, wanted cells in series")
+    # Cells in series carry one current, so the record has no branches to read.
+    record = group_record(inputs.measured(test, series), positions, cells=len(positions))
+    chosen = inputs.settings_of(PackDecisions, settings, changes)
+    found = analysed(documents, positions, facts, record, chosen)
+    names = ("cells", "pack", "power", "waterfall", "series")
+    return results.Result({name: getattr(found, name) for name in names}, notes=found.notes)
 
 
 def pack_decisions(
@@ -275,70 +284,55 @@ def pack_decisions(
 ):
     """What is decided about a pack: Monte Carlo, which cell to replace, safe window of SoC.
 
-    Parameters
-    ----------
-    models, members, cells, settings : as of `series_pack`; also of cells in a star of parallel
-        branches.
+    members : of cells in series, or in a star of parallel branches.
     capacities : rows of the capacity stage of its cells, with cell and test: of their standard
         deviations, and of the temperature of cells under such a load (temperature_mean_celsius).
+    settings : `settings.PackDecisions`.
     temperature_celsius : around the cells [°C]; they are as warm as in their discharges within
         2.5 K of it, where those tell.
     thermal : documents of `thermal_constants`: where those of all cells are known, the cells of a
         pack with parallel ones warm by their own heat instead.
 
-    Returns
-    -------
-    decisions : Result; rows of decision, quantity, cell, unit, value and percentiles.
-
-    Raises
-    ------
-    Refusal : another wiring, a cell without a model or cut-offs.
-
-    Source: docs/pack-decisions.md.
+    Returns rows of decision, quantity, cell, unit, value and percentiles. Raises Refusal: another
+    wiring, a cell without a model or cut-offs. Source: docs/pack-decisions.md.
     """
     from cellwright.packs.decisions.of_pack import pack_decisions as decided
-    from cellwright.packs.wiring import depth
+    from cellwright.packs.wiring import depth, models_of
 
-    wiring, documents, positions, facts = _pack(models, members, cells)
-    stds = _capacity_stds(capacities, [row.cell for row in positions])
+    wiring, _, positions = _wiring(members)
+    documents = models_of(wiring, inputs.models(models))
+    facts, names = _facts_of(cells, positions), [row.cell for row in positions]
+    stds = _capacity_stds(capacities, names)
     chosen = inputs.settings_of(PackDecisions, settings, changes)
-    warm = _loaded_celsius(capacities, [row.cell for row in positions], temperature_celsius)
-    warms = _thermal_of(thermal, [row.cell for row in positions])
+    # Cells under load are warmer than the chamber, and resistance falls with that.
+    warm = _loaded_celsius(capacities, names, temperature_celsius)
+    warms = _thermal_of(thermal, names)
     around = {"thermal": warms, "ambient_celsius": float(temperature_celsius)}
     about = (wiring, documents, positions, facts, stds)
     rows = decided(*about, celsius=warm, settings=chosen, **around)
-    string = wiring.connection == "series" and depth(wiring) == 1
     how = f"cells at {warm:.1f} °C"
-    if warms is not None and not string:
+    # Decisions on a string are made at one temperature: it has no currents that heat would share.
+    if warms is not None and not (wiring.connection == "series" and depth(wiring) == 1):
         how = f"cells warm by their own heat from {temperature_celsius:.1f} °C"
-    notes = [how, *_borrowed(documents)]
-    return results.Result({"rows": rows}, notes=tuple(notes))
+    return results.Result({"rows": rows}, notes=(how, *_borrowed(documents)))
 
 
 def match_cells(models, cells, capacities=(), settings=None, **changes):
     """Cells of one type put together, and what that brings beside random assemblies.
 
-    Parameters
-    ----------
-    models : of the cells. cells : CellFacts or mappings, in any order. capacities, settings : as of
-        `pack_decisions`.
+    capacities, settings : as of `pack_decisions`.
 
-    Returns
-    -------
-    matching : Result; rows of what is gained, rows of who is put where.
-
-    Raises
-    ------
-    Refusal : too few cells, too many, or one without cut-offs.
-
-    Source: docs/pack-decisions.md.
+    Returns rows of what is gained; assembly: who is put where. Raises Refusal: too few cells, too
+    many, or one without cut-offs. Source: docs/pack-decisions.md.
     """
     from cellwright.packs.decisions.fleet import fleet_of, matched_fleet
     from cellwright.packs.series.capability import cutoffs_of
+    from cellwright.records.facts import BranchFacts
 
     documents = inputs.models(models)
     names = [model["cell"] for model in documents]
-    facts = _facts_of(cells, names)
+    facts = _facts_of(cells, [BranchFacts(k, name) for k, name in enumerate(names, 1)])
+    # Refused before the draws, which take minutes.
     cutoffs_of(facts)
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     fleet = fleet_of(documents, facts, _capacity_stds(capacities, names), chosen)
@@ -346,16 +340,15 @@ def match_cells(models, cells, capacities=(), settings=None, **changes):
     return results.Result({"rows": rows, "assembly": assembly})
 
 
-def _pack(models, members, cells):
-    """Wiring, models, BranchFacts and CellFacts of a pack, in the order of its cells."""
-    from cellwright.packs.wiring import cells_of, models_of, wiring_of
+def _facts_of(cells, positions):
+    """CellFacts of the cells at these positions, in their order."""
+    from cellwright.refusal import Refusal
 
-    rows = inputs.rows(members)
-    wiring = wiring_of(rows[0].get("group", "the pack"), rows)
-    names = cells_of(wiring)
-    documents = models_of(wiring, inputs.models(models))
-    by_cell = {row["cell"]: inputs.branch_facts(row) for row in rows}
-    return wiring, documents, [by_cell[name] for name in names], _facts_of(cells, names)
+    known = {facts.cell: facts for facts in map(inputs.cell_facts, cells)}
+    lacking = [row.cell for row in positions if row.cell not in known]
+    if lacking:
+        raise Refusal(f"no facts of {', '.join(lacking)}; there are {', '.join(known) or 'none'}")
+    return [known[row.cell] for row in positions]
 
 
 def _borrowed(documents):
@@ -377,13 +370,9 @@ def _thermal_of(documents, names):
     from cellwright.packs.thermal import Thermal
 
     known = {content["cell"]: content for content in map(inputs.content, documents)}
+    # One unknown cell would take or give heat that nobody knows, so all cells keep the ambient.
     columns = thermal_columns([known.get(name) for name in names])
     return None if columns is None else Thermal(**columns)
-
-
-def _facts_of(cells, names):
-    known = {facts.cell: facts for facts in map(inputs.cell_facts, cells)}
-    return [known[name] for name in names]
 
 
 def _capacity_stds(capacities, names):
@@ -394,34 +383,97 @@ def _capacity_stds(capacities, names):
     """
     from cellwright.records.conditions import same_rate
 
-    found = {}
+    found = {name: [] for name in names}
     for row in inputs.rows(capacities):
         std, repeats = row["capacity_std_ampere_hour"], row["repeats"]
-        if std is not None and std > 0 and repeats > 1:
-            found.setdefault(row["cell"], []).append((row["c_rate"], std / repeats**0.5))
-    slowest = {cell: min(rates)[0] for cell, rates in found.items()}
+        # A single cycle has no scatter, and tells nothing of how sure its capacity is.
+        if row["cell"] in found and std is not None and std > 0 and repeats > 1:
+            found[row["cell"]].append((row["c_rate"], std / repeats**0.5))
     return [
-        min(
-            (std for rate, std in found.get(name, ()) if same_rate(rate, slowest[name])),
-            default=None,
-        )
-        for name in names
+        min((std for rate, std in rates if same_rate(rate, min(rates)[0])), default=None)
+        for rates in map(found.get, names)
     ]
 
 
 def _loaded_celsius(capacities, names, around):
     """Median temperature of cells in their discharges at a chamber temperature, else that [°C]."""
-    found = [
-        row["temperature_mean_celsius"]
-        for row in inputs.rows(capacities)
-        if row["cell"] in names and row["direction"] == "discharge" and _near(row, around)
-    ]
-    warm = sorted(celsius for celsius in found if celsius is not None and celsius == celsius)
+    from cellwright.records.conditions import same_temperature
+
+    warm = []
+    for row in inputs.rows(capacities):
+        stated = row.get("ambient_temperature_celsius")
+        near = stated is None or same_temperature(stated, around)
+        if row["cell"] in names and row["direction"] == "discharge" and near:
+            warm.append(row["temperature_mean_celsius"])
+    # The median: a test whose sensor fell off must not decide.
+    warm = sorted(celsius for celsius in warm if celsius is not None and celsius == celsius)
     return float(warm[len(warm) // 2]) if warm else float(around)
 
 
-def _near(row, around):
-    from cellwright.records.conditions import same_temperature
+def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_tests=(), thermal=()):
+    """The model of a pack as one document: wiring, cells, start, and every number's error.
 
-    stated = row.get("ambient_temperature_celsius")
-    return stated is None or same_temperature(stated, around)
+    group : name of the pack. rows : rows of groups.tsv of it and of all groups in it.
+    capacities, validation : rows of `capacity` with cell, of `validate` with cell, test, role, of
+        the cells' tests.
+    group_tests : rows of `validate_group`, each with test, role.
+    thermal : documents of `thermal_constants`; or mapping, cell → (heat capacity [J/K], resistance
+        to the ambient [K/W]), where known.
+
+    Returns content: schema cellwright-pack/1; lookup: its tables in long form. Raises Refusal:
+    wiring that is none, or a cell without a model. Source: docs/exports.md.
+    """
+    from cellwright.identification.thermal import constants_of
+    from cellwright.packs.artefact import CellInPack, ThermalConstants, pack_document, pack_lookup
+    from cellwright.packs.wiring import wiring_of
+    from cellwright.records.checkups import repeat_std
+
+    # By name: rows of the sheet and models may come in any order.
+    documents = {model["cell"]: model for model in inputs.models(models)}
+    start = {row["cell"]: row.get("initial_soc") for row in rows}
+    known = thermal if isinstance(thermal, Mapping) else constants_of(map(inputs.content, thermal))
+    heat = {cell: ThermalConstants(*values) for cell, values in known.items()}
+
+    def discharges(cell):
+        return [r for r in capacities if r["cell"] == cell and r["direction"] == "discharge"]
+
+    cells = {
+        cell: CellInPack(
+            model=model,
+            initial_soc=start.get(cell),
+            thermal=heat.get(cell),
+            capacity_std_ampere_hour=repeat_std(discharges(cell), model["capacity_ampere_hour"]),
+            validation=tuple(row for row in validation if row["cell"] == cell),
+        )
+        for cell, model in documents.items()
+    }
+    document = pack_document(wiring_of(group, rows), cells, group_tests)
+    reasons = {f"pack {group}": document["why_not_validated"]}
+    reasons |= {entry["cell"]: entry["why_not_validated"] for entry in document["cells"]}
+    notes = [f"{name} is not validated: {why}" for name, why in reasons.items() if why]
+    notes += [
+        f"{entry['cell']} runs as {entry['model']['chosen']} instead of {entry['instead_of']}"
+        for entry in document["cells"]
+        if entry["instead_of"]
+    ]
+    return results.Result({"lookup": pack_lookup(document)}, document, tuple(notes))
+
+
+def pack_model(source):
+    """A pack model that can be simulated, from the file that a campaign writes.
+
+    source : path of a `results/pack_models/<group>.json`, its content, or what `assemble_pack`
+        returns.
+
+    Returns `packs.artefact.PackModel`: wiring, models, initial_soc, thermal, document. Raises
+    Refusal: another schema, or a document whose cells and wiring do not belong together; of an
+    artefact without content the reason that it carries. Source: docs/exports.md.
+    """
+    from cellwright.packs.artefact import read_pack
+    from cellwright.refusal import Refusal
+
+    content = inputs.content(source)
+    reason = content.get("provenance", {}).get("reason") if isinstance(content, dict) else None
+    if reason:
+        raise Refusal(reason)
+    return read_pack(content)

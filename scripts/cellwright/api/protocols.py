@@ -7,46 +7,31 @@ from cellwright.settings import FastCharge, Ica, Impedance, Ocv, OcvStep, Relaxa
 
 OCV = Ocv()
 ICA = Ica()
+SLOPE = ("current_ampere", "voltage_volt", "charge_ampere_hour")  # what dQ/dV is taken of
 
 
 def course(tests, cell):
     """The tests of one cell in time: which came before each, and whether it left the cell full.
 
-    Parameters
-    ----------
-    tests : (test, clean series, result of `segment`) each.
-    cell : CellFacts or mapping: rating [Ah] and cut-offs [V].
+    tests : (test, series, result of `segment`) each.
 
-    Returns
-    -------
-    course : Result; rows: `protocols.course.Course`, one entry a test: test_before, hour_between
-        [h], state_at_begin ("full", "empty" or "" where not known) and words.
-
-    Raises
-    ------
-    Refusal : A cut-off is not stated, so that no end of a test can be told.
-
-    Source: docs/capacity.md.
+    Returns rows, `protocols.course.Course`, one entry a test: test_before, hour_between [h],
+    state_at_begin ("full", "empty" or "" where not known) and words. Raises Refusal: a cut-off is
+    not stated, so that no end of a test can be told. Source: docs/capacity.md.
     """
     from cellwright.protocols.course import course as course_of
     from cellwright.protocols.course import ends_of_test
     from cellwright.refusal import Refusal
 
-    facts = inputs.cell_facts(cell)
-    limits = {name: getattr(facts, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
+    # A cell left full or empty is what anchors the SoC of a test that starts at rest.
+    known = inputs.ratings(cell)
+    limits = inputs.cutoffs(cell)
     if None in limits.values():
         raise Refusal("a cut-off is not stated, so whether a test ends full or empty is not known")
-    rated = facts.rated_capacity_ampere_hour
-    ends = [
-        ends_of_test(
-            inputs.test_facts(test).test,
-            inputs.columns(series, *inputs.COUNTED),
-            inputs.steps(steps),
-            rated_capacity_ampere_hour=rated,
-            **limits,
-        )
-        for test, series, steps in tests
-    ]
+    ends = []
+    for test, series, steps in tests:
+        name, columns = inputs.test_facts(test).test, inputs.columns(series, *inputs.COUNTED)
+        ends.append(ends_of_test(name, columns, inputs.steps(steps), **known))
     return results.Result({"rows": course_of(ends, **limits)})
 
 
@@ -60,52 +45,30 @@ def _before(course, test):
     return {"state_before": state, "soc_at_start": soc}
 
 
-def _nearest(curves, test):
-    """The open-circuit voltage curve that is nearest to a test in temperature, or None."""
-    from cellwright.records.basis import curve_at
-
-    if not curves:
-        return None
-    celsius = None if test is None else inputs.test_facts(test).ambient_temperature_celsius
-    return curve_at(curves, celsius)
-
-
 def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, curves=()):
     """Capacities [Ah] of the complete charges and discharges of one test.
 
-    Parameters
-    ----------
-    series : DataFrame or columns of a clean series, (n,) each.
-    steps : result of `segment`, or a table of its columns.
-    cell : CellFacts or mapping: rating [Ah] and cut-offs [V].
     whole_swing : a half cycle that ends short of the cut-off counts too, as in slow OCV tests.
-    test, course : TestFacts or mapping, result of `course`: how the test before left the cell.
     curves : list of dict, open-circuit voltages of the cell that a stated SoC is held against.
 
-    Returns
-    -------
-    capacities : Result; rows: `protocols.capacity.CapacityRows`, (k,): charge [Ah], energy [Wh],
-        rate [1/h], efficiency [1]. Half cycles left out are in the notes.
-
-    Raises
-    ------
-    Refusal : No complete charge or discharge.
-
-    Source: docs/capacity.md.
+    Returns rows, `protocols.capacity.CapacityRows`, (k,): charge [Ah], energy [Wh], rate [1/h],
+    efficiency [1]; half cycles left out are in the notes. Raises Refusal: no complete charge or
+    discharge. Source: docs/capacity.md.
     """
     from cellwright.protocols.capacity import capacity as capacities
+    from cellwright.records.basis import curve_at
 
-    columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
+    columns = inputs.columns(series, *inputs.COUNTED)
+    # The OCV moves by tenths of a mV/K: the curve of the nearest temperature errs least.
+    celsius = None if test is None else inputs.test_facts(test).ambient_temperature_celsius
     half_cycles = capacities(
         *inputs.quantities(columns, inputs.COUNTED),
         inputs.steps(steps),
-        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
-        lower_cutoff_volt=facts.lower_cutoff_volt,
-        upper_cutoff_volt=facts.upper_cutoff_volt,
         surface_temperature_celsius=columns.get("surface_temperature_celsius"),
         whole_swing=whole_swing,
+        curve=curve_at(curves, celsius) if curves else None,
+        **inputs.ratings(cell),
         **_before(course, test),
-        curve=_nearest(curves, test),
     )
     return results.Result({"rows": half_cycles.rows}, notes=tuple(half_cycles.left_out))
 
@@ -113,38 +76,25 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, 
 def ocv(series, cell, *, least_hour=OCV.least_hour, test=None):
     """Open-circuit voltage [V] over SoC of one slow test: a curve, and functions fitted to it.
 
-    Parameters
-    ----------
-    series : DataFrame or columns of a clean series, (n,) each.
-    cell : CellFacts or mapping: cut-offs [V].
     least_hour : shortest charge or discharge that is slow enough [h].
-    test : TestFacts or mapping: its SoC at the start, or None.
+    test : for its SoC at the start, or None.
 
-    Returns
-    -------
-    ocv : Result; curve: `protocols.ocv.slow.OcvCurve` over SoC, functions: list of OcvFunction.
-
-    Raises
-    ------
-    Refusal : No charge or discharge is slow enough or complete.
-
-    Source: docs/ocv.md.
+    Returns curve, `protocols.ocv.slow.OcvCurve` over SoC; functions: `OcvFunction` each. Raises
+    Refusal: no charge or discharge is slow enough or complete. Source: docs/ocv.md.
     """
     from cellwright.protocols.ocv.functions import fit_functions
     from cellwright.protocols.ocv.slow import slow_ocv
 
-    columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
+    columns = inputs.columns(series, *inputs.COUNTED)
     curve = slow_ocv(
         *inputs.quantities(columns, inputs.COUNTED),
         file_index=columns.get("file_index"),
-        lower_cutoff_volt=facts.lower_cutoff_volt,
-        upper_cutoff_volt=facts.upper_cutoff_volt,
         least_hour=least_hour,
         soc_at_start=None if test is None else inputs.test_facts(test).soc,
+        **inputs.cutoffs(cell),
     )
-    notes = tuple(filter(None, [curve.note]))
     tables = {"curve": curve, "functions": fit_functions(curve.soc, curve.ocv_volt)}
-    return results.Result(tables, notes=notes)
+    return results.Result(tables, notes=tuple(filter(None, [curve.note])))
 
 
 def ocv_from_rests(
@@ -152,72 +102,47 @@ def ocv_from_rests(
 ):
     """Open-circuit voltage [V] over SoC from the rests of a pulse test.
 
-    Parameters
-    ----------
-    series, steps : clean series, (n,) columns, and its steps.
-    cell, test : CellFacts, TestFacts or mappings.
-    capacities : (test, result of `capacity`) each, or rows with their test's facts.
     rest_second : shortest rest that is a point of the curve [s].
-    course : result of `course`: how the test before left the cell.
 
-    Returns
-    -------
-    ocv : Result; curve over SoC as of `ocv`, points: dict of (k,) columns, one entry a rest.
-
-    Raises
-    ------
-    Refusal : No capacity, or too few rests.
-
-    Source: docs/ocv.md.
+    Returns curve over SoC as of `ocv`; points: dict of (k,) columns, one entry a rest. Raises
+    Refusal: no capacity, or too few rests. Source: docs/ocv.md.
     """
     from cellwright.protocols.ocv.rests import ocv_of_rests, rest_points, soc_at
     from cellwright.records.anchor import rest_scale
 
-    cell, test, steps = inputs.cell_facts(cell), inputs.test_facts(test), inputs.steps(steps)
+    test, steps = inputs.test_facts(test), inputs.steps(steps)
     columns = inputs.quantities(series, inputs.COUNTED)
+    # Pulse tests rarely end at the lower cut-off: full comes from the record or the test before
+    # it, the capacity from the discharges of the cell near this temperature and cycle.
     scale = rest_scale(
         *columns[1:],
         steps,
         inputs.entries(capacities),
-        rated_capacity_ampere_hour=cell.rated_capacity_ampere_hour,
-        state_of_health=cell.state_of_health,
-        lower_cutoff_volt=cell.lower_cutoff_volt,
-        upper_cutoff_volt=cell.upper_cutoff_volt,
+        state_of_health=inputs.cell_facts(cell).state_of_health,
         ambient_temperature_celsius=test.ambient_temperature_celsius,
         cycle=test.cycle,
+        **inputs.ratings(cell),
         **_before(course, test),
     )
     points = rest_points(*columns, steps, rest_second=rest_second)
-    limits = {name: getattr(cell, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
-    curve = ocv_of_rests(points, scale, **limits)
+    curve = ocv_of_rests(points, scale, **inputs.cutoffs(cell))
     table = points._asdict() | {"soc": soc_at(points, scale)}
-    tables, words = {"curve": curve, "points": table}, {"capacity_source": scale.source}
-    return results.Result(tables, words, (curve.note,))
+    words = {"capacity_source": scale.source}
+    return results.Result({"curve": curve, "points": table}, words, (curve.note,))
 
 
 def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
     """Shifts [V] of the open-circuit voltage in rests while the chamber temperature steps.
 
-    Parameters
-    ----------
-    series, steps : clean series with surface temperature, (n,) columns, and its steps.
-    basis : result of `basis`.
-    test, cell : TestFacts, CellFacts or mappings.
-    settings : `settings.OcvStep`, or its keys as keywords.
+    series : with surface_temperature_celsius [°C]. settings : `settings.OcvStep`.
 
-    Returns
-    -------
-    shifts : Result; one row a plateau: shift [V] and its uncertainty, temperatures [°C], SoC [1].
-
-    Raises
-    ------
-    Refusal : No rest with two steady temperatures.
-
-    Source: thesis 3.3; docs/ocv-temperature.md.
+    Returns rows, one a plateau: shift [V] and its uncertainty, temperatures [°C], SoC [1]. Raises
+    Refusal: no rest with two steady temperatures. Source: thesis 3.3; docs/ocv-temperature.md.
     """
     from cellwright.api.charge import state_of_charge
     from cellwright.protocols.ocv.steps import cell_temperature, chamber_shifts
 
+    # The shift of the OCV by temperature changes its sign over SoC, so that must be known.
     columns, anchored = inputs.columns(series), state_of_charge(series, basis, test, cell)
     shifts = chamber_shifts(
         *inputs.quantities(columns, ("test_time_second", "voltage_volt")),
@@ -233,28 +158,16 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
 def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None, **changes):
     """Resistance [ohm] at stated delays into each pulse of one test.
 
-    Parameters
-    ----------
-    series, steps : clean series, (n,) columns, and its steps.
-    basis : result of `basis`.
-    test, cell : TestFacts, CellFacts or mappings.
-    settings : `settings.Resistance`, or its key as keyword: delay_second [s].
-    repeats : result of `repeats` of the cell's tests: what counts in another test is left out.
+    settings : `settings.Resistance`, its key delay_second [s].
 
-    Returns
-    -------
-    resistances : Result; rows: `protocols.resistance.ResistanceRows`, (k,): resistance_ohm and
-        resistance_std_ohm [ohm] by SoC [1], direction and delay [s]; SoC is NaN where not known.
-
-    Raises
-    ------
-    Refusal : The record has no pulse from a rest, or none that can be read.
-
-    Source: docs/resistance.md.
+    Returns rows, `protocols.resistance.ResistanceRows`, (k,): resistance_ohm and its standard
+    deviation [ohm] by SoC [1], direction and delay [s]; SoC is NaN where not known. Raises Refusal:
+    the record has no pulse from a rest, or none that can be read. Source: docs/resistance.md.
     """
     from cellwright.api.charge import state_of_charge
     from cellwright.protocols.resistance import pulse_resistance
 
+    # Where SoC cannot be known the pulses count nevertheless: their SoC is then NaN.
     anchored = state_of_charge(series, basis, test, cell)
     pulses = pulse_resistance(
         *inputs.quantities(series),
@@ -271,24 +184,11 @@ def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None,
 def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None, **changes):
     """Two exponentials fitted to the voltage of each rest of one test: amplitudes, time constants.
 
-    Parameters
-    ----------
-    series, steps : clean series, (n,) columns, and its steps.
-    basis : result of `basis`.
-    test, cell : TestFacts, CellFacts or mappings.
-    settings : `settings.Relaxation`, or its keys as keywords.
-    repeats : as of `resistance`.
+    settings : `settings.Relaxation`.
 
-    Returns
-    -------
-    relaxation : Result; rows: `protocols.rests.RestRows`, (k,): amplitudes [V], time constants
-        [s] and their uncertainty; curve: voltage over time of one rest.
-
-    Raises
-    ------
-    Refusal : No rest after a load is long enough.
-
-    Source: thesis 3.3; docs/relaxation.md.
+    Returns rows, `protocols.rests.RestRows`, (k,): amplitudes [V], time constants [s] and their
+    uncertainty; curve: voltage over time of one rest. Raises Refusal: no rest after a load is long
+    enough. Source: thesis 3.3; docs/relaxation.md.
     """
     from cellwright.api.charge import state_of_charge
     from cellwright.protocols.rests import chamber_or_cell, example, rests_of
@@ -307,36 +207,25 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
         elsewhere=inputs.elsewhere(repeats, test, steps),
         **inputs.settings_of(Relaxation, settings, changes)._asdict(),
     )
-    shown = example(rests.rows, time, voltage)
+    # What a rest tells does not need the SoC: its origin is a note only where it is in doubt.
     stated = inputs.test_facts(test).soc is not None
-    told = np.isnan(anchored.soc).all() or (stated and not anchored.anchor.startswith(AS_STATED))
-    where = [f"SoC: {anchored.anchor}"] if told else []
-    tables = {"rows": rests.rows, "curve": shown}
+    doubted = np.isnan(anchored.soc).all() or (stated and not anchored.anchor.startswith(AS_STATED))
+    where = [f"SoC: {anchored.anchor}"] if doubted else []
+    tables = {"rows": rests.rows, "curve": example(rests.rows, time, voltage)}
     return results.Result(tables, notes=(*where, *rests.left_out))
 
 
 def ica(series, steps):
     """Incremental capacity dQ/dV [Ah/V] over voltage of the constant-current charge in one test.
 
-    Parameters
-    ----------
-    series, steps : clean series, (n,) columns, and its steps.
-
-    Returns
-    -------
-    ica : Result; curve: `protocols.ica.curve.IncrementalCapacity` [Ah/V] over voltage [V].
-
-    Raises
-    ------
-    Refusal : No constant-current charge, or one over too small a voltage.
-
+    Returns curve, `protocols.ica.curve.IncrementalCapacity` [Ah/V] over voltage [V]; its c_rate
+    [1/h]. Raises Refusal: no constant-current charge, or one over too small a voltage.
     Source: docs/ica.md.
     """
     from cellwright.protocols.ica.charge import charge_slope, constant_current_charge, constant_rows
 
     steps = inputs.steps(steps)._asdict()
-    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
-    current, voltage, charge = inputs.quantities(series, names)
+    current, voltage, charge = inputs.quantities(series, SLOPE)
     first, last, step = constant_current_charge(steps, charge)
     first, last = constant_rows(current, first, last)
     rows = slice(first, last + 1)
@@ -350,43 +239,45 @@ def ica(series, steps):
 def ica_peaks(ica, *, prominence=ICA.prominence):
     """Peaks of the incremental capacity of one charge: voltage [V], height [Ah/V], area [Ah].
 
-    Parameters
-    ----------
     ica : result of `ica`.
     prominence : least rise of a peak, as a share of the highest dQ/dV [1].
 
-    Returns
-    -------
-    peaks : Result; (k,) columns: voltage [V], height [Ah/V], area [Ah], width [V], each with its
-        standard deviation.
-
-    Raises
-    ------
-    Refusal : No peaks.
+    Returns rows, (k,): voltage [V], height [Ah/V], area [Ah], width [V], each with its standard
+    deviation. Raises Refusal: no peaks. Source: docs/ica.md.
     """
     from cellwright.protocols.ica.charge import charge_peaks
 
-    options = {"c_rate": ica.c_rate, "prominence": prominence}
-    return results.Result({"rows": charge_peaks(ica.slope, **options)})
+    rows = charge_peaks(ica.slope, c_rate=ica.c_rate, prominence=prominence)
+    return results.Result({"rows": rows})
+
+
+def ica_life(series, steps, cycles, *, prominence=ICA.prominence, most=30):
+    """Peaks of dQ/dV of charges spread evenly over one ageing record.
+
+    cycles : result of `ageing_cycles`, or its columns.
+    prominence : as of `ica_peaks`. most : charges at most.
+
+    Returns rows, one a peak; curves: columns cycle, voltage [V], dQ/dV [Ah/V]. Raises Refusal: no
+    complete charge, or none whose dQ/dV can be taken. Source: docs/ica.md.
+    """
+    from cellwright.protocols.ica.life import peaks_of_life
+
+    record = inputs.quantities(series, SLOPE)
+    columns = inputs.columns(cycles, "cycle", "direction", "start_time_second")
+    steps = inputs.steps(steps)._asdict()
+    found = peaks_of_life(*record, steps, columns, prominence=prominence, most=most)
+    tables = {"rows": found.rows, "curves": found.curves}
+    return results.Result(tables, notes=tuple(found.notes))
 
 
 def impedance(spectrum, settings=None, **changes):
     """One spectrum analysed: Kramers-Kronig test, circuit fit, distribution of relaxation times.
 
-    Parameters
-    ----------
     spectrum : DataFrame or columns: frequency_hertz [Hz], impedance_real_ohm and
         impedance_imaginary_ohm [ohm], (n,) each.
-    settings : `settings.Impedance`, or its keys as keywords.
+    settings : `settings.Impedance`.
 
-    Returns
-    -------
-    impedance : Result.
-
-    Raises
-    ------
-    Refusal : An unknown circuit, too few points, or none that can be trusted.
-
+    Raises Refusal: an unknown circuit, too few points, or none that can be trusted.
     Source: thesis 3.2; docs/impedance.md.
     """
     from cellwright.protocols.impedance import analyse
@@ -395,10 +286,12 @@ def impedance(spectrum, settings=None, **changes):
     columns = inputs.columns(spectrum, *names)
     analysis = analyse(
         columns[names[0]],
+        # The imaginary part has its sign: capacitive arcs are negative.
         columns[names[1]] + 1j * columns[names[2]],
         temperature_celsius=columns.get("surface_temperature_celsius"),
         **inputs.settings_of(Impedance, settings, changes)._asdict(),
     )
+    # The row is the table of the step; curves of fit, test and distribution stand beside it.
     found = analysis._asdict()
     tables = {"rows": [found.pop("row")], **found}
     return results.Result(tables, notes=tables.pop("notes"))
@@ -407,67 +300,51 @@ def impedance(spectrum, settings=None, **changes):
 def thermometer(spectra, series):
     """Offset [K] between the temperature in a cell's spectra and that of its other records at rest.
 
-    Parameters
-    ----------
-    spectra : (test, result of `impedance`, or its row) each. series : (test, clean series) each.
+    spectra : (test, result of `impedance`, or its row) each. series : (test, series) each.
 
-    Returns
-    -------
-    offsets : Result; one row a chamber temperature: the offset [K], NaN without either reading.
+    Returns rows, one a chamber temperature: the offset [K], NaN without either reading.
+    Source: docs/impedance.md.
     """
     from cellwright.protocols.impedance.trust import rested_temperature, temperature_offsets
 
-    names = ("test_time_second", "current_ampere", "surface_temperature_celsius")
+    def around(test):
+        return inputs.test_facts(test).ambient_temperature_celsius
+
     read = [
-        (test, inputs.rows(getattr(entry, "rows", [entry]))[0]["temperature_celsius"])
+        (around(test), inputs.rows(getattr(entry, "rows", [entry]))[0]["temperature_celsius"])
         for test, entry in spectra
     ]
+    # Of spectra the instrument's reading, of series that at rest, when the cell is as warm as the
+    # chamber: what differs is the thermometer, and would shift every law over temperature.
+    names = ("test_time_second", "current_ampere", "surface_temperature_celsius")
     at_rest = [
-        (test, rested_temperature(*[inputs.columns(entry).get(name) for name in names]))
+        (around(test), rested_temperature(*[inputs.columns(entry).get(name) for name in names]))
         for test, entry in series
     ]
-    pairs = [
-        [(inputs.test_facts(test).ambient_temperature_celsius, celsius) for test, celsius in entry]
-        for entry in (read, at_rest)
-    ]
-    rows, notes = temperature_offsets(*pairs)
+    rows, notes = temperature_offsets(read, at_rest)
     return results.Result({"rows": rows}, notes=tuple(notes))
 
 
 def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=None, **changes):
     """Share of the capacity [1] that a fast charge reaches in its minutes, and what limits it.
 
-    Parameters
-    ----------
-    series, steps : clean series, (n,) columns, and its steps.
-    basis : result of `basis`.
-    cell : CellFacts or mapping.
-    cycle : of the test: the share is of the capacity of that check-up. soc : stated at its start
-        [1], or None.
-    settings : `settings.FastCharge`, or its key as keyword: minutes [min].
+    cycle : of the test: the share is of the capacity of that check-up.
+    soc : stated at its start [1], or None.
+    settings : `settings.FastCharge`, its key minutes [min].
 
-    Returns
-    -------
-    charge : Result with one row, `protocols.fast_charge.FastCharge`: charge [Ah], shares [1].
-
-    Raises
-    ------
-    Refusal : No upper cut-off, or no charge of at least 2 % of the capacity.
-
-    Source: docs/fast-charge.md.
+    Returns one row, `protocols.fast_charge.FastCharge`: charge [Ah], shares [1]. Raises Refusal: no
+    upper cut-off, or no charge of at least 2 % of the capacity. Source: docs/fast-charge.md.
     """
     from cellwright.protocols.fast_charge import fast_charge as charged
     from cellwright.records.basis import at_cycle
 
-    facts = inputs.cell_facts(cell)
     charge, notes = charged(
         inputs.columns(series, *inputs.COUNTED),
         inputs.steps(steps),
+        # An aged cell is full with less charge: its share is of what it holds then.
         capacity_ampere_hour=at_cycle(inputs.basis(basis), cycle)["capacity_ampere_hour"],
-        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
-        lower_cutoff_volt=facts.lower_cutoff_volt,
-        upper_cutoff_volt=facts.upper_cutoff_volt,
         soc_at_start=soc,
+        **inputs.ratings(cell),
         **inputs.settings_of(FastCharge, settings, changes)._asdict(),
     )
     return results.Result({"rows": [charge]}, notes=tuple(notes))
@@ -476,33 +353,20 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=No
 def ageing_cycles(series, steps, test, cell, course=None):
     """Complete cycles of one ageing record: capacity, energy, efficiency, temperature.
 
-    Parameters
-    ----------
-    series, steps : clean series, (n,) columns, and its steps.
-    test, cell : TestFacts (its `cycle` is that of the first), CellFacts or mappings.
-    course : result of `course`: how the test before left the cell.
+    test : its `cycle` is that of the first.
 
-    Returns
-    -------
-    cycles : Result; rows: `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C]; left_out:
-        for each reason how many half cycles were left out, and which.
-
-    Raises
-    ------
-    Refusal : No complete cycle.
-
+    Returns rows, `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C]; left_out: for each
+    reason how many half cycles were left out, and which. Raises Refusal: no complete cycle.
     Source: docs/ageing.md.
     """
     from cellwright.protocols.ageing import ageing_cycles as cycles
 
-    facts = inputs.cell_facts(cell)
     complete = cycles(
         inputs.columns(series, *inputs.COUNTED),
         inputs.steps(steps),
+        # A record counts its own cycles; the sheet says how many came before it.
         first_cycle=inputs.test_facts(test).cycle or 0.0,
-        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
-        lower_cutoff_volt=facts.lower_cutoff_volt,
-        upper_cutoff_volt=facts.upper_cutoff_volt,
+        **inputs.ratings(cell),
         **_before(course, test),
     )
     left_out = tuple(complete.left_out)

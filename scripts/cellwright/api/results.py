@@ -21,11 +21,12 @@ class Result(NamedTuple):
 
     def __getattr__(self, name):
         """The table, or the value of the content, of this name."""
-        for held in (self.tables, self.content):
-            if isinstance(held, dict) and name in held:
-                return held[name]
-        known = [*self.tables, *(self.content if isinstance(self.content, dict) else ())]
-        raise AttributeError(f"this result has no {name!r}; it has {', '.join(map(str, known))}")
+        values = self.content if isinstance(self.content, dict) else {}
+        for named in (self.tables, values):
+            if name in named:
+                return named[name]
+        known = ", ".join(map(str, [*self.tables, *values]))
+        raise AttributeError(f"this result has no {name!r}; it has {known}")
 
     def __dir__(self):
         """Names for completion: fields, tables and values."""
@@ -51,6 +52,7 @@ def frame(table):
     if not isinstance(table, dict):
         rows = [row._asdict() if hasattr(row, "_asdict") else row for row in table]
         return pd.DataFrame(rows)
+    # Empty lists are facts as well, such as of a record in which nothing was left out.
     sizes = {len(v) for v in table.values() if isinstance(v, np.ndarray | list) and len(v)}
     if len(sizes) != 1:
         return pd.DataFrame([table])

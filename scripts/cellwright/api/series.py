@@ -17,8 +17,6 @@ def read(
 ):
     """A record from the files of an instrument.
 
-    Parameters
-    ----------
     source : a path, bytes, (name, bytes), or a list of them: the files of one test in time order.
     kind : what the files must hold, "series" or "impedance".
     name : of the file in messages, where `source` is bytes.
@@ -26,62 +24,46 @@ def read(
     current_sign : "charge_positive" or "discharge_positive"; None: determined from the data.
     members, cells : of a group, how many its wiring has; its numbered channels are held against it.
 
-    Returns
-    -------
-    raw : Result. Of a series test_time_second [s], current_ampere [A], positive on charge,
-        voltage_volt [V], file_index [1] and other columns; of a spectrum frequency_hertz [Hz],
-        impedance_real_ohm, impedance_imaginary_ohm [ohm].
-
-    Raises
-    ------
-    Refusal : No such file, no reader for it, a broken file, a sign that cannot be known, or
-        channels of more branches or cells than a group has.
+    Returns of a series test_time_second [s], current_ampere [A], positive on charge, voltage_volt
+    [V], file_index [1] and other columns; of a spectrum frequency_hertz [Hz], impedance_real_ohm,
+    impedance_imaginary_ohm [ohm]. Raises Refusal: no such file, no reader for it, a broken file, a
+    sign that cannot be known, or channels of more branches or cells than a group has.
     """
     from cellwright import formats
     from cellwright.records.channels import refuse_beyond
     from cellwright.series.joining import assemble
 
+    # Files are joined in the order given: their clocks often begin anew, so they cannot be sorted.
     parts = source if isinstance(source, list) else [source]
-    files = [_named_bytes(part, name or "the file") for part in parts]
+    files = [_named_bytes(part, name) for part in parts]
     readings = [formats.read(data, name=called, instrument=instrument) for called, data in files]
-    instruments = [reading.instrument for reading in readings]
+    about = {"kind": kind, "instrument": [reading.instrument for reading in readings]}
     if kind == "series":
         joined = assemble(readings, stated_sign=current_sign)
         if members:
             refuse_beyond(joined.columns, members=members, cells=cells or members)
-        about = {"kind": kind, "instrument": instruments}
         return results.Result({"columns": joined.columns}, about, tuple(joined.notes))
+    # Spectra are not joined: at two states of the cell they are two measurements.
     if len(readings) != 1 or readings[0].kind != kind:
-        held = ", ".join(reading.kind for reading in readings)
-        raise Refusal(f"the files hold {held or 'nothing'}, wanted one of {kind}")
-    return results.Result(
-        {"columns": readings[0].columns}, {"kind": kind, "instrument": instruments}
-    )
+        found = ", ".join(reading.kind for reading in readings)
+        raise Refusal(f"the files hold {found or 'nothing'}, wanted one of {kind}")
+    return results.Result({"columns": readings[0].columns}, about)
 
 
 def read_simulated(source, *, name=None):
     """A voltage that was simulated for a test, for `missing_effect(..., simulated=...)`.
 
-    Parameters
-    ----------
     source : a path, bytes or (name, bytes): CSV or Parquet with `Test Time / s` and `Simulated
         Voltage / V`; the file of the test itself may hold both. A file without current may say
         `Voltage / V`.
     name : of the file in messages, where `source` is bytes.
 
-    Returns
-    -------
-    simulated : (time (n,) [s], voltage (n,) [V], name of the file).
-
-    Raises
-    ------
-    Refusal : No such file, a broken file, or one of the two columns is not there.
-
-    Source: docs/missing-effect.md.
+    Returns time (n,) [s], voltage (n,) [V] and name of the file. Raises Refusal: no such file, a
+    broken file, or one of the two columns is not there. Source: docs/missing-effect.md.
     """
     from cellwright import formats
 
-    called, data = _named_bytes(source, name or "the file")
+    called, data = _named_bytes(source, name)
     columns = formats.read_simulated(data, name=called)
     return columns["test_time_second"], columns["voltage_volt"], called
 
@@ -89,7 +71,7 @@ def read_simulated(source, *, name=None):
 def _named_bytes(part, name):
     """(name for messages, bytes) of a path, of bytes, or of (name, bytes)."""
     if isinstance(part, bytes):
-        return name, part
+        return name or "the file", part
     if isinstance(part, tuple):
         return part
     try:
@@ -102,21 +84,10 @@ def _named_bytes(part, name):
 def clean(series, settings=None, **changes):
     """A series without corrupt samples and with its charge [Ah], and the list of flagged samples.
 
-    Parameters
-    ----------
-    series : DataFrame or columns: test_time_second [s], current_ampere [A], positive on charge,
-        voltage_volt [V], (n,) each; other columns are kept.
-    settings : `settings.Clean`, or its keys as keywords.
+    series : without charge_ampere_hour; further columns are kept. settings : `settings.Clean`.
 
-    Returns
-    -------
-    series : Result; charge_ampere_hour [Ah] is added.
-
-    Raises
-    ------
-    Refusal : Fewer than two samples are left.
-
-    Source: thesis ch. 5.2 and table 5.1; docs/cleaning.md.
+    Returns columns, with charge_ampere_hour [Ah]; actions: one a flag. Raises Refusal: fewer than
+    two samples are left. Source: thesis ch. 5.2 and table 5.1; docs/cleaning.md.
     """
     from cellwright.series.cleaning import clean as cleaned
 
@@ -129,17 +100,10 @@ def clean(series, settings=None, **changes):
 def repeats(tests, roles=("fit", "validation", "split")):
     """Stretches that tests of one cell have in common, number for number: one measurement each.
 
-    Parameters
-    ----------
-    tests : (test, clean series) each; TestFacts or a mapping, DataFrame or columns.
-    roles : Only what tests of these roles repeat.
+    roles : only what tests of these roles repeat.
 
-    Returns
-    -------
-    repeats : Result; rows: `records.repeats.Repeats`, (k,): the test and rows in which it does not
-        count, times [s], and the test in which it does; a note on each.
-
-    Source: docs/cleaning.md.
+    Returns rows, `records.repeats.Repeats`, (k,): the test and rows in which it does not count,
+    times [s], and the test in which it does; a note on each. Source: docs/cleaning.md.
     """
     from cellwright.records.repeats import repeats as shared
     from cellwright.records.repeats import sentences
@@ -151,26 +115,16 @@ def repeats(tests, roles=("fit", "validation", "split")):
 def segment(series, cell=None, settings=None, **changes):
     """Steps of a clean series: rest, constant current, held voltage, pulse, dynamic load.
 
-    Parameters
-    ----------
-    series : DataFrame or columns of a clean series, (n,) each.
-    cell : CellFacts or mapping; C-rates refer to its rating; None: to the charge moved.
-    settings : `settings.Segment`, or its keys as keywords.
+    cell : C-rates refer to its rating; None: to the charge moved. settings : `settings.Segment`.
 
-    Returns
-    -------
-    steps : Result; rows: `series.steps.Steps`, (k,) columns with rows, times [s], mean current [A],
-        voltages [V], charge [Ah] and rate [1/h] of each step.
-
-    Raises
-    ------
-    Refusal : As `series.steps.segment`: a record without two samples.
-
+    Returns rows, `series.steps.Steps`, (k,): rows, times [s], mean current [A], voltages [V],
+    charge [Ah] and rate [1/h] of each step. Raises Refusal: a record without two samples.
     Source: docs/segmentation.md.
     """
     from cellwright.series.steps import segment as segmented
 
     columns = inputs.columns(series, *inputs.COUNTED)
+    # Without a rating the charge that the record moves stands for the capacity.
     rated = inputs.cell_facts(cell).rated_capacity_ampere_hour if cell else None
     steps = segmented(
         *inputs.quantities(columns, inputs.COUNTED),
