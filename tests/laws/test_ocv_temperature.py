@@ -173,8 +173,8 @@ def test_what_charge_and_discharge_differ_widens_the_interval():
 
 def test_surface_is_chosen_over_functions_and_the_control(rested):
     functions = rested.functions
-    errors = {f.function: f.cross_validation_rmse_volt for f in functions}
-    assert sum(f.chosen for f in functions) == 1
+    errors = {f["function"]: f["cross_validation_rmse_volt"] for f in functions}
+    assert sum(f["chosen"] for f in functions) == 1
     assert errors["surface"] < errors["isothermal"] / 5
     assert errors["surface"] < min(errors[name] for name in ("log", "polynomial", "inverse"))
 

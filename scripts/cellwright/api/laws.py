@@ -37,12 +37,12 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
 
     options = inputs.settings_of(Temperature, settings, changes)
     sizes = measured.capacity_points(_rows(capacities))
-    circuits = measured.impedance_points(_rows(spectra))
-    pulses = measured.resistance_points(_rows(resistances), **options._asdict())
-    points = measured.with_enough_temperatures([*sizes, *circuits.points, *pulses.points])
+    circuits, vague = measured.impedance_points(_rows(spectra))
+    pulses, mixed = measured.resistance_points(_rows(resistances), **options._asdict())
+    points = measured.with_enough_temperatures([*sizes, *circuits, *pulses])
     points = measured.mean_per_temperature(points)
     rows, reasons = law_rows(points)
-    notes = (*circuits.notes, *pulses.notes, *reasons)
+    notes = (*vague, *mixed, *reasons)
     return results.Result({"rows": rows, "points": points}, notes=notes)
 
 
@@ -75,10 +75,10 @@ def temperature_laws_of_type(resistances, settings=None, **changes):
     from cellwright.laws.temperature import law_rows
 
     options = inputs.settings_of(Temperature, settings, changes)
-    compared = points_of_type(inputs.rows(resistances), **options._asdict())
-    points = with_enough_temperatures(compared.points)
+    compared, left_out = points_of_type(inputs.rows(resistances), **options._asdict())
+    points = with_enough_temperatures(compared)
     rows, reasons = law_rows(points)
-    notes = (*compared.notes, *sentences_of_type(points), *reasons)
+    notes = (*left_out, *sentences_of_type(points), *reasons)
     return results.Result({"rows": rows, "points": points}, notes=notes)
 
 
@@ -128,8 +128,7 @@ def cold_limit(laws, points=None):
     from cellwright.laws.points import Point
 
     points = inputs.rows(laws.points if points is None else points)
-    found = limited([Point(**row) for row in points], inputs.rows(laws))
-    return results.Result({}, found._asdict())
+    return results.Result({}, limited([Point(**row) for row in points], inputs.rows(laws)))
 
 
 def resistance_surface(

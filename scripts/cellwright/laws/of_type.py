@@ -6,10 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import (
-    Points,
-    first_check_up,
     grouped,
     preferred_rate,
+    pulses_of_kind,
     rate_classes,
     resistance_points,
 )
@@ -18,8 +17,6 @@ from cellwright.numerics.statistics import robust_std
 from cellwright.settings import Temperature
 
 TEMPERATURE = Temperature()
-
-OUTLIER = 4.0  # robust standard deviations from the law
 
 
 class CellPoint(NamedTuple):
@@ -50,29 +47,21 @@ def points_of_type(
 
     Returns
     -------
-    points : Points of CellPoint; a note names the temperatures that have no pulse of the rate.
+    points : list of CellPoint. notes : list of sentences on temperatures without a pulse of the
+        rate.
     """
     # ASSUME: Which cell of a type was tested at which temperature is chance.
-    cell_points, notes = [], []
+    points, notes = [], []
     for direction, delay in product(("discharge", "charge"), delay_second):
-        pulses = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
-        pulses = [
-            row for row in pulses if row["direction"] == direction and row["delay_second"] == delay
-        ]
-        kept, note = _one_class(pulses, c_rate)
+        kept, note = _one_class(pulses_of_kind(rows, direction, delay), c_rate)
         notes += [f"{direction}, {delay:g} s: {note}"] if note else []
         for cell, cell_rows in grouped(kept, lambda row: row["cell"]).items():
-            points = resistance_points(
-                cell_rows, delay_second=(delay,), c_rate=c_rate, soc=soc
-            ).points
-            cell_points += [CellPoint(cell, *point._replace(std=np.nan)) for point in points]
-    points = [
-        point._replace(
-            quantity=f"{point.quantity}, across cells", family=f"{point.family}, across cells"
-        )
-        for point in cell_points
-    ]
-    return Points(points, notes)
+            found, _ = resistance_points(cell_rows, delay_second=(delay,), c_rate=c_rate, soc=soc)
+            for point in found:
+                quantity, family = (f"{n}, across cells" for n in (point.quantity, point.family))
+                point = point._replace(quantity=quantity, family=family, std=np.nan)
+                points.append(CellPoint(cell, *point))
+    return points, notes
 
 
 def _one_class(rows, c_rate):
@@ -92,27 +81,20 @@ def _temperatures(rows):
 
 
 def sentences_of_type(points):
-    """Spread between cells of a type, outlying cells, and the law without them, in words.
-
-    Parameters
-    ----------
-    points : list of CellPoint.
-
-    Returns
-    -------
-    text : list of str, one a quantity.
-    """
+    """Spread of the cells of a type, outliers, the law without them; one sentence a quantity."""
     return [_sentence(*entry) for entry in grouped(points, lambda p: p.quantity).items()]
 
 
 def _sentence(quantity, points):
     """Spread, outliers and activation energy of one quantity in words."""
-    celsius, value = (np.array([getattr(p, name) for p in points]) for name in NUMBERS)
+    celsius = np.array([point.temperature_celsius for point in points])
+    value = np.array([point.value for point in points])
     off = np.log(value)
     for level in np.unique(celsius):
         off[celsius == level] -= np.median(off[celsius == level])
     spread = robust_std(off)
-    apart = (np.abs(off) > OUTLIER * spread) & (spread > 0)
+    # Four standard deviations: of some tens of sound cells none lies so far off by chance.
+    apart = (np.abs(off) > 4.0 * spread) & (spread > 0)
     text = (
         f"{quantity}: {len({p.member for p in points})} cells that differ by {100 * spread:.1f} % "
         f"at one temperature; {_energy(celsius, value)}"
@@ -123,9 +105,6 @@ def _sentence(quantity, points):
     stand = "stands" if len(names) == 1 else "stand"
     without = _energy(celsius[~apart], value[~apart])
     return f"{text}; {', '.join(names)} {stand} apart, without: {without}"
-
-
-NUMBERS = ("temperature_celsius", "value")
 
 
 def _energy(celsius, value):

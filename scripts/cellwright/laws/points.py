@@ -27,23 +27,12 @@ class Point(NamedTuple):
     soc: float = np.nan
 
 
-class Points(NamedTuple):
-    """Points, and a sentence on everything that was left out or mixed."""
-
-    points: list
-    notes: list
-
-
 def capacity_points(rows):
-    """Discharge capacity at each temperature [Ah], one quantity per rate.
+    """Points of discharge capacity at each temperature [Ah], one quantity per rate.
 
     Parameters
     ----------
     rows : list of dict, rows of stage `capacity` with ambient_temperature_celsius and cycle.
-
-    Returns
-    -------
-    points : list of Point.
     """
     points, rates = [], []
     for row in sorted(
@@ -80,7 +69,8 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
 
     Returns
     -------
-    points : Points, each with the standard deviation of its fit; what was left out.
+    points : list of Point, each with the standard deviation of its fit.
+    notes : list of sentences on what was left out.
     """
     with_soc = [
         row for row in first_check_up(rows) if row["soc"] is not None and np.isfinite(row["soc"])
@@ -106,7 +96,7 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
         vague = len(with_soc) - len(determined)
         count = f"{vague} of {len(with_soc)} spectra"
         notes += [f"{what}, {how}: {count} do not determine it"] if vague else []
-    return Points(points, notes)
+    return points, notes
 
 
 def level_means(values, *, apart):
@@ -126,11 +116,9 @@ def level_means(values, *, apart):
 
 
 def first_check_up(rows):
-    """Rows of known temperature from the earliest check-up: age must not pass for temperature.
+    """Those `rows` (dicts) of known ambient_temperature_celsius that are of the earliest check-up.
 
-    Parameters
-    ----------
-    rows : list of dict with ambient_temperature_celsius and cycle.
+    Age must not pass for temperature.
     """
     with_temperature = [row for row in rows if row["ambient_temperature_celsius"] is not None]
     young = in_first_checkup([row["cycle"] for row in with_temperature])
@@ -158,12 +146,7 @@ def mean_per_temperature(points):
 
 
 def grouped(items, key):
-    """Items by a key of each, in the order in which the keys first appear: dict.
-
-    Parameters
-    ----------
-    items : sequence. key : function (item) → the name of its group.
-    """
+    """Lists of items by `key(item)`, in the order in which the keys first appear: dict."""
     groups = {}
     for item in items:
         groups.setdefault(key(item), []).append(item)
@@ -172,16 +155,21 @@ def grouped(items, key):
 
 def with_enough_temperatures(points, *, temperatures=3):
     """Points of the quantities that are known at so many temperatures or more."""
-    groups = grouped(points, lambda point: point.quantity)
-    tested = {
-        name: len({point.temperature_celsius for point in same_quantity})
-        for name, same_quantity in groups.items()
-    }
-    return [point for point in points if tested[point.quantity] >= temperatures]
+    tested = {}
+    for point in points:
+        tested.setdefault(point.quantity, set()).add(point.temperature_celsius)
+    return [point for point in points if len(tested[point.quantity]) >= temperatures]
 
 
-REACH_SOC = 0.12  # how far the pulses on either side of a state of charge may lie
-NEAR_SOC = 0.05  # how far a single pulse may lie
+def pulses_of_kind(rows, direction, delay_second):
+    """Those `rows` of stage `resistance` of the first check-up that have a SoC, of one kind."""
+    return [
+        row
+        for row in first_check_up(rows)
+        if np.isfinite(row["soc"])
+        and row["direction"] == direction
+        and row["delay_second"] == delay_second
+    ]
 
 
 def resistance_points(
@@ -204,12 +192,11 @@ def resistance_points(
 
     Returns
     -------
-    points : Points, and what was left out or mixed.
+    points : list of Point. notes : list of sentences on what was left out or mixed.
     """
-    with_soc = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
     points, notes = [], []
     for direction, delay, level in product(("discharge", "charge"), delay_second, soc):
-        pulses = [r for r in with_soc if r["direction"] == direction and r["delay_second"] == delay]
+        pulses = pulses_of_kind(rows, direction, delay)
         courses = {
             rate: _resistance_over_temperature(same_rate, level)
             for rate, same_rate in rate_classes(pulses).items()
@@ -223,7 +210,7 @@ def resistance_points(
             for celsius in sorted(chosen)
         ]
         notes += [f"{quantity}: {note}"] if note else []
-    return Points(points, notes)
+    return points, notes
 
 
 def resistance_name(direction, delay_second):
@@ -292,8 +279,9 @@ def _at_one_rate(courses, c_rate):
 def _interpolated(rows, level):
     """Resistance and its std [ohm] at a SoC, between the pulses on either side of it."""
     rows = sorted(rows, key=lambda row: row["soc"])
-    below = [row for row in rows if level - REACH_SOC <= row["soc"] <= level]
-    above = [row for row in rows if level <= row["soc"] <= level + REACH_SOC]
+    # Over 12 % of SoC resistance is straight enough; one pulse alone stands for 5 %.
+    below = [row for row in rows if level - 0.12 <= row["soc"] <= level]
+    above = [row for row in rows if level <= row["soc"] <= level + 0.12]
     if below and above:
         low, high = below[-1], above[0]
         width = high["soc"] - low["soc"]
@@ -304,7 +292,7 @@ def _interpolated(rows, level):
         )
         return float(ohm + more), float(np.hypot(std, other))
     nearest = min(rows, key=lambda row: abs(row["soc"] - level))
-    if abs(nearest["soc"] - level) > NEAR_SOC:
+    if abs(nearest["soc"] - level) > 0.05:
         return None
     return tuple(nearest[name] for name in RESISTANCE)
 

@@ -45,12 +45,7 @@ def falling_range(b1, b2, b3):
 
 
 def is_usable(valid_celsius, tested_celsius):
-    """Whether a law is valid over the tested temperatures and `REACH_KELVIN` beyond them.
-
-    Parameters
-    ----------
-    valid_celsius, tested_celsius : (low, high) [°C].
-    """
+    """Whether a law holds over the tested (low, high) [°C] and `REACH_KELVIN` beyond them."""
     low, high = tested_celsius[0] - REACH_KELVIN, tested_celsius[1] + REACH_KELVIN
     return valid_celsius[0] <= low and high <= valid_celsius[1]
 
@@ -80,15 +75,10 @@ def _turn(values, valid, tested):
 
 
 def drawn_pieces(tested_celsius, valid_celsius):
-    """Temperature ranges [°C] in which a law is drawn, each marked as tested or extrapolated.
+    """Temperature ranges [°C] in which a law is drawn, as (start, stop, sound).
 
-    Parameters
-    ----------
-    tested_celsius, valid_celsius : (low, high) [°C].
-
-    Returns
-    -------
-    pieces : list of (start, stop, sound); sound where the law was tested and may be read.
+    `tested_celsius`, `valid_celsius` : (low, high) [°C]; sound where the law was tested and may be
+    read, else an extrapolation.
     """
     low, high = tested_celsius
     ends = low - REACH_KELVIN, high + REACH_KELVIN
@@ -107,10 +97,6 @@ def turn_sentences(families):
     Parameters
     ----------
     families : dict, name → list of `temperature.Law`, the quadratic of each quantity.
-
-    Returns
-    -------
-    text : list of str.
     """
     sentences = []
     for family, laws in families.items():
@@ -132,12 +118,7 @@ def turn_sentences(families):
 
 
 def span_of(values, digits):
-    """Smallest and largest of some numbers in words; one number where both read the same.
-
-    Parameters
-    ----------
-    values : sequence of numbers. digits : format of each, such as ".3g".
-    """
+    """Smallest and largest of numbers, in the format `digits`; one number where both read alike."""
     low, high = f"{min(values):{digits}}", f"{max(values):{digits}}"
     return low if low == high else f"{low} to {high}"
 
@@ -201,19 +182,17 @@ class Form(NamedTuple):
     """A law over temperature as data: its function and the names and units of its parameters.
 
     function : (temperature [°C], *parameters) → value. units : with {} for that of the value.
-    fewest : temperatures that determine it.
     """
 
     function: Callable
     names: tuple
     units: tuple
-    fewest: int
 
 
-ENERGY = ("value_at_25_celsius", "activation_energy"), ("{}", "J/mol"), 2
+ENERGY = ("value_at_25_celsius", "activation_energy"), ("{}", "J/mol")
 FORMS = {
-    "linear": Form(linear_law, ("slope", "value_at_25_celsius"), ("{}/K", "{}"), 2),
-    "quadratic": Form(quadratic_law, ("b1", "b2", "b3"), ("{}/degC^2", "{}/degC", "{}"), 3),
+    "linear": Form(linear_law, ("slope", "value_at_25_celsius"), ("{}/K", "{}")),
+    "quadratic": Form(quadratic_law, ("b1", "b2", "b3"), ("{}/degC^2", "{}/degC", "{}")),
     "arrhenius": Form(arrhenius_law, *ENERGY),
     "arrhenius_t": Form(conductivity_law, *ENERGY),
 }
@@ -353,13 +332,9 @@ def law_row(
     chosen=True,
     **more,
 ):
-    """One row of the table of laws; what is not known is NaN.
+    """One row of the table of laws, a parameter of a law; `more` : columns such as `ranges` gives.
 
-    Parameters
-    ----------
-    quantity, law, parameter, value, std, unit : of one parameter of one law.
-    r_squared, cross_validation_rmse, chosen : of the law.
-    more : further columns, such as those of `ranges`.
+    What is not known is NaN.
     """
     return {
         "quantity": quantity,
@@ -376,12 +351,7 @@ def law_row(
 
 
 def ranges(interval, tested_celsius, valid_celsius=NO_LIMIT):
-    """Columns of the table of laws: limits of a parameter, tested and valid temperatures [°C].
-
-    Parameters
-    ----------
-    interval : (lower, upper) of the parameter. tested_celsius, valid_celsius : as in `Law`.
-    """
+    """Columns of the table of laws: (lower, upper) of a parameter, tested and valid range [°C]."""
     names = ("lower", "upper", "tested_from_celsius", "tested_to_celsius")
     names += ("valid_from_celsius", "valid_to_celsius")
     return dict(zip(names, map(float, (*interval, *tested_celsius, *valid_celsius)), strict=True))
@@ -437,10 +407,24 @@ def _factor(name, celsius):
 
 def _left_out_rmse(name, celsius, value, std):
     """RMSE at temperatures left out in turn; NaN where the rest determines no law."""
-    levels, form, errors = np.unique(celsius), FORMS[name], []
-    if len(levels) <= form.fewest:
-        return np.nan
-    for out in (celsius == level for level in levels):
+    form = FORMS[name]
+
+    def errors(out):
         values = _coefficients(name, celsius[~out], value[~out], std[~out])[1]
-        errors.append(form.function(celsius[out], *values) - value[out])
-    return rms(np.concatenate(errors))
+        return form.function(celsius[out], *values) - value[out]
+
+    return left_out_rmse(errors, celsius, parameters=len(form.names))
+
+
+def left_out_rmse(errors, groups, *, parameters):
+    """RMSE of the rows of each group, predicted without it; NaN where the rest determines no law.
+
+    Parameters
+    ----------
+    errors : function, which rows are left out (n,) bool → their errors by a fit to the others.
+    groups : (n,) such as temperatures. parameters : of the law, as many groups as determine it.
+    """
+    levels = np.unique(groups)
+    if len(levels) <= parameters:
+        return np.nan
+    return rms(np.concatenate([errors(groups == level) for level in levels]))
