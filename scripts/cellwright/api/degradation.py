@@ -135,7 +135,7 @@ def plateau_losses(tests, cell, settings=None, **changes):
 
     Returns
     -------
-    losses : Result; rows: `health.plateaus.PlateauLoss`, one a plateau and check-up.
+    losses : Result; rows: one a plateau and check-up [Ah].
 
     Raises
     ------

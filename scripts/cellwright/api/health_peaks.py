@@ -39,6 +39,7 @@ def health_from_peaks(
     names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
     pairs = {key: inputs.quantities(curve, names) for key, curve in (curves or {}).items()}
     charges = peak_charges(inputs.rows(peaks), inputs.rows(capacities), pairs)
-    found = peak_calibration(charges, rated_ampere_hour=rated_ampere_hour, tracked=tracked)
-    tables = {"rows": found.rows, "information": found.information}
-    return results.Result(tables, notes=tuple(found.notes))
+    rows, information, notes = peak_calibration(
+        charges, rated_ampere_hour=rated_ampere_hour, tracked=tracked
+    )
+    return results.Result({"rows": rows, "information": information}, notes=tuple(notes))

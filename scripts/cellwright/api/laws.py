@@ -292,9 +292,11 @@ def ica_over_temperature(charges, settings=None, **changes):
     from cellwright.health.peaks.over_temperature import peaks_over_temperature
 
     options = inputs.settings_of(IcaTemperature, settings, changes)
-    matched = peaks_over_temperature([_charge(charge) for charge in charges], **options._asdict())
-    tables = {"rows": matched.matches, "peaks": matched.peaks, "curves": matched.curves}
-    return results.Result(tables, notes=tuple(matched.notes))
+    rows, peaks, curves, notes = peaks_over_temperature(
+        [_charge(charge) for charge in charges], **options._asdict()
+    )
+    tables = {"rows": rows, "peaks": peaks, "curves": curves}
+    return results.Result(tables, notes=tuple(notes))
 
 
 def _charge(charge):

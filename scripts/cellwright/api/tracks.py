@@ -42,12 +42,12 @@ def ica_tracks(charges, *, chemistry=""):
 
     Parameters
     ----------
-    charges : `health.tracking.TrackedCharge` each.
+    charges : `health.peaks.tracking.TrackedCharge` each.
     chemistry : of the cell, for names alone.
 
     Returns
     -------
-    tracks : Result; rows: `health.tracking.TrackRow`, one a peak and charge.
+    tracks : Result; rows: one a peak and charge.
 
     Raises
     ------

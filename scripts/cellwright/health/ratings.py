@@ -13,7 +13,8 @@ POWER_SOCS = (0.8, 0.5, 0.2)
 SOC_REACH = 0.15  # a state of charge is asked for between pulses at most this far apart from it [1]
 SAME_CAPACITY = 0.03  # of a capacity: what differs more is not one check-up [1]
 STATED = "stated in cells.tsv"
-REPEAT_SHARE = 0.002  # of a capacity: least standard deviation from test to test [1]
+# ASSUME: Measured capacities repeat within 0.2 %: their least standard deviation from test to test.
+REPEAT_SHARE = 0.002
 CHANGES = {
     "capacity_ampere_hour": "capacity_change",
     "energy_watt_hour": "energy_change",

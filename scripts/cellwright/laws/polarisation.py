@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import first_check_up, grouped
+from cellwright.laws.points import first_check_up, grouped, grouped_alike
 from cellwright.laws.temperature import Law, fit_laws, left_out_rmse, rows_of
 from cellwright.numerics.lines import fit_line
 from cellwright.numerics.statistics import r_squared
@@ -157,7 +157,8 @@ def comparable_rests(rows):
     rests = [row for row in rests if row["load"] in ("CC", "pulse")]
     if not rests:
         return ComparableRests([], NO_RESTS, 0, np.zeros(0))
-    protocols = _by_protocol(rests)
+    rests.sort(key=lambda rest: [abs(rest[name]) for name in ALIKE])
+    protocols = grouped_alike(rests, _alike)
     best = max(protocols, key=lambda protocol: (len(_celsius(protocol)), len(_rests(protocol))))
     two, three = ([row for row in best if row["exponentials"] == n] for n in (2, 3))
     everywhere = len(_celsius(three)) == len(_celsius(best))
@@ -229,18 +230,6 @@ def _fit_or_reason(laws, reasons, name, fit, axis, value, unit):
         laws[name] = fit(axis, value, unit=unit)
     except Refusal as refusal:
         reasons.append(f"{name}: {refusal}")
-
-
-def _by_protocol(rows):
-    """Rows grouped by protocol: each joins the first group whose first row is alike."""
-    protocols = []
-    for row in sorted(rows, key=lambda rest: [abs(rest[name]) for name in ALIKE]):
-        match = next((protocol for protocol in protocols if _alike(protocol[0], row)), None)
-        if match is None:
-            protocols.append([row])
-        else:
-            match.append(row)
-    return protocols
 
 
 def _alike(first, other):
