@@ -38,9 +38,8 @@ def fade(records, cell, settings=None, **changes):
         ready.append(lives.AgeingRecord(*about, columns, shift))
     rated = inputs.cell_facts(cell).rated_capacity_ampere_hour
     life = lives.life_of(ready, rated_capacity_ampere_hour=rated)
-    found = analysed(life, **options._asdict())
-    tables = {"columns": found.columns, "laws": found.laws}
-    return results.Result(tables, {"summary": found.summary}, life.notes)
+    columns, laws, summary = analysed(life, **options._asdict())
+    return results.Result({"columns": columns, "laws": laws}, {"summary": summary}, life.notes)
 
 
 def _shift(temperature):
