@@ -98,7 +98,7 @@ def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):
 
     Returns
     -------
-    health : Result; rows: `health.table.HealthRow`.
+    health : Result; rows: one a method and check-up or cycle.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def fleet_resistance(cells):
 
     Returns
     -------
-    fleet : Result; line: `health.fleet.FleetLine`; rows: one a cell.
+    fleet : Result; line: of resistance over capacity, a dict; rows: one a cell.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def compare_protocols(lives):
 
     Returns
     -------
-    comparisons : Result; rows: `health.protocols_compared.Comparison`.
+    comparisons : Result; rows: one a pair of protocols.
 
     Raises
     ------
