@@ -334,11 +334,11 @@ def ageing_over_temperature(cycles, test):
     table = getattr(cycles, "rows", cycles)
     if not isinstance(table, AgeingCycles):
         table = AgeingCycles(**inputs.columns(table, *AgeingCycles._fields))
-    ageing = cycle_temperature(table)
-    rows = law_rows(ageing.summary, test=inputs.test_facts(test).test)
-    notes = tuple(filter(None, [ageing.summary["reason"]]))
-    tables = {"cycles": ageing.cycles, "rows": rows, "periodogram": ageing.periodogram}
-    return results.Result(tables, {"summary": ageing.summary}, notes)
+    summary, compensated, periodogram = cycle_temperature(table)
+    rows = law_rows(summary, test=inputs.test_facts(test).test)
+    notes = tuple(filter(None, [summary["reason"]]))
+    tables = {"cycles": compensated, "rows": rows, "periodogram": periodogram}
+    return results.Result(tables, {"summary": summary}, notes)
 
 
 def thermal_constants(cell, model, tests, *, split_rest_second=MODELS.split_rest_second):
