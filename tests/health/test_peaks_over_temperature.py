@@ -30,7 +30,10 @@ MERGED = curve((3.77, 5, 0.022), (3.91, 8, 0.022), (4.05, 13, 0.026))
 
 def fates(other, reference=WARM, **settings):
     peaks = [scaled_peaks(VOLT, heights, **settings) for heights in (reference, other)]
-    return [(m.reference_peaks, m.peaks, m.fate) for m in match_peaks(*peaks, end_volt=VOLT[-1])]
+    return [
+        (m["reference_peaks"], m["peaks"], m["fate"])
+        for m in match_peaks(*peaks, end_volt=VOLT[-1])
+    ]
 
 
 def test_the_thesis_example_upper_two_merge():
@@ -58,7 +61,7 @@ def test_a_peak_that_is_gone_is_lost_and_one_behind_the_end_is_cut():
     warm = scaled_peaks(VOLT, WARM)
     short = VOLT < 4.0
     cold = scaled_peaks(VOLT[short], curve((3.80, 5, 0.02), (3.95, 8, 0.02))[short])
-    assert [m.fate for m in match_peaks(warm, cold, end_volt=4.0)][-2:] == ["cut", "cut"]
+    assert [m["fate"] for m in match_peaks(warm, cold, end_volt=4.0)][-2:] == ["cut", "cut"]
 
 
 def test_ripples_leave_nothing_but_unresolved():
@@ -94,11 +97,11 @@ def test_several_temperatures_of_one_rate():
         Charge("warm", 20.0, 0.033, VOLT, WARM),
         Charge("quick", 0.0, 0.5, VOLT, WARM),
     ]
-    result = peaks_over_temperature(charges)
-    assert {(row["test"], row["reference_celsius"]) for row in result.matches} == {("cold", 20.0)}
-    assert [row["fate"] for row in result.matches] == ["kept", "kept", "merged"]
-    assert any("quick was left out" in note for note in result.notes)
-    assert len(result.peaks) == 7
-    assert len(result.curves["voltage_volt"]) == 2 * len(VOLT)
+    matches, peaks, curves, notes = peaks_over_temperature(charges)
+    assert {(row["test"], row["reference_celsius"]) for row in matches} == {("cold", 20.0)}
+    assert [row["fate"] for row in matches] == ["kept", "kept", "merged"]
+    assert any("quick was left out" in note for note in notes)
+    assert len(peaks) == 7
+    assert len(curves["voltage_volt"]) == 2 * len(VOLT)
     with pytest.raises(Refusal, match="at one temperature only"):
         peaks_over_temperature(charges[1:])
