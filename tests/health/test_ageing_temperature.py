@@ -49,6 +49,9 @@ def test_the_thesis_example():
     assert summary["daily_false_alarm"] < 0.01
     assert summary["daily_left_percent"] < 0.05
     assert summary["daily_peak_hour"] == pytest.approx(8, abs=0.5)
+    slope = next(r for r in law_rows(summary, test="room") if r["parameter"] == "temperature_slope")
+    assert (slope["unit"], slope["law"]) == ("%/degC", "fade and temperature")
+    assert slope["value"] == summary["slope_percent_per_kelvin"]
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.6, 0.9])
@@ -136,7 +139,9 @@ def test_without_a_temperature_the_daily_cycle_is_still_found():
     summary, *_ = cycle_temperature(rows)
     assert "no temperature was recorded" in summary["reason"]
     assert summary["daily_false_alarm"] < 0.01
-    assert {r["parameter"] for r in law_rows(summary, test="room")} >= {"daily_amplitude"}
+    rows = {row["parameter"]: row for row in law_rows(summary, test="room")}
+    assert rows["daily_amplitude"]["value"] == summary["daily_percent"]
+    assert "temperature_slope" not in rows
 
 
 def test_without_a_daily_cycle_none_is_found():
@@ -169,21 +174,6 @@ def test_a_wild_cycle_and_one_without_its_charge_are_set_aside():
 def test_too_few_cycles_are_refused():
     with pytest.raises(Refusal, match=r"0 complete discharge\(s\) after a complete cycle"):
         cycle_temperature(record(1))
-
-
-def test_rows_of_the_table():
-    rows = law_rows(cycle_temperature(record(noise=1e-4))[0], test="room")
-    slope = next(row for row in rows if row["parameter"] == "temperature_slope")
-    assert (slope["unit"], slope["law"]) == ("%/degC", "fade and temperature")
-    assert slope["value"] == pytest.approx(0.25, abs=0.01)
-
-
-def test_a_line_is_exact_without_noise_and_unknown_without_freedom():
-    x = np.linspace(0, 1, 20)
-    columns = np.column_stack([np.ones(20), x])
-    line = coloured_line(columns, 3 - 2 * x, np.arange(20.0))
-    assert line.values == pytest.approx([3, -2], abs=1e-6)
-    assert np.isnan(coloured_line(columns[:2], x[:2], np.arange(2.0)).values).all()
 
 
 def test_sparse_values_tell_no_daily_cycle():

@@ -146,23 +146,23 @@ def test_soh_refers_to_the_first_check_up_else_to_the_rating():
     assert all(row["fresh_ampere_hour"] == 20.0 for row in rows if row["soh_of"] == "rating")
 
 
-def test_no_peaks_is_an_answer():
-    charges = lives(12)
-    found = capacity_from_peaks(charges[0]._replace(peaks={}), charges[5:])
-    assert found.reason == "no peaks"
-    assert np.isnan(found.capacity_ampere_hour)
-
-
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
+        ({"peaks": {}}, "no peaks"),
+        (
+            {"peaks": {"9": IdentifiedPeak(3.5, 28.0, 4.0)}},
+            "its peaks (9) are in fewer than 4 charges calibrated on",
+        ),
         ({"c_rate": 1.0}, "at 1C and 25 °C, 4 are needed; there are charges at 0.5C and 25 °C"),
         ({"temperature_celsius": 0.0}, "0 charge(s) of known capacity at 0.5C and 0 °C"),
     ],
 )
-def test_another_rate_or_temperature_is_refused_with_what_there_is(changed, words):
+def test_a_charge_unlike_those_calibrated_on_has_a_reason_and_no_number(changed, words):
     charges = lives(13)
-    assert words in capacity_from_peaks(charges[0]._replace(**changed), charges[5:]).reason
+    found = capacity_from_peaks(charges[0]._replace(**changed), charges[5:])
+    assert words in found.reason
+    assert np.isnan(found.capacity_ampere_hour)
 
 
 def test_a_charge_outside_the_calibration_has_no_number():
@@ -171,13 +171,6 @@ def test_a_charge_outside_the_calibration_has_no_number():
     found = capacity_from_peaks(charge_of(random, 0.4, "dying"), charges, most_terms=1)
     assert found.reason.startswith("outside the calibration")
     assert np.isnan(found.capacity_ampere_hour)
-
-
-def test_peaks_that_the_calibration_lacks_are_named():
-    charges = lives(15)
-    other = {"9": charges[0].peaks["1"]}
-    found = capacity_from_peaks(charges[0]._replace(peaks=other), charges[5:])
-    assert found.reason == "its peaks (9) are in fewer than 4 charges calibrated on"
 
 
 def test_a_calibration_of_two_cells_has_no_interval_for_a_third():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pulse_rows import pulse
 
 from cellwright.health.ratings import check_ups, resistance_growth
 from cellwright.refusal import Refusal
@@ -27,23 +28,8 @@ def capacity(cycle, size, *, direction="discharge", rate=0.5, celsius=25.0, volt
     } | more
 
 
-def pulse(cycle, soc, ohm, *, delay=10, direction="discharge", celsius=25.0, rest=3.7, **more):
-    return {
-        "test": f"hppc_{cycle}",
-        "cycle": cycle,
-        "ambient_temperature_celsius": celsius,
-        "soc": soc,
-        "direction": direction,
-        "delay_second": delay,
-        "actual_delay_second": max(float(delay), 0.01),
-        "resistance_ohm": ohm,
-        "resistance_std_ohm": 0.01 * ohm,
-        "voltage_before_volt": rest,
-    } | more
-
-
 def pulses(cycle, ohm, **more):
-    return [pulse(cycle, soc, ohm, **more) for soc in np.arange(0.1, 0.95, 0.1)]
+    return [pulse(soc, ohm, cycle=cycle, **more) for soc in np.arange(0.1, 0.95, 0.1)]
 
 
 def test_state_of_health_and_changes_are_over_the_first_check_up():
@@ -74,12 +60,12 @@ def test_power_is_what_the_limits_allow():
 
 
 def test_no_power_is_told_beyond_the_pulses():
-    few = [pulse(0, soc, 0.05) for soc in (0.4, 0.6)]
+    few = [pulse(soc, 0.05, cycle=0) for soc in (0.4, 0.6)]
     (row,), _ = check_ups([capacity(0, 2.0)], few, **LIMITS)
     assert row["discharge_power_50_watt"] == pytest.approx(42)
     assert np.isnan(row["discharge_power_80_watt"])
     assert np.isnan(row["discharge_power_20_watt"])
-    far = [pulse(0, soc, 0.05) for soc in (0.1, 0.9)]
+    far = [pulse(soc, 0.05, cycle=0) for soc in (0.1, 0.9)]
     assert np.isnan(check_ups([capacity(0, 2.0)], far, **LIMITS)[0][0]["discharge_power_50_watt"])
 
 
@@ -173,12 +159,12 @@ def test_nothing_at_all_is_refused():
     with pytest.raises(Refusal, match="no capacity and no resistance"):
         check_ups([], [], **LIMITS)
     with pytest.raises(Refusal, match="known state of charge"):
-        resistance_growth([pulse(0, np.nan, 0.05)])
+        resistance_growth([pulse(np.nan, 0.05)])
 
 
 def test_growth_is_read_at_equal_soc_and_no_further():
-    fresh = [pulse(0, soc, 0.05 + 0.1 * soc) for soc in (0.2, 0.4, 0.6)]
-    aged = [pulse(900, soc, 4 * (0.05 + 0.1 * soc)) for soc in (0.3, 0.5, 0.8)]
+    fresh = [pulse(soc, 0.05 + 0.1 * soc, cycle=0) for soc in (0.2, 0.4, 0.6)]
+    aged = [pulse(soc, 4 * (0.05 + 0.1 * soc), cycle=900) for soc in (0.3, 0.5, 0.8)]
     rows = [row for row in resistance_growth([*fresh, *aged]) if row["cycle"] == 900]
     assert [row["factor"] for row in rows[:2]] == pytest.approx([4, 4])
     assert rows[0]["factor_std"] == pytest.approx(4 * 0.01 * np.sqrt(2), rel=0.01)

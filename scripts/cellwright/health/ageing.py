@@ -105,10 +105,12 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
     moved, reason = _temperature_movement(record, fade, least_kelvin)
     columns = np.column_stack([fade, *([] if reason else temperature_columns)])
     used, count = record.used, fade.shape[1]
+    # Temperature and age act on what is left: factors, sums of logarithms.
     logarithm = np.log(record.capacity[used])
     line = coloured_line(columns[used], logarithm, record.place)
     plain = coloured_line(fade[used], logarithm, record.place)
     fitted, carried = np.exp(columns @ line.values), np.exp(fade @ line.values[:count])
+    # In Ah of this discharge, so that its own scatter is kept.
     shift = record.capacity * (1 - carried / fitted)
     start = float(np.exp(line.values[0]))
     # A trend chosen by the data would make what is left whiter than noise is: the fullest one.
@@ -275,6 +277,7 @@ def _models(record):
         for temperature_columns in options:
             columns = np.column_stack([fade, *temperature_columns])[used]
             line = coloured_line(columns, logarithm, record.place)
+            # Bayesian information criterion: each coefficient has its price.
             score = line.log_likelihood - 0.5 * columns.shape[1] * np.log(used.sum())
             # The slope stands behind the coefficients of the fade, if there is a temperature.
             slope, std = (

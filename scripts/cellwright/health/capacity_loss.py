@@ -60,6 +60,7 @@ def comparable_capacities(
             where = f"stated {stated:g} °C, the cell was at {measured:.1f} °C"
             left_out.append(f"{row['test']}, {row['direction']}: {where}")
             continue
+        # One record under two kinds of tests has the same numbers twice.
         same = (row["direction"], round(row["capacity_ampere_hour"], 9), row["c_rate"])
         if same not in seen:
             seen.add(same)
@@ -297,6 +298,7 @@ def _relative_loss(start, end, repeat_ampere_hour):
     """Share of the first capacity that the second lacks, and its standard deviation [1]."""
     if start is end:
         return 0.0, 0.0
+    # Both capacities scatter; of one and the same nothing is lost, without any error.
     ratio = end.capacity_ampere_hour / start.capacity_ampere_hour
     end_std, start_std = (_std(point, repeat_ampere_hour) for point in (end, start))
     spread = np.hypot(end_std, ratio * start_std)
@@ -361,6 +363,7 @@ def _bounds(point, reference, true_losses, total, std):
         elif tested < celsius:
             colder.append(share + NORMAL_95 * share_std)
     held = point.held_ampere_hour / reference.capacity_ampere_hour
+    # What a held voltage brought back was not truly lost.
     high = max(min([most - held, *colder]), 0.0)
     low = min(max(warmer), high)
     false = (max(least - high, 0.0), max(most - low, 0.0))

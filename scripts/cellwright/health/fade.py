@@ -187,6 +187,7 @@ def points_of(life):
     if len(used) < LEAST_CYCLES:
         raise Refusal(f"{len(used)} comparable discharges; a law of the fade needs {LEAST_CYCLES}")
     capacity = life.at_reference_ampere_hour[used]
+    # One odd first discharge must not set the scale.
     scale = float(np.median(capacity[: max(len(capacity) // 20, 3)]))
     paused = life.pause_hour != 0
     stretch = np.cumsum(paused)[used]
@@ -202,6 +203,7 @@ def points_of(life):
     since = (
         place[:, None] - np.array(starts, float)[None, :] if starts else np.empty((len(cycle), 0))
     )
+    # An averaged point that begins with the pause stands half a discharge before it.
     since = np.where(since >= -0.5, since, np.inf)
     noise = _noise_course(cycle, value)
     return Points(cycle, cycle / cycle[-1], value, noise, place, since, scale)
@@ -282,6 +284,7 @@ def _weighed(points, tau):
 
 def _supported(terms, points):
     """Whether points lie on both sides of a bend, and some within an early course."""
+    # Beside a bend with few points any slope would do, and win by chance.
     for term in terms:
         if (
             term.kind == "hinge"
@@ -346,6 +349,7 @@ def _alike_solved(gram, places, rows, logarithm):
     values = np.einsum("mij,mj->mi", inverse, outer)
     left = gram[-1, -1] - 2 * np.einsum("mi,mi->m", outer, values)
     left += np.einsum("mi,mij,mj->m", values, inner, values)
+    # A law that goes through all points is no better known than a cycler reads.
     squares = np.maximum(left, rows * LEAST_NOISE**2)
     likelihood = -0.5 * rows * np.log(squares / rows) - logarithm
     evidence = likelihood - 0.5 * count * np.log(rows)
@@ -390,6 +394,7 @@ def draws(fade, *, count, seed=0):
         if k not in roots:
             level, basis = np.linalg.eigh(one.covariance)
             roots[k] = basis * np.sqrt(np.maximum(level, 0.0))
+        # Student's t: the scatter is an estimate as well.
         spread = np.sqrt(one.degrees_of_freedom / random.chisquare(one.degrees_of_freedom))
         drawn = one.values + spread * (roots[k] @ random.standard_normal(len(one.values)))
         laws.append(one.law)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.points import pulses_of_kind
 from cellwright.numerics.shrunk_regression import predicted, shrunk
 from cellwright.numerics.statistics import NORMAL_95, rms
 from cellwright.refusal import Refusal
@@ -108,6 +109,7 @@ def _studentised(x, y):
     residual = y - design @ np.linalg.lstsq(design, y, rcond=None)[0]
     freedom = len(x) - 3
     left = np.sum(residual**2) - residual**2 / (1 - hat)
+    # A perfect line has no scatter to divide by.
     variance = np.maximum(left / freedom, (1e-9 * np.abs(y).max()) ** 2)
     return residual / np.sqrt(variance * (1 - hat))
 
@@ -137,6 +139,7 @@ def _predicted(fleet, others, place):
     """Capacity [Ah] of a cell from its resistances, by other cells, and its standard deviation."""
     ohms, capacity = fleet.resistance_ohm[others], fleet.capacity_ampere_hour[others]
     centre, scale = ohms.mean(axis=0), ohms.std(axis=0, ddof=1)
+    # A SoC at which all cells are alike tells nothing, and is no fault.
     scale = np.where(scale > 0, scale, 1.0)
     fit = shrunk((ohms - centre) / scale, (capacity - capacity.mean())[:, None])
     found = predicted(fit, (fleet.resistance_ohm[place] - centre) / scale)
@@ -250,14 +253,10 @@ def _course(check_up, rows, delay):
     """SoC, ascending, and resistance [Ω] of the discharge pulses of a check-up at one delay."""
     course = sorted(
         (row["soc"], row["resistance_ohm"])
-        for row in rows
-        if row["cycle"] == check_up["cycle"]
-        and row["direction"] == "discharge"
-        and row["delay_second"] == delay
-        and np.isfinite(row["soc"])
-        and np.isfinite(row["resistance_ohm"])
+        for row in pulses_of_kind(rows, "discharge", delay)
+        if row["cycle"] == check_up["cycle"] and np.isfinite(row["resistance_ohm"])
     )
-    return np.array([soc for soc, _ in course]), np.array([ohm for _, ohm in course])
+    return np.array(course, float).reshape(-1, 2).T
 
 
 def _sharing(ends):
@@ -270,19 +269,18 @@ def _sharing(ends):
     return inside
 
 
-def mean_over_soc(soc, resistance, *, least_span=0.6):
+def mean_over_soc(soc, resistance):
     """Mean resistance over SoC [Ω]: the area under its course over the span that was measured.
+
+    NaN where less than 60 % of SoC is covered or fewer than four pulses are there: the mean would
+    depend on which part was.
 
     Parameters
     ----------
-    soc, resistance : (n,) [1], [Ω]. least_span : of the SoC that must be covered [1].
-
-    Returns
-    -------
-    mean : float; NaN where less is covered or fewer than four pulses are there.
+    soc, resistance : (n,) [1], [Ω].
     """
     order = np.argsort(soc)
     soc, resistance = np.asarray(soc, float)[order], np.asarray(resistance, float)[order]
-    if len(soc) < 4 or soc[-1] - soc[0] < least_span:
+    if len(soc) < 4 or soc[-1] - soc[0] < 0.6:
         return np.nan
     return float(np.trapezoid(resistance, soc) / (soc[-1] - soc[0]))

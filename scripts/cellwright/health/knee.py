@@ -60,6 +60,7 @@ def knee_of(fade, drawn, *, least_log_evidence, level=0.95):
         return _none(evidence, word)
     ratios, before, losses = np.array([_turn(drawn.terms[k], drawn.values[k]) for k in bent]).T
     lost = (before >= LEAST_LOSS) & (losses >= LEAST_LOSS)
+    # Some of the laws drawn turn little, or where nothing is lost: how many do not?
     certainty = float(np.mean((ratios >= LEAST_RATIO) & lost))
     if certainty < level:
         ratio = float(np.median(ratios))

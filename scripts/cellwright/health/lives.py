@@ -155,6 +155,7 @@ def _columns(record, cycle):
     capacity = columns["capacity_ampere_hour"][discharge]
     start = columns["start_time_second"][discharge]
     shift = np.array([record.shift_ampere_hour.get(float(second), 0.0) for second in start])
+    # Energy efficiency needs the charge right before a discharge.
     before = np.maximum(discharge - 1, 0)
     follows = (columns["direction"][before] == "charge") & np.isfinite(
         columns["coulombic_efficiency"][discharge]
@@ -179,6 +180,7 @@ def _pauses(hour, cycle):
     interval = np.diff(hour)
     if not len(interval):
         return np.array([np.nan])
+    # Where the record skips cycles, an interval spans several usual ones.
     steps = np.maximum(np.diff(cycle), 1.0) if np.all(np.diff(cycle) >= 1) else 1.0
     usual = np.median(interval / steps)
     beyond = interval - usual * steps
@@ -194,6 +196,7 @@ def _comparable(joined):
     reason = reason.astype(object)
     if len(reason) > 12:  # of a short life each discharge counts
         reason[0] = "the first of the life: what came before it is not known"
+    # The first round's outliers widen the typical step, the second is without them.
     for _ in range(2):
         able = np.flatnonzero(reason == "")
         step = robust_std(np.diff(capacity[able]))

@@ -68,6 +68,7 @@ def _course_numbers(fade, drawn, level):
     scale, last = fade.points.scale_ampere_hour, fade.points.cycle[-1]
     share = np.linspace(fade.points.share[0], 1.0, 101)
     course = courses(drawn, share)
+    # Over the last twentieth of the life: where it stands now.
     pace = 100 * (course[:, -6] - course[:, -1]) / course[:, 0] / (share[-1] - share[-6])
     per_hundred = pace * 100 / last
     rise = course.max(axis=1) / course[:, 0] - 1

@@ -57,6 +57,7 @@ def compared(lives):
     logs = {name: np.array([_log_cycles(one, loss) for one in arms[name]]) for name in arms}
     squares = sum(np.sum((values - values.mean()) ** 2) for values in logs.values())
     freedom = sum(len(values) - 1 for values in logs.values())
+    # One spread for all protocols: each alone has too few cells to tell its own.
     spread = np.sqrt(squares / freedom) if freedom else np.nan
     pairs = list(combinations(sorted(arms), 2))
     chances = _holm([_chance(logs[a], logs[b], spread, freedom) for a, b in pairs])
@@ -68,6 +69,7 @@ def compared(lives):
 
 def _log_cycles(life, loss):
     """ln of the cycles until a loss: where the course last lies above it."""
+    # Where it last lies above: a rest may lift a life over the loss again.
     above = np.flatnonzero(life.share > 1 - loss)
     last = int(above[-1]) if len(above) else 0
     if last + 1 >= len(life.cycle):

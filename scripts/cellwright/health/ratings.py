@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.health.fleet import mean_over_soc
-from cellwright.laws.points import grouped, grouped_alike
+from cellwright.laws.points import grouped, grouped_alike, pulses_of_kind
 from cellwright.records.conditions import checkups_of, same_rate, same_temperature
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
@@ -108,6 +108,7 @@ def _at_one_temperature(capacities, resistances):
             met.setdefault(celsius, set()).add(_cycle(row))
     if not met or same_temperature(min(met), max(met)):
         return capacities, resistances, []
+    # Of temperatures as frequent the one nearest 25 °C, where most is known.
     usual = max(met, key=lambda celsius: (len(met[celsius]), -abs(celsius - 25.0)))
 
     def kept(rows):
@@ -182,6 +183,7 @@ def _as_stated(first, doubts, rated, state_of_health):
         first |= {"capacity_ampere_hour": stated, "soh_reference": STATED}
         doubts[first["cycle"]] = ""
         return [f"capacity of the first check-up: {stated:.4g} Ah, {source}; no test measures it"]
+    # What was measured goes before what somebody stated.
     if abs(measured / stated - 1) > SAME_CAPACITY:
         return [
             f"cells.tsv states a state of health of {state_of_health:g}, {stated:.4g} Ah; the "
@@ -202,6 +204,7 @@ def _efficiency(tests, counted):
     if not whole:
         return {"energy_watt_hour": np.nan, "round_trip_efficiency": np.nan}
     rate = counted["c_rate"] if counted else 0.5
+    # Efficiency falls with the rate: that of the capacity that counts.
     pair = min(whole, key=lambda one: abs(np.log(one["discharge"]["c_rate"] / rate)))
     discharge, charge = pair["discharge"], pair.get("charge")
     efficiency = np.nan
@@ -209,6 +212,7 @@ def _efficiency(tests, counted):
         mean = [
             row["energy_watt_hour"] / row["capacity_ampere_hour"] for row in (discharge, charge)
         ]
+        # Mean voltages, for a charge is rarely closed to a percent of charge.
         efficiency = mean[0] / mean[1]
     return {"energy_watt_hour": discharge["energy_watt_hour"], "round_trip_efficiency": efficiency}
 
@@ -249,15 +253,7 @@ def _at(pulses, direction, delay, soc):
 
 def _course(pulses, direction, delay):
     """Pulses of one direction and delay whose SoC is known, by SoC."""
-    rows = [
-        row
-        for row in pulses
-        if row["direction"] == direction
-        and row["delay_second"] == delay
-        and row["soc"] is not None
-        and np.isfinite(row["soc"])
-    ]
-    return sorted(rows, key=lambda row: row["soc"])
+    return sorted(pulses_of_kind(pulses, direction, delay), key=lambda row: row["soc"])
 
 
 def _throughput(throughputs, cycle):

@@ -52,6 +52,7 @@ def remaining_of(fade, drawn, knee, *, end_of_life, level=0.95):
     """
     points = fade.points
     start, now, soh, soh_std = _state(fade, drawn)
+    # Of each draw its own start: errors of start and end hang together.
     target = end_of_life * start
     last = float(points.cycle[-1])
     median = np.median(courses(drawn, points.share), axis=0) + recovery(fade)
@@ -114,6 +115,7 @@ def _crossings(drawn, now, target, knee, random):
     slowest = pace * (np.diff(ratio) / middle)[None, :]
     steps = np.where(pace > 0, np.maximum(steps, slowest), steps)
     slope = random.normal(0.0, 0.35, count)
+    # A power of the cycle ratio: the law of the past holds less the further ahead.
     steps = steps * middle[None, :] ** slope[:, None]
     if not knee.found:
         place = 1 / random.uniform(0.0, 1.0, count)

@@ -62,6 +62,7 @@ def _of_cycles(life, course, wanted):
         size = float(np.median(near))
         # Of a median of few; neighbours are not independent, so no less than their scatter.
         spread = float(np.std(near))
+        # The share's error: of the capacity, and of what it is a share of.
         std = float(np.hypot(spread / start, size / start * start_std / start))
         rows.append(_row(float(at), size, size / start, CYCLES, std))
     end = _row(life["last_cycle"], life["soh"] * start, life["soh"], CYCLES, life["soh_std"])

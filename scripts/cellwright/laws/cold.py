@@ -65,6 +65,7 @@ def _pulses(points):
             for c in whole
             if c in first
         }
+        # A rise that is not positive is noise: it has no growth factor.
         if min(value for value, _ in rise.values()) > 0:
             pairs[soc] = first, rise
     return pairs
@@ -88,6 +89,7 @@ def _shared_levels(courses):
 def _compared(source, pairs):
     """Growth of both parts between the extremes that most states of charge reach, and the limit."""
     spans = [_span(pair) for pair in pairs.values()]
+    # Growth compares only over one span; of two as frequent ones the wider counts.
     warm, cold = max(spans, key=lambda span: (spans.count(span), span[0] - span[1]))
     kept = {soc: pair for soc, pair in pairs.items() if _span(pair) == (warm, cold)}
     growth = []

@@ -6,11 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import (
+    first_check_up,
     grouped,
     preferred_rate,
     pulses_of_kind,
     rate_classes,
     resistance_points,
+    without_rate,
 )
 from cellwright.laws.temperature import fit_laws
 from cellwright.numerics.statistics import robust_std
@@ -51,9 +53,9 @@ def points_of_type(
         rate.
     """
     # ASSUME: Which cell of a type was tested at which temperature is chance.
-    points, notes = [], []
+    points, notes, young = [], [], first_check_up(rows)
     for direction, delay in product(("discharge", "charge"), delay_second):
-        kept, note = _one_class(pulses_of_kind(rows, direction, delay), c_rate)
+        kept, note = _one_class(pulses_of_kind(young, direction, delay), c_rate)
         notes += [f"{direction}, {delay:g} s: {note}"] if note else []
         for cell, cell_rows in grouped(kept, lambda row: row["cell"]).items():
             found, _ = resistance_points(cell_rows, delay_second=(delay,), c_rate=c_rate, soc=soc)
@@ -71,9 +73,7 @@ def _one_class(rows, c_rate):
         return [], ""
     reached = {rate: _temperatures(same_rate) for rate, same_rate in classes.items()}
     rate = preferred_rate(reached, c_rate)
-    missing = sorted(_temperatures(rows) - reached[rate])
-    where = ", ".join(f"{celsius:g}" for celsius in missing)
-    return classes[rate], f"no pulse at {rate:.2g}C at {where} °C, left out" if missing else ""
+    return classes[rate], without_rate(rate, sorted(_temperatures(rows) - reached[rate]))
 
 
 def _temperatures(rows):
@@ -89,6 +89,7 @@ def _sentence(quantity, points):
     """Spread, outliers and activation energy of one quantity in words."""
     celsius = np.array([point.temperature_celsius for point in points])
     value = np.array([point.value for point in points])
+    # Cells of a type differ by factors: in size, in contact.
     off = np.log(value)
     for level in np.unique(celsius):
         off[celsius == level] -= np.median(off[celsius == level])

@@ -35,6 +35,7 @@ def capacity_points(rows):
     rows : list of dict, rows of stage `capacity` with ambient_temperature_celsius and cycle.
     """
     points, rates = [], []
+    # Sorted, so that names of rates do not depend on the order of the files.
     for row in sorted(
         first_check_up(rows), key=lambda r: (r["ambient_temperature_celsius"], r["c_rate"])
     ):
@@ -177,13 +178,14 @@ def with_enough_temperatures(points, *, temperatures=3):
 
 
 def pulses_of_kind(rows, direction, delay_second):
-    """Those `rows` of stage `resistance` of the first check-up that have a SoC, of one kind."""
+    """Those `rows` of stage `resistance` that are of one direction and delay and have a SoC."""
     return [
         row
-        for row in first_check_up(rows)
-        if np.isfinite(row["soc"])
-        and row["direction"] == direction
+        for row in rows
+        if row["direction"] == direction
         and row["delay_second"] == delay_second
+        and row["soc"] is not None
+        and np.isfinite(row["soc"])
     ]
 
 
@@ -209,9 +211,9 @@ def resistance_points(
     -------
     points : list of Point. notes : list of sentences on what was left out or mixed.
     """
-    points, notes = [], []
+    points, notes, young = [], [], first_check_up(rows)
     for direction, delay, level in product(("discharge", "charge"), delay_second, soc):
-        pulses = pulses_of_kind(rows, direction, delay)
+        pulses = pulses_of_kind(young, direction, delay)
         courses = {
             rate: _resistance_over_temperature(same_rate, level)
             for rate, same_rate in rate_classes(pulses).items()
@@ -236,25 +238,19 @@ def resistance_name(direction, delay_second):
 
 def rate_classes(rows):
     """Median rate → its rows; a class ends where the next rate is no longer the same."""
-    classes = []
-    for row in sorted(rows, key=lambda row: row["c_rate"]):
-        if row["c_rate"] <= 0:
-            continue
-        if not classes or not same_rate(row["c_rate"], classes[-1][-1]["c_rate"]):
+    classes, last = [], np.nan
+    for row in sorted((row for row in rows if row["c_rate"] > 0), key=lambda row: row["c_rate"]):
+        if not same_rate(row["c_rate"], last):
             classes.append([])
         classes[-1].append(row)
-    return {
-        float(np.median([row["c_rate"] for row in rate_class])): rate_class
-        for rate_class in classes
-    }
+        last = row["c_rate"]
+    return {float(np.median([row["c_rate"] for row in alike])): alike for alike in classes}
 
 
 def preferred_rate(reached, c_rate):
-    """Rate with the most temperatures (or other entries), of equals the nearest to `c_rate` [1/h].
+    """Rate with the most entries, such as temperatures, of equals the nearest to `c_rate` [1/h].
 
-    Parameters
-    ----------
-    reached : dict, rate → collection, such as its temperatures; not empty. c_rate : [1/h].
+    `reached` : dict, rate → its entries; not empty.
     """
     return max(_by_distance(reached, c_rate), key=lambda rate: len(reached[rate]))
 
@@ -278,17 +274,21 @@ def _at_one_rate(courses, c_rate):
     everywhere = sorted({celsius for course in courses.values() for celsius in course})
     rate = preferred_rate(courses, c_rate)
     missing = [celsius for celsius in everywhere if celsius not in courses[rate]]
-    if not missing:
-        return courses[rate], ""
-    if len(courses[rate]) >= 3:
-        where = ", ".join(f"{celsius:g}" for celsius in missing)
-        return courses[rate], f"no pulse at {rate:.2g}C at {where} °C, left out"
+    if not missing or len(courses[rate]) >= 3:
+        return courses[rate], without_rate(rate, missing)
+    # Better currents that differ than no law at all; the note says so.
     nearest = _by_distance(courses, c_rate)
     used = {c: next(rate for rate in nearest if c in courses[rate]) for c in everywhere}
     rates = f"{min(used.values()):.2g}C to {max(used.values()):.2g}C"
     mixed = {celsius: courses[rate][celsius] for celsius, rate in used.items()}
     note = f"pulses of {rates} at different temperatures: current and temperature are mixed"
     return mixed, note if len(everywhere) >= 3 else ""
+
+
+def without_rate(rate, temperatures):
+    """Note on temperatures [°C] that have no pulse of a rate [1/h]; "" where there are none."""
+    where = ", ".join(f"{celsius:g}" for celsius in temperatures)
+    return f"no pulse at {rate:.2g}C at {where} °C, left out" if where else ""
 
 
 def _interpolated(rows, level):
@@ -300,6 +300,7 @@ def _interpolated(rows, level):
     if below and above:
         low, high = below[-1], above[0]
         width = high["soc"] - low["soc"]
+        # Two pulses at one SoC: their mean.
         share = (level - low["soc"]) / width if width > 0 else 0.5
         (ohm, std), (more, other) = (
             [part * row[name] for name in RESISTANCE]
@@ -320,15 +321,12 @@ def fast_charge_points(rows):
 
     Parameters
     ----------
-    rows : list of dict, of stage `fast_charge` with ambient_temperature_celsius and cycle.
+    rows : list of dict, of stage `fast_charge` with ambient_temperature_celsius and cycle; of the
+        earliest check-up those from empty count.
 
     Returns
     -------
-    points : list of Point: share charged in the minutes asked for, the ratio of charged to not
-        charged (which the resistance sets once the voltage limits the charge, so that it may
-        follow an Arrhenius law where the share, bounded by 1, cannot), the share at constant
-        current, minutes to 80 % where that was reached; from empty and of the earliest check-up
-        only.
+    points : list of Point.
     """
     charges = sorted(
         (row for row in first_check_up(rows) if row["from_empty"]),
@@ -349,6 +347,8 @@ def fast_charge_points(rows):
 def _quantities(row):
     """Name, unit and value of each quantity of one fast charge."""
     yield f"share charged in {row['minutes']:g} min", "1", row["share"]
+    # Once the voltage limits the charge, the resistance sets the ratio of charged to not charged:
+    # it may follow an Arrhenius law where the share, bounded by 1, cannot.
     if row["share"] < 1:
         ratio = row["share"] / (1 - row["share"])
         yield f"charged over not charged in {row['minutes']:g} min", "1", ratio

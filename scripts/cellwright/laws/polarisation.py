@@ -154,6 +154,7 @@ def comparable_rests(rows):
     rests = [
         row for row in first_check_up(rows) if row["exponentials"] >= 2 and np.isfinite(row["soc"])
     ]
+    # While a voltage is held the overpotential decays before the rest begins.
     rests = [row for row in rests if row["load"] in ("CC", "pulse")]
     if not rests:
         return ComparableRests([], NO_RESTS, 0, np.zeros(0))
@@ -161,6 +162,7 @@ def comparable_rests(rows):
     protocols = grouped_alike(rests, _alike)
     best = max(protocols, key=lambda protocol: (len(_celsius(protocol)), len(_rests(protocol))))
     two, three = ([row for row in best if row["exponentials"] == n] for n in (2, 3))
+    # A mixture of two and three exponentials would move a and b by itself.
     everywhere = len(_celsius(three)) == len(_celsius(best))
     kept = three if everywhere and len(three) >= 0.8 * len(_rests(best)) else two or three
     points = [point for row in kept for point in _points(row)]

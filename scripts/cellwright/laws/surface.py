@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import (
+    first_check_up,
     grouped,
     preferred_rate,
     pulses_of_kind,
@@ -157,6 +158,7 @@ def _form_rows(pulses, fitted):
         ("left_out_soc_share", "1", fitted.soc_relative),
         ("left_out_temperature_share", "1", fitted.temperature_relative),
     )
+    # Scores stand among the parameters: the table has no columns of their own.
     entries += [(*score, np.nan, UNKNOWN) for score in scores]
     for name, unit, value, std, interval in entries:
         limits = ranges(interval, (celsius.min(), celsius.max()), fitted.valid_celsius)
@@ -224,7 +226,7 @@ def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
     ------
     Refusal : fewer than three temperatures, or fewer than four levels of SoC at one, at any rate.
     """
-    pulses = pulses_of_kind(rows, direction, delay_second)
+    pulses = pulses_of_kind(first_check_up(rows), direction, delay_second)
     # All pulses weigh alike in a surface, so that a vague one would bend it.
     pulses = [r for r in pulses if not r["resistance_std_ohm"] > 0.05 * r["resistance_ohm"]]
     classes = {rate: _full_courses(same_rate) for rate, same_rate in rate_classes(pulses).items()}
@@ -303,6 +305,7 @@ def _left_out(form, pulses, blocks):
         # A table, too, is a line in 1/T through two temperatures.
         if len(np.unique(celsius[~out])) < OVER_TEMPERATURE.get(form, 2):
             continue
+        # For a score the grid's rates are near enough.
         rest = fit_form(form, soc[~out], celsius[~out], ohm[~out], polish=False)
         predicted[out] = predict(rest, soc[out], celsius[out])
     return predicted

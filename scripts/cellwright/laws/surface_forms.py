@@ -206,6 +206,7 @@ def _names(form, rates):
 def _from_nodes(nodes, soc, celsius):
     """Resistance [ohm] of a table: ln R over SoC, then linear in 1/T."""
     axis = inverse_temperature([level for level, _, _ in nodes])
+    # Resistance grows by factors, towards empty and in the cold: ln R is the straighter.
     courses = np.stack([np.interp(soc, z, np.log(ohm)) for _, z, ohm in nodes])
     at = inverse_temperature(celsius)
     # Nodes run from cold to warm: the axis falls.
@@ -249,6 +250,7 @@ def separability(soc, temperature_celsius, resistance_ohm):
     if len(temperatures) < 2:
         raise Refusal(f"{len(temperatures)} temperature(s); separability needs two")
     member = celsius[:, None] == temperatures
+    # Over its temperature's geometric mean a pulse's scatter is relative.
     size = np.exp(member @ (member.T @ np.log(ohm) / member.sum(axis=0)))
     knots = _knots(soc, celsius, len(temperatures))
     hats = np.stack([np.interp(soc, knots, row) for row in np.eye(len(knots))], axis=1)

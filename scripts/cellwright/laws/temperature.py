@@ -230,6 +230,7 @@ def fit_laws(
     # ohm or ampere-hours at each temperature under the quadratic.
     celsius, value = np.asarray(temperature_celsius, float), np.asarray(value, float)
     std = np.full(len(value), np.nan) if std is None else np.asarray(std, float)
+    # What the sheet leaves blank has no place on the axis.
     finite = np.isfinite(celsius)
     celsius, value, std = celsius[finite], value[finite], std[finite]
     count = len(np.unique(celsius))
@@ -241,6 +242,7 @@ def fit_laws(
     if falling:
         laws = [_with_falling_range(law, celsius, value, std, level) for law in laws]
     offered = [law for law in laws if is_usable(law.valid_celsius, law.tested_celsius)]
+    # Some law is always offered: an Arrhenius law never turns.
     best = min(offered, key=lambda law: np.nan_to_num(law.cross_validation_rmse, nan=np.inf))
     return tuple(law._replace(chosen=law is best) for law in laws)
 
@@ -265,9 +267,7 @@ def law_rows(points):
 
     Returns
     -------
-    rows : list of dict, one a parameter: quantity, law, parameter, value, std, lower, upper, unit,
-        r_squared, cross_validation_rmse, chosen, tested_from_celsius, tested_to_celsius,
-        valid_from_celsius, valid_to_celsius.
+    rows : list of dict as of stage `temperature`, one a parameter.
     reasons : list of sentences for what is not known.
 
     Raises
@@ -291,6 +291,7 @@ def law_rows(points):
             continue
         reasons += [f"{quantity}, {law.law} law: {law.reason}" for law in laws if law.reason]
         rows += [row for law in laws for row in rows_of(quantity, law)]
+        # Of a family one sentence says what ends its quadratics, not one a SoC.
         quadratics.setdefault(quantity_points[0].family or quantity, []).append(laws[0])
     if not rows:
         raise Refusal("; ".join(reasons) or "no quantity is known at three temperatures")
@@ -299,55 +300,24 @@ def law_rows(points):
 
 def rows_of(quantity, law):
     """Rows of one law, a parameter each, with its 95 % limits and the tested and valid range."""
-    numbers = zip(law.values, law.std, law.lower, law.upper, strict=True)
-    return [
-        law_row(
-            quantity,
-            law.law,
-            name,
-            value,
-            std,
-            unit=unit,
-            r_squared=law.r_squared,
-            cross_validation_rmse=law.cross_validation_rmse,
-            chosen=law.chosen,
-            **ranges((lower, upper), law.tested_celsius, law.valid_celsius),
-        )
-        for name, unit, (value, std, lower, upper) in zip(
-            law.names, law.units, numbers, strict=True
-        )
-    ]
+    scores = {n: getattr(law, n) for n in ("r_squared", "cross_validation_rmse", "chosen")}
+    parameters = (law.names, law.units, law.values, law.std, law.lower, law.upper)
+    rows = []
+    for name, unit, value, std, *limits in zip(*parameters, strict=True):
+        more = scores | ranges(limits, law.tested_celsius, law.valid_celsius)
+        rows.append(law_row(quantity, law.law, name, value, std, unit=unit, **more))
+    return rows
 
 
-def law_row(
-    quantity,
-    law,
-    parameter,
-    value,
-    std=np.nan,
-    *,
-    unit,
-    r_squared=np.nan,
-    cross_validation_rmse=np.nan,
-    chosen=True,
-    **more,
-):
-    """One row of the table of laws, a parameter of a law; `more` : columns such as `ranges` gives.
+def law_row(quantity, law, parameter, value, std=np.nan, *, unit, **more):
+    """One row of the table of laws, a parameter of a law; `more` : further columns, by name.
 
-    What is not known is NaN.
+    Scores that are not among them are NaN, and the law counts as chosen.
     """
-    return {
-        "quantity": quantity,
-        "law": law,
-        "parameter": parameter,
-        "value": float(value),
-        "std": float(std),
-        "unit": unit,
-        "r_squared": float(r_squared),
-        "cross_validation_rmse": float(cross_validation_rmse),
-        "chosen": chosen,
-        **more,
-    }
+    head = {"quantity": quantity, "law": law, "parameter": parameter}
+    known = {"value": float(value), "std": float(std), "unit": unit}
+    scores = {"r_squared": np.nan, "cross_validation_rmse": np.nan, "chosen": True}
+    return head | known | scores | more
 
 
 def ranges(interval, tested_celsius, valid_celsius=NO_LIMIT):
@@ -364,6 +334,7 @@ def _fitted(name, celsius, value, std, *, unit, level):
     predicted = form.function(celsius, *values)
     target, on_line = value, predicted
     if name.startswith("arrhenius"):
+        # The value at 25 °C was fitted as its logarithm; the energy as it is.
         lower, upper = (np.array([np.exp(end[0]), end[1]]) for end in (lower, upper))
         deviations = deviations * np.array([values[0], 1.0])
         target, on_line = (np.log(x / _factor(name, celsius)) for x in (value, predicted))

@@ -126,6 +126,7 @@ def align(curve, pair, *, starts=()):
     """
     curve = _without_steep_ends(curve)
     starts, errors = [*starts, *_search(curve, pair)], _errors(curve, FIRST_STD_VOLT, 0.0)
+    # The second fit knows the size of the half cells' error from the first.
     for _ in range(2):
         fits = _minima(curve, pair, starts, errors)
         best = fits[0]
@@ -274,6 +275,7 @@ def _white(series, soc):
 
 def _search(curve, pair, *, best=4):
     """The best of a coarse grid of limits, as starts: list of (p,)."""
+    # Lithiation of the negative electrode when empty and full, then of the positive one.
     grid = [
         (x0, x1, y0, y1)
         for x0 in (0.005, 0.02, 0.06, 0.15)
@@ -284,6 +286,7 @@ def _search(curve, pair, *, best=4):
     ]
     low, high = (bound[:6] for bound in _bounds(pair))
     limits = np.clip(np.c_[grid, np.zeros((len(grid), 2))], low, high)
+    # A quarter of the samples shows which starts are worth a fit.
     sparse = slice(None, None, 4 if len(curve.soc) > 100 else 1)
     soc, voltage = curve.soc[sparse], curve.voltage_volt[sparse]
     model = cell_volt(pair, limits.T[:, :, None], soc[None, :])
@@ -335,6 +338,7 @@ def _alignment(curve, fits, residual, errors):
     covariance = _covariance(best)
     whitening = _white(np.diag(1 / errors), curve.soc)
     slope = np.diff(residual) / np.diff(curve.soc)
+    # Costs are half of chi-square: their differences are log likelihoods.
     likely = np.exp([best.cost - fit.cost for fit in fits])
     apart = np.array([fit.x - best.x for fit in fits])
     return Alignment(

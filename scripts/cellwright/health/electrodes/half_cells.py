@@ -231,6 +231,7 @@ def half_cell(name, own=None):
     Refusal : no such name, or a blend that is not of this form.
     """
     own = own or {}
+    # The user's own half cells go before those of the library.
     names, share = named_parts(name)
     unknown = [one for one in names if one not in LIBRARY and one not in own]
     if unknown:

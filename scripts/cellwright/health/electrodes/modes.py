@@ -81,6 +81,7 @@ def degradation_modes(curves, pair, *, others=()):
     parts = _left_out(alignments, pair)
     left_out = np.array([_losses_of(part, pair) for part in parts]) - losses
     doubts["window"] = _jackknife(left_out)
+    # What a part of the curve decides alone is no better known than without it.
     wider = (np.maximum(doubts["window"] / np.maximum(doubts["data"], 1e-12), 1.0)).ravel()
     apart = _by_other_half_cells(curves, others, losses)
     doubts["half cells"] = np.sqrt(np.mean(apart**2, axis=0)).reshape(losses.shape)
@@ -91,6 +92,7 @@ def degradation_modes(curves, pair, *, others=()):
     spread = np.hypot(np.sqrt(np.diag(covariance)).reshape(losses.shape), doubts["branch"])
     fresh = _capacities(alignments[:1], pair)[0, :3]
     possible = 1 - capacity[:, None] / fresh[None, :]
+    # An interval as wide as from nothing to all that the capacity allows tells nothing.
     known = 2 * NORMAL_95 * spread[:, :3] < np.maximum(possible, 0.0)
     known[0] = True
     modes = np.tile(np.arange(losses.shape[1]) < 3, len(losses))
@@ -172,6 +174,7 @@ def _shares(alignments):
 
 def _by_other_half_cells(curves, others, losses):
     """What other half cells give instead: changes of the losses (n, m k), 0 of a blend's parts."""
+    # Of a blend's parts others say nothing: their second material is another one.
     apart = np.zeros((max(len(others), 1), *losses.shape))
     for k, other in enumerate(others):
         apart[k, :, :3] = _losses_of(aligned(curves, other), other)[:, :3] - losses[:, :3]
@@ -211,6 +214,7 @@ def _likeness(alignments):
     misfits = [np.interp(grid, a.curve.soc, a.residual_volt / a.error_volt) for a in alignments]
     pairs = pairwise(misfits)
     each = [np.mean(a * b) / np.sqrt(np.mean(a**2) * np.mean(b**2)) for a, b in pairs]
+    # Errors wholly alike would leave none in a difference, which nobody can promise.
     return float(np.clip(np.mean(each), 0.0, 0.98)) if each else 0.0
 
 
@@ -245,6 +249,7 @@ def _joint(losses, covariance, capacity_loss):
         return losses, np.zeros_like(losses)
     inner = covariance[3:, 3:]
     widths = np.sqrt(np.maximum(np.diag(inner), 1e-12))
+    # A little more on the diagonal: two check-ups of one curve must not be singular.
     correlation = inner / np.outer(widths, widths) + 1e-9 * np.eye(len(inner))
     factor = np.linalg.cholesky(correlation)
     # Unknowns are the steps from one check-up to the next: of material they are not negative.

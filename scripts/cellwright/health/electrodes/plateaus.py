@@ -48,6 +48,7 @@ def boundaries(curve):
     # At either end the curve is steep by itself.
     tops = np.array([t for t in tops if 0.03 < inner[t] < 1 - 0.03], int)
     bend = -(slope[tops - 1] - 2 * slope[tops] + slope[tops + 1]) / step**2
+    # Within this distance a parabola falls by the noise of its top.
     width = np.sqrt(2 * noise / np.maximum(bend, 1e-9))
     std = np.maximum(np.minimum(width, SMOOTH_SOC), step / 2) * curve.capacity_ampere_hour
     return smooth[tops], inner[tops] * curve.capacity_ampere_hour, std

@@ -41,6 +41,7 @@ def slow_curve(
         branch = {"charge": found.charge_volt, "discharge": found.discharge_volt}
         voltage = branch.get(found.branches, found.ocv_volt)
     except Refusal as refusal:
+        # A C/2 pair averages its polarisation out; one branch at that rate does not.
         found, voltage = _mean_of_both(columns, limits, mean_hour, refusal)
     measured = np.isfinite(voltage)
     return SlowCurve(

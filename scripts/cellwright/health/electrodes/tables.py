@@ -63,5 +63,6 @@ def _smooth(lithiation, potential, name):
     half_width = np.minimum(np.sqrt(3) * CHARGE_STD, np.minimum(grid - grid[0], grid[-1] - grid))
     averaged, inner = curve(grid), slice(1, -1)
     low, high = (charge(grid[inner] + way * half_width[inner]) for way in (-1, 1))
+    # The mean over a width by the difference of the integral at its ends.
     averaged[inner] = (high - low) / (2 * half_width[inner])
     return grid, averaged

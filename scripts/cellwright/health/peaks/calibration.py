@@ -81,6 +81,7 @@ def _peaks(rows):
 
 def _usual_rate(discharges):
     """Rate at which most check-ups have a discharge, the slowest of those [1/h]; NaN: none."""
+    # Slowest wins: its capacity polarises least as the cell ages.
     best = (0, np.nan)
     for rate in sorted({row["c_rate"] for row in discharges}, reverse=True):
         near = [row for row in discharges if same_rate(row["c_rate"], rate)]
@@ -136,6 +137,7 @@ def peak_calibration(charges, *, rated_ampere_hour=None, tracked=(), most_terms=
 def _estimated(charges, most_terms):
     """Estimates of charges, and check-ups that were not calibrated on: see `disagreeing`."""
     found = left_out_estimates(charges, most_terms=most_terms)
+    # Found once with all, then without what would bend its neighbours.
     wrong = disagreeing(found)
     if wrong:
         found = left_out_estimates(charges, most_terms=most_terms, distrusted=wrong)

@@ -146,6 +146,7 @@ def _estimate(charge, found, names, alike):
     for weight, term in zip(found.weights, found.terms, strict=True):
         for identity in {name for number in term for name in names[number][1:]}:
             peaks[identity] += float(weight)
+    # The mean is a logarithm: its deviation is a share of the capacity.
     interval = (size[0] * found.std, size[1], size[2])
     reason = ""
     if charge.cell not in cells and len(cells) < 3:
@@ -235,6 +236,7 @@ def disagreeing(found):
     sizes = np.array([one.charge.capacity_ampere_hour for one in known])
     low, high = np.sort(sizes)[[2, -3]]
     errors = np.array([one.without_check_up.capacity_ampere_hour for one in known]) / sizes - 1
+    # About the middle of all errors: what they share is no disagreement.
     off = np.abs(errors - np.median(errors))
     spread = np.hypot(robust_std(off), PRIOR_SHARE)
     worst = np.argsort(-off)[: max(len(known) // 10, 1)]

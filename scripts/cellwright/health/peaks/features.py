@@ -127,6 +127,7 @@ def _of_charge(charge, low, high):
             beside = [*names[max(place - 1, 0) : place], *names[place + 1 : place + 2]]
             area = _log(peak.area_ampere_hour, peak.area_std_ampere_hour)
             found["area", identity, *beside] = area
+    # What lies between two peaks does not hang on where valleys are drawn.
     charge_at = _counted(charge)
     for first, second in combinations(charge.peaks, 2):
         pair = charge.peaks[first], charge.peaks[second]

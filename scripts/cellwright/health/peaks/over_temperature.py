@@ -247,6 +247,7 @@ def _peak(voltage, height, wide, top, lower, upper, sigma):
     shift = 0.5 * (height[top - 1] - height[top + 1]) / bend if bend else 0.0
     reach = max(int(2 * sigma / step), 1)
     near = slice(max(top - reach, 0), top + reach + 1)
+    # A place that moves when smoothed more hangs on the smoothing.
     moved = voltage[near][int(np.argmax(wide[near]))] - voltage[top]
     inside = height[lower : upper + 1]
     # Where a curve begins and ends polarisation sets, not the cell: five widths open at either end.

@@ -52,6 +52,7 @@ def _one(charges, first, later, motion):
     shared = set(charges[near]) & set(charges[other])
     if not shared:
         return False
+    # What shared peaks move together is rate and temperature, not identity.
     offset = np.mean([charges[other][n] - charges[near][n] for n in shared])
     apart = charges[other][later] - charges[near][first] - offset
     return abs(apart) <= 3.0 * motion

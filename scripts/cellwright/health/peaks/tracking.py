@@ -100,6 +100,7 @@ def tracked_peaks(
         raise Refusal(f"{len(charges)} charge for dQ/dV; two are needed to follow peaks")
     if not any(_count(charge) for charge in charges):
         raise Refusal(f"no peaks in any of {len(charges)} charges: {charges[0].reason}")
+    # Heights and areas are compared as logarithms.
     tolerance = (motion_volt, np.log(height_factor))
     sequences = _sequences(charges)
     known, rows, begun = [], [], []
@@ -202,6 +203,7 @@ def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):
         event = _disappearance(aligned, tracks, peaks, number) if fresh else "absent"
         reason = charge.reason or f"no peak near {place:.3f} V, where it would be"
         rows.append(_row(charge, lost, [np.nan] * len(OF_PEAK), aligned, event, reason))
+    # Absent peaks keep a place too: the order decides what may cross.
     order = np.argsort([track.voltage for track in after], kind="stable")
     return [rows[k] for k in order], [after[k] for k in order]
 

@@ -90,6 +90,7 @@ def slow_readings(
     columns = [_at_reference_soc(curve, reference) for curve in both]
     volt, gap, soc_volt = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
     extra = gap - np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, keepdims=True)
+    # What all temperatures have of the gap is hysteresis, which falls out of differences.
     common = extra / np.sqrt(3)
     # ASSUME: By which share of the gap the OCV is off its reading is the same at all temperatures
     # but for a tenth of what it can be (where the likelihood of A123's five slow tests is highest);
@@ -201,7 +202,9 @@ def _at_reference_soc(curve, reference):
     inside = np.isfinite(columns[1])
     own_soc = 1 - (1 - np.asarray(reference["soc"], float)) / _capacity_ratio(curve, reference)
     volt, gap = (np.interp(own_soc, soc[inside], column[inside]) for column in columns)
+    # Through a steep curve an uncertain SoC is an uncertain voltage; rectangular.
     soc_volt = np.abs(np.gradient(volt, reference["soc"])) * _soc_uncertainty(curve) / np.sqrt(3)
+    # Beyond its ends a test says nothing: np.interp would hold its last voltage.
     beyond = (own_soc < soc[inside][0] - 1e-9) | (own_soc > soc[inside][-1] + 1e-9)
     return tuple(np.where(beyond, np.nan, column) for column in (volt, gap, soc_volt))
 
@@ -370,6 +373,7 @@ def _at_one_soc(celsius, volt, std, common, reference):
     """Line and parabola with deviations, common error's factor, reduced χ², temperatures."""
     finite = np.isfinite(volt) & np.isfinite(std) & np.isfinite(common)
     celsius, volt, std, common = (column[finite] for column in (celsius, volt, std, common))
+    # Chambers that were set alike differ by tenths of a kelvin.
     count = len(np.unique(np.round(celsius)))
     nothing = np.full(3, np.nan)
     if count < LEAST_TEMPERATURES:

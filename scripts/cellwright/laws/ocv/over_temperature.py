@@ -88,6 +88,7 @@ def over_temperature(
     std = {name: fit.slope_std[np.isfinite(fit.slope_std)] for name, fit in entropic.items()}
     used = min(std, key=lambda name: np.median(std[name]) if len(std[name]) else np.inf)
     reference = entropic[used].reference_celsius
+    # The shape between rests is that of the slow test nearest to the reference.
     away = [abs(slow["ambient_temperature_celsius"] - reference) for slow in first_check_up(curves)]
     curve = first_check_up(curves)[int(np.argmin(away))] if away else None
     readings = sources[used] if used == "slow" else on_curve(sources[used], curve)
@@ -306,6 +307,7 @@ def _law(ocv, k, soc, *, degree, law, chosen):
         return []
     columns = np.vander(celsius - reference, degree + 1, increasing=True)
     covariance = np.diag(std**2) + np.outer(common, common)
+    # About the reference temperature, so that the slope is the coefficient there.
     line = generalised_line(columns, volt, covariance)
 
     def errors(out):

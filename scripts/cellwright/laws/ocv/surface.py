@@ -199,6 +199,7 @@ def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, h
         rest = kept._replace(ocv_volt=np.where(out, np.nan, kept.ocv_volt))
         for name in names:
             fit = _fitted(name, rest, near=whole[name], **settings)
+            # Each fit sets out from the whole one: a search from afar might end elsewhere.
             errors_left_out[name][:, out] = _errors(name, fit, kept, **settings)[:, out]
     scores = _scores(errors_left_out)
     best = min(scores, key=lambda name: np.nan_to_num(scores[name], nan=np.inf))
