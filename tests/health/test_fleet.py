@@ -91,16 +91,17 @@ def test_resistance_that_tells_nothing_is_said_to():
 
 
 def test_too_few_and_all_alike_are_refused():
-    with pytest.raises(Refusal, match="5 cells"):
-        capacity_from_resistance(fleet(0, 5))
-    alike = fleet(0, 10)
-    with pytest.raises(Refusal, match="no line"):
-        capacity_from_resistance(alike._replace(capacity_ampere_hour=np.full(10, 20.0)))
-    with pytest.raises(Refusal, match="0 cells"):
-        capacity_from_resistance(over_shared_soc([("a", {"first_delay_second": np.nan}, [])]))
-    but_one = np.append(np.full(7, 2.0), 1.8)
-    with pytest.raises(Refusal, match="all cells but one have one capacity"):
-        capacity_from_resistance(fleet(0, 8)._replace(capacity_ampere_hour=but_one))
+    nothing = over_shared_soc([("a", {"first_delay_second": np.nan}, [])])
+    but_one = fleet(0, 8)._replace(capacity_ampere_hour=np.append(np.full(7, 2.0), 1.8))
+    alike = fleet(0, 8)._replace(resistance_ohm=np.ones((8, 10)))
+    for cells, words in (
+        (fleet(0, 5), "5 cells"),
+        (nothing, "0 cells"),
+        (but_one, "all cells but one have one capacity"),
+        (alike, "no line"),
+    ):
+        with pytest.raises(Refusal, match=words):
+            capacity_from_resistance(cells)
 
 
 def checked(name, socs, *, first_delay=0.01, capacity=2.0, cycle=0.0):

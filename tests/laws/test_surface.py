@@ -13,9 +13,8 @@ from cellwright.laws.surface import (
     sentences,
     surfaces,
 )
-from cellwright.laws.surface_forms import Surface, fit_form, predict, separability
+from cellwright.laws.surface_forms import fit_form, predict, separability
 from cellwright.laws.temperature import quadratic_law
-from cellwright.numerics.lines import inverse_temperature
 from cellwright.refusal import Refusal
 
 TEMPERATURES = np.array([-20.0, -10.0, 0.0, 10.0, 20.0])
@@ -210,12 +209,9 @@ def test_rows_and_words_of_a_surface():
     energy = next(row for row in rows if row["parameter"] == "activation_energy")
     assert energy["lower"] < 30e3 < energy["upper"]
     assert {(row["tested_from_celsius"], row["tested_to_celsius"]) for row in rows} == {(-20, 20)}
-    (points,) = {len(point_rows(fits))}
-    assert points == len(SOC)
+    assert len(point_rows(fits)) == len(SOC)
     (text,) = sentences(fits)
     assert "into a sum of both (thesis eq. 3.11) is rejected" in text
     assert "into a product of both is not rejected" in text
     assert "The multiplicative form predicts temperatures left out best" in text
     assert len(reasons) == 3
-    assert isinstance(fits[0][1][0].surface, Surface)
-    assert inverse_temperature(25.0) == 0

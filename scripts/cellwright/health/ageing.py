@@ -117,10 +117,13 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
     trend = _basis(record.cycle, used, _highest_degree(used))[used]
     period = periods(record.hour[used], record.capacity[used], trend)
     percent, explained, daily_rest = 100 / start, np.nan, np.nan
+    compensated = record.capacity - shift
     if not reason:
-        explained = _explained(record.capacity, shift, fade, used)
+        both = np.column_stack([record.capacity, compensated])[used]
+        whole, rest = np.sum(residuals(fade[used], both) ** 2, axis=0)
+        explained = float(1 - rest / whole) if whole > 0 else np.nan
     if not (reason or period.reason):
-        rest = (record.capacity - shift)[used]
+        rest = compensated[used]
         swing = daily_sine(rest, fade[used], record.place, record.hour[used])[0]
         daily_rest = 100 * swing / float(rest[0])
     summary = {
@@ -154,7 +157,7 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
         "used": used,
         "fitted_ampere_hour": fitted,
         "fade_ampere_hour": carried,
-        "capacity_at_reference_ampere_hour": record.capacity - shift,
+        "capacity_at_reference_ampere_hour": compensated,
     }
     return summary, table, {"period_hour": period.period_hour, "power": period.power}
 
@@ -348,14 +351,6 @@ def _corrected_for_reading_error(slope, std, noise_share):
     factor = 1 / (1 - noise_share**2)
     spread = slope * (factor - 1) / np.sqrt(12)
     return slope * (1 + factor) / 2, np.hypot(std * factor, spread)
-
-
-def _explained(capacity, shift, fade, used):
-    """Share of the variance about the fade that the temperature explains [1]."""
-    whole, rest = np.sum(
-        residuals(fade[used], np.column_stack([capacity, capacity - shift])[used]) ** 2, axis=0
-    )
-    return float(1 - rest / whole) if whole > 0 else np.nan
 
 
 def law_rows(summary, *, test):

@@ -245,7 +245,10 @@ def capacity_losses(
         same_direction = [point for point in points if point.direction == name]
         if len(same_direction) < 2:
             continue
-        reference = _reference(same_direction, reference_celsius, slow_c_rate)
+        # Slow tests first: a fast reference hides the loss that it has itself.
+        able = [point for point in same_direction if point.c_rate <= slow_c_rate] or same_direction
+        near = min(able, key=lambda p: abs(p.temperature_celsius - reference_celsius))
+        reference = slowest(able, name, near.temperature_celsius)[0]
         share, reason = repeatability(
             same_direction, reference, assumed_share=assumed_share, slow_c_rate=slow_c_rate
         )
@@ -259,13 +262,6 @@ def capacity_losses(
         reason = measured or "too few were measured"
         raise Refusal(f"fewer than two comparable capacities: {reason}")
     return _with_residual_charge(losses), notes
-
-
-def _reference(points, wanted, slow):
-    """Reference capacity: slowest at the temperature nearest the wanted one, slow tests first."""
-    able = [point for point in points if point.c_rate <= slow] or points
-    celsius = min(able, key=lambda p: abs(p.temperature_celsius - wanted)).temperature_celsius
-    return slowest(able, points[0].direction, celsius)[0]
 
 
 def _of_direction(points, reference, repeat_ampere_hour, slow):

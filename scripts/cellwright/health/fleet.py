@@ -59,7 +59,10 @@ def capacity_from_resistance(fleet):
         raise Refusal(f"{known.sum()} cells with a known capacity and pulses; a fleet needs 6")
     capacity, ohms = fleet.capacity_ampere_hour, fleet.resistance_ohm
     mean = ohms.mean(axis=1)
-    if _all_but_one_alike(capacity[known]) or np.ptp(mean[known]) == 0:
+    ordered = np.sort(capacity[known])
+    spread = min(np.ptp(ordered[1:]), np.ptp(ordered[:-1]))
+    # A line over capacities that are alike but for one cell would hang on that cell.
+    if spread < 1e-3 * ordered.mean() or np.ptp(mean[known]) == 0:
         raise Refusal("all cells but one have one capacity, or all one resistance: no line")
     inside = known.copy()
     inside[known] = _inliers(capacity[known], mean[known])
@@ -77,12 +80,6 @@ def _row(cell, numbers, outlier, reason):
     names += ("predicted_std_ampere_hour", "error_ampere_hour", "distance")
     known = dict(zip(names, numbers, strict=True))
     return {"cell": cell} | known | {"outlier": outlier, "reason": reason}
-
-
-def _all_but_one_alike(capacity):
-    """Whether a line over the capacity would hang on a single cell."""
-    ordered = np.sort(capacity)
-    return min(np.ptp(ordered[1:]), np.ptp(ordered[:-1])) < 1e-3 * capacity.mean()
 
 
 def _inliers(capacity, resistance):

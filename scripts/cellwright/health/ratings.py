@@ -309,19 +309,14 @@ def resistance_growth(resistances, capacities=()):
     Source: thesis 4.3 (fourfold at the end of life).
     """
     _, rows, _ = _at_one_temperature(list(capacities), resistances)
-    kinds = sorted({(row["direction"], row["delay_second"]) for row in rows}, reverse=True)
-    found = [one for kind in kinds for one in _growths(rows, *kind)]
+    by_cycle, found = sorted(grouped(rows, _cycle).items()), []
+    for kind in sorted({(row["direction"], row["delay_second"]) for row in rows}, reverse=True):
+        courses = [(cycle, _course(pulses, *kind)) for cycle, pulses in by_cycle]
+        fresh = courses[0][1]
+        found += [_growth(cycle, row, fresh) for cycle, course in courses for row in course]
     if not found:
         raise Refusal("no pulse of any check-up has a known state of charge")
     return found
-
-
-def _growths(rows, direction, delay):
-    """Pulses of one direction and delay, each beside the first check-up's."""
-    cycles = sorted({_cycle(row) for row in rows})
-    courses = [_course([r for r in rows if _cycle(r) == c], direction, delay) for c in cycles]
-    pairs = zip(cycles, courses, strict=True)
-    return [_growth(cycle, row, courses[0]) for cycle, course in pairs for row in course]
 
 
 def _growth(cycle, row, fresh):

@@ -59,11 +59,14 @@ def points_of_type(
         notes += [f"{direction}, {delay:g} s: {note}"] if note else []
         for cell, cell_rows in grouped(kept, lambda row: row["cell"]).items():
             found, _ = resistance_points(cell_rows, delay_second=(delay,), c_rate=c_rate, soc=soc)
-            for point in found:
-                quantity, family = (f"{n}, across cells" for n in (point.quantity, point.family))
-                point = point._replace(quantity=quantity, family=family, std=np.nan)
-                points.append(CellPoint(cell, *point))
+            points += [_across_cells(cell, point) for point in found]
     return points, notes
+
+
+def _across_cells(cell, point):
+    """A cell's point among those of its type; its own error is no weight."""
+    quantity, family = (f"{name}, across cells" for name in (point.quantity, point.family))
+    return CellPoint(cell, *point._replace(quantity=quantity, family=family, std=np.nan))
 
 
 def _one_class(rows, c_rate):

@@ -105,11 +105,14 @@ def tracked_peaks(
     sequences = _sequences(charges)
     known, rows, begun = [], [], []
     for sequence in sequences:
-        start = known if not begun else _nearest(begun, sequence[0].cycle)
-        wide = rate_shift_volt if begun else shift_volt
+        start, wide = known, shift_volt
+        if begun:  # another sequence sets out from the charge nearest in cycle, with what it shows
+            _, tracks = min(begun, key=lambda state: abs(state[0] - sequence[0].cycle))
+            start, wide = [track for track in tracks if track.seen], rate_shift_volt
         found, states = _followed(sequence, start, tolerance, (wide, shift_volt), known)
         rows += found
-        known = _all_known(known, states)
+        numbers = {track.identity for track in known}
+        known += [track for track in states[-1][1] if track.identity not in numbers]
         begun += states
     rows = joined_identities(rows, motion_volt)
     names = names_of(_first_places(rows), chemistry)
@@ -139,19 +142,6 @@ def _from_reference(sequence):
     return away > 10, first.c_rate, first.cycle
 
 
-def _nearest(states, cycle):
-    """Tracks after the charge nearest in cycle: those seen there."""
-    tracks = min(states, key=lambda state: abs(state[0] - cycle))[1]
-    return [track for track in tracks if track.seen]
-
-
-def _all_known(known, states):
-    """Identities known after a sequence."""
-    numbers = {track.identity for track in known}
-    last = states[-1][1] if states else []
-    return [*known, *(track for track in last if track.identity not in numbers)]
-
-
 def _followed(sequence, tracks, tolerance, shifts, known):
     """Rows of one sequence, and (cycle, tracks) after each of its charges."""
     rows, states, numbers = [], [], max([t.identity for t in [*known, *tracks]], default=0)
@@ -163,11 +153,14 @@ def _followed(sequence, tracks, tolerance, shifts, known):
         rows += new_rows
         states.append((charge.cycle, tracks))
         if _count(charge):
-            if joined:  # heights of another rate say nothing of how much a peak has shrunk here
-                first = [track.height if track.seen else np.nan for track in tracks]
-                tracks = [t._replace(first_height=h) for t, h in zip(tracks, first, strict=True)]
+            tracks = [_begun(track) if joined else track for track in tracks]
             wide, joined = usual, False
     return rows, states
+
+
+def _begun(track):
+    """A track whose first height is that of this sequence: that of another rate says nothing."""
+    return track._replace(first_height=track.height if track.seen else np.nan)
 
 
 def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):

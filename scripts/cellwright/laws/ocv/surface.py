@@ -181,7 +181,9 @@ def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, h
     Refusal : no temperature can be left out, since fewer than three remain with readings certain
         enough.
     """
-    sure = _certain(readings, largest_std_volt, lowest_soc, highest_soc)
+    total = np.hypot(readings.std_volt, readings.common_volt)
+    middle = (readings.soc >= lowest_soc - 1e-9) & (readings.soc <= highest_soc + 1e-9)
+    sure = np.isfinite(readings.ocv_volt) & (total <= largest_std_volt) & middle[:, None]
     kept = readings._replace(ocv_volt=np.where(sure, readings.ocv_volt, np.nan))
     levels = _levels(kept)
     present = levels[np.isfinite(kept.ocv_volt).sum(axis=0) > 0]
@@ -226,12 +228,6 @@ def _points(readings):
     finite = np.isfinite(readings.ocv_volt)
     soc = np.broadcast_to(readings.soc[:, None], finite.shape)
     return soc[finite], readings.celsius[finite], readings.ocv_volt[finite]
-
-
-def _certain(readings, largest, lowest, highest):
-    total = np.hypot(readings.std_volt, readings.common_volt)
-    middle = (readings.soc >= lowest - 1e-9) & (readings.soc <= highest + 1e-9)
-    return np.isfinite(readings.ocv_volt) & (total <= largest) & middle[:, None]
 
 
 def _levels(readings):
