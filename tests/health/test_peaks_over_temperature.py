@@ -64,10 +64,13 @@ def test_a_peak_that_is_gone_is_lost_and_one_behind_the_end_is_cut():
     assert [m["fate"] for m in match_peaks(warm, cold, end_volt=4.0)][-2:] == ["cut", "cut"]
 
 
-def test_ripples_leave_nothing_but_unresolved():
+def test_ripples_leave_nothing_but_unresolved_and_are_said():
     """A chamber that swings: ripples that do not stand clear, as in a real charge at −20 °C."""
     ripples = curve(floor=8.0) + 0.8 * np.sin(2 * np.pi * VOLT / 0.09)
-    assert {fate for *_, fate in fates(ripples)} == {"unresolved"}
+    warm, cold = (20.0, 0.033, VOLT, WARM), (-20.0, 0.033, VOLT, ripples)
+    matches, _, _, notes = peaks_over_temperature([Charge("warm", *warm), Charge("cold", *cold)])
+    assert {match["fate"] for match in matches} == {"unresolved"}
+    assert notes == ["cold: not all peaks stand clear of their valleys"]
 
 
 def test_smoothing_keeps_a_constant_and_the_charge_within():

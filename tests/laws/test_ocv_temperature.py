@@ -236,8 +236,8 @@ def test_a123_has_the_small_coefficient_of_an_lfp_cell_with_its_signs(shared):
 def test_the_public_interface_gives_these_tables(rested, monkeypatch):
     monkeypatch.setattr(analysis, "over_temperature", lambda *tests, **settings: rested)
     result = cw.ocv_over_temperature([slow(25.0)], rest_rows())
-    assert result.rows == analysis.law_rows(rested)
-    assert result.functions == analysis.function_rows(rested)
+    np.testing.assert_equal(result.rows, analysis.law_rows(rested))
+    np.testing.assert_equal(result.functions, analysis.function_rows(rested))
     for table in ("map", "entropic", "surface"):
         made = getattr(analysis, f"{table}_columns")(rested)
-        assert all(np.array_equal(made[n], getattr(result, table)[n]) for n in made)
+        np.testing.assert_equal(getattr(result, table), made)

@@ -111,13 +111,12 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
     plain = coloured_line(fade[used], logarithm, record.place)
     fitted, carried = np.exp(columns @ line.values), np.exp(fade @ line.values[:count])
     # In Ah of this discharge, so that its own scatter is kept.
-    shift = record.capacity * (1 - carried / fitted)
+    compensated = record.capacity - record.capacity * (1 - carried / fitted)
     start = float(np.exp(line.values[0]))
     # A trend chosen by the data would make what is left whiter than noise is: the fullest one.
     trend = _basis(record.cycle, used, _highest_degree(used))[used]
     period = periods(record.hour[used], record.capacity[used], trend)
     percent, explained, daily_rest = 100 / start, np.nan, np.nan
-    compensated = record.capacity - shift
     if not reason:
         both = np.column_stack([record.capacity, compensated])[used]
         whole, rest = np.sum(residuals(fade[used], both) ** 2, axis=0)
