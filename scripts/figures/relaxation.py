@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.laws.polarisation import Point, over_temperature
+from cellwright.laws.polarisation import over_temperature
 from cellwright.laws.temperature import arrhenius_law
 from figures import style
 from figures.style import ambient_celsius
@@ -59,13 +59,12 @@ def draw_polarisation(points, laws):
     """
     if not points:
         return style.message("No rests compare, so polarisation has no course.")
-    points = [Point(**{name: row[name] for name in Point._fields}) for row in points]
-    names = list(dict.fromkeys(point.quantity for point in points))
+    names = list(dict.fromkeys(point["quantity"] for point in points))
     figure, axes = style.subplots(2, len(names), width=11.0, height=5.4)
     courses = over_temperature(points)
     for (upper, lower), name in zip(axes.T, names, strict=True):
-        of_quantity = [point for point in points if point.quantity == name]
-        factor, unit = FACTOR[of_quantity[0].unit]
+        of_quantity = [point for point in points if point["quantity"] == name]
+        factor, unit = FACTOR[of_quantity[0]["unit"]]
         _over_soc(upper, of_quantity, factor)
         upper.set(xlabel="SoC [%]", ylabel=f"{name} [{unit}]", title=f"{name} over SoC")
         own_laws = [r for r in laws if r["quantity"] == f"polarisation {name}, median over SoC"]
@@ -78,18 +77,19 @@ def draw_polarisation(points, laws):
 
 
 def _over_soc(axes, points, factor):
-    for celsius in sorted({point.temperature_celsius for point in points}):
-        at_celsius = sorted(p for p in points if p.temperature_celsius == celsius)
+    for celsius in sorted({point["temperature_celsius"] for point in points}):
+        at_celsius = [p for p in points if p["temperature_celsius"] == celsius]
+        at_celsius.sort(key=lambda point: (point["soc"], point["value"]))
         axes.errorbar(
-            [100 * point.soc for point in at_celsius],
-            [factor * point.value for point in at_celsius],
-            yerr=[factor * np.nan_to_num(point.std) for point in at_celsius],
+            [100 * point["soc"] for point in at_celsius],
+            [factor * point["value"] for point in at_celsius],
+            yerr=[factor * np.nan_to_num(point["std"]) for point in at_celsius],
             fmt="o-",
             linewidth=0.5,
             markersize=3,
             **style.temperature_style(celsius),
         )
-    values = [point.value for point in points]
+    values = [point["value"] for point in points]
     if min(values) > 0 and max(values) > 8 * min(values):
         axes.set_yscale("log")
 

@@ -26,8 +26,8 @@ def resistance_tables(check_ups, resistances, types) -> tuple[list, list]:
         except Refusal as refusal:
             lines.append({"type": name, "cells": len(told), "verdict": str(refusal)})
             continue
-        cells += [{"type": name} | row._asdict() for row in found.rows]
-        lines.append({"type": name} | found.line._asdict() | {"delay": found.delay})
+        cells += [{"type": name} | row for row in found.rows]
+        lines.append({"type": name} | found.line | {"delay": found.delay})
     return _filled(cells, "tables/fleet_health"), _filled(lines, "tables/fleet_health_lines")
 
 
@@ -49,7 +49,7 @@ def protocol_table(life_paths, course_paths, types, protocols) -> list:
     for name, names in types.items():
         told = [(cell, protocols[cell], lives[cell]) for cell in names if cell in lives]
         try:
-            rows += [{"type": name} | row._asdict() for row in cw.compare_protocols(told).rows]
+            rows += [{"type": name} | row for row in cw.compare_protocols(told).rows]
         except Refusal as refusal:
             rows.append({"type": name, "verdict": str(refusal)})
     return _filled(rows, "tables/protocols")

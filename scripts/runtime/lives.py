@@ -73,7 +73,6 @@ def with_sheet(check_ups, sheet) -> list[dict]:
     quantities = [name for name in (sheet[0] if sheet else {}) if name not in ("cell", "cycle")]
     by_cycle = {row["cycle"]: row for row in sheet}
     return [
-        row._asdict()
-        | {f"sheet_{name}": by_cycle.get(row.cycle, {}).get(name) for name in quantities}
+        row | {f"sheet_{name}": by_cycle.get(row["cycle"], {}).get(name) for name in quantities}
         for row in check_ups
     ]

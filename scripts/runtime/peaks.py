@@ -70,7 +70,7 @@ def _charge(about, facts, cycle, c_rate, peaks, reason):
         test=about["wildcards"]["test"],
         cycle=float(cycle),
         c_rate=c_rate,
-        celsius=math.nan if celsius is None else float(celsius),
+        temperature_celsius=math.nan if celsius is None else float(celsius),
         peaks=peaks,
         reason=reason or "",
     )

@@ -88,7 +88,7 @@ def test_plateaus_lose_what_the_curve_loses(tests):
     rows = cw.plateau_losses(tests, CELL).rows
     by_cycle = {}
     for row in rows:
-        by_cycle.setdefault(row.cycle, []).append(row.loss_ampere_hour)
+        by_cycle.setdefault(row["cycle"], []).append(row["loss_ampere_hour"])
     charges = [series["charge_ampere_hour"][-1] for _, series in tests]
     assert np.isfinite(by_cycle[100.0]).all()
     assert sum(by_cycle[100.0]) == pytest.approx(charges[0] - charges[1], abs=2e-3)

@@ -58,9 +58,8 @@ def test_capacities_of_a_blend_add_at_equal_potential():
 
 
 def test_every_chemistry_names_curves_of_the_library():
-    for materials in CHEMISTRIES.values():
-        for name in (*materials.negative, *materials.positive):
-            assert half_cell(name).lithiation.size > 1000
+    for negatives, positives in CHEMISTRIES.values():
+        assert all(half_cell(name).lithiation.size > 1000 for name in (*negatives, *positives))
 
 
 def test_unknown_name_is_refused_with_those_there_are():

@@ -30,7 +30,10 @@ MERGED = curve((3.77, 5, 0.022), (3.91, 8, 0.022), (4.05, 13, 0.026))
 
 def fates(other, reference=WARM, **settings):
     peaks = [scaled_peaks(VOLT, heights, **settings) for heights in (reference, other)]
-    return [(m.reference_peaks, m.peaks, m.fate) for m in match_peaks(*peaks, end_volt=VOLT[-1])]
+    return [
+        (m["reference_peaks"], m["peaks"], m["fate"])
+        for m in match_peaks(*peaks, end_volt=VOLT[-1])
+    ]
 
 
 def test_the_thesis_example_upper_two_merge():
@@ -58,13 +61,16 @@ def test_a_peak_that_is_gone_is_lost_and_one_behind_the_end_is_cut():
     warm = scaled_peaks(VOLT, WARM)
     short = VOLT < 4.0
     cold = scaled_peaks(VOLT[short], curve((3.80, 5, 0.02), (3.95, 8, 0.02))[short])
-    assert [m.fate for m in match_peaks(warm, cold, end_volt=4.0)][-2:] == ["cut", "cut"]
+    assert [m["fate"] for m in match_peaks(warm, cold, end_volt=4.0)][-2:] == ["cut", "cut"]
 
 
-def test_ripples_leave_nothing_but_unresolved():
+def test_ripples_leave_nothing_but_unresolved_and_are_said():
     """A chamber that swings: ripples that do not stand clear, as in a real charge at −20 °C."""
     ripples = curve(floor=8.0) + 0.8 * np.sin(2 * np.pi * VOLT / 0.09)
-    assert {fate for *_, fate in fates(ripples)} == {"unresolved"}
+    warm, cold = (20.0, 0.033, VOLT, WARM), (-20.0, 0.033, VOLT, ripples)
+    matches, _, _, notes = peaks_over_temperature([Charge("warm", *warm), Charge("cold", *cold)])
+    assert {match["fate"] for match in matches} == {"unresolved"}
+    assert notes == ["cold: not all peaks stand clear of their valleys"]
 
 
 def test_smoothing_keeps_a_constant_and_the_charge_within():
@@ -94,11 +100,11 @@ def test_several_temperatures_of_one_rate():
         Charge("warm", 20.0, 0.033, VOLT, WARM),
         Charge("quick", 0.0, 0.5, VOLT, WARM),
     ]
-    result = peaks_over_temperature(charges)
-    assert {(row["test"], row["reference_celsius"]) for row in result.matches} == {("cold", 20.0)}
-    assert [row["fate"] for row in result.matches] == ["kept", "kept", "merged"]
-    assert any("quick was left out" in note for note in result.notes)
-    assert len(result.peaks) == 7
-    assert len(result.curves["voltage_volt"]) == 2 * len(VOLT)
+    matches, peaks, curves, notes = peaks_over_temperature(charges)
+    assert {(row["test"], row["reference_celsius"]) for row in matches} == {("cold", 20.0)}
+    assert [row["fate"] for row in matches] == ["kept", "kept", "merged"]
+    assert any("quick was left out" in note for note in notes)
+    assert len(peaks) == 7
+    assert len(curves["voltage_volt"]) == 2 * len(VOLT)
     with pytest.raises(Refusal, match="at one temperature only"):
         peaks_over_temperature(charges[1:])

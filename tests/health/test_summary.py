@@ -1,6 +1,7 @@
 """One number of a cell out of many tests, each chosen among rows that would mislead."""
 
 import numpy as np
+from pulse_rows import pulse
 
 from cellwright.health.summary import (
     latest_health,
@@ -24,17 +25,13 @@ def test_the_capacity_is_that_of_the_slowest_discharge_of_the_first_cycle():
     assert slowest_capacity([]) is None
 
 
-def pulse(celsius, soc, ohm, *, direction="discharge", delay=0.0, c_rate=1.0, cycle=None):
-    about = {"direction": direction, "delay_second": delay, "soc": soc, "c_rate": c_rate}
-    about |= {"cycle": cycle, "ambient_temperature_celsius": celsius}
-    return about | {"resistance_ohm": ohm}
-
-
 def test_the_resistance_is_that_at_half_charge_and_the_reference_temperature():
-    rows = [pulse(20.0, 0.5, 1.0), pulse(25.0, 0.7, 2.0), pulse(25.0, 0.5, 3.0, delay=10.0)]
-    rows += [pulse(25.0, 0.5, 4.0, direction="charge"), pulse(25.0, 0.5, 5.0, cycle=90.0)]
+    first = {"delay": 0.0}
+    rows = [pulse(0.5, 1.0, 20.0, **first), pulse(0.7, 2.0, **first), pulse(0.5, 3.0)]
+    rows += [pulse(0.5, 4.0, direction="charge", **first), pulse(0.5, 5.0, cycle=90.0, **first)]
     assert reference_resistance(rows[:4]) is None
-    rows += [pulse(25.0, 0.52, 6.0, c_rate=3.0), pulse(None, 0.52, 7.0), pulse(24.0, 0.58, 8.0)]
+    rows += [pulse(0.52, 6.0, rate=3.0, **first), pulse(0.52, 7.0, None, **first)]
+    rows.append(pulse(0.58, 8.0, 24.0, **first))
     assert reference_resistance(rows) == 7.0
 
 

@@ -11,7 +11,7 @@ from cellwright.refusal import Refusal
 
 def test_methods_stand_side_by_side():
     share = smooth("straight", 300, 0.3) + noise(np.random.default_rng(0), 300)
-    found = analysed(life(share))
+    columns, _, summary = analysed(life(share))
     check_ups = [
         {"cycle": c, "capacity_ampere_hour": 3 * s, "soh": s, "soh_std": 0.002}
         for c, s in ((0.0, 1.0), (150.0, 0.85))
@@ -22,17 +22,17 @@ def test_methods_stand_side_by_side():
         mode | {"cycle": 150.0, "capacity_ampere_hour": 2.635},
         dict.fromkeys(mode, np.nan) | {"cycle": 300.0, "capacity_ampere_hour": 2.2},
     ]
-    rows = cw.state_of_health(check_ups, (found.summary, found.columns), modes).rows
+    rows = cw.state_of_health(check_ups, (summary, columns), modes).rows
     by_method = {}
     for row in rows:
-        by_method.setdefault(row.method, {})[row.cycle] = row
+        by_method.setdefault(row["method"], {})[row["cycle"]] = row
     assert set(by_method) == {"check-up", "ageing cycles", "degradation modes"}
-    assert by_method["ageing cycles"][150.0].soh == pytest.approx(0.85, abs=0.003)
-    assert by_method["degradation modes"][150.0].soh == pytest.approx(0.85)
-    assert by_method["degradation modes"][150.0].lli == 0.1
+    assert by_method["ageing cycles"][150.0]["soh"] == pytest.approx(0.85, abs=0.003)
+    assert by_method["degradation modes"][150.0]["soh"] == pytest.approx(0.85)
+    assert by_method["degradation modes"][150.0]["lli"] == 0.1
     assert 300.0 not in by_method["degradation modes"]
-    assert by_method["check-up"][150.0].remaining_cycles == pytest.approx(50, abs=3)
-    assert by_method["ageing cycles"][300.0].remaining_cycles == 0
+    assert by_method["check-up"][150.0]["remaining_cycles"] == pytest.approx(50, abs=3)
+    assert by_method["ageing cycles"][300.0]["remaining_cycles"] == 0
 
 
 def test_an_estimate_that_the_capacity_contradicts_is_no_state_of_health():
@@ -40,7 +40,7 @@ def test_an_estimate_that_the_capacity_contradicts_is_no_state_of_health():
     wrong = "capacity and peaks of this check-up disagree by 11 %: one of them is wrong"
     peaks = [of_peaks | {"cycle": 0.0, "reason": ""}, of_peaks | {"cycle": 9.0, "reason": wrong}]
     rows = cw.state_of_health((), None, (), peaks).rows
-    assert [row.cycle for row in rows] == [0.0]
+    assert [row["cycle"] for row in rows] == [0.0]
 
 
 def test_no_method_at_all_is_refused():

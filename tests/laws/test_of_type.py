@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pulse_rows import pulse
 
 from cellwright.laws.of_type import points_of_type, sentences_of_type
 from cellwright.laws.temperature import arrhenius_law, law_rows
@@ -19,17 +20,7 @@ M50 = {
 def rows(table, rate):
     cells = iter(range(1, 100))
     return [
-        {
-            "cell": f"Cell{next(cells)}",
-            "soc": 0.5,
-            "ambient_temperature_celsius": celsius,
-            "resistance_ohm": ohm,
-            "resistance_std_ohm": 1e-5,
-            "direction": "discharge",
-            "delay_second": 10.0,
-            "c_rate": rate(celsius),
-            "cycle": None,
-        }
+        pulse(0.5, ohm, celsius, rate=rate(celsius), cell=f"Cell{next(cells)}")
         for celsius, values in table.items()
         for ohm in values
     ]
@@ -37,13 +28,13 @@ def rows(table, rate):
 
 def test_cells_of_a_type_give_one_law_and_one_stands_apart():
     milliohm = {c: [1e-3 * v for v in values] for c, values in M50.items()}
-    points = points_of_type(rows(milliohm, lambda celsius: 1.5 if celsius else 0.5))
-    assert points.notes == ["discharge, 10 s: no pulse at 1.5C at 0 °C, left out"]
-    assert len(points.points) == 18
-    laws, _ = law_rows(points.points)
+    points, notes = points_of_type(rows(milliohm, lambda celsius: 1.5 if celsius else 0.5))
+    assert notes == ["discharge, 10 s: no pulse at 1.5C at 0 °C, left out"]
+    assert len(points) == 18
+    laws, _ = law_rows(points)
     energy = next(r for r in laws if r["law"] == "arrhenius" and r["parameter"][0] == "a")
     assert energy["lower"] > 0  # the trend is sure even with the cell that stands apart
-    (text,) = sentences_of_type(points.points)
+    (text,) = sentences_of_type(points)
     assert "18 cells" in text
     assert "Cell9 stands apart, without: activation energy 5.6 kJ/mol" in text
 
@@ -56,8 +47,8 @@ def test_the_interval_holds_the_scatter_between_cells():
             * np.exp(0.05 * rng.standard_normal(6))
             for c in (0, 10, 25, 45)
         }
-        laws, _ = law_rows(points_of_type(rows(table, lambda celsius: 1.0)).points)
+        laws, _ = law_rows(points_of_type(rows(table, lambda celsius: 1.0))[0])
         energy = next(r for r in laws if r["law"] == "arrhenius" and r["parameter"][0] == "a")
         inside.append(energy["lower"] < 2e4 < energy["upper"])
     assert np.mean(inside) == pytest.approx(0.95, abs=0.05)
-    assert points_of_type([]).points == []
+    assert points_of_type([]) == ([], [])

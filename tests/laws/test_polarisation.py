@@ -128,7 +128,7 @@ def test_rests_after_other_loads_are_apart():
     other = rows(current=8.0, load_second=60.0)[:20]
     rests = comparable_rests([*other, *rows()])
     assert len(rests.points) == 4 * 45
-    assert all(point.value > 0 for point in rests.points)
+    assert all(point["value"] > 0 for point in rests.points)
 
 
 def test_laws_of_a_made_cell():
@@ -190,5 +190,6 @@ def test_one_temperature_is_said_once():
 def test_age_does_not_pass_for_temperature():
     aged = [rest | {"cycle": 200, "a_volt": -1.0, "rest": rest["rest"] + 50} for rest in rows()]
     assert (
-        max(p.value for p in comparable_rests([*rows(), *aged]).points if p.quantity == "a") < 0.1
+        max(p["value"] for p in comparable_rests([*rows(), *aged]).points if p["quantity"] == "a")
+        < 0.1
     )

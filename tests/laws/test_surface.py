@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pulse_rows import pulse
 
 from cellwright.laws.surface import (
     Pulses,
@@ -12,9 +13,8 @@ from cellwright.laws.surface import (
     sentences,
     surfaces,
 )
-from cellwright.laws.surface_forms import Surface, fit_form, predict, separability
+from cellwright.laws.surface_forms import fit_form, predict, separability
 from cellwright.laws.temperature import quadratic_law
-from cellwright.numerics.lines import inverse_temperature
 from cellwright.refusal import Refusal
 
 TEMPERATURES = np.array([-20.0, -10.0, 0.0, 10.0, 20.0])
@@ -52,20 +52,9 @@ def pulses(truth, noise, seed=1):
 
 
 def rows_of(data, **more):
-    return [
-        {
-            "soc": soc,
-            "ambient_temperature_celsius": celsius,
-            "resistance_ohm": ohm,
-            "resistance_std_ohm": 1e-3 * ohm,
-            "direction": "discharge",
-            "delay_second": 0.0,
-            "c_rate": 1.0,
-            "cycle": None,
-        }
-        | more
-        for soc, celsius, ohm in zip(*data[1:], strict=True)
-    ]
+    about = {"delay": 0.0, "share": 1e-3} | more
+    columns = zip(data.soc, data.resistance_ohm, data.temperature_celsius, strict=True)
+    return [pulse(*columns_of_one, **about) for columns_of_one in columns]
 
 
 @pytest.mark.parametrize("form", TRUTHS)
@@ -168,7 +157,7 @@ def test_separability_keeps_its_level_and_finds_what_does_not_separate():
     rejected = {name: [0, 0] for name in TRUTHS}
     for name, seed in ((name, seed) for name in TRUTHS for seed in range(100)):
         for k, test in enumerate(separability(*pulses(TRUTHS[name], 0.02, seed)[1:])):
-            rejected[name][k] += test.p_value < 0.05
+            rejected[name][k] += test["p_value"] < 0.05
     assert rejected["additive"][0] <= 12
     assert rejected["multiplicative"][1] <= 12
     assert rejected["additive"][1] >= 95
@@ -183,15 +172,15 @@ def test_the_size_of_an_interaction_is_a_share_of_the_resistance():
 
     _, product = separability(*pulses(tilted, 0.005)[1:])
     tilt = 0.2 * (SOC - SOC.mean()) * (CELSIUS - CELSIUS.mean()) / 20
-    assert product.interaction_net == pytest.approx(np.sqrt(np.mean(tilt**2)), rel=0.1)
-    assert 0.004 < product.scatter < 0.015  # noise, and what bends between the knots
-    assert product.p_value < 1e-6
+    assert product["interaction_net"] == pytest.approx(np.sqrt(np.mean(tilt**2)), rel=0.1)
+    assert 0.004 < product["scatter"] < 0.015  # noise, and what bends between the knots
+    assert product["p_value"] < 1e-6
 
 
 def test_pulses_of_one_rate_known_well_make_a_surface():
     good = rows_of(pulses(additive, 0.01))
-    other = rows_of(pulses(additive, 0.01)._replace(resistance_ohm=SOC + 9), c_rate=4.0)[:12]
-    vague = rows_of(pulses(additive, 0.01), resistance_std_ohm=1.0)
+    other = rows_of(pulses(additive, 0.01)._replace(resistance_ohm=SOC + 9), rate=4.0)[:12]
+    vague = rows_of(pulses(additive, 0.01), share=1.0)
     chosen = pulses_of([*good, *other, *vague], direction="discharge", delay_second=0.0)
     assert len(chosen.soc) == len(good)
     assert chosen.resistance_ohm.max() < 1
@@ -220,12 +209,9 @@ def test_rows_and_words_of_a_surface():
     energy = next(row for row in rows if row["parameter"] == "activation_energy")
     assert energy["lower"] < 30e3 < energy["upper"]
     assert {(row["tested_from_celsius"], row["tested_to_celsius"]) for row in rows} == {(-20, 20)}
-    (points,) = {len(point_rows(fits))}
-    assert points == len(SOC)
+    assert len(point_rows(fits)) == len(SOC)
     (text,) = sentences(fits)
     assert "into a sum of both (thesis eq. 3.11) is rejected" in text
     assert "into a product of both is not rejected" in text
     assert "The multiplicative form predicts temperatures left out best" in text
     assert len(reasons) == 3
-    assert isinstance(fits[0][1][0].surface, Surface)
-    assert inverse_temperature(25.0) == 0

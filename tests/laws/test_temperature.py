@@ -126,14 +126,13 @@ def test_rows_without_a_temperature_are_left_out():
     np.testing.assert_allclose(fitted.values, [2e-3, 3e4], rtol=1e-9)
 
 
-def test_two_temperatures_are_refused():
-    with pytest.raises(Refusal, match=r"2 temperature\(s\)"):
-        fit_laws([20, 20, 30], [1, 1, 2], unit="ohm")
-
-
-def test_a_value_that_is_not_positive_is_refused():
-    with pytest.raises(Refusal, match="not positive"):
-        fit_laws([0, 10, 20], [1, 0, 2], unit="ohm")
+@pytest.mark.parametrize(
+    ("celsius", "value", "words"),
+    [([20, 20, 30], [1, 1, 2], "2 temperature"), ([0, 10, 20], [1, 0, 2], "not positive")],
+)
+def test_too_few_temperatures_and_values_that_are_not_positive_are_refused(celsius, value, words):
+    with pytest.raises(Refusal, match=words):
+        fit_laws(celsius, value, unit="ohm")
 
 
 def test_a_quadratic_that_turns_upward_in_the_heat_is_no_law_of_a_resistance():

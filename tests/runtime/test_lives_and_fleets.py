@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 from contract_rows import row_of
 
-from cellwright.health.ratings import CheckUp, Growth, check_ups
-from runtime import artefact, fleets, lives
+from cellwright.health.ratings import check_ups
+from runtime import artefact, contract, fleets, lives
 
 
 def rating(size, ohm, cycle=0.0):
-    blank = dict.fromkeys(CheckUp._fields, np.nan)
+    blank = dict.fromkeys(contract.stages()["checkups"]["columns"], np.nan)
+    blank = {name: value for name, value in blank.items() if not name.startswith("sheet_")}
     words = dict.fromkeys(("direction", "soh_reference", "reason"), "")
     known = {"cycle": cycle, "capacity_ampere_hour": size, "first_delay_second": 0.01}
     means = dict.fromkeys(("resistance_mean_ohm", "resistance_mean_1s_ohm"), ohm)
-    return CheckUp(**blank | words | known | means)
+    return blank | words | known | means
 
 
 @pytest.fixture
@@ -22,7 +23,9 @@ def checked(saved):
     rated, pulsed = [], []
     for place in range(9):
         ohm = 4e-3 - 1e-4 * place + 1e-6 * (place % 3)
-        growth = [Growth(0.0, "discharge", 0.0, soc, ohm, 1.0, 0.0) for soc in (0.2, 0.5, 0.8)]
+        about = {"cycle": 0.0, "direction": "discharge", "delay_second": 0.0}
+        about |= {"resistance_ohm": ohm, "factor": 1.0, "factor_std": 0.0}
+        growth = [about | {"soc": soc} for soc in (0.2, 0.5, 0.8)]
         refused = "no capacity and no resistance" if place == 8 else None
         found = refused or [rating(20.0 + place, ohm)]
         rated.append(saved(f"results/checkups/P{place}.parquet", found))

@@ -150,7 +150,7 @@ def test_slope_of_the_ageing_record_holds_the_truth():
     names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
     steps = segment(*[clean[name] for name in names], rated_capacity_ampere_hour=30.0)
     found = ageing_cycles(clean, steps, rated_capacity_ampere_hour=30.0, **LIMITS_OF_T1)
-    summary = cycle_temperature(found.rows).summary
+    summary, *_ = cycle_temperature(found.rows)
     low, high = (summary[f"slope_{end}_percent_per_kelvin"] for end in ("lower", "upper"))
     (true,) = _true("temperature", "value", cell="T1", quantity="capacity in room")
     assert low < true < high

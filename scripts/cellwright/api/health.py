@@ -30,9 +30,8 @@ def fade(records, cell, settings=None, **changes):
         ready.append(lives.AgeingRecord(*about, columns, shift))
     rated = inputs.cell_facts(cell).rated_capacity_ampere_hour
     life = lives.life_of(ready, rated_capacity_ampere_hour=rated)
-    found = analysed(life, **options._asdict())
-    tables = {"columns": found.columns, "laws": found.laws}
-    return results.Result(tables, {"summary": found.summary}, life.notes)
+    columns, laws, summary = analysed(life, **options._asdict())
+    return results.Result({"columns": columns, "laws": laws}, {"summary": summary}, life.notes)
 
 
 def _pair(found, table="columns"):
@@ -70,7 +69,7 @@ def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):
     fade : result of `fade`, or a pair (summary, columns), or None.
     modes, peaks : rows of degradation modes, of capacities from peaks.
 
-    Returns rows, `health.table.HealthRow`. Raises Refusal: no method tells anything.
+    Returns rows, one a method and check-up or cycle. Raises Refusal: no method tells anything.
     Source: docs/health-check-ups.md.
     """
     from cellwright.health.table import health_rows
@@ -90,7 +89,7 @@ def ica_tracks(charges, *, chemistry=""):
     charges : `health.peaks.tracking.TrackedCharge` each.
     chemistry : of the cell, for names alone.
 
-    Returns rows, `health.peaks.tracking.TrackRow`, one a peak and charge. Raises Refusal: fewer
+    Returns rows, one a peak and charge. Raises Refusal: fewer
     than two charges, or no peak in any. Source: docs/ica.md.
     """
     from cellwright.health.peaks.tracking import tracked_peaks
@@ -118,9 +117,10 @@ def health_from_peaks(peaks, capacities, curves=None, *, rated_ampere_hour=None,
     names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
     pairs = {key: inputs.quantities(curve, names) for key, curve in (curves or {}).items()}
     charges = peak_charges(inputs.rows(peaks), inputs.rows(capacities), pairs)
-    found = peak_calibration(charges, rated_ampere_hour=rated_ampere_hour, tracked=tracked)
-    tables = {"rows": found.rows, "information": found.information}
-    return results.Result(tables, notes=tuple(found.notes))
+    rows, information, notes = peak_calibration(
+        charges, rated_ampere_hour=rated_ampere_hour, tracked=tracked
+    )
+    return results.Result({"rows": rows, "information": information}, notes=tuple(notes))
 
 
 def fleet_resistance(cells):
@@ -128,7 +128,7 @@ def fleet_resistance(cells):
 
     cells : (name, first row of `check_ups`, its rows of growth) each, of one type and temperature.
 
-    Returns rows, one a cell; line: `health.fleet.FleetLine`. Raises Refusal: fewer than six cells,
+    Returns rows, one a cell; line: of resistance over capacity, a dict. Raises Refusal: fewer than six cells,
     or all alike. Source: thesis 4.4; docs/health-fleet.md.
     """
     from cellwright.health.fleet import capacity_from_resistance, over_shared_soc
@@ -145,7 +145,7 @@ def compare_protocols(lives):
 
     lives : (cell, protocol, result of `fade` or a pair (summary, columns)) each.
 
-    Returns rows, `health.protocols_compared.Comparison`. Raises Refusal: fewer than two protocols,
+    Returns rows, one a pair of protocols. Raises Refusal: fewer than two protocols,
     or a life that has hardly faded. Source: docs/health-fleet.md.
     """
     import numpy as np

@@ -25,12 +25,12 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
 
     options = inputs.settings_of(Temperature, settings, changes)
     sizes = measured.capacity_points(inputs.entries(capacities))
-    circuits = measured.impedance_points(inputs.entries(spectra))
-    pulses = measured.resistance_points(inputs.entries(resistances), **options._asdict())
+    circuits, vague = measured.impedance_points(inputs.entries(spectra))
+    pulses, mixed = measured.resistance_points(inputs.entries(resistances), **options._asdict())
     # Two temperatures fit any law of two parameters exactly: only a third can contradict it. Of
     # several tests at one temperature the mean counts, lest the busiest one draw the law.
-    points = measured.with_enough_temperatures([*sizes, *circuits.points, *pulses.points])
-    return _fitted(measured.mean_per_temperature(points), (*circuits.notes, *pulses.notes))
+    points = measured.with_enough_temperatures([*sizes, *circuits, *pulses])
+    return _fitted(measured.mean_per_temperature(points), (*vague, *mixed))
 
 
 def _fitted(points, notes=()):
@@ -53,10 +53,10 @@ def temperature_laws_of_type(resistances, settings=None, **changes):
     from cellwright.laws.points import with_enough_temperatures
 
     options = inputs.settings_of(Temperature, settings, changes)
-    compared = points_of_type(inputs.rows(resistances), **options._asdict())
+    compared, left_out = points_of_type(inputs.rows(resistances), **options._asdict())
     # Points stay apart here: how cells differ is what the interval of the type's law tells.
-    points = with_enough_temperatures(compared.points)
-    return _fitted(points, (*compared.notes, *sentences_of_type(points)))
+    points = with_enough_temperatures(compared)
+    return _fitted(points, (*left_out, *sentences_of_type(points)))
 
 
 def fast_charge_laws(charges):
@@ -87,8 +87,7 @@ def cold_limit(laws, points=None):
     from cellwright.laws.points import Point
 
     points = inputs.rows(laws.points if points is None else points)
-    found = limited([Point(**row) for row in points], inputs.rows(laws))
-    return results.Result({}, found._asdict())
+    return results.Result({}, limited([Point(**row) for row in points], inputs.rows(laws)))
 
 
 def resistance_surface(
@@ -206,9 +205,11 @@ def ica_over_temperature(charges, settings=None, **changes):
         return Charge(test.test, test.ambient_temperature_celsius, ica.c_rate, *curve)
 
     options = inputs.settings_of(IcaTemperature, settings, changes)
-    matched = peaks_over_temperature(list(map(charge_of, charges)), **options._asdict())
-    tables = {"rows": matched.matches, "peaks": matched.peaks, "curves": matched.curves}
-    return results.Result(tables, notes=tuple(matched.notes))
+    rows, peaks, curves, notes = peaks_over_temperature(
+        list(map(charge_of, charges)), **options._asdict()
+    )
+    tables = {"rows": rows, "peaks": peaks, "curves": curves}
+    return results.Result(tables, notes=tuple(notes))
 
 
 def ageing_over_temperature(cycles, test):
@@ -222,11 +223,11 @@ def ageing_over_temperature(cycles, test):
     from cellwright.health.ageing import cycle_temperature, law_rows
     from cellwright.protocols.ageing import AgeingCycles
 
-    ageing = cycle_temperature(inputs.table_of(AgeingCycles, cycles))
-    rows = law_rows(ageing.summary, test=inputs.test_facts(test).test)
-    notes = tuple(filter(None, [ageing.summary["reason"]]))
-    tables = {"cycles": ageing.cycles, "rows": rows, "periodogram": ageing.periodogram}
-    return results.Result(tables, {"summary": ageing.summary}, notes)
+    summary, compensated, periodogram = cycle_temperature(inputs.table_of(AgeingCycles, cycles))
+    rows = law_rows(summary, test=inputs.test_facts(test).test)
+    notes = tuple(filter(None, [summary["reason"]]))
+    tables = {"cycles": compensated, "rows": rows, "periodogram": periodogram}
+    return results.Result(tables, {"summary": summary}, notes)
 
 
 def thermal_constants(cell, model, tests, *, split_rest_second=MODELS.split_rest_second):

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.health.fade import LEAST_CYCLES
 from cellwright.laws.temperature import law_row
 from cellwright.numerics.lines import coloured_line, residuals
 from cellwright.numerics.periods import daily_sine, periods
@@ -11,7 +12,7 @@ from cellwright.numerics.statistics import rms, robust_std, t_interval
 from cellwright.refusal import Refusal
 
 LAGS_HOUR = np.array([*np.arange(11) / 10, 1.25, 1.5, 2.0, 2.5, 3.0])
-NEIGHBOURS = 4  # readings through which a cubic predicts the one between them
+ROOM, START = "room", "cell as the discharge begins"
 
 
 def lagged_temperatures(course_hour, course_celsius, hour):
@@ -46,47 +47,20 @@ def lagged_temperatures(course_hour, course_celsius, hour):
 def reading_noise(hour, celsius):
     """Standard deviation of single readings [K] about a cubic through their four neighbours.
 
+    As if all that its neighbours do not predict were a reading's error, though part of it may be
+    the temperature itself.
+
     Parameters
     ----------
-    hour, celsius : (m,) rising hours and readings [h], [°C].
-
-    Returns
-    -------
-    std : of one reading, if all that its neighbours do not predict is its error [K]; part of
-        it may be the temperature itself. NaN where there are fewer than five readings.
+    hour, celsius : (m,) rising hours and readings [h], [°C]; fewer than five give NaN.
     """
     errors = []
-    for k in range(NEIGHBOURS // 2, len(hour) - NEIGHBOURS // 2):
+    for k in range(2, len(hour) - 2):
         near = [k + step for step in (-2, -1, 1, 2)]
         # Weights of the neighbours in the cubic's value here, from its value at 0.
         weights = np.linalg.inv(np.vander(hour[near] - hour[k]))[-1]
         errors.append((celsius[k] - weights @ celsius[near]) / np.sqrt(1 + weights @ weights))
     return rms(errors)
-
-
-LEAST_CYCLES = 8
-HIGHEST_DEGREE = 4
-CYCLES_A_DEGREE = 6
-OUTLIER = 6.0  # robust standard deviations from the course over cycles
-MOST_LAGS = 8  # taken evenly from the lags that the data do not rule out
-RULED_OUT = 8.0  # of log-likelihood: what is 3000 times less likely weighs nothing
-ROOM, START = "room", "cell as the discharge begins"
-
-
-class CycleFit(NamedTuple):
-    """Effect of temperature and age on the discharge capacity of one record: summary and rows.
-
-    summary : numbers as in artefact `ageing_temperature`. Slope in percent of the capacity of the
-    moment; capacity_start_ampere_hour, the fade's course at the first used cycle and
-    reference_celsius; losses from that cycle to the last; periods as of `periods.Period`; reason :
-    what is not known.
-    cycles : columns, one row a discharge: measured, fitted, fade alone at the reference, measured
-    with the temperature taken out, and whether it was used. periodogram : period_hour, power.
-    """
-
-    summary: dict
-    cycles: dict
-    periodogram: dict
 
 
 def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
@@ -112,7 +86,12 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
 
     Returns
     -------
-    CycleFit
+    summary : dict, the row of artefact `ageing_temperature`: slope in percent of the capacity of
+        the moment; capacity at the start by the fade's course at the first used cycle and
+        reference_celsius; losses from that cycle to the last; periods as of `periods.Period`.
+    cycles : dict of columns, one entry a discharge: measured, fitted, fade alone at the reference,
+        measured with the temperature taken out, and whether it was used.
+    periodogram : dict of columns, period_hour and power.
 
     Raises
     ------
@@ -126,20 +105,24 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
     moved, reason = _temperature_movement(record, fade, least_kelvin)
     columns = np.column_stack([fade, *([] if reason else temperature_columns)])
     used, count = record.used, fade.shape[1]
+    # Temperature and age act on what is left: factors, sums of logarithms.
     logarithm = np.log(record.capacity[used])
     line = coloured_line(columns[used], logarithm, record.place)
     plain = coloured_line(fade[used], logarithm, record.place)
     fitted, carried = np.exp(columns @ line.values), np.exp(fade @ line.values[:count])
-    shift = record.capacity * (1 - carried / fitted)
+    # In Ah of this discharge, so that its own scatter is kept.
+    compensated = record.capacity - record.capacity * (1 - carried / fitted)
     start = float(np.exp(line.values[0]))
     # A trend chosen by the data would make what is left whiter than noise is: the fullest one.
     trend = _basis(record.cycle, used, _highest_degree(used))[used]
     period = periods(record.hour[used], record.capacity[used], trend)
     percent, explained, daily_rest = 100 / start, np.nan, np.nan
     if not reason:
-        explained = _explained(record.capacity, shift, fade, used)
+        both = np.column_stack([record.capacity, compensated])[used]
+        whole, rest = np.sum(residuals(fade[used], both) ** 2, axis=0)
+        explained = float(1 - rest / whole) if whole > 0 else np.nan
     if not (reason or period.reason):
-        rest = (record.capacity - shift)[used]
+        rest = compensated[used]
         swing = daily_sine(rest, fade[used], record.place, record.hour[used])[0]
         daily_rest = 100 * swing / float(rest[0])
     summary = {
@@ -173,9 +156,9 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
         "used": used,
         "fitted_ampere_hour": fitted,
         "fade_ampere_hour": carried,
-        "capacity_at_reference_ampere_hour": record.capacity - shift,
+        "capacity_at_reference_ampere_hour": compensated,
     }
-    return CycleFit(summary, table, {"period_hour": period.period_hour, "power": period.power})
+    return summary, table, {"period_hour": period.period_hour, "power": period.power}
 
 
 class _Record(NamedTuple):
@@ -231,16 +214,13 @@ def _lagged(rows, discharges, celsius, source):
 
 def _temperature(rows, discharges):
     """Temperature of each discharge [°C] and its source, room or cell; NaN and "": none."""
-    for name, source in (
-        ("room_temperature_celsius", ROOM),
-        ("temperature_start_celsius", START),
-    ):
-        celsius = getattr(rows, name)[discharges]
-        if np.isfinite(celsius).mean() > 0.9:
-            recorded = np.isfinite(celsius)
-            return np.interp(
-                rows.cycle[discharges], rows.cycle[discharges][recorded], celsius[recorded]
-            ), source
+    cycle = rows.cycle[discharges]
+    sources = {ROOM: rows.room_temperature_celsius, START: rows.temperature_start_celsius}
+    for source, recorded in sources.items():
+        celsius = recorded[discharges]
+        known = np.isfinite(celsius)
+        if known.mean() > 0.9:
+            return np.interp(cycle, cycle[known], celsius[known]), source
     return np.full(len(discharges), np.nan), ""
 
 
@@ -257,20 +237,18 @@ def _inliers(cycle, capacity, followed):
         values = np.linalg.lstsq(basis[used], capacity[used], rcond=None)[0]
         residual = capacity - basis @ values
         spread = robust_std(residual[used])
-        near = np.abs(residual) <= max(OUTLIER * spread, 1e-4 * np.abs(capacity).max())
+        near = np.abs(residual) <= max(6.0 * spread, 1e-4 * np.abs(capacity).max())
         used = followed & near
     return used
 
 
 def _highest_degree(used):
-    """Highest degree of the fade that so many cycles bear."""
-    return max(min(HIGHEST_DEGREE, int(used.sum()) // CYCLES_A_DEGREE), 1)
+    """Highest degree of the fade that so many cycles bear: six a degree, up to the fourth."""
+    return max(min(4, int(used.sum()) // 6), 1)
 
 
 def _basis(cycle, used, degree):
-    """Columns of the fade (n, degree + 1): value at the first cycle, change to the last, and
-    bends that vanish at both.
-    """
+    """Columns of the fade (n, degree + 1): first value, change to the last, bends in between."""
     first, last = cycle[used][0], cycle[used][-1]
     x = (cycle - first) / (last - first)
     bends = [x * (1 - x) * (2 * x - 1) ** k for k in range(degree - 1)]
@@ -299,30 +277,32 @@ def _models(record):
     for degree in range(1, _highest_degree(used) + 1):
         fade = _basis(record.cycle, used, degree)
         for temperature_columns in options:
-            columns, first = np.column_stack([fade, *temperature_columns])[used], fade.shape[1]
+            columns = np.column_stack([fade, *temperature_columns])[used]
             line = coloured_line(columns, logarithm, record.place)
-            slope = (
-                (line.values[first], line.std[first] ** 2)
-                if temperature_columns
-                else (np.nan, np.nan)
-            )
+            # Bayesian information criterion: each coefficient has its price.
             score = line.log_likelihood - 0.5 * columns.shape[1] * np.log(used.sum())
-            models.append(_Model(fade, temperature_columns, *slope, score))
+            # The slope stands behind the coefficients of the fade, if there is a temperature.
+            slope, std = (
+                (x[fade.shape[1]] if temperature_columns else np.nan)
+                for x in (line.values, line.std)
+            )
+            models.append(_Model(fade, temperature_columns, slope, std**2, score))
     best = max(model.weight for model in models)
     total = sum(np.exp(model.weight - best) for model in models)
     return [model._replace(weight=float(np.exp(model.weight - best) / total)) for model in models]
 
 
 def _plausible_lags(record, levels):
-    """Temperature courses of lags that the data do not rule out, at most `MOST_LAGS`."""
+    """Temperature courses of lags that the data do not rule out, at most eight, evenly taken."""
     if len(levels) == 1:
         return levels
     used, logarithm = record.used, np.log(record.capacity[record.used])
     fade = _basis(record.cycle, used, _highest_degree(used))
     columns = [np.column_stack([fade, course, course**2])[used] for course in levels]
     likely = [coloured_line(x, logarithm, record.place).log_likelihood for x in columns]
-    kept = np.flatnonzero(np.array(likely) > max(likely) - RULED_OUT)
-    return [levels[k] for k in kept[:: -(-len(kept) // MOST_LAGS)]]
+    # Eight in log-likelihood: what is 3,000 times less likely weighs nothing.
+    kept = np.flatnonzero(np.array(likely) > max(likely) - 8.0)
+    return [levels[k] for k in kept[:: -(-len(kept) // 8)]]
 
 
 def _temperature_movement(record, fade, least):
@@ -351,13 +331,9 @@ def _slope(models, freedom, level, noise_share):
     mean = weight @ slopes if models else np.nan
     std = np.sqrt(weight @ (variance + (slopes - mean) ** 2)) if models else np.nan
     value, std = (100 * number for number in _corrected_for_reading_error(mean, std, noise_share))
-    lower, upper = t_interval(value, std, freedom, level=level)
-    return {
-        "slope_percent_per_kelvin": float(value),
-        "slope_std_percent_per_kelvin": float(std),
-        "slope_lower_percent_per_kelvin": float(lower),
-        "slope_upper_percent_per_kelvin": float(upper),
-    }
+    numbers = {"": value, "_std": std}
+    numbers |= zip(("_lower", "_upper"), t_interval(value, std, freedom, level=level), strict=True)
+    return {f"slope{end}_percent_per_kelvin": float(x) for end, x in numbers.items()}
 
 
 def _corrected_for_reading_error(slope, std, noise_share):
@@ -376,20 +352,12 @@ def _corrected_for_reading_error(slope, std, noise_share):
     return slope * (1 + factor) / 2, np.hypot(std * factor, spread)
 
 
-def _explained(capacity, shift, fade, used):
-    """Share of the variance about the fade that the temperature explains [1]."""
-    whole, rest = np.sum(
-        residuals(fade[used], np.column_stack([capacity, capacity - shift])[used]) ** 2, axis=0
-    )
-    return float(1 - rest / whole) if whole > 0 else np.nan
-
-
 def law_rows(summary, *, test):
     """Rows of the table of laws over temperature: slope, start, loss and daily cycle.
 
     Parameters
     ----------
-    summary : of a `CycleFit`. test : name of the record.
+    summary : of `cycle_temperature`. test : name of the record.
     """
     entries = (
         ("capacity_at_start", "Ah", "capacity_start_ampere_hour", ""),
@@ -398,18 +366,10 @@ def law_rows(summary, *, test):
         ("loss_over_record", "%", "loss_percent", "loss_std_percent"),
         ("daily_amplitude", "%", "daily_percent", "daily_std_percent"),
     )
-    quantity, law = f"discharge capacity over the cycles of {test}", "fade and temperature"
-    r_squared = summary["explained"]
+    head = f"discharge capacity over the cycles of {test}", "fade and temperature"
+    about, r_squared = summary | {"": np.nan}, summary["explained"]
     return [
-        law_row(
-            quantity,
-            law,
-            name,
-            summary[value],
-            summary.get(std, np.nan),
-            unit=unit,
-            r_squared=r_squared,
-        )
+        law_row(*head, name, about[value], about[std], unit=unit, r_squared=r_squared)
         for name, unit, value, std in entries
-        if np.isfinite(summary[value])
+        if np.isfinite(about[value])
     ]

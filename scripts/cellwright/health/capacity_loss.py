@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import first_check_up
+from cellwright.laws.points import first_check_up, grouped_alike
 from cellwright.laws.temperature import law_row
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.records.conditions import SAME_CELSIUS, same_rate, same_temperature
@@ -49,10 +49,10 @@ def comparable_capacities(
 
     Returns
     -------
-    points : list of Reached, std still that of repeats (NaN for a single test).
+    points : list of ReachedCapacity, std still that of repeats (NaN for a single test).
     left_out : list of sentences.
     """
-    rows_by_point, left_out, seen = {}, [], set()
+    kept, left_out, seen = [], [], set()
     for row in sorted(first_check_up(rows), key=lambda r: r["ambient_temperature_celsius"]):
         stated, measured = row["ambient_temperature_celsius"], row["temperature_mean_celsius"]
         warmer, slow = measured - stated, row["c_rate"] <= slow_c_rate
@@ -60,27 +60,24 @@ def comparable_capacities(
             where = f"stated {stated:g} °C, the cell was at {measured:.1f} °C"
             left_out.append(f"{row['test']}, {row['direction']}: {where}")
             continue
+        # One record under two kinds of tests has the same numbers twice.
         same = (row["direction"], round(row["capacity_ampere_hour"], 9), row["c_rate"])
         if same not in seen:
             seen.add(same)
-            rows_by_point.setdefault(_key(row, rows_by_point), []).append(row)
-    return [_joined(key, repeats) for key, repeats in rows_by_point.items()], left_out
+            kept.append(row)
+    return [_joined(repeats) for repeats in grouped_alike(kept, _repeated)], left_out
 
 
-def _key(row, rows_by_point):
-    """Direction, temperature and rate under which a row is averaged: one seen before if near."""
-    direction, celsius = row["direction"], row["ambient_temperature_celsius"]
-    near = [
-        key
-        for key in rows_by_point
-        if key[0] == direction
-        and same_temperature(key[1], celsius)
-        and same_rate(key[2], row["c_rate"])
-    ]
-    return near[0] if near else (direction, celsius, row["c_rate"])
+def _repeated(first, row):
+    """Whether a capacity was measured again: direction, temperature and rate."""
+    celsius = (one["ambient_temperature_celsius"] for one in (first, row))
+    same_direction = first["direction"] == row["direction"]
+    return (
+        same_direction and same_temperature(*celsius) and same_rate(first["c_rate"], row["c_rate"])
+    )
 
 
-def _joined(key, rows):
+def _joined(rows):
     """Mean capacity of repeated tests and its standard deviation [Ah]."""
     size = np.array([row["constant_current_ampere_hour"] for row in rows])
     held = np.array([row["capacity_ampere_hour"] for row in rows]) - size
@@ -88,7 +85,7 @@ def _joined(key, rows):
     spread = size.std(ddof=1) if len(rows) > 1 else within[0]
     repeats = len(rows) if len(rows) > 1 else rows[0]["repeats"]
     return ReachedCapacity(
-        direction=key[0],
+        direction=rows[0]["direction"],
         temperature_celsius=float(np.mean([r["ambient_temperature_celsius"] for r in rows])),
         c_rate=float(np.mean([row["c_rate"] for row in rows])),
         capacity_ampere_hour=float(size.mean()),
@@ -117,7 +114,7 @@ def repeatability(points, reference, *, assumed_share, slow_c_rate):
 
     Parameters
     ----------
-    points : list of Reached of one direction. reference : Reached.
+    points : list of ReachedCapacity of one direction. reference : ReachedCapacity.
     assumed_share, slow_c_rate : [1], [1/h].
 
     Returns
@@ -151,101 +148,51 @@ def law_rows(losses):
 
     Parameters
     ----------
-    losses : list of Loss.
+    losses : as of `capacity_losses`.
 
     Raises
     ------
     Refusal : no slow test at any temperature.
     """
-    slow = [loss for loss in losses if loss.known and loss.c_rate == loss.slow_c_rate]
+    slow = [loss for loss in losses if loss["known"] and loss["c_rate"] == loss["slow_c_rate"]]
+    if not slow:
+        raise Refusal("no slow test at any temperature, so no true loss is known")
     rates = {}
     for loss in slow:
-        rates[loss.direction] = max(rates.get(loss.direction, 0.0), loss.slow_c_rate)
-    names = {name: f"{name} at up to {rate:.2g}C" for name, rate in rates.items()}
-    rows = [
+        name = loss["direction"]
+        rates[name] = max(rates.get(name, 0.0), loss["slow_c_rate"])
+    return [
         law_row(
-            f"true capacity loss, {names[loss.direction]}",
+            f"true capacity loss, {loss['direction']} at up to {rates[loss['direction']]:.2g}C",
             "split",
-            f"at {loss.temperature_celsius:g} degC",
-            loss.true_percent,
-            loss.true_std_percent,
+            f"at {loss['temperature_celsius']:g} degC",
+            loss["true_percent"],
+            loss["true_std_percent"],
             unit="%",
         )
         for loss in slow
     ]
-    if not rows:
-        raise Refusal("no slow test at any temperature, so no true loss is known")
-    return rows
 
 
-def with_residual_charge(losses):
+def _with_residual_charge(losses):
     """Losses, each charge with the share that the discharge before it left in the cell [%].
 
-    Parameters
-    ----------
-    losses : list of Loss. Of the charge's reference counts what that discharge, and what was drawn
-        after it, lack of the whole: of the slowest discharge at the reference temperature.
+    That is what the discharge, and what was drawn after it, lack of the slowest discharge at the
+    reference temperature; over the charge's reference.
     """
     discharges = {
-        loss.tests: loss for loss in losses if loss.direction == "discharge" and loss.known
+        loss["tests"]: loss for loss in losses if loss["direction"] == "discharge" and loss["known"]
     }
-    references = (loss for loss in discharges.values() if loss.total_percent == 0)
-    reference = next(references, None)
+    reference = next((one for one in discharges.values() if one["total_percent"] == 0), None)
     if reference is None:
         return losses
-    available_ampere_hour = reference.reference_ampere_hour + reference.held_ampere_hour
-    completed = []
+    available = reference["reference_ampere_hour"] + reference["held_ampere_hour"]
     for loss in losses:
-        discharge = discharges.get(loss.tests) if loss.direction == "charge" else None
+        discharge = discharges.get(loss["tests"]) if loss["direction"] == "charge" else None
         if discharge:
-            residual_ampere_hour = (
-                available_ampere_hour - discharge.capacity_ampere_hour - discharge.held_ampere_hour
-            )
-            loss = loss._replace(
-                left_in_percent=100 * residual_ampere_hour / loss.reference_ampere_hour
-            )
-        completed.append(loss)
-    return completed
-
-
-class Loss(NamedTuple):
-    """One direction, temperature and rate; losses as shares of the reference [%].
-
-    reference_ampere_hour : slowest capacity at the reference temperature. total_percent : lost
-    against it. true_percent : not reached even slowly at this temperature. false_percent : the
-    rest, polarisation, which comes back when slow. Each with std and the limits it lies in: a
-    95 % interval where the split is known, else everything that the tests allow (std NaN).
-    slow_c_rate : of the test that determines the true part; NaN where there is none.
-    left_in_percent : of a charge, how much of its loss the discharge before it in the same test
-    had left in the cell; that part could not be put in. NaN for a discharge, or not known.
-    tests : their names, joined by ";".
-    known : whether the split is. verdict : true, false, both, none; where the split is not known
-    "true or false", or what is sure of it: "false or both", "true or both".
-    """
-
-    direction: str
-    temperature_celsius: float
-    c_rate: float
-    capacity_ampere_hour: float
-    std_ampere_hour: float
-    held_ampere_hour: float
-    reference_ampere_hour: float
-    reference_celsius: float
-    slow_c_rate: float
-    total_percent: float
-    total_std_percent: float
-    true_percent: float
-    true_std_percent: float
-    true_lower_percent: float
-    true_upper_percent: float
-    false_percent: float
-    false_std_percent: float
-    false_lower_percent: float
-    false_upper_percent: float
-    left_in_percent: float
-    known: bool
-    verdict: str
-    tests: str
+            left_in = available - discharge["capacity_ampere_hour"] - discharge["held_ampere_hour"]
+            loss["left_in_percent"] = 100 * left_in / loss["reference_ampere_hour"]
+    return losses
 
 
 def capacity_losses(
@@ -275,7 +222,13 @@ def capacity_losses(
 
     Returns
     -------
-    losses : list of Loss, by direction, temperature and rate.
+    losses : list of dict as of stage `capacity_loss`, by direction, temperature and rate. True is
+        what is not reached even slowly at a temperature, false the rest, polarisation, which comes
+        back when slow; each with the limits it lies in: a 95 % interval where the split is known,
+        else everything that the tests allow (std NaN). slow_c_rate: of the test that determines
+        the true part, NaN where none does. left_in_percent: of a charge, how much of its loss the
+        discharge before it in the same test had left in the cell. verdict: true, false, both,
+        none; where the split is not known "true or false", or what is sure of it.
     notes : list of sentences on what was left out or is not known.
 
     Raises
@@ -287,46 +240,28 @@ def capacity_losses(
     points, notes = comparable_capacities(
         rows, mismatch_kelvin=mismatch_kelvin, slow_c_rate=slow_c_rate
     )
-    directions = [
-        name for name in ("discharge", "charge") if sum(p.direction == name for p in points) > 1
-    ]
-    if not directions:
-        raise Refusal(
-            "fewer than two comparable capacities: " + ("; ".join(notes) or "too few were measured")
-        )
-    references = {
-        name: _reference([p for p in points if p.direction == name], reference_celsius, slow_c_rate)
-        for name in directions
-    }
-    all_losses = []
-    for name in directions:
+    losses, measured = [], "; ".join(notes)
+    for name in ("discharge", "charge"):
         same_direction = [point for point in points if point.direction == name]
+        if len(same_direction) < 2:
+            continue
+        # Slow tests first: a fast reference hides the loss that it has itself.
+        able = [point for point in same_direction if point.c_rate <= slow_c_rate] or same_direction
+        near = min(able, key=lambda p: abs(p.temperature_celsius - reference_celsius))
+        reference = slowest(able, name, near.temperature_celsius)[0]
         share, reason = repeatability(
-            same_direction, references[name], assumed_share=assumed_share, slow_c_rate=slow_c_rate
+            same_direction, reference, assumed_share=assumed_share, slow_c_rate=slow_c_rate
         )
-        repeat_ampere_hour = share * references[name].capacity_ampere_hour
-        losses, split_notes = _of_direction(
-            same_direction, references[name], repeat_ampere_hour, slow_c_rate
+        repeat_ampere_hour = share * reference.capacity_ampere_hour
+        split, split_notes = _of_direction(
+            same_direction, reference, repeat_ampere_hour, slow_c_rate
         )
-        all_losses += losses
+        losses += split
         notes += [*filter(None, [reason]), *split_notes]
-    return with_residual_charge(all_losses), notes
-
-
-def _reference(points, wanted, slow):
-    """Reference capacity: slowest at the temperature nearest the wanted one, slow tests first."""
-    able = [point for point in points if point.c_rate <= slow] or points
-    celsius = min(able, key=lambda p: abs(p.temperature_celsius - wanted)).temperature_celsius
-    return slowest(able, points[0].direction, celsius)[0]
-
-
-class _TrueLoss(NamedTuple):
-    """True loss at a temperature with a slow test: share of the reference, and its std [1]."""
-
-    celsius: float
-    slow_point: ReachedCapacity
-    share: float
-    std: float
+    if not losses:
+        reason = measured or "too few were measured"
+        raise Refusal(f"fewer than two comparable capacities: {reason}")
+    return _with_residual_charge(losses), notes
 
 
 def _of_direction(points, reference, repeat_ampere_hour, slow):
@@ -334,7 +269,7 @@ def _of_direction(points, reference, repeat_ampere_hour, slow):
     points = sorted(points, key=lambda p: (-p.temperature_celsius, p.c_rate))
     true_losses = _true_losses(points, reference, repeat_ampere_hour, slow)
     losses = [_loss(point, reference, true_losses, repeat_ampere_hour) for point in points]
-    unknown = sorted({loss.temperature_celsius for loss in losses if not loss.known})
+    unknown = sorted({loss["temperature_celsius"] for loss in losses if not loss["known"]})
     wanted = f"no {reference.direction} at up to {slow:g}C"
     notes = [f"{wanted} at {c:g} °C: true or false cannot be told there" for c in unknown]
     if reference.c_rate > slow:
@@ -344,14 +279,14 @@ def _of_direction(points, reference, repeat_ampere_hour, slow):
 
 
 def _true_losses(points, reference, repeat_ampere_hour, slow):
-    """True loss of each temperature with a slow test."""
+    """Each temperature with a slow test near, that test, its true loss and std [1]."""
     true_losses = []
     for celsius in sorted({point.temperature_celsius for point in points}):
         slow_point = slowest(points, reference.direction, celsius)[0]
         at_reference = same_temperature(celsius, reference.temperature_celsius)
         if slow_point.c_rate <= slow or (at_reference and slow_point is reference):
             loss = _relative_loss(reference, slow_point, repeat_ampere_hour)
-            true_losses.append(_TrueLoss(celsius, slow_point, *loss))
+            true_losses.append((celsius, slow_point, *loss))
     return true_losses
 
 
@@ -359,6 +294,7 @@ def _relative_loss(start, end, repeat_ampere_hour):
     """Share of the first capacity that the second lacks, and its standard deviation [1]."""
     if start is end:
         return 0.0, 0.0
+    # Both capacities scatter; of one and the same nothing is lost, without any error.
     ratio = end.capacity_ampere_hour / start.capacity_ampere_hour
     end_std, start_std = (_std(point, repeat_ampere_hour) for point in (end, start))
     spread = np.hypot(end_std, ratio * start_std)
@@ -375,33 +311,35 @@ def _loss(point, reference, true_losses, repeat_ampere_hour):
     """Loss of one capacity against the reference, split where a slow test allows it."""
     whole = reference.capacity_ampere_hour
     total, total_std = _relative_loss(reference, point, repeat_ampere_hour)
-    as_warm = (t for t in true_losses if same_temperature(t.celsius, point.temperature_celsius))
-    true_loss = next(as_warm, None)
-    slow = true_loss.slow_point if true_loss else None
+    celsius = point.temperature_celsius
+    near = (one for one in true_losses if same_temperature(one[0], celsius))
+    _, slow, *true_loss = next(near, (celsius, None))
     if slow is None:
         true, false = _bounds(point, reference, true_losses, total, total_std)
     else:
         scale = slow.capacity_ampere_hour / whole
         rest, rest_std = _relative_loss(slow, point, repeat_ampere_hour)
-        true = _interval(true_loss.share, true_loss.std)
-        false = _interval(rest * scale, rest_std * scale)
-    losses = [100 * value for value in (total, total_std, *true, *false)]
-    return Loss(
-        point.direction,
-        point.temperature_celsius,
-        point.c_rate,
-        point.capacity_ampere_hour,
-        _std(point, repeat_ampere_hour),
-        point.held_ampere_hour,
-        whole,
-        reference.temperature_celsius,
-        slow.c_rate if slow else np.nan,
-        *losses,
-        np.nan,
-        slow is not None,
-        _verdict(true, false, slow is not None, total > NORMAL_95 * total_std),
-        ";".join(sorted(point.tests)),
-    )
+        true, false = _interval(*true_loss), _interval(rest * scale, rest_std * scale)
+    names = ["total_percent", "total_std_percent"]
+    for part in ("true", "false"):
+        names += [f"{part}{end}_percent" for end in ("", "_std", "_lower", "_upper")]
+    losses = (100 * value for value in (total, total_std, *true, *false))
+    return {
+        "direction": point.direction,
+        "temperature_celsius": celsius,
+        "c_rate": point.c_rate,
+        "capacity_ampere_hour": point.capacity_ampere_hour,
+        "std_ampere_hour": _std(point, repeat_ampere_hour),
+        "held_ampere_hour": point.held_ampere_hour,
+        "reference_ampere_hour": whole,
+        "reference_celsius": reference.temperature_celsius,
+        "slow_c_rate": slow.c_rate if slow else np.nan,
+        **dict(zip(names, losses, strict=True)),
+        "left_in_percent": np.nan,
+        "known": slow is not None,
+        "verdict": _verdict(true, false, slow is not None, total > NORMAL_95 * total_std),
+        "tests": ";".join(sorted(point.tests)),
+    }
 
 
 def _interval(value, std):
@@ -414,11 +352,16 @@ def _bounds(point, reference, true_losses, total, std):
     """Limits of true and false loss at a temperature without a slow test."""
     least, most = total - NORMAL_95 * std, total + NORMAL_95 * std
     celsius = point.temperature_celsius
-    warmer = [t.share - NORMAL_95 * t.std for t in true_losses if t.celsius > celsius]
-    colder = [t.share + NORMAL_95 * t.std for t in true_losses if t.celsius < celsius]
+    warmer, colder = [0.0], []
+    for tested, _, share, share_std in true_losses:
+        if tested > celsius:
+            warmer.append(share - NORMAL_95 * share_std)
+        elif tested < celsius:
+            colder.append(share + NORMAL_95 * share_std)
     held = point.held_ampere_hour / reference.capacity_ampere_hour
+    # What a held voltage brought back was not truly lost.
     high = max(min([most - held, *colder]), 0.0)
-    low = min(max([0.0, *warmer]), high)
+    low = min(max(warmer), high)
     false = (max(least - high, 0.0), max(most - low, 0.0))
     return (np.nan, np.nan, low, high), (np.nan, np.nan, *false)
 

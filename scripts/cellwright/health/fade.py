@@ -4,24 +4,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.lines import whitened
 from cellwright.refusal import Refusal
 
-LEAST_CYCLES = 8
+LEAST_CYCLES = 8  # that a law of the fade needs
+LEAST_LOSS = 0.02  # of the capacity: of a smaller loss no course is told [1]
 IMPOSSIBLE = -1e9  # log evidence of a law that no parameters make
-MOST_POINTS = 160  # a longer life is averaged over neighbouring discharges
 LEAST_NOISE = 5e-4  # of the capacity: no law is known to hold more closely [1]
 CORRELATIONS = np.array([0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99])
-EXPONENTS = np.concatenate([np.arange(0.3, 1.0, 0.1), np.arange(1.2, 3.1, 0.2)])
-BENDS = (1.5, 2.0, 3.0, 4.0, 6.0)  # exponents of a gradual acceleration beside a straight fade
-EARLY_SHARES = (0.02, 0.04, 0.08, 0.15)  # of the life: time constants of an early course
-KNEES = np.arange(0.06, 0.975, 0.02)  # of the life
-WIDTHS = (0.005, 0.02, 0.05)  # of the life, of the transition at a knee
-RECOVERY_CYCLES = (2.0, 5.0, 12.0, 25.0)  # in which what a rest brought back is lost again
 SMOOTH = ("linear", "square root", "power", "gradual acceleration")
 TWO_STAGE = "two-stage"
 LAWS = (*SMOOTH, TWO_STAGE)
-RIDGE = 1e-12  # of the squares of the columns, against columns that are one
-DECIDED = 3.0  # of log evidence, 20 : 1, from which a term beside the law is told
 
 
 class Term(NamedTuple):
@@ -53,13 +46,29 @@ def column(term, share):
 CONSTANT, STRAIGHT, ROOT = Term("power", 0.0), Term("power", 1.0), Term("power", 0.5)
 
 
+def law_at(terms, values, share):
+    """Capacity over the scale of a law, terms with one value each, at shares of the life."""
+    return sum(value * column(term, share) for value, term in zip(values, terms, strict=True))
+
+
 def _candidates():
-    """Laws as (name, terms), every law with and without an early course."""
-    early = [Term("early", share) for share in EARLY_SHARES]
+    """Laws as (name, terms), every law with and without an early course.
+
+    Positions, widths and time constants are shares of the life, as dense as data tell them apart.
+    """
+    early = [Term("early", share) for share in (0.02, 0.04, 0.08, 0.15)]
     laws = [("linear", (CONSTANT, STRAIGHT)), ("square root", (CONSTANT, ROOT))]
-    laws += [("power", (CONSTANT, Term("power", float(p)))) for p in EXPONENTS]
-    laws += [("gradual acceleration", (CONSTANT, STRAIGHT, Term("power", p))) for p in BENDS]
-    hinges = [Term("hinge", float(k), width) for k in KNEES for width in WIDTHS]
+    exponents = np.concatenate([np.arange(0.3, 1.0, 0.1), np.arange(1.2, 3.1, 0.2)])
+    laws += [("power", (CONSTANT, Term("power", float(p)))) for p in exponents]
+    laws += [
+        ("gradual acceleration", (CONSTANT, STRAIGHT, Term("power", p)))
+        for p in (1.5, 2.0, 3.0, 4.0, 6.0)
+    ]
+    hinges = [
+        Term("hinge", float(place), width)
+        for place in np.arange(0.06, 0.975, 0.02)
+        for width in (0.005, 0.02, 0.05)
+    ]
     before = ((CONSTANT, STRAIGHT), (CONSTANT, STRAIGHT, Term("power", 2.0)))
     two_stage = [(TWO_STAGE, (*terms, hinge)) for terms in before for hinge in hinges]
     found = [(name, (*terms, one)) for name, terms in laws for one in early]
@@ -147,40 +156,28 @@ def fade_of(life):
     R. E. White, J. Electrochem. Soc. 151 (2004) A456.
     """
     points = points_of(life)
-    found, best = None, -np.inf
-    plain = _weighed(points, np.inf)
-    options = [_weighed(points, tau) for tau in RECOVERY_CYCLES if points.since_pause.shape[1]]
-    gain = -np.inf
-    for tau, option in zip(RECOVERY_CYCLES, options, strict=False):
-        gain = max(gain, option.best - plain.best)
-        if option.best > best:
-            found, best, recovery = option, option.best, tau
-    if gain < DECIDED:
-        found, recovery = plain, np.nan
-    return Fade(
-        _above(found.candidates),
-        found.log_evidence,
-        found.early,
-        recovery,
-        gain if options else np.nan,
-        points,
-    )
-
-
-def _above(candidates):
-    """Candidates of at least a thousandth of the best weight, weights summing to 1."""
+    found, recovery, gain = _weighed(points, np.inf), np.nan, np.nan
+    if points.since_pause.shape[1]:
+        # Cycles in which what a rest brought back is lost again.
+        options = {tau: _weighed(points, tau) for tau in (2.0, 5.0, 12.0, 25.0)}
+        best = max(options, key=lambda tau: _best_evidence(options[tau]))
+        gain = _best_evidence(options[best]) - _best_evidence(found)
+        if gain >= 3.0:  # of log evidence, 20 : 1
+            found, recovery = options[best], best
+    candidates, log_evidence, early = found
     most = max(one.weight for one in candidates)
     kept = [one for one in candidates if one.weight >= 1e-3 * most]
     total = sum(one.weight for one in kept)
-    return [one._replace(weight=one.weight / total) for one in kept]
+    kept = [one._replace(weight=one.weight / total) for one in kept]
+    return Fade(kept, log_evidence, early, recovery, gain, points)
+
+
+def _best_evidence(weighed):
+    return max(weighed[1].values())
 
 
 def points_of(life):
-    """Comparable discharges of a life, averaged where there are many, and their noise.
-
-    Parameters
-    ----------
-    life : lives.Life.
+    """Comparable discharges of a `life`, averaged where there are many, and their noise.
 
     Raises
     ------
@@ -190,11 +187,12 @@ def points_of(life):
     if len(used) < LEAST_CYCLES:
         raise Refusal(f"{len(used)} comparable discharges; a law of the fade needs {LEAST_CYCLES}")
     capacity = life.at_reference_ampere_hour[used]
+    # One odd first discharge must not set the scale.
     scale = float(np.median(capacity[: max(len(capacity) // 20, 3)]))
     paused = life.pause_hour != 0
     stretch = np.cumsum(paused)[used]
     starts = [np.searchsorted(used, place) for place in np.flatnonzero(paused)]
-    bins = _bins(stretch, -(-len(used) // MOST_POINTS))
+    bins = _bins(stretch, -(-len(used) // 160))  # as many points as a law needs, for speed
     count = np.bincount(bins)
     number = np.arange(len(used), dtype=float)
     cycle, value, place = (
@@ -205,6 +203,7 @@ def points_of(life):
     since = (
         place[:, None] - np.array(starts, float)[None, :] if starts else np.empty((len(cycle), 0))
     )
+    # An averaged point that begins with the pause stands half a discharge before it.
     since = np.where(since >= -0.5, since, np.inf)
     noise = _noise_course(cycle, value)
     return Points(cycle, cycle / cycle[-1], value, noise, place, since, scale)
@@ -241,15 +240,6 @@ def _noise_course(cycle, value):
     return np.exp(np.clip(slope, -4, 4) * (cycle / cycle[-1] - x.mean()))
 
 
-class _Weighed(NamedTuple):
-    """Candidates of one time constant of recovery, and log evidences."""
-
-    candidates: list
-    log_evidence: dict
-    early: float
-    best: float
-
-
 def _recovery_columns(points, tau):
     """What each pause brings back over the discharges after it (n, pauses); none for tau = ∞."""
     if not np.isfinite(tau):
@@ -260,7 +250,10 @@ def _recovery_columns(points, tau):
 
 
 def _weighed(points, tau):
-    """Every law at every memory of the noise, with recovery of one time constant."""
+    """Candidates with recovery of one time constant, log evidence of each law, of an early course.
+
+    A candidate is a law at one memory of the noise.
+    """
     laws = [(name, terms) for name, terms in _candidates() if _supported(terms, points)]
     extra = _recovery_columns(points, tau)
     terms = list(dict.fromkeys(term for _, parts in laws for term in parts))
@@ -270,10 +263,11 @@ def _weighed(points, tau):
     chosen = [[*(place_of[term] for term in parts), *shared] for _, parts in laws]
     solved = [_solved(points, table, chosen, correlation) for correlation in CORRELATIONS]
     score = np.array([[one[0] for one in at] for at in solved])
-    slows = [[_slows(*law, one[1]) for law, one in zip(laws, at, strict=True)] for at in solved]
-    score[np.array(slows)] = -np.inf
-    best = float(score.max())
-    weight = np.exp(score - best)
+    for n, (name, _) in enumerate(laws):
+        # A power that slows the fade instead is no gradual acceleration.
+        if name == "gradual acceleration":
+            score[[at[n][1][2] > 0 for at in solved], n] = -np.inf
+    weight = np.exp(score - score.max())
     candidates = [
         Candidate(
             *laws[n], float(weight[m, n]), *solved[m][n][1:3], CORRELATIONS[m], solved[m][n][3]
@@ -285,16 +279,12 @@ def _weighed(points, tau):
     share = {name: np.exp(evidence[name] - max(evidence.values())) for name in evidence}
     total = {name: sum(c.weight for c in candidates if c.law == name) or 1.0 for name in evidence}
     candidates = [c._replace(weight=c.weight * share[c.law] / total[c.law]) for c in candidates]
-    return _Weighed(candidates, evidence, early, max(evidence.values()))
-
-
-def _slows(name, terms, values):
-    """Whether the power of a gradual acceleration slows the fade instead."""
-    return name == "gradual acceleration" and values[2] > 0
+    return candidates, evidence, early
 
 
 def _supported(terms, points):
     """Whether points lie on both sides of a bend, and some within an early course."""
+    # Beside a bend with few points any slope would do, and win by chance.
     for term in terms:
         if (
             term.kind == "hinge"
@@ -331,8 +321,6 @@ def _evidences(laws, score):
 
 def _solved(points, table, chosen, correlation):
     """(log evidence, values, covariance, degrees of freedom) of each choice of columns."""
-    from cellwright.numerics.lines import whitened
-
     stacked = np.column_stack([table, points.capacity]) / points.noise[:, None]
     white, logarithm = whitened(stacked, points.place, correlation)
     logarithm += float(np.log(points.noise).sum())
@@ -356,10 +344,12 @@ def _alike_solved(gram, places, rows, logarithm):
         return np.full(len(places), -np.inf), outer, inner
     size = np.sqrt(np.maximum(np.diagonal(inner, axis1=1, axis2=2), np.finfo(float).tiny))
     both = size[:, :, None] * size[:, None, :]
-    inverse = np.linalg.inv(inner / both + RIDGE * np.eye(count)) / both
+    # A ridge far below rounding of the data, against columns that are one.
+    inverse = np.linalg.inv(inner / both + 1e-12 * np.eye(count)) / both
     values = np.einsum("mij,mj->mi", inverse, outer)
     left = gram[-1, -1] - 2 * np.einsum("mi,mi->m", outer, values)
     left += np.einsum("mi,mij,mj->m", values, inner, values)
+    # A law that goes through all points is no better known than a cycler reads.
     squares = np.maximum(left, rows * LEAST_NOISE**2)
     likelihood = -0.5 * rows * np.log(squares / rows) - logarithm
     evidence = likelihood - 0.5 * count * np.log(rows)
@@ -404,14 +394,13 @@ def draws(fade, *, count, seed=0):
         if k not in roots:
             level, basis = np.linalg.eigh(one.covariance)
             roots[k] = basis * np.sqrt(np.maximum(level, 0.0))
+        # Student's t: the scatter is an estimate as well.
         spread = np.sqrt(one.degrees_of_freedom / random.chisquare(one.degrees_of_freedom))
         drawn = one.values + spread * (roots[k] @ random.standard_normal(len(one.values)))
         laws.append(one.law)
         terms.append(one.terms)
         values.append(drawn[: len(one.terms)])
-        law = sum(
-            f * column(t, fade.points.share) for f, t in zip(values[-1], terms[-1], strict=True)
-        )
+        law = law_at(terms[-1], values[-1], fade.points.share)
         last.append(float(bare[-1] - law[-1]))
         noise.append(float(np.std((bare - law) / fade.points.noise) * fade.points.noise[-1]))
     correlation = np.array([fade.candidates[k].correlation for k in picked])

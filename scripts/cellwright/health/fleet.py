@@ -4,18 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.points import pulses_of_kind
 from cellwright.numerics.shrunk_regression import predicted, shrunk
 from cellwright.numerics.statistics import NORMAL_95, rms
 from cellwright.refusal import Refusal
 
-LEAST_CELLS = 6
-MOST_OUTLIERS = 0.15  # of the cells: more than that are no outliers, but no line
-ALARM = 0.05  # chance that a fleet without an outlier has one named
-ONE_SIZE = 1e-3  # of the mean capacity: cells that differ by less are all alike
-SAME_DELAY, LEAST_DELAY_SECOND = 2.0, 0.01  # first samples this near in time are alike
-LEAST_EXPLAINED = 0.2  # of the variance of cells left out: below it resistance is of no use
-MOST_SOCS = 10  # at which resistances are compared; a pulse each 5 to 10 % tells no more
-SHARED = 0.5  # of the usual span of SoC: a cell that takes more away from the others is left out
 SAME_SOC = 0.02  # pulses so near in SoC are compared as they are [1]
 
 
@@ -34,56 +27,6 @@ class Fleet(NamedTuple):
     left_out: dict
 
 
-class FleetCell(NamedTuple):
-    """One cell of a fleet: measured, and predicted by what the other cells tell.
-
-    capacity : [Ah], NaN where not known. resistance : mean of R0 over SoC [Ω]. predicted, its std :
-    capacity from the cell's resistances by the other cells [Ah]. error : predicted minus known
-    [Ah]. distance : that over its std [1]. outlier : whether it does not belong to the line.
-    reason : in words.
-    """
-
-    cell: str
-    capacity_ampere_hour: float
-    resistance_ohm: float
-    predicted_ampere_hour: float
-    predicted_std_ampere_hour: float
-    error_ampere_hour: float
-    distance: float
-    outlier: bool
-    reason: str
-
-
-class FleetLine(NamedTuple):
-    """Line of mean R0 over capacity of a fleet, and how well resistance predicts a cell left out.
-
-    intercept, slope : of resistance over capacity [Ω], [Ω/Ah], each with std; of the cells that
-    are no outliers. correlation : of the two [1]. held_out_rms : error of the capacity of a cell
-    that took no part, from its resistances over SoC [Ah]; share : of the mean capacity [1];
-    line_held_out_rms : the same by the line of the mean resistance alone [Ah]; spread : by the mean
-    capacity of the other cells, without any resistance [Ah]. covered : share of cells within 95 %
-    [1]. cells, outliers : how many with a known capacity; the latter named. socs : how many states
-    of charge, from first_soc to last_soc [1]. verdict : in words.
-    """
-
-    intercept_ohm: float
-    intercept_std_ohm: float
-    slope_ohm_per_ampere_hour: float
-    slope_std_ohm_per_ampere_hour: float
-    correlation: float
-    held_out_rms_ampere_hour: float
-    held_out_share: float
-    line_held_out_rms_ampere_hour: float
-    spread_ampere_hour: float
-    covered: float
-    cells: int
-    outliers: str
-    socs: int
-    first_soc: float
-    last_soc: float
-    verdict: str
-
-
 def capacity_from_resistance(fleet):
     """Capacity of each cell from its resistances over SoC, by what the other cells tell.
 
@@ -100,7 +43,9 @@ def capacity_from_resistance(fleet):
 
     Returns
     -------
-    line : FleetLine. rows : list of FleetCell, those of unknown capacity and of no use last.
+    line : dict as of `tables/fleet_health_lines`; what it says of errors is of the cells that are
+        no outliers, each predicted by the others.
+    rows : list of dict as of `tables/fleet_health`, those of unknown capacity and of no use last.
 
     Raises
     ------
@@ -110,28 +55,31 @@ def capacity_from_resistance(fleet):
     outliers: R. D. Cook, S. Weisberg, Residuals and Influence in Regression (1982), 2.2.2.
     """
     known = np.isfinite(fleet.capacity_ampere_hour)
-    if known.sum() < LEAST_CELLS:
-        raise Refusal(
-            f"{known.sum()} cells with a known capacity and pulses; a fleet needs {LEAST_CELLS}"
-        )
+    if known.sum() < 6:
+        raise Refusal(f"{known.sum()} cells with a known capacity and pulses; a fleet needs 6")
     capacity, ohms = fleet.capacity_ampere_hour, fleet.resistance_ohm
     mean = ohms.mean(axis=1)
-    if _all_but_one_alike(capacity[known]) or np.ptp(mean[known]) == 0:
+    ordered = np.sort(capacity[known])
+    spread = min(np.ptp(ordered[1:]), np.ptp(ordered[:-1]))
+    # A line over capacities that are alike but for one cell would hang on that cell.
+    if spread < 1e-3 * ordered.mean() or np.ptp(mean[known]) == 0:
         raise Refusal("all cells but one have one capacity, or all one resistance: no line")
     inside = known.copy()
     inside[known] = _inliers(capacity[known], mean[known])
     order = np.argsort(~known, kind="stable")
     rows = [_cell(fleet, inside, place) for place in order]
-    rows += [
-        FleetCell(name, *[np.nan] * 6, False, reason) for name, reason in fleet.left_out.items()
-    ]
-    return _line(fleet, inside, [row for row in rows if np.isfinite(row.error_ampere_hour)]), rows
+    unknown = [np.nan] * 6
+    rows += [_row(name, unknown, False, reason) for name, reason in fleet.left_out.items()]
+    known_rows = [row for row in rows if np.isfinite(row["error_ampere_hour"])]
+    return _line(fleet, inside, known_rows), rows
 
 
-def _all_but_one_alike(capacity):
-    """Whether a line over the capacity would hang on a single cell."""
-    ordered = np.sort(capacity)
-    return min(np.ptp(ordered[1:]), np.ptp(ordered[:-1])) < ONE_SIZE * capacity.mean()
+def _row(cell, numbers, outlier, reason):
+    """One row of the table of a fleet's cells."""
+    names = ("capacity_ampere_hour", "resistance_ohm", "predicted_ampere_hour")
+    names += ("predicted_std_ampere_hour", "error_ampere_hour", "distance")
+    known = dict(zip(names, numbers, strict=True))
+    return {"cell": cell} | known | {"outlier": outlier, "reason": reason}
 
 
 def _inliers(capacity, resistance):
@@ -139,12 +87,13 @@ def _inliers(capacity, resistance):
     from scipy.stats import t as student
 
     inside = np.ones(len(capacity), bool)
-    for _ in range(int(MOST_OUTLIERS * len(capacity))):
+    # More than 15 % of the cells are no outliers, but no line.
+    for _ in range(int(0.15 * len(capacity))):
         places = np.flatnonzero(inside)
         distance = np.abs(_studentised(capacity[places], resistance[places]))
         worst = int(np.argmax(distance))
         chance = 2 * student.sf(distance[worst], len(places) - 3) * len(places)
-        if chance > ALARM:
+        if chance > 0.05:
             break
         inside[places[worst]] = False
     return inside
@@ -157,6 +106,7 @@ def _studentised(x, y):
     residual = y - design @ np.linalg.lstsq(design, y, rcond=None)[0]
     freedom = len(x) - 3
     left = np.sum(residual**2) - residual**2 / (1 - hat)
+    # A perfect line has no scatter to divide by.
     variance = np.maximum(left / freedom, (1e-9 * np.abs(y).max()) ** 2)
     return residual / np.sqrt(variance * (1 - hat))
 
@@ -178,15 +128,15 @@ def _cell(fleet, inside, place):
             f"mean resistance {1e3 * mean:.3g} mΩ, where the line of the others has {usual:.3g} at "
             f"its {own:.4g} Ah: it does not belong to them"
         )
-    return FleetCell(
-        fleet.cells[place], float(own), mean, size, std, error, error / std, outlier, reason
-    )
+    numbers = (float(own), mean, size, std, error, error / std)
+    return _row(fleet.cells[place], numbers, outlier, reason)
 
 
 def _predicted(fleet, others, place):
     """Capacity [Ah] of a cell from its resistances, by other cells, and its standard deviation."""
     ohms, capacity = fleet.resistance_ohm[others], fleet.capacity_ampere_hour[others]
     centre, scale = ohms.mean(axis=0), ohms.std(axis=0, ddof=1)
+    # A SoC at which all cells are alike tells nothing, and is no fault.
     scale = np.where(scale > 0, scale, 1.0)
     fit = shrunk((ohms - centre) / scale, (capacity - capacity.mean())[:, None])
     found = predicted(fit, (fleet.resistance_ohm[place] - centre) / scale)
@@ -200,35 +150,35 @@ def _line(fleet, inside, rows):
     values = np.linalg.lstsq(design, y, rcond=None)[0]
     variance = np.sum((y - design @ values) ** 2) / (len(x) - 2)
     std = np.sqrt(np.diagonal(np.linalg.inv(design.T @ design)) * variance)
-    of_line = [row for row in rows if not row.outlier]
-    errors, distance = (
-        np.array([getattr(row, name) for row in of_line])
-        for name in ("error_ampere_hour", "distance")
-    )
-    held_out, spread = rms(errors), rms(_left_out(x, np.ones((len(x), 1))))
-    by_line = rms(_left_out(x, np.column_stack([np.ones(len(x)), y / y.mean() - 1])))
-    told = held_out**2 <= (1 - LEAST_EXPLAINED) * spread**2
+    of_line = [row for row in rows if not row["outlier"]]
+    held_out = rms([row["error_ampere_hour"] for row in of_line])
+    spread = rms(_left_out(x, np.ones((len(x), 1))))
+    # Where resistance explains less than a fifth of the variance, it is of no use.
+    helps = "predicts" if held_out**2 <= (1 - 0.2) * spread**2 else "does not tell"
     share = 100 / x.mean()
-    helps = "predicts" if told else "does not tell"
     verdict = (
         f"resistance over SoC {helps} the capacity of a cell left out: to "
         f"{share * held_out:.1f} %, without it {share * spread:.1f} %"
     )
-    return FleetLine(
-        *(float(number) for number in (values[0], std[0], values[1], std[1])),
-        float(np.corrcoef(x, y)[0, 1]),
-        held_out,
-        float(held_out / x.mean()),
-        by_line,
-        spread,
-        float(np.mean(np.abs(distance) <= NORMAL_95)),
-        len(rows),
-        ", ".join(row.cell for row in rows if row.outlier),
-        len(fleet.soc),
-        float(fleet.soc[0]),
-        float(fleet.soc[-1]),
-        verdict,
-    )
+    by_line = rms(_left_out(x, np.column_stack([np.ones(len(x)), y / y.mean() - 1])))
+    return {
+        "intercept_ohm": float(values[0]),
+        "intercept_std_ohm": float(std[0]),
+        "slope_ohm_per_ampere_hour": float(values[1]),
+        "slope_std_ohm_per_ampere_hour": float(std[1]),
+        "correlation": float(np.corrcoef(x, y)[0, 1]),
+        "held_out_rms_ampere_hour": held_out,
+        "held_out_share": float(held_out / x.mean()),
+        "line_held_out_rms_ampere_hour": by_line,
+        "spread_ampere_hour": spread,
+        "covered": float(np.mean([abs(row["distance"]) <= NORMAL_95 for row in of_line])),
+        "cells": len(rows),
+        "outliers": ", ".join(row["cell"] for row in rows if row["outlier"]),
+        "socs": len(fleet.soc),
+        "first_soc": float(fleet.soc[0]),
+        "last_soc": float(fleet.soc[-1]),
+        "verdict": verdict,
+    }
 
 
 def _left_out(y, design):
@@ -247,7 +197,7 @@ def over_shared_soc(cells):
 
     Parameters
     ----------
-    cells : list of (name, fields of ratings.CheckUp, rows of ratings.Growth), mappings, of the
+    cells : list of (name, row of `ratings.check_ups`, rows of `ratings.resistance_growth`), of the
         check-up that counts.
 
     Returns
@@ -256,7 +206,8 @@ def over_shared_soc(cells):
     """
     delays = np.array([check_up["first_delay_second"] for _, check_up, _ in cells], float)
     known = delays[np.isfinite(delays)]
-    alike = len(known) and known.max() <= SAME_DELAY * max(known.min(), LEAST_DELAY_SECOND)
+    # Within a factor of two, and below 10 ms whatever the factor, first samples are alike.
+    alike = len(known) and known.max() <= 2.0 * max(known.min(), 0.01)
     delay = 0.0 if alike else 1.0
     courses = {name: _course(check_up, rows, delay) for name, check_up, rows in cells}
     word = "first sample" if alike else "1 s"
@@ -274,7 +225,8 @@ def over_shared_soc(cells):
     counts = [
         np.sum((soc >= low - SAME_SOC) & (soc <= high + SAME_SOC)) for soc, _ in courses.values()
     ]
-    count = int(np.clip(np.median(counts), 1, MOST_SOCS)) if high > low else 1
+    # More states of charge than ten tell no more than a pulse each 5 to 10 %.
+    count = int(np.clip(np.median(counts), 1, 10)) if high > low else 1
     socs = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
     names = [name for name, shares in zip(courses, inside, strict=True) if shares]
     sizes = {name: check_up["capacity_ampere_hour"] for name, check_up, _ in cells}
@@ -298,39 +250,34 @@ def _course(check_up, rows, delay):
     """SoC, ascending, and resistance [Ω] of the discharge pulses of a check-up at one delay."""
     course = sorted(
         (row["soc"], row["resistance_ohm"])
-        for row in rows
-        if row["cycle"] == check_up["cycle"]
-        and row["direction"] == "discharge"
-        and row["delay_second"] == delay
-        and np.isfinite(row["soc"])
-        and np.isfinite(row["resistance_ohm"])
+        for row in pulses_of_kind(rows, "discharge", delay)
+        if row["cycle"] == check_up["cycle"] and np.isfinite(row["resistance_ohm"])
     )
-    return np.array([soc for soc, _ in course]), np.array([ohm for _, ohm in course])
+    return np.array(course, float).reshape(-1, 2).T
 
 
 def _sharing(ends):
     """Which cells share at least half of the usual span of SoC; ends (n, 2) of their pulses."""
     inside, usual = np.ones(len(ends), bool), np.median(ends, axis=0)
-    wanted = SHARED * (usual[1] - usual[0]) - SAME_SOC
+    wanted = 0.5 * (usual[1] - usual[0]) - SAME_SOC
     while ends[inside, 1].min() - ends[inside, 0].max() < wanted:
         lacking = np.maximum(ends[:, 0] - usual[0], usual[1] - ends[:, 1])
         inside[np.argmax(np.where(inside, lacking, -np.inf))] = False
     return inside
 
 
-def mean_over_soc(soc, resistance, *, least_span=0.6):
+def mean_over_soc(soc, resistance):
     """Mean resistance over SoC [Ω]: the area under its course over the span that was measured.
+
+    NaN where less than 60 % of SoC is covered or fewer than four pulses are there: the mean would
+    depend on which part was.
 
     Parameters
     ----------
-    soc, resistance : (n,) [1], [Ω]. least_span : of the SoC that must be covered [1].
-
-    Returns
-    -------
-    mean : float; NaN where less is covered or fewer than four pulses are there.
+    soc, resistance : (n,) [1], [Ω].
     """
     order = np.argsort(soc)
     soc, resistance = np.asarray(soc, float)[order], np.asarray(resistance, float)[order]
-    if len(soc) < 4 or soc[-1] - soc[0] < least_span:
+    if len(soc) < 4 or soc[-1] - soc[0] < 0.6:
         return np.nan
     return float(np.trapezoid(resistance, soc) / (soc[-1] - soc[0]))

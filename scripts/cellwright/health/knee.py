@@ -4,33 +4,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.fade import SMOOTH, TWO_STAGE, column, courses
+from cellwright.health.fade import LEAST_LOSS, SMOOTH, TWO_STAGE, courses, law_at
 
 LEAST_RATIO = 2.0  # of the fade after a knee to that before it
-LEAST_SHARE = 0.5  # of the life's mean fade: what the fade before a knee at least counts as
-MOST_WIDTH = 0.05  # of the life: where the slope is read on both sides of a knee
-LEAST_LOSS = 0.02  # of the capacity, lost before a knee and again beyond it [1]
 
 
 class Knee(NamedTuple):
     """Knee of a life.
 
-    found : whether there is one. cycle, lower, upper : middle of the bend, and its 95 % interval,
-    which holds the bend from 5 to 95 % of its change of slope and the point by the other
-    definition; NaN where none is told. chord_cycle : that point, furthest from the chord of the
-    course (Kneedle). ratio : fade after over before.
-    log_evidence : of two stages against the best smooth law. certainty : share of the two-stage
-    laws that the data allow which turn steeper by the ratio asked for [1]. reason : why none.
+    found : whether there is one. cycle, lower_cycle, upper_cycle : middle of the bend, and its
+    95 % interval, which holds the bend from 5 to 95 % of its change of slope and the point by the
+    other definition; NaN where none is told. chord_cycle : that point, furthest from the chord of
+    the course (Kneedle). ratio : fade after over before. log_evidence : of two stages against the
+    best smooth law. reason : why none.
     """
 
     found: bool
     cycle: float
-    lower: float
-    upper: float
+    lower_cycle: float
+    upper_cycle: float
     chord_cycle: float
     ratio: float
     log_evidence: float
-    certainty: float
     reason: str
 
 
@@ -62,9 +57,10 @@ def knee_of(fade, drawn, *, least_log_evidence, level=0.95):
     bent = [k for k, law in enumerate(drawn.laws) if law == TWO_STAGE]
     if evidence < least_log_evidence or len(bent) < len(drawn.laws) // 2:
         word = f"two stages are no likelier than a smooth law (log evidence {evidence:.1f})"
-        return _none(evidence, 0.0, word)
+        return _none(evidence, word)
     ratios, before, losses = np.array([_turn(drawn.terms[k], drawn.values[k]) for k in bent]).T
     lost = (before >= LEAST_LOSS) & (losses >= LEAST_LOSS)
+    # Some of the laws drawn turn little, or where nothing is lost: how many do not?
     certainty = float(np.mean((ratios >= LEAST_RATIO) & lost))
     if certainty < level:
         ratio = float(np.median(ratios))
@@ -76,7 +72,7 @@ def knee_of(fade, drawn, *, least_log_evidence, level=0.95):
             word = f"{100 * np.median(losses):.1f} % lost beyond a possible knee: too early to tell"
         else:
             word = f"only {100 * certainty:.0f} % of the laws that fit turn steeper by two"
-        return _none(evidence, certainty, word)
+        return _none(evidence, word)
     places = np.array([_place(drawn.terms[k]) for k in bent])
     random = np.random.default_rng(0)
     # Of a smooth bend the slope changes from 5 to 95 % within two widths on each side.
@@ -93,14 +89,12 @@ def knee_of(fade, drawn, *, least_log_evidence, level=0.95):
         chord,
         float(np.median(ratios)),
         float(evidence),
-        certainty,
         "",
     )
 
 
-def _none(evidence, certainty, reason):
-    nan = np.nan
-    return Knee(False, nan, nan, nan, nan, nan, float(evidence), certainty, f"no knee: {reason}")
+def _none(evidence, reason):
+    return Knee(False, *[np.nan] * 5, float(evidence), f"no knee: {reason}")
 
 
 def _place(terms):
@@ -112,21 +106,17 @@ def _place(terms):
 def _turn(terms, values):
     """Fade after the bend over that before it, the loss before it and beyond it [1]."""
     place, _ = _place(terms)
-    low, high = max(place - MOST_WIDTH, 1e-3), min(place + MOST_WIDTH, 1.0)
-    at = np.array([0.0, low / 2, low, high, (1 + high) / 2, 1.0])
-    course = sum(value * column(term, at) for value, term in zip(values, terms, strict=True))
+    # A twentieth of the life to both sides the slope is that of the stage, however wide the bend.
+    low, high = max(place - 0.05, 1e-3), min(place + 0.05, 1.0)
+    at = np.array([0.0, low / 2, low, high, 0.99, 1.0])
+    course = law_at(terms, values, at)
     mean = (course[1] - course[-1]) / (1 - low / 2)
     before = (course[1] - course[2]) / (low / 2)
-    after = (course[3] - course[-1]) / (1 - high) if high < 0.98 else _end(terms, values)
-    size = max(before, LEAST_SHARE * mean, 1e-12)
+    first, share = (course[3], 1 - high) if high < 0.98 else (course[4], 0.01)
+    after = (first - course[-1]) / share
+    # Where nearly nothing was lost before, half of the mean fade counts instead: no knee is there.
+    size = max(before, 0.5 * mean, 1e-12)
     return after / size, course[0] - course[2], course[2] - course[-1]
-
-
-def _end(terms, values):
-    """Fade at the end of the life, per life."""
-    at = np.array([0.99, 1.0])
-    course = sum(value * column(term, at) for value, term in zip(values, terms, strict=True))
-    return (course[0] - course[1]) / 0.01
 
 
 def _furthest_from_chord(fade, drawn):

@@ -10,12 +10,6 @@ from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 
 NEIGHBOURS = 4  # discharges on each side of which the median tells what one should be
-OUTLIER = 8.0  # typical steps from one discharge to the next, as standard deviations
-LONG = 12  # discharges from which the first one is left out
-LEAST_DEVIATION = 0.003  # of the capacity: what is nearer is never an outlier [1]
-PAUSE_FACTOR, PAUSE_HOUR = 2.0, 6.0  # an interval this much longer than the typical one is a pause
-CERTAIN = 2.0  # standard deviations from which a slope over temperature is taken out
-UNKNOWN_PAUSE = np.nan
 
 
 class AgeingRecord(NamedTuple):
@@ -123,20 +117,15 @@ def _in_order(records):
 
 def _at_one_temperature(records):
     """Records at the chamber temperature with most discharges, and a sentence on the others."""
-    stated = [r.ambient_temperature_celsius for r in records]
-    known = sorted({value for value in stated if value is not None})
+    stated = [r for r in records if r.ambient_temperature_celsius is not None]
+    known = sorted({r.ambient_temperature_celsius for r in stated})
     if not known or same_temperature(known[0], known[-1]):
         return records, ()
     sizes = dict.fromkeys(known, 0)
-    for record in records:
-        if record.ambient_temperature_celsius is not None:
-            sizes[record.ambient_temperature_celsius] += len(record.columns["cycle"])
+    for record in stated:
+        sizes[record.ambient_temperature_celsius] += len(record.columns["cycle"])
     usual = max(sizes, key=sizes.get)
-    kept = [
-        r
-        for r, c in zip(records, stated, strict=True)
-        if c is not None and same_temperature(c, usual)
-    ]
+    kept = [r for r in stated if same_temperature(r.ambient_temperature_celsius, usual)]
     others = [r.test for r in records if r not in kept]
     temperatures = ", ".join(f"{value:g}" for value in known)
     return kept, (
@@ -166,6 +155,7 @@ def _columns(record, cycle):
     capacity = columns["capacity_ampere_hour"][discharge]
     start = columns["start_time_second"][discharge]
     shift = np.array([record.shift_ampere_hour.get(float(second), 0.0) for second in start])
+    # Energy efficiency needs the charge right before a discharge.
     before = np.maximum(discharge - 1, 0)
     follows = (columns["direction"][before] == "charge") & np.isfinite(
         columns["coulombic_efficiency"][discharge]
@@ -189,12 +179,13 @@ def _pauses(hour, cycle):
     """Time beyond the usual interval before each discharge [h]; NaN before the first one."""
     interval = np.diff(hour)
     if not len(interval):
-        return np.array([UNKNOWN_PAUSE])
+        return np.array([np.nan])
+    # Where the record skips cycles, an interval spans several usual ones.
     steps = np.maximum(np.diff(cycle), 1.0) if np.all(np.diff(cycle) >= 1) else 1.0
     usual = np.median(interval / steps)
     beyond = interval - usual * steps
-    paused = beyond > max((PAUSE_FACTOR - 1) * usual, PAUSE_HOUR)
-    return np.append(UNKNOWN_PAUSE, np.where(paused, beyond, 0.0))
+    # Twice the usual interval, and some hours: what is shorter brings nothing back.
+    return np.append(np.nan, np.where(beyond > max(usual, 6.0), beyond, 0.0))
 
 
 def _comparable(joined):
@@ -203,12 +194,14 @@ def _comparable(joined):
     usual = np.median(rate)
     reason = np.where(same_rate(rate, usual), "", f"not at the usual rate of {usual:.2g}C")
     reason = reason.astype(object)
-    if len(reason) > LONG:
+    if len(reason) > 12:  # of a short life each discharge counts
         reason[0] = "the first of the life: what came before it is not known"
+    # The first round's outliers widen the typical step, the second is without them.
     for _ in range(2):
         able = np.flatnonzero(reason == "")
         step = robust_std(np.diff(capacity[able]))
-        limit = max(OUTLIER * step, LEAST_DEVIATION * np.median(capacity))
+        # What is within 0.3 % of the capacity is never an outlier, however quiet the life.
+        limit = max(8.0 * step, 0.003 * np.median(capacity))
         off = np.array([_deviation(capacity[able], k) for k in range(len(able))])
         reason[able[off > limit]] = "capacity unlike that of its neighbours"
     return reason == "", reason.astype(str)
@@ -235,20 +228,18 @@ def _deviation(capacity, place):
 
 
 def temperature_shift(summary, cycles):
-    """What temperature added to each discharge [Ah], by its start time [s].
+    """What temperature added to each discharge [Ah], by its start time [s]: dict.
+
+    Empty where the slope is within two standard deviations of none, for taking out what is not
+    known would add the fade's own course to it.
 
     Parameters
     ----------
     summary : row of stage `ageing_temperature`. cycles : columns of `ageing_temperature_cycles`.
-
-    Returns
-    -------
-    shift : dict; empty where the slope is within two standard deviations of none, for taking out
-        what is not told would add the fade's own course to it.
     """
     slope = summary["slope_percent_per_kelvin"]
     std = summary["slope_std_percent_per_kelvin"]
-    if not np.isfinite(slope) or abs(slope) < CERTAIN * std:
+    if not np.isfinite(slope) or abs(slope) < 2.0 * std:
         return {}
     shift = cycles["capacity_ampere_hour"] - cycles["capacity_at_reference_ampere_hour"]
     seconds = cycles["start_time_second"]

@@ -1,29 +1,13 @@
 """A life analysed whole: law, knee, remaining cycles, early rise, recovery, efficiency."""
 
-from typing import NamedTuple
-
 import numpy as np
 
-from cellwright.health import fade as laws_of_fade
-from cellwright.health.fade import courses, draws, fade_of, recovery
+from cellwright.health.fade import IMPOSSIBLE, courses, draws, fade_of, recovery
 from cellwright.health.knee import knee_of
 from cellwright.health.remaining import remaining_of
 from cellwright.settings import Health
 
 HEALTH = Health()
-LEAST_RISE = 5e-4  # of the capacity: a smaller early rise is none [1]
-
-
-class LifeAnalysed(NamedTuple):
-    """Results of one life.
-
-    columns : (n,) one entry a discharge, as in artefact `fade_course`. laws : rows of artefact
-    `fade`. summary : the row of artefact `life`.
-    """
-
-    columns: dict
-    laws: list
-    summary: dict
 
 
 def analysed(
@@ -44,7 +28,9 @@ def analysed(
 
     Returns
     -------
-    found : LifeAnalysed.
+    columns : (n,) one entry a discharge, as in artefact `fade_course`.
+    laws : list of dict, rows of artefact `fade`.
+    summary : dict, the row of artefact `life`.
 
     Raises
     ------
@@ -64,8 +50,7 @@ def analysed(
         **_course_numbers(fade, drawn, level),
         "soh": remaining.soh,
         "soh_std": remaining.soh_std,
-        **{name: getattr(knee, field) for name, field in KNEE_COLUMNS.items()},
-        "knee_reason": knee.reason,
+        **{f"knee_{n}": value for n, value in knee._asdict().items() if n != "found"},
         "remaining_cycles": remaining.cycles,
         "remaining_lower_cycles": remaining.lower,
         "remaining_upper_cycles": remaining.upper,
@@ -75,17 +60,7 @@ def analysed(
         **_recoveries(fade),
         **_efficiencies(life),
     }
-    return LifeAnalysed(_columns(life, fade, drawn, level), _law_rows(fade, chosen), summary)
-
-
-KNEE_COLUMNS = {
-    "knee_cycle": "cycle",
-    "knee_lower_cycle": "lower",
-    "knee_upper_cycle": "upper",
-    "knee_chord_cycle": "chord_cycle",
-    "knee_ratio": "ratio",
-    "knee_log_evidence": "log_evidence",
-}
+    return _columns(life, fade, drawn, level), _law_rows(fade, chosen), summary
 
 
 def _course_numbers(fade, drawn, level):
@@ -93,10 +68,11 @@ def _course_numbers(fade, drawn, level):
     scale, last = fade.points.scale_ampere_hour, fade.points.cycle[-1]
     share = np.linspace(fade.points.share[0], 1.0, 101)
     course = courses(drawn, share)
+    # Over the last twentieth of the life: where it stands now.
     pace = 100 * (course[:, -6] - course[:, -1]) / course[:, 0] / (share[-1] - share[-6])
     per_hundred = pace * 100 / last
     rise = course.max(axis=1) / course[:, 0] - 1
-    told = np.quantile(rise, (1 - level) / 2) > LEAST_RISE
+    told = np.quantile(rise, (1 - level) / 2) > 5e-4  # of the capacity: a smaller rise is none
     top = share[np.argmax(course, axis=1)] * last
     return {
         "start_ampere_hour": float(scale * np.median(course[:, 0])),
@@ -165,7 +141,7 @@ def _law_rows(fade, chosen):
             {
                 "law": name,
                 "chosen": name == chosen,
-                "log_evidence": float(max(value - best, laws_of_fade.IMPOSSIBLE)),
+                "log_evidence": float(max(value - best, IMPOSSIBLE)),
                 "probability": float(np.exp(value - best) / total),
                 "formula": _formula(top, fade.points) if top else "",
                 "noise_correlation": float(top.correlation) if top else np.nan,

@@ -5,11 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.health.fade import LEAST_LOSS
+from cellwright.laws.points import grouped
 from cellwright.refusal import Refusal
-
-LEAST_LOSS = 0.02  # of the capacity, that all lives must have lost to be compared [1]
-MOST_LOSS = 0.2  # compared at no more than that
-DECIDED = 0.05  # chance of a difference that is none, from which one is told
 
 
 class LifeOfProtocol(NamedTuple):
@@ -19,31 +17,6 @@ class LifeOfProtocol(NamedTuple):
     protocol: str
     cycle: np.ndarray
     share: np.ndarray
-
-
-class Comparison(NamedTuple):
-    """Two protocols of a type beside each other.
-
-    loss : share of the capacity at which lives are compared [1]. cycles_first, cycles_second :
-    until then, geometric means. ratio : second over first, with 95 % limits, NaN where the spread
-    of cells is not known. cell_spread : standard deviation of ln(cycles) from cell to cell under
-    one protocol [1]. chance : that cells of one protocol differ as much (Holm over all pairs of the
-    type). verdict : in words.
-    """
-
-    first: str
-    second: str
-    cells_first: int
-    cells_second: int
-    loss: float
-    cycles_first: float
-    cycles_second: float
-    ratio: float
-    ratio_lower: float
-    ratio_upper: float
-    cell_spread: float
-    chance: float
-    verdict: str
 
 
 def compared(lives):
@@ -62,7 +35,8 @@ def compared(lives):
 
     Returns
     -------
-    comparisons : list of Comparison.
+    comparisons : list of dict as of `tables/protocols`: ratio and its limits are NaN where the
+        spread of cells is not known.
 
     Raises
     ------
@@ -70,13 +44,11 @@ def compared(lives):
 
     Source: S. Holm, Scand. J. Statist. 6 (1979) 65; thesis 4.3 (standard, high power, fast charge).
     """
-    arms = {}
-    for life in lives:
-        arms.setdefault(life.protocol, []).append(life)
+    arms = grouped(lives, lambda life: life.protocol)
     if len(arms) < 2:
         raise Refusal(f"one protocol only ({', '.join(arms) or 'none stated'}): nothing to compare")
     least = min(lives, key=lambda life: 1 - life.share.min())
-    loss = min(1 - float(least.share.min()), MOST_LOSS)
+    loss = min(1 - float(least.share.min()), 0.2)
     if loss < LEAST_LOSS:
         raise Refusal(
             f"{least.cell} has lost {100 * loss:.1f} %; lives are compared from "
@@ -85,6 +57,7 @@ def compared(lives):
     logs = {name: np.array([_log_cycles(one, loss) for one in arms[name]]) for name in arms}
     squares = sum(np.sum((values - values.mean()) ** 2) for values in logs.values())
     freedom = sum(len(values) - 1 for values in logs.values())
+    # One spread for all protocols: each alone has too few cells to tell its own.
     spread = np.sqrt(squares / freedom) if freedom else np.nan
     pairs = list(combinations(sorted(arms), 2))
     chances = _holm([_chance(logs[a], logs[b], spread, freedom) for a, b in pairs])
@@ -96,6 +69,7 @@ def compared(lives):
 
 def _log_cycles(life, loss):
     """ln of the cycles until a loss: where the course last lies above it."""
+    # Where it last lies above: a rest may lift a life over the loss again.
     above = np.flatnonzero(life.share > 1 - loss)
     last = int(above[-1]) if len(above) else 0
     if last + 1 >= len(life.cycle):
@@ -143,24 +117,24 @@ def _comparison(a, b, logs, loss, spread, freedom, chance):
     ratio, low, high = np.exp([difference, difference - width, difference + width])
     if not freedom:
         verdict = "cannot be told from cell-to-cell spread: one cell under each protocol"
-    elif chance < DECIDED:
+    elif chance < 0.05:
         sooner, later = (a, b) if difference > 0 else (b, a)
         factor = max(ratio, 1 / ratio)
         verdict = f"{sooner} wears cells out {factor:.2g} times as fast as {later}"
     else:
         verdict = "no difference beyond cell-to-cell spread"
-    return Comparison(
-        a,
-        b,
-        len(first),
-        len(second),
-        float(loss),
-        float(np.exp(first.mean())),
-        float(np.exp(second.mean())),
-        float(ratio),
-        float(low),
-        float(high),
-        float(spread),
-        float(chance),
-        verdict,
-    )
+    return {
+        "first": a,
+        "second": b,
+        "cells_first": len(first),
+        "cells_second": len(second),
+        "loss": float(loss),
+        "cycles_first": float(np.exp(first.mean())),
+        "cycles_second": float(np.exp(second.mean())),
+        "ratio": float(ratio),
+        "ratio_lower": float(low),
+        "ratio_upper": float(high),
+        "cell_spread": float(spread),
+        "chance": float(chance),
+        "verdict": verdict,
+    }

@@ -1,19 +1,17 @@
 """What a check-up says of a cell in the terms of standards: ratings, and their change since new."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.health.fleet import mean_over_soc
+from cellwright.laws.points import grouped, grouped_alike, pulses_of_kind
 from cellwright.records.conditions import checkups_of, same_rate, same_temperature
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 
-POWER_SOCS = (0.8, 0.5, 0.2)
-SOC_REACH = 0.15  # a state of charge is asked for between pulses at most this far apart from it [1]
 SAME_CAPACITY = 0.03  # of a capacity: what differs more is not one check-up [1]
 STATED = "stated in cells.tsv"
-REPEAT_SHARE = 0.002  # of a capacity: least standard deviation from test to test [1]
+# ASSUME: Measured capacities repeat within 0.2 %: their least standard deviation from test to test.
+REPEAT_SHARE = 0.002
 CHANGES = {
     "capacity_ampere_hour": "capacity_change",
     "energy_watt_hour": "energy_change",
@@ -22,67 +20,6 @@ CHANGES = {
     "charge_power_50_watt": "charge_power_change",
     "round_trip_efficiency": "round_trip_efficiency_change",
 }
-
-
-class CheckUp(NamedTuple):
-    """Ratings of one check-up; NaN where its tests do not tell one.
-
-    cycle : [1]. ambient_temperature_celsius, c_rate, direction : of the capacity that counts.
-    capacity, its std : [Ah]. soh, soh_std : over the first check-up's capacity at the same rate,
-    direction and temperature, or over the rating, or as the sheet states it: `soh_reference` says
-    which [1]. energy : of
-    that test's discharge [Wh]. round_trip_efficiency : energy out over energy in, for equal charge
-    [1]. resistance_* : at 50 % SoC, first sample and 10 s, and means over SoC, of the first
-    samples and at 1 s [Ω]. first_delay : of the first samples into their pulses [s]. *_power_* :
-    10 s at 80, 50, 20 % SoC [W]. throughput : discharged in ageing records up to there [Ah].
-    *_change : over the first check-up, minus 1 [1]. reason : what is not known, and why.
-    """
-
-    cycle: float
-    ambient_temperature_celsius: float
-    c_rate: float
-    direction: str
-    capacity_ampere_hour: float
-    capacity_std_ampere_hour: float
-    soh: float
-    soh_std: float
-    soh_reference: str
-    energy_watt_hour: float
-    round_trip_efficiency: float
-    resistance_first_ohm: float
-    resistance_10s_ohm: float
-    resistance_mean_ohm: float
-    resistance_mean_1s_ohm: float
-    first_delay_second: float
-    discharge_power_80_watt: float
-    discharge_power_50_watt: float
-    discharge_power_20_watt: float
-    charge_power_80_watt: float
-    charge_power_50_watt: float
-    charge_power_20_watt: float
-    throughput_ampere_hour: float
-    capacity_change: float
-    energy_change: float
-    resistance_change: float
-    discharge_power_change: float
-    charge_power_change: float
-    round_trip_efficiency_change: float
-    reason: str
-
-
-class Growth(NamedTuple):
-    """Resistance at one SoC of one check-up [Ω], over the first check-up's there [1].
-
-    factor is NaN where the first check-up has no pulses around that SoC.
-    """
-
-    cycle: float
-    direction: str
-    delay_second: float
-    soc: float
-    resistance_ohm: float
-    factor: float
-    factor_std: float
 
 
 def check_ups(
@@ -117,7 +54,8 @@ def check_ups(
 
     Returns
     -------
-    rows : list of CheckUp by cycle. notes : list of sentences.
+    rows : list of dict by cycle, as of stage `checkups`; NaN where tests do not tell a rating.
+    notes : list of sentences.
 
     Raises
     ------
@@ -135,20 +73,22 @@ def check_ups(
     for cycle in cycles:
         tests = [row for row in capacities if _cycle(row) == cycle]
         pulses = [row for row in resistances if _cycle(row) == cycle]
-        found = {
-            "cycle": cycle,
-            **_capacity(counted.get(cycle)),
-            **_efficiency(tests, counted.get(cycle)),
-            **_power(pulses, lower_cutoff_volt, upper_cutoff_volt),
-            "throughput_ampere_hour": _throughput(throughputs, cycle),
-            "reason": doubts.get(cycle, ""),
-        }
-        rows.append(found)
-    notes += _as_stated(rows[0], rated_capacity_ampere_hour, state_of_health)
-    return [
-        CheckUp(**_with_soh(row, rows[0], rated_capacity_ampere_hour), **_changes(row, rows[0]))
-        for row in rows
-    ], notes
+        rows.append(
+            {"cycle": cycle}
+            | _capacity(counted.get(cycle))
+            | {"soh": np.nan, "soh_std": np.nan, "soh_reference": ""}
+            | _efficiency(tests, counted.get(cycle))
+            | _power(pulses, lower_cutoff_volt, upper_cutoff_volt)
+            | {"throughput_ampere_hour": _throughput(throughputs, cycle)}
+        )
+    notes += _as_stated(rows[0], doubts, rated_capacity_ampere_hour, state_of_health)
+    found = []
+    for row in rows:
+        reason = doubts.get(row["cycle"], "")
+        soh, reason = _soh(row, rows[0], rated_capacity_ampere_hour, reason)
+        changes = {new: float(row[name] / rows[0][name] - 1) for name, new in CHANGES.items()}
+        found.append(row | soh | changes | {"reason": reason})
+    return found, notes
 
 
 def _cycle(row):
@@ -168,6 +108,7 @@ def _at_one_temperature(capacities, resistances):
             met.setdefault(celsius, set()).add(_cycle(row))
     if not met or same_temperature(min(met), max(met)):
         return capacities, resistances, []
+    # Of temperatures as frequent the one nearest 25 °C, where most is known.
     usual = max(met, key=lambda celsius: (len(met[celsius]), -abs(celsius - 25.0)))
 
     def kept(rows):
@@ -183,21 +124,26 @@ def _at_one_temperature(capacities, resistances):
 
 def _comparable(capacities):
     """Of each check-up the capacity row at the rate and direction that most have, and doubts."""
-    kinds = {}
-    for row in capacities:
-        if not (row["capacity_ampere_hour"] and row["c_rate"]):
-            continue
-        near = [
-            key for key in kinds if key[0] == row["direction"] and same_rate(key[1], row["c_rate"])
-        ]
-        key = near[0] if near else (row["direction"], row["c_rate"])
-        kinds.setdefault(key, {}).setdefault(_cycle(row), []).append(row)
+    sized = [row for row in capacities if row["capacity_ampere_hour"] and row["c_rate"]]
+    kinds = grouped_alike(sized, _one_kind)
     if not kinds:
         return {}, {}
-    usual = max(kinds, key=lambda key: (len(kinds[key]), key[0] == "discharge", -key[1]))
-    doubts = {cycle: _doubt(cycle, rows) for cycle, rows in kinds[usual].items()}
-    counted = {cycle: rows[0] for cycle, rows in kinds[usual].items() if not doubts[cycle]}
-    return counted, doubts
+    usual = max(
+        kinds,
+        key=lambda rows: (
+            len({_cycle(row) for row in rows}),
+            rows[0]["direction"] == "discharge",
+            -rows[0]["c_rate"],
+        ),
+    )
+    by_cycle = grouped(usual, _cycle)
+    doubts = {cycle: _doubt(cycle, rows) for cycle, rows in by_cycle.items()}
+    return {cycle: rows[0] for cycle, rows in by_cycle.items() if not doubts[cycle]}, doubts
+
+
+def _one_kind(first, row):
+    same_direction = first["direction"] == row["direction"]
+    return same_direction and same_rate(first["c_rate"], row["c_rate"])
 
 
 def _doubt(cycle, rows):
@@ -214,37 +160,30 @@ def _doubt(cycle, rows):
 
 def _capacity(row):
     """Capacity of a check-up and the facts of its test."""
+    names = ("ambient_temperature_celsius", "c_rate", "direction")
+    names += ("capacity_ampere_hour", "capacity_std_ampere_hour")
     if row is None:
-        nan = np.nan
-        return {
-            "ambient_temperature_celsius": nan,
-            "c_rate": nan,
-            "direction": "",
-            "capacity_ampere_hour": nan,
-            "capacity_std_ampere_hour": nan,
-        }
+        return dict.fromkeys(names, np.nan) | {"direction": ""}
     std = row["capacity_std_ampere_hour"]
     size, repeats = row["capacity_ampere_hour"], row["repeats"]
     spread = std / np.sqrt(repeats) if std is not None and np.isfinite(std) else 0.0
     celsius = row["ambient_temperature_celsius"]
-    return {
-        "ambient_temperature_celsius": np.nan if celsius is None else celsius,
-        "c_rate": row["c_rate"],
-        "direction": row["direction"],
-        "capacity_ampere_hour": size,
-        "capacity_std_ampere_hour": float(max(spread, REPEAT_SHARE * size)),
-    }
+    celsius = np.nan if celsius is None else celsius
+    size_std = float(max(spread, REPEAT_SHARE * size))
+    return dict(zip(names, (celsius, row["c_rate"], row["direction"], size, size_std), strict=True))
 
 
-def _as_stated(first, rated, state_of_health):
+def _as_stated(first, doubts, rated, state_of_health):
     """Fill in the capacity of the first check-up where only the sheet tells it; notes."""
     stated, source = stated_capacity(rated, state_of_health)
     if not (stated and state_of_health):
         return []
     measured = first["capacity_ampere_hour"]
     if not np.isfinite(measured):
-        first |= {"capacity_ampere_hour": stated, "soh_reference": STATED, "reason": ""}
+        first |= {"capacity_ampere_hour": stated, "soh_reference": STATED}
+        doubts[first["cycle"]] = ""
         return [f"capacity of the first check-up: {stated:.4g} Ah, {source}; no test measures it"]
+    # What was measured goes before what somebody stated.
     if abs(measured / stated - 1) > SAME_CAPACITY:
         return [
             f"cells.tsv states a state of health of {state_of_health:g}, {stated:.4g} Ah; the "
@@ -265,6 +204,7 @@ def _efficiency(tests, counted):
     if not whole:
         return {"energy_watt_hour": np.nan, "round_trip_efficiency": np.nan}
     rate = counted["c_rate"] if counted else 0.5
+    # Efficiency falls with the rate: that of the capacity that counts.
     pair = min(whole, key=lambda one: abs(np.log(one["discharge"]["c_rate"] / rate)))
     discharge, charge = pair["discharge"], pair.get("charge")
     efficiency = np.nan
@@ -272,6 +212,7 @@ def _efficiency(tests, counted):
         mean = [
             row["energy_watt_hour"] / row["capacity_ampere_hour"] for row in (discharge, charge)
         ]
+        # Mean voltages, for a charge is rarely closed to a percent of charge.
         efficiency = mean[0] / mean[1]
     return {"energy_watt_hour": discharge["energy_watt_hour"], "round_trip_efficiency": efficiency}
 
@@ -286,12 +227,11 @@ def _power(pulses, low, high):
         found[name] = mean_over_soc(socs, ohms)
     first = [row["actual_delay_second"] for row in _course(pulses, "discharge", 0)]
     found["first_delay_second"] = float(np.median(first)) if first else np.nan
-    for soc in POWER_SOCS:
-        name = f"power_{100 * soc:.0f}_watt"
-        resistance, rest = _at(pulses, "discharge", 10, soc)
-        found[f"discharge_{name}"] = np.nan if low is None else low * (rest - low) / resistance
-        resistance, rest = _at(pulses, "charge", 10, soc)
-        found[f"charge_{name}"] = np.nan if high is None else high * (high - rest) / resistance
+    for direction, limit, sign in (("discharge", low, 1), ("charge", high, -1)):
+        for soc in (0.8, 0.5, 0.2):
+            resistance, rest = _at(pulses, direction, 10, soc)
+            power = np.nan if limit is None else limit * sign * (rest - limit) / resistance
+            found[f"{direction}_power_{100 * soc:.0f}_watt"] = power
     return found
 
 
@@ -302,7 +242,8 @@ def _at(pulses, direction, delay, soc):
         return np.nan, np.nan
     socs = np.array([row["soc"] for row in rows])
     after = int(np.searchsorted(socs, soc))
-    if not 0 < after < len(socs) or min(abs(socs - soc)) > SOC_REACH:
+    # Pulses each 30 % of SoC or closer tell what lies between them.
+    if not 0 < after < len(socs) or min(abs(socs - soc)) > 0.15:
         return np.nan, np.nan
     return tuple(
         float(np.interp(soc, socs, [row[name] for row in rows]))
@@ -312,15 +253,7 @@ def _at(pulses, direction, delay, soc):
 
 def _course(pulses, direction, delay):
     """Pulses of one direction and delay whose SoC is known, by SoC."""
-    rows = [
-        row
-        for row in pulses
-        if row["direction"] == direction
-        and row["delay_second"] == delay
-        and row["soc"] is not None
-        and np.isfinite(row["soc"])
-    ]
-    return sorted(rows, key=lambda row: row["soc"])
+    return sorted(pulses_of_kind(pulses, direction, delay), key=lambda row: row["soc"])
 
 
 def _throughput(throughputs, cycle):
@@ -332,37 +265,27 @@ def _throughput(throughputs, cycle):
     return float(max(reached)) if reached and beyond else np.nan
 
 
-def _with_soh(row, first, rated):
-    """A check-up's row with its state of health and what that refers to."""
+def _soh(row, first, rated, reason):
+    """State of health of a check-up with what it refers to, and why it is not known."""
     own, fresh = row["capacity_ampere_hour"], first["capacity_ampere_hour"]
-    if row.get("soh_reference") == STATED:
+    if row["soh_reference"] == STATED:
         # How well the sheet's number is known it does not say.
-        return row | {"soh": own / rated, "soh_std": np.nan}
+        return {"soh": own / rated, "soh_std": np.nan}, reason
     reference, word = (fresh, "first check-up") if first["cycle"] == 0 else (rated, "rating")
-    if first.get("soh_reference") == STATED:  # the rate of that capacity is not known
+    if first["soh_reference"] == STATED:  # the rate of that capacity is not known
         reference, word = rated, "rating"
-    reason = row["reason"]
     if not reason and not np.isfinite(own):
         reason = "no capacity at the rate and direction that the other check-ups have"
     elif not reason and (reference is None or not np.isfinite(reference)):
         reason, word = "neither a fresh capacity nor a rating: state of health not knowable", ""
-    known = not reason
-    soh = own / reference if known else np.nan
-    share = row["capacity_std_ampere_hour"] / own if known else np.nan
-    std = soh * share * (np.sqrt(2) if word == "first check-up" else 1.0)
-    if known and row is first and first["cycle"] == 0:
-        std = 0.0
-    return row | {
-        "soh": soh,
-        "soh_std": std,
-        "soh_reference": word,
-        "reason": reason,
-    }
-
-
-def _changes(row, first):
-    """Change of each quantity since the first check-up."""
-    return {new: float(row[name] / first[name] - 1) for name, new in CHANGES.items()}
+    soh = std = np.nan
+    if not reason:
+        soh = own / reference
+        # Over a measured capacity both scatter; the first check-up is what it refers to.
+        std = soh * row["capacity_std_ampere_hour"] / own
+        std *= np.sqrt(2) if word == "first check-up" else 1.0
+        std = 0.0 if row is first and first["cycle"] == 0 else std
+    return {"soh": soh, "soh_std": std, "soh_reference": word}, reason
 
 
 def resistance_growth(resistances, capacities=()):
@@ -376,8 +299,8 @@ def resistance_growth(resistances, capacities=()):
 
     Returns
     -------
-    rows : list of Growth; the first check-up's resistance is interpolated over SoC between its
-        pulses, no further.
+    rows : list of dict as of stage `resistance_growth`; the first check-up's resistance is
+        interpolated over SoC between its pulses, no further, so that its factor may be NaN.
 
     Raises
     ------
@@ -386,19 +309,14 @@ def resistance_growth(resistances, capacities=()):
     Source: thesis 4.3 (fourfold at the end of life).
     """
     _, rows, _ = _at_one_temperature(list(capacities), resistances)
-    kinds = sorted({(row["direction"], row["delay_second"]) for row in rows}, reverse=True)
-    found = [one for kind in kinds for one in _growths(rows, *kind)]
+    by_cycle, found = sorted(grouped(rows, _cycle).items()), []
+    for kind in sorted({(row["direction"], row["delay_second"]) for row in rows}, reverse=True):
+        courses = [(cycle, _course(pulses, *kind)) for cycle, pulses in by_cycle]
+        fresh = courses[0][1]
+        found += [_growth(cycle, row, fresh) for cycle, course in courses for row in course]
     if not found:
         raise Refusal("no pulse of any check-up has a known state of charge")
     return found
-
-
-def _growths(rows, direction, delay):
-    """Pulses of one direction and delay, each beside the first check-up's."""
-    cycles = sorted({_cycle(row) for row in rows})
-    courses = [_course([r for r in rows if _cycle(r) == c], direction, delay) for c in cycles]
-    pairs = zip(cycles, courses, strict=True)
-    return [_growth(cycle, row, courses[0]) for cycle, course in pairs for row in course]
 
 
 def _growth(cycle, row, fresh):
@@ -410,12 +328,12 @@ def _growth(cycle, row, fresh):
         base_std = np.interp(row["soc"], socs, [other["resistance_std_ohm"] for other in fresh])
         factor = row["resistance_ohm"] / base
         std = factor * np.hypot(row["resistance_std_ohm"] / row["resistance_ohm"], base_std / base)
-    return Growth(
-        cycle,
-        row["direction"],
-        float(row["delay_second"]),
-        row["soc"],
-        row["resistance_ohm"],
-        float(factor),
-        float(std),
-    )
+    return {
+        "cycle": cycle,
+        "direction": row["direction"],
+        "delay_second": float(row["delay_second"]),
+        "soc": row["soc"],
+        "resistance_ohm": row["resistance_ohm"],
+        "factor": float(factor),
+        "factor_std": float(std),
+    }

@@ -4,13 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.fade import courses, recovery
+from cellwright.health.fade import LEAST_LOSS, courses, recovery
 
 HORIZON = 6.0  # lives so far, up to which a course is carried forward
-STEPS = 240  # of the future
-EXPONENT_STD = 0.35  # by which the exponent of the fade to come differs from that so far
-KNEE_RATIOS = (1.5, 12.0)  # of the fade beyond a knee to that before it
-LEAST_SEEN = 0.02  # of the capacity: of a smaller loss nothing is carried forward [1]
 
 
 class Remaining(NamedTuple):
@@ -32,11 +28,7 @@ class Remaining(NamedTuple):
     reason: str
 
 
-# ASSUME: Unless a knee has been seen, one may lie ahead: that none lies before cycle m has the
-# chance n/m, n the cycles so far. The fade beyond it is 1.5 to 12 times as fast (log-uniform).
-# ASSUME: The fade to come follows the law so far times (m/n)^d, d normal with deviation 0.35; the
-# square root law lies at −0.5 from the straight one.
-def remaining_of(fade, drawn, knee, *, end_of_life, start_ampere_hour=None, level=0.95, seed=1):
+def remaining_of(fade, drawn, knee, *, end_of_life, level=0.95):
     """Cycles that remain until capacity is `end_of_life` of what it was at the start.
 
     Each law that the data allow is carried forward, in the place of one draw. What the law does
@@ -49,8 +41,7 @@ def remaining_of(fade, drawn, knee, *, end_of_life, start_ampere_hour=None, leve
     Parameters
     ----------
     fade : fade.Fade. drawn : fade.Draws. knee : knee.Knee. end_of_life : share of the capacity
-    [1]. start_ampere_hour : what the share refers to [Ah], None: the course at the first cycle.
-    level : of the interval. seed : of the draws.
+    by the course at the first cycle [1]. level : of the interval.
 
     Returns
     -------
@@ -60,7 +51,8 @@ def remaining_of(fade, drawn, knee, *, end_of_life, start_ampere_hour=None, leve
     ratios: P. M. Attia et al., J. Electrochem. Soc. 169 (2022) 060517.
     """
     points = fade.points
-    start, now, soh, soh_std = _state(fade, drawn, start_ampere_hour)
+    start, now, soh, soh_std = _state(fade, drawn)
+    # Of each draw its own start: errors of start and end hang together.
     target = end_of_life * start
     last = float(points.cycle[-1])
     median = np.median(courses(drawn, points.share), axis=0) + recovery(fade)
@@ -70,16 +62,16 @@ def remaining_of(fade, drawn, knee, *, end_of_life, start_ampere_hour=None, leve
         at = float(points.cycle[below[0]]) if len(below) else last
         return Remaining(0.0, 0.0, 0.0, at, True, soh, soh_std, "")
     lost = median.max() - np.median(now)
-    if np.median(now) > median[0] + max(LEAST_SEEN, 2 * soh_std) / 2:
+    if np.median(now) > median[0] + max(LEAST_LOSS, 2 * soh_std) / 2:
         return unknown._replace(
             reason=f"capacity grows ({100 * (soh - 1):+.1f} %): no fade to carry forward"
         )
-    if lost < LEAST_SEEN:
+    if lost < LEAST_LOSS:
         return unknown._replace(
-            reason=f"{100 * lost:.1f} % lost so far, less than {100 * LEAST_SEEN:g} %: "
+            reason=f"{100 * lost:.1f} % lost so far, less than {100 * LEAST_LOSS:g} %: "
             "remaining cycles are not knowable"
         )
-    crossing = _crossings(fade, drawn, now, target, knee, np.random.default_rng(seed))
+    crossing = _crossings(drawn, now, target, knee, np.random.default_rng(1))
     limits = [(1 - level) / 2, 0.5, (1 + level) / 2]
     low, middle, high = np.quantile(crossing, limits, method="inverted_cdf")
     if not np.isfinite(middle):
@@ -94,26 +86,27 @@ def remaining_of(fade, drawn, knee, *, end_of_life, start_ampere_hour=None, leve
     return Remaining(*cycles, last + cycles[0], False, soh, soh_std, open_end)
 
 
-def _state(fade, drawn, start_ampere_hour):
+def _state(fade, drawn):
     """Capacity at the start and now, over the scale, of each draw; state of health and its std."""
-    ends = courses(drawn, fade.points.share[[0, -1]])
-    start = ends[:, 0]
-    if start_ampere_hour is not None:
-        start = np.full(len(start), start_ampere_hour / fade.points.scale_ampere_hour)
+    start, end = courses(drawn, fade.points.share[[0, -1]]).T
     # Noise that remembers itself is where the cell is; noise that does not is the reading's.
     steps = np.diff(fade.points.place)
     carried = drawn.correlation ** float(np.median(steps))
     returned, third = recovery(fade), max(len(steps) // 3, 1)
-    start = start + (np.mean(returned[:third]) if start_ampere_hour is None else 0.0)
-    now = ends[:, 1] + carried * drawn.last + np.mean(returned[-third:])
+    start = start + np.mean(returned[:third])
+    now = end + carried * drawn.last + np.mean(returned[-third:])
     share = now / start
     return start, now, float(np.median(share)), float(np.std(share))
 
 
-def _crossings(fade, drawn, now, target, knee, random):
+# ASSUME: Unless a knee has been seen, one may lie ahead: that none lies before cycle m has the
+# chance n/m, n the cycles so far. The fade beyond it is 1.5 to 12 times as fast (log-uniform).
+# ASSUME: The fade to come follows the law so far times (m/n)^d, d normal with deviation 0.35; the
+# square root law lies at −0.5 from the straight one.
+def _crossings(drawn, now, target, knee, random):
     """Share of the life so far after which each draw falls below the target; inf: never."""
     count = len(now)
-    ratio = np.geomspace(1.0, HORIZON, STEPS)
+    ratio = np.geomspace(1.0, HORIZON, 240)
     ahead = courses(drawn, ratio)
     steps = -np.diff(ahead, axis=1)
     middle = np.sqrt(ratio[1:] * ratio[:-1])
@@ -121,11 +114,12 @@ def _crossings(fade, drawn, now, target, knee, random):
     pace = steps[:, :1] / (ratio[1] - ratio[0])
     slowest = pace * (np.diff(ratio) / middle)[None, :]
     steps = np.where(pace > 0, np.maximum(steps, slowest), steps)
-    slope = random.normal(0.0, EXPONENT_STD, count)
+    slope = random.normal(0.0, 0.35, count)
+    # A power of the cycle ratio: the law of the past holds less the further ahead.
     steps = steps * middle[None, :] ** slope[:, None]
     if not knee.found:
         place = 1 / random.uniform(0.0, 1.0, count)
-        faster = np.exp(random.uniform(*np.log(KNEE_RATIOS), count))
+        faster = np.exp(random.uniform(*np.log((1.5, 12.0)), count))
         steps = steps * np.where(middle[None, :] > place[:, None], faster[:, None], 1.0)
     level = now[:, None] - np.cumsum(steps, axis=1)
     below = level <= target[:, None]

@@ -1,31 +1,12 @@
 """The table of health: one row a check-up or cycle and method, from what each method found."""
 
-from typing import NamedTuple
-
 import numpy as np
 
-LOST = ("lli", "lam_negative", "lam_positive")
-NEAR = 7  # discharges around a check-up whose median tells the capacity there
-CHECK_UP, CYCLES, MODES, PEAKS = "check-up", "ageing cycles", "degradation modes", "dQ/dV peaks"
+from cellwright.health.electrodes.names import MODES as LOST
+
+METHODS = ("check-up", "ageing cycles", "degradation modes", "dQ/dV peaks")
+CHECK_UP, CYCLES, MODES, PEAKS = METHODS
 DISAGREE = "capacity and peaks of this check-up disagree"  # so a row's reason says it
-
-
-class HealthRow(NamedTuple):
-    """State of health of one cell at one cycle by one method; NaN where the method tells nothing.
-
-    knee_cycle, remaining_cycles : of the cell's life, the latter from this cycle on.
-    """
-
-    cycle: float
-    capacity_ampere_hour: float
-    soh: float
-    method: str
-    soh_std: float
-    knee_cycle: float = np.nan
-    remaining_cycles: float = np.nan
-    lli: float = np.nan
-    lam_negative: float = np.nan
-    lam_positive: float = np.nan
 
 
 def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
@@ -40,28 +21,30 @@ def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
 
     Returns
     -------
-    rows : list of HealthRow by method and cycle. Where cells were cycled: their state at each
-        check-up's cycle and at the last one.
+    rows : list of dict as of stage `health`, by method and cycle; NaN where a method tells nothing.
+        Where cells were cycled: their state at each check-up's cycle and at the last one.
     """
-    knee = life["knee_cycle"] if life else np.nan
-    end = life["end_of_life_cycle"] if life else np.nan
+    trusted = [row for row in peaks if DISAGREE not in row["reason"]]
     rows = [
-        HealthRow(row["cycle"], row["capacity_ampere_hour"], row["soh"], CHECK_UP, row["soh_std"])
-        for row in check_ups
+        _row(row["cycle"], row["capacity_ampere_hour"], row["soh"], method, row["soh_std"])
+        for method, found in ((CHECK_UP, check_ups), (PEAKS, trusted))
+        for row in found
         if np.isfinite(row["capacity_ampere_hour"])
     ]
     if life:
         rows += _of_cycles(life, course, [row["cycle"] for row in check_ups])
-    told = sorted(modes, key=lambda row: row["cycle"])
-    rows += [_of_modes(row, told[0]) for row in told if any(np.isfinite(row[m]) for m in LOST)]
-    rows += [
-        HealthRow(row["cycle"], row["capacity_ampere_hour"], row["soh"], PEAKS, row["soh_std"])
-        for row in peaks
-        if np.isfinite(row["capacity_ampere_hour"]) and DISAGREE not in row["reason"]
-    ]
-    return [
-        row._replace(knee_cycle=knee, remaining_cycles=max(end - row.cycle, 0.0)) for row in rows
-    ]
+    by_age = sorted(modes, key=lambda row: row["cycle"])
+    rows += [_of_modes(row, by_age[0]) for row in by_age if any(np.isfinite(row[m]) for m in LOST)]
+    for row in rows if life else ():
+        row["knee_cycle"] = life["knee_cycle"]
+        row["remaining_cycles"] = max(life["end_of_life_cycle"] - row["cycle"], 0.0)
+    return sorted(rows, key=lambda row: METHODS.index(row["method"]))
+
+
+def _row(cycle, capacity, soh, method, soh_std):
+    about = {"cycle": cycle, "capacity_ampere_hour": capacity, "soh": soh}
+    lacking = dict.fromkeys(("knee_cycle", "remaining_cycles", *LOST), np.nan)
+    return about | {"method": method, "soh_std": soh_std} | lacking
 
 
 def _of_cycles(life, course, wanted):
@@ -75,18 +58,19 @@ def _of_cycles(life, course, wanted):
     start, start_std = life["start_ampere_hour"], life["start_std_ampere_hour"]
     rows = []
     for at in (at for at in wanted if cycle[0] <= at < cycle[-1]):
-        near = capacity[np.argsort(np.abs(cycle - at), kind="stable")[:NEAR]]
+        near = capacity[np.argsort(np.abs(cycle - at), kind="stable")[:7]]
         size = float(np.median(near))
         # Of a median of few; neighbours are not independent, so no less than their scatter.
         spread = float(np.std(near))
+        # The share's error: of the capacity, and of what it is a share of.
         std = float(np.hypot(spread / start, size / start * start_std / start))
-        rows.append(HealthRow(float(at), size, size / start, CYCLES, std))
-    last = life["last_cycle"]
-    return [*rows, HealthRow(last, life["soh"] * start, life["soh"], CYCLES, life["soh_std"])]
+        rows.append(_row(float(at), size, size / start, CYCLES, std))
+    end = _row(life["last_cycle"], life["soh"] * start, life["soh"], CYCLES, life["soh_std"])
+    return [*rows, end]
 
 
 def _of_modes(row, fresh):
     """A row of degradation modes; its state of health over the first one by the same method."""
     size = row["capacity_ampere_hour"]
-    base = HealthRow(row["cycle"], size, size / fresh["capacity_ampere_hour"], MODES, np.nan)
-    return base._replace(**{name: row[name] for name in LOST})
+    own = _row(row["cycle"], size, size / fresh["capacity_ampere_hour"], MODES, np.nan)
+    return own | {name: row[name] for name in LOST}

@@ -6,20 +6,19 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import (
-    Points,
     first_check_up,
     grouped,
     preferred_rate,
+    pulses_of_kind,
     rate_classes,
     resistance_points,
+    without_rate,
 )
 from cellwright.laws.temperature import fit_laws
 from cellwright.numerics.statistics import robust_std
 from cellwright.settings import Temperature
 
 TEMPERATURE = Temperature()
-
-OUTLIER = 4.0  # robust standard deviations from the law
 
 
 class CellPoint(NamedTuple):
@@ -50,29 +49,24 @@ def points_of_type(
 
     Returns
     -------
-    points : Points of CellPoint; a note names the temperatures that have no pulse of the rate.
+    points : list of CellPoint. notes : list of sentences on temperatures without a pulse of the
+        rate.
     """
     # ASSUME: Which cell of a type was tested at which temperature is chance.
-    cell_points, notes = [], []
+    points, notes, young = [], [], first_check_up(rows)
     for direction, delay in product(("discharge", "charge"), delay_second):
-        pulses = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
-        pulses = [
-            row for row in pulses if row["direction"] == direction and row["delay_second"] == delay
-        ]
-        kept, note = _one_class(pulses, c_rate)
+        kept, note = _one_class(pulses_of_kind(young, direction, delay), c_rate)
         notes += [f"{direction}, {delay:g} s: {note}"] if note else []
         for cell, cell_rows in grouped(kept, lambda row: row["cell"]).items():
-            points = resistance_points(
-                cell_rows, delay_second=(delay,), c_rate=c_rate, soc=soc
-            ).points
-            cell_points += [CellPoint(cell, *point._replace(std=np.nan)) for point in points]
-    points = [
-        point._replace(
-            quantity=f"{point.quantity}, across cells", family=f"{point.family}, across cells"
-        )
-        for point in cell_points
-    ]
-    return Points(points, notes)
+            found, _ = resistance_points(cell_rows, delay_second=(delay,), c_rate=c_rate, soc=soc)
+            points += [_across_cells(cell, point) for point in found]
+    return points, notes
+
+
+def _across_cells(cell, point):
+    """A cell's point among those of its type; its own error is no weight."""
+    quantity, family = (f"{name}, across cells" for name in (point.quantity, point.family))
+    return CellPoint(cell, *point._replace(quantity=quantity, family=family, std=np.nan))
 
 
 def _one_class(rows, c_rate):
@@ -82,9 +76,7 @@ def _one_class(rows, c_rate):
         return [], ""
     reached = {rate: _temperatures(same_rate) for rate, same_rate in classes.items()}
     rate = preferred_rate(reached, c_rate)
-    missing = sorted(_temperatures(rows) - reached[rate])
-    where = ", ".join(f"{celsius:g}" for celsius in missing)
-    return classes[rate], f"no pulse at {rate:.2g}C at {where} °C, left out" if missing else ""
+    return classes[rate], without_rate(rate, sorted(_temperatures(rows) - reached[rate]))
 
 
 def _temperatures(rows):
@@ -92,27 +84,21 @@ def _temperatures(rows):
 
 
 def sentences_of_type(points):
-    """Spread between cells of a type, outlying cells, and the law without them, in words.
-
-    Parameters
-    ----------
-    points : list of CellPoint.
-
-    Returns
-    -------
-    text : list of str, one a quantity.
-    """
+    """Spread of the cells of a type, outliers, the law without them; one sentence a quantity."""
     return [_sentence(*entry) for entry in grouped(points, lambda p: p.quantity).items()]
 
 
 def _sentence(quantity, points):
     """Spread, outliers and activation energy of one quantity in words."""
-    celsius, value = (np.array([getattr(p, name) for p in points]) for name in NUMBERS)
+    celsius = np.array([point.temperature_celsius for point in points])
+    value = np.array([point.value for point in points])
+    # Cells of a type differ by factors: in size, in contact.
     off = np.log(value)
     for level in np.unique(celsius):
         off[celsius == level] -= np.median(off[celsius == level])
     spread = robust_std(off)
-    apart = (np.abs(off) > OUTLIER * spread) & (spread > 0)
+    # Four standard deviations: of some tens of sound cells none lies so far off by chance.
+    apart = (np.abs(off) > 4.0 * spread) & (spread > 0)
     text = (
         f"{quantity}: {len({p.member for p in points})} cells that differ by {100 * spread:.1f} % "
         f"at one temperature; {_energy(celsius, value)}"
@@ -123,9 +109,6 @@ def _sentence(quantity, points):
     stand = "stands" if len(names) == 1 else "stand"
     without = _energy(celsius[~apart], value[~apart])
     return f"{text}; {', '.join(names)} {stand} apart, without: {without}"
-
-
-NUMBERS = ("temperature_celsius", "value")
 
 
 def _energy(celsius, value):

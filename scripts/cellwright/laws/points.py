@@ -27,25 +27,15 @@ class Point(NamedTuple):
     soc: float = np.nan
 
 
-class Points(NamedTuple):
-    """Points, and a sentence on everything that was left out or mixed."""
-
-    points: list
-    notes: list
-
-
 def capacity_points(rows):
-    """Discharge capacity at each temperature [Ah], one quantity per rate.
+    """Points of discharge capacity at each temperature [Ah], one quantity per rate.
 
     Parameters
     ----------
     rows : list of dict, rows of stage `capacity` with ambient_temperature_celsius and cycle.
-
-    Returns
-    -------
-    points : list of Point.
     """
     points, rates = [], []
+    # Sorted, so that names of rates do not depend on the order of the files.
     for row in sorted(
         first_check_up(rows), key=lambda r: (r["ambient_temperature_celsius"], r["c_rate"])
     ):
@@ -80,7 +70,8 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
 
     Returns
     -------
-    points : Points, each with the standard deviation of its fit; what was left out.
+    points : list of Point, each with the standard deviation of its fit.
+    notes : list of sentences on what was left out.
     """
     with_soc = [
         row for row in first_check_up(rows) if row["soc"] is not None and np.isfinite(row["soc"])
@@ -106,7 +97,7 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
         vague = len(with_soc) - len(determined)
         count = f"{vague} of {len(with_soc)} spectra"
         notes += [f"{what}, {how}: {count} do not determine it"] if vague else []
-    return Points(points, notes)
+    return points, notes
 
 
 def level_means(values, *, apart):
@@ -126,11 +117,9 @@ def level_means(values, *, apart):
 
 
 def first_check_up(rows):
-    """Rows of known temperature from the earliest check-up: age must not pass for temperature.
+    """Those `rows` (dicts) of known ambient_temperature_celsius that are of the earliest check-up.
 
-    Parameters
-    ----------
-    rows : list of dict with ambient_temperature_celsius and cycle.
+    Age must not pass for temperature.
     """
     with_temperature = [row for row in rows if row["ambient_temperature_celsius"] is not None]
     young = in_first_checkup([row["cycle"] for row in with_temperature])
@@ -158,30 +147,46 @@ def mean_per_temperature(points):
 
 
 def grouped(items, key):
-    """Items by a key of each, in the order in which the keys first appear: dict.
-
-    Parameters
-    ----------
-    items : sequence. key : function (item) → the name of its group.
-    """
+    """Lists of items by `key(item)`, in the order in which the keys first appear: dict."""
     groups = {}
     for item in items:
         groups.setdefault(key(item), []).append(item)
     return groups
 
 
+def grouped_alike(items, alike):
+    """Lists of items, each in the first list whose first member is `alike` to it, else a new one.
+
+    For what is compared with a tolerance: `alike(first, item)` need not be an equivalence.
+    """
+    groups = []
+    for item in items:
+        group = next((group for group in groups if alike(group[0], item)), None)
+        if group is None:
+            groups.append([item])
+        else:
+            group.append(item)
+    return groups
+
+
 def with_enough_temperatures(points, *, temperatures=3):
     """Points of the quantities that are known at so many temperatures or more."""
-    groups = grouped(points, lambda point: point.quantity)
-    tested = {
-        name: len({point.temperature_celsius for point in same_quantity})
-        for name, same_quantity in groups.items()
-    }
-    return [point for point in points if tested[point.quantity] >= temperatures]
+    tested = {}
+    for point in points:
+        tested.setdefault(point.quantity, set()).add(point.temperature_celsius)
+    return [point for point in points if len(tested[point.quantity]) >= temperatures]
 
 
-REACH_SOC = 0.12  # how far the pulses on either side of a state of charge may lie
-NEAR_SOC = 0.05  # how far a single pulse may lie
+def pulses_of_kind(rows, direction, delay_second):
+    """Those `rows` of stage `resistance` that are of one direction and delay and have a SoC."""
+    return [
+        row
+        for row in rows
+        if row["direction"] == direction
+        and row["delay_second"] == delay_second
+        and row["soc"] is not None
+        and np.isfinite(row["soc"])
+    ]
 
 
 def resistance_points(
@@ -204,12 +209,11 @@ def resistance_points(
 
     Returns
     -------
-    points : Points, and what was left out or mixed.
+    points : list of Point. notes : list of sentences on what was left out or mixed.
     """
-    with_soc = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
-    points, notes = [], []
+    points, notes, young = [], [], first_check_up(rows)
     for direction, delay, level in product(("discharge", "charge"), delay_second, soc):
-        pulses = [r for r in with_soc if r["direction"] == direction and r["delay_second"] == delay]
+        pulses = pulses_of_kind(young, direction, delay)
         courses = {
             rate: _resistance_over_temperature(same_rate, level)
             for rate, same_rate in rate_classes(pulses).items()
@@ -223,7 +227,7 @@ def resistance_points(
             for celsius in sorted(chosen)
         ]
         notes += [f"{quantity}: {note}"] if note else []
-    return Points(points, notes)
+    return points, notes
 
 
 def resistance_name(direction, delay_second):
@@ -234,25 +238,19 @@ def resistance_name(direction, delay_second):
 
 def rate_classes(rows):
     """Median rate → its rows; a class ends where the next rate is no longer the same."""
-    classes = []
-    for row in sorted(rows, key=lambda row: row["c_rate"]):
-        if row["c_rate"] <= 0:
-            continue
-        if not classes or not same_rate(row["c_rate"], classes[-1][-1]["c_rate"]):
+    classes, last = [], np.nan
+    for row in sorted((row for row in rows if row["c_rate"] > 0), key=lambda row: row["c_rate"]):
+        if not same_rate(row["c_rate"], last):
             classes.append([])
         classes[-1].append(row)
-    return {
-        float(np.median([row["c_rate"] for row in rate_class])): rate_class
-        for rate_class in classes
-    }
+        last = row["c_rate"]
+    return {float(np.median([row["c_rate"] for row in alike])): alike for alike in classes}
 
 
 def preferred_rate(reached, c_rate):
-    """Rate with the most temperatures (or other entries), of equals the nearest to `c_rate` [1/h].
+    """Rate with the most entries, such as temperatures, of equals the nearest to `c_rate` [1/h].
 
-    Parameters
-    ----------
-    reached : dict, rate → collection, such as its temperatures; not empty. c_rate : [1/h].
+    `reached` : dict, rate → its entries; not empty.
     """
     return max(_by_distance(reached, c_rate), key=lambda rate: len(reached[rate]))
 
@@ -276,11 +274,9 @@ def _at_one_rate(courses, c_rate):
     everywhere = sorted({celsius for course in courses.values() for celsius in course})
     rate = preferred_rate(courses, c_rate)
     missing = [celsius for celsius in everywhere if celsius not in courses[rate]]
-    if not missing:
-        return courses[rate], ""
-    if len(courses[rate]) >= 3:
-        where = ", ".join(f"{celsius:g}" for celsius in missing)
-        return courses[rate], f"no pulse at {rate:.2g}C at {where} °C, left out"
+    if not missing or len(courses[rate]) >= 3:
+        return courses[rate], without_rate(rate, missing)
+    # Better currents that differ than no law at all; the note says so.
     nearest = _by_distance(courses, c_rate)
     used = {c: next(rate for rate in nearest if c in courses[rate]) for c in everywhere}
     rates = f"{min(used.values()):.2g}C to {max(used.values()):.2g}C"
@@ -289,14 +285,22 @@ def _at_one_rate(courses, c_rate):
     return mixed, note if len(everywhere) >= 3 else ""
 
 
+def without_rate(rate, temperatures):
+    """Note on temperatures [°C] that have no pulse of a rate [1/h]; "" where there are none."""
+    where = ", ".join(f"{celsius:g}" for celsius in temperatures)
+    return f"no pulse at {rate:.2g}C at {where} °C, left out" if where else ""
+
+
 def _interpolated(rows, level):
     """Resistance and its std [ohm] at a SoC, between the pulses on either side of it."""
     rows = sorted(rows, key=lambda row: row["soc"])
-    below = [row for row in rows if level - REACH_SOC <= row["soc"] <= level]
-    above = [row for row in rows if level <= row["soc"] <= level + REACH_SOC]
+    # Over 12 % of SoC resistance is straight enough; one pulse alone stands for 5 %.
+    below = [row for row in rows if level - 0.12 <= row["soc"] <= level]
+    above = [row for row in rows if level <= row["soc"] <= level + 0.12]
     if below and above:
         low, high = below[-1], above[0]
         width = high["soc"] - low["soc"]
+        # Two pulses at one SoC: their mean.
         share = (level - low["soc"]) / width if width > 0 else 0.5
         (ohm, std), (more, other) = (
             [part * row[name] for name in RESISTANCE]
@@ -304,7 +308,7 @@ def _interpolated(rows, level):
         )
         return float(ohm + more), float(np.hypot(std, other))
     nearest = min(rows, key=lambda row: abs(row["soc"] - level))
-    if abs(nearest["soc"] - level) > NEAR_SOC:
+    if abs(nearest["soc"] - level) > 0.05:
         return None
     return tuple(nearest[name] for name in RESISTANCE)
 
@@ -317,15 +321,12 @@ def fast_charge_points(rows):
 
     Parameters
     ----------
-    rows : list of dict, of stage `fast_charge` with ambient_temperature_celsius and cycle.
+    rows : list of dict, of stage `fast_charge` with ambient_temperature_celsius and cycle; of the
+        earliest check-up those from empty count.
 
     Returns
     -------
-    points : list of Point: share charged in the minutes asked for, the ratio of charged to not
-        charged (which the resistance sets once the voltage limits the charge, so that it may
-        follow an Arrhenius law where the share, bounded by 1, cannot), the share at constant
-        current, minutes to 80 % where that was reached; from empty and of the earliest check-up
-        only.
+    points : list of Point.
     """
     charges = sorted(
         (row for row in first_check_up(rows) if row["from_empty"]),
@@ -346,6 +347,8 @@ def fast_charge_points(rows):
 def _quantities(row):
     """Name, unit and value of each quantity of one fast charge."""
     yield f"share charged in {row['minutes']:g} min", "1", row["share"]
+    # Once the voltage limits the charge, the resistance sets the ratio of charged to not charged:
+    # it may follow an Arrhenius law where the share, bounded by 1, cannot.
     if row["share"] < 1:
         ratio = row["share"] / (1 - row["share"])
         yield f"charged over not charged in {row['minutes']:g} min", "1", ratio

@@ -1,17 +1,15 @@
 """Polarisation over SoC and temperature: which rests compare, their course, laws and words."""
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import first_check_up
-from cellwright.laws.temperature import Law, fit_laws, rows_of
+from cellwright.laws.points import first_check_up, grouped, grouped_alike
+from cellwright.laws.temperature import Law, fit_laws, left_out_rmse, rows_of
 from cellwright.numerics.lines import fit_line
-from cellwright.numerics.statistics import r_squared, rms
+from cellwright.numerics.statistics import r_squared
 from cellwright.refusal import Refusal
-
-FEWEST_TEMPERATURES = 3
-FEWEST_SOC = 4
 
 
 def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
@@ -59,8 +57,8 @@ def soc_lines(soc, value, *, unit, level=0.95):
     Source: thesis sec. 3.3: below 50 % SoC a and b are proportional to SoC in the cold.
     """
     soc, value = np.asarray(soc, float), np.asarray(value, float)
-    if len(soc) < FEWEST_SOC or np.ptp(soc) == 0:
-        raise Refusal(f"{len(soc)} value(s) over SoC; a line that is tested needs {FEWEST_SOC}")
+    if len(soc) < 4 or np.ptp(soc) == 0:
+        raise Refusal(f"{len(soc)} value(s) over SoC; a line that is tested needs 4")
     names = ("slope", "value_at_soc_0"), ("slope",)
     free = _over_soc("linear over SoC", names[0], unit, soc, value, level)
     tied = _over_soc("proportional to SoC", names[1], unit, soc, value, level)
@@ -73,10 +71,11 @@ def soc_lines(soc, value, *, unit, level=0.95):
 def _over_soc(law, names, unit, soc, value, level):
     """Line over SoC (one name: through zero) with its error at values left out."""
     columns = np.vander(soc, 2)[:, : len(names)]
-    line, errors = fit_line(columns, value), []
-    for k in range(len(value)):
-        kept = np.arange(len(value)) != k
-        errors.append(columns[k] @ fit_line(columns[kept], value[kept]).values - value[k])
+    line = fit_line(columns, value)
+
+    def errors(out):
+        return columns[out] @ fit_line(columns[~out], value[~out]).values - value[out]
+
     return Law(
         law,
         names,
@@ -85,7 +84,7 @@ def _over_soc(law, names, unit, soc, value, level):
         line.std,
         *line.interval(level=level),
         r_squared=r_squared(value, columns @ line.values),
-        cross_validation_rmse=rms(errors),
+        cross_validation_rmse=left_out_rmse(errors, np.arange(len(value)), parameters=len(names)),
         chosen=False,
         reason="",
     )
@@ -114,32 +113,18 @@ def _p_value(value, std, degrees_of_freedom):
 
 
 QUANTITIES = {"a": "V", "b": "V", "tau1": "s", "tau2": "s"}
-COLUMN = {"a": "a_volt", "b": "b_volt", "tau1": "tau1_second", "tau2": "tau2_second"}
-STD = {"a": "a_std_volt", "b": "b_std_volt", "tau1": "tau1_std_second", "tau2": "tau2_std_second"}
 # How far two rests may lie apart, in ln, and still be of one protocol.
 ALIKE = {"current_before_ampere": 0.15, "load_second": 0.2, "rest_second": 0.2, "samples": 0.5}
-MIDDLE = (0.15, 0.95)  # SoC over which a temperature's value is the median
-HALF = 0.52  # up to here "below 50 % SoC"
 NO_RESTS = "no rest after a steady load tells two exponentials at a known SoC"
-SHARE_OF_RESTS = 0.8  # of the rests in which three exponentials must be determined
-
-
-class Point(NamedTuple):
-    """One quantity of one rest [unit] with its std, at a SoC [1] and temperature [°C].
-
-    Amplitudes are positive where the rest relaxes away from the load, as physics has it.
-    """
-
-    quantity: str
-    unit: str
-    temperature_celsius: float
-    soc: float
-    value: float
-    std: float
 
 
 class ComparableRests(NamedTuple):
-    """Points of comparable rests, and their protocol in words."""
+    """Points of comparable rests, and their protocol in words.
+
+    points : list of dict, one a rest and quantity: quantity, unit, temperature_celsius, soc [1],
+    value and std [unit]. Amplitudes are positive where the rest relaxes away from the load.
+    exponentials : of the fits that compare. r_squared : (n,) one a rest [1].
+    """
 
     points: list
     protocol: str
@@ -169,16 +154,17 @@ def comparable_rests(rows):
     rests = [
         row for row in first_check_up(rows) if row["exponentials"] >= 2 and np.isfinite(row["soc"])
     ]
+    # While a voltage is held the overpotential decays before the rest begins.
     rests = [row for row in rests if row["load"] in ("CC", "pulse")]
     if not rests:
         return ComparableRests([], NO_RESTS, 0, np.zeros(0))
-    protocols = _by_protocol(rests)
+    rests.sort(key=lambda rest: [abs(rest[name]) for name in ALIKE])
+    protocols = grouped_alike(rests, _alike)
     best = max(protocols, key=lambda protocol: (len(_celsius(protocol)), len(_rests(protocol))))
     two, three = ([row for row in best if row["exponentials"] == n] for n in (2, 3))
-    enough = len(three) >= SHARE_OF_RESTS * len(_rests(best)) and len(_celsius(three)) == len(
-        _celsius(best)
-    )
-    kept = three if enough else two or three
+    # A mixture of two and three exponentials would move a and b by itself.
+    everywhere = len(_celsius(three)) == len(_celsius(best))
+    kept = three if everywhere and len(three) >= 0.8 * len(_rests(best)) else two or three
     points = [point for row in kept for point in _points(row)]
     r_squared = np.array([row["r_squared"] for row in kept])
     return ComparableRests(points, _protocol(kept), kept[0]["exponentials"], r_squared)
@@ -187,18 +173,18 @@ def comparable_rests(rows):
 def over_temperature(points):
     """Median over SoC 15 to 95 % of each quantity at each temperature.
 
+    The ends are left out: there diffusion rises steeply, and few temperatures have rests.
+
     Returns
     -------
     courses : dict, quantity → (celsius, value) ascending.
     """
     courses = {}
     for quantity in QUANTITIES:
-        middle = [p for p in points if p.quantity == quantity and MIDDLE[0] <= p.soc <= MIDDLE[1]]
-        celsius = sorted({p.temperature_celsius for p in middle})
-        value = [
-            np.median([p.value for p in middle if p.temperature_celsius == t]) for t in celsius
-        ]
-        courses[quantity] = (np.array(celsius), np.array(value))
+        middle = [p for p in points if p["quantity"] == quantity and 0.15 <= p["soc"] <= 0.95]
+        levels = sorted(grouped(middle, lambda point: point["temperature_celsius"]).items())
+        value = [np.median([point["value"] for point in level]) for _, level in levels]
+        courses[quantity] = (np.array([celsius for celsius, _ in levels]), np.array(value))
     return courses
 
 
@@ -207,7 +193,7 @@ def laws_of(points):
 
     Parameters
     ----------
-    points : list of Point.
+    points : as in `ComparableRests`.
 
     Returns
     -------
@@ -215,22 +201,23 @@ def laws_of(points):
     reasons : list of sentences for what is not known.
     """
     laws, reasons = {}, []
-    count = len({point.temperature_celsius for point in points})
-    if 0 < count < FEWEST_TEMPERATURES:
+    temperatures = sorted({point["temperature_celsius"] for point in points})
+    count = len(temperatures)
+    if 0 < count < 3:
         reasons.append(f"polarisation over temperature: {count} temperature(s), a law needs three")
-    many = count >= FEWEST_TEMPERATURES
-    for quantity, (celsius, value) in over_temperature(points).items() if many else ():
+    for quantity, (celsius, value) in over_temperature(points).items() if count >= 3 else ():
         name = f"polarisation {quantity}, median over SoC"
         _fit_or_reason(laws, reasons, name, temperature_lines, celsius, value, QUANTITIES[quantity])
-    for quantity in ("a", "b"):
-        for celsius in sorted({p.temperature_celsius for p in points}):
-            isothermal = [
-                p for p in points if (p.quantity, p.temperature_celsius) == (quantity, celsius)
-            ]
-            below = sorted((p.soc, p.value) for p in isothermal if p.soc <= HALF)
-            soc, value = np.array(below).reshape(-1, 2).T
-            name = f"polarisation {quantity} below 50 % SoC at {celsius:g} °C"
-            _fit_or_reason(laws, reasons, name, soc_lines, soc, value, QUANTITIES[quantity])
+    for quantity, celsius in product(("a", "b"), temperatures):
+        below = sorted(
+            (point["soc"], point["value"])
+            for point in points
+            if (point["quantity"], point["temperature_celsius"]) == (quantity, celsius)
+            and point["soc"] <= 0.52  # a rest meant for 50 % SoC lies within 2 % of it
+        )
+        soc, value = np.array(below).reshape(-1, 2).T
+        name = f"polarisation {quantity} below 50 % SoC at {celsius:g} °C"
+        _fit_or_reason(laws, reasons, name, soc_lines, soc, value, QUANTITIES[quantity])
     return laws, reasons
 
 
@@ -245,18 +232,6 @@ def _fit_or_reason(laws, reasons, name, fit, axis, value, unit):
         laws[name] = fit(axis, value, unit=unit)
     except Refusal as refusal:
         reasons.append(f"{name}: {refusal}")
-
-
-def _by_protocol(rows):
-    """Rows grouped by protocol: each joins the first group whose first row is alike."""
-    protocols = []
-    for row in sorted(rows, key=lambda rest: [abs(rest[name]) for name in ALIKE]):
-        match = next((protocol for protocol in protocols if _alike(protocol[0], row)), None)
-        if match is None:
-            protocols.append([row])
-        else:
-            match.append(row)
-    return protocols
 
 
 def _alike(first, other):
@@ -276,11 +251,17 @@ def _rests(rows):
 
 def _points(row):
     """Points of the four quantities of one rest."""
-    sign = np.sign(row["current_before_ampere"])
     for name, unit in QUANTITIES.items():
-        value = row[COLUMN[name]] * (sign if unit == "V" else 1.0)
-        conditions = float(row["ambient_temperature_celsius"]), float(row["soc"])
-        yield Point(name, unit, *conditions, float(value), float(row[STD[name]]))
+        sign = np.sign(row["current_before_ampere"]) if unit == "V" else 1.0
+        word = {"V": "volt", "s": "second"}[unit]
+        yield {
+            "quantity": name,
+            "unit": unit,
+            "temperature_celsius": float(row["ambient_temperature_celsius"]),
+            "soc": float(row["soc"]),
+            "value": float(row[f"{name}_{word}"] * sign),
+            "std": float(row[f"{name}_std_{word}"]),
+        }
 
 
 def _protocol(rows):

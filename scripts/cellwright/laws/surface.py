@@ -9,6 +9,7 @@ from cellwright.laws.points import (
     first_check_up,
     grouped,
     preferred_rate,
+    pulses_of_kind,
     rate_classes,
     resistance_name,
 )
@@ -32,8 +33,7 @@ from cellwright.refusal import Refusal
 from cellwright.settings import Temperature
 
 TEMPERATURE = Temperature()
-
-REJECTED = 0.05
+UNKNOWN = (np.nan, np.nan)
 
 
 def law_rows(fits):
@@ -41,7 +41,7 @@ def law_rows(fits):
 
     Parameters
     ----------
-    fits : list of (Pulses, Fitted of each form, Separability of each scale).
+    fits : list of (Pulses, Fitted of each form, test of `separability` on each scale).
 
     Returns
     -------
@@ -58,13 +58,7 @@ def law_rows(fits):
 def point_rows(fits):
     """Rows of all pulses with the resistance [ohm] of each form, and with its temperature left out.
 
-    Parameters
-    ----------
-    fits : as in `law_rows`.
-
-    Returns
-    -------
-    rows : list of dict.
+    `fits` : as in `law_rows`.
     """
     return [
         {
@@ -81,16 +75,7 @@ def point_rows(fits):
 
 
 def sentences(fits):
-    """Tests of separability and the best form of each surface in words.
-
-    Parameters
-    ----------
-    fits : as in `law_rows`.
-
-    Returns
-    -------
-    text : list of str, one a surface.
-    """
+    """Tests of separability and best form, one text a surface; `fits` : as in `law_rows`."""
     return [
         " ".join([_heading(pulses), *[_verdict(test) for test in tests], _best(fitted, pulses)])
         for pulses, fitted, tests in fits
@@ -118,12 +103,12 @@ _SPLITS = {"R": "a sum of both (thesis eq. 3.11)", "ln R": "a product of both"}
 
 def _verdict(test):
     """Result of one test of separability in words."""
-    said = "is rejected" if test.p_value < REJECTED else "is not rejected"
+    verdict = "is rejected" if test["p_value"] < 0.05 else "is not rejected"
     return (
-        f"That SoC and temperature separate into {_SPLITS[test.scale]} {said} "
-        f"(p = {test.p_value:.2g}); what each temperature has of its own is "
-        f"{100 * test.interaction_net:.1f} % of the resistance, where pulses scatter by "
-        f"{100 * test.scatter:.1f} %."
+        f"That SoC and temperature separate into {_SPLITS[test['scale']]} {verdict} "
+        f"(p = {test['p_value']:.2g}); what each temperature has of its own is "
+        f"{100 * test['interaction_net']:.1f} % of the resistance, where pulses scatter by "
+        f"{100 * test['scatter']:.1f} %."
     )
 
 
@@ -173,6 +158,7 @@ def _form_rows(pulses, fitted):
         ("left_out_soc_share", "1", fitted.soc_relative),
         ("left_out_temperature_share", "1", fitted.temperature_relative),
     )
+    # Scores stand among the parameters: the table has no columns of their own.
     entries += [(*score, np.nan, UNKNOWN) for score in scores]
     for name, unit, value, std, interval in entries:
         limits = ranges(interval, (celsius.min(), celsius.max()), fitted.valid_celsius)
@@ -180,24 +166,17 @@ def _form_rows(pulses, fitted):
         yield law_row(*head, value, std, unit=unit, **law, **limits)
 
 
-UNKNOWN = (np.nan, np.nan)
-TESTED = ("f_statistic", "p_value", "interaction", "interaction_net", "scatter")
-
-
 def _test_rows(pulses, test):
     """Rows of one test of separability."""
     celsius = pulses.temperature_celsius
     limits = ranges(UNKNOWN, (celsius.min(), celsius.max()))
-    for name in TESTED:
-        head = surface_name(pulses), f"separability of {test.scale}", name
-        yield law_row(*head, getattr(test, name), unit="1", chosen=False, **limits)
+    for name in ("f_statistic", "p_value", "interaction", "interaction_net", "scatter"):
+        head = surface_name(pulses), f"separability of {test['scale']}", name
+        yield law_row(*head, test[name], unit="1", chosen=False, **limits)
 
 
 FORMS = ("additive", "multiplicative", "table")
-LEAST_TEMPERATURES = {"additive": 3, "multiplicative": 2, "table": 2}
-BLOCKS = 5
-LEAST_LEVELS = 4
-VAGUE = 0.05  # largest relative standard deviation of a pulse's resistance that is used
+LEAST_LEVELS = 4  # of SoC at a temperature: fewer show neither end of the course
 
 
 class Pulses(NamedTuple):
@@ -247,13 +226,9 @@ def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
     ------
     Refusal : fewer than three temperatures, or fewer than four levels of SoC at one, at any rate.
     """
-    pulses = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
-    pulses = [
-        row
-        for row in pulses
-        if row["direction"] == direction and row["delay_second"] == delay_second
-    ]
-    pulses = [r for r in pulses if not r["resistance_std_ohm"] > VAGUE * r["resistance_ohm"]]
+    pulses = pulses_of_kind(first_check_up(rows), direction, delay_second)
+    # All pulses weigh alike in a surface, so that a vague one would bend it.
+    pulses = [r for r in pulses if not r["resistance_std_ohm"] > 0.05 * r["resistance_ohm"]]
     classes = {rate: _full_courses(same_rate) for rate, same_rate in rate_classes(pulses).items()}
     quantity = ", ".join(resistance_name(direction, delay_second))
     best = classes[preferred_rate(classes, c_rate)] if classes else {}
@@ -290,7 +265,7 @@ def fit_surfaces(pulses):
 
     Returns
     -------
-    fitted : tuple of Fitted, additive, multiplicative, table.
+    fitted : tuple of Fitted in the order of `FORMS`.
     """
     fits = [_fit(form, pulses) for form in FORMS]
     tested = np.min(pulses.temperature_celsius), np.max(pulses.temperature_celsius)
@@ -307,7 +282,8 @@ def _fit(form, pulses):
     surface = fit_form(form, soc, celsius, ohm)
     fitted = predict(surface, soc, celsius)
     left_out = _left_out(form, pulses, celsius)
-    blocks = np.quantile(soc, np.linspace(0, 1, BLOCKS + 1)[1:-1])
+    # Fifths of the pulses by SoC: what is left out is wider than the steps between pulses.
+    blocks = np.quantile(soc, np.linspace(0, 1, 6)[1:-1])
     by_soc = _left_out(form, pulses, np.searchsorted(blocks, soc))
     return Fitted(
         surface,
@@ -326,8 +302,10 @@ def _left_out(form, pulses, blocks):
     soc, celsius, ohm = pulses[1:]
     predicted = np.full(len(ohm), np.nan)
     for out in (blocks == block for block in np.unique(blocks)):
-        if len(np.unique(celsius[~out])) < LEAST_TEMPERATURES[form]:
+        # A table, too, is a line in 1/T through two temperatures.
+        if len(np.unique(celsius[~out])) < OVER_TEMPERATURE.get(form, 2):
             continue
+        # For a score the grid's rates are near enough.
         rest = fit_form(form, soc[~out], celsius[~out], ohm[~out], polish=False)
         predicted[out] = predict(rest, soc[out], celsius[out])
     return predicted
@@ -344,7 +322,7 @@ def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.
 
     Returns
     -------
-    fits : list of (Pulses, tuple of Fitted, tuple of Separability).
+    fits : list of (Pulses, tuple of Fitted, list of tests).
     reasons : list of sentences for what could not be had.
 
     Raises
@@ -362,7 +340,7 @@ def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.
             tests = separability(*pulses[1:])
         except Refusal as refusal:
             reasons.append(f"{pulses.quantity}: {refusal}")
-            tests = ()
+            tests = []
         fits.append((pulses, fit_surfaces(pulses), tests))
     if not fits:
         raise Refusal("; ".join(reasons) or "no pulses")

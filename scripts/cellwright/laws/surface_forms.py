@@ -12,8 +12,6 @@ from cellwright.refusal import Refusal
 
 LOW_JOINT, HIGH_JOINT = 0.1, 0.9  # thesis eq. 3.12: linear between, exponentials beyond
 RATES = np.geomspace(8.0, 400.0, 9)  # of the exponentials, per unit of SoC, to begin from
-SAME_LEVEL = 0.015  # states of charge no further apart are one level
-SWEEPS = 2
 OVER_TEMPERATURE = {"additive": 3, "multiplicative": 2}  # parameters of temperature alone
 
 
@@ -78,9 +76,12 @@ def fit_form(form, soc, temperature_celsius, resistance_ohm, *, polish=True):
     # ASSUME: On a resistance surface the additive form errs by the same ohms everywhere, the
     # multiplicative one by the same share.
     target = ohm if form == "additive" else np.log(ohm)
-    pulses = _Target(form, soc, celsius, target)
-    rates = _search(pulses)
-    rates = _refined(pulses, rates) if polish else rates
+
+    def residual_at(rates):
+        return residuals(_columns(form, soc, celsius, rates), target)
+
+    rates = _search(soc, residual_at)
+    rates = _refined(rates, residual_at, np.abs(target).max()) if polish else rates
     columns = _columns(form, soc, celsius, rates)
     linear = np.linalg.lstsq(columns, target, rcond=None)[0]
     design = np.hstack([columns, _rate_slopes(form, soc, celsius, rates, linear)])
@@ -90,9 +91,9 @@ def fit_form(form, soc, temperature_celsius, resistance_ohm, *, polish=True):
 
 
 def levels_of(soc):
-    """Number of distinct levels of SoC."""
+    """Number of distinct levels of SoC: a pulse and its counterpart lie within 1.5 % of it."""
     ordered = np.sort(soc)
-    return int(np.sum(np.diff(ordered) > SAME_LEVEL)) + 1 if len(ordered) else 0
+    return int(np.sum(np.diff(ordered) > 0.015)) + 1 if len(ordered) else 0
 
 
 def _free(rates):
@@ -125,53 +126,33 @@ def _choices(soc):
     return list(combinations(RATES, 2)) if levels >= 4 else [(rate,) for rate in RATES]
 
 
-class _Target(NamedTuple):
-    """What a form is fitted to: its name, SoC [1], temperature [°C], R [ohm] or ln R; (n,) each."""
-
-    form: str
-    soc: np.ndarray
-    celsius: np.ndarray
-    values: np.ndarray
-
-
-def _search(pulses):
-    """Best rates of the grid, one end after the other, in two sweeps."""
-    soc = pulses.soc
+def _search(soc, residual_at):
+    """Best rates of the grid, one end after the other; the second sweep knows both ends."""
     choices = _choices(soc[soc < LOW_JOINT]), _choices(soc[soc > HIGH_JOINT])
     best = [options[len(options) // 2] for options in choices]
-    for end in (0, 1) * SWEEPS:
+    for end in (0, 1, 0, 1):
         trials = [[*best[:end], option, *best[end + 1 :]] for option in choices[end]]
-        errors = [np.sum(_residual(pulses, trial) ** 2) for trial in trials]
+        errors = [np.sum(residual_at(trial) ** 2) for trial in trials]
         best = trials[int(np.argmin(errors))]
     return tuple(best)
 
 
-def _residual(pulses, rates):
-    """Residual (n,) of the best linear parameters at given rates."""
-    return residuals(_columns(pulses.form, pulses.soc, pulses.celsius, rates), pulses.values)
-
-
-def _refined(pulses, rates):
-    """Rates refined by a search that starts from the grid's best."""
+def _refined(rates, residual_at, scale):
+    """Rates refined by a search that starts from the grid's best; residuals are over `scale`."""
     if not _free(rates):
         return rates
-    split = len(rates[0])
-    start = np.log([rate for end in rates for rate in end if rate])
-    held = [rate for end in rates for rate in end]
+    split, from_grid = len(rates[0]), [rate for end in rates for rate in end]
 
     def whole(logs):
         free = iter(np.exp(logs))
-        full = [next(free) if rate else 0.0 for rate in held]
+        full = [next(free) if rate else 0.0 for rate in from_grid]
         return tuple(full[:split]), tuple(full[split:])
 
-    scale = np.abs(pulses.values).max()
-    bounds = np.log([RATES[0] / 4, RATES[-1] * 4])
-    logs = best_logarithms(
-        lambda logs: _residual(pulses, whole(logs)) / scale,
-        [start],
-        bounds=tuple(bounds),
+    start = np.log([rate for rate in from_grid if rate])
+    bounds = tuple(np.log([RATES[0] / 4, RATES[-1] * 4]))
+    return whole(
+        best_logarithms(lambda logs: residual_at(whole(logs)) / scale, [start], bounds=bounds)
     )
-    return whole(logs)
 
 
 def _errors(design, residual, celsius, over_temperature):
@@ -225,6 +206,7 @@ def _names(form, rates):
 def _from_nodes(nodes, soc, celsius):
     """Resistance [ohm] of a table: ln R over SoC, then linear in 1/T."""
     axis = inverse_temperature([level for level, _, _ in nodes])
+    # Resistance grows by factors, towards empty and in the cold: ln R is the straighter.
     courses = np.stack([np.interp(soc, z, np.log(ohm)) for _, z, ohm in nodes])
     at = inverse_temperature(celsius)
     # Nodes run from cold to warm: the axis falls.
@@ -233,27 +215,6 @@ def _from_nodes(nodes, soc, celsius):
     first, second = courses[upper - 1, rows], courses[upper, rows]
     share = (at - axis[upper - 1]) / (axis[upper] - axis[upper - 1])
     return np.exp(first + share * (second - first))
-
-
-MOST_KNOTS, FEWEST_KNOTS, FEWEST_DEGREES = 8, 3, 5
-
-
-class Separability(NamedTuple):
-    """Two-way test of separability on one scale: "R" (sum, thesis eq. 3.11) or "ln R" (product).
-
-    interaction : RMS of what a course of its own at each temperature adds to the separate courses,
-    relative to the mean resistance at that temperature [1]. scatter : of the pulses around the
-    courses of their own [1]. interaction_net : what is left of the interaction after the part that
-    scatter alone makes.
-    """
-
-    scale: str
-    f_statistic: float
-    p_value: float
-    degrees_of_freedom: tuple
-    interaction: float
-    interaction_net: float
-    scatter: float
 
 
 def separability(soc, temperature_celsius, resistance_ohm):
@@ -269,7 +230,11 @@ def separability(soc, temperature_celsius, resistance_ohm):
 
     Returns
     -------
-    tests : tuple of Separability, on R and on ln R.
+    tests : list of dict, on R (sum, thesis eq. 3.11) and on ln R (product): scale, f_statistic,
+        p_value; interaction: RMS of what a course of its own at each temperature adds to the
+        separate courses, relative to the mean resistance at that temperature [1]; scatter: of the
+        pulses around the courses of their own [1]; interaction_net: what is left of the interaction
+        after the part that scatter alone makes [1].
 
     Raises
     ------
@@ -285,22 +250,23 @@ def separability(soc, temperature_celsius, resistance_ohm):
     if len(temperatures) < 2:
         raise Refusal(f"{len(temperatures)} temperature(s); separability needs two")
     member = celsius[:, None] == temperatures
+    # Over its temperature's geometric mean a pulse's scatter is relative.
     size = np.exp(member @ (member.T @ np.log(ohm) / member.sum(axis=0)))
     knots = _knots(soc, celsius, len(temperatures))
     hats = np.stack([np.interp(soc, knots, row) for row in np.eye(len(knots))], axis=1)
     per_temperature = (member[:, :, None] * hats[:, None, :]).reshape(len(soc), -1)
     separate = np.hstack([member[:, 1:], hats])
-    return (
+    return [
         _tested("R", ohm / size, separate / size[:, None], per_temperature / size[:, None]),
         _tested("ln R", np.log(ohm / size), separate, per_temperature),
-    )
+    ]
 
 
 def _knots(soc, celsius, temperatures):
-    """Knots of SoC at its quantiles, as many as leave enough degrees of freedom."""
+    """Knots of SoC at its quantiles, at most eight, so many as leave five degrees of freedom."""
     levels = min(levels_of(soc[celsius == level]) for level in np.unique(celsius))
-    most = min(MOST_KNOTS, levels - 1, (len(soc) - FEWEST_DEGREES) // temperatures)
-    if most < FEWEST_KNOTS:
+    most = min(8, levels - 1, (len(soc) - 5) // temperatures)
+    if most < 3:  # two knots are a straight line, which no end of a course is
         raise Refusal(
             f"{len(soc)} pulses at {temperatures} temperatures, {levels} levels of SoC at one: too "
             "few to test whether SoC and temperature separate"
@@ -321,11 +287,14 @@ def _tested(scale, target, separate, per_temperature):
     variance = max(rest, floor) / freedom
     ratio = gain / extra / variance
     net = max(gain - extra * variance, 0.0)
-    shares = [float(np.sqrt(value / len(target))) for value in (gain, net)]
-    p_value = float(fdtrc(extra, freedom, ratio))
-    return Separability(
-        scale, float(ratio), p_value, (extra, freedom), *shares, float(np.sqrt(variance))
-    )
+    return {
+        "scale": scale,
+        "f_statistic": float(ratio),
+        "p_value": float(fdtrc(extra, freedom, ratio)),
+        "interaction": float(np.sqrt(gain / len(target))),
+        "interaction_net": float(np.sqrt(net / len(target))),
+        "scatter": float(np.sqrt(variance)),
+    }
 
 
 def _fitted(columns, target):

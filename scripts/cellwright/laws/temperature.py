@@ -45,12 +45,7 @@ def falling_range(b1, b2, b3):
 
 
 def is_usable(valid_celsius, tested_celsius):
-    """Whether a law is valid over the tested temperatures and `REACH_KELVIN` beyond them.
-
-    Parameters
-    ----------
-    valid_celsius, tested_celsius : (low, high) [°C].
-    """
+    """Whether a law holds over the tested (low, high) [°C] and `REACH_KELVIN` beyond them."""
     low, high = tested_celsius[0] - REACH_KELVIN, tested_celsius[1] + REACH_KELVIN
     return valid_celsius[0] <= low and high <= valid_celsius[1]
 
@@ -80,15 +75,10 @@ def _turn(values, valid, tested):
 
 
 def drawn_pieces(tested_celsius, valid_celsius):
-    """Temperature ranges [°C] in which a law is drawn, each marked as tested or extrapolated.
+    """Temperature ranges [°C] in which a law is drawn, as (start, stop, sound).
 
-    Parameters
-    ----------
-    tested_celsius, valid_celsius : (low, high) [°C].
-
-    Returns
-    -------
-    pieces : list of (start, stop, sound); sound where the law was tested and may be read.
+    `tested_celsius`, `valid_celsius` : (low, high) [°C]; sound where the law was tested and may be
+    read, else an extrapolation.
     """
     low, high = tested_celsius
     ends = low - REACH_KELVIN, high + REACH_KELVIN
@@ -107,10 +97,6 @@ def turn_sentences(families):
     Parameters
     ----------
     families : dict, name → list of `temperature.Law`, the quadratic of each quantity.
-
-    Returns
-    -------
-    text : list of str.
     """
     sentences = []
     for family, laws in families.items():
@@ -132,12 +118,7 @@ def turn_sentences(families):
 
 
 def span_of(values, digits):
-    """Smallest and largest of some numbers in words; one number where both read the same.
-
-    Parameters
-    ----------
-    values : sequence of numbers. digits : format of each, such as ".3g".
-    """
+    """Smallest and largest of numbers, in the format `digits`; one number where both read alike."""
     low, high = f"{min(values):{digits}}", f"{max(values):{digits}}"
     return low if low == high else f"{low} to {high}"
 
@@ -201,19 +182,17 @@ class Form(NamedTuple):
     """A law over temperature as data: its function and the names and units of its parameters.
 
     function : (temperature [°C], *parameters) → value. units : with {} for that of the value.
-    fewest : temperatures that determine it.
     """
 
     function: Callable
     names: tuple
     units: tuple
-    fewest: int
 
 
-ENERGY = ("value_at_25_celsius", "activation_energy"), ("{}", "J/mol"), 2
+ENERGY = ("value_at_25_celsius", "activation_energy"), ("{}", "J/mol")
 FORMS = {
-    "linear": Form(linear_law, ("slope", "value_at_25_celsius"), ("{}/K", "{}"), 2),
-    "quadratic": Form(quadratic_law, ("b1", "b2", "b3"), ("{}/degC^2", "{}/degC", "{}"), 3),
+    "linear": Form(linear_law, ("slope", "value_at_25_celsius"), ("{}/K", "{}")),
+    "quadratic": Form(quadratic_law, ("b1", "b2", "b3"), ("{}/degC^2", "{}/degC", "{}")),
     "arrhenius": Form(arrhenius_law, *ENERGY),
     "arrhenius_t": Form(conductivity_law, *ENERGY),
 }
@@ -251,6 +230,7 @@ def fit_laws(
     # ohm or ampere-hours at each temperature under the quadratic.
     celsius, value = np.asarray(temperature_celsius, float), np.asarray(value, float)
     std = np.full(len(value), np.nan) if std is None else np.asarray(std, float)
+    # What the sheet leaves blank has no place on the axis.
     finite = np.isfinite(celsius)
     celsius, value, std = celsius[finite], value[finite], std[finite]
     count = len(np.unique(celsius))
@@ -262,6 +242,7 @@ def fit_laws(
     if falling:
         laws = [_with_falling_range(law, celsius, value, std, level) for law in laws]
     offered = [law for law in laws if is_usable(law.valid_celsius, law.tested_celsius)]
+    # Some law is always offered: an Arrhenius law never turns.
     best = min(offered, key=lambda law: np.nan_to_num(law.cross_validation_rmse, nan=np.inf))
     return tuple(law._replace(chosen=law is best) for law in laws)
 
@@ -286,9 +267,7 @@ def law_rows(points):
 
     Returns
     -------
-    rows : list of dict, one a parameter: quantity, law, parameter, value, std, lower, upper, unit,
-        r_squared, cross_validation_rmse, chosen, tested_from_celsius, tested_to_celsius,
-        valid_from_celsius, valid_to_celsius.
+    rows : list of dict as of stage `temperature`, one a parameter.
     reasons : list of sentences for what is not known.
 
     Raises
@@ -312,6 +291,7 @@ def law_rows(points):
             continue
         reasons += [f"{quantity}, {law.law} law: {law.reason}" for law in laws if law.reason]
         rows += [row for law in laws for row in rows_of(quantity, law)]
+        # Of a family one sentence says what ends its quadratics, not one a SoC.
         quadratics.setdefault(quantity_points[0].family or quantity, []).append(laws[0])
     if not rows:
         raise Refusal("; ".join(reasons) or "no quantity is known at three temperatures")
@@ -320,68 +300,28 @@ def law_rows(points):
 
 def rows_of(quantity, law):
     """Rows of one law, a parameter each, with its 95 % limits and the tested and valid range."""
-    numbers = zip(law.values, law.std, law.lower, law.upper, strict=True)
-    return [
-        law_row(
-            quantity,
-            law.law,
-            name,
-            value,
-            std,
-            unit=unit,
-            r_squared=law.r_squared,
-            cross_validation_rmse=law.cross_validation_rmse,
-            chosen=law.chosen,
-            **ranges((lower, upper), law.tested_celsius, law.valid_celsius),
-        )
-        for name, unit, (value, std, lower, upper) in zip(
-            law.names, law.units, numbers, strict=True
-        )
-    ]
+    scores = {n: getattr(law, n) for n in ("r_squared", "cross_validation_rmse", "chosen")}
+    parameters = (law.names, law.units, law.values, law.std, law.lower, law.upper)
+    rows = []
+    for name, unit, value, std, *limits in zip(*parameters, strict=True):
+        more = scores | ranges(limits, law.tested_celsius, law.valid_celsius)
+        rows.append(law_row(quantity, law.law, name, value, std, unit=unit, **more))
+    return rows
 
 
-def law_row(
-    quantity,
-    law,
-    parameter,
-    value,
-    std=np.nan,
-    *,
-    unit,
-    r_squared=np.nan,
-    cross_validation_rmse=np.nan,
-    chosen=True,
-    **more,
-):
-    """One row of the table of laws; what is not known is NaN.
+def law_row(quantity, law, parameter, value, std=np.nan, *, unit, **more):
+    """One row of the table of laws, a parameter of a law; `more` : further columns, by name.
 
-    Parameters
-    ----------
-    quantity, law, parameter, value, std, unit : of one parameter of one law.
-    r_squared, cross_validation_rmse, chosen : of the law.
-    more : further columns, such as those of `ranges`.
+    Scores that are not among them are NaN, and the law counts as chosen.
     """
-    return {
-        "quantity": quantity,
-        "law": law,
-        "parameter": parameter,
-        "value": float(value),
-        "std": float(std),
-        "unit": unit,
-        "r_squared": float(r_squared),
-        "cross_validation_rmse": float(cross_validation_rmse),
-        "chosen": chosen,
-        **more,
-    }
+    head = {"quantity": quantity, "law": law, "parameter": parameter}
+    known = {"value": float(value), "std": float(std), "unit": unit}
+    scores = {"r_squared": np.nan, "cross_validation_rmse": np.nan, "chosen": True}
+    return head | known | scores | more
 
 
 def ranges(interval, tested_celsius, valid_celsius=NO_LIMIT):
-    """Columns of the table of laws: limits of a parameter, tested and valid temperatures [°C].
-
-    Parameters
-    ----------
-    interval : (lower, upper) of the parameter. tested_celsius, valid_celsius : as in `Law`.
-    """
+    """Columns of the table of laws: (lower, upper) of a parameter, tested and valid range [°C]."""
     names = ("lower", "upper", "tested_from_celsius", "tested_to_celsius")
     names += ("valid_from_celsius", "valid_to_celsius")
     return dict(zip(names, map(float, (*interval, *tested_celsius, *valid_celsius)), strict=True))
@@ -394,6 +334,7 @@ def _fitted(name, celsius, value, std, *, unit, level):
     predicted = form.function(celsius, *values)
     target, on_line = value, predicted
     if name.startswith("arrhenius"):
+        # The value at 25 °C was fitted as its logarithm; the energy as it is.
         lower, upper = (np.array([np.exp(end[0]), end[1]]) for end in (lower, upper))
         deviations = deviations * np.array([values[0], 1.0])
         target, on_line = (np.log(x / _factor(name, celsius)) for x in (value, predicted))
@@ -437,10 +378,24 @@ def _factor(name, celsius):
 
 def _left_out_rmse(name, celsius, value, std):
     """RMSE at temperatures left out in turn; NaN where the rest determines no law."""
-    levels, form, errors = np.unique(celsius), FORMS[name], []
-    if len(levels) <= form.fewest:
-        return np.nan
-    for out in (celsius == level for level in levels):
+    form = FORMS[name]
+
+    def errors(out):
         values = _coefficients(name, celsius[~out], value[~out], std[~out])[1]
-        errors.append(form.function(celsius[out], *values) - value[out])
-    return rms(np.concatenate(errors))
+        return form.function(celsius[out], *values) - value[out]
+
+    return left_out_rmse(errors, celsius, parameters=len(form.names))
+
+
+def left_out_rmse(errors, groups, *, parameters):
+    """RMSE of the rows of each group, predicted without it; NaN where the rest determines no law.
+
+    Parameters
+    ----------
+    errors : function, which rows are left out (n,) bool → their errors by a fit to the others.
+    groups : (n,) such as temperatures. parameters : of the law, as many groups as determine it.
+    """
+    levels = np.unique(groups)
+    if len(levels) <= parameters:
+        return np.nan
+    return rms(np.concatenate([errors(groups == level) for level in levels]))

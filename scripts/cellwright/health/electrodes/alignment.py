@@ -6,6 +6,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cellwright.health.electrodes.half_cells import CHARGE_STD, at_share
+from cellwright.numerics.lines import whitened
+from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
 CORRELATED_SOC = 0.05  # range over which half cells and polarisation are wrong alike
@@ -19,19 +21,10 @@ SHIFT_STD_VOLT = {
     "rests": (0.005, 0.002),
 }
 FIRST_STD_VOLT = 0.002  # error of the half cells that a fit begins with
-LEAST_STD_VOLT = 0.001  # no half cell is better known, and few cyclers read better
-STEEPEST_VOLT = 20.0  # per SoC; steeper ends tell how a fit ends, not where the cell stands
-BUILD_UP_SOC = 0.04  # over which polarisation and hysteresis build up as the current starts
 # Beside a minimum in which one electrode ends the discharge may lie one in which the other does.
 MOVED = np.zeros((5, 6))
 MOVED[1:, 0], MOVED[1:, 2] = (-0.003, 0.02, 0.0, 0.0), (-0.02, 0.0, -0.06, 0.02)
-QUICK_STEPS = 12  # of a fit that only tells which half cells are worth a thorough one
-HOPELESS = 8.0  # half of chi-square above the best minimum
 STEPS = np.array([0.01, 0.02, 0.02, 0.02, 0.005, 0.002])  # typical changes of the limits
-SHARE_STEP = 0.02  # the same of the share of a blend
-# ASSUME: What is said of the share of a blend, by the user or by nobody, is right to 10 % of the
-# electrode's lithium; the curve tells it better where it tells it.
-SHARE_STD = 0.1
 
 
 class SlowCurve(NamedTuple):
@@ -115,7 +108,7 @@ def cell_volt(pair, limits, soc):
     )
 
 
-def align(curve, pair, *, starts=(), least_std_volt=LEAST_STD_VOLT):
+def align(curve, pair, *, starts=()):
     """Fit the four limits and the shift of one curve to its voltage and its slope together.
 
     The half cells' error is a random walk that is pulled back over 5 % of SoC. To whiten it, each
@@ -126,7 +119,6 @@ def align(curve, pair, *, starts=(), least_std_volt=LEAST_STD_VOLT):
     ----------
     curve : SlowCurve. pair : Pair.
     starts : limits (p,) to begin from, beside a search over the whole range.
-    least_std_volt : least error of the half cells and of the readings [V].
 
     Returns
     -------
@@ -134,11 +126,13 @@ def align(curve, pair, *, starts=(), least_std_volt=LEAST_STD_VOLT):
     """
     curve = _without_steep_ends(curve)
     starts, errors = [*starts, *_search(curve, pair)], _errors(curve, FIRST_STD_VOLT, 0.0)
+    # The second fit knows the size of the half cells' error from the first.
     for _ in range(2):
         fits = _minima(curve, pair, starts, errors)
         best = fits[0]
         residual = curve.voltage_volt - cell_volt(pair, best.x, curve.soc)
-        std = max(_std(residual, errors, best, curve.soc), least_std_volt)
+        # No half cell is known better than to 1 mV, and few cyclers read better.
+        std = max(_std(residual, errors, best, curve.soc), 0.001)
         moved = np.pad(MOVED, ((0, 0), (0, len(pair.blends))))
         starts = [*(best.x + moved), *(fit.x for fit in fits[1:])]
         errors = _errors(curve, std, best.x[4])
@@ -174,7 +168,8 @@ def _minima(curve, pair, starts, errors):
     kept, steps = [], _steps(pair)
     for fit in forward:
         near = [np.abs((fit.x - other.x) / steps).max() < 1.0 for other in kept]
-        if fit.cost < forward[0].cost + HOPELESS and not any(near):
+        # Eight in half of chi-square: three thousand times less likely.
+        if fit.cost < forward[0].cost + 8.0 and not any(near):
             kept.append(fit)
     return kept
 
@@ -199,13 +194,15 @@ def _fits(curve, pair, starts, errors, *, most_steps=100):
 
 
 def _steps(pair):
-    return np.append(STEPS, [SHARE_STEP] * len(pair.blends))
+    return np.append(STEPS, [0.02] * len(pair.blends))
 
 
 def _without_steep_ends(curve):
-    """Curve without the samples at its ends where an electrode is all but empty or full."""
-    slope = np.abs(np.gradient(curve.voltage_volt, curve.soc))
-    kept = slope < STEEPEST_VOLT
+    """Curve without the samples at its ends where an electrode is all but empty or full.
+
+    Slopes of 20 V and more per SoC tell how a test ends, not where the cell stands.
+    """
+    kept = np.abs(np.gradient(curve.voltage_volt, curve.soc)) < 20.0
     return curve._replace(soc=curve.soc[kept], voltage_volt=curve.voltage_volt[kept])
 
 
@@ -225,7 +222,8 @@ def _errors(curve, std, shift):
     """
     slope = np.abs(np.gradient(curve.voltage_volt, curve.soc))
     start = {"charge": curve.soc, "discharge": 1 - curve.soc}.get(curve.branches)
-    starting = 0.0 if start is None else shift * np.exp(-start / BUILD_UP_SOC)
+    # Polarisation and hysteresis build up over some 4 % of SoC.
+    starting = 0.0 if start is None else shift * np.exp(-start / 0.04)
     charge_std = slope * CHARGE_STD / FIRST_STD_VOLT
     return np.sqrt(std**2 * (1 + charge_std**2) + starting**2)
 
@@ -239,9 +237,10 @@ def _whitened(limits, curve, pair, errors):
 
 def _expected(curve, pair):
     """Expected shift [V] and shares [1], and their standard deviations."""
-    blends = pair.blends
-    expected = np.array([0.0, 0.0, *(blend.share for blend in blends)])
-    return expected, np.array([*SHIFT_STD_VOLT[curve.branches], *[SHARE_STD] * len(blends)])
+    # ASSUME: What is said of the share of a blend, by the user or by nobody, is right to 10 % of
+    # the electrode's lithium; the curve tells it better where it tells it.
+    expected = np.array([0.0, 0.0, *(blend.share for blend in pair.blends)])
+    return expected, np.array([*SHIFT_STD_VOLT[curve.branches], *[0.1] * len(pair.blends)])
 
 
 def _derivatives(limits, curve, pair, errors):
@@ -271,15 +270,12 @@ def _slope(half_cell, lithiation):
 
 def _white(series, soc):
     """Samples (n, …) correlated over `CORRELATED_SOC`, made independent."""
-    kept = np.exp(-np.diff(soc) / CORRELATED_SOC)
-    rest = np.sqrt(1 - kept**2)
-    shape = (-1,) + (1,) * (series.ndim - 1)
-    kept, rest = kept.reshape(shape), rest.reshape(shape)
-    return np.concatenate([series[:1], (series[1:] - kept * series[:-1]) / rest])
+    return whitened(series, soc / CORRELATED_SOC, np.exp(-1.0))[0]
 
 
 def _search(curve, pair, *, best=4):
     """The best of a coarse grid of limits, as starts: list of (p,)."""
+    # Lithiation of the negative electrode when empty and full, then of the positive one.
     grid = [
         (x0, x1, y0, y1)
         for x0 in (0.005, 0.02, 0.06, 0.15)
@@ -290,6 +286,7 @@ def _search(curve, pair, *, best=4):
     ]
     low, high = (bound[:6] for bound in _bounds(pair))
     limits = np.clip(np.c_[grid, np.zeros((len(grid), 2))], low, high)
+    # A quarter of the samples shows which starts are worth a fit.
     sparse = slice(None, None, 4 if len(curve.soc) > 100 else 1)
     soc, voltage = curve.soc[sparse], curve.voltage_volt[sparse]
     model = cell_volt(pair, limits.T[:, :, None], soc[None, :])
@@ -308,9 +305,13 @@ def _search(curve, pair, *, best=4):
 def _std(residual, errors, fit, soc):
     """Error of the half cells that explains a misfit [V], what the fit has taken up added."""
     slopes = _coloured(fit.jac[: len(soc)], soc)
-    covariance = np.linalg.pinv(fit.jac.T @ fit.jac, rcond=1e-14, hermitian=True)
-    taken_up = np.mean(np.einsum("ni,ij,nj->n", slopes, covariance, slopes))
+    taken_up = np.mean(np.einsum("ni,ij,nj->n", slopes, _covariance(fit), slopes))
     return _rms(residual, errors) / float(np.sqrt(max(1 - taken_up, 0.1)))
+
+
+def _covariance(fit):
+    """Covariance (p, p) of a fit to residuals of unit variance: Fisher's information inverted."""
+    return np.linalg.pinv(fit.jac.T @ fit.jac, rcond=1e-14, hermitian=True)
 
 
 def _coloured(series, soc):
@@ -325,18 +326,19 @@ def _coloured(series, soc):
 
 def _rms(misfit, errors):
     """Root mean square of a misfit, each sample weighed as the best known one."""
-    return float(np.sqrt(np.mean((misfit * errors.min() / errors) ** 2)))
+    return rms(misfit * errors.min() / errors)
 
 
 def _alignment(curve, fits, residual, errors):
-    """Alignment of a fit; its covariance is Fisher's information with the half cells' error.
+    """Alignment of a fit; its covariance is of the error that the half cells turned out to have.
 
     Other minima about as likely widen it: the covariance is that of their mixture about the best.
     """
     best = fits[0]
-    covariance = np.linalg.pinv(best.jac.T @ best.jac, rcond=1e-14, hermitian=True)
+    covariance = _covariance(best)
     whitening = _white(np.diag(1 / errors), curve.soc)
     slope = np.diff(residual) / np.diff(curve.soc)
+    # Costs are half of chi-square: their differences are log likelihoods.
     likely = np.exp([best.cost - fit.cost for fit in fits])
     apart = np.array([fit.x - best.x for fit in fits])
     return Alignment(
@@ -356,7 +358,7 @@ def chosen_pair(curves, pairs, *, misfit_volt):
 
     Parameters
     ----------
-    curves : list of SlowCurve, of which the first and the last are asked. pairs : list of Pair.
+    curves : list of SlowCurve, of which the first and the last count. pairs : list of Pair.
     misfit_volt : largest misfit of a curve at which half cells count as this cell's [V].
 
     Returns
@@ -367,11 +369,11 @@ def chosen_pair(curves, pairs, *, misfit_volt):
     ------
     Refusal : no pair fits.
     """
-    asked = curves[:1] if len(curves) == 1 else [curves[0], curves[-1]]
-    scored = []
-    for pair in _promising(asked[0], pairs):
-        misfits = [align(curve, pair).rmse_volt for curve in asked]
-        scored.append((pair, float(np.sqrt(np.mean(np.square(misfits))))))
+    ends = curves[:1] if len(curves) == 1 else [curves[0], curves[-1]]
+    scored = [
+        (pair, rms([align(curve, pair).rmse_volt for curve in ends]))
+        for pair in _promising(ends[0], pairs)
+    ]
     scored.sort(key=lambda entry: entry[1])
     best = scored[0][1]
     if best > misfit_volt:
@@ -384,13 +386,11 @@ def chosen_pair(curves, pairs, *, misfit_volt):
 
 
 def _promising(curve, pairs):
-    """Pairs worth a thorough fit: the six of least misfit in a quick one."""
+    """Pairs worth a thorough fit: the six of least misfit in a quick one of twelve steps."""
     curve = _without_steep_ends(curve)
     errors = _errors(curve, FIRST_STD_VOLT, 0.0)
-    quick = [
-        min(fit.cost for fit in _fits(curve, pair, starts, errors, most_steps=QUICK_STEPS))
-        for pair in pairs
-        for starts in [_search(curve, pair, best=2)]
-    ]
-    order = np.argsort(quick)
-    return [pairs[row] for row in order[:6]]
+    quick = []
+    for pair in pairs:
+        fits = _fits(curve, pair, _search(curve, pair, best=2), errors, most_steps=12)
+        quick.append(min(fit.cost for fit in fits))
+    return [pairs[row] for row in np.argsort(quick)[:6]]

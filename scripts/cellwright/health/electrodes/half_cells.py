@@ -9,7 +9,6 @@ from cellwright.health.electrodes.names import named_parts
 from cellwright.refusal import Refusal
 
 POINTS = 4001  # of a tabulated fit; 0.25 per mille of lithiation
-END_VOLT, END_LITHIATION = 2.0, 0.004
 CHARGE_STD = 0.001  # of the capacity: how well the charge of a slow curve tells lithiation
 
 
@@ -28,15 +27,6 @@ class HalfCell(NamedTuple):
     source: str
     parts: np.ndarray | None = None
     share: float = 0.0
-
-
-class Fit(NamedTuple):
-    """A published fit: function of lithiation [1] → [V], where it holds, the paper."""
-
-    potential: object
-    lowest: float
-    highest: float
-    source: str
 
 
 def _graphite_siox_chen(x):
@@ -189,51 +179,43 @@ MOHTAT = "Mohtat et al., J. Electrochem. Soc. 167 (2020) 110561"
 ECKER = "Ecker et al., J. Electrochem. Soc. 162 (2015) A1836"
 SAFARI = "Safari and Delacourt, J. Electrochem. Soc. 158 (2011) A562"
 MARQUIS = "Marquis et al., J. Electrochem. Soc. 166 (2019) A3693, fit of Newman's Dualfoil"
+DOYLE = "Doyle et al., J. Electrochem. Soc. 143 (1996) 1890"
+FULLER = "Fuller et al., J. Electrochem. Soc. 141 (1994) 1"
+RAMADASS = "Ramadass et al., J. Electrochem. Soc. 151 (2004) A196"
+VERBRUGGE = "Verbrugge et al., J. Electrochem. Soc. 163 (2016) A262"
+# Function of lithiation [1] → [V], from where to where it holds, the paper.
 LIBRARY = {
-    "graphite_siox_chen": Fit(_graphite_siox_chen, 0.0, 1.0, CHEN),
-    "graphite_mohtat": Fit(_graphite_mohtat, 0.0, 1.0, MOHTAT),
-    "graphite_ecker": Fit(_graphite_ecker, 0.0, 1.0, ECKER),
-    "graphite_safari": Fit(_graphite_safari, 0.0, 1.0, SAFARI),
-    "graphite_marquis": Fit(_graphite_marquis, 0.0, 1.0, MARQUIS),
-    "silicon_verbrugge": Fit(
-        _silicon_verbrugge, 0.01, 0.99, "Verbrugge et al., J. Electrochem. Soc. 163 (2016) A262"
-    ),
-    "nmc811_chen": Fit(_nmc811_chen, 0.15, 1.0, CHEN),
-    "nmc532_mohtat": Fit(_nmc532_mohtat, 0.0, 1.0, MOHTAT),
-    "nmc_ecker": Fit(_nmc_ecker, 0.0, 1.0, ECKER),
-    "lfp_afshar": Fit(_lfp_afshar, 0.0, 1.0, "Afshar et al., SAE Tech. Paper 2017-01-1211"),
-    "lfp_safari": Fit(_lfp_safari, 0.0, 1.0, SAFARI),
-    "lmo_doyle": Fit(_lmo_doyle, 0.13, 0.998, "Doyle et al., J. Electrochem. Soc. 143 (1996) 1890"),
-    "lmo_fuller": Fit(_lmo_fuller, 0.17, 1.0, "Fuller et al., J. Electrochem. Soc. 141 (1994) 1"),
-    "lco_marquis": Fit(_lco_marquis, 0.36, 1.0, MARQUIS),
-    "lco_ramadass": Fit(
-        _lco_ramadass, 0.38, 0.88, "Ramadass et al., J. Electrochem. Soc. 151 (2004) A196"
-    ),
-    "nca_kim": Fit(_nca_kim, 0.3, 1.0, "Kim et al., J. Electrochem. Soc. 158 (2011) A955"),
+    "graphite_siox_chen": (_graphite_siox_chen, 0.0, 1.0, CHEN),
+    "graphite_mohtat": (_graphite_mohtat, 0.0, 1.0, MOHTAT),
+    "graphite_ecker": (_graphite_ecker, 0.0, 1.0, ECKER),
+    "graphite_safari": (_graphite_safari, 0.0, 1.0, SAFARI),
+    "graphite_marquis": (_graphite_marquis, 0.0, 1.0, MARQUIS),
+    "silicon_verbrugge": (_silicon_verbrugge, 0.01, 0.99, VERBRUGGE),
+    "nmc811_chen": (_nmc811_chen, 0.15, 1.0, CHEN),
+    "nmc532_mohtat": (_nmc532_mohtat, 0.0, 1.0, MOHTAT),
+    "nmc_ecker": (_nmc_ecker, 0.0, 1.0, ECKER),
+    "lfp_afshar": (_lfp_afshar, 0.0, 1.0, "Afshar et al., SAE Tech. Paper 2017-01-1211"),
+    "lfp_safari": (_lfp_safari, 0.0, 1.0, SAFARI),
+    "lmo_doyle": (_lmo_doyle, 0.13, 0.998, DOYLE),
+    "lmo_fuller": (_lmo_fuller, 0.17, 1.0, FULLER),
+    "lco_marquis": (_lco_marquis, 0.36, 1.0, MARQUIS),
+    "lco_ramadass": (_lco_ramadass, 0.38, 0.88, RAMADASS),
+    "nca_kim": (_nca_kim, 0.3, 1.0, "Kim et al., J. Electrochem. Soc. 158 (2011) A955"),
 }
 
 GRAPHITES = tuple(name for name in LIBRARY if name.startswith("graphite"))
 WITH_SILICON = (*GRAPHITES, "graphite_mohtat+silicon_verbrugge")
 
 
-class Materials(NamedTuple):
-    """Half cells that a chemistry may have, by name; "a+b" is a blend of two."""
-
-    negative: tuple
-    positive: tuple
-
-
+# Names of negative and of positive electrodes that a chemistry may have; "a+b" is a blend of two.
 # ASSUME: A cell of a stated chemistry has graphite (with or without silicon) as its negative.
 CHEMISTRIES = {
-    "NMC": Materials(WITH_SILICON, ("nmc811_chen", "nmc532_mohtat", "nmc_ecker")),
-    "NCA": Materials(WITH_SILICON, ("nca_kim", "nmc811_chen", "nmc_ecker")),
-    "LCO": Materials(GRAPHITES, ("lco_marquis", "lco_ramadass")),
-    "LFP": Materials(GRAPHITES, ("lfp_afshar", "lfp_safari")),
-    "LMO": Materials(GRAPHITES, ("lmo_doyle", "lmo_fuller", "lmo_doyle+nca_kim")),
+    "NMC": (WITH_SILICON, ("nmc811_chen", "nmc532_mohtat", "nmc_ecker")),
+    "NCA": (WITH_SILICON, ("nca_kim", "nmc811_chen", "nmc_ecker")),
+    "LCO": (GRAPHITES, ("lco_marquis", "lco_ramadass")),
+    "LFP": (GRAPHITES, ("lfp_afshar", "lfp_safari")),
+    "LMO": (GRAPHITES, ("lmo_doyle", "lmo_fuller", "lmo_doyle+nca_kim")),
 }
-# ASSUME: Silicon beside graphite, or the second of another blend, holds some 10 % of an electrode's
-# lithium where nobody says more.
-BLEND_SHARE = 0.1
 BLEND_FORM = "wanted a+b, or a+b:0.1 where b holds 10 % of the electrode's lithium"
 
 
@@ -249,6 +231,7 @@ def half_cell(name, own=None):
     Refusal : no such name, or a blend that is not of this form.
     """
     own = own or {}
+    # The user's own half cells go before those of the library.
     names, share = named_parts(name)
     unknown = [one for one in names if one not in LIBRARY and one not in own]
     if unknown:
@@ -259,7 +242,9 @@ def half_cell(name, own=None):
         return materials[0]
     if len(materials) > 2:
         raise Refusal(f"{name}: a blend of {len(materials)}, wanted two; {BLEND_FORM}")
-    return blended(*materials, share=BLEND_SHARE if share is None else _number(share, name))
+    # ASSUME: Silicon beside graphite, or the second of another blend, holds some 10 % of an
+    # electrode's lithium where nobody says more.
+    return blended(*materials, share=0.1 if share is None else _number(share, name))
 
 
 def _number(share, name):
@@ -275,31 +260,28 @@ def _number(share, name):
 
 @cache
 def _of_library(name):
-    fit = LIBRARY[name]
-    lithiation = np.linspace(fit.lowest, fit.highest, POINTS)
+    potential, lowest, highest, source = LIBRARY[name]
+    lithiation = np.linspace(lowest, highest, POINTS)
     # A fit may rise by a fraction of a millivolt between its steps, which no equilibrium does.
-    potential = np.minimum.accumulate(fit.potential(lithiation))
-    return with_ends(HalfCell(name, lithiation, potential, fit.source))
+    return with_ends(
+        HalfCell(name, lithiation, np.minimum.accumulate(potential(lithiation)), source)
+    )
 
 
 # ASSUME: No published fit follows graphite until it is empty, where its potential rises to that of
 # the other electrode, nor a positive electrode until it is full. How steeply hardly matters.
 def with_ends(half_cell):
-    """Half cell that rises by 2 V within 0.4 % of lithiation where empty, and falls so where full.
+    """HalfCell that rises by 2 V within 0.4 % of lithiation where empty, and falls so where full.
 
     Only at ends within 1 % of empty or full; a table that ends elsewhere says nothing beyond.
-
-    Parameters
-    ----------
-    half_cell : HalfCell.
     """
     lithiation, potential = half_cell.lithiation, half_cell.potential_volt
     if lithiation[0] <= 0.01:
-        lithiation = np.append(lithiation[0] - END_LITHIATION, lithiation)
-        potential = np.append(potential[0] + END_VOLT, potential)
+        lithiation = np.append(lithiation[0] - 0.004, lithiation)
+        potential = np.append(potential[0] + 2.0, potential)
     if lithiation[-1] >= 0.99:
-        lithiation = np.append(lithiation, lithiation[-1] + END_LITHIATION)
-        potential = np.append(potential, potential[-1] - END_VOLT)
+        lithiation = np.append(lithiation, lithiation[-1] + 0.004)
+        potential = np.append(potential, potential[-1] - 2.0)
     return half_cell._replace(lithiation=lithiation, potential_volt=potential)
 
 

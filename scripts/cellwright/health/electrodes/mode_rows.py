@@ -3,10 +3,8 @@
 import numpy as np
 
 from cellwright.health.electrodes.alignment import CORRELATED_SOC
-from cellwright.health.electrodes.modes import MODES, QUANTILE
-
-WARNED_VOLT = 0.003  # misfit from which the half cells are said to fit poorly
-CLEARLY = 1.5  # times the deviation by the misfit: on what exceeds it a mode hangs
+from cellwright.health.electrodes.names import MODES
+from cellwright.numerics.statistics import NORMAL_95
 
 
 def mode_rows(found, pair, curves):
@@ -19,11 +17,10 @@ def mode_rows(found, pair, curves):
     ----------
     found : Modes. pair : Pair. curves : list of SlowCurve; the first is the fresh state.
     """
-    fresh = curves[0]
+    half_cells = {f"{electrode}_half_cell": one.name for electrode, one in pair._asdict().items()}
+    facts = half_cells | {"fresh_state": f"{curves[0].cell}/{curves[0].test}"}
     own = [k for k, curve in enumerate(curves) if k or curve.cell == curves[-1].cell]
-    return [
-        _row(found, k, curves[k]) | _of_blends(found, k, pair) | _facts(pair, fresh) for k in own
-    ]
+    return [_row(found, k, curves[k]) | _of_blends(found, k, pair) | facts for k in own]
 
 
 def _row(found, k, curve):
@@ -35,19 +32,15 @@ def _row(found, k, curve):
         row[f"{mode}_single"] = float(found.single[k, j])
         row[f"{mode}_single_std"] = float(found.single_std[k, j])
     names = ("negative_at_empty", "negative_at_full", "positive_at_empty", "positive_at_full")
-    limits = dict(zip(names, map(float, alignment.limits[:4]), strict=True))
-    return (
-        row
-        | {
-            "capacity_ampere_hour": float(curve.capacity_ampere_hour),
-            "rmse_volt": alignment.rmse_volt,
-            "identifiable": bool(known.all()),
-            "reason": _reason(found, k),
-            "doubt": _doubt(found, k, curve),
-        }
-        | limits
-        | {"shift_volt": float(alignment.limits[4])}
-    )
+    limits = zip((*names, "shift_volt"), map(float, alignment.limits[:5]), strict=True)
+    about = {
+        "capacity_ampere_hour": float(curve.capacity_ampere_hour),
+        "rmse_volt": alignment.rmse_volt,
+        "identifiable": bool(known.all()),
+        "reason": _reason(found, k),
+        "doubt": _doubt(found, k, curve),
+    }
+    return row | about | dict(limits)
 
 
 def _reason(found, k):
@@ -64,7 +57,7 @@ def _reason(found, k):
 
 def _points(std):
     """Half of a 95 % interval, in percent."""
-    return 100 * QUANTILE * std
+    return 100 * NORMAL_95 * std
 
 
 def _doubt(found, k, curve):
@@ -79,7 +72,8 @@ def _doubt(found, k, curve):
             without = 100 * (found.single[k, j] + found.left_out[most, k, j])
             low, high = (round(100 * CORRELATED_SOC * edge) for edge in (most, most + 1))
             words += f" ({without:.1f} % without {low} to {high} % of SoC)"
-        if source != "data" and stds[source] > CLEARLY * stds.get("data", 0.0):
+        # A mode hangs on what leaves it half as uncertain again as the misfit does.
+        if source != "data" and stds[source] > 1.5 * stds.get("data", 0.0):
             hanging.setdefault(source, []).append(words)
     names = {"branch": f"branch, a {curve.branches} alone of a cell that may hold silicon"}
     return "; ".join(
@@ -91,24 +85,16 @@ def _doubt(found, k, curve):
 def _of_blends(found, k, pair):
     """Shares of the second materials of blends, and losses of a blended negative's materials."""
     row, shares = {}, iter(zip(found.shares[k], found.shares_std[k], strict=True))
-    for electrode, one in zip(pair._fields, pair, strict=True):
-        share = (np.nan, np.nan) if one.parts is None else next(shares)
+    for electrode, half_cell in pair._asdict().items():
+        share = (np.nan, np.nan) if half_cell.parts is None else next(shares)
         row[f"{electrode}_blend_share"], row[f"{electrode}_blend_share_std"] = map(float, share)
     materials = np.full((2, 2), np.nan)
     if found.materials.size:
         materials = np.stack([found.materials[k], found.materials_std[k]], axis=1)
-        materials[2 * QUANTILE * materials[:, 1] >= 1] = np.nan  # from nothing to all of it
+        materials[2 * NORMAL_95 * materials[:, 1] >= 1] = np.nan  # from nothing to all of it
     for name, (loss, std) in zip(("first", "second"), materials, strict=True):
         row[f"lam_negative_{name}"], row[f"lam_negative_{name}_std"] = float(loss), float(std)
     return row
-
-
-def _facts(pair, fresh):
-    return {
-        "negative_half_cell": pair.negative.name,
-        "positive_half_cell": pair.positive.name,
-        "fresh_state": f"{fresh.cell}/{fresh.test}",
-    }
 
 
 def notes(found, fitting, *, given):
@@ -128,7 +114,7 @@ def notes(found, fitting, *, given):
             "this cell: give negative_half_cell and positive_half_cell in cells.tsv"
         )
     worst = max(alignment.rmse_volt for alignment in found.alignments)
-    if worst > WARNED_VOLT:
+    if worst > 0.003:
         words.append(f"the half cells fit poorly: misfit up to {1e3 * worst:.1f} mV")
     others = [f"{one.negative.name} with {one.positive.name}" for one, _ in fitting[1:]]
     if others:

@@ -8,13 +8,8 @@ from scipy.optimize import lsq_linear
 
 from cellwright.health.electrodes.alignment import CORRELATED_SOC, align, realigned
 from cellwright.health.electrodes.half_cells import may_hold_silicon
+from cellwright.numerics.statistics import NORMAL_95
 
-MODES = ("lli", "lam_negative", "lam_positive")
-DRAWS, SEED = 200, 16
-CHANGE_OF_SLOPE = 0.5  # of a mode per capacity lost, from one check-up to the next
-LEAST_LOSS = 0.02  # of the capacity, over which such a slope is taken
-QUANTILE = 1.959964  # of the normal distribution, for 95 %
-LEAST_SHARE = 1e-3  # of a blend: of less there is nothing to lose
 # ASSUME: What a charge alone tells of a cell with silicon at its end of life (a fifth of the
 # capacity lost) and a discharge does not: 5.36 points of lithium, 3.42 of the positive electrode,
 # −14.38 of the silicon, which holds 22 % of that cell's negative electrode (docs/health-modes.md).
@@ -28,7 +23,7 @@ END_OF_LIFE = 0.2
 class Modes(NamedTuple):
     """Losses of each check-up against the first, as shares of what the fresh cell had.
 
-    single, single_std : (k, 3) one by one, in the order of `MODES`. joint, joint_std : (k, 3)
+    single, single_std : (k, 3) one by one, in the order of `names.MODES`. joint, joint_std : (k, 3)
     of all check-ups together: no active material comes back. known : (k, 3) bool, whether the data
     tell more than the capacity alone. possible : (k, 3) largest loss that the capacity allows.
     alignments : list of Alignment. likeness : correlation of the misfit between check-ups [1].
@@ -86,6 +81,7 @@ def degradation_modes(curves, pair, *, others=()):
     parts = _left_out(alignments, pair)
     left_out = np.array([_losses_of(part, pair) for part in parts]) - losses
     doubts["window"] = _jackknife(left_out)
+    # What a part of the curve decides alone is no better known than without it.
     wider = (np.maximum(doubts["window"] / np.maximum(doubts["data"], 1e-12), 1.0)).ravel()
     apart = _by_other_half_cells(curves, others, losses)
     doubts["half cells"] = np.sqrt(np.mean(apart**2, axis=0)).reshape(losses.shape)
@@ -96,7 +92,8 @@ def degradation_modes(curves, pair, *, others=()):
     spread = np.hypot(np.sqrt(np.diag(covariance)).reshape(losses.shape), doubts["branch"])
     fresh = _capacities(alignments[:1], pair)[0, :3]
     possible = 1 - capacity[:, None] / fresh[None, :]
-    known = 2 * QUANTILE * spread[:, :3] < np.maximum(possible, 0.0)
+    # An interval as wide as from nothing to all that the capacity allows tells nothing.
+    known = 2 * NORMAL_95 * spread[:, :3] < np.maximum(possible, 0.0)
     known[0] = True
     modes = np.tile(np.arange(losses.shape[1]) < 3, len(losses))
     joint, joint_std = _joint(losses[:, :3], covariance[np.ix_(modes, modes)], lost)
@@ -122,29 +119,15 @@ def degradation_modes(curves, pair, *, others=()):
 
 
 def aligned(curves, pair):
-    """Alignment of each curve; a fit also begins where its neighbour's ended.
-
-    Parameters
-    ----------
-    curves : list of SlowCurve in the order of age. pair : Pair.
-
-    Returns
-    -------
-    alignments : list of Alignment.
-    """
-    forward, start = [], ()
+    """Alignment of each SlowCurve, by age; a fit also begins where the one before it ended."""
+    found = []
     for curve in curves:
-        forward.append(align(curve, pair, starts=start))
-        start = (forward[-1].limits,)
-    return forward
+        found.append(align(curve, pair, starts=[one.limits for one in found[-1:]]))
+    return found
 
 
 def quantities(alignment, pair):
     """Cyclable lithium and what the electrodes can hold (m,) [Ah], and derivatives.
-
-    Parameters
-    ----------
-    alignment : Alignment. pair : Pair.
 
     Returns
     -------
@@ -173,7 +156,8 @@ def quantities(alignment, pair):
 def _capacities(alignments, pair):
     """Lithium and materials (k, m) [Ah]; the fresh ones no less than can be divided by."""
     values = np.array([quantities(alignment, pair)[0] for alignment in alignments])
-    values[0, 3:] = np.maximum(values[0, 3:], LEAST_SHARE * values[0, 1])
+    # Of less than a thousandth of the electrode there is nothing to lose.
+    values[0, 3:] = np.maximum(values[0, 3:], 1e-3 * values[0, 1])
     return values
 
 
@@ -190,6 +174,7 @@ def _shares(alignments):
 
 def _by_other_half_cells(curves, others, losses):
     """What other half cells give instead: changes of the losses (n, m k), 0 of a blend's parts."""
+    # Of a blend's parts others say nothing: their second material is another one.
     apart = np.zeros((max(len(others), 1), *losses.shape))
     for k, other in enumerate(others):
         apart[k, :, :3] = _losses_of(aligned(curves, other), other)[:, :3] - losses[:, :3]
@@ -220,7 +205,7 @@ def _of_the_branch(curves, pair, alignments, lost, shape):
     share = np.array([one.limits[6] if blended else BRANCH_SHARE for one in alignments])
     lithium, positive, silicon = (np.full(count, points) for points in BRANCH_POINTS.values())
     columns = [lithium, silicon * share, positive, *([0 * silicon, silicon] if blended else [])]
-    return np.stack(columns, 1) * (np.abs(lost) / END_OF_LIFE / QUANTILE)[:, None]
+    return np.stack(columns, 1) * (np.abs(lost) / END_OF_LIFE / NORMAL_95)[:, None]
 
 
 def _likeness(alignments):
@@ -229,6 +214,7 @@ def _likeness(alignments):
     misfits = [np.interp(grid, a.curve.soc, a.residual_volt / a.error_volt) for a in alignments]
     pairs = pairwise(misfits)
     each = [np.mean(a * b) / np.sqrt(np.mean(a**2) * np.mean(b**2)) for a, b in pairs]
+    # Errors wholly alike would leave none in a difference, which nobody can promise.
     return float(np.clip(np.mean(each), 0.0, 0.98)) if each else 0.0
 
 
@@ -263,15 +249,19 @@ def _joint(losses, covariance, capacity_loss):
         return losses, np.zeros_like(losses)
     inner = covariance[3:, 3:]
     widths = np.sqrt(np.maximum(np.diag(inner), 1e-12))
+    # A little more on the diagonal: two check-ups of one curve must not be singular.
     correlation = inner / np.outer(widths, widths) + 1e-9 * np.eye(len(inner))
     factor = np.linalg.cholesky(correlation)
     # Unknowns are the steps from one check-up to the next: of material they are not negative.
     steps_to_losses = np.kron(np.tril(np.ones((count - 1, count - 1))), np.eye(3))
     design = np.linalg.solve(factor, steps_to_losses / widths[:, None])
-    smooth = _change_of_slope(capacity_loss)
+    # ASSUME: The slope of a mode over the capacity lost changes by some 0.5 from one check-up to
+    # the next; over less than 2 % of the capacity it is not known better than over 2 %.
+    lost = np.maximum(np.abs(np.diff(capacity_loss)), 0.02)
+    smooth = np.kron(np.diff(np.diag(1 / lost), axis=0) / 0.5, np.eye(3))
     rows = np.vstack([design, smooth])
     low = np.tile([-np.inf, 0.0, 0.0], count - 1)
-    noise = np.random.default_rng(SEED).standard_normal((DRAWS, len(inner)))
+    noise = np.random.default_rng(16).standard_normal((200, len(inner)))
     measured = np.linalg.solve(factor, losses[1:].ravel() / widths)
     solved = [
         lsq_linear(rows, np.append(goal, np.zeros(len(smooth))), bounds=(low, np.inf)).x
@@ -281,10 +271,3 @@ def _joint(losses, covariance, capacity_loss):
     std = np.sqrt(np.mean((joint[1:] - joint[0]) ** 2, axis=0))
     zero = np.zeros((1, 3))
     return np.vstack([zero, joint[0].reshape(-1, 3)]), np.vstack([zero, std.reshape(-1, 3)])
-
-
-def _change_of_slope(capacity_loss):
-    """Rows that hold the slope of each mode over the capacity lost near that of the step before."""
-    lost = np.maximum(np.abs(np.diff(capacity_loss)), LEAST_LOSS)
-    slopes = np.diag(1 / lost)
-    return np.kron(np.diff(slopes, axis=0) / CHANGE_OF_SLOPE, np.eye(3))

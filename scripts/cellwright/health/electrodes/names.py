@@ -1,4 +1,7 @@
-"""Names of half cells as they stand in cells.tsv: of one material, or of a blend of two."""
+"""Names of half cells as they stand in cells.tsv, of one material or of a blend; of the modes."""
+
+# Of degradation: cyclable lithium lost, active material lost of either electrode.
+MODES = ("lli", "lam_negative", "lam_positive")
 
 
 def named_parts(text):

@@ -11,6 +11,7 @@ from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 
 GROWN = 0.01  # of the capacity: by less than this a cell may gain from lithium of the overhang
+NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
 
 
 def slow_curve(
@@ -40,6 +41,7 @@ def slow_curve(
         branch = {"charge": found.charge_volt, "discharge": found.discharge_volt}
         voltage = branch.get(found.branches, found.ocv_volt)
     except Refusal as refusal:
+        # A C/2 pair averages its polarisation out; one branch at that rate does not.
         found, voltage = _mean_of_both(columns, limits, mean_hour, refusal)
     measured = np.isfinite(voltage)
     return SlowCurve(
@@ -50,10 +52,6 @@ def slow_curve(
         capacity_ampere_hour=found.capacity_ampere_hour,
         branches=found.branches,
     )
-
-
-FEWEST_RESTS, REST_SPAN = 8, 0.6  # six limits are fitted; the share of SoC that they span
-NEAR_SOC = 0.002  # rests as near are one: between a pulse and its counterpart
 
 
 def rest_curve(points, test, *, cell):
@@ -79,31 +77,30 @@ def rest_curve(points, test, *, cell):
     direction = np.asarray(points["direction"]).astype(str)
     counts = {name: int(np.sum(direction == name)) for name in ("discharge", "charge")}
     most = max(counts, key=counts.get)
-    columns = {name: np.asarray(points[name], float) for name in REST_NAMES}
-    relaxed = columns["relaxed_volt"]
-    voltage = np.where(np.isfinite(relaxed), relaxed, columns["end_volt"])
+    soc, charge, end, relaxed, current = (
+        np.asarray(points[name], float)
+        for name in ("soc", "charge_ampere_hour", "end_volt", "relaxed_volt", "current_ampere")
+    )
+    voltage = np.where(np.isfinite(relaxed), relaxed, end)
     rows = np.flatnonzero((direction == most) & np.isfinite(voltage))
-    rows = rows[np.argsort(columns["soc"][rows], kind="stable")]
-    soc = columns["soc"][rows]
-    rows = rows[np.append(True, np.diff(soc) > NEAR_SOC)] if len(rows) else rows
-    span = float(np.ptp(columns["soc"][rows])) if len(rows) else 0.0
-    if len(rows) < FEWEST_RESTS or span < REST_SPAN:
+    rows = rows[np.argsort(soc[rows], kind="stable")]
+    # Between a pulse and its counterpart lies no charge worth a second sample.
+    rows = rows[np.diff(soc[rows], prepend=-np.inf) > 0.002]
+    span = float(np.ptp(soc[rows])) if len(rows) else 0.0
+    # Six limits are fitted: a few samples more, over most of the charge, must tell them apart.
+    if len(rows) < 8 or span < 0.6:
         raise Refusal(
-            f"{len(rows)} rests after {most} over {span:.0%} of SoC; {FEWEST_RESTS} over "
-            f"{REST_SPAN:.0%} are needed to align half cells"
+            f"{len(rows)} rests after {most} over {span:.0%} of SoC; 8 over 60% are needed to "
+            "align half cells"
         )
     return SlowCurve(
         *_check_up_of(test, cell),
-        current_ampere=float(np.median(np.abs(columns["current_ampere"][rows]))),
-        soc=columns["soc"][rows],
+        current_ampere=float(np.median(np.abs(current[rows]))),
+        soc=soc[rows],
         voltage_volt=voltage[rows],
-        capacity_ampere_hour=float(np.ptp(columns["charge_ampere_hour"][rows]) / span),
+        capacity_ampere_hour=float(np.ptp(charge[rows]) / span),
         branches="rests",
     )
-
-
-REST_NAMES = ("soc", "charge_ampere_hour", "end_volt", "relaxed_volt", "current_ampere")
-NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
 
 
 def _check_up_of(test, cell):
@@ -183,9 +180,7 @@ def check_ups(curves):
         like[0].append(curve) if like else protocols.append([curve])
     if not protocols:
         return [], []
-    cycles = [len({curve.cycle for curve in group}) for group in protocols]
-    ranks = [(-number, *_rank(group[0])) for number, group in zip(cycles, protocols, strict=True)]
-    best = protocols[ranks.index(min(ranks))]
+    best = min(protocols, key=lambda group: (-len({one.cycle for one in group}), *_rank(group[0])))
     chosen = {}
     for curve in best:
         chosen.setdefault(curve.cycle, curve)
@@ -216,13 +211,9 @@ def _second(curve, counted):
 
 
 def alike(first, second):
-    """Whether two curves were made by one protocol: branches, rate, temperature.
+    """Whether two SlowCurves were made by one protocol: branches, rate, temperature.
 
     The current of a protocol stays as the capacity falls, or falls with it.
-
-    Parameters
-    ----------
-    first, second : SlowCurve.
     """
     currents = [one.current_ampere for one in (first, second)]
     rates = [one.current_ampere / one.capacity_ampere_hour for one in (first, second)]
@@ -234,20 +225,15 @@ def alike(first, second):
 
 
 def _protocol(curve):
-    words = {"both": "discharge and charge", "charge": "a charge", "discharge": "a discharge"}
-    words |= {"rests": "rests between loads"}
+    words = {"both": "discharge and charge", "rests": "rests between loads"}
+    kind = words.get(curve.branches, f"a {curve.branches}")
     celsius = curve.ambient_temperature_celsius
     at = "" if np.isnan(celsius) else f" at {celsius:g} °C"
-    return f"{words[curve.branches]} with {curve.current_ampere:.3g} A{at}"
+    return f"{kind} with {curve.current_ampere:.3g} A{at}"
 
 
 def growth(curves):
-    """A sentence for each check-up whose capacity is more than that of the one before, by 1 %.
-
-    Parameters
-    ----------
-    curves : list of SlowCurve in the order of age.
-    """
+    """A sentence for each SlowCurve, by age, whose capacity grew by 1 % since the one before."""
     words = []
     for before, after in pairwise(curves):
         share = after.capacity_ampere_hour / before.capacity_ampere_hour - 1
@@ -260,16 +246,7 @@ def growth(curves):
 
 
 def need_two(curves, cell):
-    """Refuse a life of fewer than two check-ups.
-
-    Parameters
-    ----------
-    curves : list of SlowCurve. cell : its name.
-
-    Raises
-    ------
-    Refusal : fewer than two.
-    """
+    """Raise a Refusal where a cell has fewer than two check-ups, with those that it has."""
     if len(curves) < 2:
         found = ", ".join(f"{curve.test} at cycle {curve.cycle:g}" for curve in curves) or "none"
         raise Refusal(

@@ -3,11 +3,8 @@
 import numpy as np
 
 from cellwright.health.electrodes.half_cells import CHARGE_STD, POINTS, HalfCell, with_ends
+from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
-
-FEWEST_ROWS = 20
-STRAY_ROWS = 9  # over which a median is taken: single readings on another curve do not count
-MOST_NOISE_VOLT = 0.005  # RMS of the readings about a curve that falls
 
 
 def from_table(lithiation, potential_volt, *, name):
@@ -27,10 +24,8 @@ def from_table(lithiation, potential_volt, *, name):
     finite = np.isfinite(lithiation) & np.isfinite(potential)
     lithiation, first = np.unique(lithiation[finite], return_index=True)
     potential = potential[finite][first]
-    if len(lithiation) < FEWEST_ROWS:
-        raise Refusal(
-            f"{name}: {len(lithiation)} rows of lithiation and potential, at least {FEWEST_ROWS}"
-        )
+    if len(lithiation) < 20:
+        raise Refusal(f"{name}: {len(lithiation)} rows of lithiation and potential, at least 20")
     if lithiation[0] < -CHARGE_STD or lithiation[-1] > 1 + CHARGE_STD:
         found = f"{lithiation[0]:.3g} to {lithiation[-1]:.3g}"
         raise Refusal(f"{name}: lithiation runs from {found}, wanted within 0 to 1 (not percent)")
@@ -49,12 +44,13 @@ def _smooth(lithiation, potential, name):
     from scipy.optimize import isotonic_regression
     from scipy.signal import medfilt
 
-    padded = np.pad(potential, STRAY_ROWS // 2, mode="edge")
-    median = medfilt(padded, STRAY_ROWS)[STRAY_ROWS // 2 : -(STRAY_ROWS // 2)]
+    # Nine rows: up to four neighbouring readings on another curve do not count.
+    median = medfilt(np.pad(potential, 4, mode="edge"), 9)[4:-4]
     falling = -isotonic_regression(-median).x
-    noise = float(np.sqrt(np.mean((median - falling) ** 2)))
+    noise = rms(median - falling)
     steps = np.cumsum(np.diff(falling, prepend=falling[0]) < 0)
-    if noise > MOST_NOISE_VOLT or falling[0] - falling[-1] < MOST_NOISE_VOLT:
+    most_noise_volt = 0.005
+    if noise > most_noise_volt or falling[0] - falling[-1] < most_noise_volt:
         raise Refusal(
             f"{name}: potential does not fall with lithiation, as it does against lithium: "
             f"{1e3 * noise:.0f} mV off any curve that does. Is the column state of charge instead?"
@@ -67,5 +63,6 @@ def _smooth(lithiation, potential, name):
     half_width = np.minimum(np.sqrt(3) * CHARGE_STD, np.minimum(grid - grid[0], grid[-1] - grid))
     averaged, inner = curve(grid), slice(1, -1)
     low, high = (charge(grid[inner] + way * half_width[inner]) for way in (-1, 1))
+    # The mean over a width by the difference of the integral at its ends.
     averaged[inner] = (high - low) / (2 * half_width[inner])
     return grid, averaged

@@ -44,6 +44,7 @@ def align(known, peaks, motion_volt, log_factor, shift_std_volt):
         return Aligned((), 0.0, {})
     first, second = (np.array(rows, float) for rows in (known, peaks))
     apart = second[None, :, 0] - first[:, None, 0]
+    # Heights and areas change by factors, not by amounts.
     ratio = np.log(second[None, :, 1:] / first[:, None, 1:]) / log_factor
     other = ratio[..., 0] ** 2 + 0.5 * ratio[..., 1] ** 2
     tolerances = motion_volt, shift_std_volt, ALONE_COST
@@ -76,6 +77,7 @@ def paired(apart, other, motion_volt, shift_std_volt, alone_cost):
     cost, pairs = min(
         (_paired_at(shift, apart, other, *options) for shift in shifts), key=lambda found: found[0]
     )
+    # One pair alone cannot tell common from own motion: drawn to zero by its prior.
     weight = (motion_volt / shift_std_volt) ** 2
     return cost, pairs, float(np.sum([apart[pair] for pair in pairs]) / (len(pairs) + weight))
 

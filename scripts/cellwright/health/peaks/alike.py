@@ -36,6 +36,7 @@ def named_alike(charges, tracked=()):
         cell: _profile([charges[place] for place in places], cell in tracked)
         for cell, places in by_cell.items()
     }
+    # The most peaks: what the template lacks gets no name in any cell.
     template = profiles[max(profiles, key=lambda cell: (len(profiles[cell]), cell in tracked))]
     named = {}
     for cell, places in by_cell.items():

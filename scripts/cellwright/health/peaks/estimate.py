@@ -4,23 +4,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.peaks.features import features_of, is_partial
+from cellwright.health.peaks.features import features_of, is_partial, made_alike
+from cellwright.health.ratings import REPEAT_SHARE
 from cellwright.numerics.averaged_models import Rows, averaged, fitted_models
 from cellwright.numerics.statistics import robust_std
-from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 
 FEWEST_CHARGES = 4
-MOST_CHARGES = 100  # that one estimate is calibrated on: few terms need no more
-FEWEST_CELLS = 3  # that show how cells of a type differ
-FEWEST_TOLD, DISAGREES, ENDS = 8, 5.0, 3  # charges, robust standard deviations, charges
 # Of the features in one model; how many it needs is found by left-out charges.
 MOST_TERMS = 3
-CARRIES = 0.5  # share of the models' weight from which on a peak carries the information
-FARTHEST = 0.5  # outside the calibration, in spans of a feature, that is still told
-# ASSUME: Before the data speak, a model misses the capacity by 1 %, weighing two charges;
-# measured capacities repeat within 0.2 %; channels of a cycler differ by 2 mV.
-PRIOR_SHARE, REPEAT_SHARE, CHANNEL_VOLT = 0.01, 0.002, 0.002
+# ASSUME: Before the data speak, a model misses the capacity by 1 %, weighing two charges.
+PRIOR_SHARE = 0.01
 
 
 class PeakEstimate(NamedTuple):
@@ -42,9 +36,9 @@ class PeakEstimate(NamedTuple):
 
     @property
     def peaks_used(self):
-        """Identities that carry the information, in order of voltage; one at least."""
+        """Identities that half of the models' weight needs, in order of voltage; one at least."""
         most = max(self.peaks.values(), default=0.0)
-        return [name for name, share in self.peaks.items() if share >= min(CARRIES, most)]
+        return [name for name, share in self.peaks.items() if share >= min(0.5, most)]
 
 
 def capacity_from_peaks(charge, calibration, *, most_terms=MOST_TERMS):
@@ -71,12 +65,15 @@ def capacity_from_peaks(charge, calibration, *, most_terms=MOST_TERMS):
 
     Source: thesis 4.4 (peaks against cycles); averaging: `numerics.averaged_models`.
     """
-    alike = [other for other in calibration if _comparable(charge, other)]
-    cells = {other.cell for other in alike}
-    unknown = _why_not(charge, calibration, alike)
+    known = [other for other in calibration if other.capacity_ampere_hour > 0]
+    alike = [other for other in known if made_alike(charge, other)]
+    unknown = _why_not(charge, known, alike)
     if unknown:
-        return _not_told(unknown, len(alike), len(cells))
-    alike = _thinned(alike)
+        return _not_known(unknown, alike)
+    if len(alike) > 100:  # few terms need no more, if these span all capacities
+        by_size = sorted(alike, key=lambda other: other.capacity_ampere_hour)
+        places = np.linspace(0, len(by_size) - 1, 100).round().astype(int)
+        alike = [by_size[place] for place in places]
     features = features_of([charge, *alike])
     rows = _rows(features.values[1:], features.names, alike)
     beyond = _further_std(features.std) if is_partial(charge, alike) else None
@@ -84,21 +81,23 @@ def capacity_from_peaks(charge, calibration, *, most_terms=MOST_TERMS):
     if not models.terms:
         peaks = ", ".join(charge.peaks)
         words = f"its peaks ({peaks}) are in fewer than {FEWEST_CHARGES} charges calibrated on"
-        return _not_told(words, len(alike), len(cells))
+        return _not_known(words, alike)
     return _estimate(charge, averaged(models), features.names, alike)
 
 
 def _rows(values, names, charges):
     """Rows that models are fitted to: logarithms of the capacities over features."""
     target = np.log([charge.capacity_ampere_hour for charge in charges])
-    offsets = np.array([CHANNEL_VOLT if name[0] == "position" else 0.0 for name in names])
+    # ASSUME: Channels of a cycler differ by 2 mV.
+    offsets = np.array([0.002 if name[0] == "position" else 0.0 for name in names])
     cells = np.array([charge.cell for charge in charges])
     return Rows(values, target, cells, offsets, PRIOR_SHARE, REPEAT_SHARE)
 
 
 def _further_std(std):
-    """Standard deviations of the first row beyond the usual ones of all others, which the scatter
-    about the models holds already.
+    """Standard deviations of the first row beyond the usual ones of the others.
+
+    The scatter about the models holds those already.
     """
     usual = np.zeros(std.shape[1])
     some = np.isfinite(std[1:]).any(axis=0)
@@ -106,34 +105,18 @@ def _further_std(std):
     return np.sqrt(np.maximum(np.nan_to_num(std[0]) ** 2 - usual**2, 0.0))
 
 
-def _comparable(charge, other):
-    """Whether a charge of known capacity was made at the same rate and temperature."""
-    alike = same_rate(charge.c_rate, other.c_rate)
-    as_warm = same_temperature(charge.temperature_celsius, other.temperature_celsius)
-    return other.capacity_ampere_hour > 0 and alike and as_warm
-
-
-def _why_not(charge, calibration, alike):
+def _why_not(charge, known, alike):
     """Why no capacity can be told, before any model is fitted; "" where it may be."""
     if not charge.peaks:
         return "no peaks"
     if len(alike) >= FEWEST_CHARGES:
         return ""
-    conditions = sorted({_condition(c) for c in calibration if c.capacity_ampere_hour > 0})
-    known = f"; there are charges at {', '.join(conditions)}" if conditions else ""
+    conditions = sorted({_condition(other) for other in known})
+    there_are = f"; there are charges at {', '.join(conditions)}" if conditions else ""
     return (
         f"calibrated on {len(alike)} charge(s) of known capacity at {_condition(charge)}, "
-        f"{FEWEST_CHARGES} are needed{known}"
+        f"{FEWEST_CHARGES} are needed{there_are}"
     )
-
-
-def _thinned(charges):
-    """Charges evenly spread over their order by capacity, where there are too many."""
-    if len(charges) <= MOST_CHARGES:
-        return charges
-    by_size = sorted(charges, key=lambda charge: charge.capacity_ampere_hour)
-    places = np.linspace(0, len(by_size) - 1, MOST_CHARGES).round().astype(int)
-    return [by_size[place] for place in places]
 
 
 def _condition(charge):
@@ -142,8 +125,9 @@ def _condition(charge):
     return f"{charge.c_rate:.2g}C and {at}"
 
 
-def _not_told(reason, charges, cells):
-    return PeakEstimate(*[np.nan] * 4, {}, charges, cells, reason)
+def _not_known(reason, alike):
+    cells = {other.cell for other in alike}
+    return PeakEstimate(*[np.nan] * 4, {}, len(alike), len(cells), reason)
 
 
 def _estimate(charge, found, names, alike):
@@ -151,21 +135,21 @@ def _estimate(charge, found, names, alike):
     cells = {other.cell for other in alike}
     size = np.exp([found.mean, found.lower, found.upper])
     known = [other.capacity_ampere_hour for other in alike]
-    if found.beyond > FARTHEST:
-        return _not_told(
+    if found.beyond > 0.5:
+        return _not_known(
             "outside the calibration: its peaks lie beyond those calibrated on by more than half "
             "of what these span, on which capacities are "
             f"{min(known):.4g} to {max(known):.4g} Ah",
-            len(alike),
-            len(cells),
+            alike,
         )
     peaks = dict.fromkeys(charge.peaks, 0.0)
     for weight, term in zip(found.weights, found.terms, strict=True):
         for identity in {name for number in term for name in names[number][1:]}:
             peaks[identity] += float(weight)
+    # The mean is a logarithm: its deviation is a share of the capacity.
     interval = (size[0] * found.std, size[1], size[2])
     reason = ""
-    if charge.cell not in cells and len(cells) < FEWEST_CELLS:
+    if charge.cell not in cells and len(cells) < 3:
         interval = (np.nan,) * 3
         reason = (
             f"calibrated on {len(cells)} other cell(s), which does not show how cells of the type "
@@ -236,7 +220,7 @@ def disagreeing(found):
 
     Parameters
     ----------
-    found : list of LeftOut, eight told at least; else none is named.
+    found : list of LeftOut, eight of them known at least; else none is named.
 
     Returns
     -------
@@ -245,73 +229,19 @@ def disagreeing(found):
     smallest and largest capacities are not among them: few others are like these, and what is
     carried on to them may fail where nothing is wrong with them.
     """
-    told = [one for one in found if np.isfinite(one.without_check_up.capacity_ampere_hour)]
-    told = [one for one in told if one.charge.capacity_ampere_hour > 0]
-    if len(told) < FEWEST_TOLD:
+    known = [one for one in found if np.isfinite(one.without_check_up.capacity_ampere_hour)]
+    known = [one for one in known if one.charge.capacity_ampere_hour > 0]
+    if len(known) < 8:
         return {}
-    sizes = np.array([one.charge.capacity_ampere_hour for one in told])
-    low, high = np.sort(sizes)[[ENDS - 1, -ENDS]]
-    errors = np.array(
-        [
-            one.without_check_up.capacity_ampere_hour / one.charge.capacity_ampere_hour - 1
-            for one in told
-        ]
-    )
+    sizes = np.array([one.charge.capacity_ampere_hour for one in known])
+    low, high = np.sort(sizes)[[2, -3]]
+    errors = np.array([one.without_check_up.capacity_ampere_hour for one in known]) / sizes - 1
+    # About the middle of all errors: what they share is no disagreement.
     off = np.abs(errors - np.median(errors))
     spread = np.hypot(robust_std(off), PRIOR_SHARE)
-    worst = np.argsort(-off)[: max(len(told) // 10, 1)]
+    worst = np.argsort(-off)[: max(len(known) // 10, 1)]
     return {
-        (told[place].charge.cell, told[place].charge.cycle): float(errors[place])
+        (known[place].charge.cell, known[place].charge.cycle): float(errors[place])
         for place in worst
-        if off[place] > DISAGREES * spread and low < sizes[place] < high
+        if off[place] > 5.0 * spread and low < sizes[place] < high
     }
-
-
-class Errors(NamedTuple):
-    """Errors of left-out estimates as shares of the capacity when new [1]: rms, largest, count.
-
-    covered : share of the charges whose interval holds the measured capacity, of those that
-    have one. not_told : how many could not be estimated.
-    """
-
-    rms: float
-    largest: float
-    count: int
-    covered: float
-    not_told: int
-
-
-def errors_of(estimates, charges, *, fresh_ampere_hour):
-    """Errors of estimates of charges whose capacity is known.
-
-    Parameters
-    ----------
-    estimates : list of PeakEstimate. charges : list of PeakCharge, one each.
-    fresh_ampere_hour : dict of the capacity by cell that errors are shares of [Ah].
-
-    Returns
-    -------
-    errors : Errors; NaN where there is none.
-    """
-    pairs = [
-        (one, of) for one, of in zip(estimates, charges, strict=True) if of.capacity_ampere_hour > 0
-    ]
-    told = [(one, of) for one, of in pairs if np.isfinite(one.capacity_ampere_hour)]
-    shares = np.array(
-        [
-            (one.capacity_ampere_hour - of.capacity_ampere_hour) / fresh_ampere_hour[of.cell]
-            for one, of in told
-        ]
-    )
-    held = [
-        one.lower_ampere_hour <= of.capacity_ampere_hour <= one.upper_ampere_hour
-        for one, of in told
-        if np.isfinite(one.std_ampere_hour)
-    ]
-    return Errors(
-        float(np.sqrt(np.mean(shares**2))) if told else np.nan,
-        float(np.abs(shares).max()) if told else np.nan,
-        len(told),
-        float(np.mean(held)) if held else np.nan,
-        len(pairs) - len(told),
-    )

@@ -5,11 +5,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 
 # ASSUME: A window that begins or ends this much inside that of the calibration cuts the area of the
 # peak next to it.
 PARTIAL_VOLT = 0.02
+
+
+def made_alike(first, second):
+    """Whether two charges were made at one rate and temperature: others move the peaks."""
+    as_warm = same_temperature(first.temperature_celsius, second.temperature_celsius)
+    return same_rate(first.c_rate, second.c_rate) and as_warm
 
 
 class IdentifiedPeak(NamedTuple):
@@ -86,18 +93,13 @@ def features_of(charges):
         raise Refusal(f"none of {len(charges)} charge(s) has a peak")
     unknown = np.nan, np.nan
     found = np.array([[row.get(name, unknown) for name in names] for row in rows], float)
-    return _with_bends(Features(names, found[..., 0], found[..., 1]))
-
-
-def _with_bends(features):
-    """Features and, of each height, the squared distance from its middle: a curved relation."""
-    bent = [k for k, name in enumerate(features.names) if name[0] == "height"]
-    around = features.values[:, bent] - np.nanmedian(features.values[:, bent], axis=0)
-    names = [("bend", features.names[k][1]) for k in bent]
+    values, std = found[..., 0], found[..., 1]
+    bent = [k for k, name in enumerate(names) if name[0] == "height"]
+    around = values[:, bent] - np.nanmedian(values[:, bent], axis=0)
     return Features(
-        [*features.names, *names],
-        np.hstack([features.values, around**2]),
-        np.hstack([features.std, 2 * np.abs(around) * features.std[:, bent]]),
+        [*names, *(("bend", names[k][1]) for k in bent)],
+        np.hstack([values, around**2]),
+        np.hstack([std, 2 * np.abs(around) * std[:, bent]]),
     )
 
 
@@ -108,12 +110,7 @@ def _usual_window(charges):
 
 
 def is_partial(charge, others):
-    """Whether the window of a charge begins or ends 20 mV inside the usual one of others.
-
-    Parameters
-    ----------
-    charge : PeakCharge. others : list of PeakCharge.
-    """
+    """Whether the window of a PeakCharge begins or ends 20 mV inside the usual one of others."""
     low, high = _usual_window([charge, *others])
     volt = charge.voltage_volt
     return len(volt) > 0 and (volt[0] > low + PARTIAL_VOLT or volt[-1] < high - PARTIAL_VOLT)
@@ -130,6 +127,7 @@ def _of_charge(charge, low, high):
             beside = [*names[max(place - 1, 0) : place], *names[place + 1 : place + 2]]
             area = _log(peak.area_ampere_hour, peak.area_std_ampere_hour)
             found["area", identity, *beside] = area
+    # What lies between two peaks does not hang on where valleys are drawn.
     charge_at = _counted(charge)
     for first, second in combinations(charge.peaks, 2):
         pair = charge.peaks[first], charge.peaks[second]

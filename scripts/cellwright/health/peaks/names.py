@@ -43,6 +43,7 @@ def _words(places, template):
     """Word of each identity that is the nearest to a place of the template, and slow."""
     words = {}
     for volt, word in template:
+        # Polarisation of a faster charge would give a peak its neighbour's word.
         near = {k: abs(v - volt) for k, (v, rate) in places.items() if rate <= SLOW_C_RATE}
         nearest = min(near, key=near.get, default=None)
         if nearest is not None and near[nearest] <= NEAR_VOLT and nearest not in words:

@@ -12,38 +12,7 @@ from cellwright.settings import IcaTemperature
 
 ICA_TEMPERATURE = IcaTemperature()
 SIGMA_VOLT = 0.01  # all curves are smoothed alike, against the ripples of a chamber that swings
-
-MOST_JOINED = 3
-# What a step of the alignment costs, in units of a squared standard deviation: a further peak in
-# a group, a peak without a partner; an area that disagrees costs no more than four deviations.
-JOIN_COST, ALONE_COST, AREA_COST_MAX = 6.0, 12.0, 16.0
 SHIFT_TOLERANCE_VOLT = 0.04
-SHIFT_SCALE_VOLT = 0.1  # what a common shift may be without much cost
-SHIFTS_VOLT = np.arange(-0.06, 0.261, 0.01)
-
-
-class Match(NamedTuple):
-    """One or several peaks of the reference matched with peaks of another curve, and their fate.
-
-    reference_peaks, peaks : numbers from 1, joined by "+"; "" where there is none.
-    fate : kept; changed (one peak stays, its area does not); merged; split; lost; cut (lost,
-    but it may lie behind the end of the curve); new; unresolved (peaks stand where others stood,
-    but their areas do not add up, or not all peaks of the other curve stand clear of their
-    valleys, so that ripples may be among them).
-    voltages are means weighted by area [V]; areas are sums [Ah], of the outer valleys only, with
-    the standard deviation of their difference.
-    """
-
-    reference_peaks: str
-    peaks: str
-    fate: str
-    reference_voltage_volt: float
-    voltage_volt: float
-    shift_volt: float
-    reference_area_ampere_hour: float
-    area_ampere_hour: float
-    area_difference_ampere_hour: float
-    area_difference_std_ampere_hour: float
 
 
 # ASSUME: Between temperatures the peaks keep their order, and move by about as much.
@@ -63,17 +32,25 @@ def match_peaks(reference, other, *, end_volt=np.inf):
 
     Returns
     -------
-    list of Match, in order of voltage.
+    list of dict, in order of voltage. reference_peaks, peaks: numbers from 1, joined by "+"; ""
+        where there is none. fate: kept; changed (one peak stays, its area does not); merged;
+        split; lost; cut (lost, but it may lie behind the end of the curve); new; unresolved (peaks
+        stand where others stood, but their areas do not add up, or not all peaks of the other
+        curve stand clear of their valleys, so that ripples may be among them). Voltages are means
+        weighted by area [V]; areas are sums [Ah], of the outer valleys only, with the standard
+        deviation of their difference.
 
     Source: thesis 3.3 (figure 3.20: of four peaks at 20 °C the upper two become one at −20 °C).
     """
-    alignments = [(*_aligned(reference, other, shift), shift) for shift in SHIFTS_VOLT]
+    # In the cold a charge's polarisation grows: shifts to higher voltage are the usual ones.
+    shifts = np.arange(-0.06, 0.261, 0.01)
+    alignments = [(*_aligned(reference, other, shift), shift) for shift in shifts]
     _, blocks, shift = min(alignments, key=lambda alignment: alignment[0])
     reach = end_volt - shift - SHIFT_TOLERANCE_VOLT
     matches = [_match(reference, other, reach, *block) for block in blocks]
     if all(peak.clear for peak in other):
         return matches
-    return [m if m.fate == "kept" else m._replace(fate="unresolved") for m in matches]
+    return [m if m["fate"] == "kept" else m | {"fate": "unresolved"} for m in matches]
 
 
 def _aligned(reference, other, shift):
@@ -92,13 +69,12 @@ def _aligned(reference, other, shift):
 
 def _steps(reference, other, shift):
     """Every last step of an alignment: peaks it takes of either list, and its cost."""
+    alone = 12.0  # of two peaks together as much as of a match five standard deviations off
     if reference:
-        yield 1, 0, ALONE_COST
+        yield 1, 0, alone
     if other:
-        yield 0, 1, ALONE_COST
-    joined = [(1, 1), *[(k, 1) for k in range(2, MOST_JOINED + 1)]]
-    joined += [(1, k) for k in range(2, MOST_JOINED + 1)]
-    for k, m in joined:
+        yield 0, 1, alone
+    for k, m in ((1, 1), (2, 1), (3, 1), (1, 2), (1, 3)):
         if k <= len(reference) and m <= len(other):
             yield k, m, _cost(reference[-k:], other[-m:], shift)
 
@@ -107,9 +83,11 @@ def _cost(reference, other, shift):
     """Cost of matching these peaks at a common shift [squared standard deviations]."""
     difference, std = _difference(reference, other)
     moved = (_centre(other) - _centre(reference) - shift) / SHIFT_TOLERANCE_VOLT
-    area = min((difference / std) ** 2, AREA_COST_MAX)
-    common = (shift / SHIFT_SCALE_VOLT) ** 2
-    return area + moved**2 + common + JOIN_COST * (len(reference) + len(other) - 2)
+    # An area that disagrees costs no more than four deviations: place and order still count.
+    area = min((difference / std) ** 2, 16.0)
+    common = (shift / 0.1) ** 2
+    further = len(reference) + len(other) - 2
+    return area + moved**2 + common + 6.0 * further
 
 
 def _area(peaks):
@@ -132,7 +110,7 @@ def _difference(reference, other):
 
 
 def _match(reference, other, reach, first, stop, low, high):
-    """One block of the alignment as a `Match`."""
+    """One block of the alignment as a row."""
     reference_peaks, other_peaks = reference[first:stop], other[low:high]
     names = ["+".join(str(k + 1) for k in range(*span)) for span in ((first, stop), (low, high))]
     place = [_centre(peaks) if peaks else np.nan for peaks in (reference_peaks, other_peaks)]
@@ -143,15 +121,18 @@ def _match(reference, other, reach, first, stop, low, high):
         else (np.nan, np.nan)
     )
     fate = _fate(len(reference_peaks), len(other_peaks), abs(difference) <= NORMAL_95 * std)
-    return Match(
-        *names,
-        "cut" if fate == "lost" and place[0] > reach else fate,
-        *place,
-        place[1] - place[0],
-        *area,
-        difference,
-        std,
-    )
+    return {
+        "reference_peaks": names[0],
+        "peaks": names[1],
+        "fate": "cut" if fate == "lost" and place[0] > reach else fate,
+        "reference_voltage_volt": place[0],
+        "voltage_volt": place[1],
+        "shift_volt": place[1] - place[0],
+        "reference_area_ampere_hour": area[0],
+        "area_ampere_hour": area[1],
+        "area_difference_ampere_hour": difference,
+        "area_difference_std_ampere_hour": std,
+    }
 
 
 def _fate(reference_count, other_count, agree):
@@ -163,9 +144,6 @@ def _fate(reference_count, other_count, agree):
     if not agree:
         return "unresolved"
     return "merged" if reference_count > other_count else "split"
-
-
-END_SIGMAS = 5.0  # where a curve begins and ends polarisation sets, not the cell
 
 
 class Peak(NamedTuple):
@@ -244,7 +222,7 @@ def _tops(height, least):
     inner = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     tops = list(inner)
     while tops:
-        valleys = [a + int(height[a : b + 1].argmin()) for a, b in pairwise([0, *tops])][1:]
+        valleys = [_low(height, a, b) for a, b in pairwise(tops)]
         edges = [0, *valleys, len(height) - 1]
         rises = [
             height[top] - max(height[_low(height, a, top)], height[_low(height, top, b)])
@@ -269,15 +247,18 @@ def _peak(voltage, height, wide, top, lower, upper, sigma):
     shift = 0.5 * (height[top - 1] - height[top + 1]) / bend if bend else 0.0
     reach = max(int(2 * sigma / step), 1)
     near = slice(max(top - reach, 0), top + reach + 1)
+    # A place that moves when smoothed more hangs on the smoothing.
     moved = voltage[near][int(np.argmax(wide[near]))] - voltage[top]
     inside = height[lower : upper + 1]
+    # Where a curve begins and ends polarisation sets, not the cell: five widths open at either end.
+    left, right = 5 if lower == 0 else 1, 5 if upper == len(height) - 1 else 1
     return Peak(
         float(voltage[top] + shift * step),
         float(np.hypot(0.5 * moved, step / np.sqrt(12))),
         float(height[top]),
         float(np.sum((inside[1:] + inside[:-1]) / 2) * step),
-        float(height[lower] * sigma * (END_SIGMAS if lower == 0 else 1)),
-        float(height[upper] * sigma * (END_SIGMAS if upper == len(height) - 1 else 1)),
+        float(height[lower] * sigma * left),
+        float(height[upper] * sigma * right),
         bool(max(height[lower], height[upper]) < 0.8 * height[top]),
     )
 
@@ -290,15 +271,6 @@ class Charge(NamedTuple):
     c_rate: float
     voltage_volt: np.ndarray
     dq_dv_ampere_hour_per_volt: np.ndarray
-
-
-class OverTemperature(NamedTuple):
-    """Rows for three tables: matches, peaks at the common smoothing, curves on it; and notes."""
-
-    matches: list
-    peaks: list
-    curves: dict
-    notes: list
 
 
 def peaks_over_temperature(
@@ -316,75 +288,44 @@ def peaks_over_temperature(
 
     Returns
     -------
-    OverTemperature. Charges at another rate than the reference's (by more than 11.8 %) are left
-    out: peaks move with the rate as well.
+    matches, peaks : lists of dict. curves : dict of columns, at the common smoothing.
+    notes : list of sentences. Charges at another rate than the reference's (by more than 11.8 %)
+        are left out: peaks move with the rate as well.
 
     Raises
     ------
     Refusal : fewer than two temperatures with charges of one rate.
     """
-    notes, comparable = [], []
     reference = min(charges, key=lambda charge: abs(charge.temperature_celsius - reference_celsius))
-    for charge in sorted(charges, key=lambda charge: -charge.temperature_celsius):
-        if not same_rate(charge.c_rate, reference.c_rate):
-            rates = (
-                f"{charge.c_rate:.3g}C, the reference {reference.test} at {reference.c_rate:.3g}C"
-            )
-            notes.append(f"{charge.test} was left out: it is at {rates}")
-        else:
-            comparable.append(charge)
+    by_warmth = sorted(charges, key=lambda charge: -charge.temperature_celsius)
+    comparable = [charge for charge in by_warmth if same_rate(charge.c_rate, reference.c_rate)]
+    notes = [
+        f"{charge.test} was left out: it is at {charge.c_rate:.3g}C, the reference "
+        f"{reference.test} at {reference.c_rate:.3g}C"
+        for charge in by_warmth
+        if not same_rate(charge.c_rate, reference.c_rate)
+    ]
     if len({charge.temperature_celsius for charge in comparable}) < 2:
         raise Refusal("charges of one rate are known at one temperature only")
-    peaks = {
+    found = {
         charge.test: scaled_peaks(
-            charge.voltage_volt,
-            charge.dq_dv_ampere_hour_per_volt,
-            sigma_volt=sigma_volt,
+            charge.voltage_volt, charge.dq_dv_ampere_hour_per_volt, sigma_volt=sigma_volt
         )
         for charge in comparable
     }
-    unclear = [
-        charge.test for charge in comparable if not all(peak.clear for peak in peaks[charge.test])
-    ]
-    notes += [f"{test}: not all peaks stand clear of their valleys" for test in unclear]
-    matches = [
-        row
-        for charge in comparable
-        if charge.test != reference.test
-        for row in _matched(reference, charge, peaks, sigma_volt)
-    ]
-    return OverTemperature(
-        matches, _peak_rows(comparable, peaks), _curves(comparable, sigma_volt), notes
-    )
-
-
-def _matched(reference, charge, peaks, sigma):
-    """Rows of matches of one charge with the reference."""
-    matches = match_peaks(
-        peaks[reference.test], peaks[charge.test], end_volt=charge.voltage_volt[-1] - sigma
-    )
-    return [
-        {
-            "test": charge.test,
-            "temperature_celsius": charge.temperature_celsius,
-            "reference_celsius": reference.temperature_celsius,
-            **match._asdict(),
-        }
-        for match in matches
-    ]
-
-
-def _peak_rows(charges, peaks):
-    return [
-        {
-            "test": charge.test,
-            "temperature_celsius": charge.temperature_celsius,
-            "peak": number,
-            **peak._asdict(),
-        }
-        for charge in charges
-        for number, peak in enumerate(peaks[charge.test], 1)
-    ]
+    matches, peaks = [], []
+    for charge in comparable:
+        own = found[charge.test]
+        about = {"test": charge.test, "temperature_celsius": charge.temperature_celsius}
+        peaks += [about | {"peak": k} | peak._asdict() for k, peak in enumerate(own, 1)]
+        if not all(peak.clear for peak in own):
+            notes.append(f"{charge.test}: not all peaks stand clear of their valleys")
+        if charge.test != reference.test:
+            end_volt = charge.voltage_volt[-1] - sigma_volt
+            about["reference_celsius"] = reference.temperature_celsius
+            rows = match_peaks(found[reference.test], own, end_volt=end_volt)
+            matches += [about | row for row in rows]
+    return matches, peaks, _curves(comparable, sigma_volt), notes
 
 
 def _curves(charges, sigma):

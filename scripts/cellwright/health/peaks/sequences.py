@@ -2,8 +2,6 @@
 
 import numpy as np
 
-TOLERANCES = 3.0  # motion tolerances within which two peaks are at one place
-
 
 def joined_identities(rows, motion_volt):
     """Rows with one identity for peaks that stand at the same place in different sequences.
@@ -14,16 +12,17 @@ def joined_identities(rows, motion_volt):
 
     Parameters
     ----------
-    rows : list of TrackRow, with numbers as identities. motion_volt : own motion of a peak [V].
+    rows : list of dict of `tracking`, with numbers as identities. motion_volt : own motion of a
+        peak [V].
 
     Returns
     -------
-    rows : list of TrackRow.
+    rows : list of dict.
     """
     charges = {}
     for row in rows:
-        if np.isfinite(row.voltage_volt):
-            charges.setdefault(_charge(row), {})[row.identity] = row.voltage_volt
+        if np.isfinite(row["voltage_volt"]):
+            charges.setdefault(_charge(row), {})[row["identity"]] = row["voltage_volt"]
     numbers = sorted({identity for peaks in charges.values() for identity in peaks})
     same = {}
     for later in numbers:
@@ -37,9 +36,9 @@ def joined_identities(rows, motion_volt):
 
 def _charge(row):
     """Sequence and cycle of a row: rate to two digits, temperature to 5 K, cycle."""
-    celsius = row.ambient_temperature_celsius
+    celsius = row["ambient_temperature_celsius"]
     warmth = round(celsius / 5) if np.isfinite(celsius) else None
-    return (float(f"{row.c_rate:.1g}"), warmth), row.cycle
+    return (float(f"{row['c_rate']:.1g}"), warmth), row["cycle"]
 
 
 def _one(charges, first, later, motion):
@@ -53,14 +52,15 @@ def _one(charges, first, later, motion):
     shared = set(charges[near]) & set(charges[other])
     if not shared:
         return False
+    # What shared peaks move together is rate and temperature, not identity.
     offset = np.mean([charges[other][n] - charges[near][n] for n in shared])
     apart = charges[other][later] - charges[near][first] - offset
-    return abs(apart) <= TOLERANCES * motion
+    return abs(apart) <= 3.0 * motion
 
 
 def _renamed(row, same):
     """A row with the identity, and the names in its event, that are kept."""
-    event = row.event
+    event = row["event"]
     for later, first in same.items():
         event = event.replace(f"#{later} ", f"#{first} ")
-    return row._replace(identity=same.get(row.identity, row.identity), event=event)
+    return row | {"identity": same.get(row["identity"], row["identity"]), "event": event}

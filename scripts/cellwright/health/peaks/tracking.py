@@ -12,54 +12,39 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.health.peaks.alignment import align
+from cellwright.health.peaks.features import made_alike
 from cellwright.health.peaks.names import names_of
 from cellwright.health.peaks.sequences import joined_identities
-from cellwright.records.conditions import (
-    REFERENCE_CELSIUS,
-    same_rate,
-    same_temperature,
-    stated_or_reference,
-)
+from cellwright.laws.points import grouped_alike
+from cellwright.records.conditions import REFERENCE_CELSIUS, stated_or_reference
 from cellwright.refusal import Refusal
-
-SHRUNK = 0.5  # height over that in the first charge, from which a peak is said to have shrunk
-AMBIGUOUS = 2.0  # cost, in units of -2 log likelihood, by which another assignment must be worse
 
 
 class TrackedCharge(NamedTuple):
     """Peaks of one charge: what it was, and columns of (k,) each, from low voltage.
 
-    test : its name. cycle [1], c_rate [1/h], celsius : chamber temperature, NaN where not known.
-    peaks : dict of columns of stage `ica`. reason : why it has no peaks, "" where it has.
+    test : its name. cycle [1], c_rate [1/h], temperature_celsius : of the chamber, NaN where not
+    known. peaks : dict of columns of stage `ica`. reason : why it has no peaks, "" where it has.
     """
 
     test: str
     cycle: float
     c_rate: float
-    celsius: float
+    temperature_celsius: float
     peaks: dict
     reason: str
 
 
-class TrackRow(NamedTuple):
-    """One peak of one charge, or one that is missing there (voltage NaN)."""
-
-    test: str
-    cycle: float
-    c_rate: float
-    ambient_temperature_celsius: float
-    identity: str
-    voltage_volt: float
-    voltage_std_volt: float
-    height_ampere_hour_per_volt: float
-    height_std_ampere_hour_per_volt: float
-    area_ampere_hour: float
-    area_std_ampere_hour: float
-    width_volt: float
-    common_shift_volt: float
-    own_shift_volt: float
-    event: str
-    reason: str
+# What is said of a peak in stage `ica` and again where it was tracked; NaN where it is missing.
+OF_PEAK = (
+    "voltage_volt",
+    "voltage_std_volt",
+    "height_ampere_hour_per_volt",
+    "height_std_ampere_hour_per_volt",
+    "area_ampere_hour",
+    "area_std_ampere_hour",
+    "width_volt",
+)
 
 
 class _Track(NamedTuple):
@@ -104,7 +89,8 @@ def tracked_peaks(
 
     Returns
     -------
-    rows : list of TrackRow, by rate, temperature and cycle, from low voltage.
+    rows : list of dict as of stage `ica_tracks`, by rate, temperature and cycle, from low voltage;
+        one a peak of a charge, or one that is missing there (voltage NaN).
 
     Raises
     ------
@@ -114,15 +100,19 @@ def tracked_peaks(
         raise Refusal(f"{len(charges)} charge for dQ/dV; two are needed to follow peaks")
     if not any(_count(charge) for charge in charges):
         raise Refusal(f"no peaks in any of {len(charges)} charges: {charges[0].reason}")
+    # Heights and areas are compared as logarithms.
     tolerance = (motion_volt, np.log(height_factor))
     sequences = _sequences(charges)
     known, rows, begun = [], [], []
     for sequence in sequences:
-        start = known if not begun else _nearest(begun, sequence[0].cycle)
-        wide = rate_shift_volt if begun else shift_volt
+        start, wide = known, shift_volt
+        if begun:  # another sequence sets out from the charge nearest in cycle, with what it shows
+            _, tracks = min(begun, key=lambda state: abs(state[0] - sequence[0].cycle))
+            start, wide = [track for track in tracks if track.seen], rate_shift_volt
         found, states = _followed(sequence, start, tolerance, (wide, shift_volt), known)
         rows += found
-        known = _all_known(known, states)
+        numbers = {track.identity for track in known}
+        known += [track for track in states[-1][1] if track.identity not in numbers]
         begun += states
     rows = joined_identities(rows, motion_volt)
     names = names_of(_first_places(rows), chemistry)
@@ -131,8 +121,8 @@ def tracked_peaks(
 
 def _named(row, names):
     """A row with names in place of the numbers of identities."""
-    event = re.sub(r"#(\d+)", lambda found: names[int(found[1])], row.event).strip()
-    return row._replace(identity=names[row.identity], event=event)
+    event = re.sub(r"#(\d+)", lambda found: names[int(found[1])], row["event"]).strip()
+    return row | {"identity": names[row["identity"]], "event": event}
 
 
 def _count(charge):
@@ -140,39 +130,16 @@ def _count(charge):
 
 
 def _sequences(charges):
-    """Charges of one rate and temperature by cycle; slowest first, nearest to 25 °C first."""
-    sequences = []
-    for charge in sorted(charges, key=lambda c: (c.c_rate, c.cycle)):
-        same = (s for s in sequences if _alike(s[0], charge))
-        sequence = next(same, None)
-        if sequence is None:
-            sequences.append(sequence := [])
-        sequence.append(charge)
-    sequences = [sorted(s, key=lambda c: c.cycle) for s in sequences]
+    """Charges of one rate and temperature by cycle; near 25 °C first, then the slowest."""
+    by_rate = sorted(charges, key=lambda c: (c.c_rate, c.cycle))
+    sequences = [sorted(s, key=lambda c: c.cycle) for s in grouped_alike(by_rate, made_alike)]
     return sorted((s for s in sequences if any(map(_count, s))), key=_from_reference)
 
 
-def _alike(first, other):
-    """Whether two charges are of one rate and one temperature."""
-    return same_rate(first.c_rate, other.c_rate) and same_temperature(first.celsius, other.celsius)
-
-
 def _from_reference(sequence):
-    celsius = stated_or_reference(sequence[0].celsius)
-    return abs(celsius - REFERENCE_CELSIUS) > 10, sequence[0].c_rate, sequence[0].cycle
-
-
-def _nearest(states, cycle):
-    """Tracks after the charge nearest in cycle: those seen there."""
-    tracks = min(states, key=lambda state: abs(state[0] - cycle))[1]
-    return [track for track in tracks if track.seen]
-
-
-def _all_known(known, states):
-    """Identities known after a sequence."""
-    numbers = {track.identity for track in known}
-    last = states[-1][1] if states else []
-    return [*known, *(track for track in last if track.identity not in numbers)]
+    first = sequence[0]
+    away = abs(stated_or_reference(first.temperature_celsius) - REFERENCE_CELSIUS)
+    return away > 10, first.c_rate, first.cycle
 
 
 def _followed(sequence, tracks, tolerance, shifts, known):
@@ -186,19 +153,20 @@ def _followed(sequence, tracks, tolerance, shifts, known):
         rows += new_rows
         states.append((charge.cycle, tracks))
         if _count(charge):
-            tracks = [_begun(t) if joined else t for t in tracks]
+            tracks = [_begun(track) if joined else track for track in tracks]
             wide, joined = usual, False
     return rows, states
 
 
 def _begun(track):
-    """A track whose first height is that of this sequence."""
+    """A track whose first height is that of this sequence: that of another rate says nothing."""
     return track._replace(first_height=track.height if track.seen else np.nan)
 
 
 def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):
     """Rows of one charge, and the tracks after it, from low voltage."""
-    peaks = _peak_list(charge)
+    names = ("voltage_volt", "height_ampere_hour_per_volt", "area_ampere_hour")
+    peaks = list(zip(*(charge.peaks[n] for n in names), strict=True)) if _count(charge) else []
     aligned = align([(t.voltage, t.height, t.area) for t in tracks], peaks, *tolerance, shift_std)
     upset = "" if joined else _upset(aligned, tracks, peaks, np.exp(tolerance[1]))
     aligned = aligned._replace(known=sum(track.seen for track in tracks), upset=upset)
@@ -217,7 +185,8 @@ def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):
             )
             event = _change(old, track, own, tolerance[0], joined)
         after.append(track)
-        rows.append(_row(charge, k, track, aligned, event))
+        values = (float(charge.peaks[name][k]) for name in OF_PEAK)
+        rows.append(_row(charge, track, values, aligned, event, _doubt(aligned, k)))
     gone = [t for t in range(len(tracks)) if t not in {track for track, _ in aligned.pairs}]
     for number in gone:
         lost = tracks[number]
@@ -225,7 +194,9 @@ def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):
         after.append(lost._replace(voltage=place, seen=False))
         fresh = lost.seen and not joined
         event = _disappearance(aligned, tracks, peaks, number) if fresh else "absent"
-        rows.append(_missing(charge, lost, aligned, event))
+        reason = charge.reason or f"no peak near {place:.3f} V, where it would be"
+        rows.append(_row(charge, lost, [np.nan] * len(OF_PEAK), aligned, event, reason))
+    # Absent peaks keep a place too: the order decides what may cross.
     order = np.argsort([track.voltage for track in after], kind="stable")
     return [rows[k] for k in order], [after[k] for k in order]
 
@@ -248,12 +219,6 @@ def _upset(aligned, tracks, peaks, factor):
     )
 
 
-def _peak_list(charge):
-    """Place, height and area of each peak of a charge."""
-    names = ("voltage_volt", "height_ampere_hour_per_volt", "area_ampere_hour")
-    return list(zip(*[charge.peaks[name] for name in names], strict=True)) if _count(charge) else []
-
-
 def _appearance(aligned, tracks, peaks, k):
     """How a peak that was not there before came about."""
     for track, peak in aligned.pairs:
@@ -274,12 +239,9 @@ def _disappearance(aligned, tracks, peaks, number):
     return "vanished"
 
 
-AGREE = 0.15  # areas from valley to valley that differ by less are one
-
-
 def _agree(first, second):
-    """Whether two areas agree within 15 %."""
-    return abs(first - second) <= AGREE * max(first, second)
+    """Whether two areas from valley to valley agree within 15 %."""
+    return abs(first - second) <= 0.15 * max(first, second)
 
 
 def _change(old, track, own, motion, joined):
@@ -287,38 +249,30 @@ def _change(old, track, own, motion, joined):
     words = [] if old.seen else ["returned"]
     if abs(own) > 2 * motion and not joined:
         words.append(f"moved by {1e3 * own:+.0f} mV beside the others")
-    shrunk = track.height < SHRUNK * old.first_height
-    if shrunk and not old.height < SHRUNK * old.first_height and not joined:
+    half = 0.5 * old.first_height
+    if track.height < half and not old.height < half and not joined:
         words.append(f"shrunk to {track.height / old.first_height:.0%}")
     return "; ".join(words)
 
 
-def _row(charge, k, track, aligned, event):
-    """Row of a peak that is there."""
-    peaks = charge.peaks
-    names = (
-        "voltage_volt",
-        "voltage_std_volt",
-        "height_ampere_hour_per_volt",
-        "height_std_ampere_hour_per_volt",
-        "area_ampere_hour",
-        "area_std_ampere_hour",
-        "width_volt",
-    )
-    return TrackRow(
-        *_what(charge),
-        track.identity,
-        *(float(peaks[name][k]) for name in names),
-        aligned.shift,
-        track.drift,
-        event,
-        _doubt(aligned, k),
-    )
+def _row(charge, track, values, aligned, event, reason):
+    """Row of a peak, or of one that is missing."""
+    about = {
+        "test": charge.test,
+        "cycle": charge.cycle,
+        "c_rate": charge.c_rate,
+        "ambient_temperature_celsius": charge.temperature_celsius,
+        "identity": track.identity,
+    }
+    shifts = {"common_shift_volt": aligned.shift, "own_shift_volt": track.drift}
+    peak = dict(zip(OF_PEAK, values, strict=True))
+    return about | peak | shifts | {"event": event, "reason": reason}
 
 
 def _doubt(aligned, k):
     """Why the name of a peak is in doubt, or ""."""
-    if aligned.margins.get(k, np.inf) <= AMBIGUOUS:
+    # By less than 2 in -2 log likelihood the next best assignment is only 2.7 times less likely.
+    if aligned.margins.get(k, np.inf) <= 2.0:
         return "another assignment is nearly as likely"
     if aligned.upset:
         return aligned.upset
@@ -327,24 +281,10 @@ def _doubt(aligned, k):
     return ""
 
 
-def _missing(charge, track, aligned, event):
-    """Row of a peak that is not there."""
-    expected = track.voltage + aligned.shift
-    reason = charge.reason or f"no peak near {expected:.3f} V, where it would be"
-    unknown = [np.nan] * 7
-    return TrackRow(
-        *_what(charge), track.identity, *unknown, aligned.shift, track.drift, event, reason
-    )
-
-
-def _what(charge):
-    return charge.test, charge.cycle, charge.c_rate, charge.celsius
-
-
 def _first_places(rows):
     """Voltage of each identity where it was first seen, in the order of the rows."""
     places = {}
     for row in rows:
-        if np.isfinite(row.voltage_volt):
-            places.setdefault(row.identity, (row.voltage_volt, row.c_rate))
+        if np.isfinite(row["voltage_volt"]):
+            places.setdefault(row["identity"], (row["voltage_volt"], row["c_rate"]))
     return places

@@ -17,12 +17,7 @@ from cellwright.settings import OcvTemperature
 OCV_TEMPERATURE = OcvTemperature()
 
 LEAST_TEMPERATURES = 3
-COMPLETED = "equilibrium"
-# ASSUME: By which share of the gap the OCV is off its reading is the same at all temperatures but
-# for a tenth of what it can be (where the likelihood of A123's five slow tests is highest); where
-# overpotential exceeds the thermal voltage, kinetics are not linear, and that part grows with it.
-INDEPENDENT_SHARE = 0.1
-THERMAL_VOLT = 0.025
+COLUMNS = ("celsius", "ocv_volt", "std_volt", "common_volt")  # of Readings, (m, k) each
 
 
 class Readings(NamedTuple):
@@ -79,7 +74,12 @@ def slow_readings(
     """
     ordered = sorted(first_check_up(curves), key=lambda curve: curve["ambient_temperature_celsius"])
     both = [curve for curve in ordered if curve["branches"] == "both"]
-    notes = [_one_branch(curve) for curve in ordered if curve["branches"] != "both"]
+    notes = [
+        f"{curve['test']}: {curve['branches']} branch only; entropy or overpotential that grows in "
+        "the cold: not knowable from one branch, left out"
+        for curve in ordered
+        if curve["branches"] != "both"
+    ]
     count = len({curve["ambient_temperature_celsius"] for curve in both})
     if count < LEAST_TEMPERATURES:
         shortage = (
@@ -90,8 +90,13 @@ def slow_readings(
     columns = [_at_reference_soc(curve, reference) for curve in both]
     volt, gap, soc_volt = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
     extra = gap - np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, keepdims=True)
+    # What all temperatures have of the gap is hysteresis, which falls out of differences.
     common = extra / np.sqrt(3)
-    scatter = INDEPENDENT_SHARE * common * np.maximum(common / THERMAL_VOLT, 1.0)
+    # ASSUME: By which share of the gap the OCV is off its reading is the same at all temperatures
+    # but for a tenth of what it can be (where the likelihood of A123's five slow tests is highest);
+    # where overpotential exceeds the thermal voltage of 25 mV, kinetics are not linear, and that
+    # part grows with it.
+    scatter = 0.1 * common * np.maximum(common / 0.025, 1.0)
     celsius = np.array([curve["ambient_temperature_celsius"] for curve in both], float)
     return Readings(
         source="slow",
@@ -176,9 +181,10 @@ def on_curve(readings, curve):
     grid = np.linspace(0.0, 1.0, 201) if curve is None else np.asarray(curve["soc"], float)
     celsius, volt, std, common = (
         PchipInterpolator(at, getattr(readings, name)[whole], extrapolate=False)(grid)
-        for name in ("celsius", "ocv_volt", "std_volt", "common_volt")
+        for name in COLUMNS
     )
     if curve is not None:
+        # Of the rests only the shift with temperature counts: the slow curve gives the shape.
         volt = volt - volt[:, :1]
         steep = np.sum(volt * (celsius - celsius[:, :1]), axis=1)
         steep = steep / np.sum((celsius - celsius[:, :1]) ** 2, axis=1)
@@ -189,14 +195,6 @@ def on_curve(readings, curve):
     )
 
 
-def _one_branch(curve):
-    """Note on a slow test left out because it has one branch."""
-    return (
-        f"{curve['test']}: {curve['branches']} branch only; entropy or overpotential that grows in "
-        "the cold: not knowable from one branch, left out"
-    )
-
-
 def _at_reference_soc(curve, reference):
     """Voltage, half gap and uncertainty by SoC of a slow test [V] at the SoC of the reference."""
     soc = np.asarray(curve["soc"], float)
@@ -204,7 +202,9 @@ def _at_reference_soc(curve, reference):
     inside = np.isfinite(columns[1])
     own_soc = 1 - (1 - np.asarray(reference["soc"], float)) / _capacity_ratio(curve, reference)
     volt, gap = (np.interp(own_soc, soc[inside], column[inside]) for column in columns)
+    # Through a steep curve an uncertain SoC is an uncertain voltage; rectangular.
     soc_volt = np.abs(np.gradient(volt, reference["soc"])) * _soc_uncertainty(curve) / np.sqrt(3)
+    # Beyond its ends a test says nothing: np.interp would hold its last voltage.
     beyond = (own_soc < soc[inside][0] - 1e-9) | (own_soc > soc[inside][-1] + 1e-9)
     return tuple(np.where(beyond, np.nan, column) for column in (volt, gap, soc_volt))
 
@@ -215,7 +215,7 @@ def _capacity_ratio(curve, reference):
     Of a test whose two directions differ the geometric mean counts.
     """
     # ASSUME: Every slow test begins full at one and the same state, however cold it is.
-    if curve["joined_by"] == COMPLETED:
+    if curve["joined_by"] == "equilibrium":
         return 1.0
     return _ampere_hours(curve) / _ampere_hours(reference)
 
@@ -240,9 +240,6 @@ def _rescaling_notes(curve, reference):
         )
     if loose > 0.01:
         yield f"{curve['test']}: its two directions leave the SoC uncertain by ±{100 * loose:.1f} %"
-
-
-_COLUMNS = ("celsius", "ocv_volt", "std_volt", "common_volt")
 
 
 class Entropic(NamedTuple):
@@ -309,7 +306,7 @@ def fit_entropic(readings, *, reference_celsius=OCV_TEMPERATURE.reference_celsiu
 
     fits = [
         _at_one_soc(*row, reference_celsius)
-        for row in zip(*(getattr(readings, name) for name in _COLUMNS), strict=True)
+        for row in zip(*(getattr(readings, name) for name in COLUMNS), strict=True)
     ]
     line, line_std, curve, curve_std, shared, chi_square, count = (
         np.array(column, float) for column in zip(*fits, strict=True)
@@ -376,6 +373,7 @@ def _at_one_soc(celsius, volt, std, common, reference):
     """Line and parabola with deviations, common error's factor, reduced χ², temperatures."""
     finite = np.isfinite(volt) & np.isfinite(std) & np.isfinite(common)
     celsius, volt, std, common = (column[finite] for column in (celsius, volt, std, common))
+    # Chambers that were set alike differ by tenths of a kelvin.
     count = len(np.unique(np.round(celsius)))
     nothing = np.full(3, np.nan)
     if count < LEAST_TEMPERATURES:

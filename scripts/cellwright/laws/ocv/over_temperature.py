@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.ocv.entropy import (
+    COLUMNS,
     fit_entropic,
     on_curve,
     slow_readings,
@@ -12,18 +13,17 @@ from cellwright.laws.ocv.entropy import (
     zero_crossings,
 )
 from cellwright.laws.ocv.surface import (
-    COLUMNS,
     LINE,
     PARABOLA,
+    TABLES,
     compare,
     is_tested,
     surface_from,
     table_at,
 )
 from cellwright.laws.points import first_check_up
-from cellwright.laws.temperature import law_row
+from cellwright.laws.temperature import law_row, left_out_rmse
 from cellwright.numerics.lines import generalised_line
-from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 from cellwright.settings import OcvTemperature
 
@@ -35,7 +35,7 @@ class OverTemperature(NamedTuple):
 
     entropic : dict, source ("steps", "slow") → `entropy.Entropic`. used : the source of all
     else. readings : of that source over an even grid of SoC. fitted : Entropic of these.
-    functions : list of `surface.Function`. surface : `surface.Surface`. notes : sentences.
+    functions : list of dict of `surface.compare`. surface : `surface.Surface`. notes : sentences.
     """
 
     entropic: dict
@@ -88,6 +88,7 @@ def over_temperature(
     std = {name: fit.slope_std[np.isfinite(fit.slope_std)] for name, fit in entropic.items()}
     used = min(std, key=lambda name: np.median(std[name]) if len(std[name]) else np.inf)
     reference = entropic[used].reference_celsius
+    # The shape between rests is that of the slow test nearest to the reference.
     away = [abs(slow["ambient_temperature_celsius"] - reference) for slow in first_check_up(curves)]
     curve = first_check_up(curves)[int(np.argmin(away))] if away else None
     readings = sources[used] if used == "slow" else on_curve(sources[used], curve)
@@ -137,22 +138,22 @@ def _coefficients(fitted, functions, largest):
 
     Where the bias is less certain than the limit at the ends of what was tested, nothing.
     """
-    tables = [table for table in functions if table.function in COLUMNS]
-    best = min(
-        tables,
-        key=lambda table: np.nan_to_num(table.cross_validation_rmse_volt, nan=np.inf),
-        default=None,
-    )
+    tables = {
+        table["function"]: np.nan_to_num(table["cross_validation_rmse_volt"], nan=np.inf)
+        for table in functions
+        if table["function"] in TABLES
+    }
+    best = min(tables, key=tables.get, default=LINE)
     line = np.stack([fitted.ocv_volt, fitted.slope], axis=1)
-    if best is not None and best.function != LINE:
-        line = fitted.parabola if best.function == PARABOLA else line * [1.0, 0.0]
+    if best != LINE:
+        line = fitted.parabola if best == PARABOLA else line * [1.0, 0.0]
     sure = fitted.slope_std * fitted.reach_kelvin <= largest
     return np.where(sure[:, None], line, np.nan) if sure.any() else line
 
 
 def _parabola_note(functions):
     """Note that a chosen parabola may be overpotential rather than entropy."""
-    chosen = [function.function for function in functions if function.chosen]
+    chosen = [function["function"] for function in functions if function["chosen"]]
     if chosen == [PARABOLA]:
         yield (
             "the table bends over temperature: overpotential of the slow current that grows in the "
@@ -160,17 +161,8 @@ def _parabola_note(functions):
         )
 
 
-LAW_SOC = np.arange(1, 10) / 10
-STRAIGHT_P = 0.05
-
-
 def entropic_columns(ocv):
-    """The entropic coefficient over SoC, one row a source and SoC: dict of columns.
-
-    Parameters
-    ----------
-    ocv : OverTemperature.
-    """
+    """The entropic coefficient over SoC, one row a source and SoC: dict of columns."""
     parts = []
     for source, entropic in sorted(ocv.entropic.items()):
         finite = np.isfinite(entropic.slope)
@@ -195,12 +187,7 @@ def entropic_columns(ocv):
 
 
 def map_columns(ocv, *, every=2):
-    """Curve and bias at each tested temperature, one row a temperature and SoC: dict of columns.
-
-    Parameters
-    ----------
-    ocv : OverTemperature. every : of the grid's points.
-    """
+    """Curve and bias at each tested temperature, over `every` n-th SoC: dict of columns."""
     surface, readings, fitted = ocv.surface, ocv.readings, ocv.fitted
     base, parts = table_at(surface, surface.reference_celsius)[0], []
     for column, celsius in enumerate(np.nanmean(readings.celsius, axis=0)):
@@ -222,39 +209,25 @@ def map_columns(ocv, *, every=2):
 
 
 def function_rows(ocv):
-    """One row a function over SoC and temperature; parameters row by row, K0 first.
-
-    Parameters
-    ----------
-    ocv : OverTemperature.
-    """
+    """One row a function over SoC and temperature; parameters row by row, K0 first."""
     cold, warm = ocv.surface.tested_celsius
-    return [
-        {
-            "function": f"{function.function}(T)",
-            "parameters": np.ravel(function.parameters).tolist(),
-            "std": np.ravel(function.std).tolist(),
-            "coefficients": int(function.parameters.shape[1])
-            if function.parameters.ndim == 2
-            else 0,
+    rows = []
+    for function in ocv.functions:
+        parameters = function["parameters"]
+        row = {
+            "function": f"{function['function']}(T)",
+            "parameters": np.ravel(parameters).tolist(),
+            "std": np.ravel(function["std"]).tolist(),
+            "coefficients": int(parameters.shape[1]) if parameters.ndim == 2 else 0,
             "reference_celsius": ocv.surface.reference_celsius,
-            "rmse_volt": function.rmse_volt,
-            "cross_validation_rmse_volt": function.cross_validation_rmse_volt,
-            "chosen": bool(function.chosen),
-            "tested_from_celsius": cold,
-            "tested_to_celsius": warm,
         }
-        for function in ocv.functions
-    ]
+        scores = {n: function[n] for n in ("rmse_volt", "cross_validation_rmse_volt", "chosen")}
+        rows.append(row | scores | {"tested_from_celsius": cold, "tested_to_celsius": warm})
+    return rows
 
 
 def surface_columns(ocv):
-    """The table over SoC that moves with temperature, one row a SoC: dict of columns.
-
-    Parameters
-    ----------
-    ocv : OverTemperature.
-    """
+    """The table over SoC that moves with temperature, one row a SoC: dict of columns."""
     surface = ocv.surface
     cold, warm = surface.tested_celsius
     return _broadcast_columns(
@@ -284,36 +257,27 @@ def _stacked(parts):
 def law_rows(ocv):
     """Rows of tables/temperature: laws at every tenth of SoC, and changes of sign of dOCV/dT.
 
-    Parameters
-    ----------
-    ocv : OverTemperature.
-
-    Returns
-    -------
-    rows : list of dict in the shape of `laws.temperature.law_rows`. The line is chosen unless the
-        parabola's bend is significant at 5 %; of changes of sign those that are certain at 95 %.
+    In the shape of `laws.temperature.law_rows`. The line is chosen unless the parabola's bend is
+    significant at 5 %; of changes of sign those that are certain at 95 %.
     """
     fitted, rows = ocv.fitted, []
     low, high = ocv.surface.tested_soc
-    for soc in LAW_SOC:
+    for soc in np.arange(1, 10) / 10:
         k = int(np.argmin(np.abs(fitted.soc - soc)))
         if not (np.isfinite(fitted.slope[k]) and low - 1e-9 <= fitted.soc[k] <= high + 1e-9):
             continue
-        bent = bool(fitted.bend_p[k] < STRAIGHT_P)
+        bent = bool(fitted.bend_p[k] < 0.05)
         for degree, law, chosen in ((1, "linear", not bent), (2, "quadratic", bent)):
             rows += _law(ocv, k, soc, degree=degree, law=law, chosen=chosen)
     sure = crossings(ocv)
-    likely = [] if sure else crossings(ocv, certain=False)
-    return rows + [_crossing_row(crossing, crossing in sure) for crossing in [*sure, *likely]]
+    found = sure or crossings(ocv, certain=False)
+    return rows + [_crossing_row(crossing, bool(sure)) for crossing in found]
 
 
 def crossings(ocv, *, certain=True):
     """Changes of sign of the entropic coefficient of the used source, as `entropy.Crossing`.
 
-    Parameters
-    ----------
-    ocv : OverTemperature.
-    certain : between signs that are certain at 95 %; else that are one standard deviation off zero.
+    Between signs that are certain at 95 %; else that are one standard deviation off zero.
     """
     entropic = ocv.entropic[ocv.used]
     limits = (entropic.slope_lower, entropic.slope_upper)
@@ -338,18 +302,21 @@ def _law(ocv, k, soc, *, degree, law, chosen):
     """Rows of one law at one SoC, with R² and the error at temperatures left out [V]."""
     readings, reference = ocv.readings, ocv.surface.reference_celsius
     finite = np.isfinite(readings.ocv_volt[k])
-    celsius, volt, std, common = (
-        getattr(readings, name)[k][finite]
-        for name in ("celsius", "ocv_volt", "std_volt", "common_volt")
-    )
+    celsius, volt, std, common = (getattr(readings, name)[k][finite] for name in COLUMNS)
     if len(volt) <= degree:
         return []
     columns = np.vander(celsius - reference, degree + 1, increasing=True)
     covariance = np.diag(std**2) + np.outer(common, common)
+    # About the reference temperature, so that the slope is the coefficient there.
     line = generalised_line(columns, volt, covariance)
+
+    def errors(out):
+        rest = generalised_line(columns[~out], volt[~out], covariance[np.ix_(~out, ~out)])
+        return columns[out] @ rest.values - volt[out]
+
     scores = {
         "r_squared": _r_squared(line, volt, covariance),
-        "cross_validation_rmse": _left_out_rmse(columns, volt, covariance),
+        "cross_validation_rmse": left_out_rmse(errors, np.arange(len(volt)), parameters=degree + 1),
     }
     quantity = f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC"
     fitted = zip(PARAMETERS, line.values, line.std, strict=False)
@@ -367,15 +334,3 @@ def _r_squared(line, volt, covariance):
         for line_fit in (flat, line)
     )
     return 1 - rest / whole if flat.reduced_chi_square > 0 else np.nan
-
-
-def _left_out_rmse(columns, volt, covariance):
-    """RMSE [V] at temperatures left out in turn; NaN where too few remain."""
-    if len(volt) <= columns.shape[1]:
-        return np.nan
-    errors = []
-    for out in range(len(volt)):
-        rest = np.arange(len(volt)) != out
-        line = generalised_line(columns[rest], volt[rest], covariance[np.ix_(rest, rest)])
-        errors.append(columns[out] @ line.values - volt[out])
-    return rms(errors)

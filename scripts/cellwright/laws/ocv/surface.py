@@ -14,15 +14,12 @@ from cellwright.numerics.statistics import rms
 from cellwright.protocols.ocv.functions import FORMS, fit_parameters, parameter_stds
 from cellwright.refusal import Refusal
 
-RISE_VOLT = 1e-6
-
 
 class Surface(NamedTuple):
     """Table of OCV over SoC that moves with temperature: ocv_volt + slope·d + bend·d².
 
-    d : temperature above `reference_celsius` [K].
-
-    soc : (n,) even from 0 to 1. ocv_volt, slope, bend : (n,) [V], [V/K], [V/K²].
+    soc : (n,) even from 0 to 1. ocv_volt, slope, bend : (n,) [V], [V/K], [V/K²]; d is the
+    temperature above `reference_celsius` [K].
     tested_soc, tested_celsius : lowest and highest that was measured [1], [degC].
     """
 
@@ -70,16 +67,10 @@ def surface_from(coefficients, readings, reference_celsius, curve=None):
 
 
 def table_at(surface, celsius):
-    """Rising table of OCV at one temperature [V], and its derivative by temperature [V/K].
+    """Rising table of OCV at one temperature [V], its derivative by temperature [V/K]; (n,) each.
 
-    Parameters
-    ----------
-    surface : Surface. celsius : [degC].
-
-    Returns
-    -------
-    ocv_volt, per_kelvin : (n,) over `surface.soc` [V], [V/K]. Where the bare table would fall,
-        the nearest rising one is taken (isotonic regression): its points move together.
+    Where the bare table would fall, the nearest rising one is taken (isotonic regression): its
+    points move together.
     """
     from scipy.optimize import isotonic_regression
 
@@ -89,7 +80,8 @@ def table_at(surface, celsius):
     rising = isotonic_regression(bare)
     sizes = np.diff(rising.blocks)
     together = np.repeat(np.add.reduceat(moves, rising.blocks[:-1]) / sizes, sizes)
-    return rising.x + RISE_VOLT * surface.soc, together
+    # A rise of 1 µV, below any reading, so that plateaus can be inverted.
+    return rising.x + 1e-6 * surface.soc, together
 
 
 def is_tested(surface, soc, celsius):
@@ -99,8 +91,7 @@ def is_tested(surface, soc, celsius):
     return inside_soc & (celsius >= cold - 0.5) & (celsius <= warm + 0.5)
 
 
-HIGHEST_DEGREE = 2
-TEN_KELVIN = 10.0
+TEN_KELVIN = 10.0  # unit of d in fits, in which all coefficients are of one size
 
 
 def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, near=None):
@@ -136,12 +127,7 @@ def _powers(celsius, reference_celsius, degree):
 def form_std(function, parameters, soc, celsius, ocv_volt, *, reference_celsius):
     """Standard deviations of the parameters of a fit, shaped like them; NaN: not determined.
 
-    What the function cannot follow counts as scatter.
-
-    Parameters
-    ----------
-    function, parameters, reference_celsius : as of the fit.
-    soc, celsius, ocv_volt : (n,) what was fitted [1], [degC], [V].
+    What the function cannot follow counts as scatter. Arguments as of `fit_form`.
     """
     unit = TEN_KELVIN ** np.arange(parameters.shape[1])
     powers = _powers(celsius, reference_celsius, parameters.shape[1] - 1)
@@ -170,25 +156,8 @@ def form_ocv(function, parameters, soc, celsius, *, reference_celsius):
     return np.sum(form.columns(soc, rates) * (powers @ linear.T), axis=-1)
 
 
-ISOTHERMAL, LINE, PARABOLA = "isothermal", "surface", "surface_parabola"
-COLUMNS = {ISOTHERMAL: 1, LINE: 2, PARABOLA: 3}
-
-
-class Function(NamedTuple):
-    """One description over temperature: parameters and std (p, q) (none for tables), errors [V].
-
-    function : "log", "two_exponentials", "inverse", "polynomial", "surface" (a table that moves
-    along lines over temperature), "surface_parabola" or "isothermal" (a table that does not move:
-    the control). cross_validation_rmse_volt : at temperatures left out in turn, the same points
-    for all; NaN where too few temperatures are left for the function.
-    """
-
-    function: str
-    parameters: np.ndarray
-    std: np.ndarray
-    rmse_volt: float
-    cross_validation_rmse_volt: float
-    chosen: bool
+# Tables that do not move (the control), move along lines, and along parabolas over temperature.
+TABLES = ISOTHERMAL, LINE, PARABOLA = "isothermal", "surface", "surface_parabola"
 
 
 def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, highest_soc=0.99):
@@ -203,18 +172,22 @@ def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, h
 
     Returns
     -------
-    functions : list of Function; exactly one is chosen.
+    functions : list of dict: function (a key of FORMS, or one of TABLES), parameters and std (p, q)
+        (none for tables), rmse_volt, cross_validation_rmse_volt (at temperatures left out in turn,
+        the same points for all; NaN where too few are left for the function), chosen (exactly one).
 
     Raises
     ------
     Refusal : no temperature can be left out, since fewer than three remain with readings certain
         enough.
     """
-    sure = _certain(readings, largest_std_volt, lowest_soc, highest_soc)
+    total = np.hypot(readings.std_volt, readings.common_volt)
+    middle = (readings.soc >= lowest_soc - 1e-9) & (readings.soc <= highest_soc + 1e-9)
+    sure = np.isfinite(readings.ocv_volt) & (total <= largest_std_volt) & middle[:, None]
     kept = readings._replace(ocv_volt=np.where(sure, readings.ocv_volt, np.nan))
     levels = _levels(kept)
     present = levels[np.isfinite(kept.ocv_volt).sum(axis=0) > 0]
-    names, settings = [*FORMS, *COLUMNS], {"reference_celsius": reference_celsius}
+    names, settings = [*FORMS, *TABLES], {"reference_celsius": reference_celsius}
     if len(np.unique(present)) < 4:
         raise Refusal(
             f"readings within ±{1e3 * largest_std_volt:g} mV at {len(np.unique(present))} "
@@ -228,27 +201,26 @@ def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, h
         rest = kept._replace(ocv_volt=np.where(out, np.nan, kept.ocv_volt))
         for name in names:
             fit = _fitted(name, rest, near=whole[name], **settings)
+            # Each fit sets out from the whole one: a search from afar might end elsewhere.
             errors_left_out[name][:, out] = _errors(name, fit, kept, **settings)[:, out]
     scores = _scores(errors_left_out)
     best = min(scores, key=lambda name: np.nan_to_num(scores[name], nan=np.inf))
-    return [
-        Function(
-            name,
-            *_described(name, whole[name], kept, **settings),
-            rms(inside[name][np.isfinite(inside[name])]),
-            scores[name],
-            name == best,
+    described = []
+    for name in names:
+        form = name in FORMS
+        described.append(
+            {
+                "function": name,
+                "parameters": whole[name] if form else np.array([]),
+                "std": form_std(name, whole[name], *_points(kept), **settings)
+                if form
+                else np.array([]),
+                "rmse_volt": rms(inside[name][np.isfinite(inside[name])]),
+                "cross_validation_rmse_volt": scores[name],
+                "chosen": name == best,
+            }
         )
-        for name in names
-    ]
-
-
-def _described(name, fit, readings, *, reference_celsius):
-    """Parameters and their standard deviations; a table has none."""
-    if name not in FORMS:
-        return np.array([]), np.array([])
-    settings = {"reference_celsius": reference_celsius}
-    return fit, form_std(name, fit, *_points(readings), **settings)
+    return described
 
 
 def _points(readings):
@@ -256,12 +228,6 @@ def _points(readings):
     finite = np.isfinite(readings.ocv_volt)
     soc = np.broadcast_to(readings.soc[:, None], finite.shape)
     return soc[finite], readings.celsius[finite], readings.ocv_volt[finite]
-
-
-def _certain(readings, largest, lowest, highest):
-    total = np.hypot(readings.std_volt, readings.common_volt)
-    middle = (readings.soc >= lowest - 1e-9) & (readings.soc <= highest + 1e-9)
-    return np.isfinite(readings.ocv_volt) & (total <= largest) & middle[:, None]
 
 
 def _levels(readings):
@@ -287,7 +253,7 @@ def _fitted(name, readings, *, reference_celsius, near=None):
             name,
             *_points(readings),
             reference_celsius=reference_celsius,
-            degree=min(HIGHEST_DEGREE, count - 2),
+            degree=min(2, count - 2),  # one temperature more than coefficients
             near=near,
         )
     if name == ISOTHERMAL:
