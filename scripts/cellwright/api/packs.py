@@ -154,11 +154,8 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
     record = group_record(measured, positions, cells=len(positions))
     chosen = inputs.settings_of(PackDecisions, settings, changes)
-    found = analysed(documents, positions, facts, record, chosen)
-    tables = {
-        name: getattr(found, name) for name in ("cells", "pack", "power", "waterfall", "series")
-    }
-    return results.Result(tables, notes=found.notes)
+    tables, notes = analysed(documents, positions, facts, record, chosen)
+    return results.Result(tables, notes=tuple(notes))
 
 
 def validate_group(
@@ -215,9 +212,8 @@ def validate_group(
         )
     warms = _thermal_of(thermal, cells_of(wiring))
     how = {"leaves": leaves, "uncertainty": known, "thermal": warms}
-    found = validated(documents, facts, measured, wiring, **how)
-    tables = {name: getattr(found, name) for name in ("rows", "findings", "spread", "series")}
-    return results.Result(tables, notes=found.notes)
+    tables, notes = validated(documents, facts, measured, wiring, **how)
+    return results.Result(tables, notes=tuple(notes))
 
 
 def nested_pack(models, members, series, test):
@@ -258,8 +254,8 @@ def nested_pack(models, members, series, test):
     leaves = cells_of(wiring)
     record = group_record(measured, [by_name[name] for name in own], cells=len(leaves))
     refuse_contradiction(record, wiring)
-    found = scored(documents, wiring, [by_name[name] for name in leaves], record)
-    return results.Result({"rows": found.rows, "series": found.series}, notes=found.notes)
+    tables, notes = scored(documents, wiring, [by_name[name] for name in leaves], record)
+    return results.Result(tables, notes=tuple(notes))
 
 
 def pack_decisions(

@@ -8,10 +8,12 @@ has said is stated as such.
 
 from typing import NamedTuple
 
+import numpy as np
+
 from cellwright.circuits.model_file import capacity_of
 from cellwright.circuits.parameters import parameter_rows
 from cellwright.packs.cells import member_in_pack
-from cellwright.packs.wiring import Wiring, cells_of
+from cellwright.packs.wiring import Wiring, cells_of, charge_of
 from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-pack/1"
@@ -86,25 +88,6 @@ def pack_document(wiring, cells, group_tests=()):
     Refusal : a cell of the wiring without a model, or a model of another cell.
     """
     names = cells_of(wiring)
-    _check_cells(names, cells)
-    entries = [cell_entry(name, cells[name]) for name in names]
-    models = [entry["model"] for entry in entries]
-    tests = _group_tests(group_tests, models)
-    capacities = {entry["cell"]: entry["capacity_ampere_hour"] for entry in entries}
-    return {
-        "schema": SCHEMA,
-        "group": wiring.name,
-        "current_sign": "positive on charge",
-        "wiring": tree_of(wiring),
-        "capacity_ampere_hour": capacity_of_wiring(wiring, capacities),
-        "cells": entries,
-        "tests": tests,
-        "validated": any(_counts(test) for test in tests),
-        "why_not_validated": _why_not_validated(tests),
-    }
-
-
-def _check_cells(names, cells):
     lacking = [name for name in names if name not in cells]
     if lacking:
         raise Refusal(f"no model of {', '.join(lacking)}, wanted one of every cell of the pack")
@@ -112,45 +95,53 @@ def _check_cells(names, cells):
         found = cells[name].model.get("cell")
         if found != name:
             raise Refusal(f"the model given for {name} is of {found}")
+    entries = [cell_entry(name, cells[name]) for name in names]
+    models = [entry["model"] for entry in entries]
+    tests = _group_tests(group_tests, models)
+    capacities = np.array([entry["capacity_ampere_hour"] for entry in entries])
+    return {
+        "schema": SCHEMA,
+        "group": wiring.name,
+        "current_sign": "positive on charge",
+        "wiring": tree_of(wiring),
+        "capacity_ampere_hour": charge_of(wiring, capacities),
+        "cells": entries,
+        "tests": tests,
+        "validated": any(_counts(test) for test in tests),
+        "why_not_validated": _why_not_validated(tests),
+    }
 
 
 def cell_entry(name, cell):
-    """Entry of one cell in a document: its model with the chosen member alone, numbers, errors.
-
-    Parameters
-    ----------
-    name : of the cell. cell : CellInPack.
-    """
+    """Entry of a CellInPack in a document: its model with the chosen member alone, its errors."""
     member = member_in_pack(cell.model)
     model = {key: cell.model[key] for key in OF_MODEL if key in cell.model}
     model |= {"chosen": member["model"], "members": [member]}
-    scores = [row for row in cell.validation if row["model"] == member["model"]]
-    scores = [{key: row.get(key) for key in CELL_SCORES} for row in scores]
-    conditions = member["conditions"]
-    thermal = cell.thermal._asdict() if cell.thermal else None
+    scores = [
+        {key: row.get(key) for key in CELL_SCORES}
+        for row in cell.validation
+        if row["model"] == member["model"]
+    ]
+    unvalidated = None if scores else "it has no test that took no part in its fit"
+    if cell.validation and not scores:
+        unvalidated = f"its tests for validation were not simulated with {member['model']}"
     return {
         "cell": name,
         "capacity_ampere_hour": capacity_of(cell.model, member),
         "capacity_std_ampere_hour": cell.capacity_std_ampere_hour,
         "initial_soc": cell.initial_soc,
-        "thermal": thermal,
+        "thermal": cell.thermal and cell.thermal._asdict(),
         "model": model,
         "instead_of": None if member["model"] == cell.model["chosen"] else cell.model["chosen"],
         "left_out_rmse_volt": member.get("left_out_rmse_volt"),
         "fit": [
             {key: condition.get(key) for key in ("ambient_temperature_celsius", "fit_rmse_volt")}
-            for condition in conditions
+            for condition in member["conditions"]
         ],
         "validation": scores,
         "validated": bool(scores),
-        "why_not_validated": None if scores else _why_no_scores(cell, member),
+        "why_not_validated": unvalidated,
     }
-
-
-def _why_no_scores(cell, member):
-    if cell.validation:
-        return f"its tests for validation were not simulated with {member['model']}"
-    return "it has no test that took no part in its fit"
 
 
 def _group_tests(rows, models):
@@ -177,14 +168,9 @@ def _group_tests(rows, models):
 
 
 def scores_in(row):
-    """Root mean square errors in a row of a group test: name → value, of what was logged.
-
-    Parameters
-    ----------
-    row : dict, of stage `pack`, `series_pack_cells` or `nested_pack`.
-    """
+    """Root mean square errors in a row of a group test: name → value, of what was logged."""
     found = {key: value for key, value in row.items() if "rmse" in key and value is not None}
-    return {key: value for key, value in found.items() if value == value}
+    return {key: value for key, value in found.items() if value == value}  # NaN is not logged
 
 
 def _counts(test):
@@ -206,32 +192,10 @@ def _why_not_validated(tests):
     return f"{names} simulated with other members than those that stand here, of {others}"
 
 
-def capacity_of_wiring(wiring, capacity_ampere_hour):
-    """Capacity of a pack of cells that are full and empty together [Ah].
-
-    The sum of members in parallel, the least of members in series. What spread of SoC, resistances
-    and currents take off it says a simulation.
-
-    Parameters
-    ----------
-    wiring : Wiring or the name of a cell. capacity_ampere_hour : mapping, cell → [Ah].
-    """
-    if isinstance(wiring, str):
-        return capacity_ampere_hour[wiring]
-    members = [capacity_of_wiring(member, capacity_ampere_hour) for member in wiring.members]
-    return sum(members) if wiring.connection == "parallel" else min(members)
-
-
 def tree_of(wiring):
-    """A wiring as nested dicts: group, connection, terminals, sense, members; `cell` of a leaf.
+    """A wiring as nested dicts: group, connection, terminals, sense, members.
 
-    Parameters
-    ----------
-    wiring : Wiring.
-
-    Returns
-    -------
-    tree : dict; each member has contact_ohm and link_ohm [Ω] and either `cell` or `group`.
+    Each member has contact_ohm and link_ohm [Ω], and either `cell` or what a group has.
     """
     members = zip(wiring.members, wiring.contact_ohm, wiring.link_ohm, strict=True)
     return {
@@ -249,10 +213,6 @@ def tree_of(wiring):
 
 def wiring_of_tree(tree):
     """The Wiring of nested dicts, as `tree_of` writes them.
-
-    Parameters
-    ----------
-    tree : dict.
 
     Raises
     ------

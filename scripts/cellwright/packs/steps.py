@@ -34,7 +34,7 @@ class PackState(NamedTuple):
 
     parameters : looked up at the moment, name → (cells, e). relaxed_volt : of RC pairs.
     kinetic_volt, hysteresis_volt : [V]. surface_soc : parts of what the surface leads by [1].
-    total_ampere : through the pack [A].
+    total_ampere : through the pack [A]. heat_watt : own heat of each cell, 0 where none warms [W].
     """
 
     soc: np.ndarray
@@ -46,6 +46,7 @@ class PackState(NamedTuple):
     surface_soc: np.ndarray
     temperature_celsius: np.ndarray
     parameters: dict
+    heat_watt: np.ndarray
 
 
 class Step(NamedTuple):
@@ -122,6 +123,7 @@ def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_a
         total_ampere=0.0,
         temperature_celsius=celsius,
         parameters=parameters,
+        heat_watt=none,
         **remembered,
     )
 

@@ -83,14 +83,11 @@ def heat_of(cells, modes, state, voltage_volt):
 
     Parameters
     ----------
-    cells : PackCells. modes : ThermalModes, or None: no heat is asked for. state : PackState.
-    voltage_volt : (cells,) [V].
+    cells : PackCells. modes : ThermalModes. state : PackState. voltage_volt : (cells,) [V].
 
     Source: D. Bernardi, E. Pawlikowski, J. Newman, J. Electrochem. Soc. 132 (1985) 5, without
     heat of mixing.
     """
-    if modes is None:
-        return np.zeros(len(state.soc))
     celsius = state.temperature_celsius
     slope = _at_soc(modes.entropic, state.soc)
     settings = {"temperature_celsius": celsius, "entropic_volt_per_kelvin": slope}
@@ -111,7 +108,7 @@ def warmed(modes, celsius, heat_watt, ambient_celsius, step_second):
 
     Parameters
     ----------
-    modes : ThermalModes, or None: the ambient's temperature.
+    modes : ThermalModes.
     celsius, heat_watt : (cells,) at the begin of the step, in it [degC], [W].
     ambient_celsius : in the step [degC]. step_second : [s].
 
@@ -119,8 +116,6 @@ def warmed(modes, celsius, heat_watt, ambient_celsius, step_second):
     -------
     temperature_celsius : (cells,) [degC].
     """
-    if modes is None:
-        return np.full(len(celsius), float(ambient_celsius))
     inward = (heat_watt - modes.to_ambient * (celsius - ambient_celsius)) / modes.capacity
     if modes.to_modes.ndim == 1:
         return celsius + inward * _effective(modes.rate, step_second)

@@ -231,13 +231,7 @@ def _compared(fleet, decision, matched, at_random, quantities, settings):
     rows = []
     for quantity, (unit, value, more) in quantities.items():
         gain = gain_of(value, matched, at_random, draws, more_is_better=more)
-        rows.append(
-            {"decision": decision, "quantity": quantity, "unit": unit}
-            | {"value": gain.matched, "random_p05": gain.random_low}
-            | {"random_p50": gain.random_median, "random_p95": gain.random_high}
-            | {"gain_p05": gain.gain_low, "gain_p50": gain.gain_median}
-            | {"gain_p95": gain.gain_high, "better_share": gain.better_share}
-        )
+        rows.append({"decision": decision, "quantity": quantity, "unit": unit} | gain)
     names = fleet.names
     strings = matched if matched.ndim == 3 else matched[None]
     assembly = [

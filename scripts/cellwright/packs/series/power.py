@@ -8,9 +8,7 @@ from cellwright.circuits.model_file import simulate_model
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
-LONG_REST_SECOND = 1e7  # between simulated pulses: every relaxation has ended
-ROUNDS = 6  # of the secant that finds a pulse's current; it stops at 0.1 mV
-SMALL_VOLT = 1e-4
+SMALL_VOLT = 1e-4  # a pulse that ends so near to its limit is at it
 
 
 class Power(NamedTuple):
@@ -62,10 +60,6 @@ def power_of_string(
     -------
     power : Power. Zero where a cell is at or beyond its limit before the pulse.
 
-    Raises
-    ------
-    Refusal : as `model_file.simulate_model`.
-
     Source: pulse power by cut-off voltages, FreedomCAR Battery Test Manual (2003), 4.3; here with
     the model's whole response instead of one resistance.
     """
@@ -75,20 +69,15 @@ def power_of_string(
     start = np.broadcast_to(np.asarray(initial_soc, float), capacity.shape)
     soc = start - drawn[:, None] / capacity
     pulses = {}
+    at = {"celsius": celsius, "pulse_second": pulse_second}
     for sign, cutoff in zip((-1, 1), cutoffs_volt, strict=True):
         limits = np.broadcast_to(np.asarray(cutoff, float), capacity.shape)
-        settings = {"sign": sign, "celsius": celsius, "pulse_second": pulse_second}
-        found = [
-            limiting_current(model, soc[:, k], limits[k], **settings)
-            for k, model in enumerate(models)
-        ]
+        cells = list(zip(models, soc.T, limits, strict=True))
+        found = [limiting_current(*cell, sign=sign, **at) for cell in cells]
         largest = largest_c_rate * np.median(capacity)
         ampere = np.minimum(np.min(found, axis=0), largest)
         limiting = np.where(ampere < largest, np.argmin(found, axis=0), -1)
-        volt = [
-            pulse_volt(model, soc[:, k], sign * ampere, celsius=celsius, pulse_second=pulse_second)
-            for k, model in enumerate(models)
-        ]
+        volt = [pulse_volt(model, course, sign * ampere, **at) for model, course, _ in cells]
         at_terminals = np.sum(volt, axis=0) + sign * contact_ohm * ampere
         pulses[sign] = (ampere * at_terminals, ampere, limiting)
     return Power(share, soc.mean(axis=1), *pulses[-1], *pulses[1])
@@ -110,7 +99,7 @@ def limiting_current(model, soc, limit_volt, *, sign, celsius, pulse_second):
     rested = pulse_volt(model, soc, np.zeros(len(soc)), **settings)
     room = sign * (limit_volt - rested)
     tried = np.full(len(soc), model["capacity_ampere_hour"])
-    for _ in range(ROUNDS):
+    for _ in range(6):  # a secant: kinetics bend the voltage little within a pulse
         change = sign * (pulse_volt(model, soc, sign * tried, **settings) - rested)
         if np.all(np.abs(change - room)[room > 0] < SMALL_VOLT):
             break
@@ -126,8 +115,8 @@ def pulse_volt(model, soc, current_ampere, *, celsius, pulse_second):
     model : model dict. soc : (p,) before each pulse [1]. current_ampere : (p,) [A], positive on
         charge. celsius : [degC]. pulse_second : [s].
     """
-    # One record of all pulses, each begun at rest, with rests in which everything relaxes.
-    begin = np.arange(len(soc)) * (LONG_REST_SECOND + pulse_second)
+    # One record of all pulses, each begun at rest: within 1e7 s every relaxation has ended.
+    begin = np.arange(len(soc)) * (1e7 + pulse_second)
     time = np.column_stack([begin, begin + pulse_second, begin + pulse_second]).ravel()
     current = np.column_stack([current_ampere, current_ampere, np.zeros(len(soc))]).ravel()
     moved = current_ampere * pulse_second / 3600.0 / model["capacity_ampere_hour"]
@@ -138,12 +127,7 @@ def pulse_volt(model, soc, current_ampere, *, celsius, pulse_second):
 
 
 def power_rows(power, names):
-    """Rows of a string's power over its discharge, the limiting cells by name, "" for none.
-
-    Parameters
-    ----------
-    power : Power. names : of the cells.
-    """
+    """Rows of a string's Power over its discharge, the limiting cells by name, "" for none."""
     columns = power._asdict()
     for key in ("limiting_discharge", "limiting_charge"):
         columns[key] = [names[k] if k >= 0 else "" for k in columns[key]]
