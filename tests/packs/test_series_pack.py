@@ -136,16 +136,18 @@ def test_a_pulse_of_the_limiting_current_ends_at_the_limit():
 def test_power_is_limited_by_the_first_cell_or_by_the_allowed_current():
     now = discharge_string(MODELS, **AT, initial_soc=1.0)
     cutoffs = (strings.LOWER_VOLT, strings.UPPER_VOLT)
-    free = power_of_string(MODELS, now, initial_soc=1.0, cutoffs_volt=cutoffs, largest_c_rate=99.0)
-    assert free.discharge_watt[-1] < 0.1 * free.discharge_watt[0]
+    free, held = (
+        power_of_string(MODELS, now, initial_soc=1.0, cutoffs_volt=cutoffs, largest_c_rate=rate)
+        for rate in (99.0, 1.0)
+    )
+    assert free[-1]["discharge_watt"] < 0.1 * free[0]["discharge_watt"]
     # Along the discharge the cell of most resistance limits first, at the end the empty one.
-    assert free.limiting_discharge[0] == 1
-    assert free.charge_watt[0] == 0.0
-    assert free.charge_watt[-1] > free.charge_watt[5]
-    held = power_of_string(MODELS, now, initial_soc=1.0, cutoffs_volt=cutoffs, largest_c_rate=1.0)
+    assert free[0]["limiting_discharge"] == "B"
+    assert free[0]["charge_watt"] == 0.0
+    assert free[-1]["charge_watt"] > free[5]["charge_watt"]
     largest = 1.0 * np.median(SHARES) * strings.FULL_AMPERE_HOUR
-    assert held.discharge_ampere[0] == pytest.approx(largest)
-    assert held.limiting_discharge[0] == -1
+    assert held[0]["discharge_ampere"] == pytest.approx(largest)
+    assert held[0]["limiting_discharge"] == ""
 
 
 def test_validation_is_exact_for_the_true_string_and_names_its_weakest():

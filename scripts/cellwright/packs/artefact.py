@@ -70,7 +70,7 @@ class PackModel(NamedTuple):
 
 
 def pack_document(wiring, cells, group_tests=()):
-    """The document of a pack model.
+    """The document of a pack model: dict of schema cellwright-pack/1.
 
     Parameters
     ----------
@@ -78,10 +78,6 @@ def pack_document(wiring, cells, group_tests=()):
     cells : mapping, name → CellInPack, of every cell of the wiring.
     group_tests : list of dict, rows of stage `pack` of the group's tests with test, role, kind and
         ambient_temperature_celsius: errors of branch currents [A], of voltage [V] and others.
-
-    Returns
-    -------
-    document : dict of schema cellwright-pack/1.
 
     Raises
     ------
@@ -155,15 +151,14 @@ def _group_tests(rows, models):
     chosen = {model["cell"]: model["chosen"] for model in models}
     tests = {}
     for row in rows:
-        entry = tests.setdefault(row["test"], {key: row.get(key) for key in about})
-        entry["fitted"] = row["test"] in fitted
+        entry = {key: row.get(key) for key in about} | {"fitted": row["test"] in fitted}
+        entry |= {"scored": False, "branches": [], "other_member": []}
+        entry = tests.setdefault(row["test"], entry)
+        entry["scored"] |= bool(scores_in(row))
         known = (*about, "group", "cycle", "soc")
-        errors = {key: value for key, value in row.items() if key not in known}
-        entry["scored"] = entry.get("scored", False) or bool(scores_in(row))
-        entry.setdefault("branches", []).append(errors)
-        others = entry.setdefault("other_member", [])
+        entry["branches"].append({key: value for key, value in row.items() if key not in known})
         if row.get("model") is not None and row["model"] != chosen.get(row.get("cell")):
-            others.append(row.get("cell"))
+            entry["other_member"].append(row.get("cell"))
     return list(tests.values())
 
 
@@ -226,16 +221,10 @@ def wiring_of_tree(tree):
     members = tree.get("members")
     if not members:
         raise Refusal(f"group {tree.get('group')!r} has no members")
-    ohms = [[_ohm(member, key) for member in members] for key in ("contact_ohm", "link_ohm")]
-    return Wiring(
-        name=tree["group"],
-        connection=tree["connection"],
-        members=tuple(m["cell"] if "cell" in m else wiring_of_tree(m) for m in members),
-        contact_ohm=tuple(ohms[0]),
-        link_ohm=tuple(ohms[1]),
-        terminals=tree["terminals"],
-        sense=tree.get("sense"),
-    )
+    inner = tuple(m["cell"] if "cell" in m else wiring_of_tree(m) for m in members)
+    ohms = [tuple(_ohm(m, key) for m in members) for key in ("contact_ohm", "link_ohm")]
+    ends = tree["terminals"], tree.get("sense")
+    return Wiring(tree["group"], tree["connection"], inner, *ohms, *ends)
 
 
 def _ohm(member, key):
@@ -252,10 +241,6 @@ def read_pack(document):
     Parameters
     ----------
     document : dict of schema cellwright-pack/1.
-
-    Returns
-    -------
-    pack : PackModel.
 
     Raises
     ------
@@ -301,18 +286,18 @@ def pack_lookup(document):
     rows : list of dict: cell, model, ambient_temperature_celsius, soc (None: of no SoC), parameter,
         value, std (None: not known), unit.
     """
-    rows = []
+    rows, columns = [], ("ambient_temperature_celsius", "soc", "parameter", "value", "std", "unit")
     for entry in document["cells"]:
-        cell, model = {"cell": entry["cell"]}, entry["model"]
-        plain = {"model": model["chosen"], "std": None}
-        own = plain | {"ambient_temperature_celsius": None, "soc": None, "parameter": "capacity"}
-        value = {"value": entry["capacity_ampere_hour"], "unit": "Ah"}
-        rows.append(cell | own | value | {"std": entry["capacity_std_ampere_hour"]})
+        model = entry["model"]
+        about = {"cell": entry["cell"], "model": model["chosen"]}
+        size = entry["capacity_ampere_hour"], entry["capacity_std_ampere_hour"]
+        values = [(None, None, "capacity", *size, "Ah")]
         for table in model["ocv"]:
-            celsius = {"ambient_temperature_celsius": table["ambient_temperature_celsius"]}
-            about = cell | plain | celsius | {"parameter": "ocv", "unit": "V"}
+            celsius = table["ambient_temperature_celsius"]
             pairs = zip(table["soc"], table["ocv_volt"], strict=True)
-            rows += [about | {"soc": soc, "value": volt} for soc, volt in pairs]
-        fitted = [dict(row) for row in parameter_rows(model)]
-        rows += [cell | {k: v for k, v in row.items() if k != "at_bound"} for row in fitted]
+            values += [(celsius, soc, "ocv", volt, None, "V") for soc, volt in pairs]
+        rows += [about | dict(zip(columns, value, strict=True)) for value in values]
+        for row in map(dict, parameter_rows(model)):
+            del row["at_bound"]
+            rows.append({"cell": entry["cell"]} | row)
     return rows

@@ -56,10 +56,6 @@ def network_of(wiring, capacity_ampere_hour):
     ----------
     wiring : Wiring. capacity_ampere_hour : (cells,) in the order of the leaves [Ah].
 
-    Returns
-    -------
-    network : Network.
-
     Raises
     ------
     Refusal : another number of capacities than of cells, a cell twice, a resistance below zero, or
@@ -100,7 +96,10 @@ def _walk(wiring, cells, parts):
         else:
             members.append(_walk(inner, cells, parts))
     _check(wiring)
-    parts["connection"].append(_code(wiring))
+    code = SERIES if wiring.connection == "series" else STAR
+    if code == STAR and any(wiring.link_ohm):
+        code = OPPOSITE if wiring.terminals == "opposite_ends" else LADDER
+    parts["connection"].append(code)
     parts["group"].append(wiring.name)
     parts["member"] += members
     parts["first"].append(len(parts["member"]))
@@ -120,14 +119,6 @@ def _check(wiring):
     least = min(*wiring.contact_ohm, *wiring.link_ohm)
     if not least >= 0:
         raise Refusal(f"{wiring.name} has a contact or link of {least} ohm; it must not be below 0")
-
-
-def _code(wiring):
-    if wiring.connection == "series":
-        return SERIES
-    if not any(wiring.link_ohm):
-        return STAR
-    return OPPOSITE if wiring.terminals == "opposite_ends" else LADDER
 
 
 def _shares(cells, connection, first, member, capacity):
@@ -150,10 +141,6 @@ def reduced(network, source_volt, resistance_ohm):
     Parameters
     ----------
     network : Network. source_volt, resistance_ohm : (cells,) E and Z of each cell [V], [ohm].
-
-    Returns
-    -------
-    reduced : Reduced.
 
     Raises
     ------
@@ -187,12 +174,7 @@ def reduced(network, source_volt, resistance_ohm):
 
 
 def no_resistance(network, group, member):
-    """What to raise where a member on a busbar has no resistance: its current is any.
-
-    Parameters
-    ----------
-    network : Network. group, member : indices, of the group and of the member within it.
-    """
+    """What to raise where a member of a group (indices) has no resistance: its current is any."""
     return Refusal(
         f"member {member + 1} of {network.names[group]} has no resistance at this moment; its cell "
         "or its contact needs one that acts at once"
@@ -254,12 +236,7 @@ def _along(onward, through):
 
 
 def sensed_element(wiring, network):
-    """Element of the network at whose terminals the pack's voltage is measured.
-
-    Parameters
-    ----------
-    wiring : Wiring. network : Network of it.
-    """
+    """Element of a Wiring's Network at whose terminals the pack's voltage is measured."""
     if wiring.sense is None:
         return network.cells + len(network.connection) - 1
     return int(network.member[network.first[-2] + wiring.sense])

@@ -161,20 +161,15 @@ def _check(index, phase):
         if not np.isfinite([time, current]).all():
             raise Refusal(f"the drive of phase {number} is not finite")
         return
-    if not any(np.isfinite(end).any() for end in _ends(phase)):
+    falls = phase.least_ampere > 0 and (phase.held or phase.kind == "voltage")
+    ends = [phase.second, phase.lowest_soc, phase.highest_soc, 0.0 if falls else np.inf]
+    if not phase.held:  # else the voltage limits do not end it
+        ends += [phase.lowest_volt, phase.highest_volt]
+        ends += [phase.lowest_cell_volt, phase.highest_cell_volt]
+    if not any(np.isfinite(end).any() for end in ends):
         raise Refusal(f"phase {number} of kind {phase.kind} has no end")
     if not phase.step_second > 0:
         raise Refusal(f"phase {number} has steps of {phase.step_second} s")
-
-
-def _ends(phase):
-    """All that may end a phase; infinite where it does not."""
-    falls = phase.least_ampere > 0 and (phase.held or phase.kind == "voltage")
-    ends = [phase.second, phase.lowest_soc, phase.highest_soc, 0.0 if falls else np.inf]
-    if phase.held:
-        return ends
-    of_cells = (phase.lowest_cell_volt, phase.highest_cell_volt)
-    return [*ends, phase.lowest_volt, phase.highest_volt, *of_cells]
 
 
 def _through(pack, state, phase, at_once):

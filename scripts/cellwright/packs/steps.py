@@ -15,7 +15,7 @@ from cellwright.packs.network import currents, reduced
 from cellwright.refusal import Refusal
 
 CURRENT, VOLTAGE, POWER = range(3)  # what is asked of a pack in a step
-MOST_PASSES = 60  # as in native/pack.c
+MOST_PASSES = 60  # of Newton's method, as in native/pack.c; a few are usual
 REMEMBERED = ("soc", "relaxed_volt", "kinetic_volt", "hysteresis_volt", "surface_soc", "parameters")
 LINEAR_PASSES = 4  # of resistors and RC pairs
 MOST_TURNS = 30  # passes in which cells with hysteresis go on from rest
@@ -111,28 +111,24 @@ def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_a
     begin = None if thermal is None else thermal.initial_celsius
     celsius = np.full(count, ambient_celsius if begin is None else begin, float)
     parameters = looked_up(cells, soc, celsius)
-    nothing = {"relaxed_volt": "r_ohm", "kinetic_volt": "kinetic_r_ohm"}
-    nothing |= {"surface_soc": "soc_per_ampere"}
-    remembered = {name: np.zeros_like(parameters[table]) for name, table in nothing.items()}
-    direction = _led_here(cells, soc, np.sign(first_ampere))
-    remembered["hysteresis_volt"] = direction[:, None] * parameters["hysteresis_volt"]
+    # The load before the first sample: that of the first one, at rest that which leads to a nearby
+    # end of the SoC; none where the model knows no history.
+    near, first = cells.near_end_soc, np.sign(first_ampere)
+    at_rest = (soc > 1.0 - near).astype(float) - (soc < near)
+    direction = np.where(near > 0, at_rest if first == 0 else first, 0.0)
     none = np.zeros(count)
     return PackState(
         soc=soc,
         current_ampere=none,
         total_ampere=0.0,
+        relaxed_volt=np.zeros_like(parameters["r_ohm"]),
+        kinetic_volt=np.zeros_like(parameters["kinetic_r_ohm"]),
+        hysteresis_volt=direction[:, None] * parameters["hysteresis_volt"],
+        surface_soc=np.zeros_like(parameters["soc_per_ampere"]),
         temperature_celsius=celsius,
         parameters=parameters,
         heat_watt=none,
-        **remembered,
     )
-
-
-def _led_here(cells, soc, first):
-    """Direction of the load before the first sample, 0 where the model knows of none (cells,)."""
-    near = cells.near_end_soc
-    at_rest = (soc > 1.0 - near).astype(float) - (soc < near)
-    return np.where(near > 0, at_rest if first == 0 else first, 0.0)
 
 
 def looked_up(cells, soc, temperature_celsius):
@@ -150,12 +146,7 @@ def looked_up(cells, soc, temperature_celsius):
 
 
 def ocv_volt(cells, soc, temperature_celsius):
-    """Open-circuit voltage of each cell (cells,) [V].
-
-    Parameters
-    ----------
-    cells : PackCells. soc, temperature_celsius : (cells,) [1], [degC].
-    """
+    """Open-circuit voltage of each cell (cells,) [V], at SoC and temperatures (cells,)."""
     return _entries(cells, "ocv_volt", soc, temperature_celsius)[0][:, 0]
 
 
@@ -204,7 +195,7 @@ def advance(cells, network, state, step, mode, value, *, tolerance_volt):
 
     Raises
     ------
-    Refusal : as `simulate.simulate_pack`; a power that the pack cannot give.
+    Refusal : as `network.reduced` and `newton`; NoPower, a power that the pack cannot give.
     """
     rise = value - state.total_ampere if mode == CURRENT else 0.0
     guess = state.current_ampere + network.share * rise
@@ -222,10 +213,6 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
     ----------
     cells, network, state, step, tolerance_volt : as in `advance`.
     guess : (cells,) currents to begin with [A]. total_of : see `asked`.
-
-    Returns
-    -------
-    solved : Solved.
 
     Raises
     ------
@@ -265,13 +252,7 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
 
 
 def not_solved(cells, cell, off_volt, second):
-    """What to raise where Newton's method does not arrive.
-
-    Parameters
-    ----------
-    cells : PackCells. cell : index of the cell that is furthest off. off_volt : how far [V].
-    second : length of the step [s].
-    """
+    """What to raise where Newton's method does not arrive: of the cell that is furthest off."""
     return Refusal(
         f"{cells.names[cell]} is still {off_volt:.2g} V from its equations after {MOST_PASSES} "
         f"passes, in a step of {second:g} s"
@@ -299,22 +280,12 @@ def asked(mode, value):
 
 
 def no_power(watt):
-    """What to raise where a pack cannot give a power: two currents would, or none.
-
-    Parameters
-    ----------
-    watt : asked for, negative on discharge [W].
-    """
+    """What to raise where a pack cannot give a power [W]: no current would."""
     return NoPower(f"the pack cannot give {-watt:g} W at this moment, whatever the current")
 
 
 def is_linear(cells):
-    """Whether all cells are resistors and RC pairs: linear but for what SoC does to them.
-
-    Parameters
-    ----------
-    cells : PackCells.
-    """
+    """Whether all cells are resistors and RC pairs: linear but for what SoC does to them."""
     more = (cells.two_way_ohm, cells.kinetic_r_ohm, cells.hysteresis_volt, cells.soc_per_ampere)
     return not any(table.size for table in more)
 
@@ -357,10 +328,6 @@ def respond(cells, state, step, weights, current, parameters=None):
     cells, state, step : as in `advance`. weights : of the lags in this step.
     current : (cells,) at the end of the step [A].
     parameters : at the end of the step; None: looked up where the current leads.
-
-    Returns
-    -------
-    response : Response.
     """
     begin = current - step.ramp_ampere
     per_ampere = step.second / (3600.0 * cells.capacity_ampere_hour)
@@ -375,9 +342,12 @@ def respond(cells, state, step, weights, current, parameters=None):
         (was, was_slope), (is_, is_slope) = drive(before, begin_column), drive(now, column)
         return decay * held + old * was + new * is_, old * was_slope + new * is_slope
 
-    relaxed, slope = lagged(state.relaxed_volt, _ohmic("r_ohm"), "tau_second")
+    def ohmic(name):
+        return lambda p, ampere: (p[name] * ampere, p[name])
+
+    relaxed, slope = lagged(state.relaxed_volt, ohmic("r_ohm"), "tau_second")
     kinetic, kinetic_slope = lagged(state.kinetic_volt, _arcsinh, "kinetic_tau_second")
-    surface, surface_slope = lagged(state.surface_soc, _ohmic("soc_per_ampere"), "soc_tau_second")
+    surface, surface_slope = lagged(state.surface_soc, ohmic("soc_per_ampere"), "soc_tau_second")
     hysteresis, hysteresis_slope = _by_charge(state.hysteresis_volt, before, mean, step.second)
     at_once, at_once_slope = _at_once(now, current)
     ahead = soc + surface.sum(axis=1)
@@ -393,11 +363,6 @@ def respond(cells, state, step, weights, current, parameters=None):
         ocv_slope + at_once_slope + sum(part.sum(axis=1) for part in slopes),
         *(soc, relaxed, kinetic, hysteresis, surface, now),
     )
-
-
-def _ohmic(name):
-    """Drive of a linear element and its slope."""
-    return lambda p, current: (p[name] * current, p[name])
 
 
 def _arcsinh(p, current):

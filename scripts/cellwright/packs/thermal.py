@@ -8,8 +8,6 @@ from cellwright.circuits.heat import heat
 from cellwright.packs.steps import ocv_volt
 from cellwright.refusal import Refusal
 
-SYMMETRIC = 1e-9  # of the largest conductance: what a matrix between neighbours may be off
-
 
 class Thermal(NamedTuple):
     """Thermal constants of a pack's cells.
@@ -52,10 +50,6 @@ def thermal_modes(thermal, cells):
     Parameters
     ----------
     thermal : Thermal. cells : how many.
-
-    Returns
-    -------
-    modes : ThermalModes.
 
     Raises
     ------
@@ -111,10 +105,6 @@ def warmed(modes, celsius, heat_watt, ambient_celsius, step_second):
     modes : ThermalModes.
     celsius, heat_watt : (cells,) at the begin of the step, in it [degC], [W].
     ambient_celsius : in the step [degC]. step_second : [s].
-
-    Returns
-    -------
-    temperature_celsius : (cells,) [degC].
     """
     inward = (heat_watt - modes.to_ambient * (celsius - ambient_celsius)) / modes.capacity
     if modes.to_modes.ndim == 1:
@@ -166,6 +156,7 @@ def _between(value, cells):
         )
     if not np.all(between >= 0):
         raise Refusal(f"a conductance between neighbours is {between.min():g} W/K, below zero")
-    if np.abs(between - between.T).max(initial=0.0) > SYMMETRIC * between.max(initial=0.0):
+    # Rounding of a matrix that was computed is allowed, a typing error is not.
+    if np.abs(between - between.T).max(initial=0.0) > 1e-9 * between.max(initial=0.0):
         raise Refusal("conductances between neighbours are not symmetric: heat would be made")
     return between

@@ -13,6 +13,7 @@ import numpy as np
 
 from cellwright.refusal import Refusal
 
+BLANK = {"connection": "parallel", "terminals": "same_end"}  # what a blank in groups.tsv means
 NAMED_CELLS = 8  # of more a sentence would be unreadable: the shape is told instead
 
 
@@ -261,21 +262,18 @@ def _wired(group, rows_of):
     sensed = [k for k, row in enumerate(rows) if row.get("sense") == "yes"]
     return Wiring(
         name=group,
-        connection=_connection(rows[0]),
+        connection=_stated(rows[0], "connection"),
         members=tuple(_wired(name, rows_of) if name in rows_of else name for name in members),
         contact_ohm=tuple(float(row.get("wire_resistance_ohm") or 0.0) for row in rows),
         link_ohm=tuple(float(row.get("link_resistance_ohm") or 0.0) for row in rows),
-        terminals=_terminals(rows[0]),
+        terminals=_stated(rows[0], "terminals"),
         sense=sensed[0] if sensed else None,
     )
 
 
-def _connection(row):
-    return row.get("connection") or "parallel"
-
-
-def _terminals(row):
-    return row.get("terminals") or "same_end"
+def _stated(row, column):
+    """What a row states of its group, or what a blank means."""
+    return row.get(column) or BLANK[column]
 
 
 def wiring_faults(rows, cells=None):
@@ -297,7 +295,7 @@ def wiring_faults(rows, cells=None):
     for name, places in by_group.items():
         faults += _faults_of_group(name, places, rows)
         faults += [] if name in partly else _faults_of_places(name, places, rows)
-        if _connection(rows[places[0]]) == "series":
+        if _stated(rows[places[0]], "connection") == "series":
             faults += _faults_of_series(places, rows)
     faults += _faults_of_members(rows, by_group, cells)
     faults += _faults_of_packs(rows, by_group)
@@ -307,10 +305,11 @@ def wiring_faults(rows, cells=None):
 def _faults_of_group(name, places, rows):
     """Faults of one group: what all its rows share, links, sense points."""
     first = rows[places[0]]
-    for column, value_of in (("connection", _connection), ("terminals", _terminals)):
-        wanted = f"the same on all rows of {name}, {value_of(first)} as at its first position"
-        for k in (k for k in places if value_of(rows[k]) != value_of(first)):
-            yield WiringFault(k, column, value_of(rows[k]), wanted)
+    for column, k in product(BLANK, places):
+        value, wanted = _stated(rows[k], column), _stated(first, column)
+        if value != wanted:
+            wanted = f"the same on all rows of {name}, {wanted} as at its first position"
+            yield WiringFault(k, column, value, wanted)
     if first.get("link_resistance_ohm"):
         wanted = "blank or 0 at the first position: a link leads to the member before"
         yield WiringFault(places[0], "link_resistance_ohm", first["link_resistance_ohm"], wanted)

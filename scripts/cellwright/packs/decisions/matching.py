@@ -24,16 +24,13 @@ def strings_by_capacity(capacity_ampere_hour, *, length):
     Returns
     -------
     strings : (strings, length) int, indices of the cells, the largest string first.
-
-    Raises
-    ------
-    Refusal : fewer cells than a string has.
     """
     order = np.argsort(-np.asarray(capacity_ampere_hour, float), kind="stable")
     return _blocks(order, length, "string")
 
 
 def _blocks(order, size, what):
+    """Indices in rows of a size, the last that fill none left out; refused where there is none."""
     if len(order) < size:
         raise Refusal(f"{len(order)} cells, wanted at least the {size} of a {what}")
     return order[: len(order) // size * size].reshape(-1, size)
@@ -137,10 +134,6 @@ def even_groups(capacity_ampere_hour, *, size):
     Returns
     -------
     groups : (groups, size) int, indices of the cells.
-
-    Raises
-    ------
-    Refusal : fewer cells than a group has.
 
     Source: number partitioning with equal counts: greedy (LPT) and pairwise interchange.
     """

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.packs.compare import discharging, passed_ampere_hour
-from cellwright.packs.series.power import power_of_string, power_rows
+from cellwright.packs.series.power import power_of_string
 from cellwright.packs.series.string import (
     contact_of,
     logged,
@@ -246,7 +246,7 @@ def series_pack(models, positions, cells, record, settings=SETTINGS):
     rows = {
         "cells": [row | _cell_limits(balance, k) for k, row in enumerate(tables["cells"])],
         "pack": [tables["pack"] | given],
-        "power": power_rows(power, names),
+        "power": power,
         "waterfall": waterfall_rows(capacity, balance),
     }
     return rows | {"series": tables["series"]}, notes
@@ -302,7 +302,7 @@ def _capability_row(balance, power, names):
     """What the string gives, who ends it with what margin, and what balancing would bring."""
     now, top, bottom = balance.as_it_is, balance.balanced_at_top, balance.balanced_at_bottom
     margins = np.sort(now.end_ampere_hour - now.capacity_ampere_hour)
-    half = len(power.mean_soc) // 2
+    half = power[len(power) // 2]  # the point at which half the charge is taken
     brought = top.capacity_ampere_hour - now.capacity_ampere_hour
     more = top.energy_watt_hour - now.energy_watt_hour
     return {
@@ -320,8 +320,8 @@ def _capability_row(balance, power, names):
         "balancing_brings_percent": 100.0 * more / now.energy_watt_hour,
         "bottom_balanced_watt_hour": bottom.energy_watt_hour,
         "charge_moved_ampere_hour": balance.level_ampere_hour,
-        "discharge_power_half_watt": float(power.discharge_watt[half]),
-        "charge_power_half_watt": float(power.charge_watt[half]),
+        "discharge_power_half_watt": half["discharge_watt"],
+        "charge_power_half_watt": half["charge_watt"],
     }
 
 

@@ -1,7 +1,5 @@
 """Power of a series pack in pulses over its discharge, limited by its first cell."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
@@ -9,25 +7,6 @@ from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
 SMALL_VOLT = 1e-4  # a pulse that ends so near to its limit is at it
-
-
-class Power(NamedTuple):
-    """Power of a string over its charge, (points,) each.
-
-    discharged_share : of what the string gives [1]. mean_soc : of its cells.
-    discharge_watt, charge_watt : at the end of a pulse that brings the first cell to its limit;
-    *_ampere : its current. limiting_discharge, limiting_charge : index of that cell, −1 where the
-    largest allowed current is less.
-    """
-
-    discharged_share: np.ndarray
-    mean_soc: np.ndarray
-    discharge_watt: np.ndarray
-    discharge_ampere: np.ndarray
-    limiting_discharge: np.ndarray
-    charge_watt: np.ndarray
-    charge_ampere: np.ndarray
-    limiting_charge: np.ndarray
 
 
 def power_of_string(
@@ -58,7 +37,10 @@ def power_of_string(
 
     Returns
     -------
-    power : Power. Zero where a cell is at or beyond its limit before the pulse.
+    rows : list of dict, one a point: discharged_share of what the string gives [1], mean_soc of its
+        cells; discharge_watt, charge_watt at the end of such a pulse, 0 where a cell is at or beyond
+        its limit before it; discharge_ampere, charge_ampere; limiting_discharge, limiting_charge:
+        name of the first cell, "" where the largest allowed current is less.
 
     Source: pulse power by cut-off voltages, FreedomCAR Battery Test Manual (2003), 4.3; here with
     the model's whole response instead of one resistance.
@@ -68,9 +50,10 @@ def power_of_string(
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
     start = np.broadcast_to(np.asarray(initial_soc, float), capacity.shape)
     soc = start - drawn[:, None] / capacity
-    pulses = {}
+    names = np.array([*(model["cell"] for model in models), ""], object)  # the last of no cell
+    columns = {"discharged_share": share, "mean_soc": soc.mean(axis=1)}
     at = {"celsius": celsius, "pulse_second": pulse_second}
-    for sign, cutoff in zip((-1, 1), cutoffs_volt, strict=True):
+    for way, sign, cutoff in zip(("discharge", "charge"), (-1, 1), cutoffs_volt, strict=True):
         limits = np.broadcast_to(np.asarray(cutoff, float), capacity.shape)
         cells = list(zip(models, soc.T, limits, strict=True))
         found = [limiting_current(*cell, sign=sign, **at) for cell in cells]
@@ -79,8 +62,10 @@ def power_of_string(
         limiting = np.where(ampere < largest, np.argmin(found, axis=0), -1)
         volt = [pulse_volt(model, course, sign * ampere, **at) for model, course, _ in cells]
         at_terminals = np.sum(volt, axis=0) + sign * contact_ohm * ampere
-        pulses[sign] = (ampere * at_terminals, ampere, limiting)
-    return Power(share, soc.mean(axis=1), *pulses[-1], *pulses[1])
+        columns[f"{way}_watt"] = ampere * at_terminals
+        columns[f"{way}_ampere"], columns[f"limiting_{way}"] = ampere, names[limiting]
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 def limiting_current(model, soc, limit_volt, *, sign, celsius, pulse_second):
@@ -124,14 +109,3 @@ def pulse_volt(model, soc, current_ampere, *, celsius, pulse_second):
     celsius = np.full(len(time), float(celsius))
     run = simulate_model(model, None, time, current, course, celsius, hold="zero_order")
     return run.voltage_volt[1::3]
-
-
-def power_rows(power, names):
-    """Rows of a string's Power over its discharge, the limiting cells by name, "" for none."""
-    columns = power._asdict()
-    for key in ("limiting_discharge", "limiting_charge"):
-        columns[key] = [names[k] if k >= 0 else "" for k in columns[key]]
-    return [
-        dict(zip(columns, (v if isinstance(v, str) else float(v) for v in row), strict=True))
-        for row in zip(*columns.values(), strict=True)
-    ]
