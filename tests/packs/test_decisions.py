@@ -1,6 +1,6 @@
 """Decisions: matching against all possibilities, replacement, safe window, Monte Carlo."""
 
-from itertools import combinations, permutations
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -327,31 +327,6 @@ def test_a_string_of_groups_is_decided_on_as_a_whole():
     assert charge["p50"] == pytest.approx(1.58 * strings.FULL_AMPERE_HOUR, rel=0.03)
 
 
-def test_a_pack_is_decided_on_charged():
-    """In parallel all full; in series the first is, and the charges between cells stay."""
-    star = Wiring("p", "parallel", ("A", "B"), (0, 0), (0, 0))
-    np.testing.assert_array_equal(charged_soc(star, [0.1, 0.12], [30.0, 20.0]), 1.0)
-    string = Wiring("s", "series", ("A", "B"), (0, 0), (0, 0))
-    found = charged_soc(string, [0.5, 0.4], [30.0, 20.0])
-    np.testing.assert_allclose(found, [0.9, 1.0])
-    nested = Wiring("n", "series", (star, "C"), (0, 0), (0, 0))
-    found = charged_soc(nested, [0.4, 0.6, 0.5], [20.0, 20.0, 40.0])
-    np.testing.assert_allclose(found, 1.0)
-
-
-def test_the_order_of_a_fleet_does_not_matter():
-    random = np.random.default_rng(8)
-    cost = random.uniform(0.0, 1.0, (6, 6))
-    cost += cost.T
-    turn = next(iter(permutations([5, 2, 0, 4, 1, 3])))
-    turned = cost[np.ix_(turn, turn)]
-
-    def total(matrix):
-        return sum(matrix[a, b] for a, b in matching.pairs_of_least_cost(matrix))
-
-    assert total(cost) == pytest.approx(total(turned))
-
-
 PAIR = strings.models([1.0, 0.9])
 
 
@@ -389,6 +364,8 @@ def test_a_pack_is_judged_from_full_and_a_string_keeps_what_its_cells_differ_by(
     capacity = np.array([2.0, 4.0, 2.0, 2.0])
     pair = Wiring("pair", "parallel", ("A", "B"), (0.0, 0.0), (0.0, 0.0))
     string = Wiring("string", "series", (pair, "C", "D"), (0.0,) * 3, (0.0,) * 3)
+    plain = Wiring("s", "series", ("A", "B"), (0, 0), (0, 0))
+    np.testing.assert_allclose(charged_soc(plain, [0.5, 0.4], [30.0, 20.0]), [0.9, 1.0])
     soc = np.array([0.1, 0.1, 0.2, 0.4])
     full = charged_soc(string, soc, capacity)
     np.testing.assert_allclose(full[3], 1.0)
@@ -427,7 +404,7 @@ def test_a_capacity_is_as_sure_as_the_direction_that_repeats_better(charge_std):
 
 def test_cells_that_warm_share_a_discharge_more_evenly():
     """Of warm cells the resistances are smaller, by one activation energy for all."""
-    models = [warming(m) for m in strings.models([1.0, 0.8], [1.0, 1.6])]
+    models = [strings.with_energy(m) for m in strings.models([1.0, 0.8], [1.0, 1.6])]
     star = star_of(("A", "B"), wire_resistance_ohm=1e-4)
     thermal = Thermal(np.full(2, 300.0), np.full(2, 3.0), 0.0, None, np.zeros((2, 3)))
     cold, warm = (
@@ -448,7 +425,7 @@ def test_cells_that_warm_share_a_discharge_more_evenly():
 
 def test_a_choice_of_cells_that_warm_is_laid_out_as_the_kernel_reads_it():
     """Numpy lays a choice out cell by cell, the kernel reads temperature by temperature."""
-    models = [warming(m) for m in strings.models([1.0, 0.8], [1.0, 1.6])]
+    models = [strings.with_energy(m) for m in strings.models([1.0, 0.8], [1.0, 1.6])]
     tables = pack_cells(models, temperature_celsius=np.arange(25.0, 80.0, 5.0))
     thermal = Thermal(np.full(2, 300.0), np.full(2, 3.0), 0.0, None, np.zeros((2, 3)))
     how = {"thermal": thermal, "ambient_celsius": 25.0}
@@ -457,9 +434,3 @@ def test_a_choice_of_cells_that_warm_is_laid_out_as_the_kernel_reads_it():
     whole, chosen = (discharge_pack(c, star, **how) for c in (tables, cells_at(tables, [0, 1])))
     np.testing.assert_array_equal(chosen.branch_share, whole.branch_share)
     assert chosen.energy_watt_hour == whole.energy_watt_hour
-
-
-def warming(model):
-    (member,) = model["members"]
-    entry = member["conditions"][0] | {"activation_energy_joule_per_mole": 30e3}
-    return model | {"members": [member | {"conditions": [entry]}]}

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import strings
 import truth
 from sheets_facts import branch_facts, measured_test
 
@@ -80,7 +81,7 @@ def test_each_cell_runs_as_its_chosen_member():
 
 def test_cells_run_at_the_temperature_that_was_logged_in_the_group():
     warm = 25.0 + 12.0 * np.minimum(TIME / 3000.0, 1.0)
-    active = [with_energy(model, 30e3) for model in MODELS]
+    active = [strings.with_energy(model, 30e3) for model in MODELS]
     series = record(models=active, celsius=warm, tables=np.arange(25.0, 38.0, 1.0))
     known = score(series | {"surface_temperature_celsius": warm}, models=active)
     unknown = score(series, models=active)
@@ -91,21 +92,15 @@ def test_cells_run_at_the_temperature_that_was_logged_in_the_group():
     assert score(series | at_cells, models=active).rows[0]["voltage_rmse_volt"] < 5e-4
 
 
-def with_energy(model, joule_per_mole):
-    (member,) = model["members"]
-    energy = {"activation_energy_joule_per_mole": joule_per_mole}
-    return model | {"members": [member | {"conditions": [member["conditions"][0] | energy]}]}
-
-
 def test_cells_of_one_temperature_share_an_activation_energy():
-    models = [with_energy(MODELS[0], 30e3), with_energy(MODELS[1], 50e3)]
+    models = [strings.with_energy(MODELS[0], 30e3), strings.with_energy(MODELS[1], 50e3)]
     shared, (words,) = of_one_activation_energy(models)
     energies = [
         m["members"][0]["conditions"][0]["activation_energy_joule_per_mole"] for m in shared
     ]
     assert energies == [40e3, 40e3]
     assert "40 kJ/mol for all cells" in words
-    alike = [with_energy(model, 30e3) for model in MODELS]
+    alike = [strings.with_energy(model, 30e3) for model in MODELS]
     assert of_one_activation_energy(alike) == (alike, [])
     assert of_one_activation_energy(MODELS) == (MODELS, [])
     several = models[1]["members"][0] | {"conditions": 2 * models[1]["members"][0]["conditions"]}
@@ -289,7 +284,7 @@ BODY = {"heat_capacity_joule_per_kelvin": [30.0, 30.0], "resistance_kelvin_per_w
 
 def test_where_no_temperature_was_logged_cells_warm_by_their_own_heat():
     """Two cells whose resistances halve within 20 K."""
-    models = [with_energy(model, 30e3) for model in MODELS]
+    models = [strings.with_energy(model, 30e3) for model in MODELS]
     thermal = Thermal(*map(np.array, BODY.values()), 0.0, None, np.zeros((2, 3)))
     around = {"ambient_celsius": 25.0, "thermal": thermal}
     run, series = simulated(star(), models, SOC, 2.0 * TOTAL, np.arange(25.0, 70.0, 5.0), **around)

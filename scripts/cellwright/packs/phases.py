@@ -12,8 +12,7 @@ from cellwright.packs.steps import CURRENT, POWER, VOLTAGE, NoPower, start
 from cellwright.refusal import Refusal
 
 MODES = {"rest": CURRENT, "current": CURRENT, "drive": CURRENT, "power": POWER, "voltage": VOLTAGE}
-AT_LIMIT = 1e-6  # [V], [A], [1]: nearer to its end than this, a phase has reached it
-SAME_SECOND = 1e-6
+AT_LIMIT = 1e-6  # [V], [A], [1], [s]: nearer to its end than this, a phase has reached it
 AT_ONCE = 256  # steps that are tried before their limits are looked at
 NOT_HELD = -2  # no limit is held
 
@@ -234,10 +233,10 @@ def _next_seconds(phase, elapsed, at_once):
     """Ends of the next steps, since the phase's begin (m,) [s]."""
     if phase.kind == "drive":
         time = np.asarray(phase.value[0], float)
-        ahead = time[time > elapsed + SAME_SECOND][:at_once]
+        ahead = time[time > elapsed + AT_LIMIT][:at_once]
     else:
         ahead = elapsed + phase.step_second * np.arange(1, at_once + 1)
-    within = ahead[ahead < phase.second - SAME_SECOND]
+    within = ahead[ahead < phase.second - AT_LIMIT]
     return within if len(within) == len(ahead) else np.append(within, phase.second)
 
 

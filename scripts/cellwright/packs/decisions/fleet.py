@@ -19,8 +19,6 @@ from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
-JOINT_OHM = 1e-5  # of each joint of a matched group
-MOST_DRAWS = 60  # of a whole fleet, in each of which all groups are simulated
 EVERY_PAIR = 200  # cells of which every pair is simulated; of more each with its next ones
 NEXT_ONES = 10  # in the order of resistance times capacity
 MOST_CELLS = 1000
@@ -95,7 +93,8 @@ def _discharged(fleet, groups, c_rate, draw):
         if draw is not None:
             drawn = fleet.drawn._replace(voltage_volt=0.0 * fleet.drawn.voltage_volt, ocv_volt=None)
             tables = drawn_cells(tables, drawn, draw, 1.0)
-        at = {"lower_cutoff_volt": fleet.lower_cutoff_volt, "contact_ohm": JOINT_OHM}
+        # A welded joint: far below a cell's own resistance, yet no branch without any.
+        at = {"lower_cutoff_volt": fleet.lower_cutoff_volt, "contact_ohm": 1e-5}
         found.append(discharge_groups(tables, groups, current_ampere=current, **at))
     charge, share, heat = (np.array(column) for column in zip(*found, strict=True))
     return charge.min(axis=0), share.max(axis=0), heat.max(axis=0)
@@ -227,7 +226,7 @@ def _strings_of_groups(fleet, uses, random, settings):
 
 def _compared(fleet, decision, matched, at_random, quantities, settings):
     """Rows of each quantity of an assembly beside random ones, and rows of who is where."""
-    draws = range(min(settings.draws, MOST_DRAWS))
+    draws = range(min(settings.draws, 60))  # in each of them all groups are simulated
     rows = []
     for quantity, (unit, value, more) in quantities.items():
         gain = gain_of(value, matched, at_random, draws, more_is_better=more)

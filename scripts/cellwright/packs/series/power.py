@@ -38,9 +38,9 @@ def power_of_string(
     Returns
     -------
     rows : list of dict, one a point: discharged_share of what the string gives [1], mean_soc of its
-        cells; discharge_watt, charge_watt at the end of such a pulse, 0 where a cell is at or beyond
-        its limit before it; discharge_ampere, charge_ampere; limiting_discharge, limiting_charge:
-        name of the first cell, "" where the largest allowed current is less.
+        cells; of a pulse to discharge and one to charge its _watt and _ampere at the end, 0 where a
+        cell is at or beyond its limit before it, and the name of the cell that is limiting, ""
+        where the largest allowed current is less.
 
     Source: pulse power by cut-off voltages, FreedomCAR Battery Test Manual (2003), 4.3; here with
     the model's whole response instead of one resistance.
