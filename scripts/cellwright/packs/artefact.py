@@ -147,6 +147,7 @@ def _group_tests(rows, models):
     stands here: its errors are not those of this pack model.
     """
     about = ("test", "role", "ambient_temperature_celsius")
+    # A group's test that its own models were fitted to says nothing of their prediction.
     fitted = {model["fitted"]["test"] for model in models if model.get("fitted")}
     chosen = {model["cell"]: model["chosen"] for model in models}
     tests = {}

@@ -97,6 +97,7 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
         for model, entry in zip(models, entries, strict=True)
     ]
     known = np.array([REFERENCE_CELSIUS if value is None else value for value in celsius])
+    # A cell has one capacity in a pack: that of the middle temperature.
     middle = celsius[len(celsius) // 2]
     sizes = [capacity_of(m, e, middle) for m, e in zip(models, entries, strict=True)]
     return PackCells(
@@ -197,10 +198,13 @@ def _tables(model, entry, grid, celsius):
         )
     temperature = np.nan if celsius is None else celsius
     sampled = circuit_at(entry["conditions"], grid, temperature)
+    # The model's OCV with its shift, at the counted SoC.
     volt = open_circuit_volt(model, sampled, temperature)
+    # How much of the model's own SoC passes per counted SoC.
     stretch = np.gradient(sampled.table_soc, grid)
     found = {name: [] for name in TABLES}
     found["ocv_volt"], found["ocv_shift_volt"] = [volt], [sampled.ocv_shift_volt]
+    # Ohmic branches add to it below.
     found["r0_ohm"] = [np.zeros(len(grid))]
     for branch in sampled.circuit:
         full = {k: np.broadcast_to(v, grid.shape) for k, v in branch.parameters.items()}
@@ -244,6 +248,7 @@ def _transfer(found, p, _capacity, _stretch):
     # ASSUME: In a pack charge transfer has equal coefficients for charge and discharge.
     found["kinetic_r_ohm"].append(p["r_ohm"])
     found["kinetic_tau_second"].append(np.zeros(len(p["r_ohm"])))
+    # arcsinh of Butler–Volmer with equal coefficients: 2RT/F = 2·i0·r.
     scale = 2.0 * p["exchange_ampere"] * np.maximum(p["r_ohm"], SMALLEST_RESISTANCE_OHM)
     found["kinetic_scale_volt"].append(scale)
 

@@ -225,6 +225,7 @@ def _sum_line(currents, total, left):
     finding = _off("sum_gain", None, gain, gain_std, SENSOR_CLASS, "1", text)
     branch = _guilty(currents, left) if finding.found else None
     if branch is not None:
+        # What is left over is slope · reading: reading = (1 + gain) · truth gives the gain.
         slope, slope_std = (pair[1] for pair in _line(currents[:, branch], left))
         gain, std = 1.0 / (1.0 - slope) - 1.0, slope_std / (1.0 - slope) ** 2
         text = f"branch {branch + 1} reads {gain:+.2%} ± {std:.2%} too much"
@@ -379,6 +380,7 @@ def swapped(measured, simulated, share, *, test, what="branch", numbers=None, bl
     measured, simulated = measured[rows], simulated[rows]
     if len(measured) < blocks or not share > 0:
         return []
+    # Σ(measured − simulated)² of every pair, without a pass over the record for each.
     cost = np.square(measured).sum(axis=0)[:, None] + np.square(simulated).sum(axis=0)
     cost -= 2.0 * measured.T @ simulated
     # Who is read where must be worth more than what the models of two like cells do not tell.

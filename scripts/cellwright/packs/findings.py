@@ -60,6 +60,7 @@ def longer(compared, rows):
     compared : Compared. rows : slice, from `whole_discharge`.
     """
     time, total = compared.time_second[: rows.stop], compared.total_ampere[: rows.stop]
+    # Steps and load as most of the discharge had them.
     step = np.median(np.diff(time[rows]))
     # 15 % longer: models that miss a capacity by more are wrong in other ways.
     count = int(np.ceil(0.15 * (time[-1] - time[rows.start]) / step))
@@ -89,6 +90,7 @@ def simulated_end(compared, rows, time_second, simulated_ampere, simulated_volt)
     until = slice(rows.start, last + 1)
     passed = passed_ampere_hour(time_second[until], simulated_ampere[until])
     high, low = simulated_volt[last - 1], simulated_volt[last]
+    # The voltage is met between two samples.
     late = (high - end_volt) / (high - low) if high > low else 1.0
     given = passed[:-1].sum(axis=0) + late * passed[-1:].sum(axis=0)
     return -given, np.abs(simulated_ampere[until]).max(axis=0)

@@ -160,6 +160,7 @@ def _counted(time, current, voltage):
 
 def _even_knots(soc, voltage, count):
     """Knots of SoC at even distances along the OCV curve: dense where the voltage is steep."""
+    # Half by SoC and half by voltage: no flat part is left without a knot.
     along = np.maximum.accumulate(soc + (voltage - voltage.min()) / np.ptp(voltage))
     along, rows = np.unique(along, return_index=True)
     middle = np.interp(np.linspace(along[0], along[-1], count)[1:-1], along, soc[rows])
@@ -174,7 +175,9 @@ def _design(steps, current, soc, knots, tau, hold):
         driven = hats(soc[:, c], at_resistance) * current[:, c : c + 1]
         resistive = np.hstack([driven, lag(steps, tau, driven, hold=hold)])
         deviation = hats(soc[:, c], at_deviation)
+        # As a start and increments, which are kept from falling: an OCV rises with SoC.
         ocv = np.cumsum(hats(soc[:, c], at_ocv)[:, ::-1], axis=1)[:, ::-1]
+        # Deviation and resistances are each cell's own, the common OCV in between all cells'.
         spread = [np.kron(np.eye(cells)[c : c + 1], block) for block in (deviation, resistive)]
         rows.append(np.hstack([spread[0], ocv, spread[1]]))
     return np.vstack(rows)
@@ -224,6 +227,7 @@ def _without_noise(gram, noise):
     except np.linalg.LinAlgError:  # nothing tells the parameters apart: the solution refuses it
         return gram
     half = np.linalg.solve(root, np.linalg.solve(root, added).T)
+    # 95 %: what is left stays positive definite.
     return gram - min(1.0, 0.95 / np.linalg.eigvalsh(half)[-1]) * added
 
 
@@ -269,6 +273,7 @@ def group_models(test, steps, cells):
     before, last = _charge_between_rests(steps)
     rest = slice(steps["first_row"][before], steps["last_row"][before] + 1)
     total = series["current_ampere"]
+    # In its second half the currents between the cells have decayed.
     tail = slice(max(rest.stop - (rest.stop - rest.start) // 2, rest.start), rest.stop)
     limit = AT_REST_SHARE * np.abs(total).max()
     offset = rest_offset(current[tail], total[tail], rest_ampere=limit)

@@ -142,6 +142,7 @@ def _compiled(kernel, plant, state, load, keep, run):
     measured = cells.temperature_celsius
     celsius = np.minimum(np.maximum(state.temperature_celsius, measured[0]), measured[-1])
     begin, current = _packed(state), state.current_ampere.copy()
+    # All sizes but what is kept are the plant's.
     work, sizes, fault = np.zeros(work_room(cells, network)), plant.sizes.copy(), np.zeros(3)
     work[: len(begin)], sizes[-3:-1] = begin, keep
     stopped = kernel(
@@ -196,6 +197,7 @@ def kernel_sizes(cells, network, hold, sensed, keep):
     """
     entries = {name: getattr(cells, name).shape[2] for name in TABLES}
     elements = network.cells + len(network.connection)
+    # Time constants that stay the same let the kernel reuse the weights of a step.
     moving = len(cells.temperature_celsius) > 1 or any(
         np.any(getattr(cells, name) != getattr(cells, name)[..., :1]) for name in TIMES
     )

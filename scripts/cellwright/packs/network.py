@@ -125,11 +125,13 @@ def _shares(cells, connection, first, member, capacity):
     """Share of each cell in the total current, by capacity at every division (cells,)."""
     elements = np.concatenate([np.asarray(capacity, float), np.zeros(len(connection))])
     for node, code in enumerate(connection):
+        # What a group takes until its first member is full.
         inner = elements[member[first[node] : first[node + 1]]]
         elements[cells + node] = inner.min() if code == SERIES else inner.sum()
     share = np.ones(len(elements))
     for node in reversed(range(len(connection))):
         ids = member[first[node] : first[node + 1]]
+        # Members in series all carry the whole current.
         whole = 1.0 if connection[node] == SERIES else elements[ids] / elements[ids].sum()
         share[ids] = share[cells + node] * whole
     return share[:cells]
@@ -158,15 +160,19 @@ def reduced(network, source_volt, resistance_ohm):
         e, z = source[ids], resistance[ids] + network.contact_ohm[rows]
         at = network.cells + node
         if code == SERIES or len(ids) == 1:
+            # Of a single member its current is all there is, also where it has no resistance.
             source[at], resistance[at] = e.sum(), z.sum()
             continue
         if not z.min() > 0:
             raise no_resistance(network, node, int(np.argmin(z)))
         if code == STAR:
+            # By differences to the first member: the millivolts that divide currents stay exact.
             conductance = 1.0 / z
             resistance[at] = 1.0 / conductance.sum()
             source[at] = e[0] + conductance @ (e - e[0]) * resistance[at]
         else:
+            # With leads at opposite ends current flows on one bar towards a lead, on the other
+            # away from it; with both at one end the two bars act as one resistance.
             half = 0.5 * network.link_ohm[rows] if code == OPPOSITE else np.zeros(len(ids))
             found = _ladder(e, z, network.link_ohm[rows], half)
             source[at], resistance[at], onward[rows] = found
@@ -187,6 +193,7 @@ def _ladder(e, z, link, half):
     The part from a member on has v = a + b·J + d·T, with J what flows into that part and T what
     flows through the whole ladder, and lies s0 + s1·J + s2·T below the other lead's end.
     """
+    # From the far end to the leads: there, J is the last member's own current.
     a, b, d, s0, s1, s2 = e[-1], z[-1], 0.0, 0.0, 0.0, 0.0
     onward = np.zeros((len(e), 3))
     for k in range(len(e) - 1, 0, -1):
@@ -219,6 +226,7 @@ def currents(network, reduced, total_ampere):
         elif network.connection[node] == STAR:
             e, z = reduced.source_volt[ids], reduced.resistance_ohm[ids] + network.contact_ohm[rows]
             at = network.cells + node
+            # The bar's voltage over the first member's source, then each current by Ohm's law.
             rise = reduced.source_volt[at] - e[0] + reduced.resistance_ohm[at] * through
             current[ids] = (rise - (e - e[0])) / z
         else:

@@ -178,6 +178,7 @@ def _through(pack, state, phase, at_once):
     """
     parts, elapsed = [], 0.0
     try:
+        # A step of no length: the current jumps before time passes, and a limit may be met at once.
         state, part = _step(pack, state, phase, 0.0, 0.0)
         parts.append(part)
         while (end := _reached(phase, part)) is None:
@@ -187,6 +188,7 @@ def _through(pack, state, phase, at_once):
             elapsed = part.second[-1]
             parts.append(part)
     except NoPower:
+        # A pack that cannot give the power is left at rest.
         state, part = _moved(pack, state, elapsed, 0.0, CURRENT, 0.0)
         return [*parts, part], ("power", -1), state
     return parts, end, state
@@ -204,6 +206,7 @@ def _leap(pack, state, phase, elapsed, at_once):
     part = _part(seconds, run)
     limits = _limits(phase, part) | (_volt_limits(phase, run) if phase.held else {})
     ahead = np.min([distance for _, distance in limits.values()], axis=0) > AT_LIMIT
+    # Samples up to the first that is near a limit are kept; from there it goes step by step.
     free = len(ahead) if ahead.all() else int(np.argmin(ahead))
     if free == 0:
         return None
@@ -237,6 +240,7 @@ def _next_seconds(phase, elapsed, at_once):
     else:
         ahead = elapsed + phase.step_second * np.arange(1, at_once + 1)
     within = ahead[ahead < phase.second - AT_LIMIT]
+    # The phase's end is a sample of its own.
     return within if len(within) == len(ahead) else np.append(within, phase.second)
 
 
@@ -281,6 +285,7 @@ def _at_the_limit(pack, state, phase, end, second, beyond_ampere):
     def distance(total):
         return _nearest(_volt_limits(phase, tried(total)[1].run))[2]
 
+    # A cell beyond its limit even at rest gets no current: nothing lower is asked for.
     rest = distance(0.0) <= 0.0
     total = 0.0 if rest else brentq(distance, 0.0, beyond_ampere, xtol=1e-9, rtol=1e-12)
     after, part = tried(total)

@@ -143,6 +143,7 @@ def plant_of(cells, wiring, thermal, *, hold, tolerance_volt):
     network = network_of(wiring, cells.capacity_ampere_hour)
     modes = None if thermal is None else thermal_modes(thermal, network.cells)
     sensed = sensed_element(wiring, network)
+    # Looked up once: callers may take a million single steps.
     sizes = kernel_sizes(cells, network, hold, sensed, ALL)
     return Plant(cells, network, modes, sensed, hold, tolerance_volt, sizes, table_places(cells))
 
@@ -162,6 +163,7 @@ def stepped(plant, state, load, *, ambient_celsius, extremes=False):
     run, after = run_steps(plant, state, load, Keep(1, extremes))
     if plant.modes is None:
         return run, after
+    # Between samples the heat runs as the current does: straight, or as it was at the begin.
     heat = heat_of(plant.cells, plant.modes, after, run.cell_voltage_volt[0])
     mean = state.heat_watt if plant.hold == "zero_order" else 0.5 * (state.heat_watt + heat)
     celsius = warmed(plant.modes, state.temperature_celsius, mean, ambient_celsius, load[0, 0])

@@ -167,6 +167,7 @@ def _at_temperature(cells, values, name, celsius):
     measured = cells.temperature_celsius
     if len(measured) == 1:
         return values[:, 0]
+    # −1/T rises with T, as a search for the neighbours needs it.
     inverse = -1.0 / (measured + ZERO_CELSIUS_KELVIN)
     here = -1.0 / (np.clip(celsius, measured[0], measured[-1]) + ZERO_CELSIUS_KELVIN)
     right = np.clip(np.searchsorted(inverse, here, side="right"), 1, len(measured) - 1)
@@ -175,6 +176,7 @@ def _at_temperature(cells, values, name, celsius):
     cold, hot = values[rows, right - 1], values[rows, right]
     if name in ("ocv_volt", "ocv_shift_volt"):
         return cold + weight * (hot - cold)
+    # Resistances and time constants follow an Arrhenius law: straight in log over 1/T.
     low, high = (np.log(np.maximum(v, SMALLEST)) for v in (cold, hot))
     alike = np.abs(high - low) <= np.log(SAME_KIND)
     return np.where(alike, np.exp(low + weight * (high - low)), cold + weight * (hot - cold))
@@ -230,6 +232,7 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
         through = current[: network.cells]
         on_line = at.voltage_volt + at.slope_ohm * (through - guess)
         moved = step.second * (through - guess) / (3600.0 * cells.capacity_ampere_hour)
+        # A linear cell needs a further pass only where its SoC moves on to other parameters.
         plain = turn < LINEAR_PASSES and is_linear(cells)
         if plain and np.abs(moved).max() <= SAME_SOC:
             found = respond(cells, state, step, weights, through, at.parameters)
@@ -241,6 +244,7 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
         off = found.voltage_volt - on_line
         if np.abs(off).max() <= tolerance_volt:
             return Solved(current, on_line, lines, found)
+        # Cells that turn by turns would do so for ever: in later passes steps are shortened.
         turned = _turned(state, step, guess, through) if turn < MOST_TURNS else np.zeros(1, bool)
         short = 1.0 if turned.any() else _shortened(through - guess, at.slope_ohm, off)
         guess = guess + short * (through - guess)
@@ -271,6 +275,8 @@ def asked(mode, value):
         source, ohm = lines.source_volt[-1], lines.resistance_ohm[-1]
         if mode == VOLTAGE:
             return (value - source) / ohm
+        # Of the two currents that give a power the smaller one, at which batteries are run; in this
+        # form no digits are lost where the voltage drop is small.
         root = source**2 + 4.0 * ohm * value
         if root < 0:
             raise no_power(value)
@@ -315,6 +321,7 @@ def _weights(state, step):
     for name in ("tau_second", "kinetic_tau_second", "soc_tau_second"):
         tau = state.parameters[name]
         at_once = tau <= 0
+        # A time constant of 0 acts at once: nothing decays, all is of the input at the end.
         weights = lag_weights(step.second, np.where(at_once, 1.0, tau), hold=step.hold)
         found[name] = [np.where(at_once, w, v) for w, v in zip((0, 0, 1), weights, strict=True)]
     return found
@@ -352,11 +359,13 @@ def respond(cells, state, step, weights, current, parameters=None):
     at_once, at_once_slope = _at_once(now, current)
     ahead = soc + surface.sum(axis=1)
     volt, rise = (v[:, 0] for v in _entries(cells, "ocv_volt", ahead, celsius))
+    # With diffusion the OCV is that of the surface; what belongs to the counted SoC stays there.
     if surface.size:
         volt = volt + now["ocv_shift_volt"][:, 0]
         volt = volt - _entries(cells, "ocv_shift_volt", ahead, celsius)[0][:, 0]
     parts = [relaxed, kinetic, hysteresis]
     slopes = [slope, kinetic_slope, hysteresis_slope]
+    # Where an OCV falls its slope would lead Newton's method away: none is on the safe side.
     ocv_slope = np.maximum(rise, 0.0) * (per_ampere + surface_slope.sum(axis=1))
     return Response(
         volt + at_once + sum(part.sum(axis=1) for part in parts),

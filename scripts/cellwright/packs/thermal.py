@@ -64,10 +64,12 @@ def thermal_modes(thermal, cells):
     if not between.any():
         one = np.ones(cells)
         return ThermalModes(to_ambient / capacity, one, one, capacity, to_ambient, entropic)
+    # Scaled by the roots of the capacities the matrix is symmetric: real rates, orthogonal modes.
     root = np.sqrt(capacity)
     laplacian = np.diag(between.sum(axis=1) + to_ambient) - between
     rate, vectors = np.linalg.eigh(laplacian / np.outer(root, root))
     to_modes, from_modes = vectors.T * root, vectors / root[:, None]
+    # Without a way to the ambient one rate is 0, and rounding may leave it below.
     rate = np.maximum(rate, 0.0)
     return ThermalModes(rate, to_modes, from_modes, capacity, to_ambient, entropic)
 
@@ -106,6 +108,7 @@ def warmed(modes, celsius, heat_watt, ambient_celsius, step_second):
     celsius, heat_watt : (cells,) at the begin of the step, in it [degC], [W].
     ambient_celsius : in the step [degC]. step_second : [s].
     """
+    # Exact for any length of step: explicit steps would swing where a cell is small.
     inward = (heat_watt - modes.to_ambient * (celsius - ambient_celsius)) / modes.capacity
     if modes.to_modes.ndim == 1:
         return celsius + inward * _effective(modes.rate, step_second)
@@ -148,6 +151,7 @@ def _between(value, cells):
     if given.shape == ():
         between = given * (np.eye(cells, k=1) + np.eye(cells, k=-1))
     elif given.shape == (cells, cells):
+        # A cell exchanges no heat with itself.
         between = given - np.diag(np.diag(given))
     else:
         raise Refusal(

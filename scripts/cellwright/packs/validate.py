@@ -54,9 +54,11 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
         (`checks.refuse_contradiction`); a SoC at the start that is not known.
     """
     record, notes = _to_score(test, branches, wiring), checks.beyond_calibration(models)
+    # Before tables are made: they follow each model's own energy.
     models, words = of_one_activation_energy(models)
     notes += words
     record = record._replace(branch_current_ampere=_measured(record, branches, notes))
+    # A logged temperature is better than one that follows from heat.
     warms = None if thermal is None or _was_logged(test, record) else thermal
     if warms is None:
         tables = _table_celsius(test.facts, record, notes)
@@ -87,6 +89,7 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
     if _tells_intervals(models, uncertainty, notes):
         starts = partial(_drawn_starts, stated, counted, cells, record, start)
         stds = _deviations(run, cells, wiring, record, uncertainty, starts, warms)
+    # The model's discharge may end later than the record: it is run on to find where.
     discharge = findings.whole_discharge(compared)
     end = np.full((2, len(branches)), np.nan)
     if discharge is not None:

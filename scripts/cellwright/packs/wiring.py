@@ -247,6 +247,7 @@ def _members_of(rows, by_group):
 
 def _groups_below(group, members):
     """Names of the group and of all groups in it, each once even where they form a circle."""
+    # A stack, not recursion: groups that lie in themselves end as well.
     found, waiting = {}, [group]
     while waiting:
         name = waiting.pop()
@@ -372,6 +373,7 @@ def _faults_of_packs(rows, by_group):
             k = next(k for k in by_group[name] if rows[k]["cell"] in circle)
             wanted = f"no group that lies in itself: {' in '.join(reversed(circle))}"
             yield WiringFault(k, "cell", rows[k]["cell"], wanted)
+    # Only outermost groups: an inner one's cells would be told again for each that holds it.
     twice = {}
     for pack in (name for name in members if name not in inner or name in circling):
         for fault in _twice(pack, _groups_below(pack, members), rows, by_group):

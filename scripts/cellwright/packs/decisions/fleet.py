@@ -91,6 +91,7 @@ def _discharged(fleet, groups, c_rate, draw):
     for tables in fleet.tables:
         current = c_rate * tables.capacity_ampere_hour[groups].sum(axis=1)
         if draw is not None:
+            # What joined cells share, their voltage, tells no assembly from another.
             drawn = fleet.drawn._replace(voltage_volt=0.0 * fleet.drawn.voltage_volt, ocv_volt=None)
             tables = drawn_cells(tables, drawn, draw, 1.0)
         # A welded joint: far below a cell's own resistance, yet no branch without any.
@@ -187,6 +188,7 @@ def _assemblies(matched, size, random, count):
 
 
 def _strings(fleet, uses, random, settings):
+    # A string ends with its first cell, at this current: sorted by what each gives alone.
     matched = strings_by_capacity(_charges(fleet, uses, None), length=settings.string_length)
     at_random = _assemblies(matched, settings.string_length, random, settings.draws)
 
@@ -208,6 +210,7 @@ def _strings_of_groups(fleet, uses, random, settings):
     size, length = settings.group_size, settings.string_length
     charge = _charges(fleet, uses, None)
     blocks = strings_by_capacity(charge, length=size * length)
+    # Within a string all groups should be empty at once.
     groups = [block[even_groups(charge[block], size=size)] for block in blocks]
     matched = np.array(groups)
 

@@ -112,6 +112,7 @@ def use_of(run, time, cells, wiring, *, lower_cutoff_volt, current_ampere):
     energy = current_ampere * np.trapezoid(np.interp(second, time, run.voltage_volt), hour)
     shares = run.cell_current_ampere[kept] / (-current_ampere * share)
     squares = (run.cell_current_ampere[kept] ** 2).mean(axis=0)
+    # The pack's SoC at the start by charge; from there by what was drawn.
     soc = np.average(run.soc[0], weights=cells.capacity_ampere_hour)
     return PackUse(
         float(current_ampere * hour[-1]),
@@ -183,6 +184,7 @@ def _side_by_side(cells, groups, current, lower_cutoff_volt, contact_ohm):
     count, size = groups.shape
     part = _at_one_ampere(cells_at(cells, groups.ravel()), np.repeat(current, size))
     names = np.array(part.names).reshape(groups.shape)
+    # Scaled as the cells are: the same voltage at 1 A.
     contacts = contact_ohm * current
     stars = tuple(
         star_of(row, wire_resistance_ohm=contact)._replace(name=f"group {k + 1}")

@@ -52,8 +52,9 @@ def string_draws(models, drawn, *, lower_cutoff_volt, current_ampere, initial_so
         curves = _cell_curves(model, of_cell, charge, current_ampere, start[k], celsius)
         volt[:, k], heat[:, k] = curves
         at_cutoff = [first_crossing(charge, curve, cutoff[k]) for curve in volt[:, k]]
-        held = (start[k] + drawn.initial_soc[:, k]) * drawn.capacity_factor[:, k]
-        ends[:, k] = np.fmin(at_cutoff, held * model["capacity_ampere_hour"])
+        # Beyond SoC 0 of the model nothing was measured.
+        full = (start[k] + drawn.initial_soc[:, k]) * drawn.capacity_factor[:, k]
+        ends[:, k] = np.fmin(at_cutoff, full * model["capacity_ampere_hour"])
     end = ends.min(axis=1)
     energy = [_energy_until(charge, volt[d].sum(axis=0), end[d]) for d in range(draws)]
     ones, hottest = np.ones(draws), np.argmax(heat, axis=1)
@@ -73,6 +74,7 @@ def _cell_curves(model, of_cell, charge, current_ampere, start, celsius):
         run = simulate_model(model, None, second, current, course, warm, hold="zero_order")
         over = run.overpotential_volt.sum(axis=0)
         volts.append(run.voltage_volt + (resistance - 1.0) * over + error)
+        # Heat within the cell's SoC; beyond it the overpotential is extrapolated.
         inside = (course > 0.0) & (course < 1.0)
         heats.append(-resistance * over[inside].mean() * current_ampere)
     return np.array(volts), np.abs(heats)

@@ -121,6 +121,7 @@ def _lacking_after(wiring, lacking, capacity, charge):
         return lacking - charge
     left = charge_of(wiring, lacking) - charge
     if wiring.connection == "parallel" and all(isinstance(m, str) for m in wiring.members):
+        # Joined cells settle at one SoC: what they lack is shared by capacity.
         return left * capacity / capacity.sum()
     parts = []
     for member, lacks, full in by_member(wiring, lacking, capacity):
@@ -137,6 +138,7 @@ def _string(models, positions, lower, drawn, start, celsius, settings):
     capacity, cells = np.array([model["capacity_ampere_hour"] for model in models]), len(models)
     current = settings.c_rate * float(np.median(capacity))
     at = {"current_ampere": current, "celsius": celsius}
+    # Each cell as it is and, as a spare, full: one simulation of each, strings by choosing columns.
     both = {"lower_cutoff_volt": np.tile(lower, 2)}
     both["initial_soc"] = np.append(start, np.ones(cells))
     curves = discharge_curves([*models, *models], **both, **at)

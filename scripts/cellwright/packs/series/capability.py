@@ -191,12 +191,13 @@ def balance_string(models, *, initial_soc, **discharge):
     charged = soc + lacking.min() / capacity
     as_it_is, at_top = from_soc(charged), from_soc(1.0)
     whole = at_top.end_ampere_hour
+    # Bled at the bottom: what each holds more than the smallest is taken out before.
     surplus = whole - np.nanmin(whole)
     at_bottom = from_soc(1.0 - np.nan_to_num(surplus) / capacity)
-    held = as_it_is.end_ampere_hour
+    given = as_it_is.end_ampere_hour
     return Balance(
         lacking.max() - lacking,
-        held - np.nanmin(held),
+        given - np.nanmin(given),
         as_it_is,
         at_top,
         at_bottom,
@@ -234,10 +235,12 @@ def series_pack(models, positions, cells, record, settings=SETTINGS):
     ended = _measured_discharge(record, lower, names)
     current = ended.pop("current_ampere") or settings.c_rate * float(np.median(capacity))
     loaded = ~at_rest_in_record(record.current_ampere)
+    # Cells under load are warmer than the chamber.
     celsius = float(np.mean(record.celsius[loaded])) if loaded.any() else float(record.celsius[0])
     at = {"celsius": celsius, "contact_ohm": contact_of(positions)}
     ends = {"lower_cutoff_volt": lower, "current_ampere": current}
     balance = balance_string(models, initial_soc=start, **ends, **at)
+    # The first full cell ends the charge of a string.
     charged = start + ((1.0 - start) * capacity).min() / capacity
     pulses = {"pulse_second": settings.pulse_second, "largest_c_rate": settings.largest_c_rate}
     limits = {"initial_soc": charged, "cutoffs_volt": (lower, upper)}

@@ -57,6 +57,7 @@ def power_of_string(
         limits = np.broadcast_to(np.asarray(cutoff, float), capacity.shape)
         cells = list(zip(models, soc.T, limits, strict=True))
         found = [limiting_current(*cell, sign=sign, **at) for cell in cells]
+        # Beyond it no pulse was measured: the model would be extrapolated.
         largest = largest_c_rate * np.median(capacity)
         ampere = np.minimum(np.min(found, axis=0), largest)
         limiting = np.where(ampere < largest, np.argmin(found, axis=0), -1)

@@ -63,5 +63,6 @@ def band_of(
         for one in runs:
             squares = squares + (member_currents(wiring, one.cell_current_ampere) - known) ** 2
             squares_volt += (one.voltage_volt - run.voltage_volt) ** 2
+    # About the pack as its models say, not about the mean of the draws: a shift is an error too.
     draws = len(factors)
     return np.sqrt(squares / draws), np.sqrt(squares_volt / draws)

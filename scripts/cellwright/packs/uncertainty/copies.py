@@ -32,6 +32,7 @@ def simulate_copies(
     -------
     runs : list of kernel.PackRun, one a pack.
     """
+    # A wiring may name a cell once.
     named = tuple(_renamed(wiring, f" #{k}") for k, wiring in enumerate(wirings))
     none = (0.0,) * len(named)
     if thermal is not None:
