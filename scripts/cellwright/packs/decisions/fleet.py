@@ -11,7 +11,6 @@ from cellwright.packs.decisions.matching import (
     gain_of,
     groups_by_swaps,
     pairs_of_least_cost,
-    random_groups,
     strings_by_capacity,
 )
 from cellwright.packs.uncertainty.draws import SEED, draw_cells, drawn_cells, uncertainty_of
@@ -129,12 +128,10 @@ def matched_fleet(fleet, settings=SETTINGS):
     uses = discharges_of(fleet, settings.group_c_rate)
     random = np.random.default_rng([SEED, 2])
     rows, assembly = _parallel(fleet, uses, random, settings)
-    if cells >= 2 * length:
-        more = _strings(fleet, uses, random, settings)
-        rows, assembly = rows + more[0], assembly + more[1]
-    if cells >= 2 * size * length:
-        more = _strings_of_groups(fleet, uses, random, settings)
-        rows, assembly = rows + more[0], assembly + more[1]
+    for of_cells in (1, size):
+        if cells >= 2 * of_cells * length:
+            more = _strings(fleet, uses, random, settings, of_cells)
+            rows, assembly = rows + more[0], assembly + more[1]
     return rows, assembly
 
 
@@ -166,7 +163,6 @@ def parallel_groups(fleet, uses, size):
 
 def _parallel(fleet, uses, random, settings):
     matched = parallel_groups(fleet, uses, settings.group_size)
-    at_random = _assemblies(matched, settings.group_size, random, settings.draws)
 
     def of(quantity, over):
         return lambda groups, draw: float(over(getattr(uses(groups, draw), quantity)))
@@ -180,55 +176,34 @@ def _parallel(fleet, uses, random, settings):
         "usable charge of the smallest group": ("Ah", of("capacity_ampere_hour", np.min), True),
     }
     decision = f"parallel groups of {settings.group_size}"
-    return _compared(fleet, decision, matched, at_random, quantities, settings)
+    return _compared(fleet, decision, matched, quantities, random, settings)
 
 
-def _assemblies(matched, size, random, count):
-    return [random_groups(np.ravel(matched), size, random) for _ in range(count)]
-
-
-def _strings(fleet, uses, random, settings):
-    # A string ends with its first cell, at this current: sorted by what each gives alone.
-    matched = strings_by_capacity(_charges(fleet, uses, None), length=settings.string_length)
-    at_random = _assemblies(matched, settings.string_length, random, settings.draws)
-
-    def of_all(strings, draw):
-        charge = _charges(fleet, uses, draw)
-        return float(charge[strings].min(axis=1).sum())
-
-    quantities = {"usable charge of all strings": ("Ah", of_all, True)}
-    decision = f"strings of {settings.string_length}"
-    return _compared(fleet, decision, matched, at_random, quantities, settings)
-
-
-def _charges(fleet, uses, draw):
-    """Charge that each cell alone gives to its cut-off (cells,) [Ah]."""
-    return uses(np.arange(len(fleet.names))[:, None], draw).capacity_ampere_hour
-
-
-def _strings_of_groups(fleet, uses, random, settings):
-    size, length = settings.group_size, settings.string_length
-    charge = _charges(fleet, uses, None)
-    blocks = strings_by_capacity(charge, length=size * length)
-    # Within a string all groups should be empty at once.
-    groups = [block[even_groups(charge[block], size=size)] for block in blocks]
-    matched = np.array(groups)
-
-    def shuffled():
-        return random.permutation(np.ravel(matched)).reshape(matched.shape)
+def _strings(fleet, uses, random, settings, size):
+    """Strings of cells (size 1) or of parallel groups, which end with their first member."""
+    alone, length = np.arange(len(fleet.names))[:, None], settings.string_length
+    charge = uses(alone).capacity_ampere_hour
+    matched, decision = strings_by_capacity(charge, length=size * length), f"strings of {length}"
+    if size > 1:
+        # Within a string all groups should be empty at once.
+        groups = [block[even_groups(charge[block], size=size)] for block in matched]
+        matched, decision = np.array(groups), f"{decision} groups of {size}"
 
     def of_all(strings, draw):
-        given = uses(strings.reshape(-1, size), draw).capacity_ampere_hour
-        return float(given.reshape(strings.shape[:2]).min(axis=1).sum())
+        if size > 1:
+            given = uses(strings.reshape(-1, size), draw).capacity_ampere_hour
+            return float(given.reshape(-1, length).min(axis=1).sum())
+        # All cells at once, once a draw: which of them a string takes changes nothing of theirs.
+        return float(uses(alone, draw).capacity_ampere_hour[strings].min(axis=1).sum())
 
-    at_random = [shuffled() for _ in range(settings.draws)]
     quantities = {"usable charge of all strings": ("Ah", of_all, True)}
-    decision = f"strings of {length} groups of {size}"
-    return _compared(fleet, decision, matched, at_random, quantities, settings)
+    return _compared(fleet, decision, matched, quantities, random, settings)
 
 
-def _compared(fleet, decision, matched, at_random, quantities, settings):
+def _compared(fleet, decision, matched, quantities, random, settings):
     """Rows of each quantity of an assembly beside random ones, and rows of who is where."""
+    placed = np.ravel(matched)
+    at_random = [random.permutation(placed).reshape(matched.shape) for _ in range(settings.draws)]
     draws = range(min(settings.draws, 60))  # in each of them all groups are simulated
     rows = []
     for quantity, (unit, value, more) in quantities.items():

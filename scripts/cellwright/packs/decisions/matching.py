@@ -146,11 +146,6 @@ def even_groups(capacity_ampere_hour, *, size):
     return groups_by_swaps(groups, lambda keys: -capacity[np.array(keys)].sum(axis=1), worst=True)
 
 
-def random_groups(cells, size, random):
-    """Cells, indices (k,), put together at random by a numpy Generator: (k // size, size) int."""
-    return _blocks(random.permutation(cells), size, "group")
-
-
 def gain_of(value, matched, assemblies, draws, *, more_is_better=True):
     """A matched assembly against random ones, with the interval of what it brings.
 
