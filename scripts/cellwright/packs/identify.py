@@ -73,7 +73,7 @@ def identify_branches(
     hold="first_order",
     points=201,
 ):
-    """One-RC models of all cells of a group from one full slow charge of the group.
+    """One-RC models of all cells of a group from one full slow charge of the group: GroupFit.
 
     The stretch starts from rest at the group's empty state and ends after its full state; between
     them the SoC of every cell runs from 0 to 1 by definition, and its charge is its capacity.
@@ -92,10 +92,6 @@ def identify_branches(
         less a current moves; the noise is taken out of the normal equations (Fuller).
     hold : hold of the branch currents between samples.
     points : size of the SoC grid of the result.
-
-    Returns
-    -------
-    fit : GroupFit.
 
     Raises
     ------

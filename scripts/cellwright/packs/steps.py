@@ -84,7 +84,7 @@ class Solved(NamedTuple):
 
 
 def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_ampere=0.0):
-    """State of a pack at rest.
+    """State of a pack at rest: PackState.
 
     Parameters
     ----------
@@ -92,10 +92,6 @@ def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_a
     ambient_celsius : [degC]. thermal : Thermal or None.
     first_ampere : total current of the first sample [A], whose direction counts as the load before
         it for cells of which the model knows a history.
-
-    Returns
-    -------
-    state : PackState.
 
     Raises
     ------

@@ -60,7 +60,7 @@ def discharge_pack(
     thermal=None,
     ambient_celsius=None,
 ):
-    """Discharge a pack of any wiring from rest to its cut-off at a constant current.
+    """Discharge a pack of any wiring from rest to its cut-off at a constant current: PackUse.
 
     A star of parallel cells ends when its own voltage is at the cut-off, as a cycler ends it; any
     other wiring when its first cell is at its cut-off; each at the latest when a cell is at SoC 0.
@@ -72,10 +72,6 @@ def discharge_pack(
     lower_cutoff_volt : scalar or (cells,) [V]. current_ampere : > 0, of the pack [A].
     initial_soc : scalar or (cells,) [1].
     thermal : Thermal, or None: the cells do not warm. ambient_celsius : around them [degC].
-
-    Returns
-    -------
-    use : PackUse.
 
     Raises
     ------

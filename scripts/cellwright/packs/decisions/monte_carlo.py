@@ -29,16 +29,12 @@ class PackDraws(NamedTuple):
 
 
 def string_draws(models, drawn, *, lower_cutoff_volt, current_ampere, initial_soc, celsius=25.0):
-    """A series string discharged in every draw until its first cell is empty.
+    """A series string discharged in every draw until its first cell is empty: PackDraws.
 
     Parameters
     ----------
     models, lower_cutoff_volt, current_ampere, initial_soc, celsius : as of
         `capability.discharge_string`. drawn : CellDraws.
-
-    Returns
-    -------
-    draws : PackDraws.
     """
     cells, draws = len(models), len(drawn.capacity_factor)
     start = np.broadcast_to(np.asarray(initial_soc, float), (cells,))

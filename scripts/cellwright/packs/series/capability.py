@@ -42,7 +42,7 @@ class Discharge(NamedTuple):
 def discharge_string(
     models, *, lower_cutoff_volt, current_ampere, initial_soc, celsius=25.0, contact_ohm=0.0
 ):
-    """Discharge a rested string at a constant current until the first cell is empty.
+    """Discharge a rested string at a constant current until the first cell is empty: Discharge.
 
     The string gives no more than its first cell to be empty, at its cut-off or at SoC 0 of its
     model: the shortest stave of the barrel. The other cells are followed to their own ends, which
@@ -54,10 +54,6 @@ def discharge_string(
     lower_cutoff_volt : scalar or (cells,) [V]. current_ampere : > 0 [A].
     initial_soc : scalar or (cells,) [1]. celsius : of all cells [degC].
     contact_ohm : of all contacts of the string together [ohm].
-
-    Returns
-    -------
-    discharge : Discharge.
 
     Raises
     ------

@@ -29,7 +29,7 @@ class StringRun(NamedTuple):
 def simulate_string(
     models, test_time_second, current_ampere, *, initial_soc, temperature_celsius=25.0, hold=None
 ):
-    """Voltage and SoC of cells in series: one current, each cell by its own model.
+    """Voltage and SoC of cells in series: one current, each cell by its own model: StringRun.
 
     Every cell runs as its chosen member, whatever it is made of; nothing couples the cells but
     the current, so that no approximation enters.
@@ -41,10 +41,6 @@ def simulate_string(
     initial_soc : scalar or (cells,) [1].
     temperature_celsius : scalar, (n,) or (n, cells) [degC].
     hold : of the current between samples, as in `model_file.simulate_model`.
-
-    Returns
-    -------
-    run : StringRun.
 
     Raises
     ------

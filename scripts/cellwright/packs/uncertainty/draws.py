@@ -38,7 +38,7 @@ def uncertainty_of(
     initial_soc_std=SETTINGS.initial_soc_std,
     wire_relative_std=SETTINGS.wire_relative_std,
 ):
-    """Uncertainty of each cell of a pack.
+    """How sure it is what is known of each cell of a pack: Uncertainty.
 
     The capacity's is that of the mean of its repeats, the resistance's that of the sum of the
     model's resistances (their standard deviations, median over SoC), none smaller than good
@@ -49,10 +49,6 @@ def uncertainty_of(
     ----------
     models : model dicts. capacity_std_ampere_hour : (cells,), NaN or None where not known [Ah].
     initial_soc_std, wire_relative_std : [1].
-
-    Returns
-    -------
-    uncertainty : Uncertainty.
     """
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
     stds = [np.nan if std is None else std for std in capacity_std_ampere_hour]
