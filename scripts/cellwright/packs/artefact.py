@@ -230,6 +230,7 @@ def wiring_of_tree(tree):
 
 def _ohm(member, key):
     value = member.get(key)
+    # So written it refuses what is no number as well.
     if not isinstance(value, int | float) or not 0 <= value < float("inf"):
         name = member.get("cell") or member.get("group")
         raise Refusal(f"{key} of {name} is {value!r}, wanted a resistance of 0 or more")

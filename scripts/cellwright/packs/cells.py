@@ -151,6 +151,7 @@ def table_temperatures(models, celsius, *, step_kelvin=5.0, above_kelvin=40.0):
     models : sequence of model dicts. celsius : scalar or (n,) of the ambient [degC].
     step_kelvin : between two tables [K]. above_kelvin : that a cell may be warmer [K].
     """
+    # Room for a cell's own heat; beyond the warmest table its parameters stay as they are there.
     low, high = np.min(celsius), np.max(celsius) + above_kelvin
     known = [
         condition["ambient_temperature_celsius"]

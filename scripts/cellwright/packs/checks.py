@@ -193,6 +193,7 @@ def _line(regressor, left):
 
     The slope is NaN where the regressor does not move.
     """
+    # Of a regressor that hardly moves the slope would be a quotient of two noises.
     moves = np.ptp(regressor) > 0.05 * np.abs(regressor).max()
     columns = np.column_stack([np.ones(len(left)), regressor])[:, : 1 + moves]
     return [np.append(part, [np.nan] * (2 - len(part))) for part in _fitted(columns, left)]

@@ -306,6 +306,7 @@ def _charge_between_rests(steps):
     """Indices of the rests before and after the longest charge."""
     kind, charge = steps["kind"], steps["charge_ampere_hour"]
     rests = np.flatnonzero(kind == "rest")
+    # Every step between the two rests has to charge: else its SoC would not run from 0 to 1.
     spans = [
         (charge[before + 1 : after].sum(), before, after)
         for before, after in pairwise(rests)

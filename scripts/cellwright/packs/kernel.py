@@ -75,6 +75,7 @@ def run_steps(plant, state, load, keep):
     Refusal : as `steps.advance`.
     """
     doubles, ints = [array] * 3 + [real], [integers] * 4
+    # As pack_steps of native/pack.c is declared.
     types = (count, *doubles, *ints, *[array] * 4, *[integers] * 3, *[array] * 2, real, real)
     kernel = function("pack_steps", *types, *[array] * 9, result=count)
     run = _room(load.shape[1], state, keep)

@@ -239,6 +239,7 @@ def _next_seconds(phase, elapsed, at_once):
         ahead = time[time > elapsed + AT_LIMIT][:at_once]
     else:
         ahead = elapsed + phase.step_second * np.arange(1, at_once + 1)
+    # A sample next to the phase's end would only be a step of rounding.
     within = ahead[ahead < phase.second - AT_LIMIT]
     # The phase's end is a sample of its own.
     return within if len(within) == len(ahead) else np.append(within, phase.second)

@@ -223,6 +223,7 @@ def _drawn_starts(stated, counted, cells, record, start, drawn):
         return nothing + start
     if None not in stated:
         return nothing + start + drawn.initial_soc[:, :1]
+    # A cell whose OCV is off by so much was looked up at a SoC that is off alike.
     first, shift = record.voltage_volt[0], drawn.voltage_volt[:, 0]
     moved = _soc_at(cells, record, first)
     return np.array([start + _soc_at(cells, record, first - volt) - moved for volt in shift])
@@ -323,6 +324,7 @@ def _compared(record, run, offset, capacity_ampere_hour, scored, wiring):
 def _end(compared, discharge, celsius, simulated, wiring):
     """Where the discharge ends by the simulation, which may be later than the record's end."""
     time, total = findings.longer(compared, discharge)
+    # Run on at the temperature of its last row.
     more = np.full(len(time) - discharge.stop, celsius[discharge.stop - 1])
     run = simulated(time, total, np.append(celsius[: discharge.stop], more))
     currents = member_currents(wiring, run.cell_current_ampere)

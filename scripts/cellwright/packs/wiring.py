@@ -330,6 +330,7 @@ def _faults_of_places(name, places, rows):
         if position in at:
             yield WiringFault(k, "position", position, f"each once in {name}", at[position])
         at.setdefault(position, k)
+    # A gap beside a position that stands twice is the same slip: told once.
     gap = next((n for n in range(1, len(at) + 1) if n not in at), None)
     if gap and len(at) == len(places):
         k = next(at[position] for position in sorted(at) if position > gap)

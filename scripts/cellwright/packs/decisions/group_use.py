@@ -128,6 +128,7 @@ def resistance_of(cells, celsius=None):
     At a temperature [degC]; None: the middle one of the tables.
     """
     parts = [getattr(cells, name).sum(axis=2) for name in ("r0_ohm", "r_ohm", "kinetic_r_ohm")]
+    # Of resistances that differ by direction that of the discharge.
     if cells.two_way_ohm.shape[2]:
         parts.append(cells.two_way_ohm[:, :, -1])
     known = cells.temperature_celsius

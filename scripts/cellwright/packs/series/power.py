@@ -86,6 +86,7 @@ def limiting_current(model, soc, limit_volt, *, sign, celsius, pulse_second):
     room = sign * (limit_volt - rested)
     tried = np.full(len(soc), model["capacity_ampere_hour"])
     for _ in range(6):  # a secant: kinetics bend the voltage little within a pulse
+        # What the voltage moves by at the current that was tried.
         change = sign * (pulse_volt(model, soc, sign * tried, **settings) - rested)
         if np.all(np.abs(change - room)[room > 0] < SMALL_VOLT):
             break

@@ -52,6 +52,7 @@ def uncertainty_of(
     """
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
     stds = [np.nan if std is None else std for std in capacity_std_ampere_hour]
+    # Not known: the least values below hold.
     relative = np.nan_to_num(np.array(stds, float) / capacity)
     members = [member_of(model) for model in models]
     resistance = np.array([relative_resistance_std(member) for member in members])
