@@ -62,3 +62,10 @@ def of_laboratory(capacity_share=1.0, resistance_factor=1.0):
         tuple(resistance_factor * r for r in R_OHM),
         TAU_SECOND,
     )
+
+
+def with_energy(model, joule_per_mole=30e3):
+    """A model of one condition whose resistances follow an activation energy."""
+    (member,) = model["members"]
+    energy = {"activation_energy_joule_per_mole": joule_per_mole}
+    return model | {"members": [member | {"conditions": [member["conditions"][0] | energy]}]}

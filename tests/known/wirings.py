@@ -1,6 +1,16 @@
 """Wirings of packs, from a star to three groups one in the other."""
 
+import truth
+
+from cellwright.bias.scaled import scaled_reference
 from cellwright.packs.wiring import Wiring
+
+# Three unequal cells on one OCV: B the smallest and most resistive, C the largest.
+UNEQUAL = (
+    truth.model("A"),
+    scaled_reference(truth.model(), cell="B", capacity=1.6, resistance_ratio=1.7),
+    scaled_reference(truth.model(), cell="C", capacity=2.3, resistance_ratio=0.8),
+)
 
 
 def parallel(*members, link=0.0, terminals="same_end", contact=0.0, name="p"):

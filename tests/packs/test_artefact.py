@@ -12,7 +12,6 @@ import cellwright as cw
 from cellwright.packs.artefact import (
     CellInPack,
     ThermalConstants,
-    capacity_of_wiring,
     pack_document,
     pack_lookup,
     read_pack,
@@ -21,6 +20,7 @@ from cellwright.packs.artefact import (
 )
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
+from cellwright.packs.wiring import charge_of
 from cellwright.refusal import Refusal
 from runtime import artefact, contract, settings
 
@@ -90,7 +90,7 @@ def test_a_wiring_is_read_back_as_it_was(shape):
 
 def test_what_is_read_back_runs_to_the_same_voltages():
     wiring = series(parallel("A", "B", link=1e-3, contact=1e-3), "C", contact=2e-3)
-    given = cells("ABC")
+    given = cells("ABC", thermal=ThermalConstants(60.0, 4.0))
     pack = read_pack(written(pack_document(wiring, given)))
     runs = [
         simulate_pack(TIME, LOAD, pack_cells(models), wired, initial_soc=0.5)
@@ -100,6 +100,7 @@ def test_what_is_read_back_runs_to_the_same_voltages():
         )
     ]
     assert pack.cells == ("A", "B", "C")
+    assert pack.thermal == (ThermalConstants(60.0, 4.0),) * 3
     for one, other in zip(runs[0][:4], runs[1][:4], strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -172,10 +173,8 @@ def test_a_cell_without_tests_says_so():
 
 
 def test_capacity_adds_in_parallel_and_is_the_least_in_series():
-    sizes = {"A": 2.0, "B": 3.0, "C": 4.0}
-    pairs = series(parallel("A", "B"), "C")
-    assert capacity_of_wiring(pairs, sizes) == 4.0
-    assert capacity_of_wiring(parallel(series("A", "B"), "C"), sizes) == 6.0
+    assert charge_of(series(parallel("A", "B"), "C"), [2.0, 3.0, 4.0]) == 4.0
+    assert charge_of(parallel(series("A", "B"), "C"), [2.0, 3.0, 4.0]) == 6.0
 
 
 def test_the_long_table_holds_every_value_of_the_models():
@@ -192,13 +191,6 @@ def test_the_long_table_holds_every_value_of_the_models():
         (size,) = [r["value"] for r in own if r["parameter"] == "capacity"]
         assert size == entry["capacity_ampere_hour"]
     assert {row["std"] for row in rows if row["parameter"] == "r0"} == {1e-4}
-
-
-def test_thermal_constants_are_kept():
-    document = written(
-        pack_document(parallel("A", "B"), cells(thermal=ThermalConstants(60.0, 4.0)))
-    )
-    assert read_pack(document).thermal == (ThermalConstants(60.0, 4.0),) * 2
 
 
 def test_refusals_name_what_was_found():

@@ -1,6 +1,6 @@
 """Decisions: matching against all possibilities, replacement, safe window, Monte Carlo."""
 
-from itertools import combinations, permutations
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ from cellwright.packs.decisions.group_use import (
     discharge_pack,
     safe_window,
 )
-from cellwright.packs.decisions.of_pack import charged_soc, pack_decisions
+from cellwright.packs.decisions.of_pack import charged_soc, pack_decisions, replacement_rows
 from cellwright.packs.series.capability import discharge_string
 from cellwright.packs.thermal import Thermal
 from cellwright.packs.uncertainty import draws
@@ -125,24 +125,27 @@ def test_the_best_cell_to_replace_is_that_of_trying_all():
         return found.capacity_ampere_hour, found.energy_watt_hour
 
     capacity = [model["capacity_ampere_hour"] for model in models]
-    found = matching.replacements(use, models, capacity_ampere_hour=capacity)
+    gains, median, in_turn = matching.replacements(use, models, capacity_ampere_hour=capacity)
     spare = sorted(models, key=lambda m: m["capacity_ampere_hour"])[2]
     energies = [use([*models[:k], spare, *models[k + 1 :]])[1] for k in range(5)]
-    assert models[found.median]["cell"] == spare["cell"]
-    assert found.best == int(np.argmax(energies)) == 1
-    np.testing.assert_allclose(found.gain_watt_hour, np.array(energies) - use(models)[1])
+    assert models[median]["cell"] == spare["cell"]
+    assert int(np.argmax(energies)) == 1
+    np.testing.assert_allclose(gains[:, 1], np.array(energies) - use(models)[1])
+    assert [turn[0] for turn in in_turn[:2]] == [1, 3]
+    names = [model["cell"] for model in models]
+    best, margin, *_ = replacement_rows(use, models, lambda model: model, capacity, names)
     order = np.sort(energies)
-    assert found.margin_watt_hour == pytest.approx(order[-1] - order[-2])
-    assert [turn[0] for turn in found.in_turn[:2]] == [1, 3]
+    assert (best["cell"], margin["value"]) == ("B", pytest.approx(order[-1] - order[-2]))
 
 
 def test_equal_cells_share_alike_and_every_soc_is_safe():
     use = discharged([0.9, 0.9], [1.0, 1.0])
     np.testing.assert_allclose(use.branch_share, 1.0, atol=1e-9)
     window = safe_window(use, current_spread=0.01)
-    assert window.upper_soc > 0.99
-    assert window.lower_soc < 0.1
-    assert window.charge_share == pytest.approx(window.upper_soc - window.lower_soc)
+    assert window["lowest SoC"] < 0.1
+    assert window["highest SoC"] > 0.99
+    width = window["highest SoC"] - window["lowest SoC"]
+    assert window["share of the charge"] == pytest.approx(width)
 
 
 def test_a_group_is_empty_when_a_cell_is_at_soc_0_at_the_latest():
@@ -157,10 +160,11 @@ def test_unlike_cells_leave_a_window_and_beyond_it_the_spread_is_larger():
     limit = 0.6 * np.abs(use.branch_share - 1).max()
     window = safe_window(use, current_spread=limit)
     spread = np.abs(use.branch_share - 1).max(axis=1)
-    inside = (use.pack_soc >= window.lower_soc) & (use.pack_soc <= window.upper_soc)
+    inside = (use.pack_soc >= window["lowest SoC"]) & (use.pack_soc <= window["highest SoC"])
     assert 0 < inside.mean() < 1
-    assert spread[inside].max() <= limit < window.worst_spread == spread.max()
-    assert np.isnan(safe_window(use, current_spread=1e-9).lower_soc)
+    assert spread[inside].max() == window["largest spread within"] <= limit
+    assert window["largest spread of all"] == spread.max() > limit
+    assert np.isnan(safe_window(use, current_spread=1e-9)["lowest SoC"])
 
 
 @pytest.mark.parametrize("wiring", ["series", "parallel"])
@@ -323,31 +327,6 @@ def test_a_string_of_groups_is_decided_on_as_a_whole():
     assert charge["p50"] == pytest.approx(1.58 * strings.FULL_AMPERE_HOUR, rel=0.03)
 
 
-def test_a_pack_is_decided_on_charged():
-    """In parallel all full; in series the first is, and the charges between cells stay."""
-    star = Wiring("p", "parallel", ("A", "B"), (0, 0), (0, 0))
-    np.testing.assert_array_equal(charged_soc(star, [0.1, 0.12], [30.0, 20.0]), 1.0)
-    string = Wiring("s", "series", ("A", "B"), (0, 0), (0, 0))
-    found = charged_soc(string, [0.5, 0.4], [30.0, 20.0])
-    np.testing.assert_allclose(found, [0.9, 1.0])
-    nested = Wiring("n", "series", (star, "C"), (0, 0), (0, 0))
-    found = charged_soc(nested, [0.4, 0.6, 0.5], [20.0, 20.0, 40.0])
-    np.testing.assert_allclose(found, 1.0)
-
-
-def test_the_order_of_a_fleet_does_not_matter():
-    random = np.random.default_rng(8)
-    cost = random.uniform(0.0, 1.0, (6, 6))
-    cost += cost.T
-    turn = next(iter(permutations([5, 2, 0, 4, 1, 3])))
-    turned = cost[np.ix_(turn, turn)]
-
-    def total(matrix):
-        return sum(matrix[a, b] for a, b in matching.pairs_of_least_cost(matrix))
-
-    assert total(cost) == pytest.approx(total(turned))
-
-
 PAIR = strings.models([1.0, 0.9])
 
 
@@ -385,6 +364,8 @@ def test_a_pack_is_judged_from_full_and_a_string_keeps_what_its_cells_differ_by(
     capacity = np.array([2.0, 4.0, 2.0, 2.0])
     pair = Wiring("pair", "parallel", ("A", "B"), (0.0, 0.0), (0.0, 0.0))
     string = Wiring("string", "series", (pair, "C", "D"), (0.0,) * 3, (0.0,) * 3)
+    plain = Wiring("s", "series", ("A", "B"), (0, 0), (0, 0))
+    np.testing.assert_allclose(charged_soc(plain, [0.5, 0.4], [30.0, 20.0]), [0.9, 1.0])
     soc = np.array([0.1, 0.1, 0.2, 0.4])
     full = charged_soc(string, soc, capacity)
     np.testing.assert_allclose(full[3], 1.0)
@@ -423,7 +404,7 @@ def test_a_capacity_is_as_sure_as_the_direction_that_repeats_better(charge_std):
 
 def test_cells_that_warm_share_a_discharge_more_evenly():
     """Of warm cells the resistances are smaller, by one activation energy for all."""
-    models = [warming(m) for m in strings.models([1.0, 0.8], [1.0, 1.6])]
+    models = [strings.with_energy(m) for m in strings.models([1.0, 0.8], [1.0, 1.6])]
     star = star_of(("A", "B"), wire_resistance_ohm=1e-4)
     thermal = Thermal(np.full(2, 300.0), np.full(2, 3.0), 0.0, None, np.zeros((2, 3)))
     cold, warm = (
@@ -442,7 +423,14 @@ def test_cells_that_warm_share_a_discharge_more_evenly():
     assert (warm.loss_watt > 0.5 * cold.loss_watt).all()
 
 
-def warming(model):
-    (member,) = model["members"]
-    entry = member["conditions"][0] | {"activation_energy_joule_per_mole": 30e3}
-    return model | {"members": [member | {"conditions": [entry]}]}
+def test_a_choice_of_cells_that_warm_is_laid_out_as_the_kernel_reads_it():
+    """Numpy lays a choice out cell by cell, the kernel reads temperature by temperature."""
+    models = [strings.with_energy(m) for m in strings.models([1.0, 0.8], [1.0, 1.6])]
+    tables = pack_cells(models, temperature_celsius=np.arange(25.0, 80.0, 5.0))
+    thermal = Thermal(np.full(2, 300.0), np.full(2, 3.0), 0.0, None, np.zeros((2, 3)))
+    how = {"thermal": thermal, "ambient_celsius": 25.0}
+    how |= {"lower_cutoff_volt": LOWER, "current_ampere": 108.0}
+    star = star_of(tables.names, wire_resistance_ohm=1e-4)
+    whole, chosen = (discharge_pack(c, star, **how) for c in (tables, cells_at(tables, [0, 1])))
+    np.testing.assert_array_equal(chosen.branch_share, whole.branch_share)
+    assert chosen.energy_watt_hour == whole.energy_watt_hour

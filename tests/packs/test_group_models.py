@@ -1,11 +1,13 @@
 """Cells known only from inside their group: the true ones back, from the charge alone."""
 
+import gzip
+
 import numpy as np
 import pytest
 from sheets_facts import measured_test
 
 from cellwright.packs.cells import pack_cells, rc_cells
-from cellwright.packs.identify import group_models, identify_branches
+from cellwright.packs.identify import group_models, identify_branches, rest_offset
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.wiring import star_of
 from cellwright.records.record import branch_currents
@@ -117,6 +119,17 @@ def test_refusals():
     down = steps | {"current_mean_ampere": -np.abs(steps["current_mean_ampere"])}
     with pytest.raises(Refusal, match="no charge between two rests"):
         group_models(test, down, ["A", "B"])
+    with pytest.raises(Refusal, match="2 branch currents for 3 cells"):
+        group_models(test, steps, ["A", "B", "C"])
+    time, currents = np.arange(300.0), np.ones((300, 2)) * 0.1
+    with pytest.raises(Refusal, match="at least two cells"):
+        identify_branches(time, currents[:, :1], time)
+    with pytest.raises(Refusal, match="branch 2 is not charged"):
+        identify_branches(time, currents * [1, -1], time)
+    with pytest.raises(Refusal, match="not finite"):
+        identify_branches(time, currents, time * np.nan)
+    with pytest.raises(Refusal, match="no rest"):
+        rest_offset(currents, currents.sum(axis=1), rest_ampere=0.01)
 
 
 NOISE_AMPERE = 0.01
@@ -158,3 +171,21 @@ def test_the_models_of_a_group_say_how_sure_they_are():
         for stds in (entry["r0_std_ohm"], entry["ocv_shift_std_volt"]):
             assert len(stds) == len(entry["soc"])
             assert np.nanmin(np.array(stds, float)) > 0
+
+
+def test_measured_pair(shared):
+    """Weng's pair: fitted on the charge, scored on the discharge. Published: 18 mA, 32 mV."""
+    with gzip.open(shared / "campaigns/weng/raw/parallel_C10.csv.gz") as file:
+        time, total, volt, *branch = np.loadtxt(file, delimiter=",", skiprows=1).T
+    branch = np.column_stack(branch)
+    rest, fit = (time > 2000) & (time < 2990), (time > 2950) & (time < 33370)
+    branch -= rest_offset(branch[rest], total[rest], rest_ampere=0.01)
+    identified = identify_branches(time[fit], branch[fit], volt[fit])
+    cells = identified.cells
+    np.testing.assert_allclose(cells.capacity_ampere_hour, [1.83, 1.93], rtol=0.06)
+    rows = slice(fit.argmax(), None, 2)
+    run = simulate_pack(time[rows], total[rows], cells, star_of(cells.names), initial_soc=0.0)
+    score = ((time > 33370) & (time < 59770))[rows]
+    current_error = (run.cell_current_ampere - branch[rows])[score]
+    assert np.sqrt(np.mean(current_error**2)) < 0.018
+    assert np.sqrt(np.mean((run.voltage_volt - volt[rows])[score] ** 2)) < 0.032

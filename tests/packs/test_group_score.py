@@ -1,7 +1,10 @@
 """A group simulated from its cells' models: no error for the truth, Kirchhoff, what is scored."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+import strings
 import truth
 from sheets_facts import branch_facts, measured_test
 
@@ -31,20 +34,25 @@ def star(wire=WIRE):
     return Wiring("pair", "parallel", ("A", "B"), tuple(v or 0.0 for v in wire), (0.0, 0.0))
 
 
-def record(soc=SOC, wire=WIRE, models=MODELS, total=TOTAL, celsius=25.0, tables=25.0):
+def simulated(wiring, models=MODELS, soc=SOC, total=TOTAL, tables=25.0, first=(0, 1), **around):
+    """Run of a pack and its record, the branch currents those of the cells `first`."""
     cells = pack_cells(models, temperature_celsius=tables)
-    settings = {"initial_soc": soc, "ambient_celsius": celsius}
-    run = simulate_pack(TIME, total, cells, star(wire), **settings)
+    run = simulate_pack(TIME, total, cells, wiring, **{"initial_soc": soc} | around)
     series = {"test_time_second": TIME, "current_ampere": total, "voltage_volt": run.voltage_volt}
-    measured = {f"branch_{k + 1}_current_ampere": run.cell_current_ampere[:, k] for k in (0, 1)}
-    return series | measured
+    currents = [run.cell_current_ampere[:, k] for k in first]
+    return run, series | {f"branch_{k + 1}_current_ampere": i for k, i in enumerate(currents)}
 
 
-def score(series, rows=None, models=MODELS, wiring=None, **facts):
-    test = measured_test(series, "pair", "group", **facts)
+def record(soc=SOC, wire=WIRE, models=MODELS, total=TOTAL, celsius=25.0, tables=25.0):
+    return simulated(star(wire), models, soc, total, tables, ambient_celsius=celsius)[1]
+
+
+def score(series, rows=None, models=MODELS, wiring=None, *, celsius=25.0, **how):
+    test = measured_test(series, "pair", "group", celsius=celsius)
     rows = rows or branches()
     wired = wiring or star([row.wire_resistance_ohm for row in rows])
-    return validate_group(models, rows, test, wired)
+    tables, notes = validate_group(models, rows, test, wired, **how)
+    return SimpleNamespace(**tables, notes=tuple(notes))
 
 
 def test_the_truth_has_no_error_and_currents_sum_to_the_total():
@@ -73,36 +81,26 @@ def test_each_cell_runs_as_its_chosen_member():
 
 def test_cells_run_at_the_temperature_that_was_logged_in_the_group():
     warm = 25.0 + 12.0 * np.minimum(TIME / 3000.0, 1.0)
-    conditions = MODELS[0]["members"][0]["conditions"][0] | {
-        "activation_energy_joule_per_mole": 30e3
-    }
-    active = [
-        model | {"members": [model["members"][0] | {"conditions": [conditions]}]}
-        for model in MODELS
-    ]
-    kelvin = np.arange(25.0, 38.0, 1.0)
-    series = record(models=active, celsius=warm, tables=kelvin)
+    active = [strings.with_energy(model, 30e3) for model in MODELS]
+    series = record(models=active, celsius=warm, tables=np.arange(25.0, 38.0, 1.0))
     known = score(series | {"surface_temperature_celsius": warm}, models=active)
     unknown = score(series, models=active)
     assert known.rows[0]["voltage_rmse_volt"] < 5e-4 < unknown.rows[0]["voltage_rmse_volt"]
     assert known.notes == ("cells at the group's measured temperature, 25 to 37 °C",)
-
-
-def with_energy(model, joule_per_mole):
-    (member,) = model["members"]
-    energy = {"activation_energy_joule_per_mole": joule_per_mole}
-    return model | {"members": [member | {"conditions": [member["conditions"][0] | energy]}]}
+    # Logged at each cell instead, the cells have the mean.
+    at_cells = {"cell_1_temperature_celsius": warm - 2.0, "cell_2_temperature_celsius": warm + 2.0}
+    assert score(series | at_cells, models=active).rows[0]["voltage_rmse_volt"] < 5e-4
 
 
 def test_cells_of_one_temperature_share_an_activation_energy():
-    models = [with_energy(MODELS[0], 30e3), with_energy(MODELS[1], 50e3)]
+    models = [strings.with_energy(MODELS[0], 30e3), strings.with_energy(MODELS[1], 50e3)]
     shared, (words,) = of_one_activation_energy(models)
     energies = [
         m["members"][0]["conditions"][0]["activation_energy_joule_per_mole"] for m in shared
     ]
     assert energies == [40e3, 40e3]
     assert "40 kJ/mol for all cells" in words
-    alike = [with_energy(model, 30e3) for model in MODELS]
+    alike = [strings.with_energy(model, 30e3) for model in MODELS]
     assert of_one_activation_energy(alike) == (alike, [])
     assert of_one_activation_energy(MODELS) == (MODELS, [])
     several = models[1]["members"][0] | {"conditions": 2 * models[1]["members"][0]["conditions"]}
@@ -237,22 +235,18 @@ def test_strings_in_parallel_are_scored_by_string():
         "pair", "parallel", (string("s", "A", "B"), string("t", "C", "D")), (0.01, 0.0), (0.0, 0.0)
     )
     models, soc = [*MODELS, *MODELS[::-1]], [0.9, 0.8, 0.85, 0.9]
-    cells = pack_cells(models, temperature_celsius=25.0)
-    run = simulate_pack(TIME, TOTAL, cells, wiring, initial_soc=soc, ambient_celsius=25.0)
-    series = {"test_time_second": TIME, "current_ampere": TOTAL, "voltage_volt": run.voltage_volt}
-    for k in (0, 1):
-        series[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, 2 * k]
-    test, leaves = measured_test(series, "pair", "group"), branch_facts("ABCD", soc)
-    scored = validate_group(models, branch_facts("st", [None, None]), test, wiring, leaves=leaves)
+    _, series = simulated(wiring, models, soc, first=(0, 2))
+    about = series, branch_facts("st", [None, None]), models, wiring
+    scored = score(*about, leaves=branch_facts("ABCD", soc))
     assert [row["cell"] for row in scored.rows] == ["s", "t"]
     for row in scored.rows:
         assert row["current_rmse_ampere"] < 1e-9
         assert row["capacity_ampere_hour"] == 1.6
     with pytest.raises(Refusal, match="does not tell the SoC of each cell"):
-        validate_group(models, branch_facts("st", [None, None]), test, wiring)
+        score(*about)
 
 
-def test_refuses_other_wirings_and_branches_that_were_not_logged():
+def test_refuses_other_wirings():
     chain = star()._replace(connection="series")
     with pytest.raises(Refusal, match=r"found A \+ B, wanted members in parallel"):
         score(record(), wiring=chain)
@@ -272,14 +266,6 @@ def test_a_branch_that_was_not_logged_is_the_total_less_the_others():
     assert scored.notes == ("no branch current was logged: the voltage alone is scored",)
 
 
-def test_cells_have_the_mean_of_the_temperatures_logged_at_them():
-    models = [with_energy(model, 30e3) for model in MODELS]
-    warm = 25.0 + 12.0 * np.minimum(TIME / 3000.0, 1.0)
-    series = record(models=models, celsius=warm, tables=np.arange(25.0, 38.0, 1.0))
-    series |= {"cell_1_temperature_celsius": warm - 2.0, "cell_2_temperature_celsius": warm + 2.0}
-    assert score(series, models=models).rows[0]["voltage_rmse_volt"] < 5e-4
-
-
 def test_branch_currents_that_contradict_the_total_are_not_scored():
     turned = record()
     turned["branch_2_current_ampere"] = -turned["branch_2_current_ampere"]
@@ -296,44 +282,27 @@ def test_a_cell_beyond_its_calibration_is_said_with_its_name():
 BODY = {"heat_capacity_joule_per_kelvin": [30.0, 30.0], "resistance_kelvin_per_watt": [9.0, 9.0]}
 
 
-def warming_pair():
-    """Two cells whose resistances halve within 20 K, and their record while they warm."""
-    models = [with_energy(model, 30e3) for model in MODELS]
-    cells = pack_cells(models, temperature_celsius=np.arange(25.0, 70.0, 5.0))
-    thermal = Thermal(*map(np.array, BODY.values()), 0.0, None, np.zeros((2, 3)))
-    total = 2.0 * TOTAL
-    about = {"initial_soc": SOC, "ambient_celsius": 25.0, "thermal": thermal}
-    run = simulate_pack(TIME, total, cells, star(), **about)
-    series = {"test_time_second": TIME, "current_ampere": total, "voltage_volt": run.voltage_volt}
-    for k in (0, 1):
-        series[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, k]
-    return models, series, thermal, run
-
-
 def test_where_no_temperature_was_logged_cells_warm_by_their_own_heat():
-    models, series, thermal, run = warming_pair()
+    """Two cells whose resistances halve within 20 K."""
+    models = [strings.with_energy(model, 30e3) for model in MODELS]
+    thermal = Thermal(*map(np.array, BODY.values()), 0.0, None, np.zeros((2, 3)))
+    around = {"ambient_celsius": 25.0, "thermal": thermal}
+    run, series = simulated(star(), models, SOC, 2.0 * TOTAL, np.arange(25.0, 70.0, 5.0), **around)
     assert np.ptp(run.temperature_celsius) > 3.0
-    test = measured_test(series, "pair", "group", celsius=25.0)
-    plain, warm = (
-        validate_group(models, branches(), test, star(), thermal=how) for how in (None, thermal)
-    )
+    plain, warm = (score(series, models=models, thermal=how) for how in (None, thermal))
     assert warm.rows[0]["voltage_rmse_volt"] < 0.1 * plain.rows[0]["voltage_rmse_volt"]
     assert any("own heat" in note for note in warm.notes)
     logged = series | {"surface_temperature_celsius": run.temperature_celsius.mean(axis=1)}
-    test = measured_test(logged, "pair", "group", celsius=25.0)
-    notes = validate_group(models, branches(), test, star(), thermal=thermal).notes
+    notes = score(logged, models=models, thermal=thermal).notes
     assert not any("own heat" in note for note in notes)
 
 
 def test_branch_currents_have_intervals_where_it_is_known_how_sure_the_cells_are():
-    known = uncertainty_of(MODELS, [None, None])
-    facts = measured_test(record(), "pair", "group", celsius=25.0)
-    found = validate_group(MODELS, branches(), facts, star(), uncertainty=known)
+    found = score(record(), uncertainty=uncertainty_of(MODELS, [None, None]))
     assert "no intervals: nothing tells how sure the model of A, B is" in found.notes
     assert np.isnan(found.rows[0]["current_interval_ampere"])
-    told = [with_left_out(model) for model in MODELS]
-    known = uncertainty_of(told, [None, None])
-    found = validate_group(told, branches(), facts, star(), uncertainty=known)
+    known = [with_left_out(model) for model in MODELS]
+    found = score(record(), models=known, uncertainty=uncertainty_of(known, [None, None]))
     for row in found.rows:
         assert row["current_interval_ampere"] > 0
         assert row["current_inside_interval"] == row["voltage_inside_interval"] == 1.0

@@ -2,23 +2,14 @@
 
 import numpy as np
 import pytest
-import truth
-from wirings import parallel, series
+from wirings import UNEQUAL, parallel, series
 
-from cellwright.bias.scaled import scaled_reference
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.phases import Phase, run_phases
 from cellwright.packs.simulate import simulate_pack
 from cellwright.refusal import Refusal
 
-CELLS = pack_cells(
-    (
-        truth.model("A"),
-        scaled_reference(truth.model(), cell="B", capacity=1.6, resistance_ratio=1.7),
-        scaled_reference(truth.model(), cell="C", capacity=2.3, resistance_ratio=0.8),
-    ),
-    temperature_celsius=25.0,
-)
+CELLS = pack_cells(UNEQUAL, temperature_celsius=25.0)
 STRING, GROUP = series(*"ABC"), parallel(*"ABC")
 
 

@@ -43,6 +43,13 @@ CELLS = pack_cells(
     temperature_celsius=[15.0, 25.0, 35.0, 45.0],
 )
 CONSTANTS = {"heat_capacity_joule_per_kelvin": 45.0, "resistance_kelvin_per_watt": 8.0}
+STRING = series(*"ABC")
+
+
+def run_of(wiring=STRING, load=LOAD, rows=slice(None), **around):
+    """The three cells under a load, from 90 % at 20 °C where nothing else is said."""
+    setting = {"initial_soc": 0.9, "ambient_celsius": 20.0} | around
+    return simulate_pack(TIME[rows], load[rows], CELLS, wiring, **setting)
 
 
 @pytest.mark.parametrize("entropic", [0.0, 2e-4])
@@ -90,20 +97,10 @@ def test_heat_between_cells_without_a_way_out_is_neither_made_nor_lost():
 
 def test_the_cell_in_the_middle_of_a_row_gets_warmest_and_carries_more():
     thermal = Thermal(**CONSTANTS, between_watt_per_kelvin=0.2)
-    run = simulate_pack(
-        *(TIME, 3 * LOAD, CELLS, parallel(*"ABC")),
-        initial_soc=0.9,
-        ambient_celsius=20.0,
-        thermal=thermal,
-    )
+    run = run_of(parallel(*"ABC"), 3 * LOAD, thermal=thermal)
     np.testing.assert_allclose(run.temperature_celsius[:, 0], run.temperature_celsius[:, 2])
     apart = Thermal(45.0, np.array([8.0, 100.0, 8.0]), 0.01)
-    run = simulate_pack(
-        *(TIME, 3 * LOAD, CELLS, parallel(*"ABC")),
-        initial_soc=0.9,
-        ambient_celsius=20.0,
-        thermal=apart,
-    )
+    run = run_of(parallel(*"ABC"), 3 * LOAD, thermal=apart)
     assert run.temperature_celsius[-1, 1] > run.temperature_celsius[-1, 0] + 1.0
     first_discharge = slice(150, 200)
     assert (run.cell_current_ampere[first_discharge, 1] < -4.0).all()
@@ -111,10 +108,7 @@ def test_the_cell_in_the_middle_of_a_row_gets_warmest_and_carries_more():
 
 def test_an_ambient_that_changes_moves_the_parameters():
     ambient = np.linspace(15.0, 45.0, len(TIME))
-    warmer = simulate_pack(
-        TIME, LOAD, CELLS, series(*"ABC"), initial_soc=0.9, ambient_celsius=ambient
-    )
-    cold = simulate_pack(TIME, LOAD, CELLS, series(*"ABC"), initial_soc=0.9, ambient_celsius=15.0)
+    warmer, cold = run_of(ambient_celsius=ambient), run_of(ambient_celsius=15.0)
     assert warmer.voltage_volt[0] == pytest.approx(cold.voltage_volt[0], abs=2e-3)
     discharge = LOAD < 0
     assert (warmer.voltage_volt[discharge][50:] > cold.voltage_volt[discharge][50:]).all()
@@ -126,8 +120,7 @@ def test_an_ambient_is_followed_as_step_by_step_and_its_flicker_is_not(monkeypat
     flicker = 0.1 * (np.arange(len(TIME)) % 2)
 
     def run(celsius):
-        setting = {"initial_soc": 0.9, "ambient_celsius": celsius}
-        return simulate_pack(TIME, LOAD, CELLS, series(*"ABC"), **setting).voltage_volt
+        return run_of(ambient_celsius=celsius).voltage_volt
 
     np.testing.assert_allclose(run(20.0 + flicker), run(20.05), rtol=0, atol=1e-12)
     followed = run(ambient), run(np.round(ambient, 1) + flicker)
@@ -140,29 +133,19 @@ def test_an_ambient_is_followed_as_step_by_step_and_its_flicker_is_not(monkeypat
 
 def test_phases_warm_the_cells_too():
     thermal = Thermal(**CONSTANTS, between_watt_per_kelvin=0.2)
-    done = run_phases(
-        [Phase("drive", (TIME, LOAD))],
-        CELLS,
-        series(*"ABC"),
-        initial_soc=0.9,
-        ambient_celsius=20.0,
-        thermal=thermal,
-    )
     setting = {"initial_soc": 0.9, "ambient_celsius": 20.0, "thermal": thermal}
-    straight = simulate_pack(TIME, LOAD, CELLS, series(*"ABC"), **setting)
+    done = run_phases([Phase("drive", (TIME, LOAD))], CELLS, series(*"ABC"), **setting)
+    straight = run_of(thermal=thermal)
     np.testing.assert_allclose(done.temperature_celsius, straight.temperature_celsius, atol=1e-9)
 
 
 def test_compiled_and_numpy_agree_where_cells_warm(monkeypatch):
     thermal = Thermal(**CONSTANTS, between_watt_per_kelvin=0.2, initial_celsius=[18.0, 25.0, 60.0])
-    setting = {"initial_soc": 0.9, "ambient_celsius": 20.0, "thermal": thermal}
-    rows = slice(0, 150)
-    arguments = (TIME[rows], 3 * LOAD[rows], CELLS, parallel(*"ABC"))
-    run = simulate_pack(*arguments, **setting)
+    arguments = parallel(*"ABC"), 3 * LOAD, slice(0, 150)
+    run = run_of(*arguments, thermal=thermal)
     monkeypatch.setattr(kernel, "function", lambda *_types, **_result: None)
-    for one, other in zip(run, simulate_pack(*arguments, **setting), strict=True):
-        if one is not None:
-            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+    for one, other in zip(run, run_of(*arguments, thermal=thermal), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
 
 
 def test_a_member_that_warms_by_itself_gives_way_to_the_best_of_the_others():
@@ -181,8 +164,7 @@ def test_a_member_that_warms_by_itself_gives_way_to_the_best_of_the_others():
 
 def test_refusals():
     def run(thermal, **changes):
-        setting = {"initial_soc": 0.5, "ambient_celsius": 25.0, "thermal": thermal} | changes
-        return simulate_pack(TIME[:3], LOAD[:3], CELLS, series(*"ABC"), **setting)
+        return run_of(rows=slice(0, 3), thermal=thermal, **changes)
 
     with pytest.raises(Refusal, match="no ambient temperature"):
         run(None, ambient_celsius=None)
@@ -201,18 +183,11 @@ def test_refusals():
 
 
 def test_an_entropic_coefficient_over_soc_acts_at_the_soc_of_each_cell():
-    even = {"initial_soc": [0.9, 0.5, 0.2], "ambient_celsius": 25.0}
+    soc = [0.9, 0.5, 0.2]
     row = [2e-4, -1e-4, 1e-4]
-    flat = np.repeat(np.array([2e-4, -1e-4, 1e-4])[:, None], 5, axis=1)
+    flat = np.repeat(np.array(row)[:, None], 5, axis=1)
     run, same = (
-        simulate_pack(
-            TIME,
-            LOAD,
-            CELLS,
-            series(*"ABC"),
-            thermal=Thermal(**CONSTANTS, entropic_volt_per_kelvin=value),
-            **even,
-        )
+        run_of(initial_soc=soc, thermal=Thermal(**CONSTANTS, entropic_volt_per_kelvin=value))
         for value in (row, flat)
     )
     np.testing.assert_allclose(same.temperature_celsius, run.temperature_celsius, atol=1e-12)

@@ -214,9 +214,8 @@ def validate_group(
             wire_relative_std=chosen.wire_relative_std,
         )
     how = {"leaves": leaves, "uncertainty": known, "thermal": _thermal_of(thermal, names)}
-    found = validated(documents, own, inputs.measured(test, series), wiring, **how)
-    tables = {name: getattr(found, name) for name in ("rows", "findings", "spread", "series")}
-    return results.Result(tables, notes=found.notes)
+    tables, notes = validated(documents, own, inputs.measured(test, series), wiring, **how)
+    return results.Result(tables, notes=tuple(notes))
 
 
 def nested_pack(models, members, series, test):
@@ -239,8 +238,8 @@ def nested_pack(models, members, series, test):
     record = group_record(inputs.measured(test, series), own, cells=len(leaves))
     # Before anything is scored: against currents that do not add up no error means anything.
     refuse_contradiction(record, wiring)
-    found = scored(documents, wiring, leaves, record)
-    return results.Result({"rows": found.rows, "series": found.series}, notes=found.notes)
+    tables, notes = scored(documents, wiring, leaves, record)
+    return results.Result(tables, notes=tuple(notes))
 
 
 def series_pack(models, members, cells, series, test, settings=None, **changes):
@@ -266,9 +265,8 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
     # Cells in series carry one current, so the record has no branches to read.
     record = group_record(inputs.measured(test, series), positions, cells=len(positions))
     chosen = inputs.settings_of(PackDecisions, settings, changes)
-    found = analysed(documents, positions, facts, record, chosen)
-    names = ("cells", "pack", "power", "waterfall", "series")
-    return results.Result({name: getattr(found, name) for name in names}, notes=found.notes)
+    tables, notes = analysed(documents, positions, facts, record, chosen)
+    return results.Result(tables, notes=tuple(notes))
 
 
 def pack_decisions(

@@ -8,10 +8,12 @@ has said is stated as such.
 
 from typing import NamedTuple
 
+import numpy as np
+
 from cellwright.circuits.model_file import capacity_of
 from cellwright.circuits.parameters import parameter_rows
 from cellwright.packs.cells import member_in_pack
-from cellwright.packs.wiring import Wiring, cells_of
+from cellwright.packs.wiring import Wiring, cells_of, charge_of
 from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-pack/1"
@@ -68,7 +70,7 @@ class PackModel(NamedTuple):
 
 
 def pack_document(wiring, cells, group_tests=()):
-    """The document of a pack model.
+    """The document of a pack model: dict of schema cellwright-pack/1.
 
     Parameters
     ----------
@@ -77,34 +79,11 @@ def pack_document(wiring, cells, group_tests=()):
     group_tests : list of dict, rows of stage `pack` of the group's tests with test, role, kind and
         ambient_temperature_celsius: errors of branch currents [A], of voltage [V] and others.
 
-    Returns
-    -------
-    document : dict of schema cellwright-pack/1.
-
     Raises
     ------
     Refusal : a cell of the wiring without a model, or a model of another cell.
     """
     names = cells_of(wiring)
-    _check_cells(names, cells)
-    entries = [cell_entry(name, cells[name]) for name in names]
-    models = [entry["model"] for entry in entries]
-    tests = _group_tests(group_tests, models)
-    capacities = {entry["cell"]: entry["capacity_ampere_hour"] for entry in entries}
-    return {
-        "schema": SCHEMA,
-        "group": wiring.name,
-        "current_sign": "positive on charge",
-        "wiring": tree_of(wiring),
-        "capacity_ampere_hour": capacity_of_wiring(wiring, capacities),
-        "cells": entries,
-        "tests": tests,
-        "validated": any(_counts(test) for test in tests),
-        "why_not_validated": _why_not_validated(tests),
-    }
-
-
-def _check_cells(names, cells):
     lacking = [name for name in names if name not in cells]
     if lacking:
         raise Refusal(f"no model of {', '.join(lacking)}, wanted one of every cell of the pack")
@@ -112,45 +91,53 @@ def _check_cells(names, cells):
         found = cells[name].model.get("cell")
         if found != name:
             raise Refusal(f"the model given for {name} is of {found}")
+    entries = [cell_entry(name, cells[name]) for name in names]
+    models = [entry["model"] for entry in entries]
+    tests = _group_tests(group_tests, models)
+    capacities = np.array([entry["capacity_ampere_hour"] for entry in entries])
+    return {
+        "schema": SCHEMA,
+        "group": wiring.name,
+        "current_sign": "positive on charge",
+        "wiring": tree_of(wiring),
+        "capacity_ampere_hour": charge_of(wiring, capacities),
+        "cells": entries,
+        "tests": tests,
+        "validated": any(_counts(test) for test in tests),
+        "why_not_validated": _why_not_validated(tests),
+    }
 
 
 def cell_entry(name, cell):
-    """Entry of one cell in a document: its model with the chosen member alone, numbers, errors.
-
-    Parameters
-    ----------
-    name : of the cell. cell : CellInPack.
-    """
+    """Entry of a CellInPack in a document: its model with the chosen member alone, its errors."""
     member = member_in_pack(cell.model)
     model = {key: cell.model[key] for key in OF_MODEL if key in cell.model}
     model |= {"chosen": member["model"], "members": [member]}
-    scores = [row for row in cell.validation if row["model"] == member["model"]]
-    scores = [{key: row.get(key) for key in CELL_SCORES} for row in scores]
-    conditions = member["conditions"]
-    thermal = cell.thermal._asdict() if cell.thermal else None
+    scores = [
+        {key: row.get(key) for key in CELL_SCORES}
+        for row in cell.validation
+        if row["model"] == member["model"]
+    ]
+    unvalidated = None if scores else "it has no test that took no part in its fit"
+    if cell.validation and not scores:
+        unvalidated = f"its tests for validation were not simulated with {member['model']}"
     return {
         "cell": name,
         "capacity_ampere_hour": capacity_of(cell.model, member),
         "capacity_std_ampere_hour": cell.capacity_std_ampere_hour,
         "initial_soc": cell.initial_soc,
-        "thermal": thermal,
+        "thermal": cell.thermal and cell.thermal._asdict(),
         "model": model,
         "instead_of": None if member["model"] == cell.model["chosen"] else cell.model["chosen"],
         "left_out_rmse_volt": member.get("left_out_rmse_volt"),
         "fit": [
             {key: condition.get(key) for key in ("ambient_temperature_celsius", "fit_rmse_volt")}
-            for condition in conditions
+            for condition in member["conditions"]
         ],
         "validation": scores,
         "validated": bool(scores),
-        "why_not_validated": None if scores else _why_no_scores(cell, member),
+        "why_not_validated": unvalidated,
     }
-
-
-def _why_no_scores(cell, member):
-    if cell.validation:
-        return f"its tests for validation were not simulated with {member['model']}"
-    return "it has no test that took no part in its fit"
 
 
 def _group_tests(rows, models):
@@ -160,31 +147,26 @@ def _group_tests(rows, models):
     stands here: its errors are not those of this pack model.
     """
     about = ("test", "role", "ambient_temperature_celsius")
+    # A group's test that its own models were fitted to says nothing of their prediction.
     fitted = {model["fitted"]["test"] for model in models if model.get("fitted")}
     chosen = {model["cell"]: model["chosen"] for model in models}
     tests = {}
     for row in rows:
-        entry = tests.setdefault(row["test"], {key: row.get(key) for key in about})
-        entry["fitted"] = row["test"] in fitted
+        entry = {key: row.get(key) for key in about} | {"fitted": row["test"] in fitted}
+        entry |= {"scored": False, "branches": [], "other_member": []}
+        entry = tests.setdefault(row["test"], entry)
+        entry["scored"] |= bool(scores_in(row))
         known = (*about, "group", "cycle", "soc")
-        errors = {key: value for key, value in row.items() if key not in known}
-        entry["scored"] = entry.get("scored", False) or bool(scores_in(row))
-        entry.setdefault("branches", []).append(errors)
-        others = entry.setdefault("other_member", [])
+        entry["branches"].append({key: value for key, value in row.items() if key not in known})
         if row.get("model") is not None and row["model"] != chosen.get(row.get("cell")):
-            others.append(row.get("cell"))
+            entry["other_member"].append(row.get("cell"))
     return list(tests.values())
 
 
 def scores_in(row):
-    """Root mean square errors in a row of a group test: name → value, of what was logged.
-
-    Parameters
-    ----------
-    row : dict, of stage `pack`, `series_pack_cells` or `nested_pack`.
-    """
+    """Root mean square errors in a row of a group test: name → value, of what was logged."""
     found = {key: value for key, value in row.items() if "rmse" in key and value is not None}
-    return {key: value for key, value in found.items() if value == value}
+    return {key: value for key, value in found.items() if value == value}  # NaN is not logged
 
 
 def _counts(test):
@@ -206,32 +188,10 @@ def _why_not_validated(tests):
     return f"{names} simulated with other members than those that stand here, of {others}"
 
 
-def capacity_of_wiring(wiring, capacity_ampere_hour):
-    """Capacity of a pack of cells that are full and empty together [Ah].
-
-    The sum of members in parallel, the least of members in series. What spread of SoC, resistances
-    and currents take off it says a simulation.
-
-    Parameters
-    ----------
-    wiring : Wiring or the name of a cell. capacity_ampere_hour : mapping, cell → [Ah].
-    """
-    if isinstance(wiring, str):
-        return capacity_ampere_hour[wiring]
-    members = [capacity_of_wiring(member, capacity_ampere_hour) for member in wiring.members]
-    return sum(members) if wiring.connection == "parallel" else min(members)
-
-
 def tree_of(wiring):
-    """A wiring as nested dicts: group, connection, terminals, sense, members; `cell` of a leaf.
+    """A wiring as nested dicts: group, connection, terminals, sense, members.
 
-    Parameters
-    ----------
-    wiring : Wiring.
-
-    Returns
-    -------
-    tree : dict; each member has contact_ohm and link_ohm [Ω] and either `cell` or `group`.
+    Each member has contact_ohm and link_ohm [Ω], and either `cell` or what a group has.
     """
     members = zip(wiring.members, wiring.contact_ohm, wiring.link_ohm, strict=True)
     return {
@@ -250,10 +210,6 @@ def tree_of(wiring):
 def wiring_of_tree(tree):
     """The Wiring of nested dicts, as `tree_of` writes them.
 
-    Parameters
-    ----------
-    tree : dict.
-
     Raises
     ------
     Refusal : a connection or ends of another name, no members, a resistance below zero or none.
@@ -266,20 +222,15 @@ def wiring_of_tree(tree):
     members = tree.get("members")
     if not members:
         raise Refusal(f"group {tree.get('group')!r} has no members")
-    ohms = [[_ohm(member, key) for member in members] for key in ("contact_ohm", "link_ohm")]
-    return Wiring(
-        name=tree["group"],
-        connection=tree["connection"],
-        members=tuple(m["cell"] if "cell" in m else wiring_of_tree(m) for m in members),
-        contact_ohm=tuple(ohms[0]),
-        link_ohm=tuple(ohms[1]),
-        terminals=tree["terminals"],
-        sense=tree.get("sense"),
-    )
+    inner = tuple(m["cell"] if "cell" in m else wiring_of_tree(m) for m in members)
+    ohms = [tuple(_ohm(m, key) for m in members) for key in ("contact_ohm", "link_ohm")]
+    ends = tree["terminals"], tree.get("sense")
+    return Wiring(tree["group"], tree["connection"], inner, *ohms, *ends)
 
 
 def _ohm(member, key):
     value = member.get(key)
+    # So written it refuses what is no number as well.
     if not isinstance(value, int | float) or not 0 <= value < float("inf"):
         name = member.get("cell") or member.get("group")
         raise Refusal(f"{key} of {name} is {value!r}, wanted a resistance of 0 or more")
@@ -292,10 +243,6 @@ def read_pack(document):
     Parameters
     ----------
     document : dict of schema cellwright-pack/1.
-
-    Returns
-    -------
-    pack : PackModel.
 
     Raises
     ------
@@ -341,18 +288,18 @@ def pack_lookup(document):
     rows : list of dict: cell, model, ambient_temperature_celsius, soc (None: of no SoC), parameter,
         value, std (None: not known), unit.
     """
-    rows = []
+    rows, columns = [], ("ambient_temperature_celsius", "soc", "parameter", "value", "std", "unit")
     for entry in document["cells"]:
-        cell, model = {"cell": entry["cell"]}, entry["model"]
-        plain = {"model": model["chosen"], "std": None}
-        own = plain | {"ambient_temperature_celsius": None, "soc": None, "parameter": "capacity"}
-        value = {"value": entry["capacity_ampere_hour"], "unit": "Ah"}
-        rows.append(cell | own | value | {"std": entry["capacity_std_ampere_hour"]})
+        model = entry["model"]
+        about = {"cell": entry["cell"], "model": model["chosen"]}
+        size = entry["capacity_ampere_hour"], entry["capacity_std_ampere_hour"]
+        values = [(None, None, "capacity", *size, "Ah")]
         for table in model["ocv"]:
-            celsius = {"ambient_temperature_celsius": table["ambient_temperature_celsius"]}
-            about = cell | plain | celsius | {"parameter": "ocv", "unit": "V"}
+            celsius = table["ambient_temperature_celsius"]
             pairs = zip(table["soc"], table["ocv_volt"], strict=True)
-            rows += [about | {"soc": soc, "value": volt} for soc, volt in pairs]
-        fitted = [dict(row) for row in parameter_rows(model)]
-        rows += [cell | {k: v for k, v in row.items() if k != "at_bound"} for row in fitted]
+            values += [(celsius, soc, "ocv", volt, None, "V") for soc, volt in pairs]
+        rows += [about | dict(zip(columns, value, strict=True)) for value in values]
+        for row in map(dict, parameter_rows(model)):
+            del row["at_bound"]
+            rows.append({"cell": entry["cell"]} | row)
     return rows

@@ -1,5 +1,6 @@
 """Cells of a pack as look-up tables over SoC and temperature, each of its chosen member."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,10 +13,8 @@ from cellwright.circuits.model_file import (
     member_of,
     open_circuit_volt,
 )
+from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
-
-UNKNOWN_CELSIUS = 25.0  # stands for the temperature of models that know none
-SWITCH_SHARE = 2e-5  # of the capacity: a zero-state hysteresis turns over that charge
 
 
 class PackCells(NamedTuple):
@@ -76,10 +75,6 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
         of the smallest error of what was left out of its fit. `members` says which they are.
     points : size of the SoC grid; knots of a model that lie on it are met exactly.
 
-    Returns
-    -------
-    cells : PackCells.
-
     Raises
     ------
     Refusal : no model, no member but those that warm by a law of their own, or such a one named,
@@ -101,7 +96,8 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
         [_tables(model, entry, grid, value) for value in celsius]
         for model, entry in zip(models, entries, strict=True)
     ]
-    known = np.array([UNKNOWN_CELSIUS if value is None else value for value in celsius])
+    known = np.array([REFERENCE_CELSIUS if value is None else value for value in celsius])
+    # A cell has one capacity in a pack: that of the middle temperature.
     middle = celsius[len(celsius) // 2]
     sizes = [capacity_of(m, e, middle) for m, e in zip(models, entries, strict=True)]
     return PackCells(
@@ -139,7 +135,7 @@ def rc_cells(ocv_volt, r0_ohm, r_ohm, tau_second, capacity_ampere_hour):
         (f"{pairs}RC",) * cells,
         np.array(capacity_ampere_hour, float),
         np.zeros(cells),
-        np.array([UNKNOWN_CELSIUS]),
+        np.array([REFERENCE_CELSIUS]),
         **found,
     )
 
@@ -155,6 +151,7 @@ def table_temperatures(models, celsius, *, step_kelvin=5.0, above_kelvin=40.0):
     models : sequence of model dicts. celsius : scalar or (n,) of the ambient [degC].
     step_kelvin : between two tables [K]. above_kelvin : that a cell may be warmer [K].
     """
+    # Room for a cell's own heat; beyond the warmest table its parameters stay as they are there.
     low, high = np.min(celsius), np.max(celsius) + above_kelvin
     known = [
         condition["ambient_temperature_celsius"]
@@ -182,21 +179,15 @@ def member_in_pack(model):
     Of a member with companions, whose difference is an effect that was found, the one that they
     stand beside; of one that warms by a law of its own the best of the others, by what was left
     out of the fits.
-
-    Parameters
-    ----------
-    model : dict of a model file.
     """
     chosen = member_of(model)
     if "companions" in chosen:
         chosen = member_of(model, chosen["of"])
     rest = [m for m in model["members"] if not {"own_heat", "companions"} & m.keys()]
-    return min(rest, key=_left_out) if "own_heat" in chosen and rest else chosen
-
-
-def _left_out(member):
-    error = member.get("left_out_rmse_volt")
-    return np.inf if error is None else error
+    if "own_heat" not in chosen or not rest:
+        return chosen
+    left_out = [m.get("left_out_rmse_volt") for m in rest]
+    return rest[int(np.argmin([np.inf if error is None else error for error in left_out]))]
 
 
 def _tables(model, entry, grid, celsius):
@@ -208,10 +199,13 @@ def _tables(model, entry, grid, celsius):
         )
     temperature = np.nan if celsius is None else celsius
     sampled = circuit_at(entry["conditions"], grid, temperature)
+    # The model's OCV with its shift, at the counted SoC.
     volt = open_circuit_volt(model, sampled, temperature)
+    # How much of the model's own SoC passes per counted SoC.
     stretch = np.gradient(sampled.table_soc, grid)
     found = {name: [] for name in TABLES}
     found["ocv_volt"], found["ocv_shift_volt"] = [volt], [sampled.ocv_shift_volt]
+    # Ohmic branches add to it below.
     found["r0_ohm"] = [np.zeros(len(grid))]
     for branch in sampled.circuit:
         full = {k: np.broadcast_to(v, grid.shape) for k, v in branch.parameters.items()}
@@ -223,12 +217,10 @@ def _stacked(tables, name):
     """(temperatures, cells, entries, p) of one quantity."""
     most = max(len(found[name]) for cell in tables for found in cell)
     points = len(tables[0][0]["ocv_volt"][0])
-    fill = FILL.get(name, 0.0)
-    out = np.full((len(tables[0]), len(tables), most, points), fill)
-    places = [(t, c) for c, cell in enumerate(tables) for t in range(len(cell))]
-    for t, c in places:
-        held = tables[c][t][name]
-        out[t, c, : len(held)] = np.reshape(held, (len(held), points))
+    out = np.full((len(tables[0]), len(tables), most, points), FILL.get(name, 0.0))
+    for c, cell in enumerate(tables):
+        for t, found in enumerate(cell):
+            out[t, c, : len(found[name])] = np.reshape(found[name], (len(found[name]), points))
     return out
 
 
@@ -237,22 +229,14 @@ def _ohmic(found, p, _capacity, _stretch):
 
 
 def _two_way(found, p, _capacity, _stretch):
-    held = found["two_way_ohm"] or [0.0, 0.0]
-    found["two_way_ohm"] = [held[0] + p["r_charge_ohm"], held[1] + p["r_discharge_ohm"]]
+    up, down = found["two_way_ohm"] or [0.0, 0.0]
+    found["two_way_ohm"] = [up + p["r_charge_ohm"], down + p["r_discharge_ohm"]]
 
 
 def _pair(found, p, _capacity, _stretch, modes=((1.0, 1.0),)):
     for constant, share in modes:
         found["r_ohm"].append(share * p["r_ohm"])
         found["tau_second"].append(constant * p["tau_second"])
-
-
-def _plane(found, p, capacity, stretch):
-    _pair(found, p, capacity, stretch, PLANE_MODES)
-
-
-def _sphere(found, p, capacity, stretch):
-    _pair(found, p, capacity, stretch, SPHERE_MODES)
 
 
 def _kinetic(found, p, _capacity, _stretch):
@@ -265,6 +249,7 @@ def _transfer(found, p, _capacity, _stretch):
     # ASSUME: In a pack charge transfer has equal coefficients for charge and discharge.
     found["kinetic_r_ohm"].append(p["r_ohm"])
     found["kinetic_tau_second"].append(np.zeros(len(p["r_ohm"])))
+    # arcsinh of Butler–Volmer with equal coefficients: 2RT/F = 2·i0·r.
     scale = 2.0 * p["exchange_ampere"] * np.maximum(p["r_ohm"], SMALLEST_RESISTANCE_OHM)
     found["kinetic_scale_volt"].append(scale)
 
@@ -275,9 +260,10 @@ def _hysteresis(found, p, _capacity, _stretch):
 
 
 def _switch(found, p, capacity, _stretch):
-    # ASSUME: In a pack a zero-state hysteresis turns over a fifty-thousandth of the capacity.
+    # ASSUME: In a pack a zero-state hysteresis turns over a fifty-thousandth of the capacity: at
+    # once under any load, and yet with a slope for Newton's method.
     found["hysteresis_volt"].append(p["m_volt"])
-    found["hysteresis_ampere_hour"].append(np.full(len(p["m_volt"]), SWITCH_SHARE * capacity))
+    found["hysteresis_ampere_hour"].append(np.full(len(p["m_volt"]), 2e-5 * capacity))
 
 
 def _diffusion(found, p, _capacity, stretch):
@@ -290,8 +276,8 @@ _ADD = {
     "R": _ohmic,
     "R_two_way": _two_way,
     "RC": _pair,
-    "warburg": _plane,
-    "warburg_sphere": _sphere,
+    "warburg": partial(_pair, modes=PLANE_MODES),
+    "warburg_sphere": partial(_pair, modes=SPHERE_MODES),
     "kinetic": _kinetic,
     "charge_transfer": _transfer,
     "hysteresis": _hysteresis,

@@ -24,17 +24,13 @@ from cellwright.records.channels import BRANCH_CURRENT, CELL_VOLTAGE
 from cellwright.refusal import Refusal
 
 SENSOR_CLASS = 0.002  # of a reading: what two good sensors may differ by without a word
-SIGMAS = 5.0
+SIGMAS = 5.0  # some ten checks a record, thousands of records: no false alarm by chance
 CONTRADICTION = 0.05  # of the total: a sum that misses it by more is no measurement of branches
 SILENT = 0.01  # of a member's share of the total
-EXPLAINED = 0.1  # of the left-over that one sensor's fault leaves unexplained
 SWAP_SHARE = 0.02  # of a member's share: a smaller gain by swapping may be the models' error
 SWAP_RATIO = 0.5  # error after the swap over the error before
-SWAP_AGAINST = 0.1  # squares that blocks of a record speak against a swap, over those for it
 UNITS = {-1.0: "its sign is turned", 1000.0: "it reads in mA what is taken as A"}
 UNITS |= {0.001: "it reads in A what is taken as mA"}
-
-
 BEYOND_CALIBRATION = "outside the calibration"  # so begins the note of such a model
 
 
@@ -49,13 +45,13 @@ class Finding(NamedTuple):
     """
 
     check: str
-    branch: int | None
-    value: float
-    std: float
-    limit: float
-    unit: str
-    found: bool
-    sentence: str
+    branch: int | None = None
+    value: float = np.nan
+    std: float = np.nan
+    limit: float = np.nan
+    unit: str = ""
+    found: bool = False
+    sentence: str = ""
 
 
 def channel_findings(record, wiring):
@@ -76,19 +72,13 @@ def channel_findings(record, wiring):
     findings : list of Finding; empty where nothing was logged beside the total.
     """
     if wiring.connection == "series":
-        return [*_series_currents(record), *_series_voltages(record, wiring)]
-    currents, total = record.member_current_ampere, record.current_ampere
-    if currents is None:
-        return []
-    logged = np.isfinite(currents).any(axis=0)
-    rows = np.isfinite(currents[:, logged]).all(axis=1) & np.isfinite(total)
-    if rows.sum() < 10 or not rms(total[rows]) > 0:
-        return [
-            _untold("sum", f"{record.test}: too few rows with a current to add its branches up")
-        ]
-    if not logged.all():
-        return _partly_logged(currents[rows], total[rows], logged, record.test)
-    return _parallel_currents(currents[rows], total[rows], record.test)
+        findings = [*_series_currents(record), *_series_voltages(record, wiring)]
+    elif record.member_current_ampere is None:
+        findings = []
+    else:
+        findings = _parallel(record.member_current_ampere, record.current_ampere)
+    said = [f"{record.test}: {one.sentence}" if one.sentence else "" for one in findings]
+    return [one._replace(sentence=text) for one, text in zip(findings, said, strict=True)]
 
 
 def refuse_contradiction(record, wiring):
@@ -115,15 +105,9 @@ def refuse_contradiction(record, wiring):
 
 
 def beyond_calibration(models):
-    """What bias-corrected models of a group's cells say of lying beyond their calibration.
+    """What bias-corrected models (dicts) of a group's cells say of lying beyond their calibration.
 
-    Parameters
-    ----------
-    models : list of model dicts.
-
-    Returns
-    -------
-    notes : list of sentences with the cells' names.
+    A list of sentences with the cells' names.
     """
     return [
         f"{model['cell']}: {note}"
@@ -133,41 +117,39 @@ def beyond_calibration(models):
     ]
 
 
-def _untold(check, sentence):
-    return Finding(check, None, np.nan, np.nan, np.nan, "", False, sentence)
-
-
-def _partly_logged(currents, total, logged, test):
-    """Members without a channel: do the others carry the whole total by themselves?"""
-    silent = [int(k) + 1 for k in np.flatnonzero(~logged)]
-    names = " and ".join(map(str, silent))
-    left = currents[:, logged].sum(axis=1) - total
-    share = rms(left) / rms(total)
-    if share > SILENT / len(logged) * len(silent):
-        text = f"{test}: no current of branch {names} was logged, so the sum checks no sensor"
-        return [_untold("sum", text)]
-    text = (
-        f"{test}: the logged branches carry the whole total by themselves (left over {share:.2%}): "
-        f"branch {names} of groups.tsv is not connected"
-    )
-    limit = SILENT / len(logged)
-    return [Finding("absent", silent[0], share, np.nan, limit, "of the total", True, text)]
-
-
-def _parallel_currents(currents, total, test):
+def _parallel(currents, total):
+    logged = np.isfinite(currents).any(axis=0)
+    rows = np.isfinite(currents[:, logged]).all(axis=1) & np.isfinite(total)
+    if rows.sum() < 10 or not rms(total[rows]) > 0:
+        return [Finding("sum", sentence="too few rows with a current to add its branches up")]
+    currents, total = currents[rows], total[rows]
+    if not logged.all():
+        return [_partly_logged(currents, total, logged)]
     left = currents.sum(axis=1) - total
-    broken = _wrong_sensor(currents, total, left, test)
-    broken = broken or list(_silent(currents, total, test))
+    broken = _wrong_sensor(currents, total, left) or list(_silent(currents, total))
     if broken:
         return broken
     steady = _steady(total)
-    return [
-        *_sum_line(currents[steady], total[steady], left[steady], test),
-        _dependent(currents, total, left, test),
-    ]
+    sums = _sum_line(currents[steady], total[steady], left[steady])
+    return [*sums, _dependent(currents, total, left)]
 
 
-def _silent(currents, total, test):
+def _partly_logged(currents, total, logged):
+    """Members without a channel: do the others carry the whole total by themselves?"""
+    silent = [int(k) + 1 for k in np.flatnonzero(~logged)]
+    names, limit = " and ".join(map(str, silent)), SILENT / len(logged)
+    share = rms(currents[:, logged].sum(axis=1) - total) / rms(total)
+    if share > limit * len(silent):
+        text = f"no current of branch {names} was logged, so the sum checks no sensor"
+        return Finding("sum", sentence=text)
+    text = (
+        f"the logged branches carry the whole total by themselves (left over {share:.2%}): "
+        f"branch {names} of groups.tsv is not connected"
+    )
+    return Finding("absent", silent[0], share, np.nan, limit, "of the total", True, text)
+
+
+def _silent(currents, total):
     """Branches that read nothing while the group is loaded."""
     share = rms(total) / currents.shape[1]
     for k in range(currents.shape[1]):
@@ -176,22 +158,23 @@ def _silent(currents, total, test):
             continue
         others = np.delete(currents, k, axis=1).sum(axis=1) - total
         alone = rms(others) <= SILENT * rms(total)
-        why = "the others carry the whole total: it is open or its cell is missing"
-        dead = f"the others leave {rms(others):.3g} A RMS of the total: its sensor is dead"
-        text = f"{test}: branch {k + 1} carries {size:.2%} of its share; {why if alone else dead}"
-        limit, check = SILENT, "absent" if alone else "silent"
-        yield Finding(check, k + 1, size, np.nan, limit, "of its share", True, text)
+        why = f"the others leave {rms(others):.3g} A RMS of the total: its sensor is dead"
+        if alone:
+            why = "the others carry the whole total: it is open or its cell is missing"
+        text = f"branch {k + 1} carries {size:.2%} of its share; {why}"
+        check = "absent" if alone else "silent"
+        yield Finding(check, k + 1, size, np.nan, SILENT, "of its share", True, text)
 
 
-def _wrong_sensor(currents, total, left, test):
-    """The one branch whose sign or unit explains nearly all that the sum leaves over."""
+def _wrong_sensor(currents, total, left):
+    """The one branch whose sign or unit explains nine tenths of what the sum leaves over."""
     if rms(left) <= CONTRADICTION * rms(total):
         return []
     for k, (factor, words) in product(range(currents.shape[1]), UNITS.items()):
         rest = left - (1.0 - 1.0 / factor) * currents[:, k]
-        if rms(rest) < EXPLAINED * rms(left):
-            text = f"{test}: branch {k + 1} alone explains what the sum leaves over: {words}"
-            return [Finding("unit", k + 1, factor, np.nan, np.nan, "times", True, text)]
+        if rms(rest) < 0.1 * rms(left):
+            text = f"branch {k + 1} alone explains what the sum leaves over: {words}"
+            return [Finding("unit", k + 1, factor, unit="times", found=True, sentence=text)]
     return []
 
 
@@ -210,6 +193,7 @@ def _line(regressor, left):
 
     The slope is NaN where the regressor does not move.
     """
+    # Of a regressor that hardly moves the slope would be a quotient of two noises.
     moves = np.ptp(regressor) > 0.05 * np.abs(regressor).max()
     columns = np.column_stack([np.ones(len(left)), regressor])[:, : 1 + moves]
     return [np.append(part, [np.nan] * (2 - len(part))) for part in _fitted(columns, left)]
@@ -224,31 +208,30 @@ def _fitted(columns, left):
     return values, standard_deviations(cover)
 
 
-def _sum_line(currents, total, left, test):
+def _off(check, branch, value, std, limit, unit, words):
+    """Finding on a value that is off where it is beyond its limit, and surely so."""
+    off = bool(abs(value) > max(SIGMAS * std, limit))
+    return Finding(check, branch, value, std, limit, unit, off, words if off else "")
+
+
+def _sum_line(currents, total, left):
     """Offset and gain of the sum, and the branch whose gain it is where that can be told."""
     members = currents.shape[1]
-    values, stds = _line(total, left)
-    share = rms(total) / members
-    limit = SENSOR_CLASS * share * np.sqrt(members)
-    off = bool(abs(values[0]) > max(SIGMAS * stds[0], limit))
-    text = (
-        f"{test}: the branch currents add up to {values[0]:+.3g} A more than the total"
-        if off
-        else ""
-    )
-    yield Finding("sum_offset", None, values[0], stds[0], limit, "A", off, text)
-    wrong = abs(values[1]) > max(SIGMAS * stds[1], SENSOR_CLASS)
-    branch, gain, std, text = None, values[1], stds[1], ""
-    if wrong:
-        branch = _guilty(currents, left)
-        text = f"{test}: the branch currents add up to {values[1]:+.2%} of the total too much"
-        text += ", of one branch or several: the record does not tell which"
+    (offset, gain), (offset_std, gain_std) = _line(total, left)
+    limit = SENSOR_CLASS * rms(total) / members * np.sqrt(members)
+    text = f"the branch currents add up to {offset:+.3g} A more than the total"
+    yield _off("sum_offset", None, offset, offset_std, limit, "A", text)
+    text = f"the branch currents add up to {gain:+.2%} of the total too much"
+    text += ", of one branch or several: the record does not tell which"
+    finding = _off("sum_gain", None, gain, gain_std, SENSOR_CLASS, "1", text)
+    branch = _guilty(currents, left) if finding.found else None
     if branch is not None:
-        slopes, deviations = _line(currents[:, branch], left)
-        gain, std = 1.0 / (1.0 - slopes[1]) - 1.0, deviations[1] / (1.0 - slopes[1]) ** 2
-        text = f"{test}: branch {branch + 1} reads {gain:+.2%} ± {std:.2%} too much"
-    number = None if branch is None else branch + 1
-    yield Finding("sum_gain", number, gain, std, SENSOR_CLASS, "1", bool(wrong), text)
+        # What is left over is slope · reading: reading = (1 + gain) · truth gives the gain.
+        slope, slope_std = (pair[1] for pair in _line(currents[:, branch], left))
+        gain, std = 1.0 / (1.0 - slope) - 1.0, slope_std / (1.0 - slope) ** 2
+        text = f"branch {branch + 1} reads {gain:+.2%} ± {std:.2%} too much"
+        finding = finding._replace(branch=branch + 1, value=gain, std=std, sentence=text)
+    yield finding
 
 
 def _guilty(currents, left):
@@ -273,24 +256,23 @@ def _wanted_beside(k, currents, left):
     return max(sizes)
 
 
-def _dependent(currents, total, left, test):
+def _dependent(currents, total, left):
     """Whether the sum is exact, so that one branch was computed from the total and the others."""
-    members = currents.shape[1]
+    members, largest = currents.shape[1], float(np.abs(left).max())
     digit = max(map(least_digit, currents.T))
-    exact = np.abs(left).max() <= 1e-9 * np.abs(total).max()
-    rounded = np.abs(left).max() <= 0.5 * (members + 1) * digit
+    exact = largest <= 1e-9 * np.abs(total).max()
+    # Readings that were computed miss their sum by half a digit each, measured ones by noise too.
+    rounded = largest <= 0.5 * (members + 1) * digit
     noise = np.sqrt(sum(white_noise_of(column) ** 2 for column in currents.T))
-    found = bool(exact or (rounded and white_noise_of(left) < 0.3 * noise))
-    text = ""
-    if found:
-        same = "the errors of the two branches are the same number"
-        many = f"only {members - 1} of {members} branch errors are measured"
-        text = (
-            f"{test}: the branch currents add up to the total exactly: one of them was computed "
-            f"from the others, and {same if members == 2 else many}"
-        )
-    largest = float(np.abs(left).max())
-    return Finding("dependent", None, largest, np.nan, np.nan, "A", found, text)
+    if not (exact or (rounded and white_noise_of(left) < 0.3 * noise)):
+        return Finding("dependent", value=largest, unit="A")
+    same = "the errors of the two branches are the same number"
+    many = f"only {members - 1} of {members} branch errors are measured"
+    text = (
+        "the branch currents add up to the total exactly: one of them was computed "
+        f"from the others, and {same if members == 2 else many}"
+    )
+    return Finding("dependent", value=largest, unit="A", found=True, sentence=text)
 
 
 def _series_currents(record):
@@ -298,23 +280,15 @@ def _series_currents(record):
     currents, total = record.member_current_ampere, record.current_ampere
     for k in range(0 if currents is None else currents.shape[1]):
         rows = np.isfinite(currents[:, k]) & np.isfinite(total)
-        if rows.sum() >= 10 and rms(total[rows]) > 0:
-            yield from _series_current(k, currents[rows, k], total[rows], record.test)
-
-
-def _series_current(k, current, total, test):
-    """Offset and gain of one member's current against the total."""
-    steady = _steady(total)
-    values, stds = _line(total[steady], (current - total)[steady])
-    limits = (SENSOR_CLASS * rms(total), SENSOR_CLASS)
-    words = (f"{values[0]:+.3g} A", f"{values[1]:+.2%}")
-    names = (("current_offset", "A"), ("current_gain", "1"))
-    for value, std, limit, said, (name, unit) in zip(
-        values, stds, limits, words, names, strict=True
-    ):
-        off = bool(abs(value) > max(SIGMAS * std, limit))
-        text = f"{test}: the current of member {k + 1}, in series, is {said} off the total"
-        yield Finding(name, k + 1, value, std, limit, unit, off, text if off else "")
+        if rows.sum() < 10 or not rms(total[rows]) > 0:
+            continue
+        one, whole = currents[rows, k], total[rows]
+        steady, said = _steady(whole), f"the current of member {k + 1}, in series, is"
+        (offset, gain), (offset_std, gain_std) = _line(whole[steady], (one - whole)[steady])
+        limit, words = SENSOR_CLASS * rms(whole), f"{said} {offset:+.3g} A off the total"
+        yield _off("current_offset", k + 1, offset, offset_std, limit, "A", words)
+        words = f"{said} {gain:+.2%} off the total"
+        yield _off("current_gain", k + 1, gain, gain_std, SENSOR_CLASS, "1", words)
 
 
 def _series_voltages(record, wiring):
@@ -322,27 +296,27 @@ def _series_voltages(record, wiring):
     cells, pack = record.cell_voltage_volt, record.voltage_volt
     if cells is None or cells.shape[1] != len(wiring.members):
         return
-    if not np.isfinite(cells).any(axis=0).all():
-        missing = [str(k + 1) for k in np.flatnonzero(~np.isfinite(cells).any(axis=0))]
-        text = f"{record.test}: no voltage of cell {', '.join(missing)} was logged: no sum to check"
-        yield _untold("voltage_sum", text)
+    missing = [str(k + 1) for k in np.flatnonzero(~np.isfinite(cells).any(axis=0))]
+    if missing:
+        text = f"no voltage of cell {', '.join(missing)} was logged: no sum to check"
+        yield Finding("voltage_sum", sentence=text)
         return
     rows = np.isfinite(cells).all(axis=1) & np.isfinite(pack)
     steady = np.flatnonzero(rows)[_steady(record.current_ampere[rows])]
     left = pack[steady] - cells[steady].sum(axis=1)
-    values, stds = _line(record.current_ampere[steady], left)
+    (offset, ohm), (offset_std, ohm_std) = _line(record.current_ampere[steady], left)
+    text = f"the pack reads {offset:+.3g} V more than its cells add up to"
     limit = SENSOR_CLASS * rms(pack[steady])
-    off = bool(abs(values[0]) > max(SIGMAS * stds[0], limit))
-    text = f"{record.test}: the pack reads {values[0]:+.3g} V more than its cells add up to"
-    yield Finding("voltage_sum", None, values[0], stds[0], limit, "V", off, text if off else "")
+    yield _off("voltage_sum", None, offset, offset_std, limit, "V", text)
+    # A stated contact is an estimate, of which a fifth is passed over; none is below zero.
     stated = sum(wiring.contact_ohm)
-    limit = max(SIGMAS * stds[1], 0.2 * stated)
-    off = bool(values[1] < -SIGMAS * stds[1] or (stated and abs(values[1] - stated) > limit))
+    limit = max(SIGMAS * ohm_std, 0.2 * stated)
+    off = bool(ohm < -SIGMAS * ohm_std or (stated and abs(ohm - stated) > limit))
     text = (
-        f"{record.test}: between cells and pack lie {1e3 * values[1]:.3g} ± "
-        f"{1e3 * stds[1]:.2g} mΩ; groups.tsv states {1e3 * stated:.3g} mΩ"
+        f"between cells and pack lie {1e3 * ohm:.3g} ± "
+        f"{1e3 * ohm_std:.2g} mΩ; groups.tsv states {1e3 * stated:.3g} mΩ"
     )
-    yield Finding("contacts", None, values[1], stds[1], stated, "Ω", off, text if off else "")
+    yield Finding("contacts", None, ohm, ohm_std, stated, "Ω", off, text if off else "")
 
 
 def swapped_channels(series, wiring, test):
@@ -385,7 +359,8 @@ def swapped(measured, simulated, share, *, test, what="branch", numbers=None, bl
 
     1. The assignment of readings to members with the least squared error (Hungarian method). 2. Of
     each circle of members that it turns: the error must fall to half or less, by more than 2 % of a
-    member's share of the total, and in three quarters of twenty blocks of the record.
+    member's share of the total; and over twenty blocks of the record what the swap makes worse in
+    some may be no more than a tenth of what it betters in the others.
 
     Parameters
     ----------
@@ -406,6 +381,7 @@ def swapped(measured, simulated, share, *, test, what="branch", numbers=None, bl
     measured, simulated = measured[rows], simulated[rows]
     if len(measured) < blocks or not share > 0:
         return []
+    # Σ(measured − simulated)² of every pair, without a pass over the record for each.
     cost = np.square(measured).sum(axis=0)[:, None] + np.square(simulated).sum(axis=0)
     cost -= 2.0 * measured.T @ simulated
     # Who is read where must be worth more than what the models of two like cells do not tell.
@@ -418,7 +394,7 @@ def swapped(measured, simulated, share, *, test, what="branch", numbers=None, bl
         other = np.square(measured[:, circle] - simulated[:, member_of[circle]]).sum(axis=1)
         before, after = (np.sqrt(error.mean() / len(circle)) for error in (own, other))
         gains = np.array([part.sum() for part in np.array_split(own - other, blocks)])
-        steady = -gains[gains < 0].sum() <= SWAP_AGAINST * gains[gains > 0].sum()
+        steady = -gains[gains < 0].sum() <= 0.1 * gains[gains > 0].sum()
         if steady and after <= SWAP_RATIO * before and before - after > SWAP_SHARE * share:
             named = [names[k] for k in circle], [names[member_of[k]] for k in circle]
             found.append(_swap(*named, before / share, after / share, test, what))

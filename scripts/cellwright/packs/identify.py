@@ -15,6 +15,7 @@ from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
 from cellwright.numerics.statistics import parameter_covariance, rms, standard_deviations
 from cellwright.packs.cells import PackCells, rc_cells
+from cellwright.packs.compare import passed_ampere_hour
 from cellwright.records.conditions import AT_REST_SHARE, stated_or_reference
 from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
@@ -25,6 +26,7 @@ KNOTS = 21  # of SoC, of a resistance in the model file
 class GroupFit(NamedTuple):
     """Identified cells (every SoC is 0 at the first sample) and how well they fit.
 
+    cells : PackCells. fit_rmse_volt : of all cells together [V].
     r0_std_ohm, r_std_ohm, ocv_std_volt : (cells, p) standard deviations of R0, of the RC pair's
     resistance and of each cell's deviation from the common OCV, for errors that are as correlated
     as the residual is.
@@ -35,14 +37,6 @@ class GroupFit(NamedTuple):
     r0_std_ohm: np.ndarray
     r_std_ohm: np.ndarray
     ocv_std_volt: np.ndarray
-
-
-class Knots(NamedTuple):
-    """SoC knots of the common OCV curve, of each cell's deviation and of each resistance."""
-
-    ocv: np.ndarray
-    deviation: np.ndarray
-    resistance: np.ndarray
 
 
 def rest_offset(branch_current_ampere, total_current_ampere, *, rest_ampere):
@@ -79,7 +73,7 @@ def identify_branches(
     hold="first_order",
     points=201,
 ):
-    """One-RC models of all cells of a group from one full slow charge of the group.
+    """One-RC models of all cells of a group from one full slow charge of the group: GroupFit.
 
     The stretch starts from rest at the group's empty state and ends after its full state; between
     them the SoC of every cell runs from 0 to 1 by definition, and its charge is its capacity.
@@ -99,10 +93,6 @@ def identify_branches(
     hold : hold of the branch currents between samples.
     points : size of the SoC grid of the result.
 
-    Returns
-    -------
-    fit : GroupFit.
-
     Raises
     ------
     Refusal : fewer than two branches, values not finite, or a branch that is not charged.
@@ -112,9 +102,10 @@ def identify_branches(
     # ASSUME: Cells known only from a group share one OCV curve but for a small smooth deviation;
     # their SoC 0 and 1 are the empty and full states of the group's own slow charge.
     soc, capacity = _counted(test_time_second, branch_current_ampere, voltage_volt)
-    knots_at = Knots(_even_knots(soc.mean(axis=1), voltage_volt, knots[0]), *map(_grid, knots[1:]))
+    even = (np.linspace(0.0, 1.0, count) for count in knots[1:])
+    knots_at = (_even_knots(soc.mean(axis=1), voltage_volt, knots[0]), *even)
     steps = np.diff(test_time_second)
-    noise = _noise(soc, knots_at, noise_ampere)
+    noise = _noise(soc, knots_at[-1], noise_ampere)
     fits = []
     for tau in tau_second:
         matrix = _design(steps, branch_current_ampere, soc, knots_at, tau, hold)
@@ -130,17 +121,25 @@ def _deviations(gram, error, matrix, knots, cells, points):
     """Standard deviations (cells, points) of R0, the pair's resistance and the OCV's deviation."""
     power = error @ error
     cover = parameter_covariance(gram, power, len(error), sensitivity=matrix.T, residual=error)
-    std, grid = standard_deviations(cover), _grid(points)
-    of_ocv, _, of_resistance = np.split(std, _cuts(knots, cells))
-    r0, pair = of_resistance.reshape(cells, 2, -1).transpose(1, 0, 2)
-    pairs = ((knots.resistance, r0), (knots.resistance, pair))
-    pairs += ((knots.deviation, of_ocv.reshape(cells, -1)),)
-    return tuple(np.array([np.interp(grid, at, row) for row in rows]) for at, rows in pairs)
+    deviation, _, resistance = _of_cells(standard_deviations(cover), knots, cells, points)
+    return *resistance, deviation
 
 
-def _cuts(knots, cells):
-    """Where among the parameters the deviations of the OCV end, and the common OCV."""
-    return np.cumsum([cells * len(knots.deviation), len(knots.ocv)])
+def _of_cells(parameters, knots, cells, points):
+    """Deviations of the OCV (cells, points), the common OCV's increments, (R0, R1) of each cell.
+
+    `knots` are those of the common OCV, of its deviations and of the resistances, as everywhere.
+    """
+    ocv, deviation, resistance = knots
+    sizes = np.cumsum([cells * len(deviation), len(ocv)])
+    of_ocv, common, of_resistance = np.split(parameters, sizes)
+    grid = np.linspace(0.0, 1.0, points)
+
+    def on_grid(at, rows):
+        return np.array([np.interp(grid, at, row) for row in rows.reshape(-1, len(at))])
+
+    pairs = on_grid(resistance, of_resistance).reshape(cells, 2, points)
+    return on_grid(deviation, of_ocv), common, pairs.transpose(1, 0, 2)
 
 
 def _counted(time, current, voltage):
@@ -148,19 +147,16 @@ def _counted(time, current, voltage):
         raise Refusal("branch currents of at least two cells are needed")
     if not (np.isfinite(current).all() and np.isfinite(voltage).all()):
         raise Refusal("branch currents or voltage hold values that are not finite")
-    step_charge = np.diff(time)[:, None] * (current[1:] + current[:-1]) / 7200.0
-    charge = np.vstack([np.zeros(current.shape[1]), np.cumsum(step_charge, axis=0)])
+    passed = passed_ampere_hour(time, current)
+    charge = np.vstack([np.zeros(current.shape[1]), np.cumsum(passed, axis=0)])
     if np.any(charge[-1] <= 0):
         raise Refusal(f"branch {int(np.argmin(charge[-1])) + 1} is not charged in this stretch")
     return charge / charge[-1], charge[-1]
 
 
-def _grid(count):
-    return np.linspace(0.0, 1.0, count)
-
-
 def _even_knots(soc, voltage, count):
     """Knots of SoC at even distances along the OCV curve: dense where the voltage is steep."""
+    # Half by SoC and half by voltage: no flat part is left without a knot.
     along = np.maximum.accumulate(soc + (voltage - voltage.min()) / np.ptp(voltage))
     along, rows = np.unique(along, return_index=True)
     middle = np.interp(np.linspace(along[0], along[-1], count)[1:-1], along, soc[rows])
@@ -170,12 +166,14 @@ def _even_knots(soc, voltage, count):
 
 def _design(steps, current, soc, knots, tau, hold):
     """Columns: deviations of all cells, OCV start and increments, then (R0, R1) of each cell."""
-    cells, rows = soc.shape[1], []
+    (at_ocv, at_deviation, at_resistance), cells, rows = knots, soc.shape[1], []
     for c in range(cells):
-        driven = hats(soc[:, c], knots.resistance) * current[:, c : c + 1]
+        driven = hats(soc[:, c], at_resistance) * current[:, c : c + 1]
         resistive = np.hstack([driven, lag(steps, tau, driven, hold=hold)])
-        deviation = hats(soc[:, c], knots.deviation)
-        ocv = np.cumsum(hats(soc[:, c], knots.ocv)[:, ::-1], axis=1)[:, ::-1]
+        deviation = hats(soc[:, c], at_deviation)
+        # As a start and increments, which are kept from falling: an OCV rises with SoC.
+        ocv = np.cumsum(hats(soc[:, c], at_ocv)[:, ::-1], axis=1)[:, ::-1]
+        # Deviation and resistances are each cell's own, the common OCV in between all cells'.
         spread = [np.kron(np.eye(cells)[c : c + 1], block) for block in (deviation, resistive)]
         rows.append(np.hstack([spread[0], ocv, spread[1]]))
     return np.vstack(rows)
@@ -186,23 +184,20 @@ def _noise(soc, knots, noise_ampere):
 
     Of a lag it is less by the step over twice the time constant, some per cent, and left in.
     """
-    cells, count = soc.shape[1], len(knots.resistance)
+    cells, count = soc.shape[1], len(knots)
     added = np.zeros((2 * cells * count,) * 2)
     for c, std in enumerate(np.broadcast_to(np.asarray(noise_ampere, float), (cells,))):
-        at, shape = slice(2 * c * count, (2 * c + 1) * count), hats(soc[:, c], knots.resistance)
+        at, shape = slice(2 * c * count, (2 * c + 1) * count), hats(soc[:, c], knots)
         added[at, at] = std**2 * shape.T @ shape
     return added
 
 
 def _solve(matrix, voltage, knots, cells, penalty, noise):
-    bend, size, wiggle = penalty
-    slope = np.diff(np.eye(len(knots.ocv)), axis=0) / np.diff(knots.ocv)[:, None]
-    increments = np.tril(np.ones((len(knots.ocv), len(knots.ocv))))
-    blocks = [
-        size * np.eye(cells * len(knots.deviation)),
-        bend * np.diff(slope, axis=0) @ increments,
-    ]
-    blocks += [wiggle * np.diff(np.eye(len(knots.resistance)), 2, axis=0)] * (2 * cells)
+    (bend, size, wiggle), (ocv, deviation, resistance) = penalty, knots
+    slope = np.diff(np.eye(len(ocv)), axis=0) / np.diff(ocv)[:, None]
+    increments = np.tril(np.ones((len(ocv), len(ocv))))
+    blocks = [size * np.eye(cells * len(deviation)), bend * np.diff(slope, axis=0) @ increments]
+    blocks += [wiggle * np.diff(np.eye(len(resistance)), 2, axis=0)] * (2 * cells)
     gram, column = matrix.T @ matrix, 0
     for block in blocks:
         columns = slice(column, column + block.shape[1])
@@ -210,7 +205,7 @@ def _solve(matrix, voltage, knots, cells, penalty, noise):
         column = columns.stop
     moment = matrix.T @ np.tile(voltage, cells)
     gram = _without_noise(gram, noise)
-    return solve(gram, moment, cells * len(knots.deviation)), gram
+    return solve(gram, moment, cells * len(deviation)), gram
 
 
 def _without_noise(gram, noise):
@@ -228,20 +223,18 @@ def _without_noise(gram, noise):
     except np.linalg.LinAlgError:  # nothing tells the parameters apart: the solution refuses it
         return gram
     half = np.linalg.solve(root, np.linalg.solve(root, added).T)
+    # 95 %: what is left stays positive definite.
     return gram - min(1.0, 0.95 / np.linalg.eigvalsh(half)[-1]) * added
 
 
-def _cells(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
-    cells, grid = len(capacity), _grid(points)
-    deviation, ocv, resistance = np.split(parameters, _cuts(knots, cells))
-    common = np.interp(grid, knots.ocv, np.cumsum(ocv))
-    deviations = [np.interp(grid, knots.deviation, d) for d in deviation.reshape(cells, -1)]
-    table = resistance.reshape(cells, 2, -1)
-    table = np.array([[np.interp(grid, knots.resistance, r) for r in cell] for cell in table])
+def _cells(parameters, knots, capacity, tau, points):
+    cells = len(capacity)
+    deviation, increments, (r0, pair) = _of_cells(parameters, knots, cells, points)
+    common = np.interp(np.linspace(0.0, 1.0, points), knots[0], np.cumsum(increments))
     return rc_cells(
-        ocv_volt=np.maximum.accumulate(common + np.array(deviations), axis=1),
-        r0_ohm=np.maximum(table[:, 0], smallest_ohm),
-        r_ohm=table[:, 1:],
+        ocv_volt=np.maximum.accumulate(common + deviation, axis=1),
+        r0_ohm=np.maximum(r0, 1e-4),  # what acts at once has to be above zero in a parallel group
+        r_ohm=pair[:, None],
         tau_second=np.full((cells, 1, points), tau),
         capacity_ampere_hour=capacity,
     )
@@ -269,14 +262,14 @@ def group_models(test, steps, cells):
 
     Raises
     ------
-    Refusal
-        No branch currents, no charge between two rests, or as `identify_branches`.
+    Refusal : no branch currents, no charge between two rests, or as `identify_branches`.
     """
     facts, series = test
     current = _logged(branch_currents(series), cells)
     before, last = _charge_between_rests(steps)
     rest = slice(steps["first_row"][before], steps["last_row"][before] + 1)
     total = series["current_ampere"]
+    # In its second half the currents between the cells have decayed.
     tail = slice(max(rest.stop - (rest.stop - rest.start) // 2, rest.start), rest.stop)
     limit = AT_REST_SHARE * np.abs(total).max()
     offset = rest_offset(current[tail], total[tail], rest_ampere=limit)
@@ -293,13 +286,9 @@ def group_models(test, steps, cells):
         f"identified inside its group from the charge at {time[0]:.0f} to {time[-1]:.0f} s of "
         f"{facts.test} (fit {1e3 * fit.fit_rmse_volt:.1f} mV); the rest of the record scores it"
     )
+    seen = [fitted | {"sensor_offset_ampere": float(ampere)} for ampere in offset]
     return {
-        cell: _model(
-            cell,
-            *(fit, branch, celsius),
-            fitted | {"sensor_offset_ampere": float(offset[branch])},
-            note,
-        )
+        cell: _model(cell, fit, branch, celsius, seen[branch], note)
         for branch, cell in enumerate(cells)
     }
 
@@ -317,6 +306,7 @@ def _charge_between_rests(steps):
     """Indices of the rests before and after the longest charge."""
     kind, charge = steps["kind"], steps["charge_ampere_hour"]
     rests = np.flatnonzero(kind == "rest")
+    # Every step between the two rests has to charge: else its SoC would not run from 0 to 1.
     spans = [
         (charge[before + 1 : after].sum(), before, after)
         for before, after in pairwise(rests)

@@ -11,7 +11,6 @@ from cellwright.packs.network import no_resistance
 from cellwright.packs.steps import (
     CURRENT,
     SAME_SOC,
-    PackState,
     Step,
     advance,
     is_linear,
@@ -28,16 +27,7 @@ ORDER = (
 STRAIGHT = ("ocv_volt", "ocv_shift_volt")
 MEMORY = ("relaxed_volt", "kinetic_volt", "surface_soc", "hysteresis_volt")
 TIMES = ("tau_second", "kinetic_tau_second", "soc_tau_second")
-NO_RESISTANCE, NOT_SOLVED = 1, 2
-
-
-class Load(NamedTuple):
-    """What is asked of a pack: steps (n,) [s], steps.CURRENT, VOLTAGE or POWER (n,), values (n,)
-    at their ends [A], [V], [W]."""
-
-    second: np.ndarray
-    mode: np.ndarray
-    value: np.ndarray
+NO_RESISTANCE, NOT_SOLVED = 1, 2  # outcomes of native/pack.c
 
 
 class Keep(NamedTuple):
@@ -47,176 +37,156 @@ class Keep(NamedTuple):
     extremes: bool = False
 
 
-class Prepared(NamedTuple):
-    """What the compiled kernel is told of a pack whatever is asked of it: see native/pack.c."""
+class PackRun(NamedTuple):
+    """A simulated pack; currents and voltages positive on charge.
 
-    address: np.ndarray
-    stride: np.ndarray
-    straight: np.ndarray
-    sizes: np.ndarray
-    inverse: np.ndarray
-    per_second: np.ndarray
-    room: int
-
-
-class Steps(NamedTuple):
-    """A pack after each of n steps.
-
-    current_ampere, voltage_volt, soc : (kept, cells). sensed_volt, total_ampere : (n,).
+    cell_current_ampere, cell_voltage_volt, soc, temperature_celsius : (kept, cells) [A], [V], [1],
+    [degC]. voltage_volt : (n,) between the pack's leads, or at the wiring's sense point [V].
+    current_ampere : (n,) through the pack [A]. row : (kept,) samples that were kept of the cells.
     extremes : (n, 8) lowest and highest voltage of a cell and its index each, lowest and highest
     SoC, lowest and highest current; (0, 8) where not kept.
     """
 
-    current_ampere: np.ndarray
-    voltage_volt: np.ndarray
+    cell_current_ampere: np.ndarray
+    cell_voltage_volt: np.ndarray
     soc: np.ndarray
-    sensed_volt: np.ndarray
-    total_ampere: np.ndarray
+    temperature_celsius: np.ndarray
+    voltage_volt: np.ndarray
+    current_ampere: np.ndarray
+    row: np.ndarray
     extremes: np.ndarray
 
 
-def run_steps(
-    cells, network, state, load, *, hold, sensed=-1, keep=None, tolerance_volt=1e-9, prepared=None
-):
+def run_steps(plant, state, load, keep):
     """A pack through many steps, at temperatures that do not change.
 
     Parameters
     ----------
-    cells : PackCells. network : Network. state : PackState. load : Load.
-    hold : of the total current between samples.
-    sensed : element whose voltage is measured; -1: the whole pack. keep : Keep, or None: all.
-    tolerance_volt : of Newton's method [V].
-    prepared : Prepared of these cells and network, for callers that take few steps at a time.
+    plant : simulate.Plant. state : PackState. keep : Keep.
+    load : (3, n) length of each step [s], what is asked for at its end (steps.CURRENT, VOLTAGE or
+        POWER), and how much of it [A], [V], [W].
 
     Returns
     -------
-    steps : Steps. state : PackState at the end.
+    run : PackRun. state : PackState at the end.
 
     Raises
     ------
     Refusal : as `steps.advance`.
     """
-    keep = Keep() if keep is None else keep
     doubles, ints = [array] * 3 + [real], [integers] * 4
+    # As pack_steps of native/pack.c is declared.
     types = (count, *doubles, *ints, *[array] * 4, *[integers] * 3, *[array] * 2, real, real)
     kernel = function("pack_steps", *types, *[array] * 9, result=count)
-    settings = {"hold": hold, "sensed": sensed, "keep": keep, "tolerance_volt": tolerance_volt}
+    run = _room(load.shape[1], state, keep)
     if kernel is None:
-        return _step_by_step(cells, network, state, load, **settings)
-    ready = prepare(cells, network) if prepared is None else prepared
-    return _compiled(kernel, ready, cells, network, state, load, **settings)
+        return run, _step_by_step(plant, state, load, keep, run)
+    return run, _compiled(kernel, plant, state, load, keep, run)
 
 
-def prepare(cells, network):
-    """What of a pack is the same in all steps.
-
-    Parameters
-    ----------
-    cells : PackCells. network : Network.
-    """
-    entries = {name: getattr(cells, name).shape[2] for name in TABLES}
-    moving = len(cells.temperature_celsius) > 1 or any(
-        np.any(getattr(cells, name) != getattr(cells, name)[..., :1]) for name in TIMES
+def _room(samples, state, keep):
+    """A run to be filled in, at the cells' temperatures of now."""
+    kept, cells = (
+        np.arange(0, samples, keep.every) if keep.every else np.empty(0, int),
+        len(state.soc),
     )
-    sizes = [network.cells, len(network.connection), cells.ocv_volt.shape[-1]]
-    sizes += [len(cells.temperature_celsius), entries["r_ohm"], entries["kinetic_r_ohm"]]
-    sizes += [entries["hysteresis_volt"], entries["soc_per_ampere"], entries["two_way_ohm"] // 2]
-    sizes += [is_linear(cells), moving, not cells.r0_ohm.min() > 0]
-    return Prepared(
-        *_addresses(cells),
-        np.array(sizes, np.int64),
-        -1.0 / (cells.temperature_celsius + ZERO_CELSIUS_KELVIN),
-        1.0 / (3600.0 * cells.capacity_ampere_hour),
-        work_room(cells, network),
-    )
+    per_cell = [np.empty((len(kept), cells)) for _ in range(3)]
+    celsius = np.broadcast_to(state.temperature_celsius, (len(kept), cells))
+    extremes = np.empty((samples if keep.extremes else 0, 8))
+    return PackRun(*per_cell, celsius, np.empty(samples), np.empty(samples), kept, extremes)
 
 
-def _room(rows, cells, keep):
-    kept = len(range(0, rows, keep.every)) if keep.every else 0
-    per_cell = [np.empty((kept, cells)) for _ in range(3)]
-    extremes = np.empty((rows if keep.extremes else 0, 8))
-    return Steps(*per_cell, np.empty(rows), np.empty(rows), extremes)
+def joined(runs, keep=None):
+    """One run of all samples of several; of its cells what is to be kept (Keep), or all."""
+    run = PackRun(*(np.concatenate(column) for column in zip(*runs, strict=True)))
+    every = 1 if keep is None else keep.every
+    row = np.arange(0, len(run.voltage_volt), every) if every else np.empty(0, int)
+    return PackRun(*(column[row] for column in run[:4]), *run[4:6], row, run.extremes)
 
 
-def _step_by_step(cells, network, state, load, *, hold, sensed, keep, tolerance_volt):
+def _step_by_step(plant, state, load, keep, run):
     """The kernel's result in numpy."""
-    found = _room(len(load.second), network.cells, keep)
-    for k, (second, mode, value) in enumerate(zip(*load, strict=True)):
+    network, hold = plant.network, plant.hold
+    at_rest, tolerance = np.zeros(network.cells), {"tolerance_volt": plant.tolerance_volt}
+    for k, (second, mode, value) in enumerate(load.T):
         left = second
         if hold == "zero_order" and left > 0:
-            held, total = Step(left, np.zeros(network.cells), hold), state.total_ampere
-            _, state = advance(
-                cells, network, state, held, CURRENT, total, tolerance_volt=tolerance_volt
-            )
+            # The current of before flows until the step's end, and jumps there.
+            kept_on = Step(left, at_rest, hold), CURRENT, state.total_ampere
+            _, state = advance(plant.cells, network, state, *kept_on, **tolerance)
             left = 0.0
         ramps = hold == "first_order" and mode == CURRENT
-        rise = (value - state.total_ampere) * network.share if ramps else np.zeros(network.cells)
+        rise = (value - state.total_ampere) * network.share if ramps else at_rest
         step = Step(left, rise, hold)
-        solved, state = advance(
-            cells, network, state, step, mode, value, tolerance_volt=tolerance_volt
-        )
-        _put(found, k, keep, solved, state, sensed)
-    return found, state
+        solved, state = advance(plant.cells, network, state, step, mode, value, **tolerance)
+        _put(run, k, keep, solved, state, plant.sensed)
+    return state
 
 
-def _put(found, k, keep, solved, state, sensed):
+def _put(run, k, keep, solved, state, sensed):
     lines, current, volt = solved.network, state.current_ampere, solved.voltage_volt
     across = lines.resistance_ohm[sensed] * solved.current_ampere[sensed]
-    found.sensed_volt[k] = lines.source_volt[sensed] + across
-    found.total_ampere[k] = state.total_ampere
+    run.voltage_volt[k] = lines.source_volt[sensed] + across
+    run.current_ampere[k] = state.total_ampere
     if keep.extremes:
         low, high = np.argmin(volt), np.argmax(volt)
         ends = [state.soc.min(), state.soc.max(), current.min(), current.max()]
-        found.extremes[k] = [volt[low], low, volt[high], high, *ends]
+        run.extremes[k] = [volt[low], low, volt[high], high, *ends]
     if keep.every and k % keep.every == 0:
-        row = k // keep.every
-        for column, values in zip(found[:3], (current, volt, state.soc), strict=True):
-            column[row] = values
+        for column, values in zip(run[:3], (current, volt, state.soc), strict=True):
+            column[k // keep.every] = values
 
 
-def _compiled(kernel, ready, cells, network, state, load, *, hold, sensed, keep, tolerance_volt):
+def _compiled(kernel, plant, state, load, keep, run):
+    """The state at the end; fills in the run."""
+    cells, network = plant.cells, plant.network
     measured = cells.temperature_celsius
     celsius = np.minimum(np.maximum(state.temperature_celsius, measured[0]), measured[-1])
     begin, current = _packed(state), state.current_ampere.copy()
-    work = np.zeros(ready.room)
-    work[: len(begin)] = begin
-    found, fault = _room(len(load.second), network.cells, keep), np.zeros(3)
+    # All sizes but what is kept are the plant's.
+    work, sizes, fault = np.zeros(work_room(cells, network)), plant.sizes.copy(), np.zeros(3)
+    work[: len(begin)], sizes[-3:-1] = begin, keep
     stopped = kernel(
-        len(load.second),
-        *(np.ascontiguousarray(column, float) for column in load),
+        load.shape[1],
+        *map(np.ascontiguousarray, load),
         state.total_ampere,
-        _all_sizes(ready, network, hold, sensed, keep),
-        *(ready.address, ready.stride, ready.straight, ready.inverse),
+        *(sizes, *plant.tables),
+        -1.0 / (measured + ZERO_CELSIUS_KELVIN),
         -1.0 / (celsius + ZERO_CELSIUS_KELVIN),
-        *(ready.per_second, network.share, network.connection, network.first, network.member),
-        *(network.contact_ohm, network.link_ohm, tolerance_volt, SAME_SOC, work, current),
-        *(found.current_ampere, found.voltage_volt, found.soc, found.sensed_volt),
-        *(found.extremes, found.total_ampere, fault),
+        1.0 / (3600.0 * cells.capacity_ampere_hour),
+        *(network.share, network.connection, network.first, network.member),
+        *(network.contact_ohm, network.link_ohm, plant.tolerance_volt, SAME_SOC, work, current),
+        *(run.cell_current_ampere, run.cell_voltage_volt, run.soc, run.voltage_volt),
+        *(run.extremes, run.current_ampere, fault),
     )
     if stopped >= 0:
-        raise _refusal(cells, network, load, stopped, fault)
-    return found, _unpacked(work, current, state, found)
+        raise _refusal(plant, load[:, stopped], fault)
+    return _unpacked(work, state)._replace(
+        current_ampere=current, total_ampere=float(run.current_ampere[-1])
+    )
 
 
-def _refusal(cells, network, load, stopped, fault):
+def _refusal(plant, step, fault):
     outcome, first, second = fault
     if outcome == NO_RESISTANCE:
-        return no_resistance(network, int(first), int(second))
+        return no_resistance(plant.network, int(first), int(second))
     if outcome == NOT_SOLVED:
-        return not_solved(cells, int(first), second, load.second[stopped])
-    return no_power(load.value[stopped])
+        return not_solved(plant.cells, int(first), second, step[0])
+    return no_power(step[2])
 
 
-def _addresses(cells):
-    """Of each quantity: where its table begins, doubles from cell to cell, whether in 1/T."""
+def table_places(cells):
+    """Of each quantity: where its table begins, doubles from cell to cell, whether in 1/T.
+
+    The addresses are those of the tables of these very cells, which have to live as long.
+    """
     rows = []
     for name in ORDER:
         table = getattr(cells, name)
         entries, points = table.shape[2:]
-        first = table.ctypes.data
-        step = 8 * points
-        rows += [(first + e * step, entries * points, name in STRAIGHT) for e in range(entries)]
-    return (np.array(column, np.int64) for column in zip(*rows, strict=True))
+        first, stride = table.ctypes.data, entries * points
+        rows += [(first + 8 * points * e, stride, name in STRAIGHT) for e in range(entries)]
+    return tuple(np.array(column, np.int64) for column in zip(*rows, strict=True))
 
 
 def kernel_sizes(cells, network, hold, sensed, keep):
@@ -224,24 +194,23 @@ def kernel_sizes(cells, network, hold, sensed, keep):
 
     Parameters
     ----------
-    cells : PackCells. network : Network. hold, sensed, keep : as of `run_steps`.
+    cells : PackCells. network : Network. hold, sensed : as of `simulate.Plant`. keep : Keep.
     """
-    return _all_sizes(prepare(cells, network), network, hold, sensed, keep)
-
-
-def _all_sizes(ready, network, hold, sensed, keep):
+    entries = {name: getattr(cells, name).shape[2] for name in TABLES}
     elements = network.cells + len(network.connection)
-    asked_for = [hold == "first_order", keep.every, keep.extremes, sensed % elements]
-    return np.concatenate([ready.sizes, np.array(asked_for, np.int64)])
+    # Time constants that stay the same let the kernel reuse the weights of a step.
+    moving = len(cells.temperature_celsius) > 1 or any(
+        np.any(getattr(cells, name) != getattr(cells, name)[..., :1]) for name in TIMES
+    )
+    sizes = [network.cells, len(network.connection), cells.ocv_volt.shape[-1]]
+    sizes += [len(cells.temperature_celsius), entries["r_ohm"], entries["kinetic_r_ohm"]]
+    sizes += [entries["hysteresis_volt"], entries["soc_per_ampere"], entries["two_way_ohm"] // 2]
+    sizes += [is_linear(cells), moving, not cells.r0_ohm.min() > 0]
+    return np.array([*sizes, hold == "first_order", *keep, sensed % elements], np.int64)
 
 
 def work_room(cells, network):
-    """How many numbers native/pack.c needs to work with.
-
-    Parameters
-    ----------
-    cells : PackCells. network : Network.
-    """
+    """How many numbers native/pack.c needs to work with, for PackCells in a Network."""
     quantities = sum(getattr(cells, name).shape[2] for name in ORDER)
     lags = sum(getattr(cells, name).shape[2] for name in TIMES)
     memory = lags + cells.hysteresis_volt.shape[2]
@@ -257,19 +226,15 @@ def _packed(state):
     return np.concatenate([state.soc, *(part.ravel() for part in parts)])
 
 
-def _unpacked(work, current, state, found):
-    at, cells = 0, len(state.soc)
+def _unpacked(work, state):
+    """The state whose rows `_packed` lays out, as the kernel has left them."""
+    at, cells = len(state.soc), len(state.soc)
 
-    def taken(shape):
+    def taken(like):
         nonlocal at
-        at += shape[0] * shape[1]
-        return work[at - shape[0] * shape[1] : at].reshape(shape[::-1]).T.copy()
+        at += like.size
+        return work[at - like.size : at].reshape(like.shape[1], cells).T.copy()
 
-    soc = taken((cells, 1))[:, 0]
-    memory = {name: taken(getattr(state, name).shape) for name in MEMORY}
-    parameters = {name: taken(state.parameters[name].shape) for name in ORDER}
-    total = float(found.total_ampere[-1])
-    held = {"soc": soc, "current_ampere": current, "total_ampere": total}
-    return PackState(
-        **held, **memory, temperature_celsius=state.temperature_celsius, parameters=parameters
-    )
+    memory = {name: taken(getattr(state, name)) for name in MEMORY}
+    parameters = {name: taken(state.parameters[name]) for name in ORDER}
+    return state._replace(soc=work[:cells].copy(), parameters=parameters, **memory)

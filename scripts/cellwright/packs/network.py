@@ -56,10 +56,6 @@ def network_of(wiring, capacity_ampere_hour):
     ----------
     wiring : Wiring. capacity_ampere_hour : (cells,) in the order of the leaves [Ah].
 
-    Returns
-    -------
-    network : Network.
-
     Raises
     ------
     Refusal : another number of capacities than of cells, a cell twice, a resistance below zero, or
@@ -100,7 +96,10 @@ def _walk(wiring, cells, parts):
         else:
             members.append(_walk(inner, cells, parts))
     _check(wiring)
-    parts["connection"].append(_code(wiring))
+    code = SERIES if wiring.connection == "series" else STAR
+    if code == STAR and any(wiring.link_ohm):
+        code = OPPOSITE if wiring.terminals == "opposite_ends" else LADDER
+    parts["connection"].append(code)
     parts["group"].append(wiring.name)
     parts["member"] += members
     parts["first"].append(len(parts["member"]))
@@ -122,23 +121,17 @@ def _check(wiring):
         raise Refusal(f"{wiring.name} has a contact or link of {least} ohm; it must not be below 0")
 
 
-def _code(wiring):
-    if wiring.connection == "series":
-        return SERIES
-    if not any(wiring.link_ohm):
-        return STAR
-    return OPPOSITE if wiring.terminals == "opposite_ends" else LADDER
-
-
 def _shares(cells, connection, first, member, capacity):
     """Share of each cell in the total current, by capacity at every division (cells,)."""
     elements = np.concatenate([np.asarray(capacity, float), np.zeros(len(connection))])
     for node, code in enumerate(connection):
+        # What a group takes until its first member is full.
         inner = elements[member[first[node] : first[node + 1]]]
         elements[cells + node] = inner.min() if code == SERIES else inner.sum()
     share = np.ones(len(elements))
     for node in reversed(range(len(connection))):
         ids = member[first[node] : first[node + 1]]
+        # Members in series all carry the whole current.
         whole = 1.0 if connection[node] == SERIES else elements[ids] / elements[ids].sum()
         share[ids] = share[cells + node] * whole
     return share[:cells]
@@ -150,10 +143,6 @@ def reduced(network, source_volt, resistance_ohm):
     Parameters
     ----------
     network : Network. source_volt, resistance_ohm : (cells,) E and Z of each cell [V], [ohm].
-
-    Returns
-    -------
-    reduced : Reduced.
 
     Raises
     ------
@@ -171,15 +160,19 @@ def reduced(network, source_volt, resistance_ohm):
         e, z = source[ids], resistance[ids] + network.contact_ohm[rows]
         at = network.cells + node
         if code == SERIES or len(ids) == 1:
+            # Of a single member its current is all there is, also where it has no resistance.
             source[at], resistance[at] = e.sum(), z.sum()
             continue
         if not z.min() > 0:
             raise no_resistance(network, node, int(np.argmin(z)))
         if code == STAR:
+            # By differences to the first member: the millivolts that divide currents stay exact.
             conductance = 1.0 / z
             resistance[at] = 1.0 / conductance.sum()
             source[at] = e[0] + conductance @ (e - e[0]) * resistance[at]
         else:
+            # With leads at opposite ends current flows on one bar towards a lead, on the other
+            # away from it; with both at one end the two bars act as one resistance.
             half = 0.5 * network.link_ohm[rows] if code == OPPOSITE else np.zeros(len(ids))
             found = _ladder(e, z, network.link_ohm[rows], half)
             source[at], resistance[at], onward[rows] = found
@@ -187,12 +180,7 @@ def reduced(network, source_volt, resistance_ohm):
 
 
 def no_resistance(network, group, member):
-    """What to raise where a member on a busbar has no resistance: its current is any.
-
-    Parameters
-    ----------
-    network : Network. group, member : indices, of the group and of the member within it.
-    """
+    """What to raise where a member of a group (indices) has no resistance: its current is any."""
     return Refusal(
         f"member {member + 1} of {network.names[group]} has no resistance at this moment; its cell "
         "or its contact needs one that acts at once"
@@ -205,6 +193,7 @@ def _ladder(e, z, link, half):
     The part from a member on has v = a + b·J + d·T, with J what flows into that part and T what
     flows through the whole ladder, and lies s0 + s1·J + s2·T below the other lead's end.
     """
+    # From the far end to the leads: there, J is the last member's own current.
     a, b, d, s0, s1, s2 = e[-1], z[-1], 0.0, 0.0, 0.0, 0.0
     onward = np.zeros((len(e), 3))
     for k in range(len(e) - 1, 0, -1):
@@ -237,6 +226,7 @@ def currents(network, reduced, total_ampere):
         elif network.connection[node] == STAR:
             e, z = reduced.source_volt[ids], reduced.resistance_ohm[ids] + network.contact_ohm[rows]
             at = network.cells + node
+            # The bar's voltage over the first member's source, then each current by Ohm's law.
             rise = reduced.source_volt[at] - e[0] + reduced.resistance_ohm[at] * through
             current[ids] = (rise - (e - e[0])) / z
         else:
@@ -254,12 +244,7 @@ def _along(onward, through):
 
 
 def sensed_element(wiring, network):
-    """Element of the network at whose terminals the pack's voltage is measured.
-
-    Parameters
-    ----------
-    wiring : Wiring. network : Network of it.
-    """
+    """Element of a Wiring's Network at whose terminals the pack's voltage is measured."""
     if wiring.sense is None:
         return network.cells + len(network.connection) - 1
     return int(network.member[network.first[-2] + wiring.sense])

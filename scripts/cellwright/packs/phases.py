@@ -1,27 +1,20 @@
 """A pack through phases as a cycler runs them, ended or limited by the first cell at its limit."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.numerics.clock import refuse_backward
-from cellwright.packs.kernel import Keep, Load, Steps
-from cellwright.packs.simulate import (
-    TOLERANCE_VOLT,
-    Plant,
-    ambient_of,
-    many_steps,
-    plant_of,
-    stepped,
-)
+from cellwright.packs.kernel import joined
+from cellwright.packs.simulate import TOLERANCE_VOLT, ambient_of, plant_of, stepped
 from cellwright.packs.steps import CURRENT, POWER, VOLTAGE, NoPower, start
 from cellwright.refusal import Refusal
 
 MODES = {"rest": CURRENT, "current": CURRENT, "drive": CURRENT, "power": POWER, "voltage": VOLTAGE}
-AT_LIMIT = 1e-6  # [V], [A], [1]: nearer to its end than this, a phase has reached it
-SAME_SECOND = 1e-6
-AT_ONCE = 256  # steps that are tried at once
-NOT_HELD = -2
+AT_LIMIT = 1e-6  # [V], [A], [1], [s]: nearer to its end than this, a phase has reached it
+AT_ONCE = 256  # steps that are tried before their limits are looked at
+NOT_HELD = -2  # no limit is held
 
 
 class Phase(NamedTuple):
@@ -91,37 +84,13 @@ class PhasesRun(NamedTuple):
     ends: tuple
 
 
-class Moment(NamedTuple):
-    """The pack at one moment: its state, and the heat of its cells (cells,) [W]."""
-
-    state: object
-    heat_watt: np.ndarray
-
-
 class Part(NamedTuple):
-    """Samples of a phase: seconds since its begin (m,), Steps of m, temperatures (m, cells), and
-    the cell whose limit was held (m,): -1 the pack's, -2 none."""
+    """Samples of a phase: seconds since its begin (m,), PackRun, and the cell whose limit was held
+    (m,): -1 the pack's, -2 none."""
 
     second: np.ndarray
-    steps: object
-    celsius: np.ndarray
+    run: object
     held: np.ndarray
-
-
-class Ambient(NamedTuple):
-    """A pack and the temperature around it [degC]."""
-
-    plant: Plant
-    celsius: float
-
-
-class Margin(NamedTuple):
-    """How far a limit is at each sample (m,): reason, cell (-1: none's), distance (below zero:
-    beyond)."""
-
-    reason: str
-    cell: np.ndarray
-    distance: np.ndarray
 
 
 def run_phases(
@@ -163,16 +132,20 @@ def run_phases(
         raise Refusal("no phase is given")
     ambient = ambient_of(cells, thermal, ambient_celsius, 1)[0]
     plant = plant_of(cells, wiring, thermal, hold="first_order", tolerance_volt=tolerance_volt)
-    pack = Ambient(plant, float(ambient))
     state = start(cells, plant.network, initial_soc, ambient, thermal)
-    at, parts, ends, begin = Moment(state, np.zeros(plant.network.cells)), [], [], 0.0
+    pack = partial(stepped, plant, ambient_celsius=ambient)
+    at_once = AT_ONCE if thermal is None else 1  # each step of cells that warm has temperatures
+    wholes, ends, begin = [], [], 0.0
     for index, phase in enumerate(phases):
-        found, (reason, cell), at = _through(pack, at, phase)
-        whole = _together(found)
-        parts.append((index, begin, whole))
+        parts, (reason, cell), state = _through(pack, state, phase, at_once)
+        whole = _together(parts)
         ends.append(_end(cells.names, index, begin, whole, reason, cell))
+        wholes.append(whole._replace(second=begin + whole.second))
         begin += whole.second[-1]
-    return _joined(parts, tuple(ends))
+    whole = _together(wholes)
+    counts = [len(part.second) for part in wholes]
+    about = (whole.run.current_ampere, whole.run.voltage_volt, *whole.run[:4], tuple(ends))
+    return PhasesRun(whole.second, np.repeat(np.arange(len(wholes)), counts), *about)
 
 
 def _check(index, phase):
@@ -187,85 +160,88 @@ def _check(index, phase):
         if not np.isfinite([time, current]).all():
             raise Refusal(f"the drive of phase {number} is not finite")
         return
-    if not any(np.isfinite(end).any() for end in _ends(phase)):
+    falls = phase.least_ampere > 0 and (phase.held or phase.kind == "voltage")
+    ends = [phase.second, phase.lowest_soc, phase.highest_soc, 0.0 if falls else np.inf]
+    if not phase.held:  # else the voltage limits do not end it
+        ends += [phase.lowest_volt, phase.highest_volt]
+        ends += [phase.lowest_cell_volt, phase.highest_cell_volt]
+    if not any(np.isfinite(end).any() for end in ends):
         raise Refusal(f"phase {number} of kind {phase.kind} has no end")
     if not phase.step_second > 0:
         raise Refusal(f"phase {number} has steps of {phase.step_second} s")
 
 
-def _ends(phase):
-    """All that may end a phase; infinite where it does not."""
-    falls = phase.least_ampere > 0 and (phase.held or phase.kind == "voltage")
-    ends = [phase.second, phase.lowest_soc, phase.highest_soc, 0.0 if falls else np.inf]
-    if phase.held:
-        return ends
-    of_cells = (phase.lowest_cell_volt, phase.highest_cell_volt)
-    return [*ends, phase.lowest_volt, phase.highest_volt, *of_cells]
+def _through(pack, state, phase, at_once):
+    """One phase: its Parts, (reason, cell) of its end, and the PackState then.
 
-
-def _through(pack, at, phase):
-    """One phase: its Parts, (reason, cell) of its end, and the Moment then."""
+    `pack` is `simulate.stepped` of the pack in its ambient: (state, load) to (PackRun, state).
+    """
     parts, elapsed = [], 0.0
     try:
-        at, part = _step(pack, at, phase, 0.0, 0.0)
+        # A step of no length: the current jumps before time passes, and a limit may be met at once.
+        state, part = _step(pack, state, phase, 0.0, 0.0)
         parts.append(part)
         while (end := _reached(phase, part)) is None:
             free = part.held[-1] == NOT_HELD
-            leapt = _leap(pack, at, phase, elapsed) if free else None
-            at, part = _to_the_limit(pack, at, phase, elapsed) if leapt is None else leapt
+            leapt = _leap(pack, state, phase, elapsed, at_once) if free else None
+            state, part = leapt or _to_the_limit(pack, state, phase, elapsed)
             elapsed = part.second[-1]
             parts.append(part)
     except NoPower:
-        at, part = _moved(pack, at, np.array([elapsed]), 0.0, CURRENT, 0.0)
-        return [*parts, part], ("power", -1), at
-    return parts, end, at
+        # A pack that cannot give the power is left at rest.
+        state, part = _moved(pack, state, elapsed, 0.0, CURRENT, 0.0)
+        return [*parts, part], ("power", -1), state
+    return parts, end, state
 
 
-def _leap(pack, at, phase, elapsed):
-    """Many steps at once, all before the first limit; None where the next one leads there.
-
-    Only where temperatures do not change in between.
-    """
-    if pack.plant.modes is not None:
-        return None
-    seconds = _next_seconds(phase, elapsed)
-    load = Load(
-        np.diff(seconds, prepend=elapsed),
-        np.full(len(seconds), MODES[phase.kind]),
-        _asked(phase, seconds),
-    )
+def _leap(pack, state, phase, elapsed, at_once):
+    """Many steps at once, all before the first limit; None where the next one leads there."""
+    seconds = _next_seconds(phase, elapsed, at_once)
+    modes = np.full(len(seconds), MODES[phase.kind])
+    load = np.array([np.diff(seconds, prepend=elapsed), modes, _asked(phase, seconds)])
     try:
-        steps, state = many_steps(pack.plant, at.state, load, Keep())
+        run, after = pack(state, load)
     except NoPower:
         return None
-    found = _part(pack, seconds, steps)
-    limits = _margins(phase, found) + (_voltage_margins(phase, steps) if phase.held else [])
-    ahead = np.array([margin.distance for margin in limits]).min(axis=0) > AT_LIMIT
+    part = _part(seconds, run)
+    limits = _limits(phase, part) | (_volt_limits(phase, run) if phase.held else {})
+    ahead = np.min([distance for _, distance in limits.values()], axis=0) > AT_LIMIT
+    # Samples up to the first that is near a limit are kept; from there it goes step by step.
     free = len(ahead) if ahead.all() else int(np.argmin(ahead))
     if free == 0:
         return None
     if free < len(ahead):
-        steps, state = many_steps(pack.plant, at.state, Load(*(c[:free] for c in load)), Keep())
-    return at._replace(state=state), _part(pack, seconds[:free], steps)
+        run, after = pack(state, load[:, :free])
+    return after, _part(seconds[:free], run)
 
 
-def _to_the_limit(pack, at, phase, elapsed):
+def _to_the_limit(pack, state, phase, elapsed):
     """The next step, shortened where it leads beyond an end."""
-    second = _next_seconds(phase, elapsed)[0] - elapsed
-    after, part = _step(pack, at, phase, elapsed, second)
-    if _least(_margins(phase, part)).distance[-1] >= -AT_LIMIT:
+    from scipy.optimize import brentq
+
+    second = _next_seconds(phase, elapsed, 1)[0] - elapsed
+
+    def distance(left):
+        return _nearest(_limits(phase, _step(pack, state, phase, elapsed, left)[1]))[2]
+
+    after, part = _step(pack, state, phase, elapsed, second)
+    if _nearest(_limits(phase, part))[2] >= -AT_LIMIT:
         return after, part
-    return _step(pack, at, phase, elapsed, _until(pack, at, phase, elapsed, second))
+    passed = distance(0.0) <= 0
+    left = 0.0 if passed else brentq(distance, 0.0, second, xtol=1e-7, rtol=1e-12)
+    return _step(pack, state, phase, elapsed, left)
 
 
-def _next_seconds(phase, elapsed):
+def _next_seconds(phase, elapsed, at_once):
     """Ends of the next steps, since the phase's begin (m,) [s]."""
     if phase.kind == "drive":
         time = np.asarray(phase.value[0], float)
-        ahead = time[time > elapsed + SAME_SECOND][:AT_ONCE]
+        ahead = time[time > elapsed + AT_LIMIT][:at_once]
     else:
-        ahead = elapsed + phase.step_second * np.arange(1, AT_ONCE + 1)
-    within = ahead[ahead < phase.second - SAME_SECOND]
+        ahead = elapsed + phase.step_second * np.arange(1, at_once + 1)
+    # A sample next to the phase's end would only be a step of rounding.
+    within = ahead[ahead < phase.second - AT_LIMIT]
+    # The phase's end is a sample of its own.
     return within if len(within) == len(ahead) else np.append(within, phase.second)
 
 
@@ -276,30 +252,28 @@ def _asked(phase, second):
     return np.full(len(second), 0.0 if phase.kind == "rest" else float(phase.value))
 
 
-def _step(pack, at, phase, elapsed, second):
+def _step(pack, state, phase, elapsed, second):
     """The pack a step later, at what the phase asks for or at the limit that it holds."""
-    end = np.array([elapsed + second])
-    after, part = _moved(pack, at, end, second, MODES[phase.kind], _asked(phase, end)[0])
+    end = elapsed + second
+    asked = float(_asked(phase, np.array([end]))[0])
+    after, part = _moved(pack, state, end, second, MODES[phase.kind], asked)
     if not phase.held or phase.kind == "voltage":
         return after, part
-    if _least(_voltage_margins(phase, part.steps)).distance[0] >= 0:
+    if _nearest(_volt_limits(phase, part.run))[2] >= 0:
         return after, part
-    return _at_the_limit(pack, at, phase, end, second, part.steps.total_ampere[0])
+    return _at_the_limit(pack, state, phase, end, second, part.run.current_ampere[0])
 
 
-def _moved(pack, at, end, second, mode, value):
-    load = Load(*(np.array([float(number)]) for number in (second, mode, value)))
-    state, heat, steps = stepped(pack.plant, at.state, at.heat_watt, load, pack.celsius)
-    return Moment(state, heat), _part(pack, end, steps, state.temperature_celsius)
+def _moved(pack, state, end, second, mode, value):
+    run, after = pack(state, np.array([[second], [mode], [value]], float))
+    return after, _part(np.array([end]), run)
 
 
-def _part(pack, second, steps, celsius=None):
-    around = np.full(pack.plant.network.cells, pack.celsius) if celsius is None else celsius
-    shape = (len(second), len(around))
-    return Part(second, steps, np.broadcast_to(around, shape), np.full(len(second), NOT_HELD))
+def _part(second, run):
+    return Part(second, run, np.full(len(second), NOT_HELD))
 
 
-def _at_the_limit(pack, at, phase, end, second, beyond_ampere):
+def _at_the_limit(pack, state, phase, end, second, beyond_ampere):
     """The step with the largest current at which no voltage limit is passed.
 
     The distance to the nearest limit falls with the current, as every cell's voltage rises with it.
@@ -307,100 +281,65 @@ def _at_the_limit(pack, at, phase, end, second, beyond_ampere):
     from scipy.optimize import brentq
 
     def tried(total):
-        return _moved(pack, at, end, second, CURRENT, total)
+        return _moved(pack, state, end, second, CURRENT, total)
 
     def distance(total):
-        return _least(_voltage_margins(phase, tried(total)[1].steps)).distance[0]
+        return _nearest(_volt_limits(phase, tried(total)[1].run))[2]
 
+    # A cell beyond its limit even at rest gets no current: nothing lower is asked for.
     rest = distance(0.0) <= 0.0
     total = 0.0 if rest else brentq(distance, 0.0, beyond_ampere, xtol=1e-9, rtol=1e-12)
     after, part = tried(total)
-    nearest = _least(_voltage_margins(phase, part.steps))
-    return after, part._replace(held=nearest.cell)
+    return after, part._replace(held=np.array([_nearest(_volt_limits(phase, part.run))[1]]))
 
 
-def _voltage_margins(phase, steps):
-    """Distances of the pack's and the cells' voltages to their limits."""
-    volt, pack = steps.voltage_volt, steps.sensed_volt
-    none = np.full(len(pack), -1)
-    low, high = volt - phase.lowest_cell_volt, phase.highest_cell_volt - volt
-    return [
-        Margin("pack voltage", none, pack - phase.lowest_volt),
-        Margin("pack voltage", none, phase.highest_volt - pack),
-        Margin("cell voltage", low.argmin(axis=1), low.min(axis=1)),
-        Margin("cell voltage", high.argmin(axis=1), high.min(axis=1)),
-    ]
+def _within(values, lowest, highest):
+    """Which of the values (m, cells) is nearest to its limits, and how far within them (m,)."""
+    distance = np.minimum(values - lowest, highest - values)
+    return distance.argmin(axis=1), distance.min(axis=1)
 
 
-def _margins(phase, part):
-    """Distances to all that ends a phase."""
-    soc, total = part.steps.soc, np.abs(part.steps.total_ampere)
-    none, last = np.full(len(total), -1), _last_second(phase)
-    low, high = soc - phase.lowest_soc, phase.highest_soc - soc
-    margins = [
-        Margin("soc", low.argmin(axis=1), low.min(axis=1)),
-        Margin("soc", high.argmin(axis=1), high.min(axis=1)),
-        Margin("time", none, last - part.second),
-    ]
+def _volt_limits(phase, run):
+    """Limits of voltages, by reason: whose it is (m,), -1 the pack's, and how far it is (m,)."""
+    pack = run.voltage_volt[:, None]
+    _, distance = _within(pack, phase.lowest_volt, phase.highest_volt)
+    of_cells = _within(run.cell_voltage_volt, phase.lowest_cell_volt, phase.highest_cell_volt)
+    return {"pack voltage": (np.full(len(pack), -1), distance), "cell voltage": of_cells}
+
+
+def _limits(phase, part):
+    """All that ends a phase, as `_volt_limits`; a distance below zero is beyond it."""
+    total = np.abs(part.run.current_ampere)
+    none = np.full(len(total), -1)
+    last = min(phase.second, phase.value[0][-1]) if phase.kind == "drive" else phase.second
+    limits = {"soc": _within(part.run.soc, phase.lowest_soc, phase.highest_soc)}
+    limits["time"] = none, last - part.second
     if phase.least_ampere > 0:
         falls = (phase.kind == "voltage") | (part.held != NOT_HELD)
-        margins.append(Margin("current", none, np.where(falls, total - phase.least_ampere, np.inf)))
-    return margins + ([] if phase.held else _voltage_margins(phase, part.steps))
+        limits["current"] = none, np.where(falls, total - phase.least_ampere, np.inf)
+    return limits | ({} if phase.held else _volt_limits(phase, part.run))
 
 
-def _last_second(phase):
-    return min(phase.second, phase.value[0][-1]) if phase.kind == "drive" else phase.second
-
-
-def _least(margins):
-    """The margin that is the smallest at the last sample."""
-    return min(margins, key=lambda margin: margin.distance[-1])
+def _nearest(limits):
+    """Reason, cell and distance of the limit that is nearest at the last sample."""
+    reason = min(limits, key=lambda name: limits[name][1][-1])
+    cell, distance = limits[reason]
+    return reason, int(cell[-1]), float(distance[-1])
 
 
 def _reached(phase, part):
     """(reason, cell) of the end that a phase has reached, or None."""
-    least = _least(_margins(phase, part))
-    return (least.reason, int(least.cell[-1])) if least.distance[-1] <= AT_LIMIT else None
-
-
-def _until(pack, at, phase, elapsed, second):
-    """The length of the step that ends where the first limit is met [s]."""
-    from scipy.optimize import brentq
-
-    def distance(left):
-        part = _step(pack, at, phase, elapsed, left)[1]
-        return _least(_margins(phase, part)).distance[-1]
-
-    return brentq(distance, 0.0, second, xtol=1e-7, rtol=1e-12) if distance(0.0) > 0 else 0.0
+    reason, cell, distance = _nearest(_limits(phase, part))
+    return (reason, cell) if distance <= AT_LIMIT else None
 
 
 def _together(parts):
-    second, steps, celsius, held = zip(*parts, strict=True)
-    joined = Steps(*(np.concatenate(column) for column in zip(*steps, strict=True)))
-    columns = (np.concatenate(column) for column in (celsius, held))
-    return Part(np.concatenate(second), joined, *columns)
+    second, runs, held = zip(*parts, strict=True)
+    return Part(np.concatenate(second), joined(runs), np.concatenate(held))
 
 
 def _end(names, index, begin, whole, reason, cell):
     rows = np.flatnonzero(whole.held != NOT_HELD)
     since, by = (begin + whole.second[rows[0]], whole.held[rows[0]]) if len(rows) else (np.nan, -1)
-    return PhaseEnd(
-        index,
-        float(begin + whole.second[-1]),
-        reason,
-        names[cell] if cell >= 0 else None,
-        float(since),
-        names[by] if by >= 0 else None,
-    )
-
-
-def _joined(parts, ends):
-    whole = _together([part for _, _, part in parts])
-    return PhasesRun(
-        np.concatenate([begin + part.second for _, begin, part in parts]),
-        np.concatenate([np.full(len(part.second), index) for index, _, part in parts]),
-        *(whole.steps.total_ampere, whole.steps.sensed_volt),
-        *whole.steps[:3],
-        whole.celsius,
-        ends,
-    )
+    stopped, holding = (names[k] if k >= 0 else None for k in (cell, by))
+    return PhaseEnd(index, float(begin + whole.second[-1]), reason, stopped, float(since), holding)

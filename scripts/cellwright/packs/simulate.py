@@ -6,7 +6,8 @@ import numpy as np
 
 from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.lags import HOLDS
-from cellwright.packs.kernel import Keep, Load, Steps, prepare, run_steps
+from cellwright.packs.cells import TABLES
+from cellwright.packs.kernel import Keep, joined, kernel_sizes, run_steps, table_places
 from cellwright.packs.network import network_of, sensed_element
 from cellwright.packs.steps import CURRENT, start
 from cellwright.packs.thermal import heat_of, thermal_modes, warmed
@@ -17,28 +18,13 @@ FLICKER_KELVIN = 0.15  # of a thermometer that reads tenths; it moves resistance
 ALL = Keep()
 
 
-class PackRun(NamedTuple):
-    """A simulated pack; currents and voltages positive on charge.
-
-    cell_current_ampere, cell_voltage_volt, soc, temperature_celsius : (n, cells) [A], [V], [1],
-    [degC]; fewer rows where fewer were kept. voltage_volt : (n,) between the pack's leads, or at
-    the wiring's sense point [V].
-    row : samples that were kept of the cells. extremes : (n, 8) or None, lowest and highest voltage
-    of a cell and its index each, lowest and highest SoC, lowest and highest current.
-    """
-
-    cell_current_ampere: np.ndarray
-    cell_voltage_volt: np.ndarray
-    voltage_volt: np.ndarray
-    soc: np.ndarray
-    temperature_celsius: np.ndarray
-    row: np.ndarray | None = None
-    extremes: np.ndarray | None = None
-
-
 class Plant(NamedTuple):
-    """A pack ready to be stepped: PackCells, Network, ThermalModes or None, the element whose
-    voltage is measured, hold, tolerance [V], and what the kernel is told of it."""
+    """A pack ready to be stepped.
+
+    cells : PackCells. network : Network. modes : ThermalModes, None: the cells do not warm.
+    sensed : element whose voltage is measured. hold : of the total current between samples.
+    tolerance_volt : of Newton's method [V]. sizes, tables : `kernel.kernel_sizes`, `table_places`.
+    """
 
     cells: object
     network: object
@@ -46,7 +32,8 @@ class Plant(NamedTuple):
     sensed: int
     hold: str
     tolerance_volt: float
-    prepared: object
+    sizes: np.ndarray
+    tables: tuple
 
 
 def simulate_pack(
@@ -90,7 +77,7 @@ def simulate_pack(
 
     Returns
     -------
-    run : PackRun.
+    run : kernel.PackRun.
 
     Raises
     ------
@@ -101,49 +88,40 @@ def simulate_pack(
     Source: docs/packs.md; of the parallel group thesis 5.3.
     """
     time, total = _record(test_time_second, current_ampere, hold)
-    plant = plant_of(cells, wiring, thermal, hold=hold, tolerance_volt=tolerance_volt)
     ambient = ambient_of(cells, thermal, ambient_celsius, len(time))
-    first = {"first_ampere": total[0]}
-    state = start(cells, plant.network, initial_soc, ambient[0], thermal, **first)
-    load = Load(np.diff(time, prepend=time[0]), np.full(len(time), CURRENT), total)
+    plant = plant_of(cells, wiring, thermal, hold=hold, tolerance_volt=tolerance_volt)
+    state = start(cells, plant.network, initial_soc, ambient[0], thermal, first_ampere=total[0])
+    load = np.array([np.diff(time, prepend=time[0]), np.full(len(time), CURRENT), total])
     if thermal is None and np.ptp(ambient) == 0:
-        steps, _ = many_steps(plant, state, load, keep)
-        return _run(steps, np.broadcast_to(ambient[0], steps.soc.shape), keep)
+        return run_steps(plant, state, load, keep)[0]
     walked = _at_ambient if thermal is None else _with_temperatures
-    return _run(*walked(plant, state, load, ambient, keep), keep)
-
-
-def _run(steps, celsius, keep):
-    kept = np.arange(0, len(steps.sensed_volt), keep.every) if keep.every else np.empty(0, int)
-    per_cell = (steps.current_ampere, steps.voltage_volt, steps.sensed_volt, steps.soc, celsius)
-    return PackRun(*per_cell, kept, steps.extremes if keep.extremes else None)
+    return walked(plant, state, load, ambient, keep)
 
 
 def _with_temperatures(plant, state, load, ambient, keep):
-    """Steps (n, …) one by one, each at the temperatures that the one before has left."""
-    heat, parts, temperatures = np.zeros(plant.network.cells), [], []
-    for k in range(len(load.second)):
-        one = Load(*(column[k : k + 1] for column in load))
-        state, heat, part = stepped(plant, state, heat, one, ambient[k], extremes=keep.extremes)
+    """The run of steps one by one, each at the temperatures that the one before has left."""
+    parts = []
+    for k, celsius in enumerate(ambient):
+        part, state = stepped(
+            plant, state, load[:, k : k + 1], ambient_celsius=celsius, extremes=keep.extremes
+        )
         parts.append(part)
-        temperatures.append(state.temperature_celsius)
-    return _joined(parts, np.array(temperatures), keep)
+    return joined(parts, keep)
 
 
 def _at_ambient(plant, state, load, ambient, keep):
-    """Steps (n, …) of cells that are as warm as the ambient, in stretches of about one temperature.
+    """The run of cells that are as warm as the ambient, in stretches of about one temperature.
 
     Each is at its mean: the reading flickers by its last digit, and no cell follows that.
     """
     parts = []
     for rows in _stretches(ambient):
-        part = Load(*(column[rows] for column in load))
         celsius = np.full(plant.network.cells, ambient[rows].mean())
         state = state._replace(temperature_celsius=celsius)
-        steps, state = many_steps(plant, state, part, Keep(1, keep.extremes))
-        parts.append(steps)
-    celsius = np.broadcast_to(ambient[:, None], (len(ambient), plant.network.cells))
-    return _joined(parts, celsius, keep)
+        part, state = run_steps(plant, state, load[:, rows], Keep(1, keep.extremes))
+        shape = part.soc.shape
+        parts.append(part._replace(temperature_celsius=np.broadcast_to(ambient[rows, None], shape)))
+    return joined(parts, keep)
 
 
 def _stretches(celsius):
@@ -157,71 +135,44 @@ def _stretches(celsius):
     yield slice(first, len(celsius))
 
 
-def _joined(parts, celsius, keep):
-    """Steps of all parts together and temperatures (n, cells), of the cells those that are kept."""
-    joined = Steps(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-    rows = slice(0, len(joined.sensed_volt) if keep.every else 0, keep.every or 1)
-    return joined._replace(
-        current_ampere=joined.current_ampere[rows],
-        voltage_volt=joined.voltage_volt[rows],
-        soc=joined.soc[rows],
-    ), celsius[rows]
-
-
 def plant_of(cells, wiring, thermal, *, hold, tolerance_volt):
-    """A pack ready to be stepped.
-
-    Parameters
-    ----------
-    cells, wiring, thermal, hold, tolerance_volt : as in `simulate_pack`.
-
-    Returns
-    -------
-    plant : Plant.
-    """
+    """A pack ready to be stepped: Plant, of arguments as of `simulate_pack`."""
+    # The kernel walks through the tables in memory, and numpy lays a choice of cells out otherwise.
+    tables = {name: np.ascontiguousarray(getattr(cells, name), float) for name in TABLES}
+    cells = cells._replace(**tables)
     network = network_of(wiring, cells.capacity_ampere_hour)
     modes = None if thermal is None else thermal_modes(thermal, network.cells)
-    sensed, ready = sensed_element(wiring, network), prepare(cells, network)
-    return Plant(cells, network, modes, sensed, hold, tolerance_volt, ready)
+    sensed = sensed_element(wiring, network)
+    # Looked up once: callers may take a million single steps.
+    sizes = kernel_sizes(cells, network, hold, sensed, ALL)
+    return Plant(cells, network, modes, sensed, hold, tolerance_volt, sizes, table_places(cells))
 
 
-def many_steps(plant, state, load, keep):
-    """A pack through many steps at temperatures that do not change: Steps, PackState.
-
-    Parameters
-    ----------
-    plant : Plant. state : PackState. load : Load. keep : Keep.
-    """
-    how = {"hold": plant.hold, "sensed": plant.sensed, "tolerance_volt": plant.tolerance_volt}
-    how |= {"keep": keep, "prepared": plant.prepared}
-    return run_steps(plant.cells, plant.network, state, load, **how)
-
-
-def stepped(plant, state, heat_watt, load, ambient_celsius, *, extremes=False):
-    """A pack one step later, with the temperatures that its heat leads to.
+def stepped(plant, state, load, *, ambient_celsius, extremes=False):
+    """A pack some steps later; where its cells warm one step, to what its heat leads to.
 
     Parameters
     ----------
-    plant : Plant. state : PackState. heat_watt : (cells,) before the step [W].
-    load : Load of one step. ambient_celsius : in the step [degC]. extremes : whether they are kept.
+    plant : Plant. state : PackState. load : as of `kernel.run_steps`, one step where cells warm.
+    ambient_celsius : in the step [degC]. extremes : whether they are kept.
 
     Returns
     -------
-    state : PackState. heat_watt : (cells,) at the end of the step [W]. steps : Steps of one.
+    run : kernel.PackRun. state : PackState at the end.
     """
-    steps, state = many_steps(plant, state, load, Keep(1, extremes))
-    now = heat_of(plant.cells, plant.modes, state, steps.voltage_volt[0])
-    mean = heat_watt if plant.hold == "zero_order" else 0.5 * (heat_watt + now)
-    celsius = warmed(plant.modes, state.temperature_celsius, mean, ambient_celsius, load.second[0])
-    return state._replace(temperature_celsius=celsius), now, steps
+    run, after = run_steps(plant, state, load, Keep(1, extremes))
+    if plant.modes is None:
+        return run, after
+    # Between samples the heat runs as the current does: straight, or as it was at the begin.
+    heat = heat_of(plant.cells, plant.modes, after, run.cell_voltage_volt[0])
+    mean = state.heat_watt if plant.hold == "zero_order" else 0.5 * (state.heat_watt + heat)
+    celsius = warmed(plant.modes, state.temperature_celsius, mean, ambient_celsius, load[0, 0])
+    after = after._replace(temperature_celsius=celsius, heat_watt=heat)
+    return run._replace(temperature_celsius=celsius[None]), after
 
 
 def ambient_of(cells, thermal, ambient_celsius, samples):
-    """Temperature of the ambient at each sample (n,) [degC].
-
-    Parameters
-    ----------
-    cells, thermal, ambient_celsius : as in `simulate_pack`. samples : how many.
+    """Temperature of the ambient at each sample (n,) [degC], of arguments as of `simulate_pack`.
 
     Raises
     ------

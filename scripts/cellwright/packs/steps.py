@@ -15,7 +15,7 @@ from cellwright.packs.network import currents, reduced
 from cellwright.refusal import Refusal
 
 CURRENT, VOLTAGE, POWER = range(3)  # what is asked of a pack in a step
-MOST_PASSES = 60  # as in native/pack.c
+MOST_PASSES = 60  # of Newton's method, as in native/pack.c; a few are usual
 REMEMBERED = ("soc", "relaxed_volt", "kinetic_volt", "hysteresis_volt", "surface_soc", "parameters")
 LINEAR_PASSES = 4  # of resistors and RC pairs
 MOST_TURNS = 30  # passes in which cells with hysteresis go on from rest
@@ -34,7 +34,7 @@ class PackState(NamedTuple):
 
     parameters : looked up at the moment, name → (cells, e). relaxed_volt : of RC pairs.
     kinetic_volt, hysteresis_volt : [V]. surface_soc : parts of what the surface leads by [1].
-    total_ampere : through the pack [A].
+    total_ampere : through the pack [A]. heat_watt : own heat of each cell, 0 where none warms [W].
     """
 
     soc: np.ndarray
@@ -46,6 +46,7 @@ class PackState(NamedTuple):
     surface_soc: np.ndarray
     temperature_celsius: np.ndarray
     parameters: dict
+    heat_watt: np.ndarray
 
 
 class Step(NamedTuple):
@@ -83,7 +84,7 @@ class Solved(NamedTuple):
 
 
 def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_ampere=0.0):
-    """State of a pack at rest.
+    """State of a pack at rest: PackState.
 
     Parameters
     ----------
@@ -91,10 +92,6 @@ def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_a
     ambient_celsius : [degC]. thermal : Thermal or None.
     first_ampere : total current of the first sample [A], whose direction counts as the load before
         it for cells of which the model knows a history.
-
-    Returns
-    -------
-    state : PackState.
 
     Raises
     ------
@@ -110,27 +107,24 @@ def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_a
     begin = None if thermal is None else thermal.initial_celsius
     celsius = np.full(count, ambient_celsius if begin is None else begin, float)
     parameters = looked_up(cells, soc, celsius)
-    nothing = {"relaxed_volt": "r_ohm", "kinetic_volt": "kinetic_r_ohm"}
-    nothing |= {"surface_soc": "soc_per_ampere"}
-    remembered = {name: np.zeros_like(parameters[table]) for name, table in nothing.items()}
-    direction = _led_here(cells, soc, np.sign(first_ampere))
-    remembered["hysteresis_volt"] = direction[:, None] * parameters["hysteresis_volt"]
+    # The load before the first sample: that of the first one, at rest that which leads to a nearby
+    # end of the SoC; none where the model knows no history.
+    near, first = cells.near_end_soc, np.sign(first_ampere)
+    at_rest = (soc > 1.0 - near).astype(float) - (soc < near)
+    direction = np.where(near > 0, at_rest if first == 0 else first, 0.0)
     none = np.zeros(count)
     return PackState(
         soc=soc,
         current_ampere=none,
         total_ampere=0.0,
+        relaxed_volt=np.zeros_like(parameters["r_ohm"]),
+        kinetic_volt=np.zeros_like(parameters["kinetic_r_ohm"]),
+        hysteresis_volt=direction[:, None] * parameters["hysteresis_volt"],
+        surface_soc=np.zeros_like(parameters["soc_per_ampere"]),
         temperature_celsius=celsius,
         parameters=parameters,
-        **remembered,
+        heat_watt=none,
     )
-
-
-def _led_here(cells, soc, first):
-    """Direction of the load before the first sample, 0 where the model knows of none (cells,)."""
-    near = cells.near_end_soc
-    at_rest = (soc > 1.0 - near).astype(float) - (soc < near)
-    return np.where(near > 0, at_rest if first == 0 else first, 0.0)
 
 
 def looked_up(cells, soc, temperature_celsius):
@@ -148,12 +142,7 @@ def looked_up(cells, soc, temperature_celsius):
 
 
 def ocv_volt(cells, soc, temperature_celsius):
-    """Open-circuit voltage of each cell (cells,) [V].
-
-    Parameters
-    ----------
-    cells : PackCells. soc, temperature_celsius : (cells,) [1], [degC].
-    """
+    """Open-circuit voltage of each cell (cells,) [V], at SoC and temperatures (cells,)."""
     return _entries(cells, "ocv_volt", soc, temperature_celsius)[0][:, 0]
 
 
@@ -174,6 +163,7 @@ def _at_temperature(cells, values, name, celsius):
     measured = cells.temperature_celsius
     if len(measured) == 1:
         return values[:, 0]
+    # −1/T rises with T, as a search for the neighbours needs it.
     inverse = -1.0 / (measured + ZERO_CELSIUS_KELVIN)
     here = -1.0 / (np.clip(celsius, measured[0], measured[-1]) + ZERO_CELSIUS_KELVIN)
     right = np.clip(np.searchsorted(inverse, here, side="right"), 1, len(measured) - 1)
@@ -182,6 +172,7 @@ def _at_temperature(cells, values, name, celsius):
     cold, hot = values[rows, right - 1], values[rows, right]
     if name in ("ocv_volt", "ocv_shift_volt"):
         return cold + weight * (hot - cold)
+    # Resistances and time constants follow an Arrhenius law: straight in log over 1/T.
     low, high = (np.log(np.maximum(v, SMALLEST)) for v in (cold, hot))
     alike = np.abs(high - low) <= np.log(SAME_KIND)
     return np.where(alike, np.exp(low + weight * (high - low)), cold + weight * (hot - cold))
@@ -202,7 +193,7 @@ def advance(cells, network, state, step, mode, value, *, tolerance_volt):
 
     Raises
     ------
-    Refusal : as `simulate.simulate_pack`; a power that the pack cannot give.
+    Refusal : as `network.reduced` and `newton`; NoPower, a power that the pack cannot give.
     """
     rise = value - state.total_ampere if mode == CURRENT else 0.0
     guess = state.current_ampere + network.share * rise
@@ -221,10 +212,6 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
     cells, network, state, step, tolerance_volt : as in `advance`.
     guess : (cells,) currents to begin with [A]. total_of : see `asked`.
 
-    Returns
-    -------
-    solved : Solved.
-
     Raises
     ------
     Refusal : not solved after 60 passes.
@@ -241,6 +228,7 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
         through = current[: network.cells]
         on_line = at.voltage_volt + at.slope_ohm * (through - guess)
         moved = step.second * (through - guess) / (3600.0 * cells.capacity_ampere_hour)
+        # A linear cell needs a further pass only where its SoC moves on to other parameters.
         plain = turn < LINEAR_PASSES and is_linear(cells)
         if plain and np.abs(moved).max() <= SAME_SOC:
             found = respond(cells, state, step, weights, through, at.parameters)
@@ -252,6 +240,7 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
         off = found.voltage_volt - on_line
         if np.abs(off).max() <= tolerance_volt:
             return Solved(current, on_line, lines, found)
+        # Cells that turn by turns would do so for ever: in later passes steps are shortened.
         turned = _turned(state, step, guess, through) if turn < MOST_TURNS else np.zeros(1, bool)
         short = 1.0 if turned.any() else _shortened(through - guess, at.slope_ohm, off)
         guess = guess + short * (through - guess)
@@ -263,13 +252,7 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
 
 
 def not_solved(cells, cell, off_volt, second):
-    """What to raise where Newton's method does not arrive.
-
-    Parameters
-    ----------
-    cells : PackCells. cell : index of the cell that is furthest off. off_volt : how far [V].
-    second : length of the step [s].
-    """
+    """What to raise where Newton's method does not arrive: of the cell that is furthest off."""
     return Refusal(
         f"{cells.names[cell]} is still {off_volt:.2g} V from its equations after {MOST_PASSES} "
         f"passes, in a step of {second:g} s"
@@ -288,6 +271,8 @@ def asked(mode, value):
         source, ohm = lines.source_volt[-1], lines.resistance_ohm[-1]
         if mode == VOLTAGE:
             return (value - source) / ohm
+        # Of the two currents that give a power the smaller one, at which batteries are run; in this
+        # form no digits are lost where the voltage drop is small.
         root = source**2 + 4.0 * ohm * value
         if root < 0:
             raise no_power(value)
@@ -297,22 +282,12 @@ def asked(mode, value):
 
 
 def no_power(watt):
-    """What to raise where a pack cannot give a power: two currents would, or none.
-
-    Parameters
-    ----------
-    watt : asked for, negative on discharge [W].
-    """
+    """What to raise where a pack cannot give a power [W]: no current would."""
     return NoPower(f"the pack cannot give {-watt:g} W at this moment, whatever the current")
 
 
 def is_linear(cells):
-    """Whether all cells are resistors and RC pairs: linear but for what SoC does to them.
-
-    Parameters
-    ----------
-    cells : PackCells.
-    """
+    """Whether all cells are resistors and RC pairs: linear but for what SoC does to them."""
     more = (cells.two_way_ohm, cells.kinetic_r_ohm, cells.hysteresis_volt, cells.soc_per_ampere)
     return not any(table.size for table in more)
 
@@ -342,6 +317,7 @@ def _weights(state, step):
     for name in ("tau_second", "kinetic_tau_second", "soc_tau_second"):
         tau = state.parameters[name]
         at_once = tau <= 0
+        # A time constant of 0 acts at once: nothing decays, all is of the input at the end.
         weights = lag_weights(step.second, np.where(at_once, 1.0, tau), hold=step.hold)
         found[name] = [np.where(at_once, w, v) for w, v in zip((0, 0, 1), weights, strict=True)]
     return found
@@ -355,10 +331,6 @@ def respond(cells, state, step, weights, current, parameters=None):
     cells, state, step : as in `advance`. weights : of the lags in this step.
     current : (cells,) at the end of the step [A].
     parameters : at the end of the step; None: looked up where the current leads.
-
-    Returns
-    -------
-    response : Response.
     """
     begin = current - step.ramp_ampere
     per_ampere = step.second / (3600.0 * cells.capacity_ampere_hour)
@@ -373,29 +345,29 @@ def respond(cells, state, step, weights, current, parameters=None):
         (was, was_slope), (is_, is_slope) = drive(before, begin_column), drive(now, column)
         return decay * held + old * was + new * is_, old * was_slope + new * is_slope
 
-    relaxed, slope = lagged(state.relaxed_volt, _ohmic("r_ohm"), "tau_second")
+    def ohmic(name):
+        return lambda p, ampere: (p[name] * ampere, p[name])
+
+    relaxed, slope = lagged(state.relaxed_volt, ohmic("r_ohm"), "tau_second")
     kinetic, kinetic_slope = lagged(state.kinetic_volt, _arcsinh, "kinetic_tau_second")
-    surface, surface_slope = lagged(state.surface_soc, _ohmic("soc_per_ampere"), "soc_tau_second")
+    surface, surface_slope = lagged(state.surface_soc, ohmic("soc_per_ampere"), "soc_tau_second")
     hysteresis, hysteresis_slope = _by_charge(state.hysteresis_volt, before, mean, step.second)
     at_once, at_once_slope = _at_once(now, current)
     ahead = soc + surface.sum(axis=1)
     volt, rise = (v[:, 0] for v in _entries(cells, "ocv_volt", ahead, celsius))
+    # With diffusion the OCV is that of the surface; what belongs to the counted SoC stays there.
     if surface.size:
         volt = volt + now["ocv_shift_volt"][:, 0]
         volt = volt - _entries(cells, "ocv_shift_volt", ahead, celsius)[0][:, 0]
     parts = [relaxed, kinetic, hysteresis]
     slopes = [slope, kinetic_slope, hysteresis_slope]
+    # Where an OCV falls its slope would lead Newton's method away: none is on the safe side.
     ocv_slope = np.maximum(rise, 0.0) * (per_ampere + surface_slope.sum(axis=1))
     return Response(
         volt + at_once + sum(part.sum(axis=1) for part in parts),
         ocv_slope + at_once_slope + sum(part.sum(axis=1) for part in slopes),
         *(soc, relaxed, kinetic, hysteresis, surface, now),
     )
-
-
-def _ohmic(name):
-    """Drive of a linear element and its slope."""
-    return lambda p, current: (p[name] * current, p[name])
 
 
 def _arcsinh(p, current):

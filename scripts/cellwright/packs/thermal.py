@@ -8,8 +8,6 @@ from cellwright.circuits.heat import heat
 from cellwright.packs.steps import ocv_volt
 from cellwright.refusal import Refusal
 
-SYMMETRIC = 1e-9  # of the largest conductance: what a matrix between neighbours may be off
-
 
 class Thermal(NamedTuple):
     """Thermal constants of a pack's cells.
@@ -53,10 +51,6 @@ def thermal_modes(thermal, cells):
     ----------
     thermal : Thermal. cells : how many.
 
-    Returns
-    -------
-    modes : ThermalModes.
-
     Raises
     ------
     Refusal : constants that are not above zero (conductances: below zero), a matrix that is not
@@ -70,10 +64,12 @@ def thermal_modes(thermal, cells):
     if not between.any():
         one = np.ones(cells)
         return ThermalModes(to_ambient / capacity, one, one, capacity, to_ambient, entropic)
+    # Scaled by the roots of the capacities the matrix is symmetric: real rates, orthogonal modes.
     root = np.sqrt(capacity)
     laplacian = np.diag(between.sum(axis=1) + to_ambient) - between
     rate, vectors = np.linalg.eigh(laplacian / np.outer(root, root))
     to_modes, from_modes = vectors.T * root, vectors / root[:, None]
+    # Without a way to the ambient one rate is 0, and rounding may leave it below.
     rate = np.maximum(rate, 0.0)
     return ThermalModes(rate, to_modes, from_modes, capacity, to_ambient, entropic)
 
@@ -83,14 +79,11 @@ def heat_of(cells, modes, state, voltage_volt):
 
     Parameters
     ----------
-    cells : PackCells. modes : ThermalModes, or None: no heat is asked for. state : PackState.
-    voltage_volt : (cells,) [V].
+    cells : PackCells. modes : ThermalModes. state : PackState. voltage_volt : (cells,) [V].
 
     Source: D. Bernardi, E. Pawlikowski, J. Newman, J. Electrochem. Soc. 132 (1985) 5, without
     heat of mixing.
     """
-    if modes is None:
-        return np.zeros(len(state.soc))
     celsius = state.temperature_celsius
     slope = _at_soc(modes.entropic, state.soc)
     settings = {"temperature_celsius": celsius, "entropic_volt_per_kelvin": slope}
@@ -111,16 +104,11 @@ def warmed(modes, celsius, heat_watt, ambient_celsius, step_second):
 
     Parameters
     ----------
-    modes : ThermalModes, or None: the ambient's temperature.
+    modes : ThermalModes.
     celsius, heat_watt : (cells,) at the begin of the step, in it [degC], [W].
     ambient_celsius : in the step [degC]. step_second : [s].
-
-    Returns
-    -------
-    temperature_celsius : (cells,) [degC].
     """
-    if modes is None:
-        return np.full(len(celsius), float(ambient_celsius))
+    # Exact for any length of step: explicit steps would swing where a cell is small.
     inward = (heat_watt - modes.to_ambient * (celsius - ambient_celsius)) / modes.capacity
     if modes.to_modes.ndim == 1:
         return celsius + inward * _effective(modes.rate, step_second)
@@ -163,6 +151,7 @@ def _between(value, cells):
     if given.shape == ():
         between = given * (np.eye(cells, k=1) + np.eye(cells, k=-1))
     elif given.shape == (cells, cells):
+        # A cell exchanges no heat with itself.
         between = given - np.diag(np.diag(given))
     else:
         raise Refusal(
@@ -171,6 +160,7 @@ def _between(value, cells):
         )
     if not np.all(between >= 0):
         raise Refusal(f"a conductance between neighbours is {between.min():g} W/K, below zero")
-    if np.abs(between - between.T).max(initial=0.0) > SYMMETRIC * between.max(initial=0.0):
+    # Rounding of a matrix that was computed is allowed, a typing error is not.
+    if np.abs(between - between.T).max(initial=0.0) > 1e-9 * between.max(initial=0.0):
         raise Refusal("conductances between neighbours are not symmetric: heat would be made")
     return between

@@ -1,7 +1,6 @@
 """A parallel group simulated from its cells' models through its record, and scored."""
 
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -9,31 +8,16 @@ from cellwright.circuits.model_file import member_of
 from cellwright.numerics.statistics import rms
 from cellwright.packs import checks, findings
 from cellwright.packs.cells import pack_cells, table_temperatures
+from cellwright.packs.compare import passed_ampere_hour, refuse_start_under_load, rested_soc
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.uncertainty.bands import DRAWS, WITHIN_90_PERCENT, band_of
 from cellwright.packs.uncertainty.draws import draw_cells, is_known, wire_factors
-from cellwright.packs.wiring import cells_of, described, member_currents
+from cellwright.packs.wiring import by_member, cells_of, charge_of, described, member_currents
 from cellwright.records.conditions import at_rest_in_record, stated_or_reference
 from cellwright.records.record import group_record, stated_soc
 from cellwright.refusal import Refusal
 
-TABLE_KELVIN = 5.0  # between the temperatures of the cells' tables
 ENERGY = "activation_energy_joule_per_mole"
-OFFSET_ROWS = 20  # of a rest at the start, at least, for the offset of a branch sensor
-
-
-class GroupValidation(NamedTuple):
-    """Scores of a group, a row a branch, the series they are from, sentences for the report.
-
-    rows, findings, spread : list of dict, rows of the tables `packs`, `pack_findings` and
-    `pack_spread`. series : dict of columns (n,). notes : tuple of str.
-    """
-
-    rows: list
-    findings: list
-    spread: list
-    series: dict
-    notes: tuple
 
 
 def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=None, thermal=None):
@@ -61,19 +45,20 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
 
     Returns
     -------
-    validation : GroupValidation.
+    tables : dict: rows of the tables "rows" (one a branch), "findings" and "spread", columns
+        "series". notes : list of sentences for the report.
 
     Raises
     ------
-    Refusal
-        Other wirings; a branch without a measured current; branch currents that contradict the
-        total (`checks.refuse_contradiction`); a SoC at the start that is not known.
+    Refusal : other wirings; branch currents that contradict the total
+        (`checks.refuse_contradiction`); a SoC at the start that is not known.
     """
     record, notes = _to_score(test, branches, wiring), checks.beyond_calibration(models)
+    # Before tables are made: they follow each model's own energy.
     models, words = of_one_activation_energy(models)
     notes += words
-    measured = _measured(record, branches, notes)
-    record = record._replace(branch_current_ampere=measured)
+    record = record._replace(branch_current_ampere=_measured(record, branches, notes))
+    # A logged temperature is better than one that follows from heat.
     warms = None if thermal is None or _was_logged(test, record) else thermal
     if warms is None:
         tables = _table_celsius(test.facts, record, notes)
@@ -100,22 +85,23 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
     run = simulated(record.test_time_second, record.current_ampere, record.celsius)
     scored = _unseen(models, record, notes)
     compared = _compared(record, run, offset, cells.capacity_ampere_hour, scored, wiring)
-    band = None
+    stds = None
     if _tells_intervals(models, uncertainty, notes):
         starts = partial(_drawn_starts, stated, counted, cells, record, start)
-        band = _band(run, cells, wiring, record, uncertainty, starts, warms)
+        stds = _deviations(run, cells, wiring, record, uncertainty, starts, warms)
+    # The model's discharge may end later than the record: it is run on to find where.
     discharge = findings.whole_discharge(compared)
-    end = None
+    end = np.full((2, len(branches)), np.nan)
     if discharge is not None:
         end = _end(compared, discharge, record.celsius, simulated, wiring)
-    finding = findings.findings_of(compared, discharge, end)
-    return GroupValidation(
-        rows=_rows(compared, branches, _members_run(wiring, cells), offset, finding, end, band),
-        findings=[finding],
-        spread=findings.spread_over_soc(compared),
-        series=_series(record, compared, band),
-        notes=tuple(notes),
-    )
+    finding = findings.findings_of(compared, discharge, end[0])
+    of_group = _group_columns(compared, finding, stds)
+    return {
+        "rows": _rows(compared, branches, cells.members, offset, end, stds, of_group, wiring),
+        "findings": [finding],
+        "spread": findings.spread_over_soc(compared),
+        "series": _series(record, compared, stds),
+    }, notes
 
 
 def of_one_activation_energy(models):
@@ -188,11 +174,11 @@ def _measured(record, branches, notes):
 def _table_celsius(facts, record, notes):
     """Temperatures of the cells' tables: the chamber's alone, or every 5 K over those logged."""
     low, high = record.celsius.min(), record.celsius.max()
-    if high - low < 0.1:
+    if high - low < 0.1:  # one reading of a thermometer of tenths
         return stated_or_reference(facts.ambient_temperature_celsius)
     # ASSUME: All cells of a group have the temperature that was logged in it.
     notes.append(f"cells at the group's measured temperature, {low:.0f} to {high:.0f} °C")
-    return np.arange(np.floor(low), np.ceil(high) + TABLE_KELVIN, TABLE_KELVIN)
+    return np.arange(np.floor(low), np.ceil(high) + 5.0, 5.0)
 
 
 def _initial_soc(stated, cells, wiring, record, notes):
@@ -204,21 +190,18 @@ def _initial_soc(stated, cells, wiring, record, notes):
             f"{wiring.name} is {described(wiring)}: its voltage does not tell the SoC of each "
             "cell, wanted initial_soc of all in groups.tsv"
         )
-    if not at_rest_in_record(record.current_ampere)[0]:
-        raise Refusal("initial_soc is not stated in groups.tsv, and the record begins under load")
+    refuse_start_under_load(record)
     # ASSUME: A group that starts at rest without a stated SoC is at equilibrium: the OCV of every
     # cell is the group's first voltage.
     notes.append("SoC at the start from the group's first voltage")
-    looked_up = _rested_soc(cells, record, record.voltage_volt[0])
+    looked_up = _soc_at(cells, record, record.voltage_volt[0])
     return np.array([v if s is None else s for s, v in zip(stated, looked_up, strict=True)])
 
 
-def _rested_soc(cells, record, volt):
+def _soc_at(cells, record, volt):
     """SoC at which each cell's OCV is a voltage, at the record's first temperature (cells,)."""
     near = int(np.argmin(np.abs(cells.temperature_celsius - record.celsius[0])))
-    rising = np.maximum.accumulate(cells.ocv_volt[near, :, 0], axis=1)
-    grid = np.linspace(0.0, 1.0, rising.shape[1])
-    return np.array([np.interp(volt, curve, grid) for curve in rising])
+    return np.array([rested_soc(curve, volt) for curve in cells.ocv_volt[near, :, 0]])
 
 
 def _tells_intervals(models, uncertainty, notes):
@@ -240,28 +223,27 @@ def _drawn_starts(stated, counted, cells, record, start, drawn):
         return nothing + start
     if None not in stated:
         return nothing + start + drawn.initial_soc[:, :1]
+    # A cell whose OCV is off by so much was looked up at a SoC that is off alike.
     first, shift = record.voltage_volt[0], drawn.voltage_volt[:, 0]
-    moved = _rested_soc(cells, record, first)
-    found = [start + _rested_soc(cells, record, first - volt) - moved for volt in shift]
-    return np.array(found)
+    moved = _soc_at(cells, record, first)
+    return np.array([start + _soc_at(cells, record, first - volt) - moved for volt in shift])
 
 
 def _was_logged(test, record):
     """Whether a temperature of the cells was logged in the group."""
     surface = test.series.get("surface_temperature_celsius")
-    told = surface is not None and np.isfinite(surface).all()
-    return told or record.cell_temperature_celsius is not None
+    on_surface = surface is not None and np.isfinite(surface).all()
+    return on_surface or record.cell_temperature_celsius is not None
 
 
-def _band(run, cells, wiring, record, uncertainty, starts, thermal):
-    """Standard deviations of the branch currents and of the voltage: Band."""
+def _deviations(run, cells, wiring, record, uncertainty, starts, thermal):
+    """Standard deviations of the branch currents (n, branches) and of the voltage (n,)."""
     drawn = draw_cells(uncertainty, draws=DRAWS)
-    still = drawn._replace(voltage_volt=np.zeros(drawn.voltage_volt.shape))
-    band = band_of(
+    member_ampere, volt = band_of(
         run,
         cells,
         wiring,
-        still,
+        drawn._replace(voltage_volt=np.zeros(drawn.voltage_volt.shape)),
         time_second=record.test_time_second,
         total_ampere=record.current_ampere,
         ambient_celsius=record.celsius,
@@ -269,16 +251,15 @@ def _band(run, cells, wiring, record, uncertainty, starts, thermal):
         factors=wire_factors(DRAWS, wire_relative_std=uncertainty.wire_relative_std),
         thermal=thermal,
     )
-    alike = rms(uncertainty.voltage_volt)
-    return band._replace(voltage_volt=np.hypot(band.voltage_volt, alike))
+    # An error that all models share moves no current, and shows in the voltage in full.
+    return member_ampere, np.hypot(volt, rms(uncertainty.voltage_volt))
 
 
 def _counted_back(fitted, record, offset, cells, notes):
     """SoC of each cell at the start (cells,): 0 where its fit began, and the charge before that."""
     time = record.test_time_second
     before = time <= fitted["from_second"]
-    current = record.branch_current_ampere[before] - offset
-    passed = np.diff(time[before])[:, None] * (current[1:] + current[:-1]) / 7200.0
+    passed = passed_ampere_hour(time[before], record.branch_current_ampere[before] - offset)
     notes.append(f"SoC counted from 0 at {fitted['from_second']:.0f} s, as in the fit of the cells")
     return -passed.sum(axis=0) / cells.capacity_ampere_hour
 
@@ -304,7 +285,8 @@ def _read_at_start(record):
     loaded = np.append(~at_rest_in_record(record.current_ampere), True)
     rows = int(np.argmax(loaded))
     measured = record.branch_current_ampere
-    return measured[:rows].mean(axis=0) if rows >= OFFSET_ROWS else np.zeros(measured.shape[1])
+    # Of fewer than 20 rows the mean is little better than one reading.
+    return measured[:rows].mean(axis=0) if rows >= 20 else np.zeros(measured.shape[1])
 
 
 def _unseen(models, record, notes):
@@ -321,24 +303,10 @@ def _unseen(models, record, notes):
     return unseen
 
 
-def _capacities_of_members(wiring, capacity_ampere_hour):
-    """Capacity of each member [Ah]: of groups the sum of parallel, the least of series members."""
-    sizes, first = [], 0
-    for member in wiring.members:
-        stop = first + len(cells_of(member))
-        size = capacity_ampere_hour[first]
-        if not isinstance(member, str):
-            inner = _capacities_of_members(member, capacity_ampere_hour[first:stop])
-            size = inner.sum() if member.connection == "parallel" else inner.min()
-        sizes.append(size)
-        first = stop
-    return np.array(sizes)
-
-
 def _compared(record, run, offset, capacity_ampere_hour, scored, wiring):
-    sizes = _capacities_of_members(wiring, capacity_ampere_hour)
-    steps, total = np.diff(record.test_time_second), record.current_ampere
-    passed = np.append(0.0, (steps * (total[1:] + total[:-1])).cumsum() / 7200.0)
+    members = by_member(wiring, capacity_ampere_hour)
+    sizes = np.array([charge_of(*member) for member in members])
+    passed = passed_ampere_hour(record.test_time_second, record.current_ampere)
     first = run.soc[0] @ capacity_ampere_hour / capacity_ampere_hour.sum()
     return findings.Compared(
         time_second=record.test_time_second,
@@ -347,7 +315,7 @@ def _compared(record, run, offset, capacity_ampere_hour, scored, wiring):
         measured_ampere=record.branch_current_ampere - offset,
         simulated_volt=run.voltage_volt,
         simulated_ampere=member_currents(wiring, run.cell_current_ampere),
-        soc=first + passed / sizes.sum(),
+        soc=first + np.append(0.0, passed.cumsum()) / sizes.sum(),
         scored=scored,
         capacity_ampere_hour=sizes,
     )
@@ -356,44 +324,50 @@ def _compared(record, run, offset, capacity_ampere_hour, scored, wiring):
 def _end(compared, discharge, celsius, simulated, wiring):
     """Where the discharge ends by the simulation, which may be later than the record's end."""
     time, total = findings.longer(compared, discharge)
+    # Run on at the temperature of its last row.
     more = np.full(len(time) - discharge.stop, celsius[discharge.stop - 1])
     run = simulated(time, total, np.append(celsius[: discharge.stop], more))
     currents = member_currents(wiring, run.cell_current_ampere)
     return findings.simulated_end(compared, discharge, time, currents, run.voltage_volt)
 
 
-def _members_run(wiring, cells):
-    """What each member of the group runs as: names of the circuits' members, joined by +."""
-    first, names = 0, []
-    for member in wiring.members:
-        stop = first + len(cells_of(member))
-        names.append("+".join(dict.fromkeys(cells.members[first:stop])))
-        first = stop
-    return names
+def _under_load(compared):
+    """Scored rows under load: all, those above and those below 15 % SoC."""
+    rows = ~at_rest_in_record(compared.total_ampere) & compared.scored
+    low = rows & (compared.soc <= findings.LOW_SOC)
+    return {"": rows, "above": rows & ~low, "below": low}
 
 
-def _rows(compared, branches, members_run, offset, finding, end, band):
-    """Rows of table `packs`, one a branch."""
+def _ideal(compared):
+    """Mean current under load of a branch that carries as much as the others [A]."""
+    rows = _under_load(compared)[""]
+    return np.abs(compared.total_ampere[rows]).mean() / compared.simulated_ampere.shape[1]
+
+
+def _group_columns(compared, finding, stds):
+    """Columns of table `packs` that are the same for all branches."""
     kirchhoff = compared.simulated_ampere.sum(axis=1) - compared.total_ampere
-    volt = compared.voltage_volt - compared.simulated_volt
-    under_load = findings.loaded(compared.total_ampere) & compared.scored
-    ideal = np.abs(compared.total_ampere[under_load]).mean() / len(branches)
-    low = under_load & (compared.soc <= findings.LOW_SOC)
-    bands = {"above": under_load & ~low, "below": low}
-    of_group = {
+    volt, rows = compared.voltage_volt - compared.simulated_volt, _under_load(compared)
+    measured = finding["group_capacity_ampere_hour"]
+    simulated = finding["simulated_group_capacity_ampere_hour"]
+    return {
         "voltage_rmse_volt": rms(volt[compared.scored]),
-        "voltage_rmse_above_15_soc_volt": _rms(volt[bands["above"]]),
-        "voltage_rmse_below_15_soc_volt": _rms(volt[low]),
-        "mean_branch_current_ampere": float(ideal),
+        "voltage_rmse_above_15_soc_volt": _rms(volt[rows["above"]]),
+        "voltage_rmse_below_15_soc_volt": _rms(volt[rows["below"]]),
+        "mean_branch_current_ampere": float(_ideal(compared)),
         "kcl_residual_ampere": float(np.abs(kirchhoff).max()),
         "samples": int(compared.scored.sum()),
-    }
-    of_group |= _capacity_of_group(finding)
-    volt_std = None if band is None else band.voltage_volt
-    of_group |= _interval("voltage", "volt", volt, volt_std, under_load)
-    error = compared.measured_ampere - compared.simulated_ampere
-    unknown = np.full(len(branches), np.nan)
-    charge, largest = (unknown, unknown) if end is None else end
+        "group_capacity_ampere_hour": simulated,
+        "measured_group_capacity_ampere_hour": measured,
+        "group_capacity_error": simulated / measured - 1,
+    } | _interval("voltage", "volt", volt, stds and stds[1], rows[""])
+
+
+def _rows(compared, branches, members, offset, end, stds, of_group, wiring):
+    """Rows of table `packs`, one a branch; `members` are those that the cells run as."""
+    error, under_load = compared.measured_ampere - compared.simulated_ampere, _under_load(compared)
+    sides = {side: under_load[side] for side in ("above", "below")}
+    run_as = [dict.fromkeys(names) for _, names in by_member(wiring, np.array(members))]
     rows = []
     for k, branch in enumerate(branches):
         scored = error[compared.scored, k]
@@ -403,17 +377,17 @@ def _rows(compared, branches, members_run, offset, finding, end, band):
             "current_rmse_ampere": rms(scored),
             "current_max_ampere": float(np.abs(scored).max()),
             "capacity_ampere_hour": float(compared.capacity_ampere_hour[k]),
-            "model": members_run[k],
+            "model": "+".join(run_as[k]),
             "sensor_offset_ampere": float(offset[k]),
-            "charge_ampere_hour": float(charge[k]),
-            "largest_current_ampere": float(largest[k]),
+            "charge_ampere_hour": float(end[0][k]),
+            "largest_current_ampere": float(end[1][k]),
         }
         row |= {
-            f"relative_current_rmse_{side}_15_soc": _rms(error[rows_of_band, k]) / ideal
-            for side, rows_of_band in bands.items()
+            f"relative_current_rmse_{side}_15_soc": _rms(error[chosen, k]) / _ideal(compared)
+            for side, chosen in sides.items()
         }
-        std = None if band is None else band.member_ampere[:, k]
-        row |= _interval("current", "ampere", error[:, k], std, under_load)
+        std = stds and stds[0][:, k]
+        row |= _interval("current", "ampere", error[:, k], std, under_load[""])
         rows.append(row | of_group)
     return rows
 
@@ -433,18 +407,7 @@ def _rms(values):
     return rms(values) if len(values) else np.nan
 
 
-def _capacity_of_group(finding):
-    """Capacity of the group as measured and simulated [Ah], and the error [1]."""
-    measured = finding["group_capacity_ampere_hour"]
-    simulated = finding["simulated_group_capacity_ampere_hour"]
-    return {
-        "group_capacity_ampere_hour": simulated,
-        "measured_group_capacity_ampere_hour": measured,
-        "group_capacity_error": simulated / measured - 1,
-    }
-
-
-def _series(record, compared, band):
+def _series(record, compared, stds):
     """Columns of artefact `pack_series`; branch currents without the offsets of the sensors."""
     names = ("test_time_second", "current_ampere", "voltage_volt")
     columns = {name: getattr(record, name) for name in names}
@@ -453,8 +416,6 @@ def _series(record, compared, band):
     for k in range(compared.measured_ampere.shape[1]):
         columns[f"branch_{k + 1}_current_ampere"] = compared.measured_ampere[:, k]
         columns[f"simulated_branch_{k + 1}_current_ampere"] = compared.simulated_ampere[:, k]
-        if band is not None:
-            columns[f"branch_{k + 1}_current_std_ampere"] = band.member_ampere[:, k]
-    if band is not None:
-        columns["voltage_std_volt"] = band.voltage_volt
-    return columns
+        if stds is not None:
+            columns[f"branch_{k + 1}_current_std_ampere"] = stds[0][:, k]
+    return columns if stds is None else columns | {"voltage_std_volt": stds[1]}

@@ -13,7 +13,8 @@ import numpy as np
 
 from cellwright.refusal import Refusal
 
-NAMED_CELLS = 8  # a wiring of more cells is described by its shape
+BLANK = {"connection": "parallel", "terminals": "same_end"}  # what a blank in groups.tsv means
+NAMED_CELLS = 8  # of more a sentence would be unreadable: the shape is told instead
 
 
 class Wiring(NamedTuple):
@@ -53,25 +54,28 @@ class WiringFault(NamedTuple):
 
 
 def cells_of(wiring):
-    """Names of all cells, in the order of the leaves: tuple of str.
-
-    Parameters
-    ----------
-    wiring : Wiring, or the name of a single cell.
-    """
+    """Names of all cells of a wiring, in the order of the leaves: tuple of str."""
     if isinstance(wiring, str):
         return (wiring,)
     return tuple(cell for member in wiring.members for cell in cells_of(member))
 
 
 def depth(wiring):
-    """How many groups lie one in the other: 0 of a cell, 1 of a group of cells.
+    """How many groups lie one in the other: 0 of a cell, 1 of a group of cells."""
+    return 0 if isinstance(wiring, str) else 1 + max(map(depth, wiring.members))
+
+
+def by_member(wiring, *columns):
+    """Members of a group, each with its cells' part of each column: (member, part, …).
 
     Parameters
     ----------
-    wiring : Wiring, or the name of a single cell.
+    wiring : Wiring. columns : (cells,) or (n, cells) arrays in the order of the leaves.
     """
-    return 0 if isinstance(wiring, str) else 1 + max(map(depth, wiring.members))
+    bounds = np.cumsum([len(cells_of(member)) for member in wiring.members])[:-1]
+    return zip(
+        wiring.members, *(np.split(column, bounds, axis=-1) for column in columns), strict=True
+    )
 
 
 def member_currents(wiring, cell_ampere):
@@ -81,37 +85,41 @@ def member_currents(wiring, cell_ampere):
     ----------
     wiring : Wiring. cell_ampere : (n, cells) in the order of the leaves [A].
     """
-    bounds = np.cumsum([len(cells_of(member)) for member in wiring.members])[:-1]
-    parts = np.split(cell_ampere, bounds, axis=1)
-    return np.column_stack([_through(*pair) for pair in zip(wiring.members, parts, strict=True)])
+
+    def through(member, ampere):
+        # What flows through members in series flows through any one of them.
+        if isinstance(member, str):
+            return ampere[:, 0]
+        inner = member_currents(member, ampere)
+        return inner.sum(axis=1) if member.connection == "parallel" else inner[:, 0]
+
+    return np.column_stack([through(*part) for part in by_member(wiring, cell_ampere)])
 
 
-def _through(member, cell_ampere):
-    """Current through a cell or group (n,): of members in series that of any one of them."""
-    if isinstance(member, str):
-        return cell_ampere[:, 0]
-    inner = member_currents(member, cell_ampere)
-    return inner.sum(axis=1) if member.connection == "parallel" else inner[:, 0]
+def charge_of(wiring, ampere_hour):
+    """Charge that a pack gives or takes of what each of its cells does, full or empty together.
 
-
-def star_of(names, *, wire_resistance_ohm=0.0):
-    """Wiring of cells in parallel, each with its own lead to one point.
+    The sum of members in parallel, the least of members in series. What spread of SoC, resistances
+    and currents take off it a simulation says.
 
     Parameters
     ----------
-    names : of the cells. wire_resistance_ohm : scalar or one a cell [ohm].
+    wiring : Wiring, or the name of a cell. ampere_hour : (cells,) in the order of the leaves [Ah].
     """
+    if isinstance(wiring, str):
+        return float(ampere_hour[0])
+    members = [charge_of(*part) for part in by_member(wiring, np.asarray(ampere_hour))]
+    return sum(members) if wiring.connection == "parallel" else min(members)
+
+
+def star_of(names, *, wire_resistance_ohm=0.0):
+    """Wiring of cells in parallel, each with a lead of `wire_resistance_ohm` to one point [ohm]."""
     wires = np.broadcast_to(np.asarray(wire_resistance_ohm, float), (len(names),))
     return Wiring("the group", "parallel", tuple(names), tuple(wires), (0.0,) * len(names))
 
 
 def with_contacts(wiring, factor):
-    """A wiring with all its contacts times a factor.
-
-    Parameters
-    ----------
-    wiring : Wiring, or the name of a cell. factor : scalar [1].
-    """
+    """A wiring with all its contacts times a factor."""
     if isinstance(wiring, str):
         return wiring
     return wiring._replace(
@@ -121,13 +129,13 @@ def with_contacts(wiring, factor):
 
 
 def is_star(wiring):
-    """Whether a wiring is cells in parallel, each with its own lead to one point: bool.
-
-    Parameters
-    ----------
-    wiring : Wiring.
-    """
+    """Whether a wiring is cells in parallel, each with its own lead to one point: bool."""
     return wiring.connection == "parallel" and depth(wiring) == 1 and not any(wiring.link_ohm)
+
+
+def is_string(wiring):
+    """Whether a wiring is single cells in series: bool."""
+    return wiring.connection == "series" and depth(wiring) == 1
 
 
 def models_of(wiring, models):
@@ -136,10 +144,6 @@ def models_of(wiring, models):
     Parameters
     ----------
     wiring : Wiring. models : list of model dicts in any order, also of other cells.
-
-    Returns
-    -------
-    models : list of dict.
 
     Raises
     ------
@@ -156,33 +160,19 @@ def models_of(wiring, models):
 
 
 def described(wiring):
-    """A wiring in words, such as "(P01 || P02) + (P03 || P04)" or "series of 3 x parallel of 4".
-
-    Parameters
-    ----------
-    wiring : Wiring, or the name of a single cell.
-    """
+    """A wiring in words, such as "(P01 || P02) + (P03 || P04)" or "series of 3 x parallel of 4"."""
+    if isinstance(wiring, str):
+        return wiring
     cells = cells_of(wiring)
     if len(cells) > NAMED_CELLS:
         return f"{shape(wiring)} ({cells[0]} to {cells[-1]})"
-    return _expression(wiring)
-
-
-def _expression(wiring):
-    if isinstance(wiring, str):
-        return wiring
     sign = " || " if wiring.connection == "parallel" else " + "
-    inner = [_expression(member) for member in wiring.members]
+    inner = [described(member) for member in wiring.members]
     return sign.join(text if " " not in text else f"({text})" for text in inner)
 
 
 def shape(wiring):
-    """A wiring without its names, such as "series of 3 x parallel of 4 cells".
-
-    Parameters
-    ----------
-    wiring : Wiring, or the name of a single cell.
-    """
+    """A wiring without its names, such as "series of 3 x parallel of 4 cells"."""
     if isinstance(wiring, str):
         return "cell"
     shapes = [shape(member) for member in wiring.members]
@@ -204,10 +194,6 @@ def wiring_of(group, rows):
         position, cell, and where stated group (else they are of this group), connection,
         wire_resistance_ohm, link_resistance_ohm, terminals, sense, initial_soc. Blank resistances
         are 0.
-
-    Returns
-    -------
-    wiring : Wiring.
 
     Raises
     ------
@@ -233,14 +219,9 @@ def _said(fault, rows):
 
 
 def rows_below(group, rows):
-    """Rows of groups.tsv of a group and of all groups in it, those of the group first.
-
-    Parameters
-    ----------
-    group : name. rows : list of dict of the whole sheet.
-    """
+    """Rows of groups.tsv of a group and of all groups in it, those of the group first."""
     by_group = _by_group(rows)
-    members = {name: [rows[k]["cell"] for k in places] for name, places in by_group.items()}
+    members = _members_of(rows, by_group)
     return [rows[k] for name in _groups_below(group, members) for k in by_group[name]]
 
 
@@ -259,8 +240,14 @@ def _was_read(row):
     return None not in (row["group"], row["cell"], row["position"])
 
 
+def _members_of(rows, by_group):
+    """Names of the members of each group, in order of position."""
+    return {name: [rows[k]["cell"] for k in places] for name, places in by_group.items()}
+
+
 def _groups_below(group, members):
     """Names of the group and of all groups in it, each once even where they form a circle."""
+    # A stack, not recursion: groups that lie in themselves end as well.
     found, waiting = {}, [group]
     while waiting:
         name = waiting.pop()
@@ -276,21 +263,18 @@ def _wired(group, rows_of):
     sensed = [k for k, row in enumerate(rows) if row.get("sense") == "yes"]
     return Wiring(
         name=group,
-        connection=_connection(rows[0]),
+        connection=_stated(rows[0], "connection"),
         members=tuple(_wired(name, rows_of) if name in rows_of else name for name in members),
         contact_ohm=tuple(float(row.get("wire_resistance_ohm") or 0.0) for row in rows),
         link_ohm=tuple(float(row.get("link_resistance_ohm") or 0.0) for row in rows),
-        terminals=_terminals(rows[0]),
+        terminals=_stated(rows[0], "terminals"),
         sense=sensed[0] if sensed else None,
     )
 
 
-def _connection(row):
-    return row.get("connection") or "parallel"
-
-
-def _terminals(row):
-    return row.get("terminals") or "same_end"
+def _stated(row, column):
+    """What a row states of its group, or what a blank means."""
+    return row.get(column) or BLANK[column]
 
 
 def wiring_faults(rows, cells=None):
@@ -312,7 +296,7 @@ def wiring_faults(rows, cells=None):
     for name, places in by_group.items():
         faults += _faults_of_group(name, places, rows)
         faults += [] if name in partly else _faults_of_places(name, places, rows)
-        if _connection(rows[places[0]]) == "series":
+        if _stated(rows[places[0]], "connection") == "series":
             faults += _faults_of_series(places, rows)
     faults += _faults_of_members(rows, by_group, cells)
     faults += _faults_of_packs(rows, by_group)
@@ -322,10 +306,11 @@ def wiring_faults(rows, cells=None):
 def _faults_of_group(name, places, rows):
     """Faults of one group: what all its rows share, links, sense points."""
     first = rows[places[0]]
-    for column, value_of in (("connection", _connection), ("terminals", _terminals)):
-        wanted = f"the same on all rows of {name}, {value_of(first)} as at its first position"
-        for k in (k for k in places if value_of(rows[k]) != value_of(first)):
-            yield WiringFault(k, column, value_of(rows[k]), wanted)
+    for column, k in product(BLANK, places):
+        value, wanted = _stated(rows[k], column), _stated(first, column)
+        if value != wanted:
+            wanted = f"the same on all rows of {name}, {wanted} as at its first position"
+            yield WiringFault(k, column, value, wanted)
     if first.get("link_resistance_ohm"):
         wanted = "blank or 0 at the first position: a link leads to the member before"
         yield WiringFault(places[0], "link_resistance_ohm", first["link_resistance_ohm"], wanted)
@@ -345,6 +330,7 @@ def _faults_of_places(name, places, rows):
         if position in at:
             yield WiringFault(k, "position", position, f"each once in {name}", at[position])
         at.setdefault(position, k)
+    # A gap beside a position that stands twice is the same slip: told once.
     gap = next((n for n in range(1, len(at) + 1) if n not in at), None)
     if gap and len(at) == len(places):
         k = next(at[position] for position in sorted(at) if position > gap)
@@ -378,7 +364,7 @@ def _faults_of_members(rows, by_group, cells):
 
 def _faults_of_packs(rows, by_group):
     """Faults of groups that lie in themselves, and of members that lie twice in one pack."""
-    members = {name: [rows[k]["cell"] for k in places] for name, places in by_group.items()}
+    members = _members_of(rows, by_group)
     inner = {name for names in members.values() for name in names if name in members}
     circling = set()
     for name in (name for name in members if name in inner and name not in circling):
@@ -388,6 +374,7 @@ def _faults_of_packs(rows, by_group):
             k = next(k for k in by_group[name] if rows[k]["cell"] in circle)
             wanted = f"no group that lies in itself: {' in '.join(reversed(circle))}"
             yield WiringFault(k, "cell", rows[k]["cell"], wanted)
+    # Only outermost groups: an inner one's cells would be told again for each that holds it.
     twice = {}
     for pack in (name for name in members if name not in inner or name in circling):
         for fault in _twice(pack, _groups_below(pack, members), rows, by_group):

@@ -11,7 +11,6 @@ from cellwright.packs.decisions.matching import (
     gain_of,
     groups_by_swaps,
     pairs_of_least_cost,
-    random_groups,
     strings_by_capacity,
 )
 from cellwright.packs.uncertainty.draws import SEED, draw_cells, drawn_cells, uncertainty_of
@@ -19,8 +18,6 @@ from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
-JOINT_OHM = 1e-5  # of each joint of a matched group
-MOST_DRAWS = 60  # of a whole fleet, in each of which all groups are simulated
 EVERY_PAIR = 200  # cells of which every pair is simulated; of more each with its next ones
 NEXT_ONES = 10  # in the order of resistance times capacity
 MOST_CELLS = 1000
@@ -93,9 +90,11 @@ def _discharged(fleet, groups, c_rate, draw):
     for tables in fleet.tables:
         current = c_rate * tables.capacity_ampere_hour[groups].sum(axis=1)
         if draw is not None:
+            # What joined cells share, their voltage, tells no assembly from another.
             drawn = fleet.drawn._replace(voltage_volt=0.0 * fleet.drawn.voltage_volt, ocv_volt=None)
             tables = drawn_cells(tables, drawn, draw, 1.0)
-        at = {"lower_cutoff_volt": fleet.lower_cutoff_volt, "contact_ohm": JOINT_OHM}
+        # A welded joint: far below a cell's own resistance, yet no branch without any.
+        at = {"lower_cutoff_volt": fleet.lower_cutoff_volt, "contact_ohm": 1e-5}
         found.append(discharge_groups(tables, groups, current_ampere=current, **at))
     charge, share, heat = (np.array(column) for column in zip(*found, strict=True))
     return charge.min(axis=0), share.max(axis=0), heat.max(axis=0)
@@ -129,12 +128,10 @@ def matched_fleet(fleet, settings=SETTINGS):
     uses = discharges_of(fleet, settings.group_c_rate)
     random = np.random.default_rng([SEED, 2])
     rows, assembly = _parallel(fleet, uses, random, settings)
-    if cells >= 2 * length:
-        more = _strings(fleet, uses, random, settings)
-        rows, assembly = rows + more[0], assembly + more[1]
-    if cells >= 2 * size * length:
-        more = _strings_of_groups(fleet, uses, random, settings)
-        rows, assembly = rows + more[0], assembly + more[1]
+    for of_cells in (1, size):
+        if cells >= 2 * of_cells * length:
+            more = _strings(fleet, uses, random, settings, of_cells)
+            rows, assembly = rows + more[0], assembly + more[1]
     return rows, assembly
 
 
@@ -166,7 +163,6 @@ def parallel_groups(fleet, uses, size):
 
 def _parallel(fleet, uses, random, settings):
     matched = parallel_groups(fleet, uses, settings.group_size)
-    at_random = _assemblies(matched, settings.group_size, random, settings.draws)
 
     def of(quantity, over):
         return lambda groups, draw: float(over(getattr(uses(groups, draw), quantity)))
@@ -180,64 +176,39 @@ def _parallel(fleet, uses, random, settings):
         "usable charge of the smallest group": ("Ah", of("capacity_ampere_hour", np.min), True),
     }
     decision = f"parallel groups of {settings.group_size}"
-    return _compared(fleet, decision, matched, at_random, quantities, settings)
+    return _compared(fleet, decision, matched, quantities, random, settings)
 
 
-def _assemblies(matched, size, random, count):
-    return [random_groups(np.ravel(matched), size, random) for _ in range(count)]
-
-
-def _strings(fleet, uses, random, settings):
-    matched = strings_by_capacity(_charges(fleet, uses, None), length=settings.string_length)
-    at_random = _assemblies(matched, settings.string_length, random, settings.draws)
-
-    def of_all(strings, draw):
-        charge = _charges(fleet, uses, draw)
-        return float(charge[strings].min(axis=1).sum())
-
-    quantities = {"usable charge of all strings": ("Ah", of_all, True)}
-    decision = f"strings of {settings.string_length}"
-    return _compared(fleet, decision, matched, at_random, quantities, settings)
-
-
-def _charges(fleet, uses, draw):
-    """Charge that each cell alone gives to its cut-off (cells,) [Ah]."""
-    return uses(np.arange(len(fleet.names))[:, None], draw).capacity_ampere_hour
-
-
-def _strings_of_groups(fleet, uses, random, settings):
-    size, length = settings.group_size, settings.string_length
-    charge = _charges(fleet, uses, None)
-    blocks = strings_by_capacity(charge, length=size * length)
-    groups = [block[even_groups(charge[block], size=size)] for block in blocks]
-    matched = np.array(groups)
-
-    def shuffled():
-        return random.permutation(np.ravel(matched)).reshape(matched.shape)
+def _strings(fleet, uses, random, settings, size):
+    """Strings of cells (size 1) or of parallel groups, which end with their first member."""
+    alone, length = np.arange(len(fleet.names))[:, None], settings.string_length
+    charge = uses(alone).capacity_ampere_hour
+    matched, decision = strings_by_capacity(charge, length=size * length), f"strings of {length}"
+    if size > 1:
+        # Within a string all groups should be empty at once.
+        groups = [block[even_groups(charge[block], size=size)] for block in matched]
+        matched, decision = np.array(groups), f"{decision} groups of {size}"
 
     def of_all(strings, draw):
-        given = uses(strings.reshape(-1, size), draw).capacity_ampere_hour
-        return float(given.reshape(strings.shape[:2]).min(axis=1).sum())
+        if size > 1:
+            given = uses(strings.reshape(-1, size), draw).capacity_ampere_hour
+            return float(given.reshape(-1, length).min(axis=1).sum())
+        # All cells at once, once a draw: which of them a string takes changes nothing of theirs.
+        return float(uses(alone, draw).capacity_ampere_hour[strings].min(axis=1).sum())
 
-    at_random = [shuffled() for _ in range(settings.draws)]
     quantities = {"usable charge of all strings": ("Ah", of_all, True)}
-    decision = f"strings of {length} groups of {size}"
-    return _compared(fleet, decision, matched, at_random, quantities, settings)
+    return _compared(fleet, decision, matched, quantities, random, settings)
 
 
-def _compared(fleet, decision, matched, at_random, quantities, settings):
+def _compared(fleet, decision, matched, quantities, random, settings):
     """Rows of each quantity of an assembly beside random ones, and rows of who is where."""
-    draws = range(min(settings.draws, MOST_DRAWS))
+    placed = np.ravel(matched)
+    at_random = [random.permutation(placed).reshape(matched.shape) for _ in range(settings.draws)]
+    draws = range(min(settings.draws, 60))  # in each of them all groups are simulated
     rows = []
     for quantity, (unit, value, more) in quantities.items():
         gain = gain_of(value, matched, at_random, draws, more_is_better=more)
-        rows.append(
-            {"decision": decision, "quantity": quantity, "unit": unit}
-            | {"value": gain.matched, "random_p05": gain.random_low}
-            | {"random_p50": gain.random_median, "random_p95": gain.random_high}
-            | {"gain_p05": gain.gain_low, "gain_p50": gain.gain_median}
-            | {"gain_p95": gain.gain_high, "better_share": gain.better_share}
-        )
+        rows.append({"decision": decision, "quantity": quantity, "unit": unit} | gain)
     names = fleet.names
     strings = matched if matched.ndim == 3 else matched[None]
     assembly = [

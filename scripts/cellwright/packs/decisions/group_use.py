@@ -6,15 +6,14 @@ import numpy as np
 
 from cellwright.packs.cells import TABLES
 from cellwright.packs.network import network_of
-from cellwright.packs.series.capability import first_crossing
+from cellwright.packs.series.capability import BEYOND, first_crossing
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.uncertainty.copies import copies_at_once
 from cellwright.packs.uncertainty.draws import RESISTANCES
 from cellwright.packs.wiring import Wiring, is_star, star_of
 
 CURRENT_SPREAD = 0.2  # deviation of a branch current; thesis 5.2 saw 25 to 30 % below 15 % SoC
-STEPS = 400
-BEYOND = 1.05  # of the pack's charge: so far a discharge is simulated
+STEPS = 400  # of a discharge: a quarter percent of SoC each
 
 
 class PackUse(NamedTuple):
@@ -38,7 +37,7 @@ class PackUse(NamedTuple):
 
 
 def cells_at(cells, index):
-    """Some cells of a PackCells, in the order of `index`, as a PackCells."""
+    """The cells of a PackCells at some indices, in their order, as a PackCells."""
     index = list(index)
     names, members = (tuple(values[k] for k in index) for values in (cells.names, cells.members))
     tables = {name: getattr(cells, name)[:, index] for name in TABLES}
@@ -61,7 +60,7 @@ def discharge_pack(
     thermal=None,
     ambient_celsius=None,
 ):
-    """Discharge a pack of any wiring from rest to its cut-off at a constant current.
+    """Discharge a pack of any wiring from rest to its cut-off at a constant current: PackUse.
 
     A star of parallel cells ends when its own voltage is at the cut-off, as a cycler ends it; any
     other wiring when its first cell is at its cut-off; each at the latest when a cell is at SoC 0.
@@ -73,10 +72,6 @@ def discharge_pack(
     lower_cutoff_volt : scalar or (cells,) [V]. current_ampere : > 0, of the pack [A].
     initial_soc : scalar or (cells,) [1].
     thermal : Thermal, or None: the cells do not warm. ambient_celsius : around them [degC].
-
-    Returns
-    -------
-    use : PackUse.
 
     Raises
     ------
@@ -91,24 +86,13 @@ def discharge_pack(
 
 
 def discharge_seconds(cells, wiring, current_ampere):
-    """Times (n,) of a discharge that goes beyond what a pack holds [s].
-
-    Parameters
-    ----------
-    cells, wiring, current_ampere : as of `discharge_pack`.
-    """
+    """Times (n,) of a discharge that goes beyond what a pack holds [s]."""
     whole = cells.capacity_ampere_hour / network_of(wiring, cells.capacity_ampere_hour).share
     return np.linspace(0.0, BEYOND * 3600.0 * whole.max() / current_ampere, STEPS + 1)
 
 
 def use_of(run, time, cells, wiring, *, lower_cutoff_volt, current_ampere):
-    """What a simulated discharge says of a pack: PackUse.
-
-    Parameters
-    ----------
-    run : PackRun. time : (n,) [s]. cells, wiring, lower_cutoff_volt, current_ampere : as of
-        `discharge_pack`.
-    """
+    """What a simulated discharge (PackRun at times (n,) [s]) says of a pack: PackUse."""
     share = network_of(wiring, cells.capacity_ampere_hour).share
     whole = cells.capacity_ampere_hour / share
     volt = run.voltage_volt[:, None] if is_star(wiring) else run.cell_voltage_volt
@@ -124,6 +108,7 @@ def use_of(run, time, cells, wiring, *, lower_cutoff_volt, current_ampere):
     energy = current_ampere * np.trapezoid(np.interp(second, time, run.voltage_volt), hour)
     shares = run.cell_current_ampere[kept] / (-current_ampere * share)
     squares = (run.cell_current_ampere[kept] ** 2).mean(axis=0)
+    # The pack's SoC at the start by charge; from there by what was drawn.
     soc = np.average(run.soc[0], weights=cells.capacity_ampere_hour)
     return PackUse(
         float(current_ampere * hour[-1]),
@@ -140,11 +125,10 @@ def use_of(run, time, cells, wiring, *, lower_cutoff_volt, current_ampere):
 def resistance_of(cells, celsius=None):
     """Resistance of each cell at small currents in the long run, mean over SoC (cells,) [ohm].
 
-    Parameters
-    ----------
-    cells : PackCells. celsius : temperature [degC]; None: the middle one of their tables.
+    At a temperature [degC]; None: the middle one of the tables.
     """
     parts = [getattr(cells, name).sum(axis=2) for name in ("r0_ohm", "r_ohm", "kinetic_r_ohm")]
+    # Of resistances that differ by direction that of the discharge.
     if cells.two_way_ohm.shape[2]:
         parts.append(cells.two_way_ohm[:, :, -1])
     known = cells.temperature_celsius
@@ -181,18 +165,15 @@ def discharge_groups(cells, groups, *, lower_cutoff_volt, current_ampere, contac
     Returns
     -------
     uses : GroupUses.
-
-    Raises
-    ------
-    Refusal : as `simulate.simulate_pack`.
     """
     groups, current = np.asarray(groups), np.asarray(current_ampere, float)
     at_once = copies_at_once(cells_at(cells, groups[0]), STEPS + 1)
-    parts = []
-    for first in range(0, len(groups), at_once):
-        rows = slice(first, first + at_once)
-        about = (groups[rows], current[rows], lower_cutoff_volt, contact_ohm)
-        parts.append(_side_by_side(cells, *about))
+    parts = [
+        _side_by_side(
+            cells, groups[k : k + at_once], current[k : k + at_once], lower_cutoff_volt, contact_ohm
+        )
+        for k in range(0, len(groups), at_once)
+    ]
     return GroupUses(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -200,6 +181,7 @@ def _side_by_side(cells, groups, current, lower_cutoff_volt, contact_ohm):
     count, size = groups.shape
     part = _at_one_ampere(cells_at(cells, groups.ravel()), np.repeat(current, size))
     names = np.array(part.names).reshape(groups.shape)
+    # Scaled as the cells are: the same voltage at 1 A.
     contacts = contact_ohm * current
     stars = tuple(
         star_of(row, wire_resistance_ohm=contact)._replace(name=f"group {k + 1}")
@@ -234,23 +216,8 @@ def _at_one_ampere(cells, current_ampere):
     )
 
 
-class Window(NamedTuple):
-    """Range of a pack's SoC in which its currents stay within a spread.
-
-    lower_soc, upper_soc : NaN where there is none. charge_share : of the pack's charge [1].
-    spread : the largest in it [1]. worst_spread, worst_soc : the largest of all, and where.
-    """
-
-    lower_soc: float
-    upper_soc: float
-    charge_share: float
-    spread: float
-    worst_spread: float
-    worst_soc: float
-
-
 def safe_window(use, *, current_spread=CURRENT_SPREAD):
-    """The widest range of SoC in which no cell strays from its share by more than a limit.
+    """The widest range of a pack's SoC in which no cell strays from its share by more than a limit.
 
     Parameters
     ----------
@@ -259,7 +226,7 @@ def safe_window(use, *, current_spread=CURRENT_SPREAD):
 
     Returns
     -------
-    window : Window.
+    window : dict, quantity in words → value [1], NaN where there is no such range.
 
     Source: thesis 5.2: 125 to 130 % of the ideal current below 15 % SoC, keep out of the last 10 to
     15 %.
@@ -267,12 +234,19 @@ def safe_window(use, *, current_spread=CURRENT_SPREAD):
     spread = np.abs(use.branch_share - 1.0).max(axis=1)
     soc, worst = use.pack_soc, int(np.argmax(spread))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], spread <= current_spread, [0]])))
-    if not len(edges):
-        return Window(np.nan, np.nan, 0.0, np.nan, float(spread[worst]), float(soc[worst]))
-    begins, ends = edges[::2], edges[1::2] - 1
-    widest = int(np.argmax(soc[begins] - soc[ends]))
-    begin, end = begins[widest], ends[widest]
-    inside = float(spread[begin : end + 1].max())
-    width = float(soc[begin] - soc[end])
-    limits = (float(soc[end]), float(soc[begin]), width, inside)
-    return Window(*limits, float(spread[worst]), float(soc[worst]))
+    lowest, highest, width, inside = np.nan, np.nan, 0.0, np.nan
+    if len(edges):
+        begins, ends = edges[::2], edges[1::2] - 1
+        widest = int(np.argmax(soc[begins] - soc[ends]))
+        begin, end = begins[widest], ends[widest]
+        lowest, highest, width = soc[end], soc[begin], soc[begin] - soc[end]
+        inside = spread[begin : end + 1].max()
+    window = {
+        "lowest SoC": lowest,
+        "highest SoC": highest,
+        "share of the charge": width,
+        "largest spread within": inside,
+        "largest spread of all": spread[worst],
+        "SoC of the largest spread": soc[worst],
+    }
+    return {quantity: float(value) for quantity, value in window.items()}

@@ -1,16 +1,12 @@
 """What is best done with cells: which to put together, and which to replace."""
 
 from itertools import combinations, product
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csc_array
 
 from cellwright.refusal import Refusal
-
-PERCENTILES = (5.0, 50.0, 95.0)
-MOST_SWEEPS = 50
 
 
 def strings_by_capacity(capacity_ampere_hour, *, length):
@@ -28,16 +24,13 @@ def strings_by_capacity(capacity_ampere_hour, *, length):
     Returns
     -------
     strings : (strings, length) int, indices of the cells, the largest string first.
-
-    Raises
-    ------
-    Refusal : fewer cells than a string has.
     """
     order = np.argsort(-np.asarray(capacity_ampere_hour, float), kind="stable")
     return _blocks(order, length, "string")
 
 
 def _blocks(order, size, what):
+    """Indices in rows of a size, the last that fill none left out; refused where there is none."""
     if len(order) < size:
         raise Refusal(f"{len(order)} cells, wanted at least the {size} of a {what}")
     return order[: len(order) // size * size].reshape(-1, size)
@@ -76,13 +69,9 @@ def pairs_of_least_cost(cost):
     # Of an odd number one cell stays alone: no cell twice, and as many pairs as there can be.
     count = csc_array(np.ones((1, len(edges))))
     whole = cells // 2
-    constraints = [
-        LinearConstraint(uses, 0, 1),
-        LinearConstraint(count, whole, whole),
-    ]
-    found = milp(
-        weight, integrality=np.ones(len(edges)), bounds=Bounds(0, 1), constraints=constraints
-    )
+    limits = [LinearConstraint(uses, 0, 1), LinearConstraint(count, whole, whole)]
+    binary = {"integrality": np.ones(len(edges)), "bounds": Bounds(0, 1)}
+    found = milp(weight, constraints=limits, **binary)
     if found.x is None:
         raise Refusal(f"no matching of {cells} cells is found: {found.message}")
     return edges[found.x > 0.5]
@@ -112,7 +101,7 @@ def groups_by_swaps(begin, costs, *, worst=False):
         both = zip(found[::2], found[1::2], strict=True)
         return [(max(a, b), a + b) if worst else (a + b,) for a, b in both]
 
-    for _ in range(MOST_SWEEPS):
+    for _ in range(50):  # sweeps; each lowers the cost, and five to ten have been enough
         before = list(groups)
         for one, other in combinations(range(len(groups)), 2):
             pairs = _exchanges(groups[one], groups[other])
@@ -146,10 +135,6 @@ def even_groups(capacity_ampere_hour, *, size):
     -------
     groups : (groups, size) int, indices of the cells.
 
-    Raises
-    ------
-    Refusal : fewer cells than a group has.
-
     Source: number partitioning with equal counts: greedy (LPT) and pairwise interchange.
     """
     capacity = np.asarray(capacity_ampere_hour, float)
@@ -159,34 +144,6 @@ def even_groups(capacity_ampere_hour, *, size):
         open_groups = [group for group in groups if len(group) < size]
         min(open_groups, key=lambda group: capacity[group].sum()).append(int(cell))
     return groups_by_swaps(groups, lambda keys: -capacity[np.array(keys)].sum(axis=1), worst=True)
-
-
-def random_groups(cells, size, random):
-    """Cells put together at random, (cells // size, size) int.
-
-    Parameters
-    ----------
-    cells : (k,) int, indices. size : of a group. random : numpy Generator.
-    """
-    return _blocks(random.permutation(cells), size, "group")
-
-
-class Gain(NamedTuple):
-    """What a matched assembly is better by than random ones, in one quantity.
-
-    matched : its value. random_* : percentiles 5, 50, 95 of random assemblies of the same cells.
-    gain_* : percentiles of matched − random where the cells are what they may be within their
-    uncertainties. better_share : of those draws in which the matched one is better [1].
-    """
-
-    matched: float
-    random_low: float
-    random_median: float
-    random_high: float
-    gain_low: float
-    gain_median: float
-    gain_high: float
-    better_share: float
 
 
 def gain_of(value, matched, assemblies, draws, *, more_is_better=True):
@@ -201,7 +158,9 @@ def gain_of(value, matched, assemblies, draws, *, more_is_better=True):
 
     Returns
     -------
-    gain : Gain.
+    row : dict: value of the matched one; random_p05, _p50, _p95 of random assemblies of the same
+        cells; gain_p05, _p50, _p95 of matched − random over the draws; better_share, of draws in
+        which the matched one is better [1].
     """
     nominal = np.array([value(assembly, None) for assembly in assemblies])
     met = [
@@ -209,29 +168,10 @@ def gain_of(value, matched, assemblies, draws, *, more_is_better=True):
         for k, draw in enumerate(draws)
     ]
     better = np.array(met) > 0 if more_is_better else np.array(met) < 0
-    return Gain(
-        float(value(matched, None)),
-        *(float(v) for v in np.percentile(nominal, PERCENTILES)),
-        *(float(v) for v in np.percentile(met, PERCENTILES)),
-        float(better.mean()),
-    )
-
-
-class Replacement(NamedTuple):
-    """What replacing each cell of a pack by its median cell brings, (cells,) each.
-
-    gain_watt_hour, gain_ampere_hour : usable. best : index of the cell that brings most energy.
-    margin_watt_hour : to the cell that brings second most. median : index of the median cell.
-    in_turn : list of (index, capacity [Ah], energy [Wh]): the best cell replaced, then the best of
-    those left, and so on, as long as that brings energy.
-    """
-
-    gain_watt_hour: np.ndarray
-    gain_ampere_hour: np.ndarray
-    best: int
-    margin_watt_hour: float
-    median: int
-    in_turn: list
+    row = {"value": float(value(matched, None))}
+    for name, values in (("random", nominal), ("gain", met)):
+        row |= {f"{name}_p{p:02d}": float(np.percentile(values, p)) for p in (5, 50, 95)}
+    return row | {"better_share": float(better.mean())}
 
 
 def replacements(use, cells, *, capacity_ampere_hour, spare_of=None, turns=3):
@@ -246,7 +186,10 @@ def replacements(use, cells, *, capacity_ampere_hour, spare_of=None, turns=3):
 
     Returns
     -------
-    replacement : Replacement.
+    gains : (cells, 2) capacity [Ah] and energy [Wh] that replacing each cell brings.
+    median : index of the median cell.
+    in_turn : list of (index, capacity [Ah], energy [Wh]): the best cell replaced, then the best of
+        those left, and so on, as long as that brings energy.
 
     Raises
     ------
@@ -254,27 +197,22 @@ def replacements(use, cells, *, capacity_ampere_hour, spare_of=None, turns=3):
     """
     if len(cells) < 2:
         raise Refusal("a pack of one cell has no cell to replace by its median one")
-    capacity = np.asarray(capacity_ampere_hour, float)
-    median = int(np.argsort(capacity, kind="stable")[len(cells) // 2])
+    order = np.argsort(np.asarray(capacity_ampere_hour, float), kind="stable")
+    median = int(order[len(cells) // 2])
     spare = spare_of(cells[median]) if spare_of else cells[median]
     now, in_turn = list(cells), []
     before = np.array(use(now))
-    gains = _gains(use, now, spare) - before
-    order = np.argsort(-gains[:, 1], kind="stable")
-    best = int(order[0])
-    turn_gains = gains + before
+    first = given = _with_each_replaced(use, now, spare)
     for turn in range(min(turns, len(cells))):
-        if turn:
-            turn_gains = _gains(use, now, spare)
-        k = int(np.argmax(turn_gains[:, 1]))
-        if in_turn and turn_gains[k, 1] <= in_turn[-1][2]:
+        given = _with_each_replaced(use, now, spare) if turn else first
+        k = int(np.argmax(given[:, 1]))
+        if in_turn and given[k, 1] <= in_turn[-1][2]:
             break
         now[k] = spare
-        in_turn.append((k, *map(float, turn_gains[k])))
-    margin = float(gains[order[0], 1] - gains[order[1], 1])
-    return Replacement(gains[:, 1], gains[:, 0], best, margin, median, in_turn)
+        in_turn.append((k, *map(float, given[k])))
+    return first - before, median, in_turn
 
 
-def _gains(use, cells, spare):
+def _with_each_replaced(use, cells, spare):
     """(capacity, energy) of the pack with each cell in turn replaced, (cells, 2)."""
     return np.array([use([*cells[:k], spare, *cells[k + 1 :]]) for k in range(len(cells))])

@@ -1,7 +1,5 @@
 """What the uncertainties of its cells leave of the numbers of a pack: Monte Carlo."""
 
-from functools import partial
-from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +13,6 @@ from cellwright.packs.wiring import with_contacts
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
-STEP_SHARE = 0.005  # of the charge of the largest cell, a step of a drawn discharge
-PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 
 
 class PackDraws(NamedTuple):
@@ -33,22 +29,18 @@ class PackDraws(NamedTuple):
 
 
 def string_draws(models, drawn, *, lower_cutoff_volt, current_ampere, initial_soc, celsius=25.0):
-    """A series string discharged in every draw until its first cell is empty.
+    """A series string discharged in every draw until its first cell is empty: PackDraws.
 
     Parameters
     ----------
     models, lower_cutoff_volt, current_ampere, initial_soc, celsius : as of
         `capability.discharge_string`. drawn : CellDraws.
-
-    Returns
-    -------
-    draws : PackDraws.
     """
     cells, draws = len(models), len(drawn.capacity_factor)
     start = np.broadcast_to(np.asarray(initial_soc, float), (cells,))
     cutoff = np.broadcast_to(np.asarray(lower_cutoff_volt, float), (cells,))
     most = max(model["capacity_ampere_hour"] for model in models)
-    charge = np.linspace(0.0, BEYOND * most, int(BEYOND / STEP_SHARE) + 1)
+    charge = np.linspace(0.0, BEYOND * most, int(BEYOND * 200) + 1)  # 200 steps a draw
     volt, heat = np.empty((draws, cells, len(charge))), np.empty((draws, cells))
     ends = np.empty((draws, cells))
     for k, model in enumerate(models):
@@ -56,8 +48,9 @@ def string_draws(models, drawn, *, lower_cutoff_volt, current_ampere, initial_so
         curves = _cell_curves(model, of_cell, charge, current_ampere, start[k], celsius)
         volt[:, k], heat[:, k] = curves
         at_cutoff = [first_crossing(charge, curve, cutoff[k]) for curve in volt[:, k]]
-        held = (start[k] + drawn.initial_soc[:, k]) * drawn.capacity_factor[:, k]
-        ends[:, k] = np.fmin(at_cutoff, held * model["capacity_ampere_hour"])
+        # Beyond SoC 0 of the model nothing was measured.
+        full = (start[k] + drawn.initial_soc[:, k]) * drawn.capacity_factor[:, k]
+        ends[:, k] = np.fmin(at_cutoff, full * model["capacity_ampere_hour"])
     end = ends.min(axis=1)
     energy = [_energy_until(charge, volt[d].sum(axis=0), end[d]) for d in range(draws)]
     ones, hottest = np.ones(draws), np.argmax(heat, axis=1)
@@ -77,6 +70,7 @@ def _cell_curves(model, of_cell, charge, current_ampere, start, celsius):
         run = simulate_model(model, None, second, current, course, warm, hold="zero_order")
         over = run.overpotential_volt.sum(axis=0)
         volts.append(run.voltage_volt + (resistance - 1.0) * over + error)
+        # Heat within the cell's SoC; beyond it the overpotential is extrapolated.
         inside = (course > 0.0) & (course < 1.0)
         heats.append(-resistance * over[inside].mean() * current_ampere)
     return np.array(volts), np.abs(heats)
@@ -104,7 +98,8 @@ def pack_draws(
 
     Cells that rest joined have one voltage: at the start errors of the voltage and of the SoC are
     those of the first cell for all. Drawn apart they would drive currents that no rested group has.
-    From there on the OCV of each goes astray by itself (`uncertainty.draws`).
+    From there on that error stays the same; only where the draws hold a course of the OCV over SoC
+    (`CellDraws.ocv_volt`, which `of_pack.pack_decisions` leaves out) does each cell's go astray.
 
     Parameters
     ----------
@@ -119,41 +114,39 @@ def pack_draws(
     draws = len(drawn.capacity_factor)
     factors = wire_factors(draws, wire_relative_std=wire_relative_std)
     ends = {"lower_cutoff_volt": lower_cutoff_volt, "current_ampere": current_ampere}
-    rows, at_once = [], copies_at_once(cells, STEPS)
+    count, at_once, uses = len(cells.names), copies_at_once(cells, STEPS), []
     for first in range(0, draws, at_once):
         chosen = range(first, min(first + at_once, draws))
         known = [drawn_cells(cells, drawn, draw, initial_soc) for draw in chosen]
         wired = [with_contacts(wiring, factors[draw]) for draw in chosen]
         time = max((discharge_seconds(c, wiring, current_ampere) for c in known), key=np.max)
-        starts = [
-            initial_soc + np.zeros(len(cells.names)) + drawn.initial_soc[k, 0] for k in chosen
-        ]
+        starts = [initial_soc + np.zeros(count) + drawn.initial_soc[k, 0] for k in chosen]
         load = np.full(len(time), -float(current_ampere))
         around = {"thermal": thermal, "ambient_celsius": ambient_celsius, "hold": "zero_order"}
         runs = simulate_copies(time, load, known, wired, initial_soc=starts, **around)
-        uses = map(partial(use_of, **ends), runs, repeat(time), known, wired)
-        rows += [_drawn_row(use) for use in uses]
-    return PackDraws(*(np.array(column) for column in zip(*rows, strict=True)))
-
-
-def _drawn_row(use):
-    hot = int(np.argmax(use.loss_watt))
-    given = (use.capacity_ampere_hour, use.energy_watt_hour, use.first, use.peak_share)
-    return (*given, float(use.loss_watt[hot]), hot)
+        for run, *one in zip(runs, known, wired, strict=True):
+            uses.append(use_of(run, time, *one, **ends))
+    hottest = [int(np.argmax(use.loss_watt)) for use in uses]
+    return PackDraws(
+        np.array([use.capacity_ampere_hour for use in uses]),
+        np.array([use.energy_watt_hour for use in uses]),
+        np.array([use.first for use in uses]),
+        np.array([use.peak_share for use in uses]),
+        np.array([use.loss_watt.max() for use in uses]),
+        np.array(hottest),
+    )
 
 
 def summary_rows(draws, names, *, first):
     """Rows quantity, unit, cell and percentiles of a pack's draws.
 
+    Charge, energy, peak share and heat: mean, percentiles 5, 25, 50, 75, 95; then of each cell that
+    is the first (hottest) in some draw how often, by falling share.
+
     Parameters
     ----------
     draws : PackDraws. names : of its cells. first : what its `weakest` is called: "weakest cell" of
         a string, "busiest cell" of a parallel group.
-
-    Returns
-    -------
-    rows : list of dict: charge, energy, peak share and heat: mean, percentiles 5, 25, 50, 75, 95;
-        then of each cell that is the first (hottest) in some draw how often, by falling share.
     """
     quantities = {
         "usable charge": ("Ah", draws.capacity_ampere_hour),
@@ -163,7 +156,7 @@ def summary_rows(draws, names, *, first):
     }
     rows = [
         {"quantity": name, "cell": "", "unit": unit, "value": float(values.mean())}
-        | {f"p{int(p):02d}": float(np.percentile(values, p)) for p in PERCENTILES}
+        | {f"p{p:02d}": float(np.percentile(values, p)) for p in (5, 25, 50, 75, 95)}
         for name, (unit, values) in quantities.items()
     ]
     for name, chosen in ((first, draws.weakest), ("hottest cell", draws.hottest)):

@@ -12,23 +12,18 @@ from cellwright.packs.decisions.group_use import (
 from cellwright.packs.decisions.matching import replacements
 from cellwright.packs.decisions.monte_carlo import pack_draws, string_draws, summary_rows
 from cellwright.packs.network import network_of
-from cellwright.packs.series.capability import (
-    contact_of,
-    cutoffs_of,
-    discharge_curves,
-    ended_string,
-)
+from cellwright.packs.series.capability import cutoffs_of, discharge_curves, ended_string
+from cellwright.packs.series.string import contact_of
 from cellwright.packs.uncertainty.draws import draw_cells, uncertainty_of
 from cellwright.packs.validate import of_one_activation_energy
-from cellwright.packs.wiring import cells_of, depth
+from cellwright.packs.wiring import by_member, charge_of, is_string
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
-MOST_CELLS = 200
-PERCENTILES = ("p05", "p25", "p50", "p75", "p95")
+MOST_SIMULATED = 200  # cells of a pack of which each is replaced in a simulation: minutes
 EMPTY = {"decision": "", "quantity": "", "cell": "", "unit": "", "value": np.nan}
-EMPTY |= dict.fromkeys(PERCENTILES, np.nan)
+EMPTY |= dict.fromkeys(("p05", "p25", "p50", "p75", "p95"), np.nan)
 
 
 def pack_decisions(
@@ -67,22 +62,20 @@ def pack_decisions(
     stated = [1.0 if row.initial_soc is None else row.initial_soc for row in positions]
     capacity = [model["capacity_ampere_hour"] for model in models]
     start = charged_soc(wiring, stated, capacity)
-    known = uncertainty_of(
-        models,
-        capacity_std_ampere_hour,
-        initial_soc_std=settings.initial_soc_std,
-    )
-    # A course of the OCV would raise the largest current of every draw: it is the same over SoC.
+    sure = {"initial_soc_std": settings.initial_soc_std}
+    known = uncertainty_of(models, capacity_std_ampere_hour, **sure)
+    # Courses of the OCV that differ from cell to cell drive currents of their own and raise the
+    # largest one of every draw: here an error of the voltage is the same at every SoC.
     known = known._replace(ocv=None)
     drawn = draw_cells(known, draws=settings.draws)
     lower, _ = cutoffs_of(cells)
-    if wiring.connection == "series" and depth(wiring) == 1:
+    if is_string(wiring):
         pack = _string(models, positions, lower, drawn, start, celsius, settings)
     else:
-        if len(models) > MOST_CELLS:
+        if len(models) > MOST_SIMULATED:
             raise Refusal(
                 f"{wiring.name} is not decided on: found {len(models)} cells, wanted at most "
-                f"{MOST_CELLS} where some are in parallel: each is replaced in a simulation"
+                f"{MOST_SIMULATED} where some are in parallel: each is replaced in a simulation"
             )
         around = {"thermal": thermal, "ambient_celsius": ambient_celsius}
         if thermal is None:
@@ -94,8 +87,7 @@ def pack_decisions(
             tables = pack_cells(models, temperature_celsius=grid)
         pack = _wired(wiring, tables, lower, drawn, start, settings, around)
     use, items, spare_of, draws, window = pack
-    plain = wiring.connection == "series" and depth(wiring) == 1
-    first = "weakest cell" if plain else "busiest cell"
+    first = "weakest cell" if is_string(wiring) else "busiest cell"
     names = [row.cell for row in positions]
     rows = [{"decision": "uncertainty"} | row for row in summary_rows(draws, names, first=first)]
     rows += replacement_rows(use, items, spare_of, capacity, names) + window
@@ -119,35 +111,24 @@ def charged_soc(wiring, initial_soc, capacity_ampere_hour):
     # ASSUME: Cells in parallel rest at one SoC, whatever their OCVs differ by.
     capacity = np.asarray(capacity_ampere_hour, float)
     lacking = capacity * (1.0 - np.asarray(initial_soc, float))
-    charge = _room(wiring, lacking)
+    charge = charge_of(wiring, lacking)
     return 1.0 - _lacking_after(wiring, lacking, capacity, charge) / capacity
-
-
-def _members(wiring, *columns):
-    """Members of a wiring, each with its cells' part of each column."""
-    bounds = np.cumsum([len(cells_of(member)) for member in wiring.members])[:-1]
-    return zip(wiring.members, *(np.split(column, bounds) for column in columns), strict=True)
-
-
-def _room(wiring, lacking):
-    """Charge that a member takes until full, of what each of its cells lacks [Ah]."""
-    if isinstance(wiring, str):
-        return float(lacking[0])
-    rooms = [_room(member, part) for member, part in _members(wiring, lacking)]
-    return min(rooms) if wiring.connection == "series" else sum(rooms)
 
 
 def _lacking_after(wiring, lacking, capacity, charge):
     """What each cell lacks of full after a member took a charge (cells,) [Ah]."""
     if isinstance(wiring, str):
         return lacking - charge
-    left = _room(wiring, lacking) - charge
+    left = charge_of(wiring, lacking) - charge
     if wiring.connection == "parallel" and all(isinstance(m, str) for m in wiring.members):
+        # Joined cells settle at one SoC: what they lack is shared by capacity.
         return left * capacity / capacity.sum()
     parts = []
-    for member, lacks, full in _members(wiring, lacking, capacity):
+    for member, lacks, full in by_member(wiring, lacking, capacity):
         share = full.sum() / capacity.sum()
-        of_member = charge if wiring.connection == "series" else _room(member, lacks) - share * left
+        of_member = (
+            charge if wiring.connection == "series" else charge_of(member, lacks) - share * left
+        )
         parts.append(_lacking_after(member, lacks, full, of_member))
     return np.concatenate(parts)
 
@@ -157,15 +138,14 @@ def _string(models, positions, lower, drawn, start, celsius, settings):
     capacity, cells = np.array([model["capacity_ampere_hour"] for model in models]), len(models)
     current = settings.c_rate * float(np.median(capacity))
     at = {"current_ampere": current, "celsius": celsius}
-    twice = {
-        "lower_cutoff_volt": np.tile(lower, 2),
-        "initial_soc": np.append(start, np.ones(cells)),
-    }
-    curves = discharge_curves([*models, *models], **twice, **at)
+    # Each cell as it is and, as a spare, full: one simulation of each, strings by choosing columns.
+    both = {"lower_cutoff_volt": np.tile(lower, 2)}
+    both["initial_soc"] = np.append(start, np.ones(cells))
+    curves = discharge_curves([*models, *models], **both, **at)
     contact = contact_of(positions) * current
 
     def use(items):
-        found = ended_string(curves.of(items), contact_volt=contact)
+        found = ended_string(curves, items, contact_volt=contact)
         return found.capacity_ampere_hour, found.energy_watt_hour
 
     draws = string_draws(models, drawn, lower_cutoff_volt=lower, initial_soc=start, **at)
@@ -185,17 +165,10 @@ def _wired(wiring, tables, lower, drawn, start, settings, around):
         found = discharge_pack(cells_at(tables, index), wiring, **start, **at, **warms)
         return found.capacity_ampere_hour, found.energy_watt_hour
 
-    draws = pack_draws(
-        tables,
-        wiring,
-        drawn,
-        initial_soc=start,
-        wire_relative_std=settings.wire_relative_std,
-        **at,
-        **around,
-    )
-    nominal = discharge_pack(tables, wiring, initial_soc=start, **at, **around)
-    window = window_rows(nominal)
+    about = {"initial_soc": start, **at, **around}
+    wires = {"wire_relative_std": settings.wire_relative_std}
+    draws = pack_draws(tables, wiring, drawn, **about, **wires)
+    window = window_rows(discharge_pack(tables, wiring, **about))
     items = list(enumerate(start))
     return use, items, lambda item: (item[0], 1.0), draws, window
 
@@ -216,43 +189,31 @@ def replacement_rows(use, items, spare_of, capacity, names):
 
     Parameters
     ----------
-    use, items : as `cells` of `matching.replacements`. spare_of : function, item → the same cell as
-        it is put in. capacity : (cells,) [Ah]. names : of the cells.
+    use, items, spare_of, capacity : as `use`, `cells`, `spare_of` and `capacity_ampere_hour` of
+        `matching.replacements`. names : of the cells.
     """
-    found = replacements(use, items, capacity_ampere_hour=capacity, spare_of=spare_of)
+    gains, median, in_turn = replacements(
+        use, items, capacity_ampere_hour=capacity, spare_of=spare_of
+    )
+    energy = gains[:, 1]
+    order = np.argsort(-energy, kind="stable")
+    best, margin = names[order[0]], energy[order[0]] - energy[order[1]]
     about = {"decision": "replace a cell", "unit": "Wh"}
-    rows = [
-        about | {"quantity": "gain in usable energy", "cell": name, "value": float(gain)}
-        for name, gain in zip(names, found.gain_watt_hour, strict=True)
+    found = [
+        (f"best, by one as {names[median]} (median)", best, energy[order[0]]),
+        ("margin to the second best", best, margin),
+        *(("gain in usable energy", names[k], energy[k]) for k in order),
     ]
-    rows.sort(key=lambda row: -row["value"])
-    spare = names[found.median]
-    best = {"cell": names[found.best], "value": float(found.gain_watt_hour[found.best])}
-    rows.insert(0, about | {"quantity": f"best, by one as {spare} (median)"} | best)
-    margin = {"cell": names[found.best], "value": found.margin_watt_hour}
-    rows.insert(1, about | {"quantity": "margin to the second best"} | margin)
-    for turn, (k, charge, energy) in enumerate(found.in_turn, 1):
-        done = {"cell": names[k], "quantity": f"after {turn} replaced in turn, usable"}
-        rows.append(about | done | {"value": energy})
-        rows.append(about | done | {"unit": "Ah", "value": charge})
+    rows = [about | {"quantity": q, "cell": cell, "value": float(v)} for q, cell, v in found]
+    for turn, (k, charge, left) in enumerate(in_turn, 1):
+        done = about | {"cell": names[k], "quantity": f"after {turn} replaced in turn, usable"}
+        rows += [done | {"value": left}, done | {"unit": "Ah", "value": charge}]
     return rows
 
 
 def window_rows(use):
-    """Rows on the range of SoC in which the branch currents stay within a spread.
-
-    Parameters
-    ----------
-    use : PackUse.
-    """
-    window = safe_window(use)
-    values = {
-        "lowest SoC": window.lower_soc,
-        "highest SoC": window.upper_soc,
-        "share of the charge": window.charge_share,
-        "largest spread within": window.spread,
-        "largest spread of all": window.worst_spread,
-        "SoC of the largest spread": window.worst_soc,
+    """Rows on the range of SoC in which the branch currents of a PackUse stay within a spread."""
+    values = safe_window(use) | {
         "largest branch current over its share": use.peak_share,
         "charge given over the sum of the cells": use.capacity_ampere_hour / use.cells_ampere_hour,
     }

@@ -4,17 +4,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.packs.series.power import power_of_string, power_rows
-from cellwright.packs.series.string import logged, simulate_string, validate_string
+from cellwright.packs.compare import discharging, passed_ampere_hour
+from cellwright.packs.series.power import power_of_string
+from cellwright.packs.series.string import (
+    contact_of,
+    logged,
+    simulate_string,
+    validate_string,
+)
 from cellwright.records.conditions import at_rest_in_record
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
-STEP_SHARE = 0.002  # of the charge of the largest cell, a step of a simulated discharge
 BEYOND = 1.05  # a discharge is followed this much further than the largest cell holds
-CONSTANT_SHARE = 0.02  # of the largest current: by which a constant one scatters
-NEAR_VOLT = 0.01  # a discharge that ends this near to a cell's cut-off was ended by it
 
 
 class Discharge(NamedTuple):
@@ -39,7 +42,7 @@ class Discharge(NamedTuple):
 def discharge_string(
     models, *, lower_cutoff_volt, current_ampere, initial_soc, celsius=25.0, contact_ohm=0.0
 ):
-    """Discharge a rested string at a constant current until the first cell is empty.
+    """Discharge a rested string at a constant current until the first cell is empty: Discharge.
 
     The string gives no more than its first cell to be empty, at its cut-off or at SoC 0 of its
     model: the shortest stave of the barrel. The other cells are followed to their own ends, which
@@ -52,21 +55,12 @@ def discharge_string(
     initial_soc : scalar or (cells,) [1]. celsius : of all cells [degC].
     contact_ohm : of all contacts of the string together [ohm].
 
-    Returns
-    -------
-    discharge : Discharge.
-
     Raises
     ------
-    Refusal : as `series.simulate_string`.
+    Refusal : as `string.simulate_string`.
     """
-    curves = discharge_curves(
-        models,
-        lower_cutoff_volt=lower_cutoff_volt,
-        current_ampere=current_ampere,
-        initial_soc=initial_soc,
-        celsius=celsius,
-    )
+    ends = {"lower_cutoff_volt": lower_cutoff_volt, "current_ampere": current_ampere}
+    curves = discharge_curves(models, initial_soc=initial_soc, celsius=celsius, **ends)
     return ended_string(curves, contact_volt=contact_ohm * current_ampere)
 
 
@@ -79,42 +73,18 @@ class Curves(NamedTuple):
     soc: np.ndarray
     end_ampere_hour: np.ndarray
 
-    def of(self, index):
-        """Some of the cells, by their indices."""
-        index = list(index)
-        columns = (column[:, index] for column in (self.cell_voltage_volt, self.soc))
-        return Curves(self.charge_ampere_hour, *columns, self.end_ampere_hour[index])
-
 
 def discharge_curves(models, *, lower_cutoff_volt, current_ampere, initial_soc, celsius=25.0):
-    """Each cell of a string followed to its own cut-off at the string's current.
-
-    Parameters
-    ----------
-    models, lower_cutoff_volt, current_ampere, initial_soc, celsius : as of `discharge_string`.
-
-    Returns
-    -------
-    curves : Curves.
-
-    Raises
-    ------
-    Refusal : as `discharge_string`.
-    """
+    """Each cell of a string followed to its own cut-off: Curves, of arguments as above."""
     cells = len(models)
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
     start = np.broadcast_to(np.asarray(initial_soc, float), (cells,))
     longest = BEYOND * float((start * capacity).max())
-    charge = np.linspace(0.0, longest, int(BEYOND / STEP_SHARE) + 1)
+    charge = np.linspace(0.0, longest, int(BEYOND * 500) + 1)  # 500 steps of the largest cell
     second = 3600.0 * charge / current_ampere
-    run = simulate_string(
-        models,
-        second,
-        np.full(len(second), -float(current_ampere)),
-        initial_soc=start,
-        temperature_celsius=celsius,
-        hold="zero_order",
-    )
+    load = np.full(len(second), -float(current_ampere))
+    at = {"initial_soc": start, "temperature_celsius": celsius, "hold": "zero_order"}
+    run = simulate_string(models, second, load, **at)
     cutoff = np.broadcast_to(np.asarray(lower_cutoff_volt, float), (cells,))
     pairs = zip(run.cell_voltage_volt.T, cutoff, strict=True)
     at_cutoff = np.array([first_crossing(charge, volt, limit) for volt, limit in pairs])
@@ -145,18 +115,15 @@ def first_crossing(charge, volt, limit):
     return np.where(below.any(axis=0), met[0], np.nan)[()]
 
 
-def ended_string(curves, *, contact_volt=0.0):
-    """The discharge of a string of these cells, which ends when its first cell is at its cut-off.
+def ended_string(curves, items=slice(None), *, contact_volt=0.0):
+    """The discharge of a string, which ends when its first cell is at its cut-off: Discharge.
 
     Parameters
     ----------
-    curves : Curves. contact_volt : over all contacts together [V].
-
-    Returns
-    -------
-    discharge : Discharge.
+    curves : Curves. items : indices of the cells that make up the string.
+    contact_volt : over all contacts together [V].
     """
-    charge, ends = curves.charge_ampere_hour, curves.end_ampere_hour
+    charge, ends = curves.charge_ampere_hour, curves.end_ampere_hour[items]
     weakest = int(np.nanargmin(ends))
     end = ends[weakest]
     kept = charge < end
@@ -166,7 +133,7 @@ def ended_string(curves, *, contact_volt=0.0):
         at_end = [np.interp(end, charge, column) for column in columns.T]
         return np.vstack([columns[kept], at_end])
 
-    voltage, soc = until_end(curves.cell_voltage_volt), until_end(curves.soc)
+    voltage, soc = until_end(curves.cell_voltage_volt[:, items]), until_end(curves.soc[:, items])
     energy = np.trapezoid(voltage.sum(axis=1) - contact_volt, grid)
     state = (voltage[-1], soc[-1], grid, voltage)
     return Discharge(float(end), float(energy), weakest, ends, *state)
@@ -207,10 +174,6 @@ def balance_string(models, *, initial_soc, **discharge):
     Returns
     -------
     balance : Balance.
-
-    Raises
-    ------
-    Refusal : as `discharge_string`.
     """
     # ASSUME: A cell is full at SoC 1: the string's charge ends with a held voltage or a small
     # current.
@@ -224,12 +187,13 @@ def balance_string(models, *, initial_soc, **discharge):
     charged = soc + lacking.min() / capacity
     as_it_is, at_top = from_soc(charged), from_soc(1.0)
     whole = at_top.end_ampere_hour
+    # Bled at the bottom: what each holds more than the smallest is taken out before.
     surplus = whole - np.nanmin(whole)
     at_bottom = from_soc(1.0 - np.nan_to_num(surplus) / capacity)
-    held = as_it_is.end_ampere_hour
+    given = as_it_is.end_ampere_hour
     return Balance(
         lacking.max() - lacking,
-        held - np.nanmin(held),
+        given - np.nanmin(given),
         as_it_is,
         at_top,
         at_bottom,
@@ -237,25 +201,10 @@ def balance_string(models, *, initial_soc, **discharge):
     )
 
 
-class SeriesPack(NamedTuple):
-    """A series pack against its record, and what it can give.
-
-    pack : list of one dict. cells, power, waterfall : list of dict, rows. series : dict of (n,)
-    columns. notes : sentences.
-    """
-
-    pack: list
-    cells: list
-    power: list
-    waterfall: list
-    series: dict
-    notes: tuple
-
-
 def series_pack(models, positions, cells, record, settings=SETTINGS):
     """A series pack through a record; its usable charge, energy, power, limits and balancing.
 
-    1. The record is simulated and scored (`series.validate_string`). 2. From the SoC of its start
+    1. The record is simulated and scored (`string.validate_string`). 2. From the SoC of its start
     the string is charged until its first cell is full, and discharged until its first is empty: at
     the record's own current where that ends so, else at `settings.c_rate`. 3. Power over that
     discharge, balancing, the end of discharge of each cell.
@@ -267,52 +216,43 @@ def series_pack(models, positions, cells, record, settings=SETTINGS):
 
     Returns
     -------
-    pack : SeriesPack.
+    tables : dict: rows "cells", "pack" (one), "power", "waterfall"; columns "series".
+    notes : list of sentences.
 
     Raises
     ------
-    Refusal : a cell without cut-offs, or as `series.validate_string` and `discharge_string`.
+    Refusal : a cell without cut-offs, or as `string.validate_string` and `discharge_string`.
     """
     lower, upper = cutoffs_of(cells)
-    scored = validate_string(models, positions, record)
+    tables, notes = validate_string(models, positions, record)
     names = [row.cell for row in positions]
-    start = np.array([row["soc_start"] for row in scored.cells])
+    start = np.array([row["soc_start"] for row in tables["cells"]])
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
     ended = _measured_discharge(record, lower, names)
     current = ended.pop("current_ampere") or settings.c_rate * float(np.median(capacity))
-    contact = contact_of(positions)
     loaded = ~at_rest_in_record(record.current_ampere)
+    # Cells under load are warmer than the chamber.
     celsius = float(np.mean(record.celsius[loaded])) if loaded.any() else float(record.celsius[0])
-    at = {"celsius": celsius, "contact_ohm": contact}
-    discharge = {"lower_cutoff_volt": lower, "current_ampere": current, **at}
-    balance = balance_string(models, initial_soc=start, **discharge)
+    at = {"celsius": celsius, "contact_ohm": contact_of(positions)}
+    ends = {"lower_cutoff_volt": lower, "current_ampere": current}
+    balance = balance_string(models, initial_soc=start, **ends, **at)
+    # The first full cell ends the charge of a string.
     charged = start + ((1.0 - start) * capacity).min() / capacity
-    power = power_of_string(
-        models,
-        balance.as_it_is,
-        initial_soc=charged,
-        cutoffs_volt=(lower, upper),
-        pulse_second=settings.pulse_second,
-        largest_c_rate=settings.largest_c_rate,
-        **at,
-    )
+    pulses = {"pulse_second": settings.pulse_second, "largest_c_rate": settings.largest_c_rate}
+    limits = {"initial_soc": charged, "cutoffs_volt": (lower, upper)}
+    power = power_of_string(models, balance.as_it_is, **limits, **pulses, **at)
     given = {"discharge_ampere": current} | _capability_row(balance, power, names) | ended
-    return SeriesPack(
-        [scored.pack | given],
-        [row | _cell_limits(balance, k) for k, row in enumerate(scored.cells)],
-        power_rows(power, names),
-        waterfall_rows(capacity, balance),
-        scored.series,
-        tuple(scored.notes),
-    )
+    rows = {
+        "cells": [row | _cell_limits(balance, k) for k, row in enumerate(tables["cells"])],
+        "pack": [tables["pack"] | given],
+        "power": power,
+        "waterfall": waterfall_rows(capacity, balance),
+    }
+    return rows | {"series": tables["series"]}, notes
 
 
 def cutoffs_of(cells):
-    """Lower and upper cut-offs of cells (cells,) [V].
-
-    Parameters
-    ----------
-    cells : list of CellFacts.
+    """Lower and upper cut-offs of a list of CellFacts, (cells,) each [V].
 
     Raises
     ------
@@ -327,22 +267,11 @@ def cutoffs_of(cells):
     )
 
 
-def contact_of(positions):
-    """Resistance of all contacts of a string together [ohm]; blank ones are none.
-
-    Parameters
-    ----------
-    positions : list of BranchFacts.
-    """
-    return float(sum(row.wire_resistance_ohm or 0.0 for row in positions))
-
-
 def _measured_discharge(record, lower, names):
     """What a record took out of the string; its current where that is one, ended by a cell."""
     current, time = record.current_ampere, record.test_time_second
-    down = (current < 0) & ~at_rest_in_record(current)
-    per_hour = np.diff(time) / 3600.0 * (down[1:] | down[:-1])
-    drawn = -0.5 * (current[1:] + current[:-1]) * per_hour
+    down = discharging(current)
+    drawn = -passed_ampere_hour(time, current) * (down[1:] | down[:-1])
     volt = 0.5 * (record.voltage_volt[1:] + record.voltage_volt[:-1])
     row = {
         "record_ampere_hour": float(drawn.sum()),
@@ -355,8 +284,10 @@ def _measured_discharge(record, lower, names):
         return row | unknown
     end = int(np.flatnonzero(down)[-1])
     above = cells[end] - lower
-    constant = np.std(current[down]) < CONSTANT_SHARE * np.abs(current).max()
-    if not constant or above.min() > NEAR_VOLT:
+    # A cycler's constant current scatters by less than 2 %; what ends 10 mV above a cell's cut-off
+    # or lower was ended by it.
+    constant = np.std(current[down]) < 0.02 * np.abs(current).max()
+    if not constant or above.min() > 0.01:
         return row | unknown
     return row | {
         "current_ampere": float(-current[down].mean()),
@@ -370,7 +301,7 @@ def _capability_row(balance, power, names):
     """What the string gives, who ends it with what margin, and what balancing would bring."""
     now, top, bottom = balance.as_it_is, balance.balanced_at_top, balance.balanced_at_bottom
     margins = np.sort(now.end_ampere_hour - now.capacity_ampere_hour)
-    half = len(power.mean_soc) // 2
+    half = power[len(power) // 2]  # the point at which half the charge is taken
     brought = top.capacity_ampere_hour - now.capacity_ampere_hour
     more = top.energy_watt_hour - now.energy_watt_hour
     return {
@@ -388,8 +319,8 @@ def _capability_row(balance, power, names):
         "balancing_brings_percent": 100.0 * more / now.energy_watt_hour,
         "bottom_balanced_watt_hour": bottom.energy_watt_hour,
         "charge_moved_ampere_hour": balance.level_ampere_hour,
-        "discharge_power_half_watt": float(power.discharge_watt[half]),
-        "charge_power_half_watt": float(power.charge_watt[half]),
+        "discharge_power_half_watt": half["discharge_watt"],
+        "charge_power_half_watt": half["charge_watt"],
     }
 
 
@@ -406,12 +337,7 @@ def _cell_limits(balance, k):
 
 
 def waterfall_rows(capacity, balance):
-    """From the cells' capacities down to what the string gives, rows of stage, Ah, Wh and share.
-
-    Parameters
-    ----------
-    capacity : (cells,) of the models [Ah]. balance : Balance.
-    """
+    """From the cells' capacities [Ah] down to what the string gives: stage, Ah, Wh and share."""
     now, top = balance.as_it_is, balance.balanced_at_top
     stages = [
         ("mean capacity of the cells", float(capacity.mean()), np.nan),

@@ -1,35 +1,12 @@
 """Power of a series pack in pulses over its discharge, limited by its first cell."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
-LONG_REST_SECOND = 1e7  # between simulated pulses: every relaxation has ended
-ROUNDS = 6  # of the secant that finds a pulse's current; it stops at 0.1 mV
-SMALL_VOLT = 1e-4
-
-
-class Power(NamedTuple):
-    """Power of a string over its charge, (points,) each.
-
-    discharged_share : of what the string gives [1]. mean_soc : of its cells.
-    discharge_watt, charge_watt : at the end of a pulse that brings the first cell to its limit;
-    *_ampere : its current. limiting_discharge, limiting_charge : index of that cell, −1 where the
-    largest allowed current is less.
-    """
-
-    discharged_share: np.ndarray
-    mean_soc: np.ndarray
-    discharge_watt: np.ndarray
-    discharge_ampere: np.ndarray
-    limiting_discharge: np.ndarray
-    charge_watt: np.ndarray
-    charge_ampere: np.ndarray
-    limiting_charge: np.ndarray
+SMALL_VOLT = 1e-4  # a pulse that ends so near to its limit is at it
 
 
 def power_of_string(
@@ -60,11 +37,10 @@ def power_of_string(
 
     Returns
     -------
-    power : Power. Zero where a cell is at or beyond its limit before the pulse.
-
-    Raises
-    ------
-    Refusal : as `model_file.simulate_model`.
+    rows : list of dict, one a point: discharged_share of what the string gives [1], mean_soc of its
+        cells; of a pulse to discharge and one to charge its _watt and _ampere at the end, 0 where a
+        cell is at or beyond its limit before it, and the name of the cell that is limiting, ""
+        where the largest allowed current is less.
 
     Source: pulse power by cut-off voltages, FreedomCAR Battery Test Manual (2003), 4.3; here with
     the model's whole response instead of one resistance.
@@ -74,24 +50,23 @@ def power_of_string(
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
     start = np.broadcast_to(np.asarray(initial_soc, float), capacity.shape)
     soc = start - drawn[:, None] / capacity
-    pulses = {}
-    for sign, cutoff in zip((-1, 1), cutoffs_volt, strict=True):
+    names = np.array([*(model["cell"] for model in models), ""], object)  # the last of no cell
+    columns = {"discharged_share": share, "mean_soc": soc.mean(axis=1)}
+    at = {"celsius": celsius, "pulse_second": pulse_second}
+    for way, sign, cutoff in zip(("discharge", "charge"), (-1, 1), cutoffs_volt, strict=True):
         limits = np.broadcast_to(np.asarray(cutoff, float), capacity.shape)
-        settings = {"sign": sign, "celsius": celsius, "pulse_second": pulse_second}
-        found = [
-            limiting_current(model, soc[:, k], limits[k], **settings)
-            for k, model in enumerate(models)
-        ]
+        cells = list(zip(models, soc.T, limits, strict=True))
+        found = [limiting_current(*cell, sign=sign, **at) for cell in cells]
+        # Beyond it no pulse was measured: the model would be extrapolated.
         largest = largest_c_rate * np.median(capacity)
         ampere = np.minimum(np.min(found, axis=0), largest)
         limiting = np.where(ampere < largest, np.argmin(found, axis=0), -1)
-        volt = [
-            pulse_volt(model, soc[:, k], sign * ampere, celsius=celsius, pulse_second=pulse_second)
-            for k, model in enumerate(models)
-        ]
+        volt = [pulse_volt(model, course, sign * ampere, **at) for model, course, _ in cells]
         at_terminals = np.sum(volt, axis=0) + sign * contact_ohm * ampere
-        pulses[sign] = (ampere * at_terminals, ampere, limiting)
-    return Power(share, soc.mean(axis=1), *pulses[-1], *pulses[1])
+        columns[f"{way}_watt"] = ampere * at_terminals
+        columns[f"{way}_ampere"], columns[f"limiting_{way}"] = ampere, names[limiting]
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 def limiting_current(model, soc, limit_volt, *, sign, celsius, pulse_second):
@@ -110,7 +85,8 @@ def limiting_current(model, soc, limit_volt, *, sign, celsius, pulse_second):
     rested = pulse_volt(model, soc, np.zeros(len(soc)), **settings)
     room = sign * (limit_volt - rested)
     tried = np.full(len(soc), model["capacity_ampere_hour"])
-    for _ in range(ROUNDS):
+    for _ in range(6):  # a secant: kinetics bend the voltage little within a pulse
+        # What the voltage moves by at the current that was tried.
         change = sign * (pulse_volt(model, soc, sign * tried, **settings) - rested)
         if np.all(np.abs(change - room)[room > 0] < SMALL_VOLT):
             break
@@ -126,8 +102,8 @@ def pulse_volt(model, soc, current_ampere, *, celsius, pulse_second):
     model : model dict. soc : (p,) before each pulse [1]. current_ampere : (p,) [A], positive on
         charge. celsius : [degC]. pulse_second : [s].
     """
-    # One record of all pulses, each begun at rest, with rests in which everything relaxes.
-    begin = np.arange(len(soc)) * (LONG_REST_SECOND + pulse_second)
+    # One record of all pulses, each begun at rest: within 1e7 s every relaxation has ended.
+    begin = np.arange(len(soc)) * (1e7 + pulse_second)
     time = np.column_stack([begin, begin + pulse_second, begin + pulse_second]).ravel()
     current = np.column_stack([current_ampere, current_ampere, np.zeros(len(soc))]).ravel()
     moved = current_ampere * pulse_second / 3600.0 / model["capacity_ampere_hour"]
@@ -135,19 +111,3 @@ def pulse_volt(model, soc, current_ampere, *, celsius, pulse_second):
     celsius = np.full(len(time), float(celsius))
     run = simulate_model(model, None, time, current, course, celsius, hold="zero_order")
     return run.voltage_volt[1::3]
-
-
-def power_rows(power, names):
-    """Rows of a string's power over its discharge, the limiting cells by name, "" for none.
-
-    Parameters
-    ----------
-    power : Power. names : of the cells.
-    """
-    columns = power._asdict()
-    for key in ("limiting_discharge", "limiting_charge"):
-        columns[key] = [names[k] if k >= 0 else "" for k in columns[key]]
-    return [
-        dict(zip(columns, (v if isinstance(v, str) else float(v) for v in row), strict=True))
-        for row in zip(*columns.values(), strict=True)
-    ]

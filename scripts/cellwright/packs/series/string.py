@@ -9,10 +9,10 @@ from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.lags import mean_over_steps
 from cellwright.numerics.statistics import rms
 from cellwright.packs.checks import beyond_calibration, swapped
-from cellwright.records.conditions import at_rest_in_record
+from cellwright.packs.compare import discharging, refuse_start_under_load, rested_soc, scores
 from cellwright.refusal import Refusal
 
-POINTS = 201
+POINTS = 201  # of SoC, half a percent apart, on which an OCV is looked up backwards
 
 
 class StringRun(NamedTuple):
@@ -29,7 +29,7 @@ class StringRun(NamedTuple):
 def simulate_string(
     models, test_time_second, current_ampere, *, initial_soc, temperature_celsius=25.0, hold=None
 ):
-    """Voltage and SoC of cells in series: one current, each cell by its own model.
+    """Voltage and SoC of cells in series: one current, each cell by its own model: StringRun.
 
     Every cell runs as its chosen member, whatever it is made of; nothing couples the cells but
     the current, so that no approximation enters.
@@ -42,10 +42,6 @@ def simulate_string(
     temperature_celsius : scalar, (n,) or (n, cells) [degC].
     hold : of the current between samples, as in `model_file.simulate_model`.
 
-    Returns
-    -------
-    run : StringRun; its voltage is the sum of the cells'.
-
     Raises
     ------
     Refusal : no model, the clock runs back, a current is not finite, or as `simulate_model`.
@@ -57,7 +53,8 @@ def simulate_string(
     if not np.isfinite(current).all():
         raise Refusal("the current is not finite")
     shape = (len(time), len(models))
-    charge = _counted_ampere_hour(time, current, hold)
+    moved = mean_over_steps(current, hold) * np.diff(time)
+    charge = np.append(0.0, np.cumsum(moved)) / 3600.0
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
     soc = np.broadcast_to(np.asarray(initial_soc, float), shape[1:]) + charge[:, None] / capacity
     celsius = np.asarray(temperature_celsius, float)
@@ -68,24 +65,6 @@ def simulate_string(
         voltage[:, k] = run.voltage_volt
         outside[:, k] = run.extrapolated | run.outside_temperature
     return StringRun(voltage, soc, outside)
-
-
-def _counted_ampere_hour(time, current, hold):
-    moved = mean_over_steps(current, hold) * np.diff(time)
-    return np.append(0.0, np.cumsum(moved)) / 3600.0
-
-
-class StringValidation(NamedTuple):
-    """Scores of a simulated string against its record.
-
-    pack : dict, one row. cells : list of dict, a row a cell. series : dict of (n,) columns.
-    notes : sentences for the report.
-    """
-
-    pack: dict
-    cells: list
-    series: dict
-    notes: tuple
 
 
 def validate_string(models, positions, record):
@@ -100,7 +79,8 @@ def validate_string(models, positions, record):
 
     Returns
     -------
-    validation : StringValidation. Errors are measured minus simulated.
+    tables : dict: "pack" (one row), "cells" (rows), "series" (columns); errors are measured minus
+        simulated. notes : list of sentences for the report.
 
     Raises
     ------
@@ -114,19 +94,24 @@ def validate_string(models, positions, record):
     time, current = record.test_time_second, record.current_ampere
     run = simulate_string(models, time, current, initial_soc=start, temperature_celsius=celsius)
     names = [row.cell for row in positions]
-    contact = sum(row.wire_resistance_ohm or 0.0 for row in positions)
     measured = logged(record.cell_voltage_volt, run.cell_voltage_volt.shape)
     cells = _cell_rows(names, models, run, measured)
-    series = _series(record, run, measured, names, contact)
-    told = np.isfinite(measured).any(axis=0)
+    series = _series(record, run, measured, names, contact_of(positions))
+    known = np.isfinite(measured).any(axis=0)
+    # What a swap must change a cell's voltage by: a share of what the load changes it by.
     moved = rms(run.cell_voltage_volt - run.cell_voltage_volt.mean(axis=0))
-    pair = measured[:, told], run.cell_voltage_volt[:, told]
-    numbers = np.flatnonzero(told) + 1
+    pair = measured[:, known], run.cell_voltage_volt[:, known]
+    numbers = np.flatnonzero(known) + 1
     found = swapped(*pair, moved, test=record.test, what="cell", numbers=numbers)
     notes += [finding.sentence for finding in found]
-    error = record.voltage_volt - series["simulated_voltage_volt"]
+    error = scores(record.voltage_volt - series["simulated_voltage_volt"])
     row = _pack_row(record, run, measured, names, cells, error)
-    return StringValidation(row, cells, series, tuple(notes))
+    return {"pack": row, "cells": cells, "series": series}, notes
+
+
+def contact_of(positions):
+    """Resistance of all contacts of a string of BranchFacts together [ohm]; blank ones are none."""
+    return float(sum(row.wire_resistance_ohm or 0.0 for row in positions))
 
 
 def logged(columns, shape):
@@ -156,18 +141,15 @@ def string_soc(models, positions, record, notes):
     unknown = np.isnan(start)
     if not unknown.any():
         return start
-    if not at_rest_in_record(record.current_ampere)[0]:
-        raise Refusal("initial_soc is not stated in groups.tsv, and the record begins under load")
+    refuse_start_under_load(record)
     # ASSUME: A string that begins at rest without a stated SoC is at equilibrium.
     first = logged(record.cell_voltage_volt, (len(record.current_ampere), len(models)))[0]
-    grid, curves = np.linspace(0.0, 1.0, POINTS), rested_curves(models, record)
+    curves = rested_curves(models, record)
     if not np.isfinite(first[unknown]).all():
-        alike = np.interp(record.voltage_volt[0], curves.sum(axis=0), grid)
         notes.append("SoC at the start: the same for all cells, by the pack's first voltage")
-        return np.where(unknown, alike, start)
-    found = [np.interp(volt, curve, grid) for volt, curve in zip(first, curves, strict=True)]
+        return np.where(unknown, rested_soc(curves.sum(axis=0), record.voltage_volt[0]), start)
     notes.append("SoC at the start from the cells' first voltages")
-    return np.where(unknown, found, start)
+    return np.where(unknown, list(map(rested_soc, curves, first)), start)
 
 
 def rested_curves(models, record):
@@ -201,17 +183,13 @@ def cell_temperatures(record, cells, notes):
 def _cell_rows(names, models, run, measured):
     rows = []
     for k, (name, model) in enumerate(zip(names, models, strict=True)):
-        error = measured[:, k] - run.cell_voltage_volt[:, k]
-        known = error[np.isfinite(error)]
-        scores = (np.nan,) * 4
-        if len(known):
-            scores = (np.abs(known).mean(), rms(known), np.abs(known).max(), known.mean())
-        names_of_scores = ("mean_abs_volt", "rmse_volt", "max_abs_volt", "mean_volt")
+        found = scores(measured[:, k] - run.cell_voltage_volt[:, k])
+        samples = found.pop("samples")
         rows.append(
             {"position": k + 1, "cell": name, "model": model["chosen"]}
             | {"kind": model.get("kind") or ""}
-            | {key: float(value) for key, value in zip(names_of_scores, scores, strict=True)}
-            | {"samples": len(known), "extrapolated": float(run.extrapolated[:, k].mean())}
+            | {f"{score}_volt": value for score, value in found.items()}
+            | {"samples": samples, "extrapolated": float(run.extrapolated[:, k].mean())}
             | {"capacity_ampere_hour": float(model["capacity_ampere_hour"])}
             | {"soc_start": float(run.soc[0, k]), "soc_end": float(run.soc[-1, k])}
         )
@@ -220,42 +198,38 @@ def _cell_rows(names, models, run, measured):
 
 def _series(record, run, measured, names, contact_ohm):
     """Columns (n,) over time: the pack, its extreme cells by voltage and SoC, measured beside."""
-    volt, soc = run.cell_voltage_volt, run.soc
+    volt, soc, who = run.cell_voltage_volt, run.soc, np.asarray(names, object)
     columns = {name: getattr(record, name) for name in ("test_time_second", "current_ampere")}
     whole = volt.sum(axis=1) + contact_ohm * record.current_ampere
     columns |= {"voltage_volt": record.voltage_volt, "simulated_voltage_volt": whole}
     columns |= {
-        "lowest_cell": _names_at(names, np.argmin(volt, axis=1)),
+        "lowest_cell": who[volt.argmin(axis=1)],
         "lowest_cell_volt": volt.min(axis=1),
         "highest_cell_volt": volt.max(axis=1),
-        "least_soc_cell": _names_at(names, np.argmin(soc, axis=1)),
+        "least_soc_cell": who[soc.argmin(axis=1)],
         "least_soc": soc.min(axis=1),
         "mean_soc": soc.mean(axis=1),
         "highest_soc": soc.max(axis=1),
     }
     if np.isfinite(measured).all():
-        lowest = np.argmin(measured, axis=1)
-        columns["measured_lowest_cell"] = _names_at(names, lowest)
+        columns["measured_lowest_cell"] = who[measured.argmin(axis=1)]
         columns["measured_lowest_cell_volt"] = measured.min(axis=1)
         columns["measured_highest_cell_volt"] = measured.max(axis=1)
     return columns
-
-
-def _names_at(names, index):
-    return np.asarray(names, object)[index]
 
 
 def _pack_row(record, run, measured, names, cells, error):
     """One row on the pack: errors, weakest cells, spread of SoC."""
     volt, soc, current = run.cell_voltage_volt, run.soc, record.current_ampere
     scored = [row for row in cells if row["samples"]]
-    end = _end_of_discharge(current)
+    # At the end of the last discharge, else of the record, the weakest cell shows.
+    end = int(np.append(-1, np.flatnonzero(discharging(current)))[-1])
     worst = max(scored, key=lambda row: row["mean_abs_volt"], default=None)
     row = {
         "cells": len(names),
-        "voltage_rmse_volt": rms(error),
-        "voltage_max_abs_volt": float(np.abs(error).max()),
-        "voltage_mean_volt": float(error.mean()),
+        "voltage_rmse_volt": error["rmse"],
+        "voltage_max_abs_volt": error["max_abs"],
+        "voltage_mean_volt": error["mean"],
         "cells_logged": len(scored),
         "cell_mean_abs_volt": float(np.mean([r["mean_abs_volt"] for r in scored] or [np.nan])),
         "cell_worst_mean_abs_volt": worst["mean_abs_volt"] if worst else np.nan,
@@ -266,15 +240,9 @@ def _pack_row(record, run, measured, names, cells, error):
         "soc_spread_max": float(np.ptp(soc, axis=1).max()),
         "weakest_by_voltage": names[int(np.argmin(volt[end]))],
         "weakest_by_soc": names[int(np.argmin(soc[end]))],
-        "samples": len(error),
+        "samples": error["samples"],
     }
     return row | _agreement(current, volt, measured, names, end)
-
-
-def _end_of_discharge(current):
-    """Last row under discharge; the last row at all where there is none."""
-    down = np.flatnonzero((current < 0) & ~at_rest_in_record(current))
-    return int(down[-1]) if len(down) else len(current) - 1
 
 
 def _agreement(current, volt, measured, names, end):
@@ -289,10 +257,9 @@ def _agreement(current, volt, measured, names, end):
             "lowest_cell_found_share": np.nan,
             "lowest_cell_gap_volt": np.nan,
         }
-    loaded = (current < 0) & ~at_rest_in_record(current)
-    loaded = loaded if loaded.any() else np.ones(len(current), bool)
-    said, true = np.argmin(volt, axis=1)[loaded], np.argmin(measured, axis=1)[loaded]
-    rows = np.flatnonzero(loaded)
+    down = discharging(current)
+    rows = np.flatnonzero(down if down.any() else np.ones(len(current), bool))
+    said, true = volt[rows].argmin(axis=1), measured[rows].argmin(axis=1)
     gap = measured[rows, said] - measured[rows, true]
     return {
         "measured_weakest_by_voltage": names[int(np.argmin(measured[end]))],

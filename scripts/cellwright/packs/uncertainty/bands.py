@@ -3,23 +3,14 @@
 All draws are simulated in one run (`copies`).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.packs.uncertainty.copies import copies_at_once, simulate_copies
 from cellwright.packs.uncertainty.draws import drawn_cells
 from cellwright.packs.wiring import member_currents, with_contacts
 
-DRAWS = 50  # tell a standard deviation to a tenth
+DRAWS = 50  # tell a standard deviation to a tenth: 1/√(2·50)
 WITHIN_90_PERCENT = 1.6449  # standard deviations of a normal error
-
-
-class Band(NamedTuple):
-    """Standard deviations over time: current of each member (n, members) [A], voltage (n,) [V]."""
-
-    member_ampere: np.ndarray
-    voltage_volt: np.ndarray
 
 
 def band_of(
@@ -53,11 +44,7 @@ def band_of(
 
     Returns
     -------
-    band : Band.
-
-    Raises
-    ------
-    Refusal : as `simulate.simulate_pack`.
+    member_ampere, voltage_volt : (n, members), (n,) standard deviations [A], [V].
     """
     at_once = copies_at_once(cells, len(time_second))
     squares, squares_volt = 0.0, np.zeros(len(time_second))
@@ -76,5 +63,6 @@ def band_of(
         for one in runs:
             squares = squares + (member_currents(wiring, one.cell_current_ampere) - known) ** 2
             squares_volt += (one.voltage_volt - run.voltage_volt) ** 2
+    # About the pack as its models say, not about the mean of the draws: a shift is an error too.
     draws = len(factors)
-    return Band(np.sqrt(squares / draws), np.sqrt(squares_volt / draws))
+    return np.sqrt(squares / draws), np.sqrt(squares_volt / draws)

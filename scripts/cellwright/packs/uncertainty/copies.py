@@ -3,19 +3,14 @@
 import numpy as np
 
 from cellwright.packs.cells import TABLES
-from cellwright.packs.simulate import PackRun, simulate_pack
-from cellwright.packs.wiring import Wiring, cells_of, member_currents
+from cellwright.packs.simulate import simulate_pack
+from cellwright.packs.wiring import Wiring, by_member, member_currents
 
 MOST_VALUES = 4_000_000  # of the tables of all copies, and of one quantity over time: 32 MB each
 
 
 def copies_at_once(cells, samples):
-    """How many copies of a pack one run simulates, by the memory that they take; at least 1.
-
-    Parameters
-    ----------
-    cells : PackCells of one pack. samples : of the record.
-    """
+    """How many copies of a pack's cells one run of so many samples simulates, at least 1."""
     tables = sum(getattr(cells, name).size for name in TABLES)
     return max(1, MOST_VALUES // max(tables, samples * len(cells.names)))
 
@@ -35,28 +30,29 @@ def simulate_copies(
 
     Returns
     -------
-    runs : list of PackRun, one a pack.
-
-    Raises
-    ------
-    Refusal : as `simulate.simulate_pack`.
+    runs : list of kernel.PackRun, one a pack.
     """
+    # A wiring may name a cell once.
     named = tuple(_renamed(wiring, f" #{k}") for k, wiring in enumerate(wirings))
     none = (0.0,) * len(named)
-    warms = None if thermal is None else _repeated(thermal, len(named))
-    run = simulate_pack(
-        test_time_second,
-        current_ampere,
-        _side_by_side(cells),
-        Wiring("copies", "series", named, none, none),
-        initial_soc=np.asarray(initial_soc, float).ravel(),
-        thermal=warms,
-        **how,
-    )
-    columns = (run.cell_current_ampere, run.cell_voltage_volt, run.soc, run.temperature_celsius)
-    parts = zip(*(np.split(column, len(named), axis=1) for column in columns), strict=True)
+    if thermal is not None:
+        names = ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")
+        names += ("entropic_volt_per_kelvin",)
+        alike = [np.concatenate([np.atleast_1d(getattr(thermal, n))] * len(named)) for n in names]
+        thermal = thermal._replace(**dict(zip(names, alike, strict=True)))
+    string = Wiring("copies", "series", named, none, none)
+    start = np.asarray(initial_soc, float).ravel()
+    about = {"initial_soc": start, "thermal": thermal, **how}
+    run = simulate_pack(test_time_second, current_ampere, _side_by_side(cells), string, **about)
+    parts = zip(*(np.split(column, len(named), axis=1) for column in run[:4]), strict=True)
     return [
-        PackRun(current, volt, pack_voltage(wiring, volt, current), soc, celsius, run.row)
+        run._replace(
+            cell_current_ampere=current,
+            cell_voltage_volt=volt,
+            soc=soc,
+            temperature_celsius=celsius,
+            voltage_volt=pack_voltage(wiring, volt, current),
+        )
         for wiring, (current, volt, soc, celsius) in zip(wirings, parts, strict=True)
     ]
 
@@ -71,9 +67,7 @@ def pack_voltage(wiring, cell_volt, cell_ampere):
     """
     if isinstance(wiring, str):
         return cell_volt[:, 0]
-    bounds = np.cumsum([len(cells_of(member)) for member in wiring.members])[:-1]
-    pairs = zip(*(np.split(part, bounds, axis=1) for part in (cell_volt, cell_ampere)), strict=True)
-    volts = [pack_voltage(m, *pair) for m, pair in zip(wiring.members, pairs, strict=True)]
+    volts = [pack_voltage(*part) for part in by_member(wiring, cell_volt, cell_ampere)]
     if wiring.sense is not None:
         return volts[wiring.sense]
     currents = member_currents(wiring, cell_ampere)
@@ -85,16 +79,6 @@ def pack_voltage(wiring, cell_volt, cell_ampere):
     # What has left the bar of one lead before a link flows back through the other bar.
     passed = np.cumsum(currents, axis=1)[:, :-1]
     return at_bar[:, 0] + passed @ (0.5 * np.asarray(wiring.link_ohm[1:]))
-
-
-def _repeated(thermal, copies):
-    """Thermal of several packs alike."""
-    columns = {
-        name: np.concatenate([np.atleast_1d(getattr(thermal, name))] * copies)
-        for name in ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")
-        + ("entropic_volt_per_kelvin",)
-    }
-    return thermal._replace(**columns)
 
 
 def _renamed(wiring, ending):

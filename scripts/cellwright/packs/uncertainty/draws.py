@@ -15,22 +15,12 @@ RESISTANCES = ("r0_ohm", "two_way_ohm", "r_ohm", "kinetic_r_ohm")
 POINTS = 101  # of SoC, on which an error of the OCV is drawn
 
 
-class OcvError(NamedTuple):
-    """Standard deviation of a cell's open-circuit voltage at the SoC where it was fitted.
-
-    soc, std_volt : (m,) [1], [V]. From one to the next the errors are independent.
-    """
-
-    soc: np.ndarray
-    std_volt: np.ndarray
-
-
 class Uncertainty(NamedTuple):
     """Standard deviations of what is known of each cell, (cells,) each.
 
     capacity_relative, resistance_relative : [1]. voltage_volt : what the chosen member misses of
-    records left out of its fit [V]. initial_soc : [1]. ocv : tuple of OcvError, or None where an
-    error of the voltage is the same at every SoC. wire_relative_std : scalar, of all contacts [1].
+    records left out of its fit [V]. initial_soc : [1]. ocv : `ocv_error` of each cell, or None
+    where an error of the voltage is the same at every SoC. wire_relative_std : of all contacts [1].
     """
 
     capacity_relative: np.ndarray
@@ -47,36 +37,32 @@ def uncertainty_of(
     *,
     initial_soc_std=SETTINGS.initial_soc_std,
     wire_relative_std=SETTINGS.wire_relative_std,
-    capacity_relative_std=0.003,  # repeats of a capacity test on good cyclers
-    resistance_relative_std=0.02,
 ):
-    """Uncertainty of each cell of a pack.
+    """How sure it is what is known of each cell of a pack: Uncertainty.
 
     The capacity's is that of the mean of its repeats, the resistance's that of the sum of the
-    model's resistances (their standard deviations, median over SoC), none smaller than the least
-    values. The voltage's is the error on records left out of the fit, else what the model states of
-    its OCV.
+    model's resistances (their standard deviations, median over SoC), none smaller than good
+    cyclers repeat them. The voltage's is the error on records left out of the fit, else what the
+    model states of its OCV.
 
     Parameters
     ----------
     models : model dicts. capacity_std_ampere_hour : (cells,), NaN or None where not known [Ah].
     initial_soc_std, wire_relative_std : [1].
-    capacity_relative_std, resistance_relative_std : least values [1].
-
-    Returns
-    -------
-    uncertainty : Uncertainty.
     """
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
     stds = [np.nan if std is None else std for std in capacity_std_ampere_hour]
+    # Not known: the least values below hold.
     relative = np.nan_to_num(np.array(stds, float) / capacity)
     members = [member_of(model) for model in models]
     resistance = np.array([relative_resistance_std(member) for member in members])
     ocv = tuple(map(ocv_error, members))
+    left_out = [member.get("left_out_rmse_volt") for member in members]
+    missed = [rms(o[1]) if volt is None else volt for volt, o in zip(left_out, ocv, strict=True)]
     return Uncertainty(
-        np.maximum(relative, capacity_relative_std),
-        np.maximum(np.nan_to_num(resistance), resistance_relative_std),
-        np.array([_missed_volt(member) for member in members]),
+        np.maximum(relative, 0.003),  # repeats of a capacity test on good cyclers
+        np.maximum(np.nan_to_num(resistance), 0.02),  # what contacts and temperature change
+        np.array(missed),
         np.full(len(models), float(initial_soc_std)),
         ocv,
         wire_relative_std,
@@ -105,12 +91,16 @@ def relative_resistance_std(member):
 
 
 def ocv_error(member):
-    """How sure a member's open-circuit voltage is: OcvError, at the SoC of its first condition.
+    """How sure a member's open-circuit voltage is, at the SoC of its first condition.
 
     Parameters
     ----------
-    member : dict, a member of a model file. What it states (`ocv_shift_std_volt`), else its error
-        on records left out of its fit, else 0.
+    member : dict, a member of a model file.
+
+    Returns
+    -------
+    soc, std_volt : (m,) [1], [V]: what it states (`ocv_shift_std_volt`), else its error on records
+        left out of its fit, else 0.
     """
     # ASSUME: Errors of the OCV at two SoC of a model are independent: each was fitted to rows of
     # its own.
@@ -119,25 +109,13 @@ def ocv_error(member):
     soc = np.asarray(condition["soc"], float)
     stated = condition.get("ocv_shift_std_volt") or [np.nan] * len(soc)
     std = np.asarray(stated, float)
-    return OcvError(soc, np.where(np.isfinite(std), std, missed))
-
-
-def _missed_volt(member):
-    """What a member misses of a voltage that it has not seen [V], by its OCV where no test told."""
-    missed = member.get("left_out_rmse_volt")
-    return rms(ocv_error(member).std_volt) if missed is None else missed
+    return soc, np.where(np.isfinite(std), std, missed)
 
 
 def is_known(model):
-    """Whether anything tells how sure a model is: deviations, or an error on what was left out.
-
-    Parameters
-    ----------
-    model : dict of a model file.
-    """
+    """Whether anything tells how sure a model is: deviations, or an error on what was left out."""
     member = member_of(model)
-    told = np.isfinite(relative_resistance_std(member))
-    return bool(told or ocv_error(member).std_volt.any())
+    return bool(np.isfinite(relative_resistance_std(member)) or ocv_error(member)[1].any())
 
 
 class CellDraws(NamedTuple):
@@ -163,7 +141,7 @@ def draw_cells(uncertainty, *, draws=SETTINGS.draws, seed=SEED):
 
     Returns
     -------
-    drawn : CellDraws; no factor is below a tenth.
+    drawn : CellDraws; no factor is below a tenth, which keeps resistances and capacities positive.
     """
     random = np.random.default_rng(seed)
     shape = (draws, len(uncertainty.capacity_relative))
@@ -172,25 +150,21 @@ def draw_cells(uncertainty, *, draws=SETTINGS.draws, seed=SEED):
     capacity, resistance, volt, soc = (z * std for z, std in pairs)
     courses = None
     if uncertainty.ocv is not None:
-        courses = np.stack([_courses(error, draws, random) for error in uncertainty.ocv], axis=1)
+        courses = np.stack([_courses(*error, draws, random) for error in uncertainty.ocv], axis=1)
     factors = (np.maximum(1.0 + z, 0.1) for z in (capacity, resistance))
     return CellDraws(*factors, volt, soc, courses)
 
 
-def _courses(error, draws, random):
+def _courses(soc, std_volt, draws, random):
     """Errors of an OCV over SoC (draws, POINTS) [V], between two SoC as uncertain as at them."""
-    between = hats(np.linspace(0.0, 1.0, POINTS), error.soc)
+    between = hats(np.linspace(0.0, 1.0, POINTS), soc)
+    # A straight line between two independent errors varies less than they do: scaled back up.
     between /= np.linalg.norm(between, axis=1, keepdims=True)
-    return (random.standard_normal((draws, len(error.soc))) * error.std_volt) @ between.T
+    return (random.standard_normal((draws, len(soc))) * std_volt) @ between.T
 
 
 def wire_factors(draws, *, wire_relative_std=SETTINGS.wire_relative_std, seed=SEED):
-    """Factors (draws,) of all contacts of a pack together [1].
-
-    Parameters
-    ----------
-    draws : their number. wire_relative_std : [1]. seed : of the generator.
-    """
+    """Factors (draws,) of all contacts of a pack together, of a relative deviation [1]."""
     random = np.random.default_rng([seed, 1])
     return np.maximum(1.0 + wire_relative_std * random.standard_normal(draws), 0.1)
 
@@ -210,20 +184,16 @@ def drawn_cells(cells, drawn, draw, initial_soc):
     changed = {name: getattr(cells, name) * factor for name in RESISTANCES}
     shift = drawn.voltage_volt[draw, 0]
     if drawn.ocv_volt is not None:
-        shift = shift + _from_start(drawn.ocv_volt[draw], initial_soc, cells.ocv_volt.shape[-1])
+        points = np.linspace(0.0, 1.0, cells.ocv_volt.shape[-1])
+        grid = np.linspace(0.0, 1.0, POINTS)
+        start = np.broadcast_to(np.asarray(initial_soc, float), (len(cells.names),))
+        rows = [
+            np.interp(points, grid, course) - np.interp(soc, grid, course)
+            for course, soc in zip(drawn.ocv_volt[draw], start, strict=True)
+        ]
+        shift = shift + np.array(rows)[:, None, :]
     return cells._replace(
         ocv_volt=cells.ocv_volt + shift,
         capacity_ampere_hour=cells.capacity_ampere_hour * drawn.capacity_factor[draw],
         **changed,
     )
-
-
-def _from_start(courses, initial_soc, points):
-    """Errors of the OCV less those at the start, on the grid of the tables (cells, 1, points)."""
-    grid, fine = np.linspace(0.0, 1.0, courses.shape[1]), np.linspace(0.0, 1.0, points)
-    start = np.broadcast_to(np.asarray(initial_soc, float), (len(courses),))
-    rows = [
-        np.interp(fine, grid, course) - np.interp(soc, grid, course)
-        for course, soc in zip(courses, start, strict=True)
-    ]
-    return np.array(rows)[:, None, :]
