@@ -8,7 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.exponentials import (
+from cellwright.numerics.lags import HOLDS, mean_over_steps
+from cellwright.numerics.statistics import is_white, parameter_covariance
+from cellwright.refusal import Refusal
+from pulse_methods.exponentials import (
     MOST_PASSES,
     Load,
     Projected,
@@ -18,9 +21,6 @@ from cellwright.numerics.exponentials import (
     normal_equations,
     verdict,
 )
-from cellwright.numerics.lags import HOLDS, mean_over_steps
-from cellwright.numerics.statistics import is_white, parameter_covariance
-from cellwright.refusal import Refusal
 
 OFFSET, SLOPE = "ocv_offset_volt", "ocv_slope_volt_per_ampere_hour"
 

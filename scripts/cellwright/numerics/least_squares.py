@@ -6,9 +6,8 @@ effects: a prediction simulates hours of record, so derivatives are kept from st
 method) or made for many parameters in one simulation, and priors with couplings enter the normal
 equations.
 
-`best_logarithms` searches the rates by lmfit; the linear parameters follow in closed form. Other
-hot loops have searches of their own: `exponentials` (one pass of a compiled kernel over a record)
-and `impedance.fit` (many starts in a compiled kernel).
+`best_logarithms` searches the rates by lmfit; the linear parameters follow in closed form.
+`impedance.fit` has a search of its own: many starts in a compiled kernel.
 """
 
 from collections.abc import Callable

@@ -17,10 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.native import array, count, function
 from cellwright.numerics.rising_curve import (
     RisingCurve,
     b_splines,
+    band_factor,
+    band_solution,
     cells_of,
     local_deviations,
     values,
@@ -39,12 +40,6 @@ RELATIVE_CHANGE = 1e-3
 LEAST_READINGS = 12
 MOST_RANGE = 14.0  # of the logarithms of the steps, which double precision bears
 ROUNDING = 1e-12
-# In the order in which native/rising_search.c numbers them.
-SETTINGS = (
-    *(STIFFEST_DECADE, SOFTEST_DECADE, LOCAL_ROUNDS, LOCAL_CELLS, STRETCH_CELLS),
-    *(CHANGE_CELLS, SCALE_CELLS, STEPS, FIRST_STEPS, WORSE_DECADES),
-    *(RELATIVE_CHANGE, MOST_RANGE, ROUNDING, PILOT_BLOCKS),
-)
 
 
 def rising_curve(x, y, weight, *, cells):
@@ -70,41 +65,7 @@ def rising_curve(x, y, weight, *, cells):
     """
     if len(x) < LEAST_READINGS or not y[-1] > y[0] or not x[-1] > x[0]:
         raise ValueError("a rising curve needs at least twelve readings that rise")
-    readings = _Readings(*(np.ascontiguousarray(v, float) for v in (x, y, weight)), cells)
-    types = (count, array, array, array, count, *[array] * 7)
-    kernel = function("rising_curve", *types, result=count)
-    return _by_kernel(kernel, readings) if kernel else _by_numpy(readings)
-
-
-class _Readings(NamedTuple):
-    x: np.ndarray
-    y: np.ndarray
-    weight: np.ndarray
-    cells: int
-
-
-def _by_kernel(kernel, readings):
-    """The whole search compiled; its steps are those of `_by_numpy`."""
-    from scipy.interpolate import PPoly
-
-    x, y, weight, cells = readings
-    settings = np.array(SETTINGS, float)
-    coefficients, (factor, inverse) = np.empty(cells + 3), np.empty((2, ORDER + 2, cells + 3))
-    room = cells + 3 + PILOT_BLOCKS
-    breakpoints, powers, scalars = np.empty(room), np.empty((room, 5)), np.empty(4)
-    given = len(x), x, y, weight, cells, settings
-    number = kernel(*given, coefficients, factor, inverse, breakpoints, powers, scalars)
-    if number < 0:
-        raise np.linalg.LinAlgError("the normal equations of the curve are singular")
-    variance, first, span, decade = map(float, scalars)
-    stretch = PPoly.construct_fast(powers[: number - 1].T, breakpoints[:number])
-    solution = coefficients, factor, inverse, variance
-    return RisingCurve(*solution, stretch, first, span, (float(x[0]), float(x[-1])), decade)
-
-
-def _by_numpy(readings):
-    """The search without a compiler."""
-    x, y, weight, cells = readings
+    readings = _Readings(*(np.asarray(v, float) for v in (x, y, weight)), cells)
     plain = np.ones(cells + 2 - ORDER)
     stretch = _stretch(x, y, weight)
     curve = _searched(readings, stretch, plain, _first_logs(readings, stretch), None)
@@ -114,6 +75,13 @@ def _by_numpy(readings):
         logs = np.log(np.diff(curve.coefficients))
         curve = _searched(readings, stretch, _stiffness(curve), logs, curve.decade)
     return curve
+
+
+class _Readings(NamedTuple):
+    x: np.ndarray
+    y: np.ndarray
+    weight: np.ndarray
+    cells: int
 
 
 def _stretch(x, y, weight):
@@ -302,8 +270,6 @@ def _fitted(problem, decade, logs, most):
 
 def _stepped(problem, strength, logs, most):
     """Logarithms after Gauss-Newton steps, first coefficient, factor."""
-    from scipy.linalg import cho_solve_banded
-
     base = _base(problem, np.append(0, np.cumsum(np.exp(logs))))
     for _ in range(most):
         steps = np.exp(logs)
@@ -316,7 +282,7 @@ def _stepped(problem, strength, logs, most):
         right = problem.right.copy()
         for k, row in enumerate(rows):
             right[k : k + width] += strength * row * aim
-        change = np.diff(cho_solve_banded((factor, True), right)) / steps - 1
+        change = np.diff(band_solution(factor, right)) / steps - 1
         # At once a step falls at most to a third and grows at most fourfold: it stays above 0.
         logs = logs + np.where(change < 0, np.maximum(change, -1), np.log1p(np.clip(change, 0, 3)))
         logs = np.maximum(logs, logs.max() - MOST_RANGE)
@@ -340,14 +306,12 @@ def _penalty_rows(steps):
 
 def _factor(normal, rows, strength):
     """Lower banded Cholesky factor of the normal equations with the penalty."""
-    from scipy.linalg import cholesky_banded
-
     whole, width = normal.copy(), rows.shape[1]
     for k in range(ORDER + 2):
         for d in range(ORDER + 2 - k):
             whole[d, k : k + width] += strength * rows[k] * rows[k + d]
     whole[0] *= 1 + ROUNDING
-    return cholesky_banded(whole, lower=True)
+    return band_factor(whole)
 
 
 def _times(normal, coefficients):
@@ -381,7 +345,5 @@ def _judged(problem, decade, strength, logs, base, factor):
 
 def _inverse_band(factor):
     """Band (ORDER + 2, n) of the inverse of what this is the banded Cholesky factor of."""
-    from scipy.linalg import cho_solve_banded
-
-    whole = cho_solve_banded((factor, True), np.eye(factor.shape[1]))
+    whole = band_solution(factor, np.eye(factor.shape[1]))
     return np.array([np.append(np.diagonal(whole, -d), np.zeros(d)) for d in range(len(factor))])

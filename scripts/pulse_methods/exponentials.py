@@ -1,7 +1,6 @@
 """Separable least squares of exponentials: start on a grid, then Levenberg-Marquardt in ln tau.
 
-The search is our own, not lmfit's, for it is the hot loop of identification: it needs the products
-of the columns only, which a compiled kernel makes in one pass over the record, and stops at a share
+The search is our own, not lmfit's: it needs the products of the columns only, and stops at a share
 of the parameters' own standard deviations. lmfit asks for the residual of every row at each step.
 """
 
@@ -12,13 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.native import array, count, function
 from cellwright.numerics.lags import lag
 from cellwright.refusal import Refusal
 
 STEP = 1e-30  # of a complex step: its square vanishes beside any real part
-TYPES = (count, count, count, count, *[array] * 4, count, *[array] * 4)
-MOST_LAGS, MOST_FIXED = 24, 6  # what the kernel has room for
 
 
 class Load(NamedTuple):
@@ -65,24 +61,12 @@ def normal_equations(load, tau_second, linear, *, sloped=True):
 
     Raises
     ------
-    Refusal : a time constant that is not positive, an unknown hold, too many columns.
+    Refusal : a time constant that is not positive, an unknown hold.
     """
-    tau, linear = np.ascontiguousarray(tau_second, float), np.ascontiguousarray(linear, float)
-    if len(tau) > MOST_LAGS or len(load.fixed) > MOST_FIXED:
-        columns = f"{len(tau)} lags and {len(load.fixed)} fixed columns"
-        raise Refusal(f"{columns}; at most {MOST_LAGS} and {MOST_FIXED} fit at once")
-    if not (tau > 0).all():
-        raise Refusal("a time constant is zero, negative or not a number")
-    kernel = function("circuit_products", *TYPES)
-    if kernel is None:
-        return _by_numpy(load, tau, linear, sloped=sloped)
-    size = len(linear) + sloped * len(tau) + 1
-    gram, near = np.zeros((size, size)), np.zeros(1)
-    head = (len(load.drive), len(load.fixed), len(tau), int(sloped))
-    first_order = int(load.hold == "first_order")
-    series = (load.step_second, load.drive, load.fixed, load.target_volt)
-    kernel(*head, *series, first_order, tau, linear, gram, near)
-    return _split(gram, near[0])
+    columns = columns_of(load, tau_second, sloped=sloped)
+    residual = load.target_volt - linear @ columns[: len(linear)]
+    power, near = residual @ residual, residual[1:] @ residual[:-1]
+    return Normal(columns @ columns.T, columns @ residual, float(power), float(near))
 
 
 def columns_of(load, tau_second, *, sloped=True):
@@ -99,21 +83,9 @@ def columns_of(load, tau_second, *, sloped=True):
     return np.vstack([load.fixed, *(np.real(response) for response in lags), *slopes])
 
 
-def _by_numpy(load, tau_second, linear, *, sloped):
-    """The same products without the compiled kernel, from columns in memory."""
-    columns = columns_of(load, tau_second, sloped=sloped)
-    residual = load.target_volt - linear @ columns[: len(linear)]
-    columns = np.vstack([columns, residual])
-    return _split(columns @ columns.T, residual[1:] @ residual[:-1])
-
-
-def _split(products, near):
-    """Normal from the Gram matrix whose last row and column are those of the residual."""
-    return Normal(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), float(near))
-
-
 ROWS = 800  # of the thinned record
 GRID = {1: 24, 2: 14, 3: 8}  # time constants per pair
+MOST_LAGS = 24  # of the grids of all kinds of bounds together
 
 
 def coarse_start(load, tau_bounds, linear_bounds):
