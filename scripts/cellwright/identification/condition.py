@@ -7,7 +7,7 @@ import numpy as np
 from cellwright.circuits.circuit import UNRESOLVED_SECOND
 from cellwright.identification.columns import FAST_SECOND
 from cellwright.identification.regression import named
-from cellwright.identification.search import whole_covariance, with_time_constants
+from cellwright.identification.search import with_time_constants
 from cellwright.numerics.statistics import rms
 
 LINEAR_VOLT = 1e3  # a scale so wide that kinetics are linear
@@ -58,15 +58,15 @@ def condition_of(shared, member, fit, bounds):
     -------
     condition : Condition.
     """
-    data, (held, system, solution, covariance) = shared.base.data, fit
+    data, (held, system, solution, covariance, _) = shared.base.data, fit
     stds = named(system, np.sqrt(np.diag(covariance)))
     values, tau_stds, at_bound = solution.values, np.full(len(held.tau_second), np.nan), []
     if bounds is not None and held.tau_second:
-        stds, tau_stds = _with_time_constants(shared, fit)
-        log = np.log(held.tau_second)
-        edge = (np.abs(log - np.log(bounds[0])) < AT_BOUND) | (
-            np.abs(log - np.log(bounds[1])) < AT_BOUND
-        )
+        std = np.sqrt(np.diag(with_time_constants(shared, fit)[0]))
+        size = len(solution.vector)
+        stds, tau_stds = named(system, std[:size]), std[size:] * np.asarray(held.tau_second)
+        apart = np.abs(np.log(held.tau_second) - np.log(bounds)[:, None])
+        edge = (apart < AT_BOUND).any(axis=0)
         at_bound = [f"tau{n}" for n, is_at_bound in enumerate(edge, 1) if is_at_bound]
         tau_stds = np.where(edge, np.nan, tau_stds)
     bounded = [
@@ -134,10 +134,3 @@ def _elements(data, member, held, values, stds, tau_stds):
         std = {"m_volt": stds.get("m", np.nan * ones), "charge_ampere_hour": np.nan * ones}
         elements.append(Element("hysteresis", values_of, std))
     return tuple(elements)
-
-
-def _with_time_constants(shared, fit):
-    """Standard deviations with the time constants free: of the linear parameters, of tau [s]."""
-    std = np.sqrt(np.diag(whole_covariance(with_time_constants(shared, fit), fit)))
-    size = len(fit.solution.vector)
-    return named(fit.system, std[:size]), std[size:] * np.asarray(fit.held.tau_second)
