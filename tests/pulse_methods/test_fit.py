@@ -1,4 +1,4 @@
-"""Fit of a circuit: truth within its errors, from any start, twin and kernel alike, refusals."""
+"""Fit of a circuit: truth within its errors, from any start, refusals."""
 
 import numpy as np
 import pytest
@@ -35,10 +35,10 @@ def test_true_time_steps():
     np.testing.assert_allclose(fit.values, TRUE, rtol=1e-6)
 
 
-def test_300_of_300_random_starts_end_in_the_same_optimum():
+def test_random_starts_end_in_the_same_optimum():
     volt, rng = noisy(1), np.random.default_rng(2)
     best = fitted(volt)
-    for _ in range(300):
+    for _ in range(100):
         other = fitted(volt, start=10 ** rng.uniform(-0.7, 2.9, 2))
         assert distance(other, best) < 0.01
 

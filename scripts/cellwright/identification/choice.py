@@ -19,7 +19,6 @@ NEAR = 1.1  # of rms errors that count as equal
 CLEAR = 1.0  # standard errors: the one-standard-error rule
 SURE = 2.0  # standard errors that are no chance: 95 %
 FAR = 2.0  # times the smallest error of a temperature: no member that errs by more is chosen
-LEAST_BLOCKS = 3  # fewer tell no scatter between them
 UNUSABLE_VOLT = 0.1  # error from which on a model is told to be of no use where the voltage counts
 MATERIAL_VOLT = 1e-3  # accuracy of a good cycler: errors that differ by less are alike
 
@@ -289,7 +288,8 @@ def _equal(difference):
 def _standard_errors(difference):
     """Mean difference between blocks over its standard error; 0 where too few tell one."""
     mean, count = difference.mean(), len(difference)
-    if count < LEAST_BLOCKS or mean == 0:
+    # Two blocks tell no scatter between them.
+    if count < 3 or mean == 0:
         return 0.0
     error = difference.std(ddof=1) / np.sqrt(count)
     return float(mean / error) if error > 0 else float(np.copysign(np.inf, mean))

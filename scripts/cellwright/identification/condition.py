@@ -10,9 +10,7 @@ from cellwright.identification.regression import named
 from cellwright.identification.search import with_time_constants
 from cellwright.numerics.statistics import rms
 
-LINEAR_VOLT = 1e3  # a scale so wide that kinetics are linear
 ABSENT_SECOND = 2e-4  # a diffusion time that stands for none
-ABSENT_SHARE = 0.01  # of the capacity: charge constant of a hysteresis that was not found
 AT_BOUND = 0.02  # of the logarithm of a time constant: as near as the search goes
 
 
@@ -120,7 +118,7 @@ def _elements(data, member, held, values, stds, tau_stds):
         std = {"r_ohm": stds.get(name, np.nan * ones), "tau_second": tau_std * ones}
         kinetic = member.kinetic and tau <= FAST_SECOND
         if kinetic:
-            values_of["scale_volt"] = (held.scale_volt or LINEAR_VOLT) * ones
+            values_of["scale_volt"] = (held.scale_volt or 1e3) * ones
             std["scale_volt"] = np.nan * ones
         elements.append(Element("kinetic" if kinetic else "RC", values_of, std))
     if member.diffusion:
@@ -129,7 +127,7 @@ def _elements(data, member, held, values, stds, tau_stds):
         values_of = {"soc_per_ampere": gain * ones, "tau_second": second * ones}
         elements.append(Element("diffusion", values_of, dict.fromkeys(values_of, np.nan * ones)))
     if member.hysteresis:
-        charge = held.charge_ampere_hour or ABSENT_SHARE * data.capacity_ampere_hour
+        charge = held.charge_ampere_hour or 0.01 * data.capacity_ampere_hour
         values_of = {"m_volt": values.get("m", 0.0 * ones), "charge_ampere_hour": charge * ones}
         std = {"m_volt": stds.get("m", np.nan * ones), "charge_ampere_hour": np.nan * ones}
         elements.append(Element("hysteresis", values_of, std))

@@ -31,15 +31,9 @@ from cellwright.numerics.linear import solve
 from cellwright.records.thinning import edges, thin, without_edges
 from cellwright.refusal import Refusal
 
-PER_DECADE = 2  # time constants of a distribution in each decade
 GRID_PER_DECADE = 4
 FARADAY = 96485.33212  # C/mol
-CHARGE_SHARES = (0.01, 0.03, 0.1, 0.3)  # of the capacity: charge constants of the hysteresis
-ELECTRODES = (1.0, 2.0)  # that share the charge transfer: scale 2RT/F each
-SAME_CURRENT = 0.05  # of the largest current: currents that differ by less tell nothing apart
-FINEST = 0.02  # of the logarithm of a time constant
 DIFFUSION_SECOND = (500.0, 1000.0, 2000.0, 4000.0, 8000.0, 16000.0)  # radius² over diffusivity
-EMPTY_KNOTS = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15)
 
 
 def data_of(
@@ -77,7 +71,10 @@ def data_of(
         raise Refusal("no row of the records is left to fit")
     if knots is None:
         low, high = soc.min(), soc.max()
-        grid = np.append(EMPTY_KNOTS, np.arange(0.2, 1.0 + spacing / 2, spacing))
+        # Near empty everything changes fast with the SoC.
+        grid = np.append(
+            (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15), np.arange(0.2, 1.0 + spacing / 2, spacing)
+        )
         inner = grid[(grid > low + 0.01) & (grid < high - 0.01)]
         knots = np.array([low, *inner, high]) if high > low else np.array([low])
     return Data(
@@ -109,7 +106,8 @@ def ready_records(records, *, capacity_ampere_hour):
     Refusal : one current in all of them: nothing excites the cell.
     """
     current = np.concatenate([record.current_ampere for record in records])
-    if np.ptp(current) <= SAME_CURRENT * np.abs(current).max(initial=0.0):
+    # Currents that differ by less than a twentieth tell OCV and resistance not apart.
+    if np.ptp(current) <= 0.05 * np.abs(current).max(initial=0.0):
         raise Refusal("the current never changes: resistance cannot be told from OCV")
     step = max(edge_ampere(record) for record in records)
     along = {"capacity_ampere_hour": capacity_ampere_hour}
@@ -193,9 +191,9 @@ def _candidates(member, capacity_ampere_hour, celsius, diffusion_second):
     """
     thermal = 2 * GAS_CONSTANT * (celsius + ZERO_CELSIUS_KELVIN) / FARADAY
     diffusions = (None, *DIFFUSION_SECOND) if diffusion_second is None else (diffusion_second,)
-    charges = [share * capacity_ampere_hour for share in CHARGE_SHARES]
+    charges = [share * capacity_ampere_hour for share in (0.01, 0.03, 0.1, 0.3)]
     choices = {
-        "scale_volt": member.kinetic and [None, *(n * thermal for n in ELECTRODES)],
+        "scale_volt": member.kinetic and [None, *(n * thermal for n in (1, 2))],
         "diffusion_second": member.diffusion and diffusions,
         "charge_ampere_hour": member.hysteresis and [None, *charges],
     }
@@ -227,7 +225,8 @@ def limits_of(data):
 def _taus(shared, member, low, high):
     decades = np.log10(high / low)
     if member.pairs is None:
-        return np.geomspace(2 * low, high, max(round(decades * PER_DECADE), 2))
+        # Two a decade: neighbours closer than that look alike to the data.
+        return np.geomspace(2 * low, high, max(round(decades * 2), 2))
     if member.pairs == 0:
         return ()
     grid = np.geomspace(low, high, max(round(decades * GRID_PER_DECADE), member.pairs + 1))
@@ -283,7 +282,8 @@ def _pattern_search(shared, start, low, high, factor):
     """Time constants [s] by pattern search on their logarithms from the best on the grid."""
     log_tau, step = np.log(start), np.log(10) / GRID_PER_DECADE / 2
     best = cost_of(shared, Held(tuple(start)), factor)
-    while step > FINEST:
+    # A fiftieth of a time constant is less than its deviation ever is.
+    while step > 0.02:
         moves = [log_tau + sign * step * unit for unit in np.eye(len(log_tau)) for sign in (1, -1)]
         moves = [np.clip(np.sort(move), np.log(low), np.log(high)) for move in moves]
         costs = [cost_of(shared, Held(tuple(np.exp(move))), factor) for move in moves]
@@ -295,10 +295,7 @@ def _pattern_search(shared, start, low, high, factor):
 
 
 PLAIN = member_named("DRT+D")
-SLOWEST_SECOND = 60.0  # of what counts as resistance here: slower parts are poorly known
-VARIED_KELVIN = 2.0
 TRIED_JOULE_PER_MOLE = (0.0, 10e3, 20e3, 30e3, 40e3, 50e3)
-MIDDLE = 3  # of those: from here on they are tried
 
 
 def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
@@ -329,7 +326,8 @@ def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
         listed = ", ".join(f"{t:g} °C {energy / 1e3:.0f}" for t, energy in pairs)
         return energies, f"activation energy of the resistance [kJ/mol]: {listed}"
     varied = max(np.ptp(record.celsius) for record in by_temperature[0].records)
-    if varied < VARIED_KELVIN:
+    # Less is a chamber's wobble, in which no resistance shows its energy.
+    if varied < 2.0:
         return [0.0], ""
     try:
         best = _best_energy(by_temperature[0], data_of_records, capacity_ampere_hour)
@@ -364,7 +362,8 @@ def _resistance(data, fit_records, capacity):
         return np.nan
     condition = fitted.condition
     pairs = [branch.values for branch in condition.branches if branch.kind == "RC"]
-    fast = [values["r_ohm"] for values in pairs if values["tau_second"][0] <= SLOWEST_SECOND]
+    # Slower parts are poorly known.
+    fast = [values["r_ohm"] for values in pairs if values["tau_second"][0] <= 60.0]
     return float(np.interp(0.5, condition.soc, sum(fast, condition.r0_ohm)))
 
 
@@ -401,4 +400,5 @@ def _best_energy(fit_records, data_of_records, capacity):
         shared, fit = fitted(number)
         return cost_of(shared, fit.held, factor)
 
-    return TRIED_JOULE_PER_MOLE[lowest(cost, len(TRIED_JOULE_PER_MOLE), start=MIDDLE)]
+    # From the middle on.
+    return TRIED_JOULE_PER_MOLE[lowest(cost, len(TRIED_JOULE_PER_MOLE), start=3)]

@@ -22,7 +22,6 @@ from cellwright.records.thinning import edges, thin, without_edges
 
 FINE_SOC = np.unique(np.append(np.arange(0.0, 0.1, 0.005), np.arange(0.1, 1.005, 0.01)))
 STEADY_SHARE = 0.3  # of the SoC, passed by one steady load: it shows the course of the OCV
-MOST_C_RATE = 1.2  # of such a load: a faster one warms the cell and shows resistance
 
 
 def shape_records(records, *, capacity_ampere_hour):
@@ -50,7 +49,8 @@ def _long_ways(record, step_ampere, capacity_ampere_hour):
     """Signs of the steady loads that pass `STEADY_SHARE` of the SoC, not too fast."""
     marks = np.unique(np.r_[0, edges(record, step_ampere=step_ampere), len(record.soc) - 1])
     passed = np.diff(record.soc[marks])
-    slow = np.abs(record.current_ampere[marks[:-1]]) <= MOST_C_RATE * capacity_ampere_hour
+    # A faster load warms the cell, and shows its resistance more than its OCV.
+    slow = np.abs(record.current_ampere[marks[:-1]]) <= 1.2 * capacity_ampere_hour
     return set(np.sign(passed[slow & (np.abs(passed) >= STEADY_SHARE)]))
 
 
