@@ -8,19 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.exponentials import (
-    MOST_PASSES,
-    Load,
-    Projected,
-    coarse_start,
-    columns_of,
-    levenberg,
-    normal_equations,
-    verdict,
-)
+from cellwright.numerics.exponentials import MOST_PASSES, Projected, levenberg
 from cellwright.numerics.lags import HOLDS, mean_over_steps
 from cellwright.numerics.statistics import is_white, parameter_covariance
 from cellwright.refusal import Refusal
+from pulse_methods.exponentials import Load, coarse_start, columns_of, normal_equations, verdict
 
 OFFSET, SLOPE = "ocv_offset_volt", "ocv_slope_volt_per_ampere_hour"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import small_cells as small
 
-from cellwright.effects import base, beginning
+from cellwright.effects import base
 from cellwright.effects.candidates import neutral
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import stacked
@@ -71,20 +71,6 @@ def test_what_is_kept_of_other_values_changes_nothing(stack, name):
                 np.testing.assert_array_equal(one, other)
 
 
-def test_a_course_is_kept_for_one_cell_and_one_form_of_an_effect(stack):
-    values = values_for(stack) | _plausible(LIBRARY["leakage"])
-    cells = small.CELL, small.CELL._replace(ocv_volt=small.CELL.ocv_volt + 0.1)
-    volts = [base.voltage(cell, stack, values) for cell in cells]
-    np.testing.assert_allclose(volts[1] - volts[0], 0.1, atol=1e-12)
-
-    def none(fields, stack, p):
-        return fields
-
-    both = LIBRARY["leakage"], LIBRARY["leakage"]._replace(act=none)
-    socs = [base.fields_of(small.CELL, stack, values, (effect,)).soc for effect in both]
-    assert np.abs(socs[0] - socs[1]).max() > 1e-3
-
-
 @pytest.mark.parametrize("every", [1.0, 7.0])
 def test_a_pulse_is_the_analytic_one_whatever_the_sampling(every):
     pulse = np.r_[0.0, np.full(40, -2.0)]
@@ -105,23 +91,6 @@ def test_a_ramp_is_the_analytic_one_on_linear_intervals():
     t = stack.second
     exact = 0.025 * (t - 9.0 * -np.expm1(-t / 9.0))
     np.testing.assert_allclose(base.relaxed(stack, ramp, 9.0), exact, atol=1e-12)
-
-
-@pytest.mark.parametrize("name", [None, "polarisation_soc", "resistance_temperature"])
-def test_lags_are_made_anew_only_where_what_they_follow_from_moves(monkeypatch, stack, name):
-    effects = () if name is None else (LIBRARY[name],)
-    stack = stack._replace(responses={}, courses={})
-    values = values_for(stack) | {n: x for e in effects for n, x in _plausible(e).items()}
-    made = []
-    lag = base.lag_fresh
-    monkeypatch.setattr(base, "lag_fresh", lambda *a: made.append(a[4]) or lag(*a))
-    volt = base.voltage(small.CELL, stack, values, effects)
-    assert len(made) == 2
-    larger = {n: values[n] + 0.1 for n in beginning.RESISTANCES}
-    assert np.abs(base.voltage(small.CELL, stack, values | larger, effects) - volt).max() > 1e-3
-    assert len(made) == 2
-    base.voltage(small.CELL, stack, values | {"log_tau1": values["log_tau1"] + 0.1}, effects)
-    assert len(made) == 3
 
 
 def test_a_resistance_over_soc_is_a_factor_of_both_or_of_each(stack):

@@ -96,20 +96,6 @@ def test_a_witness_that_contradicts_makes_a_name_unsure():
     assert result.sentences["NMC, 5 Ah"] == "both cells show self-discharge (unsure in 1)"
 
 
-def test_healthy_cells_and_many_of_them():
-    assert of(verdict("A", word="none"), verdict("B", word="none")).sentences == {
-        "NMC, 5 Ah": "none of 2 cells shows an effect"
-    }
-    rows = [verdict(f"c{k}", entry("leakage")) for k in range(4)]
-    sentence = of(*rows, verdict("d", word="none")).sentences["NMC, 5 Ah"]
-    assert sentence == "4 of 5 show self-discharge"
-
-
 def test_a_cell_alone_of_its_type_or_of_none_is_not_compared():
     result = of(verdict("A", entry("leakage")), verdict("B"), types={"A": "NMC, 5 Ah"})
     assert result == fleet((), {})
-
-
-def test_the_order_of_cells_changes_no_sentence_of_numbers():
-    rows = [verdict(f"c{k}", entry("leakage")) for k in range(5)]
-    assert of(*rows).sentences == of(*rows[::-1]).sentences

@@ -10,7 +10,7 @@ from sheets_facts import cell_facts, measured_test
 
 from cellwright.circuits.exports import pybamm_document
 from cellwright.circuits.instrument import words_of
-from cellwright.circuits.model_file import is_plain, member_of, simulate_model
+from cellwright.circuits.model_file import is_plain, simulate_model
 from cellwright.circuits.parameters import parameter_rows
 from cellwright.effects import base
 from cellwright.effects.library import LIBRARY
@@ -25,10 +25,9 @@ from cellwright.effects.member import (
 )
 from cellwright.effects.records import stacked
 from cellwright.filters.bank import bank_of
-from cellwright.filters.evaluate import _without_instrument_faults
 from cellwright.identification.cell import cell_model
 from cellwright.identification.in_use import fitted_records
-from cellwright.records.record import laid_out, record_of
+from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
 CAPACITY = 2.0
@@ -368,19 +367,3 @@ def test_every_member_is_a_bank_and_rows_and_an_export_or_a_reason(effect):
     assert {row["soc"] for row in rows if row["parameter"] == "r0"} == set(KNOTS)
     document = pybamm_document(model)
     assert NAME in document["refused"] or NAME in [m["model"] for m in document["members"]]
-
-
-def test_a_filter_sees_the_true_current_and_voltage():
-    given = effect_model("current_offset", "voltage_offset", "voltage_gain", "capacity_error")
-    tests = series_of(given)
-    model = holding(given)
-    read = laid_out(tests[0], model, SHEET, split_rest_second=300.0)
-    record = _without_instrument_faults(model, member_of(model, NAME), read)
-    true = tests[0].series["current_ampere"] - 0.02
-    np.testing.assert_allclose(record.current_ampere, true)
-    volt = tests[0].series["voltage_volt"] / 1.003 - 0.01
-    np.testing.assert_allclose(record.voltage_volt, volt)
-    moved = np.sum(true[:-1]) / 3600.0 / (CAPACITY * 1.02 * 1.002)
-    assert record.soc[-1] - record.soc[0] == pytest.approx(moved, rel=1e-6)
-    bank = bank_of(model, NAME, 25.0)
-    assert bank.capacity_ampere_hour == pytest.approx(CAPACITY * 1.02 * 1.002)

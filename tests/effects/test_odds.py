@@ -76,24 +76,6 @@ def test_without_draws_that_differ_the_search_itself_is_the_answer():
     assert 0.0 < UNSEEN < 0.5
 
 
-@pytest.mark.parametrize("counts", [True, False])
-def test_a_first_name_that_counts_beside_the_last_is_not_doubted_for_it_did_not_alone(
-    monkeypatch, counts
-):
-    """What helps unevenly while another is still missing may help evenly beside it."""
-    truth = Truth(hysteresis=0.012, activation=2.5e4)
-    both = " + ".join(sorted(["hysteresis_instant", "resistance_temperature"]))
-    choose = odds.best_of
-
-    def none_alone(case, first, before, trials, floor):
-        return choose(case, first, before, trials, floor) if before.effects else (None, ())
-
-    monkeypatch.setattr(odds, "best_of", none_alone)
-    if not counts:
-        monkeypatch.setattr(odds, "stays", lambda *about: False)
-    assert (said(truth, unseen=0.0).get(both, 0.0) > 0.7) is counts
-
-
 def test_a_block_of_weight_two_counts_as_if_it_were_there_twice():
     random = np.random.default_rng(3)
     before, after = random.normal(0.0, 3e-3, (2, 120))
@@ -131,19 +113,6 @@ def test_beside_the_likeliest_name_only_one_that_is_sure_or_of_one_number_is_a_n
     assert {effect.id for effect in result.last.effects} == {first, other}
     told, whole = verdict["effects"][0]["validation_rmse_volt"], verdict["validation_rmse_volt"]
     assert told["after"] > whole["after"]
-
-
-def test_two_names_that_are_not_sure_both_lose_it_to_the_likeliest():
-    steps = rounds(PAIR)
-    first, last = outcome(steps, Gates()).steps
-    trials = {trial.effect.id: trial for step in steps for trial in step.trials}
-    entropy = first._replace(chosen=trials["entropic_ocv"])
-    steps = [entropy, last._replace(chosen=trials[COURSE]), last, steps[-1]]
-    every = outcome(rounds(PAIR), Gates())._replace(steps=tuple(steps[:3]))
-    shares = {f"entropic_ocv + {COURSE} + {NUMBER}": 0.8, NUMBER: 0.2}
-    steps = odds.sure_beside(steps, every, shares)
-    assert [step.chosen is None for step in steps] == [True, True, False, True]
-    assert [trial.effect.id for trial in steps[-1].small] == ["entropic_ocv", COURSE]
 
 
 def test_a_name_by_itself_may_be_unsure():

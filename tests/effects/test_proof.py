@@ -256,18 +256,6 @@ def test_a_wider_tolerance_raises_the_floor_and_the_noise_is_its_least():
     assert NOISE_VOLT < tight.validation_volt < loose.validation_volt
 
 
-def test_what_speaks_against_an_effect_is_said_in_words():
-    assert judged(CHANGE).against == ()
-    assert "its parts ask for twice its size" in judged(2.3 * CHANGE).against
-    assert "makes the error of its parts larger" in judged(0.4 * CHANGE).against
-    one_block = judged(
-        np.where(BLOCK == 3, 10.0, 0.0) * CHANGE, np.where(BLOCK == 3, 10.0, 1.0) * CHANGE
-    )
-    assert "helps half of its parts or fewer" in one_block.against
-    grave = judged(np.where(BLOCK < 2, -0.2, 1.0) * CHANGE)
-    assert grave.against == ("harms some parts too much",)
-
-
 def test_misfit_is_what_the_best_model_leaves_of_a_block_beyond_the_noise():
     stack = case(HEALTHY).fit
     count = len(stack.file)

@@ -6,7 +6,7 @@ import pytest
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.library.resistance import DIFFUSION_OHM
-from cellwright.effects.story.sizes import Fitted, Size, sizes_as_used
+from cellwright.effects.story.sizes import Fitted, sizes_as_used
 
 POLARISATION = LIBRARY["polarisation_soc"]
 VALUES = {"log_r0": np.log(0.020), "log_r1": np.log(0.010), "log_r2": np.log(0.005)}
@@ -223,9 +223,3 @@ def test_an_effect_of_a_group_is_told_by_its_parameters():
     }
     (found,) = sizes_as_used(effect, parameters)
     assert found.text == "excess 0.0081 ± 0.0002 Ohm"
-
-
-def test_a_deviation_of_tens_is_written_out():
-    assert Size("R1", 68.9, 21.3, "mΩ").text == "R1 68.9 ± 20 mΩ"
-    assert Size("R0", 35.9, 0.0314, "mΩ").text == "R0 35.9 mΩ"
-    assert Size("R0", 35.9, 0.314, "mΩ").text == "R0 35.9 ± 0.3 mΩ"

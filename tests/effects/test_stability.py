@@ -5,7 +5,7 @@ import pytest
 from small_plant import CAPACITY, HEALTHY, Truth, drive, measured, ocv, slow_discharge
 
 import cellwright as cw
-from cellwright.effects.story.stability import Repeat, name_rows, repeat_rows
+from cellwright.effects.story.stability import Repeat, name_rows
 from cellwright.refusal import Refusal
 
 
@@ -30,12 +30,6 @@ def test_a_name_stays_also_where_it_is_tied_with_the_one_chosen():
     assert rows["self_heating"]["share"] == pytest.approx(1 / 3)
     assert not rows["current_offset"]["named_with_all"]
     assert rows["current_offset"]["told_by"] == "a"
-
-
-def test_rows_of_searches_tell_ties_and_reasons():
-    rows = repeat_rows([repeat(None, "leakage", tied=["current_offset"]), Repeat("d", "fit", None)])
-    assert rows[0]["effects"] == "leakage or current_offset"
-    assert (rows[1]["verdict"], rows[1]["effects"]) == (None, "")
 
 
 DRIVES = {"cold": (101, 8.0, "fit"), "warm": (102, 34.0, "fit"), "wild": (103, 8.0, "validation")}

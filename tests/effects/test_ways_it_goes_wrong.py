@@ -294,18 +294,6 @@ def test_the_same_records_are_the_same_answer_to_the_last_digit():
     assert first == second
 
 
-def test_every_trial_says_why_it_is_no_name():
-    ranking = of_case("c", case(HYSTERESIS), LIBRARY).ranking
-    rows = list(zip(ranking["round"], ranking["chosen"], ranking["against"], strict=True))
-    assert [against for _, chosen, against in rows if chosen] == [""]
-    assert all(against for _, chosen, against in rows if not chosen)
-    # Once the hysteresis is in, nothing is left; before, rivals help too little or unevenly.
-    assert {against for number, _, against in rows if number == 2} == {
-        "nothing is left that anyone would act on"
-    }
-    assert any("scatter" in against or "explains more" in against for _, _, against in rows)
-
-
 def with_dip(made, volt, *, shape):
     """The case with less voltage in the slow discharge [V], by the shape of a function of SoC."""
     soc = base.fields_of(made.cell, made.fit, beginning.first_values(made.cell, made.fit)).soc

@@ -5,7 +5,7 @@ import pytest
 
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.witnesses.collected import measured_of, witnesses
-from cellwright.effects.witnesses.statement import in_words, same
+from cellwright.effects.witnesses.statement import same
 
 CAPACITY = 4.0
 VALUES = {"log_r0": np.log(0.020), "log_r1": np.log(0.010), "log_r2": np.log(0.005)}
@@ -420,9 +420,3 @@ def test_the_nearest_explanation_of_an_unknown_is_held_against_witnesses_too():
 def test_the_rule_of_agreement(measured, implied, std, neutral, answer):
     assert same(measured, implied, std, neutral=neutral) is answer
     assert same(implied, measured, std, neutral=neutral) is answer
-
-
-def test_numbers_in_words():
-    assert in_words(23558.0, "J/mol", 1200.0) == "23.6 ± 1.2 kJ/mol"
-    assert in_words(-0.0159, "share") == "−1.59 %"
-    assert in_words(1.5, "1", np.nan) == "1.5"

@@ -3,7 +3,7 @@
 import pytest
 
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.story.places import millivolt, near, where, worsened
+from cellwright.effects.story.places import worsened
 from cellwright.effects.story.words import doubts, one_line, paragraph
 
 PLACE = {"file": "hot", "soc": [0.1, 0.2], "current": "charge_low", "share": 0.42}
@@ -43,22 +43,6 @@ def said(word, **changes):
     return paragraph(verdict(word, **changes), LIBRARY)
 
 
-def test_nothing_missing_names_error_and_noise():
-    text = said("none")
-    assert text.startswith("Nothing is missing that these data could show")
-    assert "the plain model (open-circuit voltage, a resistance, two RC pairs) is off by" in text
-    assert "8.1 mV" in text
-    assert "the noise alone is 1.5 mV" in text
-
-
-def test_what_is_in_the_model_without_a_name_is_told_and_its_work_not_credited_to_the_name():
-    after = {"validation_rmse_volt": {"before": 0.0081, "after": 0.004}}
-    against = {"polarisation_soc": "in the model, too small for a name"}
-    text = said("named", effects=[step(**after)], small=["polarisation_soc"], against=against)
-    assert "from 8.1 mV to 4.0 mV (1.9 mV with what is in the model without a name)" in text
-    assert "Without a name: polarisation over state of charge (in the model, too small" in text
-
-
 @pytest.mark.parametrize("effect", sorted(LIBRARY))
 def test_every_effect_can_be_said(effect):
     text = said("named", effects=[step(effect)])
@@ -73,28 +57,53 @@ def test_every_effect_can_be_said(effect):
     assert "nan" not in text
 
 
-def test_the_first_sentence_has_the_names_one_total_and_where_the_rest_sits():
-    two = [step("resistance_temperature"), step("slow_diffusion")]
-    place = PLACE | {"soc": [0.0, 0.1]}
-    first = said("named", effects=two, located_at=place).split(". ")[0]
-    assert first == (
-        "Shows resistance over temperature and slow diffusion: together they take the error on "
-        "records that took no part in the fit from 8.1 mV to 1.9 mV; what is left sits near empty"
+def test_all_that_a_verdict_may_hold_is_said_with_its_numbers_and_no_gap():
+    """Place, remainder, floors, declared values at their limit, answers: each with its number."""
+    declared = [
+        {"name": "capacity", "test": None, "soc": None, "value": -0.12, "std": 0.004},
+        {"name": "open_circuit_voltage", "test": None, "soc": 0.9, "value": 0.0045, "std": None},
+        {"name": "temperature", "test": "us06", "soc": None, "value": -4.62, "std": None},
+        *({"name": "soc_at_start", "test": k, "soc": None, "value": 0.01} for k in "abcd"),
+    ]
+    units = zip(("1", "V", "K", *"1111"), (0.003, 1.5e-3, 2.0, *4 * [0.02]), strict=True)
+    known = [{"unit": unit, "prior_std": std} for unit, std in units]
+    left = {"excess_volt": 6e-3, "learnable": True, "ceiling_volt": 3e-3, "located_at": PLACE}
+    text = said(
+        "ambiguous",
+        effects=[step("current_offset", alternatives=["leakage"])],
+        small=["polarisation_soc"],
+        against={"polarisation_soc": "in the model, too small for a name"},
+        remainder=left,
+        floors=[{"test": "a", "volt": 0.002}, {"test": "b", "volt": 0.0045}],
+        nuisances=[one | more for one, more in zip(declared, known, strict=True)],
+        probabilities={"none": 0.04, "resistance_soc+slow_diffusion": 0.9, "unknown": 0.06},
+        next_test="rest it for 48 h.",
     )
+    numbers = ("8.1 mV", "6.0 mV", "3.0 mV", "12 %", "4.5 mV", "4.6 K", "90 %", "10–20 % SoC")
+    assert [number for number in numbers if number not in text] == []
+    assert [word for word in ("_", "None", "nan") if word in text] == []
+    assert text.endswith("To test next: rest it for 48 h.")
+
+
+@pytest.mark.parametrize("base", ["plain", "own", "external"])
+@pytest.mark.parametrize("word", ["none", "named", "unknown"])
+def test_a_line_and_a_paragraph_say_whose_lack_it_is(base, word):
+    effects = [step("self_heating")] if word == "named" else []
+    given = {"as_given_rmse_volt": {"fit": 4e-3, "validation": 1e-3}} if base != "plain" else {}
+    one = verdict(word, effects=effects, base=base, located_at=PLACE) | given
+    text = paragraph(one, LIBRARY)
+    owner = {"plain": "Shows", "own": "The model in use lacks", "external": "Your model lacks"}
+    assert (f"{owner[base]} self-heating" in text) == (word == "named")
+    others = {"own": (one,), "external": (None, one), "plain": ()}[base]
+    line = one_line(one if base == "plain" else verdict("none"), *others)
+    assert ("self-heating" in line) == (word == "named")
+    assert line.count(";") == len([other for other in others if other])
 
 
 def test_an_error_that_does_not_fall_is_not_said_to_fall():
     both = {"before": 0.004, "after": 0.005}
     text = said("named", effects=[step()], validation_rmse_volt=both)
     assert "does not fall: 4.0 mV before, 5.0 mV after" in text
-
-
-def test_a_tie_says_both_and_what_to_test():
-    tied = step("current_offset", alternatives=["leakage"])
-    text = said("ambiguous", effects=[tied], next_test="rest it for 48 h.")
-    assert "an offset of the current reading or self-discharge" in text
-    assert f"cannot tell it from: {LIBRARY['leakage'].sentence}" in text
-    assert text.endswith("To test next: rest it for 48 h.")
 
 
 def test_what_is_unknown_has_no_name():
@@ -160,78 +169,6 @@ def test_what_speaks_for_a_name_is_no_doubt():
     assert doubts(step(**good)) == ()
 
 
-def test_the_remainder_is_located():
-    text = said("unknown", located_at=PLACE)
-    assert "largest part of what is left, 42 %, sits at 10–20 % SoC on charge up to 0.7C" in text
-    assert "in hot (45 °C)" in text
-
-
-@pytest.mark.parametrize(
-    ("learnable", "words"),
-    [
-        (True, "can learn it, down to 3.0 mV."),
-        (False, "learns it from the fitted records."),
-        (None, "tolerances allow: 6.0 mV."),
-    ],
-)
-def test_a_remainder_says_whether_it_can_be_learned(learnable, words):
-    left = {"excess_volt": 6e-3, "learnable": learnable, "ceiling_volt": 3e-3, "located_at": PLACE}
-    text = said("named", effects=[step()], remainder=left)
-    assert "Left beyond what noise and declared tolerances allow: 6.0 mV" in text
-    assert words in text
-    assert "what is left sits at 10–20 % SoC" in text
-
-
-def test_bases_have_their_own_model():
-    assert "the model in use is off by 8.1 mV" in said("none", base="own")
-    assert "your model is off by 8.1 mV" in said("none", base="external")
-    assert said("none", base="plain") == said("none")
-
-
-def test_what_ends_beyond_its_tolerance_is_told():
-    capacity = {"name": "capacity", "test": None, "soc": None, "value": -0.12, "std": 0.004}
-    ocv = {"name": "open_circuit_voltage", "test": None, "soc": 0.9, "value": 0.0045, "std": None}
-    starts = [
-        {"name": "soc_at_start", "test": test, "soc": None, "value": 0.01, "unit": "1"}
-        for test in ("a", "b", "c", "d")
-    ]
-    known = {"unit": "1", "prior_std": 0.003}, {"unit": "V", "prior_std": 1.5e-3}
-    text = said("none", nuisances=[capacity | known[0], ocv | known[1], *starts])
-    assert "the capacity 12 % below the measured one (± 0.4 %; tolerance 0.3 %)" in text
-    assert "at 90 % SoC 4.5 mV above its curve (as far as it may; tolerance 1.5 mV)" in text
-    assert (
-        "the SoC at the start of a, b, c and 1 more is at the limit that rest and sheet allow"
-        in text
-    )
-    assert "Off what was declared" not in said("none", nuisances=[])
-
-
-@pytest.mark.parametrize(("value", "way"), [(-4.62, "colder"), (4.62, "warmer")])
-def test_a_temperature_that_the_sheet_states_wrongly_is_told(value, way):
-    known = {"name": "temperature", "test": "us06", "soc": None, "std": None}
-    text = said("named", nuisances=[known | {"value": value, "unit": "K", "prior_std": 2.0}])
-    assert f"us06 was 4.6 K {way} than the sheet states (no sensor told; tolerance 2 K)" in text
-
-
-def test_floors_stand_for_the_noise_where_they_are_known():
-    floors = [{"test": "a", "volt": 0.002}, {"test": "b", "volt": 0.0045}]
-    text = said("none", floors=floors)
-    assert "noise and declared tolerances may leave 2.0 mV to 4.5 mV in a record" in text
-    assert "noise alone" not in text
-
-
-def test_answers_have_their_probabilities_the_likeliest_first():
-    answers = {
-        "none": 0.04,
-        "resistance_soc+slow_diffusion": 0.9,
-        "unknown": 0.055,
-        "leakage": 5e-3,
-    }
-    text = said("none", probabilities=answers)
-    words = "resistance over state of charge and slow diffusion 90 %, something unknown 6 %"
-    assert f"How likely: {words}, nothing missing 4 %." in text
-
-
 def test_no_text_for_fields_that_are_missing_or_empty():
     plain = said("named", effects=[step()])
     empty = {"base": None, "remainder": None, "floors": [], "nuisances": [], "probabilities": {}}
@@ -245,57 +182,6 @@ def test_no_text_for_fields_that_are_missing_or_empty():
         "Unsure",
     ):
         assert word not in plain
-
-
-def test_one_line_for_both_models():
-    shown = verdict("named", effects=[step("resistance_temperature"), step("slow_diffusion")])
-    assert one_line(shown) == "shows resistance over temperature and slow diffusion"
-    own = verdict("none", validation_rmse_volt={"before": 3e-3, "after": 3e-3})
-    assert one_line(shown, own).endswith("slow diffusion; its model lacks nothing above 3 mV")
-    own = verdict("named", effects=[step("leakage", proof="unproven")])
-    assert one_line(shown, own).endswith("; its model lacks self-discharge (unproven)")
-    own = verdict("unknown", located_at=PLACE | {"soc": [0.9, 1.0]})
-    assert one_line(verdict("none"), own) == (
-        "shows nothing beyond a plain circuit; "
-        "its model lacks something without a name, 1.9 mV near full"
-    )
-    assert one_line(verdict("unknown")) == "shows something without a name, 1.9 mV"
-    like = verdict("unknown") | {"outside": [{"effect": "resistance_drift"}]}
-    told = "1.9 mV, which looks like a resistance that drifts while a test runs"
-    assert one_line(like) == f"shows something without a name, {told}"
-    bent = own | {"as_given_rmse_volt": {"fit": 2e-3, "validation": 1.2e-3}}
-    assert one_line(verdict("none"), bent).endswith("without a name, 1.2 mV near full")
-
-
-def test_one_line_tells_of_the_users_simulator_last():
-    lacking = verdict("named", effects=[step("self_heating")])
-    line = one_line(verdict("none"), verdict("none"), lacking)
-    assert line.endswith(" mV; your simulation lacks self-heating")
-    assert one_line(verdict("none"), None, lacking).count(";") == 1
-
-
-@pytest.mark.parametrize(
-    ("base", "opening"),
-    [
-        ("plain", "Shows self-heating"),
-        ("own", "The model in use lacks self-heating"),
-        ("external", "Your model lacks self-heating"),
-    ],
-)
-def test_a_paragraph_begins_with_whose_lack_it_is(base, opening):
-    named = verdict("named", effects=[step("self_heating")], base=base)
-    given = {"as_given_rmse_volt": {"fit": 4e-3, "validation": 1e-3}} if base != "plain" else {}
-    text = paragraph(named | given, LIBRARY)
-    assert text.startswith(opening)
-    assert ("freed to follow the records fitted, by more on the others" in text) == bool(given)
-
-
-def test_places_in_words():
-    assert where(PLACE, file=False) == "at 10–20 % SoC on charge up to 0.7C (45 °C)"
-    assert [near({"soc": ends}) for ends in ([0, 0.1], [0.4, 0.5], [0.9, 1.0])] == [
-        *("near empty", "at 40–50 % SoC", "near full"),
-    ]
-    assert [millivolt(volt) for volt in (0.0123, 0.155)] == ["12.3 mV", "155 mV"]
 
 
 def fields(**columns):

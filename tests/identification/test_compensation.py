@@ -119,10 +119,10 @@ def test_a_kind_that_is_nothing_somewhere_joins_the_others():
 
 def test_tests_and_ocv_of_a_temperature_go_and_the_last_ocv_stays():
     tests = [a_test({}, t) for t in (0.0, 1.5, 25.0)]
-    reduced = without(basis(0.0, 25.0), tests, celsius=0.0)
-    assert [t.facts.ambient_temperature_celsius for t in reduced.tests] == [25.0]
-    assert [c["ambient_temperature_celsius"] for c in reduced.basis["ocv"]] == [25.0]
-    assert len(without(basis(0.0), tests, celsius=0.0).basis["ocv"]) == 1
+    left_basis, left_tests = without(basis(0.0, 25.0), tests, celsius=0.0)
+    assert [t.facts.ambient_temperature_celsius for t in left_tests] == [25.0]
+    assert [c["ambient_temperature_celsius"] for c in left_basis["ocv"]] == [25.0]
+    assert len(without(basis(0.0), tests, celsius=0.0)[0]["ocv"]) == 1
     with pytest.raises(Refusal, match="no test is left without those at 25 °C"):
         without(basis(25.0), tests[2:], celsius=25.0)
 

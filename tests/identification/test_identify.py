@@ -1,7 +1,6 @@
 """Identification: recovers a known cell within its stated uncertainty, and knows its limits."""
 
 import json
-from itertools import combinations
 
 import numpy as np
 import pytest
@@ -20,12 +19,9 @@ from synthetic import (
 
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch, simulate_model
 from cellwright.circuits.temperature import resistance_factor
-from cellwright.identification import identify as identification
 from cellwright.identification.columns import MOST_KEPT, base_of, columns_of, ocv_of, on_table
 from cellwright.identification.identify import data_of, limits_of
-from cellwright.identification.regression import SCALES
 from cellwright.identification.search import shared_of
-from cellwright.numerics.linear import solve
 from cellwright.records.blocks import fit_mask
 from cellwright.records.filled import bridged
 from cellwright.records.record import record_of
@@ -359,24 +355,3 @@ def test_members_that_share_columns_and_searches_are_those_fitted_alone():
             for name, values in one.values.items():
                 np.testing.assert_allclose(values, other.values[name], rtol=1e-6, atol=1e-9)
     assert len(shared.base.kept) <= MOST_KEPT
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_the_best_combination_on_the_grid_is_the_best_of_all(seed, monkeypatch):
-    monkeypatch.setattr(identification, "PORTION", 5)
-    rng, count, grid = np.random.default_rng(seed), 3, np.geomspace(1.0, 1e4, 7)
-    first = 2 * count + SCALES
-    matrix = np.abs(rng.normal(size=(60, first + 7 * count)))
-    gram = matrix.T @ matrix + np.eye(matrix.shape[1])
-    moment = matrix.T @ (matrix[:, : first + count].sum(axis=1) + rng.normal(size=60))
-    costs, bound = {}, 0
-    for chosen in combinations(range(7), 2):
-        rows = np.r_[:first, *(np.arange(count) + first + n * count for n in chosen)]
-        part, right = gram[np.ix_(rows, rows)], moment[rows]
-        vector = solve(part, right, count + SCALES)
-        bound += (vector == 0).any()
-        costs[chosen] = vector @ part @ vector - 2 * vector @ right
-    assert bound, "where nothing is on its bound the order alone would tell"
-    weighted = identification.WeightedGrid(gram, moment, 1.0)
-    best = identification._best_on_grid(weighted, grid, 2, count)
-    np.testing.assert_array_equal(best, grid[list(min(costs, key=costs.get))])

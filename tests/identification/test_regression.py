@@ -18,11 +18,7 @@ from cellwright.identification.columns import (
     slope_of,
 )
 from cellwright.identification.regression import (
-    Noise,
-    Prior,
-    cost_at,
     covariance_of,
-    minimum,
     named,
     solved,
     system_of,
@@ -135,17 +131,6 @@ def test_where_data_are_silent_the_prior_goes_on_flat(ready):
     assert stds[0] > 5 * stds[3]
 
 
-def test_a_stronger_prior_pulls_more(ready):
-    columns = columns_of(base_of(ready), HELD)
-    bent = [
-        np.ptp(solved(system_of(columns, ready.knots, prior=Prior(walk=walk))).values["r0"])
-        for walk in (1.0, 1e-3)
-    ]
-    assert bent[1] < 0.3 * bent[0]
-    quiet = system_of(columns, ready.knots, noise=Noise(floor_volt=0.1, relative=0.0, soc=0.0))
-    np.testing.assert_allclose(quiet.weight, 10.0)
-
-
 def test_the_cost_is_lowest_at_the_solution(system):
     solution = solved(system)
     rng = np.random.default_rng(3)
@@ -157,25 +142,6 @@ def test_the_cost_is_lowest_at_the_solution(system):
     parts = named(system, solution.vector)
     assert list(parts) == ["shift", "scale", "r0", "r1", "r2", "m"]
     assert sum(len(part) for part in parts.values()) == len(solution.vector)
-
-
-@pytest.mark.parametrize("scale_free", [True, False])
-def test_the_products_alone_tell_solution_and_cost(ready, scale_free):
-    held = HELD._replace(missing=0.01)
-    system = system_of(columns_of(base_of(ready), held), ready.knots)
-    solution = solved(system, factor=2.0, scale_free=scale_free)
-    vector = minimum(system, 2.0, expected={}, scale_free=scale_free)
-    np.testing.assert_array_equal(vector, solution.vector)
-    cost = cost_at(system, vector, 2.0, scale_free=scale_free)
-    assert cost == pytest.approx(solution.cost, rel=1e-9)
-
-
-def test_a_solution_says_which_weight_of_the_data_it_is_for(system):
-    """The weight that its residuals then tell is the next one's."""
-    solution = solved(system)
-    again = minimum(system, solution.solved_with, expected={})
-    np.testing.assert_allclose(again, solution.vector, rtol=1e-9, atol=1e-12)
-    assert solution.factor != solution.solved_with
 
 
 def test_a_resistance_at_zero_has_no_deviation(ready):
@@ -243,13 +209,6 @@ def test_upper_bounds_give_what_scipys_bounded_solver_gives():
         vector = solve(matrix.T @ matrix, matrix.T @ target, 4, most)
         np.testing.assert_allclose(vector, expected, atol=1e-5)
         assert np.all(vector <= most)
-
-
-def test_bounds_that_do_not_bind_change_nothing():
-    rng = np.random.default_rng(5)
-    matrix, target = rng.normal(size=(80, 24)), rng.normal(size=80)
-    normal = (matrix.T @ matrix, matrix.T @ target, 4)
-    np.testing.assert_array_equal(solve(*normal, np.full(24, 10.0)), solve(*normal))
 
 
 def scipys(gram, moment, signed):

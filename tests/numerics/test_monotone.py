@@ -95,28 +95,6 @@ def test_few_readings_that_crowd_at_the_begin_make_a_rising_curve():
     assert np.abs(rising_curve.values(curve, at)[0] - volt)[8:].max() < 5e-3
 
 
-@pytest.mark.parametrize("kind", ["many", "few", "weighted"])
-def test_the_compiled_fit_says_what_numpy_says(monkeypatch, kind):
-    y = logistic_steps(X)[0] + 1e-3 * np.random.default_rng(3).standard_normal(len(X))
-    given = {
-        "many": (X, y, np.ones(len(X)), 200),
-        "few": (FEW_CHARGE, np.array(FEW_VOLT.split(), float), np.ones(len(FEW_CHARGE)), 67),
-        "weighted": (X[::40], y[::40], 1 + np.arange(75) % 3, 60),
-    }[kind]
-    compiled = monotone.rising_curve(*given[:3], cells=given[3])
-    place = np.linspace(0, given[3], 301)
-    local = rising_curve.local_gradients(compiled, place, 2)
-    deviations = rising_curve.local_deviations(compiled, *local)
-    course = rising_curve.course(compiled, place)
-    for module in (monotone, rising_curve):
-        monkeypatch.setattr(module, "function", lambda *_types, **_result: None)
-    plain = monotone.rising_curve(*given[:3], cells=given[3])
-    assert np.allclose(plain.coefficients, compiled.coefficients, rtol=1e-9)
-    assert np.allclose(rising_curve.local_deviations(plain, *local), deviations, rtol=1e-6)
-    for one, other in zip(rising_curve.course(plain, place), course, strict=True):
-        assert np.allclose(one, other, rtol=1e-6, atol=1e-7 * np.abs(other).max())
-
-
 def test_deviations_between_places_are_those_of_the_difference():
     curve = fitted(logistic_steps(X)[0] + 1e-3 * np.random.default_rng(5).standard_normal(len(X)))
     place = np.array([30.5, 61.0, 61.2, 62.0, 180.0])

@@ -1,17 +1,13 @@
-"""Fit of a circuit: truth within its errors, from any start, twin and kernel alike, refusals."""
+"""Fit of a circuit: truth within its errors, from any start, refusals."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pulse_train import CURRENT, NOISE, TIME, TRUE, fitted, noisy, voltage
 
-from cellwright.native import function
-from cellwright.numerics import exponentials
 from cellwright.numerics.lags import HOLDS
 from cellwright.numerics.statistics import correlation_factor, is_white, parameter_covariance
 from cellwright.refusal import Refusal
-from pulse_methods.pulse import fit_circuit, load_of
+from pulse_methods.pulse import fit_circuit
 
 
 def distance(fit, other):
@@ -39,10 +35,10 @@ def test_true_time_steps():
     np.testing.assert_allclose(fit.values, TRUE, rtol=1e-6)
 
 
-def test_300_of_300_random_starts_end_in_the_same_optimum():
+def test_random_starts_end_in_the_same_optimum():
     volt, rng = noisy(1), np.random.default_rng(2)
     best = fitted(volt)
-    for _ in range(300):
+    for _ in range(100):
         other = fitted(volt, start=10 ** rng.uniform(-0.7, 2.9, 2))
         assert distance(other, best) < 0.01
 
@@ -157,27 +153,6 @@ def test_samples_slower_than_tau_leave_the_pair_at_the_step():
     fit = fit_circuit(TIME[rows], CURRENT[rows], volt, 3.7, hold="zero_order", n_rc=1)
     assert "tau1_second is no longer than 20 s" in fit.verdict
     assert np.isnan(fit.std[1:]).all()
-
-
-@settings(deadline=None, max_examples=25)
-@given(st.floats(0.2, 30), st.floats(1, 500), st.sampled_from(HOLDS), st.booleans())
-def test_kernel_and_twin_agree(fast, slow, hold, sloped):
-    if function("circuit_products", *exponentials.TYPES) is None:
-        pytest.skip("no C compiler")
-    time = np.cumsum(np.random.default_rng(11).choice([0.1, 0.1, 0.1, 2.0, 0.0], 777))
-    load = load_of(time, CURRENT[:777], CURRENT[:777] + 3.7, 3.7, hold, ("offset", "slope"))
-    tau, linear = np.array([fast, slow]), np.array([0.02, 1e-3, 0.1, 0.01, 0.015])
-    equations = exponentials.normal_equations(load, tau, linear, sloped=sloped)
-    twin = exponentials._by_numpy(load, tau, linear, sloped=sloped)
-    for one, other in zip(equations, twin, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-12 * np.abs(other).max())
-
-
-def test_the_twin_alone_fits_the_same(monkeypatch):
-    volt = noisy(12)
-    best = fitted(volt)
-    monkeypatch.setattr(exponentials, "function", lambda *_a, **_k: None)
-    np.testing.assert_allclose(fitted(volt).values, best.values, rtol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -50,13 +50,6 @@ def test_a_seed_repeats_itself_and_the_best_never_gets_worse():
     assert (first.values != evolve_by_genes(RECORD, BOUNDS, **short, seed=1).values).any()
 
 
-def test_a_hundred_generations_are_the_default():
-    evolved = evolve_by_genes(RECORD, BOUNDS, **HOLD, population=10)
-    assert len(evolved.course) == 101
-    low, high = np.array([BOUNDS[name] for name in evolved.names]).T
-    assert ((evolved.values >= low) & (evolved.values <= high)).all()
-
-
 def test_refusals():
     with pytest.raises(Refusal, match="none for tau2_second"):
         evolve_by_genes(RECORD, {k: v for k, v in BOUNDS.items() if k != "tau2_second"}, **HOLD)

@@ -37,7 +37,8 @@ def place(soc, points):
     below : int, shape of soc. share : shape of soc [1].
     """
     spot = np.asarray(soc, float) * (points - 1)
-    below = np.clip(spot, 0, points - 2).astype(int)
+    # fmin and fmax, for a SoC that is not a number then has an interval too, and no value.
+    below = np.fmax(np.fmin(spot, points - 2), 0).astype(int)
     return below, spot - below
 
 

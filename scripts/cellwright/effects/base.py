@@ -238,19 +238,10 @@ def _counted(stack, values, fields):
     start by the first count.
     """
     starts = np.array([values[name] for name in start_names(len(stack.first))])
+    moved = np.cumsum(fields.moved / fields.capacity)
     if stack.anchor_row is not None:
-        moved = np.cumsum(fields.moved / fields.capacity)
         starts = starts + stack.anchor_rise - (moved[stack.anchor_row] - moved[stack.first])
-    types = (count, array, array, count, array, array, real, real, array)
-    kernel = function("counted_soc", *types)
-    if kernel is None:
-        moved = np.cumsum(fields.moved / fields.capacity)
-        soc = np.clip(moved + (starts - moved[stack.first])[stack.file], *SOC_LIMITS)
-        return fields._replace(soc=soc)
-    moved, soc = np.ascontiguousarray(fields.moved, float), np.empty(len(stack.fresh))
-    capacity = np.ascontiguousarray(np.atleast_1d(fields.capacity), float)
-    moves = len(capacity) > 1
-    kernel(len(soc), moved, capacity, moves, stack.fresh, starts, *SOC_LIMITS, soc)
+    soc = np.clip(moved + (starts - moved[stack.first])[stack.file], *SOC_LIMITS)
     return fields._replace(soc=soc)
 
 
@@ -269,13 +260,8 @@ def _open_circuit(cell, values, soc, course):
 def _looked_up(cell, knots, soc):
     """OCV at each SoC by the table and its error at the knots [V]."""
     error = np.array(knots, float)
-    kernel = function("open_circuit", count, count, array, count, *[array] * 3)
-    if kernel is None:
-        below, share = place(np.clip(soc, 0.0, 1.0), OCV_KNOTS)
-        return cell.ocv_at(soc) + error[below] + share * (error[below + 1] - error[below])
-    table, volt = np.ascontiguousarray(cell.ocv_volt, float), np.empty(len(soc))
-    kernel(len(soc), len(table), table, len(error), error, soc, volt)
-    return volt
+    below, share = place(np.clip(soc, 0.0, 1.0), OCV_KNOTS)
+    return cell.ocv_at(soc) + error[below] + share * (error[below + 1] - error[below])
 
 
 def slow_volt(stack, fields):

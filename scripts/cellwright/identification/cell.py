@@ -7,7 +7,7 @@ import numpy as np
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch
 from cellwright.circuits.temperature import ocv_at, resistance_factor
-from cellwright.identification.choice import choose, left_out
+from cellwright.identification.choice import SURE, choose, left_out
 from cellwright.identification.condition import ABSENT_SECOND
 from cellwright.identification.identify import (
     activation_of,
@@ -34,7 +34,6 @@ from cellwright.refusal import Refusal
 SCHEMA = "cellwright-model/2"
 GRID = np.linspace(0.0, 1.0, 201)
 PULSED_SPACING, DRIVEN_SPACING = 0.1, 0.05
-CLEARLY = 2.0  # standard errors, as where a searched member takes the place of another
 
 
 class Identified(NamedTuple):
@@ -44,14 +43,6 @@ class Identified(NamedTuple):
     entries: dict
     scores: dict
     notes: list
-
-
-class Diffusion(NamedTuple):
-    """Diffusion time [s] found at a temperature [degC], and its activation energy [J/mol]."""
-
-    second: float | None
-    celsius: float | None
-    joule_per_mole: float
 
 
 def cell_model(cell, basis, tests, *, members, split_rest_second):
@@ -147,25 +138,25 @@ def _identified(by_temperature, basis, members, rest, notes):
             notes.append(f"not identified at {fit_records.celsius:g} °C: {refusal}")
     if not usable:
         return [], ""
-    activation = activation_of(
+    energies, words = activation_of(
         usable, lambda identified: _data(identified, basis), capacity_ampere_hour=capacity
     )
-    limits = _widest_limits([limits_of(_data(fit_records, basis)) for fit_records in usable])
-    energies = dict(
-        zip((identified.celsius for identified in usable), activation.joule_per_mole, strict=True)
-    )
-    by_celsius, diffusion = {}, Diffusion(None, None, float(np.mean(activation.joule_per_mole)))
-    for fit_records in sorted(
-        usable, key=lambda identified: abs(identified.celsius - REFERENCE_CELSIUS)
-    ):
-        energy = energies[fit_records.celsius]
-        ready = at_activation_energy(fit_records, energy)
-        identified = _condition(ready, energy, basis, members, rest, diffusion, limits)
+    # The widest of all temperatures, so that their models can be mixed.
+    low, high = zip(*(limits_of(_data(fit_records, basis)) for fit_records in usable), strict=True)
+    limits, mean_energy = (min(low), max(high)), float(np.mean(energies))
+    by_celsius, found = {}, None
+    pairs = zip(usable, energies, strict=True)
+    for one, energy in sorted(pairs, key=lambda pair: abs(pair[0].celsius - REFERENCE_CELSIUS)):
+        # ASSUME: Diffusion in the particles slows in the cold by the factor by which resistance
+        # grows. Its time is found once, at the temperature nearest 25 °C that shows one.
+        second = found and found[0] * resistance_factor(one.celsius, found[1], mean_energy)
+        ready = at_activation_energy(one, energy)
+        identified = _condition(ready, energy, basis, members, rest, second, limits)
         notes += identified.notes
         if identified.entries:
-            by_celsius[fit_records.celsius] = identified
-            diffusion = _first_diffusion(diffusion, identified, fit_records.celsius)
-    return [by_celsius[celsius] for celsius in sorted(by_celsius)], activation.words
+            by_celsius[one.celsius] = identified
+            found = found or _diffusion_found(identified, one.celsius)
+    return [by_celsius[celsius] for celsius in sorted(by_celsius)], words
 
 
 def _refuse_own_curve(fit_records, curve):
@@ -181,29 +172,12 @@ def _refuse_own_curve(fit_records, curve):
         )
 
 
-def _widest_limits(limits):
-    """Widest limits of the time constants over all temperatures [s], so that all can be mixed."""
-    low, high = zip(*limits, strict=True)
-    return min(low), max(high)
-
-
-def _first_diffusion(diffusion, identified, celsius):
-    """Diffusion with the time of the first condition that has one; that is nearest 25 °C."""
+def _diffusion_found(identified, celsius):
+    """Diffusion time [s] of a condition and its temperature [degC]; None where it shows none."""
     branches = [branch for entry in identified.entries.values() for branch in entry["branches"]]
     times = [b["tau_second"][0] for b in branches if b["kind"] == "diffusion"]
     times = [second for second in times if second > ABSENT_SECOND]
-    if diffusion.second is not None or not times:
-        return diffusion
-    return diffusion._replace(second=times[0], celsius=celsius)
-
-
-def _diffusion_at(diffusion, celsius):
-    # ASSUME: Diffusion in the particles slows in the cold by the factor by which resistance grows.
-    if diffusion.second is None:
-        return None
-    return diffusion.second * resistance_factor(
-        celsius, diffusion.celsius, diffusion.joule_per_mole
-    )
+    return (times[0], celsius) if times else None
 
 
 def _scored_everywhere(scores):
@@ -222,7 +196,7 @@ def _data(fit_records, basis):
     )
 
 
-def _condition(fit_records, energy, basis, members, rest, diffusion, limits):
+def _condition(fit_records, energy, basis, members, rest, diffusion_second, limits):
     """Identified of every member that can be fitted at one temperature."""
     capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], fit_records.celsius)
     settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
@@ -247,9 +221,10 @@ def _condition(fit_records, energy, basis, members, rest, diffusion, limits):
     entries, scores = {}, {}
     for name in members:
         try:
-            held = {"diffusion_second": _diffusion_at(diffusion, fit_records.celsius)}
-            held["limits_second"] = limits if member_named(name).pairs is None else None
-            fitted = identify(data, member_named(name), shared=shared, **held, **settings)
+            member = member_named(name)
+            fixed = {"diffusion_second": diffusion_second}
+            fixed["limits_second"] = limits if member.pairs is None else None
+            fitted = identify(data, member, shared=shared, **fixed, **settings)
             scores[name] = left_out(fitted, block)
         except Refusal as refusal:
             notes.append(f"{name} not identified at {fit_records.celsius:g} °C: {refusal}")
@@ -285,7 +260,7 @@ def _with_own_shape(shared, dense, blocks, settings):
     before, after = (left_out(fit, block).square_volt2[of_proof] for fit in (given, own))
     ratio = np.log(after / before)
     error = np.std(ratio, ddof=1) / np.sqrt(len(ratio)) if len(ratio) > 1 else np.inf
-    better = ratio.mean() + CLEARLY * error < 0 and after.mean() < before.mean()
+    better = ratio.mean() + SURE * error < 0 and after.mean() < before.mean()
     volts = " to ".join(f"{1e3 * np.sqrt(s.mean()):.2g}" for s in (before, after))
     words = f"from {listed}: blocks of other records left out of the fit {volts} mV"
     if not better:

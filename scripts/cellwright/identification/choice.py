@@ -19,7 +19,6 @@ NEAR = 1.1  # of rms errors that count as equal
 CLEAR = 1.0  # standard errors: the one-standard-error rule
 SURE = 2.0  # standard errors that are no chance: 95 %
 FAR = 2.0  # times the smallest error of a temperature: no member that errs by more is chosen
-LEAST_BLOCKS = 3  # fewer tell no scatter between them
 UNUSABLE_VOLT = 0.1  # error from which on a model is told to be of no use where the voltage counts
 MATERIAL_VOLT = 1e-3  # accuracy of a good cycler: errors that differ by less are alike
 
@@ -131,7 +130,7 @@ def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched
         _outside(beyond_volt or {}, celsius),
     )
     left = _least_faulty([name for name in scores if name not in searched], faults)
-    reasons = {name: fault.words for name, fault in faults.items() if name != left}
+    reasons = {name: words for name, (_, words) in faults.items() if name != left}
     sound = [name for name in scores if name not in reasons]
     chosen, equal, other = _simplest([n for n in sound if n not in searched], logs, rmse)
     reasons |= other
@@ -140,7 +139,7 @@ def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched
         reasons[chosen if not against else name] = against or f"{name} is better beyond chance"
         chosen, equal = (chosen, equal) if against else (name, [name])
     words = _words(chosen, equal, logs, rmse, [name for name in scores if name not in sound])
-    words += f". Not to be relied on: {chosen} {faults[left].words}" if chosen == left else ""
+    words += f". Not to be relied on: {chosen} {faults[left][1]}" if chosen == left else ""
     words += _warning(rmse[chosen])
     return Choice(chosen, rmse, words, reasons | {chosen: words.partition(". ")[0]})
 
@@ -189,15 +188,8 @@ def _weight_of(scores):
     return next(iter(rows.values())).astype(float)
 
 
-class _Fault(NamedTuple):
-    """What speaks against a member: its error over the largest that is allowed, and words."""
-
-    ratio: float
-    words: str
-
-
 def _worst_faults(*kinds):
-    """The worst fault of each member that has one, by name."""
+    """The worst fault of each member that has one, by name: (error over the allowed one, words)."""
     names = {name: None for kind in kinds for name in kind}
     return {name: max(kind[name] for kind in kinds if name in kind) for name in names}
 
@@ -219,7 +211,7 @@ def _far_from_best(errors, searched, celsius):
             least = min(family, key=lambda other, k=k: errors[other][k])
             sentence = f"errs by {_milli(error[k])} mV{_place(celsius, k)}"
             sentence += f" over the records fitted, {least} by"
-            faults[name] = _Fault(ratio[k] / FAR, f"{sentence} {_milli(best[k])} mV")
+            faults[name] = ratio[k] / FAR, f"{sentence} {_milli(best[k])} mV"
     return faults
 
 
@@ -230,7 +222,7 @@ def _outside(beyond, celsius):
         k = int(np.argmax(volt))
         if volt[k] > FAULT_VOLT:
             words = f"simulates {volt[k]:.2g} V outside what was measured{_place(celsius, k)}"
-            faults[name] = _Fault(volt[k] / FAULT_VOLT, words)
+            faults[name] = volt[k] / FAULT_VOLT, words
     return faults
 
 
@@ -242,7 +234,7 @@ def _least_faulty(family, faults):
     """The member of a family that stays where there is something against each; None elsewhere."""
     if not family or not set(family) <= set(faults):
         return None
-    return min(family, key=lambda name: faults[name].ratio)
+    return min(family, key=lambda name: faults[name][0])
 
 
 def _simplest(names, logs, rmse):
@@ -296,7 +288,8 @@ def _equal(difference):
 def _standard_errors(difference):
     """Mean difference between blocks over its standard error; 0 where too few tell one."""
     mean, count = difference.mean(), len(difference)
-    if count < LEAST_BLOCKS or mean == 0:
+    # Two blocks tell no scatter between them.
+    if count < 3 or mean == 0:
         return 0.0
     error = difference.std(ddof=1) / np.sqrt(count)
     return float(mean / error) if error > 0 else float(np.copysign(np.inf, mean))

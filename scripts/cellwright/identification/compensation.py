@@ -18,20 +18,13 @@ from cellwright.circuits.model_file import (
     open_circuit_volt,
 )
 from cellwright.circuits.temperature import LAWS, Laws, celsius_of
-from cellwright.identification.validation import simulated
+from cellwright.identification.validation import is_inner, simulated
 from cellwright.numerics.statistics import rms
 from cellwright.records.conditions import same_temperature
 from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 
 SMALLEST_VOLT = 1e-6
-
-
-class Reduced(NamedTuple):
-    """Basis and tests without those of one temperature, as `cell.cell_model` takes them."""
-
-    basis: dict
-    tests: list
 
 
 def without(basis, tests, *, celsius):
@@ -44,8 +37,8 @@ def without(basis, tests, *, celsius):
 
     Returns
     -------
-    reduced : Reduced. The only OCV curve stays: nothing could be predicted without one. Capacity,
-        which defines the SoC, stays as well.
+    basis, tests : the same. The only OCV curve stays: nothing could be predicted without one.
+        Capacity, which defines the SoC, stays as well.
 
     Raises
     ------
@@ -56,7 +49,7 @@ def without(basis, tests, *, celsius):
         raise Refusal(f"no test is left without those at {celsius:g} °C")
     stated = "ambient_temperature_celsius"
     curves = [curve for curve in basis["ocv"] if not _near(curve[stated], celsius)]
-    return Reduced(basis | {"ocv": curves or basis["ocv"]}, remaining)
+    return basis | {"ocv": curves or basis["ocv"]}, remaining
 
 
 def with_laws(model, laws):
@@ -116,17 +109,30 @@ def _rows(celsius, models, cell, test, laws, settings):
     temperatures = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
     beyond = not min(temperatures) - BEYOND_KELVIN < celsius < max(temperatures) + BEYOND_KELVIN
     tried = LAWS if laws is None else [laws.beyond if beyond else laws.inside]
-    reference = _errors(whole, cell, test, **settings)
-    by_law = [_errors(with_laws(reduced, Laws(law, law)), cell, test, **settings) for law in tried]
+    own_volt, own_inner_volt, _ = _errors(whole, cell, test, **settings)
     about = {
         "left_out_celsius": float(celsius),
         "predicted_test": test.facts.test,
         "model": settings["name"],
         "beyond": beyond,
     }
-    return [
-        about | _compared(law, error, reference) for law, error in zip(tried, by_law, strict=True)
-    ]
+    rows = []
+    for law in tried:
+        followed = with_laws(reduced, Laws(law, law))
+        volt, inner_volt, extrapolated = _errors(followed, cell, test, **settings)
+        rows.append(
+            about
+            | {
+                "law": law,
+                "rmse_volt": volt,
+                "rmse_volt_soc_5_95": inner_volt,
+                "own_rmse_volt": own_volt,
+                "own_rmse_volt_soc_5_95": own_inner_volt,
+                "ratio": inner_volt / own_inner_volt,
+                "extrapolated": extrapolated,
+            }
+        )
+    return rows
 
 
 class LawChoice(NamedTuple):
@@ -198,34 +204,14 @@ def laws_kept(tried):
     return Laws(chosen.get(False, LAWS[0]), chosen.get(True, LAWS[0]))
 
 
-class Errors(NamedTuple):
-    """RMS errors of a simulation, over all rows and SoC 5–95 % [V], and the extrapolated share."""
-
-    rmse_volt: float
-    inner_volt: float
-    extrapolated: float
-
-
 def _errors(model, cell, test, *, name, proof, split_rest_second):
+    """RMS error of a simulation, over all rows and SoC 5–95 % [V], and the extrapolated share."""
     record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=proof)
     run = simulated(model, name, record)
     used = record.used
     error = record.voltage_volt - run.voltage_volt
     outside = (run.extrapolated | run.outside_temperature)[used]
-    inner = used & (record.soc >= 0.05) & (record.soc <= 0.95)
-    return Errors(rms(error[used]), rms(error[inner]), float(outside.mean()))
-
-
-def _compared(law, error, reference):
-    return {
-        "law": law,
-        "rmse_volt": error.rmse_volt,
-        "rmse_volt_soc_5_95": error.inner_volt,
-        "own_rmse_volt": reference.rmse_volt,
-        "own_rmse_volt_soc_5_95": reference.inner_volt,
-        "ratio": error.inner_volt / reference.inner_volt,
-        "extrapolated": error.extrapolated,
-    }
+    return rms(error[used]), rms(error[used & is_inner(record.soc)]), float(outside.mean())
 
 
 def _near(stated, celsius):

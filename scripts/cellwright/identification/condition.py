@@ -7,12 +7,10 @@ import numpy as np
 from cellwright.circuits.circuit import UNRESOLVED_SECOND
 from cellwright.identification.columns import FAST_SECOND
 from cellwright.identification.regression import named
-from cellwright.identification.search import whole_covariance, with_time_constants
+from cellwright.identification.search import with_time_constants
 from cellwright.numerics.statistics import rms
 
-LINEAR_VOLT = 1e3  # a scale so wide that kinetics are linear
 ABSENT_SECOND = 2e-4  # a diffusion time that stands for none
-ABSENT_SHARE = 0.01  # of the capacity: charge constant of a hysteresis that was not found
 AT_BOUND = 0.02  # of the logarithm of a time constant: as near as the search goes
 
 
@@ -58,15 +56,15 @@ def condition_of(shared, member, fit, bounds):
     -------
     condition : Condition.
     """
-    data, (held, system, solution, covariance) = shared.base.data, fit
+    data, (held, system, solution, covariance, _) = shared.base.data, fit
     stds = named(system, np.sqrt(np.diag(covariance)))
     values, tau_stds, at_bound = solution.values, np.full(len(held.tau_second), np.nan), []
     if bounds is not None and held.tau_second:
-        stds, tau_stds = _with_time_constants(shared, fit)
-        log = np.log(held.tau_second)
-        edge = (np.abs(log - np.log(bounds[0])) < AT_BOUND) | (
-            np.abs(log - np.log(bounds[1])) < AT_BOUND
-        )
+        std = np.sqrt(np.diag(with_time_constants(shared, fit)[0]))
+        size = len(solution.vector)
+        stds, tau_stds = named(system, std[:size]), std[size:] * np.asarray(held.tau_second)
+        apart = np.abs(np.log(held.tau_second) - np.log(bounds)[:, None])
+        edge = (apart < AT_BOUND).any(axis=0)
         at_bound = [f"tau{n}" for n, is_at_bound in enumerate(edge, 1) if is_at_bound]
         tau_stds = np.where(edge, np.nan, tau_stds)
     bounded = [
@@ -120,7 +118,7 @@ def _elements(data, member, held, values, stds, tau_stds):
         std = {"r_ohm": stds.get(name, np.nan * ones), "tau_second": tau_std * ones}
         kinetic = member.kinetic and tau <= FAST_SECOND
         if kinetic:
-            values_of["scale_volt"] = (held.scale_volt or LINEAR_VOLT) * ones
+            values_of["scale_volt"] = (held.scale_volt or 1e3) * ones
             std["scale_volt"] = np.nan * ones
         elements.append(Element("kinetic" if kinetic else "RC", values_of, std))
     if member.diffusion:
@@ -129,15 +127,8 @@ def _elements(data, member, held, values, stds, tau_stds):
         values_of = {"soc_per_ampere": gain * ones, "tau_second": second * ones}
         elements.append(Element("diffusion", values_of, dict.fromkeys(values_of, np.nan * ones)))
     if member.hysteresis:
-        charge = held.charge_ampere_hour or ABSENT_SHARE * data.capacity_ampere_hour
+        charge = held.charge_ampere_hour or 0.01 * data.capacity_ampere_hour
         values_of = {"m_volt": values.get("m", 0.0 * ones), "charge_ampere_hour": charge * ones}
         std = {"m_volt": stds.get("m", np.nan * ones), "charge_ampere_hour": np.nan * ones}
         elements.append(Element("hysteresis", values_of, std))
     return tuple(elements)
-
-
-def _with_time_constants(shared, fit):
-    """Standard deviations with the time constants free: of the linear parameters, of tau [s]."""
-    std = np.sqrt(np.diag(whole_covariance(with_time_constants(shared, fit), fit)))
-    size = len(fit.solution.vector)
-    return named(fit.system, std[:size]), std[size:] * np.asarray(fit.held.tau_second)

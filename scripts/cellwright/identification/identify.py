@@ -8,14 +8,13 @@ squares from the best; charge constant and kinetic scale over a short list.
 
 from functools import cache
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, resistance_factor
 from cellwright.identification.columns import Data, Held
-from cellwright.identification.condition import Condition, condition_of
+from cellwright.identification.condition import condition_of
 from cellwright.identification.regression import SCALES, pull_of, solved
 from cellwright.identification.search import (
     cheapest,
@@ -32,24 +31,9 @@ from cellwright.numerics.linear import solve
 from cellwright.records.thinning import edges, thin, without_edges
 from cellwright.refusal import Refusal
 
-PER_DECADE = 2  # time constants of a distribution in each decade
 GRID_PER_DECADE = 4
 FARADAY = 96485.33212  # C/mol
-CHARGE_SHARES = (0.01, 0.03, 0.1, 0.3)  # of the capacity: charge constants of the hysteresis
-ELECTRODES = (1.0, 2.0)  # that share the charge transfer: scale 2RT/F each
-SAME_CURRENT = 0.05  # of the largest current: currents that differ by less tell nothing apart
-FINEST = 0.02  # of the logarithm of a time constant
 DIFFUSION_SECOND = (500.0, 1000.0, 2000.0, 4000.0, 8000.0, 16000.0)  # radius² over diffusivity
-EMPTY_KNOTS = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15)
-
-
-class Fitted(NamedTuple):
-    """Fitted condition, with the linear system and solution behind it."""
-
-    condition: Condition
-    held: Held
-    system: object
-    solution: object
 
 
 def data_of(
@@ -87,7 +71,10 @@ def data_of(
         raise Refusal("no row of the records is left to fit")
     if knots is None:
         low, high = soc.min(), soc.max()
-        grid = np.append(EMPTY_KNOTS, np.arange(0.2, 1.0 + spacing / 2, spacing))
+        # Near empty everything changes fast with the SoC.
+        grid = np.append(
+            (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15), np.arange(0.2, 1.0 + spacing / 2, spacing)
+        )
         inner = grid[(grid > low + 0.01) & (grid < high - 0.01)]
         knots = np.array([low, *inner, high]) if high > low else np.array([low])
     return Data(
@@ -119,9 +106,10 @@ def ready_records(records, *, capacity_ampere_hour):
     Refusal : one current in all of them: nothing excites the cell.
     """
     current = np.concatenate([record.current_ampere for record in records])
-    if np.ptp(current) <= SAME_CURRENT * np.abs(current).max(initial=0.0):
+    # Currents that differ by less than a twentieth tell OCV and resistance not apart.
+    if np.ptp(current) <= 0.05 * np.abs(current).max(initial=0.0):
         raise Refusal("the current never changes: resistance cannot be told from OCV")
-    step = max(largest_step(record) for record in records) / 20
+    step = max(edge_ampere(record) for record in records)
     along = {"capacity_ampere_hour": capacity_ampere_hour}
     if any(record.kind != "capacity" for record in records):
         along = {}
@@ -129,14 +117,14 @@ def ready_records(records, *, capacity_ampere_hour):
     return tuple(without_edges(record, step_ampere=step) for record in thinned)
 
 
-def largest_step(record):
-    """Largest change of a record's current [A], that from the rest before its first row included.
+def edge_ampere(record):
+    """Change of a record's current that counts as an edge [A]: a twentieth of its largest.
 
     Parameters
     ----------
-    record : Record, which starts from rest.
+    record : Record, which starts from rest: its first row may be an edge too.
     """
-    return float(np.abs(np.diff(record.current_ampere, prepend=0.0)).max())
+    return float(np.abs(np.diff(record.current_ampere, prepend=0.0)).max()) / 20
 
 
 def identify(
@@ -163,7 +151,7 @@ def identify(
 
     Returns
     -------
-    fitted : Fitted.
+    fitted : search.Fit with its condition.
 
     Raises
     ------
@@ -176,7 +164,12 @@ def identify(
     # ASSUME: Time constants of a cell do not depend on SoC, its resistances do (linear between).
     shared = shared or shared_of(data)
     low, high = limits_of(data) if limits_second is None else limits_second
-    start = once(shared, (member.pairs, low, high), lambda: _start(shared, member, low, high))
+    start = once(
+        shared,
+        (member.pairs, low, high),
+        # A member without its other parts, from which its search begins.
+        lambda: settled(shared, Held(tuple(_taus(shared, member, low, high)))),
+    )
     held, factor = start.held, start.solution.factor
     for name, values in _candidates(
         member, capacity_ampere_hour, celsius, diffusion_second
@@ -188,12 +181,7 @@ def identify(
     bounds = None if member.pairs is None else (low, high)
     if member.pairs:
         fit = refined(shared, fit, bounds)
-    return Fitted(condition_of(shared, member, fit, bounds), fit.held, fit.system, fit.solution)
-
-
-def _start(shared, member, low, high):
-    """Fit of a member without its other parts, from which its search begins."""
-    return settled(shared, Held(tuple(_taus(shared, member, low, high))))
+    return fit._replace(condition=condition_of(shared, member, fit, bounds))
 
 
 def _candidates(member, capacity_ampere_hour, celsius, diffusion_second):
@@ -203,9 +191,9 @@ def _candidates(member, capacity_ampere_hour, celsius, diffusion_second):
     """
     thermal = 2 * GAS_CONSTANT * (celsius + ZERO_CELSIUS_KELVIN) / FARADAY
     diffusions = (None, *DIFFUSION_SECOND) if diffusion_second is None else (diffusion_second,)
-    charges = [share * capacity_ampere_hour for share in CHARGE_SHARES]
+    charges = [share * capacity_ampere_hour for share in (0.01, 0.03, 0.1, 0.3)]
     choices = {
-        "scale_volt": member.kinetic and [None, *(n * thermal for n in ELECTRODES)],
+        "scale_volt": member.kinetic and [None, *(n * thermal for n in (1, 2))],
         "diffusion_second": member.diffusion and diffusions,
         "charge_ampere_hour": member.hysteresis and [None, *charges],
     }
@@ -225,7 +213,7 @@ def limits_of(data):
     """
     steady, sampling = [], []
     for r in data.records:
-        step = max(largest_step(r) / 20, 1e-9)
+        step = max(edge_ampere(r), 1e-9)
         marks = np.r_[0, edges(r, step_ampere=step), len(r.soc) - 1]
         steady.append(np.diff(r.test_time_second[marks]).max())
         steps = np.diff(r.test_time_second)
@@ -237,46 +225,37 @@ def limits_of(data):
 def _taus(shared, member, low, high):
     decades = np.log10(high / low)
     if member.pairs is None:
-        return np.geomspace(2 * low, high, max(round(decades * PER_DECADE), 2))
+        # Two a decade: neighbours closer than that look alike to the data.
+        return np.geomspace(2 * low, high, max(round(decades * 2), 2))
     if member.pairs == 0:
         return ()
     grid = np.geomspace(low, high, max(round(decades * GRID_PER_DECADE), member.pairs + 1))
-    weighted = once(shared, tuple(grid), lambda: _weighted_grid(shared, grid))
-    count = len(shared.base.data.knots)
-    start = _best_on_grid(weighted, grid, member.pairs, count)
-    return _pattern_search(shared, start, low, high, weighted.factor)
-
-
-class WeightedGrid(NamedTuple):
-    """Normal equations of all time constants of a grid: Gram matrix, moment, weight of the data."""
-
-    gram: np.ndarray
-    moment: np.ndarray
-    factor: float
+    *normal, factor = once(shared, tuple(grid), lambda: _weighted_grid(shared, grid))
+    start = _best_on_grid(*normal, grid, member.pairs, len(shared.base.data.knots))
+    return _pattern_search(shared, start, low, high, factor)
 
 
 def _weighted_grid(shared, grid):
+    """Normal equations of all time constants of a grid: Gram matrix, moment, weight of the data."""
     system = system_about(shared, Held(tuple(grid)))
     factor = solved(system).factor
     gram = factor * system.gram + system.prior
-    return WeightedGrid(gram, factor * system.moment - pull_of(system), factor)
+    return gram, factor * system.moment - pull_of(system), factor
 
 
-def _best_on_grid(weighted, grid, pairs, count):
+def _best_on_grid(gram, moment, grid, pairs, count):
     """Combination of grid time constants with the lowest cost [s]; one system serves all.
 
     Without its bounds no combination costs more than with them. So they are tried in the order of
     that cost, which all together take little, until it exceeds the best of those tried.
     """
-    gram, moment, _ = weighted
     first, combined = 2 * count + SCALES, list(combinations(range(len(grid)), pairs))
     rows = [
         np.concatenate([np.arange(first), *(first + n * count + np.arange(count) for n in chosen)])
         for chosen in combined
     ]
-    unbound = np.concatenate(
-        [_unbound_costs(gram, moment, np.array(some)) for some in _portions(rows)]
-    )
+    portions = [np.array(rows[k : k + PORTION]) for k in range(0, len(rows), PORTION)]
+    unbound = np.concatenate([_unbound_costs(gram, moment, some) for some in portions])
     best, cost = None, np.inf
     for place in np.argsort(unbound, kind="stable"):
         if unbound[place] >= cost:
@@ -292,10 +271,6 @@ def _best_on_grid(weighted, grid, pairs, count):
 PORTION = 100  # combinations solved at once: their matrices are in memory together
 
 
-def _portions(rows):
-    return [rows[start : start + PORTION] for start in range(0, len(rows), PORTION)]
-
-
 def _unbound_costs(gram, moment, rows):
     """Lowest cost of each of some choices of parameters (c, p), were they all without a bound."""
     right = moment[rows]
@@ -307,7 +282,8 @@ def _pattern_search(shared, start, low, high, factor):
     """Time constants [s] by pattern search on their logarithms from the best on the grid."""
     log_tau, step = np.log(start), np.log(10) / GRID_PER_DECADE / 2
     best = cost_of(shared, Held(tuple(start)), factor)
-    while step > FINEST:
+    # A fiftieth of a time constant is less than its deviation ever is.
+    while step > 0.02:
         moves = [log_tau + sign * step * unit for unit in np.eye(len(log_tau)) for sign in (1, -1)]
         moves = [np.clip(np.sort(move), np.log(low), np.log(high)) for move in moves]
         costs = [cost_of(shared, Held(tuple(np.exp(move))), factor) for move in moves]
@@ -319,17 +295,7 @@ def _pattern_search(shared, start, low, high, factor):
 
 
 PLAIN = member_named("DRT+D")
-SLOWEST_SECOND = 60.0  # of what counts as resistance here: slower parts are poorly known
-VARIED_KELVIN = 2.0
 TRIED_JOULE_PER_MOLE = (0.0, 10e3, 20e3, 30e3, 40e3, 50e3)
-MIDDLE = 3  # of those: from here on they are tried
-
-
-class Activation(NamedTuple):
-    """Activation energy of the resistance at each temperature [J/mol], and a sentence on it."""
-
-    joule_per_mole: tuple
-    words: str
 
 
 def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
@@ -347,34 +313,28 @@ def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
 
     Returns
     -------
-    activation : Activation.
+    joule_per_mole : list, one a temperature [J/mol]. words : sentence on them, or "".
     """
     if len(by_temperature) > 1:
         resistance = [
             _resistance(data_of_records(fit_records), fit_records, capacity_ampere_hour)
             for fit_records in by_temperature
         ]
-        energies = _energies_from_neighbours(
-            [fit_records.celsius for fit_records in by_temperature], resistance
-        )
-        listed = ", ".join(
-            f"{fit_records.celsius:g} °C {e / 1e3:.0f}"
-            for fit_records, e in zip(by_temperature, energies, strict=True)
-        )
-        return Activation(
-            tuple(energies), f"activation energy of the resistance [kJ/mol]: {listed}"
-        )
+        celsius = [fit_records.celsius for fit_records in by_temperature]
+        energies = _energies_from_neighbours(celsius, resistance)
+        pairs = zip(celsius, energies, strict=True)
+        listed = ", ".join(f"{t:g} °C {energy / 1e3:.0f}" for t, energy in pairs)
+        return energies, f"activation energy of the resistance [kJ/mol]: {listed}"
     varied = max(np.ptp(record.celsius) for record in by_temperature[0].records)
-    if varied < VARIED_KELVIN:
-        return Activation((0.0,), "")
+    # Less is a chamber's wobble, in which no resistance shows its energy.
+    if varied < 2.0:
+        return [0.0], ""
     try:
         best = _best_energy(by_temperature[0], data_of_records, capacity_ampere_hour)
     except Refusal as refusal:
-        return Activation((0.0,), f"activation energy not known, taken as 0: {refusal}")
-    words = (
-        f"activation energy {best / 1e3:.0f} kJ/mol, from the cell's own warming by {varied:.0f} K"
-    )
-    return Activation((best,), words)
+        return [0.0], f"activation energy not known, taken as 0: {refusal}"
+    words = f"activation energy {best / 1e3:.0f} kJ/mol, from the cell's own warming"
+    return [best], f"{words} by {varied:.0f} K"
 
 
 def at_activation_energy(fit_records, joule_per_mole):
@@ -401,13 +361,10 @@ def _resistance(data, fit_records, capacity):
     except Refusal:
         return np.nan
     condition = fitted.condition
-    fast = [
-        b.values["r_ohm"]
-        for b in condition.branches
-        if b.kind == "RC" and b.values["tau_second"][0] <= SLOWEST_SECOND
-    ]
-    total = sum(fast, condition.r0_ohm)
-    return float(np.interp(0.5, condition.soc, total))
+    pairs = [branch.values for branch in condition.branches if branch.kind == "RC"]
+    # Slower parts are poorly known.
+    fast = [values["r_ohm"] for values in pairs if values["tau_second"][0] <= 60.0]
+    return float(np.interp(0.5, condition.soc, sum(fast, condition.r0_ohm)))
 
 
 def _energies_from_neighbours(celsius, resistance):
@@ -443,4 +400,5 @@ def _best_energy(fit_records, data_of_records, capacity):
         shared, fit = fitted(number)
         return cost_of(shared, fit.held, factor)
 
-    return TRIED_JOULE_PER_MOLE[lowest(cost, len(TRIED_JOULE_PER_MOLE), start=MIDDLE)]
+    # From the middle on.
+    return TRIED_JOULE_PER_MOLE[lowest(cost, len(TRIED_JOULE_PER_MOLE), start=3)]

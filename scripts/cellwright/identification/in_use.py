@@ -6,14 +6,12 @@ import numpy as np
 
 from cellwright.identification.choice import Score, choose, rmse_of, typical_of, worst_of
 from cellwright.identification.identify import ready_records
-from cellwright.identification.validation import beyond_volt, simulated
+from cellwright.identification.validation import beyond_volt, is_inner, simulated
 from cellwright.numerics.statistics import rms
 from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
 from cellwright.records.conditions import AT_REST_C_RATE
 from cellwright.records.record import Record, records_by_temperature
 from cellwright.refusal import Refusal
-
-INNER_SOC = (0.05, 0.95)  # the range over which validation is told, too
 
 
 class FittedRecord(NamedTuple):
@@ -105,7 +103,7 @@ def inner_rmse(records, errors_volt):
     """
     soc = np.concatenate([fitted.record.soc[fitted.record.used] for fitted in records])
     error = np.concatenate(errors_volt)
-    inner = (soc >= INNER_SOC[0]) & (soc <= INNER_SOC[1])
+    inner = is_inner(soc)
     return rms(error[inner] if inner.any() else error)
 
 

@@ -10,15 +10,18 @@ import numpy as np
 
 from cellwright.circuits.temperature import table_soc
 from cellwright.identification.columns import base_of, columns_of, ocv_of
-from cellwright.identification.regression import SCALES, shift_precision, system_of
+from cellwright.identification.regression import (
+    FIRST_FACTOR,
+    SCALES,
+    shift_precision,
+    system_of,
+    weight_of,
+)
 from cellwright.numerics.linear import hats, solve
-from cellwright.numerics.statistics import correlation_factor
 from cellwright.records.thinning import edges, thin, without_edges
 
 FINE_SOC = np.unique(np.append(np.arange(0.0, 0.1, 0.005), np.arange(0.1, 1.005, 0.01)))
 STEADY_SHARE = 0.3  # of the SoC, passed by one steady load: it shows the course of the OCV
-MOST_C_RATE = 1.2  # of such a load: a faster one warms the cell and shows resistance
-ROUNDS = 3  # of the weight of the data, found from what is left
 
 
 def shape_records(records, *, capacity_ampere_hour):
@@ -46,7 +49,8 @@ def _long_ways(record, step_ampere, capacity_ampere_hour):
     """Signs of the steady loads that pass `STEADY_SHARE` of the SoC, not too fast."""
     marks = np.unique(np.r_[0, edges(record, step_ampere=step_ampere), len(record.soc) - 1])
     passed = np.diff(record.soc[marks])
-    slow = np.abs(record.current_ampere[marks[:-1]]) <= MOST_C_RATE * capacity_ampere_hour
+    # A faster load warms the cell, and shows its resistance more than its OCV.
+    slow = np.abs(record.current_ampere[marks[:-1]]) <= 1.2 * capacity_ampere_hour
     return set(np.sign(passed[slow & (np.abs(passed) >= STEADY_SHARE)]))
 
 
@@ -92,10 +96,8 @@ def _shift(matrix, system, prior_of_shift, first):
     prior = np.zeros((size, size))
     prior[:fine, :fine] = prior_of_shift
     prior[fine:, fine:] = system.prior[first:, first:]
-    gram, moment, factor = matrix.T @ matrix, matrix.T @ system.target, 1.0 / 30.0
-    for _ in range(ROUNDS):
+    gram, moment, factor = matrix.T @ matrix, matrix.T @ system.target, FIRST_FACTOR
+    for _ in range(3):  # by then the weight, found from what is left, moves no more
         vector = solve(factor * gram + prior, factor * moment, fine)
-        residual = system.target - matrix @ vector
-        spread = max(np.mean(residual**2), 1e-12) * max(correlation_factor(residual), 1.0)
-        factor = 1.0 / spread
+        factor = weight_of(system.target - matrix @ vector)
     return vector[:fine]

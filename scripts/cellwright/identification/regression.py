@@ -16,39 +16,20 @@ from cellwright.refusal import Refusal
 FIRST_FACTOR = 1.0 / 30.0  # weight of the data before the residuals have told it
 SCALES = 2  # numbers of the SoC's scale: what is missing at full, and the stretch
 
+# Standard deviations of a row's error, whose variances add: at rest [V], a share of the
+# overpotential, and of the counted SoC, which counts where the OCV is steep.
+FLOOR_VOLT, RELATIVE, SOC_STD = 0.003, 0.03, 0.003
 
-class Noise(NamedTuple):
-    """Standard deviations of a row's error, whose variances add.
-
-    floor_volt : at rest [V]. relative : of the overpotential [1]. soc : of the counted SoC [1],
-    which counts where the OCV is steep.
-    """
-
-    floor_volt: float = 0.003
-    relative: float = 0.03
-    soc: float = 0.003
-
-
-class Prior(NamedTuple):
-    """Standard deviations of the parameters before the data.
-
-    Without priors a knot without data could take any value, and a fit of a drive's blocks would
-    say nothing of the SoC between them. The priors are weak and physical: resistances change
-    smoothly with SoC, faster near empty; an OCV table is right to some tens of millivolts; capacity
-    is known to a few per cent. They count only where the data say little.
-
-    shift_volt : of the OCV table. shift_walk_volt : of its change over the whole of SoC.
-    walk : relative change of a resistance over the whole of SoC [1].
-    missing, stretch : of what a full charge leaves out, and of the capacity [1].
-    empty : SoC near empty within which things change as much as over all the rest [1].
-    """
-
-    shift_volt: float = 0.02
-    shift_walk_volt: float = 0.05
-    walk: float = 1.0
-    missing: float = 0.02
-    stretch: float = 0.04
-    empty: float = 0.1
+# Standard deviations of the parameters before the data. Without priors a knot without data could
+# take any value, and a fit of a drive's blocks would say nothing of the SoC between them. The
+# priors are weak and physical: resistances change smoothly with SoC, faster near empty; an OCV
+# table is right to some tens of millivolts; capacity is known to a few per cent. They count only
+# where the data say little.
+SHIFT_VOLT = 0.02  # of the OCV table
+SHIFT_WALK_VOLT = 0.05  # of the change of that shift over the whole of SoC
+WALK = 1.0  # of a resistance over the whole of SoC, relative to its size
+SCALE_STD = (0.02, 0.04)  # of what a full charge leaves out, and of the capacity [1]
+EMPTY = 0.1  # SoC near empty within which things change as much as over all the rest
 
 
 class System(NamedTuple):
@@ -94,14 +75,13 @@ class Solution(NamedTuple):
     above_zero: dict
 
 
-def system_of(columns, knots, *, noise=None, prior=None):
+def system_of(columns, knots):
     """The weighted problem of a set of columns, with the priors' precision.
 
     Parameters
     ----------
     columns : Columns.
     knots : (k,) SoC [1].
-    noise, prior : Noise, Prior; None: the defaults.
 
     Returns
     -------
@@ -111,20 +91,15 @@ def system_of(columns, knots, *, noise=None, prior=None):
     ------
     Refusal : fewer rows than parameters at one SoC, or a load that excites nothing.
     """
-    noise, prior = noise or Noise(), prior or Prior()
     names = tuple(name for name, _ in columns.resistances)
     if len(columns.target_volt) < 3 * (len(names) + 2):
         raise Refusal(f"{len(columns.target_volt)} rows cannot carry {len(names) + 2} parameters")
-    scales = (
-        noise.floor_volt,
-        noise.relative * columns.target_volt,
-        noise.soc * columns.slope_volt,
-    )
-    weight = 1.0 / np.sqrt(sum(np.square(scale) for scale in scales))
+    parts = (FLOOR_VOLT, RELATIVE * columns.target_volt, SOC_STD * columns.slope_volt)
+    weight = 1.0 / np.sqrt(sum(np.square(part) for part in parts))
     matrix, target = _weighted(columns, weight, len(knots)), columns.target_volt * weight
     gram, moment = matrix.T @ matrix, matrix.T @ target
     sizes = _typical_sizes(names, gram, moment, len(knots))
-    precision = _precision(knots, sizes, prior)
+    precision = _precision(knots, sizes)
     held = np.zeros(len(precision))
     held[len(knots) : len(knots) + SCALES] = columns.held_scale
     most = _upper_bounds(columns.most_volt, names, len(precision))
@@ -168,39 +143,38 @@ def _typical_sizes(names, gram, moment, knots):
     return np.maximum(sizes, least)
 
 
-def _precision(knots, sizes, prior):
+def _precision(knots, sizes):
     """Inverse covariance of all parameters before the data."""
-    count, smooth = len(knots), _smoothness(knots, prior)
+    count, smooth = len(knots), _smoothness(knots)
     size = count + SCALES + count * len(sizes)
     precision = np.zeros((size, size))
-    precision[:count, :count] = shift_precision(knots, prior=prior)
-    precision[count, count] = 1.0 / prior.missing**2
-    precision[count + 1, count + 1] = 1.0 / prior.stretch**2
+    precision[:count, :count] = shift_precision(knots)
+    scale = slice(count, count + SCALES)
+    precision[scale, scale] = np.diag(np.square(SCALE_STD) ** -1.0)
     for number, typical in enumerate(sizes):
         block = slice(count + SCALES + number * count, count + SCALES + (number + 1) * count)
-        precision[block, block] = smooth / (prior.walk * typical) ** 2
+        precision[block, block] = smooth / (WALK * typical) ** 2
+        # Ten times its typical size: only so that a course without any data has a middle.
         precision[block, block] += np.eye(count) / ((10.0 * typical) ** 2 * count)
     return precision
 
 
-def _smoothness(knots, prior):
+def _smoothness(knots):
     """Precision (k, k) of a course whose change over the whole of SoC is of size one."""
     near_empty = np.diff(np.log(np.maximum(knots, 0.0) + 0.02))  # counting may end below zero
-    path = np.diff(knots) + prior.empty * near_empty
+    path = np.diff(knots) + EMPTY * near_empty
     change = np.diff(np.eye(len(knots)), axis=0)
     return change.T @ (change / path[:, None])
 
 
-def shift_precision(knots, *, prior=None):
+def shift_precision(knots):
     """Inverse covariance of the shift of the OCV table at knots before the data (k, k) [1/V²].
 
     Parameters
     ----------
-    knots : (k,) SoC [1]. prior : Prior; None: the default.
+    knots : (k,) SoC [1].
     """
-    prior = prior or Prior()
-    size = np.eye(len(knots)) / prior.shift_volt**2
-    return _smoothness(knots, prior) / prior.shift_walk_volt**2 + size
+    return _smoothness(knots) / SHIFT_WALK_VOLT**2 + np.eye(len(knots)) / SHIFT_VOLT**2
 
 
 def solved(system, *, factor=None, rounds=2, expected=None, scale_free=True):
@@ -230,13 +204,25 @@ def solved(system, *, factor=None, rounds=2, expected=None, scale_free=True):
         effective = _effective(system, vector, scale_free)
         residual, solved_with = system.target - system.matrix @ effective, weight
         if factor is None:
-            spread = max(np.mean(residual**2), 1e-12) * max(correlation_factor(residual), 1.0)
-            weight = 1.0 / spread
+            weight = weight_of(residual)
     total = vector + system.held
     cost = weight * (residual @ residual) + total @ system.prior @ total
     values, volt = named(system, vector), residual / system.weight
-    told = (volt, weight, solved_with, float(cost), above_zero)
-    return Solution(values, values["scale"], vector, *told)
+    return Solution(
+        values, values["scale"], vector, volt, weight, solved_with, float(cost), above_zero
+    )
+
+
+def weight_of(residual):
+    """Weight of the square of a row: one over the residuals' variance and correlation.
+
+    A model's errors are alike from row to row: each counts as fewer than one independent datum.
+
+    Parameters
+    ----------
+    residual : (n,) of weighted rows [1].
+    """
+    return 1.0 / (max(np.mean(residual**2), 1e-12) * max(correlation_factor(residual), 1.0))
 
 
 def minimum(system, factor, *, expected, scale_free=True):

@@ -71,13 +71,15 @@ def once(shared, key, search):
 class Fit(NamedTuple):
     """Held parameters, the regression.System about them, its Solution, and a covariance (p, p).
 
-    The solution is that at the held SoC scale, the covariance that with a free one.
+    The solution is that at the held SoC scale, the covariance that with a free one. condition : the
+    fitted circuit, once the search is over.
     """
 
     held: object
     system: object
     solution: object
     covariance: np.ndarray
+    condition: object = None
 
 
 def settled(shared, held, *, passes=10):
@@ -273,26 +275,20 @@ STEP = 0.01  # of a logarithm, for central differences
 RESOLVED = 1e-12  # smallest eigenvalue of the scaled precision: below it is rounding
 
 
-class Free(NamedTuple):
-    """The linear problem with time constants as further parameters, (p + m) in all.
-
-    precision : (p + m, p + m) inverse covariance. slope : (p + m,) of half the cost, negative.
-    """
-
-    precision: np.ndarray
-    slope: np.ndarray
-
-
 def with_time_constants(shared, fit):
-    """Precision and slope with the logarithms of the time constants free as well.
+    """Covariance and slope with the logarithms of the time constants free as well.
+
+    Where the data do not tell the time constants apart, these have no deviation, and all else is
+    as known for given ones.
 
     Parameters
     ----------
-    shared : Shared. fit : Fit.
+    shared : Shared. fit : Fit, of p linear parameters and m time constants.
 
     Returns
     -------
-    free : Free.
+    covariance : (p + m, p + m); NaN where a bound holds.
+    slope : (p + m,) of half the cost, negative.
     """
     held, system, solution = fit[:3]
     count = len(held.tau_second)
@@ -307,7 +303,7 @@ def with_time_constants(shared, fit):
     residual = solution.residual_volt * system.weight
     slope = solution.factor * np.append(system.matrix.T @ residual, weighted.T @ residual)
     slope[:size] -= system.prior @ (solution.vector + system.held)
-    return Free(precision, slope)
+    return _covariance(precision, fit), slope
 
 
 def _change(base, held, number, values):
@@ -343,7 +339,10 @@ def refined(shared, fit, bounds, *, steps=3, enough=0.1):
     factor = fit.solution.factor
     best = cost_of(shared, fit.held, factor)
     for _ in range(steps):
-        step, std = _step(with_time_constants(shared, fit), fit)
+        covariance, slope = with_time_constants(shared, fit)
+        size = len(slope) - len(fit.held.tau_second)
+        step = np.nan_to_num(covariance[size:]) @ slope  # Newton's, of the logarithms
+        std = np.nan_to_num(np.sqrt(np.diag(covariance[size:, size:])))
         tau = np.clip(np.asarray(fit.held.tau_second) * np.exp(np.clip(step, -0.5, 0.5)), *bounds)
         tried = fit.held._replace(tau_second=tuple(np.sort(tau)))
         cost = cost_of(shared, tried, factor)
@@ -356,31 +355,15 @@ def refined(shared, fit, bounds, *, steps=3, enough=0.1):
     return fit
 
 
-def whole_covariance(free, fit):
-    """Covariance with the time constants free, (p + m, p + m); NaN where a bound holds.
-
-    Where the data do not tell the time constants apart, these have none, and all else is as known
-    for given ones.
-
-    Parameters
-    ----------
-    free : Free. fit : Fit.
-    """
-    size, diagonal = len(fit.covariance), np.diag(free.precision)
+def _covariance(precision, fit):
+    """Inverse (p + m, p + m) over all parameters that no bound holds."""
+    size, diagonal = len(fit.covariance), np.diag(precision)
     loose = np.append(np.isfinite(np.diag(fit.covariance)), diagonal[size:] > 0)
     rows, scale = np.ix_(loose, loose), np.sqrt(diagonal[loose])
-    unit = free.precision[rows] / np.outer(scale, scale)
-    covariance = np.full(free.precision.shape, np.nan)
+    unit = precision[rows] / np.outer(scale, scale)
+    covariance = np.full(precision.shape, np.nan)
     if np.linalg.eigvalsh(unit)[0] > RESOLVED:
         covariance[rows] = np.linalg.inv(unit) / np.outer(scale, scale)
     else:
         covariance[:size, :size] = fit.covariance
     return covariance
-
-
-def _step(free, fit):
-    """Newton step of the logarithms of the time constants, and their standard deviations."""
-    size = len(fit.covariance)
-    covariance = whole_covariance(free, fit)[size:]
-    std = np.sqrt(np.diag(covariance[:, size:]))
-    return np.nan_to_num(covariance) @ free.slope, np.nan_to_num(std)

@@ -74,21 +74,17 @@ def thermal_of(model, cell, tests, *, split_rest_second):
     return CellThermal(content, rows, tuple(notes))
 
 
-UNKNOWN = {
-    "cell": "",
-    "heat_capacity_joule_per_kelvin": None,
-    "heat_capacity_std_joule_per_kelvin": None,
-    "resistance_kelvin_per_watt": None,
-    "resistance_std_kelvin_per_watt": None,
-    "ambient_offset_kelvin": None,
-    "entropic": None,
-    "tests": [],
-    "reason": None,
+CONSTANTS = ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")
+NAMES = (
+    *("heat_capacity_joule_per_kelvin", "heat_capacity_std_joule_per_kelvin"),
+    *("resistance_kelvin_per_watt", "resistance_std_kelvin_per_watt"),
+    "ambient_offset_kelvin",
+)
+UNKNOWN = {"cell": "", **dict.fromkeys(NAMES), "entropic": None, "tests": [], "reason": None}
+EMPTY = dict.fromkeys((*NAMES, "rmse_kelvin", "moved_kelvin"), np.nan) | {
+    "samples": 0,
+    "reason": "",
 }
-EMPTY = {"heat_capacity_joule_per_kelvin": np.nan, "heat_capacity_std_joule_per_kelvin": np.nan}
-EMPTY |= {"resistance_kelvin_per_watt": np.nan, "resistance_std_kelvin_per_watt": np.nan}
-EMPTY |= {"ambient_offset_kelvin": np.nan, "rmse_kelvin": np.nan, "moved_kelvin": np.nan}
-EMPTY |= {"samples": 0, "reason": ""}
 
 
 def _fitted(model, cell, test, split_rest_second):
@@ -150,12 +146,10 @@ def _why_not(fit):
             f"heat explains {max(explained, 0.0):.0%} of a temperature that moves by "
             f"{fit.moved_kelvin:.2g} K RMS, wanted half of it"
         )
-    pairs = (
-        ("heat capacity", fit.heat_capacity_joule_per_kelvin, "J/K"),
-        ("thermal resistance", fit.resistance_kelvin_per_watt, "K/W"),
-    )
-    stds = fit.heat_capacity_std_joule_per_kelvin, fit.resistance_std_kelvin_per_watt
-    for (name, value, unit), std in zip(pairs, stds, strict=True):
+    capacity = fit.heat_capacity_joule_per_kelvin, fit.heat_capacity_std_joule_per_kelvin
+    resistance = fit.resistance_kelvin_per_watt, fit.resistance_std_kelvin_per_watt
+    constants = ("heat capacity", *capacity, "J/K"), ("thermal resistance", *resistance, "K/W")
+    for name, value, std, unit in constants:
         if not std <= LARGEST_RELATIVE_STD * value:
             return (
                 f"{name} {value:.3g} ± {std:.2g} {unit}, wanted within {LARGEST_RELATIVE_STD:.0%}"
@@ -202,15 +196,14 @@ def _scored(content, model, cell, test, split_rest_second):
         entropic_volt_per_kelvin=slope,
     )
     around = ambient + content["ambient_offset_kelvin"]
-    names = ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")
-    told = temperature(
+    simulated = temperature(
         record.test_time_second,
         watt,
         around,
         initial_celsius=record.celsius[0],
-        **{name: content[name] for name in names},
+        **{name: content[name] for name in CONSTANTS},
     )
-    errors = {"rmse_kelvin": rms(record.celsius - told)}
+    errors = {"rmse_kelvin": rms(record.celsius - simulated)}
     errors |= {"moved_kelvin": rms(record.celsius - around), "samples": len(watt)}
     return row | errors
 
@@ -222,9 +215,8 @@ def constants_of(documents):
     ----------
     documents : contents of `thermal_of`.
     """
-    names = ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")
     return {
-        one["cell"]: tuple(one[name] for name in names)
+        one["cell"]: tuple(one[name] for name in CONSTANTS)
         for one in documents
         if one["reason"] is None
     }
@@ -244,8 +236,7 @@ def thermal_columns(documents):
     """
     if any(one is None or one["reason"] is not None for one in documents):
         return None
-    names = ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")
-    columns = {name: np.array([one[name] for one in documents]) for name in names}
+    columns = {name: np.array([one[name] for one in documents]) for name in CONSTANTS}
     tables = [one["entropic"] for one in documents]
     columns["entropic_volt_per_kelvin"] = np.array(
         [np.interp(SOC_STEPS, table["soc"], table["volt_per_kelvin"]) for table in tables]

@@ -10,6 +10,7 @@ from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 
 FAULT_VOLT = 0.5  # a simulation so far outside what was measured has a fault, not an error
+INNER_SOC = (0.05, 0.95)  # near empty and full the OCV is steep: an error of the SoC rules there
 
 
 class Validation(NamedTuple):
@@ -96,6 +97,11 @@ def beyond_volt(voltage_volt, error_volt):
     return float(most) if np.isfinite(simulated_volt).all() else np.inf
 
 
+def is_inner(soc):
+    """Which rows (n,) lie within the inner range of the SoC, 5 to 95 %."""
+    return (soc >= INNER_SOC[0]) & (soc <= INNER_SOC[1])
+
+
 def scores(error_volt, soc):
     """Errors of a simulation: RMS, RMS over SoC 5–95 %, largest, mean, and how many samples.
 
@@ -112,10 +118,9 @@ def scores(error_volt, soc):
         raise Refusal("no sample is left to score")
     if not np.isfinite(error_volt).all():
         raise Refusal(f"{np.sum(~np.isfinite(error_volt))} simulated voltages are not finite")
-    inner = error_volt[(soc >= 0.05) & (soc <= 0.95)]
     return {
         "rmse_volt": rms(error_volt),
-        "rmse_volt_soc_5_95": rms(inner),
+        "rmse_volt_soc_5_95": rms(error_volt[is_inner(soc)]),
         "max_abs_volt": float(np.abs(error_volt).max()),
         "mean_volt": float(error_volt.mean()),
         "samples": len(error_volt),

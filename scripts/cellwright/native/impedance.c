@@ -2,7 +2,10 @@
  * numpy form takes the same steps.
  *
  * The circuit is a tree in one row, children before their parent. Upwards goes the impedance of each
- * node, downwards what a change of it does to the whole, for a block of frequencies at a time. */
+ * node, downwards what a change of it does to the whole, for a block of frequencies at a time.
+ *
+ * Worth: the 18 spectra of the demo take 98 s of CPU more in numpy, over half of the run: many
+ * starts on some forty points each, where numpy is mostly the cost of calling it. */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>

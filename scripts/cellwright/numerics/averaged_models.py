@@ -9,10 +9,7 @@ from scipy.special import stdtr
 from scipy.stats import t as student
 
 PRIOR_FREEDOM = 2  # rows that the prior of a model's error counts as
-ROWS_PER_TERM = 4  # of a model of more than one term
 WORST_CONDITION = 1e6
-FEWEST_GROUPS = 3  # from which on the scatter from group to group shows in the residuals
-SHOWN = 1e-4  # share of the weight below which a model does not enter the quantiles
 
 
 class Rows(NamedTuple):
@@ -106,7 +103,7 @@ def _by_rows(rows, has, size):
     usable = np.isfinite(rows.features)[:, subsets].all(axis=2)
     patterns, which = np.unique(usable, axis=1, return_inverse=True)
     counts = patterns.sum(axis=0)
-    enough = (counts >= size + 3) & (size <= np.maximum(1, (counts - 1) // ROWS_PER_TERM))
+    enough = (counts >= size + 3) & (size <= np.maximum(1, (counts - 1) // 4))
     for number in np.flatnonzero(enough):
         yield patterns[:, number], subsets[which.ravel() == number]
 
@@ -139,7 +136,8 @@ def _fitted(rows, asked, subsets):
     kept = np.linalg.cond(normal) < WORST_CONDITION
     inverse = np.linalg.inv(np.where(kept[:, None, None], normal, np.eye(size + 1)))
     slopes = np.einsum("mij,mnj,n->mi", inverse, design, rows.target)
-    few = len(set(rows.groups)) < FEWEST_GROUPS
+    # Of two groups the scatter from group to group does not show in the residuals.
+    few = len(set(rows.groups)) < 3
     moved = slopes[:, 1:] / scale * rows.offsets[subsets] * few
     blurred = slopes[:, 1:] / scale * asked_std[subsets]
     extra = (moved**2 + blurred**2).sum(axis=1) + rows.repeat_std**2
@@ -223,7 +221,8 @@ def averaged(models):
     tails = models.freedom / np.maximum(models.freedom - 2, 0.5)
     std = float(np.sqrt(weights @ (models.std**2 * tails + (models.mean - mean) ** 2)))
     grid = mean + std * np.linspace(-8, 8, 401)
-    heavy = weights > SHOWN
+    # Lighter models do not move a quantile by its last digit told.
+    heavy = weights > 1e-4
     centre, scale, freedom = (
         values[heavy, None] for values in (models.mean, models.std, models.freedom)
     )

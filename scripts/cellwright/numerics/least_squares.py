@@ -6,9 +6,8 @@ effects: a prediction simulates hours of record, so derivatives are kept from st
 method) or made for many parameters in one simulation, and priors with couplings enter the normal
 equations.
 
-`best_logarithms` searches the rates by lmfit; the linear parameters follow in closed form. Other
-hot loops have searches of their own: `exponentials` (one pass of a compiled kernel over a record)
-and `impedance.fit` (many starts in a compiled kernel).
+`best_logarithms` searches the rates by lmfit; the linear parameters follow in closed form.
+`impedance.fit` has a search of its own: many starts in a compiled kernel.
 """
 
 from collections.abc import Callable
@@ -18,9 +17,6 @@ import numpy as np
 
 STEPS = 12
 SETTLED = 0.02  # a fall of the cost below this ends the search
-TINY = 1e-9
-LEAST = 1e-300  # of an information: of a parameter that nothing tells of
-PASSES, WORTH = 5, 1e-6  # steps per parameter; least fall of the cost that frees a bound
 
 
 class Free(NamedTuple):
@@ -242,7 +238,7 @@ def _products(white, gram, renewed):
 
 def _damped_step(problem, state, gradient, precision, prior, pull, damping):
     """State after a damped step that lowers the cost, and the damping; else the state as it was."""
-    scale = np.diag(np.diag(precision) + TINY)
+    scale = np.diag(np.diag(precision) + 1e-9)
     names = [f.name for f in problem.free]
     lower = np.array([f.lower for f in problem.free])
     upper = np.array([f.upper for f in problem.free])
@@ -299,7 +295,7 @@ def bounded_minimum(precision, moment, lower, upper, start=None):
     """
     x = np.clip(np.zeros(len(moment)) if start is None else start, lower, upper)
     held = (x <= lower) | (x >= upper)
-    for _ in range(PASSES * len(x)):
+    for _ in range(5 * len(x)):
         slope = precision @ x - moment
         free = np.flatnonzero(~held)
         way = np.zeros(len(x))
@@ -310,7 +306,8 @@ def bounded_minimum(precision, moment, lower, upper, start=None):
             x[stop], held[stop] = (upper if way[stop] > 0 else lower)[stop], True
             continue
         gain = _gain_of_release(precision, precision @ x - moment, x, held, lower, upper)
-        if gain.max(initial=0.0) < WORTH:
+        # A fall of the cost that is worth freeing a bound for.
+        if gain.max(initial=0.0) < 1e-6:
             return x
         held[int(np.argmax(gain))] = False
     return x
@@ -394,7 +391,8 @@ def inverse(precision):
     -------
     covariance : (k, k); zero for a parameter that no row and no prior tells of.
     """
-    size = np.sqrt(np.maximum(np.diag(precision), LEAST))
+    # A parameter that nothing tells of has no information at all.
+    size = np.sqrt(np.maximum(np.diag(precision), 1e-300))
     scales = np.outer(size, size)
     return np.linalg.pinv(precision / scales, hermitian=True) / scales
 

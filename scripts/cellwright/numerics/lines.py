@@ -15,8 +15,6 @@ from cellwright.numerics.statistics import (
     t_interval,
 )
 
-HALVINGS = 60  # of the interval in which the excess scatter is sought: to the last digit
-
 
 class Line(NamedTuple):
     """Coefficients of linear least squares with their errors; what a fit does not give is NaN.
@@ -108,7 +106,8 @@ def _excess_variance(columns, target, variance, degrees):
         return high
     if _squares(columns, target, variance) <= degrees:
         return 0.0
-    for _ in range(HALVINGS):
+    # Halves the interval until its last digit.
+    for _ in range(60):
         middle = (low + high) / 2
         too_small = _squares(columns, target, variance + middle) > degrees
         low, high = (middle, high) if too_small else (low, middle)

@@ -17,10 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.native import array, count, function
 from cellwright.numerics.rising_curve import (
     RisingCurve,
     b_splines,
+    band_factor,
+    band_solution,
     cells_of,
     local_deviations,
     values,
@@ -28,23 +29,7 @@ from cellwright.numerics.rising_curve import (
 )
 
 ORDER = 3  # of the differences that are penalised
-STIFFEST_DECADE, SOFTEST_DECADE = 9.0, -4.0  # of the penalty; the curve's variance sets its scale
-PILOT_BLOCKS = 256
-LOCAL_ROUNDS = 3
-LOCAL_CELLS = 8.0  # within which the curve bends about alike
-STRETCH_CELLS = 3.0
-CHANGE_CELLS, SCALE_CELLS = 3.0, 8.0
 STEPS, FIRST_STEPS, WORSE_DECADES = 5, 15, 2
-RELATIVE_CHANGE = 1e-3
-LEAST_READINGS = 12
-MOST_RANGE = 14.0  # of the logarithms of the steps, which double precision bears
-ROUNDING = 1e-12
-# In the order in which native/rising_search.c numbers them.
-SETTINGS = (
-    *(STIFFEST_DECADE, SOFTEST_DECADE, LOCAL_ROUNDS, LOCAL_CELLS, STRETCH_CELLS),
-    *(CHANGE_CELLS, SCALE_CELLS, STEPS, FIRST_STEPS, WORSE_DECADES),
-    *(RELATIVE_CHANGE, MOST_RANGE, ROUNDING, PILOT_BLOCKS),
-)
 
 
 def rising_curve(x, y, weight, *, cells):
@@ -68,12 +53,18 @@ def rising_curve(x, y, weight, *, cells):
     ValueError : fewer than twelve readings, or none that rise from begin to end.
     numpy.linalg.LinAlgError : no such curve can be found.
     """
-    if len(x) < LEAST_READINGS or not y[-1] > y[0] or not x[-1] > x[0]:
+    if len(x) < 12 or not y[-1] > y[0] or not x[-1] > x[0]:
         raise ValueError("a rising curve needs at least twelve readings that rise")
-    readings = _Readings(*(np.ascontiguousarray(v, float) for v in (x, y, weight)), cells)
-    types = (count, array, array, array, count, *[array] * 7)
-    kernel = function("rising_curve", *types, result=count)
-    return _by_kernel(kernel, readings) if kernel else _by_numpy(readings)
+    readings = _Readings(*(np.asarray(v, float) for v in (x, y, weight)), cells)
+    plain = np.ones(cells + 2 - ORDER)
+    stretch = _stretch(x, y, weight)
+    curve = _searched(readings, stretch, plain, _first_logs(readings, stretch), None)
+    stretch = _stretch_by_slope(curve)
+    curve = _searched(readings, stretch, plain, _logs_from(curve, stretch), curve.decade)
+    for _ in range(3):
+        logs = np.log(np.diff(curve.coefficients))
+        curve = _searched(readings, stretch, _stiffness(curve), logs, curve.decade)
+    return curve
 
 
 class _Readings(NamedTuple):
@@ -83,45 +74,12 @@ class _Readings(NamedTuple):
     cells: int
 
 
-def _by_kernel(kernel, readings):
-    """The whole search compiled; its steps are those of `_by_numpy`."""
-    from scipy.interpolate import PPoly
-
-    x, y, weight, cells = readings
-    settings = np.array(SETTINGS, float)
-    coefficients, (factor, inverse) = np.empty(cells + 3), np.empty((2, ORDER + 2, cells + 3))
-    room = cells + 3 + PILOT_BLOCKS
-    breakpoints, powers, scalars = np.empty(room), np.empty((room, 5)), np.empty(4)
-    given = len(x), x, y, weight, cells, settings
-    number = kernel(*given, coefficients, factor, inverse, breakpoints, powers, scalars)
-    if number < 0:
-        raise np.linalg.LinAlgError("the normal equations of the curve are singular")
-    variance, first, span, decade = map(float, scalars)
-    stretch = PPoly.construct_fast(powers[: number - 1].T, breakpoints[:number])
-    solution = coefficients, factor, inverse, variance
-    return RisingCurve(*solution, stretch, first, span, (float(x[0]), float(x[-1])), decade)
-
-
-def _by_numpy(readings):
-    """The search without a compiler."""
-    x, y, weight, cells = readings
-    plain = np.ones(cells + 2 - ORDER)
-    stretch = _stretch(x, y, weight)
-    curve = _searched(readings, stretch, plain, _first_logs(readings, stretch), None)
-    stretch = _stretch_by_slope(curve)
-    curve = _searched(readings, stretch, plain, _logs_from(curve, stretch), curve.decade)
-    for _ in range(LOCAL_ROUNDS):
-        logs = np.log(np.diff(curve.coefficients))
-        curve = _searched(readings, stretch, _stiffness(curve), logs, curve.decade)
-    return curve
-
-
 def _stretch(x, y, weight):
     """Cumulative abscissa in which flat and steep parts have their share of the cells.
 
     Its density is half that of x and half that of y, both over their whole range, smoothed.
     """
-    blocks = max(min(PILOT_BLOCKS, len(x) // 4), 3)
+    blocks = max(min(256, len(x) // 4), 3)
     edges = np.linspace(0, len(x), blocks + 1).astype(int)[:-1]
     rows = np.add.reduceat(weight, edges)
     pilot_x = np.add.reduceat(weight * x, edges) / rows
@@ -142,7 +100,7 @@ def _stretch_by_slope(curve):
     change = _change(x, bend / slope)
     varied = np.sum((change[1:] + change[:-1]) / 2 * np.diff(x))
     density = 1 / (x[-1] - x[0]) + slope / (y[-1] - y[0]) + change / max(varied, 1e-12)
-    return _cumulative(x, density, STRETCH_CELLS)
+    return _cumulative(x, density, 3.0)
 
 
 def _change(x, rate):
@@ -152,8 +110,8 @@ def _change(x, rate):
     there would crowd out cells and look like a peak itself. Of a sine both together are constant.
     """
     square, bent = rate**2, np.gradient(rate, x) ** 2
-    scale = _smoothed(square, SCALE_CELLS) / np.maximum(_smoothed(bent, SCALE_CELLS), 1e-300)
-    return np.sqrt(_smoothed(square + scale * bent, CHANGE_CELLS))
+    scale = _smoothed(square, 8.0) / np.maximum(_smoothed(bent, 8.0), 1e-300)
+    return np.sqrt(_smoothed(square + scale * bent, 3.0))
 
 
 def _cumulative(x, density, width):
@@ -207,7 +165,8 @@ def _stiffness(curve):
     rows = _penalty_rows(steps)
     std = local_deviations(curve, np.arange(rows.shape[1]), rows)
     square = np.diff(np.log(steps), ORDER) ** 2 + std**2
-    expected = np.log(_smoothed(square, LOCAL_CELLS))
+    # Within eight cells a curve bends about alike.
+    expected = np.log(_smoothed(square, 8.0))
     return np.exp(0.5 * (expected.mean() - expected))
 
 
@@ -271,7 +230,7 @@ def _normal_equations(place, y, weight, cells):
 def _from_stiffest(problem, logs):
     """Most likely fit, in steps of a decade from the stiffest penalty."""
     best, fit, worse = None, None, 0
-    for decade in np.arange(STIFFEST_DECADE, SOFTEST_DECADE, -1.0):
+    for decade in np.arange(9.0, -4.0, -1.0):
         fit = _fitted(problem, decade, fit.logs if fit else logs, STEPS if fit else FIRST_STEPS)
         better = best is None or fit.evidence < best.evidence
         best, worse = (fit, 0) if better else (best, worse + 1)
@@ -302,8 +261,6 @@ def _fitted(problem, decade, logs, most):
 
 def _stepped(problem, strength, logs, most):
     """Logarithms after Gauss-Newton steps, first coefficient, factor."""
-    from scipy.linalg import cho_solve_banded
-
     base = _base(problem, np.append(0, np.cumsum(np.exp(logs))))
     for _ in range(most):
         steps = np.exp(logs)
@@ -316,12 +273,13 @@ def _stepped(problem, strength, logs, most):
         right = problem.right.copy()
         for k, row in enumerate(rows):
             right[k : k + width] += strength * row * aim
-        change = np.diff(cho_solve_banded((factor, True), right)) / steps - 1
+        change = np.diff(band_solution(factor, right)) / steps - 1
         # At once a step falls at most to a third and grows at most fourfold: it stays above 0.
         logs = logs + np.where(change < 0, np.maximum(change, -1), np.log1p(np.clip(change, 0, 3)))
-        logs = np.maximum(logs, logs.max() - MOST_RANGE)
+        # A wider range of steps double precision does not bear.
+        logs = np.maximum(logs, logs.max() - 14.0)
         base = _base(problem, np.append(0, np.cumsum(np.exp(logs))))
-        if np.abs(change).max() < RELATIVE_CHANGE:
+        if np.abs(change).max() < 1e-3:
             break
     rows = _penalty_rows(np.exp(logs)) * problem.stiffness
     return logs, base, _factor(problem.normal, rows, strength)
@@ -340,14 +298,13 @@ def _penalty_rows(steps):
 
 def _factor(normal, rows, strength):
     """Lower banded Cholesky factor of the normal equations with the penalty."""
-    from scipy.linalg import cholesky_banded
-
     whole, width = normal.copy(), rows.shape[1]
     for k in range(ORDER + 2):
         for d in range(ORDER + 2 - k):
             whole[d, k : k + width] += strength * rows[k] * rows[k + d]
-    whole[0] *= 1 + ROUNDING
-    return cholesky_banded(whole, lower=True)
+    # Above rounding, so that a factor exists.
+    whole[0] *= 1 + 1e-12
+    return band_factor(whole)
 
 
 def _times(normal, coefficients):
@@ -381,7 +338,5 @@ def _judged(problem, decade, strength, logs, base, factor):
 
 def _inverse_band(factor):
     """Band (ORDER + 2, n) of the inverse of what this is the banded Cholesky factor of."""
-    from scipy.linalg import cho_solve_banded
-
-    whole = cho_solve_banded((factor, True), np.eye(factor.shape[1]))
+    whole = band_solution(factor, np.eye(factor.shape[1]))
     return np.array([np.append(np.diagonal(whole, -d), np.zeros(d)) for d in range(len(factor))])

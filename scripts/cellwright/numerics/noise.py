@@ -16,7 +16,6 @@ from cellwright.numerics.statistics import rms, robust_std
 RATIOS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)  # variance of the slow part over the white one's
 TIMES_SECOND = (30.0, 100.0, 300.0)
 SMALLEST_VOLT = 1e-5
-LEAST_ROWS = 100  # from which the white part is read
 
 
 class Noise(NamedTuple):
@@ -37,13 +36,7 @@ class Noise(NamedTuple):
 
 FIRST = Noise(2e-3, 1e-3, 200.0)  # of a usual cycler: what a search begins with
 
-FORMAT_DIGIT = 5e-7  # of the largest value: two that differ by less are one, written as float32
 REPEATED_SHARE = 0.95  # of the rows: levels read twice or more that hold so many are all there are
-UNEVEN = 1.6  # a converter's step, written with few digits, is now 2 and now 3 of these
-OFF_GRID = 0.25  # of a digit, by which a level then misses the grid
-FAR_DIGITS = 10.5  # between two levels: farther ones tell nothing of the digit
-CANDIDATES = 30
-LARGEST_DIGIT = 0.05  # of a record's largest current
 
 
 def least_digit(values):
@@ -71,11 +64,14 @@ def least_digit(values):
     if rows[repeated].sum() >= REPEATED_SHARE * rows.sum():
         levels = levels[repeated]
     gaps = np.diff(levels)
-    gaps = gaps[gaps > FORMAT_DIGIT * np.abs(levels).max(initial=0.0)]
-    for smallest in np.sort(gaps)[:CANDIDATES]:
-        digit = float(gaps[(gaps >= smallest) & (gaps <= UNEVEN * smallest)].mean())
-        multiples = gaps[gaps <= FAR_DIGITS * digit] / digit
-        if np.mean(np.abs(multiples - np.round(multiples)) <= OFF_GRID) >= REPEATED_SHARE:
+    # Two levels that differ by less are one, written as float32.
+    gaps = gaps[gaps > 5e-7 * np.abs(levels).max(initial=0.0)]
+    for smallest in np.sort(gaps)[:30]:
+        # A converter's step, written with few digits, is now 2 and now 3 of these.
+        digit = float(gaps[(gaps >= smallest) & (gaps <= 1.6 * smallest)].mean())
+        # Levels farther apart tell nothing of the digit.
+        multiples = gaps[gaps <= 10.5 * digit] / digit
+        if np.mean(np.abs(multiples - np.round(multiples)) <= 0.25) >= REPEATED_SHARE:
             by_steps = not repeated.any() and np.all(np.round(multiples) == 1.0)
             return 0.0 if by_steps and len(multiples) > 1 else digit
     return 0.0
@@ -91,7 +87,7 @@ def least_digit_ampere(current_ampere):
     current_ampere : (n,) [A].
     """
     digit = least_digit(np.append(current_ampere, [0.0, 0.0]))
-    return digit if digit <= LARGEST_DIGIT * np.nanmax(np.abs(current_ampere), initial=0.0) else 0.0
+    return digit if digit <= 0.05 * np.nanmax(np.abs(current_ampere), initial=0.0) else 0.0
 
 
 class Whitening(NamedTuple):
@@ -213,7 +209,8 @@ def read_volt(residual_volt, stack, *, steady_ampere):
     moved = np.abs(np.diff(stack.current_ampere)) < steady_ampere
     near = stack.step_second[1:] <= 1.5 * np.median(stack.step_second[stack.step_second > 0])
     rows = moved & near & (stack.fresh[1:] == 0)
-    if rows.sum() < LEAST_ROWS:
+    # Fewer tell no white part.
+    if rows.sum() < 100:
         return max(_robust(residual_volt), digit_volt(stack))
     return max(_robust(np.diff(residual_volt)[rows]) / np.sqrt(2.0), digit_volt(stack))
 

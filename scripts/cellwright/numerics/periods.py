@@ -6,10 +6,7 @@ import numpy as np
 
 from cellwright.numerics.lines import CORRELATIONS, coloured_line, whitened
 
-SIMULATIONS = 400
 DAY_HOUR = 24.0
-LEAST_DAYS = 2.0
-POINTS_OF_A_DAY = 3.0
 
 
 class Period(NamedTuple):
@@ -83,9 +80,9 @@ def periods(hour, values, trend, *, seed=0):
 
 def _reason(count, span, spacing, trend):
     """Why no daily cycle can be determined; "" where it can."""
-    if span < LEAST_DAYS * DAY_HOUR:
+    if span < 2 * DAY_HOUR:
         return f"the record spans {span:.0f} h; a daily cycle needs two days"
-    if spacing > DAY_HOUR / POINTS_OF_A_DAY:
+    if spacing > DAY_HOUR / 3:
         return f"a value every {spacing:.0f} h; a daily cycle needs three a day"
     if count < trend + 6:
         return f"{count} values are too few for a period beside {trend} of the trend"
@@ -96,7 +93,7 @@ def _noise(values, trend, place, seed):
     """Simulated series without a period, with the correlation of the values about their trend."""
     # The residual likelihood's: the plain one takes a memory for part of the trend.
     memory = coloured_line(trend, values, place).correlation
-    draws = np.random.default_rng(seed).standard_normal((len(place), SIMULATIONS))
+    draws = np.random.default_rng(seed).standard_normal((len(place), 400))
     kept = memory ** np.diff(place) if memory else np.zeros(len(place) - 1)
     for k in range(1, len(place)):
         draws[k] = kept[k - 1] * draws[k - 1] + np.sqrt(1 - kept[k - 1] ** 2) * draws[k]

@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.native import array, count, function, integers, real
-
 
 class RisingCurve(NamedTuple):
     """A fitted rising curve y(x) over equal cells of a stretched abscissa.
@@ -99,21 +97,6 @@ def course(curve, place):
     ----------
     curve : RisingCurve. place : (m,) in cells, not falling.
     """
-    types = (count, array, count, array, count, array, array, array, real, real, array)
-    kernel = function("rising_course", *types, result=count)
-    if kernel is None:
-        return _course_by_numpy(curve, place)
-    found, breakpoints = np.empty((4, len(place))), np.array(curve.stretch.x)
-    powers, x_range = np.ascontiguousarray(curve.stretch.c.T), np.array(curve.x_range)
-    place, coefficients = np.ascontiguousarray(place, float), curve.coefficients
-    given = len(place), place, cells_of(curve), coefficients, len(breakpoints), breakpoints
-    if kernel(*given, powers, x_range, curve.first, curve.span, found):
-        raise MemoryError("no memory for the places of a curve")
-    return found
-
-
-def _course_by_numpy(curve, place):
-    """Course of a curve without a compiler."""
     cells = cells_of(curve)
     scale = cells / curve.span
     x = x_at(curve, place)
@@ -127,9 +110,7 @@ def _course_by_numpy(curve, place):
 
 def covariance(curve, rows):
     """Posterior covariance (m, m) of linear functions of the coefficients, rows (m, cells + 3)."""
-    from scipy.linalg import cho_solve_banded
-
-    return curve.variance * rows @ cho_solve_banded((curve.factor, True), rows.T)
+    return curve.variance * rows @ band_solution(curve.factor, rows.T)
 
 
 def local_deviations(curve, first, weights):
@@ -139,12 +120,6 @@ def local_deviations(curve, first, weights):
     ----------
     curve : RisingCurve. first : (m,) number of the first coefficient. weights : (k, m), k to 5.
     """
-    kernel = function("band_deviations", count, integers, count, array, count, array, real, array)
-    if kernel:
-        deviation, weights = np.empty(len(first)), np.ascontiguousarray(weights)
-        given = len(first), np.asarray(first, np.int64), len(weights), weights
-        kernel(*given, len(curve.coefficients), curve.inverse, curve.variance, deviation)
-        return deviation
     square = np.zeros(len(first))
     for a in range(len(weights)):
         square += weights[a] ** 2 * curve.inverse[0][first + a]
@@ -160,12 +135,10 @@ def deviations_between(curve, several, one):
     ----------
     curve : RisingCurve. several, one : results of `local_gradients` at m places and at one.
     """
-    from scipy.linalg import cho_solve_banded
-
     first, weights = several
     row = np.zeros(len(curve.coefficients))
     row[one[0][0] + np.arange(4)] = one[1][:, 0]
-    solved = curve.variance * cho_solve_banded((curve.factor, True), row)
+    solved = curve.variance * band_solution(curve.factor, row)
     shared = sum(weights[k] * solved[first + k] for k in range(4))
     square = local_deviations(curve, first, weights) ** 2 + row @ solved - 2 * shared
     return np.sqrt(np.maximum(square, 0.0))
@@ -173,7 +146,30 @@ def deviations_between(curve, several, one):
 
 def standard_deviations(curve, rows):
     """Posterior standard deviations (m,) of linear functions of the coefficients."""
-    from scipy.linalg import cho_solve_banded
-
-    solved = cho_solve_banded((curve.factor, True), rows.T)
+    solved = band_solution(curve.factor, rows.T)
     return np.sqrt(curve.variance * np.einsum("ij,ji->i", rows, solved))
+
+
+def band_factor(matrix):
+    """Lower banded Cholesky factor of a symmetric matrix, given by its lower bands (b, n).
+
+    By LAPACK itself: scipy's functions of the same purpose check so much around it that a fit,
+    which asks for some two hundred factors of small matrices, would take twice as long.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError : a matrix that is not positive definite, or not finite.
+    """
+    from scipy.linalg.lapack import dpbtrf
+
+    factor, failed = dpbtrf(matrix, lower=1)
+    if failed or not np.isfinite(factor[0]).all():
+        raise np.linalg.LinAlgError("the normal equations of the curve are singular")
+    return factor
+
+
+def band_solution(factor, right):
+    """Solution (n,) or (n, m) of the equations that `band_factor` has factorised."""
+    from scipy.linalg.lapack import dpbtrs
+
+    return dpbtrs(factor, right, lower=1)[0]

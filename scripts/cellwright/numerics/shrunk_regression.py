@@ -13,7 +13,6 @@ PENALTIES = 10.0 ** np.arange(-5.0, 3.1, 0.5)
 DEGREES = (1, 2)
 LEVEL = 0.95
 FEW = 12  # cells, of which a choice among many fits deceives about errors
-NEGLIGIBLE = 1e-4  # of a mean squared error
 
 
 class Shrunk(NamedTuple):
@@ -130,7 +129,8 @@ def clearly_less(before, after):
     squares = [np.mean(np.square(errors), axis=1) for errors in (before, after)]
     if not squares[1].mean() < squares[0].mean():
         return False
-    least = NEGLIGIBLE * squares[0].mean()
+    # Smaller errors than a hundredth of the typical one are alike: none.
+    least = 1e-4 * squares[0].mean()
     ratio = np.log(np.maximum(squares[1], least) / np.maximum(squares[0], least))
     error = np.std(ratio, ddof=1) / np.sqrt(len(ratio))
     return bool(ratio.mean() + stdtrit(len(ratio) - 1, LEVEL) * error < 0)

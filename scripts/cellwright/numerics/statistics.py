@@ -5,7 +5,6 @@ A parameter that the data do not determine has NaN for its variance.
 
 import numpy as np
 
-EPSILON = float(np.finfo(float).eps)
 NORMAL_95 = 1.959964  # standard deviations that hold 95 % of a normal distribution
 
 
@@ -91,7 +90,7 @@ def covariance_from_jacobian(jacobian, residual):
         return np.full((parameters, parameters), np.nan)
     scale = np.where(norm > 0, norm, 1.0)
     _, singular, directions = np.linalg.svd(jacobian / scale, full_matrices=False)
-    kept = singular > rows * EPSILON * singular[:1]
+    kept = singular > rows * np.finfo(float).eps * singular[:1]
     weights = directions[kept] / (singular[kept, None] * scale)
     covariance = power / (rows - parameters) * (weights.T @ weights)
     if not kept.all():
@@ -155,9 +154,6 @@ def t_interval(value, std, degrees_of_freedom, *, level=0.95):
     return value - reach, value + reach
 
 
-WHITE = 3.0  # autocorrelation of neighbours, in its standard deviations, still taken as white
-
-
 def is_white(near, power, samples):
     """True where neighbouring residuals correlate no more than chance allows (3 sigma).
 
@@ -167,7 +163,7 @@ def is_white(near, power, samples):
     power : sum of the squared residuals, same unit.
     samples : number of residuals.
     """
-    return bool(near <= WHITE * power / np.sqrt(samples))
+    return bool(near <= 3.0 * power / np.sqrt(samples))
 
 
 def correlation_factor(residual):

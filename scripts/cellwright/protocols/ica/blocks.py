@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from cellwright.native import array, count, function, integers
 from cellwright.protocols.ica.levels import tally
 
 MOST_READINGS = 4000
@@ -24,7 +23,7 @@ def readings(voltage_volt, charge_ampere_hour):
     -------
     voltage, charge, rows : (m,), charge rising.
     """
-    rows = [np.ascontiguousarray(v, float) for v in (voltage_volt, charge_ampere_hour)]
+    rows = [np.asarray(v, float) for v in (voltage_volt, charge_ampere_hour)]
     number = len(rows[0])
     size = -(-number // MOST_READINGS)
     *blocks, up, down = _blocks(*rows, size)
@@ -40,13 +39,8 @@ def readings(voltage_volt, charge_ampere_hour):
 
 def _blocks(voltage, charge, size):
     """Mean voltage and charge of blocks of rows, and how often the voltage steps up and down."""
-    types = (count, array, array, count, array, array, integers)
-    kernel, starts = function("charge_blocks", *types), np.arange(0, len(voltage), size)
-    if kernel is None:
-        rows, change = np.diff(np.append(starts, len(voltage))), np.diff(voltage)
-        columns = voltage, np.maximum.accumulate(charge)
-        means = (np.add.reduceat(column, starts) / rows for column in columns)
-        return *means, np.count_nonzero(change > 0), np.count_nonzero(change < 0)
-    means, steps = (np.empty(len(starts)), np.empty(len(starts))), np.empty(2, np.int64)
-    kernel(len(voltage), voltage, charge, size, *means, steps)
-    return *means, int(steps[0]), int(steps[1])
+    starts = np.arange(0, len(voltage), size)
+    rows, change = np.diff(np.append(starts, len(voltage))), np.diff(voltage)
+    columns = voltage, np.maximum.accumulate(charge)
+    means = (np.add.reduceat(column, starts) / rows for column in columns)
+    return *means, np.count_nonzero(change > 0), np.count_nonzero(change < 0)

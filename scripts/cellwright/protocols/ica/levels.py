@@ -4,10 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.native import array, count, function
-
-ROOM = 32768  # levels; half of the slots in ica.c
-
 
 class Tally(NamedTuple):
     """Number of rows and charge at each distinct voltage of a record, in rising order (k,).
@@ -21,7 +17,7 @@ class Tally(NamedTuple):
 
 
 def tally(voltage_volt, charge_ampere_hour):
-    """Number of rows and charge at each distinct voltage, compiled where that is possible.
+    """Number of rows and charge at each distinct voltage.
 
     Parameters
     ----------
@@ -31,22 +27,8 @@ def tally(voltage_volt, charge_ampere_hour):
     -------
     tally : Tally.
     """
-    types = (count, array, array, count, array, array, array)
-    kernel = function("tally", *types, result=count)
-    room = min(ROOM, len(voltage_volt) // 2)
-    if kernel is None or not room:
-        return _tally_by_sorting(voltage_volt, charge_ampere_hour)
-    rows = (
-        np.ascontiguousarray(voltage_volt, float),
-        np.ascontiguousarray(charge_ampere_hour, float),
-    )
-    volt, sums = np.empty(room), np.zeros((2, 2, room))
-    levels = kernel(len(rows[0]), *rows, room, volt, *sums)
-    if levels < 0:
-        return _tally_by_sorting(*rows)
-    order = volt[:levels].argsort()
-    sums = (sums[:, 0, :levels] + sums[:, 1, :levels])[:, order]
-    return Tally(volt[order], *sums)
+    volt, level = np.unique(voltage_volt, return_inverse=True)
+    return Tally(volt, np.bincount(level) + 0.0, np.bincount(level, charge_ampere_hour))
 
 
 def rises(voltage_volt):
@@ -60,9 +42,3 @@ def rises(voltage_volt):
     sampled = slice(None, None, tenth // 500 + 1)
     first, last = voltage_volt[:tenth][sampled], voltage_volt[-tenth:][sampled]
     return bool(np.median(last) > np.median(first))
-
-
-def _tally_by_sorting(voltage, charge):
-    """Tally without a compiler, with the same result."""
-    volt, level = np.unique(voltage, return_inverse=True)
-    return Tally(volt, np.bincount(level) + 0.0, np.bincount(level, charge))
