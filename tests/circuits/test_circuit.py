@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import brentq
 
+from cellwright.circuits.cell import overpotentials, sensitivities, simulate
 from cellwright.circuits.circuit import (
     KINDS,
     PLANE_MODES,
@@ -15,7 +16,6 @@ from cellwright.circuits.circuit import (
     impedance,
     rc_circuit,
 )
-from cellwright.circuits.simulate import OpenCircuit, overpotentials, sensitivities, simulate
 from cellwright.numerics.hysteresis import WIDTHS, preisach
 from cellwright.numerics.lags import HOLDS, lag
 
@@ -108,7 +108,7 @@ both_holds = pytest.mark.parametrize("hold", HOLDS)
 def over(circuit, time, current, hold="first_order", volt_at=lambda soc: 3.0 + SLOPE * soc):
     """Voltage over each branch, of a cell at half charge."""
     time = np.asarray(time, float)
-    curve = OpenCircuit(volt_at, np.full(len(time), 0.5))
+    curve = volt_at, np.full(len(time), 0.5)
     return overpotentials(circuit, time, current, hold=hold, open_circuit=curve)
 
 
@@ -212,7 +212,7 @@ def curved(soc):
 @every_circuit
 def test_sensitivities_are_finite_differences(name, hold):
     time, current = staircase(np.random.default_rng(5))
-    curve = OpenCircuit(curved, np.full(len(time), 0.5))
+    curve = curved, np.full(len(time), 0.5)
     derivatives = sensitivities(CIRCUITS[name], time, current, hold=hold, open_circuit=curve)
     for (index, key), derivative in derivatives.items():
         branch = CIRCUITS[name][index]

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import truth
 
-from cellwright.circuits.cell import continued, ocv_on_grid, simulate_given
+from cellwright.circuits.cell import continued, ocv_and_slope, ocv_on_grid, simulate_given
 from cellwright.circuits.exports import tables_of
 from cellwright.circuits.model_file import simulate_model
 from cellwright.effects import base
-from cellwright.effects.groups.model import _ocv_at
 from cellwright.filters.bank import bank_of
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.steps import ocv_volt
@@ -47,7 +46,7 @@ def by_search_compiled():
 
 
 def by_groups():
-    return _ocv_at(np.tile(TABLE, (len(SOC), 1)), SOC)[0]
+    return ocv_and_slope(np.tile(TABLE, (len(SOC), 1)), SOC)[0]
 
 
 @pytest.mark.parametrize(

@@ -43,15 +43,16 @@ def by_ode(model, current_ampere, seconds):
     """Temperature under a constant current, by scipy's solver on the same physics."""
     from scipy.integrate import solve_ivp
 
-    from cellwright.circuits.model_file import parameters_at
+    from cellwright.circuits.model_file import circuit_at
 
     conditions = model["members"][0]["conditions"]
 
     def slope(_, state):
         u, warm = state[:2], state[2]
-        here = parameters_at(conditions, np.array([0.5]), warm)
-        watt = current_ampere * (here.r0_ohm[0] * current_ampere + u.sum())
-        du = (here.r_ohm[:, 0] * current_ampere - u) / here.tau_second[:, 0]
+        ohmic, *pairs = circuit_at(conditions, np.array([0.5]), warm).circuit
+        r, tau = (np.array([p.parameters[n][0] for p in pairs]) for n in ("r_ohm", "tau_second"))
+        watt = current_ampere * (ohmic.parameters["r_ohm"][0] * current_ampere + u.sum())
+        du = (r * current_ampere - u) / tau
         return [*du, (watt - warm / 8.0) / 45.0]
 
     run = solve_ivp(slope, (0, seconds), [0, 0, 0], rtol=1e-8, atol=1e-9, t_eval=[seconds])

@@ -5,8 +5,8 @@ import pytest
 import truth
 from truth import VALUES, stated, with_branch
 
+from cellwright.circuits.cell import overpotentials
 from cellwright.circuits.circuit import KINDS
-from cellwright.circuits.simulate import overpotentials
 from cellwright.filters.bank import (
     BEYOND,
     NODES,

@@ -94,7 +94,7 @@ def test_a_correction_does_not_move_the_slope_at_once():
         there = kalman.predict(
             state._replace(mean=state.mean + np.eye(plant.size)[0] * moved), plant, 1, noise
         )
-        slopes.append(kalman.output(there, plant, 1, noise).jacobian[0])
+        slopes.append(kalman.output(there, plant, 1, noise)[1][0])
     assert slopes[1] == pytest.approx(slopes[0], rel=1e-3)
 
 

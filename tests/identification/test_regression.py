@@ -5,8 +5,8 @@ import pytest
 import truth
 from synthetic import CAPACITY, data, diffusion, hysteresis, measured, with_target
 
+from cellwright.circuits.cell import overpotentials
 from cellwright.circuits.circuit import Branch
-from cellwright.circuits.simulate import overpotentials
 from cellwright.identification.columns import (
     Held,
     base_of,

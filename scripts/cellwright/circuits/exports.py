@@ -10,7 +10,6 @@ from cellwright.circuits.model_file import (
     is_plain,
     member_of,
     open_circuit_volt,
-    parameters_at,
     plain_member,
     standing_in,
 )
@@ -292,6 +291,11 @@ def tables_of(model, *, temperature_celsius=None, member=None, points=201):
     entry = member_of(model, plain_member(model) if member is None else member)
     if not is_plain(entry):
         raise Refusal(f"{entry['model']} holds more than RC pairs, which is all that runs here")
-    conditions = entry["conditions"]
-    ocv = open_circuit_volt(model, circuit_at(conditions, soc, temperature), temperature)
-    return Tables(ocv, *parameters_at(conditions, soc, temperature)[:3])
+    sampled = circuit_at(entry["conditions"], soc, temperature)
+    ohmic, *pairs = (branch.parameters for branch in sampled.circuit)
+    return Tables(
+        open_circuit_volt(model, sampled, temperature),
+        ohmic["r_ohm"],
+        np.reshape([pair["r_ohm"] for pair in pairs], (-1, points)),
+        np.reshape([pair["tau_second"] for pair in pairs], (-1, points)),
+    )

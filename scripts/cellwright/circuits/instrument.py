@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import closing
 from cellwright.circuits.circuit import KINDS
-from cellwright.circuits.simulate import closing
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.records.conditions import AT_REST_C_RATE, REFERENCE_CELSIUS

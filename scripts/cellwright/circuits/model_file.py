@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits import instrument
+from cellwright.circuits.cell import overpotentials
 from cellwright.circuits.circuit import KINDS, Branch
-from cellwright.circuits.simulate import OpenCircuit, overpotentials
 from cellwright.circuits.temperature import (
     SMALLEST,
     celsius_of,
@@ -145,17 +145,6 @@ def model_of(document, cell):
 BEYOND_KELVIN = 5.0
 
 
-class SampledParameters(NamedTuple):
-    """Look-up of the plain RC part of a member at every sample; r, tau: (branches, n)."""
-
-    r0_ohm: np.ndarray
-    r_ohm: np.ndarray
-    tau_second: np.ndarray
-    ocv_shift_volt: np.ndarray
-    outside_soc: np.ndarray
-    outside_temperature: np.ndarray
-
-
 class SampledCircuit(NamedTuple):
     """A member's circuit with one value per sample, and where it was never measured; (n,) each.
 
@@ -250,24 +239,6 @@ def circuit_at(conditions, soc, temperature_celsius):
     # Cells warm a little in a chamber: a few kelvin beyond the measured range count as inside.
     cold, hot = measured[0] - BEYOND_KELVIN, measured[-1] + BEYOND_KELVIN
     return SampledCircuit(circuit, scaled, shift, outside, (celsius < cold) | (celsius > hot))
-
-
-def parameters_at(conditions, soc, temperature_celsius):
-    """As `circuit_at`, but only resistance and RC pairs, as arrays.
-
-    Parameters
-    ----------
-    conditions, soc, temperature_celsius : as in `circuit_at`.
-
-    Returns
-    -------
-    parameters : SampledParameters.
-    """
-    sampled = circuit_at(conditions, soc, temperature_celsius)
-    pairs = [branch.parameters for branch in sampled.circuit if branch.kind == "RC"]
-    values = ([pair[name] for pair in pairs] for name in ("r_ohm", "tau_second"))
-    r, tau = (np.reshape(column, (-1, len(soc))) for column in values)
-    return SampledParameters(sampled.circuit[0].parameters["r_ohm"], r, tau, *sampled[2:])
 
 
 def open_circuit_volt(model, sampled, temperature_celsius):
@@ -370,7 +341,7 @@ def simulate_member(
     true = instrument.corrected(member, capacity, *record, kind=kind)
     sampled = circuit_at(member["conditions"], true.soc, celsius)
     ocv = open_circuit_volt(model, sampled, celsius)
-    curve = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, celsius), sampled.table_soc)
+    curve = (lambda z: continued_ocv_at(model["ocv"], z, celsius)), sampled.table_soc
     settings = {"hold": hold or instrument.hold_of(member, current_ampere), "open_circuit": curve}
     flowing = (time, np.asarray(true.current_ampere, float))
     over = _overpotentials(member, sampled.circuit, flowing, celsius, settings)

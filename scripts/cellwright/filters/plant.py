@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import checked_columns, place
 from cellwright.filters.bank import NODES, drives
-from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.lags import lag, lag_weights
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
@@ -194,7 +194,9 @@ def plant_of(
     ------
     Refusal : time runs back, values are not finite, lengths differ, or too many states.
     """
-    time, current, voltage = _checked(test_time_second, current_ampere, voltage_volt)
+    time, current, voltage = checked_columns(
+        {"time": test_time_second, "current": current_ampere, "voltage": voltage_volt}
+    )
     step = np.diff(time, prepend=time[0])
     before = np.concatenate([current[:1], current[:-1]])
     between = before if hold == "zero_order" else (before + current) / 2
@@ -305,19 +307,6 @@ def _tables(bank, noise, constants):
     return np.ascontiguousarray(np.column_stack(columns), float)
 
 
-def _checked(time, current, voltage):
-    columns = [np.ascontiguousarray(values, float) for values in (time, current, voltage)]
-    if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1:
-        shapes = ", ".join(str(column.shape) for column in columns)
-        raise Refusal(f"time, current and voltage have shapes {shapes}; all must be (n,)")
-    if not len(columns[0]):
-        raise Refusal("the record holds no sample")
-    if not all(np.isfinite(column).all() for column in columns):
-        raise Refusal("time, current or voltage holds values that are not finite")
-    refuse_backward(columns[0])
-    return columns
-
-
 SPREAD = np.sqrt(3.0)  # of a chord, in standard deviations: that of a Gaussian's three-point rule
 
 
@@ -325,9 +314,9 @@ def slope_at(plant, soc, variance, noise):
     """Slope of the OCV as a chord over the uncertainty of the SoC, and the chord's error [V]."""
     reach = SPREAD * np.sqrt(variance)
     if reach <= noise.slope_window_soc / 2:
-        return look_at(plant, soc)[SLOPE], 0.0
+        return look_at(plant, soc, SLOPE), 0.0
     low, high = max(soc - reach, min(soc, 0.0)), min(soc + reach, max(soc, 1.0))
-    ends = [look_at(plant, z)[TOTAL] for z in (low, (low + high) / 2, high)]
+    ends = look_at(plant, np.array([low, (low + high) / 2, high]), TOTAL)
     return (ends[2] - ends[0]) / (high - low), ends[1] - (ends[0] + ends[2]) / 2
 
 
@@ -335,7 +324,7 @@ def relaxation_at(plant, k, j, soc):
     """Decay of lag j over the step to sample k, and the contribution of its drive."""
     e = plant.element[j]
     column = GAIN + len(plant.direct) + j
-    row = place_at(plant, soc + plant.soc_spacing / 2)[0] if plant.moves[j] else 0
+    row = place_on(plant, soc + plant.soc_spacing / 2)[0] if plant.moves[j] else 0
     constant, drive = plant.tables[row, column], drive_at(plant, e, k, soc)
     if plant.by_charge[e]:
         gain = -np.expm1(-plant.passed_ampere_hour[k] / constant)
@@ -347,25 +336,25 @@ def relaxation_at(plant, k, j, soc):
 
 
 def drive_at(plant, e, k, soc):
-    """Drive of element e at sample k."""
+    """Drive of element e at samples k and SoC, one of both or as many of each [V] or [1]."""
     if plant.source[e] < 0:
         current = plant.between_ampere if plant.by_charge[e] else plant.current_ampere
-        return current[k] * look_at(plant, soc)[GAIN + e]
-    cells = len(NODES) - 1
-    spot = min(max(soc, 0.0), 1.0) * cells
-    i = min(int(spot), cells - 1)
-    low, high = plant.drives[plant.source[e], i : i + 2, k]
-    return low + (spot - i) * (high - low)
+        return current[k] * look_at(plant, soc, GAIN + e)
+    node, share = place(np.clip(soc, 0.0, 1.0), len(NODES))
+    low, high = (plant.drives[plant.source[e], node + side, k] for side in (0, 1))
+    return low + share * (high - low)
 
 
-def look_at(plant, soc):
-    """Row of the tables at a SoC, linear between two points."""
-    i, part = place_at(plant, soc)
-    return plant.tables[i] + part * (plant.tables[i + 1] - plant.tables[i])
+def look_at(plant, soc, column=None):
+    """Tables at SoC, linear between two points: one column (of the shape of soc), or all (…, c)."""
+    row, share = place_on(plant, soc)
+    if column is None:
+        low, high = plant.tables[row], plant.tables[row + 1]
+        return low + share[..., None] * (high - low)
+    low, high = plant.tables[row, column], plant.tables[row + 1, column]
+    return low + share * (high - low)
 
 
-def place_at(plant, soc):
-    """Index of the table row below a SoC, and the fraction to the next one."""
-    spot = (soc - plant.soc_first) / plant.soc_spacing
-    i = int(min(max(spot, 0.0), len(plant.tables) - 2.0))
-    return i, spot - i
+def place_on(plant, soc):
+    """As `cell.place`, on the grid of a plant's tables."""
+    return place(soc, len(plant.tables), first=plant.soc_first, spacing=plant.soc_spacing)

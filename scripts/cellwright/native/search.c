@@ -1,6 +1,5 @@
 /* State of charge and open-circuit voltage of the search's model: see effects/base.py. */
-#include <math.h>
-#include <stdint.h>
+#include "cell.h"
 
 static double within(double value, double low, double high) {
     return value < low ? low : value > high ? high : value;
@@ -22,8 +21,8 @@ void counted_soc(int64_t n, const double *moved, const double *capacity, int64_t
 /* Of m values on an even grid over 0 to 1, the one at `soc`, straight between two of them and on
  * beyond the grid, as circuits/cell.py says. A soc that is no number takes the first. */
 static double straight(int64_t m, const double *values, double soc, double *part) {
-    const double spot = soc * (double)(m - 1), last = (double)(m - 2);
-    const int64_t i = spot > 0.0 ? (int64_t)(spot < last ? spot : last) : 0;
+    const double spot = soc * (double)(m - 1);
+    const int64_t i = point_below(spot, m);
     *part = (spot - (double)i) * (values[i + 1] - values[i]);
     return values[i];
 }

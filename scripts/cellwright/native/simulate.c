@@ -1,4 +1,5 @@
-/* Voltage of a cell with any number of RC pairs, its parameters over SoC: see models/fast.py.
+/* Voltage of a cell with any number of RC pairs, its parameters over SoC: the twin of
+ * circuits/cell.py.
  *
  * In blocks of samples that stay in the cache, each worked off in passes: all that does not wait
  * for the sample before is done for many samples at once; only the count of charge and the states
