@@ -174,7 +174,7 @@ def group_run(fields, stack):
 
     Parameters
     ----------
-    fields : GroupFields. stack : records.GroupStack.
+    fields : GroupFields. stack : records.Stack.
 
     Returns
     -------
@@ -370,7 +370,7 @@ def document(case, state):
         ],
         "values": {name: float(value) for name, value in state.solution.values.items()},
         "effects": [{"effect": e.id, "branch": e.position + 1} for e in state.effects],
-        "initial_soc": case.fit_soc.tolist(),
+        "initial_soc": case.fit.soc_at_start.tolist(),
         "hold": case.fit.hold,
     }
 
