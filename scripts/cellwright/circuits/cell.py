@@ -6,7 +6,7 @@ empty before its mean does. All other parameters stay there what they are at the
 
 The voltage is the OCV and what each branch of a circuit adds, exactly for the hold of the current
 between samples (`simulate`). A circuit of RC pairs over tables has a compiled twin of that, at a
-few nanoseconds a sample (`simulate_counted`, `simulate_given`).
+few nanoseconds a sample (`simulate_counted`).
 """
 
 from typing import NamedTuple
@@ -308,40 +308,13 @@ def simulate_counted(
     if not np.isfinite(initial_soc):
         raise Refusal(f"SoC at the first sample is {initial_soc}")
     tables, current, step = _checked_tables(tables, step_second, current_ampere, hold)
-    soc = np.empty(len(current))
+    soc, ampere_second = np.empty(len(current)), 3600.0 * capacity_ampere_hour
     soc[0] = initial_soc
-    return _run(tables, step, current, soc, hold, 3600.0 * capacity_ampere_hour)
-
-
-def simulate_given(tables, step_second, current_ampere, soc, *, hold):
-    """Voltage of a cell from rest under a measured current, its SoC known at every sample.
-
-    Parameters
-    ----------
-    tables, step_second, current_ampere, hold : as in `simulate_counted`.
-    soc : (n,) state of charge [1].
-
-    Returns
-    -------
-    voltage_volt : (n,) [V].
-
-    Raises
-    ------
-    Refusal : as `simulate_counted`, or as many values of SoC as of current are not there.
-    """
-    tables, current, step = _checked_tables(tables, step_second, current_ampere, hold)
-    soc = np.ascontiguousarray(soc, float)
-    if soc.shape != current.shape or not np.isfinite(soc).all():
-        raise Refusal(f"SoC of shape {soc.shape} for {len(current)} currents, or not finite")
-    return _run(tables, step, current, soc, hold, 0.0)[0]
-
-
-def _run(tables, step, current, soc, hold, ampere_second):
     kernel = function("simulate", *TYPES, result=count)
     if kernel is None or len(tables.r_ohm) > MOST_PAIRS:
         if not np.isfinite(current).all():
             raise Refusal(NOT_FINITE)
-        return _by_branches(tables, step, current, soc, hold, ampere_second)
+        return _by_branches(tables, step, current, soc, hold, ampere_second), soc
     (pairs, points), moves = tables.r_ohm.shape, tables.tau_second.ndim == 2
     voltage, rows = np.empty(len(current)), np.empty(2 * (points - 1) * (2 + pairs + moves * pairs))
     settings = (len(step) != len(current) - 1, hold == "first_order")
@@ -354,22 +327,21 @@ def _run(tables, step, current, soc, hold, ampere_second):
 def _by_branches(tables, step, current, soc, hold, ampere_second):
     """The kernel's result by the branches of `overpotentials`, their parameters looked up."""
     steps = np.broadcast_to(step, len(current) - 1)
-    if ampere_second > 0:
-        between = mean_over_steps(current, hold)
-        soc = np.cumsum(np.append(soc[0], steps * between / ampere_second))
+    moved = steps * mean_over_steps(current, hold) / ampere_second
+    soc[:] = np.cumsum(np.append(soc[0], moved))
     grid = np.linspace(0.0, 1.0, len(tables.ocv_volt))
     r0, r, tau = (
         [values if np.ndim(values) == 0 else np.interp(soc, grid, values) for values in columns]
         for columns in ([tables.r0_ohm], tables.r_ohm, tables.tau_second)
     )
     over = [_response(branch, steps, current, hold) for branch in rc_circuit(r0[0], r, tau)]
-    return ocv_on_grid(tables.ocv_volt, soc) + sum(over), soc
+    return ocv_on_grid(tables.ocv_volt, soc) + sum(over)
 
 
 def _checked_tables(tables, step_second, current_ampere, hold):
     """Tables and current as contiguous arrays, and the step: one value where all are alike.
 
-    That every current is finite is looked at in `_run`, by the kernel on its way.
+    That every current is finite is looked at by the kernel on its way.
     """
     current = np.ascontiguousarray(current_ampere, float)
     ocv, r0, r, tau = (np.asarray(column, float) for column in tables)

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from cellwright.circuits.cell import Tables
 from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.model_file import (
     capacity_of,
@@ -10,7 +9,6 @@ from cellwright.circuits.model_file import (
     is_plain,
     member_of,
     open_circuit_volt,
-    plain_member,
     standing_in,
 )
 from cellwright.circuits.temperature import celsius_of, temperature_weights
@@ -266,36 +264,3 @@ def _elements(branch, points):
     pairs = [(_positive(lag.share * gain), lag.constant + np.zeros(points)) for lag in lags]
     elements = [{"kind": "RC", "r_ohm": r, "tau_second": tau} for r, tau in pairs]
     return direct * gain, elements
-
-
-def tables_of(model, *, temperature_celsius=None, member=None, points=201):
-    """A cell's model at one temperature, on a uniform grid of SoC.
-
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2.
-    temperature_celsius : [degC]; None only for a model of one condition.
-    member : name of a member of RC pairs, or None for that of `model_file.plain_member`.
-    points : size of the grid; where its knots lie on the grid the tables say what the model says.
-
-    Returns
-    -------
-    tables : Tables, with time constants over SoC.
-
-    Raises
-    ------
-    Refusal : a member with more than RC pairs, or as `model_file.circuit_at`.
-    """
-    soc = np.linspace(0.0, 1.0, points)
-    temperature = np.nan if temperature_celsius is None else temperature_celsius
-    entry = member_of(model, plain_member(model) if member is None else member)
-    if not is_plain(entry):
-        raise Refusal(f"{entry['model']} holds more than RC pairs, which is all that runs here")
-    sampled = circuit_at(entry["conditions"], soc, temperature)
-    ohmic, *pairs = (branch.parameters for branch in sampled.circuit)
-    return Tables(
-        open_circuit_volt(model, sampled, temperature),
-        ohmic["r_ohm"],
-        np.reshape([pair["r_ohm"] for pair in pairs], (-1, points)),
-        np.reshape([pair["tau_second"] for pair in pairs], (-1, points)),
-    )
