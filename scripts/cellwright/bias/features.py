@@ -37,18 +37,6 @@ class Shown(NamedTuple):
     charges: tuple = ()
 
 
-class Differences(NamedTuple):
-    """A cell against the reference of its type.
-
-    scalars : what tells of resistance and of size, by name: logarithms of ratios [1], shifts [V].
-    course : voltage of its charge minus the reference's at shares of the capacity, and of the mean
-    of its discharge, by name [V].
-    """
-
-    scalars: dict
-    course: dict
-
-
 def onset_resistances(rows, direction):
     """Median resistance at the onset of discharges from full, or of charges from empty.
 
@@ -82,7 +70,9 @@ def differences(reference, cell):
 
     Returns
     -------
-    differences : Differences.
+    scalars : dict, what tells of resistance and of size, by name: logarithms of ratios [1], shifts
+        [V]. course : dict, voltage of its charge minus the reference's at shares of the capacity,
+        and of the mean of its discharge, by name [V].
     """
     size = np.log(cell.capacity_ampere_hour / reference.capacity_ampere_hour)
     scalars = {"capacity": float(size)}
@@ -91,8 +81,7 @@ def differences(reference, cell):
     of_charge, of_discharge = _of_capacity_tests(reference, cell)
     scalars |= of_charge | _of_peaks(reference, cell)
     course = of_discharge | _of_charges(reference, cell)
-    finite = ({n: v for n, v in part.items() if np.isfinite(v)} for part in (scalars, course))
-    return Differences(*finite)
+    return tuple({n: v for n, v in part.items() if np.isfinite(v)} for part in (scalars, course))
 
 
 def resistance_ratio(reference, cell):

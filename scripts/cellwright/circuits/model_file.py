@@ -295,7 +295,8 @@ def simulate_model(
     Parameters
     ----------
     model : dict of schema cellwright-model/2.
-    member : "1RC", "2RC", …, or None for the chosen one.
+    member : "1RC", "2RC", …, None for the chosen one, or the entry of one, which need not be in the
+        model.
     test_time_second, current_ampere : (n,) [s], [A], positive on charge.
     soc : (n,) state of charge at each sample [1].
     temperature_celsius : scalar or (n,) [degC].
@@ -305,50 +306,26 @@ def simulate_model(
 
     Returns
     -------
-    simulated : Simulated; `instrument` says what a member may correct of the record.
+    simulated : Simulated; `instrument` says what a member may correct of the record. A member with
+        `companions` has circuit and OCV of the one it begins from, and the voltage of all three.
     """
-    read = test_time_second, current_ampere, np.asarray(soc, float), temperature_celsius
-    return simulate_member(model, member_of(model, member), *read, hold=hold, kind=kind)
-
-
-def simulate_member(
-    model,
-    member,
-    test_time_second,
-    current_ampere,
-    soc,
-    temperature_celsius,
-    *,
-    hold=None,
-    kind=None,
-):
-    """As `simulate_model`, of a member by its entry, which need not be in the model.
-
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2. member : dict, entry of a member.
-    test_time_second, current_ampere, soc, temperature_celsius, hold, kind : as of `simulate_model`.
-
-    Returns
-    -------
-    simulated : Simulated; of a member with `companions` circuit and OCV of the member it begins
-        from, and the voltage of all three.
-    """
-    record = test_time_second, current_ampere, np.asarray(soc, float), temperature_celsius
+    member = member if isinstance(member, dict) else member_of(model, member)
+    time, celsius = test_time_second, temperature_celsius
+    record = time, current_ampere, np.asarray(soc, float), celsius
     if "companions" in member:
         return _with_companions(model, member, record, hold=hold, kind=kind)
-    time, celsius, capacity = test_time_second, temperature_celsius, model["capacity_ampere_hour"]
-    true = instrument.corrected(member, capacity, *record, kind=kind)
-    sampled = circuit_at(member["conditions"], true.soc, celsius)
+    capacity = model["capacity_ampere_hour"]
+    flowing, _, true_soc = instrument.corrected(member, capacity, *record, kind=kind)
+    sampled = circuit_at(member["conditions"], true_soc, celsius)
     ocv = open_circuit_volt(model, sampled, celsius)
     curve = (lambda z: continued_ocv_at(model["ocv"], z, celsius)), sampled.table_soc
     settings = {"hold": hold or instrument.hold_of(member, current_ampere), "open_circuit": curve}
-    flowing = (time, np.asarray(true.current_ampere, float))
-    over = _overpotentials(member, sampled.circuit, flowing, celsius, settings)
+    through = (time, np.asarray(flowing, float))
+    over = _overpotentials(member, sampled.circuit, through, celsius, settings)
     if "history" in member:
         over = instrument.with_history(
-            *(member, sampled.circuit, over, flowing, current_ampere),
-            soc_at_start=true.soc[0],
+            *(member, sampled.circuit, over, through, current_ampere),
+            soc_at_start=true_soc[0],
             capacity_ampere_hour=capacity,
             hold=settings["hold"],
         )
@@ -358,10 +335,10 @@ def simulate_member(
 
 
 def _with_companions(model, member, record, *, hold, kind):
-    """Simulation of a member beside which two companions stand: see `simulate_member`."""
+    """Simulation of a member beside which two companions stand: see `simulate_model`."""
     bare = {name: member[name] for name in member if name != "companions"}
     parts = (bare, member["companions"]["with"], member["companions"]["without"])
-    runs = [simulate_member(model, part, *record, hold=hold, kind=kind) for part in parts]
+    runs = [simulate_model(model, part, *record, hold=hold, kind=kind) for part in parts]
     return runs[0]._replace(voltage_volt=summed(member, *(run.voltage_volt for run in runs)))
 
 
