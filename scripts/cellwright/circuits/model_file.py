@@ -9,7 +9,7 @@ from cellwright.circuits.cell import overpotentials
 from cellwright.circuits.circuit import KINDS, Branch
 from cellwright.circuits.temperature import (
     SMALLEST,
-    celsius_of,
+    coldest_first,
     continued_ocv_at,
     factor_beyond,
     law_weights,
@@ -194,8 +194,7 @@ def circuit_at(conditions, soc, temperature_celsius):
     """
     # ASSUME: Between two measured temperatures every model parameter follows an Arrhenius law.
     # ASSUME: Outside the measured range of SoC or temperature the model keeps its last value.
-    conditions = sorted(conditions, key=lambda c: celsius_of(c["ambient_temperature_celsius"]))
-    measured = np.array([celsius_of(c["ambient_temperature_celsius"]) for c in conditions])
+    conditions, measured = coldest_first(conditions)
     celsius = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
     weights = temperature_weights(measured, celsius)
     elements = [_elements(condition) for condition in conditions]

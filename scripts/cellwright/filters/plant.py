@@ -61,9 +61,9 @@ def edges_of(bank, level_volt, step_second, current_ampere, skew_second, *, hold
     if skew_second <= 0.0 or power == 0.0:
         return np.zeros(len(current_ampere))
     at_once = np.array([e.direct for e in bank.elements])
-    for relaxation in bank.lags:
-        within = skew_second / (skew_second + relaxation.constant[_half(bank)])
-        at_once[relaxation.element] += relaxation.share * within * (relaxation.clock == "second")
+    for element, lagged in bank.lags:
+        within = skew_second / (skew_second + lagged.constant[_half(bank)])
+        at_once[element] += lagged.share * within * (lagged.clock == "second")
     behind = current_ampere - lag(step_second[1:], skew_second, current_ampere, hold=hold)
     return (level_volt @ at_once) ** 2 / power * behind**2
 
@@ -208,7 +208,10 @@ def plant_of(
     rows = [drives(bank.elements[k], driving[by_charge[k]]) for k in curved]
     drives_of_curved = np.ascontiguousarray(np.reshape(rows, (-1, len(NODES), len(time))))
     levels = levels_of(bank, driving[0], dict(zip(curved, rows, strict=True)))
-    constants = [relaxation.constant for relaxation in bank.lags]
+    constants = [lagged.constant for _, lagged in bank.lags]
+    grid = bank.soc[0] + (bank.soc[1] - bank.soc[0]) * np.arange(len(bank.soc))
+    inside = np.clip(grid, 0.0, 1.0) == grid
+    usual = [0.0 if e.gain is None else np.median(e.gain[inside]) for e in bank.elements]
     spots = _places(bank, noise, track_capacity, track_ohmic)
     skew = noise.skew_second
     return Plant(
@@ -230,22 +233,15 @@ def plant_of(
         by_charge=by_charge,
         drives=drives_of_curved,
         largest=np.array([np.abs(drive).max(axis=1).mean() for drive in drives_of_curved]),
-        usual_gain=_usual_gain(bank),
-        element=np.array([relaxation.element for relaxation in bank.lags], np.int64),
-        share=np.array([relaxation.share for relaxation in bank.lags], float),
+        usual_gain=np.array(usual, float),
+        element=np.array([element for element, _ in bank.lags], np.int64),
+        share=np.array([lagged.share for _, lagged in bank.lags], float),
         moves=np.array([np.ptp(c) > 1e-9 * c.max() for c in constants], np.int64),
         capacity_ampere_hour=float(bank.capacity_ampere_hour),
         first_order=hold == "first_order",
         **_variances(bank, levels, noise),
         **spots,
     )
-
-
-def _usual_gain(bank):
-    grid = bank.soc[0] + (bank.soc[1] - bank.soc[0]) * np.arange(len(bank.soc))
-    inside = np.clip(grid, 0.0, 1.0) == grid
-    gains = [0.0 if e.gain is None else np.median(e.gain[inside]) for e in bank.elements]
-    return np.array(gains, float)
 
 
 def with_tracked(plant, bank, noise, *, track_capacity, track_ohmic):
@@ -290,8 +286,8 @@ def _places(bank, noise, track_capacity, track_ohmic):
 
 def _by_charge(bank):
     by_charge = np.zeros(len(bank.elements), np.int64)
-    for relaxation in bank.lags:
-        by_charge[relaxation.element] = relaxation.clock == "ampere_hour"
+    for element, lagged in bank.lags:
+        by_charge[element] = lagged.clock == "ampere_hour"
     return by_charge
 
 
