@@ -132,17 +132,6 @@ def test_predict_and_update_leave_the_state_they_are_given_alone():
     np.testing.assert_array_equal(state.covariance, before[1])
 
 
-def test_the_printed_law_never_learns():
-    """R = H − CPC and Q = KHK together give P⁻ back, whatever was measured: why Q has a ceiling."""
-    covariance, slope, seen = 0.09, 0.8, 0.01**2 + 0.8**2 * 0.09
-    for _ in range(100):
-        white = seen - slope**2 * covariance
-        gain = covariance * slope / (slope**2 * covariance + white)
-        after = (1 - gain * slope) * covariance
-        covariance = after + gain**2 * seen
-    assert covariance == pytest.approx(0.09)
-
-
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

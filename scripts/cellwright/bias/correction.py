@@ -37,14 +37,13 @@ class Change(NamedTuple):
 class Correction(NamedTuple):
     """Corrections of one cell, the cells they are calibrated on, and what lies beyond those.
 
-    fast, slow : logarithms of ratios of resistances. ocv : addition [V]. outside : sentences.
-    ratio_words : where the ratio of all resistances is from. model_error_volt : typical error of
-    the calibrating cells' own models on what was left out of their fits [V], NaN where none says.
+    changes : three of Change: of fast and of slow resistance, as logarithms of ratios, and of the
+    OCV [V]. outside : sentences. ratio_words : where the ratio of all resistances is from.
+    model_error_volt : typical error of the calibrating cells' own models on what was left out of
+    their fits [V], NaN where none says.
     """
 
-    fast: Change
-    slow: Change
-    ocv: Change
+    changes: tuple
     cells: tuple
     outside: tuple
     ratio_words: str
@@ -84,7 +83,7 @@ def correction(cell, base, others):
     changes.append(_ocv_change(cell, base, peers, features))
     errors = [peer.model_error_volt for peer in peers if peer.model_error_volt is not None]
     return Correction(
-        *changes,
+        tuple(changes),
         tuple(peer.shown.cell for peer in peers),
         _outside(names, *features, changes),
         cell.ratio_words,
