@@ -1,5 +1,7 @@
 """Fewer rows of a record: means over bins, and steady stretches with rows far apart."""
 
+import itertools
+
 import numpy as np
 
 from cellwright.refusal import Refusal
@@ -77,14 +79,15 @@ def averaged_to(records, *, most_rows=20_000, thinned=()):
     """
     if most_rows < len(records):
         raise Refusal(f"{most_rows} rows were asked for of {len(records)} records; wanted more")
-    ways, width = thinned or (lambda record: record,), FINEST_SECOND
-    while True:
-        means = [averaged(record, width_second=width) for record in records]
-        for fewer in ways:
-            shorter = [fewer(record) for record in means]
-            if sum(len(record.test_time_second) for record in shorter) <= most_rows:
-                return shorter
-        width *= 2
+    ways = thinned or (lambda record: record,)
+    widths = (FINEST_SECOND * 2**doubled for doubled in itertools.count())
+    binned = ([averaged(record, width_second=width) for record in records] for width in widths)
+    tried = ([fewer(record) for record in means] for means in binned for fewer in ways)
+    return next(
+        shorter
+        for shorter in tried
+        if sum(len(record.test_time_second) for record in shorter) <= most_rows
+    )
 
 
 def row_fields(record):
