@@ -38,10 +38,10 @@ def long_record():
     true = _lfilter(step, current).run()
 
     def ours():
-        return simulate_counted(cell.TABLES, step, current, hold="first_order", **COUNTED)
+        return simulate_counted(cell.TABLES, step, current, hold="first_order", **COUNTED)[0]
 
     def judge(found):
-        return millivolt(getattr(found, "voltage_volt", found), true)
+        return millivolt(found, true)
 
     return Topic(
         "2-RC simulation of a long record",
@@ -81,10 +81,10 @@ def _topic(title, work, step, time, current, peers):
     true = solved(time, current, relative=1e-11)
 
     def ours():
-        return simulate_counted(cell.TABLES, step, current, hold="first_order", **COUNTED)
+        return simulate_counted(cell.TABLES, step, current, hold="first_order", **COUNTED)[0]
 
     def judge(found):
-        return millivolt(getattr(found, "voltage_volt", found), true)
+        return millivolt(found, true)
 
     entries, skipped = where_importable({"PyBaMM Thevenin, IDAKLU": ("pybamm",)}, peers)
     entries = [entry._replace(accuracy=judge) for entry in entries]

@@ -47,9 +47,9 @@ def adaptive():
 def _record():
     current = cell.drive(SAMPLES, seed=4)
     settings = {"initial_soc": 0.8, "capacity_ampere_hour": cell.CAPACITY_AMPERE_HOUR}
-    run = simulate_counted(cell.TABLES, 1.0, current, hold="first_order", **settings)
+    volt, soc = simulate_counted(cell.TABLES, 1.0, current, hold="first_order", **settings)
     noise = SENSOR_VOLT * np.random.default_rng(6).normal(size=SAMPLES)
-    return np.arange(float(SAMPLES)), current, run.voltage_volt + noise, run.soc
+    return np.arange(float(SAMPLES)), current, volt + noise, soc
 
 
 def _judge(true):

@@ -10,10 +10,10 @@ pytest.importorskip("pybamm", reason="the virtual laboratory's environment is no
 import pybamm
 from thevenin import load, thevenin
 
+from cellwright.circuits.cell import simulate
 from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.exports import pybamm_document
 from cellwright.circuits.model_file import simulate_model
-from cellwright.circuits.simulate import simulate
 from runtime.artefact import plain
 
 CAPACITY, R0, R, TAU = 2.9, 0.025, (0.012, 0.02), (8.0, 180.0)

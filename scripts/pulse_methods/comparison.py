@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import simulate
 from cellwright.circuits.circuit import rc_circuit
-from cellwright.circuits.simulate import simulate
 from cellwright.circuits.temperature import celsius_of
 from cellwright.numerics.statistics import delta_method
 from cellwright.protocols.relaxation import fit_relaxation

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import sensitivities, simulate
 from cellwright.circuits.circuit import KINDS, Branch, kind_of
-from cellwright.circuits.simulate import sensitivities, simulate
 from cellwright.numerics.statistics import is_white, parameter_covariance
 from cellwright.refusal import Refusal
 

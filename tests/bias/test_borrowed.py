@@ -61,9 +61,9 @@ def test_intervals_hold_on_cells_that_were_not_used():
         base, against = courses_of(reference.model, "2RC"), compared(reference, cells)
         for cell in against[12:]:
             found = correction(cell, base, against[:12])
-            for which in ("fast", "ocv"):
-                one = getattr(found, which)
-                off = np.abs(one.change - getattr(cell, which))
+            fast, _, ocv = found.changes
+            for one, true in ((fast, cell.fast), (ocv, cell.ocv)):
+                off = np.abs(one.change - true)
                 inside.append((off <= one.half_interval + 1e-12)[1:-1])
     assert 0.90 <= np.mean(inside) <= 0.99
 
@@ -76,7 +76,8 @@ def test_a_cell_beyond_the_calibration_is_said_to_be_with_a_wider_interval():
     assert inner.outside == ()
     assert outer.outside[0].startswith("interval ")
     assert any("capacity differs by -1.2" in words for words in outer.outside)
-    assert (outer.fast.half_interval > 2 * inner.fast.half_interval).all()
+    fast = inner.changes[0].half_interval, outer.changes[0].half_interval
+    assert (fast[1] > 2 * fast[0]).all()
     model = borrowed_model(far.shown._replace(model=None), [reference, *cells])
     assert any(note.startswith("outside the calibration") for note in model["notes"])
 

@@ -16,7 +16,7 @@ def peaks(*places, rate=0.5):
 
 
 def test_capacity_tests_and_onsets_tell_size_and_resistance():
-    found = differences(R, C).scalars
+    found = differences(R, C)[0]
     assert found["capacity"] == pytest.approx(np.log(0.8))
     assert found["gap of charge and discharge"] == pytest.approx(np.log(1.5))
     assert found["share charged at the held voltage"] == pytest.approx(0.025)
@@ -28,7 +28,7 @@ def test_capacity_tests_and_onsets_tell_size_and_resistance():
 
 
 def test_the_course_of_the_charge_is_compared_at_shares_of_each_capacity():
-    found = differences(R, C).course
+    found = differences(R, C)[1]
     more = type_of_cells.CURRENT_AMPERE * 0.5 * 0.058
     true = type_of_cells.ocv_change(0.2, 0.5) + more
     assert found["voltage of the charge at 50 %"] == pytest.approx(true, abs=1e-3)
@@ -40,7 +40,7 @@ def test_the_same_peak_is_compared_though_one_is_missing():
     reference = R._replace(peaks=peaks((3.5, 5.0), (3.7, 9.0), (3.9, 4.0)))
     other = C._replace(peaks=peaks((3.53, 4.5), (3.935, 4.2)))
     assert [number for number, _, _ in peak_pairs(reference, other)] == [1, 3]
-    found = differences(reference, other).scalars
+    found = differences(reference, other)[0]
     assert found["place of peak 1"] == pytest.approx(0.03)
     assert found["height of peak 3"] == pytest.approx(np.log(4.2 / 4.0))
     assert "place of peak 2" not in found
@@ -51,13 +51,13 @@ def test_peaks_of_another_rate_or_none_do_not_compare(own):
     reference = R._replace(peaks=peaks((3.5, 5.0)))
     with pytest.raises(Refusal, match="C and R have no IC peaks at the same rate"):
         peak_pairs(reference, C._replace(peaks=own))
-    assert not [n for n in differences(reference, C._replace(peaks=own)).scalars if "peak" in n]
+    assert not [n for n in differences(reference, C._replace(peaks=own))[0] if "peak" in n]
 
 
 def test_what_only_one_cell_shows_is_left_out():
     bare = C._replace(onset_ohm={}, begin_ohm={}, capacities=(), charges=())
     found = differences(R, bare)
-    assert (list(found.scalars), found.course) == (["capacity"], {})
+    assert (list(found[0]), found[1]) == (["capacity"], {})
     assert resistance_ratio(R, bare) == (
         1.0,
         "its resistance is not known: taken as the reference's",
@@ -66,9 +66,9 @@ def test_what_only_one_cell_shows_is_left_out():
 
 def test_a_value_that_is_not_known_is_no_feature():
     rows = tuple(row | {"temperature_mean_celsius": None} for row in C.capacities)
-    assert "warming in the discharge" not in differences(R, C._replace(capacities=rows)).scalars
+    assert "warming in the discharge" not in differences(R, C._replace(capacities=rows))[0]
 
 
 def test_tests_at_another_temperature_are_not_compared():
     rows = tuple(row | {"ambient_temperature_celsius": 0.0} for row in C.capacities)
-    assert not [n for n in differences(R, C._replace(capacities=rows)).scalars if "gap" in n]
+    assert not [n for n in differences(R, C._replace(capacities=rows))[0] if "gap" in n]

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from cellwright.circuits import cell as fast
-from cellwright.circuits.cell import Tables, simulate_counted, simulate_given
-from cellwright.circuits.exports import tables_of
+from cellwright.circuits.cell import Tables, simulate_counted
 from cellwright.circuits.model_file import simulate_model
 from cellwright.numerics.lags import HOLDS
 from cellwright.refusal import Refusal
@@ -56,10 +55,7 @@ def test_compiled_and_numpy_agree(twin, hold, moves, pairs, kind):
     inputs = tables(pairs, moves=moves), steps(kind), CURRENT
     run = simulate_counted(*inputs, hold=hold, **COUNTED)
     slow = twin(simulate_counted, *inputs, hold=hold, **COUNTED)
-    np.testing.assert_allclose(run.voltage_volt, slow.voltage_volt, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(run.soc, slow.soc, rtol=0, atol=1e-12)
-    given_soc = simulate_given(*inputs, run.soc, hold=hold)
-    np.testing.assert_allclose(given_soc, run.voltage_volt, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run, slow, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("length", [1, 2, 511, 512, 513, 1024, 1025])
@@ -68,17 +64,18 @@ def test_the_blocks_of_the_kernel_leave_no_seam(twin, length):
         inputs = tables(), step, CURRENT[:length]
         run = simulate_counted(*inputs, hold="first_order", **COUNTED)
         slow = twin(simulate_counted, *inputs, hold="first_order", **COUNTED)
-        np.testing.assert_allclose(run.voltage_volt, slow.voltage_volt, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(run, slow, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("hold", HOLDS)
 def test_a_model_file_gives_the_same_voltage_either_way(hold):
     time, current = truth.drive(np.random.default_rng(4), 3000)
-    soc = truth.soc_of(time, current)
-    model = truth.model()
-    whole = simulate_model(model, "2RC", time, current, soc, 25.0, hold=hold).voltage_volt
-    run = simulate_given(tables_of(model, points=101), 1.0, current, soc, hold=hold)
-    np.testing.assert_allclose(run, whole, rtol=0, atol=1e-12)
+    size = {"initial_soc": 0.95, "capacity_ampere_hour": truth.CAPACITY_AMPERE_HOUR}
+    parameters = [np.interp(GRID, truth.KNOTS, course) for course in (truth.R0, *truth.R)]
+    cell_tables = Tables(truth.OCV_VOLT, parameters[0], np.array(parameters[1:]), truth.TAU)
+    run, soc = simulate_counted(cell_tables, 1.0, current, hold=hold, **size)
+    whole = simulate_model(truth.model(), "2RC", time, current, soc, 25.0, hold=hold)
+    np.testing.assert_allclose(run, whole.voltage_volt, rtol=0, atol=1e-12)
 
 
 def test_ten_pairs_run_compiled_as_by_their_lags(twin):
@@ -89,38 +86,7 @@ def test_ten_pairs_run_compiled_as_by_their_lags(twin):
         inputs = Tables(OCV, R0, r, taus), steps("true"), CURRENT
         run = simulate_counted(*inputs, hold="first_order", **COUNTED)
         slow = twin(simulate_counted, *inputs, hold="first_order", **COUNTED)
-        np.testing.assert_allclose(run.voltage_volt, slow.voltage_volt, rtol=0, atol=1e-12)
-
-
-def with_kinetics(**entry):
-    """The true cell, its OCV tables read on a scale, beside it a chosen member with kinetics."""
-    model = truth.model()
-    one = model["members"][0]["conditions"][0] | entry
-    kinetic = {"kind": "kinetic", "r_ohm": [0.01] * 5, "tau_second": [1.0] * 5}
-    kinetic |= {"scale_volt": [0.05] * 5}
-    members = [("2RC", one["branches"]), ("DRT+K", [*one["branches"], kinetic])]
-    member_entries = [{"model": n, "conditions": [one | {"branches": b}]} for n, b in members]
-    return model | {"members": member_entries, "chosen": "DRT+K"}
-
-
-def test_the_member_of_pairs_is_taken_and_its_ocv_read_on_its_scale():
-    time, current = truth.drive(np.random.default_rng(4), 3000)
-    soc = truth.soc_of(time, current, 0.95)
-    model = with_kinetics(ocv_scale={"missing": 0.02, "stretch": 0.03})
-    whole = simulate_model(model, "2RC", time, current, soc, 25.0).voltage_volt
-    for member in (None, "2RC"):
-        fine = tables_of(model, member=member, points=2001)
-        run = simulate_given(fine, 1.0, current, soc, hold="first_order")
-        np.testing.assert_allclose(run, whole, rtol=0, atol=2e-5)
-    assert (
-        np.abs(simulate_model(truth.model(), "2RC", time, current, soc, 25.0)[0] - whole).max()
-        > 0.01
-    )
-
-
-def test_a_member_with_more_than_pairs_is_refused():
-    with pytest.raises(Refusal, match=r"DRT\+K holds more than RC pairs"):
-        tables_of(with_kinetics(), member="DRT+K")
+        np.testing.assert_allclose(run, slow, rtol=0, atol=1e-12)
 
 
 def solved(time, current):
@@ -142,8 +108,8 @@ def test_a_general_solver_gives_the_same_voltage():
     current = -2.0 + 1.5 * np.sin(0.05 * time) - np.sin(0.31 * time)
     run = simulate_counted(tables(), 1.0, current, hold="first_order", **COUNTED)
     voltage, soc = solved(time, current)
-    np.testing.assert_allclose(run.voltage_volt, voltage, rtol=0, atol=1e-5)
-    np.testing.assert_allclose(run.soc, soc, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run[0], voltage, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(run[1], soc, rtol=0, atol=1e-8)
 
 
 @settings(deadline=None, max_examples=30)
@@ -151,21 +117,22 @@ def test_a_general_solver_gives_the_same_voltage():
 def test_constant_parameters_and_current_are_the_closed_form(soc, ampere, hold):
     flat = Tables(OCV, R0 * 0 + 0.02, R[:2] * 0 + 0.03, TAU[:2])
     time = np.cumsum(np.append(0, np.random.default_rng(1).exponential(5.0, 300)))
-    at = np.full(301, soc)
-    run = simulate_given(flat, np.diff(time), np.full(301, ampere), at, hold=hold)
+    endless = {"initial_soc": soc, "capacity_ampere_hour": 1e15}
+    run, _ = simulate_counted(flat, np.diff(time), np.full(301, ampere), hold=hold, **endless)
     rise = 0.03 * sum(-np.expm1(-time / tau) for tau in TAU[:2])
     expected = np.interp(soc, GRID, OCV) + ampere * (0.02 + rise)
     np.testing.assert_allclose(run, expected, rtol=0, atol=1e-12)
 
 
 def test_outside_the_table_the_ocv_goes_on_and_resistances_stay():
-    at = np.array([-0.2, 0.0, 1.0, 1.3])
-    run = simulate_given(tables(), 1.0, np.zeros(4), at, hold="zero_order")
+    def at_once(soc, ampere=0.0):
+        size = {"initial_soc": soc, "capacity_ampere_hour": 2.0}
+        return simulate_counted(tables(), 1.0, [ampere], hold="zero_order", **size)[0][0]
+
     slope = 100 * np.diff(OCV)[[0, -1]]
     expected = OCV[[0, 0, -1, -1]] + [-0.2 * slope[0], 0, 0, 0.3 * slope[1]]
-    np.testing.assert_allclose(run, expected, rtol=0, atol=1e-12)
-    pulled = simulate_given(tables(), 1.0, np.array([0, 0, 0, 2.0]), at, hold="zero_order")
-    assert (pulled - run)[-1] == pytest.approx(2.0 * R0[-1], abs=1e-12)
+    assert [at_once(soc) for soc in (-0.2, 0.0, 1.0, 1.3)] == pytest.approx(expected, abs=1e-12)
+    assert at_once(1.3, 2.0) - at_once(1.3) == pytest.approx(2.0 * R0[-1], abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -196,11 +163,6 @@ def test_refusals(change, reason):
         simulate_counted(*inputs, **settings)
 
 
-def test_a_state_of_charge_that_is_not_known_is_refused():
-    with pytest.raises(Refusal, match=r"SoC of shape \(2,\) for 3 currents"):
-        simulate_given(tables(), 1.0, np.zeros(3), np.ones(2), hold="zero_order")
-
-
 @pytest.mark.parametrize("hold", HOLDS)
 @pytest.mark.parametrize("place", [0, 1, 510, 511, 512, -2, -1])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -210,5 +172,3 @@ def test_a_current_that_is_not_finite_is_seen_wherever_it_stands(hold, place, va
     for step in (0.5, steps("edges")):
         with pytest.raises(Refusal, match="current is not finite"):
             simulate_counted(tables(), step, current, hold=hold, **COUNTED)
-        with pytest.raises(Refusal, match="current is not finite"):
-            simulate_given(tables(), step, current, np.full(len(current), 0.5), hold=hold)

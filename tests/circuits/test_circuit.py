@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import brentq
 
+from cellwright.circuits.cell import overpotentials, sensitivities, simulate
 from cellwright.circuits.circuit import (
     KINDS,
     PLANE_MODES,
@@ -15,9 +16,8 @@ from cellwright.circuits.circuit import (
     impedance,
     rc_circuit,
 )
-from cellwright.circuits.simulate import OpenCircuit, overpotentials, sensitivities, simulate
 from cellwright.numerics.hysteresis import WIDTHS, preisach
-from cellwright.numerics.lags import HOLDS, lag
+from cellwright.numerics.lags import HOLDS
 
 SLOPE = 0.8
 EXAMPLES = {
@@ -108,7 +108,7 @@ both_holds = pytest.mark.parametrize("hold", HOLDS)
 def over(circuit, time, current, hold="first_order", volt_at=lambda soc: 3.0 + SLOPE * soc):
     """Voltage over each branch, of a cell at half charge."""
     time = np.asarray(time, float)
-    curve = OpenCircuit(volt_at, np.full(len(time), 0.5))
+    curve = volt_at, np.full(len(time), 0.5)
     return overpotentials(circuit, time, current, hold=hold, open_circuit=curve)
 
 
@@ -212,7 +212,7 @@ def curved(soc):
 @every_circuit
 def test_sensitivities_are_finite_differences(name, hold):
     time, current = staircase(np.random.default_rng(5))
-    curve = OpenCircuit(curved, np.full(len(time), 0.5))
+    curve = curved, np.full(len(time), 0.5)
     derivatives = sensitivities(CIRCUITS[name], time, current, hold=hold, open_circuit=curve)
     for (index, key), derivative in derivatives.items():
         branch = CIRCUITS[name][index]
@@ -343,20 +343,6 @@ def test_the_thesis_low_pass_is_an_rc_pair_of_either_sign(gain):
     pair = {"r_ohm": -gain / (1 - decay), "tau_second": -step / np.log(decay)}
     over_volt = over((Branch("RC", pair),), step * np.arange(400), current, HOLDS[0])
     np.testing.assert_allclose(over_volt[0], gain * f, atol=1e-13)
-
-
-def test_compiled_lag_is_its_twin(monkeypatch):
-    from cellwright.numerics import lags
-
-    rng = np.random.default_rng(7)
-    step = rng.exponential(1.0, 999) * (rng.random(999) < 0.9)
-    for tau in (5.0, rng.uniform(1, 90, 999)):
-        for drive in (rng.normal(size=1000), rng.normal(size=(1000, 3))):
-            runs = [lag(step, tau, drive, hold=hold, initial=0.3) for hold in HOLDS]
-            with monkeypatch.context() as without:
-                without.setattr(lags, "function", lambda *_: None)
-                twins = [lag(step, tau, drive, hold=hold, initial=0.3) for hold in HOLDS]
-            np.testing.assert_allclose(runs, twins, atol=1e-13)
 
 
 @pytest.mark.parametrize("charge", [0.2, 0.4, 0.5, 0.65, 0.8])

@@ -22,18 +22,18 @@ def test_a_member_without_blocks_leaves_a_record_as_it_is():
 def test_charge_is_counted_without_offset_losses_and_leak():
     counting = {"leak_ampere": 0.2, "lost_share_of_charge": 0.1, "capacity_relative": 0.25}
     member = {"reading": {"current_offset_ampere": 0.1}, "counting": counting}
-    record = instrument.corrected(member, 10.0, TIME, CURRENT, SOC, 25.0)
-    np.testing.assert_allclose(record.current_ampere, [-0.1, -1.1, 0.9, -0.1])
-    np.testing.assert_allclose(record.charging_ampere, [-0.3, -1.3, 0.61, -0.3])
+    current, charging, soc = instrument.corrected(member, 10.0, TIME, CURRENT, SOC, 25.0)
+    np.testing.assert_allclose(current, [-0.1, -1.1, 0.9, -0.1])
+    np.testing.assert_allclose(charging, [-0.3, -1.3, 0.61, -0.3])
     moved = [0.0, -0.1 - 0.2, -1.1 - 0.2, 0.9 * 0.9 - 0.2]
-    np.testing.assert_allclose(record.soc, 0.5 + np.cumsum(moved) / 12.5)
+    np.testing.assert_allclose(soc, 0.5 + np.cumsum(moved) / 12.5)
 
 
 def test_a_wrong_ammeter_counted_the_capacity_too():
     member = {"reading": {"current_gain_relative": 0.25}}
-    record = instrument.corrected(member, 10.0, TIME, CURRENT, SOC, 25.0)
-    np.testing.assert_allclose(record.soc, SOC)
-    np.testing.assert_allclose(record.current_ampere, 0.8 * CURRENT)
+    current, _, soc = instrument.corrected(member, 10.0, TIME, CURRENT, SOC, 25.0)
+    np.testing.assert_allclose(soc, SOC)
+    np.testing.assert_allclose(current, 0.8 * CURRENT)
     assert instrument.capacity_factor(member) == pytest.approx(0.8)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import truth
 
-from cellwright.circuits.model_file import member_of, parameters_at, simulate_model
+from cellwright.circuits.model_file import circuit_at, member_of, simulate_model
 from cellwright.circuits.temperature import ocv_at
 from cellwright.refusal import Refusal
 
@@ -14,6 +14,11 @@ from cellwright.refusal import Refusal
 def conditions(*pairs):
     """Conditions of the true cell at (celsius, scale) each."""
     return [truth.model(celsius=c, scale=s)["members"][0]["conditions"][0] for c, s in pairs]
+
+
+def values(sampled, name="r_ohm"):
+    """A parameter of all branches that have it (branches, n), the ohmic resistance first."""
+    return np.array([b.parameters[name] for b in sampled.circuit if name in b.parameters])
 
 
 def test_the_model_file_simulates_the_true_cell():
@@ -29,32 +34,32 @@ def test_the_model_file_simulates_the_true_cell():
 def test_between_temperatures_resistance_follows_arrhenius():
     kelvin = np.array([273.15, 283.15, 298.15])
     scale = np.exp(3000 * (1 / kelvin - 1 / 298.15))
-    sampled = parameters_at(conditions((25, 1.0), (0, scale[0])), np.full(1, 0.5), 10.0)
-    np.testing.assert_allclose(sampled.r0_ohm, scale[1] * truth.R0[2], rtol=1e-12)
-    np.testing.assert_allclose(sampled.r_ohm[:, 0], scale[1] * truth.R[:, 2], rtol=1e-12)
-    np.testing.assert_allclose(sampled.tau_second[:, 0], truth.TAU)
+    sampled = circuit_at(conditions((25, 1.0), (0, scale[0])), np.full(1, 0.5), 10.0)
+    expected = scale[1] * np.array([truth.R0[2], *truth.R[:, 2]])
+    np.testing.assert_allclose(values(sampled)[:, 0], expected, rtol=1e-12)
+    np.testing.assert_allclose(values(sampled, "tau_second")[:, 0], truth.TAU)
 
 
 def test_outside_the_measured_range_the_last_value_holds_and_is_marked():
     soc, warm = np.array([0.5, 0.05, 0.95]), np.array([60.0, 25.0, 10.0])
-    sampled = parameters_at(conditions((0, 2.0), (25, 1.0)), soc, warm)
+    sampled = circuit_at(conditions((0, 2.0), (25, 1.0)), soc, warm)
     np.testing.assert_array_equal(sampled.outside_temperature, [True, False, False])
     np.testing.assert_array_equal(sampled.outside_soc, [False, True, True])
-    np.testing.assert_allclose(sampled.r0_ohm[:2], truth.R0[[2, 0]])
+    np.testing.assert_allclose(values(sampled)[0, :2], truth.R0[[2, 0]])
 
 
 def test_a_resistance_of_zero_stays_harmless():
     entry = conditions((25, 1.0), (0, 0.0))
-    assert np.isfinite(parameters_at(entry, np.full(1, 0.5), 10.0).r0_ohm).all()
+    assert np.isfinite(values(circuit_at(entry, np.full(1, 0.5), 10.0))).all()
 
 
 def test_one_condition_of_unknown_temperature_serves_any():
     entry = conditions((25, 1.0))
     entry[0]["ambient_temperature_celsius"] = None
-    sampled = parameters_at(entry, np.full(1, 0.5), np.nan)
-    np.testing.assert_allclose(sampled.r0_ohm, truth.R0[2])
+    sampled = circuit_at(entry, np.full(1, 0.5), np.nan)
+    np.testing.assert_allclose(values(sampled)[0], truth.R0[2])
     with pytest.raises(Refusal, match="a temperature is not known"):
-        parameters_at(entry * 2, np.full(1, 0.5), 25.0)
+        circuit_at(entry * 2, np.full(1, 0.5), 25.0)
 
 
 def test_ocv_shift_belongs_to_the_model():
@@ -81,4 +86,4 @@ def test_a_member_that_is_not_there_is_named():
     with pytest.raises(Refusal, match="no member '3RC'; it has 2RC"):
         member_of(truth.model(), "3RC")
     with pytest.raises(Refusal, match="nothing measured"):
-        parameters_at([], np.zeros(1), 25.0)
+        circuit_at([], np.zeros(1), 25.0)

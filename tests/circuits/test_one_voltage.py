@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 import truth
 
-from cellwright.circuits.cell import continued, ocv_on_grid, simulate_given
-from cellwright.circuits.exports import tables_of
+from cellwright.circuits.cell import (
+    Tables,
+    continued,
+    ocv_and_slope,
+    ocv_on_grid,
+    simulate_counted,
+)
 from cellwright.circuits.model_file import simulate_model
 from cellwright.effects import base
-from cellwright.effects.groups.model import _ocv_at
 from cellwright.filters.bank import bank_of
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.steps import ocv_volt
@@ -25,7 +29,9 @@ def by_model_file():
 
 
 def by_tables():
-    return simulate_given(tables_of(MODEL), 1.0, STILL, SOC, hold="first_order")
+    tables = Tables(TABLE, 0 * TABLE, np.empty((0, 201)), np.empty(0))
+    still = {"hold": "first_order", "capacity_ampere_hour": 2.0}
+    return [simulate_counted(tables, 1.0, [0.0], initial_soc=z, **still)[0][0] for z in SOC]
 
 
 def by_packs():
@@ -47,7 +53,7 @@ def by_search_compiled():
 
 
 def by_groups():
-    return _ocv_at(np.tile(TABLE, (len(SOC), 1)), SOC)[0]
+    return ocv_and_slope(np.tile(TABLE, (len(SOC), 1)), SOC)[0]
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import truth
 
-from cellwright.circuits.circuit import Branch, rc_circuit
-from cellwright.circuits.simulate import (
+from cellwright.circuits.cell import (
     overpotentials,
     sensitivities,
     simulate,
 )
+from cellwright.circuits.circuit import Branch, rc_circuit
 from cellwright.numerics.lags import lag
 from cellwright.refusal import Refusal
 
@@ -50,7 +50,7 @@ def _diffusion():
         ({"hold": "second_order"}, "hold of the current is 'second_order'"),
         ({"test_time_second": [0.0, 2.0, 1.0]}, "the clock runs back after row 1"),
         ({"current_ampere": [0.0, np.nan, 1.0]}, "not finite"),
-        ({"current_ampere": [0.0, 1.0]}, "both must be"),
+        ({"current_ampere": [0.0, 1.0]}, "all must be"),
         ({"test_time_second": [], "current_ampere": []}, "holds no sample"),
         (
             {"circuit": (Branch("CPE", {"q": 1.0}),)},

@@ -1,12 +1,10 @@
-"""Lumped thermal state: closed forms, the coupled run against an ODE solver, the fit's truth."""
+"""Lumped thermal state: closed forms, the fit's truth."""
 
 import numpy as np
 import pytest
-import truth
 
 from cellwright import formats
-from cellwright.circuits.heat import fit_thermal, heat, simulate_warm, temperature
-from cellwright.circuits.model_file import simulate_model
+from cellwright.circuits.heat import fit_thermal, heat, temperature
 from cellwright.refusal import Refusal
 
 BODY = {"heat_capacity_joule_per_kelvin": 45.0, "resistance_kelvin_per_watt": 8.0}
@@ -30,52 +28,6 @@ def test_losses_warm_both_ways_and_reversible_heat_turns_with_the_current():
     np.testing.assert_allclose(heat(current, 3.7 + over, 3.7), 0.2)
     both = heat(current, 3.7 + over, 3.7, temperature_celsius=26.85, entropic_volt_per_kelvin=1e-4)
     np.testing.assert_allclose(both, [0.26, 0.14])
-
-
-def two_temperatures():
-    """The true cell at 25 °C, and with three times its resistance at 0 °C."""
-    model, cold = truth.model(celsius=25.0), truth.model(celsius=0.0, scale=3.0)
-    model["members"][0]["conditions"] += cold["members"][0]["conditions"]
-    return model
-
-
-def by_ode(model, current_ampere, seconds):
-    """Temperature under a constant current, by scipy's solver on the same physics."""
-    from scipy.integrate import solve_ivp
-
-    from cellwright.circuits.model_file import parameters_at
-
-    conditions = model["members"][0]["conditions"]
-
-    def slope(_, state):
-        u, warm = state[:2], state[2]
-        here = parameters_at(conditions, np.array([0.5]), warm)
-        watt = current_ampere * (here.r0_ohm[0] * current_ampere + u.sum())
-        du = (here.r_ohm[:, 0] * current_ampere - u) / here.tau_second[:, 0]
-        return [*du, (watt - warm / 8.0) / 45.0]
-
-    run = solve_ivp(slope, (0, seconds), [0, 0, 0], rtol=1e-8, atol=1e-9, t_eval=[seconds])
-    return run.y[2, -1]
-
-
-def test_warm_cell_meets_the_coupled_equations():
-    time = np.arange(0.0, 601.0)
-    current, soc = np.full(601, -5.0), np.full(601, 0.5)
-    run = simulate_warm(two_temperatures(), None, time, current, soc, 0.0, **BODY)
-    assert run.temperature_celsius[-1] == pytest.approx(
-        by_ode(two_temperatures(), -5.0, 600), abs=0.01
-    )
-    assert run.temperature_celsius[-1] > 12
-    cold = simulate_model(two_temperatures(), None, time, current, soc, 0.0)
-    assert run.simulated.voltage_volt[-1] > cold.voltage_volt[-1] + 0.05
-    assert run.passes < 20
-
-
-def test_a_cell_at_rest_stays_at_its_ambient():
-    time = np.arange(0.0, 100.0)
-    run = simulate_warm(two_temperatures(), None, time, 0 * time, 0 * time + 0.5, 10.0, **BODY)
-    np.testing.assert_array_equal(run.temperature_celsius, 10.0)
-    assert run.passes == 1
 
 
 def record(rng, *, entropic=0.0, gap=False, noise_kelvin=0.02):
@@ -156,10 +108,6 @@ def test_thermal_refusals():
         temperature(time, time, 20.0, **(BODY | {"resistance_kelvin_per_watt": 0.0}))
     with pytest.raises(Refusal, match="needs a temperature"):
         heat(time, time, time, entropic_volt_per_kelvin=1e-4)
-    long = np.arange(2000.0)
-    args = (two_temperatures(), None, long, np.full(2000, -8.0), np.full(2000, 0.5), 0.0)
-    with pytest.raises(Refusal, match="still moves by"):
-        simulate_warm(*args, passes=2, **BODY)
 
 
 def test_an_18650_weighs_what_it_weighs(shared):

@@ -8,6 +8,7 @@ from cellwright.effects import base
 from cellwright.effects.candidates import neutral
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import stacked
+from cellwright.numerics import lags
 
 
 def values_for(stack, **changes):
@@ -30,9 +31,9 @@ def test_kernel_and_twin_agree(monkeypatch, share):
     linear = (random.uniform(size=500) < share) * (1 - fresh)
     step[[7, 8]] = 0.0
     given = (step * (1 - fresh), fresh, linear, drive, 9.0, random.normal(size=500))
-    kernel = base.lag_fresh(*given)
-    monkeypatch.setattr(base, "function", lambda *_, **__: None)
-    np.testing.assert_allclose(kernel, base.lag_fresh(*given), rtol=0, atol=1e-13)
+    kernel = lags.lag_fresh(*given)
+    monkeypatch.setattr(lags, "function", lambda *_, **__: None)
+    np.testing.assert_allclose(kernel, lags.lag_fresh(*given), rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("name", [None, *sorted(LIBRARY)])
@@ -42,7 +43,8 @@ def test_the_voltage_is_that_of_the_twins(monkeypatch, stack, name):
     values |= {n: x for e in effects for n, x in _plausible(e).items()}
     compiled = base.fields_of(small.CELL, stack, values, effects)
     stack = stack._replace(responses={}, courses={})
-    monkeypatch.setattr(base, "function", lambda *_, **__: None)
+    for module in (base, lags):
+        monkeypatch.setattr(module, "function", lambda *_, **__: None)
     twin = base.fields_of(small.CELL, stack, values, effects)
     np.testing.assert_allclose(compiled.soc, twin.soc, rtol=0, atol=1e-14)
     np.testing.assert_allclose(compiled.ocv, twin.ocv, rtol=0, atol=1e-14)
@@ -117,7 +119,7 @@ def test_a_lag_that_has_decayed_to_nothing_is_zero_and_not_the_smallest_number()
     """A state whose decay rounds to itself would stay there, ten times slower to compute with."""
     drive = np.r_[np.ones(10), np.zeros(400_000)]
     none = np.zeros(len(drive))
-    state = base.lag_fresh(np.full(len(drive), 1.0), none, none, drive, 50.0, none)
+    state = lags.lag_fresh(np.full(len(drive), 1.0), none, none, drive, 50.0, none)
     sizes = np.abs(state[state != 0])
     assert state[5] > 0
     assert state[-1] == 0

@@ -5,8 +5,8 @@ import pytest
 import truth
 from truth import VALUES, stated, with_branch
 
+from cellwright.circuits.cell import overpotentials
 from cellwright.circuits.circuit import KINDS
-from cellwright.circuits.simulate import overpotentials
 from cellwright.filters.bank import (
     BEYOND,
     NODES,
@@ -29,7 +29,7 @@ def test_tables_are_the_models_own_values():
         [truth.R0, *truth.R],
         rtol=1e-9,
     )
-    assert [lag.constant[0] for lag in bank.lags] == pytest.approx(truth.TAU)
+    assert [lag.constant[0] for _, lag in bank.lags] == pytest.approx(truth.TAU)
     assert [e.direct for e in bank.elements] == [1.0, 0.0, 0.0]
 
 
@@ -39,7 +39,7 @@ def test_every_kind_of_branch_is_made_of_gains_or_drives(kind):
     bank = bank_of(with_branch(kind), None, 25.0)
     last = len(bank.elements) - 1
     element = bank.elements[last]
-    shares = sum(lag.share for lag in bank.lags if lag.element == last)
+    shares = sum(lag.share for element, lag in bank.lags if element == last)
     assert element.direct + shares == pytest.approx(1.0)
     current = np.array([1.5, -2.0, 0.0, 3.0])
     kind_of = KINDS[kind]

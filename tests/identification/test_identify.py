@@ -19,7 +19,7 @@ from synthetic import (
 
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch, simulate_model
 from cellwright.circuits.temperature import resistance_factor
-from cellwright.identification.columns import MOST_KEPT, base_of, columns_of, ocv_of, on_table
+from cellwright.identification.columns import MOST_KEPT, columns_of, ocv_of, on_table
 from cellwright.identification.identify import data_of, limits_of
 from cellwright.identification.search import shared_of
 from cellwright.records.blocks import fit_mask
@@ -209,7 +209,7 @@ def absent(result):
 
 def predicted(ready, result):
     """Voltage of the used rows by the columns of the design."""
-    columns, values = columns_of(base_of(ready), result.held), result.solution.values
+    columns, values = columns_of(ready, result.held), result.solution.values
     measured_volt = np.concatenate([r.voltage_volt[r.used] for r in ready.records])
     over = sum(column @ values[name] for name, column in columns.resistances)
     return measured_volt - columns.target_volt + columns.shift @ values["shift"] + over
@@ -235,7 +235,7 @@ def test_a_gap_that_is_bridged_costs_nothing():
     whole = record_of(time, current, volt, soc)
     cut = record_of(time[kept], current[kept], volt[kept], soc[kept])
     full, mended, torn = (
-        fit(data_of([record], truth.OCV_SOC, truth.OCV_VOLT, capacity_ampere_hour=CAPACITY))
+        fit(data_of([record], truth.OCV_VOLT, capacity_ampere_hour=CAPACITY))
         for record in (whole, bridged(cut, capacity_ampere_hour=CAPACITY), cut)
     )
     at = np.linspace(0.3, 0.7, 9)
@@ -354,4 +354,4 @@ def test_members_that_share_columns_and_searches_are_those_fitted_alone():
         for one, other in zip(together.condition.branches, alone.condition.branches, strict=True):
             for name, values in one.values.items():
                 np.testing.assert_allclose(values, other.values[name], rtol=1e-6, atol=1e-9)
-    assert len(shared.base.kept) <= MOST_KEPT
+    assert len(shared.data.kept) <= MOST_KEPT

@@ -5,11 +5,10 @@ import pytest
 import truth
 from synthetic import CAPACITY, data, diffusion, hysteresis, measured, with_target
 
+from cellwright.circuits.cell import overpotentials
 from cellwright.circuits.circuit import Branch
-from cellwright.circuits.simulate import overpotentials
 from cellwright.identification.columns import (
     Held,
-    base_of,
     columns_of,
     damping,
     lead,
@@ -37,7 +36,7 @@ def ready():
 
 @pytest.fixture(scope="module")
 def system(ready):
-    return system_of(columns_of(base_of(ready), HELD), ready.knots)
+    return system_of(columns_of(ready, HELD), ready.knots)
 
 
 def stds_of(system, solution):
@@ -46,7 +45,7 @@ def stds_of(system, solution):
 
 def test_each_column_is_what_the_simulator_makes_of_its_branch(ready):
     (record,) = ready.records
-    columns = dict(columns_of(base_of(ready), HELD).resistances)
+    columns = dict(columns_of(ready, HELD).resistances)
     course = np.array([0.04, 0.02, 0.03, 0.01, 0.05])
     at = np.interp(record.soc, ready.knots, course)
     branches = {
@@ -74,9 +73,9 @@ def test_the_lead_of_the_surface_is_that_of_the_diffusion_branch(ready):
 
 
 def test_the_scale_columns_are_the_change_of_the_ocv(ready):
-    columns, step = columns_of(base_of(ready), HELD), 1e-6
+    columns, step = columns_of(ready, HELD), 1e-6
     for index, name in enumerate(("missing", "stretch")):
-        moved = columns_of(base_of(ready), HELD._replace(**{name: step}))
+        moved = columns_of(ready, HELD._replace(**{name: step}))
         change = (columns.target_volt - moved.target_volt) / step
         np.testing.assert_allclose(columns.scale[:, index], change, atol=0.02)
 
@@ -123,7 +122,7 @@ def test_where_data_are_silent_the_prior_goes_on_flat(ready):
     """Knots that no row touches take the value of their neighbours."""
     (record,) = ready.records
     half = ready._replace(records=(record._replace(used=record.used & (record.soc > 0.5)),))
-    system = system_of(columns_of(base_of(half), HELD), half.knots)
+    system = system_of(columns_of(half, HELD), half.knots)
     solution = solved(system)
     np.testing.assert_allclose(solution.values["r0"][2:], truth.R0[2:], rtol=0.05)
     np.testing.assert_allclose(solution.values["r0"][:2], solution.values["r0"][2], rtol=0.1)
@@ -150,7 +149,7 @@ def test_a_resistance_at_zero_has_no_deviation(ready):
     volt = truth.ocv_at(record.soc) + 0.03 * record.current_ampere
     noise = np.random.default_rng(4).normal(0, 1e-3, len(volt))
     ohmic = ready._replace(records=(record._replace(voltage_volt=volt + noise),))
-    system = system_of(columns_of(base_of(ohmic), Held((8.0,))), ohmic.knots)
+    system = system_of(columns_of(ohmic, Held((8.0,))), ohmic.knots)
     solution = solved(system)
     np.testing.assert_allclose(solution.values["r0"], 0.03, rtol=0.03)
     zero = solution.values["r1"] == 0
@@ -162,7 +161,7 @@ def test_a_current_of_the_wrong_sign_is_refused(ready):
     (record,) = ready.records
     turned = ready._replace(records=(record._replace(current_ampere=-record.current_ampere),))
     with pytest.raises(Refusal, match="against the current's sign"):
-        system_of(columns_of(base_of(turned), Held(())), turned.knots)
+        system_of(columns_of(turned, Held(())), turned.knots)
 
 
 def test_correlation_factor_of_known_noise():
@@ -180,10 +179,10 @@ def test_refusals(ready):
     (record,) = ready.records
     few = ready._replace(records=(record._replace(used=np.arange(len(record.soc)) < 10),))
     with pytest.raises(Refusal, match="10 rows cannot carry 6 parameters"):
-        system_of(columns_of(base_of(few), HELD), few.knots)
+        system_of(columns_of(few, HELD), few.knots)
     still = ready._replace(records=(record._replace(current_ampere=0 * record.soc),))
     with pytest.raises(Refusal, match="nothing in the data excites r0, r1, r2, m"):
-        system_of(columns_of(base_of(still), HELD), still.knots)
+        system_of(columns_of(still, HELD), still.knots)
     with pytest.raises(Refusal, match="1 parameters are not excited"):
         solve(np.diag([1.0, 0.0]), np.ones(2), 1)
     with pytest.raises(Refusal, match=r"apart \(rank\)"):
@@ -192,7 +191,7 @@ def test_refusals(ready):
 
 def test_counting_that_ends_below_zero_still_has_a_prior(ready):
     below = ready._replace(knots=np.array([-0.04, 0.0, 0.3, 0.9]))
-    prior = system_of(columns_of(base_of(below), HELD), below.knots).prior
+    prior = system_of(columns_of(below, HELD), below.knots).prior
     assert np.isfinite(prior).all()
     assert np.linalg.eigvalsh(prior)[0] > 0
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from cellwright.circuits.cell import simulate
 from cellwright.circuits.circuit import rc_circuit
-from cellwright.circuits.simulate import simulate
 from pulse_methods.pulse import fit_circuit
 
 TRUE = np.array([0.020, 0.010, 0.015, 3.0, 40.0])

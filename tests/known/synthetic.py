@@ -50,7 +50,7 @@ def diffusion(tau_second, resistance_factor=1.0):
 def data(*measured, resistance_factor=1.0, used=None, **change):
     settings = {"capacity_ampere_hour": CAPACITY, "knots": truth.KNOTS} | change
     record = record_of(*measured, resistance_factor=resistance_factor, used=used)
-    return data_of([record], truth.OCV_SOC, truth.OCV_VOLT, **settings)
+    return data_of([record], truth.OCV_VOLT, **settings)
 
 
 def fit(ready, member="2RC", **settings):

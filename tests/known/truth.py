@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from cellwright.circuits.cell import simulate
 from cellwright.circuits.circuit import KINDS, rc_circuit
-from cellwright.circuits.simulate import OpenCircuit, simulate
 
 CAPACITY_AMPERE_HOUR = 2.0
 KNOTS = np.linspace(0.1, 0.9, 5)
@@ -36,8 +36,8 @@ def voltage(time, current, soc, shift=0.0, hold="first_order", extra=(), resista
     """Terminal voltage of the true cell, with any further branches beside its own."""
     at = [resistance_factor * np.interp(soc, KNOTS, values) for values in (R0, *R)]
     circuit = (*rc_circuit(at[0], at[1:], TAU), *extra)
-    curve = OpenCircuit(ocv_at, soc)
-    return simulate(circuit, time, current, ocv_at(soc) + shift, hold=hold, open_circuit=curve)
+    settings = {"hold": hold, "open_circuit": (ocv_at, soc)}
+    return simulate(circuit, time, current, ocv_at(soc) + shift, **settings)
 
 
 def model(name="A", celsius=25.0, scale=1.0):

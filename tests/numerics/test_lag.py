@@ -38,7 +38,7 @@ def twin(monkeypatch):
 def test_compiled_and_numpy_agree(twin, hold, columns, tau):
     rng = np.random.default_rng(1)
     step, drive = rng.exponential(3.0, 400), rng.normal(size=(401, *columns))
-    step[:200] = rng.choice([0.1, 0.3, 10.0], 200)  # as of a clock that counts in tenths
+    step[:200] = rng.choice([0.0, 0.1, 0.3, 10.0], 200)  # of a clock in tenths, and edges
     settings = {"hold": hold, "initial": 0.3}
     np.testing.assert_allclose(
         lag(step, tau, drive, **settings), twin(step, tau, drive, **settings), rtol=0, atol=1e-12

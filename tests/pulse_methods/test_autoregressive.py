@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cellwright.circuits.cell import simulate
 from cellwright.circuits.circuit import rc_circuit
-from cellwright.circuits.simulate import simulate
 from cellwright.numerics.lags import HOLDS, lag_weights
 from cellwright.refusal import Refusal
 from pulse_methods.autoregressive import (

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from sheets_facts import cell_facts, facts_of
 
+from cellwright.circuits.cell import simulate
 from cellwright.circuits.circuit import rc_circuit
-from cellwright.circuits.simulate import simulate
 from cellwright.series.steps import segment
 from pulse_methods.comparison import (
     METHODS,

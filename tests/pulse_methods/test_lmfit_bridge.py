@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pulse_train import CURRENT, TIME, fitted, noisy
 
+from cellwright.circuits.cell import simulate
 from cellwright.circuits.circuit import Branch, rc_circuit
-from cellwright.circuits.simulate import simulate
 from cellwright.refusal import Refusal
 from pulse_methods.with_lmfit import (
     circuit_with,

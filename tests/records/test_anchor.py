@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from cellwright.records.anchor import contradiction, full_row, slow_soc, soc_series
 from cellwright.refusal import Refusal
 
-TABLE = {"ocv_soc": np.array([0.0, 0.5, 1.0]), "ocv_volt": np.array([3.0, 3.6, 4.2])}
+TABLE = {"curve": {"soc": np.array([0.0, 0.5, 1.0]), "ocv_volt": np.array([3.0, 3.6, 4.2])}}
 LIMITS = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
 
 
@@ -23,20 +23,13 @@ def filled():
 def test_stated_start_comes_first():
     anchored = soc_series(*filled(), capacity_ampere_hour=2.0, soc_at_start=0.3, **LIMITS, **TABLE)
     assert np.allclose(anchored.soc, 0.3 + filled()[0] / 2)
-    assert anchored.anchor == "stated at the start"
+    assert (anchored.anchor, anchored.row) == ("stated at the start", 0)
 
 
 def test_full_charge_in_the_record_is_one():
     anchored = soc_series(*filled(), capacity_ampere_hour=2.0, **LIMITS, **TABLE)
-    assert np.isclose(anchored.soc[4], 1.0)
-    assert np.isclose(anchored.soc[-1], 0.5)
-
-
-def test_the_row_of_an_anchor_is_the_one_whose_soc_is_known():
-    anchored = soc_series(*filled(), capacity_ampere_hour=2.0, **LIMITS, **TABLE)
+    assert np.allclose(anchored.soc[[4, -1]], [1.0, 0.5])
     assert anchored.row == 4
-    stated = soc_series(*filled(), capacity_ampere_hour=2.0, soc_at_start=0.3, **LIMITS, **TABLE)
-    assert stated.row == 0
 
 
 def test_a_slow_test_is_empty_where_its_discharge_ends():
@@ -67,8 +60,9 @@ def test_looked_up_start_stays_within_the_scale(volt):
 
 
 def test_flat_table_is_allowed():
-    still, table = np.zeros(3), {"ocv_soc": [0, 0.3, 0.6, 1], "ocv_volt": [3.0, 3.3, 3.3, 3.4]}
-    anchored = soc_series(still, still, still + 3.35, capacity_ampere_hour=2.0, **LIMITS, **table)
+    still, table = np.zeros(3), {"soc": [0, 0.3, 0.6, 1], "ocv_volt": [3.0, 3.3, 3.3, 3.4]}
+    about = {"capacity_ampere_hour": 2.0, "curve": table, **LIMITS}
+    anchored = soc_series(still, still, still + 3.35, **about)
     assert np.isclose(anchored.soc[0], 0.8)
 
 
@@ -103,7 +97,7 @@ def test_refusals_name_what_is_missing(change, reason):
         soc_series(np.zeros(3), load, np.full(3, 3.7), **settings)
 
 
-CURVE = {"ocv_soc": np.linspace(0, 1, 101), "ocv_volt": 3.0 + 1.2 * np.linspace(0, 1, 101)}
+CURVE = {"soc": np.linspace(0, 1, 101), "ocv_volt": 3.0 + 1.2 * np.linspace(0, 1, 101)}
 
 
 @pytest.mark.parametrize(
@@ -113,8 +107,9 @@ CURVE = {"ocv_soc": np.linspace(0, 1, 101), "ocv_volt": 3.0 + 1.2 * np.linspace(
 )
 def test_a_stated_soc_counts_unless_the_first_rest_contradicts_it(stated, rest, gap, used):
     still = np.zeros(3)
-    about = {"capacity_ampere_hour": 2.0, "soc_at_start": stated, **LIMITS, **CURVE}
-    about |= {"half_gap_volt": np.full(101, gap), "test_time_second": np.array([0.0, 300.0, 700.0])}
+    about = {"capacity_ampere_hour": 2.0, "soc_at_start": stated, **LIMITS}
+    about["curve"] = CURVE | {"half_gap_volt": np.full(101, gap)}
+    about["test_time_second"] = np.array([0.0, 300.0, 700.0])
     anchored = soc_series(still, still, still + rest, **about)
     assert anchored.soc[0] == pytest.approx(stated if used else (rest - 3.0) / 1.2, abs=1e-6)
     assert ("is not used: a rest at" in anchored.anchor) is not used
@@ -123,7 +118,7 @@ def test_a_stated_soc_counts_unless_the_first_rest_contradicts_it(stated, rest, 
 def test_a_stated_soc_counts_under_load_and_without_a_curve():
     load = np.full(3, -1.0)
     about = {"capacity_ampere_hour": 2.0, "soc_at_start": 1.0, **LIMITS}
-    assert soc_series(load * 0, load, load * 0 + 3.9, **about, **CURVE).soc[0] == 1.0
+    assert soc_series(load * 0, load, load * 0 + 3.9, **about, curve=CURVE).soc[0] == 1.0
     still = soc_series(load * 0, load * 0, load * 0 + 3.9, **about)
     assert (still.soc[0], still.anchor) == (1.0, "stated at the start")
 
@@ -131,8 +126,8 @@ def test_a_stated_soc_counts_under_load_and_without_a_curve():
 def test_a_rest_of_a_minute_after_a_load_does_not_overrule_what_is_stated():
     """A lithium iron phosphate cell at 50 %, still 40 mV below where its load will leave it."""
     soc = np.linspace(0, 1, 101)
-    flat = {"ocv_soc": soc, "ocv_volt": 3.27 + 0.03 * soc + 0.1 * (1 - np.exp(-soc / 0.02)) - 0.1}
-    about = {"capacity_ampere_hour": 2.0, "soc_at_start": 0.5, **flat}
+    flat = {"soc": soc, "ocv_volt": 3.27 + 0.03 * soc + 0.1 * (1 - np.exp(-soc / 0.02)) - 0.1}
+    about = {"capacity_ampere_hour": 2.0, "soc_at_start": 0.5, "curve": flat}
     about |= {"lower_cutoff_volt": 2.5, "upper_cutoff_volt": 3.65}
     volt, still = float(np.interp(0.5, soc, flat["ocv_volt"])) - 0.04, np.zeros(3)
     for second, stated in ((30.0, True), (900.0, False)):

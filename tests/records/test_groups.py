@@ -108,7 +108,7 @@ def test_a_bridged_gap_has_a_temperature_too():
 def data_for(group):
     ocv = truth.ocv_at(truth.OCV_SOC)
     settings = {"capacity_ampere_hour": truth.CAPACITY_AMPERE_HOUR, "spacing": 0.1}
-    return data_of(group.records, truth.OCV_SOC, ocv, **settings)
+    return data_of(group.records, ocv, **settings)
 
 
 def activation(*tests):

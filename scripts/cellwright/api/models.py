@@ -340,15 +340,14 @@ def estimate_soc(
     from cellwright.records.basis import at_cycle
 
     measured = inputs.measured(test, series, inputs.COUNTED)
-    runs = soc_runs(
+    rows, columns, notes = soc_runs(
         at_cycle(inputs.model(model), measured.facts.cycle),
         inputs.cell_facts(cell),
         measured,
         settings=inputs.settings_of(Soc, settings, changes),
         split_rest_second=split_rest_second,
     )
-    tables = {"rows": runs.rows, "series": runs.series}
-    return results.Result(tables, notes=tuple(runs.notes))
+    return results.Result({"rows": rows, "series": columns}, notes=tuple(notes))
 
 
 def export_model(model, *, validation=()):

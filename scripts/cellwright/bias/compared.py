@@ -21,7 +21,8 @@ from cellwright.refusal import Refusal
 class Compared(NamedTuple):
     """A cell of a type against its reference.
 
-    shown : Shown. differences : Differences. ratio, ratio_words : `features.resistance_ratio`.
+    shown : Shown. differences, ratio, ratio_words : of `features.differences` and
+    `features.resistance_ratio`.
     shift_volt : main and mean shift of its IC peaks [V], None without peaks that are the same.
     opened_volt : change of the OCV by its charge, see `opened_volt`; None without a charge.
     fast, slow : logarithms of the ratios of its own model's resistances to the reference's, ocv :
@@ -31,7 +32,7 @@ class Compared(NamedTuple):
     """
 
     shown: object
-    differences: object
+    differences: tuple
     ratio: float
     ratio_words: str
     shift_volt: tuple | None

@@ -49,7 +49,7 @@ def borrowed_model(cell, peers):
     reference, others = reference_and_others(cell, peers)
     base = courses_of(reference.model, reference.model["chosen"])
     found = correction(*compared(reference, [cell]), base, compared(reference, others))
-    if all(getattr(found, which).form == "scaling" for which in ("fast", "slow", "ocv")):
+    if all(change.form == "scaling" for change in found.changes):
         return scaled_model(cell, reference, found)
     return corrected_model(cell, reference, found)
 
@@ -108,12 +108,15 @@ def corrected_model(cell, reference, found):
         are scaled, at least to a tenth of the reference's; its conditions hold the standard
         deviation of R0 and of the OCV that the cells left out tell.
     """
-    forms = {FORMS[getattr(found, which).form] for which in ("fast", "slow", "ocv")}
+    forms = {FORMS[change.form] for change in found.changes}
     count = f"calibrated on {len(found.cells)} cells" if found.cells else "not calibrated"
     notes = [f"bias-corrected from {reference.cell} by {', '.join(sorted(forms))}, {count}"]
     notes += [found.ratio_words] if "scaling" in forms or not found.cells else []
-    notes += [*_errors(found), *_outside_words(found)]
-    courses = [getattr(found, which).change for which in ("fast", "slow", "ocv")]
+    notes += _errors(found)
+    if found.outside:
+        words = "; ".join(found.outside)
+        notes.append(f"outside the calibration, its interval is wider: {words}")
+    courses = [change.change for change in found.changes]
     model = _model(cell, reference, courses, notes)
     return _with_deviations(model, found) if len(found.cells) > 1 else model
 
@@ -130,7 +133,8 @@ def _model(cell, reference, courses, notes):
 def _with_deviations(model, found):
     """The model with standard deviations of R0 and of its OCV, from the intervals of 95 %."""
     quantile = stdtrit(len(found.cells) - 1, 0.5 + LEVEL / 2)
-    of_log, of_ocv = found.fast.half_interval / quantile, found.ocv.half_interval / quantile
+    fast, _, ocv = found.changes
+    of_log, of_ocv = fast.half_interval / quantile, ocv.half_interval / quantile
 
     def entry_of(entry):
         soc = entry["soc"]
@@ -149,17 +153,11 @@ def _errors(found):
     """Sentence on the errors of the calibrating cells, each predicted from the others."""
     if len(found.cells) < 2:
         return []
-    fast, slow, ocv = (rms(getattr(found, n).left_out) for n in ("fast", "slow", "ocv"))
+    fast, slow, ocv = (rms(change.left_out) for change in found.changes)
     return [
         f"leave-one-cell-out errors: fast resistance {100 * fast:.2g} %, slow resistance "
         f"{100 * slow:.2g} %, OCV {1e3 * ocv:.2g} mV"
     ]
-
-
-def _outside_words(found):
-    if not found.outside:
-        return []
-    return [f"outside the calibration, its interval is wider: {'; '.join(found.outside)}"]
 
 
 def alternatives(cell, reference, found):
@@ -183,10 +181,7 @@ def alternatives(cell, reference, found):
     drawn = np.unique(np.linspace(0, count - 1, min(count, MOST_DRAWS)).round().astype(int))
     models = []
     for place in drawn:
-        courses = [
-            one.change - one.left_out[place] * one.stretch[place]
-            for one in (found.fast, found.slow, found.ocv)
-        ]
+        courses = [one.change - one.left_out[place] * one.stretch[place] for one in found.changes]
         models.append(_model(cell, reference, courses, []))
     return models
 

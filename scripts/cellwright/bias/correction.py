@@ -11,7 +11,7 @@ from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
 MOST_CELLS = 60  # that calibrate: more make the regression slower, not better
-DIFFERENCES = ("scalars", "course")
+SCALARS, COURSE = range(2)  # of `features.differences`
 PRESENT = 0.8  # of the calibrating cells show a feature that is used
 BEYOND = 0.1  # of the range of a feature over the calibrating cells
 
@@ -37,14 +37,13 @@ class Change(NamedTuple):
 class Correction(NamedTuple):
     """Corrections of one cell, the cells they are calibrated on, and what lies beyond those.
 
-    fast, slow : logarithms of ratios of resistances. ocv : addition [V]. outside : sentences.
-    ratio_words : where the ratio of all resistances is from. model_error_volt : typical error of
-    the calibrating cells' own models on what was left out of their fits [V], NaN where none says.
+    changes : three of Change: of fast and of slow resistance, as logarithms of ratios, and of the
+    OCV [V]. outside : sentences. ratio_words : where the ratio of all resistances is from.
+    model_error_volt : typical error of the calibrating cells' own models on what was left out of
+    their fits [V], NaN where none says.
     """
 
-    fast: Change
-    slow: Change
-    ocv: Change
+    changes: tuple
     cells: tuple
     outside: tuple
     ratio_words: str
@@ -84,7 +83,7 @@ def correction(cell, base, others):
     changes.append(_ocv_change(cell, base, peers, features))
     errors = [peer.model_error_volt for peer in peers if peer.model_error_volt is not None]
     return Correction(
-        *changes,
+        tuple(changes),
         tuple(peer.shown.cell for peer in peers),
         _outside(names, *features, changes),
         cell.ratio_words,
@@ -107,15 +106,15 @@ def _features(cell, peers):
     gets the mean of the others.
     """
     names, columns = [], []
-    own = [(part, name) for part in DIFFERENCES for name in getattr(cell.differences, part)]
+    own = [(part, name) for part in (SCALARS, COURSE) for name in cell.differences[part]]
     for part, name in own:
-        shown = np.array([getattr(peer.differences, part).get(name, np.nan) for peer in peers])
+        shown = np.array([peer.differences[part].get(name, np.nan) for peer in peers])
         there = np.isfinite(shown)
         if not there.any() or there.mean() < PRESENT:
             continue
-        names.append((name, part == "course"))
+        names.append((name, part == COURSE))
         filled = np.where(there, shown, shown[there].mean())
-        columns.append(np.append(filled, getattr(cell.differences, part)[name]))
+        columns.append(np.append(filled, cell.differences[part][name]))
     table = np.array(columns).T if columns else np.empty((len(peers) + 1, 0))
     return names, table
 
@@ -186,14 +185,14 @@ def _resistance_by_thesis(which, cell, base, peers):
     changes = known * np.expm1(true)
     try:
         if which == "fast":
-            found = thesis.quadratic_function(mains, KNOTS, changes)
-            change = thesis.quadratic_bias(cell.shift_volt[0], KNOTS, found.coefficients)
+            coefficients, errors = thesis.quadratic_function(mains, KNOTS, changes)
+            change = thesis.quadratic_bias(cell.shift_volt[0], KNOTS, coefficients)
         else:
-            found = thesis.linear_function(means, changes)
-            change = np.full(len(KNOTS), found.coefficients[0] * cell.shift_volt[1])
+            (per_volt,), errors = thesis.linear_function(means, changes)
+            change = np.full(len(KNOTS), per_volt * cell.shift_volt[1])
     except Refusal:
         return None
-    left_out = _log_ratio(known, changes + found.left_out) - true
+    left_out = _log_ratio(known, changes + errors) - true
     return _by_function(_log_ratio(known, change), left_out, cell, mains)
 
 
@@ -203,11 +202,12 @@ def _ocv_by_thesis(cell, peers):
     if shifts is None:
         return None
     try:
-        found = thesis.quadratic_function(shifts[0], KNOTS, _stacked(peers, "ocv"))
+        true = _stacked(peers, "ocv")
+        coefficients, errors = thesis.quadratic_function(shifts[0], KNOTS, true)
     except Refusal:
         return None
-    change = thesis.quadratic_bias(cell.shift_volt[0], KNOTS, found.coefficients)
-    return _by_function(change, found.left_out, cell, shifts[0])
+    change = thesis.quadratic_bias(cell.shift_volt[0], KNOTS, coefficients)
+    return _by_function(change, errors, cell, shifts[0])
 
 
 def _shifts(cell, peers):

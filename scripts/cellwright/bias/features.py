@@ -37,18 +37,6 @@ class Shown(NamedTuple):
     charges: tuple = ()
 
 
-class Differences(NamedTuple):
-    """A cell against the reference of its type.
-
-    scalars : what tells of resistance and of size, by name: logarithms of ratios [1], shifts [V].
-    course : voltage of its charge minus the reference's at shares of the capacity, and of the mean
-    of its discharge, by name [V].
-    """
-
-    scalars: dict
-    course: dict
-
-
 def onset_resistances(rows, direction):
     """Median resistance at the onset of discharges from full, or of charges from empty.
 
@@ -82,17 +70,21 @@ def differences(reference, cell):
 
     Returns
     -------
-    differences : Differences.
+    scalars : dict, what tells of resistance and of size, by name: logarithms of ratios [1], shifts
+        [V]. course : dict, voltage of its charge minus the reference's at shares of the capacity,
+        and of the mean of its discharge, by name [V].
     """
     size = np.log(cell.capacity_ampere_hour / reference.capacity_ampere_hour)
     scalars = {"capacity": float(size)}
     scalars |= _log_ratios(reference.onset_ohm, cell.onset_ohm, "onset of discharge at {:g} s")
     scalars |= _log_ratios(reference.begin_ohm, cell.begin_ohm, "onset of charge at {:g} s")
-    of_charge, of_discharge = _of_capacity_tests(reference, cell)
-    scalars |= of_charge | _of_peaks(reference, cell)
-    course = of_discharge | _of_charges(reference, cell)
-    finite = ({n: v for n, v in part.items() if np.isfinite(v)} for part in (scalars, course))
-    return Differences(*finite)
+    of_capacity, of_discharge = _of_capacity_tests(reference, cell)
+    scalars |= of_capacity | _of_peaks(reference, cell)
+    shares, shift = charge_shift(reference, cell)
+    named = zip(shares, shift.tolist(), strict=True)
+    of_charge = {f"voltage of the charge at {100 * share:.0f} %": volt for share, volt in named}
+    course = of_discharge | of_charge
+    return tuple({n: v for n, v in part.items() if np.isfinite(v)} for part in (scalars, course))
 
 
 def resistance_ratio(reference, cell):
@@ -215,12 +207,6 @@ def _of_peaks(reference, cell):
         heights = [row["height_ampere_hour_per_volt"] for row in (theirs, ours)]
         found[f"height of peak {number}"] = float(np.log(heights[0] / heights[1]))
     return found
-
-
-def _of_charges(reference, cell):
-    shares, shift = charge_shift(reference, cell)
-    named = zip(shares, shift.tolist(), strict=True)
-    return {f"voltage of the charge at {100 * share:.0f} %": volt for share, volt in named}
 
 
 def same_cycles(reference, cell):

@@ -4,24 +4,11 @@ Source: thesis 4.5, eq. 4.2–4.6. Its products a2·a3, a2·a4, −a2·a5 (and c
 only the products can be identified: f = s·ΔV² + ΔV·(k0 + k1·z + k2·z²).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.refusal import Refusal
 
 LEAST_CELLS = 3
-
-
-class BiasFunction(NamedTuple):
-    """Coefficients of a bias function, and the error of each cell predicted from the others.
-
-    coefficients : (4,) s, k0, k1, k2, or (1,) of the mean shift. left_out : (c, k) predicted minus
-    true, in the unit of the changes.
-    """
-
-    coefficients: np.ndarray
-    left_out: np.ndarray
 
 
 def peak_shift(pairs):
@@ -69,7 +56,8 @@ def quadratic_function(shift_volt, soc, change):
 
     Returns
     -------
-    function : BiasFunction.
+    coefficients : (4,) s, k0, k1, k2. left_out : (c, k) error of each cell predicted from the
+        others, in the unit of the changes.
 
     Raises
     ------
@@ -93,7 +81,7 @@ def linear_function(shift_volt, change):
 
     Returns
     -------
-    function : BiasFunction.
+    coefficients : (1,). left_out : (c, k), as of `quadratic_function`.
 
     Raises
     ------
@@ -128,4 +116,4 @@ def _fitted(columns, change):
         part = np.linalg.lstsq(columns[others].reshape(-1, width), change[others].ravel())[0]
         errors.append(columns[cell] @ part - change[cell])
     fit = np.linalg.lstsq(columns.reshape(-1, width), change.ravel())[0]
-    return BiasFunction(fit, np.array(errors))
+    return fit, np.array(errors)

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from cellwright.circuits.cell import Tables
 from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.model_file import (
     capacity_of,
@@ -10,18 +9,20 @@ from cellwright.circuits.model_file import (
     is_plain,
     member_of,
     open_circuit_volt,
-    parameters_at,
-    plain_member,
     standing_in,
 )
-from cellwright.circuits.temperature import celsius_of, temperature_weights
+from cellwright.circuits.temperature import (
+    SMALLEST,
+    celsius_of,
+    coldest_first,
+    temperature_weights,
+)
 from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-pybamm/1"
 DIVIDED = {"r_ohm", "m_volt"}  # parameters that a capacitance is made by
 # Of the kinds that are not linear, these are PyBaMM's elements with parameters over the current.
 OVER_CURRENT = ("R_two_way", "kinetic", "hysteresis")
-SMALLEST = 1e-9  # ohm, volt: stands for a resistance or hysteresis of zero, over which tools divide
 SAME_SOC = 1e-9
 NO_ELEMENT = {
     "switch": "none of its elements remembers at rest which way the last current ran",
@@ -211,30 +212,16 @@ def _knots(model, entry, celsius):
             celsius_of(condition["ambient_temperature_celsius"]), celsius, equal_nan=True
         )
     ]
-    tables = _tables_at(model["ocv"], celsius)
-    table_knots = [
-        _counted_soc(condition, np.asarray(table["soc"]))
-        for condition in conditions
-        for table in tables
-    ]
-    soc = np.concatenate(
-        [[0.0, 1.0], *(condition["soc"] for condition in conditions), *table_knots]
-    )
-    return _distinct_soc(np.clip(soc, 0.0, 1.0))
-
-
-def _tables_at(tables, celsius):
-    """OCV tables with a weight above zero at a temperature [degC]."""
-    tables = sorted(tables, key=lambda t: celsius_of(t["ambient_temperature_celsius"]))
-    temperatures = np.array([celsius_of(t["ambient_temperature_celsius"]) for t in tables])
-    weights = temperature_weights(temperatures, np.array([celsius]))
-    return [table for table, weight in zip(tables, weights, strict=True) if weight[0] > 0]
-
-
-def _counted_soc(condition, table_soc):
-    """Counted SoC at which an OCV table is read at its own knots, see `circuit_at`."""
-    scale = condition.get("ocv_scale", {"missing": 0.0, "stretch": 0.0})
-    return (table_soc + scale["missing"] + scale["stretch"]) / (1.0 + scale["stretch"])
+    tables, measured = coldest_first(model["ocv"])
+    weights = temperature_weights(measured, np.array([celsius]))
+    read = [np.asarray(tables[k]["soc"]) for k, weight in enumerate(weights) if weight[0] > 0]
+    soc = [[0.0, 1.0], *(condition["soc"] for condition in conditions)]
+    for condition in conditions:
+        # Counted SoC at which a table is read at its own knots, see `circuit_at`.
+        scale = condition.get("ocv_scale", {"missing": 0.0, "stretch": 0.0})
+        moved = scale["missing"] + scale["stretch"]
+        soc += [(table_soc + moved) / (1.0 + scale["stretch"]) for table_soc in read]
+    return _distinct_soc(np.clip(np.concatenate(soc), 0.0, 1.0))
 
 
 def _distinct_soc(soc):
@@ -244,7 +231,7 @@ def _distinct_soc(soc):
 
 
 def _positive(values):
-    """Values with a small one for zero, so that a capacitance is finite."""
+    """Values with a small one for zero, over which tools divide for a capacitance [ohm], [V]."""
     return np.where(np.abs(values) < SMALLEST, SMALLEST, values)
 
 
@@ -267,31 +254,3 @@ def _elements(branch, points):
     pairs = [(_positive(lag.share * gain), lag.constant + np.zeros(points)) for lag in lags]
     elements = [{"kind": "RC", "r_ohm": r, "tau_second": tau} for r, tau in pairs]
     return direct * gain, elements
-
-
-def tables_of(model, *, temperature_celsius=None, member=None, points=201):
-    """A cell's model at one temperature, on a uniform grid of SoC.
-
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2.
-    temperature_celsius : [degC]; None only for a model of one condition.
-    member : name of a member of RC pairs, or None for that of `model_file.plain_member`.
-    points : size of the grid; where its knots lie on the grid the tables say what the model says.
-
-    Returns
-    -------
-    tables : Tables, with time constants over SoC.
-
-    Raises
-    ------
-    Refusal : a member with more than RC pairs, or as `model_file.circuit_at`.
-    """
-    soc = np.linspace(0.0, 1.0, points)
-    temperature = np.nan if temperature_celsius is None else temperature_celsius
-    entry = member_of(model, plain_member(model) if member is None else member)
-    if not is_plain(entry):
-        raise Refusal(f"{entry['model']} holds more than RC pairs, which is all that runs here")
-    conditions = entry["conditions"]
-    ocv = open_circuit_volt(model, circuit_at(conditions, soc, temperature), temperature)
-    return Tables(ocv, *parameters_at(conditions, soc, temperature)[:3])

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.model_file import Simulated, simulate_model
 from cellwright.circuits.temperature import ZERO_CELSIUS_KELVIN
 from cellwright.numerics.lags import lag
 from cellwright.numerics.statistics import (
@@ -14,18 +13,6 @@ from cellwright.numerics.statistics import (
     delta_method,
 )
 from cellwright.refusal import Refusal
-
-
-class Warmed(NamedTuple):
-    """A simulated record with the temperature that its own heat gives it; (n,) each.
-
-    passes : how often voltage and temperature were computed until both agreed.
-    """
-
-    simulated: Simulated
-    temperature_celsius: np.ndarray
-    heat_watt: np.ndarray
-    passes: int
 
 
 def heat(
@@ -104,65 +91,6 @@ def temperature(
     tau = resistance_kelvin_per_watt * heat_capacity_joule_per_kelvin
     drive = ambient + resistance_kelvin_per_watt * np.asarray(heat_watt, float)
     return lag(np.diff(test_time_second), tau, drive, hold="first_order", initial=start)
-
-
-def simulate_warm(
-    model,
-    member,
-    test_time_second,
-    current_ampere,
-    soc,
-    ambient_celsius,
-    *,
-    heat_capacity_joule_per_kelvin,
-    resistance_kelvin_per_watt,
-    initial_celsius=None,
-    entropic_volt_per_kelvin=None,
-    hold="first_order",
-    passes=30,
-    tolerance_kelvin=0.001,
-):
-    """Terminal voltage [V] and temperature of a cell's model that warms itself.
-
-    Voltage and temperature are computed in turn until the temperature stands still. As heat acts
-    only on what comes after it, that always ends, if the passes suffice.
-
-    Parameters
-    ----------
-    model, member, test_time_second, current_ampere, soc, hold : as in `model_file.simulate_model`.
-    ambient_celsius : scalar or (n,) [degC].
-    heat_capacity_joule_per_kelvin, resistance_kelvin_per_watt, initial_celsius : as in
-        `temperature`. entropic_volt_per_kelvin : as in `heat`.
-    passes : at most so many turns.
-    tolerance_kelvin : the largest change of temperature from one turn to the next at the end [K].
-
-    Returns
-    -------
-    warmed : Warmed.
-
-    Raises
-    ------
-    Refusal : the temperature still moves after the last pass, or what `simulate_model` refuses.
-    """
-    cooling = {
-        "heat_capacity_joule_per_kelvin": heat_capacity_joule_per_kelvin,
-        "resistance_kelvin_per_watt": resistance_kelvin_per_watt,
-        "initial_celsius": initial_celsius,
-    }
-    current = np.asarray(current_ampere, float)
-    celsius = temperature(test_time_second, 0.0 * current, ambient_celsius, **cooling)
-    change = np.inf
-    for turn in range(1, passes + 1):
-        run = simulate_model(model, member, test_time_second, current, soc, celsius, hold=hold)
-        reversible = {"entropic_volt_per_kelvin": entropic_volt_per_kelvin}
-        watt = heat(
-            current, run.voltage_volt, run.ocv_volt, temperature_celsius=celsius, **reversible
-        )
-        before, celsius = celsius, temperature(test_time_second, watt, ambient_celsius, **cooling)
-        change = np.abs(celsius - before).max()
-        if change < tolerance_kelvin:
-            return Warmed(run, before, watt, turn)
-    raise Refusal(f"temperature still moves by {change:.2g} K after {passes} passes")
 
 
 SLOPE_STEP = 1e-4  # of ln tau

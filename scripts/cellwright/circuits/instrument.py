@@ -15,12 +15,10 @@ named is zero. A member without blocks is its circuit alone.
 `history` : near_end_soc [1]: a cell that a record finds as near full was charged to get there.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
+from cellwright.circuits.cell import closing
 from cellwright.circuits.circuit import KINDS
-from cellwright.circuits.simulate import closing
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.records.conditions import AT_REST_C_RATE, REFERENCE_CELSIUS
@@ -39,22 +37,10 @@ EDGE_SECOND = 0.06  # before the stamp of a row, within which the current of the
 LEAST_CAPACITY = 0.1
 
 
-class Corrected(NamedTuple):
-    """Current and SoC of a record corrected by a member; (n,) each.
-
-    current_ampere : through the cell [A]. charging_ampere : what of it, less the leak, moves the
-    SoC [A]. soc : state of charge, counted on from the stated start [1].
-    """
-
-    current_ampere: np.ndarray
-    charging_ampere: np.ndarray
-    soc: np.ndarray
-
-
 def corrected(
     member, capacity_ampere_hour, test_time_second, current_ampere, soc, celsius, *, kind=None
 ):
-    """Current [A] and SoC [1] of a record, corrected for instrument errors and losses of charge.
+    """Currents and SoC of a record, corrected for instrument errors and losses of charge.
 
     Parameters
     ----------
@@ -65,10 +51,12 @@ def corrected(
 
     Returns
     -------
-    corrected : Corrected; the record as it is where the member has no such block.
+    current_ampere : (n,) through the cell [A]. charging_ampere : (n,) what of it, less the leak,
+        moves the SoC [A]. soc : (n,) counted on from the stated start [1]. All as they are where
+        the member has no such block.
     """
     if not {"reading", "counting"} & member.keys():
-        return Corrected(current_ampere, current_ampere, soc)
+        return current_ampere, current_ampere, soc
     reading, counting = member.get("reading", {}), member.get("counting", {})
     offset, gain = (reading.get(f"current_{n}", 0.0) for n in ("offset_ampere", "gain_relative"))
     lost, leak = (counting.get(name, 0.0) for name in ("lost_share_of_charge", "leak_ampere"))
@@ -79,7 +67,7 @@ def corrected(
     current = through_cell(np.asarray(current_ampere, float), offset=offset, gain_relative=gain)
     size = capacity_ampere_hour * capacity_factor(member, celsius, kind=kind)
     charging = stored(current, lost_share=lost, leak=leak)
-    return Corrected(current, charging, soc[0] + np.cumsum(charge / size))
+    return current, charging, soc[0] + np.cumsum(charge / size)
 
 
 def through_cell(read, *, offset=0.0, gain_relative=0.0):

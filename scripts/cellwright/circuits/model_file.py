@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits import instrument
+from cellwright.circuits.cell import overpotentials
 from cellwright.circuits.circuit import KINDS, Branch
-from cellwright.circuits.simulate import OpenCircuit, overpotentials
 from cellwright.circuits.temperature import (
     SMALLEST,
-    celsius_of,
+    coldest_first,
     continued_ocv_at,
     factor_beyond,
     law_weights,
@@ -145,17 +145,6 @@ def model_of(document, cell):
 BEYOND_KELVIN = 5.0
 
 
-class SampledParameters(NamedTuple):
-    """Look-up of the plain RC part of a member at every sample; r, tau: (branches, n)."""
-
-    r0_ohm: np.ndarray
-    r_ohm: np.ndarray
-    tau_second: np.ndarray
-    ocv_shift_volt: np.ndarray
-    outside_soc: np.ndarray
-    outside_temperature: np.ndarray
-
-
 class SampledCircuit(NamedTuple):
     """A member's circuit with one value per sample, and where it was never measured; (n,) each.
 
@@ -205,8 +194,7 @@ def circuit_at(conditions, soc, temperature_celsius):
     """
     # ASSUME: Between two measured temperatures every model parameter follows an Arrhenius law.
     # ASSUME: Outside the measured range of SoC or temperature the model keeps its last value.
-    conditions = sorted(conditions, key=lambda c: celsius_of(c["ambient_temperature_celsius"]))
-    measured = np.array([celsius_of(c["ambient_temperature_celsius"]) for c in conditions])
+    conditions, measured = coldest_first(conditions)
     celsius = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
     weights = temperature_weights(measured, celsius)
     elements = [_elements(condition) for condition in conditions]
@@ -250,24 +238,6 @@ def circuit_at(conditions, soc, temperature_celsius):
     # Cells warm a little in a chamber: a few kelvin beyond the measured range count as inside.
     cold, hot = measured[0] - BEYOND_KELVIN, measured[-1] + BEYOND_KELVIN
     return SampledCircuit(circuit, scaled, shift, outside, (celsius < cold) | (celsius > hot))
-
-
-def parameters_at(conditions, soc, temperature_celsius):
-    """As `circuit_at`, but only resistance and RC pairs, as arrays.
-
-    Parameters
-    ----------
-    conditions, soc, temperature_celsius : as in `circuit_at`.
-
-    Returns
-    -------
-    parameters : SampledParameters.
-    """
-    sampled = circuit_at(conditions, soc, temperature_celsius)
-    pairs = [branch.parameters for branch in sampled.circuit if branch.kind == "RC"]
-    values = ([pair[name] for pair in pairs] for name in ("r_ohm", "tau_second"))
-    r, tau = (np.reshape(column, (-1, len(soc))) for column in values)
-    return SampledParameters(sampled.circuit[0].parameters["r_ohm"], r, tau, *sampled[2:])
 
 
 def open_circuit_volt(model, sampled, temperature_celsius):
@@ -324,7 +294,8 @@ def simulate_model(
     Parameters
     ----------
     model : dict of schema cellwright-model/2.
-    member : "1RC", "2RC", …, or None for the chosen one.
+    member : "1RC", "2RC", …, None for the chosen one, or the entry of one, which need not be in the
+        model.
     test_time_second, current_ampere : (n,) [s], [A], positive on charge.
     soc : (n,) state of charge at each sample [1].
     temperature_celsius : scalar or (n,) [degC].
@@ -334,50 +305,26 @@ def simulate_model(
 
     Returns
     -------
-    simulated : Simulated; `instrument` says what a member may correct of the record.
+    simulated : Simulated; `instrument` says what a member may correct of the record. A member with
+        `companions` has circuit and OCV of the one it begins from, and the voltage of all three.
     """
-    read = test_time_second, current_ampere, np.asarray(soc, float), temperature_celsius
-    return simulate_member(model, member_of(model, member), *read, hold=hold, kind=kind)
-
-
-def simulate_member(
-    model,
-    member,
-    test_time_second,
-    current_ampere,
-    soc,
-    temperature_celsius,
-    *,
-    hold=None,
-    kind=None,
-):
-    """As `simulate_model`, of a member by its entry, which need not be in the model.
-
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2. member : dict, entry of a member.
-    test_time_second, current_ampere, soc, temperature_celsius, hold, kind : as of `simulate_model`.
-
-    Returns
-    -------
-    simulated : Simulated; of a member with `companions` circuit and OCV of the member it begins
-        from, and the voltage of all three.
-    """
-    record = test_time_second, current_ampere, np.asarray(soc, float), temperature_celsius
+    member = member if isinstance(member, dict) else member_of(model, member)
+    time, celsius = test_time_second, temperature_celsius
+    record = time, current_ampere, np.asarray(soc, float), celsius
     if "companions" in member:
         return _with_companions(model, member, record, hold=hold, kind=kind)
-    time, celsius, capacity = test_time_second, temperature_celsius, model["capacity_ampere_hour"]
-    true = instrument.corrected(member, capacity, *record, kind=kind)
-    sampled = circuit_at(member["conditions"], true.soc, celsius)
+    capacity = model["capacity_ampere_hour"]
+    flowing, _, true_soc = instrument.corrected(member, capacity, *record, kind=kind)
+    sampled = circuit_at(member["conditions"], true_soc, celsius)
     ocv = open_circuit_volt(model, sampled, celsius)
-    curve = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, celsius), sampled.table_soc)
+    curve = (lambda z: continued_ocv_at(model["ocv"], z, celsius)), sampled.table_soc
     settings = {"hold": hold or instrument.hold_of(member, current_ampere), "open_circuit": curve}
-    flowing = (time, np.asarray(true.current_ampere, float))
-    over = _overpotentials(member, sampled.circuit, flowing, celsius, settings)
+    through = (time, np.asarray(flowing, float))
+    over = _overpotentials(member, sampled.circuit, through, celsius, settings)
     if "history" in member:
         over = instrument.with_history(
-            *(member, sampled.circuit, over, flowing, current_ampere),
-            soc_at_start=true.soc[0],
+            *(member, sampled.circuit, over, through, current_ampere),
+            soc_at_start=true_soc[0],
             capacity_ampere_hour=capacity,
             hold=settings["hold"],
         )
@@ -387,10 +334,10 @@ def simulate_member(
 
 
 def _with_companions(model, member, record, *, hold, kind):
-    """Simulation of a member beside which two companions stand: see `simulate_member`."""
+    """Simulation of a member beside which two companions stand: see `simulate_model`."""
     bare = {name: member[name] for name in member if name != "companions"}
     parts = (bare, member["companions"]["with"], member["companions"]["without"])
-    runs = [simulate_member(model, part, *record, hold=hold, kind=kind) for part in parts]
+    runs = [simulate_model(model, part, *record, hold=hold, kind=kind) for part in parts]
     return runs[0]._replace(voltage_volt=summed(member, *(run.voltage_volt for run in runs)))
 
 

@@ -24,8 +24,7 @@ def ocv_at(tables, soc, temperature_celsius):
     -------
     ocv_volt : (n,) [V].
     """
-    tables = sorted(tables, key=lambda t: celsius_of(t["ambient_temperature_celsius"]))
-    measured = np.array([celsius_of(t["ambient_temperature_celsius"]) for t in tables])
+    tables, measured = coldest_first(tables)
     weights = temperature_weights(measured, np.broadcast_to(temperature_celsius, np.shape(soc)))
     curves = [np.interp(soc, table["soc"], table["ocv_volt"]) for table in tables]
     return sum(weight * curve for weight, curve in zip(weights, curves, strict=True))
@@ -113,6 +112,18 @@ def mixed_by(weights, values):
     weights : sequence of (n,), see `temperature_weights`. values : sequence of scalars or (n,).
     """
     return sum(weight * value for weight, value in zip(weights, values, strict=True))
+
+
+def coldest_first(entries):
+    """Conditions or OCV tables by their temperature, and these temperatures (c,) [degC].
+
+    Parameters
+    ----------
+    entries : sequence of dicts with `ambient_temperature_celsius`.
+    """
+    celsius = [celsius_of(entry["ambient_temperature_celsius"]) for entry in entries]
+    order = np.argsort(celsius, kind="stable") if entries else []
+    return [entries[k] for k in order], np.array([celsius[k] for k in order])
 
 
 def celsius_of(value):

@@ -13,8 +13,7 @@ import numpy as np
 
 from cellwright.circuits.cell import ocv_on_grid, place
 from cellwright.circuits.instrument import delayed
-from cellwright.native import array, count, function, real
-from cellwright.numerics.lags import lag_weights
+from cellwright.numerics.lags import lag_fresh
 from cellwright.numerics.least_squares import Free
 from cellwright.settings import MissingEffect
 
@@ -325,42 +324,6 @@ def kept_response(stack, columns, sizes, make):
         _make_room(kept, KEPT_RESPONSES)
         kept[key] = columns, make()
     return kept[key][1]
-
-
-def lag_fresh(step, fresh, linear, drive, constant, start):
-    """First-order lag over records that lie one after the other.
-
-    Parameters
-    ----------
-    step : (n,) time, or another clock, since the row before. fresh : (n,) 1 in first rows, else 0.
-    linear : (n,) 1 where the drive moved on a straight line since the row before, 0 where it kept
-        its value. drive : (n,) input. constant : time constant, unit of `step`.
-    start : (n,) state in first rows.
-
-    Returns
-    -------
-    state : (n,) unit of the drive.
-    """
-    kernel = function("lag_fresh", count, array, array, array, real, array, array, array)
-    if kernel is None:
-        return _twin(step, fresh, linear, drive, constant, start)
-    drive, step = np.ascontiguousarray(drive, float), np.ascontiguousarray(step)
-    state = np.empty(len(drive))
-    kernel(len(drive), step, fresh, linear, constant, start, drive, state)
-    return state
-
-
-def _twin(step, fresh, linear, drive, constant, start):
-    held, moved = (lag_weights(step, constant, hold=hold) for hold in ("zero_order", "first_order"))
-    pairs = zip(moved, held, strict=True)
-    decay, before, after = (np.where(linear > 0, ramp, step) for ramp, step in pairs)
-    state = np.empty(len(drive))
-    for k in range(len(drive)):
-        if fresh[k]:
-            state[k] = start[k]
-        else:
-            state[k] = decay[k] * state[k - 1] + before[k] * drive[k - 1] + after[k] * drive[k]
-    return state
 
 
 SEARCH = MissingEffect()  # the schema's defaults

@@ -28,21 +28,26 @@ PARTS = 4  # of each record
 
 
 class Stack(NamedTuple):
-    """Rows of several records, one record after the other.
+    """Rows of several records of a cell or of a group, one record after the other.
 
-    tests, kinds : names and kinds of the records. first : (f,) index of their first rows.
+    tests : names of the records. first : (f,) index of their first rows.
     file : (n,) number of the record of each row. second : (n,) time within the record [s].
     step_second : (n,) time since the row before [s], 0 in first rows.
     fresh : (n,) 1.0 in the first row of a record, else 0.0.
+    current_ampere, voltage_volt, celsius : (n,) of the cell or the whole group [A], [V], [degC].
+    hold : of the current between rows, see `stacked`.
+    soc_at_start : (f,) of a cell, (f, branches) of a group [1].
+
+    Of a group alone:
+    branch_current_ampere : (n, branches) [A], None where one was not logged.
+
+    Of a cell alone:
+    kinds : of the records. held_ampere : (n,) current that flowed since the row before [A], 0 in
+    first rows. linear : (n,) 1 where it moved on a straight line since the row before, else 0.
     direction : (n,) sign of the last load above C/100; before the first one that of the charge or
     discharge that led to the start, where that was full or empty, else 0.
-    held_ampere : (n,) current that flowed since the row before [A], 0 in first rows.
-    soc_at_start : (f,) [1]. hold : of the current between rows, see `stacked`.
-    linear : (n,) 1 where the current moved on a straight line since the row before, else 0.
     template_volt : (n,) part of the voltage that is given beside the circuit's: mean residual of
     healthy cells (paired mode), what a given model has and its companion has not (`own`) [V].
-    ohmic_course, slow_courses : (n,) resistance of a given model at each row over its mean, ohmic,
-    and two of (n,) of the RC pairs, or None. tau_course : (n,) the same of their time constants.
     used : (n,) bool, rows that are compared. unseen_ampere_hour : (n,) charge since
     the row before that the current between them does not explain: a gap in the record [Ah].
     responses : lags of the measured current, by time constant; kept, as most
@@ -50,34 +55,37 @@ class Stack(NamedTuple):
     the charge, by their values; kept likewise.
     stated : (f,) bool, records of which no sensor told the temperature.
     least_digit_ampere, least_digit_volt : (f,) of the readings [A], [V].
+    ohmic_course, slow_courses : (n,) resistance of a given model at each row over its mean, ohmic,
+    and two of (n,) of the RC pairs, or None. tau_course : (n,) the same of their time constants.
     anchor_row : (f,) row of each record whose SoC is known, the end of a full charge say; None
     where that is the first row of all. anchor_rise : (f,) its SoC over that at the start, as it was
     counted first [1].
     """
 
     tests: tuple
-    kinds: tuple
     first: np.ndarray
     file: np.ndarray
     second: np.ndarray
     step_second: np.ndarray
     fresh: np.ndarray
     current_ampere: np.ndarray
-    held_ampere: np.ndarray
-    direction: np.ndarray
     voltage_volt: np.ndarray
     celsius: np.ndarray
-    soc_at_start: np.ndarray
     hold: str
-    linear: np.ndarray
-    template_volt: np.ndarray
-    used: np.ndarray
-    unseen_ampere_hour: np.ndarray
-    responses: dict
-    courses: dict
-    stated: np.ndarray
-    least_digit_ampere: np.ndarray
-    least_digit_volt: np.ndarray
+    soc_at_start: np.ndarray | None = None
+    branch_current_ampere: np.ndarray | None = None
+    kinds: tuple = ()
+    held_ampere: np.ndarray | None = None
+    linear: np.ndarray | None = None
+    direction: np.ndarray | None = None
+    template_volt: np.ndarray | None = None
+    used: np.ndarray | None = None
+    unseen_ampere_hour: np.ndarray | None = None
+    responses: dict | None = None
+    courses: dict | None = None
+    stated: np.ndarray | None = None
+    least_digit_ampere: np.ndarray | None = None
+    least_digit_volt: np.ndarray | None = None
     ohmic_course: np.ndarray | None = None
     slow_courses: tuple | None = None
     tau_course: np.ndarray | float = 1.0
@@ -241,29 +249,6 @@ def _check(record):
         raise Refusal(f"{record.test}: {refusal}") from refusal
 
 
-class GroupStack(NamedTuple):
-    """Rows of several records of one group, one record after the other.
-
-    tests : names. first : (f,) index of first rows. file : (n,) number of the record of each row.
-    second : (n,) time within the record [s]. step_second : (n,) since the row before, 0 in first
-    rows [s]. fresh : (n,) 1.0 in first rows, else 0.0. hold : of the total between rows.
-    branch_current_ampere : (n, branches) or None [A]. branches : how many.
-    """
-
-    tests: tuple
-    first: np.ndarray
-    file: np.ndarray
-    second: np.ndarray
-    step_second: np.ndarray
-    fresh: np.ndarray
-    current_ampere: np.ndarray
-    voltage_volt: np.ndarray
-    celsius: np.ndarray
-    branch_current_ampere: np.ndarray | None
-    branches: int
-    hold: str
-
-
 def group_stacked(records, *, branches, hold="zero_order"):
     """Stack of the records of a group, one after the other.
 
@@ -275,7 +260,8 @@ def group_stacked(records, *, branches, hold="zero_order"):
 
     Returns
     -------
-    stack : GroupStack. Where one record lacks branch currents, those of the others are not used.
+    stack : Stack, without SoC at the starts. Where one record lacks branch currents, those of the
+        others are not used.
 
     Raises
     ------
@@ -291,7 +277,7 @@ def group_stacked(records, *, branches, hold="zero_order"):
         _check_group(record, branches)
     logged = all(record.branch_current_ampere is not None for record in records)
     currents = _joined(records, "branch_current_ampere") if logged else None
-    return GroupStack(**_rows(records, hold), branch_current_ampere=currents, branches=branches)
+    return Stack(**_rows(records, hold), branch_current_ampere=currents)
 
 
 def _check_group(record, branches):

@@ -31,16 +31,6 @@ class Element(NamedTuple):
     parameters: dict
 
 
-class Relaxation(NamedTuple):
-    """One lag: the element it belongs to, its clock, what share of the drive goes through it, and
-    its constant (m,), [s] or [Ah]."""
-
-    element: int
-    clock: str
-    share: float
-    constant: np.ndarray
-
-
 class Bank(NamedTuple):
     """Tables (m,) over `soc`, a uniform grid that reaches `BEYOND` 0 and 1.
 
@@ -49,7 +39,8 @@ class Bank(NamedTuple):
     error_volt : RMS error of the model at rest, on data that it was not fitted to [V].
     load_error_volt : what the circuit adds to it under load, at this temperature [V].
     outside : where neither resistance nor relaxation was measured.
-    elements, lags : tuples of Element and Relaxation, the ohmic resistance first.
+    elements : tuple of Element, the ohmic resistance first. lags : tuple of (number of the element,
+    its circuit.Lag, with constants (m,)).
     """
 
     soc: np.ndarray
@@ -172,10 +163,9 @@ def _is_straight(kind, branch, soc, capacity):
     return np.ptp(resistances, axis=0).max() <= STRAIGHT * np.abs(resistances[0]).max()
 
 
-def _lags(index, branch, soc):
+def _lags(number, branch, soc):
     for lag in kind_of(branch).lags(**branch.parameters):
-        constant = np.broadcast_to(lag.constant, soc.shape)
-        yield Relaxation(index, lag.clock, float(lag.share), constant)
+        yield number, lag._replace(constant=np.broadcast_to(lag.constant, soc.shape))
 
 
 # ASSUME: Of the error that all temperatures share, half the variance is the OCV's; the other half,

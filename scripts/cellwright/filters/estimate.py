@@ -4,9 +4,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.filters.bank import NODES
 from cellwright.filters.kalman import acquire, run
-from cellwright.filters.plant import ERROR, GAIN, SLOPE, TOTAL, Noise, plant_of
+from cellwright.filters.plant import (
+    ERROR,
+    GAIN,
+    SLOPE,
+    TOTAL,
+    Noise,
+    drive_at,
+    look_at,
+    plant_of,
+)
 from cellwright.numerics.lags import lag
 from cellwright.refusal import Refusal
 
@@ -142,44 +150,23 @@ def _looked_up(plant):
     for _ in range(PASSES):
         over = _overpotential(plant, soc)
         soc = np.interp(plant.voltage_volt - over, curve, grid[inside])
-    at = _places(plant, soc)
-    error = _looked(plant, at, ERROR)
+    error = look_at(plant, soc, ERROR)
     volt = np.sqrt(error**2 + plant.slow_variance + plant.white_variance)
-    std = volt / np.maximum(_looked(plant, at, SLOPE), FLAT_VOLT)
+    std = volt / np.maximum(look_at(plant, soc, SLOPE), FLAT_VOLT)
     return soc, np.minimum(std, 1.0 / np.sqrt(12.0))
-
-
-def _places(plant, soc):
-    """Row of the tables below each SoC (n,), and the part of the way to the next one."""
-    spot = (soc - plant.soc_first) / plant.soc_spacing
-    row = np.minimum(spot.astype(int), len(plant.tables) - 2)
-    return row, spot - row
-
-
-def _looked(plant, places, column):
-    """A column of the tables at each place (n,), linear between two rows."""
-    values = np.ascontiguousarray(plant.tables[:, column])
-    return values[places[0]] + places[1] * np.diff(values)[places[0]]
 
 
 def _overpotential(plant, soc):
     """Voltage over the circuit (n,) along a course of the SoC; what shifts the SoC by the slope."""
-    drives, over, at = [], np.zeros(len(soc)), _places(plant, soc)
-    slope = _looked(plant, at, SLOPE)
-    spot = np.clip(soc, 0.0, 1.0) * (len(NODES) - 1)
-    cell, samples = np.minimum(spot.astype(int), len(NODES) - 2), np.arange(len(soc))
-    for e, source in enumerate(plant.source):
-        current = plant.between_ampere if plant.by_charge[e] else plant.current_ampere
-        if source < 0:
-            drive = _looked(plant, at, GAIN + e) * current
-        else:
-            low, high = (plant.drives[source, cell + side, samples] for side in (0, 1))
-            drive = low + (spot - cell) * (high - low)
-        drives.append(drive * (slope if plant.shifts_soc[e] else 1.0))
-        over += plant.direct[e] * drives[-1]
+    over, samples = np.zeros(len(soc)), np.arange(len(soc))
+    slope, drives = look_at(plant, soc, SLOPE), []
+    for e, share in enumerate(plant.direct):
+        shift = slope if plant.shifts_soc[e] else 1.0
+        drives.append(shift * drive_at(plant, e, samples, soc))
+        over += share * drives[-1]
     for j, e in enumerate(plant.element):
         column = GAIN + len(drives) + j
-        constant = _looked(plant, at, column)[:-1] if plant.moves[j] else plant.tables[0, column]
+        constant = look_at(plant, soc[:-1], column) if plant.moves[j] else plant.tables[0, column]
         held = plant.by_charge[e] or not plant.first_order
         clock = plant.passed_ampere_hour if plant.by_charge[e] else plant.step_second
         driven = np.append(drives[e][1:], 0.0) if plant.by_charge[e] else drives[e]

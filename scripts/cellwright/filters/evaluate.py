@@ -1,7 +1,5 @@
 """Filters through a test that took no part in any fit, from wrong starts, and their scores."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
@@ -19,23 +17,7 @@ NORMAL_95 = 1.959963985
 LAGS = 20  # of the autocorrelation that is tested
 CONVERGED_SOC, HELD_SECOND = 0.03, 600.0  # a filter has converged when its error stays this small
 WINDOW_SECOND = 600.0  # of the adaptive law
-
-
-class Innovations(NamedTuple):
-    """Tests of a filter's innovations, standardised by what they should be.
-
-    nis_mean : mean of their squares; one where the filter's noise is right, larger where it trusts
-        its model too much.
-    nis_low, nis_high : where nis_mean lies in 95 % of such records.
-    autocorrelation : of neighbours; zero where nothing is left to learn.
-    white : whether the Ljung–Box statistic over `LAGS` lags stays below its 95 % bound.
-    """
-
-    nis_mean: float
-    nis_low: float
-    nis_high: float
-    autocorrelation: float
-    white: bool
+NUMBERS = ("nis_mean", "nis_low", "nis_high", "autocorrelation")  # of the innovations
 
 
 def innovation_tests(innovation_volt, innovation_std_volt):
@@ -47,7 +29,11 @@ def innovation_tests(innovation_volt, innovation_std_volt):
 
     Returns
     -------
-    innovations : Innovations; NaN and False where a method has no innovations.
+    tests : dict; NaN and False where a method has no innovations. nis_mean : mean of the squares of
+        the innovations over what they should be; one where the filter's noise is right, larger
+        where it trusts its model too much. nis_low, nis_high : where it lies in 95 % of such
+        records. autocorrelation : of neighbours; zero where nothing is left to learn. white :
+        whether the Ljung–Box statistic over `LAGS` lags stays below its 95 % bound.
 
     Raises
     ------
@@ -58,7 +44,7 @@ def innovation_tests(innovation_volt, innovation_std_volt):
     """
     ratio = innovation_volt / innovation_std_volt
     if np.isnan(ratio).all():
-        return Innovations(*[np.nan] * 4, False)
+        return dict.fromkeys(NUMBERS, np.nan) | {"white": False}
     n = len(ratio)
     if n <= LAGS:
         raise Refusal(f"{n} innovations; more than {LAGS} are needed to test them")
@@ -68,7 +54,8 @@ def innovation_tests(innovation_volt, innovation_std_volt):
     rho = np.array([centred[k:] @ centred[:-k] / power for k in range(1, LAGS + 1)])
     statistic = n * (n + 2) * np.sum(rho**2 / (n - np.arange(1, LAGS + 1)))
     white = bool(statistic < chi_square(1.644853627, LAGS))
-    return Innovations(float(np.mean(ratio**2)), low, high, float(rho[0]), white)
+    numbers = float(np.mean(ratio**2)), low, high, float(rho[0])
+    return dict(zip(NUMBERS, numbers, strict=True)) | {"white": white}
 
 
 def chi_square(normal, degrees):
@@ -145,20 +132,12 @@ def scores(test_time_second, estimate, reference_soc, scored):
         "capacity_std_ampere_hour": float(estimate.capacity_std_ampere_hour[-1]),
         "soc_std": float(estimate.std[late].mean()),
         "coverage_95": float(covered[scored].mean()),
-        **tests._asdict(),
+        **tests,
     }
 
 
 FEWEST, MOST = 20, 20000  # samples of the window of the adaptive law
 WALK_RATIO = 10.0  # of the largest to the smallest variance that the current sensor adds
-
-
-class SocRuns(NamedTuple):
-    """Rows of scores, one a filter, start and scenario, and the series of the first of them."""
-
-    rows: list
-    series: dict
-    notes: tuple
 
 
 def soc_runs(model, cell, test, *, settings, split_rest_second):
@@ -176,7 +155,8 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
 
     Returns
     -------
-    runs : SocRuns.
+    rows : list of dict, scores, one a filter, start and scenario. series : dict of (n,) columns of
+        the first of them. notes : tuple of str.
 
     Raises
     ------
@@ -209,7 +189,7 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
         columns |= _series_of(method, runs[0][1])
     rows = [row | {"model": model["chosen"]} for row in rows]
     series = {"test_time_second": record.test_time_second, "soc": record.soc}
-    return SocRuns(rows, series | {"scored": record.used} | columns, tuple(notes))
+    return rows, series | {"scored": record.used} | columns, tuple(notes)
 
 
 def _circuit_alone(model):
@@ -247,12 +227,9 @@ def noise_of(settings, test_time_second):
 def _without_instrument_faults(model, member, record):
     """Record corrected for the instrument errors that a member states."""
     read = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
-    true = corrected(member, model["capacity_ampere_hour"], *read, kind=record.kind)
-    return record._replace(
-        current_ampere=true.charging_ampere,
-        voltage_volt=true_volt(member, record.voltage_volt),
-        soc=true.soc,
-    )
+    _, charging, soc = corrected(member, model["capacity_ampere_hour"], *read, kind=record.kind)
+    volt = true_volt(member, record.voltage_volt)
+    return record._replace(current_ampere=charging, voltage_volt=volt, soc=soc)
 
 
 def _loaded_mean(model, record):

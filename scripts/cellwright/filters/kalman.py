@@ -12,7 +12,6 @@ import numpy as np
 from cellwright.filters.bank import NODES
 from cellwright.filters.plant import (
     ERROR,
-    GAIN,
     OCV,
     SLOPE,
     TOTAL,
@@ -43,17 +42,6 @@ class State(NamedTuple):
     linear_soc: float
     surface_soc: float
     wide_variance: float
-
-
-class Output(NamedTuple):
-    """Voltage that a state predicts, its Jacobian (s,), what the linear form leaves out, the
-    error that is stated there, and how far the surface's SoC is from the mean's."""
-
-    volt: float
-    jacobian: np.ndarray
-    curvature_volt: float
-    stated_volt: float
-    surface_soc: float
 
 
 def predict(state, plant, k, noise):
@@ -124,16 +112,22 @@ def _follows(step, noise):
 
 
 def output(state, plant, k, noise):
-    """Voltage that a state predicts at sample k, and its Jacobian.
+    """Voltage that a state predicts at sample k, its Jacobian, and what the linear form leaves out.
 
     The slope of the OCV is that of a chord as wide as what is not known of the SoC, within 0…1,
     and at least `slope_window_soc`: a tangent would mislead a filter that does not yet know where
-    it is. What the chord misses in its middle is told as `curvature_volt`. That resistances change
+    it is. That resistances change
     over SoC is in the voltage, not in the Jacobian: one that is 10 % off would be read as a SoC.
 
     Parameters
     ----------
     state, plant, k, noise : as in `predict`.
+
+    Returns
+    -------
+    volt : [V]. jacobian : (s,). curvature_volt : what the chord misses in its middle [V].
+    stated_volt : error of the model that is stated there [V]. surface_soc : how far the SoC of the
+        particles' surface is from the mean's [1].
     """
     mean, jacobian = state.mean, np.zeros(plant.size)
     direct, offset, over, ohmic = 0.0, 0.0, 0.0, 0.0
@@ -151,19 +145,19 @@ def output(state, plant, k, noise):
     follows = _follows(plant.step_second[k], noise)
     lean = state.surface_soc + follows * (offset - state.surface_soc)
     surface = state.linear_soc + lean
-    stated = look_at(plant, surface)[ERROR]
+    stated = look_at(plant, surface, ERROR)
     slope, curvature = slope_at(plant, surface, state.wide_variance, noise)
     shifts = plant.shifts_soc[plant.element]
     jacobian[1 : 1 + len(plant.element)] = plant.share * np.where(shifts, slope, 1.0)
     jacobian[0] = slope
     row = look_at(plant, mean[0])
-    volt = look_at(plant, mean[0] + offset)[OCV] + row[TOTAL] - row[OCV] + direct + over
+    volt = look_at(plant, mean[0] + offset, OCV) + row[TOTAL] - row[OCV] + direct + over
     for spot, scale in ((plant.error, 1.0), (plant.fast, 1.0), (plant.standing, stated)):
         if spot >= 0:
             volt, jacobian[spot] = volt + scale * mean[spot], scale
     if plant.ohmic >= 0:
         jacobian[plant.ohmic] = ohmic
-    return Output(volt, jacobian, curvature, stated, lean)
+    return volt, jacobian, curvature, stated, lean
 
 
 def update(state, plant, k, noise):
@@ -184,12 +178,12 @@ def update(state, plant, k, noise):
 
     Source: thesis, table 2.3, (5), (6), (8)–(10).
     """
-    out, edge = output(state, plant, k, noise), plant.edge_variance[k]
-    innovation = plant.voltage_volt[k] - out.volt
-    shared = state.covariance @ out.jacobian
-    predicted_variance = out.jacobian @ shared
+    volt, jacobian, curvature, stated, surface = output(state, plant, k, noise)
+    edge, innovation = plant.edge_variance[k], plant.voltage_volt[k] - volt
+    shared = state.covariance @ jacobian
+    predicted_variance = jacobian @ shared
     floor, error = plant.white_variance, plant.slow_variance
-    error = error + (out.stated_volt**2 if plant.standing < 0 else 0.0)
+    error = error + (stated**2 if plant.standing < 0 else 0.0)
     if plant.error < 0:
         floor, slow_square = floor + error, np.nan
     else:
@@ -199,10 +193,10 @@ def update(state, plant, k, noise):
         )
         slow_square -= edge
     white, error = _matched(state.seen, floor, error, noise) if noise.adaptive else (floor, error)
-    white = white + (out.curvature_volt**2 + edge)
+    white = white + (curvature**2 + edge)
     variance = predicted_variance + white
     gain = shared / variance
-    joseph = np.eye(plant.size) - np.outer(gain, out.jacobian)
+    joseph = np.eye(plant.size) - np.outer(gain, jacobian)
     covariance = joseph @ state.covariance @ joseph.T + white * np.outer(gain, gain)
     walk = _walk(state, gain[0], variance, plant.step_second[k], noise)
     mean = state.mean + gain * innovation
@@ -210,7 +204,7 @@ def update(state, plant, k, noise):
         -noise.window :
     ]
     updated = state._replace(mean=mean, covariance=covariance, soc_walk=walk, error_variance=error)
-    updated = updated._replace(seen=seen, surface_soc=out.surface_soc)
+    updated = updated._replace(seen=seen, surface_soc=surface)
     return updated, innovation, variance
 
 
@@ -384,16 +378,15 @@ def _start_state(plant, start, noise, soc, weight):
 
 def _predicted(plant, soc):
     """Predicted voltage (p,) [V], and its derivatives by all states but the SoC (p, s−1)."""
-    grid = _grid(plant)
-    drive = np.array([_drive(plant, e, soc, grid) for e in range(len(plant.direct))])
-    slope = np.interp(soc, grid, plant.tables[:, SLOPE])
+    drive = np.array([drive_at(plant, e, 0, soc) for e in range(len(plant.direct))])
+    slope = look_at(plant, soc, SLOPE)
     scale = np.where(plant.shifts_soc[:, None], slope, 1.0)
-    volt = np.interp(soc, grid, plant.tables[:, TOTAL]) + plant.direct @ (scale * drive)
+    volt = look_at(plant, soc, TOTAL) + plant.direct @ (scale * drive)
     jacobian = np.zeros((len(soc), plant.size))
     for j, e in enumerate(plant.element):
         jacobian[:, 1 + j] = plant.share[j] * scale[e]
     ones = np.ones(len(soc))
-    standing = np.sqrt(_stated(plant, soc))
+    standing = look_at(plant, soc, ERROR)
     for spot, scale in ((plant.error, ones), (plant.fast, ones), (plant.standing, standing)):
         if spot >= 0:
             jacobian[:, spot] = scale
@@ -408,7 +401,7 @@ def _prior_variances(plant, start, soc):
     At rest nothing is over the circuit that a model could be wrong about but its OCV.
     """
     loaded = float(start.c_rate > 0.0 or plant.current_ampere[0] != 0.0)
-    curve = _stated(plant, soc) if plant.standing < 0 else np.zeros(len(soc))
+    curve = look_at(plant, soc, ERROR) ** 2 if plant.standing < 0 else np.zeros(len(soc))
     stated = curve + plant.slow_variance
     variances = np.zeros((len(soc), plant.size))
     for j, e in enumerate(plant.element):
@@ -425,10 +418,6 @@ def _prior_variances(plant, start, soc):
     return variances[:, 1:], stated
 
 
-def _stated(plant, soc):
-    return np.interp(soc, _grid(plant), plant.tables[:, ERROR]) ** 2
-
-
 # ASSUME: A lag that moves with charge (hysteresis) may start anywhere within its limits.
 def _steady_lag(plant, e, c_rate):
     """Standard deviation of a lag of element e at the start: its value after a steady current."""
@@ -438,16 +427,6 @@ def _steady_lag(plant, e, c_rate):
     largest = plant.largest[plant.source[e]]
     swing = np.abs(plant.current_ampere).max()
     return largest * (1.0 if plant.by_charge[e] else min(1.0, current / max(swing, current, 1e-9)))
-
-
-def _drive(plant, e, soc, grid):
-    if plant.source[e] < 0:
-        return plant.current_ampere[0] * np.interp(soc, grid, plant.tables[:, GAIN + e])
-    return np.interp(soc, NODES, plant.drives[plant.source[e], :, 0])
-
-
-def _grid(plant):
-    return plant.soc_first + plant.soc_spacing * np.arange(len(plant.tables))
 
 
 def _normal(logarithm):

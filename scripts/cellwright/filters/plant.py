@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import checked_columns, place
 from cellwright.filters.bank import NODES, drives
-from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.lags import lag, lag_weights
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
@@ -61,9 +61,9 @@ def edges_of(bank, level_volt, step_second, current_ampere, skew_second, *, hold
     if skew_second <= 0.0 or power == 0.0:
         return np.zeros(len(current_ampere))
     at_once = np.array([e.direct for e in bank.elements])
-    for relaxation in bank.lags:
-        within = skew_second / (skew_second + relaxation.constant[_half(bank)])
-        at_once[relaxation.element] += relaxation.share * within * (relaxation.clock == "second")
+    for element, lagged in bank.lags:
+        within = skew_second / (skew_second + lagged.constant[_half(bank)])
+        at_once[element] += lagged.share * within * (lagged.clock == "second")
     behind = current_ampere - lag(step_second[1:], skew_second, current_ampere, hold=hold)
     return (level_volt @ at_once) ** 2 / power * behind**2
 
@@ -194,7 +194,9 @@ def plant_of(
     ------
     Refusal : time runs back, values are not finite, lengths differ, or too many states.
     """
-    time, current, voltage = _checked(test_time_second, current_ampere, voltage_volt)
+    time, current, voltage = checked_columns(
+        {"time": test_time_second, "current": current_ampere, "voltage": voltage_volt}
+    )
     step = np.diff(time, prepend=time[0])
     before = np.concatenate([current[:1], current[:-1]])
     between = before if hold == "zero_order" else (before + current) / 2
@@ -206,7 +208,10 @@ def plant_of(
     rows = [drives(bank.elements[k], driving[by_charge[k]]) for k in curved]
     drives_of_curved = np.ascontiguousarray(np.reshape(rows, (-1, len(NODES), len(time))))
     levels = levels_of(bank, driving[0], dict(zip(curved, rows, strict=True)))
-    constants = [relaxation.constant for relaxation in bank.lags]
+    constants = [lagged.constant for _, lagged in bank.lags]
+    grid = bank.soc[0] + (bank.soc[1] - bank.soc[0]) * np.arange(len(bank.soc))
+    inside = np.clip(grid, 0.0, 1.0) == grid
+    usual = [0.0 if e.gain is None else np.median(e.gain[inside]) for e in bank.elements]
     spots = _places(bank, noise, track_capacity, track_ohmic)
     skew = noise.skew_second
     return Plant(
@@ -228,22 +233,15 @@ def plant_of(
         by_charge=by_charge,
         drives=drives_of_curved,
         largest=np.array([np.abs(drive).max(axis=1).mean() for drive in drives_of_curved]),
-        usual_gain=_usual_gain(bank),
-        element=np.array([relaxation.element for relaxation in bank.lags], np.int64),
-        share=np.array([relaxation.share for relaxation in bank.lags], float),
+        usual_gain=np.array(usual, float),
+        element=np.array([element for element, _ in bank.lags], np.int64),
+        share=np.array([lagged.share for _, lagged in bank.lags], float),
         moves=np.array([np.ptp(c) > 1e-9 * c.max() for c in constants], np.int64),
         capacity_ampere_hour=float(bank.capacity_ampere_hour),
         first_order=hold == "first_order",
         **_variances(bank, levels, noise),
         **spots,
     )
-
-
-def _usual_gain(bank):
-    grid = bank.soc[0] + (bank.soc[1] - bank.soc[0]) * np.arange(len(bank.soc))
-    inside = np.clip(grid, 0.0, 1.0) == grid
-    gains = [0.0 if e.gain is None else np.median(e.gain[inside]) for e in bank.elements]
-    return np.array(gains, float)
 
 
 def with_tracked(plant, bank, noise, *, track_capacity, track_ohmic):
@@ -288,8 +286,8 @@ def _places(bank, noise, track_capacity, track_ohmic):
 
 def _by_charge(bank):
     by_charge = np.zeros(len(bank.elements), np.int64)
-    for relaxation in bank.lags:
-        by_charge[relaxation.element] = relaxation.clock == "ampere_hour"
+    for element, lagged in bank.lags:
+        by_charge[element] = lagged.clock == "ampere_hour"
     return by_charge
 
 
@@ -305,19 +303,6 @@ def _tables(bank, noise, constants):
     return np.ascontiguousarray(np.column_stack(columns), float)
 
 
-def _checked(time, current, voltage):
-    columns = [np.ascontiguousarray(values, float) for values in (time, current, voltage)]
-    if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1:
-        shapes = ", ".join(str(column.shape) for column in columns)
-        raise Refusal(f"time, current and voltage have shapes {shapes}; all must be (n,)")
-    if not len(columns[0]):
-        raise Refusal("the record holds no sample")
-    if not all(np.isfinite(column).all() for column in columns):
-        raise Refusal("time, current or voltage holds values that are not finite")
-    refuse_backward(columns[0])
-    return columns
-
-
 SPREAD = np.sqrt(3.0)  # of a chord, in standard deviations: that of a Gaussian's three-point rule
 
 
@@ -325,9 +310,9 @@ def slope_at(plant, soc, variance, noise):
     """Slope of the OCV as a chord over the uncertainty of the SoC, and the chord's error [V]."""
     reach = SPREAD * np.sqrt(variance)
     if reach <= noise.slope_window_soc / 2:
-        return look_at(plant, soc)[SLOPE], 0.0
+        return look_at(plant, soc, SLOPE), 0.0
     low, high = max(soc - reach, min(soc, 0.0)), min(soc + reach, max(soc, 1.0))
-    ends = [look_at(plant, z)[TOTAL] for z in (low, (low + high) / 2, high)]
+    ends = look_at(plant, np.array([low, (low + high) / 2, high]), TOTAL)
     return (ends[2] - ends[0]) / (high - low), ends[1] - (ends[0] + ends[2]) / 2
 
 
@@ -335,7 +320,7 @@ def relaxation_at(plant, k, j, soc):
     """Decay of lag j over the step to sample k, and the contribution of its drive."""
     e = plant.element[j]
     column = GAIN + len(plant.direct) + j
-    row = place_at(plant, soc + plant.soc_spacing / 2)[0] if plant.moves[j] else 0
+    row = place_on(plant, soc + plant.soc_spacing / 2)[0] if plant.moves[j] else 0
     constant, drive = plant.tables[row, column], drive_at(plant, e, k, soc)
     if plant.by_charge[e]:
         gain = -np.expm1(-plant.passed_ampere_hour[k] / constant)
@@ -347,25 +332,25 @@ def relaxation_at(plant, k, j, soc):
 
 
 def drive_at(plant, e, k, soc):
-    """Drive of element e at sample k."""
+    """Drive of element e at samples k and SoC, one of both or as many of each [V] or [1]."""
     if plant.source[e] < 0:
         current = plant.between_ampere if plant.by_charge[e] else plant.current_ampere
-        return current[k] * look_at(plant, soc)[GAIN + e]
-    cells = len(NODES) - 1
-    spot = min(max(soc, 0.0), 1.0) * cells
-    i = min(int(spot), cells - 1)
-    low, high = plant.drives[plant.source[e], i : i + 2, k]
-    return low + (spot - i) * (high - low)
+        return current[k] * look_at(plant, soc, GAIN + e)
+    node, share = place(np.clip(soc, 0.0, 1.0), len(NODES))
+    low, high = (plant.drives[plant.source[e], node + side, k] for side in (0, 1))
+    return low + share * (high - low)
 
 
-def look_at(plant, soc):
-    """Row of the tables at a SoC, linear between two points."""
-    i, part = place_at(plant, soc)
-    return plant.tables[i] + part * (plant.tables[i + 1] - plant.tables[i])
+def look_at(plant, soc, column=None):
+    """Tables at SoC, linear between two points: one column (of the shape of soc), or all (…, c)."""
+    row, share = place_on(plant, soc)
+    if column is None:
+        low, high = plant.tables[row], plant.tables[row + 1]
+        return low + share[..., None] * (high - low)
+    low, high = plant.tables[row, column], plant.tables[row + 1, column]
+    return low + share * (high - low)
 
 
-def place_at(plant, soc):
-    """Index of the table row below a SoC, and the fraction to the next one."""
-    spot = (soc - plant.soc_first) / plant.soc_spacing
-    i = int(min(max(spot, 0.0), len(plant.tables) - 2.0))
-    return i, spot - i
+def place_on(plant, soc):
+    """As `cell.place`, on the grid of a plant's tables."""
+    return place(soc, len(plant.tables), first=plant.soc_first, spacing=plant.soc_spacing)

@@ -189,7 +189,6 @@ def _scored_everywhere(scores):
 def _data(fit_records, basis):
     return data_of(
         fit_records.records,
-        GRID,
         ocv_at(_with_temperature(basis["ocv"]), GRID, fit_records.celsius),
         capacity_ampere_hour=basis["capacity_ampere_hour"],
         spacing=PULSED_SPACING if fit_records.pulsed else DRIVEN_SPACING,
@@ -210,13 +209,13 @@ def _condition(fit_records, energy, basis, members, rest, diffusion_second, limi
         slow = curve[f"{curve['branches']}_current_ampere"]
         first = identify(data, member_named("DRT"), shared=shared, **settings).condition
         data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))
-        shared = shared_of(data, like=shared)
+        shared = shared_of(data)
     blocks = blocks_of_used(data.records, **rest)
     block = np.concatenate(blocks)
     dense = shape_records(fit_records.records, capacity_ampere_hour=capacity)
     if dense and (basis["borrowed_from"] or curve["branches"] == "rests"):
         shared, words = _with_own_shape(shared, dense, blocks, settings)
-        data = shared.base.data
+        data = shared.data
         notes.append(words)
     entries, scores = {}, {}
     for name in members:
@@ -244,7 +243,7 @@ def _with_own_shape(shared, dense, blocks, settings):
     then is lost elsewhere. So blocks of the other records, each left out of the fit, have to be
     predicted better: in the mean of the logarithms by two standard errors, and as a whole.
     """
-    data, names = shared.base.data, {record.test for record in dense}
+    data, names = shared.data, {record.test for record in dense}
     plain, block = member_named("DRT"), np.concatenate(blocks)
     others = [
         b for r, b in zip(data.records, blocks, strict=True) if r.test not in names and len(b)
@@ -254,7 +253,7 @@ def _with_own_shape(shared, dense, blocks, settings):
         return shared, f"OCV between the rests not from {listed}: no other record to prove it by"
     given = identify(data, plain, shared=shared, **settings)
     shaped = data._replace(ocv_volt=ocv_from_loads(data, dense, held=given.held))
-    of_shaped = shared_of(shaped, like=shared)
+    of_shaped = shared_of(shaped)
     own = identify(shaped, plain, shared=of_shaped, **settings)
     of_proof = np.isin(np.unique(block), np.concatenate(others))
     before, after = (left_out(fit, block).square_volt2[of_proof] for fit in (given, own))

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import ocv_on_grid
 from cellwright.circuits.circuit import SPHERE_MODES, UNRESOLVED_SECOND
 from cellwright.circuits.temperature import table_soc
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
@@ -37,17 +38,19 @@ class Held(NamedTuple):
 class Data(NamedTuple):
     """Records, OCV table and SoC knots of an identification.
 
-    records : tuple of Record. knots : (k,) SoC, ascending [1]. ocv_soc, ocv_volt : (p,) table.
-    hold : hold of the current between samples. most_volt : (k,) largest hysteresis at the knots
-    [V], None where no slow test bounds it.
+    records : tuple of Record. knots : (k,) SoC, ascending [1]. ocv_volt : (p,) table on an even
+    grid of SoC from 0 to 1 [V]. hold : hold of the current between samples. most_volt : (k,)
+    largest hysteresis at the knots [V], None where no slow test bounds it.
+    kept : dict of columns, filled as they are asked for. They follow from records and knots alone:
+    data with another OCV table or bound of the hysteresis share them.
     """
 
     records: tuple
     knots: np.ndarray
-    ocv_soc: np.ndarray
     ocv_volt: np.ndarray
     hold: str
     capacity_ampere_hour: float
+    kept: dict
     most_volt: np.ndarray | None = None
 
 
@@ -75,18 +78,8 @@ def on_table(soc, held):
 
 
 def ocv_of(data, soc_of_table):
-    """OCV at a SoC of the table (n,), on its first and last slope outside the table [V].
-
-    What is missing at full would else hit the table's flat end.
-    """
-    table, volt = data.ocv_soc, data.ocv_volt
-    low = (volt[1] - volt[0]) / (table[1] - table[0])
-    high = (volt[-1] - volt[-2]) / (table[-1] - table[-2])
-    beyond = (
-        np.minimum(soc_of_table - table[0], 0.0) * low
-        + np.maximum(soc_of_table - table[-1], 0.0) * high
-    )
-    return np.interp(soc_of_table, table, volt) + beyond
+    """OCV at a SoC of the table (n,) [V]; what is missing at full may lead beyond its end."""
+    return ocv_on_grid(data.ocv_volt, soc_of_table)
 
 
 def slope_of(data, soc_of_table):
@@ -95,48 +88,35 @@ def slope_of(data, soc_of_table):
     return (ocv_of(data, soc_of_table + half) - ocv_of(data, soc_of_table - half)) / SOC_WINDOW
 
 
-class Base(NamedTuple):
-    """What the columns of a set of data have in common, whatever is held.
-
-    shapes : tuple of (rows, k), hats of each record over the knots. ohmic_ampere : tuple of
-    (rows, k), the same times the current, scaled by the resistance factor [A].
-    soc, voltage_volt : (n,) of the used rows of all records. hats : (n, k) of these. scale_soc :
-    (n, 2) change of the table's SoC by what is missing at full, and by the stretch, negative.
-    kept : dict of columns that do not change while a model is searched for, filled as they are
-    asked for: by the time constant, the charge constant and the diffusion time.
-    """
-
-    data: Data
-    shapes: tuple
-    ohmic_ampere: tuple
-    soc: np.ndarray
-    voltage_volt: np.ndarray
-    hats: np.ndarray
-    scale_soc: np.ndarray
-    kept: dict
-
-
 MOST_KEPT = 48  # columns of time constants and the like: a drive's take some megabytes each
 
 
-def base_of(data):
-    """Base of a set of data, with no column kept yet.
+def used_column(data, name):
+    """A column of the used rows of all records, one record after the other (n,); kept.
 
     Parameters
     ----------
-    data : Data.
-
-    Returns
-    -------
-    base : Base.
+    data : Data. name : of a column of Record.
     """
-    shapes = tuple(hats(record.soc, data.knots) for record in data.records)
-    ampere = [record.current_ampere * record.resistance_factor for record in data.records]
-    ohmic = tuple(shape * a[:, None] for shape, a in zip(shapes, ampere, strict=True))
-    soc = _joined(data, [record.soc for record in data.records])
-    volt = _joined(data, [record.voltage_volt for record in data.records])
-    scale = np.column_stack([np.ones(len(soc)), 1.0 - soc])
-    return Base(data, shapes, ohmic, soc, volt, _joined(data, shapes), scale, {})
+    return _kept(data, name, lambda: _joined(data, [getattr(r, name) for r in data.records]))
+
+
+def _shapes(data):
+    """Hats of each record over the knots: tuple of (rows, k)."""
+    return _kept(data, "shapes", lambda: tuple(hats(r.soc, data.knots) for r in data.records))
+
+
+def _ohmic_ampere(data):
+    """The same times the current, scaled by the resistance factor: tuple of (rows, k) [A]."""
+
+    def make():
+        pairs = zip(data.records, _shapes(data), strict=True)
+        return tuple(
+            shape * (record.current_ampere * record.resistance_factor)[:, None]
+            for record, shape in pairs
+        )
+
+    return _kept(data, "ohmic_ampere", make)
 
 
 def _joined(data, values):
@@ -145,70 +125,70 @@ def _joined(data, values):
     return np.asfortranarray(np.concatenate([value[record.used] for record, value in pairs]))
 
 
-def columns_of(base, held):
+def columns_of(data, held):
     """All columns of the linear problem for what is held.
 
     Parameters
     ----------
-    base : Base, from `base_of`.
-    held : Held.
+    data : Data. held : Held.
 
     Returns
     -------
     columns : Columns; "r0" first, then one entry a time constant, then "m" with hysteresis. With
         kinetics the ohmic "r0" is followed by "rct", the transfer that no sample resolves.
     """
-    data, surface_soc = base.data, on_table(base.soc, held)
+    soc = used_column(data, "soc")
+    surface_soc = on_table(soc, held)
     if held.diffusion_second is not None:
-        surface_soc = surface_soc + _kept_lead(base, held.diffusion_second)
+        surface_soc = surface_soc + _lead_of_used(data, held.diffusion_second)
     slope = slope_of(data, surface_soc)
     return Columns(
-        base.voltage_volt - ocv_of(data, surface_soc),
-        base.hats,
-        -slope[:, None] * base.scale_soc,
-        resistance_columns(base, held),
+        used_column(data, "voltage_volt") - ocv_of(data, surface_soc),
+        _kept(data, "hats", lambda: _joined(data, _shapes(data))),
+        -np.column_stack([slope, slope * (1.0 - soc)]),
+        resistance_columns(data, held),
         slope,
         np.array([held.missing, held.stretch]),
         data.most_volt,
     )
 
 
-def resistance_columns(base, held):
+def resistance_columns(data, held):
     """Columns (name, (n, k)) of each resistance and of the hysteresis over the used rows.
 
     Parameters
     ----------
-    base : Base. held : Held.
+    data : Data. held : Held.
     """
-    columns = [("r0", _kept(base, "r0", lambda: _joined(base.data, base.ohmic_ampere)))]
-    damped = _damped(base, held)
+    ohmic = _ohmic_ampere(data)
+    columns = [("r0", _kept(data, "r0", lambda: _joined(data, ohmic)))]
+    damped = _damped(data, held)
     if damped is not None:
-        columns.append(("rct", _relaxing(base.data, damped, UNRESOLVED_SECOND)))
+        columns.append(("rct", _relaxing(data, damped, UNRESOLVED_SECOND)))
     for number, tau in enumerate(held.tau_second, 1):
         if damped is not None and tau <= FAST_SECOND:
-            columns.append((f"r{number}", _relaxing(base.data, damped, tau)))
+            column = _relaxing(data, damped, tau)
         else:
-            columns.append((f"r{number}", _kept_relaxing(base, tau)))
+            key = "tau", float(tau)
+            column = _kept(data, key, lambda tau=tau: _relaxing(data, ohmic, tau))
+        columns.append((f"r{number}", column))
     if held.charge_ampere_hour is not None:
-        columns.append(("m", _kept_hysteresis(base, held.charge_ampere_hour)))
+        columns.append(("m", _hysteresis_of_used(data, held.charge_ampere_hour)))
     return columns
 
 
-def _kept(base, key, make):
-    """A column that was made before, else made now; where too many are kept the oldest goes."""
-    if key not in base.kept:
-        if len(base.kept) >= MOST_KEPT:
-            del base.kept[next(iter(base.kept))]
-        base.kept[key] = make()
-    return base.kept[key]
+def _kept(data, key, make):
+    """A column that was made before of these records and knots, else made now.
 
-
-def _kept_relaxing(base, tau_second):
-    return _kept(
-        base,
-        ("tau", float(tau_second)),
-        lambda: _relaxing(base.data, base.ohmic_ampere, tau_second),
-    )
+    Where too many are kept, the oldest of those goes that belong to one time constant or the like.
+    """
+    of = data.records, data.knots  # held with what is kept, so that their numbers stay theirs
+    whole = key, *map(id, of), data.hold, data.capacity_ampere_hour
+    if whole not in data.kept:
+        if len(data.kept) >= MOST_KEPT:
+            del data.kept[next(one for one in data.kept if isinstance(one[0], tuple))]
+        data.kept[whole] = of, make()
+    return data.kept[whole][1]
 
 
 def _relaxing(data, drives, tau_second):
@@ -220,31 +200,27 @@ def _relaxing(data, drives, tau_second):
     )
 
 
-def _damped(base, held):
+def _damped(data, held):
     """Drive of the charge transfer in each record (rows, k) [A]; None where it is linear."""
     if held.scale_volt is None:
         return None
-    parts = zip(base.data.records, base.shapes, base.ohmic_ampere, strict=True)
+    parts = zip(data.records, _shapes(data), _ohmic_ampere(data), strict=True)
     return [ohmic * damping(record, shape, held)[:, None] for record, shape, ohmic in parts]
 
 
-def _kept_hysteresis(base, charge_ampere_hour):
-    data = base.data
-
+def _hysteresis_of_used(data, charge_ampere_hour):
     def make():
-        pairs = zip(data.records, base.shapes, strict=True)
+        pairs = zip(data.records, _shapes(data), strict=True)
         return _joined(data, [_hysteresis(*pair, charge_ampere_hour, data.hold) for pair in pairs])
 
-    return _kept(base, ("charge", float(charge_ampere_hour)), make)
+    return _kept(data, ("charge", float(charge_ampere_hour)), make)
 
 
-def _kept_lead(base, diffusion_second):
-    data = base.data
-
+def _lead_of_used(data, diffusion_second):
     def make():
         return _joined(data, [lead(data, record, diffusion_second) for record in data.records])
 
-    return _kept(base, ("lead", float(diffusion_second)), make)
+    return _kept(data, ("lead", float(diffusion_second)), make)
 
 
 def lead(data, record, diffusion_second):

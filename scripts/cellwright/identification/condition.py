@@ -56,7 +56,7 @@ def condition_of(shared, member, fit, bounds):
     -------
     condition : Condition.
     """
-    data, (held, system, solution, covariance, _) = shared.base.data, fit
+    data, (held, system, solution, covariance, _) = shared.data, fit
     stds = named(system, np.sqrt(np.diag(covariance)))
     values, tau_stds, at_bound = solution.values, np.full(len(held.tau_second), np.nan), []
     if bounds is not None and held.tau_second:

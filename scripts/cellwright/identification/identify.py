@@ -38,7 +38,6 @@ DIFFUSION_SECOND = (500.0, 1000.0, 2000.0, 4000.0, 8000.0, 16000.0)  # radius² 
 
 def data_of(
     records,
-    ocv_soc,
     ocv_volt,
     *,
     capacity_ampere_hour,
@@ -51,7 +50,7 @@ def data_of(
     Parameters
     ----------
     records : sequence of Record, each starting from rest.
-    ocv_soc, ocv_volt : (p,) OCV table, ascending [1], [V].
+    ocv_volt : (p,) OCV table on an even grid of SoC from 0 to 1 [V].
     hold : "zero_order" or "first_order" hold of the current between samples.
     capacity_ampere_hour : what the SoC refers to [Ah].
     spacing : distance of the knots from 20 % SoC on [1]; below they are denser.
@@ -80,10 +79,10 @@ def data_of(
     return Data(
         ready,
         np.asarray(knots, float),
-        np.asarray(ocv_soc),
-        np.asarray(ocv_volt),
+        np.asarray(ocv_volt, float),
         hold,
         capacity_ampere_hour,
+        kept={},
     )
 
 
@@ -231,7 +230,7 @@ def _taus(shared, member, low, high):
         return ()
     grid = np.geomspace(low, high, max(round(decades * GRID_PER_DECADE), member.pairs + 1))
     *normal, factor = once(shared, tuple(grid), lambda: _weighted_grid(shared, grid))
-    start = _best_on_grid(*normal, grid, member.pairs, len(shared.base.data.knots))
+    start = _best_on_grid(*normal, grid, member.pairs, len(shared.data.knots))
     return _pattern_search(shared, start, low, high, factor)
 
 
@@ -392,7 +391,7 @@ def _best_energy(fit_records, data_of_records, capacity):
         records = at_activation_energy(fit_records, TRIED_JOULE_PER_MOLE[number])
         shared = shared_of(data_of_records(records))
         settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
-        return shared, identify(shared.base.data, PLAIN, shared=shared, **settings)
+        return shared, identify(shared.data, PLAIN, shared=shared, **settings)
 
     factor = fitted(0)[1].solution.factor
 

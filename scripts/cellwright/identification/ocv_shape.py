@@ -9,7 +9,7 @@ moved against each other, steps of the graphite stand at other SoC, and the curv
 import numpy as np
 
 from cellwright.circuits.temperature import table_soc
-from cellwright.identification.columns import base_of, columns_of, ocv_of
+from cellwright.identification.columns import columns_of, ocv_of, used_column
 from cellwright.identification.regression import (
     FIRST_FACTOR,
     SCALES,
@@ -69,7 +69,7 @@ def ocv_from_loads(data, dense, *, held):
 
     Returns
     -------
-    ocv_volt : (p,) OCV at `data.ocv_soc` [V]; rising.
+    ocv_volt : (p,) OCV on the grid of `data.ocv_volt` [V]; rising.
 
     Raises
     ------
@@ -78,14 +78,13 @@ def ocv_from_loads(data, dense, *, held):
     # ASSUME: A cell's OCV differs from its reference's by some tens of millivolts, smoothly.
     names = {record.test for record in dense}
     kept = [record for record in data.records if record.test not in names]
-    base = base_of(data._replace(records=(*kept, *dense)))
-    columns = columns_of(base, held)
-    system = system_of(columns, data.knots)
+    of_all = data._replace(records=(*kept, *dense), kept={})
+    system = system_of(columns_of(of_all, held), data.knots)
     count = len(data.knots)
-    fine = hats(base.soc, FINE_SOC) * system.weight[:, None]
+    fine = hats(used_column(of_all, "soc"), FINE_SOC) * system.weight[:, None]
     matrix = np.hstack([fine, system.matrix[:, count + SCALES :]])
     shift = _shift(matrix, system, shift_precision(FINE_SOC), count + SCALES)
-    soc = data.ocv_soc
+    soc = np.linspace(0.0, 1.0, len(data.ocv_volt))
     given = ocv_of(data, table_soc(soc, held.missing, held.stretch))
     return np.maximum.accumulate(given + np.interp(soc, FINE_SOC, shift))
 

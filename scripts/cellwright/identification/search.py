@@ -7,8 +7,7 @@ import numpy as np
 
 from cellwright.identification.columns import (
     FAST_SECOND,
-    Base,
-    base_of,
+    Data,
     columns_of,
     resistance_columns,
 )
@@ -30,29 +29,26 @@ STEADY = 0.003  # change of the charge-transfer resistance that is small enough,
 class Shared(NamedTuple):
     """What fits of several members to the same data have in common, filled while they are made.
 
-    base : columns.Base. searched : dict of searches that are finished, such as the time constants
+    data : columns.Data. searched : dict of searches that are finished, such as the time constants
     of two pairs. expected : dict of weighting → dict name → (k,) bool, which values of the last
     solution were above zero: the next one's are nearly the same. system : dict of the last Held
     and its system.
     """
 
-    base: Base
+    data: Data
     searched: dict
     expected: dict
     system: dict
 
 
-def shared_of(data, *, like=None):
+def shared_of(data):
     """Shared of a set of data, with nothing searched yet.
 
     Parameters
     ----------
     data : columns.Data.
-    like : Shared of data that differ in the OCV table or the bound of the hysteresis alone, on
-        which the columns of resistances do not depend: they are taken over.
     """
-    base = base_of(data) if like is None else like.base._replace(data=data)
-    return Shared(base, {}, {}, {})
+    return Shared(data, {}, {}, {})
 
 
 def once(shared, key, search):
@@ -117,8 +113,8 @@ def system_about(shared, held):
     key = key_of(held)
     if key not in shared.system:
         shared.system.clear()
-        columns = columns_of(shared.base, held)
-        shared.system[key] = system_of(columns, shared.base.data.knots)
+        columns = columns_of(shared.data, held)
+        shared.system[key] = system_of(columns, shared.data.knots)
     return shared.system[key]
 
 
@@ -292,7 +288,7 @@ def with_time_constants(shared, fit):
     """
     held, system, solution = fit[:3]
     count = len(held.tau_second)
-    changes = [_change(shared.base, held, n, solution.values) for n in range(count)]
+    changes = [_change(shared.data, held, n, solution.values) for n in range(count)]
     weighted = np.column_stack(changes) * system.weight[:, None]
     size = len(solution.vector)
     precision = np.empty((size + count, size + count))
@@ -306,13 +302,13 @@ def with_time_constants(shared, fit):
     return _covariance(precision, fit), slope
 
 
-def _change(base, held, number, values):
+def _change(data, held, number, values):
     """Derivative of the voltage by the logarithm of one time constant (n,) [V]."""
     sides = []
     for sign in (1, -1):
         tau = list(held.tau_second)
         tau[number] *= np.exp(sign * STEP)
-        sides.append(resistance_columns(base, held._replace(tau_second=tuple(tau))))
+        sides.append(resistance_columns(data, held._replace(tau_second=tuple(tau))))
     up, down = sides
     pairs = [(name, a, b) for (name, a), (_, b) in zip(up, down, strict=True) if a is not b]
     change = sum((a - b) @ values[name] for name, a, b in pairs)

@@ -1,10 +1,11 @@
 /* Cells in parallel whose current is shared anew at every row, over records that lie one after the
- * other: see effects/group_model.py, whose numpy form says the same.
+ * other: see effects/groups/model.py, whose numpy form says the same.
  *
  * Between rows each branch's current runs on a straight line; its end is found implicitly, so that
  * a long step settles instead of swinging. Then the total steps, and the row is read. */
-#include <math.h>
 #include <stdint.h>
+
+#include "cell.h"
 
 enum { MOST = 64, PAIRS = 2 };
 
@@ -14,8 +15,8 @@ typedef struct {
 } branch;
 
 static void look(branch *b, const double *table, int64_t points, double soc) {
-    const double last = (double)(points - 1), place = soc * last;
-    const int64_t left = place > 0.0 ? place < last ? (int64_t)place : points - 2 : 0;
+    const double last = (double)(points - 1);
+    const int64_t left = point_below(soc * last, points);
     b->rise = (table[left + 1] - table[left]) * last;
     b->ocv = table[left] + b->rise * (soc - (double)left / last);
 }
@@ -24,13 +25,8 @@ static void look(branch *b, const double *table, int64_t points, double soc) {
 static void weigh(branch *b, const double *tau, double step) {
     if (step == b->weighed) return;
     b->weighed = step;
-    for (int j = 0; j < PAIRS; j++) {
-        const double ratio = step / tau[j], gain = -expm1(-ratio);
-        const double mean = ratio > 0.0 ? gain / ratio : 1.0;
-        b->decay[j] = 1.0 - gain;
-        b->before[j] = mean + gain - 1.0;
-        b->after[j] = 1.0 - mean;
-    }
+    for (int j = 0; j < PAIRS; j++)
+        lag_weights(step / tau[j], 1, &b->decay[j], &b->before[j], &b->after[j]);
 }
 
 /* The one voltage at which the currents add up to the total. */

@@ -1,11 +1,12 @@
-/* Extended Kalman filter over a record: see models/kalman.py, whose numpy twin says the same.
+/* Extended Kalman filter over a record: see filters/kalman.py, whose numpy twin says the same.
  *
  * `pass` is inlined once per common number of states in doubt, so that the compiler unrolls the
  * loops over the covariance; any other number takes the last copy. Only states in doubt have a
  * covariance: a lag that starts from rest is known for all time. */
-#include <math.h>
 #include <stdint.h>
 #include <string.h>
+
+#include "cell.h"
 
 #if defined(__GNUC__) && !defined(__clang__)
 /* Two doubles written apart and read back as one vector wait for the store: a third of the time. */
@@ -45,8 +46,8 @@ INLINE double larger(double a, double b) { return a > b ? a : b; }
 INLINE double smaller(double a, double b) { return a < b ? a : b; }
 
 INLINE place_t place(const sizes_t *s, const reals_t *r, const double *tables, double soc) {
-    const double spot = (soc - r->first) * r->per_spacing, last = (double)(s->m - 2);
-    const int64_t i = (int64_t)(spot > 0.0 ? (spot < last ? spot : last) : 0.0);
+    const double spot = (soc - r->first) * r->per_spacing;
+    const int64_t i = point_below(spot, s->m);
     const double *row = tables + i * s->width;
     return (place_t){row, row + s->width, spot - (double)i, i};
 }
@@ -63,7 +64,7 @@ INLINE double drive(
     }
     const double cells = (double)(s->nodes - 1);
     const double spot = (soc > 0.0 ? (soc < 1.0 ? soc : 1.0) : 0.0) * cells;
-    const int64_t i = spot < cells - 1.0 ? (int64_t)spot : s->nodes - 2;
+    const int64_t i = point_below(spot, s->nodes);
     const double *course = p->drives + (p->source[e] * s->nodes + i) * s->n + k;
     return course[0] + (spot - (double)i) * (course[s->n] - course[0]);
 }
@@ -196,12 +197,13 @@ INLINE void pass(
             if (!plain && p->moves[j]) cell = place(s, r, p->tables, soc + r->spacing / 2.0).cell;
             if (charged || cell != w->cells[j]) {
                 const double constant = p->tables[cell * s->width + GAIN + elements + j];
-                const double ratio = (charged ? p->passed[k] : step) / constant;
-                const double gain = -expm1(-ratio), mean = ratio > 0.0 ? gain / ratio : 1.0;
-                const int64_t ramp = s->first_order && !charged;
-                w->decay[j] = 1.0 - gain;
-                w->before[j] = charged ? 0.0 : ramp ? mean + gain - 1.0 : gain;
-                w->after[j] = charged ? gain : ramp ? 1.0 - mean : 0.0;
+                lag_weights((charged ? p->passed[k] : step) / constant, s->first_order && !charged,
+                            &w->decay[j], &w->before[j], &w->after[j]);
+                if (charged) {
+                    /* The drive is that of the step's own charge: all of it counts as its end. */
+                    w->after[j] = w->before[j];
+                    w->before[j] = 0.0;
+                }
                 w->cells[j] = cell;
             }
             if (plain) {

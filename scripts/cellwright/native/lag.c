@@ -1,12 +1,12 @@
-/* First-order lags over true time steps, for the exact hold of the input: see models/kernels.py.
+/* First-order lags over true time steps, for the exact hold of the input: see numerics/lags.py.
  *
  * Rows lie one after the other (n, m), so that the m inputs of one row share decay and weights,
  * and the exponential is taken anew only where step and time constant are not those of a step that
  * is kept. */
-#include <math.h>
 #include <stdint.h>
 #include <string.h>
 
+#include "cell.h"
 #include "lanes.h"
 #include "settled.h"
 
@@ -19,21 +19,6 @@ static int64_t slot_of(double step) {
     uint64_t bits;
     memcpy(&bits, &step, sizeof bits);
     return (int64_t)((bits * 0x9E3779B97F4A7C15u) >> (64 - KNOWN_BITS));
-}
-
-static void weights(double step, double tau, int64_t first_order, double *decay, double *before,
-                    double *after) {
-    const double ratio = step / tau;
-    const double gain = -expm1(-ratio);
-    *decay = 1.0 - gain;
-    if (!first_order) {
-        *before = gain;
-        *after = 0.0;
-        return;
-    }
-    const double mean = ratio > 0.0 ? gain / ratio : 1.0;
-    *before = mean + gain - 1.0;
-    *after = 1.0 - mean;
 }
 
 /* state[k+1] = decay·state[k] + before·drive[k] + after·drive[k+1], state[0] given in `state`. */
@@ -49,8 +34,8 @@ void lag(int64_t n, int64_t m, const double *step, const double *tau, int64_t ta
         if (known[i].step != step[k] || known[i].tau != here) {
             known[i].step = step[k];
             known[i].tau = here;
-            weights(step[k], here, first_order, &known[i].decay, &known[i].before,
-                    &known[i].after);
+            lag_weights(step[k] / here, first_order, &known[i].decay, &known[i].before,
+                        &known[i].after);
         }
         const double decay = known[i].decay, before = known[i].before, after = known[i].after;
         const double *x = drive + k * m;

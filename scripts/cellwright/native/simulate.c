@@ -1,4 +1,5 @@
-/* Voltage of a cell with any number of RC pairs, its parameters over SoC: see models/fast.py.
+/* Voltage of a cell with any number of RC pairs, its parameters over SoC: the twin of
+ * circuits/cell.py.
  *
  * In blocks of samples that stay in the cache, each worked off in passes: all that does not wait
  * for the sample before is done for many samples at once; only the count of charge and the states
@@ -207,16 +208,12 @@ static void lay_out(int64_t intervals, int64_t pairs, int64_t tau_moves, const d
 
 /* 1 where the currents of a block are finite. One that is not makes the count that it enters, and
  * all after it, no number; to that of its own step the last of a record need not belong. */
-INLINE int64_t all_finite(int64_t m, int64_t counted, const double *current, const double *soc) {
-    int64_t wrong = current[m - 1] - current[m - 1] != 0.0;
-    if (counted) return !(wrong | (soc[m - 1] - soc[m - 1] != 0.0));
-    for (int64_t k = 0; k < m; k++) wrong |= current[k] - current[k] != 0.0;
-    return !wrong;
+INLINE int64_t all_finite(int64_t m, const double *current, const double *soc) {
+    return current[m - 1] - current[m - 1] == 0.0 && soc[m - 1] - soc[m - 1] == 0.0;
 }
 
-/* From rest. ampere_second is the capacity [A s] where the SoC is to be counted from soc[0], and
- * zero where it is given. table : room for what `lay_out` writes. Returns 1, or 0 where a current
- * is not finite. */
+/* From rest; the SoC is counted from soc[0] over a capacity [A s]. table : room for what `lay_out`
+ * writes. Returns 1, or 0 where a current is not finite. */
 WIDE int64_t simulate(int64_t n, const double *step, int64_t uniform, int64_t is_first_order,
                       const double *current, int64_t pairs, int64_t intervals, const double *ocv,
                       const double *r0, const double *r, const double *tau, int64_t tau_moves,
@@ -243,9 +240,8 @@ WIDE int64_t simulate(int64_t n, const double *step, int64_t uniform, int64_t is
         const int64_t m = n - first < BLOCK ? n - first : BLOCK;
         if (!uniform || first <= BLOCK)
             step_of(first, m, step, uniform, &b);
-        if (ampere_second > 0.0)
-            count(first == 0, m, current + first, first_order, 1.0 / ampere_second, &b, soc + first);
-        if (!all_finite(m, ampere_second > 0.0, current + first, soc + first)) return 0;
+        count(first == 0, m, current + first, first_order, 1.0 / ampere_second, &b, soc + first);
+        if (!all_finite(m, current + first, soc + first)) return 0;
         const int64_t outside = locate(m, soc + first, (int32_t)intervals, &b);
         if (tau_moves)
             tau_of(m, pairs, &c, &b, before);

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.native import array, count, function
+from cellwright.native import array, count, function, real
 from cellwright.refusal import Refusal
 
 HOLDS = ("zero_order", "first_order")
@@ -90,20 +90,56 @@ def lag_by_charge(passed_ampere_hour, charge_ampere_hour, drive):
     return lag(passed_ampere_hour, charge_ampere_hour, held, hold="zero_order")
 
 
-def _lag_by_lapack(step_second, tau_second, drive, *, hold, initial):
-    """Response of a lag by a banded triangular solve; inputs and time constants may be complex."""
-    from scipy.linalg.lapack import dtbtrs, ztbtrs
+def lag_fresh(step, fresh, linear, drive, constant, start):
+    """First-order lag over records that lie one after the other.
 
+    Parameters
+    ----------
+    step : (n,) time, or another clock, since the row before. fresh : (n,) 1 in first rows, else 0.
+    linear : (n,) 1 where the drive moved on a straight line since the row before, 0 where it kept
+        its value. drive : (n,) input. constant : time constant, unit of `step`.
+    start : (n,) state in first rows.
+
+    Returns
+    -------
+    state : (n,) unit of the drive.
+    """
+    kernel = function("lag_fresh", count, array, array, array, real, array, array, array)
+    if kernel is None:
+        return _lag_fresh_by_lapack(step, fresh, linear, drive, constant, start)
+    drive, step = np.ascontiguousarray(drive, float), np.ascontiguousarray(step)
+    state = np.empty(len(drive))
+    kernel(len(drive), step, fresh, linear, constant, start, drive, state)
+    return state
+
+
+def _lag_fresh_by_lapack(step, fresh, linear, drive, constant, start):
+    weights = (lag_weights(step, constant, hold=hold) for hold in HOLDS)
+    kept, moved = (np.array(one) for one in weights)
+    decay, before, after = np.where(linear > 0, moved, kept)
+    earlier = np.concatenate([drive[:1], drive[:-1]])
+    right = np.where(fresh > 0, start, before * earlier + after * drive)
+    return _recursion(np.where(fresh > 0, 0.0, decay)[1:], right)
+
+
+def _lag_by_lapack(step_second, tau_second, drive, *, hold, initial):
+    """Response of a lag without a kernel; inputs and time constants may be complex."""
     decay, before, after = lag_weights(step_second, tau_second, hold=hold)
     column = (slice(None),) + (None,) * (drive.ndim - 1)
-    kind = np.result_type(drive, decay)
-    right = np.empty(drive.shape, kind, order="F")
+    right = np.empty(drive.shape, np.result_type(drive, decay), order="F")
     right[0] = initial
     right[1:] = before[column] * drive[:-1] + after[column] * drive[1:]
-    band = np.ones((2, len(drive)), kind, order="F")
+    return _recursion(decay, right)
+
+
+def _recursion(decay, right):
+    """State u[k+1] = decay[k]·u[k] + right[k+1], u[0] = right[0], by a banded triangular solve."""
+    from scipy.linalg.lapack import dtbtrs, ztbtrs
+
+    band = np.ones((2, len(right)), right.dtype, order="F")
     band[1, :-1] = -decay
-    solve = ztbtrs if kind.kind == "c" else dtbtrs
-    return solve(band, right, uplo="L", overwrite_b=True)[0].reshape(drive.shape)
+    solve = ztbtrs if right.dtype.kind == "c" else dtbtrs
+    return solve(band, right, uplo="L", overwrite_b=True)[0].reshape(right.shape)
 
 
 def _check(tau_second, hold):

@@ -59,7 +59,7 @@ def simulate_pack(
 
     A cell's current runs in a step on a straight line that ends at what Kirchhoff's laws give and
     rises by the cell's share (by capacity) of the rise of the total. So a cell alone is what
-    `circuits.simulate` gives, and currents that flow between unequal cells only decay, however
+    `circuits.cell` gives, and currents that flow between unequal cells only decay, however
     long the step.
 
     Parameters

@@ -98,9 +98,7 @@ def soc_series(
     lower_cutoff_volt,
     upper_cutoff_volt,
     soc_at_start=None,
-    ocv_soc=None,
-    ocv_volt=None,
-    half_gap_volt=None,
+    curve=None,
     full_c_rate=0.1,
     test_time_second=None,
 ):
@@ -120,8 +118,7 @@ def soc_series(
     capacity_ampere_hour : what the scale from 0 to 1 refers to [Ah].
     lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None (not stated).
     soc_at_start : stated state of charge at the first row, 0 to 1 [1], or None.
-    ocv_soc, ocv_volt : (m,) table of the open-circuit voltage, SoC ascending [1], [V], or None.
-    half_gap_volt : (m,) half of what is between slow charge and discharge [V], or None.
+    curve : open-circuit voltage, as in `contradiction`, SoC ascending; None: there is none.
     full_c_rate : largest current over capacity that may end a full charge [1/h].
     test_time_second : (n,) by which the rest that the record begins with is long or short [s]; None
         counts as short.
@@ -138,9 +135,6 @@ def soc_series(
         raise Refusal(f"capacity is {capacity_ampere_hour}; SoC needs a positive one")
     counted = np.asarray(charge_ampere_hour, float) / capacity_ampere_hour
     rate = np.asarray(current_ampere, float) / capacity_ampere_hour
-    curve = None
-    if ocv_soc is not None:
-        curve = {"soc": ocv_soc, "ocv_volt": ocv_volt, "half_gap_volt": half_gap_volt}
     if soc_at_start is None:
         return _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate)
     if not 0 <= soc_at_start <= 1:
@@ -171,7 +165,9 @@ def _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rat
     if full is not None:
         return Anchored(1.0 + counted - counted[full], "end of the full charge in the record", full)
     if curve is not None and low_current(rate[0], 1.0):
-        start = _soc_of_rest(voltage_volt[0], curve["soc"], curve["ocv_volt"])
+        # 0 or 1 beyond the table; a flat stretch gives its upper end.
+        rising = np.maximum.accumulate(np.asarray(curve["ocv_volt"], float))
+        start = float(np.interp(voltage_volt[0], rising, np.asarray(curve["soc"], float)))
         return Anchored(start + counted - counted[0], "rest voltage at the start, by the OCV table")
     span = float(np.ptp(counted))
     if span >= WHOLE_SWING:
@@ -241,12 +237,6 @@ def full_row(rate, voltage_volt, upper_cutoff_volt, *, full_c_rate=0.1):
     return int(ends[0]) if len(ends) else None
 
 
-def _soc_of_rest(voltage, ocv_soc, ocv_volt):
-    """SoC at a rest voltage [V], 0 or 1 beyond the table; a flat stretch gives its upper end."""
-    rising = np.maximum.accumulate(np.asarray(ocv_volt, float))
-    return float(np.interp(voltage, rising, np.asarray(ocv_soc, float)))
-
-
 def _why_not_anchored(first_rate, upper_cutoff_volt, curve):
     """Why no anchor of the SoC applies to a record, in one sentence."""
     full = (
@@ -281,12 +271,6 @@ class Scale(NamedTuple):
     first_volt: float
     source: str
     start: str
-
-
-class _Anchor(NamedTuple):
-    charge_ampere_hour: float
-    soc: float
-    words: str
 
 
 def rest_scale(
@@ -358,21 +342,23 @@ def rest_scale(
         second = first_rest_second(steps)
         wrong = contradiction(soc_at_start, first, (lower_cutoff_volt, upper), rest_second=second)
     if soc_at_start is not None and not wrong:
-        anchor = _Anchor(charge[0], soc_at_start, f"SoC {soc_at_start:g} is stated at its start")
-        _refuse_stated(anchor, charge, nominal, source)
+        soc, at_charge = soc_at_start, charge[0]
+        words = f"SoC {soc:g} is stated at its start"
+        _refuse_stated(soc, charge, words, nominal, source)
     else:
         near = FULL_WINDOW * window if state_before != "full" else np.inf
-        anchor = _full_anchor(rate, voltage, charge, upper, near, share, first, wrong)
-        anchor = anchor._replace(words="; ".join(filter(None, [anchor.words, wrong])))
-    discharged = float(anchor.charge_ampere_hour - charge.min())
-    by_record = discharged / anchor.soc if anchor.soc > STATED_SOC else 0.0
+        row, words = _full_row(rate, voltage, upper, near, share, first, wrong)
+        soc, at_charge = 1.0, charge[row]
+        words = "; ".join(filter(None, [words, wrong]))
+    discharged = float(at_charge - charge.min())
+    by_record = discharged / soc if soc > STATED_SOC else 0.0
     if ends_empty and by_record:
         nominal, source = by_record, "taken out to the lower cut-off, with rests between"
     elif not nominal:
         raise Refusal("no capacity: the record does not end empty, no capacity test and no rating")
     capacity = max(nominal, by_record)
-    full = anchor.charge_ampere_hour + (1 - anchor.soc) * capacity
-    return Scale(float(full), capacity, first, source, anchor.words)
+    full = at_charge + (1 - soc) * capacity
+    return Scale(float(full), capacity, first, source, words)
 
 
 def first_rest_second(steps):
@@ -380,19 +366,19 @@ def first_rest_second(steps):
     return float(steps.duration_second[0]) if len(steps.kind) and steps.kind[0] == "rest" else 0.0
 
 
-def _refuse_stated(anchor, charge, nominal, source):
-    """Refuse a stated SoC from which the record's charge leaves the scale of the known capacity.
+def _refuse_stated(soc, charge, words, nominal, source):
+    """Refuse a SoC stated at the start from which the charge leaves the scale of the capacity.
 
     Of a cell that is stated full a discharge beyond it contradicts the capacity alone, which the
     record itself then tells.
     """
-    up, down = (float(moved - anchor.charge_ampere_hour) for moved in (charge.max(), charge.min()))
+    up, down = (float(moved - charge[0]) for moved in (charge.max(), charge.min()))
     capacity = nominal or max(up, -down)
     if not capacity:
         return
-    low = anchor.soc + (down / capacity if anchor.soc < 1 else 0.0)
+    low = soc + (down / capacity if soc < 1 else 0.0)
     about = {"capacity_ampere_hour": capacity, "source": source}
-    refuse_impossible_soc(low, anchor.soc + up / capacity, anchor.words, **about)
+    refuse_impossible_soc(low, soc + up / capacity, words, **about)
 
 
 UNSURE_SHARE = 0.03  # of a capacity: less sure ones count after the sure ones of their check-up
@@ -450,18 +436,16 @@ def _ends_empty(steps, limit_volt):
 
 # ASSUME: A record that begins at rest within 3 % of the voltage window of the upper cut-off begins
 # full; where no upper cut-off is stated, one that moves 90 % of the capacity begins full.
-def _full_anchor(rate, voltage, charge, upper, near_volt, share, first_volt, wrong):
-    """Where a record is full; wrong : what contradicts the stated SoC, "" where none is stated."""
+def _full_row(rate, voltage, upper, near_volt, share, first_volt, wrong):
+    """Row at which a record is full, and in words why; wrong : what contradicts a stated SoC."""
     row = full_row(rate, voltage, upper)
     if row is not None:
-        return _Anchor(charge[row], 1.0, "full at the end of its full charge")
+        return row, "full at the end of its full charge"
     if upper is not None and first_volt >= upper - near_volt:
-        words = f"full at its start, {1e3 * (upper - first_volt):.0f} mV below the upper cut-off"
-        return _Anchor(charge[0], 1.0, words)
+        return 0, f"full at its start, {1e3 * (upper - first_volt):.0f} mV below the upper cut-off"
     if upper is None and share >= WHOLE_SWING:
-        words = "full at its start, taken so for it "
-        words += f"moves {share:.1%} of the capacity" if share < 1 else "moves all of the capacity"
-        return _Anchor(charge[0], 1.0, words)
+        moved = f"{share:.1%} of the capacity" if share < 1 else "all of the capacity"
+        return 0, f"full at its start, taken so for it moves {moved}"
     beginning = "under load" if np.isnan(first_volt) else f"at {first_volt:.4g} V"
     wanted = f"rest within {near_volt:.2g} V of {upper:g} V" if upper is not None else ""
     wanted = (

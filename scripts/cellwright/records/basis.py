@@ -313,8 +313,6 @@ def soc_of(series, basis, facts, cell):
         As `anchor.soc_series`.
     """
     basis = at_cycle(basis, facts.cycle)
-    found = curve_at(basis["ocv"], facts.ambient_temperature_celsius)
-    curve = {"soc": None, "ocv_volt": None} if found is None else found
     anchored = soc_series(
         series["charge_ampere_hour"],
         series["current_ampere"],
@@ -323,12 +321,14 @@ def soc_of(series, basis, facts, cell):
         lower_cutoff_volt=cell.lower_cutoff_volt,
         upper_cutoff_volt=cell.upper_cutoff_volt,
         soc_at_start=facts.soc,
-        ocv_soc=curve["soc"],
-        ocv_volt=curve["ocv_volt"],
-        half_gap_volt=curve.get("half_gap_volt"),
+        curve=curve_at(basis["ocv"], facts.ambient_temperature_celsius),
         test_time_second=series.get("test_time_second"),
     )
-    return anchored._replace(anchor=anchored.anchor + _size_in_words(basis))
+    if not basis.get("checkups"):
+        return anchored
+    # Of a cell with several check-ups it is said to which capacity its SoC refers.
+    size = f"{basis['capacity_ampere_hour']:.4g} Ah ({basis['capacity_source']})"
+    return anchored._replace(anchor=f"{anchored.anchor}; of {size}")
 
 
 def on_scale(anchored, basis):
@@ -346,13 +346,6 @@ def on_scale(anchored, basis):
     ends = float(np.min(anchored.soc)), float(np.max(anchored.soc))
     refuse_impossible_soc(*ends, anchored.anchor, capacity_ampere_hour=size, source=source)
     return anchored
-
-
-def _size_in_words(basis):
-    """What the SoC of a cell with several check-ups refers to, said behind its anchor."""
-    if not basis.get("checkups"):
-        return ""
-    return f"; of {basis['capacity_ampere_hour']:.4g} Ah ({basis['capacity_source']})"
 
 
 def soc_or_unknown(series, basis, facts, cell):

@@ -62,7 +62,13 @@ def repeats(tests, roles=("fit", "validation", "split")):
     -------
     repeats : Repeats; of no entries where there are none.
     """
-    order = sorted(range(len(tests)), key=lambda k: _priority(tests[k], k))
+
+    def priority(k):
+        # What may be fitted keeps its rows.
+        role = ("fit", "split", "validation").index(tests[k].facts.role)
+        return role, len(tests[k].series["test_time_second"]), k
+
+    order = sorted(range(len(tests)), key=priority)
     keys = [_keys(tests[k].series) for k in order]
     found = []
     for place, start, shift in _shared_windows(keys):
@@ -73,19 +79,10 @@ def repeats(tests, roles=("fit", "validation", "split")):
             names = [tests[order[p]].facts.test for p in place]
             times = one.time[first - shift], *other.time[[first, last]]
             found.append((names[1], first, last, *times[1:], names[0], times[0]))
-    return Repeats(*map(np.array, zip(*found, strict=True))) if found else _none()
-
-
-def _none():
-    words, whole, number = np.array([], "<U1"), np.array([], int), np.array([], float)
-    return Repeats(words, whole, whole, number, number, words, number)
-
-
-FITTED_FIRST = ("fit", "split", "validation")  # what may be fitted keeps its rows
-
-
-def _priority(test, place):
-    return FITTED_FIRST.index(test.facts.role), len(test.series["test_time_second"]), place
+    if not found:
+        types = ("<U1", int, int, float, float, "<U1", float)
+        return Repeats(*(np.array([], dtype) for dtype in types))
+    return Repeats(*map(np.array, zip(*found, strict=True)))
 
 
 def _keys(series):

@@ -1,5 +1,7 @@
 """Fewer rows of a record: means over bins, and steady stretches with rows far apart."""
 
+import itertools
+
 import numpy as np
 
 from cellwright.refusal import Refusal
@@ -37,7 +39,10 @@ def averaged(record, *, width_second):
     if not len(steps) or np.median(steps) >= WORTH * width_second:
         return record
     _, bins = np.unique(np.floor(time / width_second), return_inverse=True)
-    count, stands_for = np.bincount(bins), _second_of_rows(steps, width_second)
+    count = np.bincount(bins)
+    # A row stands for half the way to either neighbour, at most for a bin.
+    around = np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]])
+    stands_for = np.clip(around, 1e-6 * width_second, width_second)
     in_bin = np.bincount(bins, stands_for)
 
     def mean(column):
@@ -49,12 +54,6 @@ def averaged(record, *, width_second):
 
     columns = {name: np.asarray(getattr(record, name)) for name in row_fields(record)}
     return record._replace(**{name: mean(column) for name, column in columns.items()})
-
-
-def _second_of_rows(steps, width_second):
-    """Time that each row stands for: half the way to either neighbour, at most a bin (n,) [s]."""
-    around = np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]])
-    return np.clip(around, 1e-6 * width_second, width_second)
 
 
 def averaged_to(records, *, most_rows=20_000, thinned=()):
@@ -81,22 +80,14 @@ def averaged_to(records, *, most_rows=20_000, thinned=()):
     if most_rows < len(records):
         raise Refusal(f"{most_rows} rows were asked for of {len(records)} records; wanted more")
     ways = thinned or (lambda record: record,)
-    tried = (
-        [fewer(record) for record in means] for means in _over_wider_bins(records) for fewer in ways
+    widths = (FINEST_SECOND * 2**doubled for doubled in itertools.count())
+    binned = ([averaged(record, width_second=width) for record in records] for width in widths)
+    tried = ([fewer(record) for record in means] for means in binned for fewer in ways)
+    return next(
+        shorter
+        for shorter in tried
+        if sum(len(record.test_time_second) for record in shorter) <= most_rows
     )
-    return next(shorter for shorter in tried if _rows(shorter) <= most_rows)
-
-
-def _over_wider_bins(records):
-    """Records averaged over bins of 1, 2, 4 … s."""
-    width = FINEST_SECOND
-    while True:
-        yield [averaged(record, width_second=width) for record in records]
-        width *= 2
-
-
-def _rows(records):
-    return sum(len(record.test_time_second) for record in records)
 
 
 def row_fields(record):

@@ -73,15 +73,13 @@ class GroupFilters(NamedTuple):
 class GroupCase(NamedTuple):
     """A group, its records fitted and those that judge, tolerances and gates.
 
-    cells : tuple of Branch. fit, validation : records.GroupStack. fit_soc, validation_soc : (f, b)
-    stated SoC at the start of each record [1]. The methods are those that `search` needs.
+    cells : tuple of Branch. fit, validation : records.Stack, with the stated SoC at their starts.
+    The methods are those that `search` needs.
     """
 
     cells: tuple
     fit: object
     validation: object
-    fit_soc: np.ndarray
-    validation_soc: np.ndarray
     spread: Spread = Spread()
     shared: Shared = Shared()
     gates: GroupGates = GroupGates()
@@ -122,7 +120,7 @@ class GroupCase(NamedTuple):
     def problem(self, effects, free, filters):
         """The fit of a healthy group and some effects to the records of role fit."""
         return Problem(
-            lambda values: predicted(self, self.fit, self.fit_soc, values, effects),
+            lambda values: predicted(self, self.fit, values, effects),
             rows_of(self, self.fit),
             filters.fit.apply,
             free,
@@ -135,7 +133,7 @@ class GroupCase(NamedTuple):
 
         def predict(values, effect):
             together = in_order((*effects, effect), possible)
-            return predicted(self, self.fit, self.fit_soc, values, together)
+            return predicted(self, self.fit, values, together)
 
         every = candidates(predict, solution.prediction, solution.values, further)
         return [candidate for candidate in every if np.any(candidate.columns)]
@@ -164,7 +162,7 @@ class GroupCase(NamedTuple):
     def state(self, effects, solution, filters):
         """State of a fitted model: its errors on the records that judge, starts profiled out."""
         values = _started(self, solution.values, effects)
-        volts = predicted(self, self.validation, self.validation_soc, values, effects)
+        volts = predicted(self, self.validation, values, effects)
         error = rows_of(self, self.validation) - volts
         moved, explained = _start_errors(self, values, effects, volts, error, filters)
         squares = filters.validation.apply(error) ** 2
@@ -193,9 +191,9 @@ class GroupCase(NamedTuple):
         Where these cannot tell, it is judged on the records fitted. inflations : by role.
         """
         sides = before.validation, after.validation
-        shown = _evenly(self, self.validation, self.validation_soc, after, after.values, sides)
+        shown = _evenly(self, self.validation, after, after.values, sides)
         sides = before.solution.residual, after.solution.residual
-        fitted = _evenly(self, self.fit, self.fit_soc, after, after.solution.values, sides)
+        fitted = _evenly(self, self.fit, after, after.solution.values, sides)
         about = self.validation.file, inflations["validation"]
         promised = promised_of(before, after, *about).sum()
         proven = can_judge(self.gates, shown, fitted, promised)
@@ -291,9 +289,14 @@ def rows_of(case, stack):
     return np.concatenate([stack.voltage_volt, stack.branch_current_ampere.T.ravel()])
 
 
-def predicted(case, stack, soc, values, effects):
+def run_of(case, stack, values, effects):
+    """GroupRun of records by the model."""
+    return group_run(group_fields(case.cells, stack.soc_at_start, values, effects), stack)
+
+
+def predicted(case, stack, values, effects):
     """Rows of `rows_of` by the model (m,) [V, A]."""
-    run = group_run(group_fields(case.cells, soc, values, effects), stack)
+    run = run_of(case, stack, values, effects)
     if not case.sensors:
         return run.voltage
     return np.concatenate([run.voltage, run.current.T.ravel()])
@@ -323,9 +326,9 @@ def currents_volt(case, rows):
     return rows.reshape(1 + len(case.cells), -1)[1:] * ohms(case)[:, None]
 
 
-def _evenly(case, stack, soc, state, values, sides):
+def _evenly(case, stack, state, values, sides):
     """Consistency over blocks, record and band of the group's SoC, all branches in each."""
-    run = group_run(group_fields(case.cells, soc, values, state.effects), stack)
+    run = run_of(case, stack, values, state.effects)
     capacity = np.array([cell.capacity_ampere_hour for cell in case.cells])
     blocks = blocks_of(stack, run.soc @ (capacity / capacity.sum()), np.ones(len(stack.file), bool))
     before, after = (currents_volt(case, side) for side in sides)
@@ -344,11 +347,11 @@ def _floor(case, state, free, filters):
     their type's, narrowed by the records fitted. Through the sensitivities of the records that
     judge, this is an error that no effect of a branch has made.
     """
-    stack, soc, solution = case.validation, case.validation_soc, state.solution
+    stack, solution = case.validation, state.solution
     shared = tuple(f for f in free if not f.name.startswith("soc0["))
-    at = predicted(case, stack, soc, state.values, state.effects)
+    at = predicted(case, stack, state.values, state.effects)
     judging = Problem(
-        lambda values: predicted(case, stack, soc, values, state.effects),
+        lambda values: predicted(case, stack, values, state.effects),
         *(rows_of(case, stack), filters.validation.apply, shared),
     )
     columns = derivatives(judging, state.values, at)
@@ -402,18 +405,17 @@ def _minus_log_likelihood(spread, residual, stack):
 
 def _started(case, values, effects):
     """Values with the shift of the group's SoC at the start of each validation record [1]."""
-    stack, soc = case.validation, case.validation_soc
+    stack, stated = case.validation, case.validation.soc_at_start
     rating = sum(cell.capacity_ampere_hour for cell in case.cells)
     loaded = ~low_current(stack.current_ampere, rating)
     values = values | {f"soc0[{k}]": 0.0 for k in range(len(stack.first))}
     for _ in range(PASSES):
-        run = group_run(group_fields(case.cells, soc, values, effects), stack)
-        error = stack.voltage_volt - run.voltage
+        error = stack.voltage_volt - run_of(case, stack, values, effects).voltage
         shifts = {}
         for k in range(len(stack.first)):
             rows = np.flatnonzero(stack.file == k)
             rest = rows[: int(np.argmax(loaded[rows])) if loaded[rows].any() else len(rows)]
-            shifts[f"soc0[{k}]"] = _shift(case, soc[k], values[f"soc0[{k}]"], error[rest])
+            shifts[f"soc0[{k}]"] = _shift(case, stated[k], values[f"soc0[{k}]"], error[rest])
         values = values | shifts
     return values
 
@@ -427,7 +429,7 @@ def _start_errors(case, values, effects, prediction, error, filters):
     stack = case.validation
     starts = [f"soc0[{k}]" for k in range(len(stack.first))]
     moved = values | {name: values[name] + SOC_STEP for name in starts}
-    change = predicted(case, stack, case.validation_soc, moved, effects) - prediction
+    change = predicted(case, stack, moved, effects) - prediction
     change /= SOC_STEP
     white, error = filters.validation.apply(np.stack([change, error], axis=1)).T
     files = case.files_of(stack)

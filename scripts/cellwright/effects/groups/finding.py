@@ -11,13 +11,12 @@ from cellwright.effects.groups.case import (
     error_volt,
     predicted,
     rows_of,
+    run_of,
 )
 from cellwright.effects.groups.known import GroupGates, Shared, Spread
 from cellwright.effects.groups.model import (
     Branch,
     document,
-    group_fields,
-    group_run,
     smooth_ocv,
     smooth_shares,
 )
@@ -128,18 +127,19 @@ def _case(cells, records, initial_soc, settings, hold):
     tables = [len(cell.ocv_volt) for cell in cells]
     if len(set(tables)) > 1:
         raise Refusal(f"OCV tables of one length were wanted for all branches, not {tables}")
-    stacks, socs = [], []
+    stacks = []
     cells = tuple(cell._replace(ocv_volt=smooth_ocv(cell.ocv_volt)) for cell in cells)
     for role in ("fit", "validation"):
         of_role = [record for given, record in records if given == role]
         if not of_role:
             raise Refusal(f"the group has no record of role {role}")
-        stacks.append(group_stacked(of_role, branches=len(cells), hold=hold))
-        socs.append(np.array([_stated(cells, record, initial_soc) for record in of_role]))
+        stack = group_stacked(of_role, branches=len(cells), hold=hold)
+        starts = [_stated(cells, record, initial_soc) for record in of_role]
+        stacks.append(stack._replace(soc_at_start=np.array(starts)))
     if any(stack.branch_current_ampere is None for stack in stacks):
         stacks = [stack._replace(branch_current_ampere=None) for stack in stacks]
     defaults = {"spread": Spread(), "shared": Shared(), "gates": GroupGates()}
-    return GroupCase(cells, *stacks, *socs, **{k: settings.get(k, v) for k, v in defaults.items()})
+    return GroupCase(cells, *stacks, **{k: settings.get(k, v) for k, v in defaults.items()})
 
 
 def _stated(cells, record, initial_soc):
@@ -161,14 +161,11 @@ def _series(case, rounds):
     """Columns of all records: what was measured, and both models (healthy, with effects)."""
     columns = {}
     ends = rounds[0].before, rounds[-1].before
-    for role, stack, soc in (
-        ("fit", case.fit, case.fit_soc),
-        ("validation", case.validation, case.validation_soc),
-    ):
+    for role, stack in (("fit", case.fit), ("validation", case.validation)):
         runs = []
         for state in ends:
             values = state.solution.values if role == "fit" else state.values
-            runs.append(group_run(group_fields(case.cells, soc, values, state.effects), stack))
+            runs.append(run_of(case, stack, values, state.effects))
         for name, column in _columns(role, stack, runs, case.cells).items():
             columns.setdefault(name, []).append(column)
     return {name: np.concatenate(parts) for name, parts in columns.items()}
@@ -190,7 +187,7 @@ def _columns(role, stack, runs, cells):
         "before_volt": before.voltage,
         "after_volt": after.voltage,
     }
-    for b in range(stack.branches):
+    for b in range(len(cells)):
         if stack.branch_current_ampere is not None:
             columns[f"branch_{b + 1}_current_ampere"] = stack.branch_current_ampere[:, b]
         columns[f"before_branch_{b + 1}_current_ampere"] = before.current[:, b]
@@ -356,12 +353,12 @@ def group_verdict(group, case, rounds, library):
 def _without(case, state, names):
     """Errors of a model on both kinds of records with some of its effects taken out [V]."""
     errors = {}
-    for role, stack, soc, values in (
-        ("fit", case.fit, case.fit_soc, state.solution.values),
-        ("validation", case.validation, case.validation_soc, state.values),
+    for role, stack, values in (
+        ("fit", case.fit, state.solution.values),
+        ("validation", case.validation, state.values),
     ):
         absent = values | dict.fromkeys(names, 0.0)
-        without = predicted(case, stack, soc, absent, state.effects)
+        without = predicted(case, stack, absent, state.effects)
         errors[role] = error_volt(case, rows_of(case, stack) - without)
     return errors
 
@@ -430,8 +427,7 @@ def _located(case, state):
         for b in range(channels)
     ]
     most, test, branch, rows = max(places, key=lambda place: place[0])
-    values, effects = state.values, state.effects
-    soc = group_run(group_fields(case.cells, case.validation_soc, values, effects), stack).soc[rows]
+    soc = run_of(case, stack, state.values, state.effects).soc[rows]
     soc = soc[:, branch - 1] if branch else soc.mean(axis=1)
     return {
         "file": test,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 
-from cellwright.circuits.cell import place
+from cellwright.circuits.cell import ocv_and_slope
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.effects.base import OCV_KNOTS
 from cellwright.effects.library.groups import GROUP_LIBRARY
@@ -174,7 +174,7 @@ def group_run(fields, stack):
 
     Parameters
     ----------
-    fields : GroupFields. stack : records.GroupStack.
+    fields : GroupFields. stack : records.Stack.
 
     Returns
     -------
@@ -222,7 +222,7 @@ def _twin(fields, stack, factor):
             z, pair = _moved(
                 fields, pairs, factor[k], z, pair, branch_ampere, charge[k], weights, held[k]
             )
-        source = _ocv_at(fields.ocv, z)[0] + pair.sum(axis=1)
+        source = ocv_and_slope(fields.ocv, z)[0] + pair.sum(axis=1)
         voltage[k], branch_ampere = _shared_current(
             source, factor[k] * fields.r[:, 0] + fields.wire, stack, k
         )
@@ -239,21 +239,13 @@ def _shared_current(source, ohm, stack, k):
 def _moved(fields, pairs, factor, soc, pair, begin, charge, weights, total):
     """SoC and pair voltages at the end of a step under a total."""
     decay, before, after = weights
-    ocv, slope = _ocv_at(fields.ocv, soc + charge * begin)
+    ocv, slope = ocv_and_slope(fields.ocv, soc + charge * begin)
     source = ocv + (decay * pair + pairs * before * begin[:, None]).sum(axis=1)
     ohm = factor * fields.r[:, 0] + fields.wire + np.maximum(slope, 0.0) * charge
     ohm = ohm + (pairs * after).sum(axis=1)
     end = ((total + (source / ohm).sum()) / (1.0 / ohm).sum() - source) / ohm
     moved = decay * pair + pairs * (before * begin[:, None] + after * end[:, None])
     return soc + charge * (begin + end), moved
-
-
-def _ocv_at(table, soc):
-    """OCV of each branch [V], and its slope over SoC [V]."""
-    last, rows = table.shape[1] - 1, np.arange(len(soc))
-    below, share = place(soc, last + 1)
-    rise = table[rows, below + 1] - table[rows, below]
-    return table[rows, below] + share * rise, rise * last
 
 
 LOG_STEP, SOC_STEP, VOLT_STEP = 5e-3, 1e-3, 1e-3
@@ -378,7 +370,7 @@ def document(case, state):
         ],
         "values": {name: float(value) for name, value in state.solution.values.items()},
         "effects": [{"effect": e.id, "branch": e.position + 1} for e in state.effects],
-        "initial_soc": case.fit_soc.tolist(),
+        "initial_soc": case.fit.soc_at_start.tolist(),
         "hold": case.fit.hold,
     }
 

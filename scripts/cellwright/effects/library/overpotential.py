@@ -3,11 +3,12 @@
 import numpy as np
 
 from cellwright.circuits.circuit import KINDS
-from cellwright.effects.base import kept_response, lag_fresh
+from cellwright.effects.base import kept_response
 from cellwright.effects.library.quantities import fields_with
 from cellwright.effects.library.sizes import with_minutes
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.numerics.hysteresis import preisach
+from cellwright.numerics.lags import lag_fresh
 
 # Kinds of branch of slow diffusion: an RC pair; a layer of finite length; a sphere (time constant:
 # length² over diffusivity).

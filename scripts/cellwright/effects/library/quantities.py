@@ -48,9 +48,27 @@ def _stack(current, celsius, step):
     fresh = np.append(1.0, none[1:])
     steps = none if step is None else np.where(fresh > 0, 0.0, step)
     return Stack(
-        *(("",), ("drive",), np.zeros(1, int), np.zeros(len(current), int), np.cumsum(steps)),
-        *(steps, fresh, current, current, np.sign(current), none, celsius, np.ones(1)),
-        *("zero_order", none, none, none == 0, none, {}, {}, np.zeros(1, bool), *np.zeros((2, 1))),
+        tests=("",),
+        first=np.zeros(1, int),
+        file=np.zeros(len(current), int),
+        second=np.cumsum(steps),
+        step_second=steps,
+        fresh=fresh,
+        current_ampere=current,
+        voltage_volt=none,
+        celsius=celsius,
+        hold="zero_order",
+        soc_at_start=np.ones(1),
+        kinds=("drive",),
+        held_ampere=current,
+        linear=none,
+        direction=np.sign(current),
+        template_volt=none,
+        used=none == 0,
+        unseen_ampere_hour=none,
+        responses={},
+        courses={},
+        stated=np.zeros(1, bool),
     )
 
 
