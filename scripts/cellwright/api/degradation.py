@@ -64,7 +64,8 @@ def plateau_losses(tests, cell, settings=None, **changes):
 
     tests, settings : as of `degradation_modes`.
 
-    Returns rows, one a plateau and check-up [Ah]. Raises Refusal: fewer than two check-ups, or a first curve without plateaus.
+    Returns rows, one a plateau and check-up [Ah]. Raises Refusal: fewer than two check-ups, or a
+    first curve without plateaus.
     Source: thesis 4.3; docs/health-plateaus.md.
     """
     from cellwright.health.electrodes.plateaus import plateau_losses as losses_of

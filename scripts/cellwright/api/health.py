@@ -128,8 +128,8 @@ def fleet_resistance(cells):
 
     cells : (name, first row of `check_ups`, its rows of growth) each, of one type and temperature.
 
-    Returns rows, one a cell; line: of resistance over capacity, a dict. Raises Refusal: fewer than six cells,
-    or all alike. Source: thesis 4.4; docs/health-fleet.md.
+    Returns rows, one a cell; line: of resistance over capacity, a dict. Raises Refusal: fewer than
+    six cells, or all alike. Source: thesis 4.4; docs/health-fleet.md.
     """
     from cellwright.health.fleet import capacity_from_resistance, over_shared_soc
 
