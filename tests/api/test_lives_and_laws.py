@@ -33,8 +33,8 @@ def test_a_fade_is_found_from_columns_and_from_a_frame():
     assert found.summary["soh"] == pytest.approx(1 - 0.12, abs=0.005)
     again = cw.fade([(test, pd.DataFrame(columns), None)], CELL)
     pd.testing.assert_frame_equal(found.to_frame(), again.to_frame())
-    (row,) = [r for r in cw.state_of_health(fade=found).rows if r.cycle == 300.0]
-    assert row.soh == pytest.approx(found.summary["soh"], abs=0.005)
+    (row,) = [r for r in cw.state_of_health(fade=found).rows if r["cycle"] == 300.0]
+    assert row["soh"] == pytest.approx(found.summary["soh"], abs=0.005)
 
 
 def test_temperature_is_taken_out_of_a_fade():
@@ -60,7 +60,7 @@ def test_protocols_differ_by_the_factor_of_their_cycles():
             found = cw.fade([({"test": "life", "kind": "ageing"}, columns, None)], CELL)
             lives.append((f"{protocol}{k}", protocol, found))
     (row,) = cw.compare_protocols(lives).rows
-    assert max(row.ratio, 1 / row.ratio) == pytest.approx(2.0, rel=0.05)
+    assert max(row["ratio"], 1 / row["ratio"]) == pytest.approx(2.0, rel=0.05)
     with pytest.raises(cw.Refusal):
         cw.compare_protocols(lives[:3])
 
@@ -105,5 +105,5 @@ def test_a_fleet_tells_the_capacity_of_a_cell_from_its_resistances():
         ]
         cells.append((f"P{k}", first, growth))
     found = cw.fleet_resistance(cells)
-    assert found.line.slope_ohm_per_ampere_hour == pytest.approx(-1e-4, rel=0.02)
+    assert found.line["slope_ohm_per_ampere_hour"] == pytest.approx(-1e-4, rel=0.02)
     assert len(found.rows) == 10
