@@ -354,6 +354,17 @@ class Steps(NamedTuple):
     c_rate: np.ndarray
 
 
+def constant_current_end(first_row, last_row, cv_first_row):
+    """Row after the last one of a step before its voltage is held, an int or (steps,)."""
+    end = np.where(np.greater(cv_first_row, first_row), cv_first_row, np.add(last_row, 1))
+    return end if end.ndim else int(end)
+
+
+def follows_directly(steps):
+    """Mask (steps,) of steps without a gap of the record before them."""
+    return np.append(False, steps.start_time_second[1:] == steps.end_time_second[:-1])
+
+
 # ASSUME: Without a rating, C-rates and thresholds refer to the charge that the record moves.
 def assumed_rating(current_ampere, charge_ampere_hour):
     """Rating [Ah] that segmentation uses where none is stated, from the record (n,) [A], [Ah].

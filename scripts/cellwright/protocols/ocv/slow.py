@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.protocols.half_cycles import Before, HalfCycle, start_of_first
 from cellwright.protocols.ocv.legs import Leg, legs_of
-from cellwright.protocols.start import Before, Swing, told_of_first
 from cellwright.records.conditions import SAME_RATE
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import offset_at_rest
@@ -260,19 +260,18 @@ def _begun(legs, columns, limits, known):
     _, current, voltage, net_charge, _ = columns
     cutoffs, _ = limits
     nearly = NEARLY * (cutoffs[1] - cutoffs[-1])
-    swings = [
-        Swing(
+    halves = [
+        HalfCycle(
             *(leg.sign, leg.first_row, leg.last_row, leg.capacity_ampere_hour),
             reached=leg.sign * (leg.end_volt - cutoffs[leg.sign]) > -nearly,
-            end_volt=leg.end_volt,
             under_load=abs(current[leg.first_row]) > abs(leg.current_ampere) / 2,
         )
         for leg in legs[:2]
     ]
-    if not swings:
+    if not halves:
         return legs, ""
     about = (current, voltage, net_charge), (cutoffs[-1], cutoffs[1])
-    start = told_of_first(swings[0], swings[1] if len(swings) > 1 else None, *about, known)
+    start = start_of_first(halves[0], halves[1] if halves[1:] else None, *about, known)
     if start is None or not start.fault:
         return legs, ""
     return legs[1:], f"its first {'charge' if legs[0].sign > 0 else 'discharge'}: {start.fault}"
