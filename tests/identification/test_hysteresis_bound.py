@@ -27,7 +27,7 @@ def basis(*curves, borrowed_from=None):
 
 
 def test_half_the_gap_is_the_most_with_the_reading_of_the_branches():
-    most_volt, _ = largest_hysteresis(basis(slow()), 25.0, KNOTS)
+    most_volt, words = largest_hysteresis(basis(slow()), 25.0, KNOTS)
     np.testing.assert_allclose(most_volt, 0.02 + READING_VOLT)
     assert words == "at most half the gap of ocv_25, 23 to 23 mV"
 
