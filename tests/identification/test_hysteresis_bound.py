@@ -57,9 +57,9 @@ def test_the_nearest_slow_test_that_was_not_warmer_serves(celsius, test):
     ],
 )
 def test_where_no_slow_test_tells_there_is_no_bound(known, words):
-    most_volt, words = largest_hysteresis(known, 0.0, KNOTS)
+    most_volt, bounded_by = largest_hysteresis(known, 0.0, KNOTS)
     assert most_volt is None
-    assert f"not bounded: {words}" in words
+    assert f"not bounded: {words}" in bounded_by
 
 
 def sizes(condition):
