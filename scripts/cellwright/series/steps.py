@@ -304,7 +304,7 @@ def join(record, stretches, kind, held, again):
 class Steps(NamedTuple):
     """One entry a step, arrays of shape (steps,). Rows count into the record, both inclusive.
 
-    kind is "rest", "CC", "CV", "CCCV", "pulse" or "dynamic"; cv_first_row is −1 where the voltage is
+    kind is "rest", "CC", "CV", "CCCV", "pulse" or "dynamic"; cv_first_row is −1 where voltage is
     never held; c_rate is the size of the mean current over the rating; charge is positive on
     charge. A step starts at the last sample before it (the edge lies after it), after a gap at its
     own first sample.
