@@ -156,11 +156,13 @@ def slow_ocv(
     file_index=None,
     lower_cutoff_volt,
     upper_cutoff_volt,
-    join="auto",
     least_hour=OCV.least_hour,
     soc_at_start=None,
 ):
     """OCV of a slow test from its discharge and its charge branch at equal SoC.
+
+    Where files of their own complete both branches, so that each begins in equilibrium, they are
+    joined by `from_equilibrium`, else as their mean.
 
     Parameters
     ----------
@@ -168,9 +170,6 @@ def slow_ocv(
         Current positive on charge; the net charge carries on across gaps and joined files.
     file_index : (n,) int, which of the joined files a row is from; None: one file.
     lower_cutoff_volt, upper_cutoff_volt : where a full discharge and a full charge end [V].
-    join : "mean" of the branches; "equilibrium": below half charge the charge branch, above it
-        the discharge branch, each moved by the gap (`from_equilibrium`); "auto": the latter
-        where files of their own complete both branches, so that each begins in equilibrium.
     least_hour : a branch is slow if it takes longer than this at its current [h].
     soc_at_start : of the first row, as the sheet states it [1], or None. A first branch that it, or
         the branch after it, tells not to begin at its end is left out.
@@ -187,9 +186,8 @@ def slow_ocv(
     (2015), ch. 2, function processOCV.
     """
     ends = {"lower": lower_cutoff_volt, "upper": upper_cutoff_volt}
-    unstated = [name for name, volt in ends.items() if volt is None]
-    if unstated:
-        named = " and the ".join(f"{name} cut-off" for name in unstated)
+    if unstated := [f"{name} cut-off" for name, volt in ends.items() if volt is None]:
+        named = " and the ".join(unstated)
         raise Refusal(f"the {named} is not stated, so no slow curve can be told to be complete")
     files = np.zeros(len(voltage_volt), int) if file_index is None else np.asarray(file_index, int)
     columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
@@ -202,7 +200,10 @@ def slow_ocv(
     soc = np.linspace(0.0, 1.0, POINTS)
     discharge_volt, moved_out = _branch(closed[0], voltage, without_drift, soc)
     charge_volt, moved_back = _branch(closed[1], voltage, without_drift, soc)
-    joined_by = _joined_by(discharge, charge, join)
+    joined_by = "single"
+    if discharge and charge:
+        conditioned = discharge.conditioned and charge.conditioned
+        joined_by = "equilibrium" if conditioned else "mean"
     ocv, measured = joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by)
     table = rising(ocv)
     return OcvCurve(
@@ -412,17 +413,6 @@ def _cell_means(soc, voltage, centre, half_width):
     mean = np.diff(np.interp([centre - half, centre + half], soc, area), axis=0)[0]
     wide = half > half_width / 10
     return np.where(wide, mean / np.where(wide, 2 * half, 1.0), np.interp(centre, soc, voltage))
-
-
-def _joined_by(discharge, charge, join):
-    """How the branches are joined: "single", "mean" or "equilibrium"."""
-    if join not in ("auto", "mean", "equilibrium"):
-        raise Refusal(f"OCV branches joined by {join!r}; wanted 'auto', 'mean' or 'equilibrium'")
-    if discharge is None or charge is None:
-        return "single"
-    if join != "auto":
-        return join
-    return "equilibrium" if discharge.conditioned and charge.conditioned else "mean"
 
 
 def rising(ocv):
