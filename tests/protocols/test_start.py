@@ -217,9 +217,9 @@ def test_course_follows_dates_not_the_order_given():
     charge = dated("charge", life((1.0, 4.2), soc=0.02), 0.0)
     discharge = dated("discharge", life((-1.0, 3.0), soc=0.96), 20 * HOUR)
     found = run_course(discharge, charge)
-    assert found.test_before == ["charge", ""]
-    assert found.state_at_begin == ["full", ""]
-    assert found.words[1] == "no test before it has dates"
+    assert found["test_before"] == ["charge", ""]
+    assert found["state_at_begin"] == ["full", ""]
+    assert found["words"][1] == "no test before it has dates"
 
 
 REFUSALS = {
@@ -245,8 +245,8 @@ def test_course_says_why_nothing_is_known(what):
         for name, parts, soc, begin in tests
     ]
     found = run_course(*ends)
-    assert found.state_at_begin[1] == ""
-    assert re.search(words, found.words[1])
+    assert found["state_at_begin"][1] == ""
+    assert re.search(words, found["words"][1])
 
 
 @pytest.mark.parametrize("share", [0.0, 0.005, 0.015])

@@ -19,7 +19,7 @@ def course(tests, cell):
 
     Returns
     -------
-    course : Result; rows: `protocols.course.Course`, one entry a test: test_before, hour_between
+    course : Result; rows: columns, one entry a test: test_before, hour_between
         [h], state_at_begin ("full", "empty" or "" where not known) and words.
 
     Raises

@@ -26,20 +26,6 @@ class TestEnds(NamedTuple):
     state_at_end: str
 
 
-class Course(NamedTuple):
-    """Tests of a cell, in the order given; one entry a test.
-
-    test_before : the last one that ended before it began, "" where none is known. hour_between :
-    time since then [h]. state_at_begin : "full", "empty" or "" where not known. words : why.
-    """
-
-    test: list
-    test_before: list
-    hour_between: list
-    state_at_begin: list
-    words: list
-
-
 def ends_of_test(
     test, series, steps, *, rated_capacity_ampere_hour, lower_cutoff_volt, upper_cutoff_volt
 ):
@@ -85,11 +71,14 @@ def course(ends, *, lower_cutoff_volt, upper_cutoff_volt):
 
     Returns
     -------
-    course : Course.
+    course : dict of lists, in the order given: test; test_before, the last one that ended before it
+        began, "" where none is known; hour_between, since then [h]; state_at_begin, "full", "empty"
+        or "" where not known; words, why.
     """
     limits = (lower_cutoff_volt, upper_cutoff_volt)
     rows = [(one.test, *_before(one, ends, limits)) for one in ends]
-    return Course(*[list(column) for column in zip(*rows, strict=True)] or [[]] * 5)
+    names = ("test", "test_before", "hour_between", "state_at_begin", "words")
+    return {name: [row[k] for row in rows] for k, name in enumerate(names)}
 
 
 def _before(one, ends, limits):

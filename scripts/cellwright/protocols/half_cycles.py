@@ -169,20 +169,37 @@ def turns(charge_ampere_hour, steps, *, least_ampere_hour):
     list of (sign, first step, last step); empty where less than that is moved.
     """
     level = np.append(charge_ampere_hour[0], charge_ampere_hour[steps.last_row])
-    spans, low, high, start, peak, sign = [], 0, 0, 0, 0, 0
-    for k in range(1, len(level)):
-        if sign == 0:  # until the first turn is known, both extremes may be its start
-            low = k if level[k] < level[low] else low
-            high = k if level[k] > level[high] else high
-            sign = int(level[k] - level[low] >= least_ampere_hour)
-            sign -= int(level[high] - level[k] >= least_ampere_hour)
-            start, peak = (low if sign > 0 else high), k
-        elif sign * (level[k] - level[peak]) > 0:
-            peak = k
-        elif sign * (level[peak] - level[k]) >= least_ampere_hour:
-            spans.append((sign, start, peak - 1))
-            start, peak, sign = peak, k, -sign
-    return [*spans, (sign, start, peak - 1)] if sign else spans
+    points = turning_points(level, least=least_ampere_hour).tolist()
+    return [(1 if level[b] > level[a] else -1, a, b - 1) for a, b in pairwise(points)]
+
+
+def turning_points(values, *, least):
+    """Rows where a course turns for good: the start, each extremum after a swing, the end.
+
+    Parameters
+    ----------
+    values : (n,), for example the net charge [Ah].
+    least : a smaller swing back is no turn, in the unit of `values`.
+
+    Returns
+    -------
+    rows : ascending; empty without any swing of that size.
+    """
+    slopes = np.sign(np.diff(values))
+    moving = np.flatnonzero(slopes)
+    bends = moving[1:][np.diff(slopes[moving]) != 0]
+    low = high = heading = 0
+    rows = []
+    for row in [*bends, len(values) - 1]:
+        low = row if values[row] <= values[low] else low
+        high = row if values[row] > values[high] else high
+        if heading >= 0 and values[high] - values[row] > least:
+            rows.append(high)
+            heading, low = -1, row
+        elif heading <= 0 and values[row] - values[low] > least:
+            rows.append(low)
+            heading, high = 1, row
+    return np.array([*rows, low if heading < 0 else high] if rows else [], int)
 
 
 def with_starts(halves, columns, limits, known):
