@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from counted import NAMES, counted
 
 import cellwright as cw
 from cellwright.laws.points import fast_charge_points
@@ -31,19 +32,17 @@ def series(*, ampere=4.0, soc=0.0, full=2.0, minutes=30.0, held=HELD_SOC, begin_
     current += [0.0] * 30
     voltage += [4.1] * 30
     time, current = np.arange(len(current)) * step, np.array(current)
-    charge = np.append(0.0, np.cumsum((current[1:] + current[:-1]) / 2) * step / 3600)
     return {
         "test_time_second": time,
         "current_ampere": current,
         "voltage_volt": np.array(voltage),
-        "charge_ampere_hour": charge,
+        "charge_ampere_hour": counted(time, current),
         "surface_temperature_celsius": 20 + 10 * np.arange(len(current)) / len(current),
     }
 
 
 def run(columns, **settings):
-    names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
-    steps = segment(*[columns[name] for name in names], rated_capacity_ampere_hour=2.0)
+    steps = segment(*[columns[name] for name in NAMES], rated_capacity_ampere_hour=2.0)
     limits = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
     settings = {"capacity_ampere_hour": 2.0, "rated_capacity_ampere_hour": 2.0} | limits | settings
     return fast_charge(columns, steps, **settings)
@@ -97,7 +96,7 @@ def test_refusals_by_name():
         run(still)
 
 
-def test_points_over_temperature_of_one_rate():
+def test_points_over_temperature_of_one_rate_as_the_contract_allows(tmp_path):
     row = run(series(begin_full=True))[0]
     rows = [
         row | {"ambient_temperature_celsius": celsius, "cycle": None, "share": share}
@@ -109,14 +108,6 @@ def test_points_over_temperature_of_one_rate():
     assert shares == [0.9, 0.6, 0.2]
     assert ratios == pytest.approx([9, 1.5, 0.25])
     assert len({p.quantity for p in points}) == 4
-
-
-def test_points_are_what_the_contract_of_their_artefact_allows(tmp_path):
-    row = run(series(begin_full=True))[0] | {"cycle": None}
-    rows = [
-        row | {"ambient_temperature_celsius": celsius, "share": share}
-        for celsius, share in ((25.0, 0.9), (0.0, 0.6), (-20.0, 0.2))
-    ]
     points = cw.fast_charge_laws(rows).points
     path = tmp_path / "results" / "fast_charge_points" / "T1.parquet"
     artefact.write(path, points, {"reason": None})

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from counted import counted, measured
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -32,18 +33,11 @@ def pulse(*, level=-5.0, base=0.0, seconds=15.0, step=0.1, noise=0.0, grain=0.0,
 
 
 def measure(time, current, voltage, *, rated=3.0, delays=(0, 1, 10), soc=None):
-    charge = np.append(0, np.cumsum((current[1:] + current[:-1]) / 2 * np.diff(time)) / 3600)
+    charge = counted(time, current)
     steps = segment(time, current, voltage, charge, rated_capacity_ampere_hour=rated)
     soc = 0.5 + charge / rated if soc is None else soc
-    return pulse_resistance(
-        time,
-        current,
-        voltage,
-        soc,
-        steps,
-        rated_capacity_ampere_hour=rated,
-        delay_second=delays,
-    )
+    about = {"rated_capacity_ampere_hour": rated, "delay_second": delays}
+    return pulse_resistance(time, current, voltage, soc, steps, **about)
 
 
 @pytest.mark.parametrize("level", [-5.0, 3.0])
@@ -170,20 +164,14 @@ def test_refusals():
         measure(time, current, 3.7 - 0.1 * (voltage - 3.7))
 
 
-def read(path):
-    data = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
-    names = ("Test Time / s", "Current / A", "Voltage / V")
-    return [data[name].to_numpy(float) for name in names], data
-
-
 @pytest.mark.parametrize(
     ("place", "first", "ten"),
     [("25C", 20.7, 37.3), ("10C", 30.1, 52.0), ("0C", 40.8, 79.7), ("n10C", 60.6, 129.8)],
 )
 def test_published_panasonic(shared, place, first, ten):
-    columns, data = read(shared / f"campaigns/panasonic/raw/hppc/hppc_{place}.parquet")
-    soc = 1 + data["Net Capacity / Ah"].to_numpy() / 2.9  # the record has holes: the counter
-    rows = measure(*columns, rated=2.9, soc=soc, delays=(0, 10)).rows
+    path = shared / f"campaigns/panasonic/raw/hppc/hppc_{place}.parquet"
+    soc = 1 + pd.read_parquet(path)["Net Capacity / Ah"].to_numpy() / 2.9  # it has holes
+    rows = measure(*measured(path)[:3], rated=2.9, soc=soc, delays=(0, 10)).rows
     half = (np.abs(rows["c_rate"] - 1) < 0.05) & (np.abs(rows["soc"] - 0.5) < 0.02)
     milliohm_measured = 1e3 * rows["resistance_ohm"][half]
     assert np.allclose(milliohm_measured, [first, ten], rtol=0.005)
@@ -194,22 +182,22 @@ def test_published_panasonic(shared, place, first, ten):
     [("25C", 1, 36.2), ("45C", 8, 29.4), ("45C", 9, 47.2), ("10C", 15, 38.4), ("0C", 24, 53.7)],
 )
 def test_published_lgm50(shared, place, cell, published):
-    columns, _ = read(shared / f"campaigns/lgm50/raw/pulses/{place}/Cell{cell}_SoC5.csv.gz")
-    rows = measure(*columns, rated=5.0, delays=(10,)).rows
+    path = shared / f"campaigns/lgm50/raw/pulses/{place}/Cell{cell}_SoC5.csv.gz"
+    rows = measure(*measured(path)[:3], rated=5.0, delays=(10,)).rows
     assert np.isclose(1e3 * rows["resistance_ohm"][0], published, rtol=0.01)
 
 
 @pytest.mark.parametrize("name", ["sample_hppc_pulse", "multipulse_hppc"])
 def test_published_samsung30t(shared, name):
-    columns, _ = read(shared / f"campaigns/samsung30t_pybop/raw/{name}.csv.gz")
-    rows = measure(columns[0], -columns[1], columns[2], delays=(0, 1, 10)).rows
+    columns = measured(shared / f"campaigns/samsung30t_pybop/raw/{name}.csv.gz", -1)
+    rows = measure(*columns[:3], delays=(0, 1, 10)).rows
     assert set(rows["direction"][:3]) == {"discharge"}
     assert np.allclose(1e3 * rows["resistance_ohm"][:3], [7.34, 12.9, 20.7], rtol=0.003)
     assert np.all((rows["current_ampere"] > 0) == (rows["direction"] == "charge"))
 
 
 def test_long_loads_serve_where_there_is_no_pulse(shared):
-    (time, current, voltage), _ = read(shared / "campaigns/dmegc/raw/R1/pulses.csv.gz")
-    rows = measure(time, -current, voltage, rated=2.6, delays=(10,)).rows
+    columns = measured(shared / "campaigns/dmegc/raw/R1/pulses.csv.gz", -1)
+    rows = measure(*columns[:3], rated=2.6, delays=(10,)).rows
     assert len(rows["soc"]) == 11
     assert np.all((rows["resistance_ohm"] > 0.03) & (rows["resistance_ohm"] < 0.06))

@@ -107,28 +107,20 @@ def test_a_coarse_logger_is_no_bias(grain):
     assert row["a_volt"] == pytest.approx(-0.02, rel=0.15)
 
 
-def test_quantised_to_a_few_levels_is_said():
-    row = only(rests(*record(grain=1e-3, r=R / 6, noise=1e-5)))
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        ({"grain": 1e-3, "r": R / 6, "noise": 1e-5}, "quantised: "),
+        ({"noise": 2e-3}, "mV allows no R² above 0."),
+        ({"r": R / 40, "noise": 5e-4}, "too small for the noise"),
+    ],
+)
+def test_what_keeps_r_squared_below_its_limit_is_said(settings, reason):
+    row = only(rests(*record(**settings)))
     assert row["r_squared"] < 0.98
-    assert "quantised: " in row["reason"]
-
-
-def test_noise_sets_the_ceiling():
-    row = only(rests(*record(noise=2e-3)))
-    assert row["r_squared"] < 0.98
-    assert "mV allows no R² above 0." in row["reason"]
-    assert row["noise_volt"] == pytest.approx(2e-3, rel=0.15)
-
-
-def test_too_small_for_the_noise_is_said():
-    row = only(rests(*record(r=R / 40, noise=5e-4)))
-    assert "too small for the noise" in row["reason"]
-
-
-def test_a_drift_is_said():
-    time, current, voltage = record(noise=5e-5)
-    row = only(rests(time, current, voltage + 2e-6 * np.clip(time - 1000, 0, None)))
-    assert "drifting" in row["reason"] or "three" in row["reason"]
+    assert reason in row["reason"]
+    if settings["noise"] == 2e-3:
+        assert row["noise_volt"] == pytest.approx(2e-3, rel=0.15)
 
 
 def test_a_hole_in_the_rest_does_not_move_the_answer():

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from counted import NAMES
 
 from cellwright.protocols.ageing import ageing_cycles
 from cellwright.protocols.capacity import capacity
@@ -13,7 +14,6 @@ from cellwright.series.cleaning import net_charge
 from cellwright.series.steps import segment
 
 HOUR = 3600.0
-NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
 LIMITS = {"rated_capacity_ampere_hour": 2.0, "lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
 AGED_OHM = 0.08
 

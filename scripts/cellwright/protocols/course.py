@@ -34,14 +34,10 @@ def ends_of_test(
     It leaves it full where its last half cycle is a charge that reaches the upper cut-off within
     10 mV, and no more than 1 % of the rating flows after it; empty likewise.
 
-    Parameters
-    ----------
     test : name. series : dict of (n,) columns of a clean series. steps : Steps of it.
     rated_capacity_ampere_hour : [Ah] or None. lower_cutoff_volt, upper_cutoff_volt : [V] or None.
 
-    Returns
-    -------
-    ends : TestEnds.
+    Returns ends: TestEnds.
     """
     columns = columns_of(series)
     dates = series.get("unix_time_second", np.full(1, np.nan))
@@ -65,15 +61,11 @@ def course(ends, *, lower_cutoff_volt, upper_cutoff_volt):
     after, or where its first voltage contradicts: a cell that was left full rests above the middle
     of its window and no higher than it was left; an empty one below, and no lower.
 
-    Parameters
-    ----------
     ends : list of TestEnds. lower_cutoff_volt, upper_cutoff_volt : [V] or None.
 
-    Returns
-    -------
-    course : dict of lists, in the order given: test; test_before, the last one that ended before it
-        began, "" where none is known; hour_between, since then [h]; state_at_begin, "full", "empty"
-        or "" where not known; words, why.
+    Returns course: dict of lists, in the order given: test; test_before, the last one that ended
+    before it began, "" where none is known; hour_between, since then [h]; state_at_begin, "full",
+    "empty" or "" where not known; words, why.
     """
     limits = (lower_cutoff_volt, upper_cutoff_volt)
     rows = [(one.test, *_before(one, ends, limits)) for one in ends]

@@ -82,16 +82,13 @@ def half_cycles(columns, steps, limits, *, least_ampere_hour, dynamic=True):
     A half cycle is complete at its end where a load in its direction reaches the cut-off within
     10 mV, or a line through its last samples does: the cut-off then lies between two.
 
-    Parameters
-    ----------
     columns : (current [A] positive on charge, voltage [V], charge [Ah]), (n,) each.
     steps : Steps of the record. limits : lower and upper cut-off [V] or None.
     least_ampere_hour : a return of less than this is no turn [Ah].
     dynamic : whether a dynamic load may reach the cut-off too.
 
-    Returns
-    -------
-    halves : list of HalfCycle, counted to the turn; without `loads` where only rests were counted.
+    Returns halves: list of HalfCycle, counted to the turn; without `loads` where only rests were
+    counted.
     """
     spans = [
         part
@@ -158,15 +155,11 @@ def energy_counted(voltage_volt, charge_ampere_hour):
 def turns(charge_ampere_hour, steps, *, least_ampere_hour):
     """Spans of steps between turning points of the counted charge.
 
-    Parameters
-    ----------
     charge_ampere_hour : (n,) net charge since the first row [Ah].
     steps : Steps of the record.
     least_ampere_hour : a return of less than this is no turn [Ah].
 
-    Returns
-    -------
-    list of (sign, first step, last step); empty where less than that is moved.
+    Returns list of (sign, first step, last step); empty where less than that is moved.
     """
     level = np.append(charge_ampere_hour[0], charge_ampere_hour[steps.last_row])
     points = turning_points(level, least=least_ampere_hour).tolist()
@@ -176,14 +169,10 @@ def turns(charge_ampere_hour, steps, *, least_ampere_hour):
 def turning_points(values, *, least):
     """Rows where a course turns for good: the start, each extremum after a swing, the end.
 
-    Parameters
-    ----------
     values : (n,), for example the net charge [Ah].
     least : a smaller swing back is no turn, in the unit of `values`.
 
-    Returns
-    -------
-    rows : ascending; empty without any swing of that size.
+    Returns rows: ascending; empty without any swing of that size.
     """
     slopes = np.sign(np.diff(values))
     moving = np.flatnonzero(slopes)
@@ -215,14 +204,10 @@ def with_starts(halves, columns, limits, known):
 def starts_of(halves, columns, limits, known):
     """How each half cycle of a record begins.
 
-    Parameters
-    ----------
     halves : list of HalfCycle, in time order.
     columns, limits : as in `half_cycles`. known : Before.
 
-    Returns
-    -------
-    starts : list of Start.
+    Returns starts: list of Start.
     """
     if not halves:
         return []
@@ -252,8 +237,6 @@ def starts_of(halves, columns, limits, known):
 def start_of_first(half, after, columns, limits, known):
     """Start of a record's first half cycle, where anything but the rest alone says it, or None.
 
-    Parameters
-    ----------
     half, after : HalfCycle, the first one and the one after it, or None.
     columns, limits, known : as in `starts_of`.
     """

@@ -243,16 +243,13 @@ def noise_volt(voltage_volt):
 def reasons_against(two, three, voltage_volt, *, limit, grain, noise):
     """Reasons against two exponentials, or for an R² below the limit, in words.
 
-    Parameters
-    ----------
     two, three : Relaxation, of at most two and three exponentials.
     voltage_volt : (n,) of the rest [V].
     limit : R² that is asked for.
     grain, noise : of the logger, of a sample [V].
 
-    Returns
-    -------
-    words : sentences joined by "; ", the most telling first; empty where nothing stands against.
+    Returns words: sentences joined by "; ", the most telling first; empty where nothing stands
+    against.
     """
     best = three if len(three.tau_second) == 3 else two
     short, single, moved = best.r_squared < limit, len(two.tau_second) < 2, np.ptp(voltage_volt)

@@ -103,8 +103,6 @@ def rests_of(
 def chamber_or_cell(series):
     """Recorded temperature of the chamber, else of the cell's surface (n,) [°C]; None without.
 
-    Parameters
-    ----------
     series : dict of columns; the cell's own warms in a load and cools in the rest.
     """
     chamber = series.get("ambient_temperature_celsius")
@@ -198,14 +196,10 @@ def _pair_resistance(volt, tau, load):
 def example(rows, test_time_second, voltage_volt):
     """Voltage and chosen fit of the rest nearest 50 % SoC, or of the middle rest without SoC.
 
-    Parameters
-    ----------
     rows : of `rests_of`. test_time_second, voltage_volt : (n,) of the test [s], [V].
 
-    Returns
-    -------
-    curve : dict of (m,) columns time_second, voltage_volt, fitted_volt and soc (of the rest, in
-        each row); empty where no rest was fitted.
+    Returns curve: dict of (m,) columns time_second, voltage_volt, fitted_volt and soc (of the
+    rest, in each row); empty where no rest was fitted.
     """
     chosen = np.flatnonzero(rows["chosen"])
     names = ("time_second", "voltage_volt", "fitted_volt", "soc")

@@ -168,15 +168,11 @@ def spike_rows(
     5. The four neighbours agree with each other better than with the spike: it jumped out of a
        smooth curve, and back.
 
-    Parameters
-    ----------
     current_ampere, voltage_volt : arrays [A], [V], same length
     limit_volt : float [V]
     current_step_ampere : float [A]
 
-    Returns
-    -------
-    array of row numbers
+    Returns an array of row numbers.
 
     Source
     ------
@@ -242,17 +238,13 @@ def net_charge(
        counted lies between what either current would have moved.
     3. Across a gap: the counter; without one, a current that is the same on both sides, else none.
 
-    Parameters
-    ----------
     test_time_second, current_ampere : arrays [s], [A]
     gap_rows : array of int
         Rows with a gap in the record before them.
     counter_ampere_hour : array [Ah]
         The instrument's own signed counter; may have rows without a number (NaN).
 
-    Returns
-    -------
-    array [Ah], 0 in the first row
+    Returns an array [Ah], 0 in the first row.
     """
     interval = np.diff(test_time_second) / 3600
     before, after = current_ampere[:-1] * interval, current_ampere[1:] * interval
@@ -326,19 +318,10 @@ def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
     Where the current channel reads in rests what is no current, that is not counted: the current
     is zero there, and `logged_current_ampere` holds the reading of the whole record.
 
-    Parameters
-    ----------
     columns : mapping of arrays, as given to `flag`
     flags : array of int, from `flag`
 
-    Returns
-    -------
-    Cleaned
-
-    Raises
-    ------
-    Refusal
-        Fewer than two rows are left.
+    Returns Cleaned. Raises Refusal: fewer than two rows are left.
     """
     kept = _kept(flags)
     if kept.size < 2:

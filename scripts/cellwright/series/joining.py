@@ -30,20 +30,12 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Assembled:
     2. Else, where the second clock goes on from the first, it is kept.
     3. Else the second file begins one sampling interval after the first ends, and a note says so.
 
-    Parameters
-    ----------
     series : sequence of mappings of arrays
         test_time_second [s], current_ampere [A], voltage_volt [V] and more; a column that one file
         lacks is NaN there.
 
-    Returns
-    -------
-    Assembled
-
-    Raises
-    ------
-    Refusal
-        By their date stamps, a file begins before the one in front of it ends.
+    Returns Assembled. Raises Refusal: by their date stamps, a file begins before the one before it
+    ends.
     """
     names = list(dict.fromkeys(name for columns in series for name in columns))
     first, *others = [_with_steady_counter(columns) for columns in series]
@@ -145,13 +137,9 @@ def current_sign(
     3. Where both can be asked they must agree: a record of magnitudes, with charge and discharge
        both positive, does not pass.
 
-    Parameters
-    ----------
     test_time_second, current_ampere, voltage_volt : arrays [s], [A], [V]
 
-    Returns
-    -------
-    Sign
+    Returns Sign.
     """
     good = np.isfinite(test_time_second) & (np.abs(current_ampere) < NO_READING)
     good &= np.isfinite(voltage_volt)
@@ -248,8 +236,6 @@ def charge_positive(
 ) -> Assembled:
     """Turn the current of a series, and its branches and counter, positive on charge.
 
-    Parameters
-    ----------
     columns : mapping of arrays
         test_time_second [s], current_ampere [A], voltage_volt [V]; branch_…_current_ampere [A] and
         net_capacity_ampere_hour [Ah] where there are any.
@@ -258,15 +244,9 @@ def charge_positive(
     default : {None, "charge_positive", "discharge_positive"}
         What the file's format says; it serves where the data cannot tell.
 
-    Returns
-    -------
-    Assembled, with a note where something is worth saying of the sign.
-
-    Raises
-    ------
-    Refusal
-        The data clearly contradict what is stated, or show magnitudes only; or nothing is stated
-        and nothing can tell.
+    Returns Assembled, with a note where something is worth saying of the sign. Raises Refusal: the
+    data clearly contradict what is stated, or show magnitudes only; or nothing is stated and
+    nothing can tell.
     """
     shown = current_sign(*(columns[name] for name in SERIES))
     sign, note = _decided(shown, stated, default)

@@ -27,14 +27,10 @@ def relaxing_rests(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> 
 
     A small current at a held voltage is a current, though the voltage knows nothing of it.
 
-    Parameters
-    ----------
     voltage : (n,) array [V]
     first, stop : (k,) rows of each rest
 
-    Returns
-    -------
-    (k,) array of bool
+    Returns (k,) array of bool.
     """
     moves = np.zeros(len(first), dtype=bool)
     for rest, (a, b) in enumerate(zip(first, stop, strict=True)):
@@ -52,15 +48,11 @@ def judge_by_response(
     slope of the voltage's changes over the reading's, in the second halves of the rests, with the
     resistance that steps of load show within 2 s; also at a lag of one sample to either side.
 
-    Parameters
-    ----------
     columns : mapping of arrays, as in `rest_reading`
     first, stop : (k,) rows of each rest
 
-    Returns
-    -------
-    verdict ("sensor", "current" or "none"), why, and the largest share of the reading's changes [1]
-    that may be a current.
+    Returns verdict ("sensor", "current" or "none"), why, and the largest share of the reading's
+    changes [1] that may be a current.
     """
     # ASSUME: Of the resistance two seconds after a step of load, at least half is there at once.
     current, voltage = columns["current_ampere"], columns["voltage_volt"]
@@ -100,14 +92,10 @@ def judge_by_drift(
     record's charge are looked at: after a brief pulse nobody knows which way the cell relaxes. Two
     of them must say so: one may be disturbed.
 
-    Parameters
-    ----------
     columns : mapping of arrays, as in `rest_reading`
     first, stop : (k,) rows of each rest
 
-    Returns
-    -------
-    verdict ("sensor", "current" or "none"), and why.
+    Returns verdict ("sensor", "current" or "none"), and why.
     """
     voltage, charge = columns["voltage_volt"], columns["charge_ampere_hour"]
     before = np.r_[0, stop[:-1] - 1]
@@ -211,15 +199,11 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
     should have moved the voltage, and did not. 5. A reading that the voltage confirms is a current,
     and of any other it is said that nobody can tell: both are counted.
 
-    Parameters
-    ----------
     columns : mapping of arrays
         A clean series: test_time_second [s], current_ampere [A], voltage_volt [V],
         charge_ampere_hour [Ah], net_capacity_ampere_hour [Ah] where the instrument has a counter.
 
-    Returns
-    -------
-    RestReading
+    Returns RestReading.
     """
     time, current = columns["test_time_second"], columns["current_ampere"]
     first, stop = open_circuit(time, current)
@@ -251,13 +235,9 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
 def as_logged(series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """A clean series with the current as it was logged, for the search for faults of the sensor.
 
-    Parameters
-    ----------
     series : mapping of arrays, with logged_current_ampere [A] where that is another
 
-    Returns
-    -------
-    dict of arrays; current_ampere and charge_ampere_hour with the readings in rests.
+    Returns a dict of arrays; current_ampere and charge_ampere_hour with the readings in rests.
     """
     if "logged_current_ampere" not in series:
         return dict(series)
@@ -274,8 +254,6 @@ def open_circuit(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.
     The current must step into a rest, from more than twice what is near zero: the end of a charge
     at constant voltage fades into smallness, and is a load to the last.
 
-    Parameters
-    ----------
     time, current : (n,) arrays [s], [A]
     """
     limit = 0.01 * float(np.max(np.abs(current), initial=0.0))  # no step, as in `cleaning.flag`
@@ -295,8 +273,6 @@ def hidden_rest_level(time: np.ndarray, current: np.ndarray, rest_ampere: float)
 
     An offset of the reading larger than what counts as rest would turn every rest into a load.
 
-    Parameters
-    ----------
     time, current : (n,) arrays [s], [A]
     rest_ampere : largest reading that counts as rest [A]
     """
@@ -319,14 +295,10 @@ def offset_at_rest(
     voltage settles: it moves more in the first half than in the second, as after a load and not as
     under one, or as at a held voltage, where the current fades.
 
-    Parameters
-    ----------
     time, current, voltage : (n,) arrays [s], [A], [V]
     least_ampere, most_ampere : limits of such a reading [A]
 
-    Returns
-    -------
-    Median over the rests of their median reading [A].
+    Returns the median over the rests of their median reading [A].
     """
     levels = []
     for first, stop in zip(*stretches(np.abs(current) <= most_ampere), strict=True):

@@ -12,20 +12,12 @@ from cellwright.series.steps import constant_current_end
 def constant_current_charge(steps, charge_ampere_hour, *, among=True):
     """Rows of the constant-current charge that moves the most charge.
 
-    Parameters
-    ----------
     steps : columns kind, first_row, last_row, cv_first_row, current_mean_ampere, (k,) each.
     charge_ampere_hour : (n,) net charge of the record the rows point into [Ah].
     among : (k,) mask of the steps that count.
 
-    Returns
-    -------
-    first_row, last_row : inclusive, without the part at constant voltage.
-    step : row of `steps` that they come from.
-
-    Raises
-    ------
-    Refusal : no step of constant current charges the cell.
+    Returns first_row, last_row: inclusive, without the part at constant voltage; step : row of
+    `steps` that they come from. Raises Refusal: no step of constant current charges the cell.
     """
     charging = np.isin(steps["kind"], ["CC", "CCCV"]) & (steps["current_mean_ampere"] > 0) & among
     first = steps["first_row"]
@@ -43,13 +35,9 @@ def constant_rows(current_ampere, first, last):
     At the upper cut-off the current may begin to fall before the voltage is seen to be held: dQ/dV
     would rise there without end.
 
-    Parameters
-    ----------
     current_ampere : (n,) of the record [A]. first, last : rows of a charge, inclusive.
 
-    Returns
-    -------
-    first, last : rows, inclusive.
+    Returns first, last: rows, inclusive.
     """
     part = current_ampere[first : last + 1]
     usual = np.median(part)
@@ -62,17 +50,10 @@ def constant_rows(current_ampere, first, last):
 def charge_slope(voltage_volt, charge_ampere_hour):
     """dQ/dV of one charge, and the fit behind it.
 
-    Parameters
-    ----------
     voltage_volt, charge_ampere_hour : (n,) rows of one constant-current charge [V], [Ah].
 
-    Returns
-    -------
-    curve : IncrementalCapacity [Ah/V]. slope : spline.Slope.
-
-    Raises
-    ------
-    Refusal : fewer than 50 rows, or a voltage that does not rise, or too little of it.
+    Returns curve: IncrementalCapacity [Ah/V]. slope : spline.Slope. Raises Refusal: fewer than 50
+    rows, or a voltage that does not rise, or too little of it.
 
     Source: docs/ica.md.
     """
@@ -88,19 +69,12 @@ def charge_slope(voltage_volt, charge_ampere_hour):
 def charge_peaks(slope, *, c_rate, prominence):
     """Peaks of one charge as the columns of the stage `ica`.
 
-    Parameters
-    ----------
     slope : result of `charge_slope`.
     c_rate : rate of the charge [1/h].
     prominence : least rise of a peak, as a share of the highest dQ/dV [1].
 
-    Returns
-    -------
-    columns : dict of (k,) arrays.
-
-    Raises
-    ------
-    Refusal : no peaks; a flat curve is typical of an aged cell or a high rate.
+    Returns columns: dict of (k,) arrays. Raises Refusal: no peaks; a flat curve is typical of an
+    aged cell or a high rate.
     """
     columns = slope_peaks(slope, prominence=prominence)._asdict()
     count = len(columns["voltage_volt"])

@@ -24,21 +24,13 @@ def peaks_of_life(
 ):
     """Peaks of dQ/dV of charges spread evenly over an ageing record.
 
-    Parameters
-    ----------
     current_ampere, voltage_volt, charge_ampere_hour : (n,) clean series [A], [V], [Ah].
     steps : columns kind, first_row, last_row, cv_first_row, start_time_second,
         current_mean_ampere, c_rate.
     cycles : columns of stage `ageing_cycles`: cycle, direction, start_time_second, (k,) each.
     prominence : as of `spline.slope_peaks`. most : charges at most.
 
-    Returns
-    -------
-    life : LifePeaks.
-
-    Raises
-    ------
-    Refusal : no complete charge, or none whose dQ/dV can be taken.
+    Returns life: LifePeaks. Raises Refusal: no complete charge, or none whose dQ/dV can be taken.
     """
     rows, curves, notes = [], [], []
     charges = _charges_of_life(cycles, steps, current_ampere, charge_ampere_hour, most)

@@ -36,17 +36,9 @@ class Slope(NamedTuple):
 def slope_of_charge(voltage_volt, charge_ampere_hour):
     """Voltage over charge of one constant-current charge as a rising curve.
 
-    Parameters
-    ----------
     voltage_volt, charge_ampere_hour : (n,) [V], [Ah].
 
-    Returns
-    -------
-    slope : Slope.
-
-    Raises
-    ------
-    Refusal : fewer than 50 rows, or a voltage that does not rise.
+    Returns slope: Slope. Raises Refusal: fewer than 50 rows, or a voltage that does not rise.
 
     Source: cellwright.numerics.monotone.
     """
@@ -76,14 +68,10 @@ def slope_peaks(slope, *, prominence):
     by `prominence`, and the slope falls before and rises after it by more than its noise allows.
     The interval of its position holds the places where d2V/dQ2 may be zero.
 
-    Parameters
-    ----------
     slope : Slope.
     prominence : least rise, as a share of the curve's highest dQ/dV [1].
 
-    Returns
-    -------
-    peaks : Peaks.
+    Returns peaks: Peaks.
     """
     height = 1 / slope.dv_dq_volt_per_ampere_hour
     tops, bases, feet, highest = _resolved_tops(slope, height, prominence)
@@ -202,13 +190,9 @@ def curve_of(slope):
 
     Its step is 3 mV, or a tenth of the narrowest range that holds a tenth of the charge.
 
-    Parameters
-    ----------
     slope : Slope.
 
-    Returns
-    -------
-    curve : IncrementalCapacity.
+    Returns curve: IncrementalCapacity.
     """
     volt, charge = slope.voltage_volt, slope.charge_ampere_hour
     shares = np.interp(np.linspace(charge[0], charge[-1], 101), charge, volt)

@@ -160,14 +160,10 @@ def with_inductance(circuit, impedance_ohm):
 def compare(frequency_hertz, impedance_ohm, circuits, **options):
     """Fits of several circuits to the same points, with their criteria.
 
-    Parameters
-    ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω]. circuits : texts.
     options : of each fit, see `fit_circuit`.
 
-    Returns
-    -------
-    candidates : list of Candidate in the order given.
+    Returns candidates: list of Candidate in the order given.
 
     Source: G. Schwarz, Ann. Statist. 6 (1978) 461 (Bayesian information criterion).
     """
@@ -187,9 +183,7 @@ def best(candidates, *, criterion):
     """The candidate with the least criterion ("bic" or "cross_validation") among those fitted whose
     parameters stay within their limits, or among all fitted where none does.
 
-    Raises
-    ------
-    Refusal : none could be fitted, or an unknown criterion.
+    Raises Refusal: none could be fitted, or an unknown criterion.
     """
     if criterion not in CRITERIA:
         raise Refusal(f"criterion {criterion!r}; known: {', '.join(CRITERIA)}")

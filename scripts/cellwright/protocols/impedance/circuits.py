@@ -134,19 +134,12 @@ class Circuit(NamedTuple):
 def parse(text):
     """Circuit of a text: `-` is in series, `|` in parallel, brackets group.
 
-    Parameters
-    ----------
     text : such as "R-(CPE|(R-W))"; elements R, C, L, CPE, W, FLW (finite-length Warburg), FSW
         (finite-space Warburg), G (Gerischer).
 
-    Returns
-    -------
-    circuit : Circuit. Parameters are named by element, number and unit (`r1_ohm`, `cpe2_p`); those
-    of the thesis' circuit as the results contract names them.
-
-    Raises
-    ------
-    Refusal : an unknown element, brackets that do not match, `-` and `|` mixed without brackets.
+    Returns circuit: Circuit. Parameters are named by element, number and unit (`r1_ohm`,
+    `cpe2_p`); those of the thesis' circuit as the results contract names them. Raises Refusal: an
+    unknown element, brackets that do not match, `-` and `|` mixed without brackets.
     """
     plain = "".join(text.split())
     tokens = TOKEN.findall(plain)
@@ -214,18 +207,11 @@ CONSTRAINT = re.compile(rf"(\w+)\s*=\s*(?:({NUMBER})\s*\*\s*)?({NUMBER}|[A-Za-z]
 def parse_constraints(texts):
     """Fixed and tied parameters of texts, as `fit.fit_circuit` takes them.
 
-    Parameters
-    ----------
     texts : "name = value" fixes a parameter, in its own unit; "name = other" and
         "name = ratio * other" tie it to another.
 
-    Returns
-    -------
-    fixed : dict, name → value. tied : dict, name → (other name, ratio).
-
-    Raises
-    ------
-    Refusal : a text of another form.
+    Returns fixed: dict, name → value. tied : dict, name → (other name, ratio). Raises Refusal: a
+    text of another form.
     """
     fixed, tied = {}, {}
     for text in texts:
@@ -257,14 +243,10 @@ def series_resistance(circuit):
 def circuit_impedance(circuit, frequency_hertz, values):
     """Impedance of a circuit (n,) [Ω].
 
-    Parameters
-    ----------
     circuit : Circuit, or its text. frequency_hertz : (n,) [Hz].
     values : (p,) in the order and units of the circuit's names.
 
-    Returns
-    -------
-    impedance : (n,) complex [Ω]; a capacitive arc has a negative imaginary part. ω = 2πf.
+    Returns impedance: (n,) complex [Ω]; a capacitive arc has a negative imaginary part. ω = 2πf.
     """
     return circuit_slopes(circuit, frequency_hertz, values)[0]
 
@@ -275,13 +257,9 @@ def circuit_slopes(circuit, frequency_hertz, values):
     Upwards through the tree each node's impedance, downwards what a change of it does to the whole:
     nothing but 1 in series, (Z/Zi)² in parallel.
 
-    Parameters
-    ----------
     circuit, frequency_hertz, values : as in `circuit_impedance`.
 
-    Returns
-    -------
-    impedance : (n,) complex [Ω]. slopes : (p, n) complex [Ω].
+    Returns impedance: (n,) complex [Ω]. slopes : (p, n) complex [Ω].
     """
     circuit = parse(circuit) if isinstance(circuit, str) else circuit
     omega = 2 * np.pi * np.asarray(frequency_hertz, float)

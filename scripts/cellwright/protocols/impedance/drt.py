@@ -26,13 +26,9 @@ def relaxation_times(frequency_hertz, impedance_ohm):
     as the discrepancy principle allows, the noise being what the closest non-negative distribution
     leaves.
 
-    Parameters
-    ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
 
-    Returns
-    -------
-    distribution : Distribution.
+    Returns distribution: Distribution.
 
     Source: T. H. Wan et al., Electrochimica Acta 184 (2015) 483 (Tikhonov regularisation);
     V. A. Morozov, Soviet Math. Dokl. 7 (1966) 414 (discrepancy principle).
@@ -58,14 +54,10 @@ def relaxation_times(frequency_hertz, impedance_ohm):
 def peaks(distribution):
     """Processes of a spectrum: peaks of the distribution, each from valley to valley.
 
-    Parameters
-    ----------
     distribution : Distribution. Peaks below 2 % of the whole resistance do not count.
 
-    Returns
-    -------
-    rows : list of dicts peak (from 1, fastest first), tau_second [s], frequency_hertz [Hz],
-        resistance_ohm [Ω], share [1], in_range: its top lies within what was measured.
+    Returns rows: list of dicts peak (from 1, fastest first), tau_second [s], frequency_hertz [Hz],
+    resistance_ohm [Ω], share [1], in_range: its top lies within what was measured.
     """
     gamma, tau = distribution.gamma_ohm, distribution.tau_second
     width, whole = np.log(tau[1] / tau[0]), gamma.sum()

@@ -202,18 +202,10 @@ def search(problem, starts, *, enough):
 
     In C where that can be built (`native`), else in numpy with the same steps.
 
-    Parameters
-    ----------
     problem : Problem. starts : (s, q) logarithms of the free parameters, tried in this order.
     enough : so many that led to the same best end the search.
 
-    Returns
-    -------
-    optima : Optima.
-
-    Raises
-    ------
-    Refusal : a circuit of more than 64 nodes or 32 parameters.
+    Returns optima: Optima. Raises Refusal: a circuit of more than 64 nodes or 32 parameters.
 
     Source: D. W. Marquardt, J. SIAM 11 (1963) 431; steps of at most 2 in a logarithm, so that a
     poor start cannot throw a parameter to its limit.

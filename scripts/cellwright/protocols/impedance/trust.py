@@ -22,18 +22,10 @@ def linear_kramers_kronig(frequency_hertz, impedance_ohm):
     added until their resistances begin to oscillate in sign: the share of negative resistance
     says that noise is being fitted.
 
-    Parameters
-    ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
 
-    Returns
-    -------
-    residual : (n,) complex, over the modulus; above about 1 % it says drift, nonlinearity or
-        artefacts.
-
-    Raises
-    ------
-    Refusal : fewer than 8 points.
+    Returns residual: (n,) complex, over the modulus; above about 1 % it says drift, nonlinearity
+    or artefacts. Raises Refusal: fewer than 8 points.
 
     Source: M. Schönleber, D. Klotz, E. Ivers-Tiffée, Electrochimica Acta 131 (2014) 20,
     eq. 5 (residuals), 12-13 (time constants), 21 (measure of fill).
@@ -94,19 +86,11 @@ def trusted_points(
     the Kramers–Kronig relations. Where two fifths of the points are not enough, none is left out:
     then not the end is at fault but the spectrum.
 
-    Parameters
-    ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
     drift_tolerance : RMS of the relative residual that the slowest decade may have [1].
     inductance : "model" keeps inductive points, "cut" leaves them out.
 
-    Returns
-    -------
-    trusted : Trusted.
-
-    Raises
-    ------
-    Refusal : fewer than 8 points.
+    Returns trusted: Trusted. Raises Refusal: fewer than 8 points.
     """
     order, residuals = np.argsort(frequency_hertz), []
     for dropped in range(int(0.4 * len(order)) + 1):
@@ -157,8 +141,6 @@ def rested_temperature(test_time_second, current_ampere, temperature_celsius):
     Median of all samples at least half an hour after the last current, when the cell's own heat is
     gone; NaN where a record holds none.
 
-    Parameters
-    ----------
     test_time_second, current_ampere, temperature_celsius : (n,) [s], [A], [°C]; None for the last
         where it was not recorded.
     """
@@ -175,17 +157,13 @@ def rested_temperature(test_time_second, current_ampere, temperature_celsius):
 def temperature_offsets(spectra, records):
     """Temperature of spectra minus that of other records at each chamber temperature [K].
 
-    Parameters
-    ----------
     spectra, records : sequences of (chamber temperature as stated, temperature read), both [°C];
         None for one that is not stated, NaN where there was nothing to read.
 
-    Returns
-    -------
-    rows : list of dicts: ambient_temperature_celsius, spectra_celsius, spectra (how many were
-        read), records_celsius, records, offset_kelvin, offset_std_kelvin. NaN for what was not
-        read, and for the last where neither was read twice.
-    notes : tuple of at most one sentence; none where the spectra hold no temperature.
+    Returns rows: list of dicts: ambient_temperature_celsius, spectra_celsius, spectra (how many
+    were read), records_celsius, records, offset_kelvin, offset_std_kelvin. NaN for what was not
+    read, and for the last where neither was read twice; notes : tuple of at most one sentence; none
+    where the spectra hold no temperature.
     """
     stated = sorted({ambient for ambient, _ in spectra} - {None})
     rows = [_row(ambient, _read(spectra, ambient), _read(records, ambient)) for ambient in stated]

@@ -140,16 +140,12 @@ def _applied(form, columns, parameters, soc):
 def fit_parameters(form, soc, ocv_volt, *, powers=None, near=None):
     """Parameters of one function by least squares: rates by lmfit, coefficients in closed form.
 
-    Parameters
-    ----------
     form : Form. soc, ocv_volt : (n,) [1], [V].
     powers : (n, q) factors that each coefficient is a sum over, such as powers of a temperature;
         None: each coefficient is one number.
     near : rates (r,) to set out from, or None: the form's own starts.
 
-    Returns
-    -------
-    parameters : (p, q), K0, K1, … in rows; a rate has only its first column, else 0.
+    Returns parameters: (p, q), K0, K1, … in rows; a rate has only its first column, else 0.
     """
     powers = np.ones((len(soc), 1)) if powers is None else powers
 
@@ -171,8 +167,6 @@ def parameter_stds(form, parameters, soc, ocv_volt, *, powers=None):
 
     What the function cannot follow counts as scatter.
 
-    Parameters
-    ----------
     form, soc, ocv_volt, powers : as of the fit. parameters : (p, q) of it.
     """
     powers, places = np.ones((len(soc), 1)) if powers is None else powers, np.array(form.places)

@@ -17,14 +17,10 @@ class SlowGap(NamedTuple):
 def slow_gap(curve):
     """Half the gap of a slow test with a full discharge and a full charge.
 
-    Parameters
-    ----------
     curve : dict of a basis' OCV: branches, soc, half_gap_volt, discharge_current_ampere,
         charge_current_ampere.
 
-    Returns
-    -------
-    gap : SlowGap, median over SoC 20–80 %; NaN of a single branch.
+    Returns gap: SlowGap, median over SoC 20–80 %; NaN of a single branch.
     """
     soc, gap = half_gap(curve)
     inside = (soc >= 0.2) & (soc <= 0.8)  # near the ends the gap is resistance
@@ -37,8 +33,6 @@ def slow_gap(curve):
 def half_gap(curve):
     """SoC [1] and half the gap of the branches [V], each (m,), where both were measured.
 
-    Parameters
-    ----------
     curve : dict, as in `slow_gap`; empty for a single branch, for rests, or without half_gap_volt.
     """
     if curve["branches"] != "both" or "half_gap_volt" not in curve:
@@ -56,15 +50,11 @@ def largest_hysteresis(basis, celsius, knots):
     warmer by more than 2.5 K bounds nothing. A knot takes the widest gap within 2 % of SoC, with
     3 mV for the reading of the branches; beyond what both branches reach, the gap at the end.
 
-    Parameters
-    ----------
     basis : dict, from `records.basis`.
     celsius : temperature of the condition [degC].
     knots : (k,) SoC [1].
 
-    Returns
-    -------
-    most_volt : (k,) [V], None without a slow test. words : where it is from.
+    Returns most_volt: (k,) [V], None without a slow test. words : where it is from.
 
     Source: G. L. Plett, Battery Management Systems I (2015), ch. 2: hysteresis parts slow branches.
     """
@@ -95,8 +85,6 @@ def shows_hysteresis(gap, resistance_ohm):
     A relaxation, however slow, drives the branches apart by no more than current times its
     resistance; a hysteresis does so at any current.
 
-    Parameters
-    ----------
     gap : SlowGap.
     resistance_ohm : all that the model has, ohmic and relaxing [ohm].
 

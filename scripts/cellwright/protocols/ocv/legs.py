@@ -34,14 +34,10 @@ class Leg(NamedTuple):
 def legs_of(test_time_second, current_ampere, voltage_volt, charge_ampere_hour, file_index):
     """Legs of a record between turning points of its charge; pauses and dithers are no turns.
 
-    Parameters
-    ----------
     test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah].
     file_index : (n,) int, which of the joined files a row is from.
 
-    Returns
-    -------
-    legs : list of Leg in time order.
+    Returns legs: list of Leg in time order.
     """
     turns = turning_points(charge_ampere_hour, least=0.05 * np.ptp(charge_ampere_hour))
     columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour, file_index)

@@ -54,16 +54,12 @@ def rest_points(
     Before the first of them, where the cell is nearly full, a rest after a discharge counts that is
     ten times as long as its load: a pulse of seconds leaves little to relax.
 
-    Parameters
-    ----------
     test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A] positive on
         charge, [V], net charge [Ah].
     steps : series.steps.Steps.
     rest_second : [s].
 
-    Returns
-    -------
-    points : RestPoints.
+    Returns points: RestPoints.
     """
     columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
     time, current, voltage, charge = (np.asarray(column, float) for column in columns)
@@ -139,18 +135,11 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
     monotone cubics (PCHIP). Where both are there the curve is their mean. Beyond the outermost
     points it runs on straight through the last two of them, not beyond the cut-offs.
 
-    Parameters
-    ----------
     points : RestPoints. scale : records.anchor.Scale.
     lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None.
 
-    Returns
-    -------
-    curve : OcvCurve with branches "rests"; joined_by "mean" or "single".
-
-    Raises
-    ------
-    Refusal : too few rests, or they span too little.
+    Returns curve: OcvCurve with branches "rests"; joined_by "mean" or "single". Raises Refusal:
+    too few rests, or they span too little.
 
     Source: PCHIP: F. N. Fritsch, R. E. Carlson, SIAM J. Numer. Anal. 17 (1980) 238.
     """
@@ -195,8 +184,6 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
 def soc_at(points, scale):
     """State of charge (rests,) at the end of each rest.
 
-    Parameters
-    ----------
     points : RestPoints. scale : records.anchor.Scale.
     """
     return 1 + (points.charge_ampere_hour - scale.full_ampere_hour) / scale.capacity_ampere_hour

@@ -19,19 +19,12 @@ def ocv_shift(earlier, later):
     in both directions, the OCV could have shifted by anything between the two: the standard
     deviation is their half distance over √3.
 
-    Parameters
-    ----------
     earlier, later : (current [A], voltage [V], charge [Ah], Steps) of a record of each check-up.
 
-    Returns
-    -------
-    shift : dict of (41,) columns: soc [1] of the check-up's own capacity, shift_volt against the
-        earlier check-up at the same SoC, shift_std_volt [V]. Below 5 % and above 95 % SoC, where
-        the polarisation of a load that begins or ends is read, they stay as they are there.
-
-    Raises
-    ------
-    Refusal : a record without such a charge and discharge, or of another rate than the other.
+    Returns shift: dict of (41,) columns: soc [1] of the check-up's own capacity, shift_volt
+    against the earlier check-up at the same SoC, shift_std_volt [V]. Below 5 % and above 95 % SoC,
+    where the polarisation of a load that begins or ends is read, they stay as they are there.
+    Raises Refusal: a record without such a charge and discharge, or of another rate than the other.
     """
     moved = []
     for sign in (-1, 1):
@@ -49,14 +42,10 @@ def ocv_shift(earlier, later):
 def shifts_since_first(records):
     """Shift of the OCV of every later check-up against the first.
 
-    Parameters
-    ----------
     records : list of (test, cycle, record), each record as of `ocv_shift`.
 
-    Returns
-    -------
-    rows : list of dict: cycle, soc, shift_volt, shift_std_volt, test, reference_test.
-    notes : list of str, what could not be compared and why.
+    Returns rows: list of dict: cycle, soc, shift_volt, shift_std_volt, test, reference_test;
+    notes: list of str, what could not be compared and why.
     """
     is_first = in_first_checkup([cycle for _, cycle, _ in records])
     references = [entry for entry, first in zip(records, is_first, strict=True) if first]

@@ -27,20 +27,13 @@ MOST_OFFSET = 0.3  # of the slow current: the largest reading at rest that is lo
 def joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by):
     """OCV over SoC from the branches [V], and where both needed branches were measured.
 
-    Parameters
-    ----------
     soc : (n,) [1], evenly from 0 to 1 with a point at 0.5.
     discharge_volt, charge_volt : (n,) [V], NaN where a branch does not reach.
     discharge, charge : Leg of each branch, or None.
     joined_by : "single", "mean" or "equilibrium".
 
-    Returns
-    -------
-    ocv_volt : (n,) [V]. measured : (n,) bool.
-
-    Raises
-    ------
-    Refusal : the branches do not overlap at 50 % SoC.
+    Returns ocv_volt: (n,) [V]. measured : (n,) bool. Raises Refusal: the branches do not overlap
+    at 50 % SoC.
     """
     if joined_by == "single":
         only = discharge_volt if charge is None else charge_volt
@@ -57,17 +50,10 @@ def mean_of_branches(soc, discharge_volt, charge_volt):
     Below that the charge, above it the discharge, where these reach; where neither does, the OCV
     stays as it is at the edge.
 
-    Parameters
-    ----------
     soc, discharge_volt, charge_volt : as in `joined`.
 
-    Returns
-    -------
-    ocv_volt : (n,) [V]. both : (n,) bool, where it is the mean.
-
-    Raises
-    ------
-    Refusal : the branches do not overlap at 50 % SoC.
+    Returns ocv_volt: (n,) [V]. both : (n,) bool, where it is the mean. Raises Refusal: the
+    branches do not overlap at 50 % SoC.
     """
     # ASSUME: Where one slow branch has ended or drops into its polarisation knee (half gap above
     # three times the usual), the OCV is the other branch moved by half the gap at that edge.
@@ -228,17 +214,9 @@ def slow_ocv(
 def slowest_load(*columns, **limits):
     """As `slow_ocv` of whatever is slowest in a record: a faster full leg is no part of the curve.
 
-    Parameters
-    ----------
     columns, limits : arguments of `slow_ocv` without least_hour.
 
-    Returns
-    -------
-    curve : OcvCurve.
-
-    Raises
-    ------
-    Refusal : no leg of the record is full and runs to its cut-off.
+    Returns curve: OcvCurve. Raises Refusal: no leg of the record is full and runs to its cut-off.
     """
     curve = slow_ocv(*columns, **limits, least_hour=0.0)
     while True:
@@ -418,8 +396,6 @@ def _cell_means(soc, voltage, centre, half_width):
 def rising(ocv):
     """Nearest strictly rising table [V]; plateaus rise by a microvolt over the whole range.
 
-    Parameters
-    ----------
     ocv : (n,) over ascending SoC [V].
     """
     from scipy.optimize import isotonic_regression

@@ -32,8 +32,6 @@ class Plateau(NamedTuple):
 def joined_rests(steps):
     """First and last row (inclusive) of each rest; successive rest steps count as one rest.
 
-    Parameters
-    ----------
     steps : `series.steps.Steps`.
     """
     rests = []
@@ -57,15 +55,11 @@ def _binned(time, values, begin):
 def plateaus_of(test_time_second, temperature_celsius, *, settled_kelvin_per_hour, least_second):
     """Stretches in which the temperature moves slower than a limit.
 
-    Parameters
-    ----------
     test_time_second, temperature_celsius : (n,) [s], [degC].
     settled_kelvin_per_hour : the limit, over 20 minutes [K/h].
     least_second : a shorter stretch does not count [s].
 
-    Returns
-    -------
-    plateaus : list of Plateau, in order of time.
+    Returns plateaus: list of Plateau, in order of time.
     """
     time = np.asarray(test_time_second, float)
     celsius = np.asarray(temperature_celsius, float)
@@ -87,19 +81,14 @@ def extrapolated(test_time_second, voltage_volt, used, at_second, *, known_until
 
     The mean over time constants, each weighted by its likelihood.
 
-    Parameters
-    ----------
     test_time_second, voltage_volt : (n,) of one rest [s], [V].
     used : list of (first, last) rows, inclusive, that are at the reference temperature.
     at_second : (m,) where the voltage is wanted [s].
     known_until : end of the first stretch; what relaxes afterwards is extrapolated [s].
 
-    Returns
-    -------
-    volt, std_volt : (m,) [V]; the deviation holds the scatter, the choice of the time constant, and
-        that in the cold the relaxation may have stood still (rectangular, from nothing to what was
-        extrapolated).
-    noise_volt : scatter of one bin [V].
+    Returns volt, std_volt: (m,) [V]; the deviation holds the scatter, the choice of the time
+    constant, and that in the cold the relaxation may have stood still (rectangular, from nothing to
+    what was extrapolated); noise_volt : scatter of one bin [V].
 
     Source: thesis 3.3 (the dotted lines of fig. 3.9); weighting by likelihood is ours.
     """
@@ -210,13 +199,10 @@ def chamber_shifts(
 def cell_temperature(series):
     """Temperature of the cell along a record [degC]: its surface's, else the chamber's.
 
-    Parameters
-    ----------
     series : dict of (n,) columns of a clean series.
 
-    Raises
-    ------
-    Refusal : neither was recorded; the stated temperature does not tell when the chamber stepped.
+    Raises Refusal: neither was recorded; the stated temperature does not tell when the chamber
+    stepped.
     """
     # ASSUME: At rest a cell is as warm inside as on its surface.
     for name in ("surface_temperature_celsius", "ambient_temperature_celsius"):
