@@ -265,7 +265,7 @@ def _legs_chosen(columns, limits, known):
     they differ by 3 % and more, or the lesser is not taken for a full branch, and what the record
     logs at rest makes up for most of it, that is taken off.
     """
-    time, current, voltage, net_charge, files = columns
+    net_charge = columns[3]
     legs, left_out = _begun(legs_of(*columns), columns, limits, known)
     try:
         chosen, refusal = _chosen(legs, *limits), None
@@ -275,21 +275,31 @@ def _legs_chosen(columns, limits, known):
         return *chosen, net_charge, left_out
     if _closes(chosen):
         return *chosen, net_charge, ""
-    largest = float(np.percentile(np.abs(current), 90))
-    limits_ampere = {"least_ampere": 0.005 * largest, "most_ampere": MOST_OFFSET * largest}
-    offset = offset_at_rest(time, current, voltage, **limits_ampere)
-    if offset:
-        corrected = net_charge - offset * (time - time[0]) / 3600.0
-        with suppress(Refusal):
-            better = _chosen(legs_of(time, current - offset, voltage, corrected, files), *limits)
-            if _closes(better):
-                words = f"{1e3 * offset:+.3g} mA, which its rests read, taken off the current"
-                return *better, corrected, f"{words}: discharge and charge differed without"
+    if better := _without_offset(columns, limits):
+        return better
     if None in chosen:
         chosen = _drifted(columns, limits) or chosen
     if refusal is not None and chosen == (None, None):
         raise refusal
     return *chosen, net_charge, ""
+
+
+def _without_offset(columns, limits):
+    """As `_legs_chosen`, with what the record logs at rest taken off; None where that closes not."""
+    time, current, voltage, net_charge, files = columns
+    largest = float(np.percentile(np.abs(current), 90))
+    between = {"least_ampere": 0.005 * largest, "most_ampere": MOST_OFFSET * largest}
+    offset = offset_at_rest(time, current, voltage, **between)
+    if not offset:
+        return None
+    corrected = net_charge - offset * (time - time[0]) / 3600.0
+    try:
+        better = _chosen(legs_of(time, current - offset, voltage, corrected, files), *limits)
+    except Refusal:
+        return None
+    words = f"{1e3 * offset:+.3g} mA, which its rests read, taken off the current"
+    note = f"{words}: discharge and charge differed without"
+    return (*better, corrected, note) if _closes(better) else None
 
 
 def _closes(pair):
