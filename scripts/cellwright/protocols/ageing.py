@@ -14,6 +14,7 @@ from cellwright.protocols.half_cycles import (
     columns_of,
     energy_counted,
     half_cycles,
+    weighted_median,
     with_starts,
 )
 from cellwright.records.anchor import first_rest_second
@@ -183,9 +184,7 @@ def _middle_current(current, moved):
     """Median size of the current [A], weighted by the charge that it moves."""
     # Where a pulse ends between two samples the charge belongs to the larger of both.
     size = np.maximum(np.abs(current[1:]), np.abs(current[:-1]))
-    order = np.argsort(size)
-    total = np.cumsum(np.abs(moved[order]))
-    return float(size[order][np.searchsorted(total, total[-1] / 2)])
+    return float(weighted_median(size, np.abs(moved)))
 
 
 def _efficiency(half, before, charge, capacity):

@@ -80,6 +80,7 @@ def capacity(
     rated = rated_capacity_ampere_hour or assumed_rating(columns[0], columns[2])
     limits = (lower_cutoff_volt, upper_cutoff_volt)
     known = Before(state_before, soc_at_start, curve, first_rest_second(steps))
+    # A drive has no rate: where it crosses the cut-off no capacity of a rate ends.
     halves = half_cycles(
         columns, steps, limits, least_ampere_hour=TURN_SHARE * rated, dynamic=False
     )
@@ -131,6 +132,7 @@ def _rate(current, steps, step):
     """Size of the current of a step before its voltage is held [A], and the row that ends it."""
     first, last = int(steps.first_row[step]), int(steps.last_row[step])
     end = constant_current_end(first, last, steps.cv_first_row[step])
+    # Never zero: rates are compared by their ratio.
     return max(float(np.median(np.abs(current[first:end]))), 1e-12), min(end, last)
 
 

@@ -82,6 +82,7 @@ def fast_charge(
     surface = surface[np.isfinite(surface)]
     first, highest = (float(surface[0]), float(surface.max())) if len(surface) else (np.nan, np.nan)
     charged = {
+        # The highest: in the cold the cut-off is met before the current has settled.
         "c_rate": float(current[: at_cutoff + 2].max() / (rated_capacity_ampere_hour or capacity)),
         "minutes": float(minutes),
         "charge_ampere_hour": within,

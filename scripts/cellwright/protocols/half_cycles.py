@@ -139,11 +139,19 @@ def _loads(span, steps):
 def _reaches(step, sign, limit, voltage, steps):
     """Whether a step that moves charge in its direction reaches the cut-off [V]."""
     first, last = int(steps.first_row[step]), int(steps.last_row[step])
+    # Samples far apart step over the cut-off; five of them smooth the noise of the last one.
     earlier = max(last - 5, first)
     ahead = voltage[last] + (voltage[last] - voltage[earlier]) / max(last - earlier, 1)
     farthest = max(np.max(sign * voltage[first : last + 1]), sign * ahead)
     along = sign * steps.charge_ampere_hour[step] > 0
     return along and farthest >= sign * limit - NEAR_VOLT
+
+
+def weighted_median(values, weights):
+    """Value below which half of the weight (n,) lies: of a current, half of the charge."""
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return values[order][np.searchsorted(total, total[-1] / 2)]
 
 
 def energy_counted(voltage_volt, charge_ampere_hour):
@@ -336,6 +344,7 @@ def _by_rest(half, before, columns, limits, known_rests_volt):
     known: with more doubt no new cell is told from one at its end.
     """
     sign, end = half.sign, ENDS[half.sign]
+    # Without both cut-offs the range of a rest voltage says nothing of how full a cell is.
     if None in limits:
         return Start(f"whether it starts {end} cannot be told: a cut-off is not stated")
     rows = slice(half.first_row, half.turn_row + 1)
@@ -364,6 +373,7 @@ def _charge_of_fall(size, along, charge, fall_volt):
 
     size, along : current [A] without its sign; voltage, rising in the direction of the load [V].
     """
+    # From half of the usual current on the load is on: before it, the voltage rises to its drop.
     loaded = np.flatnonzero(size >= np.median(size[1:]) / 2)
     loaded = loaded[loaded > 0]
     if not len(loaded):
@@ -393,6 +403,7 @@ def _parts(span, columns, steps, limits):
         if sign * voltage[row] < sign * limit - NEAR_VOLT:
             continue
         rest, rest_before = voltage[steps.first_row[load] - 1], voltage[max(start, 0)]
+        # A cell only relaxes part of the way back; what goes further was charged.
         back = (rest - voltage[row]) / ((rest_before - voltage[row]) or np.inf)
         moved = abs(charge[row] - charge[max(start, 0)])
         after = _to_cutoff(sign, load, loads, (voltage, charge), steps, limit)

@@ -8,6 +8,7 @@ from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.exponentials import UNDETERMINED, Normal, best_of_grid, levenberg
 from cellwright.numerics.noise import least_digit
 from cellwright.numerics.statistics import is_white, parameter_covariance, white_noise_of
+from cellwright.protocols.half_cycles import weighted_median
 from cellwright.refusal import Refusal
 
 FEWEST = 8  # samples of a rest
@@ -105,6 +106,7 @@ def _fitted(time, voltage, pairs):
     # What decays in less than a quarter of a step is in one sample only.
     limits = 0.25 * float(steps[steps > 0].min()), 3.0 * float(time[-1])
     anywhere = np.full(1 + pairs, -np.inf), np.full(1 + pairs, np.inf)
+    # The grid only finds the valley; some hundred samples are enough for that.
     every = slice(None, None, max(1, len(time) // 800))
     # Taken from its mean, the voltage keeps all its digits in sums of squares.
     level = voltage.mean()
@@ -133,6 +135,7 @@ def _deviations(time, voltage, linear, tau):
     columns[len(linear) :] *= linear[1:, None] / tau[:, None]
     gram, power = columns @ columns.T, residual @ residual
     series = {"sensitivity": columns, "residual": residual}
+    # White residuals need no widening, which costs transforms of every column.
     if is_white(residual[1:] @ residual[:-1], power, len(time)):
         series = {}
     covariance = parameter_covariance(gram, power, len(time), **series)
@@ -183,9 +186,7 @@ def _evened(time, voltage):
     than the one before, for they alone determine the fast part.
     """
     steps = np.diff(time)
-    order = np.argsort(steps, kind="stable")
-    past = np.cumsum(steps[order])
-    usual = steps[order][np.searchsorted(past, past[-1] / 2)]
+    usual = weighted_median(steps, steps)
     # A quarter of a step keeps samples of a steady clock, whose stamps jitter, each by itself.
     bins = np.floor(time / usual + 0.25).astype(int)
     # Within the first step a burst keeps a sample in each quarter of its age, for what is fast.
@@ -254,6 +255,7 @@ def reasons_against(two, three, voltage_volt, *, limit, grain, noise):
     best = three if len(three.tau_second) == 3 else two
     short, single, moved = best.r_squared < limit, len(two.tau_second) < 2, np.ptp(voltage_volt)
     reasons = []
+    # Twenty levels, or ten noises, are the least that two exponentials were told from.
     if (short or single) and moved < 20.0 * grain and noise < grain:
         reasons.append(f"quantised: {_mv(moved)} in steps of {_mv(grain)}")
     elif (short or single) and moved < 10.0 * noise:

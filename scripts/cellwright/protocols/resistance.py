@@ -130,6 +130,7 @@ def _pulse(time, current, voltage, steps, step):
     pace = np.median(np.diff(time[first : last + 1])) if last > first else np.inf
     start = max(time[first - 1], time[first] - pace) if before == first - 1 else time[before]
     ratio = (voltage[rows] - voltage[before]) / (current[rows] - current[first - 1])
+    # A ratio to a current that has moved on is no resistance at this delay.
     steady = np.abs(gone[rows - first] - 1) <= 0.1
     return _Pulse(before, start, level, rise, time[rows] - start, ratio, steady)
 
@@ -168,6 +169,7 @@ def _at(pulse, wanted):
         raise Refusal(f"pulse ends before {wanted:g} s")
     after = min(int(np.searchsorted(delay, wanted)), len(delay) - 1)
     around = [max(after - (delay[after] > wanted), 0), after]
+    # Between samples further apart a line does not follow the polarisation's bend.
     if delay[around[1]] - delay[around[0]] > 1.5 * wanted:
         raise Refusal(f"no sample of the pulse near {wanted:g} s")
     if not pulse.steady[around].all():
@@ -185,6 +187,7 @@ def _positive(delay, resistance):
 
 def _noise(values, steps, *, resolution):
     """Standard deviation of one sample, from differences within rests and pulses."""
+    # A drive's own changes are no noise.
     kept = np.isin(steps.kind, ("rest", "pulse"))
     spans = zip(steps.first_row[kept], steps.last_row[kept] + 1, strict=True)
     change = np.concatenate([np.diff(values[first:last]) for first, last in spans] or [[0.0]])

@@ -58,6 +58,7 @@ def _charges_of_life(cycles, steps, current, charge, most):
     charging = np.flatnonzero(np.asarray(cycles["direction"]) == "charge")
     if not len(charging):
         raise Refusal("no complete charge in the ageing record, so no dQ/dV over its life")
+    # A life's peaks move slowly: some dozen charges follow them, thousands would take minutes.
     picked = charging[np.unique(np.linspace(0, len(charging) - 1, most).round().astype(int))]
     begins = np.append(np.asarray(cycles["start_time_second"], float), np.inf)
     start = np.asarray(steps["start_time_second"])

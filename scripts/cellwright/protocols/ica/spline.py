@@ -43,6 +43,7 @@ def slope_of_charge(voltage_volt, charge_ampere_hour):
     Source: cellwright.numerics.monotone.
     """
     volt, charge, rows = readings(voltage_volt, charge_ampere_hour)
+    # Fewer levels than a coarse spline has cells: its slope would be the prior's.
     if len(volt) < 12:
         raise Refusal(f"{len(volt)} distinct readings of voltage are too few for dQ/dV")
     try:

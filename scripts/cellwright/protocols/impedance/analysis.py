@@ -112,7 +112,7 @@ def why_inseparable(fit):
     r = arc.r[0]
     for k in (r, *diffusion):
         share = fit.std[k] / fit.values[k]
-        if not share <= 0.5:
+        if not share <= 0.5:  # also NaN: at a limit, or not determined
             return f"{fit.names[k]} is {f'known to {share:.0%} only' if share > 0 else 'not told'}"
     correlations = [abs(fit.correlation[r, k]) for k in diffusion]
     # Two parameters that move together like this are one number in the data, not two.
@@ -197,6 +197,7 @@ def best(candidates, *, criterion):
 def _cross_validation_error(frequency, impedance, fit):
     """RMS of the relative error [1] on every fifth point in turn, fitted to the others."""
     start = dict(zip(fit.names, fit.values, strict=True))
+    # Every fifth point by frequency, so that none but the outermost is extrapolated.
     rank, errors = np.argsort(np.argsort(frequency)) % 5, []
     for fold in range(5):
         fitted, predicted = rank != fold, rank == fold

@@ -66,7 +66,9 @@ def peaks(distribution):
     valleys = [a + int(np.argmin(gamma[a:b])) for a, b in pairwise(tops)]
     starts, ends = [0, *valleys], [*valleys, len(gamma)]
     areas = [gamma[a:b].sum() for a, b in zip(starts, ends, strict=True)][: len(tops)]
+    # Smaller ones are ripples of the regularisation.
     large = [(top, area) for top, area in zip(tops, areas, strict=True) if area > 0.02 * whole]
+    # Half a decade at either end lies beyond what was measured.
     edge = round(0.5 * np.log(10) / width)
     return [
         {

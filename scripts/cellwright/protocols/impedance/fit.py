@@ -49,7 +49,7 @@ def features(frequency_hertz, impedance_ohm):
     capacitive = np.flatnonzero(imaginary < 0)
     inside = real[capacitive]
     smallest, largest = float(inside.min()), float(np.abs(impedance_ohm).max())
-    least = 1e-6 * largest
+    least = 1e-6 * largest  # so that no limit and no start is zero
     slowest, fastest = frequency_hertz.argmin(), frequency_hertz.argmax()
     lowest, highest = (2 * math.pi * float(frequency_hertz[k]) for k in (slowest, fastest))
     return Features(
@@ -66,12 +66,14 @@ def features(frequency_hertz, impedance_ohm):
 
 def parameter_limits(circuit, size):
     """Lower and upper limits of the parameters (2, p), from the size of the spectrum."""
+    # Decades beyond what the spectrum spans: a limit that is met says "not determined".
     ends = {
         "resistance": (1e-4 * min(size.span, size.smallest), 100 * size.largest),
         "series": (size.smallest / 100, size.largest),
         "capacitance": (1e-9 / size.largest, 1e9 / size.largest),
         "inductance": (size.leads * 1e-4, size.leads * 1e2),
         "cpe": (1e-6 / size.largest, 1e9 / size.largest),
+        # Below 0.3 a constant-phase element is no capacitance any more.
         "exponent": (0.3, 1.0),
         "warburg": (size.warburg * 1e-3, size.warburg * 1e4),
         "time": (1e-2 / size.highest, 1e3 / size.lowest),
@@ -97,6 +99,7 @@ def spread_starts(circuit, size, *, number):
     rate = size.fastest * (size.lowest / size.fastest) ** positions
     starts = np.array([middle.get(role, 1.0) for role in roles]) * shares
     for k, rates in zip(slow, rate.T, strict=True):
+        # T of an arc is 1/(R·ω^P); exponents of real cells lie about 0.75.
         power = rates**0.75 if roles[k] == "cpe" else rates
         starts[:, k] = 1 / (power if roles[k] == "time" else power * size.span * shares[:, k])
     return starts
@@ -360,6 +363,7 @@ def fit_circuit(
     free = _free_parameters(column)
     ends = [np.log(limits[free]) for limits in parameter_limits(tree, size)]
     problem = Problem(tree, frequency, impedance, 1 / np.abs(impedance), column, offset, *ends)
+    # Arcs may change places, so each capacitive element multiplies the optima.
     slow = sum(role in SLOW for role in tree.roles)
     first = spread_starts(tree, size, number=starts * max(slow, 1) if starts > 1 else 1)
     enough = 3 if slow <= 1 else len(first)

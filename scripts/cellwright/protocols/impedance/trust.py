@@ -35,7 +35,7 @@ def linear_kramers_kronig(frequency_hertz, impedance_ohm):
         raise Refusal(f"spectrum of {len(frequency)} points; a Kramers-Kronig test needs 8")
     rates = 2 * np.pi * frequency
     decades = np.log10(frequency.max() / frequency.min())
-    most = min(50, len(frequency))
+    most = min(50, len(frequency))  # as many pairs as points fit any spectrum
     # A chain too coarse for a narrow arc oscillates as well: begin where it cannot be that.
     least = min(max(round(3 * decades), 3), most)
     for pairs in range(least, most + 1):
@@ -102,6 +102,7 @@ def trusted_points(
         dropped, residuals = 0, residuals[:1]
     keep = np.ones(len(order), bool)
     keep[order[:dropped]] = False
+    # Above the real axis the leads' inductance outweighs the cell.
     inductive = impedance_ohm.imag > 0
     if inductance == "cut":
         keep &= ~inductive

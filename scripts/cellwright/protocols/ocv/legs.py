@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.half_cycles import turning_points
+from cellwright.protocols.half_cycles import turning_points, weighted_median
 
 
 class Leg(NamedTuple):
@@ -39,6 +39,7 @@ def legs_of(test_time_second, current_ampere, voltage_volt, charge_ampere_hour, 
 
     Returns legs: list of Leg in time order.
     """
+    # Cyclers dither about a turn, and a remainder is drawn at another temperature: neither turns.
     turns = turning_points(charge_ampere_hour, least=0.05 * np.ptp(charge_ampere_hour))
     columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour, file_index)
     legs = [_leg(first, last, *columns) for first, last in pairwise(turns)]
@@ -57,6 +58,7 @@ def _leg(first, last, time, current, voltage, charge, files):
     steady = np.abs(amperes - slow) < 0.05 * slow
     share = np.bincount(files[first + flowing], moved * steady)
     rows = (first + flowing)[steady & (files[first + flowing] == share.argmax())]
+    # Relative to the slow current itself: an offset of the sensor is no small part of it.
     at_rest = np.abs(current) < 0.05 * slow
     return Leg(
         sign=sign,
@@ -74,19 +76,19 @@ def _leg(first, last, time, current, voltage, charge, files):
 
 def _steady_current(amperes, moved):
     """Current at which most charge flowed, to 10 % [A]; a tapering hold spreads over many."""
+    # Two neighbouring bands, so that a current at the edge of one is not split.
     band = np.floor(np.log(amperes) / np.log(1.1)).astype(int)
     band -= band.min()
     flow = np.append(np.bincount(band, moved), 0.0)
     fullest = (flow[:-1] + flow[1:]).argmax()
     inside = (band == fullest) | (band == fullest + 1)
-    order = np.argsort(amperes[inside])
-    reached = np.cumsum(moved[inside][order])
-    return amperes[inside][order][np.searchsorted(reached, reached[-1] / 2)]
+    return weighted_median(amperes[inside], moved[inside])
 
 
 def _jump(row, neighbour, time, voltage, at_rest):
     """Size of the voltage step between a row under current and a row at rest next to it."""
     adjacent = 0 <= neighbour < len(time) and at_rest[neighbour]
+    # Further apart the cell relaxes between the two, and the step is no longer its resistance.
     if not adjacent or abs(time[row] - time[neighbour]) > 120:
         return np.nan
     return float(abs(voltage[row] - voltage[neighbour]))

@@ -83,6 +83,7 @@ def rest_points(
 
 def _long_rest(fitted):
     """Columns of a rest with its extrapolation, where at least two exponentials are determined."""
+    # One exponential ends too early: its end is no OCV. Twice the drift as in `fit_relaxation`.
     determined = fitted["exponentials"] >= 2 and np.isfinite(fitted["ocv_std_volt"])
     doubt = np.nanmax([2 * abs(fitted["drift_volt"]), fitted["ocv_std_volt"]])
     begin = fitted["start_time_second"]
@@ -101,6 +102,7 @@ def _short_rests(steps, *, before):
     """Columns of each short rest before the first long one, ten times as long as its discharge."""
     early = follows_directly(steps) & (np.asarray(steps.kind) == "rest")
     early &= (steps.end_time_second <= before) & (np.roll(steps.current_mean_ampere, 1) < 0)
+    # Ten times its load: a pair of a long time constant that a pulse charged little has decayed.
     early &= steps.duration_second >= 10.0 * np.roll(steps.duration_second, 1)
     for k in np.flatnonzero(early):
         yield {
@@ -117,6 +119,7 @@ def _short_rests(steps, *, before):
 def _ends(time, voltage, charge, row):
     """Charge [Ah] and voltage [V] at the end of a rest, and charge counted within it [Ah]."""
     inside = (time >= row["start"]) & (time <= row["end"])
+    # The end is the last fiftieth, of which a slow relaxation moves no more than its noise.
     late = inside & (time >= row["end"] - 0.02 * row["rest_second"])
     within = charge[inside]
     return {
@@ -262,6 +265,7 @@ def _note(points, scale, used, joined_by, measured_soc, starts_full):
     if low > 0 or high < 1:
         sentences.append(f"straight on beyond SoC {low:.3f} to {high:.3f}")
     read = points.read_ampere_hour.sum() / scale.capacity_ampere_hour
+    # Half a per cent of the capacity is as much as a counted SoC is believed.
     if abs(read) > 0.005:
         sentences.append(
             f"the current read in the rests counts {read:+.1%} of the capacity: an offset?"

@@ -83,6 +83,7 @@ def from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge):
     # ASSUME: In a four-file OCV test a branch starts in equilibrium and the hysteresis grows
     # linearly from there to half charge, so the low half of the OCV is the charge branch less
     # that part of the gap, the high half the discharge branch plus it.
+    # A drop that was not seen, or seen too late, is at most twice that of the other branch.
     twice_in, twice_out = 2 * charge.step_in_volt, 2 * charge.step_out_volt
     from_full = np.fmin(discharge.step_in_volt, twice_out)
     to_empty = np.fmin(discharge.step_out_volt, twice_in)
@@ -285,8 +286,9 @@ def _legs_chosen(columns, limits, known):
 
 
 def _without_offset(columns, limits):
-    """As `_legs_chosen`, with what the record logs at rest taken off; None where that closes not."""
+    """As `_legs_chosen`, what the record logs at rest taken off; None where that is no help."""
     time, current, voltage, net_charge, files = columns
+    # A high percentile, not the maximum: a pulse in the record is no slow current.
     largest = float(np.percentile(np.abs(current), 90))
     between = {"least_ampere": 0.005 * largest, "most_ampere": MOST_OFFSET * largest}
     offset = offset_at_rest(time, current, voltage, **between)
@@ -410,6 +412,7 @@ def rising(ocv):
     """
     from scipy.optimize import isotonic_regression
 
+    # Its inverse is looked up for a rest voltage: a plateau must not have several SoC.
     return isotonic_regression(ocv).x + 1e-6 * np.linspace(0.0, 1.0, len(ocv))
 
 

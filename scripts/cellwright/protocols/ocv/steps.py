@@ -17,7 +17,7 @@ from cellwright.settings import OcvStep
 
 OCV_STEP = OcvStep()
 
-BIN_SECOND = 600.0
+BIN_SECOND = 600.0  # a chamber swings about its set point within minutes
 
 
 class Plateau(NamedTuple):
@@ -103,6 +103,7 @@ def extrapolated(test_time_second, voltage_volt, used, at_second, *, known_until
     errors = np.array([error for error, _, _ in fits])
     # A record without any scatter still does not tell voltages below a microvolt apart.
     variance = max(errors.min() / max(len(seen) - 3, 1), 1e-12)
+    # Likelihoods relative to the best, so that none underflows.
     weights = np.exp(-(errors - errors.min()) / (2 * variance))
     weights /= weights.sum()
     values = np.array([value for _, value, _ in fits])
