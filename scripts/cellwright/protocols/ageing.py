@@ -79,8 +79,6 @@ def ageing_cycles(
     a discharge over the charge before it; NaN outside 0.8 … 1.05, where the record lacks what
     happened between.
 
-    Parameters
-    ----------
     series : dict of (n,) columns of stage `clean`: test_time_second, current_ampere,
         voltage_volt, charge_ampere_hour; surface_ and ambient_temperature_celsius where recorded.
     steps : Steps of the record.
@@ -91,13 +89,8 @@ def ageing_cycles(
         known.
     soc_at_start : of the first row, as the sheet states it [1], or None.
 
-    Returns
-    -------
-    Ageing
-
-    Raises
-    ------
-    Refusal : a cut-off is not stated, or no half cycle is complete; the reasons are named.
+    Returns Ageing. Raises Refusal: a cut-off is not stated, or no half cycle is complete; the
+    reasons are named.
     """
     if lower_cutoff_volt is None or upper_cutoff_volt is None:
         raise Refusal("a cut-off is not stated, so which cycles are complete cannot be told")

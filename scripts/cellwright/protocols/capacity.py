@@ -49,8 +49,6 @@ def capacity(
     discharge over the charge before it, or else the one after it; NaN where there is none, or where
     it exceeds 1.05: such a charge did not return the discharge.
 
-    Parameters
-    ----------
     test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah],
         positive on charge.
     steps : Steps of the record.
@@ -63,16 +61,11 @@ def capacity(
     soc_at_start : of the first row, as the sheet states it [1], or None.
     curve : open-circuit voltage that this is held against, see `anchor.contradiction`, or None.
 
-    Returns
-    -------
-    found : Found; rows are columns of stage `capacity`, one entry a direction and rate: means over
-        the repeats, and capacity_std_ampere_hour, which is NaN where nothing tells it;
-        constant_current_ampere_hour is the part before the voltage was held. A sentence for each
-        half cycle that is incomplete or of unsure start.
-
-    Raises
-    ------
-    Refusal : nothing in the record is complete; the reasons are named.
+    Returns found: Found; rows are columns of stage `capacity`, one entry a direction and rate:
+    means over the repeats, and capacity_std_ampere_hour, which is NaN where nothing tells it;
+    constant_current_ampere_hour is the part before the voltage was held. A sentence for each half
+    cycle that is incomplete or of unsure start. Raises Refusal: nothing in the record is complete;
+    the reasons are named.
     """
     columns = tuple(
         np.asarray(column, float) for column in (current_ampere, voltage_volt, charge_ampere_hour)

@@ -35,25 +35,17 @@ def fast_charge(
     cut-off is met within 10 mV. 3. What is in after `minutes` is read off the counted charge; a
     charge that ended before counts as it ended. 4. Whether it began empty, `starts_of` says.
 
-    Parameters
-    ----------
     series : dict of (n,) columns of stage `clean`. steps : Steps of the record.
     capacity_ampere_hour : that the share refers to [Ah].
     rated_capacity_ampere_hour : that the rate refers to [Ah]; None: the same.
     lower_cutoff_volt, upper_cutoff_volt : [V]. minutes : [min].
     soc_at_start : state of charge of the first row as the sheet states it [1], or None.
 
-    Returns
-    -------
-    charged : dict, a row of stage `fast_charge`: of the charge c_rate [1/h] of its constant
-        current, what is in after `minutes` [Ah, Wh, and share of the capacity, 1], the parts of
-        that before and after the cut-off was met, times [min]; minutes_to_80 from empty only, and
-        temperatures: NaN where not known.
-    notes : list of sentences.
-
-    Raises
-    ------
-    Refusal : the upper cut-off is not stated, or the record holds no charge.
+    Returns charged: dict, a row of stage `fast_charge`: of the charge c_rate [1/h] of its constant
+    current, what is in after `minutes` [Ah, Wh, and share of the capacity, 1], the parts of that
+    before and after the cut-off was met, times [min]; minutes_to_80 from empty only, and
+    temperatures: NaN where not known; notes : list of sentences. Raises Refusal: the upper cut-off
+    is not stated, or the record holds no charge.
 
     Source: thesis 3.3 (figure 3.21: 2C, 30 min; more than 90 % at 25 °C, 63 % at the coldest).
     """
@@ -81,6 +73,13 @@ def fast_charge(
     surface = series.get("surface_temperature_celsius", np.empty(0))[rows]
     surface = surface[np.isfinite(surface)]
     first, highest = (float(surface[0]), float(surface.max())) if len(surface) else (np.nan, np.nan)
+    # Between the samples around it; not known of a charge that ends before.
+    k = int(np.argmax(charge >= 0.8 * capacity))
+    to_80 = (
+        float(np.interp(0.8 * capacity, charge[k - 1 : k + 1], minute[k - 1 : k + 1]))
+        if k
+        else np.nan
+    )
     charged = {
         # The highest: in the cold the cut-off is met before the current has settled.
         "c_rate": float(current[: at_cutoff + 2].max() / (rated_capacity_ampere_hour or capacity)),
@@ -90,7 +89,7 @@ def fast_charge(
         "constant_current_share": constant / within,
         "constant_voltage_share": 1 - constant / within,
         "minutes_constant_current": float(minute[at_cutoff]),
-        "minutes_to_80": _time_to(0.8 * capacity, minute, charge) if empty else np.nan,
+        "minutes_to_80": to_80 if empty else np.nan,
         "duration_minutes": float(minute[-1]),
         "energy_watt_hour": float(np.interp(minutes, minute, energy)),
         "temperature_start_celsius": first,
@@ -99,15 +98,6 @@ def fast_charge(
         "from_empty": empty,
     }
     return charged, _notes(charged, voltage[0])
-
-
-def _time_to(wanted, minute, charge):
-    """Time at which the wanted charge [Ah] is in [min]; NaN where it never is."""
-    reached = np.flatnonzero(charge >= wanted)
-    if not len(reached) or reached[0] == 0:
-        return np.nan
-    k = int(reached[0])
-    return float(np.interp(wanted, charge[k - 1 : k + 1], minute[k - 1 : k + 1]))
 
 
 def _notes(charged, volt):

@@ -253,7 +253,10 @@ def start_of_first(half, after, columns, limits, known):
     if known.state_before == ENDS[half.sign] or at_limit:
         return Start()
     returned = _by_return(half, after)
-    if returned and not (returned.fault and _has_offset(half, returned, columns, limits)):
+    by_rest = _by_rest(half, None, columns, limits, ()) if returned and returned.fault else None
+    # Where its first voltage leaves no room for what it lacks, the current has an offset.
+    room = np.inf if by_rest is None or by_rest.fault else by_rest.missing_ampere_hour
+    if returned and returned.missing_ampere_hour <= room:
         return returned
     if known.soc_at_start is not None and not _rest_contradicts(half, columns, limits, known):
         return _as_stated(half, known.soc_at_start)
@@ -278,15 +281,6 @@ def _by_return(half, after):
     moved = f"the {after_it} after it moves {after.moved_ampere_hour:.4g} Ah between the same ends"
     fault = f"it does not start {ENDS[half.sign]}: it {lacked} {share:.1%}, for {moved}"
     return Start(fault, lacking)
-
-
-def _has_offset(half, returned, columns, limits):
-    """Whether a first half cycle lacks more than its first voltage leaves room for.
-
-    Then the current has an offset: the half cycle after it moves more than there can be.
-    """
-    by_rest = _by_rest(half, None, columns, limits, ())
-    return not by_rest.fault and returned.missing_ampere_hour > by_rest.missing_ampere_hour
 
 
 def _rest_contradicts(half, columns, limits, known):

@@ -53,20 +53,13 @@ def fit_relaxation(time_second, voltage_volt, *, most=2):
     end: real ones have slower tails, and twice `drift_volt` is the better measure of how far off
     the OCV may be.
 
-    Parameters
-    ----------
     time_second : (n,) of a rest at zero current, from its first sample on [s].
     voltage_volt : (n,) [V].
     most : exponentials to try; of three, the fastest is charge transfer or what a logger smears.
 
-    Returns
-    -------
-    relaxation : Relaxation.
-
-    Raises
-    ------
-    Refusal : lengths differ, not finite, fewer than 8 samples, time runs back or stands still, a
-        gap (more than 0.6 of the rest between two samples), a voltage that does not move.
+    Returns relaxation: Relaxation. Raises Refusal: lengths differ, not finite, fewer than 8
+    samples, time runs back or stands still, a gap (more than 0.6 of the rest between two samples),
+    a voltage that does not move.
 
     Source: thesis sec. 2.3, table 2.2; (3.16).
     """

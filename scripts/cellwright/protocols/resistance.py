@@ -60,8 +60,6 @@ def pulse_resistance(
     last sample's. 5. The standard deviation holds the noise of voltage and current (robust, from
     the differences between successive samples) and the resolution of the voltage, not the drift.
 
-    Parameters
-    ----------
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A], [V], positive on charge.
     soc : (n,) state of charge [1]; the value before the pulse is reported.
     steps : Steps of the record.
@@ -69,17 +67,12 @@ def pulse_resistance(
     delay_second : delays from the edge [s].
     elsewhere : as of `not_elsewhere`.
 
-    Returns
-    -------
-    found : Found; rows are columns of stage `resistance`, one entry a pulse and delay. direction is
-        "discharge" or "charge", by the sign of the current in the pulse; "falling discharge" or
-        "falling charge" where a running load only becomes smaller: its polarisation goes on
-        building up and hides part of the answer, so laws leave these out. The reasons of missing
-        values are counted.
-
-    Raises
-    ------
-    Refusal : the record has no pulse, or none gives a value at any delay; the reasons are named.
+    Returns found: Found; rows are columns of stage `resistance`, one entry a pulse and delay.
+    direction is "discharge" or "charge", by the sign of the current in the pulse; "falling
+    discharge" or "falling charge" where a running load only becomes smaller: its polarisation goes
+    on building up and hides part of the answer, so laws leave these out. The reasons of missing
+    values are counted. Raises Refusal: the record has no pulse, or none gives a value at any delay;
+    the reasons are named.
     """
     time, current, voltage, soc = (
         np.asarray(column, float)

@@ -56,8 +56,6 @@ def rests_of(
     are not told. 3. Where a third, faster one is told as well, it has a row of its own and is
     chosen. 4. What falls short of the limit says why.
 
-    Parameters
-    ----------
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A] positive on charge, [V].
     soc : (n,) [1], NaN where not known.
     steps : series.steps.Steps.
@@ -66,17 +64,15 @@ def rests_of(
     r_squared_limit : R² from which a rest needs no reason [1].
     elsewhere : as of `not_elsewhere`.
 
-    Returns
-    -------
-    found : Found; rows are columns of stage `relaxation`, one entry a rest and number of
-        exponentials. rest counts the rests of the test; direction, load (kind of step),
-        current_before_ampere and load_second are of the step before. delay_second : from its last
-        sample to the rest's first, t = 0 of V = V∞ + a·exp(−t/tau1) + b·exp(−t/tau2), thesis (3.16)
-        with V∞ = ocv_volt. fast_… : a third, faster exponential where one is told, else NaN.
-        chosen : the larger number told. r1_ohm, r2_ohm : a and b over the current, and over the
-        share of its end value that each reaches within the load. reason : why R² is below the
-        limit, or what else stands against two exponentials; empty where nothing does.
-        Without a row where no rest is long enough; `left_out` then says so.
+    Returns found: Found; rows are columns of stage `relaxation`, one entry a rest and number of
+    exponentials. rest counts the rests of the test; direction, load (kind of step),
+    current_before_ampere and load_second are of the step before. delay_second : from its last
+    sample to the rest's first, t = 0 of V = V∞ + a·exp(−t/tau1) + b·exp(−t/tau2), thesis (3.16)
+    with V∞ = ocv_volt. fast_… : a third, faster exponential where one is told, else NaN. chosen :
+    the larger number told. r1_ohm, r2_ohm : a and b over the current, and over the share of its end
+    value that each reaches within the load. reason : why R² is below the limit, or what else stands
+    against two exponentials; empty where nothing does. Without a row where no rest is long enough;
+    `left_out` then says so.
 
     Source: thesis sec. 3.3, (3.14)–(3.16); dU/dt = −U/tau + i/c, the minus is missing in print.
     """

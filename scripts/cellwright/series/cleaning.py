@@ -44,8 +44,6 @@ def flag(
 ) -> np.ndarray:
     """Flags of each row of a series: all that is wrong with it.
 
-    Parameters
-    ----------
     columns : mapping of arrays
         test_time_second [s], current_ampere [A], voltage_volt [V]; file_index where files are
         joined.
@@ -54,9 +52,7 @@ def flag(
     gap_second : float [s]
         Shortest gap, see `steps.silent_before`.
 
-    Returns
-    -------
-    array of int, a combination of `Flag` for each row, 0 where nothing is wrong.
+    Returns an array of int, a combination of `Flag` for each row, 0 where nothing is wrong.
     """
     time, current, voltage = (columns[name] for name in SERIES)
     flags = _unreadable(time, current, voltage)

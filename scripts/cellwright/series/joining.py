@@ -69,7 +69,8 @@ def _continued(before: Mapping, after: Mapping, number: int) -> tuple[dict, str]
 def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, str]:
     """Time to add to the clock of a file [s], and a note on where it comes from."""
     end, start = before["test_time_second"][-1], after["test_time_second"][0]
-    interval = _sampling(after["test_time_second"])
+    steps = np.diff(after["test_time_second"][:20])
+    interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     if "unix_time_second" in before and "unix_time_second" in after:
         pause = after["unix_time_second"][0] - before["unix_time_second"][-1]
         if pause < -2.0:  # date stamps of whole seconds may be wrong by one at either end
@@ -84,12 +85,6 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
         return 0.0, f"file {number} follows after {start - end:g} s (its clock goes on)"
     # ASSUME: A file without dates whose clock starts anew follows the one before at once.
     return end + interval - start, f"file {number} put behind file {number - 1}: pause not known"
-
-
-def _sampling(time: np.ndarray) -> float:
-    """Median interval between the first 20 rows [s]; 1 s where the clock stands still."""
-    steps = np.diff(time[:20])
-    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
 
 
 def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -298,22 +293,13 @@ def _counter_sign(columns: Mapping[str, np.ndarray]) -> int:
 def assemble(readings: Sequence[Reading], *, stated_sign: str | None = None) -> Assembled:
     """Join the readings of one test and turn the current positive on charge.
 
-    Parameters
-    ----------
     readings : sequence of Reading, in time order
     stated_sign : {None, "charge_positive", "discharge_positive"}
         What the sheet says of the files; blank or None: found from the data.
 
-    Returns
-    -------
-    Assembled
-        Columns: test_time_second [s], current_ampere [A, + charge], voltage_volt [V], file_index
-        and what else the files hold.
-
-    Raises
-    ------
-    Refusal
-        A reading is no series, the files are out of order, or the sign cannot be known.
+    Returns Assembled with columns test_time_second [s], current_ampere [A, + charge], voltage_volt
+    [V], file_index and what else the files hold. Raises Refusal: a reading is no series, the files
+    are out of order, or the sign cannot be known.
     """
     for number, reading in enumerate(readings, start=1):
         if reading.kind != "series":

@@ -104,7 +104,11 @@ def judge_by_drift(
     unmoved = turned = 0
     for rest, (a, b) in enumerate(pairs):
         slope = _least_slope(charge[stop - 1], ends, rest, stop - first)
-        relaxes = -_load_sign(charge[before[rest] : a + 1], np.ptp(charge))
+        load = charge[before[rest] : a + 1]
+        moved, way = abs(load[-1] - load[0]), np.abs(np.diff(load)).sum()
+        one_way = way - moved < LEAST_CHARGE_SHARE * moved
+        enough = moved > LEAST_CHARGE_SHARE * np.ptp(charge)
+        relaxes = float(np.sign(load[0] - load[-1])) if enough and one_way else 0.0
         if slope is None or relaxes == 0 or b - a < 4 * LEAST_ROWS:
             continue
         late = slice((a + b) // 2, b)
@@ -122,15 +126,6 @@ def judge_by_drift(
         why = f"in {turned} of them the voltage turns against its relaxation, as a load makes it"
         return "current", why
     return "none", "the voltage of the rests tells neither"
-
-
-def _load_sign(charge: np.ndarray, span: float) -> float:
-    """Sign of a load that moved enough charge in one direction only; else 0."""
-    moved = charge[-1] - charge[0]
-    there_and_back = np.abs(np.diff(charge)).sum() - abs(moved)
-    enough = abs(moved) > LEAST_CHARGE_SHARE * span
-    one_way = there_and_back < LEAST_CHARGE_SHARE * abs(moved)
-    return float(np.sign(moved)) if enough and one_way else 0.0
 
 
 def _temperature_change(columns: Mapping, late: slice) -> float:

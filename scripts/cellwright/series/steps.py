@@ -345,13 +345,7 @@ def assumed_rating(current_ampere, charge_ampere_hour):
 
     The larger of the charge that the record moves and a third of its largest current times 1 h.
 
-    Returns
-    -------
-    float [Ah].
-
-    Raises
-    ------
-    Refusal : no current flows in the record.
+    Returns it [Ah]. Raises Refusal: no current flows in the record.
     """
     rating = max(np.ptp(charge_ampere_hour), np.abs(current_ampere).max() / 3.0)
     if not rating > 0:
@@ -380,8 +374,6 @@ def segment(
     on top of a running load, is a pulse. 6. What is left is CC, CV or CCCV, by whether the
     current decays while the voltage is held.
 
-    Parameters
-    ----------
     test_time_second : (n,) [s], not decreasing.
     current_ampere : (n,) [A], positive on charge.
     voltage_volt : (n,) [V].
@@ -392,13 +384,8 @@ def segment(
     pulse_max_second : longest pulse, and longest run of a dynamic load (with a quarter more) [s].
     gap_second : shortest hole in the record that ends a step [s].
 
-    Returns
-    -------
-    Steps
-
-    Raises
-    ------
-    Refusal : fewer than three rows, time that runs backwards, or no rating and no current.
+    Returns Steps. Raises Refusal: fewer than three rows, time that runs backwards, or no rating and
+    no current.
     """
     time, current = np.asarray(test_time_second, float), np.asarray(current_ampere, float)
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
@@ -428,7 +415,10 @@ def _steps(record, charge, stretches, kind, held, rated):
     """The table of steps (columns of `Steps`) from the runs and their kinds."""
     first, last = stretches.first, stretches.last
     begin = np.where(stretches.gap, first, first - 1)
-    mean = _mean_current(record, charge, stretches)
+    # What was counted between a run's own samples is surer than the mean of a coarse sampling.
+    hour = (record.time[last] - record.time[first]) / 3600
+    timed = (hour > 0) & (last - first > 2)
+    mean = np.divide(charge[last] - charge[first], hour, out=stretches.level.copy(), where=timed)
     return Steps(
         step=np.arange(len(first)),
         kind=kind,
@@ -447,14 +437,6 @@ def _steps(record, charge, stretches, kind, held, rated):
         cv_first_row=held,
         c_rate=np.abs(mean) / rated,
     )
-
-
-def _mean_current(record, charge, stretches):
-    """Mean current of each run over the time between its own samples [A]."""
-    hour = (record.time[stretches.last] - record.time[stretches.first]) / 3600
-    moved = charge[stretches.last] - charge[stretches.first]
-    timed = (hour > 0) & (stretches.last - stretches.first > 2)
-    return np.divide(moved, hour, out=stretches.level.copy(), where=timed)
 
 
 def _charge(charge, stretches):

@@ -253,8 +253,6 @@ def analyse(
 ):
     """Circuit fitted to the valid points of a spectrum, its tests and its relaxation times.
 
-    Parameters
-    ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
     temperature_celsius : (n,) of the cell during the spectrum [°C], where it was recorded.
     circuit : as in `fit_circuit`. constraints : on its parameters, see `parse_constraints`.
@@ -262,13 +260,7 @@ def analyse(
     choose : "circuit" keeps `circuit`; "bic" or "cross_validation" take the best candidate.
     inductance, drift_tolerance : as in `trusted_points`.
 
-    Returns
-    -------
-    analysis : Analysis.
-
-    Raises
-    ------
-    Refusal : as `fit_circuit` and `trusted_points`.
+    Returns analysis: Analysis. Raises Refusal: as `fit_circuit` and `trusted_points`.
     """
     frequency, impedance = np.asarray(frequency_hertz, float), np.asarray(impedance_ohm, complex)
     check(frequency, impedance)

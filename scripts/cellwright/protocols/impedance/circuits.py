@@ -1,6 +1,7 @@
 """Equivalent circuits of spectra as data: elements, grammar, constraints, impedance, slopes."""
 
 import re
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
@@ -152,13 +153,18 @@ def parse(text):
     kinds, first_child, second_child = zip(*nodes, strict=True)
     elements = [ELEMENTS[kind - FIRST] if kind >= FIRST else None for kind in kinds]
     counts = [len(element.parameters) if element else 0 for element in elements]
+    seen, names = Counter(), []
+    for element in filter(None, elements):
+        seen[element.symbol] += 1
+        stem = f"{element.symbol.lower()}{seen[element.symbol]}"
+        names += [f"{stem}_{suffix}" for suffix in element.parameters]
     return Circuit(
         text=plain,
         kinds=kinds,
         left=first_child,
         right=second_child,
         at=tuple(int(n) for n in np.cumsum([0, *counts[:-1]])),
-        names=NAMED.get(plain) or _names([element for element in elements if element]),
+        names=NAMED.get(plain) or tuple(names),
         roles=tuple(role for element in elements if element for role in element.roles),
     )
 
@@ -189,15 +195,6 @@ def _parse_term(tokens, nodes, text):
         raise Refusal(f"circuit {text!r}: found {seen} where an element is wanted ({symbols})")
     nodes.append((SYMBOLS[tokens[0]], -1, -1))
     return tokens[1:]
-
-
-def _names(elements):
-    """Names of the parameters, `r1_ohm`, `cpe1_t`, …: symbol, number of its kind, parameter."""
-    seen, names = {}, []
-    for element in elements:
-        number = seen[element.symbol] = seen.get(element.symbol, 0) + 1
-        names += [f"{element.symbol.lower()}{number}_{suffix}" for suffix in element.parameters]
-    return tuple(names)
 
 
 NUMBER = r"\d+\.?\d*(?:[eE][+-]?\d+)?"

@@ -327,8 +327,6 @@ def fit_circuit(
 ):
     """Circuit fitted by complex least squares with modulus weights, in logarithmic parameters.
 
-    Parameters
-    ----------
     frequency_hertz : (n,) in any order [Hz].
     impedance_ohm : (n,) complex [Ω], capacitive arc with a negative imaginary part.
     circuit : text of the circuit, see `circuits.parse`.
@@ -340,14 +338,9 @@ def fit_circuit(
     fixed : dict, name → value that it keeps.
     tied : dict, name → (other name, ratio to it).
 
-    Returns
-    -------
-    fit : CircuitFit, the best of the starts.
-
-    Raises
-    ------
-    Refusal : fewer than 8 points, not finite, a frequency or real part that is not positive, no
-        capacitive part; an unknown parameter; a text that is no circuit.
+    Returns fit: CircuitFit, the best of the starts. Raises Refusal: fewer than 8 points, not
+    finite, a frequency or real part that is not positive, no capacitive part; an unknown parameter;
+    a text that is no circuit.
 
     Source: thesis sec. 3.2; modulus weights: J. R. Macdonald, Impedance Spectroscopy (2005) 3.2.
     """

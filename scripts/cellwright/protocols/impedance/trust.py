@@ -96,7 +96,10 @@ def trusted_points(
     for dropped in range(int(0.4 * len(order)) + 1):
         kept = order[dropped:]
         residuals.append(linear_kramers_kronig(frequency_hertz[kept], impedance_ohm[kept]))
-        if not _breaks(frequency_hertz[kept], residuals[-1], drift_tolerance):
+        size, decade = np.abs(residuals[-1]), np.log10(frequency_hertz[kept])
+        slow, fast = rms(size[decade <= decade[0] + 1]), rms(size[decade >= decade[-1] - 1])
+        # A noisy spectrum is as bad at its fast end: only the slow one drifts.
+        if slow <= max(drift_tolerance, 2.0 * fast):
             break
     else:
         dropped, residuals = 0, residuals[:1]
@@ -111,13 +114,6 @@ def trusted_points(
     residual = np.full(len(order), np.nan, complex)
     residual[order[dropped:]] = residuals[-1]
     return Trusted(keep, residual, rms(np.abs(residuals[-1])), tuple(notes))
-
-
-def _breaks(frequency, residual, tolerance):
-    """Whether the slowest decade breaks the relations: the tolerance, and twice the fastest's."""
-    size, decade = np.abs(residual), np.log10(frequency / frequency.min())
-    slow, fast = rms(size[decade <= 1]), rms(size[decade >= decade.max() - 1])
-    return slow > max(tolerance, 2.0 * fast)
 
 
 def _notes(frequency, order, dropped, cut, with_them):

@@ -92,19 +92,12 @@ def fit_functions(soc, ocv_volt):
     cross-validation twenty contiguous blocks of SoC are left out in turn and predicted; the lowest
     and highest points stay in, for nothing measured says how a curve runs on beyond them.
 
-    Parameters
-    ----------
     soc, ocv_volt : (n,) ascending [1], [V]. SoC 0.01 to 0.99 is fitted: the functions have poles
         at 0 and 1.
 
-    Returns
-    -------
-    functions : tuple of OcvFunction; exactly one has `chosen`. The standard deviations count
-        what the function cannot follow as scatter.
-
-    Raises
-    ------
-    Refusal : fewer than two points per block.
+    Returns functions: tuple of OcvFunction; exactly one has `chosen`. The standard deviations
+    count what the function cannot follow as scatter. Raises Refusal: fewer than two points per
+    block.
 
     Source: the thesis' table 3.2, functions (1) to (4); choice by cross-validation is ours.
     """
@@ -114,7 +107,12 @@ def fit_functions(soc, ocv_volt):
     soc, ocv_volt = soc[inside], ocv_volt[inside]
     if len(soc) < 2 * BLOCKS:
         raise Refusal(f"OCV table has {len(soc)} points in range, fewer than {2 * BLOCKS}")
-    fits = {name: _described(form, soc, ocv_volt) for name, form in FORMS.items()}
+    fits = {}
+    for name, form in FORMS.items():
+        parameters = fit_parameters(form, soc, ocv_volt)
+        std = parameter_stds(form, parameters, soc, ocv_volt)
+        error = evaluate(name, parameters[:, 0], soc) - ocv_volt
+        fits[name] = parameters[:, 0], std[:, 0], rms(error)
     fits["table"] = (np.array([]), np.array([]), 0.0)
     errors = {name: _left_out_rmse(name, fit[0], soc, ocv_volt) for name, fit in fits.items()}
     best = min(errors, key=errors.get)
@@ -194,14 +192,6 @@ def _in_places(form, rates, coefficients, *, unused=0.0):
     parameters[places >= 0] = coefficients[places[places >= 0]]
     parameters[places < 0, 0] = rates[-1 - places[places < 0]]
     return parameters
-
-
-def _described(form, soc, volt):
-    """Parameters, their standard deviations and the RMSE of one function over the whole curve."""
-    parameters = fit_parameters(form, soc, volt)
-    std = parameter_stds(form, parameters, soc, volt)
-    error = _applied(form, form.columns, parameters[:, 0], soc) - volt
-    return parameters[:, 0], std[:, 0], rms(error)
 
 
 def _left_out_rmse(name, parameters, soc, volt):

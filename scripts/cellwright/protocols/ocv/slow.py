@@ -151,8 +151,6 @@ def slow_ocv(
     Where files of their own complete both branches, so that each begins in equilibrium, they are
     joined by `from_equilibrium`, else as their mean.
 
-    Parameters
-    ----------
     test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah].
         Current positive on charge; the net charge carries on across gaps and joined files.
     file_index : (n,) int, which of the joined files a row is from; None: one file.
@@ -161,13 +159,8 @@ def slow_ocv(
     soc_at_start : of the first row, as the sheet states it [1], or None. A first branch that it, or
         the branch after it, tells not to begin at its end is left out.
 
-    Returns
-    -------
-    curve : OcvCurve.
-
-    Raises
-    ------
-    Refusal : no leg of the record is slow, full and runs to its cut-off, or one is not stated.
+    Returns curve: OcvCurve. Raises Refusal: no leg of the record is slow, full and runs to its
+    cut-off, or one is not stated.
 
     Source: joining of four scripts, "equilibrium": G. L. Plett, Battery Management Systems I
     (2015), ch. 2, function processOCV.

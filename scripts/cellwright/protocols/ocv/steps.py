@@ -151,8 +151,6 @@ def chamber_shifts(
 ):
     """Shift of the open-circuit voltage at every temperature of every rest.
 
-    Parameters
-    ----------
     test_time_second, voltage_volt : (n,) [s], [V].
     temperature_celsius : (n,) of the cell, else of the chamber [degC] (`cell_temperature`).
     soc : (n,) state of charge [1], NaN where it is not known.
@@ -163,14 +161,9 @@ def chamber_shifts(
     settled_kelvin_per_hour : the cell has reached a temperature when it moves slower [K/h].
     skip_second : what of a rest's beginning takes no part in the extrapolation [s].
 
-    Returns
-    -------
-    found : Found; rows of stage `ocv_step`, one a plateau; reference_volt is extrapolated for the
-        first temperature.
-
-    Raises
-    ------
-    Refusal : no rest in which the temperature steps; each with its reason.
+    Returns found: Found; rows of stage `ocv_step`, one a plateau; reference_volt is extrapolated
+    for the first temperature. Raises Refusal: no rest in which the temperature steps; each with its
+    reason.
 
     Source: thesis 3.3 and fig. 3.9.
     """
