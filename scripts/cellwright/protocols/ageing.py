@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.protocols import Found
 from cellwright.protocols.capacity import EFFICIENCY_MAX
 from cellwright.protocols.half_cycles import (
     NAMES,
@@ -47,15 +48,6 @@ class AgeingCycles(NamedTuple):
     capacity_std_ampere_hour: np.ndarray | None = None
 
 
-class Ageing(NamedTuple):
-    """Complete half cycles; for each reason to leave some out a sentence with their number and
-    cycles; the same for each reason to count some by their rest."""
-
-    rows: AgeingCycles
-    left_out: tuple
-    by_rest: tuple
-
-
 # ASSUME: A half cycle that reaches its cut-off under load is complete, whatever its load's shape;
 # so cycles of pulsed discharges count too.
 def ageing_cycles(
@@ -89,7 +81,8 @@ def ageing_cycles(
         known.
     soc_at_start : of the first row, as the sheet states it [1], or None.
 
-    Returns Ageing. Raises Refusal: a cut-off is not stated, or no half cycle is complete; the
+    Returns found: Found; rows are AgeingCycles; left_out and by_rest name the number and cycles of
+    each reason. Raises Refusal: a cut-off is not stated, or no half cycle is complete; the
     reasons are named.
     """
     if lower_cutoff_volt is None or upper_cutoff_volt is None:
@@ -111,7 +104,7 @@ def ageing_cycles(
     if not rows:
         raise Refusal(f"no complete cycle: {'; '.join(left_out) or 'no half cycle is in it'}")
     table = AgeingCycles(*[np.array(column) for column in zip(*rows, strict=True)])
-    return Ageing(table, left_out, by_rest)
+    return Found(table, left_out, by_rest)
 
 
 def _last_row(half, steps):

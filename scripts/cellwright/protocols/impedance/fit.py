@@ -190,16 +190,6 @@ class Problem(NamedTuple):
         return (impedance - self.impedance_ohm) * self.weight, derivatives * self.weight
 
 
-class Optima(NamedTuple):
-    """Optimum that each of s starts led to: x (s, q) logarithms; cost (s,) half sums of squares,
-    infinite where enough others had arrived before. rows : (q + 1, 2n) at the best: the weighted
-    error, and its derivatives by the q logarithms; real parts first."""
-
-    x: np.ndarray
-    cost: np.ndarray
-    rows: np.ndarray
-
-
 def search(problem, starts, *, enough):
     """Optimum of each start, by damped Gauss–Newton steps within the limits.
 
@@ -208,7 +198,10 @@ def search(problem, starts, *, enough):
     problem : Problem. starts : (s, q) logarithms of the free parameters, tried in this order.
     enough : so many that led to the same best end the search.
 
-    Returns optima: Optima. Raises Refusal: a circuit of more than 64 nodes or 32 parameters.
+    Returns x: (s, q) logarithms that each start led to; cost: (s,) half sums of squares, infinite
+    where enough others had arrived before; rows: (q + 1, 2n) at the best, the weighted error and
+    its derivatives by the q logarithms, real parts first. Raises Refusal: a circuit of more than 64
+    nodes or 32 parameters.
 
     Source: D. W. Marquardt, J. SIAM 11 (1963) 431; steps of at most 2 in a logarithm, so that a
     poor start cannot throw a parameter to its limit.
@@ -228,7 +221,7 @@ def search(problem, starts, *, enough):
     series = (np.ascontiguousarray(problem.frequency_hertz), impedance, problem.weight)
     freedom = (problem.column, problem.offset, problem.lower, problem.upper)
     kernel(*sizes, SAME, *series, _tree(circuit.text), *freedom, work, x, cost, passes, rows)
-    return Optima(x, cost, rows)
+    return x, cost, rows
 
 
 @cache
@@ -238,7 +231,7 @@ def _tree(text):
 
 
 def search_by_numpy(problem, starts, *, enough):
-    """Optima as of `search`, without a compiler."""
+    """As `search`, without a compiler."""
     x = np.clip(starts, problem.lower, problem.upper)
     cost = np.full(len(x), np.inf)
     for s in range(len(x)):
@@ -246,7 +239,7 @@ def search_by_numpy(problem, starts, *, enough):
             x[s], cost[s] = _descend(problem, x[s])
     error, slopes = problem.jacobian(x[np.argmin(cost)])
     rows = np.vstack([error, slopes])
-    return Optima(x, cost, np.hstack([rows.real, rows.imag]))
+    return x, cost, np.hstack([rows.real, rows.imag])
 
 
 def _descend(problem, x):
@@ -363,7 +356,7 @@ def fit_circuit(
     for name, value in (start or {}).items():
         first[0, tree.names.index(name)] = value
     optima = search(problem, np.log(first)[:, free], enough=enough)
-    return _result(problem, optima)
+    return _result(problem, *optima)
 
 
 def check(frequency_hertz, impedance_ohm):
@@ -397,11 +390,11 @@ def _free_parameters(column):
     return [places.index(k) for k in range(max(places, default=-1) + 1)]
 
 
-def _result(problem, optima):
+def _result(problem, found, costs, rows):
     """CircuitFit of the best optimum."""
-    best = int(optima.cost.argmin())
-    x, cost = optima.x[best], float(optima.cost[best])
-    residual, slopes = optima.rows[0], optima.rows[1:]
+    best = int(costs.argmin())
+    x, cost = found[best], float(costs[best])
+    residual, slopes = rows[0], rows[1:]
     names, points, data = problem.circuit.names, len(problem.weight), len(residual)
     # Within a thousandth, the slack of where the search stops.
     limited = (x - problem.lower < 1e-3) | (problem.upper - x < 1e-3)
