@@ -149,7 +149,7 @@ def _search(frequency, measured, start):
     """Circuit, limits and order of the parameters stand; the spectrum and the start are new."""
     logs = np.log(start[IN_CIRCUIT])
     problem = Problem(CIRCUIT, frequency, measured, 1 / np.abs(measured), *FREEDOM, *ENDS)
-    return np.exp(search(problem, logs[None], enough=1).x[0])[IN_NAMES]
+    return np.exp(search(problem, logs[None], enough=1)[0][0])[IN_NAMES]
 
 
 def _residual(values, frequency, measured):

@@ -1,7 +1,5 @@
 """Readers on measured files: against other people's readings and published numbers."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -95,11 +93,3 @@ def test_leaf_with_and_without_header(shared):
         assert (
             2.9 < found.columns["voltage_volt"].min() < found.columns["voltage_volt"].max() < 4.25
         )
-
-
-def test_hundred_thousand_rows_read_fast(shared):
-    path = shared / "campaigns/panasonic/raw/drive/cycle1_25C.parquet"
-    reading(path)
-    start = time.perf_counter()
-    assert reading(path).columns["voltage_volt"].size > 1e5
-    assert time.perf_counter() - start < 0.5

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from counted import NAMES, counted
 
 from cellwright.protocols.ageing import ageing_cycles
 from cellwright.refusal import Refusal
@@ -23,20 +24,18 @@ def series(*parts, full=2.0, soc=1.0, step=10.0, pulses=False):
         voltage += [3.0 + soc] * 60
         room += [20.0 + number] * 60
     time, current = np.arange(len(current)) * step, np.array(current)
-    charge = np.append(0.0, np.cumsum((current[1:] + current[:-1]) / 2) * step / 3600)
     return {
         "test_time_second": time,
         "current_ampere": current,
         "voltage_volt": np.array(voltage),
-        "charge_ampere_hour": charge,
+        "charge_ampere_hour": counted(time, current),
         "ambient_temperature_celsius": np.array(room),
         "surface_temperature_celsius": np.array(room) + 1,
     }
 
 
 def run(columns, *, lower=3.0, upper=4.0, **settings):
-    names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
-    steps = segment(*[columns[name] for name in names], rated_capacity_ampere_hour=2.0)
+    steps = segment(*[columns[name] for name in NAMES], rated_capacity_ampere_hour=2.0)
     return ageing_cycles(
         columns,
         steps,
@@ -100,9 +99,8 @@ def test_a_hold_after_a_pause_is_part_of_the_charge():
     current[begin : begin + 40] = 0.5 * np.exp(-np.arange(40) / 20)
     voltage[begin : begin + 40] = 4.0
     voltage[begin - 12 : begin] = 3.95
-    charge = np.append(0.0, np.cumsum((current[1:] + current[:-1]) / 2) * 10 / 3600)
-    changed = {"current_ampere": current, "voltage_volt": voltage, "charge_ampere_hour": charge}
-    rows = run(columns | changed | {"test_time_second": time}).rows
+    changed = {"current_ampere": current, "voltage_volt": voltage}
+    rows = run(columns | changed | {"charge_ampere_hour": counted(time, current)}).rows
     held = current[begin : begin + 40].sum() * 10 / 3600
     assert rows.capacity_ampere_hour[1] == pytest.approx(2.0 + held, abs=0.01)
 
@@ -118,3 +116,19 @@ def test_nothing_complete_and_no_cut_off_are_refused():
         run(series((-1.0, 0.5)))
     with pytest.raises(Refusal, match="a cut-off is not stated"):
         run(series((-1.0, 0.0)), upper=None)
+
+
+def test_what_an_offset_counts_at_rest_is_no_half_cycle():
+    """A rest of weeks at an offset of C/500 turns the counted charge, but holds no cycle."""
+    columns = series((-1.0, 0.0), (1.0, 1.0))
+    rest = np.arange(1, 60 * 360) * 50.0
+    longer = {
+        name: np.append(values, np.full(len(rest), values[-1])) for name, values in columns.items()
+    }
+    longer["test_time_second"][len(columns["voltage_volt"]) :] += rest
+    longer["current_ampere"] = longer["current_ampere"] - 0.004
+    time, current = longer["test_time_second"], longer["current_ampere"]
+    longer["charge_ampere_hour"] = counted(time, current)
+    ageing = run(longer)
+    assert ageing.rows.cycle.tolist() == [1, 2]
+    assert "all that was counted is -0.004 A read at rest" in ageing.left_out[0]

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from counted import NAMES
 
 import cellwright as cw
 from cellwright.protocols.ocv.rests import RestPoints, ocv_of_rests, rest_points
@@ -11,7 +12,6 @@ from cellwright.records.anchor import rest_scale
 from cellwright.refusal import Refusal
 from cellwright.series.steps import segment
 
-NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
 CAPACITY, LIMITS = 3.0, {"lower_cutoff_volt": 2.5, "upper_cutoff_volt": 4.2}
 PAIRS = [(0.020, 60.0), (0.015, 900.0)]
 

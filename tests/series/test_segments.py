@@ -5,6 +5,7 @@ import time as clock
 import numpy as np
 import pandas as pd
 import pytest
+from counted import counted, measured
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,11 +26,6 @@ def record(*stretches, step=1.0, ocv=3.7):
         slow[k] = decay * slow[k - 1] + R1 * (1 - decay) * current[k]
     voltage = ocv + R0 * current + slow
     return time, current, voltage, counted(time, current)
-
-
-def counted(time, current):
-    middle = (current[1:] + current[:-1]) / 2
-    return np.append(0.0, np.cumsum(middle * np.diff(time)) / 3600)
 
 
 def word(steps):
@@ -164,14 +160,6 @@ def test_refuses_few_rows_and_time_backwards():
         segment(time[::-1], current, voltage, charge, rated_capacity_ampere_hour=1.0)
 
 
-def bdf(path, sign=1):
-    read = pd.read_parquet if path.suffix == ".parquet" else pd.read_csv
-    table = read(path)
-    columns = [table[name].to_numpy(float) for name in ("Test Time / s", "Current / A")]
-    voltage = table["Voltage / V"].to_numpy(float)
-    return columns[0], sign * columns[1], voltage, counted(columns[0], sign * columns[1])
-
-
 @pytest.mark.parametrize(
     ("path", "sign", "rated", "expected"),
     [
@@ -189,12 +177,12 @@ def bdf(path, sign=1):
     ],
 )
 def test_measured_records(shared, path, sign, rated, expected):
-    data = bdf(shared / "campaigns" / path, sign)
+    data = measured(shared / "campaigns" / path, sign)
     assert word(segment(*data, rated_capacity_ampere_hour=rated)) == expected
 
 
 def test_measured_train_with_gaps_and_speed(shared):
-    data = bdf(shared / "campaigns/panasonic/raw/hppc/hppc_25C.parquet")
+    data = measured(shared / "campaigns/panasonic/raw/hppc/hppc_25C.parquet")
     begun = clock.perf_counter()
     steps = segment(*data, rated_capacity_ampere_hour=2.9)
     assert clock.perf_counter() - begun < 0.5

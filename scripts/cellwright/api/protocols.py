@@ -15,7 +15,7 @@ def course(tests, cell):
 
     tests : (test, series, result of `segment`) each.
 
-    Returns rows, `protocols.course.Course`, one entry a test: test_before, hour_between [h],
+    Returns rows: columns, one entry a test: test_before, hour_between [h],
     state_at_begin ("full", "empty" or "" where not known) and words. Raises Refusal: a cut-off is
     not stated, so that no end of a test can be told. Source: docs/capacity.md.
     """
@@ -51,7 +51,7 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, 
     whole_swing : a half cycle that ends short of the cut-off counts too, as in slow OCV tests.
     curves : list of dict, open-circuit voltages of the cell that a stated SoC is held against.
 
-    Returns rows, `protocols.capacity.CapacityRows`, (k,): charge [Ah], energy [Wh], rate [1/h],
+    Returns rows: columns (k,): charge [Ah], energy [Wh], rate [1/h],
     efficiency [1]; half cycles left out are in the notes. Raises Refusal: no complete charge or
     discharge. Source: docs/capacity.md.
     """
@@ -332,7 +332,7 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=No
     soc : stated at its start [1], or None.
     settings : `settings.FastCharge`, its key minutes [min].
 
-    Returns one row, `protocols.fast_charge.FastCharge`: charge [Ah], shares [1]. Raises Refusal: no
+    Returns one row, as of stage `fast_charge`: charge [Ah], shares [1]. Raises Refusal: no
     upper cut-off, or no charge of at least 2 % of the capacity. Source: docs/fast-charge.md.
     """
     from cellwright.protocols.fast_charge import fast_charge as charged

@@ -13,19 +13,7 @@ IMPEDANCE = Impedance()
 DRIFT_TOLERANCE = 0.01  # RMS over the slowest decade; residuals of valid spectra (Schönleber 2014)
 
 
-class KramersKronig(NamedTuple):
-    """Kramers–Kronig test: complex residual over the modulus (n,), its RMS, number of RC pairs, and
-    1 − Σ|negative R|/Σ|positive R| (`fill`)."""
-
-    relative_residual: np.ndarray
-    rms_relative_residual: float
-    pairs: int
-    fill: float
-
-
-def linear_kramers_kronig(
-    frequency_hertz, impedance_ohm, *, fill=0.85, pairs_per_decade=3, most_pairs=50
-):
+def linear_kramers_kronig(frequency_hertz, impedance_ohm):
     """Kramers–Kronig test of a spectrum: the residual of a fitted chain of RC pairs.
 
     A chain of RC pairs obeys the Kramers–Kronig relations; what it cannot fit does not.
@@ -34,20 +22,10 @@ def linear_kramers_kronig(
     added until their resistances begin to oscillate in sign: the share of negative resistance
     says that noise is being fitted.
 
-    Parameters
-    ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
-    pairs_per_decade : pairs that are begun with [1].
-    fill : add pairs while 1 − Σ|negative R|/Σ|positive R| stays above this.
-    most_pairs : limit of the number of pairs.
 
-    Returns
-    -------
-    test : KramersKronig; residuals above about 1 % say drift, nonlinearity or artefacts.
-
-    Raises
-    ------
-    Refusal : fewer than 8 points.
+    Returns residual: (n,) complex, over the modulus; above about 1 % it says drift, nonlinearity
+    or artefacts. Raises Refusal: fewer than 8 points.
 
     Source: M. Schönleber, D. Klotz, E. Ivers-Tiffée, Electrochimica Acta 131 (2014) 20,
     eq. 5 (residuals), 12-13 (time constants), 21 (measure of fill).
@@ -57,16 +35,16 @@ def linear_kramers_kronig(
         raise Refusal(f"spectrum of {len(frequency)} points; a Kramers-Kronig test needs 8")
     rates = 2 * np.pi * frequency
     decades = np.log10(frequency.max() / frequency.min())
-    most = min(most_pairs, len(frequency))
+    most = min(50, len(frequency))  # as many pairs as points fit any spectrum
     # A chain too coarse for a narrow arc oscillates as well: begin where it cannot be that.
-    least = min(max(round(pairs_per_decade * decades), 3), most)
+    least = min(max(round(3 * decades), 3), most)
     for pairs in range(least, most + 1):
         resistances, residual = _chain(rates, impedance, pairs)
         negative = -resistances[resistances < 0].sum()
-        measure = 1 - negative / max(resistances[resistances > 0].sum(), np.finfo(float).tiny)
-        if measure <= fill:
+        positive = max(resistances[resistances > 0].sum(), np.finfo(float).tiny)
+        if 1 - negative / positive <= 0.85:
             break
-    return KramersKronig(residual, rms(np.abs(residual)), pairs, float(measure))
+    return residual
 
 
 def _chain(rates, impedance, pairs):
@@ -80,12 +58,6 @@ def _chain(rates, impedance, pairs):
     stacked = np.concatenate([columns.real, columns.imag]) / size
     solution = np.linalg.lstsq(stacked, np.concatenate([target.real, target.imag]), rcond=None)[0]
     return (solution / size)[:pairs], target - columns @ (solution / size)
-
-
-# Of all points, what may be left out at the slow end before the whole spectrum is in doubt.
-MOST_SHARE = 0.4
-# The slow end breaks the relations where it is this many times worse than the fast end.
-WORSE = 2.0
 
 
 class Trusted(NamedTuple):
@@ -114,57 +86,44 @@ def trusted_points(
     the Kramers–Kronig relations. Where two fifths of the points are not enough, none is left out:
     then not the end is at fault but the spectrum.
 
-    Parameters
-    ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
     drift_tolerance : RMS of the relative residual that the slowest decade may have [1].
     inductance : "model" keeps inductive points, "cut" leaves them out.
 
-    Returns
-    -------
-    trusted : Trusted.
-
-    Raises
-    ------
-    Refusal : fewer than 8 points.
+    Returns trusted: Trusted. Raises Refusal: fewer than 8 points.
     """
-    order = np.argsort(frequency_hertz)
-    most = int(MOST_SHARE * len(order))
-    tests = []
-    for dropped in range(most + 1):
+    order, residuals = np.argsort(frequency_hertz), []
+    for dropped in range(int(0.4 * len(order)) + 1):
         kept = order[dropped:]
-        test = linear_kramers_kronig(frequency_hertz[kept], impedance_ohm[kept])
-        tests.append(test)
-        if not _breaks(frequency_hertz[kept], test.relative_residual, drift_tolerance):
+        residuals.append(linear_kramers_kronig(frequency_hertz[kept], impedance_ohm[kept]))
+        size, decade = np.abs(residuals[-1]), np.log10(frequency_hertz[kept])
+        slow, fast = rms(size[decade <= decade[0] + 1]), rms(size[decade >= decade[-1] - 1])
+        # A noisy spectrum is as bad at its fast end: only the slow one drifts.
+        if slow <= max(drift_tolerance, 2.0 * fast):
             break
     else:
-        dropped, test = 0, tests[0]
+        dropped, residuals = 0, residuals[:1]
     keep = np.ones(len(order), bool)
     keep[order[:dropped]] = False
+    # Above the real axis the leads' inductance outweighs the cell.
     inductive = impedance_ohm.imag > 0
     if inductance == "cut":
         keep &= ~inductive
-    notes = _notes(frequency_hertz, order, dropped, inductive & ~keep, tests[0])
+    with_them = rms(np.abs(residuals[0]))
+    notes = _notes(frequency_hertz, order, dropped, inductive & ~keep, with_them)
     residual = np.full(len(order), np.nan, complex)
-    residual[order[dropped:]] = test.relative_residual
-    return Trusted(keep, residual, test.rms_relative_residual, tuple(notes))
+    residual[order[dropped:]] = residuals[-1]
+    return Trusted(keep, residual, rms(np.abs(residuals[-1])), tuple(notes))
 
 
-def _breaks(frequency, residual, tolerance):
-    """Whether the slowest decade breaks the relations, against the tolerance and the fastest."""
-    size, decade = np.abs(residual), np.log10(frequency / frequency.min())
-    slow, fast = rms(size[decade <= 1]), rms(size[decade >= decade.max() - 1])
-    return slow > max(tolerance, WORSE * fast)
-
-
-def _notes(frequency, order, dropped, cut, whole):
+def _notes(frequency, order, dropped, cut, with_them):
     """Sentences on the points that are not used, and why."""
     if dropped:
         count = "1 point" if dropped == 1 else f"{dropped} points"
         yield (
             f"{count} below {frequency[order[dropped]]:.3g} Hz left out of the fit: there "
             f"the spectrum breaks the Kramers-Kronig relations "
-            f"({whole.rms_relative_residual:.1%} RMS with them): the cell drifted"
+            f"({with_them:.1%} RMS with them): the cell drifted"
         )
     if cut.any():
         yield (
@@ -173,18 +132,12 @@ def _notes(frequency, order, dropped, cut, whole):
         )
 
 
-RESTED_SECOND = 1800.0
-MATERIAL_KELVIN = 0.5
-
-
 def rested_temperature(test_time_second, current_ampere, temperature_celsius):
     """Temperature that a record shows when the cell has long been at rest [°C].
 
     Median of all samples at least half an hour after the last current, when the cell's own heat is
     gone; NaN where a record holds none.
 
-    Parameters
-    ----------
     test_time_second, current_ampere, temperature_celsius : (n,) [s], [A], [°C]; None for the last
         where it was not recorded.
     """
@@ -193,7 +146,7 @@ def rested_temperature(test_time_second, current_ampere, temperature_celsius):
         return np.nan
     resting = at_rest_in_record(current_ampere)
     loaded = np.where(resting, test_time_second[0], test_time_second)
-    rested = resting & (test_time_second - np.maximum.accumulate(loaded) >= RESTED_SECOND)
+    rested = resting & (test_time_second - np.maximum.accumulate(loaded) >= 1800.0)
     rested_celsius = temperature_celsius[rested & np.isfinite(temperature_celsius)]
     return float(np.median(rested_celsius)) if len(rested_celsius) else np.nan
 
@@ -201,17 +154,13 @@ def rested_temperature(test_time_second, current_ampere, temperature_celsius):
 def temperature_offsets(spectra, records):
     """Temperature of spectra minus that of other records at each chamber temperature [K].
 
-    Parameters
-    ----------
     spectra, records : sequences of (chamber temperature as stated, temperature read), both [°C];
         None for one that is not stated, NaN where there was nothing to read.
 
-    Returns
-    -------
-    rows : list of dicts: ambient_temperature_celsius, spectra_celsius, spectra (how many were
-        read), records_celsius, records, offset_kelvin, offset_std_kelvin. NaN for what was not
-        read, and for the last where neither was read twice.
-    notes : tuple of at most one sentence; none where the spectra hold no temperature.
+    Returns rows: list of dicts: ambient_temperature_celsius, spectra_celsius, spectra (how many
+    were read), records_celsius, records, offset_kelvin, offset_std_kelvin. NaN for what was not
+    read, and for the last where neither was read twice; notes : tuple of at most one sentence; none
+    where the spectra hold no temperature.
     """
     stated = sorted({ambient for ambient, _ in spectra} - {None})
     rows = [_row(ambient, _read(spectra, ambient), _read(records, ambient)) for ambient in stated]
@@ -251,7 +200,7 @@ def _thermometer_notes(rows):
             "temperatures in the spectra's files cannot be checked: no other record of the same "
             "chamber temperature holds one half an hour after its last current"
         )
-    elif compared and max(abs(row["offset_kelvin"]) for row in compared) < MATERIAL_KELVIN:
+    elif compared and max(abs(row["offset_kelvin"]) for row in compared) < 0.5:
         yield f"temperatures in the spectra's files agree with those of the other records: {each}"
     elif compared:
         yield (

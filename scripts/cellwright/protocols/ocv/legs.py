@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.protocols.half_cycles import turning_points, weighted_median
+
 
 class Leg(NamedTuple):
     """From one turning point of the net charge to the next, and its slow steady current in it.
@@ -32,48 +34,16 @@ class Leg(NamedTuple):
 def legs_of(test_time_second, current_ampere, voltage_volt, charge_ampere_hour, file_index):
     """Legs of a record between turning points of its charge; pauses and dithers are no turns.
 
-    Parameters
-    ----------
     test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah].
     file_index : (n,) int, which of the joined files a row is from.
 
-    Returns
-    -------
-    legs : list of Leg in time order.
+    Returns legs: list of Leg in time order.
     """
+    # Cyclers dither about a turn, and a remainder is drawn at another temperature: neither turns.
     turns = turning_points(charge_ampere_hour, least=0.05 * np.ptp(charge_ampere_hour))
     columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour, file_index)
     legs = [_leg(first, last, *columns) for first, last in pairwise(turns)]
     return [leg for leg in legs if leg is not None]
-
-
-def turning_points(values, *, least):
-    """Rows where a course turns for good: the start, each extremum after a swing, the end.
-
-    Parameters
-    ----------
-    values : (n,), for example the net charge [Ah].
-    least : a smaller swing back is no turn, in the unit of `values`.
-
-    Returns
-    -------
-    rows : ascending; empty without any swing of that size.
-    """
-    slopes = np.sign(np.diff(values))
-    moving = np.flatnonzero(slopes)
-    bends = moving[1:][np.diff(slopes[moving]) != 0]
-    low = high = heading = 0
-    rows = []
-    for row in [*bends, len(values) - 1]:
-        low = row if values[row] <= values[low] else low
-        high = row if values[row] > values[high] else high
-        if heading >= 0 and values[high] - values[row] > least:
-            rows.append(high)
-            heading, low = -1, row
-        elif heading <= 0 and values[row] - values[low] > least:
-            rows.append(low)
-            heading, high = 1, row
-    return np.array([*rows, low if heading < 0 else high] if rows else [], int)
 
 
 def _leg(first, last, time, current, voltage, charge, files):
@@ -88,6 +58,7 @@ def _leg(first, last, time, current, voltage, charge, files):
     steady = np.abs(amperes - slow) < 0.05 * slow
     share = np.bincount(files[first + flowing], moved * steady)
     rows = (first + flowing)[steady & (files[first + flowing] == share.argmax())]
+    # Relative to the slow current itself: an offset of the sensor is no small part of it.
     at_rest = np.abs(current) < 0.05 * slow
     return Leg(
         sign=sign,
@@ -105,19 +76,19 @@ def _leg(first, last, time, current, voltage, charge, files):
 
 def _steady_current(amperes, moved):
     """Current at which most charge flowed, to 10 % [A]; a tapering hold spreads over many."""
+    # Two neighbouring bands, so that a current at the edge of one is not split.
     band = np.floor(np.log(amperes) / np.log(1.1)).astype(int)
     band -= band.min()
     flow = np.append(np.bincount(band, moved), 0.0)
     fullest = (flow[:-1] + flow[1:]).argmax()
     inside = (band == fullest) | (band == fullest + 1)
-    order = np.argsort(amperes[inside])
-    reached = np.cumsum(moved[inside][order])
-    return amperes[inside][order][np.searchsorted(reached, reached[-1] / 2)]
+    return weighted_median(amperes[inside], moved[inside])
 
 
 def _jump(row, neighbour, time, voltage, at_rest):
     """Size of the voltage step between a row under current and a row at rest next to it."""
     adjacent = 0 <= neighbour < len(time) and at_rest[neighbour]
+    # Further apart the cell relaxes between the two, and the step is no longer its resistance.
     if not adjacent or abs(time[row] - time[neighbour]) > 120:
         return np.nan
     return float(abs(voltage[row] - voltage[neighbour]))

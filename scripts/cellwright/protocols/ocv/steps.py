@@ -11,12 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.protocols import Found
 from cellwright.refusal import Refusal
 from cellwright.settings import OcvStep
 
 OCV_STEP = OcvStep()
 
-BIN_SECOND = 600.0
+BIN_SECOND = 600.0  # a chamber swings about its set point within minutes
 
 
 class Plateau(NamedTuple):
@@ -31,8 +32,6 @@ class Plateau(NamedTuple):
 def joined_rests(steps):
     """First and last row (inclusive) of each rest; successive rest steps count as one rest.
 
-    Parameters
-    ----------
     steps : `series.steps.Steps`.
     """
     rests = []
@@ -46,28 +45,28 @@ def joined_rests(steps):
     return rests
 
 
+def _binned(time, values, begin):
+    """First row of each bin of 600 s since `begin` [s] and the row after the last; bins' means."""
+    number = ((time - begin) // BIN_SECOND).astype(int)
+    edges = np.append(np.flatnonzero(np.diff(number, prepend=-1)), len(time))
+    return edges, *(np.add.reduceat(c, edges[:-1]) / np.diff(edges) for c in (time, values))
+
+
 def plateaus_of(test_time_second, temperature_celsius, *, settled_kelvin_per_hour, least_second):
     """Stretches in which the temperature moves slower than a limit.
 
-    Parameters
-    ----------
     test_time_second, temperature_celsius : (n,) [s], [degC].
     settled_kelvin_per_hour : the limit, over 20 minutes [K/h].
     least_second : a shorter stretch does not count [s].
 
-    Returns
-    -------
-    plateaus : list of Plateau, in order of time.
+    Returns plateaus: list of Plateau, in order of time.
     """
     time = np.asarray(test_time_second, float)
     celsius = np.asarray(temperature_celsius, float)
-    number = ((time - time[0]) // BIN_SECOND).astype(int)
-    edges = np.append(np.flatnonzero(np.diff(number, prepend=-1)), len(time))
-    if len(edges) < 3:
+    edges, middle, means = _binned(time, celsius, time[0])
+    if len(means) < 2:
         return []
-    means = np.add.reduceat(celsius, edges[:-1]) / np.diff(edges)
-    middle = np.add.reduceat(time, edges[:-1]) / np.diff(edges) / 3600
-    still = np.abs(np.gradient(means, middle)) < settled_kelvin_per_hour
+    still = np.abs(np.gradient(means, middle / 3600)) < settled_kelvin_per_hour
     turns = np.flatnonzero(np.diff(still.astype(int), prepend=0, append=0))
     rows = [(edges[a], edges[b] - 1, b - a) for a, b in zip(turns[::2], turns[1::2], strict=True)]
     return [
@@ -77,45 +76,34 @@ def plateaus_of(test_time_second, temperature_celsius, *, settled_kelvin_per_hou
     ]
 
 
-FASTEST_HOUR, SLOWEST_RESTS, RATES = 0.5, 10.0, 120
-
-
-class Course(NamedTuple):
-    """Extrapolated voltage and its standard deviation (m,) [V]; scatter of one bin [V]."""
-
-    volt: np.ndarray
-    std_volt: np.ndarray
-    noise_volt: float
-
-
 def extrapolated(test_time_second, voltage_volt, used, at_second, *, known_until):
     """Voltage of a rest continued at the reference temperature, by one exponential.
 
     The mean over time constants, each weighted by its likelihood.
 
-    Parameters
-    ----------
     test_time_second, voltage_volt : (n,) of one rest [s], [V].
     used : list of (first, last) rows, inclusive, that are at the reference temperature.
     at_second : (m,) where the voltage is wanted [s].
     known_until : end of the first stretch; what relaxes afterwards is extrapolated [s].
 
-    Returns
-    -------
-    Course : its deviation holds the scatter, the choice of the time constant, and that in the cold
-        the relaxation may have stood still (rectangular, from nothing to what was extrapolated).
+    Returns volt, std_volt: (m,) [V]; the deviation holds the scatter, the choice of the time
+    constant, and that in the cold the relaxation may have stood still (rectangular, from nothing to
+    what was extrapolated); noise_volt : scatter of one bin [V].
 
     Source: thesis 3.3 (the dotted lines of fig. 3.9); weighting by likelihood is ours.
     """
     time, volt = (np.asarray(column, float) for column in (test_time_second, voltage_volt))
-    seen, means = _binned(time, volt, used)
-    slowest = SLOWEST_RESTS * (time[-1] - time[0])
-    taus = np.geomspace(3600 * FASTEST_HOUR, max(slowest, 7200.0 * FASTEST_HOUR), RATES)
+    # Bins weigh alike, however many samples they hold.
+    rows = np.concatenate([np.arange(first, last + 1) for first, last in used])
+    _, seen, means = _binned(time[rows], volt[rows], time[0])
+    # From half an hour to ten lengths of the rest, beyond which an exponential is a line.
+    taus = np.geomspace(1800.0, max(10.0 * (time[-1] - time[0]), 3600.0), 120)
     wanted = np.append(np.asarray(at_second, float), known_until)
     fits = [_exponential_fit(tau, seen - time[0], means, wanted - time[0]) for tau in taus]
     errors = np.array([error for error, _, _ in fits])
     # A record without any scatter still does not tell voltages below a microvolt apart.
     variance = max(errors.min() / max(len(seen) - 3, 1), 1e-12)
+    # Likelihoods relative to the best, so that none underflows.
     weights = np.exp(-(errors - errors.min()) / (2 * variance))
     weights /= weights.sum()
     values = np.array([value for _, value, _ in fits])
@@ -126,16 +114,7 @@ def extrapolated(test_time_second, voltage_volt, used, at_second, *, known_until
     # ASSUME: The cold slows a relaxation down, so it lies between its extrapolation and a halt.
     drift = np.where(later, mean[:-1] - mean[-1], 0.0)
     std = np.sqrt(spread[:-1] + drift**2 / 3)
-    return Course(mean[:-1], std, float(np.sqrt(variance)))
-
-
-def _binned(time, volt, used):
-    """Mean time [s] and voltage [V] of bins, which weigh alike however many samples they hold."""
-    rows = np.concatenate([np.arange(first, last + 1) for first, last in used])
-    number = ((time[rows] - time[0]) // BIN_SECOND).astype(int)
-    edges = np.flatnonzero(np.diff(number, prepend=-1))
-    counts = np.diff(np.append(edges, len(rows)))
-    return tuple(np.add.reduceat(column[rows], edges) / counts for column in (time, volt))
+    return mean[:-1], std, float(np.sqrt(variance))
 
 
 def _exponential_fit(tau, seen, volt, wanted):
@@ -155,14 +134,7 @@ def _exponential_fit(tau, seen, volt, wanted):
     return np.sum((columns @ coefficients - volt) ** 2), asked @ coefficients, leverage
 
 
-PLATEAU_KELVIN = 1.0
-
-
-class StepShifts(NamedTuple):
-    """Rows of stage `ocv_step`, one a plateau; sentences on rests that are not used."""
-
-    rows: list
-    left_out: list
+PLATEAU_KELVIN = 1.0  # plateaus so near to the first are at its temperature again
 
 
 def chamber_shifts(
@@ -179,8 +151,6 @@ def chamber_shifts(
 ):
     """Shift of the open-circuit voltage at every temperature of every rest.
 
-    Parameters
-    ----------
     test_time_second, voltage_volt : (n,) [s], [V].
     temperature_celsius : (n,) of the cell, else of the chamber [degC] (`cell_temperature`).
     soc : (n,) state of charge [1], NaN where it is not known.
@@ -191,15 +161,9 @@ def chamber_shifts(
     settled_kelvin_per_hour : the cell has reached a temperature when it moves slower [K/h].
     skip_second : what of a rest's beginning takes no part in the extrapolation [s].
 
-    Returns
-    -------
-    StepShifts : rows with rest, soc, temperature_celsius, time_second, voltage_volt,
-        reference_volt (extrapolated for the first temperature), shift_volt, noise_std_volt,
-        relaxation_std_volt, reference_temperature_celsius, returned.
-
-    Raises
-    ------
-    Refusal : no rest in which the temperature steps; each with its reason.
+    Returns found: Found; rows of stage `ocv_step`, one a plateau; reference_volt is extrapolated
+    for the first temperature. Raises Refusal: no rest in which the temperature steps; each with its
+    reason.
 
     Source: thesis 3.3 and fig. 3.9.
     """
@@ -223,19 +187,16 @@ def chamber_shifts(
         rows += [{"rest": number, "soc": level} | row for row in shifts]
     if not rows:
         raise Refusal("; ".join(left_out) or "no rest in the record")
-    return StepShifts(rows, left_out)
+    return Found(rows, tuple(left_out))
 
 
 def cell_temperature(series):
     """Temperature of the cell along a record [degC]: its surface's, else the chamber's.
 
-    Parameters
-    ----------
     series : dict of (n,) columns of a clean series.
 
-    Raises
-    ------
-    Refusal : neither was recorded; the stated temperature does not tell when the chamber stepped.
+    Raises Refusal: neither was recorded; the stated temperature does not tell when the chamber
+    stepped.
     """
     # ASSUME: At rest a cell is as warm inside as on its surface.
     for name in ("surface_temperature_celsius", "ambient_temperature_celsius"):
@@ -260,7 +221,7 @@ def _kept(time, plateaus, skip, least_reference):
 
 
 def _shifts_of_rest(time, voltage, celsius, *, settled, least, skip, least_reference):
-    """Rows of StepShifts of one rest, one a plateau."""
+    """Rows of one rest, one a plateau."""
     plateaus = plateaus_of(time, celsius, settled_kelvin_per_hour=settled, least_second=least)
     kept = _kept(time, plateaus, skip, least_reference)
     first = plateaus[0]
@@ -277,7 +238,7 @@ def _shifts_of_rest(time, voltage, celsius, *, settled, least, skip, least_refer
     slope = np.polyfit(means[:, 0], means[:, 1], 1)[0]
     level = voltage - slope * (celsius - first.celsius)
     middles = [(time[p.first] + time[p.last]) / 2 for p in plateaus]
-    course = extrapolated(time, level, used, np.array(middles), known_until=time[first.last])
+    relaxed = extrapolated(time, level, used, np.array(middles), known_until=time[first.last])
     return [
         {
             "temperature_celsius": p.celsius,
@@ -285,20 +246,12 @@ def _shifts_of_rest(time, voltage, celsius, *, settled, least, skip, least_refer
             "voltage_volt": float(mean),
             "reference_volt": float(reference),
             "shift_volt": float(mean - reference),
-            "noise_std_volt": float(course.noise_volt / np.sqrt(p.bins)),
+            "noise_std_volt": float(relaxed[2] / np.sqrt(p.bins)),
             "relaxation_std_volt": float(std),
             "reference_temperature_celsius": first.celsius,
             "returned": bool(same and k > 0),
         }
         for k, (p, middle, mean, reference, std, same) in enumerate(
-            zip(
-                plateaus,
-                middles,
-                means[:, 1],
-                course.volt,
-                course.std_volt,
-                at_reference,
-                strict=True,
-            )
+            zip(plateaus, middles, means[:, 1], *relaxed[:2], at_reference, strict=True)
         )
     ]
