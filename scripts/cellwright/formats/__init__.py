@@ -8,14 +8,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.formats import arbin, bdf, bitrode, digatron, labview, plett
+from cellwright.formats import (
+    arbin,
+    bdf,
+    bitrode,
+    digatron,
+    labview,
+    makers,
+    plett,
+    text_table,
+    zahner,
+)
 from cellwright.formats.container import sight, unpacked
 from cellwright.formats.physics import checked_impedance, checked_series
+from cellwright.formats.table import decoded
 from cellwright.refusal import Refusal
 
-READERS = {reader.NAME: reader for reader in (bdf, arbin, bitrode, digatron, labview, plett)}
-# What a format itself says of its current; where it says nothing, the data must tell.
-SIGN_RULE = {"bdf": "charge_positive"}
+MODULES = {
+    reader.NAME: reader for reader in (bdf, arbin, bitrode, digatron, labview, plett, zahner)
+}
+TABLES = {form.name: form for form in makers.MAKERS}
+READERS = (*MODULES, *TABLES, makers.GENERIC.name)
+# What a format itself says of its current; where it says nothing, the data must tell. Maccor's
+# current has the sign of its letters.
+SIGN_RULE = {"bdf": "charge_positive", "maccor": "charge_positive"}
 HEAD = 1 << 14
 
 
@@ -25,6 +41,7 @@ class Reading(NamedTuple):
     columns: dict[str, np.ndarray]
     instrument: str  # the reader that understood it
     kind: str  # "series" or "impedance"
+    notes: tuple[str, ...] = ()  # what was left out of the file, in sentences
 
 
 def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
@@ -54,8 +71,9 @@ def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
     """
     try:
         content = unpacked(data)
-        reader = _reader(instrument) if instrument else READERS[detect(content)]
-        return _checked(reader.read(content), reader.NAME)
+        reader = _known(instrument) if instrument else detect(content)
+        columns, notes = _read(reader, content)
+        return _checked(columns, reader, tuple(notes))
     except Refusal as reason:
         raise Refusal(f"{name}: {reason}") from None
 
@@ -92,9 +110,16 @@ def detect(data: bytes) -> str:
     Raises
     ------
     Refusal
-        None does; the message says what the file looks like, where that is known.
+        None does, or more than one; the message says what the file looks like, where known.
     """
-    found = [name for name, reader in READERS.items() if reader.recognises(data[:HEAD])]
+    head = data[:HEAD]
+    text = decoded(head).replace("\r\n", "\n")
+    found = [name for name, reader in MODULES.items() if reader.recognises(head)]
+    found += [name for name, form in TABLES.items() if text_table.recognises(form, text)]
+    if not found and text_table.recognises(makers.GENERIC, text):
+        return makers.GENERIC.name
+    if len(found) > 1:
+        raise Refusal(f"could be of {' or '.join(found)}: say which as `instrument` in tests.tsv")
     if found:
         return found[0]
     if not data.strip():
@@ -104,13 +129,21 @@ def detect(data: bytes) -> str:
     raise Refusal(f"{looks}; readers: {', '.join(READERS)}")
 
 
-def _reader(instrument: str):
+def _known(instrument: str) -> str:
     if instrument not in READERS:
         raise Refusal(f"no reader for instrument {instrument!r}; readers: {', '.join(READERS)}")
-    return READERS[instrument]
+    return instrument
 
 
-def _checked(columns: dict[str, np.ndarray], instrument: str) -> Reading:
+def _read(reader: str, data: bytes):
+    """Columns of a file, and notes, by the reader of a name."""
+    if reader in MODULES:
+        return MODULES[reader].read(data), ()
+    form = TABLES.get(reader, makers.GENERIC)
+    return text_table.read(form, data)
+
+
+def _checked(columns: dict[str, np.ndarray], instrument: str, notes: tuple[str, ...]) -> Reading:
     if "frequency_hertz" in columns:
-        return Reading(checked_impedance(columns), instrument, "impedance")
-    return Reading(checked_series(columns), instrument, "series")
+        return Reading(checked_impedance(columns), instrument, "impedance", notes)
+    return Reading(checked_series(columns), instrument, "series", notes)
