@@ -139,6 +139,9 @@ def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
     columns |= {} if unix is None else {"unix_time_second": unix}
     if state:
         columns["current_ampere"] = _signed(form, columns["current_ampere"], found[state])
+    filled = np.any([np.isfinite(columns[name]) for name in SERIES], axis=0)
+    if not filled.all():  # rows of nothing but delimiters, as spreadsheets leave them at the end
+        columns = {name: values[filled] for name, values in columns.items()}
     return _with_counters(_without_dead(columns, notes)), notes
 
 
@@ -221,6 +224,7 @@ def _seconds(form, field, texts, unix):
     example = next((text for text in texts[:20].to_pylist() if text), "")
     if CLOCKED.match(example):
         return clock_second(texts), None
+    texts = pc.if_else(pc.equal(texts, ""), None, texts)
     try:
         numbers = pc.cast(pc.utf8_trim_whitespace(texts), pa.float64())
     except pa.ArrowInvalid:
