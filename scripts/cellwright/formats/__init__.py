@@ -10,11 +10,14 @@ import numpy as np
 
 from cellwright.formats import (
     arbin,
+    bare_spectrum,
     bdf,
     bitrode,
     digatron,
     labview,
     makers,
+    matlab,
+    outside,
     plett,
     text_table,
     zahner,
@@ -24,9 +27,9 @@ from cellwright.formats.physics import checked_impedance, checked_series
 from cellwright.formats.table import decoded
 from cellwright.refusal import Refusal
 
-MODULES = {
-    reader.NAME: reader for reader in (bdf, arbin, bitrode, digatron, labview, plett, zahner)
-}
+TEXTS = (bdf, arbin, bitrode, digatron, labview, plett, bare_spectrum)
+BINARIES = (zahner, matlab, outside.NewareBinary, outside.ArbinDatabase)
+MODULES = {module.NAME: module for module in (*TEXTS, *BINARIES)}
 TABLES = {form.name: form for form in makers.MAKERS}
 READERS = (*MODULES, *TABLES, makers.GENERIC.name)
 # What a format itself says of its current; where it says nothing, the data must tell. Maccor's
@@ -138,7 +141,8 @@ def _known(instrument: str) -> str:
 def _read(reader: str, data: bytes):
     """Columns of a file, and notes, by the reader of a name."""
     if reader in MODULES:
-        return MODULES[reader].read(data), ()
+        found = MODULES[reader].read(data)
+        return found if isinstance(found, tuple) else (found, ())
     form = TABLES.get(reader, makers.GENERIC)
     return text_table.read(form, data)
 

@@ -77,7 +77,7 @@ def _of_workbook(data):
 
 def _of_sheet(sheet):
     """Columns of one channel sheet in the house's names and units, its counters as they stand."""
-    fields = known_fields(sheet.labels, _meaning)
+    fields = known_fields(sheet.labels, meaning)
     require(fields, SERIES, SPELT)
     columns = in_house_units(numbers(sheet, [field.label for field in fields]), fields)
     label = next((name for name in sheet.labels if _is_date(name)), None)
@@ -87,7 +87,7 @@ def _of_sheet(sheet):
 
 def _of_text(data):
     layout = layout_of(data)
-    fields = known_fields(layout.labels, _meaning)
+    fields = known_fields(layout.labels, meaning)
     require(fields, SERIES, SPELT)
     date = [label for label in layout.labels if _is_date(label)]
     found = read_numbers(data, layout, [field.label for field in fields], texts=date[:1])
@@ -112,7 +112,8 @@ def _unix_time(texts) -> dict[str, np.ndarray]:
     return {} if seconds is None else {"unix_time_second": seconds}
 
 
-def _meaning(label: str) -> Field | None:
+def meaning(label: str) -> Field | None:
+    """What a label of Arbin means; None where it is not known."""
     base, unit = _base_and_unit(label)
     if base not in MEANING:
         return None

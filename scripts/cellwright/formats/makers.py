@@ -236,7 +236,7 @@ GENERIC = Format(
             "temperature",
             "degC",
         ),
-        rf"environment[ _]temperature{DEGREES}": (
+        rf"(?:environment|chamber)[ _]temp(?:erature)?{DEGREES}": (
             AMBIENT,
             "temperature",
             "degC",

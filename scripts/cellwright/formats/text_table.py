@@ -117,7 +117,7 @@ def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
         number belongs, a clock whose unit nothing says, a current under a letter without a sign.
     """
     data, layout, notes = _table(form, data)
-    fields = known_fields(layout.labels, lambda label: _meaning(form, label))
+    fields = known_fields(layout.labels, lambda label: meaning_of(form, label))
     spectrum = any(field.column == "frequency_hertz" for field in fields)
     wanted = IMPEDANCE if spectrum else SERIES
     named = [field._replace(column=field.column.removeprefix("minus_")) for field in fields]
@@ -206,7 +206,8 @@ def _is(pattern, label):
     return bool(pattern) and re.fullmatch(pattern, label, re.I) is not None
 
 
-def _meaning(form, label):
+def meaning_of(form: Format, label: str) -> Field | None:
+    """What a label means in tables of this maker; None where it is not known."""
     for pattern, (column, quantity, unit) in form.columns.items():
         parts = re.fullmatch(pattern, label.strip(), re.I)
         if parts:
@@ -298,7 +299,7 @@ def _signed(form, current, letters):
             where = int(np.flatnonzero(rows & (np.abs(current) > 0))[0]) + 1
             raise Refusal(
                 f"row {where} of data: a current of {current[where - 1]:g} A in a step of state "
-                f"{name!r}, whose sign is not known; known states: {known}"
+                f"{str(name)!r}, whose sign is not known; known states: {known}"
             )
         signs[rows] = form.signs.get(name, 0.0)
     # ASSUME: A current in a resting step keeps the sign it is written with: it is an offset.
