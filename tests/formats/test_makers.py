@@ -254,3 +254,32 @@ def _or_none(data):
         return formats.read(data, name="file")
     except Refusal:
         return None
+
+
+def with_counters(current, charge, discharge):
+    time = 60.0 * np.arange(len(current))
+    rows = zip(time, current, charge, discharge, strict=True)
+    labels = "Time (s);Current (A);Voltage (V);Charge_Capacity (Ah);Discharge_Capacity (Ah)\n"
+    return labels + "".join(f"{t};{i};3.7;{c:.9f};{d:.9f}\n" for t, i, c, d in rows)
+
+
+CHARGE = np.array([0.0, *np.arange(11), *[10.0] * 11]) / 60
+DISCHARGE = np.array([*[0.0] * 12, *np.arange(11)]) / 60
+SIGNED = np.array([0.0, *[1.0] * 11, *[-1.0] * 11])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_counters_tell_the_sign_of_the_current(sign):
+    reading = read(with_counters(sign * SIGNED, CHARGE, DISCHARGE))
+    assert reading.sign == sign
+    np.testing.assert_allclose(reading.columns["net_capacity_ampere_hour"], CHARGE - DISCHARGE)
+
+
+def test_magnitudes_take_their_signs_from_the_counters():
+    reading = read(with_counters(np.abs(SIGNED), CHARGE, DISCHARGE))
+    np.testing.assert_array_equal(reading.columns["current_ampere"], SIGNED)
+    assert reading.sign == 1
+
+
+def test_counters_that_do_not_move_tell_no_sign():
+    assert read(with_counters(SIGNED, 0 * CHARGE, 0 * CHARGE)).sign == 0

@@ -23,6 +23,7 @@ from cellwright.formats import (
     zahner,
 )
 from cellwright.formats.container import sight, unpacked
+from cellwright.formats.fields import with_net_counter
 from cellwright.formats.physics import checked_impedance, checked_series
 from cellwright.formats.table import decoded
 from cellwright.refusal import Refusal
@@ -32,9 +33,8 @@ BINARIES = (zahner, matlab, outside.NewareBinary, outside.ArbinDatabase)
 MODULES = {module.NAME: module for module in (*TEXTS, *BINARIES)}
 TABLES = {form.name: form for form in makers.MAKERS}
 READERS = (*MODULES, *TABLES, makers.GENERIC.name)
-# What a format itself says of its current; where it says nothing, the data must tell. Maccor's
-# current has the sign of its letters.
-SIGN_RULE = {"bdf": "charge_positive", "maccor": "charge_positive"}
+# What a format itself says of its current; where it says nothing, the data must tell.
+SIGN_RULE = dict.fromkeys(("bdf", "neware", "biologic", "novonix", "basytec"), "charge_positive")
 HEAD = 1 << 14
 
 
@@ -45,6 +45,7 @@ class Reading(NamedTuple):
     instrument: str  # the reader that understood it
     kind: str  # "series" or "impedance"
     notes: tuple[str, ...] = ()  # what was left out of the file, in sentences
+    sign: int = 0  # 1 or -1: the current's, as the file's own counters or letters tell it
 
 
 def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
@@ -75,8 +76,7 @@ def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
     try:
         content = unpacked(data)
         reader = _known(instrument) if instrument else detect(content)
-        columns, notes = _read(reader, content)
-        return _checked(columns, reader, tuple(notes))
+        return _checked(reader, *_read(reader, content))
     except Refusal as reason:
         raise Refusal(f"{name}: {reason}") from None
 
@@ -139,15 +139,16 @@ def _known(instrument: str) -> str:
 
 
 def _read(reader: str, data: bytes):
-    """Columns of a file, and notes, by the reader of a name."""
+    """Columns of a file by the reader of a name, notes, and the sign that letters give it."""
     if reader in MODULES:
         found = MODULES[reader].read(data)
-        return found if isinstance(found, tuple) else (found, ())
-    form = TABLES.get(reader, makers.GENERIC)
-    return text_table.read(form, data)
+        return (*found, 0) if isinstance(found, tuple) else (found, (), 0)
+    return text_table.read(TABLES.get(reader, makers.GENERIC), data)
 
 
-def _checked(columns: dict[str, np.ndarray], instrument: str, notes: tuple[str, ...]) -> Reading:
+def _checked(instrument: str, columns: dict[str, np.ndarray], notes, sign: int) -> Reading:
     if "frequency_hertz" in columns:
-        return Reading(checked_impedance(columns), instrument, "impedance", notes)
-    return Reading(checked_series(columns), instrument, "series", notes)
+        return Reading(checked_impedance(columns), instrument, "impedance", tuple(notes))
+    columns, counted = with_net_counter(columns)
+    series = checked_series(columns)
+    return Reading(series, instrument, "series", tuple(notes), sign or counted)

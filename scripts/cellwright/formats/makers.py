@@ -83,6 +83,8 @@ MAKERS = (
             r"(?:<i>|i)/(?P<unit>[mµu]?a)": (AMPERE, "current", None),
             r"(?:ecell|ewe|<ewe>)/(?P<unit>m?v)": (VOLT, "voltage", None),
             r"\(q-qo\)/(?P<unit>m?a\.h)": (NET, "charge", None),
+            r"q charge/(?P<unit>m?a\.h)": ("charge_counter", "charge", None),
+            r"q discharge/(?P<unit>m?a\.h)": ("discharge_counter", "charge", None),
             r"ns": ("step_index", "count", "1"),
             r"temperature/.{1,2}c": (SURFACE, "temperature", "degC"),
             r"freq/(?P<unit>hz)": ("frequency_hertz", "frequency", None),

@@ -6,10 +6,9 @@ import numpy as np
 
 from cellwright.formats.fields import (
     SERIES,
-    in_house_units,
+    converted,
     known_fields,
     require,
-    with_net_counter,
 )
 from cellwright.formats.makers import GENERIC
 from cellwright.formats.text_table import meaning_of
@@ -39,9 +38,9 @@ def read(data: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
     arrays = next(iter(sets.values()))
     fields = known_fields(arrays, lambda label: meaning_of(GENERIC, label))
     require(fields, SERIES, dict.fromkeys(SERIES, "an array"))
-    columns = in_house_units({f.label: np.asarray(arrays[f.label], float) for f in fields}, fields)
+    columns = converted({f.label: np.asarray(arrays[f.label], float) for f in fields}, fields)
     note = "arrays do not say their units: seconds, ampere and volt are taken where no name does"
-    return with_net_counter(columns), [note]
+    return columns, [note]
 
 
 def _loaded(data):

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cellwright.formats import arbin
-from cellwright.formats.fields import in_house_units, known_fields, require, with_net_counter
+from cellwright.formats.fields import converted, known_fields, require
 from cellwright.formats.table import layout_of, read_numbers
 from cellwright.refusal import Refusal
 
@@ -51,13 +51,13 @@ class ArbinDatabase:
         tests = np.unique(found.get("Test_ID", np.zeros(1)))
         if len(tests) > 1:
             raise Refusal(f"the data base holds {len(tests)} tests; one test a file is wanted")
-        columns = in_house_units(found, fields)
+        columns = converted(found, fields)
         if "DateTime" in found:
             days = found["DateTime"] - EXCEL_EPOCH_DAY
             columns["unix_time_second"] = days * DAY_SECOND
         # A data base has no order of rows: they come as they lie on its pages.
         order = np.argsort(found["Data_Point"], kind="stable")
-        return with_net_counter({name: values[order] for name, values in columns.items()})
+        return {name: values[order] for name, values in columns.items()}
 
 
 class NewareBinary:

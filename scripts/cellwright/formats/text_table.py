@@ -8,13 +8,13 @@ import numpy as np
 
 from cellwright.formats.fields import (
     IMPEDANCE,
+    NET,
     SERIES,
     UNITS,
     Field,
-    in_house_units,
+    converted,
     known_fields,
     require,
-    with_net_counter,
 )
 from cellwright.formats.table import (
     DELIMITERS,
@@ -97,7 +97,7 @@ def recognises(form: Format, head: str) -> bool:
     return re.search(form.mark, head, re.M) is not None
 
 
-def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
+def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str], int]:
     """Columns of a table in the house's names and units, and notes on what was left out.
 
     Parameters
@@ -109,6 +109,7 @@ def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
     -------
     columns : as of `formats.read`; the current is positive on charge where letters say so.
     notes : sentences.
+    sign : 1 where letters make the current positive on charge, else 0.
 
     Raises
     ------
@@ -124,14 +125,14 @@ def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
     require(named, wanted, SPELT)
     if spectrum:  # what a spectrum's file says of the voltage and current at each frequency
         fields = [f for f in fields if f.column.removeprefix("minus_") in IMPEDANCE]
-        return _spectrum(in_house_units(_numbers(data, layout, fields, []), fields)), notes
+        return _spectrum(converted(_numbers(data, layout, fields, []), fields)), notes, 0
     times = [field for field in fields if field.quantity == "time"]
     state = next((x for x in layout.labels if _is(form.state, x)), None)
     date = next((x for x in layout.labels if _is(form.date, x)), None)
     texts = [*(f.label for f in times), *filter(None, (state, date))]
     others = [field for field in fields if field.quantity != "time"]
     found = _numbers(data, layout, others, texts)
-    columns = in_house_units(found, others)
+    columns = converted(found, others)
     unix = unix_time_second(found[date], form.dates) if date else None
     for field in times:
         columns[field.column], seen = _seconds(form, field, found[field.label], unix)
@@ -142,7 +143,7 @@ def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
     filled = np.any([np.isfinite(columns[name]) for name in SERIES], axis=0)
     if not filled.all():  # rows of nothing but delimiters, as spreadsheets leave them at the end
         columns = {name: values[filled] for name, values in columns.items()}
-    return _with_counters(_without_dead(columns, notes)), notes
+    return _with_counters(_without_dead(columns, notes)), notes, int(state is not None)
 
 
 def _table(form, data):
@@ -310,10 +311,7 @@ def _with_counters(columns):
     counter = columns.pop("step_capacity_ampere_hour", None)
     if counter is not None and NET not in columns:
         columns[NET] = _net(np.abs(counter), np.sign(columns["current_ampere"]))
-    return with_net_counter(columns)
-
-
-NET = "net_capacity_ampere_hour"
+    return columns
 
 
 def _net(magnitude, sign):
