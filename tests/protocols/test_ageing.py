@@ -118,3 +118,20 @@ def test_nothing_complete_and_no_cut_off_are_refused():
         run(series((-1.0, 0.5)))
     with pytest.raises(Refusal, match="a cut-off is not stated"):
         run(series((-1.0, 0.0)), upper=None)
+
+
+def test_what_an_offset_counts_at_rest_is_no_half_cycle():
+    """A rest of weeks at an offset of C/500 turns the counted charge, but holds no cycle."""
+    columns = series((-1.0, 0.0), (1.0, 1.0))
+    rest = np.arange(1, 60 * 360) * 50.0
+    longer = {
+        name: np.append(values, np.full(len(rest), values[-1])) for name, values in columns.items()
+    }
+    longer["test_time_second"][len(columns["voltage_volt"]) :] += rest
+    longer["current_ampere"] = longer["current_ampere"] - 0.004
+    time, current = longer["test_time_second"], longer["current_ampere"]
+    moved = (current[1:] + current[:-1]) / 2 * np.diff(time) / 3600
+    longer["charge_ampere_hour"] = np.append(0.0, np.cumsum(moved))
+    ageing = run(longer)
+    assert ageing.rows.cycle.tolist() == [1, 2]
+    assert "all that was counted is -0.004 A read at rest" in ageing.left_out[0]

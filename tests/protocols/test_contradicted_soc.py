@@ -34,7 +34,7 @@ def analysed(direction, soc):
     about = series, cw.segment(series, CELL), cw.basis(CELL)
     test = cw.TestFacts("r", "relaxation", 25.0, soc=soc)
     rests, pulses = cw.relaxation(*about, test, CELL), cw.resistance(*about, test, CELL)
-    rows = {"relaxation": rests.rows._asdict(), "resistance": pulses.rows._asdict()}
+    rows = {"relaxation": rests.rows, "resistance": pulses.rows}
     return rows, (rests.notes, pulses.notes)
 
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.protocols.ocv.legs import turning_points
+from cellwright.protocols.half_cycles import turning_points
+from cellwright.protocols.ocv.legs import legs_of
 from cellwright.protocols.ocv.slow import joined, slow_ocv, slowest_load
 from cellwright.refusal import Refusal
 
@@ -127,7 +128,7 @@ def test_four_files_count_the_remainder_but_show_only_the_slow_voltages():
     assert np.isnan(curve.charge_volt[curve.soc > 0.91]).all()
     assert curve.ocv_volt[100] == pytest.approx(true_ocv(0.5), abs=2e-3)
     np.testing.assert_allclose(curve.ocv_volt, true_ocv(curve.soc), atol=0.025)
-    mean = slow_ocv(*series, file_index=np.repeat(range(4), lengths), join="mean", **settings)
+    mean = slow_ocv(*series, **settings)  # as one file: no branch is known to be conditioned
     np.testing.assert_allclose(mean.ocv_volt, true_ocv(mean.soc), atol=3e-3)
 
 
@@ -222,18 +223,17 @@ def test_what_is_no_slow_full_branch_is_refused(pieces, reason):
         slow_ocv(*record(*pieces), **CUTOFFS)
 
 
-def test_an_unknown_way_to_join_is_refused():
-    with pytest.raises(Refusal, match="'median'"):
-        slow_ocv(*both(), join="median", **CUTOFFS)
-
-
 def test_branches_that_do_not_overlap_are_refused():
     """The charge is held from 30 % on: no charge voltage at half."""
     taper = CURRENT * np.exp(-np.arange(6000) / 840)  # 1.4 Ah
     pieces = rest(1), ramp(1, 0), rest(0), ramp(0, 0.3), (taper, np.full(6000, 3.38)), rest(1)
-    for join in ("mean", "equilibrium"):
-        with pytest.raises(Refusal, match="do not overlap at 50 %"):
-            slow_ocv(*record(*pieces), join=join, lower_cutoff_volt=3.01, upper_cutoff_volt=3.38)
+    with pytest.raises(Refusal, match="do not overlap at 50 %"):
+        slow_ocv(*record(*pieces), lower_cutoff_volt=3.01, upper_cutoff_volt=3.38)
+    time, current, voltage, charge = record(*pieces)
+    leg = legs_of(time, current, voltage, charge, np.zeros(len(time), int))[0]
+    soc, nothing = np.linspace(0, 1, 201), np.full(201, np.nan)
+    with pytest.raises(Refusal, match="do not overlap at 50 %"):
+        joined(soc, true_ocv(soc), nothing, leg, leg, "equilibrium")
 
 
 def read_a123(folder, temperature):

@@ -47,19 +47,19 @@ def record(ocv, size, ohm, *, ampere=1.0, noise=0.0, seed=0, charge_ohm=None, li
 def test_shift_is_found_though_the_resistance_has_doubled(seed):
     old = record(fresh, 2.0, 0.04, noise=5e-4, seed=seed)
     found = ocv_shift(old, record(aged, 1.7, 0.08, noise=5e-4, seed=seed + 50))
-    inner = (found.soc > 0.1) & (found.soc < 0.9)
-    true = aged(found.soc) - fresh(found.soc)
-    off = np.abs(found.shift_volt - true)[inner]
+    inner = (found["soc"] > 0.1) & (found["soc"] < 0.9)
+    true = aged(found["soc"]) - fresh(found["soc"])
+    off = np.abs(found["shift_volt"] - true)[inner]
     assert off.max() < 0.006
-    assert np.mean(off < 1.96 * np.hypot(found.shift_std_volt, 1e-3)[inner]) > 0.9
+    assert np.mean(off < 1.96 * np.hypot(found["shift_std_volt"], 1e-3)[inner]) > 0.9
 
 
 def test_a_polarisation_that_grows_in_one_direction_is_in_the_doubt():
     old = record(fresh, 2.0, 0.04)
     found = ocv_shift(old, record(fresh, 2.0, 0.04, charge_ohm=0.10))
-    middle = np.abs(found.soc - 0.5) < 0.3
-    assert np.all(np.abs(found.shift_volt[middle]) < 2 * found.shift_std_volt[middle])
-    assert found.shift_std_volt[middle].min() > 0.01
+    middle = np.abs(found["soc"] - 0.5) < 0.3
+    assert np.all(np.abs(found["shift_volt"][middle]) < 2 * found["shift_std_volt"][middle])
+    assert found["shift_std_volt"][middle].min() > 0.01
 
 
 def test_other_rates_and_half_records_are_refused():

@@ -132,6 +132,6 @@ def test_an_exponential_is_carried_on():
     time = np.arange(0, 20 * HOUR, 60.0)
     volt = 3.0 + 0.01 * np.exp(-time / (4 * HOUR))
     used = [(60, 600)]
-    course = extrapolated(time, volt, used, np.array([15 * HOUR]), known_until=10 * HOUR)
-    assert course.volt[0] == pytest.approx(3.0 + 0.01 * np.exp(-15 / 4), abs=6e-5)
-    assert course.std_volt[0] >= 0.01 * (np.exp(-10 / 4) - np.exp(-15 / 4)) / np.sqrt(3) * 0.9
+    carried, std, _ = extrapolated(time, volt, used, np.array([15 * HOUR]), known_until=10 * HOUR)
+    assert carried[0] == pytest.approx(3.0 + 0.01 * np.exp(-15 / 4), abs=6e-5)
+    assert std[0] >= 0.01 * (np.exp(-10 / 4) - np.exp(-15 / 4)) / np.sqrt(3) * 0.9

@@ -115,8 +115,8 @@ def test_resistance_of_a_repeated_pulse_is_in_one_table_only():
         cw.resistance(series, cw.segment(series, cell), BASIS, about, cell, repeats=found)
         for about, series in tests
     )
-    assert len(set(train.rows.start_time_second)) == 2
-    assert len(set(alone.rows.start_time_second)) == 1
+    assert len(set(train.rows["start_time_second"])) == 2
+    assert len(set(alone.rows["start_time_second"])) == 1
     assert "1 × pulse of the same measurement as in alone" in train.notes
 
 

@@ -115,21 +115,21 @@ def test_contradiction_of_the_sheet_is_refused():
 
 def test_contradiction_of_the_format_is_converted_and_noted():
     signed = charge_positive(series(drive(), sign=-1), default="charge_positive")
-    assert "against the format's rule charge_positive" in signed.note
+    assert "against the format's rule charge_positive" in signed.notes[0]
     np.testing.assert_allclose(signed.columns["current_ampere"], drive())
 
 
 def test_silent_data_take_the_rule_or_are_refused():
     rng = np.random.default_rng(5)
     silent = series(np.zeros(500)) | {"current_ampere": 1e-3 * rng.standard_normal(500)}
-    assert "taken as charge_positive" in charge_positive(silent, default="charge_positive").note
-    assert charge_positive(silent, stated="discharge_positive").note
+    assert "taken as charge_positive" in charge_positive(silent, default="charge_positive").notes[0]
+    assert charge_positive(silent, stated="discharge_positive").notes
     with pytest.raises(Refusal, match=r"cannot tell .* state current_sign"):
         charge_positive(silent)
 
 
 def test_the_sign_of_no_current_does_not_matter():
-    assert "does not matter" in charge_positive(series(np.zeros(100))).note
+    assert "does not matter" in charge_positive(series(np.zeros(100))).notes[0]
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def test_half_hour_rate_capacity_within_a_tenth_of_a_percent(cell):
     wanted = {"cell": cell, "test": "capacity_25C"}
     for direction in ("discharge", "charge"):
         (true,) = _true("capacity", "capacity_ampere_hour", **wanted, direction=direction)
-        (found,) = rows.capacity_ampere_hour[rows.direction == direction]
+        (found,) = rows["capacity_ampere_hour"][rows["direction"] == direction]
         assert found == pytest.approx(true, rel=1e-3)
 
 
@@ -96,7 +96,7 @@ def test_ten_second_resistance_within_two_percent(cell):
     ).rows
     pulses = {"cell": cell, "test": "hppc_25C", "direction": "discharge", "delay_second": "10.0"}
     true = _true("resistance", "resistance_ohm", **pulses)
-    found = rows.resistance_ohm[rows.direction == "discharge"]
+    found = rows["resistance_ohm"][rows["direction"] == "discharge"]
     assert len(found) == len(true) > 9
     assert found == pytest.approx(true, rel=0.02)
 
@@ -112,7 +112,7 @@ def test_capacity_over_temperature_within_a_tenth_of_a_percent(test):
         (true,) = _true(
             "capacity", "capacity_ampere_hour", cell="T1", test=test, direction=direction
         )
-        (found,) = rows.capacity_ampere_hour[rows.direction == direction]
+        (found,) = rows["capacity_ampere_hour"][rows["direction"] == direction]
         assert found == pytest.approx(true, rel=1e-3)
 
 

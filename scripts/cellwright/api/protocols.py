@@ -19,7 +19,7 @@ def course(tests, cell):
 
     Returns
     -------
-    course : Result; rows: `protocols.course.Course`, one entry a test: test_before, hour_between
+    course : Result; rows: columns, one entry a test: test_before, hour_between
         [h], state_at_begin ("full", "empty" or "" where not known) and words.
 
     Raises
@@ -84,7 +84,7 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, 
 
     Returns
     -------
-    capacities : Result; rows: `protocols.capacity.CapacityRows`, (k,): charge [Ah], energy [Wh],
+    capacities : Result; rows: columns (k,), as `protocols.capacity`: charge [Ah], energy [Wh],
         rate [1/h], efficiency [1]. Half cycles left out are in the notes.
 
     Raises
@@ -448,7 +448,7 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=No
 
     Returns
     -------
-    charge : Result with one row, `protocols.fast_charge.FastCharge`: charge [Ah], shares [1].
+    charge : Result with one row, as of stage `fast_charge`: charge [Ah], shares [1].
 
     Raises
     ------

@@ -227,10 +227,10 @@ def _condition(fit_records, energy, basis, members, rest, diffusion, limits):
     capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], fit_records.celsius)
     settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
     data, notes = _data(fit_records, basis), []
-    allowed = largest_hysteresis(basis, fit_records.celsius, data.knots)
-    data = data._replace(most_volt=allowed.most_volt)
+    most_volt, bounded_by = largest_hysteresis(basis, fit_records.celsius, data.knots)
+    data = data._replace(most_volt=most_volt)
     if any("+H" in name for name in members):
-        notes.append(f"hysteresis at {fit_records.celsius:g} °C {allowed.words}")
+        notes.append(f"hysteresis at {fit_records.celsius:g} °C {bounded_by}")
     shared = shared_of(data)
     if curve["branches"] in ("discharge", "charge"):
         slow = curve[f"{curve['branches']}_current_ampere"]

@@ -4,15 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.capacity import TURN_SHARE, turns
-from cellwright.protocols.start import NEAR_VOLT, spans_with_lost_charges
+from cellwright.protocols.half_cycles import NEAR_VOLT, TURN_SHARE, columns_of, half_cycles
 from cellwright.records.anchor import in_its_half
 from cellwright.series.steps import assumed_rating
 
-# Of the rating: what may flow after a cut-off for the cell to be left full, or empty.
-LEFT_SHARE = 0.01
-LONGEST_HOUR = 720.0  # between two tests: longer, the one does not tell how the other begins
-CLOCK_SECOND = 60.0  # that dates of two files may disagree by
 STATES = {1: "full", -1: "empty"}  # in which a charge (+1) and a discharge (-1) end
 
 
@@ -29,20 +24,6 @@ class TestEnds(NamedTuple):
     begin_volt: float
     end_volt: float
     state_at_end: str
-
-
-class Course(NamedTuple):
-    """Tests of a cell, in the order given; one entry a test.
-
-    test_before : the last one that ended before it began, "" where none is known. hour_between :
-    time since then [h]. state_at_begin : "full", "empty" or "" where not known. words : why.
-    """
-
-    test: list
-    test_before: list
-    hour_between: list
-    state_at_begin: list
-    words: list
 
 
 def ends_of_test(
@@ -62,26 +43,18 @@ def ends_of_test(
     -------
     ends : TestEnds.
     """
-    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
-    columns = tuple(np.asarray(series[name], float) for name in names)
+    columns = columns_of(series)
     dates = series.get("unix_time_second", np.full(1, np.nan))
     rated = rated_capacity_ampere_hour or assumed_rating(columns[0], columns[2])
     limits = (lower_cutoff_volt, upper_cutoff_volt)
+    halves = half_cycles(columns, steps, limits, least_ampere_hour=TURN_SHARE * rated)
+    state = ""
+    if halves and halves[-1].reached:
+        # What may flow after the cut-off for the cell to be left full, or empty.
+        after = abs(columns[2][-1] - columns[2][halves[-1].turn_row])
+        state = STATES[halves[-1].sign] if after <= 0.01 * rated else ""
     volts = float(columns[1][0]), float(columns[1][-1])
-    state = _state_at_end(columns, steps, rated, limits)
     return TestEnds(test, float(dates[0]), float(dates[-1]), *volts, state)
-
-
-def _state_at_end(columns, steps, rated, limits):
-    spans = turns(columns[2], steps, least_ampere_hour=TURN_SHARE * rated)
-    spans = spans_with_lost_charges(spans, columns, steps, limits)
-    if not spans or limits[spans[-1][0] > 0] is None:
-        return ""
-    sign, first, last = spans[-1]
-    rows = slice(steps.first_row[first], steps.last_row[last] + 1)
-    reached = np.max(sign * columns[1][rows]) >= sign * limits[sign > 0] - NEAR_VOLT
-    at_end = abs(columns[2][-1] - columns[2][rows.stop - 1]) <= LEFT_SHARE * rated
-    return STATES[sign] if reached and at_end else ""
 
 
 # ASSUME: Between two tests of a cell, by their dates, nothing was done to it that is not in a file.
@@ -98,11 +71,14 @@ def course(ends, *, lower_cutoff_volt, upper_cutoff_volt):
 
     Returns
     -------
-    course : Course.
+    course : dict of lists, in the order given: test; test_before, the last one that ended before it
+        began, "" where none is known; hour_between, since then [h]; state_at_begin, "full", "empty"
+        or "" where not known; words, why.
     """
     limits = (lower_cutoff_volt, upper_cutoff_volt)
     rows = [(one.test, *_before(one, ends, limits)) for one in ends]
-    return Course(*[list(column) for column in zip(*rows, strict=True)] or [[]] * 5)
+    names = ("test", "test_before", "hour_between", "state_at_begin", "words")
+    return {name: [row[k] for row in rows] for k, name in enumerate(names)}
 
 
 def _before(one, ends, limits):
@@ -111,7 +87,8 @@ def _before(one, ends, limits):
     if np.isnan(one.begin_second):
         return *unknown, "its record has no dates, so what came before it is not known"
     others = [other for other in ends if other is not one and other.begin_second <= one.end_second]
-    earlier = [o for o in others if o.end_second <= one.begin_second + CLOCK_SECOND]
+    # Dates of two files may disagree by a minute: their clocks, and their resolution.
+    earlier = [o for o in others if o.end_second <= one.begin_second + 60.0]
     if len(earlier) < len(others):
         return *unknown, "by their dates another test runs at the same time"
     if not earlier:
@@ -121,7 +98,8 @@ def _before(one, ends, limits):
     found = (last.test, float(hour))
     if not last.state_at_end:
         return *found, "", f"{last.test} before it does not end at a cut-off"
-    if hour > LONGEST_HOUR:
+    # Longer than a month, self-discharge and calendar ageing have moved the cell.
+    if hour > 720.0:
         return *found, "", f"{last.test} before it ended {hour / 24:.0f} days earlier"
     sign = 1 if last.state_at_end == "full" else -1
     fits = in_its_half(one.begin_volt, limits, full=sign > 0)

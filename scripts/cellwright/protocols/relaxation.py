@@ -11,11 +11,6 @@ from cellwright.numerics.statistics import is_white, parameter_covariance, white
 from cellwright.refusal import Refusal
 
 FEWEST = 8  # samples of a rest
-EMPTY = 0.6  # share of the rest that may pass between two samples
-DRIFT = 3.0  # difference of two OCVs, in deviations of the less sure one, that is no chance
-SHORTEST = 0.25  # time constant searched, in steps: what decays faster is in one sample only
-BURST = 0.25  # of its age: how close to each other the samples of a burst are kept
-LONGEST = 3.0  # time constant searched, in lengths of the rest
 
 
 class Relaxation(NamedTuple):
@@ -84,7 +79,8 @@ def fit_relaxation(time_second, voltage_volt, *, most=2):
     part = _best(time[half], voltage[half], most)
     drift = whole.ocv_volt - part.ocv_volt
     whole = whole._replace(drift_volt=drift)
-    if not abs(drift) > DRIFT * part.ocv_std_volt:
+    # Beyond three deviations of the less sure OCV the difference is no chance.
+    if not abs(drift) > 3.0 * part.ocv_std_volt:
         return whole
     slower_tail = f"the first half alone gives an OCV {1e3 * abs(drift):.2f} mV away: a slower tail"
     return whole._replace(verdict="; ".join(filter(None, [whole.verdict, slower_tail])))
@@ -106,7 +102,8 @@ def _best(time, voltage, most):
 def _fitted(time, voltage, pairs):
     """Fit of a number of exponentials, and which of its parameters are not determined, in words."""
     steps = np.diff(time)
-    limits = SHORTEST * float(steps[steps > 0].min()), LONGEST * float(time[-1])
+    # What decays in less than a quarter of a step is in one sample only.
+    limits = 0.25 * float(steps[steps > 0].min()), 3.0 * float(time[-1])
     anywhere = np.full(1 + pairs, -np.inf), np.full(1 + pairs, np.inf)
     every = slice(None, None, max(1, len(time) // 800))
     # Taken from its mean, the voltage keeps all its digits in sums of squares.
@@ -192,7 +189,7 @@ def _evened(time, voltage):
     # A quarter of a step keeps samples of a steady clock, whose stamps jitter, each by itself.
     bins = np.floor(time / usual + 0.25).astype(int)
     # Within the first step a burst keeps a sample in each quarter of its age, for what is fast.
-    early = np.log(np.maximum(time, steps[steps > 0].min()) / usual) / np.log(1 + BURST)
+    early = np.log(np.maximum(time, steps[steps > 0].min()) / usual) / np.log(1.25)
     bins = np.where(bins < 1, np.floor(np.minimum(early, -1)).astype(int), bins)
     first = np.flatnonzero(np.diff(bins, prepend=bins[0] - 1))
     if len(first) < FEWEST:
@@ -228,15 +225,10 @@ def _check(time, voltage):
     if time[-1] <= time[0]:
         raise Refusal("the clock of the rest stands still")
     longest, whole = np.diff(time).max(), time[-1] - time[0]
-    if longest > EMPTY * whole:
+    if longest > 0.6 * whole:
         raise Refusal(f"{longest:.4g} of the rest's {whole:.4g} s pass between two samples: a gap")
     if voltage.max() == voltage.min():
         raise Refusal(f"voltage stays at {voltage[0]:g} V: nothing relaxes")
-
-
-SMALL = 10.0  # noises that a rest must move to show more than one time constant
-COARSE = 20.0  # grains that a rest must move
-AT_NOISE = 1.2  # residual over noise up to which nothing is left to explain
 
 
 def noise_volt(voltage_volt):
@@ -263,45 +255,29 @@ def reasons_against(two, three, voltage_volt, *, limit, grain, noise):
     words : sentences joined by "; ", the most telling first; empty where nothing stands against.
     """
     best = three if len(three.tau_second) == 3 else two
-    short = best.r_squared < limit
-    reasons = [
-        *_small(voltage_volt, grain, noise, short=short or len(two.tau_second) < 2),
-        *_three(two, three),
-        *([f"two time constants are not told: {two.verdict}"] if len(two.tau_second) < 2 else []),
-        *_short(best, voltage_volt, noise, limit),
-    ]
+    short, single, moved = best.r_squared < limit, len(two.tau_second) < 2, np.ptp(voltage_volt)
+    reasons = []
+    if (short or single) and moved < 20.0 * grain and noise < grain:
+        reasons.append(f"quantised: {_mv(moved)} in steps of {_mv(grain)}")
+    elif (short or single) and moved < 10.0 * noise:
+        moves = f"it moves {_mv(moved)}, the noise is {_mv(noise)}"
+        reasons.append(f"too small for the noise: {moves}")
+    if best is three:
+        taus = ", ".join(f"{tau:.3g}" for tau in three.tau_second)
+        better = f"R² {three.r_squared:.4f} against {two.r_squared:.4f} of two"
+        reasons.append(f"three time constants are visible ({taus} s): {better}")
+    if single:
+        reasons.append(f"two time constants are not told: {two.verdict}")
+    if short and best.rmse_volt <= 1.2 * noise:  # nothing is left to explain
+        ceiling = 1 - noise**2 / max(float(np.var(voltage_volt)), noise**2)
+        reasons.append(f"the noise of {_mv(noise)} allows no R² above {ceiling:.3f}")
+    elif short:
+        excess = f"{_mv(best.rmse_volt)} are left where the noise is {_mv(noise)}"
+        count = len(best.tau_second)
+        reasons.append(f"more than {count} time constants, or a step within: {excess}")
     if len(best.tau_second) > 1 and best.verdict:
         reasons.append(f"still drifting: {best.verdict}")
     return "; ".join(reasons)
-
-
-def _small(voltage, grain, noise, *, short):
-    """Sentence where the voltage moves too little for its resolution or noise."""
-    moved = float(np.ptp(voltage))
-    if short and moved < COARSE * grain and noise < grain:
-        yield f"quantised: {_mv(moved)} in steps of {_mv(grain)}"
-    elif short and moved < SMALL * noise:
-        yield f"too small for the noise: it moves {_mv(moved)}, the noise is {_mv(noise)}"
-
-
-def _three(two, three):
-    """Sentence where three time constants are determined."""
-    if len(three.tau_second) == 3:
-        taus = ", ".join(f"{tau:.3g}" for tau in three.tau_second)
-        better = f"R² {three.r_squared:.4f} against {two.r_squared:.4f} of two"
-        yield f"three time constants are visible ({taus} s): {better}"
-
-
-def _short(best, voltage, noise, limit):
-    """Sentence on why R² is below the limit: noise, or what the exponentials do not describe."""
-    if best.r_squared >= limit:
-        return
-    if best.rmse_volt <= AT_NOISE * noise:
-        ceiling = 1 - noise**2 / max(float(np.var(voltage)), noise**2)
-        yield f"the noise of {_mv(noise)} allows no R² above {ceiling:.3f}"
-    else:
-        excess = f"{_mv(best.rmse_volt)} are left where the noise is {_mv(noise)}"
-        yield f"more than {len(best.tau_second)} time constants, or a step within: {excess}"
 
 
 def _mv(volt):

@@ -8,51 +8,22 @@ import numpy as np
 
 from cellwright.numerics.noise import least_digit
 from cellwright.numerics.statistics import robust_std
+from cellwright.protocols import Found, counted, not_elsewhere
 from cellwright.refusal import Refusal
-from cellwright.series.steps import EDGE_C_RATE, EDGE_SHARE
+from cellwright.series.steps import (
+    EDGE_C_RATE,
+    EDGE_SHARE,
+    constant_current_end,
+    follows_directly,
+)
 from cellwright.settings import Resistance
 
 RESISTANCE = Resistance()
 
-ARRIVED = 0.9  # of the step of the current: from here on a sample belongs to the pulse
-HELD = 0.1  # of the step of the current: how far a sample may stray from the pulse's level
-MOVED = 0.2  # of the pulse's first voltage step: a rest sample this far on has moved already …
-MOVED_SECOND = 1.0  # … by a skew of the channels, which is no longer than this
-DELAY_SHARE = 0.02  # a pulse that ends so little before a delay still gives the value there
-
-
-class ResistanceRows(NamedTuple):
-    """One entry a pulse and delay, arrays of shape (rows,).
-
-    direction is "discharge" or "charge", by the sign of the current in the pulse; "falling
-    discharge" or "falling charge" where a running load only becomes smaller: the polarisation of
-    that load goes on building up and hides part of the answer, so laws leave these out.
-    delay_second is as asked (0: the first sample of the pulse), actual_delay_second as measured.
-    current_ampere is the level of the pulse, + on charge; c_rate that of the step of the current.
-    """
-
-    soc: np.ndarray
-    direction: np.ndarray
-    delay_second: np.ndarray
-    actual_delay_second: np.ndarray
-    resistance_ohm: np.ndarray
-    resistance_std_ohm: np.ndarray
-    current_ampere: np.ndarray
-    c_rate: np.ndarray
-    voltage_before_volt: np.ndarray
-    start_time_second: np.ndarray
-
-
-class Resistances(NamedTuple):
-    """Resistances, and a sentence with a count for each reason why values are missing."""
-
-    rows: ResistanceRows
-    left_out: tuple
-
 
 class _Pulse(NamedTuple):
     """One pulse: row of the voltage before it, start [s], level and step of the current [A]; of
-    each sample from arrival on the delay [s], the ratio [ohm] and whether the current is held."""
+    each sample from arrival on the delay [s], the ratio [ohm] and whether the current is kept."""
 
     before: int
     start: float
@@ -60,7 +31,7 @@ class _Pulse(NamedTuple):
     step: float
     delay: np.ndarray
     ratio: np.ndarray
-    held: np.ndarray
+    steady: np.ndarray
 
 
 # ASSUME: In a record without short pulses, longer loads that begin from rest serve as pulses.
@@ -96,47 +67,48 @@ def pulse_resistance(
     steps : Steps of the record.
     rated_capacity_ampere_hour : [Ah] for the C-rate.
     delay_second : delays from the edge [s].
-    elsewhere : (steps,) name of the test in which a step counts, being the same measurement; empty
-        where it counts here. None: all do.
+    elsewhere : as of `not_elsewhere`.
 
     Returns
     -------
-    Resistances : with the reasons of the missing values, counted.
+    found : Found; rows are columns of stage `resistance`, one entry a pulse and delay. direction is
+        "discharge" or "charge", by the sign of the current in the pulse; "falling discharge" or
+        "falling charge" where a running load only becomes smaller: its polarisation goes on
+        building up and hides part of the answer, so laws leave these out. The reasons of missing
+        values are counted.
 
     Raises
     ------
     Refusal : the record has no pulse, or none gives a value at any delay; the reasons are named.
     """
-    time, current = np.asarray(test_time_second, float), np.asarray(current_ampere, float)
-    voltage, soc = np.asarray(voltage_volt, float), np.asarray(soc, float)
-    chosen = _chosen(steps)
+    time, current, voltage, soc = (
+        np.asarray(column, float)
+        for column in (test_time_second, current_ampere, voltage_volt, soc)
+    )
+    chosen, rated = _chosen(steps), rated_capacity_ampere_hour
     if not len(chosen):
         raise Refusal("the record has no pulse, nor a constant-current load that begins from rest")
     noise = _noise(voltage, steps, resolution=True), _noise(current, steps, resolution=False)
     rows, reasons = [], Counter()
-    if elsewhere is not None:
-        reasons.update(
-            f"pulse of the same measurement as in {of}" for of in elsewhere[chosen] if of
-        )
-        chosen = chosen[elsewhere[chosen] == ""]
+    chosen = not_elsewhere(chosen, elsewhere, "pulse", reasons)
     pulses = [_pulse(time, current, voltage, steps, step) for step in chosen]
-    for pulse, asked in product(pulses, delay_second):
+    for pulse, delay in product(pulses, delay_second):
         try:
-            _check_step(pulse, rated_capacity_ampere_hour)
-            value = _at(pulse, float(asked))
+            _check_step(pulse, rated)
+            value = _at(pulse, float(delay))
         except Refusal as refusal:
             reasons[str(refusal)] += 1
             continue
-        rows.append(_row(pulse, value, asked, soc, voltage, noise, rated_capacity_ampere_hour))
-    left_out = tuple(f"{count} × {reason}" for reason, count in sorted(reasons.items()))
+        rows.append(_row(pulse, value, delay, soc, voltage, noise, rated))
     if not rows:
-        raise Refusal(f"no pulse gives a resistance: {'; '.join(left_out)}")
-    return Resistances(ResistanceRows(*map(np.array, zip(*rows, strict=True))), left_out)
+        raise Refusal(f"no pulse gives a resistance: {'; '.join(counted(reasons))}")
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    return Found(columns, counted(reasons))
 
 
 def _chosen(steps):
     """Numbers of the steps that are pulses without a gap before them, else of loads from rest."""
-    follows = np.append(False, steps.start_time_second[1:] == steps.end_time_second[:-1])
+    follows = follows_directly(steps)
     pulses = np.flatnonzero((steps.kind == "pulse") & follows)
     if len(pulses):
         return pulses
@@ -147,28 +119,32 @@ def _chosen(steps):
 def _pulse(time, current, voltage, steps, step):
     """One pulse from its step: delay [s] and ratio [ohm] of its samples from arrival on."""
     first, last = int(steps.first_row[step]), int(steps.last_row[step])
-    end = int(steps.cv_first_row[step]) if steps.cv_first_row[step] > first else last + 1
+    end = constant_current_end(first, last, steps.cv_first_row[step])
     level = float(np.median(current[first:end]))
     rise = level - current[first - 1]
     gone = (current[first : last + 1] - current[first - 1]) / rise
-    arrival = first + int(np.argmax(gone >= ARRIVED))
+    # From nine tenths of the step on a sample belongs to the pulse, not to its rise.
+    arrival = first + int(np.argmax(gone >= 0.9))
     before = _before(time, voltage, steps, step, first, voltage[arrival])
     rows = np.arange(arrival, last + 1)
     pace = np.median(np.diff(time[first : last + 1])) if last > first else np.inf
     start = max(time[first - 1], time[first] - pace) if before == first - 1 else time[before]
     ratio = (voltage[rows] - voltage[before]) / (current[rows] - current[first - 1])
-    held = np.abs(gone[rows - first] - 1) <= HELD
-    return _Pulse(before, start, level, rise, time[rows] - start, ratio, held)
+    steady = np.abs(gone[rows - first] - 1) <= 0.1
+    return _Pulse(before, start, level, rise, time[rows] - start, ratio, steady)
 
 
 def _before(time, voltage, steps, step, first, arrived):
-    """Row of the voltage before the pulse: the last one that the pulse has not moved."""
+    """Row of the voltage before the pulse: the last one that the pulse has not moved.
+
+    A sample that has gone a fifth of the way has moved by a skew of the channels, of 1 s at most.
+    """
     earliest = max(int(steps.first_row[step - 1]), first - 5)
     rows = np.arange(earliest, first)
-    rows = rows[time[rows] >= time[first - 1] - MOVED_SECOND]
+    rows = rows[time[rows] >= time[first - 1] - 1.0]
     total = arrived - voltage[rows]
     share = np.divide(voltage[first - 1] - voltage[rows], total, out=0 * total, where=total != 0)
-    unmoved = rows[share >= MOVED]
+    unmoved = rows[share >= 0.2]
     return int(unmoved[-1]) if len(unmoved) else first - 1
 
 
@@ -180,23 +156,23 @@ def _check_step(pulse, rated):
         raise Refusal("current does not step into the pulse")
 
 
-def _at(pulse, asked):
+def _at(pulse, wanted):
     """Actual delay [s] and resistance [ohm] at a delay; 0 asks for the first sample."""
-    delay, ratio, held = pulse.delay, pulse.ratio, pulse.held
-    if asked == 0:
+    delay, ratio = pulse.delay, pulse.ratio
+    if wanted == 0:
         return _positive(delay[0], ratio[0])
-    if delay[0] > asked:
-        raise Refusal(f"first sample of the pulse later than {asked:g} s")
+    if delay[0] > wanted:
+        raise Refusal(f"first sample of the pulse later than {wanted:g} s")
     half_step = (delay[-1] - delay[0]) / (len(delay) - 1) / 2 if len(delay) > 1 else 0.0
-    if delay[-1] + max(half_step, DELAY_SHARE * asked) < asked:
-        raise Refusal(f"pulse ends before {asked:g} s")
-    after = min(int(np.searchsorted(delay, asked)), len(delay) - 1)
-    around = [max(after - (delay[after] > asked), 0), after]
-    if delay[around[1]] - delay[around[0]] > 1.5 * asked:
-        raise Refusal(f"no sample of the pulse near {asked:g} s")
-    if not held[around].all():
-        raise Refusal(f"current of the pulse not held until {asked:g} s")
-    actual = min(asked, delay[-1])
+    if delay[-1] + max(half_step, 0.02 * wanted) < wanted:
+        raise Refusal(f"pulse ends before {wanted:g} s")
+    after = min(int(np.searchsorted(delay, wanted)), len(delay) - 1)
+    around = [max(after - (delay[after] > wanted), 0), after]
+    if delay[around[1]] - delay[around[0]] > 1.5 * wanted:
+        raise Refusal(f"no sample of the pulse near {wanted:g} s")
+    if not pulse.steady[around].all():
+        raise Refusal(f"current of the pulse not held until {wanted:g} s")
+    actual = min(wanted, delay[-1])
     return _positive(actual, np.interp(actual, delay[around], ratio[around]))
 
 
@@ -219,25 +195,20 @@ def _noise(values, steps, *, resolution):
     return float(np.hypot(spread, grain))
 
 
-def _direction(pulse):
-    """What flows in a pulse, by its sign; "falling" where its edge runs against it."""
-    name = "charge" if pulse.level > 0 else "discharge"
-    return name if pulse.level * pulse.step > 0 else f"falling {name}"
-
-
-def _row(pulse, value, asked, soc, voltage, noise, rated):
-    """One row of ResistanceRows; its deviation is that of two voltage and two current samples."""
+def _row(pulse, value, delay, soc, voltage, noise, rated):
+    """Columns of one pulse and delay; the deviation is that of two voltages and two currents."""
     actual, resistance = value
+    flows = "charge" if pulse.level > 0 else "discharge"
     error = np.sqrt(2) * np.hypot(noise[0], resistance * noise[1]) / abs(pulse.step)
-    return (
-        soc[pulse.before],
-        _direction(pulse),
-        asked,
-        actual,
-        resistance,
-        error,
-        pulse.level,
-        abs(pulse.step) / rated,
-        voltage[pulse.before],
-        pulse.start,
-    )
+    return {
+        "soc": soc[pulse.before],
+        "direction": flows if pulse.level * pulse.step > 0 else f"falling {flows}",
+        "delay_second": delay,
+        "actual_delay_second": actual,
+        "resistance_ohm": resistance,
+        "resistance_std_ohm": error,
+        "current_ampere": pulse.level,
+        "c_rate": abs(pulse.step) / rated,
+        "voltage_before_volt": voltage[pulse.before],
+        "start_time_second": pulse.start,
+    }

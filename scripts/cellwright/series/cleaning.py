@@ -11,6 +11,7 @@ import numpy as np
 
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import RestReading, rest_reading
+from cellwright.series.steps import silent_before
 from cellwright.settings import Clean
 
 CLEAN = Clean()
@@ -40,8 +41,6 @@ def flag(
     *,
     spike_limit_volt: float = CLEAN.spike_limit_volt,
     gap_second: float = CLEAN.gap_second,
-    current_step_fraction: float = 0.01,
-    gap_factor: float = 5.0,
 ) -> np.ndarray:
     """Flags of each row of a series: all that is wrong with it.
 
@@ -52,12 +51,8 @@ def flag(
         joined.
     spike_limit_volt : float [V]
         Least step of the voltage to either neighbour that makes a spike.
-    current_step_fraction : float
-        Change of the current that counts as a step, as a fraction of its largest magnitude: it
-        explains a step of the voltage, which is then never touched.
-    gap_second, gap_factor : float [s], float
-        An interval is a gap where it is longer than `gap_second`, and than `gap_factor` times both
-        the interval before and the one after.
+    gap_second : float [s]
+        Shortest gap, see `steps.silent_before`.
 
     Returns
     -------
@@ -65,14 +60,20 @@ def flag(
     """
     time, current, voltage = (columns[name] for name in SERIES)
     flags = _unreadable(time, current, voltage)
-    step = current_step_fraction * float(np.max(np.abs(current[flags == 0]), initial=0.0))
-    _flag_among(flags, lambda rows: _repeats(time[rows], current[rows], step))
-    _flag_among(flags, lambda rows: _out_of_place(time[rows]))
-    _flag_among(flags, lambda rows: _clock_jumps(time[rows], rows, gap_factor))
-    _flag_among(flags, lambda rows: _gaps(rebased(time[rows], flags[rows]), gap_second, gap_factor))
-    rows = _kept(flags)
-    limits = {"limit_volt": spike_limit_volt, "current_step_ampere": step}
-    flags[rows[spike_rows(current[rows], voltage[rows], **limits)]] |= Flag.SPIKE
+    # A change by a hundredth of the largest current is a step: it explains one of the voltage.
+    step = 0.01 * float(np.max(np.abs(current[flags == 0]), initial=0.0))
+    for kind, detector in (
+        (Flag.REPEAT, lambda rows: _repeats(time[rows], current[rows], step)),
+        (Flag.OUT_OF_PLACE, lambda rows: _out_of_place(time[rows])),
+        (Flag.CLOCK, lambda rows: _clock_jumps(time[rows], rows)),
+        (Flag.GAP, lambda rows: silent_before(rebased(time[rows], flags[rows]), gap_second)),
+        (Flag.SPIKE, lambda rows: spike_rows(
+            current[rows], voltage[rows], limit_volt=spike_limit_volt, current_step_ampere=step
+        )),
+    ):  # fmt: skip
+        # Each looks among the rows that are kept so far.
+        rows = _kept(flags)
+        flags[rows[detector(rows)]] |= kind
     if "file_index" in columns:
         # What the cell did before a file begins is not in the record.
         rows = _kept(flags)
@@ -83,12 +84,6 @@ def flag(
 def counts(flags: np.ndarray) -> dict[str, int]:
     """Number of rows with each flag, by the flag's name in lower case."""
     return {kind.name.lower(): int(np.count_nonzero(flags & kind)) for kind in Flag}
-
-
-def _flag_among(flags: np.ndarray, detector) -> None:
-    """Add to `flags` what a detector finds among the rows that are kept so far."""
-    rows = _kept(flags)
-    flags[rows] |= detector(rows)
 
 
 def _kept(flags: np.ndarray) -> np.ndarray:
@@ -102,60 +97,45 @@ def _unreadable(*columns: np.ndarray) -> np.ndarray:
     for column in columns:
         flags[~np.isfinite(column)] |= Flag.NAN
         flags[np.isfinite(column) & (np.abs(column) > NO_READING)] |= Flag.SENTINEL
-    flags[_dead(columns[2])] |= Flag.SENTINEL
+    # Of exactly 0 V between rows of more than 1 V the instrument measured nothing.
+    volt = np.abs(columns[2])
+    dead = (volt == 0) & (np.roll(volt, 1) > 1) & (np.roll(volt, -1) > 1)
+    flags[dead] |= Flag.SENTINEL
     return flags
-
-
-def _dead(voltage: np.ndarray) -> np.ndarray:
-    """Rows of exactly 0 V between rows of more than 1 V: the instrument did not measure."""
-    before, after = np.roll(voltage, 1), np.roll(voltage, -1)
-    return (voltage == 0) & (np.abs(before) > 1) & (np.abs(after) > 1)
 
 
 def _repeats(time: np.ndarray, current: np.ndarray, step: float) -> np.ndarray:
     """Rows that repeat the time of the row before, but for edges, where the current steps."""
-    same_time = np.diff(time, prepend=np.nan) == 0
-    steps = np.abs(np.diff(current, prepend=np.inf)) > step
-    return np.where(same_time & ~steps, Flag.REPEAT, 0).astype(np.int16)
+    return np.flatnonzero((np.diff(time) == 0) & ~(np.abs(np.diff(current)) > step)) + 1
 
 
-def _out_of_place(time: np.ndarray) -> np.ndarray:
+def _out_of_place(time: np.ndarray) -> list[int]:
     """Single rows out of order in time: behind the row before, or too far ahead of the next."""
-    flags = np.zeros(time.size, dtype=np.int16)
+    found = []
     for row in np.flatnonzero(np.diff(time) < 0) + 1:
         resumes = row + 1 >= time.size or time[row + 1] > time[row - 1]
         overshot = row > 1 and time[row - 2] < time[row] < time[row - 1]
         if resumes or overshot:
-            flags[row if resumes else row - 1] |= Flag.OUT_OF_PLACE
-    return flags
+            found.append(row if resumes else row - 1)
+    return found
 
 
-def _clock_jumps(time: np.ndarray, rows: np.ndarray, gap_factor: float) -> np.ndarray:
+def _clock_jumps(time: np.ndarray, rows: np.ndarray) -> list[int]:
     """Rows before which the clock was set back, or forward again by what it had lost.
 
     Rows without a reading are gone from between, but their time passed: each counts as a step.
     """
-    flags = np.zeros(time.size, dtype=np.int16)
-    interval = np.diff(time)
+    interval, found = np.diff(time), []
     if not (interval < 0).any():
-        return flags
+        return found
     typical, lost = float(np.median(interval[interval > 0])), 0.0
     beyond = interval - typical * np.diff(rows)
-    for row in np.flatnonzero((interval < 0) | (beyond > (gap_factor - 1) * typical)) + 1:
+    for row in np.flatnonzero((interval < 0) | (beyond > 4 * typical)) + 1:
         ahead = beyond[row - 1]
         if ahead < 0 or ahead <= 1.1 * lost:
-            flags[row] |= Flag.CLOCK
+            found.append(row)
             lost = max(lost - ahead, 0.0)
-    return flags
-
-
-def _gaps(time: np.ndarray, gap_second: float, gap_factor: float) -> np.ndarray:
-    """Rows before which the record has a gap, much longer than the sampling around it."""
-    interval = np.diff(time)
-    around = np.pad(interval, 1)
-    neighbour = np.maximum(around[:-2], around[2:])
-    gap = (interval > gap_second) & (interval > gap_factor * neighbour)
-    return np.where(np.concatenate([[False], gap]), Flag.GAP, 0).astype(np.int16)
+    return found
 
 
 def rebased(time: np.ndarray, flags: np.ndarray) -> np.ndarray:
@@ -175,13 +155,12 @@ def spike_rows(
     voltage_volt: np.ndarray,
     *,
     limit_volt: float = CLEAN.spike_limit_volt,
-    noise_factor: float = 8.0,
     current_step_ampere: float,
 ) -> np.ndarray:
     """Rows of the voltage that are spikes.
 
     1. The steps to both neighbours exceed the limit and have opposite signs.
-    2. The limit is `limit_volt`, or `noise_factor` times the typical step nearby if that is more.
+    2. The limit is `limit_volt`, or eight times the typical step nearby if that is more.
     3. The current of the five samples around moves by less than `current_step_ampere`: a step of
        the voltage that the current explains is never a spike, even where its channel lags by two.
     4. Nor does the current jump out and back with it by three of its own small steps: on a
@@ -193,7 +172,6 @@ def spike_rows(
     ----------
     current_ampere, voltage_volt : arrays [A], [V], same length
     limit_volt : float [V]
-    noise_factor : float
     current_step_ampere : float [A]
 
     Returns
@@ -212,7 +190,7 @@ def spike_rows(
     into, out = step[1:-2], step[2:-1]
     least = np.minimum(np.abs(into), np.abs(out))
     suspect = rows[(into * out < 0) & (least > limit_volt)]
-    limit = noise_factor * _typical_step(step, suspect)
+    limit = 8.0 * _typical_step(step, suspect)
     suspect = suspect[least[suspect - 2] > limit]
     around = suspect[:, None] + np.arange(-2, 3)
     quiet = np.ptp(current_ampere[around], axis=1) < current_step_ampere
@@ -242,11 +220,9 @@ def _answered(
     return (out_current * out_voltage > 0) & (np.abs(out_current) > limit)
 
 
-def _typical_step(
-    step: np.ndarray, rows: np.ndarray, *, quantile: float = 0.5, half_width: int = 10
-) -> np.ndarray:
-    """Quantile of the magnitude of the steps within `half_width` samples of each row."""
-    near = np.clip(rows[:, None] + np.arange(-half_width, half_width), 0, step.size - 1)
+def _typical_step(step: np.ndarray, rows: np.ndarray, *, quantile: float = 0.5) -> np.ndarray:
+    """Quantile of the magnitude of the steps within ten samples of each row."""
+    near = np.clip(rows[:, None] + np.arange(-10, 10), 0, step.size - 1)
     return np.quantile(np.abs(step[near]), quantile, axis=1)
 
 
@@ -284,16 +260,12 @@ def net_charge(
     counted = np.full(moved.size, np.nan)
     if counter_ampere_hour is not None:
         counted = np.diff(counter_ampere_hour)
-    digits = np.where(interval > LATE * np.median(interval), COUNTER_DIGITS_LATE, COUNTER_DIGITS)
+    digits = np.where(interval > 10 * np.median(interval), 5, 20)
     better = _counter_is_better(before, after, counted, digits)
     moved[better] = counted[better]
     if gap_rows is not None and gap_rows.size:
         moved[gap_rows - 1] = _across_gaps(before, after, counted, gap_rows - 1)
     return np.concatenate([[0.0], np.cumsum(moved)])
-
-
-COUNTER_DIGITS = 20  # error of a guess beyond which a counter of so coarse a digit is better
-COUNTER_DIGITS_LATE, LATE = 5, 10  # the same where a sample is so many usual intervals late
 
 
 def _counter_is_better(
@@ -302,18 +274,14 @@ def _counter_is_better(
     """Intervals in which the counter is more accurate than the trapezoid, and plausible."""
     if not np.any(counted[np.isfinite(counted)]):
         return np.zeros(counted.size, dtype=bool)
-    digit = _digit(counted[np.isfinite(counted)])
+    # The counter's resolution is a power of ten from 1 to 1e-9 Ah, by its steps.
+    steps, powers = counted[np.isfinite(counted)], 10.0 ** -np.arange(10)
+    shown = (d for d in powers if np.all(np.abs(steps / d - np.rint(steps / d)) < 1e-3))
+    digit = next(shown, powers[-1])
     unsure = 0.5 * np.abs(after - before) > digits * digit
     slack = digit + 0.02 * np.maximum(np.abs(before), np.abs(after))
     low, high = np.minimum(before, after) - slack, np.maximum(before, after) + slack
     return unsure & (counted >= low) & (counted <= high)
-
-
-def _digit(steps: np.ndarray) -> float:
-    """Resolution of a counter [Ah], a power of ten from 1 to 1e-9, by its steps."""
-    digits = 10.0 ** -np.arange(10)
-    shown = (d for d in digits if np.all(np.abs(steps / d - np.rint(steps / d)) < 1e-3))
-    return next(shown, digits[-1])
 
 
 def _across_gaps(
@@ -384,7 +352,10 @@ def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
     clean["charge_ampere_hour"] = _charge(clean, gaps)
     rests = rest_reading(clean)
     if rests.verdict == "sensor":
-        clean |= _at_open_circuit(clean, rests)
+        logged = clean["current_ampere"]
+        clean |= {"current_ampere": logged.copy(), "logged_current_ampere": logged}
+        for first, stop in zip(rests.first, rests.stop, strict=True):
+            clean["current_ampere"][first:stop] = 0.0
         clean["charge_ampere_hour"] = _charge(clean, gaps)
     return Cleaned(clean, _actions(columns, flags, kept, rests), (rests.note,) * bool(rests.note))
 
@@ -397,14 +368,6 @@ def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray) -> np.ndarray:
         gap_rows=gaps,
         counter_ampere_hour=columns.get("net_capacity_ampere_hour"),
     )
-
-
-def _at_open_circuit(columns: Mapping[str, np.ndarray], rests: RestReading) -> dict:
-    """Columns of the current, zero in the rests, and of the current as it was logged [A]."""
-    current = columns["current_ampere"].copy()
-    for first, stop in zip(rests.first, rests.stop, strict=True):
-        current[first:stop] = 0.0
-    return {"current_ampere": current, "logged_current_ampere": columns["current_ampere"]}
 
 
 def _blanked(column: np.ndarray) -> np.ndarray:

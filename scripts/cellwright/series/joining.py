@@ -11,9 +11,9 @@ import numpy as np
 
 from cellwright.formats import SIGN_RULE, Reading
 from cellwright.refusal import Refusal
+from cellwright.series.cleaning import NO_READING, SERIES
 
 COUNTER = "net_capacity_ampere_hour"
-DATE_RESOLUTION = 2.0  # [s] what a date stamp of whole seconds may be wrong by, at either end
 
 
 class Assembled(NamedTuple):
@@ -80,7 +80,7 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
     interval = _sampling(after["test_time_second"])
     if "unix_time_second" in before and "unix_time_second" in after:
         pause = after["unix_time_second"][0] - before["unix_time_second"][-1]
-        if pause < -DATE_RESOLUTION:
+        if pause < -2.0:  # date stamps of whole seconds may be wrong by one at either end
             raise Refusal(
                 f"file {number} begins {-pause:g} s before file {number - 1} ends, by their dates; "
                 "files must be given in time order"
@@ -117,11 +117,8 @@ def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndar
 
 
 CONVENTIONS = {"charge_positive": 1, "discharge_positive": -1}
-NO_READING = 1e30  # beyond it stands an instrument's mark, not a number
 NO_CURRENT = "no current flows"
 MAGNITUDES = "the current never changes its sign while the voltage shows charge and discharge"
-LAGS = (0, -1, 1, 2)  # samples by which the voltage's channel may lag that of the current
-SHORTEST_TREND = 100.0  # [s] below it the resistance's relaxation hides the state of charge
 LONGEST_STEP = 300.0  # [s] beyond it the state of charge, not the resistance, moved the voltage
 
 
@@ -137,8 +134,6 @@ def current_sign(
     test_time_second: np.ndarray,
     current_ampere: np.ndarray,
     voltage_volt: np.ndarray,
-    *,
-    clear: float = 0.8,
 ) -> Sign:
     """Sign of the current, from steps and trends of the voltage that follow the current.
 
@@ -153,8 +148,6 @@ def current_sign(
     Parameters
     ----------
     test_time_second, current_ampere, voltage_volt : arrays [s], [A], [V]
-    clear : float
-        Evidence [-1…1, magnitude] below which the data cannot tell.
 
     Returns
     -------
@@ -170,18 +163,17 @@ def current_sign(
     unsigned = current.min() > -0.02 * current.max()
     if unsigned and abs(step if np.isnan(trend) else trend) < 0.7:
         return Sign(0, 0.0, MAGNITUDES)
-    return _verdict(step, trend, clear)
+    return _verdict(step, trend)
 
 
-def _verdict(step: float, trend: float, clear: float) -> Sign:
+def _verdict(step: float, trend: float) -> Sign:
     """The sign that step vote and trend vote (-1 … 1) agree on; a vote of NaN does not count."""
     vote_text = f"steps {step:+.2f}, trend {trend:+.2f}".replace("+nan", "none")
     if np.isnan(step) and np.isnan(trend):
         return Sign(0, 0.0, "the current neither steps nor moves the voltage")
-    evidence, threshold = _agreed(step, trend), clear
-    if np.isnan(step) or np.isnan(trend):  # one vote alone has to be clearer
-        threshold = 0.5 * (1 + clear)
-    if abs(evidence) < threshold:
+    evidence = _agreed(step, trend)
+    alone = np.isnan(step) or np.isnan(trend)  # then it has to be clearer
+    if abs(evidence) < (0.9 if alone else 0.8):
         return Sign(0, evidence, f"voltage and current contradict each other ({vote_text})")
     return Sign(int(np.sign(evidence)), evidence, vote_text)
 
@@ -205,7 +197,8 @@ def _step_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> fl
     least = max(0.1 * np.abs(change).max(), 0.05 * np.abs(current).max())
     rows = np.flatnonzero(np.abs(change) > least)
     rows = rows[np.diff(time)[rows] < LONGEST_STEP]
-    sums = np.array([_lagged(change, moved, rows, lag) for lag in LAGS])
+    # Samples by which the voltage's channel may lag that of the current.
+    sums = np.array([_lagged(change, moved, rows, lag) for lag in (0, -1, 1, 2)])
     best = np.argmax(np.abs(sums[:, 0]) * (1, 0.5, 0.5, 0.5))  # no lag, unless one fits far better
     agreed, total = sums[best]
     return float(agreed / total) if total > 0 else np.nan
@@ -228,7 +221,8 @@ def _trend_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> f
     moved = voltage[end] - voltage[start]
     interval = np.diff(time)
     flowed = 0.5 * np.abs(current[1:] + current[:-1]) * np.abs(interval)
-    long = (time[end] - time[start] > SHORTEST_TREND) & (moved != 0)
+    # In less than 100 s the resistance's relaxation hides the state of charge.
+    long = (time[end] - time[start] > 100.0) & (moved != 0)
     weight = np.abs(charge[long]).sum()
     if weight < 0.4 * flowed[interval < LONGEST_STEP].sum():  # half, less the fifth left out below
         return np.nan
@@ -243,22 +237,15 @@ def _stretches(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.nd
     length = np.diff(np.concatenate([first, [time.size]]))
     level = np.repeat(current[first + np.minimum(2, length - 1)], length)
     # A hold's taper is no step, but no steady current either: a stretch ends where it begins.
-    held = np.abs(current - level) < 0.1 * np.abs(level)
-    end = np.maximum.reduceat(np.where(held, np.arange(time.size), 0), first)
+    steady = np.abs(current - level) < 0.1 * np.abs(level)
+    end = np.maximum.reduceat(np.where(steady, np.arange(time.size), 0), first)
     end = np.maximum(end, first)
     return first + (end - first) // 5, end
 
 
-class Signed(NamedTuple):
-    """A series with its current positive on charge."""
-
-    columns: dict[str, np.ndarray]
-    note: str  # what was decided and why; empty where nothing is worth saying
-
-
 def charge_positive(
     columns: Mapping[str, np.ndarray], *, stated: str | None = None, default: str | None = None
-) -> Signed:
+) -> Assembled:
     """Turn the current of a series, and its branches and counter, positive on charge.
 
     Parameters
@@ -271,16 +258,19 @@ def charge_positive(
     default : {None, "charge_positive", "discharge_positive"}
         What the file's format says; it serves where the data cannot tell.
 
+    Returns
+    -------
+    Assembled, with a note where something is worth saying of the sign.
+
     Raises
     ------
     Refusal
         The data clearly contradict what is stated, or show magnitudes only; or nothing is stated
         and nothing can tell.
     """
-    series = ("test_time_second", "current_ampere", "voltage_volt")
-    shown = current_sign(*(columns[name] for name in series))
+    shown = current_sign(*(columns[name] for name in SERIES))
     sign, note = _decided(shown, stated, default)
-    return Signed(_turned(columns, sign), note)
+    return Assembled(_turned(columns, sign), (note,) * bool(note))
 
 
 def _decided(shown: Sign, stated: str | None, default: str | None) -> tuple[int, str]:
@@ -311,16 +301,15 @@ def _turned(columns: Mapping[str, np.ndarray], sign: int) -> dict[str, np.ndarra
     for name in columns:
         if name.endswith("current_ampere"):
             turned[name] = columns[name] * sign
-    counter = columns.get("net_capacity_ampere_hour")
-    if counter is not None:
-        turned["net_capacity_ampere_hour"] = counter * _counter_sign(turned)
+    if COUNTER in columns:
+        turned[COUNTER] = columns[COUNTER] * _counter_sign(turned)
     return turned
 
 
 def _counter_sign(columns: Mapping[str, np.ndarray]) -> int:
     """-1 where the instrument's counter falls while charge flows in, else 1."""
     time, current = columns["test_time_second"], columns["current_ampere"]
-    counter = columns["net_capacity_ampere_hour"]
+    counter = columns[COUNTER]
     flowed = 0.5 * (current[1:] + current[:-1]) * np.diff(time)
     steady = np.abs(np.diff(current)) <= 0.5 * np.abs(current[1:])
     return -1 if np.nansum((flowed * np.diff(counter))[steady]) < 0 else 1
@@ -353,4 +342,4 @@ def assemble(readings: Sequence[Reading], *, stated_sign: str | None = None) -> 
     rules = {SIGN_RULE.get(reading.instrument) for reading in readings}
     default = rules.pop() if len(rules) == 1 else None
     signed = charge_positive(joined.columns, stated=stated_sign or None, default=default)
-    return Assembled(signed.columns, (*joined.notes, *([signed.note] if signed.note else [])))
+    return Assembled(signed.columns, (*joined.notes, *signed.notes))

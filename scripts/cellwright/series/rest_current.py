@@ -5,37 +5,21 @@ hours, by the charge it moves. A reading in rests that shows in neither is the s
 """
 
 from collections.abc import Mapping
-from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 
 SIGMAS = 4.0  # beyond which chance is ruled out, with some tens of rests to look at
 PROMPT_SHARE = 0.5  # of the resistance that a step of load shows: there without delay
-LOAD_STEP = 0.2  # of the largest current: a step that shows the resistance
-STEP_SECOND = 2.0  # after a step: later the cell has polarised, and the resistance is another
-LEAST_RESTS = 2  # rests that must say so: one may be disturbed
 LEAST_CHARGE_SHARE = 0.01  # of the charge that a record moves: a load that the cell relaxes from
-# ASSUME: The open-circuit voltage changes with temperature by half a millivolt a kelvin at most.
-ENTROPIC_VOLT_PER_KELVIN = 5e-4
 LEAST_ROWS = 8  # rows in each half of a rest
+EXCURSION_SECOND = 10.0  # a longer reading beyond what is near zero is a load
 
 
-class Evidence(StrEnum):
-    """What the evidence says the reading in rests is."""
-
-    SENSOR = "sensor"
-    CURRENT = "current"
-    NONE = "none"
-
-
-class Judgement(NamedTuple):
-    """Verdict of one test, its reason, and the largest share of the reading's changes [1] that may
-    be a current."""
-
-    verdict: Evidence
-    why: str
-    share: float = 1.0
+def stretches(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First rows of the stretches in which a mask (n,) is true, and the rows after their last."""
+    turns = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(int)))
+    return turns[::2], turns[1::2]
 
 
 def relaxing_rests(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray:
@@ -61,8 +45,8 @@ def relaxing_rests(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> 
 
 def judge_by_response(
     columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray
-) -> Judgement:
-    """Judgement by the voltage's answer to changes of the reading in rests, compared with a load.
+) -> tuple[str, str, float]:
+    """Verdict by the voltage's answer to changes of the reading in rests, compared with a load.
 
     From sample to sample a current moves the voltage by its ohmic resistance. Compared is the
     slope of the voltage's changes over the reading's, in the second halves of the rests, with the
@@ -75,20 +59,21 @@ def judge_by_response(
 
     Returns
     -------
-    Judgement
+    verdict ("sensor", "current" or "none"), why, and the largest share of the reading's changes [1]
+    that may be a current.
     """
     # ASSUME: Of the resistance two seconds after a step of load, at least half is there at once.
     current, voltage = columns["current_ampere"], columns["voltage_volt"]
     step, answer = np.diff(current), np.diff(voltage)
-    prompt = np.diff(columns["test_time_second"]) <= STEP_SECOND
-    large = prompt & (np.abs(step) > LOAD_STEP * np.abs(current).max())
+    prompt = np.diff(columns["test_time_second"]) <= 2.0
+    large = prompt & (np.abs(step) > 0.2 * np.abs(current).max())
     late = np.zeros(len(step), bool)
     for a, b in zip((first + stop) // 2, stop, strict=True):
         late[a + 1 : b - 2] = True
     power = float(np.sum(step[late] ** 2))
     late_rows = np.flatnonzero(late)
     if not large.any() or not power > 0 or not np.any(answer[late]):
-        return Judgement(Evidence.NONE, "the voltage answers no change that could be compared")
+        return "none", "the voltage answers no change that could be compared", 1.0
     load = float(np.median(answer[large] / step[large]))
     slopes = [float(step[late_rows] @ answer[late_rows + lag]) / power for lag in (-1, 0, 1)]
     std = float(answer[late].std()) / np.sqrt(power)
@@ -97,14 +82,14 @@ def judge_by_response(
     seen = f"its changes move the voltage by {1e3 * slope:.2g} ± {1e3 * std:.1g} mOhm"
     why = f"{seen}, where steps of load show {1e3 * load:.3g} mOhm"
     if slope - SIGMAS * std > PROMPT_SHARE * load:
-        return Judgement(Evidence.CURRENT, why, share)
-    return Judgement(Evidence.SENSOR if share < 1.0 else Evidence.NONE, why, share)
+        return "current", why, share
+    return "sensor" if share < 1.0 else "none", why, share
 
 
 def judge_by_drift(
     columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray
-) -> Judgement:
-    """Judgement by the voltage's drift in rests, compared with what the reading's charge would do.
+) -> tuple[str, str]:
+    """Verdict by the voltage's drift in rests, compared with what the reading's charge would do.
 
     Over the second half of a rest a real current moves the voltage by charge times the slope of
     the open-circuit voltage, taken from the ends of the rests beside, the flattest of them. What
@@ -112,7 +97,8 @@ def judge_by_drift(
     other way. So a reading whose charge should have moved the voltage further than it went, that
     way, is no current; a voltage that turns against its relaxation, where the reading asks for
     it, proves one. Only rests that follow a load of one sign that moved a hundredth of the
-    record's charge are asked: after a brief pulse nobody knows which way the cell relaxes.
+    record's charge are looked at: after a brief pulse nobody knows which way the cell relaxes. Two
+    of them must say so: one may be disturbed.
 
     Parameters
     ----------
@@ -121,7 +107,7 @@ def judge_by_drift(
 
     Returns
     -------
-    Judgement
+    verdict ("sensor", "current" or "none"), and why.
     """
     voltage, charge = columns["voltage_volt"], columns["charge_ampere_hour"]
     before = np.r_[0, stop[:-1] - 1]
@@ -134,29 +120,29 @@ def judge_by_drift(
         if slope is None or relaxes == 0 or b - a < 4 * LEAST_ROWS:
             continue
         late = slice((a + b) // 2, b)
-        asked = slope * _change(charge[late])[0]
+        expected = slope * _change(charge[late])[0]
         moved, std = _change(voltage[late])
-        std = float(np.hypot(std, ENTROPIC_VOLT_PER_KELVIN * _temperature_change(columns, late)))
-        asked, moved = relaxes * asked / std, relaxes * moved / std
-        unmoved += asked > SIGMAS and moved < asked - SIGMAS
-        turned += asked < -SIGMAS and moved < -SIGMAS
-    if unmoved >= LEAST_RESTS and not turned:
+        # ASSUME: The open-circuit voltage changes by at most half a millivolt a kelvin.
+        std = float(np.hypot(std, 5e-4 * _temperature_change(columns, late)))
+        expected, moved = relaxes * expected / std, relaxes * moved / std
+        unmoved += expected > SIGMAS and moved < expected - SIGMAS
+        turned += expected < -SIGMAS and moved < -SIGMAS
+    if unmoved >= 2 and not turned:
         why = f"in {unmoved} of them its charge would have moved the voltage further than it went"
-        return Judgement(Evidence.SENSOR, why)
-    if turned >= LEAST_RESTS and not unmoved:
+        return "sensor", why
+    if turned >= 2 and not unmoved:
         why = f"in {turned} of them the voltage turns against its relaxation, as a load makes it"
-        return Judgement(Evidence.CURRENT, why)
-    return Judgement(Evidence.NONE, "the voltage of the rests tells neither")
+        return "current", why
+    return "none", "the voltage of the rests tells neither"
 
 
 def _load_sign(charge: np.ndarray, span: float) -> float:
     """Sign of a load that moved enough charge in one direction only; else 0."""
     moved = charge[-1] - charge[0]
     there_and_back = np.abs(np.diff(charge)).sum() - abs(moved)
-    enough = abs(moved) > LEAST_CHARGE_SHARE * span and there_and_back < LEAST_CHARGE_SHARE * abs(
-        moved
-    )
-    return float(np.sign(moved)) if enough else 0.0
+    enough = abs(moved) > LEAST_CHARGE_SHARE * span
+    one_way = there_and_back < LEAST_CHARGE_SHARE * abs(moved)
+    return float(np.sign(moved)) if enough and one_way else 0.0
 
 
 def _temperature_change(columns: Mapping, late: slice) -> float:
@@ -199,24 +185,17 @@ def _change(values: np.ndarray) -> tuple[float, float]:
     return float(values[-quarter:].mean() - values[:quarter].mean()), float(std)
 
 
-NEAR_ZERO = 0.01  # of a record's largest current: what is no step of it, as in `cleaning.flag`
-REST_SECOND = 60.0
-EXCURSION_SECOND = 10.0  # a longer reading beyond that is a load, as in `steps.rest_rows`
-LEAST_SHARE = 0.003  # of the charge a record moves: as sure as a counted SoC is taken to be
-
-
 class RestReading(NamedTuple):
     """The reading in the rests of a record.
 
     first, stop : (k,) rows of each rest, `stop` not in it. mean_ampere : (k,) of each [A].
-    charge_ampere_hour : what all of them would have moved [Ah]. verdict : "none" (too small to
-    matter), "sensor", "current" or "unknown". note : what a person should know, or "".
+    verdict : "none" (too small to matter), "sensor", "current" or "unknown". note : what a person
+    should know, or "".
     """
 
     first: np.ndarray
     stop: np.ndarray
     mean_ampere: np.ndarray
-    charge_ampere_hour: float
     verdict: str
     note: str
 
@@ -242,19 +221,17 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
     -------
     RestReading
     """
-    time, current, charge = (
-        columns[name] for name in ("test_time_second", "current_ampere", "charge_ampere_hour")
-    )
+    time, current = columns["test_time_second"], columns["current_ampere"]
     first, stop = open_circuit(time, current)
     relaxing = relaxing_rests(columns["voltage_volt"], first, stop)
     first, stop = first[relaxing], stop[relaxing]
     means = np.array([current[a:b].mean() for a, b in zip(first, stop, strict=True)])
-    hours = time / 3600.0
+    hours, span = time / 3600.0, float(np.ptp(columns["charge_ampere_hour"]))
     read = [np.trapezoid(current[a:b], hours[a:b]) for a, b in zip(first, stop, strict=True)]
     moved = float(np.sum(read))
-    span = float(np.ptp(charge))
-    rests = RestReading(first, stop, means, moved, "none", "")
-    if any(name.startswith("branch_") for name in columns) or not abs(moved) > LEAST_SHARE * span:
+    rests = RestReading(first, stop, means, "none", "")
+    # A counted SoC is taken to be as sure as 0.3 % of the charge that a record moves.
+    if any(name.startswith("branch_") for name in columns) or not abs(moved) > 0.003 * span:
         return rests
     readings = np.concatenate([current[a:b] for a, b in zip(first, stop, strict=True)])
     verdict, why = _verdict(columns, rests, readings)
@@ -265,14 +242,9 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
     )
     done = "counted"
     if verdict == "sensor":
-        loaded = (
-            readings.mean()
-            * (hours[-1] - hours[0] - float(np.sum(hours[rests.stop - 1] - hours[rests.first])))
-            / span
-        )
-        done = (
-            f"not counted (if it is there under load too, which no rest tells, {loaded:+.1%} more)"
-        )
+        under_load = hours[-1] - hours[0] - float(np.sum(hours[stop - 1] - hours[first]))
+        more = readings.mean() * under_load / span
+        done = f"not counted (if it is there under load too, which no rest tells, {more:+.1%} more)"
     return rests._replace(verdict=verdict, note=f"{seen}; {done}: {why}")
 
 
@@ -306,18 +278,15 @@ def open_circuit(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.
     ----------
     time, current : (n,) arrays [s], [A]
     """
-    limit = NEAR_ZERO * float(np.max(np.abs(current), initial=0.0))
-    low = np.abs(current) <= limit
-    turns = np.flatnonzero(np.diff(np.r_[False, low, False].astype(int)))
-    first, stop = turns[::2], turns[1::2]
+    limit = 0.01 * float(np.max(np.abs(current), initial=0.0))  # no step, as in `cleaning.flag`
+    first, stop = stretches(np.abs(current) <= limit)
     brief = time[first[1:]] - time[stop[:-1] - 1] <= EXCURSION_SECOND
     small = [np.abs(current[a:b]).max() <= 5 * limit for a, b in zip(stop, first[1:], strict=False)]
     parted = ~(brief & np.array(small, dtype=bool))
     first = first[np.r_[True, parted]] if first.size else first
     stop = stop[np.r_[parted, True]] if stop.size else stop
     stepped = np.abs(current[first - 1]) > 2 * limit
-    long = time[stop - 1] - time[first] >= REST_SECOND
-    kept = stepped & long & (first > 0)
+    kept = stepped & (time[stop - 1] - time[first] >= 60.0) & (first > 0)
     return first[kept], stop[kept]
 
 
@@ -336,11 +305,6 @@ def hidden_rest_level(time: np.ndarray, current: np.ndarray, rest_ampere: float)
     return level if abs(level) > rest_ampere else 0.0
 
 
-STEADY_SHARE = 0.25  # of its mean, by which an offset at rest may wander, and its noise scatter
-BEGUN_ROWS = 3  # of a rest, whose median its voltage begins at
-SETTLING = 2.0  # by how much more the voltage moves in the first half of a rest than in the second
-
-
 def offset_at_rest(
     time: np.ndarray,
     current: np.ndarray,
@@ -348,7 +312,6 @@ def offset_at_rest(
     *,
     least_ampere: float,
     most_ampere: float,
-    least_second: float = 600.0,
 ) -> float:
     """Current that a record logs in rests [A] where that is above what counts as rest, else 0.
 
@@ -360,28 +323,26 @@ def offset_at_rest(
     ----------
     time, current, voltage : (n,) arrays [s], [A], [V]
     least_ampere, most_ampere : limits of such a reading [A]
-    least_second : shortest stretch [s]
 
     Returns
     -------
     Median over the rests of their median reading [A].
     """
-    low = np.abs(current) <= most_ampere
-    turns = np.flatnonzero(np.diff(np.r_[False, low, False].astype(int)))
     levels = []
-    for first, stop in zip(turns[::2], turns[1::2], strict=True):
-        if first == 0 or time[stop - 1] - time[first] < least_second or stop - first < LEAST_ROWS:
+    for first, stop in zip(*stretches(np.abs(current) <= most_ampere), strict=True):
+        if first == 0 or time[stop - 1] - time[first] < 600.0 or stop - first < LEAST_ROWS:
             continue
         read, volt = current[first:stop], voltage[first:stop]
         level = float(np.median(read))
         middle = int(np.searchsorted(time[first:stop], (time[first] + time[stop - 1]) / 2))
         # Medians: a cell that hardly relaxes moves by no more than its readings scatter.
         near = max(len(volt) // 8, 1)
-        parts = volt[:BEGUN_ROWS], volt[max(middle - near, 0) : middle + near], volt[-near:]
+        parts = volt[:3], volt[max(middle - near, 0) : middle + near], volt[-near:]
         begun, halfway, end = map(np.median, parts)
-        early, late = abs(halfway - begun), abs(end - halfway)
-        steady = np.percentile(np.abs(read - level), 90) <= STEADY_SHARE * abs(level)
-        if early >= SETTLING * late and (steady or abs(level) <= least_ampere):
+        settles = abs(halfway - begun) >= 2.0 * abs(end - halfway)
+        # An offset wanders and scatters by less than a quarter of itself.
+        steady = np.percentile(np.abs(read - level), 90) <= 0.25 * abs(level)
+        if settles and (steady or abs(level) <= least_ampere):
             levels.append(level)
     level = float(np.median(levels)) if levels else 0.0
     return level if abs(level) > least_ampere else 0.0
@@ -389,22 +350,18 @@ def offset_at_rest(
 
 def _verdict(columns: Mapping, rests: RestReading, readings: np.ndarray) -> tuple[str, str]:
     """Verdict "sensor", "current" or "unknown" on the reading in rests, and its reason."""
-    by_counter = _judge_by_counter(columns, rests)
-    if by_counter:
+    if by_counter := _judge_by_counter(columns, rests):
         return by_counter
-    answer = judge_by_response(columns, rests.first, rests.stop)
-    drift = judge_by_drift(columns, rests.first, rests.stop)
-    mean = abs(readings.mean())
-    error = readings.std() * np.sqrt(1.0 - answer.share)
-    if answer.verdict == Evidence.CURRENT or drift.verdict == Evidence.CURRENT:
-        judgement = answer if answer.verdict == Evidence.CURRENT else drift
-        return "current", judgement.why
-    if drift.verdict == Evidence.SENSOR:
-        return "sensor", drift.why
+    verdict, why, share = judge_by_response(columns, rests.first, rests.stop)
+    by_drift = judge_by_drift(columns, rests.first, rests.stop)
+    if verdict == "current":
+        return verdict, why
+    if by_drift[0] != "none":
+        return by_drift
     # ASSUME: A tester's output is open between loads, unless its reading or the voltage say else.
-    if answer.verdict == Evidence.SENSOR and mean <= error:
-        return "sensor", answer.why
-    return "unknown", f"nothing tells a small load from an offset of the sensor ({answer.why})"
+    if verdict == "sensor" and abs(readings.mean()) <= readings.std() * np.sqrt(1.0 - share):
+        return "sensor", why
+    return "unknown", f"nothing tells a small load from an offset of the sensor ({why})"
 
 
 def _judge_by_counter(columns: Mapping, rests: RestReading) -> tuple[str, str] | None:

@@ -12,6 +12,7 @@ import numpy as np
 from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.statistics import robust_std
 from cellwright.refusal import Refusal
+from cellwright.series.rest_current import EXCURSION_SECOND
 from cellwright.settings import Segment
 
 SEGMENT = Segment()
@@ -19,11 +20,8 @@ SEGMENT = Segment()
 EDGE_C_RATE = (0.01, 0.03)  # a step of current within six sigma of its noise is none; bounds
 EDGE_SHARE = 0.05  # nor is one below this share of the current itself
 SPECK_C_RATE = 0.05  # one or two samples off by less than this between equal levels are noise
-SPECK_SHARE = 0.2
-TRANSIENT_SECOND = 1.0  # rise and fall of the tester's output
-EXCURSION_SECOND = 10.0
-HOLD_FLOOR_VOLT = 0.003
-HOLD_CEILING_VOLT = 0.010
+STEADY_SHARE = 0.10  # a steady current stays so near to its median, …
+STEADY_C_RATE = 0.02  # … or so near in C, if that is more
 
 
 class Sampled(NamedTuple):
@@ -49,15 +47,15 @@ class Runs(NamedTuple):
     gap: np.ndarray
 
 
-def gap_rows(time, file_index, *, gap_second):
-    """Mask (n,) of rows before which the record has a gap, longer than `gap_second` [s].
+def silent_before(time, gap_second):
+    """Mask (n,) of rows before which the record is silent for longer than `gap_second` [s].
 
     A slow sampling rate is no gap: the interval must exceed five times both its neighbours.
     """
-    interval = np.diff(time, prepend=time[0])
-    neighbour = np.maximum(np.roll(interval, 1), np.roll(interval, -1))
-    neighbour[[0, -1]] = interval[[-2, -2]] if len(interval) > 2 else 0.0
-    return (interval > np.maximum(gap_second, 5 * neighbour)) | (np.diff(file_index, prepend=0) > 0)
+    interval = np.diff(time)
+    around = np.pad(interval, 1)
+    neighbour = np.maximum(around[:-2], around[2:])
+    return np.append(False, (interval > gap_second) & (interval > 5 * neighbour))
 
 
 def rest_rows(time, current, *, threshold, rated):
@@ -80,9 +78,9 @@ def rest_rows(time, current, *, threshold, rated):
 
 
 def hold_tolerance(voltage, rest):
-    """Largest deviation of a held voltage [V]: four sigma of the noise at rest, within bounds."""
+    """Largest deviation of a held voltage [V]: four sigma of the noise at rest, 3 to 10 mV."""
     noise = robust_std(np.diff(voltage)[rest[1:] & rest[:-1]])
-    return float(np.clip(4 * noise, HOLD_FLOOR_VOLT, HOLD_CEILING_VOLT))
+    return float(np.clip(4 * noise, 0.003, 0.010))
 
 
 def held_rows(record, tolerance):
@@ -143,15 +141,10 @@ def _drop_specks(record, edges, rated):
     """Record and edges with one or two stray samples joined to equal levels or a rest beside."""
     stretches = runs(record, edges)
     before, after = np.roll(stretches.level, 1), np.roll(stretches.level, -1)
-    bar = np.maximum(SPECK_C_RATE * rated, SPECK_SHARE * np.abs(before))
+    bar = np.maximum(SPECK_C_RATE * rated, 0.2 * np.abs(before))
     brief = (stretches.last - stretches.first < 2) & (np.arange(len(bar)) < len(bar) - 1)
-    without_gap = ~stretches.gap & ~np.roll(stretches.gap, -1)
-    speck = (
-        brief
-        & without_gap
-        & (np.abs(stretches.level - before) < bar)
-        & (np.abs(before - after) < bar / 2)
-    )
+    speck = brief & ~stretches.gap & ~np.roll(stretches.gap, -1)
+    speck &= (np.abs(stretches.level - before) < bar) & (np.abs(before - after) < bar / 2)
     faint = brief & ~stretches.rest & (np.abs(stretches.level) < SPECK_C_RATE * rated) & ~speck
     faint &= np.maximum(np.abs(before), np.abs(after)) > 5 * np.abs(stretches.level)
     onset = faint & np.where(stretches.first == 0, ~np.roll(stretches.rest, -1), False)
@@ -181,29 +174,22 @@ def join_transients(record, edges):
 def _transients(stretches):
     """Masks of runs that are the rise of the next run, and the fall of the one before."""
     before, after = np.roll(stretches.level, 1), np.roll(stretches.level, -1)
-    longer = np.roll(stretches.span, -1), np.roll(stretches.span, 1)
     between = (stretches.level - before) * (after - stretches.level) >= 0
     rise = between | (np.roll(stretches.rest, 1) & (stretches.level * after > 0))
-    brief = ~stretches.rest & ~stretches.gap & (stretches.span <= TRANSIENT_SECOND)
-    few = ~stretches.rest & ~stretches.gap & (stretches.last - stretches.first < 2)
-    onward = rise & ~np.roll(stretches.rest | stretches.gap, -1)
-    onward &= (brief & (longer[0] >= 5 * stretches.span)) | (
-        few & (longer[0] >= 20 * stretches.span)
-    )
+    under_load = ~stretches.rest & ~stretches.gap
+    # The tester's output rises and falls within 1 s, or two samples of a slow logger.
+    brief = under_load & (stretches.span <= 1.0)
+    few = under_load & (stretches.last - stretches.first < 2)
+
+    def short_beside(neighbour):
+        beside = np.roll(stretches.span, neighbour)
+        return (brief & (beside >= 5 * stretches.span)) | (few & (beside >= 20 * stretches.span))
+
+    onward = rise & ~np.roll(stretches.rest | stretches.gap, -1) & short_beside(-1)
     backward = between & np.roll(stretches.rest, -1) & ~np.roll(stretches.rest, 1) & ~onward
-    backward &= (brief & (longer[1] >= 5 * stretches.span)) | (
-        few & (longer[1] >= 20 * stretches.span)
-    )
+    backward &= short_beside(1)
     onward[[0, -1]] = backward[[0, -1]] = False
     return onward, backward
-
-
-CHAIN_RUNS = 8  # a dynamic load has at least so many direct changes of load …
-CHAIN_LEVELS = 5  # … between so many levels, a tenth of the largest apart
-CHAIN_REST_SECOND = 10.0  # a longer rest at its beginning or end does not belong to it
-STEADY_SHARE = 0.10  # a steady current stays so near to its median, …
-STEADY_C_RATE = 0.02  # … or so near in C, if that is more, …
-STEADY_ROWS = 0.85  # … in so many of its rows; the others are its rise and overshoot
 
 
 def dynamic_chains(record, edges, short_second):
@@ -225,19 +211,20 @@ def dynamic_chains(record, edges, short_second):
 
 
 def _trim(stretches, begin, end):
-    """First run and end of a chain of runs without the long rests at its two ends."""
-    inside = ~(stretches.rest[begin:end] & (stretches.span[begin:end] > CHAIN_REST_SECOND))
+    """First run and end of a chain of runs without the rests above 10 s at its two ends."""
+    inside = ~(stretches.rest[begin:end] & (stretches.span[begin:end] > 10.0))
     kept = np.flatnonzero(inside)
     return (begin + kept[0], begin + kept[-1] + 1) if len(kept) else (begin, begin + 1)
 
 
 def _many_levels(level, rest):
-    """Whether runs (k,) [A] change load directly, often, and between many levels."""
-    direct = np.count_nonzero(~rest[1:] & ~rest[:-1])
-    if direct < CHAIN_RUNS:
+    """Whether runs (k,) [A] change load directly, often, and between many levels.
+
+    Eight changes or more, between five levels that lie a tenth of the largest apart.
+    """
+    if np.count_nonzero(~rest[1:] & ~rest[:-1]) < 8:
         return False
-    levels = np.unique(np.round(level / (0.1 * np.abs(level).max())))
-    return len(levels) >= CHAIN_LEVELS
+    return len(np.unique(np.round(level / (0.1 * np.abs(level).max())))) >= 5
 
 
 def run_kinds(record, stretches, dynamic, tolerance, pulse_max_second, rated):
@@ -273,10 +260,10 @@ def _load_kind(record, first, last, tolerance, slack):
 
 
 def _steady(size, slack):
-    """Whether currents (k,) [A] stay near their median, rise and overshoot aside."""
+    """Whether currents (k,) [A] stay near their median, 15 % for rise and overshoot aside."""
     level = np.median(size)
     near = np.abs(size - level) <= np.maximum(STEADY_SHARE * level, slack)
-    return np.mean(near) >= STEADY_ROWS
+    return np.mean(near) >= 0.85
 
 
 def _on_load(stretches):
@@ -289,18 +276,14 @@ def _on_load(stretches):
 
 def join_holds(record, stretches, kind, held, tolerance):
     """Runs, kinds and first held rows with a load and the held voltage at its end as one run."""
-    low = np.minimum.reduceat(record.voltage, stretches.first)
-    high = np.maximum.reduceat(record.voltage, stretches.first)
-    still = np.maximum(high, np.roll(record.voltage[stretches.last], 1)) - np.minimum(
-        low, np.roll(record.voltage[stretches.last], 1)
-    )
+    ends, level = np.roll(record.voltage[stretches.last], 1), np.roll(stretches.level, 1)
+    low = np.minimum(np.minimum.reduceat(record.voltage, stretches.first), ends)
+    high = np.maximum(np.maximum.reduceat(record.voltage, stretches.first), ends)
     least = np.minimum.reduceat(record.current, stretches.first)
     most = np.maximum.reduceat(record.current, stretches.first)
-    onward = (
-        (least * most > 0) & (stretches.level * np.roll(stretches.level, 1) > 0) & ~stretches.rest
-    )
-    falls = np.abs(stretches.level) < np.abs(np.roll(stretches.level, 1))
-    again = (still <= 2 * tolerance) & onward & falls & ~stretches.gap
+    onward = (least * most > 0) & (stretches.level * level > 0) & ~stretches.rest
+    falls = np.abs(stretches.level) < np.abs(level)
+    again = (high - low <= 2 * tolerance) & onward & falls & ~stretches.gap
     again &= np.isin(np.roll(kind, 1), ("CC", "CV", "CCCV")) | np.roll(again, 1)
     again[0] = False
     kind, held = kind.copy(), held.copy()
@@ -311,13 +294,6 @@ def join_holds(record, stretches, kind, held, tolerance):
     return join(record, stretches, kind, held, again)
 
 
-def alike(stretches, kind):
-    """Mask of dynamic loads and rests that follow one of their kind without a gap."""
-    again = (kind == np.roll(kind, 1)) & np.isin(kind, ("dynamic", "rest")) & ~stretches.gap
-    again[0] = False
-    return again
-
-
 def join(record, stretches, kind, held, again):
     """Runs, kinds and first held rows with the marked runs joined to the run before."""
     edges = np.zeros(len(record.time), bool)
@@ -325,15 +301,13 @@ def join(record, stretches, kind, held, again):
     return runs(record, edges), kind[~again], held[~again]
 
 
-KINDS = ("rest", "CC", "CV", "CCCV", "pulse", "dynamic")
-
-
 class Steps(NamedTuple):
     """One entry a step, arrays of shape (steps,). Rows count into the record, both inclusive.
 
-    kind is one of KINDS; cv_first_row is −1 where the voltage is never held; c_rate is the size
-    of the mean current over the rating; charge is positive on charge. A step starts at the last
-    sample before it (the edge lies after it), after a gap at its own first sample.
+    kind is "rest", "CC", "CV", "CCCV", "pulse" or "dynamic"; cv_first_row is −1 where voltage is
+    never held; c_rate is the size of the mean current over the rating; charge is positive on
+    charge. A step starts at the last sample before it (the edge lies after it), after a gap at its
+    own first sample.
     """
 
     step: np.ndarray
@@ -352,6 +326,17 @@ class Steps(NamedTuple):
     charge_ampere_hour: np.ndarray
     cv_first_row: np.ndarray
     c_rate: np.ndarray
+
+
+def constant_current_end(first_row, last_row, cv_first_row):
+    """Row after the last one of a step before its voltage is held, an int or (steps,)."""
+    end = np.where(np.greater(cv_first_row, first_row), cv_first_row, np.add(last_row, 1))
+    return end if end.ndim else int(end)
+
+
+def follows_directly(steps):
+    """Mask (steps,) of steps without a gap of the record before them."""
+    return np.append(False, steps.start_time_second[1:] == steps.end_time_second[:-1])
 
 
 # ASSUME: Without a rating, C-rates and thresholds refer to the charge that the record moves.
@@ -422,7 +407,7 @@ def segment(
     refuse_backward(time)
     rated = rated_capacity_ampere_hour or assumed_rating(current, charge)
     files = np.zeros(len(time), int) if file_index is None else np.asarray(file_index)
-    gap = gap_rows(time, files, gap_second=gap_second)
+    gap = silent_before(time, gap_second) | (np.diff(files, prepend=0) > 0)
     rest = rest_rows(time, current, threshold=rest_c_rate * rated, rated=rated)
     record = Sampled(time, current, voltage, gap, rest)
     tolerance = hold_tolerance(voltage, record.rest)
@@ -432,7 +417,10 @@ def segment(
     stretches = runs(record, edges)
     kind, held = run_kinds(record, stretches, dynamic, tolerance, pulse_max_second, rated)
     stretches, kind, held = join_holds(record, stretches, kind, held, tolerance)
-    stretches, kind, held = join(record, stretches, kind, held, alike(stretches, kind))
+    # Dynamic loads and rests that follow one of their kind without a gap are one.
+    again = (kind == np.roll(kind, 1)) & np.isin(kind, ("dynamic", "rest")) & ~stretches.gap
+    again[0] = False
+    stretches, kind, held = join(record, stretches, kind, held, again)
     return _steps(record, charge, stretches, kind, held, rated)
 
 

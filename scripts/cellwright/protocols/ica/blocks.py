@@ -6,7 +6,6 @@ from cellwright.native import array, count, function, integers
 from cellwright.protocols.ica.levels import tally
 
 MOST_READINGS = 4000
-DITHERED = 0.1  # least share of steps downward at which noise blurs the converter's steps
 
 
 def readings(voltage_volt, charge_ampere_hour):
@@ -28,11 +27,12 @@ def readings(voltage_volt, charge_ampere_hour):
     number = len(rows[0])
     size = -(-number // MOST_READINGS)
     *blocks, up, down = _blocks(*rows, size)
-    if down < DITHERED * up and up < 0.5 * (number - 1):
-        levels = tally(rows[0], np.maximum.accumulate(rows[1]))
-        mean = levels.charge_ampere_hour / levels.rows
+    # From a tenth of steps downward on, noise blurs the converter's steps.
+    if down < 0.1 * up and up < 0.5 * (number - 1):
+        volt, count_at, charge = tally(rows[0], np.maximum.accumulate(rows[1]))
+        mean = charge / count_at
         order = np.argsort(mean, kind="stable")
-        return levels.volt[order], mean[order], np.ones(len(mean))
+        return volt[order], mean[order], np.ones(len(mean))
     weight = np.ones(len(blocks[0]))
     weight[-1] = (number - size * (len(weight) - 1)) / size
     return *blocks, weight

@@ -6,20 +6,17 @@ from cellwright.numerics.statistics import robust_std
 from cellwright.protocols.ica.levels import rises
 from cellwright.protocols.ica.spline import curve_of, slope_of_charge, slope_peaks
 from cellwright.refusal import Refusal
-from cellwright.settings import Ica
-
-ICA = Ica()
-
-LEAST_ROWS = 50
+from cellwright.series.steps import constant_current_end
 
 
-def constant_current_charge(steps, charge_ampere_hour):
+def constant_current_charge(steps, charge_ampere_hour, *, among=True):
     """Rows of the constant-current charge that moves the most charge.
 
     Parameters
     ----------
     steps : columns kind, first_row, last_row, cv_first_row, current_mean_ampere, (k,) each.
     charge_ampere_hour : (n,) net charge of the record the rows point into [Ah].
+    among : (k,) mask of the steps that count.
 
     Returns
     -------
@@ -30,18 +27,14 @@ def constant_current_charge(steps, charge_ampere_hour):
     ------
     Refusal : no step of constant current charges the cell.
     """
-    charging = np.isin(steps["kind"], ["CC", "CCCV"]) & (steps["current_mean_ampere"] > 0)
-    first, held = steps["first_row"], steps["cv_first_row"]
-    last = np.where(held > first, held - 1, steps["last_row"])
+    charging = np.isin(steps["kind"], ["CC", "CCCV"]) & (steps["current_mean_ampere"] > 0) & among
+    first = steps["first_row"]
+    last = constant_current_end(first, steps["last_row"], steps["cv_first_row"]) - 1
     moved = np.where(charging, charge_ampere_hour[last] - charge_ampere_hour[first], 0.0)
     if not len(moved) or moved.max() <= 0:
         raise Refusal(f"no constant-current charge among {len(moved)} step(s)")
     step = int(moved.argmax())
     return int(first[step]), int(last[step]), step
-
-
-CURRENT_TOLERANCE = 0.02  # of the current, within which it is constant
-NOISE_SIGMAS = 5.0
 
 
 def constant_rows(current_ampere, first, last):
@@ -60,8 +53,8 @@ def constant_rows(current_ampere, first, last):
     """
     part = current_ampere[first : last + 1]
     usual = np.median(part)
-    noise = robust_std(part - usual)
-    tolerance = max(CURRENT_TOLERANCE * usual, NOISE_SIGMAS * noise)
+    # Within 2 %, or five sigma of the noise where a small current scatters by more.
+    tolerance = max(0.02 * usual, 5.0 * robust_std(part - usual))
     steady = np.flatnonzero(np.abs(part - usual) <= tolerance)
     return int(first + steady[0]), int(first + steady[-1])
 
@@ -84,19 +77,12 @@ def charge_slope(voltage_volt, charge_ampere_hour):
     Source: docs/ica.md.
     """
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
-    _refuse_unusable(voltage, charge)
-    slope = slope_of_charge(voltage, charge)
-    return curve_of(slope), slope
-
-
-def _refuse_unusable(voltage, charge):
-    """Refuse too few rows, no charge moved and a voltage that does not rise."""
-    if len(voltage) < LEAST_ROWS or charge.max() <= charge.min():
-        raise Refusal(
-            f"{len(voltage)} rows of charge are too few for dQ/dV; {LEAST_ROWS} are needed"
-        )
+    if len(voltage) < 50 or charge.max() <= charge.min():
+        raise Refusal(f"{len(voltage)} rows of charge are too few for dQ/dV; 50 are needed")
     if not rises(voltage):
         raise Refusal("voltage does not rise in the charge")
+    slope = slope_of_charge(voltage, charge)
+    return curve_of(slope), slope
 
 
 def charge_peaks(slope, *, c_rate, prominence):
@@ -120,7 +106,4 @@ def charge_peaks(slope, *, c_rate, prominence):
     count = len(columns["voltage_volt"])
     if not count:
         raise Refusal(f"no peaks: dQ/dV at {c_rate:.3g}C is flat within {prominence:.0%}")
-    return {
-        "c_rate": np.full(count, c_rate),
-        "peak": np.arange(1, count + 1),
-    } | columns
+    return {"c_rate": np.full(count, c_rate), "peak": np.arange(1, count + 1)} | columns

@@ -4,8 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-BIN_VOLT = 0.003  # of the bins in which charge is averaged; a curve has no wider step
-
 
 class IncrementalCapacity(NamedTuple):
     """dQ/dV over a uniform grid of voltage, and dV/dQ over the charge at the same points.

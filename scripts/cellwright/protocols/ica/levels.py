@@ -6,8 +6,6 @@ import numpy as np
 
 from cellwright.native import array, count, function
 
-ROOM = 32768  # levels; half of the slots in ica.c
-
 
 class Tally(NamedTuple):
     """Number of rows and charge at each distinct voltage of a record, in rising order (k,).
@@ -33,13 +31,10 @@ def tally(voltage_volt, charge_ampere_hour):
     """
     types = (count, array, array, count, array, array, array)
     kernel = function("tally", *types, result=count)
-    room = min(ROOM, len(voltage_volt) // 2)
+    room = min(32768, len(voltage_volt) // 2)  # half of the slots in ica.c
     if kernel is None or not room:
         return _tally_by_sorting(voltage_volt, charge_ampere_hour)
-    rows = (
-        np.ascontiguousarray(voltage_volt, float),
-        np.ascontiguousarray(charge_ampere_hour, float),
-    )
+    rows = [np.ascontiguousarray(column, float) for column in (voltage_volt, charge_ampere_hour)]
     volt, sums = np.empty(room), np.zeros((2, 2, room))
     levels = kernel(len(rows[0]), *rows, room, volt, *sums)
     if levels < 0:
@@ -63,6 +58,6 @@ def rises(voltage_volt):
 
 
 def _tally_by_sorting(voltage, charge):
-    """Tally without a compiler, with the same result."""
+    """As `tally`, without a compiler."""
     volt, level = np.unique(voltage, return_inverse=True)
     return Tally(volt, np.bincount(level) + 0.0, np.bincount(level, charge))

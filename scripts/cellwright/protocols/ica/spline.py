@@ -13,22 +13,8 @@ import numpy as np
 from cellwright.numerics import monotone, rising_curve
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.protocols.ica.blocks import readings
-from cellwright.protocols.ica.curve import BIN_VOLT, IncrementalCapacity, Peaks
+from cellwright.protocols.ica.curve import IncrementalCapacity, Peaks
 from cellwright.refusal import Refusal
-
-LEAST_CELLS, MOST_CELLS = 12, 300
-READINGS_PER_CELL = 1  # with more cells than readings nothing would hold the curve between them
-LEAST_READINGS = 4  # within the width of a peak: two on each flank tell it from a swing
-POINTS_PER_CELL = 10
-MOST_POINTS = 20_000
-STD_POINTS = 400
-SIDE_POINTS = 16
-# Of the charge: what lies nearer to an end is judged by readings of one side alone.
-END_SHARE = 0.002
-ONE_SIDED = 1.644854  # of the normal distribution, for 95 % in one direction
-# A voltage that stands still or falls, as when the chamber changes, would be a peak without width.
-NARROWEST_SIGMAS = 3.0  # of one reading
-FLAT = 0.5  # relative standard deviation from which a height is not known: flat within noise
 
 
 class Slope(NamedTuple):
@@ -68,14 +54,16 @@ def slope_of_charge(voltage_volt, charge_ampere_hour):
     if len(volt) < 12:
         raise Refusal(f"{len(volt)} distinct readings of voltage are too few for dQ/dV")
     try:
-        cells = int(np.clip(len(volt) / READINGS_PER_CELL, LEAST_CELLS, MOST_CELLS))
+        # With more cells than readings nothing would hold the curve between them.
+        cells = min(len(volt), 300)
         fit = monotone.rising_curve(charge, volt, rows, cells=cells)
     except np.linalg.LinAlgError as fault:
         raise Refusal(f"no rising curve follows the voltage of this charge ({fault})") from fault
     cells = rising_curve.cells_of(fit)
-    place = np.linspace(0, cells, POINTS_PER_CELL * cells + 1)
+    place = np.linspace(0, cells, 10 * cells + 1)
     course = rising_curve.course(fit, place)
-    least = END_SHARE * np.ptp(fit.x_range)
+    # What lies nearer to an end is judged by readings of one side alone.
+    least = 0.002 * np.ptp(fit.x_range)
     first, end = np.searchsorted(course[0], np.array(fit.x_range) + (least, -least), side="right")
     columns = (column[first:end] for column in (place, *course))
     return Slope(fit, *columns, float(np.median(np.diff(charge))))
@@ -100,7 +88,9 @@ def slope_peaks(slope, *, prominence):
     height = 1 / slope.dv_dq_volt_per_ampere_hour
     tops, bases, feet, highest = _resolved_tops(slope, height, prominence)
     sure = [k for k, top in enumerate(tops) if _stands_out(slope, top, *feet[k])]
-    edges = _valleys(height, tops[sure])
+    # Each peak reaches from valley to valley, and the outer ones to the ends of the curve.
+    between = [a + int(height[a:b].argmin()) for a, b in pairwise(tops[sure])]
+    edges = [0, *between, len(height) - 1]
     rows = [
         _described(slope, tops[k], edges[n], edges[n + 1], bases[k]) for n, k in enumerate(sure)
     ]
@@ -113,9 +103,9 @@ def slope_peaks(slope, *, prominence):
 def _resolved_tops(slope, height, prominence):
     """Rows of the peaks that the readings resolve and that rise enough, where they rise from, feet.
 
-    Also the height of the highest of them, or of an end.
-    What is narrower than four readings may be a swing of the curve between them, what is narrower
-    than the noise of one reading a voltage that stands still; they set no scale.
+    Also the height of the highest of them, or of an end. What is narrower than four readings, two
+    on each flank, may be a swing of the curve between them; what is narrower than three sigma of
+    one reading is a voltage that stands still, as when the chamber changes. They set no scale.
     """
     from scipy.signal import find_peaks, peak_widths
 
@@ -125,8 +115,8 @@ def _resolved_tops(slope, height, prominence):
     charge = slope.charge_ampere_hour
     wide = np.interp(right, rows, charge) - np.interp(left, rows, charge)
     volt = np.interp([left, right], rows, slope.voltage_volt)
-    resolved = wide >= LEAST_READINGS * slope.reading_ampere_hour
-    resolved &= volt[1] - volt[0] >= NARROWEST_SIGMAS * np.sqrt(slope.fit.variance)
+    resolved = wide >= 4 * slope.reading_ampere_hour
+    resolved &= volt[1] - volt[0] >= 3.0 * np.sqrt(slope.fit.variance)
     highest = height[tops[resolved]].max(initial=max(height[0], height[-1]))
     kept = resolved & (found["prominences"] >= prominence * highest)
     feet = np.column_stack([found["left_bases"], found["right_bases"]])
@@ -136,22 +126,16 @@ def _resolved_tops(slope, height, prominence):
 def _stands_out(slope, top, *feet):
     """Whether the slope at a peak is less than on either side by more than its noise allows.
 
-    The sides reach to the lowest points before the next higher peak.
+    The sides reach to the lowest points before the next higher peak. 95 % in one direction.
     """
-    sides = [np.unique(np.linspace(top, foot, SIDE_POINTS).astype(int)) for foot in feet]
+    sides = [np.unique(np.linspace(top, foot, 16).astype(int)) for foot in feet]
     rows, charge = np.concatenate(sides), slope.charge_ampere_hour
     peak = rising_curve.local_gradients(slope.fit, slope.place[[top]], 1, charge[[top]])
     beside = rising_curve.local_gradients(slope.fit, slope.place[rows], 1, charge[rows])
     std = rising_curve.deviations_between(slope.fit, beside, peak)
     rise = slope.dv_dq_volt_per_ampere_hour[rows] - slope.dv_dq_volt_per_ampere_hour[top]
     surest = np.split(rise / np.maximum(std, 1e-12), [len(sides[0])])
-    return min(side.max() for side in surest) > ONE_SIDED
-
-
-def _valleys(height, tops):
-    """Rows of the lowest points between neighbouring peaks, and the ends of the curve."""
-    between = [a + int(height[a:b].argmin()) for a, b in pairwise(tops)]
-    return [0, *between, len(height) - 1]
+    return min(side.max() for side in surest) > 1.644854
 
 
 def _described(slope, top, lower, upper, base):
@@ -177,7 +161,7 @@ def _described(slope, top, lower, upper, base):
     functions = np.array([position, tall, ends[1] - ends[0] + 0 * tall, wide])
     spread = rising_curve.covariance(fit, functions)
     std = np.sqrt(np.diag(spread))
-    if std[1] > FLAT * height[top]:
+    if std[1] > 0.5 * height[top]:  # so unsure a height is flat within noise
         return None
     charge, volt = slope.charge_ampere_hour, slope.voltage_volt
     reach_std = (reach[1] - reach[0]) / (2 * NORMAL_95)
@@ -213,13 +197,14 @@ def _zero_range(slope, top, lower, upper):
     return found
 
 
-def curve_of(slope, *, bin_volt=BIN_VOLT):
+def curve_of(slope):
     """dQ/dV of a fitted charge over a uniform grid of voltage.
+
+    Its step is 3 mV, or a tenth of the narrowest range that holds a tenth of the charge.
 
     Parameters
     ----------
-    slope : Slope. bin_volt : widest step of the grid [V]; a tenth of the
-        narrowest range that holds a tenth of the charge, if that is less.
+    slope : Slope.
 
     Returns
     -------
@@ -227,16 +212,15 @@ def curve_of(slope, *, bin_volt=BIN_VOLT):
     """
     volt, charge = slope.voltage_volt, slope.charge_ampere_hour
     shares = np.interp(np.linspace(charge[0], charge[-1], 101), charge, volt)
-    step = min(bin_volt, (shares[10:] - shares[:-10]).min() / 10)
-    points = min(int(np.ptp(volt) / max(step, 1e-9)) + 2, MOST_POINTS)
+    step = min(0.003, (shares[10:] - shares[:-10]).min() / 10)
+    points = min(int(np.ptp(volt) / max(step, 1e-9)) + 2, 20_000)
     grid = np.linspace(volt[0], volt[-1], points)
-    some = np.linspace(0, len(volt) - 1, min(STD_POINTS, len(volt))).astype(int)
+    some = np.linspace(0, len(volt) - 1, min(400, len(volt))).astype(int)
     rates = rising_curve.local_gradients(slope.fit, slope.place[some], 1, charge[some])
     relative = rising_curve.local_deviations(slope.fit, *rates)
     relative = relative / slope.dv_dq_volt_per_ampere_hour[some]
-    at, steep = (
-        np.interp(grid, volt, charge),
-        np.interp(grid, volt, slope.dv_dq_volt_per_ampere_hour),
+    steep, at = (
+        np.interp(grid, volt, column) for column in (slope.dv_dq_volt_per_ampere_hour, charge)
     )
     return IncrementalCapacity(
         voltage_volt=grid,

@@ -29,9 +29,6 @@ IMPEDANCE = Impedance()
 
 CAPACITIVE = {SYMBOLS["CPE"], SYMBOLS["C"]}
 DIFFUSION = {SYMBOLS["W"], SYMBOLS["FLW"], SYMBOLS["FSW"], SYMBOLS["G"]}
-# Two parameters that move together like this are one number in the data, not two.
-INSEPARABLE = 0.9
-UNCERTAIN = 0.5
 
 
 class Arc(NamedTuple):
@@ -115,10 +112,11 @@ def why_inseparable(fit):
     r = arc.r[0]
     for k in (r, *diffusion):
         share = fit.std[k] / fit.values[k]
-        if not share <= UNCERTAIN:
+        if not share <= 0.5:
             return f"{fit.names[k]} is {f'known to {share:.0%} only' if share > 0 else 'not told'}"
     correlations = [abs(fit.correlation[r, k]) for k in diffusion]
-    if not max(correlations) > INSEPARABLE:
+    # Two parameters that move together like this are one number in the data, not two.
+    if not max(correlations) > 0.9:
         return ""
     closest = fit.names[diffusion[int(np.argmax(correlations))]]
     return f"{fit.names[r]} and {closest} are correlated by {max(correlations):.2f}"
@@ -137,7 +135,6 @@ def _in_series(tree, node, kinds):
     return [node] if tree.kinds[node] in kinds else []
 
 
-FOLDS = 5
 CRITERIA = {"bic": "bic", "cross_validation": "cross_validation_residual"}
 
 
@@ -174,7 +171,16 @@ def compare(frequency_hertz, impedance_ohm, circuits, **options):
 
     Source: G. Schwarz, Ann. Statist. 6 (1978) 461 (Bayesian information criterion).
     """
-    return [_candidate(frequency_hertz, impedance_ohm, circuit, options) for circuit in circuits]
+    points, candidates = (frequency_hertz, impedance_ohm), []
+    for circuit in circuits:
+        try:
+            fit = fit_circuit(*points, circuit=circuit, **options)
+        except Refusal as refusal:
+            candidates.append(Candidate(circuit, None, np.nan, np.nan, str(refusal)))
+        else:
+            missed = _cross_validation_error(*points, fit)
+            candidates.append(Candidate(circuit, fit, fit.bic, missed, ""))
+    return candidates
 
 
 def best(candidates, *, criterion):
@@ -194,21 +200,11 @@ def best(candidates, *, criterion):
     return min(inside or fitted, key=lambda candidate: getattr(candidate, CRITERIA[criterion]))
 
 
-def _candidate(frequency, impedance, circuit, options):
-    """Fit and criteria of one circuit, or the reason why it cannot be fitted."""
-    try:
-        fit = fit_circuit(frequency, impedance, circuit=circuit, **options)
-    except Refusal as refusal:
-        return Candidate(circuit, None, np.nan, np.nan, str(refusal))
-    missed = _cross_validation_error(frequency, impedance, fit)
-    return Candidate(circuit, fit, fit.bic, missed, "")
-
-
 def _cross_validation_error(frequency, impedance, fit):
     """RMS of the relative error [1] on every fifth point in turn, fitted to the others."""
     start = dict(zip(fit.names, fit.values, strict=True))
-    rank, errors = np.argsort(np.argsort(frequency)) % FOLDS, []
-    for fold in range(FOLDS):
+    rank, errors = np.argsort(np.argsort(frequency)) % 5, []
+    for fold in range(5):
         fitted, predicted = rank != fold, rank == fold
         refit = fit_circuit(
             frequency[fitted], impedance[fitted], circuit=fit.circuit, starts=1, start=start
@@ -216,12 +212,6 @@ def _cross_validation_error(frequency, impedance, fit):
         guess = circuit_impedance(fit.circuit, frequency[predicted], refit.values)
         errors.append(np.abs(guess / impedance[predicted] - 1))
     return rms(np.concatenate(errors))
-
-
-# A valid spectrum leaves its noise, some tenths of a per cent; a drifting cell leaves per cents.
-SUSPICIOUS = 0.01
-POOR = 0.05
-UNSTEADY_KELVIN = 1.0
 
 
 def zero_crossing(frequency_hertz, impedance_ohm):
@@ -397,14 +387,15 @@ def _candidates(compared, fit):
 def _notes(row, fit, trusted, used):
     """Sentences for the report on what is doubtful in the fit; `used` are its frequencies [Hz]."""
     yield from trusted.notes
-    if row["temperature_span_kelvin"] > UNSTEADY_KELVIN:
+    if row["temperature_span_kelvin"] > 1.0:
         yield f"temperature moved by {row['temperature_span_kelvin']:.1f} K during the spectrum"
-    if trusted.rms > SUSPICIOUS:
+    # A valid spectrum leaves its noise, some tenths of a per cent; a drifting cell whole ones.
+    if trusted.rms > 0.01:
         yield (
             f"the spectrum breaks the Kramers-Kronig relations by {trusted.rms:.1%} RMS: the cell "
             "drifted or was not linear"
         )
-    if fit.rms_relative_residual > POOR:
+    if fit.rms_relative_residual > 0.05:
         yield (
             f"circuit {fit.circuit} misses the spectrum by {fit.rms_relative_residual:.1%} RMS: "
             f"its parameters do not describe this cell; {row['preferred_circuit']} comes closest"

@@ -1,6 +1,7 @@
 """Equivalent circuits of spectra as data: elements, grammar, constraints, impedance, slopes."""
 
 import re
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -8,110 +9,50 @@ import numpy as np
 
 from cellwright.refusal import Refusal
 
-# An argument beyond which tanh and coth are 1 to the last digit.
-LARGE = 20.0
-
-
-class Element(NamedTuple):
-    """A kind of circuit element.
-
-    symbol : as in a circuit's text. parameters : suffixes of their names with the unit. roles :
-    what each parameter is (keys in `fit.parameter_limits`). meaning : in words.
-    """
-
-    symbol: str
-    parameters: tuple
-    roles: tuple
-    meaning: str
-
-
-# In the order of the numbers by which the kernel knows them: SERIES, PARALLEL, then these.
-SERIES, PARALLEL, FIRST = 0, 1, 2
-ELEMENTS = (
-    Element("R", ("ohm",), ("resistance",), "resistance R"),
-    Element("C", ("farad",), ("capacitance",), "capacitance 1/(jωC)"),
-    Element("L", ("henry",), ("inductance",), "inductance jωL"),
-    Element("CPE", ("t", "p"), ("cpe", "exponent"), "constant-phase element 1/(T (jω)^P)"),
-    Element("W", ("y0",), ("warburg",), "semi-infinite diffusion 1/(Y0 √(jω))"),
-    Element(
-        "FLW",
-        ("ohm", "second"),
-        ("resistance", "time"),
-        "finite-length (short) Warburg R tanh(√(jωτ))/√(jωτ)",
-    ),
-    Element(
-        "FSW",
-        ("ohm", "second"),
-        ("resistance", "time"),
-        "finite-space (open) Warburg R coth(√(jωτ))/√(jωτ)",
-    ),
-    Element("G", ("ohm", "second"), ("resistance", "time"), "Gerischer R/√(1 + jωτ)"),
-)
-SYMBOLS = {element.symbol: FIRST + k for k, element in enumerate(ELEMENTS)}
-
-
-def element_of(kind):
-    """Element of the kernel's number."""
-    return ELEMENTS[kind - FIRST]
-
-
-def impedance_and_slopes(kind, omega, values):
-    """Impedance of one element, and its derivatives by the logarithms of its parameters.
-
-    Parameters
-    ----------
-    kind : number of the element, see SYMBOLS. omega : (n,) angular frequency [1/s].
-    values : its parameters, in the units of their names.
-
-    Returns
-    -------
-    impedance : (n,) complex [Ω]. slopes : tuple of (n,) complex [Ω], one per parameter.
-
-    Source: A. Lasia, Electrochemical Impedance Spectroscopy and its Applications (2014): CPE
-    eq. 8.9, semi-infinite and finite diffusion ch. 4, Gerischer eq. 9.36.
-    """
-    return FORMULAS[element_of(kind).symbol](np.asarray(omega, float), *values)
+# Impedance of each element (n,) complex [Ω] at angular frequencies omega (n,) [1/s], and a tuple of
+# its derivatives by the logarithms of its parameters. Source: A. Lasia, Electrochemical Impedance
+# Spectroscopy and its Applications (2014): CPE eq. 8.9, diffusion ch. 4, Gerischer eq. 9.36.
 
 
 def _resistance(omega, r):
-    """R [Ω], and its slopes."""
+    """Resistance R [Ω], and its slopes."""
     impedance = np.full(len(omega), r, complex)
     return impedance, (impedance,)
 
 
 def _capacitance(omega, c):
-    """1/(jωC) [Ω], and its slopes."""
+    """Capacitance 1/(jωC) [Ω], and its slopes."""
     impedance = -1j / (omega * c)
     return impedance, (-impedance,)
 
 
 def _inductance(omega, henry):
-    """jωL [Ω], and its slopes."""
+    """Inductance jωL [Ω], and its slopes."""
     impedance = 1j * omega * henry
     return impedance, (impedance,)
 
 
 def _constant_phase(omega, t, p):
-    """1/(T (jω)^P) [Ω], and its slopes."""
+    """Constant-phase element 1/(T (jω)^P) [Ω], and its slopes."""
     angle = p * np.pi / 2
     impedance = np.exp(-p * np.log(omega)) / t * (np.cos(angle) - 1j * np.sin(angle))
     return impedance, (-impedance, -impedance * p * (np.log(omega) + 0.5j * np.pi))
 
 
 def _warburg(omega, y0):
-    """1/(Y0 √(jω)) [Ω], and its slopes."""
+    """Semi-infinite diffusion 1/(Y0 √(jω)) [Ω], and its slopes."""
     impedance = (1 - 1j) / (y0 * np.sqrt(2 * omega))
     return impedance, (-impedance,)
 
 
 def _finite_length(omega, r, tau):
-    """R tanh(√(jωτ))/√(jωτ) [Ω], and its slopes."""
+    """Finite-length (short) Warburg R tanh(√(jωτ))/√(jωτ) [Ω], and its slopes."""
     x = np.sqrt(omega * tau / 2)
     return _finite(r, x, _tanh(x))
 
 
 def _finite_space(omega, r, tau):
-    """R coth(√(jωτ))/√(jωτ) [Ω], and its slopes."""
+    """Finite-space (open) Warburg R coth(√(jωτ))/√(jωτ) [Ω], and its slopes."""
     x = np.sqrt(omega * tau / 2)
     return _finite(r, x, 1 / _tanh(x))
 
@@ -125,29 +66,45 @@ def _finite(r, x, wave):
 
 def _tanh(x):
     """tanh(x + jx), without overflow."""
-    twice = 2 * np.minimum(x, LARGE)
+    # Beyond 20 tanh and coth are 1 to the last digit.
+    twice = 2 * np.minimum(x, 20.0)
     below = np.cosh(twice) + np.cos(twice)
-    return np.where(x > LARGE, 1.0, (np.sinh(twice) + 1j * np.sin(twice)) / below)
+    return np.where(x > 20.0, 1.0, (np.sinh(twice) + 1j * np.sin(twice)) / below)
 
 
 def _gerischer(omega, r, tau):
-    """R/√(1 + jωτ) [Ω], and its slopes."""
+    """Gerischer R/√(1 + jωτ) [Ω], and its slopes."""
     inside = 1 + 1j * omega * tau
     impedance = r / np.sqrt(inside)
     return impedance, (impedance, -impedance / 2 * (1j * omega * tau) / inside)
 
 
-FORMULAS = {
-    "R": _resistance,
-    "C": _capacitance,
-    "L": _inductance,
-    "CPE": _constant_phase,
-    "W": _warburg,
-    "FLW": _finite_length,
-    "FSW": _finite_space,
-    "G": _gerischer,
-}
+class Element(NamedTuple):
+    """A kind of circuit element.
 
+    symbol : as in a circuit's text. parameters : suffixes of their names with the unit. roles :
+    what each parameter is (keys in `fit.parameter_limits`). formula : its impedance and slopes.
+    """
+
+    symbol: str
+    parameters: tuple
+    roles: tuple
+    formula: Callable
+
+
+# In the order of the numbers by which the kernel knows them: SERIES, PARALLEL, then these.
+SERIES, PARALLEL, FIRST = 0, 1, 2
+ELEMENTS = (
+    Element("R", ("ohm",), ("resistance",), _resistance),
+    Element("C", ("farad",), ("capacitance",), _capacitance),
+    Element("L", ("henry",), ("inductance",), _inductance),
+    Element("CPE", ("t", "p"), ("cpe", "exponent"), _constant_phase),
+    Element("W", ("y0",), ("warburg",), _warburg),
+    Element("FLW", ("ohm", "second"), ("resistance", "time"), _finite_length),
+    Element("FSW", ("ohm", "second"), ("resistance", "time"), _finite_space),
+    Element("G", ("ohm", "second"), ("resistance", "time"), _gerischer),
+)
+SYMBOLS = {element.symbol: FIRST + k for k, element in enumerate(ELEMENTS)}
 
 THESIS = "R-(CPE|(R-W))"
 THESIS_NAMES = ("r_ohmic_ohm", "cpe_t", "cpe_p", "r_charge_transfer_ohm", "warburg_y0")
@@ -200,7 +157,7 @@ def parse(text):
     if rest:
         raise Refusal(f"circuit {text!r}: {rest[0]!r} where the circuit should end")
     kinds, first_child, second_child = zip(*nodes, strict=True)
-    elements = [element_of(kind) if kind >= FIRST else None for kind in kinds]
+    elements = [ELEMENTS[kind - FIRST] if kind >= FIRST else None for kind in kinds]
     counts = [len(element.parameters) if element else 0 for element in elements]
     return Circuit(
         text=plain,
@@ -332,8 +289,9 @@ def circuit_slopes(circuit, frequency_hertz, values):
     for m, kind in enumerate(circuit.kinds):
         pair = [nodes[child] for child in (circuit.left[m], circuit.right[m]) if child >= 0]
         if kind >= FIRST:
-            parameters = values[circuit.at[m] : circuit.at[m] + len(element_of(kind).parameters)]
-            impedance, element_slopes[m] = impedance_and_slopes(kind, omega, parameters)
+            element, first = ELEMENTS[kind - FIRST], circuit.at[m]
+            parameters = values[first : first + len(element.parameters)]
+            impedance, element_slopes[m] = element.formula(omega, *parameters)
             nodes.append(impedance)
         else:
             nodes.append(sum(pair) if kind == SERIES else pair[0] * pair[1] / sum(pair))

@@ -1,39 +1,25 @@
 """Distribution of relaxation times: what arcs a spectrum holds, without a circuit."""
 
-import itertools
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-
-from cellwright.numerics.statistics import rms
-
-# Weakest and strongest smoothing, powers of ten relative to the data's own weight.
-STRENGTHS = (-8.0, 2.0)
-HALVINGS = 7
-# Error that smoothing may leave, over that of the distribution that follows the data closest.
-ALLOWED = 1.1
-# Relative error, RMS, below which no spectrum is believed.
-FLOOR = 1e-3
 
 
 class Distribution(NamedTuple):
     """Distribution of relaxation times of one spectrum.
 
     tau_second : (m,) [s]. gamma_ohm : (m,) resistance per unit of ln τ [Ω], none negative.
-    r_ohmic_ohm, inductance_henry : in series. capacitance_farad : in series, infinite where none
-    is needed. strength : of the smoothing. rms_relative_residual : of the distribution's spectrum.
+    r_ohmic_ohm : in series. strength : of the smoothing.
     """
 
     tau_second: np.ndarray
     gamma_ohm: np.ndarray
     r_ohmic_ohm: float
-    inductance_henry: float
-    capacitance_farad: float
     strength: float
-    rms_relative_residual: float
 
 
-def relaxation_times(frequency_hertz, impedance_ohm, *, per_decade=10):
+def relaxation_times(frequency_hertz, impedance_ohm):
     """Smooth, non-negative distribution of relaxation times beside series R, L and C.
 
     Z = R + jωL + 1/(jωC) + ∫ γ/(1 + jωτ) dln τ, modulus weights, curvature of γ punished: as hard
@@ -43,8 +29,6 @@ def relaxation_times(frequency_hertz, impedance_ohm, *, per_decade=10):
     Parameters
     ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
-    per_decade : time constants per decade, from half a decade below the shortest to half a decade
-        above the longest that were measured.
 
     Returns
     -------
@@ -54,33 +38,29 @@ def relaxation_times(frequency_hertz, impedance_ohm, *, per_decade=10):
     V. A. Morozov, Soviet Math. Dokl. 7 (1966) 414 (discrepancy principle).
     """
     omega = 2 * np.pi * np.asarray(frequency_hertz, float)
+    # Ten time constants a decade, to half a decade beyond what was measured.
     edges = np.log10([1 / omega.max(), 1 / omega.min()]) + [-0.5, 0.5]
-    tau = np.logspace(*edges, round(per_decade * np.ptp(edges)) + 1)
+    tau = np.logspace(*edges, round(10 * np.ptp(edges)) + 1)
     matrix, target, size = _system(omega, np.asarray(impedance_ohm, complex), tau)
     # Second differences of the distribution, zero beyond both ends; nothing of R, L and C.
     penalty = np.diff(np.eye(len(tau) + 4)[:, 2:-2], n=2, axis=0)
     penalty = np.concatenate([penalty, np.zeros((len(penalty), 3))], axis=1)
     strength = _strongest(matrix, target, penalty)
-    solution, error = _fitted(matrix, target, penalty, strength)
-    parameters = solution / size
-    width = np.log(tau[1] / tau[0])
+    parameters = _fitted(matrix, target, penalty, strength)[0] / size
     return Distribution(
         tau_second=tau,
-        gamma_ohm=parameters[: len(tau)] / width,
+        gamma_ohm=parameters[: len(tau)] / np.log(tau[1] / tau[0]),
         r_ohmic_ohm=float(parameters[-3]),
-        inductance_henry=float(parameters[-2]),
-        capacitance_farad=float(1 / parameters[-1]) if parameters[-1] > 0 else np.inf,
         strength=float(strength),
-        rms_relative_residual=np.sqrt(2) * rms(error),
     )
 
 
-def peaks(distribution, *, least_share=0.02):
+def peaks(distribution):
     """Processes of a spectrum: peaks of the distribution, each from valley to valley.
 
     Parameters
     ----------
-    distribution : Distribution. least_share : of the whole resistance; smaller peaks do not count.
+    distribution : Distribution. Peaks below 2 % of the whole resistance do not count.
 
     Returns
     -------
@@ -91,12 +71,10 @@ def peaks(distribution, *, least_share=0.02):
     width, whole = np.log(tau[1] / tau[0]), gamma.sum()
     inner = np.concatenate([[-1.0], gamma, [-1.0]])
     tops = np.flatnonzero((inner[1:-1] > inner[:-2]) & (inner[1:-1] >= inner[2:]) & (gamma > 0))
-    valleys = [a + int(np.argmin(gamma[a:b])) for a, b in itertools.pairwise(tops)]
+    valleys = [a + int(np.argmin(gamma[a:b])) for a, b in pairwise(tops)]
     starts, ends = [0, *valleys], [*valleys, len(gamma)]
     areas = [gamma[a:b].sum() for a, b in zip(starts, ends, strict=True)][: len(tops)]
-    large = [
-        (top, area) for top, area in zip(tops, areas, strict=True) if area > least_share * whole
-    ]
+    large = [(top, area) for top, area in zip(tops, areas, strict=True) if area > 0.02 * whole]
     edge = round(0.5 * np.log(10) / width)
     return [
         {
@@ -135,11 +113,14 @@ def _fitted(matrix, target, penalty, strength):
 
 
 def _strongest(matrix, target, penalty):
-    """Strongest smoothing whose error is at most ALLOWED times the least possible."""
-    weak, strong = STRENGTHS
+    """Strongest smoothing whose error is at most 1.1 times the least possible.
+
+    Below 0.1 % RMS no spectrum is believed, however close a distribution follows it.
+    """
+    weak, strong = -8.0, 2.0  # powers of ten relative to the data's own weight
     least = np.linalg.norm(_fitted(matrix, target, penalty, 10**weak)[1])
-    allowed = max(ALLOWED * least, FLOOR * np.sqrt(len(target) / 2))
-    for _ in range(HALVINGS):
+    allowed = max(1.1 * least, 1e-3 * np.sqrt(len(target) / 2))
+    for _ in range(7):  # to a factor of 1.2
         middle = (weak + strong) / 2
         error = np.linalg.norm(_fitted(matrix, target, penalty, 10**middle)[1])
         weak, strong = (middle, strong) if error <= allowed else (weak, middle)

@@ -21,11 +21,7 @@ from cellwright.protocols.impedance.circuits import (
 )
 from cellwright.refusal import Refusal
 
-LOWEST_EXPONENT, HIGHEST_EXPONENT = 0.3, 1.0
-# Roles that set a time constant.
-SLOW = ("capacitance", "cpe", "time")
-# Roots of x^(d+1) = x + 1 spread points evenly over any number of dimensions.
-SPREAD_ROUNDS = 60
+SLOW = ("capacitance", "cpe", "time")  # roles that set a time constant
 
 
 class Features(NamedTuple):
@@ -76,7 +72,7 @@ def parameter_limits(circuit, size):
         "capacitance": (1e-9 / size.largest, 1e9 / size.largest),
         "inductance": (size.leads * 1e-4, size.leads * 1e2),
         "cpe": (1e-6 / size.largest, 1e9 / size.largest),
-        "exponent": (LOWEST_EXPONENT, HIGHEST_EXPONENT),
+        "exponent": (0.3, 1.0),
         "warburg": (size.warburg * 1e-3, size.warburg * 1e4),
         "time": (1e-2 / size.highest, 1e3 / size.lowest),
     }
@@ -138,8 +134,8 @@ def _start_share(role, share, k):
 @cache
 def _even_points(number, dimensions):
     """Evenly spread points (number, dimensions) in 0…1, the first in the middle."""
-    ratio = 1.5
-    for _ in range(SPREAD_ROUNDS):
+    ratio = 1.5  # tends to the root of x^(d+1) = x + 1, which spreads points evenly
+    for _ in range(60):
         ratio = (1 + ratio) ** (1 / (dimensions + 1))
     steps = np.power(1 / ratio, np.arange(1, dimensions + 1))
     return (0.5 + np.arange(number)[:, None] * steps) % 1
@@ -155,7 +151,6 @@ def _roles(text):
 
 MOST_PASSES = 200
 MOST_NODES, MOST_PARAMETERS, BLOCK = 64, 32, 64  # of the kernel
-FARTHEST, ARRIVED, STUCK = 2.0, 1e-7, 1e12
 SAME = 1e-6  # relative difference of two sums of squares that are one optimum
 TYPES = (*[count] * 7, real, *[array] * 3, integers, integers, *[array] * 6, integers, array)
 
@@ -194,12 +189,11 @@ class Problem(NamedTuple):
 
 class Optima(NamedTuple):
     """Optimum that each of s starts led to: x (s, q) logarithms; cost (s,) half sums of squares,
-    infinite where enough others had arrived before; passes (s,) over the data. rows : (q + 1, 2n)
-    at the best: the weighted error, and its derivatives by the q logarithms; real parts first."""
+    infinite where enough others had arrived before. rows : (q + 1, 2n) at the best: the weighted
+    error, and its derivatives by the q logarithms; real parts first."""
 
     x: np.ndarray
     cost: np.ndarray
-    passes: np.ndarray
     rows: np.ndarray
 
 
@@ -239,7 +233,7 @@ def search(problem, starts, *, enough):
     series = (np.ascontiguousarray(problem.frequency_hertz), impedance, problem.weight)
     freedom = (problem.column, problem.offset, problem.lower, problem.upper)
     kernel(*sizes, SAME, *series, _tree(circuit.text), *freedom, work, x, cost, passes, rows)
-    return Optima(x, cost, passes, rows)
+    return Optima(x, cost, rows)
 
 
 @cache
@@ -251,35 +245,35 @@ def _tree(text):
 def search_by_numpy(problem, starts, *, enough):
     """Optima as of `search`, without a compiler."""
     x = np.clip(starts, problem.lower, problem.upper)
-    cost, passes = np.full(len(x), np.inf), np.zeros(len(x), np.int64)
+    cost = np.full(len(x), np.inf)
     for s in range(len(x)):
         if np.sum(cost[:s] <= cost[:s].min(initial=np.inf) * (1 + SAME)) < max(enough, 1):
-            x[s], cost[s], passes[s] = _descend(problem, x[s])
+            x[s], cost[s] = _descend(problem, x[s])
     error, slopes = problem.jacobian(x[np.argmin(cost)])
     rows = np.vstack([error, slopes])
-    return Optima(x, cost, passes, np.hstack([rows.real, rows.imag]))
+    return Optima(x, cost, np.hstack([rows.real, rows.imag]))
 
 
 def _descend(problem, x):
-    """Optimum (q,) from one start, its cost and the number of passes over the data."""
+    """Optimum (q,) from one start, and its cost."""
     damping, (cost, gram, gradient) = 1e-2, _normal(problem, x)
     passes = 1
-    while passes < MOST_PASSES and damping < STUCK:
+    while passes < MOST_PASSES and damping < 1e12:  # above it no step leads down: stuck
         passes += 1
-        held = (x <= problem.lower) & (gradient > 0) | (x >= problem.upper) & (gradient < 0)
-        step = _step(gram, gradient, damping, held)
+        at_limit = (x <= problem.lower) & (gradient > 0) | (x >= problem.upper) & (gradient < 0)
+        step = _step(gram, gradient, damping, at_limit)
         if step is None:
             damping *= 10
             continue
         trial = np.clip(x + step, problem.lower, problem.upper)
-        if np.abs(trial - x).max(initial=0) < ARRIVED:
-            return trial, cost, passes - 1  # below what the cost resolves: without another look
+        if np.abs(trial - x).max(initial=0) < 1e-7:
+            return trial, cost  # below what the cost resolves: without another look
         after = _normal(problem, trial)
         better = after[0] < cost
         if better:
             x, (cost, gram, gradient) = trial, after
         damping = max(damping / 10, 1e-12) if better else damping * 10
-    return x, cost, passes
+    return x, cost
 
 
 def _normal(problem, x):
@@ -289,25 +283,20 @@ def _normal(problem, x):
     return cost, (slopes.conj() @ slopes.T).real, (slopes.conj() @ error).real
 
 
-def _step(gram, gradient, damping, held):
-    """Damped step (q,), at most FARTHEST; None where the equations have no solution."""
+def _step(gram, gradient, damping, at_limit):
+    """Damped step (q,), at most 2 in a logarithm; None where the equations have no solution."""
     size = np.diagonal(gram)
     damped = gram + np.diag(damping * np.maximum(size, 1e-12 * size.max(initial=0)))
-    damped[held], damped[:, held] = 0.0, 0.0
-    damped[held, held] = 1.0
+    damped[at_limit], damped[:, at_limit] = 0.0, 0.0
+    damped[at_limit, at_limit] = 1.0
     try:
         lower = np.linalg.cholesky(damped)
     except np.linalg.LinAlgError:
         return None
-    half = np.linalg.solve(lower, np.where(held, 0.0, -gradient))
+    half = np.linalg.solve(lower, np.where(at_limit, 0.0, -gradient))
     step = np.linalg.solve(lower.T, half)
     farthest = np.abs(step).max(initial=0)
-    return step * (FARTHEST / farthest) if farthest > FARTHEST else step
-
-
-LEAST_POINTS = 8
-ARRIVALS = 3
-AT_BOUND = 1e-3  # of a logarithm
+    return step * (2.0 / farthest) if farthest > 2.0 else step
 
 
 class CircuitFit(NamedTuple):
@@ -315,26 +304,20 @@ class CircuitFit(NamedTuple):
 
     circuit : its text. names : of the p parameters, with their units (see `circuits.parse`).
     values, std : (p,); std is NaN for a parameter that is fixed, at the limit of its search or not
-    determined. covariance, correlation : (p, p), NaN likewise. at_bound : names of those at a
-    limit. free : q, number of parameters that were free. rms_relative_residual : of the complex
-    error over the modulus. bic : Bayesian information criterion, for comparing circuits on the
-    same points. fitted_ohm : (n,) complex. starts, arrived : how many starts there were, and how
-    many of them led to this optimum.
+    determined. correlation : (p, p), NaN likewise. at_bound : names of those at a limit. free : q,
+    number of parameters that were free. rms_relative_residual : of the complex error over the
+    modulus. bic : Bayesian information criterion, for comparing circuits on the same points.
     """
 
     circuit: str
     names: tuple
     values: np.ndarray
     std: np.ndarray
-    covariance: np.ndarray
     correlation: np.ndarray
     at_bound: tuple
     free: int
     rms_relative_residual: float
     bic: float
-    fitted_ohm: np.ndarray
-    starts: int
-    arrived: int
 
 
 def fit_circuit(
@@ -343,9 +326,7 @@ def fit_circuit(
     *,
     circuit=THESIS,
     starts=8,
-    enough=None,
     start=None,
-    bounds=None,
     fixed=None,
     tied=None,
 ):
@@ -357,12 +338,10 @@ def fit_circuit(
     impedance_ohm : (n,) complex [Ω], capacitive arc with a negative imaginary part.
     circuit : text of the circuit, see `circuits.parse`.
     starts : how many starts are tried at most for each capacitive element, that of `start`
-        included. enough : so many that lead to the same best are enough; None for 3 where there is
-        one capacitive element, for all where arcs may change places.
+        included. Three that lead to the same best are enough where there is one capacitive element;
+        all are tried where arcs may change places.
     start : dict, name of a parameter → value: where the first start differs from the spectrum's own
         features.
-    bounds : dict, name → (lower, upper) in its unit. Else limits follow from the spectrum's size;
-        the exponent of a CPE stays within 0.3 and 1.
     fixed : dict, name → value that it keeps.
     tied : dict, name → (other name, ratio to it).
 
@@ -381,26 +360,27 @@ def fit_circuit(
     frequency, impedance = np.asarray(frequency_hertz, float), np.asarray(impedance_ohm, complex)
     check(frequency, impedance)
     tree = parse(circuit)
-    asked = set().union(*(names or () for names in (start, bounds, fixed, tied)))
+    asked = set().union(*(names or () for names in (start, fixed, tied)))
     if unknown := sorted(asked - set(tree.names)):
         raise Refusal(f"circuit {circuit} has no parameter {unknown}; it has {list(tree.names)}")
     size = features(frequency, impedance)
     column, offset = _freedom(tree, fixed or {}, tied or {})
-    ends = _search_limits(tree, size, bounds or {}, column)
+    free = _free_parameters(column)
+    ends = [np.log(limits[free]) for limits in parameter_limits(tree, size)]
     problem = Problem(tree, frequency, impedance, 1 / np.abs(impedance), column, offset, *ends)
     slow = sum(role in SLOW for role in tree.roles)
     first = spread_starts(tree, size, number=starts * max(slow, 1) if starts > 1 else 1)
-    enough = enough or (ARRIVALS if slow <= 1 else len(first))
+    enough = 3 if slow <= 1 else len(first)
     for name, value in (start or {}).items():
         first[0, tree.names.index(name)] = value
-    optima = search(problem, np.log(first)[:, _free_parameters(column)], enough=enough)
+    optima = search(problem, np.log(first)[:, free], enough=enough)
     return _result(problem, optima)
 
 
 def check(frequency_hertz, impedance_ohm):
     """Refuse what is no spectrum of a cell: see `fit_circuit`."""
-    if len(frequency_hertz) < LEAST_POINTS:
-        raise Refusal(f"spectrum of {len(frequency_hertz)} points; a fit needs {LEAST_POINTS}")
+    if len(frequency_hertz) < 8:
+        raise Refusal(f"spectrum of {len(frequency_hertz)} points; a fit needs 8")
     if not (np.isfinite(frequency_hertz).all() and np.isfinite(impedance_ohm).all()):
         raise Refusal("spectrum holds values that are not finite")
     if not (frequency_hertz.min() > 0 and impedance_ohm.real.min() > 0):
@@ -428,45 +408,30 @@ def _free_parameters(column):
     return [places.index(k) for k in range(max(places, default=-1) + 1)]
 
 
-def _search_limits(tree, size, bounds, column):
-    """Logarithms of the lower and upper limits of the free parameters, (q,) each."""
-    lower, upper = parameter_limits(tree, size)
-    for name, (low, high) in bounds.items():
-        if not 0 < low < high:
-            raise Refusal(f"bounds of {name} are {low} and {high}; 0 < lower < upper is wanted")
-        lower[tree.names.index(name)], upper[tree.names.index(name)] = low, high
-    places = _free_parameters(column)
-    return np.log(lower[places]), np.log(upper[places])
-
-
 def _result(problem, optima):
     """CircuitFit of the best optimum."""
     best = int(optima.cost.argmin())
     x, cost = optima.x[best], float(optima.cost[best])
     residual, slopes = optima.rows[0], optima.rows[1:]
     names, points, data = problem.circuit.names, len(problem.weight), len(residual)
-    limited = (x - problem.lower < AT_BOUND) | (problem.upper - x < AT_BOUND)
+    # Within a thousandth, the slack of where the search stops.
+    limited = (x - problem.lower < 1e-3) | (problem.upper - x < 1e-3)
     values = problem.values(x)
     covariance = _covariance(slopes, residual, limited, problem.column)
     covariance *= values[:, None] * values
     std = np.sqrt(covariance.diagonal())
     certain = np.where(std > 0, std, np.nan)
-    error = residual[:points] + 1j * residual[points:]
     places, ended = problem.column.tolist(), limited.tolist()
     return CircuitFit(
         circuit=problem.circuit.text,
         names=names,
         values=values,
         std=std,
-        covariance=covariance,
         correlation=covariance / (certain[:, None] * certain),
         at_bound=tuple(n for n, k in zip(names, places, strict=True) if k >= 0 and ended[k]),
         free=len(x),
         rms_relative_residual=math.sqrt(2 * cost / points),
         bic=data * math.log(max(2 * cost / data, 1e-30)) + len(x) * math.log(data),
-        fitted_ohm=problem.impedance_ohm + error / problem.weight,
-        starts=int(np.isfinite(optima.cost).sum()),
-        arrived=int((optima.cost <= cost * (1 + SAME)).sum()),
     )
 
 

@@ -13,19 +13,7 @@ IMPEDANCE = Impedance()
 DRIFT_TOLERANCE = 0.01  # RMS over the slowest decade; residuals of valid spectra (Schönleber 2014)
 
 
-class KramersKronig(NamedTuple):
-    """Kramers–Kronig test: complex residual over the modulus (n,), its RMS, number of RC pairs, and
-    1 − Σ|negative R|/Σ|positive R| (`fill`)."""
-
-    relative_residual: np.ndarray
-    rms_relative_residual: float
-    pairs: int
-    fill: float
-
-
-def linear_kramers_kronig(
-    frequency_hertz, impedance_ohm, *, fill=0.85, pairs_per_decade=3, most_pairs=50
-):
+def linear_kramers_kronig(frequency_hertz, impedance_ohm):
     """Kramers–Kronig test of a spectrum: the residual of a fitted chain of RC pairs.
 
     A chain of RC pairs obeys the Kramers–Kronig relations; what it cannot fit does not.
@@ -37,13 +25,11 @@ def linear_kramers_kronig(
     Parameters
     ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
-    pairs_per_decade : pairs that are begun with [1].
-    fill : add pairs while 1 − Σ|negative R|/Σ|positive R| stays above this.
-    most_pairs : limit of the number of pairs.
 
     Returns
     -------
-    test : KramersKronig; residuals above about 1 % say drift, nonlinearity or artefacts.
+    residual : (n,) complex, over the modulus; above about 1 % it says drift, nonlinearity or
+        artefacts.
 
     Raises
     ------
@@ -57,16 +43,16 @@ def linear_kramers_kronig(
         raise Refusal(f"spectrum of {len(frequency)} points; a Kramers-Kronig test needs 8")
     rates = 2 * np.pi * frequency
     decades = np.log10(frequency.max() / frequency.min())
-    most = min(most_pairs, len(frequency))
+    most = min(50, len(frequency))
     # A chain too coarse for a narrow arc oscillates as well: begin where it cannot be that.
-    least = min(max(round(pairs_per_decade * decades), 3), most)
+    least = min(max(round(3 * decades), 3), most)
     for pairs in range(least, most + 1):
         resistances, residual = _chain(rates, impedance, pairs)
         negative = -resistances[resistances < 0].sum()
-        measure = 1 - negative / max(resistances[resistances > 0].sum(), np.finfo(float).tiny)
-        if measure <= fill:
+        positive = max(resistances[resistances > 0].sum(), np.finfo(float).tiny)
+        if 1 - negative / positive <= 0.85:
             break
-    return KramersKronig(residual, rms(np.abs(residual)), pairs, float(measure))
+    return residual
 
 
 def _chain(rates, impedance, pairs):
@@ -80,12 +66,6 @@ def _chain(rates, impedance, pairs):
     stacked = np.concatenate([columns.real, columns.imag]) / size
     solution = np.linalg.lstsq(stacked, np.concatenate([target.real, target.imag]), rcond=None)[0]
     return (solution / size)[:pairs], target - columns @ (solution / size)
-
-
-# Of all points, what may be left out at the slow end before the whole spectrum is in doubt.
-MOST_SHARE = 0.4
-# The slow end breaks the relations where it is this many times worse than the fast end.
-WORSE = 2.0
 
 
 class Trusted(NamedTuple):
@@ -128,53 +108,47 @@ def trusted_points(
     ------
     Refusal : fewer than 8 points.
     """
-    order = np.argsort(frequency_hertz)
-    most = int(MOST_SHARE * len(order))
-    tests = []
-    for dropped in range(most + 1):
+    order, residuals = np.argsort(frequency_hertz), []
+    for dropped in range(int(0.4 * len(order)) + 1):
         kept = order[dropped:]
-        test = linear_kramers_kronig(frequency_hertz[kept], impedance_ohm[kept])
-        tests.append(test)
-        if not _breaks(frequency_hertz[kept], test.relative_residual, drift_tolerance):
+        residuals.append(linear_kramers_kronig(frequency_hertz[kept], impedance_ohm[kept]))
+        if not _breaks(frequency_hertz[kept], residuals[-1], drift_tolerance):
             break
     else:
-        dropped, test = 0, tests[0]
+        dropped, residuals = 0, residuals[:1]
     keep = np.ones(len(order), bool)
     keep[order[:dropped]] = False
     inductive = impedance_ohm.imag > 0
     if inductance == "cut":
         keep &= ~inductive
-    notes = _notes(frequency_hertz, order, dropped, inductive & ~keep, tests[0])
+    with_them = rms(np.abs(residuals[0]))
+    notes = _notes(frequency_hertz, order, dropped, inductive & ~keep, with_them)
     residual = np.full(len(order), np.nan, complex)
-    residual[order[dropped:]] = test.relative_residual
-    return Trusted(keep, residual, test.rms_relative_residual, tuple(notes))
+    residual[order[dropped:]] = residuals[-1]
+    return Trusted(keep, residual, rms(np.abs(residuals[-1])), tuple(notes))
 
 
 def _breaks(frequency, residual, tolerance):
-    """Whether the slowest decade breaks the relations, against the tolerance and the fastest."""
+    """Whether the slowest decade breaks the relations: the tolerance, and twice the fastest's."""
     size, decade = np.abs(residual), np.log10(frequency / frequency.min())
     slow, fast = rms(size[decade <= 1]), rms(size[decade >= decade.max() - 1])
-    return slow > max(tolerance, WORSE * fast)
+    return slow > max(tolerance, 2.0 * fast)
 
 
-def _notes(frequency, order, dropped, cut, whole):
+def _notes(frequency, order, dropped, cut, with_them):
     """Sentences on the points that are not used, and why."""
     if dropped:
         count = "1 point" if dropped == 1 else f"{dropped} points"
         yield (
             f"{count} below {frequency[order[dropped]]:.3g} Hz left out of the fit: there "
             f"the spectrum breaks the Kramers-Kronig relations "
-            f"({whole.rms_relative_residual:.1%} RMS with them): the cell drifted"
+            f"({with_them:.1%} RMS with them): the cell drifted"
         )
     if cut.any():
         yield (
             f"{int(cut.sum())} points above {frequency[cut].min():.3g} Hz left out of the fit: "
             "inductance of the leads"
         )
-
-
-RESTED_SECOND = 1800.0
-MATERIAL_KELVIN = 0.5
 
 
 def rested_temperature(test_time_second, current_ampere, temperature_celsius):
@@ -193,7 +167,7 @@ def rested_temperature(test_time_second, current_ampere, temperature_celsius):
         return np.nan
     resting = at_rest_in_record(current_ampere)
     loaded = np.where(resting, test_time_second[0], test_time_second)
-    rested = resting & (test_time_second - np.maximum.accumulate(loaded) >= RESTED_SECOND)
+    rested = resting & (test_time_second - np.maximum.accumulate(loaded) >= 1800.0)
     rested_celsius = temperature_celsius[rested & np.isfinite(temperature_celsius)]
     return float(np.median(rested_celsius)) if len(rested_celsius) else np.nan
 
@@ -251,7 +225,7 @@ def _thermometer_notes(rows):
             "temperatures in the spectra's files cannot be checked: no other record of the same "
             "chamber temperature holds one half an hour after its last current"
         )
-    elif compared and max(abs(row["offset_kelvin"]) for row in compared) < MATERIAL_KELVIN:
+    elif compared and max(abs(row["offset_kelvin"]) for row in compared) < 0.5:
         yield f"temperatures in the spectra's files agree with those of the other records: {each}"
     elif compared:
         yield (

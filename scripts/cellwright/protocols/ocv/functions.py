@@ -13,6 +13,8 @@ from cellwright.numerics.least_squares import best_logarithms
 from cellwright.numerics.statistics import covariance_from_jacobian, rms, standard_deviations
 from cellwright.refusal import Refusal
 
+BLOCKS = 20  # of the cross-validation
+
 
 class Form(NamedTuple):
     """One analytic function of the SoC: its columns (n, c), their slopes, places of its parameters.
@@ -83,18 +85,17 @@ FORMS = {
 }
 
 
-def fit_functions(soc, ocv_volt, *, lowest_soc=0.01, highest_soc=0.99, blocks=20):
+def fit_functions(soc, ocv_volt):
     """Fit the four functions to an OCV table, and name the best by cross-validation.
 
     The table itself, interpolated by monotone cubics (PCHIP), is compared as "table". In the
-    cross-validation contiguous blocks of SoC are left out in turn and predicted; the lowest and
-    highest points stay in, for nothing measured says how a curve runs on beyond them.
+    cross-validation twenty contiguous blocks of SoC are left out in turn and predicted; the lowest
+    and highest points stay in, for nothing measured says how a curve runs on beyond them.
 
     Parameters
     ----------
-    soc, ocv_volt : (n,) ascending [1], [V].
-    lowest_soc, highest_soc : range that is fitted; the functions have poles at 0 and 1 [1].
-    blocks : number of blocks in the cross-validation.
+    soc, ocv_volt : (n,) ascending [1], [V]. SoC 0.01 to 0.99 is fitted: the functions have poles
+        at 0 and 1.
 
     Returns
     -------
@@ -109,15 +110,13 @@ def fit_functions(soc, ocv_volt, *, lowest_soc=0.01, highest_soc=0.99, blocks=20
     """
     soc, ocv_volt = np.asarray(soc, float), np.asarray(ocv_volt, float)
     # The tolerance keeps a table's own point at the limit inside it.
-    inside = np.abs(soc - (lowest_soc + highest_soc) / 2) < (highest_soc - lowest_soc) / 2 + 1e-9
-    soc, ocv_volt = soc[inside & np.isfinite(ocv_volt)], ocv_volt[inside & np.isfinite(ocv_volt)]
-    if len(soc) < 2 * blocks:
-        raise Refusal(f"OCV table has {len(soc)} points in range, fewer than {2 * blocks}")
+    inside = (np.abs(soc - 0.5) < 0.49 + 1e-9) & np.isfinite(ocv_volt)
+    soc, ocv_volt = soc[inside], ocv_volt[inside]
+    if len(soc) < 2 * BLOCKS:
+        raise Refusal(f"OCV table has {len(soc)} points in range, fewer than {2 * BLOCKS}")
     fits = {name: _described(form, soc, ocv_volt) for name, form in FORMS.items()}
     fits["table"] = (np.array([]), np.array([]), 0.0)
-    errors = {
-        name: _left_out_rmse(name, fit[0], soc, ocv_volt, blocks) for name, fit in fits.items()
-    }
+    errors = {name: _left_out_rmse(name, fit[0], soc, ocv_volt) for name, fit in fits.items()}
     best = min(errors, key=errors.get)
     return tuple(OcvFunction(name, *fit, errors[name], name == best) for name, fit in fits.items())
 
@@ -211,22 +210,18 @@ def _described(form, soc, volt):
     return parameters[:, 0], std[:, 0], rms(error)
 
 
-def _left_out_rmse(name, parameters, soc, volt, blocks):
+def _left_out_rmse(name, parameters, soc, volt):
     """RMSE over blocks of SoC left out of the fit in turn [V]; rates start from the full fit's."""
+    from scipy.interpolate import PchipInterpolator
+
     errors = []
-    for block in np.array_split(np.arange(1, len(soc) - 1), blocks):
-        kept = np.setdiff1d(np.arange(len(soc)), block)
-        predicted = _predicted(name, parameters, soc[kept], volt[kept], soc[block])
+    for block in np.array_split(np.arange(1, len(soc) - 1), BLOCKS):
+        others = np.delete(soc, block), np.delete(volt, block)
+        if name == "table":
+            predicted = PchipInterpolator(*others)(soc[block])
+        else:
+            rates = parameters[np.array(FORMS[name].places) < 0]
+            refitted = fit_parameters(FORMS[name], *others, near=rates)[:, 0]
+            predicted = evaluate(name, refitted, soc[block])
         errors.append(predicted - volt[block])
     return rms(np.concatenate(errors))
-
-
-def _predicted(name, parameters, soc, volt, wanted_soc):
-    """OCV at `wanted_soc` [V] by a function fitted to other points of the table."""
-    if name == "table":
-        from scipy.interpolate import PchipInterpolator
-
-        return PchipInterpolator(soc, volt)(wanted_soc)
-    form = FORMS[name]
-    rates = parameters[np.array(form.places) < 0]
-    return evaluate(name, fit_parameters(form, soc, volt, near=rates)[:, 0], wanted_soc)

@@ -4,13 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.conditions import SAME_CELSIUS
-
-MIDDLE = (0.2, 0.8)  # SoC over which the gap is read: near the ends it is resistance
-READING_VOLT = (
-    3e-3  # how far a slow branch is trusted, as `identification.regression.Noise.floor_volt`
-)
-READING_SOC = 0.02  # and at which SoC, as `identification.regression.Prior.missing`
+from cellwright.records.conditions import SAME_CELSIUS, stated_or_reference
 
 
 class SlowGap(NamedTuple):
@@ -18,13 +12,6 @@ class SlowGap(NamedTuple):
 
     half_gap_volt: float = np.nan
     current_ampere: float = np.nan
-
-
-class Allowed(NamedTuple):
-    """Largest hysteresis (k,) [V], None without a slow test, and its source in words."""
-
-    most_volt: np.ndarray | None
-    words: str
 
 
 def slow_gap(curve):
@@ -40,7 +27,7 @@ def slow_gap(curve):
     gap : SlowGap, median over SoC 20–80 %; NaN of a single branch.
     """
     soc, gap = half_gap(curve)
-    inside = (soc >= MIDDLE[0]) & (soc <= MIDDLE[1])
+    inside = (soc >= 0.2) & (soc <= 0.8)  # near the ends the gap is resistance
     if not inside.any():
         return SlowGap()
     current = (curve["charge_current_ampere"] - curve["discharge_current_ampere"]) / 2
@@ -77,36 +64,29 @@ def largest_hysteresis(basis, celsius, knots):
 
     Returns
     -------
-    allowed : Allowed.
+    most_volt : (k,) [V], None without a slow test. words : where it is from.
 
     Source: G. L. Plett, Battery Management Systems I (2015), ch. 2: hysteresis parts slow branches.
     """
     # ASSUME: In a slow full branch the hysteresis has developed: its charge constant is small
     # beside the charge that the branch has moved.
     if basis["borrowed_from"] is not None:
-        return Allowed(None, f"not bounded: the OCV is that of {basis['borrowed_from']}")
-    curves = [c for c in basis["ocv"] if half_gap(c)[0].size]
-    curves = [c for c in curves if _celsius(c) <= celsius + SAME_CELSIUS]
-    if not curves:
-        return Allowed(None, "not bounded: no slow test both ways at this temperature or below")
-    curve = min(curves, key=lambda c: abs(celsius - _celsius(c)))
+        return None, f"not bounded: the OCV is that of {basis['borrowed_from']}"
+    found = []
+    for curve in basis["ocv"]:
+        warmer = stated_or_reference(curve["ambient_temperature_celsius"]) - celsius
+        if half_gap(curve)[0].size and warmer <= SAME_CELSIUS:
+            found.append((abs(warmer), curve))
+    if not found:
+        return None, "not bounded: no slow test both ways at this temperature or below"
+    _, curve = min(found, key=lambda one: one[0])
     soc, gap = half_gap(curve)
-    shifts = np.linspace(-READING_SOC, READING_SOC, 9)
+    # As `identification.regression` trusts a slow branch: to 2 % of SoC and 3 mV.
+    shifts = np.linspace(-0.02, 0.02, 9)
     near = [np.interp(np.asarray(knots) + shift, soc, gap) for shift in shifts]
-    most = np.maximum(np.max(near, axis=0), 0.0) + READING_VOLT
+    most = np.maximum(np.max(near, axis=0), 0.0) + 3e-3
     words = f"at most half the gap of {curve['test']}, {1e3 * most.min():.0f}"
-    return Allowed(most, f"{words} to {1e3 * most.max():.0f} mV")
-
-
-def _celsius(curve):
-    """Temperature of a slow test [degC]."""
-    # ASSUME: A test without a stated temperature was made at 25 °C.
-    celsius = curve["ambient_temperature_celsius"]
-    return 25.0 if celsius is None else celsius
-
-
-LEAST_VOLT = 5e-3  # of half the gap, the design's limit of what an OCV error swallows
-LEAST_SHARE = 0.5  # of half the gap that a resistance may leave
+    return most, f"{words} to {1e3 * most.max():.0f} mV"
 
 
 def shows_hysteresis(gap, resistance_ohm):
@@ -124,4 +104,5 @@ def shows_hysteresis(gap, resistance_ohm):
     current.
     """
     unexplained_volt = gap.half_gap_volt - gap.current_ampere * resistance_ohm
-    return bool(unexplained_volt > max(LEAST_VOLT, LEAST_SHARE * gap.half_gap_volt))
+    # An error of the OCV swallows 5 mV, and the resistance is no better known than by half.
+    return bool(unexplained_volt > max(5e-3, 0.5 * gap.half_gap_volt))

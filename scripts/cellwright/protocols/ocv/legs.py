@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.protocols.half_cycles import turning_points
+
 
 class Leg(NamedTuple):
     """From one turning point of the net charge to the next, and its slow steady current in it.
@@ -45,35 +47,6 @@ def legs_of(test_time_second, current_ampere, voltage_volt, charge_ampere_hour, 
     columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour, file_index)
     legs = [_leg(first, last, *columns) for first, last in pairwise(turns)]
     return [leg for leg in legs if leg is not None]
-
-
-def turning_points(values, *, least):
-    """Rows where a course turns for good: the start, each extremum after a swing, the end.
-
-    Parameters
-    ----------
-    values : (n,), for example the net charge [Ah].
-    least : a smaller swing back is no turn, in the unit of `values`.
-
-    Returns
-    -------
-    rows : ascending; empty without any swing of that size.
-    """
-    slopes = np.sign(np.diff(values))
-    moving = np.flatnonzero(slopes)
-    bends = moving[1:][np.diff(slopes[moving]) != 0]
-    low = high = heading = 0
-    rows = []
-    for row in [*bends, len(values) - 1]:
-        low = row if values[row] <= values[low] else low
-        high = row if values[row] > values[high] else high
-        if heading >= 0 and values[high] - values[row] > least:
-            rows.append(high)
-            heading, low = -1, row
-        elif heading <= 0 and values[row] - values[low] > least:
-            rows.append(low)
-            heading, high = 1, row
-    return np.array([*rows, low if heading < 0 else high] if rows else [], int)
 
 
 def _leg(first, last, time, current, voltage, charge, files):

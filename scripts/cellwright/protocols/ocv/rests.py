@@ -12,13 +12,12 @@ import numpy as np
 from cellwright.protocols.ocv.slow import POINTS, OcvCurve, joined, rising
 from cellwright.protocols.rests import rests_of
 from cellwright.refusal import Refusal
+from cellwright.series.steps import follows_directly
 from cellwright.settings import Ocv
 
 OCV = Ocv()
 
-FEWEST = 5  # points of a branch
-SPAN = 0.5  # of the SoC that they must span
-OFFSET = 0.005  # of the capacity, read in rests: from here on it is said
+FEWEST, SPAN = 5, 0.5  # points of a branch, and the SoC that they must span
 
 
 class RestPoints(NamedTuple):
@@ -39,11 +38,6 @@ class RestPoints(NamedTuple):
     current_ampere: np.ndarray
     rest_second: np.ndarray
     read_ampere_hour: np.ndarray
-
-
-LEAST_PORTION = 0.003  # of the charge that the record moves: less before a rest is no load
-LATE = 0.02  # of a rest: its end
-PER_LOAD = 10.0  # lengths of the load: a shorter rest counts after so many, before the first one
 
 
 def rest_points(
@@ -71,19 +65,18 @@ def rest_points(
     -------
     points : RestPoints.
     """
-    time, voltage, charge = (
-        np.asarray(column, float) for column in (test_time_second, voltage_volt, charge_ampere_hour)
-    )
-    series = (time, np.asarray(current_ampere, float), voltage)
-    fitted = rests_of(
-        *series,
-        np.full(len(time), np.nan),
-        steps,
-        shortest_rest_second=rest_second,
-    ).rows
-    least = LEAST_PORTION * float(np.ptp(charge))
-    rows = [_long_rest(fitted, k) for k in np.flatnonzero(fitted.chosen)]
-    rows = [row for row in rows if row.pop("portion") >= least]
+    columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
+    time, current, voltage, charge = (np.asarray(column, float) for column in columns)
+    unknown = np.full(len(time), np.nan)
+    fitted = rests_of(time, current, voltage, unknown, steps, shortest_rest_second=rest_second).rows
+    chosen = [
+        {name: column[k] for name, column in fitted.items()}
+        for k in np.flatnonzero(fitted["chosen"])
+    ]
+    portions = [abs(row["current_before_ampere"]) * row["load_second"] / 3600 for row in chosen]
+    # Less than 0.3 % of the charge that the record moves, before a rest, is no load.
+    least = 0.003 * float(np.ptp(charge))
+    rows = [_long_rest(row) for row, moved in zip(chosen, portions, strict=True) if moved >= least]
     first = min((row["start"] for row in rows), default=-np.inf)
     rows = [*_short_rests(steps, before=first), *rows]
     rows = [row | _ends(time, voltage, charge, row) for row in rows]
@@ -92,50 +85,47 @@ def rest_points(
     )
 
 
-def _long_rest(fitted, k):
+def _long_rest(fitted):
     """Columns of a rest with its extrapolation, where at least two exponentials are determined."""
-    determined = fitted.exponentials[k] >= 2 and np.isfinite(fitted.ocv_std_volt[k])
-    doubt = np.nanmax([2 * abs(fitted.drift_volt[k]), fitted.ocv_std_volt[k]])
+    determined = fitted["exponentials"] >= 2 and np.isfinite(fitted["ocv_std_volt"])
+    doubt = np.nanmax([2 * abs(fitted["drift_volt"]), fitted["ocv_std_volt"]])
+    begin = fitted["start_time_second"]
     return {
-        "start": fitted.start_time_second[k],
-        "end": fitted.start_time_second[k] - fitted.delay_second[k] + fitted.rest_second[k],
-        "relaxed_volt": fitted.ocv_volt[k] if determined else np.nan,
+        "start": begin,
+        "end": begin - fitted["delay_second"] + fitted["rest_second"],
+        "relaxed_volt": fitted["ocv_volt"] if determined else np.nan,
         "doubt_volt": doubt if determined else np.nan,
-        "direction": fitted.direction[k],
-        "current_ampere": fitted.current_before_ampere[k],
-        "rest_second": fitted.rest_second[k],
-        "portion": abs(fitted.current_before_ampere[k]) * fitted.load_second[k] / 3600,
+        "direction": fitted["direction"],
+        "current_ampere": fitted["current_before_ampere"],
+        "rest_second": fitted["rest_second"],
     }
 
 
 def _short_rests(steps, *, before):
     """Columns of each short rest before the first long one, ten times as long as its discharge."""
-    kind, last = np.asarray(steps.kind), steps.duration_second
-    for k in np.flatnonzero(kind[1:] == "rest") + 1:
-        joins = steps.start_time_second[k] == steps.end_time_second[k - 1]
-        early = (
-            joins and steps.end_time_second[k] <= before and steps.current_mean_ampere[k - 1] < 0
-        )
-        if early and last[k] >= PER_LOAD * last[k - 1]:
-            yield {
-                "start": steps.start_time_second[k],
-                "end": steps.end_time_second[k],
-                "relaxed_volt": np.nan,
-                "doubt_volt": np.nan,
-                "direction": "discharge",
-                "current_ampere": steps.current_mean_ampere[k - 1],
-                "rest_second": last[k],
-            }
+    early = follows_directly(steps) & (np.asarray(steps.kind) == "rest")
+    early &= (steps.end_time_second <= before) & (np.roll(steps.current_mean_ampere, 1) < 0)
+    early &= steps.duration_second >= 10.0 * np.roll(steps.duration_second, 1)
+    for k in np.flatnonzero(early):
+        yield {
+            "start": steps.start_time_second[k],
+            "end": steps.end_time_second[k],
+            "relaxed_volt": np.nan,
+            "doubt_volt": np.nan,
+            "direction": "discharge",
+            "current_ampere": steps.current_mean_ampere[k - 1],
+            "rest_second": steps.duration_second[k],
+        }
 
 
 def _ends(time, voltage, charge, row):
     """Charge [Ah] and voltage [V] at the end of a rest, and charge counted within it [Ah]."""
     inside = (time >= row["start"]) & (time <= row["end"])
-    late = inside & (time >= row["end"] - LATE * row["rest_second"])
+    late = inside & (time >= row["end"] - 0.02 * row["rest_second"])
     within = charge[inside]
     return {
         "charge_ampere_hour": within[-1],
-        # The last samples show the next load where the clock of the voltage is ahead.
+        # A median: the last samples show the next load where the clock of the voltage is ahead.
         "end_volt": np.median(voltage[late]),
         "read_ampere_hour": within[-1] - within[0],
     }
@@ -172,11 +162,7 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
     starts_full = scale.first_volt >= volt.max(initial=-np.inf) and rest_soc.max(initial=0) < 1
     full_point = {"discharge": [(1.0, scale.first_volt)] if starts_full else [], "charge": []}
     branches, moved = zip(
-        *[
-            _branch(rest_soc[rows], volt[rows], full_point[name], soc)
-            for name, rows in after.items()
-        ],
-        strict=True,
+        *(_branch(rest_soc[r], volt[r], full_point[n], soc) for n, r in after.items()), strict=True
     )
     made = [branch is not None for branch in branches]
     if not any(made):
@@ -289,7 +275,7 @@ def _note(points, scale, used, joined_by, measured_soc, starts_full):
     if low > 0 or high < 1:
         sentences.append(f"straight on beyond SoC {low:.3f} to {high:.3f}")
     read = points.read_ampere_hour.sum() / scale.capacity_ampere_hour
-    if abs(read) > OFFSET:
+    if abs(read) > 0.005:
         sentences.append(
             f"the current read in the rests counts {read:+.1%} of the capacity: an offset?"
         )

@@ -1,35 +1,12 @@
 """Shift of the open-circuit voltage since an earlier check-up, from charges and discharges."""
 
-from typing import NamedTuple
-
 import numpy as np
 
-from cellwright.records.conditions import same_rate
+from cellwright.records.conditions import in_first_checkup, same_rate
 from cellwright.refusal import Refusal
+from cellwright.series.steps import constant_current_end
 
-LEAST_SHARE = 0.7  # of a half cycle: what must move at one current for its voltage to be compared
 GRID = np.linspace(0.0, 1.0, 41)
-COMPARED = (0.05, 0.95)  # SoC beyond which the polarisation of a load that begins or ends is read
-
-
-class OcvShift(NamedTuple):
-    """Shift of the OCV over SoC, (41,) each.
-
-    soc : of the check-up's own capacity [1]. shift_volt, shift_std_volt : against the earlier
-    check-up at the same SoC, and its standard deviation [V].
-    """
-
-    soc: np.ndarray
-    shift_volt: np.ndarray
-    shift_std_volt: np.ndarray
-
-
-class _Branch(NamedTuple):
-    """Voltage of one half cycle over SoC at one current [A], + on charge."""
-
-    soc: np.ndarray
-    volt: np.ndarray
-    ampere: float
 
 
 def ocv_shift(earlier, later):
@@ -48,93 +25,80 @@ def ocv_shift(earlier, later):
 
     Returns
     -------
-    shift : OcvShift; below 5 % and above 95 % SoC it is held.
+    shift : dict of (41,) columns: soc [1] of the check-up's own capacity, shift_volt against the
+        earlier check-up at the same SoC, shift_std_volt [V]. Below 5 % and above 95 % SoC, where
+        the polarisation of a load that begins or ends is read, they stay as they are there.
 
     Raises
     ------
     Refusal : a record without such a charge and discharge, or of another rate than the other.
     """
-    old, new = _branches(*earlier), _branches(*later)
-    for one, other in zip(old, new, strict=True):
-        if not same_rate(abs(other.ampere), abs(one.ampere)):
-            raise Refusal(f"{abs(other.ampere):.3g} A and {abs(one.ampere):.3g} A are not one rate")
-    inner = np.clip(GRID, *COMPARED)
-    moved = [
-        np.interp(inner, b.soc, b.volt) - np.interp(inner, a.soc, a.volt)
-        for a, b in zip(old, new, strict=True)
-    ]
-    half_distance = np.abs(moved[1] - moved[0]) / 2
-    return OcvShift(GRID, (moved[0] + moved[1]) / 2, half_distance / np.sqrt(3))
+    moved = []
+    for sign in (-1, 1):
+        soc, old_volt, old_ampere = _branch(sign, *earlier)
+        inner = np.clip(GRID, 0.05, 0.95)
+        before = np.interp(inner, soc, old_volt)
+        soc, volt, ampere = _branch(sign, *later)
+        if not same_rate(ampere, old_ampere):
+            raise Refusal(f"{ampere:.3g} A and {old_ampere:.3g} A are not one rate")
+        moved.append(np.interp(inner, soc, volt) - before)
+    std = np.abs(moved[1] - moved[0]) / 2 / np.sqrt(3)
+    return {"soc": GRID, "shift_volt": (moved[0] + moved[1]) / 2, "shift_std_volt": std}
 
 
-def shifts_since_first(records, *, same_cycles=5.0):
+def shifts_since_first(records):
     """Shift of the OCV of every later check-up against the first.
 
     Parameters
     ----------
     records : list of (test, cycle, record), each record as of `ocv_shift`.
-    same_cycles : tests so near in cycles to the first are of the same check-up [1].
 
     Returns
     -------
     rows : list of dict: cycle, soc, shift_volt, shift_std_volt, test, reference_test.
     notes : list of str, what could not be compared and why.
     """
-    first = min((cycle for _, cycle, _ in records), default=0.0)
-    references = [entry for entry in records if entry[1] - first <= same_cycles]
+    is_first = in_first_checkup([cycle for _, cycle, _ in records])
+    references = [entry for entry, first in zip(records, is_first, strict=True) if first]
     rows, notes = [], []
-    for test, cycle, record in records:
-        if cycle - first <= same_cycles:
+    for (test, cycle, record), first in zip(records, is_first, strict=True):
+        if first:
             continue
-        found, reason = _first_comparable(references, record)
-        if found is None:
-            notes.append(f"OCV shift of {test}: {reason}")
+        shift, of = _first_comparable(references, record)
+        if shift is None:
+            notes.append(f"OCV shift of {test}: {of}")
             continue
-        facts = {"cycle": float(cycle), "test": test, "reference_test": found[0]}
-        columns = [column.tolist() for column in found[1]]
-        rows += [
-            facts | dict(zip(OcvShift._fields, row, strict=True))
-            for row in zip(*columns, strict=True)
-        ]
+        facts = {"cycle": float(cycle), "test": test, "reference_test": of}
+        values = zip(*(column.tolist() for column in shift.values()), strict=True)
+        rows += [facts | dict(zip(shift, row, strict=True)) for row in values]
     return rows, notes
 
 
 def _first_comparable(references, record):
-    """(test, shift) against the first reference that can be compared, or None and why not."""
+    """Shift and name of the first reference that can be compared, or None and why not."""
     reason = "the first check-up has no capacity test"
     for test, _, reference in references:
         try:
-            return (test, ocv_shift(reference, record)), ""
+            return ocv_shift(reference, record), test
         except Refusal as refusal:
             reason = str(refusal)
     return None, reason
 
 
-def _branches(current, voltage, charge, steps):
-    """Discharge and charge branch of a record."""
-    return [_branch(sign, (current, voltage, charge), steps) for sign in (-1, 1)]
-
-
-def _branch(sign, columns, steps):
-    current, voltage, charge = columns
+def _branch(sign, current, voltage, charge, steps):
+    """SoC (m,) and voltage (m,) of a half cycle at its current, and the size of that [A]."""
     moved = sign * np.where(np.isin(steps.kind, ("CC", "CCCV")), steps.charge_ampere_hour, 0.0)
     step = int(np.argmax(moved))
-    whole = moved[step] + _held(sign, step, steps)
-    if moved[step] <= 0 or moved[step] < LEAST_SHARE * float(np.ptp(charge)):
+    # At one current most of the charge must move for its voltage to be compared.
+    if moved[step] <= 0 or moved[step] < 0.7 * float(np.ptp(charge)):
         name = "charge" if sign > 0 else "discharge"
         raise Refusal(f"no {name} at one current over most of the capacity")
-    first, held = int(steps.first_row[step]), int(steps.cv_first_row[step])
-    last = held if held > first else int(steps.last_row[step]) + 1
-    rows = slice(first, last)
-    passed = sign * (charge[rows] - charge[max(first - 1, 0)]) / whole
+    whole, after = moved[step], step + 1
+    if after < len(steps.kind) and steps.kind[after] == "CV":  # a hold as a step of its own
+        whole += max(sign * float(steps.charge_ampere_hour[after]), 0.0)
+    first = int(steps.first_row[step])
+    end = constant_current_end(first, steps.last_row[step], steps.cv_first_row[step])
+    passed = sign * (charge[first:end] - charge[max(first - 1, 0)]) / whole
     soc = passed if sign > 0 else 1 - passed
     order = np.argsort(soc)
-    return _Branch(soc[order], voltage[rows][order], float(np.median(current[rows])))
-
-
-def _held(sign, step, steps):
-    """Charge of a hold that follows a step as a step of its own [Ah]."""
-    after = step + 1
-    if after >= len(steps.kind) or steps.kind[after] != "CV":
-        return 0.0
-    return max(sign * float(steps.charge_ampere_hour[after]), 0.0)
+    return soc[order], voltage[first:end][order], float(np.median(np.abs(current[first:end])))

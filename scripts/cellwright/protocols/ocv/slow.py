@@ -11,19 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.ocv.legs import Leg, legs_of
-from cellwright.protocols.start import Before, Swing, told_of_first
+from cellwright.protocols.half_cycles import Before, HalfCycle, start_of_first
+from cellwright.protocols.ocv.legs import legs_of
 from cellwright.records.conditions import SAME_RATE
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import offset_at_rest
 from cellwright.settings import Ocv
 
 OCV = Ocv()
+POINTS = 201
 CLOSED = 0.03  # of the charge, by which slow discharge and charge may differ
-LEAST_OFFSET, MOST_OFFSET = 0.005, 0.3  # of the slow current: readings at rest that are looked for
-FULL_SHARE = 0.85  # of a record's largest leg: what is less is no full branch, but for a drift
-DRIFTED_SHARE = (1.0 - MOST_OFFSET) / (1.0 + MOST_OFFSET)
-NEARLY = 0.03  # of the range of voltage: as good as at its end
+MOST_OFFSET = 0.3  # of the slow current: the largest reading at rest that is looked for
 
 
 def joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by):
@@ -116,9 +114,6 @@ def from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge):
     return np.interp(soc, soc[measured], ocv[measured]), measured
 
 
-POINTS = 201
-
-
 class OcvCurve(NamedTuple):
     """Table over SoC and what it was made from; arrays (201,), NaN where a branch is missing.
 
@@ -161,11 +156,13 @@ def slow_ocv(
     file_index=None,
     lower_cutoff_volt,
     upper_cutoff_volt,
-    join="auto",
     least_hour=OCV.least_hour,
     soc_at_start=None,
 ):
     """OCV of a slow test from its discharge and its charge branch at equal SoC.
+
+    Where files of their own complete both branches, so that each begins in equilibrium, they are
+    joined by `from_equilibrium`, else as their mean.
 
     Parameters
     ----------
@@ -173,9 +170,6 @@ def slow_ocv(
         Current positive on charge; the net charge carries on across gaps and joined files.
     file_index : (n,) int, which of the joined files a row is from; None: one file.
     lower_cutoff_volt, upper_cutoff_volt : where a full discharge and a full charge end [V].
-    join : "mean" of the branches; "equilibrium": below half charge the charge branch, above it
-        the discharge branch, each moved by the gap (`from_equilibrium`); "auto": the latter
-        where files of their own complete both branches, so that each begins in equilibrium.
     least_hour : a branch is slow if it takes longer than this at its current [h].
     soc_at_start : of the first row, as the sheet states it [1], or None. A first branch that it, or
         the branch after it, tells not to begin at its end is left out.
@@ -192,23 +186,24 @@ def slow_ocv(
     (2015), ch. 2, function processOCV.
     """
     ends = {"lower": lower_cutoff_volt, "upper": upper_cutoff_volt}
-    unstated = [name for name, volt in ends.items() if volt is None]
-    if unstated:
-        named = " and the ".join(f"{name} cut-off" for name in unstated)
+    if unstated := [f"{name} cut-off" for name, volt in ends.items() if volt is None]:
+        named = " and the ".join(unstated)
         raise Refusal(f"the {named} is not stated, so no slow curve can be told to be complete")
     files = np.zeros(len(voltage_volt), int) if file_index is None else np.asarray(file_index, int)
     columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
     time, current, voltage, net_charge = (np.asarray(column, float) for column in columns)
     cutoffs = {-1: lower_cutoff_volt, 1: upper_cutoff_volt}
-    limits = cutoffs, least_hour
-    known = Before(soc_at_start=soc_at_start)
     columns = time, current, voltage, net_charge, files
-    discharge, charge, net_charge, note = _legs_chosen(columns, limits, known)
-    closed = _closed(discharge, charge, time, current, net_charge)
+    known = Before(soc_at_start=soc_at_start)
+    discharge, charge, net_charge, note = _legs_chosen(columns, (cutoffs, least_hour), known)
+    *closed, without_drift, drift = _closed(discharge, charge, time, current, net_charge)
     soc = np.linspace(0.0, 1.0, POINTS)
-    discharge_volt, moved_out = _branch(closed.discharge, voltage, closed.net_charge, soc)
-    charge_volt, moved_back = _branch(closed.charge, voltage, closed.net_charge, soc)
-    joined_by = _joined_by(discharge, charge, join)
+    discharge_volt, moved_out = _branch(closed[0], voltage, without_drift, soc)
+    charge_volt, moved_back = _branch(closed[1], voltage, without_drift, soc)
+    joined_by = "single"
+    if discharge and charge:
+        conditioned = discharge.conditioned and charge.conditioned
+        joined_by = "equilibrium" if conditioned else "mean"
     ocv, measured = joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by)
     table = rising(ocv)
     return OcvCurve(
@@ -219,14 +214,14 @@ def slow_ocv(
         half_gap_volt=(charge_volt - discharge_volt) / 2,
         capacity_ampere_hour=(discharge or charge).capacity_ampere_hour,
         charge_capacity_ampere_hour=charge.capacity_ampere_hour if charge else np.nan,
-        closed_capacity_ampere_hour=(closed.discharge or closed.charge).capacity_ampere_hour,
+        closed_capacity_ampere_hour=(closed[0] or closed[1]).capacity_ampere_hour,
         branches="both" if discharge and charge else "discharge" if discharge else "charge",
         discharge_current_ampere=discharge.current_ampere if discharge else np.nan,
         charge_current_ampere=charge.current_ampere if charge else np.nan,
         joined_by=joined_by,
         measured_soc=(float(soc[measured].min()), float(soc[measured].max())),
         moved_volt=float(max(moved_out, moved_back, np.abs(table - ocv).max())),
-        note=_balance(discharge, charge, closed) or note,
+        note=_balance(discharge, charge, closed[0], drift) or note,
     )
 
 
@@ -255,24 +250,31 @@ def slowest_load(*columns, **limits):
             return curve
 
 
+def _at_cutoff(leg, cutoffs):
+    """Whether a leg ends at its cut-off, within 3 % of the range of voltage."""
+    return leg.sign * (leg.end_volt - cutoffs[leg.sign]) > -_nearly(cutoffs)
+
+
+def _nearly(cutoffs):
+    return 0.03 * (cutoffs[1] - cutoffs[-1])
+
+
 def _begun(legs, columns, limits, known):
     """Legs of a record, without a first one that does not begin full, or empty; and why not."""
     _, current, voltage, net_charge, _ = columns
     cutoffs, _ = limits
-    nearly = NEARLY * (cutoffs[1] - cutoffs[-1])
-    swings = [
-        Swing(
+    halves = [
+        HalfCycle(
             *(leg.sign, leg.first_row, leg.last_row, leg.capacity_ampere_hour),
-            reached=leg.sign * (leg.end_volt - cutoffs[leg.sign]) > -nearly,
-            end_volt=leg.end_volt,
+            reached=_at_cutoff(leg, cutoffs),
             under_load=abs(current[leg.first_row]) > abs(leg.current_ampere) / 2,
         )
         for leg in legs[:2]
     ]
-    if not swings:
+    if not halves:
         return legs, ""
     about = (current, voltage, net_charge), (cutoffs[-1], cutoffs[1])
-    start = told_of_first(swings[0], swings[1] if len(swings) > 1 else None, *about, known)
+    start = start_of_first(halves[0], halves[1] if halves[1:] else None, *about, known)
     if start is None or not start.fault:
         return legs, ""
     return legs[1:], f"its first {'charge' if legs[0].sign > 0 else 'discharge'}: {start.fault}"
@@ -293,27 +295,28 @@ def _legs_chosen(columns, limits, known):
         chosen, refusal = (None, None), Refusal("; ".join(filter(None, [str(refused), left_out])))
     if left_out and chosen != (None, None):
         return *chosen, net_charge, left_out
-    if None not in chosen and _unequal(*chosen) < CLOSED:
+    if _closes(chosen):
         return *chosen, net_charge, ""
     largest = float(np.percentile(np.abs(current), 90))
-    offset = offset_at_rest(
-        *(time, current, voltage),
-        least_ampere=LEAST_OFFSET * largest,
-        most_ampere=MOST_OFFSET * largest,
-    )
-    corrected = net_charge - offset * (time - time[0]) / 3600.0
-    better = (None, None)
+    limits_ampere = {"least_ampere": 0.005 * largest, "most_ampere": MOST_OFFSET * largest}
+    offset = offset_at_rest(time, current, voltage, **limits_ampere)
     if offset:
+        corrected = net_charge - offset * (time - time[0]) / 3600.0
         with suppress(Refusal):
             better = _chosen(legs_of(time, current - offset, voltage, corrected, files), *limits)
-    if None not in better and _unequal(*better) < CLOSED:
-        words = f"{1e3 * offset:+.3g} mA, which its rests read, taken off the current"
-        return *better, corrected, f"{words}: discharge and charge differed without"
+            if _closes(better):
+                words = f"{1e3 * offset:+.3g} mA, which its rests read, taken off the current"
+                return *better, corrected, f"{words}: discharge and charge differed without"
     if None in chosen:
         chosen = _drifted(columns, limits) or chosen
     if refusal is not None and chosen == (None, None):
         raise refusal
     return *chosen, net_charge, ""
+
+
+def _closes(pair):
+    """Whether there is a discharge and a charge, and their ampere-hours agree within 3 %."""
+    return None not in pair and _unequal(*pair) < CLOSED
 
 
 def _drifted(columns, limits):
@@ -322,17 +325,18 @@ def _drifted(columns, limits):
     They end at the cut-offs, and the record at the voltage that it began with: the cell has come
     back to where it was, whatever was counted.
     """
-    _, _, voltage, _, _ = columns
+    voltage, legs = columns[2], legs_of(*columns)
     cutoffs, least_hour = limits
-    legs = legs_of(*columns)
-    nearly = NEARLY * (cutoffs[1] - cutoffs[-1])
-    if len(legs) != 2 or abs(voltage[legs[1].last_row] - voltage[legs[0].first_row]) > nearly:
+    if len(legs) != 2:
         return None
-    try:
-        chosen = _chosen(legs, cutoffs, least_hour, least_share=DRIFTED_SHARE)
-    except Refusal:
+    if abs(voltage[legs[1].last_row] - voltage[legs[0].first_row]) > _nearly(cutoffs):
         return None
-    return None if None in chosen else chosen
+    with suppress(Refusal):
+        # As unequal as the largest offset makes two legs of one capacity.
+        least_share = (1.0 - MOST_OFFSET) / (1.0 + MOST_OFFSET)
+        chosen = _chosen(legs, cutoffs, least_hour, least_share=least_share)
+        return None if None in chosen else chosen
+    return None
 
 
 def _unequal(discharge, charge):
@@ -340,20 +344,17 @@ def _unequal(discharge, charge):
     return abs(charge.capacity_ampere_hour / discharge.capacity_ampere_hour - 1.0)
 
 
-def _chosen(legs, cutoffs, least_hour, *, least_share=FULL_SHARE):
+def _chosen(legs, cutoffs, least_hour, *, least_share=0.85):
     """First full slow discharge and the full slow charge after or before it, None if missing."""
     # ASSUME: An OCV record that starts with a discharge starts full, with a charge starts empty,
     # where nothing tells otherwise (`_begun`).
     largest = max((leg.capacity_ampere_hour for leg in legs), default=0.0)
-    nearly = NEARLY * (cutoffs[1] - cutoffs[-1])
+    least = [max(least_share * largest, least_hour * abs(leg.current_ampere)) for leg in legs]
     slow = [
-        leg
-        if leg.capacity_ampere_hour > least_share * largest
-        and leg.capacity_ampere_hour > least_hour * abs(leg.current_ampere)
-        else None
-        for leg in legs
+        leg if leg.capacity_ampere_hour > size else None
+        for leg, size in zip(legs, least, strict=True)
     ]
-    ended = [leg and leg.sign * (leg.end_volt - cutoffs[leg.sign]) > -nearly for leg in slow]
+    ended = [leg and _at_cutoff(leg, cutoffs) for leg in slow]
     if not any(ended):
         raise Refusal(_why_none(legs, cutoffs, least_hour))
     full = [
@@ -414,17 +415,6 @@ def _cell_means(soc, voltage, centre, half_width):
     return np.where(wide, mean / np.where(wide, 2 * half, 1.0), np.interp(centre, soc, voltage))
 
 
-def _joined_by(discharge, charge, join):
-    """How the branches are joined: "single", "mean" or "equilibrium"."""
-    if join not in ("auto", "mean", "equilibrium"):
-        raise Refusal(f"OCV branches joined by {join!r}; wanted 'auto', 'mean' or 'equilibrium'")
-    if discharge is None or charge is None:
-        return "single"
-    if join != "auto":
-        return join
-    return "equilibrium" if discharge.conditioned and charge.conditioned else "mean"
-
-
 def rising(ocv):
     """Nearest strictly rising table [V]; plateaus rise by a microvolt over the whole range.
 
@@ -437,41 +427,34 @@ def rising(ocv):
     return isotonic_regression(ocv).x + 1e-6 * np.linspace(0.0, 1.0, len(ocv))
 
 
-class _Closed(NamedTuple):
-    """Branches and net charge without a drift of the counted charge [A], for their shape."""
-
-    discharge: Leg | None
-    charge: Leg | None
-    net_charge: np.ndarray
-    drift_ampere: float = 0.0
-
-
 # ASSUME: Where slow discharge and charge differ by more than 3 %, the current sensor has an offset
 # or the cell discharges itself: the cell returns what it took, and what is left over grew with
 # time. A hold at the end that only feeds a leak then fills nothing.
 def _closed(discharge, charge, time, current, net_charge):
-    """The branches with the drift taken off that makes the charge equal to the discharge."""
+    """Branches, net charge [Ah] without the drift that makes them unequal, and that drift [A]."""
     if discharge is None or charge is None or _unequal(discharge, charge) < CLOSED:
-        return _Closed(discharge, charge, net_charge)
+        return discharge, charge, net_charge, 0.0
     hours = np.cumsum(np.diff(time, prepend=time[0]) * (current != 0)) / 3600.0
     lasted = sum(hours[leg.last_row] - hours[leg.first_row] for leg in (discharge, charge))
     drift = (charge.capacity_ampere_hour - discharge.capacity_ampere_hour) / lasted
-    held = net_charge - drift * hours
+    without = net_charge - drift * hours
     legs = (
-        leg._replace(capacity_ampere_hour=float(abs(held[leg.last_row] - held[leg.first_row])))
+        leg._replace(
+            capacity_ampere_hour=float(abs(without[leg.last_row] - without[leg.first_row]))
+        )
         for leg in (discharge, charge)
     )
-    return _Closed(*legs, held, float(drift))
+    return *legs, without, float(drift)
 
 
-def _balance(discharge, charge, closed):
+def _balance(discharge, charge, closed, drift_ampere):
     """Sentence on a difference of charge and discharge above 3 %, and the drift behind it."""
-    if not closed.drift_ampere:
+    if not drift_ampere:
         return ""
-    leak = ", or as much self-discharge," if closed.drift_ampere > 0 else ""
+    leak = ", or as much self-discharge," if drift_ampere > 0 else ""
     return (
         f"slow discharge gave {discharge.capacity_ampere_hour:.4g} Ah, slow charge took "
-        f"{charge.capacity_ampere_hour:.4g} Ah; an offset of {1e3 * closed.drift_ampere:+.3g} mA "
-        f"in the current reading{leak} would explain it (capacity then "
-        f"{closed.discharge.capacity_ampere_hour:.4g} Ah)"
+        f"{charge.capacity_ampere_hour:.4g} Ah; an offset of {1e3 * drift_ampere:+.3g} mA in the "
+        f"current reading{leak} would explain it (capacity then "
+        f"{closed.capacity_ampere_hour:.4g} Ah)"
     )

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.protocols import Found
 from cellwright.refusal import Refusal
 from cellwright.settings import OcvStep
 
@@ -46,6 +47,13 @@ def joined_rests(steps):
     return rests
 
 
+def _binned(time, values, begin):
+    """First row of each bin of 600 s since `begin` [s] and the row after the last; bins' means."""
+    number = ((time - begin) // BIN_SECOND).astype(int)
+    edges = np.append(np.flatnonzero(np.diff(number, prepend=-1)), len(time))
+    return edges, *(np.add.reduceat(c, edges[:-1]) / np.diff(edges) for c in (time, values))
+
+
 def plateaus_of(test_time_second, temperature_celsius, *, settled_kelvin_per_hour, least_second):
     """Stretches in which the temperature moves slower than a limit.
 
@@ -61,13 +69,10 @@ def plateaus_of(test_time_second, temperature_celsius, *, settled_kelvin_per_hou
     """
     time = np.asarray(test_time_second, float)
     celsius = np.asarray(temperature_celsius, float)
-    number = ((time - time[0]) // BIN_SECOND).astype(int)
-    edges = np.append(np.flatnonzero(np.diff(number, prepend=-1)), len(time))
-    if len(edges) < 3:
+    edges, middle, means = _binned(time, celsius, time[0])
+    if len(means) < 2:
         return []
-    means = np.add.reduceat(celsius, edges[:-1]) / np.diff(edges)
-    middle = np.add.reduceat(time, edges[:-1]) / np.diff(edges) / 3600
-    still = np.abs(np.gradient(means, middle)) < settled_kelvin_per_hour
+    still = np.abs(np.gradient(means, middle / 3600)) < settled_kelvin_per_hour
     turns = np.flatnonzero(np.diff(still.astype(int), prepend=0, append=0))
     rows = [(edges[a], edges[b] - 1, b - a) for a, b in zip(turns[::2], turns[1::2], strict=True)]
     return [
@@ -75,17 +80,6 @@ def plateaus_of(test_time_second, temperature_celsius, *, settled_kelvin_per_hou
         for a, b, bins in rows
         if time[b] - time[a] >= least_second
     ]
-
-
-FASTEST_HOUR, SLOWEST_RESTS, RATES = 0.5, 10.0, 120
-
-
-class Course(NamedTuple):
-    """Extrapolated voltage and its standard deviation (m,) [V]; scatter of one bin [V]."""
-
-    volt: np.ndarray
-    std_volt: np.ndarray
-    noise_volt: float
 
 
 def extrapolated(test_time_second, voltage_volt, used, at_second, *, known_until):
@@ -102,15 +96,19 @@ def extrapolated(test_time_second, voltage_volt, used, at_second, *, known_until
 
     Returns
     -------
-    Course : its deviation holds the scatter, the choice of the time constant, and that in the cold
-        the relaxation may have stood still (rectangular, from nothing to what was extrapolated).
+    volt, std_volt : (m,) [V]; the deviation holds the scatter, the choice of the time constant, and
+        that in the cold the relaxation may have stood still (rectangular, from nothing to what was
+        extrapolated).
+    noise_volt : scatter of one bin [V].
 
     Source: thesis 3.3 (the dotted lines of fig. 3.9); weighting by likelihood is ours.
     """
     time, volt = (np.asarray(column, float) for column in (test_time_second, voltage_volt))
-    seen, means = _binned(time, volt, used)
-    slowest = SLOWEST_RESTS * (time[-1] - time[0])
-    taus = np.geomspace(3600 * FASTEST_HOUR, max(slowest, 7200.0 * FASTEST_HOUR), RATES)
+    # Bins weigh alike, however many samples they hold.
+    rows = np.concatenate([np.arange(first, last + 1) for first, last in used])
+    _, seen, means = _binned(time[rows], volt[rows], time[0])
+    # From half an hour to ten lengths of the rest, beyond which an exponential is a line.
+    taus = np.geomspace(1800.0, max(10.0 * (time[-1] - time[0]), 3600.0), 120)
     wanted = np.append(np.asarray(at_second, float), known_until)
     fits = [_exponential_fit(tau, seen - time[0], means, wanted - time[0]) for tau in taus]
     errors = np.array([error for error, _, _ in fits])
@@ -126,16 +124,7 @@ def extrapolated(test_time_second, voltage_volt, used, at_second, *, known_until
     # ASSUME: The cold slows a relaxation down, so it lies between its extrapolation and a halt.
     drift = np.where(later, mean[:-1] - mean[-1], 0.0)
     std = np.sqrt(spread[:-1] + drift**2 / 3)
-    return Course(mean[:-1], std, float(np.sqrt(variance)))
-
-
-def _binned(time, volt, used):
-    """Mean time [s] and voltage [V] of bins, which weigh alike however many samples they hold."""
-    rows = np.concatenate([np.arange(first, last + 1) for first, last in used])
-    number = ((time[rows] - time[0]) // BIN_SECOND).astype(int)
-    edges = np.flatnonzero(np.diff(number, prepend=-1))
-    counts = np.diff(np.append(edges, len(rows)))
-    return tuple(np.add.reduceat(column[rows], edges) / counts for column in (time, volt))
+    return mean[:-1], std, float(np.sqrt(variance))
 
 
 def _exponential_fit(tau, seen, volt, wanted):
@@ -155,14 +144,7 @@ def _exponential_fit(tau, seen, volt, wanted):
     return np.sum((columns @ coefficients - volt) ** 2), asked @ coefficients, leverage
 
 
-PLATEAU_KELVIN = 1.0
-
-
-class StepShifts(NamedTuple):
-    """Rows of stage `ocv_step`, one a plateau; sentences on rests that are not used."""
-
-    rows: list
-    left_out: list
+PLATEAU_KELVIN = 1.0  # plateaus so near to the first are at its temperature again
 
 
 def chamber_shifts(
@@ -193,9 +175,8 @@ def chamber_shifts(
 
     Returns
     -------
-    StepShifts : rows with rest, soc, temperature_celsius, time_second, voltage_volt,
-        reference_volt (extrapolated for the first temperature), shift_volt, noise_std_volt,
-        relaxation_std_volt, reference_temperature_celsius, returned.
+    found : Found; rows of stage `ocv_step`, one a plateau; reference_volt is extrapolated for the
+        first temperature.
 
     Raises
     ------
@@ -223,7 +204,7 @@ def chamber_shifts(
         rows += [{"rest": number, "soc": level} | row for row in shifts]
     if not rows:
         raise Refusal("; ".join(left_out) or "no rest in the record")
-    return StepShifts(rows, left_out)
+    return Found(rows, tuple(left_out))
 
 
 def cell_temperature(series):
@@ -260,7 +241,7 @@ def _kept(time, plateaus, skip, least_reference):
 
 
 def _shifts_of_rest(time, voltage, celsius, *, settled, least, skip, least_reference):
-    """Rows of StepShifts of one rest, one a plateau."""
+    """Rows of one rest, one a plateau."""
     plateaus = plateaus_of(time, celsius, settled_kelvin_per_hour=settled, least_second=least)
     kept = _kept(time, plateaus, skip, least_reference)
     first = plateaus[0]
@@ -277,7 +258,7 @@ def _shifts_of_rest(time, voltage, celsius, *, settled, least, skip, least_refer
     slope = np.polyfit(means[:, 0], means[:, 1], 1)[0]
     level = voltage - slope * (celsius - first.celsius)
     middles = [(time[p.first] + time[p.last]) / 2 for p in plateaus]
-    course = extrapolated(time, level, used, np.array(middles), known_until=time[first.last])
+    relaxed = extrapolated(time, level, used, np.array(middles), known_until=time[first.last])
     return [
         {
             "temperature_celsius": p.celsius,
@@ -285,20 +266,12 @@ def _shifts_of_rest(time, voltage, celsius, *, settled, least, skip, least_refer
             "voltage_volt": float(mean),
             "reference_volt": float(reference),
             "shift_volt": float(mean - reference),
-            "noise_std_volt": float(course.noise_volt / np.sqrt(p.bins)),
+            "noise_std_volt": float(relaxed[2] / np.sqrt(p.bins)),
             "relaxation_std_volt": float(std),
             "reference_temperature_celsius": first.celsius,
             "returned": bool(same and k > 0),
         }
         for k, (p, middle, mean, reference, std, same) in enumerate(
-            zip(
-                plateaus,
-                middles,
-                means[:, 1],
-                course.volt,
-                course.std_volt,
-                at_reference,
-                strict=True,
-            )
+            zip(plateaus, middles, means[:, 1], *relaxed[:2], at_reference, strict=True)
         )
     ]

@@ -1,0 +1,429 @@
+"""Half cycles of a record: where each begins and ends, and whether it is complete.
+
+One rule for every kind of test. What tells how a half cycle begins, in order: the half cycle before
+it, the test before it in time, the half cycle after it (between the same two ends both move the
+same charge), what the sheet states where the record does not contradict it, the voltage under load,
+and the rest. A full cell rests below its upper cut-off, an aged one further below: how far is no
+sign of how full it is. So a rest alone tells no more than how much charge may be missing.
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.records.anchor import STATED_SOC, contradiction
+
+NEAR_VOLT = 0.010  # a limit counts as reached this near to it: sampling and lead drop
+TURN_SHARE = 0.02  # of the rating: a smaller return of charge (regeneration, dither) is no turn
+RETURN_SHARE = 0.03  # by which a charge and a discharge between the same two ends may differ
+NAMES = {1: "charge", -1: "discharge"}
+ENDS = {-1: "full", 1: "empty"}  # how a discharge (-1) and a charge (+1) are to begin
+
+
+class HalfCycle(NamedTuple):
+    """One charge or discharge between two turns of the counted charge.
+
+    sign : +1 charge, -1 discharge. first_row : the last one before its load. turn_row : the last
+    one of its last load. moved_ampere_hour : between the two [Ah]. reached : whether it reached its
+    cut-off. under_load : the record begins with it, without a rest. loads : its steps under load,
+    those to the cut-off first in `to_cutoff`. last_row : to which it is counted. fault : why it is
+    not complete, "" where it is. missing_ampere_hour : standard deviation of the charge that it may
+    lack at its start [Ah], 0 where what came before tells it. words : what an unsure start is known
+    from.
+    """
+
+    sign: int
+    first_row: int
+    turn_row: int
+    moved_ampere_hour: float
+    reached: bool
+    under_load: bool
+    loads: tuple = ()
+    to_cutoff: tuple = ()
+    last_row: int = -1
+    fault: str = ""
+    missing_ampere_hour: float = 0.0
+    words: str = ""
+
+
+class Start(NamedTuple):
+    """How a half cycle begins: fields as of `HalfCycle`; `fault` is that of its start alone."""
+
+    fault: str = ""
+    missing_ampere_hour: float = 0.0
+    words: str = ""
+
+
+class Before(NamedTuple):
+    """What is known of a record's start besides the record.
+
+    state_before : "full" or "empty", as the test before it in time left the cell; "": not known.
+    soc_at_start : of the first row, as the sheet states it [1], or None. curve : open-circuit
+    voltage of the cell that it is held against, see `anchor.contradiction`, or None. rest_second :
+    how long the record rests at its start [s].
+    """
+
+    state_before: str = ""
+    soc_at_start: float | None = None
+    curve: dict | None = None
+    rest_second: float = 0.0
+
+
+def columns_of(series):
+    """Current [A], voltage [V] and charge [Ah] of a clean series, (n,) each, as used here."""
+    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
+    return tuple(np.asarray(series[name], float) for name in names)
+
+
+def half_cycles(columns, steps, limits, *, least_ampere_hour, dynamic=True):
+    """Half cycles of a record, in time order, with the fault of their ends; their starts aside.
+
+    A half cycle is complete at its end where a load in its direction reaches the cut-off within
+    10 mV, or a line through its last samples does: the cut-off then lies between two.
+
+    Parameters
+    ----------
+    columns : (current [A] positive on charge, voltage [V], charge [Ah]), (n,) each.
+    steps : Steps of the record. limits : lower and upper cut-off [V] or None.
+    least_ampere_hour : a return of less than this is no turn [Ah].
+    dynamic : whether a dynamic load may reach the cut-off too.
+
+    Returns
+    -------
+    halves : list of HalfCycle, counted to the turn; without `loads` where only rests were counted.
+    """
+    spans = [
+        part
+        for span in turns(columns[2], steps, least_ampere_hour=least_ampere_hour)
+        for part in _parts(span, columns, steps, limits)
+    ]
+    return [_half_cycle(span, columns, steps, limits, dynamic) for span in spans]
+
+
+def _half_cycle(span, columns, steps, limits, dynamic):
+    sign, first, last = span
+    current, voltage, charge = columns
+    limit = limits[sign > 0]
+    loads = _loads(span, steps)
+    if not loads:
+        rows = int(steps.first_row[first]), int(steps.last_row[last])
+        read = float(np.median(current[rows[0] : rows[1] + 1]))
+        fault = f"it holds no load: all that was counted is {read:.3g} A read at rest"
+        return HalfCycle(sign, *rows, 0.0, False, first == 0, last_row=rows[1], fault=fault)
+    begin, turn = max(int(steps.first_row[loads[0]]) - 1, 0), int(steps.last_row[loads[-1]])
+    at_limit = [k for k in loads if limit is not None and _reaches(k, sign, limit, voltage, steps)]
+    if not dynamic:
+        at_limit = [k for k in at_limit if steps.kind[k] != "dynamic"]
+    fault = ""
+    if limit is None:
+        name = "upper" if sign > 0 else "lower"
+        fault = f"the {name} cut-off is not stated, so its end cannot be told"
+    elif not at_limit:
+        fault = f"it ends at {voltage[turn]:.3f} V, before the cut-off of {limit:g} V"
+    return HalfCycle(
+        sign=sign,
+        first_row=begin,
+        turn_row=turn,
+        moved_ampere_hour=abs(float(charge[turn] - charge[begin])),
+        reached=bool(at_limit),
+        under_load=loads[0] == 0,
+        loads=tuple(loads),
+        to_cutoff=tuple(k for k in loads if not at_limit or k <= at_limit[0]),
+        last_row=turn,
+        fault=fault,
+    )
+
+
+def _loads(span, steps):
+    return [k for k in range(span[1], span[2] + 1) if steps.kind[k] != "rest"]
+
+
+def _reaches(step, sign, limit, voltage, steps):
+    """Whether a step that moves charge in its direction reaches the cut-off [V]."""
+    first, last = int(steps.first_row[step]), int(steps.last_row[step])
+    earlier = max(last - 5, first)
+    ahead = voltage[last] + (voltage[last] - voltage[earlier]) / max(last - earlier, 1)
+    farthest = max(np.max(sign * voltage[first : last + 1]), sign * ahead)
+    along = sign * steps.charge_ampere_hour[step] > 0
+    return along and farthest >= sign * limit - NEAR_VOLT
+
+
+def energy_counted(voltage_volt, charge_ampere_hour):
+    """Energy put in since the first row (n,) [Wh], by trapezoids of (n,) [V], [Ah]."""
+    middle = (voltage_volt[1:] + voltage_volt[:-1]) / 2
+    return np.concatenate([[0.0], np.cumsum(middle * np.diff(charge_ampere_hour))])
+
+
+def turns(charge_ampere_hour, steps, *, least_ampere_hour):
+    """Spans of steps between turning points of the counted charge.
+
+    Parameters
+    ----------
+    charge_ampere_hour : (n,) net charge since the first row [Ah].
+    steps : Steps of the record.
+    least_ampere_hour : a return of less than this is no turn [Ah].
+
+    Returns
+    -------
+    list of (sign, first step, last step); empty where less than that is moved.
+    """
+    level = np.append(charge_ampere_hour[0], charge_ampere_hour[steps.last_row])
+    points = turning_points(level, least=least_ampere_hour).tolist()
+    return [(1 if level[b] > level[a] else -1, a, b - 1) for a, b in pairwise(points)]
+
+
+def turning_points(values, *, least):
+    """Rows where a course turns for good: the start, each extremum after a swing, the end.
+
+    Parameters
+    ----------
+    values : (n,), for example the net charge [Ah].
+    least : a smaller swing back is no turn, in the unit of `values`.
+
+    Returns
+    -------
+    rows : ascending; empty without any swing of that size.
+    """
+    slopes = np.sign(np.diff(values))
+    moving = np.flatnonzero(slopes)
+    bends = moving[1:][np.diff(slopes[moving]) != 0]
+    low = high = heading = 0
+    rows = []
+    for row in [*bends, len(values) - 1]:
+        low = row if values[row] <= values[low] else low
+        high = row if values[row] > values[high] else high
+        if heading >= 0 and values[high] - values[row] > least:
+            rows.append(high)
+            heading, low = -1, row
+        elif heading <= 0 and values[row] - values[low] > least:
+            rows.append(low)
+            heading, high = 1, row
+    return np.array([*rows, low if heading < 0 else high] if rows else [], int)
+
+
+def with_starts(halves, columns, limits, known):
+    """Half cycles, those whose end has no fault with what `starts_of` says of their starts."""
+    begun, found = [k for k, half in enumerate(halves) if half.loads], list(halves)
+    starts = starts_of([halves[k] for k in begun], columns, limits, known)
+    for k, start in zip(begun, starts, strict=True):
+        if not found[k].fault:
+            found[k] = found[k]._replace(**start._asdict())
+    return found
+
+
+def starts_of(halves, columns, limits, known):
+    """How each half cycle of a record begins.
+
+    Parameters
+    ----------
+    halves : list of HalfCycle, in time order.
+    columns, limits : as in `half_cycles`. known : Before.
+
+    Returns
+    -------
+    starts : list of Start.
+    """
+    if not halves:
+        return []
+    starts = [start_of_first(halves[0], halves[1] if halves[1:] else None, columns, limits, known)]
+    if starts[0] is None and halves[0].under_load:
+        starts[0] = _under_load(halves[0], known.state_before)
+    # What follows a half cycle that reached its cut-off begins there.
+    starts += [
+        Start() if before.sign != half.sign and before.reached else None
+        for before, half in pairwise(halves)
+    ]
+    rests = {sign: [] for sign in ENDS}
+    for half, start in zip(halves, starts, strict=True):
+        if start and not (start.fault or half.under_load):
+            rests[half.sign].append(columns[1][half.first_row])
+    starts = [
+        start or _by_rest(half, before, columns, limits, rests[half.sign])
+        for before, half, start in zip([None, *halves], halves, starts, strict=False)
+    ]
+    if contradicted := _contradiction(halves[0], starts[0], columns, limits, known):
+        name = "fault" if starts[0].fault else "words"
+        said = "; ".join(filter(None, [getattr(starts[0], name), contradicted]))
+        starts[0] = starts[0]._replace(**{name: said})
+    return starts
+
+
+def start_of_first(half, after, columns, limits, known):
+    """Start of a record's first half cycle, where anything but the rest alone says it, or None.
+
+    Parameters
+    ----------
+    half, after : HalfCycle, the first one and the one after it, or None.
+    columns, limits, known : as in `starts_of`.
+    """
+    limit, first_volt = limits[half.sign < 0], float(columns[1][half.first_row])
+    at_limit = limit is not None and half.sign * (first_volt - limit) <= NEAR_VOLT
+    if known.state_before == ENDS[half.sign] or at_limit:
+        return Start()
+    returned = _by_return(half, after)
+    if returned and not (returned.fault and _has_offset(half, returned, columns, limits)):
+        return returned
+    if known.soc_at_start is not None and not _rest_contradicts(half, columns, limits, known):
+        return _as_stated(half, known.soc_at_start)
+    return None
+
+
+def _by_return(half, after):
+    """Start of a first half cycle by the one after it, which runs from end to end; or None.
+
+    The one after it moves what lies between both cut-offs; what the first one moves less it lacked.
+    """
+    if after is None or after.sign == half.sign or not (after.reached and half.reached):
+        return None
+    lacking = after.moved_ampere_hour - half.moved_ampere_hour
+    share = lacking / after.moved_ampere_hour
+    if abs(share) <= RETURN_SHARE:
+        # A charge takes more than it gives back: what a discharge gives beyond it was there before.
+        return Start("", max(lacking, 0.0) if half.sign > 0 else 0.0)
+    if share < 0:
+        return None
+    lacked, after_it = ("lacked", "charge") if half.sign < 0 else ("already held", "discharge")
+    moved = f"the {after_it} after it moves {after.moved_ampere_hour:.4g} Ah between the same ends"
+    fault = f"it does not start {ENDS[half.sign]}: it {lacked} {share:.1%}, for {moved}"
+    return Start(fault, lacking)
+
+
+def _has_offset(half, returned, columns, limits):
+    """Whether a first half cycle lacks more than its first voltage leaves room for.
+
+    Then the current has an offset: the half cycle after it moves more than there can be.
+    """
+    by_rest = _by_rest(half, None, columns, limits, ())
+    return not by_rest.fault and returned.missing_ampere_hour > by_rest.missing_ampere_hour
+
+
+def _rest_contradicts(half, columns, limits, known):
+    """Why the first rest contradicts the stated SoC, "" where it does not."""
+    rest = np.nan if half.under_load else float(columns[1][half.first_row])
+    second = known.rest_second
+    return contradiction(known.soc_at_start, rest, limits, known.curve, rest_second=second)
+
+
+# ASSUME: A cell that the sheet states full or empty was so by its protocol, without a doubt.
+def _as_stated(half, soc):
+    """Start of a first half cycle by the sheet's SoC."""
+    missing = _missing(half, soc)
+    if not missing <= RETURN_SHARE:
+        return Start(f"it does not start {ENDS[half.sign]}: the sheet states an SoC of {soc:g}")
+    return Start("", missing * half.moved_ampere_hour)
+
+
+def _missing(half, soc):
+    """Share of the charge that a half cycle lacks which begins at this SoC [1]."""
+    return 1 - soc if half.sign < 0 else soc
+
+
+def _contradiction(half, start, columns, limits, known):
+    """In words, what contradicts the stated SoC: the first rest, or a start that others tell."""
+    soc = known.soc_at_start
+    if soc is None:
+        return ""
+    by_rest = _rest_contradicts(half, columns, limits, known)
+    if by_rest or start.fault or _missing(half, soc) <= STATED_SOC:
+        return by_rest
+    return f"the stated SoC of {soc:g} is not used: it starts {ENDS[half.sign]}"
+
+
+# ASSUME: A record that begins under load with a discharge begins with a full cell.
+def _under_load(half, state_before):
+    """Start of a record that begins under load, not at a cut-off."""
+    if half.sign > 0:
+        return Start("the record begins with it, from an unknown state of charge")
+    if state_before == "empty":
+        return Start("it does not start full: the test before it left the cell empty")
+    return Start()
+
+
+def _by_rest(half, before, columns, limits, known_rests_volt):
+    """Start of a half cycle by the voltage at which the cell rests before it.
+
+    1. Not beyond where the half cycle before was cut short. 2. Resting no lower than the same cell
+    did before half cycles of which the start is known (for a charge: no higher), it begins as they
+    did. 3. Else the voltage that lacks to the cut-off bounds the charge that may be missing:
+    open-circuit curves are steepest at their ends, so it is no more than what it takes to lower the
+    voltage as far again. Under load this is counted from the first loaded sample on; it is then
+    somewhat too small, for the load's own polarisation still grows, and stands for the standard
+    deviation instead of a bound. 4. Where that exceeds 20 % of the charge moved, the start is not
+    known: with more doubt no new cell is told from one at its end.
+    """
+    sign, end = half.sign, ENDS[half.sign]
+    if None in limits:
+        return Start(f"whether it starts {end} cannot be told: a cut-off is not stated")
+    rows = slice(half.first_row, half.turn_row + 1)
+    current, voltage, charge = (column[rows] for column in columns)
+    rest = float(voltage[0])
+    turned = before is not None and before.sign != sign
+    if turned and sign * (rest - columns[1][before.turn_row]) >= 0:
+        return Start(f"it does not start {end}: what came before was cut short")
+    lacking = sign * (rest - limits[sign < 0]) - NEAR_VOLT
+    if lacking <= 0:
+        return Start()
+    if any(sign * (rest - known) <= NEAR_VOLT for known in known_rests_volt):
+        return Start(words=f"rests at {rest:.3f} V as before cycles that start {end}")
+    missing = _charge_of_fall(np.abs(current), sign * voltage, charge, lacking)
+    moved = half.moved_ampere_hour
+    if missing > 0.20 * moved:
+        share = f"{min(missing / moved, 1):.0%} of its charge" if moved else "all of its charge"
+        may = f"may lack {share}" if sign < 0 else f"may already hold {share}"
+        known_by = f"it does not start {end} or is not known to: with a rest voltage of {rest:.3f}"
+        return Start(f"{known_by} V it {may}, and no test before it tells more")
+    return Start("", missing, f"start by a rest voltage of {rest:.3f} V, ± {missing:.2g} Ah")
+
+
+def _charge_of_fall(size, along, charge, fall_volt):
+    """Charge [Ah] until the loaded voltage has gone on by `fall_volt` since the load was on.
+
+    size, along : current [A] without its sign; voltage, rising in the direction of the load [V].
+    """
+    loaded = np.flatnonzero(size >= np.median(size[1:]) / 2)
+    loaded = loaded[loaded > 0]
+    if not len(loaded):
+        return abs(float(charge[-1] - charge[0]))
+    beyond = np.flatnonzero(along[loaded] - along[loaded[0]] >= fall_volt)
+    last = loaded[beyond[0]] if len(beyond) else -1
+    return abs(float(charge[last] - charge[0]))
+
+
+def _parts(span, columns, steps, limits):
+    """Half cycle (sign, first step, last step) cut where the one between was not logged.
+
+    Without the charge between them two discharges look like one. They are two where the first has
+    reached its cut-off, the cell then rests at more than half of the way back to the rest that the
+    first began with (it was charged in between), and the second moves at least 30 % of the first's
+    charge: no cell gives that after its cut-off. Likewise two charges.
+    """
+    sign, first, last = span
+    limit = limits[sign > 0]
+    if limit is None:
+        return [span]
+    _, voltage, charge = columns
+    loads = _loads(span, steps)
+    begins = [loads[0]] if loads else []
+    for earlier, load in pairwise(loads):
+        row, start = steps.last_row[earlier], steps.first_row[begins[-1]] - 1
+        if sign * voltage[row] < sign * limit - NEAR_VOLT:
+            continue
+        rest, rest_before = voltage[steps.first_row[load] - 1], voltage[max(start, 0)]
+        back = (rest - voltage[row]) / ((rest_before - voltage[row]) or np.inf)
+        moved = abs(charge[row] - charge[max(start, 0)])
+        after = _to_cutoff(sign, load, loads, (voltage, charge), steps, limit)
+        if back >= 0.5 and after >= 0.3 * moved:
+            begins.append(load)
+    ends = [*[k - 1 for k in begins[1:]], last]
+    return [(sign, k, end) for k, end in zip([first, *begins[1:]], ends, strict=True)]
+
+
+def _to_cutoff(sign, load, loads, columns, steps, limit):
+    """Charge [Ah] from a load to the first end of one that reaches the cut-off, or to the last."""
+    voltage, charge = columns
+    later = loads[loads.index(load) :]
+    ends = [steps.last_row[k] for k in later]
+    reached = [row for row in ends if sign * voltage[row] >= sign * limit - NEAR_VOLT]
+    begin = max(steps.first_row[load] - 1, 0)
+    return abs(charge[(reached or ends[-1:])[0]] - charge[begin])
