@@ -338,8 +338,67 @@ def assemble(readings: Sequence[Reading], *, stated_sign: str | None = None) -> 
     for number, reading in enumerate(readings, start=1):
         if reading.kind != "series":
             raise Refusal(f"file {number} holds {reading.kind}, a series is wanted")
+    said = [note for k, r in enumerate(readings) for note in _notes(r, k, len(readings))]
+    if any(reading.sign for reading in readings):
+        signs = _own_signs(readings, stated_sign)
+        files = [_turned(r.columns, sign) for r, sign in zip(readings, signs, strict=True)]
+        joined = join(files)
+        return Assembled(joined.columns, (*said, *joined.notes, *_against_voltage(joined.columns)))
+    if not stated_sign:
+        _refuse_unlike([current_sign(*(r.columns[n] for n in SERIES)).sign for r in readings])
     joined = join([reading.columns for reading in readings])
     rules = {SIGN_RULE.get(reading.instrument) for reading in readings}
     default = rules.pop() if len(rules) == 1 else None
     signed = charge_positive(joined.columns, stated=stated_sign or None, default=default)
-    return Assembled(signed.columns, (*joined.notes, *signed.notes))
+    return Assembled(signed.columns, (*said, *joined.notes, *signed.notes))
+
+
+def _notes(reading, index, files):
+    """What the reader left out of a file, with its number where a test has several."""
+    return [f"file {index + 1}: {note}" if files > 1 else note for note in reading.notes]
+
+
+def _own_signs(readings, stated):
+    """Sign of each file as its own counters or letters tell it; of a file without, as the others.
+
+    These are exact: the voltage, which follows the current with a delay or is held, never overrules
+    them, nor does the sheet.
+    """
+    own = [reading.sign for reading in readings]
+    for number, sign in enumerate(own, start=1):
+        if stated and sign and CONVENTIONS[stated] != sign:
+            raise Refusal(
+                f"current_sign says {stated}, the counters or step letters of file {number} show "
+                f"{_convention(sign)}; correct the sheet, or leave it blank"
+            )
+    told = {sign for sign in own if sign}
+    if len(told) > 1 and 0 in own and not stated:
+        raise Refusal(
+            f"file {own.index(0) + 1} does not tell the sign of its current, and those of the "
+            "other files differ; state current_sign"
+        )
+    rest = CONVENTIONS[stated] if stated else told.pop()
+    return [sign or rest for sign in own]
+
+
+def _convention(sign):
+    return next(name for name, of_name in CONVENTIONS.items() if of_name == sign)
+
+
+def _against_voltage(columns):
+    """A note where the voltage speaks clearly against a sign that counters or letters tell."""
+    shown = current_sign(*(columns[name] for name in SERIES))
+    if shown.sign >= 0:
+        return ()
+    return (f"the voltage speaks against the sign of the counters ({shown.reason})",)
+
+
+def _refuse_unlike(signs):
+    """Refuse files of one test whose voltages show currents of opposite signs."""
+    told = [(number, sign) for number, sign in enumerate(signs, start=1) if sign]
+    for number, sign in told:
+        if sign != told[0][1]:
+            raise Refusal(
+                f"file {number} shows {_convention(sign)} by its voltage, file {told[0][0]} "
+                f"{_convention(told[0][1])}: give files of one sign, or state current_sign"
+            )
