@@ -283,3 +283,36 @@ def test_magnitudes_take_their_signs_from_the_counters():
 
 def test_counters_that_do_not_move_tell_no_sign():
     assert read(with_counters(SIGNED, 0 * CHARGE, 0 * CHARGE)).sign == 0
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(1e-3, "milliseconds"), (60, "minutes"), (3600, "hours")]
+)
+def test_a_clock_in_another_unit_is_converted_where_dates_prove_it(factor, unit):
+    second = 10.0 * np.arange(500)
+    rows = zip(second / factor, 1.7e9 + np.floor(second), strict=True)
+    text = "Test Time / s,Current / A,Voltage / V,Unix Time / s\n"
+    text += "".join(
+        f"{t!r},1.0,{3.6 + t * factor / 1e5:.6f},{u}\n" for t, u in np.array(list(rows)).tolist()
+    )
+    reading = read(text)
+    np.testing.assert_allclose(reading.columns["test_time_second"], second)
+    assert reading.notes == (
+        f"the clock counts {unit}, as its dates prove, not seconds: converted",
+    )
+
+
+def test_kelvin_under_degrees_is_left_out_and_told():
+    text = "Test Time / s,Current / A,Voltage / V,Ambient Temperature / degC\n"
+    reading = read(text + "".join(f"{t},1.0,3.7,298.15\n" for t in range(9)))
+    assert "ambient_temperature_celsius" not in reading.columns
+    assert reading.notes == (
+        "ambient_temperature_celsius reads 298.1 °C: kelvin under degC? left out",
+    )
+
+
+@pytest.mark.parametrize("start", ["0d 00:00:00.5", "00:00:00.5"])
+def test_a_time_of_day_in_the_interchange_format(start):
+    text = f"Test Time / s,Current / A,Voltage / V\n{start},1.0,3.7\n"
+    text += f"{start.replace(':00.5', ':10.5')},1,3.7\n"
+    np.testing.assert_array_equal(read(text).columns["test_time_second"], [0.5, 10.5])

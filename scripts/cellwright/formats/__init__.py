@@ -150,5 +150,5 @@ def _checked(instrument: str, columns: dict[str, np.ndarray], notes, sign: int) 
     if "frequency_hertz" in columns:
         return Reading(checked_impedance(columns), instrument, "impedance", tuple(notes))
     columns, counted = with_net_counter(columns)
-    series = checked_series(columns)
-    return Reading(series, instrument, "series", tuple(notes), sign or counted)
+    series, more = checked_series(columns)
+    return Reading(series, instrument, "series", (*notes, *more), sign or counted)

@@ -16,6 +16,7 @@ from cellwright.formats.fields import (
     known_fields,
     require,
 )
+from cellwright.formats.physics import COLDEST, HOTTEST, SAME_CLOCK, date_slopes
 from cellwright.formats.table import (
     DELIMITERS,
     Layout,
@@ -47,8 +48,6 @@ NOT_SAID = "not said"
 CLOCKED = re.compile(r"^\s*(?:\d+\s*d\s+)?\d+:\d+:\d")
 # Factors between a clock whose unit is not said and its dates [s].
 CLOCK_UNITS = {1.0: "s", 60.0: "min", 3600.0: "h"}
-SAME_CLOCK = 0.01  # dates are written to the second
-COLDEST, HOTTEST = -60.0, 150.0  # degC that a thermometer on a cell may show
 
 
 class Format(NamedTuple):
@@ -267,7 +266,7 @@ def _factor(form, field, values, unix):
     moved = np.ptp(values[np.isfinite(values)]) if np.isfinite(values).any() else 0.0
     # Dates are written to the second: a minute of them tells the unit to within 2 %.
     if unix is not None and moved > 0:
-        slope = np.nanmedian(_slopes(values, unix))
+        slope = np.nanmedian(date_slopes(values, unix))
         for factor in CLOCK_UNITS:
             if abs(slope / factor - 1) <= SAME_CLOCK:
                 return factor
@@ -275,18 +274,6 @@ def _factor(form, field, values, unix):
         f"column {field.label!r} of a {form.title} file does not say its unit, and no dates tell "
         "it: export it with a unit, such as seconds"
     )
-
-
-def _slopes(values, unix):
-    """Seconds of dates a unit of the clock over stretches of at least an hour, or the whole."""
-    span = max(np.ptp(unix[np.isfinite(unix)]) / 10, 1.0)
-    start = np.arange(len(values))
-    stop = np.searchsorted(unix, unix + span)
-    good = stop < len(values)
-    start, stop = start[good], stop[good]
-    step = values[stop] - values[start]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(step > 0, (unix[stop] - unix[start]) / step, np.nan)
 
 
 def _signed(form, current, letters):

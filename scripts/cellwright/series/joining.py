@@ -12,6 +12,7 @@ import numpy as np
 from cellwright.formats import SIGN_RULE, Reading
 from cellwright.refusal import Refusal
 from cellwright.series.cleaning import NO_READING, SERIES
+from cellwright.series.repeated import repeated_rows
 
 COUNTER = "net_capacity_ampere_hour"
 
@@ -46,8 +47,9 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Assembled:
         By their date stamps, a file begins before the one in front of it ends.
     """
     names = list(dict.fromkeys(name for columns in series for name in columns))
+    series, notes = _without_repeats(series)
     first, *others = [_with_steady_counter(columns) for columns in series]
-    parts, notes = [first], []
+    parts = [first]
     for number, following in enumerate(others, start=2):
         part, note = _continued(parts[-1], following, number)
         parts.append(part)
@@ -60,6 +62,29 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Assembled:
     }
     joined["file_index"] = np.repeat(np.arange(len(parts)), sizes)
     return Assembled(joined, tuple(notes))
+
+
+def _without_repeats(series):
+    """Files without rows that a file before holds too, by their own clocks, and notes.
+
+    An export made later holds what was exported before: the same readings, which count once.
+    """
+    kept, notes = {1: dict(series[0])}, []
+    for number, columns in enumerate(series[1:], start=2):
+        for earlier, before in list(kept.items()):
+            if repeated_rows(before, columns).all():
+                notes.append(f"file {number} holds all rows of file {earlier}, which is left out")
+                del kept[earlier]
+                continue
+            seen = repeated_rows(columns, before)
+            if seen.any():
+                notes.append(
+                    f"{seen.sum()} rows of file {number} stand in file {earlier}: left out"
+                )
+                columns = {name: values[~seen] for name, values in columns.items()}
+        if len(columns["test_time_second"]):
+            kept[number] = dict(columns)
+    return list(kept.values()), notes
 
 
 def _continued(before: Mapping, after: Mapping, number: int) -> tuple[dict, str]:
@@ -80,6 +105,15 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
     interval = _sampling(after["test_time_second"])
     if "unix_time_second" in before and "unix_time_second" in after:
         pause = after["unix_time_second"][0] - before["unix_time_second"][-1]
+        back = before["unix_time_second"][0] < after["unix_time_second"][0]
+        if back and -HOUR - 2.0 <= pause < -2.0:
+            # ASSUME: Local dates that go back by less than an hour, and not behind the beginning
+            # of the file before, do so where summer time ends.
+            shift = end + max(pause + HOUR, interval) - start
+            return shift, (
+                f"file {number} begins {-pause:g} s before file {number - 1} ends, by their dates: "
+                f"taken as {pause + HOUR:g} s after it, the clock being set back by an hour"
+            )
         if pause < -2.0:  # date stamps of whole seconds may be wrong by one at either end
             raise Refusal(
                 f"file {number} begins {-pause:g} s before file {number - 1} ends, by their dates; "
@@ -116,6 +150,7 @@ def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     return {**columns, COUNTER: counter[0] + np.concatenate([[0.0], np.cumsum(moved)])}
 
 
+HOUR = 3600.0  # s
 CONVENTIONS = {"charge_positive": 1, "discharge_positive": -1}
 NO_CURRENT = "no current flows"
 MAGNITUDES = "the current never changes its sign while the voltage shows charge and discharge"
