@@ -5,7 +5,6 @@ import pytest
 
 from cellwright import formats
 from cellwright.formats.physics import clock_to_counter_ratio
-from cellwright.refusal import Refusal
 
 
 def reading(path):
@@ -42,20 +41,6 @@ def test_k2_discharge(shared, celsius, ampere_hour):
     charge = -np.trapezoid(current, time) / 3600
     assert charge == pytest.approx(ampere_hour, abs=0.005)
     assert columns["ambient_temperature_celsius"].mean() == pytest.approx(celsius, abs=0.5)
-
-
-def test_other_instruments_are_named(shared):
-    named = {
-        "neware/TestFile.nda": "Neware nda",
-        "neware/test.ndax": "Neware ndax",
-        "biologic/GCPL-0.mpr": "BioLogic mpr",
-        "arbin/arbin_example.res": "Arbin res",
-        "digatron/charge_25degC.mat": "MATLAB",
-        "maccor/maccor_example.001": "Maccor",
-    }
-    for file, name in named.items():
-        with pytest.raises(Refusal, match=f"looks like an? {name}.*readers: "):
-            reading(shared / "formats" / file)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright import formats
+from cellwright.formats import Reading
 from cellwright.refusal import Refusal
 from cellwright.series import assemble
 from cellwright.series.joining import charge_positive, current_sign
@@ -155,3 +156,48 @@ def test_measured_records(shared, files, sign):
     readings = [formats.read(path.read_bytes(), name=path.name) for path in paths]
     current = np.concatenate([reading.columns["current_ampere"] for reading in readings])
     np.testing.assert_allclose(assemble(readings).columns["current_ampere"], sign * current)
+
+
+def reading(current, *, sign=0, start=0.0, volt=None):
+    """A file of a cell that is charged and discharged; the voltage follows a positive charge."""
+    time = start + 10.0 * np.arange(len(current))
+    moved = np.cumsum(current) * 10.0 / 3600
+    voltage = 3.6 + 0.1 * moved + 0.05 * np.asarray(current) if volt is None else volt
+    columns = {"test_time_second": time, "current_ampere": current, "voltage_volt": voltage}
+    return Reading(columns, "table", "series", (), sign)
+
+
+LOAD = np.repeat([0.0, 1.0, 0.0, -1.0, 0.0], 100)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_files_own_counters_go_before_the_voltage(sign):
+    """A half cell under control, or a held voltage, may move the other way."""
+    found = assemble([reading(LOAD, sign=sign)])
+    np.testing.assert_array_equal(found.columns["current_ampere"], sign * LOAD)
+    assert any("voltage speaks against" in note for note in found.notes) == (sign < 0)
+
+
+def test_files_of_opposite_signs_are_each_turned_by_their_own_counters():
+    second = reading(LOAD, start=1e4)
+    turned = reading(-LOAD, sign=-1, start=1e4, volt=second.columns["voltage_volt"])
+    found = assemble([reading(LOAD, sign=1), turned])
+    np.testing.assert_array_equal(found.columns["current_ampere"], [*LOAD, *LOAD])
+
+
+def test_files_of_opposite_signs_without_counters_are_refused_by_their_number():
+    second = reading(LOAD, start=1e4)
+    turned = reading(-LOAD, start=1e4, volt=second.columns["voltage_volt"])
+    with pytest.raises(Refusal, match="file 2 shows discharge_positive by its voltage, file 1 cha"):
+        assemble([reading(LOAD), turned])
+
+
+def test_a_sheet_against_the_counters_is_refused():
+    with pytest.raises(Refusal, match="counters or step letters of file 1 show charge_positive"):
+        assemble([reading(LOAD, sign=1)], stated_sign="discharge_positive")
+
+
+def test_notes_of_a_reader_name_their_file():
+    noted = reading(LOAD, sign=1)._replace(notes=("its last row was cut off",))
+    found = assemble([noted, reading(LOAD, sign=1, start=1e4)])
+    assert "file 1: its last row was cut off" in found.notes

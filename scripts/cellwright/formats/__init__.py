@@ -8,14 +8,33 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.formats import arbin, bdf, bitrode, digatron, labview, plett
+from cellwright.formats import (
+    arbin,
+    bare_spectrum,
+    bdf,
+    bitrode,
+    digatron,
+    labview,
+    makers,
+    matlab,
+    outside,
+    plett,
+    text_table,
+    zahner,
+)
 from cellwright.formats.container import sight, unpacked
+from cellwright.formats.fields import with_net_counter
 from cellwright.formats.physics import checked_impedance, checked_series
+from cellwright.formats.table import decoded
 from cellwright.refusal import Refusal
 
-READERS = {reader.NAME: reader for reader in (bdf, arbin, bitrode, digatron, labview, plett)}
+TEXTS = (bdf, arbin, bitrode, digatron, labview, plett, bare_spectrum)
+BINARIES = (zahner, matlab, outside.NewareBinary, outside.ArbinDatabase)
+MODULES = {module.NAME: module for module in (*TEXTS, *BINARIES)}
+TABLES = {form.name: form for form in makers.MAKERS}
+READERS = (*MODULES, *TABLES, makers.GENERIC.name)
 # What a format itself says of its current; where it says nothing, the data must tell.
-SIGN_RULE = {"bdf": "charge_positive"}
+SIGN_RULE = dict.fromkeys(("bdf", "neware", "biologic", "novonix", "basytec"), "charge_positive")
 HEAD = 1 << 14
 
 
@@ -25,6 +44,8 @@ class Reading(NamedTuple):
     columns: dict[str, np.ndarray]
     instrument: str  # the reader that understood it
     kind: str  # "series" or "impedance"
+    notes: tuple[str, ...] = ()  # what was left out of the file, in sentences
+    sign: int = 0  # 1 or -1: the current's, as the file's own counters or letters tell it
 
 
 def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
@@ -54,8 +75,8 @@ def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
     """
     try:
         content = unpacked(data)
-        reader = _reader(instrument) if instrument else READERS[detect(content)]
-        return _checked(reader.read(content), reader.NAME)
+        reader = _known(instrument) if instrument else detect(content)
+        return _checked(reader, *_read(reader, content))
     except Refusal as reason:
         raise Refusal(f"{name}: {reason}") from None
 
@@ -92,9 +113,16 @@ def detect(data: bytes) -> str:
     Raises
     ------
     Refusal
-        None does; the message says what the file looks like, where that is known.
+        None does, or more than one; the message says what the file looks like, where known.
     """
-    found = [name for name, reader in READERS.items() if reader.recognises(data[:HEAD])]
+    head = data[:HEAD]
+    text = decoded(head).replace("\r\n", "\n")
+    found = [name for name, reader in MODULES.items() if reader.recognises(head)]
+    found += [name for name, form in TABLES.items() if text_table.recognises(form, text)]
+    if not found and text_table.recognises(makers.GENERIC, text):
+        return makers.GENERIC.name
+    if len(found) > 1:
+        raise Refusal(f"could be of {' or '.join(found)}: say which as `instrument` in tests.tsv")
     if found:
         return found[0]
     if not data.strip():
@@ -104,13 +132,23 @@ def detect(data: bytes) -> str:
     raise Refusal(f"{looks}; readers: {', '.join(READERS)}")
 
 
-def _reader(instrument: str):
+def _known(instrument: str) -> str:
     if instrument not in READERS:
         raise Refusal(f"no reader for instrument {instrument!r}; readers: {', '.join(READERS)}")
-    return READERS[instrument]
+    return instrument
 
 
-def _checked(columns: dict[str, np.ndarray], instrument: str) -> Reading:
+def _read(reader: str, data: bytes):
+    """Columns of a file by the reader of a name, notes, and the sign that letters give it."""
+    if reader in MODULES:
+        found = MODULES[reader].read(data)
+        return (*found, 0) if isinstance(found, tuple) else (found, (), 0)
+    return text_table.read(TABLES.get(reader, makers.GENERIC), data)
+
+
+def _checked(instrument: str, columns: dict[str, np.ndarray], notes, sign: int) -> Reading:
     if "frequency_hertz" in columns:
-        return Reading(checked_impedance(columns), instrument, "impedance")
-    return Reading(checked_series(columns), instrument, "series")
+        return Reading(checked_impedance(columns), instrument, "impedance", tuple(notes))
+    columns, counted = with_net_counter(columns)
+    series, more = checked_series(columns)
+    return Reading(series, instrument, "series", (*notes, *more), sign or counted)

@@ -14,10 +14,8 @@ from cellwright.formats.fields import (
     SERIES,
     Field,
     converted,
-    in_house_units,
     known_fields,
     require,
-    with_net_counter,
 )
 from cellwright.formats.table import layout_of, line_of, read_numbers, unix_time_second
 from cellwright.formats.workbook import dates, is_workbook, numbers, sheets_of
@@ -71,15 +69,14 @@ def _of_workbook(data):
                 "are several channels; one channel a file is wanted"
             )
     shared = [name for name in parts[0] if all(name in part for part in parts)]
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in shared}
-    return with_net_counter(columns)
+    return {name: np.concatenate([part[name] for part in parts]) for name in shared}
 
 
 def _of_sheet(sheet):
     """Columns of one channel sheet in the house's names and units, its counters as they stand."""
-    fields = known_fields(sheet.labels, _meaning)
+    fields = known_fields(sheet.labels, meaning)
     require(fields, SERIES, SPELT)
-    columns = in_house_units(numbers(sheet, [field.label for field in fields]), fields)
+    columns = converted(numbers(sheet, [field.label for field in fields]), fields)
     label = next((name for name in sheet.labels if _is_date(name)), None)
     seconds = dates(sheet, label) if label else None
     return columns if seconds is None else columns | {"unix_time_second": seconds}
@@ -87,7 +84,7 @@ def _of_sheet(sheet):
 
 def _of_text(data):
     layout = layout_of(data)
-    fields = known_fields(layout.labels, _meaning)
+    fields = known_fields(layout.labels, meaning)
     require(fields, SERIES, SPELT)
     date = [label for label in layout.labels if _is_date(label)]
     found = read_numbers(data, layout, [field.label for field in fields], texts=date[:1])
@@ -112,7 +109,8 @@ def _unix_time(texts) -> dict[str, np.ndarray]:
     return {} if seconds is None else {"unix_time_second": seconds}
 
 
-def _meaning(label: str) -> Field | None:
+def meaning(label: str) -> Field | None:
+    """What a label of Arbin means; None where it is not known."""
     base, unit = _base_and_unit(label)
     if base not in MEANING:
         return None

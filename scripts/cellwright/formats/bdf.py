@@ -17,7 +17,7 @@ from cellwright.formats.fields import (
     known_fields,
     require,
 )
-from cellwright.formats.table import layout_of, line_of, read_numbers
+from cellwright.formats.table import clock_second, layout_of, line_of, read_numbers
 from cellwright.refusal import Refusal
 
 NAME = "bdf"
@@ -83,7 +83,14 @@ def _read(data, meaning, checked) -> dict[str, np.ndarray]:
         return _read_parquet(data, meaning, checked)
     layout = layout_of(data)
     fields = checked(known_fields(layout.labels, meaning))
-    return converted(read_numbers(data, layout, [field.label for field in fields]), fields)
+    labels = [field.label for field in fields]
+    clock = next((f.label for f in fields if f.column == "test_time_second"), None)
+    if clock and re.search(r"\d:\d", line_of(data, layout.first_line)):  # a time as 0d 00:10:00.5
+        found = read_numbers(data, layout, [x for x in labels if x != clock], texts=[clock])
+        found[clock] = clock_second(found[clock])
+    else:
+        found = read_numbers(data, layout, labels)
+    return converted(found, fields)
 
 
 def _simulated_meaning(label: str) -> Field | None:

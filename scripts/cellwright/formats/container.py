@@ -4,10 +4,11 @@ from cellwright.refusal import Refusal
 
 GZIP = b"\x1f\x8b"
 ZSTANDARD = b"\x28\xb5\x2f\xfd"
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 def unpacked(data: bytes) -> bytes:
-    """The content of a gzip or Zstandard file; anything else is handed back as it is.
+    """The content of a gzip or Zstandard file, and UTF-16 as UTF-8; all else as it is.
 
     Raises
     ------
@@ -17,10 +18,17 @@ def unpacked(data: bytes) -> bytes:
     if not data:
         raise Refusal("the file is empty (0 bytes)")
     if data.startswith(GZIP):
-        return _gunzipped(data)
-    if data.startswith(ZSTANDARD):
-        return _unzstandard(data)
-    return data
+        data = _gunzipped(data)
+    elif data.startswith(ZSTANDARD):
+        data = _unzstandard(data)
+    return _utf_8(data) if data.startswith(UTF_16) else data
+
+
+def _utf_8(data):
+    try:
+        return data.decode("utf-16").encode()
+    except UnicodeDecodeError as fault:
+        raise Refusal(f"the UTF-16 text is cut off or damaged: {fault}") from None
 
 
 def _gunzipped(data: bytes) -> bytes:
@@ -53,48 +61,19 @@ def _unzstandard(data: bytes) -> bytes:
 
 # First bytes, and what a file that begins so is. Order matters where one begins like another.
 BEGINNINGS = (
-    (b"BIO-LOGIC MODULAR FILE", "a BioLogic mpr file"),
-    (b"EC-Lab ASCII FILE", "a BioLogic EC-Lab text file"),
-    (b"BT-Lab ASCII FILE", "a BioLogic BT-Lab text file"),
-    (b"mode\tox/red", "a BioLogic text file without its header"),
-    (b"NEWARE", "a Neware nda file"),
-    (b"DataPoint,Cycle Index", "a Neware csv file"),
-    (b"Cycle Index,Chg. Cap.", "a Neware report csv file"),
-    (b"\x00\x01\x00\x00Standard Jet", "an Arbin res file (a Jet data base)"),
-    (b"\x00\x01\x00\x00Standard ACE", "an Arbin res file (an ACE data base)"),
-    (b"MATLAB 5.0 MAT-file", "a MATLAB mat file"),
+    (b"BIO-LOGIC MODULAR FILE", "a BioLogic mpr file (export it as text, mpt, in EC-Lab)"),
     (b"\x89HDF\r\n", "an HDF5 file (such as MATLAB 7.3)"),
-    (b"Today's Date", "a Maccor export"),
-    (b"MACCOR", "a Maccor file"),
-    (b"Name:\t", "a Maccor text file"),
-    (b"[Summary]", "a Novonix csv file"),
-    (b"~Resultfile from Basytec", "a BaSyTec text file"),
-    (b"cell model:", "a Landt csv file"),
-    (b"Request Year:", "a PEC csv file"),
-    (b"EXPLAIN", "a Gamry DTA file"),
-    (b"ZPLOT2", "a ZPlot file"),
-    (b'"ZPlotW', "a ZPlot file"),
-    (b'"Z60W', "an Autolab impedance text"),
-    (b"<Application>", "a VersaStudio par file"),
-    (b"\x00\x00\xff\xff\xff", "a Zahner ism file"),
     (b"ARROW1", "an Arrow (Feather) file"),
     (b"\xd0\xcf\x11\xe0", "an old Office file (xls)"),
     (b"%PDF", "a PDF file"),
     (b"<?xml", "an XML file"),
-    (b"\xff\xfe", "UTF-16 text; export it as UTF-8"),
-    (b"\xfe\xff", "UTF-16 text; export it as UTF-8"),
     (b"\x89PNG", "a picture"),
-)
-# What a zip archive holds tells whose it is.
-ARCHIVES = (
-    (b".ndc", "a Neware ndax file"),
-    (b"VersionInfo.xml", "a Neware ndax file"),
 )
 
 
 def sight(data: bytes) -> str | None:
     """What a file without a reader is, as a noun phrase; None where it is not known."""
     if data.startswith(b"PK\x03\x04"):
-        return next((what for mark, what in ARCHIVES if mark in data), "a zip archive")
+        return "a zip archive"
     head = data[:64].removeprefix(b"\xef\xbb\xbf")
     return next((what for mark, what in BEGINNINGS if head.startswith(mark)), None)

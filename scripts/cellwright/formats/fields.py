@@ -68,6 +68,9 @@ def _without_resets(counter: np.ndarray) -> np.ndarray:
 
 SERIES = ("test_time_second", "current_ampere", "voltage_volt")
 IMPEDANCE = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")
+NET = "net_capacity_ampere_hour"
+# ASSUME: Counters that run with the current in nine tenths of what was moved tell its sign.
+CLEAR_SIGN = 0.9
 COUNTERS = ("charge_counter", "discharge_counter")
 
 
@@ -103,16 +106,8 @@ def require(fields: Sequence[Field], columns: Sequence[str], spelt: Mapping[str,
 def converted(values: Mapping[str, np.ndarray], fields: Sequence[Field]) -> dict[str, np.ndarray]:
     """Columns in the house's names and units, from values by label.
 
-    Optional columns without a single number are left out. Counters of charge and of discharge
-    become one net counter.
+    Optional columns without a single number are left out.
     """
-    return with_net_counter(in_house_units(values, fields))
-
-
-def in_house_units(
-    values: Mapping[str, np.ndarray], fields: Sequence[Field]
-) -> dict[str, np.ndarray]:
-    """As `converted`, with the counters of charge and discharge as they stand."""
     columns = {}
     for field in fields:
         column = in_house_unit(
@@ -128,9 +123,47 @@ def _counted(column: np.ndarray) -> np.ndarray:
     return column.astype(np.int64) if whole else column
 
 
-def with_net_counter(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Columns with the counters of charge and of discharge, where both are, as one net counter."""
-    counters = [columns.pop(name, None) for name in COUNTERS]
-    if "net_capacity_ampere_hour" not in columns and all(c is not None for c in counters):
-        columns["net_capacity_ampere_hour"] = net_capacity(*counters)
-    return columns
+def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], int]:
+    """Columns with the counters of charge and of discharge as one net counter, and the sign.
+
+    Two counters say which way the charge went, whatever sign the current is written with; a
+    current that is never negative takes its signs from them.
+
+    Returns
+    -------
+    columns : with net_capacity_ampere_hour [Ah], positive on charge, where both counters are.
+    sign : 1 where the current is positive on charge, -1 where it is negative, 0 where no counters
+        tell it.
+    """
+    columns = dict(columns)
+    charge, discharge = (columns.pop(name, None) for name in COUNTERS)
+    if charge is None or discharge is None:
+        return columns, 0
+    current = columns["current_ampere"]
+    moves = [np.diff(_without_resets(counter), prepend=np.nan) for counter in (charge, discharge)]
+    if np.nanmin(current, initial=0.0) >= 0 and all(np.nansum(move) > 0 for move in moves):
+        columns["current_ampere"] = current = current * _directions(*moves)
+    columns[NET] = net_capacity(charge, discharge)
+    return columns, counted_sign(columns)
+
+
+def _directions(charged, discharged):
+    """1 or -1 of each row, by the counter that moved up to it, or else next after it."""
+    moved = np.nan_to_num(np.sign(charged) - np.sign(discharged))
+    rows = np.flatnonzero(moved)
+    following = np.minimum(np.searchsorted(rows, np.arange(len(moved))), len(rows) - 1)
+    return moved[rows[following]]
+
+
+def counted_sign(columns: Mapping[str, np.ndarray]) -> int:
+    """1 where charge by clock and current runs with the net counter, -1 against it, 0 unclear.
+
+    Only rows count between which the current is steady and the clock goes on.
+    """
+    time, current, net = (columns[name] for name in (*SERIES[:2], NET))
+    flowed = 0.5 * (current[1:] + current[:-1]) * np.diff(time)
+    steady = (np.abs(np.diff(current)) <= 0.5 * np.abs(current[1:])) & (np.diff(time) > 0)
+    product = (flowed * np.diff(net))[steady]
+    total = np.nansum(np.abs(product))
+    agreed = np.nansum(product) / total if total > 0 else 0.0
+    return int(np.sign(agreed)) if abs(agreed) > CLEAR_SIGN else 0

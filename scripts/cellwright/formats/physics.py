@@ -16,8 +16,13 @@ SUSPICIONS = {
 }
 
 
-def checked_series(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The columns of a series, if they can be one; channels that were not connected left out.
+COLDEST, HOTTEST = -60.0, 150.0  # degC that a thermometer on a cell may show
+
+
+def checked_series(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:
+    """The columns of a series, if they can be one, and notes on what was converted or left out.
+
+    Channels that were not connected are left out.
 
     Raises
     ------
@@ -30,9 +35,11 @@ def checked_series(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     if np.nanmin(time) == np.nanmax(time):
         raise Refusal(f"time never moves: all {time.size} rows say {np.nanmin(time):g} s")
     _refuse_voltage(voltage)
+    columns, notes = clock_by_dates(columns)
+    time = columns["test_time_second"]
     if "net_capacity_ampere_hour" in columns:
         _refuse_clock(time, current, columns["net_capacity_ampere_hour"])
-    return _without_dead_channel(columns)
+    return _without_impossible_channels(_without_dead_channel(columns), notes), notes
 
 
 def checked_impedance(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -104,6 +111,54 @@ def clock_to_counter_ratio(time: np.ndarray, current: np.ndarray, counter: np.nd
     # A counter shown with few digits has to move by many of its steps before it can be a judge.
     resolution = np.min(np.abs(moved[moved != 0]), initial=np.inf)
     return float(expected / seen) if seen > 20 * resolution and expected > 0 else np.nan
+
+
+# Seconds of dates a unit of the clock that only a wrong unit explains.
+CLOCK_FACTORS = {1e-3: "milliseconds", 60.0: "minutes", 3600.0: "hours"}
+SAME_CLOCK = 0.01
+
+
+def clock_by_dates(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Columns whose clock is in seconds, where their dates prove another unit; a note then.
+
+    The dates are exact over hours: a factor of 1000, 60 or 3600 to within 1 % is no drift.
+    """
+    time, unix = columns["test_time_second"], columns.get("unix_time_second")
+    if unix is None or not np.isfinite(unix).all() or np.any(np.diff(unix) < 0):
+        return columns, []
+    slopes = date_slopes(time, unix)
+    ratio = float(np.nanmedian(slopes)) if np.isfinite(slopes).any() else np.nan
+    for factor, unit in CLOCK_FACTORS.items():
+        if abs(ratio / factor - 1) <= SAME_CLOCK:
+            note = f"the clock counts {unit}, as its dates prove, not seconds: converted"
+            return columns | {"test_time_second": time * factor}, [note]
+    return columns, []
+
+
+def date_slopes(time: np.ndarray, unix: np.ndarray) -> np.ndarray:
+    """Seconds of dates a unit of the clock over tenths of the record, NaN where it stands still."""
+    span = max(float(np.ptp(unix)) / 10, 1.0)
+    stop = np.searchsorted(unix, unix + span)
+    start = np.flatnonzero(stop < len(time))
+    if not len(start):
+        return np.full(1, np.nan)
+    stop = stop[start]
+    step = time[stop] - time[start]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(step > 0, (unix[stop] - unix[start]) / step, np.nan)
+
+
+def _without_impossible_channels(columns, notes):
+    """Columns without thermometers whose readings no cell survives, with a note on each."""
+    kept = dict(columns)
+    for name in [name for name in columns if name.endswith("temperature_celsius")]:
+        middle = float(np.nanmedian(columns[name]))
+        if not COLDEST < middle < HOTTEST:
+            kelvin = 200 < middle < 273.15 + HOTTEST
+            guess = "kelvin under degC? " if kelvin else ""
+            notes.append(f"{name} reads {middle:.4g} °C: {guess}left out")
+            del kept[name]
+    return kept
 
 
 def _without_dead_channel(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -17,6 +17,7 @@ class Layout(NamedTuple):
     labels: tuple[str, ...]  # one per field of a row, in the file's order
     delimiter: str
     first_line: int  # 1-based number, in the file, of the first line of data
+    decimal_point: str = "."
 
 
 def decoded(data: bytes) -> str:
@@ -98,7 +99,10 @@ def read_numbers(
             csv.ReadOptions(column_names=[str(k) for k in range(len(layout.labels))]),
             csv.ParseOptions(delimiter=layout.delimiter),
             csv.ConvertOptions(
-                include_columns=list(types), column_types=types, null_values=list(NO_NUMBER)
+                include_columns=list(types),
+                column_types=types,
+                null_values=list(NO_NUMBER),
+                decimal_point=layout.decimal_point,
             ),
         )
     except pa.ArrowInvalid as fault:
@@ -133,7 +137,8 @@ def _row_fault(layout: Layout, labels: Sequence[str], row: list[str]) -> str:
             "the row is cut off or damaged"
         )
     cells = ((label, row[layout.labels.index(label)].strip()) for label in labels)
-    wrong = next(((label, cell) for label, cell in cells if not _is_number(cell)), None)
+    point = layout.decimal_point
+    wrong = next(((n, cell) for n, cell in cells if not _is_number(cell.replace(point, "."))), None)
     return f"column {wrong[0]!r}: found {wrong[1]!r}, a number is wanted" if wrong else ""
 
 
@@ -147,7 +152,10 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-CLOCK = r"^\s*(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+(?:\.\d+)?)\s*$"
+CLOCK = (
+    r"^\s*(?:(?P<day>\d+)\s*d\s+)?"
+    r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+(?:\.\d+)?)\s*$"
+)
 
 
 def unix_time_second(texts, formats: Sequence[str]) -> np.ndarray | None:
@@ -173,13 +181,20 @@ def unix_time_second(texts, formats: Sequence[str]) -> np.ndarray | None:
 
 
 def clock_second(texts) -> np.ndarray:
-    """Seconds of clock texts hh:mm:ss.mmm, hours beyond 24; NaN where a text is none."""
+    """Seconds of texts hh:mm:ss.mmm, hours beyond 24, or 2d hh:mm:ss; NaN where one is none."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
     parts = pc.extract_regex(texts, CLOCK)
-    hour, minute, second = (
-        pc.cast(pc.struct_field(parts, name), pa.float64()).to_numpy(zero_copy_only=False)
-        for name in ("hour", "minute", "second")
+    day, hour, minute, second = (
+        pc.cast(_or_zero(pc.struct_field(parts, name)), pa.float64()).to_numpy(zero_copy_only=False)
+        for name in ("day", "hour", "minute", "second")
     )
-    return hour * 3600 + minute * 60 + second
+    return day * 86400 + hour * 3600 + minute * 60 + second
+
+
+def _or_zero(texts):
+    """Texts with "0" in place of what a pattern found blank."""
+    import pyarrow.compute as pc
+
+    return pc.if_else(pc.equal(texts, ""), "0", texts)

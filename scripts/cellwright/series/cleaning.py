@@ -10,6 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.refusal import Refusal
+from cellwright.series.gaps import RESTED, in_words
+from cellwright.series.gaps import verdicts as gap_verdicts
+from cellwright.series.repeated import SERIES, repeated_rows
 from cellwright.series.rest_current import RestReading, rest_reading
 from cellwright.series.steps import silent_before
 from cellwright.settings import Clean
@@ -17,7 +20,8 @@ from cellwright.settings import Clean
 CLEAN = Clean()
 
 NO_READING = 1e30  # instruments write ±3.4e38 for "no reading"
-SERIES = ("test_time_second", "current_ampere", "voltage_volt")
+COUNTER = "net_capacity_ampere_hour"
+MOST_GAPS_TOLD = 5  # in notes, which people read
 
 
 class Flag(IntFlag):
@@ -59,6 +63,7 @@ def flag(
     # A change by a hundredth of the largest current is a step: it explains one of the voltage.
     step = 0.01 * float(np.max(np.abs(current[flags == 0]), initial=0.0))
     for kind, detector in (
+        (Flag.REPEAT, lambda rows: _twice(time[rows], current[rows], voltage[rows])),
         (Flag.REPEAT, lambda rows: _repeats(time[rows], current[rows], step)),
         (Flag.OUT_OF_PLACE, lambda rows: _out_of_place(time[rows])),
         (Flag.CLOCK, lambda rows: _clock_jumps(time[rows], rows)),
@@ -98,6 +103,16 @@ def _unreadable(*columns: np.ndarray) -> np.ndarray:
     dead = (volt == 0) & (np.roll(volt, 1) > 1) & (np.roll(volt, -1) > 1)
     flags[dead] |= Flag.SENTINEL
     return flags
+
+
+def _twice(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> np.ndarray:
+    """Rows of a block that stands in the record before: ten readings and more, to the last digit.
+
+    Their clock goes back with them; two measurements are never equal in all.
+    """
+    if not np.any(np.diff(time) < 0):
+        return np.zeros(0, int)
+    return np.flatnonzero(repeated_rows(dict(zip(SERIES, (time, current, voltage), strict=True))))
 
 
 def _repeats(time: np.ndarray, current: np.ndarray, step: float) -> np.ndarray:
@@ -224,6 +239,7 @@ def net_charge(
     *,
     gap_rows: np.ndarray | None = None,
     counter_ampere_hour: np.ndarray | None = None,
+    rested: np.ndarray | None = None,
 ) -> np.ndarray:
     """Net charge put into the cell since the first row.
 
@@ -232,13 +248,16 @@ def net_charge(
        counter knows: it serves where that guess is worse than twenty of its digits (five in an
        interval ten times as long as usual, where no neighbour evens it out), and where what it
        counted lies between what either current would have moved.
-    3. Across a gap: the counter; without one, a current that is the same on both sides, else none.
+    3. Across a gap: the counter; without one, a current that is the same on both sides, unless
+       the voltage shows that the cell rested; else none.
 
     test_time_second, current_ampere : arrays [s], [A]
     gap_rows : array of int
         Rows with a gap in the record before them.
     counter_ampere_hour : array [Ah]
         The instrument's own signed counter; may have rows without a number (NaN).
+    rested : array of bool, one for each gap
+        In which of them the cell rested, see `gaps.verdicts`.
 
     Returns an array [Ah], 0 in the first row.
     """
@@ -252,7 +271,9 @@ def net_charge(
     better = _counter_is_better(before, after, counted, digits)
     moved[better] = counted[better]
     if gap_rows is not None and gap_rows.size:
-        moved[gap_rows - 1] = _across_gaps(before, after, counted, gap_rows - 1)
+        across = _across_gaps(before, after, counted, gap_rows - 1)
+        idle = np.zeros(gap_rows.size, bool) if rested is None else rested
+        moved[gap_rows - 1] = np.where(idle & ~np.isfinite(counted[gap_rows - 1]), 0.0, across)
     return np.concatenate([[0.0], np.cumsum(moved)])
 
 
@@ -328,24 +349,32 @@ def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
     spikes = np.flatnonzero(marks & Flag.SPIKE)
     clean["voltage_volt"] = spike_free(clean["voltage_volt"], spikes)
     gaps = np.flatnonzero(marks & Flag.GAP)
-    clean["charge_ampere_hour"] = _charge(clean, gaps)
+    silent = gap_verdicts(*(clean[name] for name in SERIES), gaps)
+    clean["charge_ampere_hour"] = _charge(clean, gaps, silent)
     rests = rest_reading(clean)
     if rests.verdict == "sensor":
         logged = clean["current_ampere"]
         clean |= {"current_ampere": logged.copy(), "logged_current_ampere": logged}
         for first, stop in zip(rests.first, rests.stop, strict=True):
             clean["current_ampere"][first:stop] = 0.0
-        clean["charge_ampere_hour"] = _charge(clean, gaps)
-    return Cleaned(clean, _actions(columns, flags, kept, rests), (rests.note,) * bool(rests.note))
+        clean["charge_ampere_hour"] = _charge(clean, gaps, silent)
+    notes = [rests.note] * bool(rests.note)
+    if not np.isfinite(clean.get(COUNTER, np.nan)).all():  # else the counter knows
+        told = in_words(clean["test_time_second"], clean["current_ampere"], gaps, silent)
+        notes += told[:MOST_GAPS_TOLD]
+        more = len(told) - MOST_GAPS_TOLD
+        notes += [f"and {more} more such gaps"] * (more > 0)
+    return Cleaned(clean, _actions(columns, flags, kept, rests), tuple(notes))
 
 
-def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray) -> np.ndarray:
+def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray, silent) -> np.ndarray:
     """Net charge of a clean series [Ah], by `net_charge`."""
     return net_charge(
         columns["test_time_second"],
         columns["current_ampere"],
         gap_rows=gaps,
-        counter_ampere_hour=columns.get("net_capacity_ampere_hour"),
+        counter_ampere_hour=columns.get(COUNTER),
+        rested=silent == RESTED,
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from cellwright.formats import SIGN_RULE, Reading
 from cellwright.refusal import Refusal
 from cellwright.series.cleaning import NO_READING, SERIES
+from cellwright.series.repeated import repeated_rows
 
 COUNTER = "net_capacity_ampere_hour"
 
@@ -38,8 +39,9 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Assembled:
     ends.
     """
     names = list(dict.fromkeys(name for columns in series for name in columns))
+    series, notes = _without_repeats(series)
     first, *others = [_with_steady_counter(columns) for columns in series]
-    parts, notes = [first], []
+    parts = [first]
     for number, following in enumerate(others, start=2):
         part, note = _continued(parts[-1], following, number)
         parts.append(part)
@@ -52,6 +54,29 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Assembled:
     }
     joined["file_index"] = np.repeat(np.arange(len(parts)), sizes)
     return Assembled(joined, tuple(notes))
+
+
+def _without_repeats(series):
+    """Files without rows that a file before holds too, by their own clocks, and notes.
+
+    An export made later holds what was exported before: the same readings, which count once.
+    """
+    kept, notes = {1: dict(series[0])}, []
+    for number, columns in enumerate(series[1:], start=2):
+        for earlier, before in list(kept.items()):
+            if repeated_rows(before, columns).all():
+                notes.append(f"file {number} holds all rows of file {earlier}, which is left out")
+                del kept[earlier]
+                continue
+            seen = repeated_rows(columns, before)
+            if seen.any():
+                notes.append(
+                    f"{seen.sum()} rows of file {number} stand in file {earlier}: left out"
+                )
+                columns = {name: values[~seen] for name, values in columns.items()}
+        if len(columns["test_time_second"]):
+            kept[number] = dict(columns)
+    return list(kept.values()), notes
 
 
 def _continued(before: Mapping, after: Mapping, number: int) -> tuple[dict, str]:
@@ -73,6 +98,15 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
     interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     if "unix_time_second" in before and "unix_time_second" in after:
         pause = after["unix_time_second"][0] - before["unix_time_second"][-1]
+        back = before["unix_time_second"][0] < after["unix_time_second"][0]
+        if back and -HOUR - 2.0 <= pause < -2.0:
+            # ASSUME: Local dates that go back by less than an hour, and not behind the beginning
+            # of the file before, do so where summer time ends.
+            shift = end + max(pause + HOUR, interval) - start
+            return shift, (
+                f"file {number} begins {-pause:g} s before file {number - 1} ends, by their dates: "
+                f"taken as {pause + HOUR:g} s after it, the clock being set back by an hour"
+            )
         if pause < -2.0:  # date stamps of whole seconds may be wrong by one at either end
             raise Refusal(
                 f"file {number} begins {-pause:g} s before file {number - 1} ends, by their dates; "
@@ -103,6 +137,7 @@ def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     return {**columns, COUNTER: counter[0] + np.concatenate([[0.0], np.cumsum(moved)])}
 
 
+HOUR = 3600.0  # s
 CONVENTIONS = {"charge_positive": 1, "discharge_positive": -1}
 NO_CURRENT = "no current flows"
 MAGNITUDES = "the current never changes its sign while the voltage shows charge and discharge"
@@ -304,8 +339,67 @@ def assemble(readings: Sequence[Reading], *, stated_sign: str | None = None) -> 
     for number, reading in enumerate(readings, start=1):
         if reading.kind != "series":
             raise Refusal(f"file {number} holds {reading.kind}, a series is wanted")
+    said = [note for k, r in enumerate(readings) for note in _notes(r, k, len(readings))]
+    if any(reading.sign for reading in readings):
+        signs = _own_signs(readings, stated_sign)
+        files = [_turned(r.columns, sign) for r, sign in zip(readings, signs, strict=True)]
+        joined = join(files)
+        return Assembled(joined.columns, (*said, *joined.notes, *_against_voltage(joined.columns)))
+    if not stated_sign:
+        _refuse_unlike([current_sign(*(r.columns[n] for n in SERIES)).sign for r in readings])
     joined = join([reading.columns for reading in readings])
     rules = {SIGN_RULE.get(reading.instrument) for reading in readings}
     default = rules.pop() if len(rules) == 1 else None
     signed = charge_positive(joined.columns, stated=stated_sign or None, default=default)
-    return Assembled(signed.columns, (*joined.notes, *signed.notes))
+    return Assembled(signed.columns, (*said, *joined.notes, *signed.notes))
+
+
+def _notes(reading, index, files):
+    """What the reader left out of a file, with its number where a test has several."""
+    return [f"file {index + 1}: {note}" if files > 1 else note for note in reading.notes]
+
+
+def _own_signs(readings, stated):
+    """Sign of each file as its own counters or letters tell it; of a file without, as the others.
+
+    These are exact: the voltage, which follows the current with a delay or is held, never overrules
+    them, nor does the sheet.
+    """
+    own = [reading.sign for reading in readings]
+    for number, sign in enumerate(own, start=1):
+        if stated and sign and CONVENTIONS[stated] != sign:
+            raise Refusal(
+                f"current_sign says {stated}, the counters or step letters of file {number} show "
+                f"{_convention(sign)}; correct the sheet, or leave it blank"
+            )
+    told = {sign for sign in own if sign}
+    if len(told) > 1 and 0 in own and not stated:
+        raise Refusal(
+            f"file {own.index(0) + 1} does not tell the sign of its current, and those of the "
+            "other files differ; state current_sign"
+        )
+    rest = CONVENTIONS[stated] if stated else told.pop()
+    return [sign or rest for sign in own]
+
+
+def _convention(sign):
+    return next(name for name, of_name in CONVENTIONS.items() if of_name == sign)
+
+
+def _against_voltage(columns):
+    """A note where the voltage speaks clearly against a sign that counters or letters tell."""
+    shown = current_sign(*(columns[name] for name in SERIES))
+    if shown.sign >= 0:
+        return ()
+    return (f"the voltage speaks against the sign of the counters ({shown.reason})",)
+
+
+def _refuse_unlike(signs):
+    """Refuse files of one test whose voltages show currents of opposite signs."""
+    told = [(number, sign) for number, sign in enumerate(signs, start=1) if sign]
+    for number, sign in told:
+        if sign != told[0][1]:
+            raise Refusal(
+                f"file {number} shows {_convention(sign)} by its voltage, file {told[0][0]} "
+                f"{_convention(told[0][1])}: give files of one sign, or state current_sign"
+            )

@@ -1,0 +1,247 @@
+"""Instruments whose files are tables of text, each told in a few lines: see `text_table.Format`.
+
+A column is named by a pattern of its label (case ignored) and means a column of the house, with its
+unit: as text here, or, where the pattern has a group `unit`, as the label itself says.
+"""
+
+from cellwright.formats.text_table import Format
+
+STEP_CHARGE = "step_capacity_ampere_hour"
+TIME, AMPERE, VOLT = "test_time_second", "current_ampere", "voltage_volt"
+SURFACE, AMBIENT = "surface_temperature_celsius", "ambient_temperature_celsius"
+NET = "net_capacity_ampere_hour"
+# Maccor's letters. Of all others (P pause, S suspended, O between steps, FRA) the current is zero.
+MACCOR_SIGNS = {"C": 1.0, "D": -1.0, "R": 0.0}
+US_DATES = ("%m/%d/%Y %H:%M:%S", "%m/%d/%Y %I:%M:%S %p", "%d/%m/%Y %H:%M:%S")
+ISO_DATES = ("%Y-%m-%d %H:%M:%S", "%Y-%m-%d %I:%M:%S %p")
+
+SPECTRUM = {  # Freq (Hz), Z' and Z'' as most makers spell them
+    r"freq(?:uency)?\s*(?:[(/]?\s*(?P<unit>k?hz)\)?)?": ("frequency_hertz", "frequency", "Hz"),
+    r"(?:z'|zre|zreal|z real)\s*(?:[(/]?\s*(?P<unit>ohms?)\)?|\(a\))?": (
+        "impedance_real_ohm",
+        "impedance",
+        "ohm",
+    ),
+    r"(?:z''|z\"|zimg?|zimag|z imag)\s*(?:[(/]?\s*(?P<unit>ohms?)\)?|\(b\))?": (
+        "impedance_imaginary_ohm",
+        "impedance",
+        "ohm",
+    ),
+}
+
+MAKERS = (
+    Format(
+        "maccor",
+        "Maccor text",
+        mark=r"^Today's Date|^Name:\t|^Rec#?[\t,]",
+        header=r"^Rec#?[\t,]",
+        columns={
+            r"test\s?time": (TIME, "time", None),
+            r"test(?: time)? \((?P<unit>sec|min|hr?)\)": (TIME, "time", None),
+            r"amps|current(?: \[(?P<unit>m?A)\])?": (AMPERE, "current", "A"),
+            r"volts|voltage(?: \[(?P<unit>m?V)\])?": (VOLT, "voltage", "V"),
+            r"amp-hr|cap\. \[(?P<unit>m?Ah)\]|capacity": (
+                "step_capacity_ampere_hour",
+                "charge",
+                "Ah",
+            ),
+            r"step": ("step_index", "count", "1"),
+            r"cyc#|cycle c": ("cycle_count", "count", "1"),
+            r"(?:aux #1|temp 1)": (SURFACE, "temperature", "degC"),
+        },
+        state=r"state|md",
+        signs=MACCOR_SIGNS,
+        date=r"dpt time",
+        dates=(*US_DATES, "%d-%b-%y %I:%M:%S %p"),
+    ),
+    Format(
+        "neware",
+        "Neware csv",
+        mark=r"^DataPoint,Cycle Index,|^Cycle Index,Chg\. Cap\.",
+        header=r"^(?:,,)?DataPoint,",
+        columns={
+            r"(?:cumulative|total) time(?:\((?P<unit>h|min|s|ms)\))?": (TIME, "time", None),
+            r"current\((?P<unit>m?A)\)": (AMPERE, "current", None),
+            r"voltage\((?P<unit>m?V)\)": (VOLT, "voltage", None),
+            r"chg\. cap\.\((?P<unit>m?Ah)\)": ("charge_counter", "charge", None),
+            r"dchg\. cap\.\((?P<unit>m?Ah)\)": ("discharge_counter", "charge", None),
+            r"step index": ("step_index", "count", "1"),
+            r"cycle index": ("cycle_count", "count", "1"),
+            r"t1\(.{1,2}\)": (SURFACE, "temperature", "degC"),
+        },
+        rows_begin=b",,",
+        date=r"date",
+        dates=ISO_DATES,
+    ),
+    Format(
+        "biologic",
+        "BioLogic text (EC-Lab, BT-Lab)",
+        mark=r"^(?:EC|BT)-Lab ASCII FILE|^mode\tox/red\t|^freq/Hz\tRe\(Z\)",
+        header=r"^(?=[^\n]*(?:time/s|freq/Hz)\t)[^\n:]*\t",
+        columns={
+            r"time/(?P<unit>s)": (TIME, "time", None),
+            r"(?:<i>|i)/(?P<unit>[mµu]?a)": (AMPERE, "current", None),
+            r"(?:ecell|ewe|<ewe>)/(?P<unit>m?v)": (VOLT, "voltage", None),
+            r"\(q-qo\)/(?P<unit>m?a\.h)": (NET, "charge", None),
+            r"q charge/(?P<unit>m?a\.h)": ("charge_counter", "charge", None),
+            r"q discharge/(?P<unit>m?a\.h)": ("discharge_counter", "charge", None),
+            r"ns": ("step_index", "count", "1"),
+            r"temperature/.{1,2}c": (SURFACE, "temperature", "degC"),
+            r"freq/(?P<unit>hz)": ("frequency_hertz", "frequency", None),
+            r"re\(z\)/(?P<unit>ohm)": ("impedance_real_ohm", "impedance", None),
+            r"-im\(z\)/(?P<unit>ohm)": ("minus_impedance_imaginary_ohm", "impedance", None),
+        },
+        dates=("%m/%d/%Y %H:%M:%S",),
+    ),
+    Format(
+        "novonix",
+        "Novonix csv",
+        mark=r"^\"?\[Summary\]",
+        header=r"^\"?Date and Time,",
+        columns={
+            r"run time \((?P<unit>h|min|s)\)": (TIME, "time", None),
+            r"current \((?P<unit>m?A)\)": (AMPERE, "current", None),
+            r"potential \((?P<unit>m?V)\)": (VOLT, "voltage", None),
+            r"capacity \((?P<unit>m?Ah)\)": (STEP_CHARGE, "charge", None),
+            r"step number": ("step_index", "count", "1"),
+            r"cycle number": ("cycle_count", "count", "1"),
+            r"temperature \(.{1,3}c\)": (SURFACE, "temperature", "degC"),
+        },
+        date=r"date and time",
+        dates=ISO_DATES,
+    ),
+    Format(
+        "basytec",
+        "BaSyTec text",
+        mark=r"^~Resultfile from Basytec",
+        header=r"^~Time\[",
+        columns={
+            r"~?time\[(?P<unit>h|min|s)\]": (TIME, "time", None),
+            r"i\[(?P<unit>m?a)\]": (AMPERE, "current", None),
+            r"u\[(?P<unit>m?v)\]": (VOLT, "voltage", None),
+            r"ah\[(?P<unit>m?ah)\]": (NET, "charge", None),
+            r"line": ("step_index", "count", "1"),
+            r"cyc-count": ("cycle_count", "count", "1"),
+            r"t1\[.{1,2}c\]": (SURFACE, "temperature", "degC"),
+        },
+    ),
+    Format(
+        "landt",
+        "Landt csv",
+        mark=r"^cell model:",
+        header=r"^channel_index,",
+        columns={
+            r"test_time_(?P<unit>s)": (TIME, "time", None),
+            r"current_(?P<unit>m?a)": (AMPERE, "current", None),
+            r"voltage_(?P<unit>m?v)": (VOLT, "voltage", None),
+            r"charge_capacity_(?P<unit>m?ah)": ("charge_counter", "charge", None),
+            r"discharge_capacity_(?P<unit>m?ah)": ("discharge_counter", "charge", None),
+            r"step_index": ("step_index", "count", "1"),
+            r"cycle_index": ("cycle_count", "count", "1"),
+            r"temperature_1_c": (SURFACE, "temperature", "degC"),
+        },
+        date=r"date_time_iso_string",
+        dates=("%m/%d/%Y %H:%M:%S", *ISO_DATES),
+    ),
+    Format(
+        "pec",
+        "PEC csv",
+        mark=r"^Request Year:,",
+        header=r"^Test,Cell,Rack,",
+        columns={
+            r"total time \((?:(?P<unit>seconds)|hours in hh:mm:ss\.xxx)\)": (TIME, "time", "clock"),
+            r"current \((?P<unit>m?a)\)": (AMPERE, "current", None),
+            r"voltage \((?P<unit>m?v)\)": (VOLT, "voltage", None),
+            r"charge capacity \((?P<unit>m?ah)\)": ("charge_counter", "charge", None),
+            r"discharge capacity \((?P<unit>m?ah)\)": ("discharge_counter", "charge", None),
+            r"step": ("step_index", "count", "1"),
+            r"cycle": ("cycle_count", "count", "1"),
+            r"(?:temp|cell surface temperature) \(.{1,3}c\)": (SURFACE, "temperature", "degC"),
+            r"ambient temperature \(.{1,3}c\)": (AMBIENT, "temperature", "degC"),
+        },
+        date=r"real time",
+        dates=US_DATES,
+    ),
+    Format(
+        "gamry",
+        "Gamry DTA",
+        mark=r"^EXPLAIN",
+        header=r"^ZCURVE\s+TABLE[^\n]*\n\tPt\t",
+        header_lines=1,
+        units_lines=1,
+        columns=SPECTRUM,
+        delimiter="\t",
+    ),
+    Format(
+        "zplot",
+        "ZPlot, ZPlotW or Autolab impedance text",
+        mark=r'^ZPLOT2 ASCII|^"ZPlotW Data File|^"Z60W Data File',
+        header=r"^\s*\"?\s*Freq\s?\(Hz\)",
+        labels=("freq", "ampl", "bias", "time", "z'", "z''", "gd", "err", "range"),
+        rows_are=r"^\s*[\d.]+(?:E[+-]\d+)?[,\t]",
+        columns=SPECTRUM,
+    ),
+    Format(
+        "chi",
+        "CH Instruments impedance text",
+        mark=r"^A\.C\. Impedance|^Instrument Model:\s+CHI",
+        header=r"^Freq/Hz,",
+        columns=SPECTRUM,
+    ),
+    Format(
+        "versastudio",
+        "VersaStudio par",
+        mark=r"^<Application>\s*\n?Name=VersaStudio",
+        header=r"^Definition=Segment #,.*Z Real",
+        columns=SPECTRUM,
+        end=r"^</Segment",
+        short_rows=True,
+    ),
+    Format(
+        "parstat",
+        "Parstat or PowerSuite impedance text",
+        mark=r"^Potential \(V\)\tCurrent \(A\)\tElapsed Time|^Frequency\s+Zre\s+Zimg",
+        header=r"Zre\b",
+        columns=SPECTRUM,
+    ),
+    Format(
+        "maccor_impedance",
+        "Maccor impedance part",
+        mark=r"^MACCOR, INC\.\s+AC Impedance Test",
+        header=r"^Freq\(Hz\)\t",
+        columns=SPECTRUM,
+        short_rows=True,
+    ),
+)
+
+UNIT = r"(?:\s*[\[(/_ ]\s*(?P<unit>{})\s*[\])]?)?"
+DEGREES = r"(?:\s*[\[(/_ ]\s*(?:deg)?c[\])]?)"
+HOURS, AMPERES = UNIT.format("s|sec|seconds|ms|min|h|hours?"), UNIT.format("m?a")
+VOLTS, CHARGE = UNIT.format("m?v"), UNIT.format("m?ah")
+# Tables of nobody in particular, tried where no maker is recognised: names of time, current and
+# voltage in one line.
+GENERIC = Format(
+    "table",
+    "a table of time, current and voltage",
+    mark=r"(?i)^(?=[^\n]*(?:\b|_)time)(?=[^\n]*\bcurrent)(?=[^\n]*\b(?:voltage|potential))[^\n]*[,;\t]",
+    header=r"(?i)^(?=[^\n]*(?:\b|_)time)(?=[^\n]*\bcurrent)(?=[^\n]*\b(?:voltage|potential))[^\n]*$",
+    columns={
+        rf"(?:test[ _]|total[ _]|elapsed[ _])?time{HOURS}": (TIME, "time", "s"),
+        rf"current{AMPERES}": (AMPERE, "current", "A"),
+        rf"(?:voltage|potential){VOLTS}": (VOLT, "voltage", "V"),
+        rf"charge[ _]capacity{CHARGE}": ("charge_counter", "charge", "Ah"),
+        rf"discharge[ _]capacity{CHARGE}": ("discharge_counter", "charge", "Ah"),
+        r"step(?:[ _]index)?": ("step_index", "count", "1"),
+        r"cycle(?:[ _]index)?": ("cycle_count", "count", "1"),
+        rf"(?:cell[ _])?temperature{DEGREES}": (
+            SURFACE,
+            "temperature",
+            "degC",
+        ),
+        rf"(?:environment|chamber)[ _]temp(?:erature)?{DEGREES}": (
+            AMBIENT,
+            "temperature",
+            "degC",
+        ),
+    },
+)

@@ -1,0 +1,70 @@
+"""MATLAB's .mat (up to version 7): a structure, or variables, of equally long arrays."""
+
+import io
+
+import numpy as np
+
+from cellwright.formats.fields import (
+    SERIES,
+    converted,
+    known_fields,
+    require,
+)
+from cellwright.formats.makers import GENERIC
+from cellwright.formats.text_table import meaning_of
+from cellwright.refusal import Refusal
+
+NAME = "matlab"
+MARK = b"MATLAB 5.0 MAT-file"
+
+
+def recognises(head: bytes) -> bool:
+    """The mark of versions 5 to 7."""
+    return head.startswith(MARK)
+
+
+def read(data: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Columns of the one structure or set of variables that has time, current and voltage.
+
+    Raises
+    ------
+    Refusal
+        The file is cut off or damaged, or holds no arrays of such names, or several sets of them.
+    """
+    sets = {name: arrays for name, arrays in _sets(_loaded(data)).items() if _is_series(arrays)}
+    if len(sets) != 1:
+        found = ", ".join(sets) if sets else "none"
+        raise Refusal(f"one set of arrays of time, current and voltage is wanted; found: {found}")
+    arrays = next(iter(sets.values()))
+    fields = known_fields(arrays, lambda label: meaning_of(GENERIC, label))
+    require(fields, SERIES, dict.fromkeys(SERIES, "an array"))
+    columns = converted({f.label: np.asarray(arrays[f.label], float) for f in fields}, fields)
+    note = "arrays do not say their units: seconds, ampere and volt are taken where no name does"
+    return columns, [note]
+
+
+def _loaded(data):
+    from scipy.io import loadmat
+
+    try:
+        return loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=False)
+    except Exception as fault:  # of a parser that fails in many ways on damaged bytes
+        raise Refusal(f"the MATLAB file is cut off or damaged: {fault}") from None
+
+
+def _sets(content):
+    """Arrays by name: those of the file itself, and those of each structure in it."""
+    sets = {"the file": {k: v for k, v in content.items() if _is_column(v)}}
+    for name, value in content.items():
+        inside = {k: getattr(value, k) for k in getattr(value, "_fieldnames", ())}
+        sets[name] = {k: v for k, v in inside.items() if _is_column(v)}
+    return sets
+
+
+def _is_column(value):
+    return isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiu"
+
+
+def _is_series(arrays):
+    known = [meaning_of(GENERIC, name) for name in arrays]
+    return {field.column for field in known if field} >= set(SERIES)

@@ -1,0 +1,327 @@
+"""One engine for instruments' tables of text: where the table begins, what its columns mean."""
+
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.formats.fields import (
+    IMPEDANCE,
+    NET,
+    SERIES,
+    UNITS,
+    Field,
+    converted,
+    known_fields,
+    require,
+)
+from cellwright.formats.physics import COLDEST, HOTTEST, SAME_CLOCK, date_slopes
+from cellwright.formats.table import (
+    DELIMITERS,
+    Layout,
+    clock_second,
+    line_of,
+    offset_of,
+    read_numbers,
+    unix_time_second,
+)
+from cellwright.refusal import Refusal
+
+HEAD = 1 << 17  # byte within which the labels of a table must stand
+SPELT = {
+    "test_time_second": "time",
+    "current_ampere": "current",
+    "voltage_volt": "voltage",
+    "frequency_hertz": "frequency",
+    "impedance_real_ohm": "real part of the impedance",
+    "impedance_imaginary_ohm": "imaginary part of the impedance",
+}
+# As makers spell the units of `fields.UNITS`.
+SAME_UNIT = {
+    "s": "s", "sec": "s", "seconds": "s", "min": "min", "h": "h", "hr": "h", "hours": "h",
+    "a": "A", "ma": "mA", "ua": "uA", "µa": "µA", "v": "V", "mv": "mV", "ah": "Ah", "mah": "mAh",
+    "a.h": "Ah", "ma.h": "mAh", "ohm": "ohm", "ohms": "ohm", "hz": "Hz", "khz": "kHz",
+}  # fmt: skip
+CLOCK = "clock"  # unit of a time that is written as [days d] hours:minutes:seconds
+NOT_SAID = "not said"
+CLOCKED = re.compile(r"^\s*(?:\d+\s*d\s+)?\d+:\d+:\d")
+# Factors between a clock whose unit is not said and its dates [s].
+CLOCK_UNITS = {1.0: "s", 60.0: "min", 3600.0: "h"}
+
+
+class Format(NamedTuple):
+    """How one maker writes a table, as data.
+
+    Attributes
+    ----------
+    name, title : as `instrument` in tests.tsv, and in messages.
+    mark : pattern by which the head of a file is recognised (`^` at each line).
+    header : pattern of the line that holds the labels; it stands in the first 128 kB.
+    columns : pattern of a label (in full, case ignored) → (column of the house, quantity, unit).
+        A group `unit` of the pattern goes first; unit None without one: the file does not say it.
+    header_lines, units_lines : lines from the match of `header` to the labels, and below them.
+    labels : names of the columns, where the header's own cannot be split.
+    delimiter : "" where it is the one of comma, semicolon and tab that the labels hold most.
+    rows_begin, rows_are : bytes with which each row begins that is a reading, of files that have
+        other rows between them; or the pattern of a row.
+    end : pattern of the first line below the table.
+    short_rows : rows end before the last labels do, of which the maker writes no values.
+    state, signs : pattern of the column of letters, and letter → sign of a current that is written
+        as a magnitude. A letter that is not among them goes with a current of zero.
+    date, dates : pattern of the column of dates, and how they may be written.
+    """
+
+    name: str
+    title: str
+    mark: str
+    header: str
+    columns: Mapping[str, tuple]
+    header_lines: int = 0
+    units_lines: int = 0
+    labels: tuple[str, ...] = ()
+    delimiter: str = ""
+    rows_begin: bytes = b""
+    rows_are: str = ""
+    end: str = ""
+    short_rows: bool = False
+    state: str = ""
+    signs: Mapping[str, float] = {}
+    date: str = ""
+    dates: tuple[str, ...] = ()
+
+
+def recognises(form: Format, head: str) -> bool:
+    """Whether the text of a file's head is one of this maker's."""
+    return re.search(form.mark, head, re.M) is not None
+
+
+def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str], int]:
+    """Columns of a table in the house's names and units, and notes on what was left out.
+
+    Parameters
+    ----------
+    form : Format
+    data : the whole file, unpacked, in UTF-8 or Latin-1.
+
+    Returns
+    -------
+    columns : as of `formats.read`; the current is positive on charge where letters say so.
+    notes : sentences.
+    sign : 1 where letters make the current positive on charge, else 0.
+
+    Raises
+    ------
+    Refusal
+        No labels, a column that is missing or said twice, a row that is damaged, text where a
+        number belongs, a clock whose unit nothing says, a current under a letter without a sign.
+    """
+    data, layout, notes = _table(form, data)
+    fields = known_fields(layout.labels, lambda label: meaning_of(form, label))
+    spectrum = any(field.column == "frequency_hertz" for field in fields)
+    wanted = IMPEDANCE if spectrum else SERIES
+    named = [field._replace(column=field.column.removeprefix("minus_")) for field in fields]
+    require(named, wanted, SPELT)
+    if spectrum:  # what a spectrum's file says of the voltage and current at each frequency
+        fields = [f for f in fields if f.column.removeprefix("minus_") in IMPEDANCE]
+        return _spectrum(converted(_numbers(data, layout, fields, []), fields)), notes, 0
+    times = [field for field in fields if field.quantity == "time"]
+    state = next((x for x in layout.labels if _is(form.state, x)), None)
+    date = next((x for x in layout.labels if _is(form.date, x)), None)
+    texts = [*(f.label for f in times), *filter(None, (state, date))]
+    others = [field for field in fields if field.quantity != "time"]
+    found = _numbers(data, layout, others, texts)
+    columns = converted(found, others)
+    unix = unix_time_second(found[date], form.dates) if date else None
+    for field in times:
+        columns[field.column], seen = _seconds(form, field, found[field.label], unix)
+        unix = seen if unix is None else unix
+    columns |= {} if unix is None else {"unix_time_second": unix}
+    if state:
+        columns["current_ampere"] = _signed(form, columns["current_ampere"], found[state])
+    filled = np.any([np.isfinite(columns[name]) for name in SERIES], axis=0)
+    if not filled.all():  # rows of nothing but delimiters, as spreadsheets leave them at the end
+        columns = {name: values[filled] for name, values in columns.items()}
+    return _with_counters(_without_dead(columns, notes)), notes, int(state is not None)
+
+
+def _table(form, data):
+    """The rows of the table with their layout, and notes.
+
+    Lines that are no rows are made blank, not taken away: messages count the file's own lines.
+    """
+    head = data[:HEAD].decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
+    found = re.search(form.header, head, re.M)
+    if not found:
+        raise Refusal(f"a file of {form.title} without the line of its columns' names")
+    number = head.count("\n", 0, found.start()) + 1 + form.header_lines
+    first = number + 1 + form.units_lines
+    header = line_of(data, number)
+    rows = data[offset_of(data, first) :].split(b"\n")
+    if header.startswith('"') and header.endswith('"') and '","' not in header:
+        header, rows = header[1:-1], [row.replace(b'"', b"") for row in rows]  # quoted as a whole
+    rows = _readings(form, rows, header)
+    filled = next((row for row in rows if row.strip()), b"").decode("latin-1").rstrip("\r")
+    delimiter = form.delimiter or max(DELIMITERS, key=(filled if form.labels else header).count)
+    labels = form.labels or tuple(x.strip().strip('"').strip() for x in header.split(delimiter))
+    width = filled.count(delimiter) + 1
+    labels = labels[:width] if form.short_rows else labels
+    labels, notes = _even(rows, labels, delimiter, width=width)
+    decimal = "," if delimiter != "," and re.search(r"\d,\d", filled) else "."
+    return b"\n" * (first - 1) + b"\n".join(rows), Layout(labels, delimiter, first, decimal), notes
+
+
+def _readings(form, rows, header):
+    """Lines of the table that are readings, blank in place of others."""
+    if form.end:
+        end = re.compile(form.end.encode())
+        rows = rows[: next((k for k, row in enumerate(rows) if end.match(row)), len(rows))]
+    if form.rows_begin and header.startswith(form.rows_begin.decode()):
+        return [row if row.startswith(form.rows_begin) else b"" for row in rows]
+    if form.rows_are:
+        pattern = re.compile(form.rows_are.encode())
+        return [row if pattern.match(row) else b"" for row in rows]
+    return rows
+
+
+def _even(rows, labels, delimiter, *, width):
+    """Labels for as many fields as rows have; a last row that is cut off is blanked, and told."""
+    if width == len(labels) + 1:
+        labels = (*labels, "")
+    elif width == len(labels) - 1 and not labels[-1]:
+        labels = labels[:-1]
+    last = next((k for k in range(len(rows) - 1, -1, -1) if rows[k].strip()), 0)
+    fields = rows[last].count(delimiter.encode()) + 1 if rows else width
+    if last and fields < width:
+        rows[last] = b""
+        return labels, [f"the last row is cut off ({fields} of {width} fields) and was left out"]
+    return labels, []
+
+
+def _numbers(data, layout, fields, texts):
+    return read_numbers(data, layout, [field.label for field in fields], texts=texts)
+
+
+def _is(pattern, label):
+    return bool(pattern) and re.fullmatch(pattern, label, re.I) is not None
+
+
+def meaning_of(form: Format, label: str) -> Field | None:
+    """What a label means in tables of this maker; None where it is not known."""
+    for pattern, (column, quantity, unit) in form.columns.items():
+        parts = re.fullmatch(pattern, label.strip(), re.I)
+        if parts:
+            said = parts.groupdict().get("unit")
+            said = SAME_UNIT.get(said.lower(), said) if said else unit or NOT_SAID
+            return Field(label, column, quantity, said)
+    return None
+
+
+def _seconds(form, field, texts, unix):
+    """Elapsed time [s], and the dates [s since 1970] where the clock itself is one."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    example = next((text for text in texts[:20].to_pylist() if text), "")
+    if CLOCKED.match(example):
+        return clock_second(texts), None
+    texts = pc.if_else(pc.equal(texts, ""), None, texts)
+    try:
+        numbers = pc.cast(pc.utf8_trim_whitespace(texts), pa.float64())
+    except pa.ArrowInvalid:
+        numbers = _decimal_commas(texts)
+    if numbers is not None:
+        values = np.array(numbers.to_numpy(zero_copy_only=False), float)
+        return values * _factor(form, field, values, unix), None
+    dates = unix_time_second(texts, form.dates)
+    if dates is None:
+        wrong = next((x for x in texts.to_pylist() if x and not _is_number(x)), example)
+        raise Refusal(f"column {field.label!r}: found {wrong!r}, a time is wanted")
+    return dates - dates[0], dates
+
+
+def _is_number(text):
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _decimal_commas(texts):
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    try:
+        dotted = pc.replace_substring(pc.utf8_trim_whitespace(texts), ",", ".")
+        return pc.cast(dotted, pa.float64())
+    except pa.ArrowInvalid:
+        return None
+
+
+def _factor(form, field, values, unix):
+    """Seconds a unit of the clock; of a clock that does not say it, by the dates."""
+    if field.unit in UNITS["time"]:
+        return UNITS["time"][field.unit]
+    moved = np.ptp(values[np.isfinite(values)]) if np.isfinite(values).any() else 0.0
+    # Dates are written to the second: a minute of them tells the unit to within 2 %.
+    if unix is not None and moved > 0:
+        slope = np.nanmedian(date_slopes(values, unix))
+        for factor in CLOCK_UNITS:
+            if abs(slope / factor - 1) <= SAME_CLOCK:
+                return factor
+    raise Refusal(
+        f"column {field.label!r} of a {form.title} file does not say its unit, and no dates tell "
+        "it: export it with a unit, such as seconds"
+    )
+
+
+def _signed(form, current, letters):
+    """Current [A], positive on charge, from magnitudes and the letters of the steps."""
+    names = np.array([str(x).strip() for x in letters.to_pylist()])
+    signs = np.zeros(len(names))
+    for name in np.unique(names):
+        rows = names == name
+        if name not in form.signs and np.any(np.abs(current[rows]) > 0):
+            known = ", ".join(form.signs)
+            where = int(np.flatnonzero(rows & (np.abs(current) > 0))[0]) + 1
+            raise Refusal(
+                f"row {where} of data: a current of {current[where - 1]:g} A in a step of state "
+                f"{str(name)!r}, whose sign is not known; known states: {known}"
+            )
+        signs[rows] = form.signs.get(name, 0.0)
+    # ASSUME: A current in a resting step keeps the sign it is written with: it is an offset.
+    return np.where(signs == 0, current, np.abs(current) * signs)
+
+
+def _with_counters(columns):
+    counter = columns.pop("step_capacity_ampere_hour", None)
+    if counter is not None and NET not in columns:
+        columns[NET] = _net(np.abs(counter), np.sign(columns["current_ampere"]))
+    return columns
+
+
+def _net(magnitude, sign):
+    """Net charge [Ah] from a counter of magnitudes that begins anew with steps."""
+    moved = np.diff(magnitude, prepend=magnitude[:1])
+    moved = np.where(moved < 0, magnitude, moved)
+    return np.cumsum(moved * sign)
+
+
+def _spectrum(columns):
+    minus = columns.pop("minus_impedance_imaginary_ohm", None)
+    columns |= {} if minus is None else {"impedance_imaginary_ohm": -minus}
+    rows = columns["frequency_hertz"] > 0  # others are the load before the sweep, as Parstat writes
+    return {name: values[rows] for name, values in columns.items()}
+
+
+def _without_dead(columns, notes):
+    """Columns without thermometers that were not connected: all 0, or far beyond any cell's."""
+    for name in [name for name in columns if name.endswith("temperature_celsius")]:
+        shown = columns[name][np.isfinite(columns[name])]
+        dead = not shown.size or not np.any(shown) or np.median(shown) < COLDEST
+        if dead or np.median(shown) > HOTTEST:
+            found = f"{np.median(shown):g} °C" if shown.size else "nothing"
+            notes.append(f"{name} shows {found}: not connected, and left out")
+            del columns[name]
+    return columns

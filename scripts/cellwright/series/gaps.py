@@ -1,0 +1,97 @@
+"""What a cell did while its record was silent: its load went on, or it rested."""
+
+import numpy as np
+
+from cellwright.numerics.statistics import robust_std
+
+RAN, RESTED, UNKNOWN, NO_LOAD = "load went on", "cell rested", "not known", "no load"
+SAME_CURRENT = 0.1  # of the current: as much on both sides of a gap is the same load
+SHORTEST_WINDOW = 60.0  # s of rows at each side, by which the voltage's slope is told
+LEAST_ROWS = 4
+LEAST_SHARE = 0.001  # of all charge: gaps with less are not worth a sentence
+FLOOR_VOLT = 0.002  # no verdict hangs on less: contacts, temperature
+# ASSUME: A load that went on moves the voltage by at least half of what the slopes beside the gap
+# say; a rest leaves less than a quarter of it: the polarisation comes back, the charge does not.
+RAN_SHARE, RESTED_SHARE = 0.5, 0.25
+
+
+def verdicts(
+    time: np.ndarray, current: np.ndarray, voltage: np.ndarray, gaps: np.ndarray
+) -> np.ndarray:
+    """What happened in each gap between two rows of the same load, by the voltage.
+
+    The slopes of the voltage over the charge at both sides say by how much the load would have
+    moved it. Where it moved so, the load went on and only rows were lost; where it came back
+    instead, the cell rested.
+
+    Parameters
+    ----------
+    time, current, voltage : (n,) arrays [s], [A, positive on charge], [V]
+    gaps : rows with a gap before them.
+
+    Returns
+    -------
+    array of RAN, RESTED, UNKNOWN where the slopes cannot tell (a plateau, few rows), NO_LOAD where
+    the current is not the same on both sides.
+    """
+    found = [_verdict(time, current, voltage, int(row)) for row in gaps]
+    return np.array(found, dtype=f"U{len(RAN)}")
+
+
+def _verdict(time, current, voltage, row):
+    before, after = current[row - 1], current[row]
+    if not abs(after) > 0 or abs(after - before) > SAME_CURRENT * abs(after):
+        return NO_LOAD
+    length = time[row] - time[row - 1]
+    slopes, noises = [], []
+    for side in (-1, 1):
+        slope, noise = _slope(time, current, voltage, row, side, max(length, SHORTEST_WINDOW))
+        slopes.append(slope)
+        noises.append(noise)
+    charge = after * length / 3600
+    # Towards where the load drives it, positive.
+    expected = np.array(slopes) * charge * np.sign(charge)
+    moved = (voltage[row] - voltage[row - 1]) * np.sign(charge)
+    floor = FLOOR_VOLT + 4 * max(noises)
+    if not np.all(expected > 0) or expected.max() < 2 * floor:
+        return UNKNOWN
+    if moved > max(RAN_SHARE * expected.min(), floor):
+        return RAN
+    return RESTED if moved < RESTED_SHARE * expected.min() else UNKNOWN
+
+
+def _slope(time, current, voltage, row, side, window):
+    """Slope of the voltage over the charge [V/Ah] before or after a gap, and its scatter [V]."""
+    edge = row - 1 if side < 0 else row
+    rows = np.arange(row)[::-1] if side < 0 else np.arange(row, len(time))
+    near = (np.abs(time[rows] - time[edge]) <= window) & np.isfinite(voltage[rows])
+    steady = np.abs(current[rows] - current[edge]) <= SAME_CURRENT * abs(current[edge])
+    good = near & steady
+    rows = rows[: len(good) if good.all() else int(np.argmin(good))]
+    if len(rows) < LEAST_ROWS:
+        return np.nan, 0.0
+    charge = current[edge] * (time[rows] - time[edge]) / 3600
+    if not np.ptp(charge) > 0:
+        return np.nan, 0.0
+    slope, level = np.polyfit(charge, voltage[rows], 1)
+    # The scatter from row to row, not the bend of the curve, is what an edge may be off by.
+    return slope, robust_std(np.diff(voltage[rows] - slope * charge - level)) / np.sqrt(2)
+
+
+def in_words(time: np.ndarray, current: np.ndarray, gaps: np.ndarray, found: np.ndarray) -> list:
+    """A sentence on each gap under load; the charge that is or is not counted in it [Ah]."""
+    said = {
+        RAN: "the voltage went on as under load: the charge is counted",
+        RESTED: "the voltage came back: the cell rested, no charge is counted",
+        UNKNOWN: "the voltage does not tell whether the load went on: the charge is counted as if",
+    }
+    out = []
+    moved = np.sum(np.abs(current[1:]) * np.diff(time)) / 3600
+    for row, what in zip(gaps, found, strict=True):
+        length = time[row] - time[row - 1]
+        charge = abs(current[row]) * length / 3600
+        if what == NO_LOAD or charge < LEAST_SHARE * moved:
+            continue
+        where = f"{length:.4g} s without rows under load from {time[row - 1]:.6g} s on"
+        out.append(f"{where} ({charge:.3g} Ah): {said[what]}")
+    return out

@@ -1,0 +1,1 @@
+"""A first look at files: `./run cellwright inspect FILE`, `init FOLDER`, `convert FILE`."""

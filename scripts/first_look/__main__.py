@@ -1,0 +1,45 @@
+"""Commands of a first look: `inspect FILE...`, `init FOLDER`, `convert FILE`."""
+
+import argparse
+import sys
+
+from cellwright.refusal import Refusal
+from first_look import interchange, one_file, sheets, words
+
+
+def main(arguments=None) -> int:
+    """Run one command; 1 where a file or folder was refused, with the reason."""
+    parser = argparse.ArgumentParser(prog="./run cellwright", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    inspect = commands.add_parser(
+        "inspect", help="say what files hold and what tests they could be"
+    )
+    inspect.add_argument("file", nargs="+")
+    init = commands.add_parser("init", help="draft the sheets of a folder of instruments' files")
+    init.add_argument("folder")
+    convert = commands.add_parser("convert", help="write a file as Battery Data Format")
+    convert.add_argument("file")
+    convert.add_argument("--to", help="a path that ends in .csv or .parquet")
+    options = parser.parse_args(arguments)
+    try:
+        for line in _lines(options):
+            print(line)
+    except (Refusal, OSError) as reason:
+        print(reason, file=sys.stderr)
+        return 1
+    return 0
+
+
+def _lines(options):
+    if options.command == "init":
+        yield from sheets.write(options.folder)
+    elif options.command == "convert":
+        yield from (f"written: {path}" for path in interchange.convert(options.file, options.to))
+    else:
+        for number, file in enumerate(options.file):
+            yield from [""] * (number > 0)
+            yield from words.lines_of(one_file.look(file))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

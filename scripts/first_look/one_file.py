@@ -1,0 +1,64 @@
+"""What one file holds: its decoded columns, and what a campaign would make of them."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import cellwright as cw
+from cellwright import formats
+from cellwright.refusal import Refusal
+from cellwright.series.kinds import likely_kinds
+
+PROBES = ("ambient_temperature_celsius", "surface_temperature_celsius")
+
+
+class Look(NamedTuple):
+    """One file. `series` and `steps` are columns of the record that a campaign would use, empty
+    where it would refuse it, for the reason in `refused`; `kinds` are (kind, reason)."""
+
+    name: str
+    reading: formats.Reading
+    series: dict
+    steps: dict
+    kinds: list
+    refused: str
+    notes: tuple
+
+
+def look(path) -> Look:
+    """Read a file as a campaign would, as far as that goes.
+
+    Raises
+    ------
+    Refusal
+        Nothing can be read from it.
+    """
+    path = Path(path)
+    data = path.read_bytes()
+    reading = formats.read(data, name=path.name)
+    if reading.kind == "impedance":
+        return Look(path.name, reading, {}, {}, [("eis", "a spectrum")], "", reading.notes)
+    try:
+        read = cw.read((path.name, data))
+        series = cw.clean(read.columns)
+        steps = dict(cw.segment(series.columns).rows._asdict())
+    except Refusal as reason:
+        return Look(path.name, reading, {}, {}, [], str(reason), reading.notes)
+    kinds = likely_kinds(steps, celsius_span=_celsius_span(series.columns))
+    notes = tuple(dict.fromkeys((*reading.notes, *read.notes, *series.notes)))
+    return Look(path.name, reading, dict(series.columns), steps, kinds, "", notes)
+
+
+def celsius(columns) -> float | None:
+    """Median temperature of the chamber, or else of the cell [°C]; None where nothing shows it."""
+    for name in PROBES:
+        values = columns.get(name)
+        if values is not None and np.isfinite(values).any():
+            return float(np.nanmedian(values))
+    return None
+
+
+def _celsius_span(columns):
+    spans = [np.nanmax(columns[n]) - np.nanmin(columns[n]) for n in PROBES if n in columns]
+    return float(max(spans, default=0.0))

@@ -1,0 +1,318 @@
+"""Tables of many makers: small samples in their layout, and everybody's files where they lie."""
+
+import importlib.util
+import shutil
+import zipfile
+from io import BytesIO
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cellwright import formats
+from cellwright.refusal import Refusal
+
+
+def read(text, *, name="file", instrument=None):
+    data = text if isinstance(text, bytes) else text.encode()
+    return formats.read(data, name=name, instrument=instrument)
+
+
+MACCOR = """Today's Date 01/02/2024\tDate of Test:\t01/01/2024
+Rec#\tCyc#\tStep\t{clock}\tStepTime\tAmp-hr\tWatt-hr\tAmps\tVolts\tState\tES\tDPt Time
+1\t0\t1\t{t0}\t0\t0\t0\t0.0\t3.5\tR\t0\t01/13/2024 10:00:00
+2\t0\t2\t{t1}\t0\t0.5\t0\t1.0\t3.6\tC\t0\t01/13/2024 10:30:00
+3\t0\t2\t{t2}\t0\t1.0\t0\t1.0\t3.7\tC\t0\t01/13/2024 11:00:00
+4\t0\t3\t{t3}\t0\t0.25\t0\t0.5\t3.4\tD\t0\t01/13/2024 11:30:00
+"""
+CLOCKS = {  # as written, and the seconds that they mean
+    "days": ("TestTime", ("0d 00:00:0", "0d 00:30:0.5", "0d 01:00:0", "1d 01:30:0"), 91800.0),
+    "seconds": ("Test (Sec)", ("0", "1800.5", "3600", "5400"), 5400.0),
+    "minutes": ("Test (Min)", ("0", "30.1", "60", "90"), 5400.0),
+    "by the dates": ("TestTime", ("0", "30", "60", "90"), 5400.0),
+}
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+def test_maccor_by_letters_and_clock(clock):
+    label, times, last = CLOCKS[clock]
+    columns = read(
+        MACCOR.format(clock=label, **dict(zip(("t0", "t1", "t2", "t3"), times, strict=True)))
+    ).columns
+    assert columns["test_time_second"][-1] == last
+    np.testing.assert_array_equal(columns["current_ampere"], [0, 1, 1, -0.5])
+    np.testing.assert_allclose(columns["net_capacity_ampere_hour"], [0, 0.5, 1.0, 0.75])
+
+
+def test_a_current_under_an_unknown_letter_is_refused():
+    text = MACCOR.format(clock="Test (Sec)", t0=0, t1=1800, t2=3600, t3=5400)
+    with pytest.raises(Refusal, match=r"row 4 of data: a current of 0.5 A in a step of state 'X'"):
+        read(text.replace("\tD\t", "\tX\t"))
+
+
+def test_a_clock_whose_unit_nothing_tells_is_refused():
+    text = MACCOR.format(clock="TestTime", t0=0, t1=7, t2=14, t3=21)
+    with pytest.raises(Refusal, match="'TestTime' of a Maccor text file does not say its unit"):
+        read(text)
+
+
+def test_a_last_row_that_is_cut_off_is_left_out_and_told():
+    text = MACCOR.format(clock="Test (Sec)", t0=0, t1=1800, t2=3600, t3=5400)
+    reading = read(text[:-40])
+    assert len(reading.columns["voltage_volt"]) == 3
+    assert reading.notes == ("the last row is cut off (5 of 12 fields) and was left out",)
+
+
+BIOLOGIC = "time/s\tEcell/V\tI/mA\t(Q-Qo)/mA.h\tTemperature/°C\t\n" + "".join(
+    f"{t:.1f}\t{3.5 + t / 1000:.4f}\t{-250.0:.1f}\t{-250 * t / 3600:.6f}\t24.5\n" for t in range(5)
+)
+
+
+@pytest.mark.parametrize("written", ["plain", "decimal commas", "UTF-16"])
+def test_biologic_text(written):
+    text = "EC-Lab ASCII FILE\nNb header lines : 3\n" + BIOLOGIC
+    text = text.replace(".", ",") if written == "decimal commas" else text
+    text = text.replace("mA,h", "mA.h")
+    data = text.encode("utf-16") if written == "UTF-16" else text.encode("cp1252")
+    reading = read(data)
+    assert reading.instrument == "biologic"
+    assert reading.columns["current_ampere"][0] == -0.25
+    assert reading.columns["voltage_volt"][-1] == pytest.approx(3.504, abs=1e-12)
+    assert reading.columns["net_capacity_ampere_hour"][-1] == pytest.approx(
+        -0.25 * 4 / 3600, abs=1e-9
+    )
+
+
+NEWARE_REPORT = """Cycle Index,Chg. Cap.(Ah),DChg. Cap.(Ah)
+,Step Index,Step Number,Step Type
+,,DataPoint,Time,Total Time,Current(mA),Voltage(V),Date
+1,0.1,0.2,1,1,Rest
+,,1,00:00:00,00:00:00,0,3.5,2024-01-01 00:00:00
+,,2,00:00:30,00:00:30,0,3.5,2024-01-01 00:00:30
+,2,2,CC Chg
+,,3,00:00:00,26:00:31,1500,3.6,2024-01-02 02:00:31
+"""
+
+
+def test_neware_report_with_lines_of_cycles_and_steps_between():
+    columns = read(NEWARE_REPORT).columns
+    np.testing.assert_array_equal(columns["test_time_second"], [0, 30, 93631])
+    np.testing.assert_array_equal(columns["current_ampere"], [0, 0, 1.5])
+
+
+def test_a_fault_names_the_line_of_the_file():
+    with pytest.raises(Refusal, match=r"^file: line 8: column 'Voltage\(V\)': found 'x'"):
+        read(NEWARE_REPORT.replace("3.6", "x"))
+
+
+@pytest.mark.parametrize("label", ["Time (h)", "time_h", "Time [h]", "Test Time/h"])
+def test_a_table_of_nobody_in_particular(label):
+    rows = "".join(f"{t};{2000};3700\n" for t in (0, 0.5, 1))
+    reading = read(f"an export;\n{label};Current (mA);Voltage/mV\n{rows};;\n")
+    assert reading.instrument == "table"
+    np.testing.assert_allclose(reading.columns["test_time_second"], [0, 1800, 3600])
+    np.testing.assert_allclose(reading.columns["current_ampere"], 2)
+    np.testing.assert_allclose(reading.columns["voltage_volt"], 3.7)
+
+
+def zahner(frequency, impedance):
+    rows = [frequency, np.abs(impedance), np.angle(impedance), np.arange(len(frequency))]
+    count = (len(frequency) - 1).to_bytes(6, "big")
+    return b"\x00\x00\xff\xff\xff\xff" + count + np.array(rows).astype(">f8").tobytes()
+
+
+def test_zahner_counts_one_way_from_end_to_end():
+    frequency = np.array([100.0, 1000, 10000, 1000, 100, 10, 1])
+    impedance = 0.02 + 0.01 / (1 + 1j * frequency * 0.1)
+    reading = read(zahner(frequency, impedance))
+    np.testing.assert_array_equal(reading.columns["frequency_hertz"], frequency[2:])
+    np.testing.assert_allclose(reading.columns["impedance_imaginary_ohm"], impedance.imag[2:])
+    with pytest.raises(Refusal, match="Zahner file is cut off"):
+        read(zahner(frequency, impedance)[:-1])
+
+
+def test_a_spectrum_without_labels():
+    frequency = np.geomspace(1e3, 0.1, 9)
+    impedance = 0.02 + 0.01 / (1 + 1j * frequency)
+    rows = zip(frequency, impedance.real, impedance.imag, strict=True)
+    text = "".join(f"{f!r},{re!r},{im!r}\n" for f, re, im in np.array(list(rows)).tolist())
+    assert read(text).kind == "impedance"
+    with pytest.raises(Refusal, match="no instrument known"):
+        read("".join(f"{t},3.7,-1.0\n" for t in range(1, 9)))  # a clock is no frequency
+
+
+def test_optional_readers_say_what_to_install(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(Refusal, match="read by mdb-export, which is not installed"):
+        read(b"\x00\x01\x00\x00Standard Jet DB" + bytes(100))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(Refusal, match="read by fastnda, which is not installed"):
+        read(b"NEWARE" + bytes(100))
+
+
+def test_a_damaged_neware_archive_is_refused(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: object())
+    archive = BytesIO()
+    with zipfile.ZipFile(archive, "w") as parts:
+        parts.writestr("data.ndc", bytes(1000))
+    with pytest.raises(Refusal, match="ndax archive is cut off or damaged"):
+        read(archive.getvalue()[:-30])
+
+
+# Files that hold no readings, or not all of a reading, and why each is refused.
+REFUSED = {
+    "arbin/2017-05-09_test-TC-contact_CH33_Metadata.csv": "no instrument known",
+    "arbin/FastCharge_000025_CH8_Metadata.csv": "no instrument known",
+    "maccor/xTESLADIAG_000004_CH69.000": "XML",
+    "neware/Experiment_Record.xlsx": "workbook of no instrument",
+    "novonix/test_Nova_Form-CH01-01_short_metadata.csv": "no instrument known",
+    "labview/Temperature-3C-discharge.lvm": "no instrument known",
+    "bdf/test_missing_required.bdf": "no column 'Current / A'",
+}
+OPTIONAL = {".res": "mdb-export", ".res.gz": "mdb-export", ".nda": "fastnda", ".ndax": "fastnda"}
+
+
+def manifest(shared):
+    return pd.read_csv(shared / "formats/manifest.tsv", sep="\t").set_index("file")
+
+
+def test_every_file_is_read_or_refused_for_its_reason(shared):
+    unread = []
+    for file in manifest(shared).index:
+        data = (shared / "formats" / file).read_bytes()
+        try:
+            formats.read(data, name=file)
+        except Refusal as reason:
+            of_kind = "mpr" if file.endswith(".mpr") else None
+            tool = next((t for end, t in OPTIONAL.items() if file.endswith(end)), of_kind)
+            if REFUSED.get(file, tool or "none") not in str(reason):
+                unread.append(str(reason))
+        else:
+            assert file not in REFUSED
+    assert unread == []
+
+
+GOLDEN = {"test_time": "test_time_second", "voltage": "voltage_volt", "current": "current_ampere"}
+# Of the landt file: the source project's own conversion.
+GOLDEN |= {"test_time_second": "test_time_second", "voltage_volt": "voltage_volt"}
+GOLDEN |= {"current_ampere": "current_ampere"}
+
+
+def test_other_peoples_readings_are_equal(shared):
+    rows = manifest(shared)["golden"].dropna()
+    compared = 0
+    for file, golden in rows.items():
+        if file.endswith((".nda", ".ndax")) or (
+            file.endswith(".res") and not shutil.which("mdb-export")
+        ):
+            continue  # see test_neware_binaries
+        path = shared / "formats" / golden
+        wanted = pd.read_csv(path) if golden.endswith("gz") else pd.read_parquet(path)
+        columns = formats.read((shared / "formats" / file).read_bytes(), name=file).columns
+        wanted = wanted.dropna(subset=[name for name in GOLDEN if name in wanted], how="all")
+        for theirs, ours in GOLDEN.items():
+            if theirs in wanted:
+                compared += 1
+                np.testing.assert_allclose(columns[ours], wanted[theirs], rtol=0, atol=6e-8)
+    assert compared >= 15
+
+
+def test_neware_binaries_are_as_others_read_them(shared):
+    pytest.importorskip("fastnda", reason="fastnda is not installed: ./run python -m pip install")
+    from pyarrow import feather
+
+    rows = manifest(shared)["golden"].dropna()
+    for file, golden in rows[rows.str.endswith(".ftr")].items():
+        wanted = feather.read_table(shared / "formats" / golden).to_pandas()
+        columns = formats.read((shared / "formats" / file).read_bytes(), name=file).columns
+        np.testing.assert_allclose(columns["voltage_volt"], wanted["Voltage"], atol=2e-7)
+        np.testing.assert_allclose(
+            columns["current_ampere"], wanted["Current(mA)"] / 1e3, atol=1e-12
+        )
+
+
+def test_cut_files_give_right_values_or_a_refusal(shared):
+    for file in manifest(shared).index:
+        if file.endswith((".gz", ".res", ".xlsx", ".ndax", ".nda", ".mpr")):
+            continue
+        data = (shared / "formats" / file).read_bytes()
+        whole = _or_none(data)
+        for end in range(4096, len(data), 4096):
+            cut = _or_none(data[:end])
+            if whole is None or cut is None:
+                continue
+            for name, values in cut.columns.items():
+                # A cut number in the last row cannot be seen; all rows before it are the file's.
+                kept = slice(0, len(values) - 1)
+                np.testing.assert_array_equal(
+                    values[kept], whole.columns[name][kept], f"{file} {end}"
+                )
+
+
+def _or_none(data):
+    try:
+        return formats.read(data, name="file")
+    except Refusal:
+        return None
+
+
+def with_counters(current, charge, discharge):
+    time = 60.0 * np.arange(len(current))
+    rows = zip(time, current, charge, discharge, strict=True)
+    labels = "Time (s);Current (A);Voltage (V);Charge_Capacity (Ah);Discharge_Capacity (Ah)\n"
+    return labels + "".join(f"{t};{i};3.7;{c:.9f};{d:.9f}\n" for t, i, c, d in rows)
+
+
+CHARGE = np.array([0.0, *np.arange(11), *[10.0] * 11]) / 60
+DISCHARGE = np.array([*[0.0] * 12, *np.arange(11)]) / 60
+SIGNED = np.array([0.0, *[1.0] * 11, *[-1.0] * 11])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_counters_tell_the_sign_of_the_current(sign):
+    reading = read(with_counters(sign * SIGNED, CHARGE, DISCHARGE))
+    assert reading.sign == sign
+    np.testing.assert_allclose(reading.columns["net_capacity_ampere_hour"], CHARGE - DISCHARGE)
+
+
+def test_magnitudes_take_their_signs_from_the_counters():
+    reading = read(with_counters(np.abs(SIGNED), CHARGE, DISCHARGE))
+    np.testing.assert_array_equal(reading.columns["current_ampere"], SIGNED)
+    assert reading.sign == 1
+
+
+def test_counters_that_do_not_move_tell_no_sign():
+    assert read(with_counters(SIGNED, 0 * CHARGE, 0 * CHARGE)).sign == 0
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(1e-3, "milliseconds"), (60, "minutes"), (3600, "hours")]
+)
+def test_a_clock_in_another_unit_is_converted_where_dates_prove_it(factor, unit):
+    second = 10.0 * np.arange(500)
+    rows = zip(second / factor, 1.7e9 + np.floor(second), strict=True)
+    text = "Test Time / s,Current / A,Voltage / V,Unix Time / s\n"
+    text += "".join(
+        f"{t!r},1.0,{3.6 + t * factor / 1e5:.6f},{u}\n" for t, u in np.array(list(rows)).tolist()
+    )
+    reading = read(text)
+    np.testing.assert_allclose(reading.columns["test_time_second"], second)
+    assert reading.notes == (
+        f"the clock counts {unit}, as its dates prove, not seconds: converted",
+    )
+
+
+def test_kelvin_under_degrees_is_left_out_and_told():
+    text = "Test Time / s,Current / A,Voltage / V,Ambient Temperature / degC\n"
+    reading = read(text + "".join(f"{t},1.0,3.7,298.15\n" for t in range(9)))
+    assert "ambient_temperature_celsius" not in reading.columns
+    assert reading.notes == (
+        "ambient_temperature_celsius reads 298.1 °C: kelvin under degC? left out",
+    )
+
+
+@pytest.mark.parametrize("start", ["0d 00:00:00.5", "00:00:00.5"])
+def test_a_time_of_day_in_the_interchange_format(start):
+    text = f"Test Time / s,Current / A,Voltage / V\n{start},1.0,3.7\n"
+    text += f"{start.replace(':00.5', ':10.5')},1,3.7\n"
+    np.testing.assert_array_equal(read(text).columns["test_time_second"], [0.5, 10.5])
