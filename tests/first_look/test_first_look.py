@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import cellwright as cw
-from cellwright.series.kinds import likely_kinds
+from cellwright.records.kinds import likely_kinds
 from first_look.__main__ import main
 
 HOUR = 3600.0
