@@ -38,10 +38,16 @@ def imports() -> dict[str, set[str]]:
 
 
 def levels(needs) -> dict[str, int]:
-    """How many rooms stand below each room, one upon another."""
+    """How many rooms stand below each room, one upon another.
+
+    Raises ValueError where rooms import each other in a circle.
+    """
     level = {}
     while len(level) < len(needs):
         ready = [room for room, below in needs.items() if room not in level and below <= set(level)]
+        if not ready:
+            rooms = ", ".join(sorted(set(needs) - set(level)))
+            raise ValueError(f"rooms import each other in a circle: {rooms}")
         level |= {room: 1 + max((level[b] for b in needs[room]), default=-1) for room in ready}
     return level
 

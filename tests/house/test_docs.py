@@ -64,6 +64,11 @@ def test_every_public_name_is_documented():
         assert re.search(rf"^### {public}\n\n```python\n.+\n```\n\n\S", text, re.M | re.S), public
 
 
+def test_rooms_that_import_each_other_are_named():
+    with pytest.raises(ValueError, match="in a circle: packs, series"):
+        rooms.levels({"formats": set(), "series": {"packs"}, "packs": {"series", "formats"}})
+
+
 def test_the_table_and_the_picture_of_the_rooms_have_all_of_them():
     assert len(rooms.rooms()) > 10
     for room in rooms.rooms():
