@@ -7,8 +7,8 @@ import numpy as np
 
 import cellwright as cw
 from cellwright import formats
-from cellwright.refusal import Refusal
 from cellwright.records.kinds import likely_kinds
+from cellwright.refusal import Refusal
 
 PROBES = ("ambient_temperature_celsius", "surface_temperature_celsius")
 

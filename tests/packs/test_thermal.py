@@ -6,7 +6,6 @@ import truth
 from scipy.integrate import solve_ivp
 from wirings import parallel, series
 
-from cellwright.circuits.heat import simulate_warm
 from cellwright.packs import kernel, simulate
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.network import network_of
@@ -54,17 +53,25 @@ def run_of(wiring=STRING, load=LOAD, rows=slice(None), **around):
 
 @pytest.mark.parametrize("entropic", [0.0, 2e-4])
 @pytest.mark.parametrize("hold", ["first_order", "zero_order"])
-def test_one_cell_alone_is_the_single_cell_simulation(hold, entropic):
+def test_a_cell_alone_keeps_the_balance_of_its_heat(hold, entropic):
+    """By an independent solver: what its overpotential and entropy make, stored or given away."""
     cells = pack_cells([warm_model()], temperature_celsius=np.arange(15.0, 46.0, 5.0))
     thermal = Thermal(**CONSTANTS, entropic_volt_per_kelvin=entropic)
     setting = {"initial_soc": 0.9, "ambient_celsius": 20.0, "thermal": thermal, "hold": hold}
     run = simulate_pack(TIME, LOAD, cells, series("A"), **setting)
-    more = {"entropic_volt_per_kelvin": entropic, "hold": hold}
-    alone = simulate_warm(warm_model(), None, TIME, LOAD, run.soc[:, 0], 20.0, **CONSTANTS, **more)
-    assert np.ptp(alone.temperature_celsius) > 2.0
-    off = np.abs(run.temperature_celsius[:, 0] - alone.temperature_celsius)
-    assert off.max() < 0.05
-    assert np.abs(run.voltage_volt - alone.simulated.voltage_volt).max() < 1e-3
+    # The OCV moves with the temperature by the coefficient, around 25 degC.
+    celsius = run.temperature_celsius[:, 0]
+    over = run.voltage_volt - truth.ocv_at(run.soc[:, 0]) - entropic * (celsius - 25.0)
+    heat = LOAD * (over + entropic * (celsius + 273.15))
+
+    def rate(t, warm):
+        made = heat[min(np.searchsorted(TIME, t, side="right"), len(TIME) - 1)]
+        lost = (warm - 20.0) / CONSTANTS["resistance_kelvin_per_watt"]
+        return (made - lost) / CONSTANTS["heat_capacity_joule_per_kelvin"]
+
+    true = solve_ivp(rate, (0, TIME[-1]), [20.0], t_eval=TIME, max_step=2.0).y[0]
+    assert np.ptp(true) > 2.0
+    assert np.abs(celsius - true).max() < 0.1
 
 
 def test_temperatures_of_neighbours_are_those_of_an_independent_solver():

@@ -1,6 +1,7 @@
 """MATLAB's .mat (up to version 7): a structure, or variables, of equally long arrays."""
 
 import io
+import zlib
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from cellwright.formats.text_table import meaning_of
 from cellwright.refusal import Refusal
 
 NAME = "matlab"
+# How the parser fails on damaged bytes.
+FAULTS = (ArithmeticError, LookupError, OSError, TypeError, ValueError, MemoryError, EOFError)
+FAULTS = (*FAULTS, NotImplementedError, UnboundLocalError, zlib.error)
 MARK = b"MATLAB 5.0 MAT-file"
 
 
@@ -48,7 +52,7 @@ def _loaded(data):
 
     try:
         return loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=False)
-    except Exception as fault:  # of a parser that fails in many ways on damaged bytes
+    except FAULTS as fault:
         raise Refusal(f"the MATLAB file is cut off or damaged: {fault}") from None
 
 

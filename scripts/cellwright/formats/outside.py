@@ -13,12 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from cellwright.formats import arbin
-from cellwright.formats.fields import converted, known_fields, require
+from cellwright.formats.arbin import SPELT, meaning
+from cellwright.formats.fields import SERIES, converted, known_fields, require
 from cellwright.formats.table import layout_of, read_numbers
 from cellwright.refusal import Refusal
 
 JET = (b"\x00\x01\x00\x00Standard Jet DB", b"\x00\x01\x00\x00Standard ACE DB")
+# How the library says that it cannot read a file.
+FAULTS = (ArithmeticError, LookupError, OSError, TypeError, ValueError, RuntimeError, EOFError)
 SLOWEST = 600.0  # s, after which a program that reads a file is stopped
 EXCEL_EPOCH_DAY, DAY_SECOND = 25569.0, 86400.0
 
@@ -44,8 +46,8 @@ class ArbinDatabase:
         """
         text = _exported(data, "Channel_Normal_Table")
         layout = layout_of(text)
-        fields = known_fields(layout.labels, arbin.meaning)
-        require(fields, arbin.SERIES, arbin.SPELT)
+        fields = known_fields(layout.labels, meaning)
+        require(fields, SERIES, SPELT)
         extra = [label for label in ("Test_ID", "Data_Point", "DateTime") if label in layout.labels]
         found = read_numbers(text, layout, [*(field.label for field in fields), *extra])
         tests = np.unique(found.get("Test_ID", np.zeros(1)))
@@ -101,7 +103,7 @@ def _of_neware(data, suffix):
         path.write_bytes(data)
         try:
             frame = fastnda.read(str(path))
-        except Exception as fault:  # of a library that says in many ways that it cannot
+        except FAULTS as fault:
             raise Refusal(f"fastnda cannot read the file: {fault}") from None
     if not frame.height:
         raise Refusal("the Neware file holds no reading")

@@ -36,7 +36,7 @@ def half_cycles(steps: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray
     return moved, weighted
 
 
-def likely_kinds(steps: Mapping[str, np.ndarray], celsius_span: float = 0.0) -> list[tuple]:
+def likely_kinds(steps: Mapping[str, np.ndarray], *, celsius_span: float = 0.0) -> list[tuple]:
     """Kinds of test that a record could be, the likeliest first, each with its reason in words.
 
     Parameters
