@@ -316,3 +316,10 @@ def test_a_time_of_day_in_the_interchange_format(start):
     text = f"Test Time / s,Current / A,Voltage / V\n{start},1.0,3.7\n"
     text += f"{start.replace(':00.5', ':10.5')},1,3.7\n"
     np.testing.assert_array_equal(read(text).columns["test_time_second"], [0.5, 10.5])
+
+
+def test_units_that_no_label_says_are_taken_and_told():
+    reading = read("time,current,voltage\n0,1,3.7\n1,1,3.7\n")
+    assert reading.notes == (
+        "labels without a unit are taken as it is usual: time in s, current in A, voltage in V",
+    )

@@ -244,4 +244,5 @@ GENERIC = Format(
             "degC",
         ),
     },
+    units_taken=True,
 )

@@ -70,6 +70,7 @@ class Format(NamedTuple):
     state, signs : pattern of the column of letters, and letter → sign of a current that is written
         as a magnitude. A letter that is not among them goes with a current of zero.
     date, dates : pattern of the column of dates, and how they may be written.
+    units_taken : labels may go without a unit; that those of `columns` are taken is then noted.
     """
 
     name: str
@@ -89,6 +90,7 @@ class Format(NamedTuple):
     signs: Mapping[str, float] = {}
     date: str = ""
     dates: tuple[str, ...] = ()
+    units_taken: bool = False
 
 
 def recognises(form: Format, head: str) -> bool:
@@ -125,6 +127,9 @@ def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str], i
     if spectrum:  # what a spectrum's file says of the voltage and current at each frequency
         fields = [f for f in fields if f.column.removeprefix("minus_") in IMPEDANCE]
         return _spectrum(converted(_numbers(data, layout, fields, []), fields)), notes, 0
+    bare = [f"{f.label} in {f.unit}" for f in fields if f.column in SERIES and _is_bare(form, f)]
+    if bare:
+        notes.append(f"labels without a unit are taken as it is usual: {', '.join(bare)}")
     times = [field for field in fields if field.quantity == "time"]
     state = next((x for x in layout.labels if _is(form.state, x)), None)
     date = next((x for x in layout.labels if _is(form.date, x)), None)
@@ -215,6 +220,15 @@ def meaning_of(form: Format, label: str) -> Field | None:
             said = SAME_UNIT.get(said.lower(), said) if said else unit or NOT_SAID
             return Field(label, column, quantity, said)
     return None
+
+
+def _is_bare(form, field):
+    """Whether the unit of a column is taken, for neither its label nor its maker says it."""
+    if not form.units_taken:
+        return False
+    patterns = (re.fullmatch(pattern, field.label.strip(), re.I) for pattern in form.columns)
+    parts = next(filter(None, patterns))
+    return parts.groupdict().get("unit") is None
 
 
 def _seconds(form, field, texts, unix):
