@@ -18,7 +18,7 @@ from cellwright.refusal import Refusal
 NAME = "matlab"
 # How the parser fails on damaged bytes.
 FAULTS = (ArithmeticError, LookupError, OSError, TypeError, ValueError, MemoryError, EOFError)
-FAULTS = (*FAULTS, NotImplementedError, UnboundLocalError, zlib.error)
+FAULTS = (*FAULTS, NotImplementedError, zlib.error)
 MARK = b"MATLAB 5.0 MAT-file"
 
 

@@ -16,13 +16,13 @@ import numpy as np
 from cellwright.formats.arbin import SPELT, meaning
 from cellwright.formats.fields import SERIES, converted, known_fields, require
 from cellwright.formats.table import layout_of, read_numbers
+from cellwright.formats.workbook import DAY_SECOND, EXCEL_EPOCH_DAY
 from cellwright.refusal import Refusal
 
 JET = (b"\x00\x01\x00\x00Standard Jet DB", b"\x00\x01\x00\x00Standard ACE DB")
 # How the library says that it cannot read a file.
 FAULTS = (ArithmeticError, LookupError, OSError, TypeError, ValueError, RuntimeError, EOFError)
 SLOWEST = 600.0  # s, after which a program that reads a file is stopped
-EXCEL_EPOCH_DAY, DAY_SECOND = 25569.0, 86400.0
 
 
 class ArbinDatabase:

@@ -16,7 +16,7 @@ from cellwright.formats.fields import (
     known_fields,
     require,
 )
-from cellwright.formats.physics import COLDEST, HOTTEST, SAME_CLOCK, date_slopes
+from cellwright.formats.physics import SAME_CLOCK, date_slopes
 from cellwright.formats.table import (
     DELIMITERS,
     Layout,
@@ -330,12 +330,13 @@ def _spectrum(columns):
 
 
 def _without_dead(columns, notes):
-    """Columns without thermometers that were not connected: all 0, or far beyond any cell's."""
+    """Columns without thermometers that show 0 in all rows, as inputs that are not connected do.
+
+    Those beyond what a cell survives are left out for every reader, in `physics`.
+    """
     for name in [name for name in columns if name.endswith("temperature_celsius")]:
         shown = columns[name][np.isfinite(columns[name])]
-        dead = not shown.size or not np.any(shown) or np.median(shown) < COLDEST
-        if dead or np.median(shown) > HOTTEST:
-            found = f"{np.median(shown):g} °C" if shown.size else "nothing"
-            notes.append(f"{name} shows {found}: not connected, and left out")
+        if not np.any(shown):
+            notes.append(f"{name} shows 0 °C in all rows: not connected, and left out")
             del columns[name]
     return columns

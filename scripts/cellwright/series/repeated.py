@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-SERIES = ("test_time_second", "current_ampere", "voltage_volt")
+from cellwright.formats.fields import SERIES
+
 # Odd numbers by which the bits of each column are mixed: of the golden ratio and of two roots.
 MIXED = np.array([0x9E3779B97F4A7C15, 0xB504F333F9DE6485, 0xDDB3D742C265539D], np.uint64)
 LEAST_REPEAT = 10  # rows of a block, below which equal readings may be chance
