@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.formats.fields import NET, SERIES
 from cellwright.refusal import Refusal
 from cellwright.series.gaps import RESTED, in_words
 from cellwright.series.gaps import verdicts as gap_verdicts
-from cellwright.series.repeated import SERIES, repeated_rows
+from cellwright.series.repeated import repeated_rows
 from cellwright.series.rest_current import RestReading, rest_reading
 from cellwright.series.steps import silent_before
 from cellwright.settings import Clean
@@ -20,7 +21,6 @@ from cellwright.settings import Clean
 CLEAN = Clean()
 
 NO_READING = 1e30  # instruments write ±3.4e38 for "no reading"
-COUNTER = "net_capacity_ampere_hour"
 MOST_GAPS_TOLD = 5  # in notes, which people read
 
 
@@ -359,7 +359,7 @@ def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
             clean["current_ampere"][first:stop] = 0.0
         clean["charge_ampere_hour"] = _charge(clean, gaps, silent)
     notes = [rests.note] * bool(rests.note)
-    if not np.isfinite(clean.get(COUNTER, np.nan)).all():  # else the counter knows
+    if not np.isfinite(clean.get(NET, np.nan)).all():  # else the counter knows
         told = in_words(clean["test_time_second"], clean["current_ampere"], gaps, silent)
         notes += told[:MOST_GAPS_TOLD]
         more = len(told) - MOST_GAPS_TOLD
@@ -373,7 +373,7 @@ def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray, silent) -> np.n
         columns["test_time_second"],
         columns["current_ampere"],
         gap_rows=gaps,
-        counter_ampere_hour=columns.get(COUNTER),
+        counter_ampere_hour=columns.get(NET),
         rested=silent == RESTED,
     )
 

@@ -10,11 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.formats import SIGN_RULE, Reading
+from cellwright.formats.fields import NET, SERIES
 from cellwright.refusal import Refusal
-from cellwright.series.cleaning import NO_READING, SERIES
+from cellwright.series.cleaning import NO_READING
 from cellwright.series.repeated import repeated_rows
-
-COUNTER = "net_capacity_ampere_hour"
 
 
 class Assembled(NamedTuple):
@@ -84,10 +83,10 @@ def _continued(before: Mapping, after: Mapping, number: int) -> tuple[dict, str]
     shift, note = _clock_shift(before, after, number)
     part = dict(after)
     part["test_time_second"] = after["test_time_second"] + shift
-    if COUNTER in before and COUNTER in after:
+    if NET in before and NET in after:
         # A counter that restarted goes on from the old level.
-        goes_on = abs(after[COUNTER][0] - before[COUNTER][-1]) <= abs(after[COUNTER][0])
-        part[COUNTER] = after[COUNTER] + (0.0 if goes_on else float(before[COUNTER][-1]))
+        goes_on = abs(after[NET][0] - before[NET][-1]) <= abs(after[NET][0])
+        part[NET] = after[NET] + (0.0 if goes_on else float(before[NET][-1]))
     return part, note
 
 
@@ -126,15 +125,15 @@ def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndar
 
     A reset jumps by far more than the current could have moved, and lands near zero.
     """
-    if COUNTER not in columns:
+    if NET not in columns:
         return dict(columns)
-    counter, current = columns[COUNTER], np.abs(columns["current_ampere"])
+    counter, current = columns[NET], np.abs(columns["current_ampere"])
     possible = np.maximum(current[1:], current[:-1]) * np.abs(np.diff(columns["test_time_second"]))
     possible = 2 * possible / 3600 + 1e-3 * np.nanmax(np.abs(counter))
     moved = np.diff(counter)
     reset = (np.abs(moved) > 5 * possible) & (np.abs(counter[1:]) < possible)
     moved = np.where(reset, counter[1:], moved)
-    return {**columns, COUNTER: counter[0] + np.concatenate([[0.0], np.cumsum(moved)])}
+    return {**columns, NET: counter[0] + np.concatenate([[0.0], np.cumsum(moved)])}
 
 
 HOUR = 3600.0  # s
@@ -311,15 +310,15 @@ def _turned(columns: Mapping[str, np.ndarray], sign: int) -> dict[str, np.ndarra
     for name in columns:
         if name.endswith("current_ampere"):
             turned[name] = columns[name] * sign
-    if COUNTER in columns:
-        turned[COUNTER] = columns[COUNTER] * _counter_sign(turned)
+    if NET in columns:
+        turned[NET] = columns[NET] * _counter_sign(turned)
     return turned
 
 
 def _counter_sign(columns: Mapping[str, np.ndarray]) -> int:
     """-1 where the instrument's counter falls while charge flows in, else 1."""
     time, current = columns["test_time_second"], columns["current_ampere"]
-    counter = columns[COUNTER]
+    counter = columns[NET]
     flowed = 0.5 * (current[1:] + current[:-1]) * np.diff(time)
     steady = np.abs(np.diff(current)) <= 0.5 * np.abs(current[1:])
     return -1 if np.nansum((flowed * np.diff(counter))[steady]) < 0 else 1
