@@ -81,18 +81,22 @@ def _named_bytes(part, name):
         raise Refusal(f"{part}: cannot be read: {error.strerror}") from None
 
 
-def clean(series, settings=None, **changes):
+def clean(series, settings=None, *, cell=None, **changes):
     """A series without corrupt samples and with its charge [Ah], and the list of flagged samples.
 
     series : without charge_ampere_hour; further columns are kept. settings : `settings.Clean`.
+    cell : its rating is held against what the record shows; None: it is not.
 
-    Returns columns, with charge_ampere_hour [Ah]; actions: one a flag. Raises Refusal: fewer than
+    Returns columns, with charge_ampere_hour [Ah] and, where rows contradict each other, doubt,
+    flags of `series.doubts.Doubt`; actions: one a flag. Raises Refusal: fewer than
     two samples are left. Source: thesis ch. 5.2 and table 5.1; docs/cleaning.md.
     """
     from cellwright.series.cleaning import clean as cleaned
 
     options = inputs.settings_of(Clean, settings, changes)
-    cleaning = cleaned(inputs.columns(series, *inputs.NAMES), **options._asdict())
+    rated = inputs.cell_facts(cell).rated_capacity_ampere_hour if cell else None
+    columns = inputs.columns(series, *inputs.NAMES)
+    cleaning = cleaned(columns, rated_capacity_ampere_hour=rated, **options._asdict())
     tables = {"columns": cleaning.columns, "actions": cleaning.actions}
     return results.Result(tables, notes=tuple(cleaning.notes))
 

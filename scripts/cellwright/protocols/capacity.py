@@ -5,8 +5,10 @@ import numpy as np
 from cellwright.protocols import Found
 from cellwright.protocols.half_cycles import (
     NAMES,
+    NEAR_VOLT,
     TURN_SHARE,
     Before,
+    charge_of_fall,
     energy_counted,
     half_cycles,
     with_starts,
@@ -14,9 +16,17 @@ from cellwright.protocols.half_cycles import (
 from cellwright.records.anchor import first_rest_second
 from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
+from cellwright.series.doubts import in_words
 from cellwright.series.steps import assumed_rating, constant_current_end
 
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
+BALANCE_SHARE = 0.01  # of a cycle's charge that does not come back: side reactions, gain of ranges
+BEYOND_VOLT = 0.03  # a tester ends a load within its own sampling and lead drop of the cut-off
+UNFINISHED_C_RATE = 0.1  # a hold that a record ends in above it was not finished
+# ASSUME: Of the rating a cell gives so much; sheets hold nominal, minimal and typical capacities.
+RATING_SHARE = (0.5, 1.15)
+COLD_CELSIUS, FAST_C_RATE = 10.0, 1.2  # colder or faster a good cell may give less than half
+THERMOMETER_KELVIN = 10.0  # between a thermometer at the start and the stated temperature
 
 
 def capacity(
@@ -34,6 +44,8 @@ def capacity(
     state_before="",
     soc_at_start=None,
     curve=None,
+    doubt=None,
+    ambient_temperature_celsius=None,
 ):
     """Capacity of every complete discharge and charge, averaged over repeats at one rate.
 
@@ -60,10 +72,13 @@ def capacity(
         known.
     soc_at_start : of the first row, as the sheet states it [1], or None.
     curve : open-circuit voltage that this is held against, see `anchor.contradiction`, or None.
+    doubt : (n,) flags of `series.doubts.Doubt`, or None. ambient_temperature_celsius : as the sheet
+        states it [°C], or None.
 
     Returns found: Found; rows are columns of stage `capacity`, one entry a direction and rate:
     means over the repeats, and capacity_std_ampere_hour, which is NaN where nothing tells it;
-    constant_current_ampere_hour is the part before the voltage was held. A sentence for each half
+    constant_current_ampere_hour is the part before the voltage was held; doubt says in words what
+    speaks against the number, "" where nothing does. A sentence for each half
     cycle that is incomplete or of unsure start. Raises Refusal: nothing in the record is complete;
     the reasons are named.
     """
@@ -85,11 +100,19 @@ def capacity(
         for half in halves
         if half.fault or half.words
     )
-    complete = [
-        _measured(half, partner, columns, steps, surface_temperature_celsius)
-        for half, partner in zip(halves, _partners(halves), strict=True)
-        if not half.fault
-    ]
+    complete = []
+    for half, partner in zip(halves, _partners(halves), strict=True):
+        if half.fault:
+            continue
+        row = _measured(half, partner, columns, steps, surface_temperature_celsius)
+        off = 0.0 if partner is None else imbalance(half, partner, columns, steps)
+        row["missing"] = float(np.hypot(row["missing"], off))
+        row["doubt"] = [
+            *_against_record(half, columns, steps, limits, doubt, known),
+            *_against_partner(half, off),
+            *_against_sheet(half, row, rated_capacity_ampere_hour, ambient_temperature_celsius),
+        ]
+        complete.append(row)
     if not complete:
         raise Refusal(f"no complete discharge or charge: {'; '.join(left_out) or 'none begins'}")
     return Found(_repeats_joined(complete, rated), left_out)
@@ -164,9 +187,87 @@ def _measured(half, partner, columns, steps, temperature):
         "temperature_mean_celsius": np.nan
         if temperature is None
         else _mean(np.asarray(temperature, float)[rows]),
+        "temperature_start_celsius": np.nan
+        if temperature is None
+        else float(np.asarray(temperature, float)[half.first_row]),
         "constant_current_ampere_hour": abs(charge[held_row] - charge[half.first_row]),
         "missing": half.missing_ampere_hour,
     }
+
+
+def imbalance(half, partner, columns, steps):
+    """Charge [Ah] by which the two halves of a cycle differ beyond what their ends explain.
+
+    The first begins and the second ends at a rest. Where these rest at the same voltage both move
+    the same charge; what they differ by is that which the first one moved over as much voltage.
+    0 where the first begins under load or a half is not complete.
+    """
+    first, second = sorted((half, partner), key=lambda one: one.first_row)
+    if first.under_load or second.first_row > first.turn_row + _rows_of_rest(first, steps):
+        return 0.0
+    current, voltage, charge = columns
+    after = [k for k in (second.loads[-1] + 1,) if k < len(steps.kind) and steps.kind[k] == "rest"]
+    last = int(steps.last_row[after[0]]) if after else second.last_row
+    rows = slice(first.first_row, first.turn_row + 1)
+    apart = abs(float(voltage[first.first_row] - voltage[last])) + NEAR_VOLT
+    explained = charge_of_fall(
+        np.abs(current[rows]), first.sign * voltage[rows], charge[rows], apart
+    )
+    larger = max(_moved(first, charge), _moved(second, charge))
+    off = abs(_moved(first, charge) - _moved(second, charge)) - BALANCE_SHARE * larger - explained
+    return max(off, 0.0)
+
+
+def _rows_of_rest(half, steps):
+    """Rows of the rest after a half cycle, 0 where none follows."""
+    after = half.loads[-1] + 1
+    rests = after < len(steps.kind) and steps.kind[after] == "rest"
+    return int(steps.last_row[after] - steps.first_row[after] + 1) if rests else 0
+
+
+def _against_record(half, columns, steps, limits, doubt, known):
+    """What the rows of a half cycle themselves say against it, in words."""
+    current, voltage, _ = columns
+    said = [in_words(doubt, slice(half.first_row + 1, half.last_row + 1))]
+    limit, end = limits[half.sign > 0], float(voltage[half.turn_row])
+    if half.sign * (end - limit) > BEYOND_VOLT:
+        said.append(f"its load goes on to {end:.3f} V, beyond the stated cut-off of {limit:g} V")
+    left = abs(float(current[-1]))
+    if half.last_row == len(current) - 1 and steps.cv_first_row[half.loads[-1]] >= 0:
+        said += [f"the record ends inside the hold, at {left:.3g} A"] * _unfinished(left, half, steps)
+    if half.under_load and not (known.state_before or known.soc_at_start):
+        said.append("the record begins with it under load: the cell may have given charge before")
+    return [words for words in said if words]
+
+
+def _unfinished(left, half, steps):
+    rates = np.abs(steps.c_rate[half.loads[-1]] / (steps.current_mean_ampere[half.loads[-1]] or 1))
+    return bool(left * rates > UNFINISHED_C_RATE)
+
+
+def _against_partner(half, off):
+    """That the other half of a cycle moves another charge, in words."""
+    other = NAMES[-half.sign]
+    said = f"the {other} of its cycle moves another charge: {off:.2g} Ah more than their ends explain"
+    return [said] * (off > 0)
+
+
+def _against_sheet(half, row, rated, celsius):
+    """What the sheet says against a capacity, in words."""
+    said = []
+    if rated:
+        share = row["capacity_ampere_hour"] / rated
+        warm = not row["temperature_mean_celsius"] < COLD_CELSIUS
+        warm &= celsius is None or celsius >= COLD_CELSIUS
+        little = share < RATING_SHARE[0] and warm and row["rate"] / rated <= FAST_C_RATE
+        if little or share > RATING_SHARE[1]:
+            alike = abs(row["capacity_ampere_hour"] - 1) < 0.1
+            c_rate = ": does the file hold C-rates under ampere?" if alike else ""
+            said.append(f"it is {share:.3g} times the rating of {rated:g} Ah{c_rate}")
+    started = row["temperature_start_celsius"]
+    if celsius is not None and abs(started - celsius) > THERMOMETER_KELVIN:
+        said.append(f"the cell begins at {started:.3g} °C, the sheet says {celsius:g} °C")
+    return said
 
 
 def _moved(half, charge):
@@ -197,7 +298,8 @@ def _row(halves, rated):
 
     It is that of the repeats and of what their starts may lack; NaN where neither is known.
     """
-    columns = {name: np.array([half[name] for half in halves]) for name in halves[0]}
+    names = [name for name in halves[0] if name != "doubt"]
+    columns = {name: np.array([half[name] for half in halves]) for name in names}
     sizes, missing = columns["capacity_ampere_hour"], columns["missing"].mean()
     several = len(sizes) > 1
     std = float(np.hypot(sizes.std(ddof=1), missing)) if several else missing or np.nan
@@ -213,4 +315,5 @@ def _row(halves, rated):
         "mean_current_ampere": means["mean_current_ampere"],
         "temperature_mean_celsius": means["temperature_mean_celsius"],
         "constant_current_ampere_hour": means["constant_current_ampere_hour"],
+        "doubt": "; ".join(dict.fromkeys(words for half in halves for words in half["doubt"])),
     }

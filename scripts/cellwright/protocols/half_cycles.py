@@ -352,7 +352,7 @@ def _by_rest(half, before, columns, limits, known_rests_volt):
         return Start()
     if any(sign * (rest - known) <= NEAR_VOLT for known in known_rests_volt):
         return Start(words=f"rests at {rest:.3f} V as before cycles that start {end}")
-    missing = _charge_of_fall(np.abs(current), sign * voltage, charge, lacking)
+    missing = charge_of_fall(np.abs(current), sign * voltage, charge, lacking)
     moved = half.moved_ampere_hour
     if missing > 0.20 * moved:
         share = f"{min(missing / moved, 1):.0%} of its charge" if moved else "all of its charge"
@@ -362,7 +362,7 @@ def _by_rest(half, before, columns, limits, known_rests_volt):
     return Start("", missing, f"start by a rest voltage of {rest:.3f} V, ± {missing:.2g} Ah")
 
 
-def _charge_of_fall(size, along, charge, fall_volt):
+def charge_of_fall(size, along, charge, fall_volt):
     """Charge [Ah] until the loaded voltage has gone on by `fall_volt` since the load was on.
 
     size, along : current [A] without its sign; voltage, rising in the direction of the load [V].

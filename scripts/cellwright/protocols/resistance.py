@@ -10,6 +10,7 @@ from cellwright.numerics.noise import least_digit
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols import Found, counted, not_elsewhere
 from cellwright.refusal import Refusal
+from cellwright.series.doubts import in_words
 from cellwright.series.steps import (
     EDGE_C_RATE,
     EDGE_SHARE,
@@ -45,6 +46,7 @@ def pulse_resistance(
     rated_capacity_ampere_hour,
     delay_second=RESISTANCE.delay_second,
     elsewhere=None,
+    doubt=None,
 ):
     """Resistance of every pulse of a record at the delays asked for.
 
@@ -66,6 +68,7 @@ def pulse_resistance(
     rated_capacity_ampere_hour : [Ah] for the C-rate.
     delay_second : delays from the edge [s].
     elsewhere : as of `not_elsewhere`.
+    doubt : (n,) flags of `series.doubts.Doubt`, or None.
 
     Returns found: Found; rows are columns of stage `resistance`, one entry a pulse and delay.
     direction is "discharge" or "charge", by the sign of the current in the pulse; "falling
@@ -92,7 +95,9 @@ def pulse_resistance(
         except Refusal as refusal:
             reasons[str(refusal)] += 1
             continue
-        rows.append(_row(pulse, value, delay, soc, voltage, noise, rated))
+        row = _row(pulse, value, delay, soc, voltage, noise, rated)
+        row["doubt"] = in_words(doubt, slice(pulse.before, pulse.before + 1 + len(pulse.delay)))
+        rows.append(row)
     if not rows:
         raise Refusal(f"no pulse gives a resistance: {'; '.join(counted(reasons))}")
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}

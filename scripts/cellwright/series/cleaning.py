@@ -11,6 +11,8 @@ import numpy as np
 
 from cellwright.formats.fields import NET, SERIES
 from cellwright.refusal import Refusal
+from cellwright.series.doubts import doubts
+from cellwright.series.doubts import sentences as doubts_in_words
 from cellwright.series.gaps import RESTED, in_words
 from cellwright.series.gaps import verdicts as gap_verdicts
 from cellwright.series.repeated import repeated_rows
@@ -324,13 +326,24 @@ class Cleaned(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def clean(columns: Mapping[str, np.ndarray], **settings: float) -> Cleaned:
-    """Flag a series and remove what is flagged; settings as for `flag`."""
-    return remove(columns, flag(columns, **settings))
+def clean(
+    columns: Mapping[str, np.ndarray],
+    *,
+    rated_capacity_ampere_hour: float | None = None,
+    **settings: float,
+) -> Cleaned:
+    """Flag a series and remove what is flagged; settings as for `flag`, the rest for `remove`."""
+    flags = flag(columns, **settings)
+    return remove(columns, flags, rated_capacity_ampere_hour=rated_capacity_ampere_hour)
 
 
-def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
-    """Remove and repair what is flagged, and add charge_ampere_hour.
+def remove(
+    columns: Mapping[str, np.ndarray],
+    flags: np.ndarray,
+    *,
+    rated_capacity_ampere_hour: float | None = None,
+) -> Cleaned:
+    """Remove and repair what is flagged, and add charge_ampere_hour and, where any, doubt.
 
     Where the current channel reads in rests what is no current, that is not counted: the current
     is zero there, and `logged_current_ampere` holds the reading of the whole record.
@@ -364,6 +377,16 @@ def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
         notes += told[:MOST_GAPS_TOLD]
         more = len(told) - MOST_GAPS_TOLD
         notes += [f"and {more} more such gaps"] * (more > 0)
+    doubt = doubts(
+        clean,
+        jumps=np.flatnonzero(marks & Flag.CLOCK),
+        gaps=gaps,
+        silent=silent,
+        rated_capacity_ampere_hour=rated_capacity_ampere_hour,
+    )
+    if doubt.any():
+        clean["doubt"] = doubt
+        notes += doubts_in_words(clean["test_time_second"], doubt)
     return Cleaned(clean, _actions(columns, flags, kept, rests), tuple(notes))
 
 

@@ -1,0 +1,243 @@
+"""Where a clean series contradicts itself: a number from such rows says so beside it.
+
+Nothing is corrected here. Each witness is looked at where it stands: the instrument's counter
+against its current, the voltage against the current from row to row, a rest against what cells do.
+"""
+
+from collections.abc import Mapping
+from enum import IntFlag
+
+import numpy as np
+from scipy import ndimage
+
+from cellwright.formats.fields import NET, SERIES
+from cellwright.numerics.statistics import robust_std
+from cellwright.series.gaps import UNKNOWN
+
+LOAD_SHARE = 0.2  # of the largest current: a step of so much must move the voltage
+SAME_SHARE = 0.02  # of the largest current: within so much it is the same
+COUNTER_SHARE = 0.02  # by which current and counter of one instrument may differ
+WINDOW_SHARE = 0.05  # of the charge's span, over which they are compared
+FLOOR_VOLT = 0.010  # contacts, digits and temperature move the voltage by less
+AGAINST_VOLT = 0.030  # in a rest; the OCV moves by tenths of a mV/K
+SUDDEN = 5.0  # times the largest step of the rows around: no curve bends so
+ANSWER_SHARE = 0.25  # of what the cell's other steps show: less is no answer
+SILENT_VOLT = 0.001  # within a digit or two of common voltmeters nothing has answered
+LONGEST_EDGE = 10.0  # s between the two rows of a step: in more the cell relaxes
+SHORTEST_REST = 60.0  # s
+RELAXED_SECOND = 600.0  # of load before a rest, by which its direction is told
+# Voltage [V] that one rated capacity an hour makes at once: from power cells to cold energy cells.
+OHMIC_VOLT = (0.004, 4.0)
+
+
+class Doubt(IntFlag):
+    """Why a row is in doubt; the flag stands at the later row of what lies between two."""
+
+    CLOCK = 1
+    GAP = 2
+    COUNTER = 4
+    VOLTAGE_STEP = 8
+    NO_ANSWER = 16
+    AT_REST = 32
+    SIZE = 64
+
+
+WORDS = {
+    Doubt.CLOCK: "the clock jumps: how long it was is not known",
+    Doubt.GAP: "rows are missing, and nothing tells what flowed meanwhile",
+    Doubt.COUNTER: "the instrument's own counter moved otherwise than its current",
+    Doubt.VOLTAGE_STEP: "the voltage steps while the current does not",
+    Doubt.NO_ANSWER: "the current steps and the voltage does not answer",
+    Doubt.AT_REST: "the voltage moves as under load while the current reads zero",
+    Doubt.SIZE: "the voltage's answer to the current is that of a cell of another size",
+}
+
+
+def in_words(doubt: np.ndarray | None, rows=slice(None)) -> str:
+    """What is in doubt in these rows of a `doubt` column, in words; "" where nothing is."""
+    if doubt is None:
+        return ""
+    flags = int(np.bitwise_or.reduce(np.asarray(doubt, int)[rows], initial=0))
+    return "; ".join(words for flag, words in WORDS.items() if flags & flag)
+
+
+def sentences(time: np.ndarray, doubt: np.ndarray) -> list[str]:
+    """A sentence on each kind of doubt in a `doubt` column: how often, and from when on [s]."""
+    found = []
+    for flag, words in WORDS.items():
+        rows = np.flatnonzero(doubt & flag)
+        if len(rows):
+            found.append(f"{words} ({len(rows)} rows, first at {time[rows[0]]:.6g} s)")
+    return found
+
+
+def doubts(
+    columns: Mapping[str, np.ndarray],
+    *,
+    jumps: np.ndarray,
+    gaps: np.ndarray,
+    silent: np.ndarray,
+    rated_capacity_ampere_hour: float | None = None,
+) -> np.ndarray:
+    """Doubts of each row of a clean series.
+
+    Parameters
+    ----------
+    columns : test_time_second [s], current_ampere [A], voltage_volt [V], charge_ampere_hour [Ah];
+        net_capacity_ampere_hour [Ah] where the instrument has a counter.
+    jumps : rows before which the clock was set anew. gaps : rows with a gap before them; silent :
+        what the cell did in each, see `gaps.verdicts`.
+    rated_capacity_ampere_hour : [Ah] or None: the size is not looked at then.
+
+    Returns
+    -------
+    array (n,) of int, a combination of `Doubt` for each row.
+    """
+    time, current, voltage = (columns[name] for name in SERIES)
+    found = np.zeros(len(time), np.int16)
+    found[jumps] |= Doubt.CLOCK
+    counter = columns.get(NET)
+    counted = np.zeros(len(time), bool) if counter is None else np.isfinite(counter)
+    unknown = gaps[silent == UNKNOWN]
+    found[unknown[~counted[unknown]]] |= Doubt.GAP
+    apart = np.zeros(len(time), bool)
+    apart[np.r_[gaps, jumps].astype(int)] = True
+    if counter is not None:
+        found[against_counter(time, current, counter, apart)] |= Doubt.COUNTER
+    if not np.any(current):
+        return found
+    silent_edges, resistance = unanswered(time, current, voltage, apart)
+    found[silent_edges] |= Doubt.NO_ANSWER
+    alone = steps_alone(time, current, voltage, apart, resistance)
+    found[alone] |= Doubt.VOLTAGE_STEP
+    found[against_rest(time, current, voltage)] |= Doubt.AT_REST
+    found[_unlike_across_gaps(current, voltage, gaps, counted)] |= Doubt.GAP
+    if rated_capacity_ampere_hour and np.isfinite(resistance):
+        answer = resistance * rated_capacity_ampere_hour
+        if not OHMIC_VOLT[0] <= answer <= OHMIC_VOLT[1]:
+            found |= Doubt.SIZE
+    return found
+
+
+def against_counter(time, current, counter, apart) -> np.ndarray:
+    """Mask (n,) of rows over which charge by current and clock differs from the counter's.
+
+    Compared are stretches that move a twentieth of the charge's span; within an interval in which
+    the current steps the trapezoid only guesses, and what it may be off by is allowed for.
+    """
+    size = np.abs(np.diff(current))
+    hour = np.where(apart[1:], 0.0, np.diff(time)) / 3600
+    moved = 0.5 * (current[1:] + current[:-1]) * hour
+    known = np.isfinite(counter)
+    if known.sum() < 2:
+        return np.zeros(len(time), bool)
+    step = np.diff(np.interp(np.arange(len(time)), np.flatnonzero(known), counter[known]))
+    step = np.where(apart[1:], 0.0, step)
+    if not np.any(step):
+        return np.zeros(len(time), bool)
+    digit = float(np.min(np.abs(step[step != 0])))
+    travelled = np.cumsum(np.abs(moved))
+    span = float(np.ptp(np.cumsum(moved)))
+    window = np.floor(travelled / max(WINDOW_SHARE * span, 20 * digit, 1e-12)).astype(int)
+    first = np.flatnonzero(np.diff(window, prepend=-1))
+    sums = [np.add.reduceat(values, first) for values in (moved, step, np.abs(moved), size * hour)]
+    by_current, by_counter, travel, guessed = sums
+    allowed = COUNTER_SHARE * np.maximum(travel, np.abs(by_counter)) + 0.5 * guessed + 2 * digit
+    off = np.abs(by_current - by_counter) > allowed
+    return np.append(False, np.repeat(off, np.diff(np.append(first, len(moved)))))
+
+
+def steps_alone(time, current, voltage, apart, resistance=np.nan) -> np.ndarray:
+    """Rows at which the voltage steps out of its curve for good while the current stays the same.
+
+    Rows are missing there with the clock closed up, or one channel was another's. The step is told
+    by those of three rows at each side, and by their pace where rows lie farther apart; what the
+    current's small changes there make of it, by the cell's resistance [ohm] where known, is none.
+    """
+    if len(time) < 8:
+        return np.empty(0, int)
+    step, interval = np.abs(np.diff(voltage)), np.maximum(np.diff(time), 1e-9)
+    around = np.array([1, 1, 1, 0, 1, 1, 1], bool)
+    usual = ndimage.maximum_filter(step, footprint=around, mode="nearest")
+    pace = ndimage.maximum_filter(step / interval, footprint=around, mode="nearest") * interval
+    largest = float(np.max(np.abs(current)))
+    changes = np.abs(np.diff(current)) > SAME_SHARE * largest
+    disturbed = ndimage.maximum_filter1d((changes | apart[1:]).astype(np.int8), 7, mode="nearest")
+    limit = np.maximum(FLOOR_VOLT, SUDDEN * np.maximum(usual, pace))
+    explained = ndimage.maximum_filter1d(np.abs(np.diff(current)), 3, mode="nearest")
+    limit += 3 * np.nan_to_num(resistance) * explained
+    return np.flatnonzero((step > limit) & (disturbed == 0)) + 1
+
+
+def unanswered(time, current, voltage, apart) -> tuple[np.ndarray, float]:
+    """Rows at which the current steps and the voltage does not, and the cell's resistance [ohm].
+
+    Looked at are steps between currents that stay for three rows at each side; the channels may lag
+    by two. What an answer is, the other steps of the same record show: the lower quartile of those
+    whose voltage moves beyond its noise, for an empty cell answers by several times as much. NaN
+    where no step is answered.
+    """
+    change = np.diff(current)
+    largest = float(np.max(np.abs(current)))
+    edges = np.flatnonzero(np.abs(change) > LOAD_SHARE * largest)
+    edges = edges[(edges >= 3) & (edges < len(change) - 3)]
+    around = edges[:, None] + np.array([-2, -1, 1, 2])
+    steady = np.all(np.abs(change[around]) <= 0.1 * np.abs(change[edges])[:, None], axis=1)
+    edges = edges[steady & (np.diff(time)[edges] <= LONGEST_EDGE) & ~apart[edges + 1]]
+    if not len(edges):
+        return np.empty(0, int), np.nan
+    sign = np.sign(change[edges])
+    answers = [
+        sign * (voltage[edges + after] - voltage[edges - before])
+        for after in (1, 2, 3)
+        for before in (0, 1)
+    ]
+    answer = np.max(answers, axis=0)
+    noise = robust_std(np.diff(voltage)) / np.sqrt(2)
+    chance = max(5 * noise, SILENT_VOLT)
+    floor = FLOOR_VOLT / 2 + chance
+    clear = answer > floor
+    if not clear.any():
+        return np.empty(0, int), np.nan
+    ratios = (answer / np.abs(change[edges]))[clear]
+    resistance = float(np.quantile(ratios, 0.25, method="lower"))
+    expected = resistance * np.abs(change[edges])
+    missing = (expected > 2 * floor) & (answer < np.minimum(ANSWER_SHARE * expected, chance))
+    return edges[missing] + 1, resistance
+
+
+def against_rest(time, current, voltage) -> np.ndarray:
+    """Rows of rests in which the voltage goes on as the load before moved it.
+
+    After a discharge a resting cell's voltage rises, after a charge it falls.
+    """
+    largest = float(np.max(np.abs(current)))
+    rest = np.abs(current) <= 0.01 * largest
+    turns = np.flatnonzero(np.diff(np.r_[False, rest, False].astype(np.int8)))
+    found = []
+    for first, stop in zip(turns[::2], turns[1::2], strict=True):
+        if first < 5 or stop - first < 5 or time[stop - 1] - time[first] < SHORTEST_REST:
+            continue
+        before = current[first - 5 : first]
+        sign = np.sign(before[-1])
+        if np.any(np.sign(before) != sign) or abs(before.mean()) < 5 * 0.01 * largest:
+            continue
+        # What a drive did in the ten minutes before is what the cell relaxes from.
+        since = np.searchsorted(time, time[first] - RELAXED_SECOND)
+        if sign * np.trapezoid(current[since:first], time[since:first]) <= 0 or np.any(
+            np.sign(current[since:first]) == -sign
+        ):
+            continue
+        # The first rows may still hold the load's drop.
+        course = sign * (voltage[first + 2 : stop] - voltage[first + 2])
+        if course.max() > AGAINST_VOLT and course[-1] > 0.5 * AGAINST_VOLT:
+            found.append(np.arange(first, stop))
+    return np.concatenate(found) if found else np.empty(0, int)
+
+
+def _unlike_across_gaps(current, voltage, gaps, counted) -> np.ndarray:
+    """Rows after a gap between two rests whose voltages differ as no rest lets them."""
+    largest = float(np.max(np.abs(current)))
+    idle = np.maximum(np.abs(current[gaps]), np.abs(current[gaps - 1])) <= 0.01 * largest
+    moved = np.abs(voltage[gaps] - voltage[gaps - 1])
+    return gaps[idle & (moved > AGAINST_VOLT) & ~counted[gaps]]

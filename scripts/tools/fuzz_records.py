@@ -1,0 +1,92 @@
+"""`./run python scripts/tools/fuzz_records.py --seed 1 --cases 500`: records made wrong, and what is published of them.
+
+Counts by kind: refused, right, wrong and told at the number, told elsewhere only, silent, crashed.
+"""
+
+import argparse
+import json
+import sys
+from collections import Counter, defaultdict
+from multiprocessing import Pool
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
+from fuzz.kinds import BENIGN, KINDS
+from fuzz.published import outcome_of, wrong_numbers
+from fuzz.records import entries, record_of
+
+ORDER = ("refused", "right", "told", "elsewhere", "silent", "crash")
+
+
+def case(seed):
+    """One case: (kind, verdict, what) of a seed."""
+    rng = np.random.default_rng(seed)
+    kinds = KINDS | BENIGN
+    names, listed = sorted(kinds), entries()
+    folders = sorted({entry[0] for entry in listed})
+    while True:
+        folder = folders[int(rng.integers(len(folders)))]
+        own = [entry for entry in listed if entry[0] == folder]
+        entry = own[int(rng.integers(len(own)))]
+        record = record_of(entry)
+        if record is None:
+            continue
+        clean = outcome_of(record)
+        if clean.crash or not clean.numbers:
+            continue
+        kind = names[int(rng.integers(len(names)))]
+        changed = kinds[kind](record, rng)
+        if changed is not None:
+            break
+    where = f"{entry[0].name} {entry[1]['cell']} {entry[2]['test']}"
+    return kind, *verdict(outcome_of(changed), clean, kind in BENIGN), where
+
+
+def verdict(outcome, clean, benign=False):
+    """("right" … "crash", in words) of what a changed record publishes beside the clean one."""
+    if outcome.crash:
+        return "crash", outcome.crash
+    if outcome.refused:
+        return "refused", outcome.refused[:160]
+    wrong = wrong_numbers(outcome, clean)
+    if not wrong:
+        before = {n.doubt for n in clean.numbers}
+        alarm = next((n for n in outcome.numbers if n.doubt not in before), None)
+        return "right", f"alarm: {alarm.doubt}" if benign and alarm else ""
+    untold = [(n, true) for n, true in wrong if not n.doubt]
+    if not untold:
+        return "told", wrong[0][0].doubt
+    number, true = untold[0]
+    words = f"{number.quantity} {number.where}: {number.value:.5g} ± {number.std:.2g}, clean {true.value:.5g}"
+    fresh = [note for note in outcome.notes if note not in clean.notes]
+    return ("elsewhere", f"{words} | {fresh[0]}") if fresh else ("silent", words)
+
+
+def main():
+    """Run the cases and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--cases", type=int, default=200)
+    parser.add_argument("--cores", type=int, default=2)
+    parser.add_argument("--to", help="a file of JSON lines, one a case")
+    chosen = parser.parse_args()
+    seeds = [1_000_000 * chosen.seed + k for k in range(chosen.cases)]
+    with Pool(chosen.cores) as pool:
+        found = list(pool.imap_unordered(case, seeds, chunksize=4))
+    table, total = defaultdict(Counter), Counter()
+    for kind, what, _, _ in found:
+        table[kind][what] += 1
+        total[what] += 1
+    print(f"{'kind':34s}" + "".join(f"{name:>10s}" for name in ORDER))
+    for kind in sorted(table):
+        print(f"{kind:34s}" + "".join(f"{table[kind][name]:10d}" for name in ORDER))
+    print(f"{'all':34s}" + "".join(f"{total[name]:10d}" for name in ORDER))
+    if chosen.to:
+        with open(chosen.to, "w", encoding="utf-8") as file:
+            file.writelines(json.dumps(row) + "\n" for row in sorted(found))
+
+
+if __name__ == "__main__":
+    main()
