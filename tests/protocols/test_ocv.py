@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.protocols.half_cycles import turning_points
+from cellwright.numerics.turns import turning_points
 from cellwright.protocols.ocv.legs import legs_of
 from cellwright.protocols.ocv.slow import joined, slow_ocv, slowest_load
 from cellwright.refusal import Refusal

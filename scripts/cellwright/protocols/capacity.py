@@ -8,7 +8,6 @@ from cellwright.protocols.half_cycles import (
     NEAR_VOLT,
     TURN_SHARE,
     Before,
-    charge_of_fall,
     energy_counted,
     half_cycles,
     with_starts,
@@ -16,15 +15,13 @@ from cellwright.protocols.half_cycles import (
 from cellwright.records.anchor import first_rest_second
 from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
-from cellwright.series.doubts import in_words
+from cellwright.series.doubts import RATING_SHARE, in_words
 from cellwright.series.steps import assumed_rating, constant_current_end
 
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
 BALANCE_SHARE = 0.01  # of a cycle's charge that does not come back: side reactions, gain of ranges
 BEYOND_VOLT = 0.03  # a tester ends a load within its own sampling and lead drop of the cut-off
 UNFINISHED_C_RATE = 0.1  # a hold that a record ends in above it was not finished
-# ASSUME: Of the rating a cell gives so much; sheets hold nominal, minimal and typical capacities.
-RATING_SHARE = (0.5, 1.15)
 COLD_CELSIUS, FAST_C_RATE = 10.0, 1.2  # colder or faster a good cell may give less than half
 THERMOMETER_KELVIN = 10.0  # between a thermometer at the start and the stated temperature
 
@@ -105,10 +102,12 @@ def capacity(
         if half.fault:
             continue
         row = _measured(half, partner, columns, steps, surface_temperature_celsius)
-        off = 0.0 if partner is None else imbalance(half, partner, columns, steps)
+        off = 0.0 if partner is None else imbalance(half, partner, columns, steps, limits)
         row["missing"] = float(np.hypot(row["missing"], off))
         row["doubt"] = [
-            *_against_record(half, columns, steps, limits, doubt, known),
+            *_against_record(half, columns, steps, limits, doubt),
+            *([] if partner is None else _of_partner(partner, doubt)),
+            *[half.words] * _begins_unsure(half),
             *_against_partner(half, off),
             *_against_sheet(half, row, rated_capacity_ampere_hour, ambient_temperature_celsius),
         ]
@@ -195,27 +194,33 @@ def _measured(half, partner, columns, steps, temperature):
     }
 
 
-def imbalance(half, partner, columns, steps):
+def imbalance(half, partner, columns, steps, limits):
     """Charge [Ah] by which the two halves of a cycle differ beyond what their ends explain.
 
     The first begins and the second ends at a rest. Where these rest at the same voltage both move
-    the same charge; what they differ by is that which the first one moved over as much voltage.
-    0 where the first begins under load or a half is not complete.
+    the same charge; voltage between them explains charge at twice the cell's mean slope, which no
+    common open-circuit curve exceeds near full or empty. A rest that still moves moves as far
+    again. 0 where another half lies between them, or a cut-off is not stated.
     """
     first, second = sorted((half, partner), key=lambda one: one.first_row)
-    if first.under_load or second.first_row > first.turn_row + _rows_of_rest(first, steps):
+    between = second.first_row > first.turn_row + _rows_of_rest(first, steps)
+    if between or None in limits:
         return 0.0
-    current, voltage, charge = columns
+    _, voltage, charge = columns
     after = [k for k in (second.loads[-1] + 1,) if k < len(steps.kind) and steps.kind[k] == "rest"]
     last = int(steps.last_row[after[0]]) if after else second.last_row
-    rows = slice(first.first_row, first.turn_row + 1)
-    apart = abs(float(voltage[first.first_row] - voltage[last])) + NEAR_VOLT
-    explained = charge_of_fall(
-        np.abs(current[rows]), first.sign * voltage[rows], charge[rows], apart
-    )
+    middle = (last + int(steps.first_row[after[0]])) // 2 if after else last
+    moves = abs(float(voltage[last] - voltage[middle]))
+    apart = abs(float(voltage[first.first_row] - voltage[last])) + moves + NEAR_VOLT
     larger = max(_moved(first, charge), _moved(second, charge))
-    off = abs(_moved(first, charge) - _moved(second, charge)) - BALANCE_SHARE * larger - explained
-    return max(off, 0.0)
+    explained = larger * (BALANCE_SHARE + 2 * apart / (limits[1] - limits[0]))
+    return max(abs(_moved(first, charge) - _moved(second, charge)) - explained, 0.0)
+
+
+def _begins_unsure(half):
+    """Whether what a start may lack is more than a cycle's charge differs by anyway."""
+    unsure = half.missing_ampere_hour > BALANCE_SHARE * half.moved_ampere_hour
+    return bool(half.words) and (half.under_load or unsure)
 
 
 def _rows_of_rest(half, steps):
@@ -225,19 +230,29 @@ def _rows_of_rest(half, steps):
     return int(steps.last_row[after] - steps.first_row[after] + 1) if rests else 0
 
 
-def _against_record(half, columns, steps, limits, doubt, known):
+def _against_record(half, columns, steps, limits, doubt):
     """What the rows of a half cycle themselves say against it, in words."""
     current, voltage, _ = columns
-    said = [in_words(doubt, slice(half.first_row + 1, half.last_row + 1))]
-    limit, end = limits[half.sign > 0], float(voltage[half.turn_row])
+    said = [in_words(doubt, _own_rows(half))]
+    # The last row itself may lie anywhere beyond: a steep end between two rows.
+    limit, end = limits[half.sign > 0], float(voltage[half.last_row - 1])
     if half.sign * (end - limit) > BEYOND_VOLT:
         said.append(f"its load goes on to {end:.3f} V, beyond the stated cut-off of {limit:g} V")
     left = abs(float(current[-1]))
     if half.last_row == len(current) - 1 and steps.cv_first_row[half.loads[-1]] >= 0:
         said += [f"the record ends inside the hold, at {left:.3g} A"] * _unfinished(left, half, steps)
-    if half.under_load and not (known.state_before or known.soc_at_start):
-        said.append("the record begins with it under load: the cell may have given charge before")
     return [words for words in said if words]
+
+
+def _own_rows(half):
+    """Rows whose flags speak of a half cycle: to the first one after it, where its load ends."""
+    return slice(half.first_row, half.last_row + 2)
+
+
+def _of_partner(partner, doubt):
+    """What speaks against the other half of the cycle, and so against the efficiency."""
+    said = in_words(doubt, _own_rows(partner))
+    return [f"in the {NAMES[partner.sign]} of its cycle {said}"] * bool(said)
 
 
 def _unfinished(left, half, steps):

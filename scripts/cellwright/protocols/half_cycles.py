@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.turns import turning_points
 from cellwright.records.anchor import STATED_SOC, contradiction
 
 NEAR_VOLT = 0.010  # a limit counts as reached this near to it: sampling and lead drop
@@ -174,31 +175,6 @@ def turns(charge_ampere_hour, steps, *, least_ampere_hour):
     return [(1 if level[b] > level[a] else -1, a, b - 1) for a, b in pairwise(points)]
 
 
-def turning_points(values, *, least):
-    """Rows where a course turns for good: the start, each extremum after a swing, the end.
-
-    values : (n,), for example the net charge [Ah].
-    least : a smaller swing back is no turn, in the unit of `values`.
-
-    Returns rows: ascending; empty without any swing of that size.
-    """
-    slopes = np.sign(np.diff(values))
-    moving = np.flatnonzero(slopes)
-    bends = moving[1:][np.diff(slopes[moving]) != 0]
-    low = high = heading = 0
-    rows = []
-    for row in [*bends, len(values) - 1]:
-        low = row if values[row] <= values[low] else low
-        high = row if values[row] > values[high] else high
-        if heading >= 0 and values[high] - values[row] > least:
-            rows.append(high)
-            heading, low = -1, row
-        elif heading <= 0 and values[row] - values[low] > least:
-            rows.append(low)
-            heading, high = 1, row
-    return np.array([*rows, low if heading < 0 else high] if rows else [], int)
-
-
 def with_starts(halves, columns, limits, known):
     """Half cycles, those whose end has no fault with what `starts_of` says of their starts."""
     begun, found = [k for k, half in enumerate(halves) if half.loads], list(halves)
@@ -221,7 +197,7 @@ def starts_of(halves, columns, limits, known):
         return []
     starts = [start_of_first(halves[0], halves[1] if halves[1:] else None, columns, limits, known)]
     if starts[0] is None and halves[0].under_load:
-        starts[0] = _under_load(halves[0], known.state_before)
+        starts[0] = _under_load(halves[0], columns, limits, known.state_before)
     # What follows a half cycle that reached its cut-off begins there.
     starts += [
         Start() if before.sign != half.sign and before.reached else None
@@ -315,14 +291,25 @@ def _contradiction(half, start, columns, limits, known):
     return f"the stated SoC of {soc:g} is not used: it starts {ENDS[half.sign]}"
 
 
-# ASSUME: A record that begins under load with a discharge begins with a full cell.
-def _under_load(half, state_before):
+# ASSUME: A record that begins under load with a discharge begins with a full cell. What its first
+# voltage is below full by holds the load's own drop, and only says how much it may lack at most.
+def _under_load(half, columns, limits, state_before):
     """Start of a record that begins under load, not at a cut-off."""
     if half.sign > 0:
         return Start("the record begins with it, from an unknown state of charge")
     if state_before == "empty":
         return Start("it does not start full: the test before it left the cell empty")
-    return Start()
+    if limits[1] is None:
+        return Start()
+    rows = slice(half.first_row, half.turn_row + 1)
+    current, voltage, charge = (column[rows] for column in columns)
+    lacking = limits[1] - float(voltage[0]) - NEAR_VOLT
+    missing = charge_of_fall(np.abs(current), -voltage, charge, lacking) if lacking > 0 else 0.0
+    said = (
+        f"the record begins under load at {voltage[0]:.3f} V: what was moved before is not counted "
+        f"(at most {missing:.2g} Ah)"
+    )
+    return Start(words=said if missing > 0.01 * half.moved_ampere_hour else "")
 
 
 def _by_rest(half, before, columns, limits, known_rests_volt):

@@ -10,7 +10,7 @@ from cellwright.numerics.noise import least_digit
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols import Found, counted, not_elsewhere
 from cellwright.refusal import Refusal
-from cellwright.series.doubts import in_words
+from cellwright.series.doubts import WORDS, Doubt, in_words, unlike_size
 from cellwright.series.steps import (
     EDGE_C_RATE,
     EDGE_SHARE,
@@ -20,6 +20,7 @@ from cellwright.series.steps import (
 from cellwright.settings import Resistance
 
 RESISTANCE = Resistance()
+SMALL_SHARE = 0.25  # of the record's median: cold and empty cells show more, none so much less
 
 
 class _Pulse(NamedTuple):
@@ -96,12 +97,28 @@ def pulse_resistance(
             reasons[str(refusal)] += 1
             continue
         row = _row(pulse, value, delay, soc, voltage, noise, rated)
-        row["doubt"] = in_words(doubt, slice(pulse.before, pulse.before + 1 + len(pulse.delay)))
+        row["doubt"] = in_words(doubt, slice(pulse.before, pulse.before + 2 + len(pulse.delay)))
         rows.append(row)
     if not rows:
         raise Refusal(f"no pulse gives a resistance: {'; '.join(counted(reasons))}")
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    columns["doubt"] = np.array(_with_size(columns, rated), dtype=str)
     return Found(columns, counted(reasons))
+
+
+def _with_size(columns, rated):
+    """Doubts of each row, those by the size of its resistance too: no cell's, or none beside it."""
+    found = []
+    for resistance, delay, said in zip(
+        columns["resistance_ohm"], columns["delay_second"], columns["doubt"], strict=True
+    ):
+        alike = columns["resistance_ohm"][columns["delay_second"] == delay]
+        words = [said] if said else []
+        words += [WORDS[Doubt.SIZE]] * (unlike_size(resistance, rated) and not said)
+        if resistance < SMALL_SHARE * np.median(alike):
+            words.append("far below the record's other pulses: did the voltage answer?")
+        found.append("; ".join(words))
+    return found
 
 
 def _chosen(steps):

@@ -12,6 +12,7 @@ from scipy import ndimage
 
 from cellwright.formats.fields import NET, SERIES
 from cellwright.numerics.statistics import robust_std
+from cellwright.numerics.turns import turning_points
 from cellwright.series.gaps import UNKNOWN
 
 LOAD_SHARE = 0.2  # of the largest current: a step of so much must move the voltage
@@ -26,6 +27,9 @@ SILENT_VOLT = 0.001  # within a digit or two of common voltmeters nothing has an
 LONGEST_EDGE = 10.0  # s between the two rows of a step: in more the cell relaxes
 SHORTEST_REST = 60.0  # s
 RELAXED_SECOND = 600.0  # of load before a rest, by which its direction is told
+MANY_JUMPS = 10
+# ASSUME: Of the rating a cell gives so much; sheets hold nominal, minimal and typical capacities.
+RATING_SHARE = (0.5, 1.15)
 # Voltage [V] that one rated capacity an hour makes at once: from power cells to cold energy cells.
 OHMIC_VOLT = (0.004, 4.0)
 
@@ -40,6 +44,7 @@ class Doubt(IntFlag):
     NO_ANSWER = 16
     AT_REST = 32
     SIZE = 64
+    SIGN = 128
 
 
 WORDS = {
@@ -49,7 +54,8 @@ WORDS = {
     Doubt.VOLTAGE_STEP: "the voltage steps while the current does not",
     Doubt.NO_ANSWER: "the current steps and the voltage does not answer",
     Doubt.AT_REST: "the voltage moves as under load while the current reads zero",
-    Doubt.SIZE: "the voltage's answer to the current is that of a cell of another size",
+    Doubt.SIZE: "charge or resistance are those of a cell of another size than the rating",
+    Doubt.SIGN: "its voltage contradicts the sign of its current",
 }
 
 
@@ -94,8 +100,9 @@ def doubts(
     array (n,) of int, a combination of `Doubt` for each row.
     """
     time, current, voltage = (columns[name] for name in SERIES)
-    found = np.zeros(len(time), np.int16)
-    found[jumps] |= Doubt.CLOCK
+    found = np.asarray(columns.get("doubt", np.zeros(len(time))), np.int16).copy()
+    # One clock set anew is a place in the record; a clock that jumps again and again is none.
+    found[jumps if len(jumps) < MANY_JUMPS else slice(None)] |= Doubt.CLOCK
     counter = columns.get(NET)
     counted = np.zeros(len(time), bool) if counter is None else np.isfinite(counter)
     unknown = gaps[silent == UNKNOWN]
@@ -108,15 +115,28 @@ def doubts(
         return found
     silent_edges, resistance = unanswered(time, current, voltage, apart)
     found[silent_edges] |= Doubt.NO_ANSWER
+    found[unanswered_specks(current, voltage, apart, resistance)] |= Doubt.NO_ANSWER
     alone = steps_alone(time, current, voltage, apart, resistance)
     found[alone] |= Doubt.VOLTAGE_STEP
-    found[against_rest(time, current, voltage)] |= Doubt.AT_REST
+    found[against_rest(time, current, voltage, apart)] |= Doubt.AT_REST
     found[_unlike_across_gaps(current, voltage, gaps, counted)] |= Doubt.GAP
-    if rated_capacity_ampere_hour and np.isfinite(resistance):
-        answer = resistance * rated_capacity_ampere_hour
-        if not OHMIC_VOLT[0] <= answer <= OHMIC_VOLT[1]:
+    if rated := rated_capacity_ampere_hour:
+        charge = columns["charge_ampere_hour"]
+        if unlike_size(resistance, rated) or unlike_charge(charge, rated):
             found |= Doubt.SIZE
     return found
+
+
+def unlike_size(resistance_ohm: float, rated_capacity_ampere_hour: float) -> bool:
+    """Whether no cell of this rating has this resistance: 20 µohm is none of 3 Ah."""
+    answer = resistance_ohm * rated_capacity_ampere_hour
+    return bool(np.isfinite(answer) and not OHMIC_VOLT[0] <= answer <= OHMIC_VOLT[1])
+
+
+def unlike_charge(charge, rated) -> bool:
+    """Whether one half cycle moves more than a cell of this rating holds."""
+    rows = turning_points(charge, least=0.1 * rated)
+    return bool(np.max(np.abs(np.diff(charge[rows])), initial=0.0) > RATING_SHARE[1] * rated)
 
 
 def against_counter(time, current, counter, apart) -> np.ndarray:
@@ -206,7 +226,30 @@ def unanswered(time, current, voltage, apart) -> tuple[np.ndarray, float]:
     return edges[missing] + 1, resistance
 
 
-def against_rest(time, current, voltage) -> np.ndarray:
+def unanswered_specks(current, voltage, apart, resistance) -> np.ndarray:
+    """Rows whose current alone is another than before and after, and whose voltage is not.
+
+    Drop-outs and spikes of the current's channel. Where the cell's resistance is not known, a
+    voltage that stays within its own scatter is no answer.
+    """
+    rows = np.arange(3, len(current) - 3)
+    before, after = current[rows] - current[rows - 1], current[rows] - current[rows + 1]
+    largest = float(np.max(np.abs(current)))
+    alone = np.minimum(np.abs(before), np.abs(after)) > LOAD_SHARE * largest
+    alone &= np.abs(before - after) < 0.1 * np.abs(before)
+    rows = rows[alone & ~apart[rows] & ~apart[rows + 1]]
+    if not len(rows):
+        return rows
+    bend = np.abs(voltage[1:-1] - 0.5 * (voltage[:-2] + voltage[2:]))
+    # The voltage's channel may lead by one row or lag by two.
+    answer = np.max([bend[rows - 1 + lag] for lag in (-1, 0, 1, 2)], axis=0)
+    chance = max(5 * robust_std(bend), SILENT_VOLT)
+    size = np.abs(current[rows] - current[rows - 1])
+    expected = np.nan_to_num(resistance * size, nan=np.inf)
+    return rows[(expected > 2 * chance) & (answer < np.minimum(ANSWER_SHARE * expected, chance))]
+
+
+def against_rest(time, current, voltage, apart) -> np.ndarray:
     """Rows of rests in which the voltage goes on as the load before moved it.
 
     After a discharge a resting cell's voltage rises, after a charge it falls.
@@ -214,8 +257,12 @@ def against_rest(time, current, voltage) -> np.ndarray:
     largest = float(np.max(np.abs(current)))
     rest = np.abs(current) <= 0.01 * largest
     turns = np.flatnonzero(np.diff(np.r_[False, rest, False].astype(np.int8)))
+    parts = np.flatnonzero(apart)
     found = []
     for first, stop in zip(turns[::2], turns[1::2], strict=True):
+        # Beyond a gap it is another rest: what came between them is not in the record.
+        cut = np.searchsorted(parts, first + 1)
+        stop = min(stop, parts[cut]) if cut < len(parts) else stop
         if first < 5 or stop - first < 5 or time[stop - 1] - time[first] < SHORTEST_REST:
             continue
         before = current[first - 5 : first]

@@ -13,6 +13,7 @@ from cellwright.formats import SIGN_RULE, Reading
 from cellwright.formats.fields import NET, SERIES
 from cellwright.refusal import Refusal
 from cellwright.series.cleaning import NO_READING
+from cellwright.series.doubts import Doubt
 from cellwright.series.repeated import repeated_rows
 
 
@@ -143,6 +144,9 @@ MAGNITUDES = "the current never changes its sign while the voltage shows charge 
 LONGEST_STEP = 300.0  # [s] beyond it the state of charge, not the resistance, moved the voltage
 
 
+OPPOSED = "voltage and current contradict each other"
+
+
 class Sign(NamedTuple):
     """Sign of the current according to the data, and how clear it is."""
 
@@ -191,7 +195,7 @@ def _verdict(step: float, trend: float) -> Sign:
     evidence = _agreed(step, trend)
     alone = np.isnan(step) or np.isnan(trend)  # then it has to be clearer
     if abs(evidence) < (0.9 if alone else 0.8):
-        return Sign(0, evidence, f"voltage and current contradict each other ({vote_text})")
+        return Sign(0, evidence, f"{OPPOSED} ({vote_text})")
     return Sign(int(np.sign(evidence)), evidence, vote_text)
 
 
@@ -279,7 +283,10 @@ def charge_positive(
     """
     shown = current_sign(*(columns[name] for name in SERIES))
     sign, note = _decided(shown, stated, default)
-    return Assembled(_turned(columns, sign), (note,) * bool(note))
+    turned = _turned(columns, sign)
+    if not shown.sign and shown.evidence == 0.0 and shown.reason.startswith(OPPOSED):
+        turned["doubt"] = np.full(len(turned["current_ampere"]), Doubt.SIGN, np.int16)
+    return Assembled(turned, (note,) * bool(note))
 
 
 def _decided(shown: Sign, stated: str | None, default: str | None) -> tuple[int, str]:

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.half_cycles import turning_points, weighted_median
+from cellwright.numerics.turns import turning_points
+from cellwright.protocols.half_cycles import weighted_median
 
 
 class Leg(NamedTuple):
