@@ -79,7 +79,8 @@ def stage_of(path) -> str:
 
 
 def write(path, content, about):
-    """Write an artefact by its suffix, with `about`: provenance, reason, origin, notes, facts.
+    """Write an artefact by its suffix, with `about`: provenance, reason, origin, notes, doubts,
+    facts.
 
     Returns the table of a Parquet artefact, else None.
     """
@@ -243,7 +244,12 @@ class Job:
         `path` is one of the outputs (default: the only one).
         """
         path = path or self.outputs[0]
-        self.made[path] = write(path, content, self.about() | {"facts": plain(facts)})
+        about = self.about() | {"facts": plain(facts)}
+        if said := doubt_of(content):
+            wildcards = dict(self.snakemake.wildcards)
+            owner = wildcards.get("cell") or wildcards.get("group", "")
+            about["doubts"] = about["doubts"] | {f"{owner} {wildcards.get('test', '')}": said}
+        self.made[path] = write(path, content, about)
         self.saved.add(path)
 
     def note(self, *notes):
@@ -260,14 +266,39 @@ class Job:
             sys.stderr.write(text)
 
     def about(self, reason=None, origin=None) -> dict:
-        """Provenance, reason, origin, notes and facts that an artefact of this job carries."""
+        """Provenance, reason, origin, notes, doubts and facts that an artefact of this job carries.
+
+        Doubts are those of the records behind it, of whatever it reads.
+        """
         return provenance.record(self.snakemake, self.inputs) | {
             "step": self.step,
             "reason": reason,
             "origin": origin,
             "notes": self.notes,
+            "doubts": doubts_behind(self.inputs),
             "facts": {},
         }
+
+
+def doubt_of(content) -> str:
+    """What a table's own column `doubt` says, once each, in words; "" where it has none."""
+    if not hasattr(content, "get") or content.get("doubt") is None or not len(content["doubt"]):
+        return ""
+    values = np.asarray(content["doubt"])
+    if np.issubdtype(values.dtype, np.integer):
+        from cellwright.series.doubts import in_words
+
+        return in_words(values)
+    return "; ".join(dict.fromkeys(str(words) for words in values if words))
+
+
+def doubts_behind(paths) -> dict:
+    """What speaks against the records that artefacts stand on: words by "cell test"."""
+    found = {}
+    for path in sorted(set(map(str, paths))):
+        if "results" in Path(path).parts and Path(path).suffix in (".parquet", ".json"):
+            found |= read_about(path).get("doubts", {})
+    return found
 
 
 def load(path) -> dict:

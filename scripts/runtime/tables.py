@@ -18,7 +18,10 @@ OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "s
 
 
 def rows_of(paths, tests) -> list[dict]:
-    """Rows of all artefacts with content, each with its cell, test and facts of the sheet."""
+    """Rows of all artefacts with content, each with its cell, test and facts of the sheet.
+
+    A row that has no `doubt` of its own has that of the records behind it.
+    """
     table_rows = []
     for columns, about in artefact.load_all(paths):
         wildcards = dict(about["wildcards"])
@@ -27,11 +30,20 @@ def rows_of(paths, tests) -> list[dict]:
             f"{wildcards.get('cell') or wildcards.get('group')}/{wildcards.get('test')}",
             facts_without_test,
         )
-        table_rows += [wildcards | facts | row for row in artefact.rows(columns)]
+        behind = {"doubt": doubt_in_words(about)}
+        table_rows += [wildcards | facts | behind | row for row in artefact.rows(columns)]
     # Stages that share a table may have columns that the others lack: not known there.
     # In the order in which they are first seen, so that the same results give the same table.
     names = dict.fromkeys(name for row in table_rows for name in row)
     return [dict.fromkeys(names) | row for row in table_rows]
+
+
+def doubt_in_words(about) -> str:
+    """What speaks against the records behind an artefact; of others than its own with their name."""
+    wildcards = about["wildcards"]
+    own = f"{wildcards.get('cell') or wildcards.get('group')} {wildcards.get('test')}"
+    doubts = about.get("doubts", {})
+    return "; ".join(said if of == own else f"{of}: {said}" for of, said in doubts.items())
 
 
 def rows_of_cell(columns, cell) -> list[dict]:
