@@ -9,14 +9,17 @@ from cellwright.protocols.half_cycles import (
     Before,
     energy_counted,
     half_cycles,
+    unsure_of_edges,
     with_starts,
 )
 from cellwright.records.anchor import first_rest_second
 from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
+from cellwright.series.edges import edge_variance
 from cellwright.series.steps import assumed_rating, constant_current_end
 
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
+GAIN_SHARE = 0.001  # of a capacity: an instrument's gain, which no record tells, is no surer
 
 
 def capacity(
@@ -45,7 +48,8 @@ def capacity(
     4. Discharges, or charges, of one rate (`conditions.same_rate`) are repeats: mean and standard
     deviation (thesis, ch. 4.3).
 
-    What an unsure start may lack is part of the standard deviation. Coulombic efficiency is the
+    What an unsure start may lack, and the charge of steps of current between two rows, are part of
+    the standard deviation. Coulombic efficiency is the
     discharge over the charge before it, or else the one after it; NaN where there is none, or where
     it exceeds 1.05: such a charge did not return the discharge.
 
@@ -85,8 +89,10 @@ def capacity(
         for half in halves
         if half.fault or half.words
     )
+    unsure = edge_variance(np.asarray(test_time_second, float), columns[0], columns[2])
     complete = [
         _measured(half, partner, columns, steps, surface_temperature_celsius)
+        | {"edges": unsure_of_edges(half, unsure, columns, limits)}
         for half, partner in zip(halves, _partners(halves), strict=True)
         if not half.fault
     ]
@@ -195,12 +201,15 @@ def _repeats_joined(complete, rated):
 def _row(halves, rated):
     """One row of stage `capacity`: means over the repeats, standard deviation of the capacity.
 
-    It is that of the repeats and of what their starts may lack; NaN where neither is known.
+    It is that of the repeats, of what their starts may lack and of steps of current between two
+    rows; NaN where none is known, or only what is less than an instrument's gain.
     """
     columns = {name: np.array([half[name] for half in halves]) for name in halves[0]}
     sizes, missing = columns["capacity_ampere_hour"], columns["missing"].mean()
-    several = len(sizes) > 1
-    std = float(np.hypot(sizes.std(ddof=1), missing)) if several else missing or np.nan
+    several, edges = len(sizes) > 1, float(np.sqrt(np.mean(columns["edges"] ** 2)))
+    scatter = sizes.std(ddof=1) if several else 0.0
+    told = several or missing or edges > GAIN_SHARE * sizes.mean()
+    std = float(np.linalg.norm([scatter, missing, edges])) if told else np.nan
     means = {name: _mean(values) for name, values in columns.items()}
     return {
         "direction": NAMES[halves[0]["sign"]],
