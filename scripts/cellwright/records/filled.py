@@ -6,7 +6,7 @@ from cellwright.records.thinning import edges, row_fields
 from cellwright.series.edges import STEP_SHARE, shares_before
 
 
-def with_edges(record, *, capacity_ampere_hour):
+def with_edges(record, *, capacity_ampere_hour, uncounted=None):
     """The record with two rows at each step of the current that its rows do not show.
 
     A tester that stores a row every five seconds shows a pulse by its last row only; whether the
@@ -19,10 +19,12 @@ def with_edges(record, *, capacity_ampere_hour):
     ----------
     record : Record, whose SoC is counted.
     capacity_ampere_hour : what its SoC refers to [Ah].
+    uncounted : share of the interval before a step that the charge does not tell [1], or None.
 
     Returns
     -------
-    record : Record, with more rows, none of which is compared with a model.
+    record : Record, with more rows, none of which is compared with a model; the same one where none
+        is added.
     """
     time, current = record.test_time_second, record.current_ampere
     largest = np.abs(current).max(initial=0.0)
@@ -31,6 +33,8 @@ def with_edges(record, *, capacity_ampere_hour):
     after = edges(record, step_ampere=STEP_SHARE * largest)
     after = after[time[after] > time[after - 1]]
     share = shares_before(time, current, capacity_ampere_hour * record.soc, after)
+    if uncounted is not None:
+        share = np.where(np.isfinite(share), share, uncounted)
     told = np.isfinite(share)
     if not told.any():
         return record
