@@ -183,7 +183,9 @@ def test_the_discharge_after_a_first_charge_tells_what_it_already_held(begun):
     found = capacity_of(columns)
     if begun < 0.03:
         lacking = moved(found, "discharge") - moved(found, "charge")
-        assert moved(found, "charge", "capacity_std_ampere_hour") == pytest.approx(lacking)
+        # Beside it stands what the steps of the current between two rows leave open.
+        std = moved(found, "charge", "capacity_std_ampere_hour")
+        assert std == pytest.approx(lacking, rel=1e-3)
         return
     assert moved(found, "charge").size == 0
     held = float(re.search(r"already held ([\d.]+)%", found.left_out[0])[1])

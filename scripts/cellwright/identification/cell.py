@@ -9,6 +9,7 @@ from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch
 from cellwright.circuits.temperature import ocv_at, resistance_factor
 from cellwright.identification.choice import SURE, choose, left_out
 from cellwright.identification.condition import ABSENT_SECOND
+from cellwright.identification.edges import uncounted_edges, with_share
 from cellwright.identification.identify import (
     activation_of,
     at_activation_energy,
@@ -50,7 +51,8 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
 
     1. Tests of the earliest check-up are grouped by chamber temperature; at each, HPPC tests are
     used where there are any, with the capacity tests beside them, else drives, and of a cell with
-    neither capacity tests alone. Of a drive of role `split` only the odd blocks are fitted.
+    neither capacity tests alone. Of a drive of role `split` only the odd blocks are fitted. Where
+    the current stepped between two rows, and nothing counts when, the voltage tells (`edges`).
     2. Resistances are taken to the chamber's temperature with the activation energy that the
     temperatures show between them. 3. Where the OCV comes from one slow branch, its drop over the
     model's resistances is put back and the fit repeated. 4. The member that best predicts blocks
@@ -84,6 +86,11 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     if later:
         notes.append(f"not fitted, of a later check-up: {', '.join(later)}")
     capacity = basis["capacity_ampere_hour"]
+    share, words = uncounted_edges(
+        by_temperature, lambda one: _data(one, basis), capacity_ampere_hour=capacity
+    )
+    by_temperature = [with_share(one, share, capacity) for one in by_temperature]
+    notes += filter(None, [words])
     rest = {"rest_second": split_rest_second, "rest_ampere": AT_REST_C_RATE * capacity}
     rest["cut"] = cut_of(columns_of([one.records for one in by_temperature]), **rest)
     identified, energies = _identified(by_temperature, basis, members, rest, notes)
@@ -116,6 +123,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
             for condition in identified
         ],
         "kind": _kind(by_temperature),
+        "uncounted_edge_share": share,
         "notes": [*notes, *filter(None, [energies])],
     }
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.identification.choice import Score, choose, rmse_of, typical_of, worst_of
+from cellwright.identification.edges import with_share
 from cellwright.identification.identify import ready_records
 from cellwright.identification.validation import beyond_volt, is_inner, simulated
 from cellwright.numerics.statistics import rms
@@ -64,6 +65,8 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
     by_temperature, _ = records_by_temperature(
         fitted, basis, cell, split_rest_second=split_rest_second
     )
+    of_model = model.get("uncounted_edge_share"), basis["capacity_ampere_hour"]
+    by_temperature = [with_share(one, *of_model) for one in by_temperature]
     rest = {"rest_second": split_rest_second}
     rest["rest_ampere"] = AT_REST_C_RATE * basis["capacity_ampere_hour"]
     by_names = {

@@ -15,11 +15,13 @@ from cellwright.protocols.half_cycles import (
     columns_of,
     energy_counted,
     half_cycles,
+    unsure_of_edges,
     weighted_median,
     with_starts,
 )
 from cellwright.records.anchor import first_rest_second
 from cellwright.refusal import Refusal
+from cellwright.series.edges import edge_variance
 from cellwright.series.steps import assumed_rating
 
 EXAMPLES = 5  # cycles named in a sentence
@@ -96,8 +98,12 @@ def ageing_cycles(
     discharges = np.cumsum([half.sign < 0 and bool(half.loads) for half in halves])
     cycles = [first_cycle + n + (h.sign > 0) for n, h in zip(discharges, halves, strict=True)]
     left_out, by_rest = (_by_reason(halves, cycles, faulty=faulty) for faulty in (True, False))
+    unsure = edge_variance(series["test_time_second"], columns[0], columns[2])
     rows = [
-        (cycle, *_numbers(half, before, series, rated))
+        (
+            *(cycle, *_numbers(half, before, series, rated)),
+            np.hypot(half.missing_ampere_hour, unsure_of_edges(half, unsure, columns, limits)),
+        )
         for cycle, before, half in zip(cycles, [None, *halves], halves, strict=False)
         if not half.fault
     ]
@@ -162,7 +168,6 @@ def _numbers(half, before, series, rated):
         _time_mean(ambient, rows, time),
         _median(surface, before_load),
         _time_mean(surface, rows, time),
-        half.missing_ampere_hour,
     )
 
 

@@ -10,12 +10,14 @@ from cellwright.protocols.half_cycles import (
     Before,
     energy_counted,
     half_cycles,
+    unsure_of_edges,
     with_starts,
 )
 from cellwright.records.anchor import first_rest_second
 from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
 from cellwright.series.doubts import RATING_SHARE, in_words
+from cellwright.series.edges import edge_variance
 from cellwright.series.steps import assumed_rating, constant_current_end
 
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
@@ -24,6 +26,7 @@ BEYOND_VOLT = 0.03  # a tester ends a load within its own sampling and lead drop
 UNFINISHED_C_RATE = 0.1  # a hold that a record ends in above it was not finished
 COLD_CELSIUS, FAST_C_RATE = 10.0, 1.2  # colder or faster a good cell may give less than half
 THERMOMETER_KELVIN = 10.0  # between a thermometer at the start and the stated temperature
+GAIN_SHARE = 0.001  # of a capacity: an instrument's gain, which no record tells, is no surer
 
 
 def capacity(
@@ -54,7 +57,8 @@ def capacity(
     4. Discharges, or charges, of one rate (`conditions.same_rate`) are repeats: mean and standard
     deviation (thesis, ch. 4.3).
 
-    What an unsure start may lack is part of the standard deviation. Coulombic efficiency is the
+    What an unsure start may lack, and the charge of steps of current between two rows, are part of
+    the standard deviation. Coulombic efficiency is the
     discharge over the charge before it, or else the one after it; NaN where there is none, or where
     it exceeds 1.05: such a charge did not return the discharge.
 
@@ -97,12 +101,14 @@ def capacity(
         for half in halves
         if half.fault or half.words
     )
+    unsure = edge_variance(np.asarray(test_time_second, float), columns[0], columns[2])
     complete = []
     for half, partner in zip(halves, _partners(halves), strict=True):
         if half.fault:
             continue
         row = _measured(half, partner, columns, steps, surface_temperature_celsius)
         off = 0.0 if partner is None else imbalance(half, partner, columns, steps, limits)
+        row["edges"] = unsure_of_edges(half, unsure, columns, limits)
         row["missing"] = float(np.hypot(row["missing"], off))
         row["doubt"] = [
             *_against_record(half, columns, steps, limits, doubt),
@@ -311,13 +317,16 @@ def _repeats_joined(complete, rated):
 def _row(halves, rated):
     """One row of stage `capacity`: means over the repeats, standard deviation of the capacity.
 
-    It is that of the repeats and of what their starts may lack; NaN where neither is known.
+    It is that of the repeats, of what their starts may lack and of steps of current between two
+    rows; NaN where none is known, or only what is less than an instrument's gain.
     """
     names = [name for name in halves[0] if name != "doubt"]
     columns = {name: np.array([half[name] for half in halves]) for name in names}
     sizes, missing = columns["capacity_ampere_hour"], columns["missing"].mean()
-    several = len(sizes) > 1
-    std = float(np.hypot(sizes.std(ddof=1), missing)) if several else missing or np.nan
+    several, edges = len(sizes) > 1, float(np.sqrt(np.mean(columns["edges"] ** 2)))
+    scatter = sizes.std(ddof=1) if several else 0.0
+    told = several or missing or edges > GAIN_SHARE * sizes.mean()
+    std = float(np.linalg.norm([scatter, missing, edges])) if told else np.nan
     means = {name: _mean(values) for name, values in columns.items()}
     return {
         "direction": NAMES[halves[0]["sign"]],

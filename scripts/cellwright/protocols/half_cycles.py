@@ -148,6 +148,26 @@ def _reaches(step, sign, limit, voltage, steps):
     return along and farthest >= sign * limit - NEAR_VOLT
 
 
+def unsure_of_edges(half, variance, columns, limits):
+    """Standard deviation [Ah] of what a half cycle moves by steps of current between two rows.
+
+    Those inside it may lie anywhere between their rows. After its last row its load may have gone
+    on, to the next row or to where a line through its last two reaches the cut-off.
+
+    half : HalfCycle. variance : (n − 1,) of the charge of each interval, `edges.edge_variance`.
+    columns, limits : as in `half_cycles`.
+    """
+    _, voltage, charge = columns
+    inside, last = variance[half.first_row : half.last_row].sum(), half.last_row
+    if last >= len(variance) or not variance[last]:
+        return float(np.sqrt(inside))
+    most, limit = np.sqrt(12.0 * variance[last]), limits[half.sign > 0]
+    short = 0.0 if limit is None else max(half.sign * (limit - voltage[last]), 0.0)
+    slope = (voltage[last] - voltage[last - 1]) / ((charge[last] - charge[last - 1]) or np.inf)
+    beyond = min(short / slope, most) if slope > 0 else most * (short > 0)
+    return float(np.sqrt(inside + beyond**2 / 3.0))
+
+
 def weighted_median(values, weights):
     """Value below which half of the weight (n,) lies: of a current, half of the charge."""
     order = np.argsort(values, kind="stable")

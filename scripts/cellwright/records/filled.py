@@ -3,44 +3,43 @@
 import numpy as np
 
 from cellwright.records.thinning import edges, row_fields
-
-STEP_SHARE = 0.05  # of a record's largest current: a change that is a step
-GUESSED = (
-    0.05  # of an interval: nearer to its middle lies what a trapezoid, or an offset, would tell
-)
+from cellwright.series.edges import STEP_SHARE, shares_before
 
 
-def with_edges(record, *, capacity_ampere_hour):
+def with_edges(record, *, capacity_ampere_hour, uncounted=None):
     """The record with two rows at each step of the current that its rows do not show.
 
     A tester that stores a row every five seconds shows a pulse by its last row only; whether the
-    current of that row or of the next flowed in between, its counter knows: the share of the
-    interval before the step is what moves the charge counted. Without a counter the charge is that
-    of the mean of both currents, which says nothing of the edge; such an interval stays as it is,
-    as do drives, in which the current moves all the time.
+    current of that row or of the next flowed in between, its counter or the pace of its rows knows:
+    the share of the interval before the step is what moves the charge counted. Without either the
+    charge is that of the mean of both currents, which says nothing of the edge; such an interval
+    stays as it is, as do drives, in which the current moves all the time.
 
     Parameters
     ----------
     record : Record, whose SoC is counted.
     capacity_ampere_hour : what its SoC refers to [Ah].
+    uncounted : share of the interval before a step that the charge does not tell [1], or None.
 
     Returns
     -------
-    record : Record, with more rows, none of which is compared with a model.
+    record : Record, with more rows, none of which is compared with a model; the same one where none
+        is added.
     """
     time, current = record.test_time_second, record.current_ampere
     largest = np.abs(current).max(initial=0.0)
     if record.kind == "drive" or not largest > 0:
         return record
     after = edges(record, step_ampere=STEP_SHARE * largest)
-    interval = time[after] - time[after - 1]
-    after, interval = after[interval > 0], interval[interval > 0]
-    mean = 3600.0 * capacity_ampere_hour * (record.soc[after] - record.soc[after - 1]) / interval
-    share = (mean - current[after]) / (current[after - 1] - current[after])
-    told = np.isfinite(share) & (np.abs(share - 0.5) > GUESSED)
+    after = after[time[after] > time[after - 1]]
+    share = shares_before(time, current, capacity_ampere_hour * record.soc, after)
+    if uncounted is not None:
+        share = np.where(np.isfinite(share), share, uncounted)
+    told = np.isfinite(share)
     if not told.any():
         return record
-    after, interval, share = after[told], interval[told], np.clip(share[told], 0.0, 1.0)
+    after, share = after[told], share[told]
+    interval = time[after] - time[after - 1]
     earlier = np.repeat(after - 1, 2)
     filled = {name: getattr(record, name)[earlier] for name in row_fields(record)}
     moved = share * interval * current[after - 1] / 3600.0 / capacity_ampere_hour

@@ -13,6 +13,7 @@ from cellwright.formats.fields import NET, SERIES
 from cellwright.refusal import Refusal
 from cellwright.series.doubts import doubts
 from cellwright.series.doubts import sentences as doubts_in_words
+from cellwright.series.edges import begun_at_last_row, step_rows
 from cellwright.series.gaps import RESTED, in_words
 from cellwright.series.gaps import verdicts as gap_verdicts
 from cellwright.series.repeated import repeated_rows
@@ -246,11 +247,12 @@ def net_charge(
     """Net charge put into the cell since the first row.
 
     1. Trapezoids of the true time stamps.
-    2. Where the current steps within an interval the trapezoid guesses when. The instrument's
-       counter knows: it serves where that guess is worse than twenty of its digits (five in an
-       interval ten times as long as usual, where no neighbour evens it out), and where what it
-       counted lies between what either current would have moved.
-    3. Across a gap: the counter; without one, a current that is the same on both sides, unless
+    2. Where the current steps within an interval the trapezoid guesses when. The pace of the rows
+       may tell that it stepped at the first of the two (`edges.begun_at_last_row`).
+    3. The instrument's counter knows: it serves where the guess is worse than twenty of its digits
+       (five in an interval ten times as long as usual, where no neighbour evens it out), and where
+       what it counted lies between what either current would have moved.
+    4. Across a gap: the counter; without one, a current that is the same on both sides, unless
        the voltage shows that the cell rested; else none.
 
     test_time_second, current_ampere : arrays [s], [A]
@@ -266,6 +268,9 @@ def net_charge(
     interval = np.diff(test_time_second) / 3600
     before, after = current_ampere[:-1] * interval, current_ampere[1:] * interval
     moved = 0.5 * (before + after)
+    rows = step_rows(test_time_second, current_ampere)
+    begun = rows[begun_at_last_row(test_time_second, current_ampere, rows)]
+    moved[begun - 1] = after[begun - 1]
     counted = np.full(moved.size, np.nan)
     if counter_ampere_hour is not None:
         counted = np.diff(counter_ampere_hour)

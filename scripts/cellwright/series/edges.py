@@ -1,0 +1,96 @@
+"""When the current stepped between two rows: what the rows' own pace tells, and what it does not.
+
+A tester begins to count its sampling interval anew with each step, and stores a row where a step
+ends. The first row of a step then lies one interval of that step after its beginning.
+"""
+
+import numpy as np
+
+STEP_SHARE = 0.05  # of a record's largest current: a change that is a step
+STEADY_SHARE = 0.1  # of the step, by which the current may move beside it: else it is no edge
+# Two intervals of one sampling differ by the clock's digits; what differs by more is another pace,
+# and what lies between the two is neither.
+SAME_PACE, OTHER_PACE = 0.01, 0.05
+PACE_ROWS = 3  # intervals before an edge, whose median is the pace there: rows may be missing
+HABIT_EDGES, HABIT_SHARE = 3, 0.9  # so many edges, and of all that can tell, show a tester's habit
+CHANCE_SHARE = 0.5  # of all that can tell, below which those that do are equal by chance
+GUESSED = 0.05  # of an interval: nearer to its middle a counted charge says nothing of the edge
+
+
+def step_rows(time, current):
+    """Rows after each step of the current between two rows of different time (k,).
+
+    Parameters
+    ----------
+    time, current : (n,) [s], [A].
+    """
+    largest = np.abs(current).max(initial=0.0)
+    stepped = np.abs(np.diff(current)) > STEP_SHARE * largest
+    return np.flatnonzero(stepped & (np.diff(time) > 0)) + 1
+
+
+# ASSUME: Where the interval across an edge has the pace of the rows after it and not of those
+# before, the new current flowed in all of it; likewise at every edge of a record whose edges do so.
+def begun_at_last_row(time, current, rows):
+    """Whether the current stepped at the row before each of these rows, as the pace tells (k,).
+
+    1. The interval to the row is as long as the one after it, while rows before it followed at
+    another pace, or the last of them came early, as a step's end does. 2. Of a record in which nine
+    tenths of the edges that can tell do so, and three at least, it holds at those of one pace too.
+
+    Parameters
+    ----------
+    time, current : (n,) [s], [A]. rows : (k,) from `step_rows`.
+    """
+    begun = np.zeros(len(rows), bool)
+    inside = rows < len(time) - 1
+    row, interval, step = rows[inside], np.diff(time), np.diff(current)
+    across, after, bar = interval[row - 1], interval[row], STEADY_SHARE * np.abs(step[row - 1])
+    steady = (np.abs(step[row]) <= bar) & ((row < 2) | (np.abs(step[row - 2]) <= bar))
+    as_after = steady & (np.abs(across - after) <= SAME_PACE * after)
+    # What the record holds before its first rows is no pace.
+    known = row > PACE_ROWS
+    before = [interval[np.maximum(row - 2 - k, 0)] for k in range(PACE_ROWS)]
+    changed = np.abs(np.median(before, axis=0) - after) > OTHER_PACE * after
+    early = before[0] < (1.0 - OTHER_PACE) * across
+    tells = steady & known & (changed | early)
+    # A row stored just after the edge leaves nothing to tell.
+    asked = np.count_nonzero(tells & (across > OTHER_PACE * after))
+    told = np.count_nonzero(tells & as_after)
+    if told >= CHANCE_SHARE * asked:
+        habit = told >= max(HABIT_EDGES, HABIT_SHARE * asked)
+        begun[inside] = as_after & (tells | habit)
+    return begun
+
+
+def shares_before(time, current, charge, rows):
+    """Share of the interval before each row that lies before the step of the current, (k,) [1].
+
+    By the charge counted in it; NaN where that is of the mean of both currents, or beyond both: it
+    then says nothing of the edge.
+
+    Parameters
+    ----------
+    time, current, charge : (n,) [s], [A], net charge [Ah]. rows : (k,) from `step_rows`.
+    """
+    mean = 3600.0 * (charge[rows] - charge[rows - 1]) / (time[rows] - time[rows - 1])
+    share = (mean - current[rows]) / (current[rows - 1] - current[rows])
+    return np.where(np.abs(share - 0.5) > GUESSED, np.clip(share, 0.0, 1.0), np.nan)
+
+
+def edge_variance(time, current, charge):
+    """Variance of the charge that each interval (n − 1,) may hold, its step being anywhere [Ah²].
+
+    Zero where nothing steps or where the counted charge tells when: of a step of ΔI within Δt that
+    may lie anywhere the charge is known to ΔI·Δt/√12.
+
+    Parameters
+    ----------
+    time, current, charge : (n,) [s], [A], net charge [Ah].
+    """
+    variance = np.zeros(max(len(time) - 1, 0))
+    rows = step_rows(time, current)
+    rows = rows[np.isnan(shares_before(time, current, charge, rows))]
+    held = (current[rows] - current[rows - 1]) * (time[rows] - time[rows - 1]) / 3600.0
+    variance[rows - 1] = held**2 / 12.0
+    return variance
