@@ -24,9 +24,9 @@ class Number(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """All that one record gives: numbers, notes and flags beside them, or the reason for none."""
+    """All that one record gives: rows by quantity, notes and flags, or the reason for none."""
 
-    numbers: list
+    rows: dict
     notes: tuple
     refused: str = ""
     crash: str = ""
@@ -50,9 +50,9 @@ def outcome_of(record):
     try:
         return _outcome(file_of(record), record)
     except cw.Refusal as reason:
-        return Outcome([], (), refused=str(reason))
+        return Outcome({}, (), refused=str(reason))
     except Exception as fault:  # what is looked for: anything but our own refusal
-        return Outcome([], (), crash=f"{type(fault).__name__}: {fault}")
+        return Outcome({}, (), crash=f"{type(fault).__name__}: {fault}")
 
 
 def _outcome(data, record):
@@ -60,52 +60,43 @@ def _outcome(data, record):
     clean = cw.clean(series.columns, cell=record.cell)
     steps = cw.segment(clean.columns, record.cell)
     notes = [*series.notes, *clean.notes, *map(str, np.unique(clean.actions["flag"]))]
-    numbers, refused = [], []
-    for publish in (_capacities, _resistances):
+    tables, refused = {}, []
+    for name, publish in (("capacity", _capacities), ("resistance", _resistances)):
         try:
             found, said = publish(clean.columns, steps, record)
         except cw.Refusal as reason:
             refused.append(str(reason))
             continue
-        numbers += found
+        names = ("test", "cycle", "ambient_temperature_celsius")
+        facts = {"cell": record.cell["cell"]} | {n: record.test.get(n) for n in names}
+        tables[name] = [facts | row for row in _rows(found)]
         notes += said
-    return Outcome(numbers, tuple(notes), "" if numbers else "; ".join(refused))
+    return Outcome(tables, tuple(notes), "" if tables else "; ".join(refused))
 
 
 def _capacities(columns, steps, record):
     found = cw.capacity(columns, steps, record.cell, test=record.test)
-    numbers = []
-    for row in _rows(found.rows):
-        where = (str(row["direction"]), float(row["c_rate"]))
-        doubt = row.get("doubt", "")
-        numbers += [
-            Number("capacity", where, row["capacity_ampere_hour"], row["capacity_std_ampere_hour"], doubt),
-            Number("efficiency", where, row["coulombic_efficiency"], row.get("coulombic_efficiency_std", np.nan), doubt),
-            Number("temperature", where, row["temperature_mean_celsius"], 0.0, doubt),
-        ]  # fmt: skip
-    return numbers, found.notes
+    return found.rows, found.notes
 
 
 def _resistances(columns, steps, record):
+    """Pulse resistances; their SoC from the record's own charge, as far as its rating tells it."""
     from cellwright.protocols.resistance import pulse_resistance
     from cellwright.settings import Resistance
 
     names = ("test_time_second", "current_ampere", "voltage_volt")
+    rated = record.cell["rated_capacity_ampere_hour"]
+    begun = record.test.get("soc")
+    soc = (np.nan if begun is None else begun) + columns["charge_ampere_hour"] / rated
     found = pulse_resistance(
         *(columns[name] for name in names),
-        np.full(len(columns[names[0]]), np.nan),
+        soc,
         cw.api.inputs.steps(steps),
-        rated_capacity_ampere_hour=record.cell["rated_capacity_ampere_hour"],
+        rated_capacity_ampere_hour=rated,
         doubt=columns.get("doubt"),
         **Resistance()._asdict(),
     )
-    rows = _rows(found.rows)
-    first = min((row["delay_second"] for row in rows), default=0)
-    kept = [row for row in rows if row["delay_second"] == first]
-    return [
-        Number("resistance", (str(row["direction"]), float(row["voltage_before_volt"])), row["resistance_ohm"], row["resistance_std_ohm"], row.get("doubt", ""))
-        for row in kept
-    ], found.left_out  # fmt: skip
+    return found.rows, found.left_out
 
 
 def _rows(columns):
@@ -113,15 +104,46 @@ def _rows(columns):
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def wrong_numbers(outcome, clean):
-    """The numbers of an outcome that differ from the clean record's by more than their interval.
+def numbers_of(outcome, others=()):
+    """The numbers of an outcome, held against those that the cell's other tests publish."""
+    numbers = []
+    for name, rows in outcome.rows.items():
+        beside = [row for other in others for row in other.rows.get(name, ())]
+        told = cw.disagreements([*rows, *beside], quantity=name).rows[: len(rows)]
+        numbers += [number for row in told for number in OF_ROW[name](row)]
+    return numbers
+
+
+def _of_capacity(row):
+    where, doubt = (str(row["direction"]), float(row["c_rate"])), row["doubt"]
+    size, std = row["capacity_ampere_hour"], row["capacity_std_ampere_hour"]
+    return [
+        Number("capacity", where, size, std, doubt),
+        Number("efficiency", where, row["coulombic_efficiency"], np.nan, doubt),
+        Number("temperature", where, row["temperature_mean_celsius"], 0.0, doubt),
+    ]
+
+
+def _of_resistance(row):
+    if row["delay_second"] > 0:
+        return []
+    where = str(row["direction"]), float(row["voltage_before_volt"])
+    values = row["resistance_ohm"], row["resistance_std_ohm"], row["doubt"]
+    return [Number("resistance", where, *values)]
+
+
+OF_ROW = {"capacity": _of_capacity, "resistance": _of_resistance}
+
+
+def wrong_numbers(numbers, clean):
+    """The numbers that differ from the clean record's by more than their interval.
 
     Each is held against the clean number of the same direction with the nearest rate or place.
     """
     wrong = []
-    for number in outcome.numbers:
+    for number in numbers:
         same = [
-            n for n in clean.numbers
+            n for n in clean
             if n.quantity == number.quantity and n.where[0] == number.where[0]
         ]  # fmt: skip
         if not same or not np.isfinite(number.value):

@@ -2,6 +2,7 @@
 
 import csv
 import gzip
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ def campaigns():
     return [HERE, *(shared / name for name in names if (shared / name).is_dir())]
 
 
+@cache
 def entries():
     """(folder, cell facts, test facts, files) of each test that a number is taken of."""
     found = []

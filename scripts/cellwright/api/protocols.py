@@ -375,3 +375,17 @@ def ageing_cycles(series, steps, test, cell, course=None):
     left_out = tuple(complete.left_out)
     notes = (*left_out, *complete.by_rest)
     return results.Result({"rows": complete.rows}, {"left_out": left_out}, notes)
+
+
+def disagreements(rows, *, quantity):
+    """Rows of several tests, each with what the other tests of its cell say against it in `doubt`.
+
+    rows : of `capacity` or `resistance`, with cell, test, cycle and ambient_temperature_celsius.
+    quantity : "capacity" or "resistance".
+
+    Returns rows. What cannot both be true of one cell of one age is told: a gain of the current or
+    the clock shows in no record by itself. Source: docs/capacity.md.
+    """
+    from cellwright.records.agreement import with_disagreements
+
+    return results.Result({"rows": with_disagreements(rows, quantity=quantity)})

@@ -31,7 +31,7 @@ MANY_JUMPS = 10
 # ASSUME: Of the rating a cell gives so much; sheets hold nominal, minimal and typical capacities.
 RATING_SHARE = (0.5, 1.15)
 # Voltage [V] that one rated capacity an hour makes at once: from power cells to cold energy cells.
-OHMIC_VOLT = (0.004, 4.0)
+OHMIC_VOLT = (0.004, 10.0)
 
 
 class Doubt(IntFlag):
@@ -222,7 +222,8 @@ def unanswered(time, current, voltage, apart) -> tuple[np.ndarray, float]:
     ratios = (answer / np.abs(change[edges]))[clear]
     resistance = float(np.quantile(ratios, 0.25, method="lower"))
     expected = resistance * np.abs(change[edges])
-    missing = (expected > 2 * floor) & (answer < np.minimum(ANSWER_SHARE * expected, chance))
+    none = max(3 * noise, SILENT_VOLT)
+    missing = (expected > 2 * floor) & (answer < np.minimum(ANSWER_SHARE * expected, none))
     return edges[missing] + 1, resistance
 
 

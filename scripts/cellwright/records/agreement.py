@@ -1,0 +1,140 @@
+"""Numbers of several tests of one cell held against each other: what cannot both be true is said.
+
+A gain of the current or of the clock shows in no record by itself. Two tests of one cell, made alike
+at one age and temperature, show it.
+"""
+
+from itertools import combinations
+
+from cellwright.records.conditions import checkups_of, same_rate, same_temperature
+
+REPEAT_SHARE = 0.03  # by which one cell's capacity at one rate repeats, over testers and days
+SLOWER_SHARE = 0.02  # by which a slower load may give less than a faster one: rests, self-discharge
+# ASSUME: Up to 1.2C and from 10 °C on a good cell gives three quarters of what it gives slowly.
+LEAST_SHARE, FASTEST_C_RATE, COLDEST_CELSIUS = 0.75, 1.2, 10.0
+WARMED_KELVIN = 5.0  # by its own load: a warmer cell gives more
+SAME_SOC, RESISTANCE_FACTOR = 0.05, 1.5  # kinetics, direction and rests change a resistance by less
+LEAST_SOC, DELAY_FACTOR = 0.1, 2.0
+SIGMAS = 2.0
+
+
+def with_disagreements(rows, *, quantity):
+    """Rows of one table of tests, each with what other tests of its cell say against it.
+
+    Parameters
+    ----------
+    rows : of stage `capacity` or `resistance`, with cell, test, cycle, ambient_temperature_celsius
+        and doubt. quantity : "capacity" or "resistance".
+
+    Returns
+    -------
+    rows, new ones where their `doubt` has grown.
+    """
+    comparing = {"capacity": _capacities, "resistance": _resistances}[quantity]
+    cycled, against = _cycled(rows), [{} for _ in rows]
+    for members in _alike(rows):
+        for first, second in combinations(members, 2):
+            one, other = rows[first], rows[second]
+            if one["test"] == other["test"] or cycled & {_key(one), _key(other)}:
+                continue
+            if words := comparing(one, other):
+                against[first][second], against[second][first] = words, comparing(other, one)
+    # What more tests speak against is in doubt, not each of them; of two alone both are.
+    said = [
+        [words for other, words in found.items() if len(against[other]) <= len(found)]
+        for found in against
+    ]
+    return [row | {"doubt": _joined(row, words)} for row, words in zip(rows, said, strict=True)]
+
+
+def _joined(row, words):
+    more = [f"and {len(words) - 1} more tests against it"] * (len(words) > 1)
+    return "; ".join(filter(None, [row.get("doubt"), *words[:1], *more]))
+
+
+def _key(row):
+    return row["cell"], row["test"]
+
+
+def _cycled(rows):
+    """Tests of many cycles: their capacities differ because the cell ages."""
+    cycles = {}
+    for row in rows:
+        cycles.setdefault(_key(row), set()).add(row["cycle"])
+    return {key for key, found in cycles.items() if len(found) > 1}
+
+
+def _alike(rows):
+    """Numbers of rows of one cell, direction, delay, check-up and temperature."""
+    cells = {}
+    for number, row in enumerate(rows):
+        cells.setdefault((row["cell"], row["direction"], row.get("delay_second")), []).append(number)
+    found = []
+    for members in cells.values():
+        ages = checkups_of([rows[k]["cycle"] for k in members])
+        left = list(zip(members, ages, strict=True))
+        while left:
+            (first, age), *others = left
+            near = [
+                (k, a)
+                for k, a in others
+                if a == age and same_temperature(*(_celsius(rows[i]) for i in (first, k)))
+            ]
+            found.append([first, *(k for k, _ in near)])
+            left = [pair for pair in others if pair not in near]
+    return found
+
+
+def _celsius(row):
+    return row["ambient_temperature_celsius"]
+
+
+def _capacities(row, other):
+    """What another complete capacity of one direction says against one, "" where nothing.
+
+    What a charge takes hangs on how far the discharge before it emptied the cell.
+    """
+    here, there = row["capacity_ampere_hour"], other["capacity_ampere_hour"]
+    stds = [one["capacity_std_ampere_hour"] for one in (row, other)]
+    spread = SIGMAS * sum(std**2 for std in stds if std is not None and std == std) ** 0.5
+    rates, warm = (row["c_rate"], other["c_rate"]), _warm(row) and _warm(other)
+    where = f"{other['test']} gives {there:.4g} Ah at {other['c_rate']:.3g}C"
+    if same_rate(*rates):
+        if row["direction"] == "charge":
+            return ""
+        apart = abs(here - there) > REPEAT_SHARE * max(here, there) + spread
+        return f"{where}, the same rate" if apart else ""
+    pair = (row, other) if rates[0] < rates[1] else (other, row)
+    slow, fast = (one["capacity_ampere_hour"] for one in pair)
+    slow_celsius, fast_celsius = (one["temperature_mean_celsius"] for one in pair)
+    warmed = _is_number(slow_celsius, fast_celsius) and fast_celsius > slow_celsius + WARMED_KELVIN
+    if not warmed and fast > (1 + SLOWER_SHARE) * slow + spread:
+        return f"{where}: a slower load gives no less than a faster one"
+    if warm and max(rates) <= FASTEST_C_RATE and fast < LEAST_SHARE * slow - spread:
+        return f"{where}: no good cell loses so much to its rate"
+    return ""
+
+
+def _warm(row):
+    celsius = _celsius(row)
+    return not _is_number(celsius) or celsius >= COLDEST_CELSIUS
+
+
+def _is_number(*values):
+    return all(value is not None and value == value for value in values)
+
+
+def _resistances(row, other):
+    """What another pulse resistance says against one, at the same SoC and delay."""
+    socs, delays = (row["soc"], other["soc"]), sorted(
+        one["actual_delay_second"] for one in (row, other)
+    )
+    alike = _is_number(*socs) and abs(socs[0] - socs[1]) <= SAME_SOC
+    # Near empty a few per cent of SoC are another resistance.
+    if not alike or min(socs) < LEAST_SOC or delays[1] > DELAY_FACTOR * delays[0]:
+        return ""
+    here, there = row["resistance_ohm"], other["resistance_ohm"]
+    spread = SIGMAS * (row["resistance_std_ohm"] + other["resistance_std_ohm"])
+    if max(here, there) - spread <= RESISTANCE_FACTOR * min(here, there):
+        return ""
+    return f"{other['test']} gives {1e3 * there:.3g} mΩ at {socs[1]:.0%} SoC"
