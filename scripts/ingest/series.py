@@ -12,7 +12,7 @@ with artefact.Job(snakemake, output.ingest) as reading:
     reading.note(*found.notes)
     reading.save(found.columns, instrument=found.instrument)
 with artefact.Job(snakemake, output.clean, output.flags, after=reading) as cleaning:
-    found = cw.clean(cleaning.load(output.ingest), params.clean)
+    found = cw.clean(cleaning.load(output.ingest), params.clean, cell=params.cell)
     cleaning.note(*found.notes)
     cleaning.save(found.columns, output.clean)
     cleaning.save(found.actions, output.flags)

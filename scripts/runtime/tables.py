@@ -204,7 +204,8 @@ def summary(cells, tables, models) -> "DataFrame":
 def _summary_row(facts, of_cell, model) -> dict:
     rated, scored = facts["rated_capacity_ampere_hour"], of_cell["validation"]
     # What models count in goes first: SoC of all tables refers to it.
-    capacity = model.get("capacity_ampere_hour") or slowest_capacity(_known(of_cell["capacity"]))
+    counted = slowest_capacity(_known(of_cell["capacity"])) or {}
+    capacity = model.get("capacity_ampere_hour") or counted.get("capacity_ampere_hour")
     notes = model.get("notes", [])
     if capacity is None and facts.get("state_of_health"):
         capacity, source = stated_capacity(rated, facts["state_of_health"])
@@ -212,12 +213,15 @@ def _summary_row(facts, of_cell, model) -> dict:
     missing, filtered = of_cell["missing_effect"], of_cell["soc"]
     scored = scored[scored["chosen"].eq(True)]
     pulses = of_cell["resistance"][of_cell["resistance"]["soc"].notna()]
+    resistance = reference_resistance(_known(pulses)) or {}
     filtered = filtered[filtered["filter"].eq("aekf") & filtered["scenario"].eq("nominal")]
     return {
         "cell": facts["cell"],
         "capacity_ampere_hour": capacity,
+        "capacity_std_ampere_hour": _std_of(counted, capacity),
         **_health(of_cell, capacity / rated if capacity and rated else None),
-        "r0_50_25_ohm": reference_resistance(_known(pulses)),
+        "r0_50_25_ohm": resistance.get("resistance_ohm"),
+        "r0_50_25_std_ohm": resistance.get("resistance_std_ohm"),
         "best_model": model.get("chosen"),
         "validation_rmse_volt": pooled_rms(scored["rmse_volt"], scored["samples"]),
         # Every test and start of the adaptive filter alike, without the faulty ones.
@@ -226,8 +230,25 @@ def _summary_row(facts, of_cell, model) -> dict:
         "missing_effect": _effects_named(missing),
         "in_one_line": next(iter(missing["in_one_line"]), None),
         "exclusions": len(of_cell["excluded"]),
+        "doubt": _doubts(of_cell),
         "notes": "; ".join(notes),
     }
+
+
+def _std_of(counted, capacity) -> float | None:
+    """Standard deviation of a counted capacity [Ah], where it is the one that models count in."""
+    same = counted and capacity and abs(counted["capacity_ampere_hour"] / capacity - 1) < 0.01
+    return counted["capacity_std_ampere_hour"] if same else None
+
+
+def _doubts(of_cell) -> str:
+    """What speaks against the capacities and resistances of a cell, with the names of its tests."""
+    said = {}
+    for table in ("capacity", "resistance"):
+        rows = of_cell[table][of_cell[table]["doubt"].notna()]
+        for test, words in zip(rows["test"], rows["doubt"], strict=True):
+            said.setdefault(f"{test}: {words}")
+    return "; ".join(said)
 
 
 def _effects_named(missing) -> str:
@@ -246,6 +267,7 @@ def _health(of_cell, fresh) -> dict:
     names = ("knee_cycle", "remaining_cycles", "remaining_lower_cycles", "remaining_upper_cycles")
     return {
         "soh": latest.get("soh", fresh),
+        "soh_std": latest.get("soh_std"),
         "soh_cycle": latest.get("cycle"),
         **{name: life.get(name) for name in names},
     }

@@ -19,9 +19,9 @@ def capacity(direction, c_rate, cycle, ampere_hour):
 def test_the_capacity_is_that_of_the_slowest_discharge_of_the_first_cycle():
     rows = [capacity("charge", 0.1, None, 9.0), capacity("discharge", 0.5, 40.0, 3.5)]
     rows += [capacity("discharge", 0.51, None, 4.0), capacity("discharge", 1.0, None, 3.0)]
-    assert slowest_capacity(rows) == 4.0
-    assert slowest_capacity(rows[:1]) == 9.0
-    assert slowest_capacity([capacity("discharge", None, None, 2.0)]) == 2.0
+    assert slowest_capacity(rows)["capacity_ampere_hour"] == 4.0
+    assert slowest_capacity(rows[:1])["capacity_ampere_hour"] == 9.0
+    assert slowest_capacity([capacity("discharge", None, None, 2.0)])["capacity_ampere_hour"] == 2.0
     assert slowest_capacity([]) is None
 
 
@@ -32,7 +32,7 @@ def test_the_resistance_is_that_at_half_charge_and_the_reference_temperature():
     assert reference_resistance(rows[:4]) is None
     rows += [pulse(0.52, 6.0, rate=3.0, **first), pulse(0.52, 7.0, None, **first)]
     rows.append(pulse(0.58, 8.0, 24.0, **first))
-    assert reference_resistance(rows) == 7.0
+    assert reference_resistance(rows)["resistance_ohm"] == 7.0
 
 
 def health(cycle, method, soh, std=None):

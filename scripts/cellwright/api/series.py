@@ -85,7 +85,7 @@ def clean(series, settings=None, *, cell=None, **changes):
     """A series without corrupt samples and with its charge [Ah], and the list of flagged samples.
 
     series : without charge_ampere_hour; further columns are kept. settings : `settings.Clean`.
-    cell : its rating is held against what the record shows; None: it is not.
+    cell : its rating and cut-offs are held against what the record shows; None: they are not.
 
     Returns columns, with charge_ampere_hour [Ah] and, where rows contradict each other, doubt,
     flags of `series.doubts.Doubt`; actions: one a flag. Raises Refusal: fewer than
@@ -94,9 +94,11 @@ def clean(series, settings=None, *, cell=None, **changes):
     from cellwright.series.cleaning import clean as cleaned
 
     options = inputs.settings_of(Clean, settings, changes)
-    rated = inputs.cell_facts(cell).rated_capacity_ampere_hour if cell else None
+    known = {} if cell is None else inputs.ratings(cell)
+    rated, limits = known.get("rated_capacity_ampere_hour"), (known.get(n) for n in inputs.CUTOFFS)
     columns = inputs.columns(series, *inputs.NAMES)
-    cleaning = cleaned(columns, rated_capacity_ampere_hour=rated, **options._asdict())
+    about = {"rated_capacity_ampere_hour": rated, "cutoffs_volt": tuple(limits)}
+    cleaning = cleaned(columns, **about, **options._asdict())
     tables = {"columns": cleaning.columns, "actions": cleaning.actions}
     return results.Result(tables, notes=tuple(cleaning.notes))
 

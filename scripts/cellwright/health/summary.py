@@ -5,7 +5,7 @@ from cellwright.records.conditions import REFERENCE_CELSIUS, same_rate, same_tem
 
 
 def slowest_capacity(rows):
-    """Capacity of the slowest discharge of the earliest cycle [Ah]; of charges where none is.
+    """Row of the slowest discharge of the earliest cycle; of charges where none is.
 
     Cycles of one ageing test differ in the last digits of their rate: the first of them counts.
     None without `rows` (of stage `capacity`, c_rate and cycle None where not known).
@@ -16,11 +16,11 @@ def slowest_capacity(rows):
     rated = [row for row in full if row["c_rate"]]
     slowest = min((row["c_rate"] for row in rated), default=None)
     alike = [row for row in rated if same_rate(row["c_rate"], slowest)] or full
-    return float(min(alike, key=lambda row: row["cycle"] or 0)["capacity_ampere_hour"])
+    return min(alike, key=lambda row: row["cycle"] or 0)
 
 
 def reference_resistance(rows):
-    """First-sample resistance of the discharge pulse nearest 50 ± 10 % SoC at 25 °C [ohm].
+    """Row of the first sample of the discharge pulse nearest 50 ± 10 % SoC at 25 °C.
 
     Of several `rows` of stage `resistance` the earliest, then the one nearest in SoC, then in rate
     to 1C; None where there is no such pulse.
@@ -33,8 +33,7 @@ def reference_resistance(rows):
         and same_temperature(row["ambient_temperature_celsius"], REFERENCE_CELSIUS)
         and abs(row["soc"] - 0.5) <= 0.1
     ]
-    best = min(near, key=_from_the_reference, default=None)
-    return None if best is None else best["resistance_ohm"]
+    return min(near, key=_from_the_reference, default=None)
 
 
 def _from_the_reference(row):

@@ -23,6 +23,8 @@ from cellwright.series.steps import assumed_rating, constant_current_end
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
 BALANCE_SHARE = 0.01  # of a cycle's charge that does not come back: side reactions, gain of ranges
 BEYOND_VOLT = 0.03  # a tester ends a load within its own sampling and lead drop of the cut-off
+DRIFT_SHARE = 0.02  # within which any tester holds a current; its noise is less in the median
+LEAST_DRIFT_ROWS = 32
 UNFINISHED_C_RATE = 0.1  # a hold that a record ends in above it was not finished
 COLD_CELSIUS, FAST_C_RATE = 10.0, 1.2  # colder or faster a good cell may give less than half
 THERMOMETER_KELVIN = 10.0  # between a thermometer at the start and the stated temperature
@@ -244,10 +246,23 @@ def _against_record(half, columns, steps, limits, doubt):
     limit, end = limits[half.sign > 0], float(voltage[half.last_row - 1])
     if half.sign * (end - limit) > BEYOND_VOLT:
         said.append(f"its load goes on to {end:.3f} V, beyond the stated cut-off of {limit:g} V")
+    if drift := _drift(current, steps, _main_load(half, steps)[0]):
+        said.append(f"its current drifts from {drift[0]:.4g} to {drift[1]:.4g} A: a tester holds it")
     left = abs(float(current[-1]))
     if half.last_row == len(current) - 1 and steps.cv_first_row[half.loads[-1]] >= 0:
         said += [f"the record ends inside the hold, at {left:.3g} A"] * _unfinished(left, half, steps)
     return [words for words in said if words]
+
+
+def _drift(current, steps, step):
+    """First and last level of a constant current [A] that moves by more than 2 %; else None."""
+    first, last = int(steps.first_row[step]), int(steps.last_row[step])
+    end = constant_current_end(first, last, steps.cv_first_row[step])
+    size = np.abs(current[first + 1 : end - 1])  # first and last row may hold the edges
+    if len(size) < LEAST_DRIFT_ROWS:
+        return None
+    begun, ended = (float(np.median(part)) for part in (size[: len(size) // 8], size[-len(size) // 8 :]))
+    return (begun, ended) if abs(ended - begun) > DRIFT_SHARE * max(begun, ended) else None
 
 
 def _own_rows(half):

@@ -335,11 +335,13 @@ def clean(
     columns: Mapping[str, np.ndarray],
     *,
     rated_capacity_ampere_hour: float | None = None,
+    cutoffs_volt: tuple = (None, None),
     **settings: float,
 ) -> Cleaned:
     """Flag a series and remove what is flagged; settings as for `flag`, the rest for `remove`."""
     flags = flag(columns, **settings)
-    return remove(columns, flags, rated_capacity_ampere_hour=rated_capacity_ampere_hour)
+    known = {"rated_capacity_ampere_hour": rated_capacity_ampere_hour, "cutoffs_volt": cutoffs_volt}
+    return remove(columns, flags, **known)
 
 
 def remove(
@@ -347,6 +349,7 @@ def remove(
     flags: np.ndarray,
     *,
     rated_capacity_ampere_hour: float | None = None,
+    cutoffs_volt: tuple = (None, None),
 ) -> Cleaned:
     """Remove and repair what is flagged, and add charge_ampere_hour and, where any, doubt.
 
@@ -388,6 +391,7 @@ def remove(
         gaps=gaps,
         silent=silent,
         rated_capacity_ampere_hour=rated_capacity_ampere_hour,
+        cutoffs_volt=cutoffs_volt,
     )
     if doubt.any():
         clean["doubt"] = doubt

@@ -13,6 +13,7 @@ from scipy import ndimage
 from cellwright.formats.fields import NET, SERIES
 from cellwright.numerics.statistics import robust_std
 from cellwright.numerics.turns import turning_points
+from cellwright.records.conditions import at_rest_in_record
 from cellwright.series.gaps import UNKNOWN
 
 LOAD_SHARE = 0.2  # of the largest current: a step of so much must move the voltage
@@ -25,6 +26,7 @@ SUDDEN = 5.0  # times the largest step of the rows around: no curve bends so
 ANSWER_SHARE = 0.25  # of what the cell's other steps show: less is no answer
 SILENT_VOLT = 0.001  # within a digit or two of common voltmeters nothing has answered
 LONGEST_EDGE = 10.0  # s between the two rows of a step: in more the cell relaxes
+REST_VOLT = 0.03  # a tester's overshoot and its voltmeter's offset
 SHORTEST_REST = 60.0  # s
 RELAXED_SECOND = 600.0  # of load before a rest, by which its direction is told
 MANY_JUMPS = 10
@@ -45,6 +47,7 @@ class Doubt(IntFlag):
     AT_REST = 32
     SIZE = 64
     SIGN = 128
+    BEYOND = 256
 
 
 WORDS = {
@@ -55,6 +58,7 @@ WORDS = {
     Doubt.NO_ANSWER: "the current steps and the voltage does not answer",
     Doubt.AT_REST: "the voltage moves as under load while the current reads zero",
     Doubt.SIZE: "charge or resistance are those of a cell of another size than the rating",
+    Doubt.BEYOND: "the cell rests beyond its stated cut-offs",
     Doubt.SIGN: "its voltage contradicts the sign of its current",
 }
 
@@ -84,6 +88,7 @@ def doubts(
     gaps: np.ndarray,
     silent: np.ndarray,
     rated_capacity_ampere_hour: float | None = None,
+    cutoffs_volt: tuple = (None, None),
 ) -> np.ndarray:
     """Doubts of each row of a clean series.
 
@@ -93,7 +98,8 @@ def doubts(
         net_capacity_ampere_hour [Ah] where the instrument has a counter.
     jumps : rows before which the clock was set anew. gaps : rows with a gap before them; silent :
         what the cell did in each, see `gaps.verdicts`.
-    rated_capacity_ampere_hour : [Ah] or None: the size is not looked at then.
+    rated_capacity_ampere_hour : [Ah] or None: the size is not looked at then. cutoffs_volt : lower
+        and upper [V], None where not stated.
 
     Returns
     -------
@@ -120,11 +126,23 @@ def doubts(
     found[alone] |= Doubt.VOLTAGE_STEP
     found[against_rest(time, current, voltage, apart)] |= Doubt.AT_REST
     found[_unlike_across_gaps(current, voltage, gaps, counted)] |= Doubt.GAP
+    found[beyond_cutoffs(current, voltage, cutoffs_volt)] |= Doubt.BEYOND
     if rated := rated_capacity_ampere_hour:
         charge = columns["charge_ampere_hour"]
-        if unlike_size(resistance, rated) or unlike_charge(charge, rated):
+        # What was bridged over gaps is no measured charge.
+        counted = not np.any(found & Doubt.GAP)
+        if unlike_size(resistance, rated) or (counted and unlike_charge(charge, rated)):
             found |= Doubt.SIZE
     return found
+
+
+def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:
+    """Rows at rest at which the voltage lies beyond a stated cut-off [V]: a load may, no rest does."""
+    low, high = (np.nan if limit is None else limit for limit in cutoffs)
+    beyond = (voltage > high + REST_VOLT) | (voltage < low - REST_VOLT)
+    # Right after a load the voltage is still its own.
+    rests = ndimage.minimum_filter1d(at_rest_in_record(current).astype(np.int8), 11, mode="nearest")
+    return np.flatnonzero((rests == 1) & beyond)
 
 
 def unlike_size(resistance_ohm: float, rated_capacity_ampere_hour: float) -> bool:
@@ -237,6 +255,8 @@ def unanswered_specks(current, voltage, apart, resistance) -> np.ndarray:
     before, after = current[rows] - current[rows - 1], current[rows] - current[rows + 1]
     largest = float(np.max(np.abs(current)))
     alone = np.minimum(np.abs(before), np.abs(after)) > LOAD_SHARE * largest
+    for side in (-2, 2):
+        alone &= np.abs(current[rows + side] - current[rows + side // 2]) < 0.1 * np.abs(before)
     alone &= np.abs(before - after) < 0.1 * np.abs(before)
     rows = rows[alone & ~apart[rows] & ~apart[rows + 1]]
     if not len(rows):
