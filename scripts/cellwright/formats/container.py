@@ -14,7 +14,7 @@ ARCHIVES = {b"xl/": "Excel workbook", b"[Content_Types]": "Excel workbook", b".n
 COMPRESSED = 15  # type of an element of a .mat that is compressed
 PIECE = 1 << 12  # byte of Zstandard that are unpacked at once: to 130 MB at most
 CELL_BYTE = 32  # that a cell of a sheet takes in memory, also a blank one
-# Of a sheet: numbers of rows, columns of cells that hold something, cells that do not say their own.
+# Of a sheet: numbers of rows, columns of cells that hold something, cells that do not say theirs.
 ROW = re.compile(rb"""\br\s*=\s*["'][A-Za-z]{0,3}(\d{1,7})""")
 CELL = re.compile(rb"""<(?:\w+:)?c\s[^>]*?\br\s*=\s*["']([A-Za-z]{1,3})\d[^>]*(?<!/)>""")
 UNPLACED = re.compile(rb"<(?:\w+:)?c(?=[\s/>])(?![^>]*\br\s*=)")
