@@ -33,31 +33,41 @@ KINDS = (
 )
 
 
-def obstacle(path, within=None) -> str:
+def obstacle(path, within=None, largest_megabyte=None) -> str:
     """Why the gate does not open a file, as what follows its name; "" where it does.
 
     Parameters
     ----------
-    path : of the file, from the working folder.
+    path : of the file, from `within`, else from the working folder.
     within : folder in which it must lie, links followed (a campaign reads nothing outside itself);
         None: anywhere, as on a user's own word.
+    largest_megabyte : length beyond which it is too long [MB]; None: the default of
+        `settings.Files`.
     """
     name = os.fspath(path)
+    path = _place(path, within)
     unfit = next((what for mark, what in UNFIT.items() if mark in name), None)
     if unfit and (within is not None or "\0" in name):
         return f"has {unfit} in its name; rename it"
     try:
-        mode = os.stat(path).st_mode
+        about = os.stat(path)
     except (FileNotFoundError, NotADirectoryError):
         return "there is no such file" + (" in the campaign" if within is not None else "")
     except OSError as error:
         return f"cannot be read: {error.strerror}"
-    if not stat.S_ISREG(mode):
-        kind = next((what for holds, what in KINDS if holds(mode)), "none")
+    if not stat.S_ISREG(about.st_mode):
+        kind = next((what for holds, what in KINDS if holds(about.st_mode)), "none")
         return f"is {kind}, wanted a file"
     if within is not None and not _lies_in(path, within):
         return "leads out of the campaign by a link; copy the file into it"
+    largest = _largest(largest_megabyte)
+    if about.st_size > largest * MEGABYTE:
+        return f"is {about.st_size / MEGABYTE:,.2f} MB long, {_more_than(largest)}"
     return ""
+
+
+def _place(path, within):
+    return path if within is None else os.path.join(within, path)
 
 
 def _lies_in(path, folder):
@@ -70,31 +80,26 @@ def contents(path, *, within=None, largest_megabyte=None) -> bytes:
 
     Parameters
     ----------
-    path, within : as of `obstacle`.
-    largest_megabyte : length from which on it is refused [MB]; None: the default of
-        `settings.Files`.
+    path, within, largest_megabyte : as of `obstacle`.
 
     Raises
     ------
     Refusal
-        `obstacle` has one, or the file cannot be read or is too long. The message names it.
+        There is an `obstacle`, or the file cannot be read. The message names it.
     """
-    reason = obstacle(path, within)
+    reason = obstacle(path, within, largest_megabyte)
     if reason:
         raise Refusal(f"{path}: {reason}")
-    largest = _largest(largest_megabyte)
     # Without waiting: a pipe may have taken the file's place since the look at it.
     waits_not = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
-        with open(os.open(path, os.O_RDONLY | waits_not), "rb") as file:
-            found = os.fstat(file.fileno())
-            if not stat.S_ISREG(found.st_mode):
+        opened = os.open(_place(path, within), os.O_RDONLY | waits_not)
+        with open(opened, "rb") as file:
+            about = os.fstat(file.fileno())
+            if not stat.S_ISREG(about.st_mode):
                 raise Refusal(f"{path}: is no file any more")
-            if found.st_size > largest * MEGABYTE:
-                size = found.st_size / MEGABYTE
-                raise Refusal(f"{path}: is {size:,.2f} MB long, {_more_than(largest)}")
             # No more than was found: a file that is being written to may have no end.
-            return file.read(found.st_size)
+            return file.read(about.st_size)
     except OSError as error:
         raise Refusal(f"{path}: cannot be read: {error.strerror}") from None
 
@@ -105,7 +110,7 @@ def joined(chunks, packed_byte: int, largest_megabyte=None) -> bytes:
     Parameters
     ----------
     chunks : iterable of bytes, each made when it is asked for. packed_byte : length of the file.
-    largest_megabyte : as of `contents`.
+    largest_megabyte : as of `obstacle`.
 
     Raises
     ------

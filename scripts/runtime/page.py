@@ -58,7 +58,7 @@ def render(job) -> str:
     environment.filters |= {"number": number, "milli": milli}
     excluded = tables["excluded"].to_dict("records")
     template = environment.get_template(Path(inputs.page).name)
-    campaign = params.figures["campaign"]
+    campaign = params.figures["the campaign"]
     for page in pages:
         # Packed one by one, or a report of a hundred cells is tens of megabytes when it opens.
         page["packed"] = packed(template.render(page=page, excluded=excluded))

@@ -8,12 +8,12 @@ from cellwright.refusal import Refusal
 CAMPAIGN = "."  # jobs run in its folder
 
 
-def readable(files) -> list[str]:
+def readable(files, largest_megabyte=None) -> list[str]:
     """Those of some files, paths relative to the campaign, that the gate opens.
 
     They are the inputs of a job. What another one is the job itself says, and loses nothing else.
     """
-    return [file for file in files if not gate.obstacle(file, CAMPAIGN)]
+    return [file for file in files if not gate.obstacle(file, CAMPAIGN, largest_megabyte)]
 
 
 def contents(files, sha256, largest_megabyte=None) -> list[tuple[str, bytes]]:

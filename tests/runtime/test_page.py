@@ -162,7 +162,7 @@ def job(snakemake, saved):
         cells=[CELL],
         tests=[TEST, TEST | {"test": "good", "note": None}],
         groups=[{"group": "pair", "position": k, "cell": c} for k, c in ((1, "A"), (2, "B"))],
-        figures={"campaign": [], "A": ["results/figures/A/validation_udds.svg"]},
+        figures={"the campaign": [], "A": ["results/figures/A/validation_udds.svg"]},
         title="Tiny & small",
         choices={"strict": True},
         assumptions=[{"module": "m.py", "text": "Cells are round."}],

@@ -51,12 +51,9 @@ def rules(said):
 
 
 def copied(name, folder):
-    """A campaign in a place of its own, over the same raw files."""
-    target = folder / name
-    made = shutil.ignore_patterns("data", "results", "logs", ".snakemake")
-    shutil.copytree(CAMPAIGNS / name, target, ignore=made)
-    (target / "data").symlink_to(ROOT / "data")
-    return target
+    """A campaign in a place of its own."""
+    made = shutil.ignore_patterns("results", "logs", ".snakemake")
+    return shutil.copytree(CAMPAIGNS / name, folder / name, ignore=made)
 
 
 def table(folder, name):

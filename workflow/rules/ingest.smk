@@ -7,7 +7,8 @@ def raw_files(wildcards):
     They stay where the laboratory wrote them, also where artefacts lie in object storage.
     """
     row = TESTS[wildcards.cell, wildcards.test]
-    return [local(file) for file in readable(row["file"])]
+    largest = config["files"]["largest_megabyte"]
+    return [local(file) for file in readable(row["file"], largest)]
 
 
 def reading(wildcards):
