@@ -22,6 +22,7 @@ import pyarrow.parquet as pq
 
 from cellwright.refusal import Refusal
 from runtime import contract, provenance
+from runtime.csv_cells import as_written, guarded
 
 KEY = b"cellwright"
 IN_UNIT = "extra/cellwright/provenance.json"
@@ -160,6 +161,9 @@ def _cell(value):
     """A value of a CSV table, with nine digits: more than any instrument resolves; NaN is empty."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return ""
+    if isinstance(value, str):
+        # A bare carriage return is not quoted by the module csv, and ends a row to its reader.
+        return guarded(value.replace("\r\n", "\n").replace("\r", "\n"))
     return f"{value:.9g}" if isinstance(value, float) else value
 
 
@@ -341,7 +345,8 @@ def load_together(pairs) -> list[tuple[dict, dict, dict]]:
 def load_table(path) -> list[dict]:
     """Rows of a CSV table as text, an empty cell for what is not known."""
     with open(path, encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+        rows = csv.DictReader(file)
+        return [{name: as_written(cell) for name, cell in row.items()} for row in rows]
 
 
 def split(result) -> tuple[dict, dict]:

@@ -9,6 +9,7 @@ from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 from runtime import artefact
 from runtime.artefact import stage_of
+from runtime.csv_cells import frame_as_written
 
 if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables for people
     from pandas import DataFrame
@@ -158,7 +159,7 @@ def load_frame(path) -> "DataFrame":
 
     # Only an empty cell is unknown: a test may be called NA.
     settings = {"keep_default_na": False, "na_values": [""]}
-    return read_csv(path, dtype={"cell": str, "test": str}, **settings)
+    return frame_as_written(read_csv(path, dtype={"cell": str, "test": str}, **settings))
 
 
 def load_frames(paths) -> dict:

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from runtime.csv_cells import as_written
+
 
 class Tables:
     """Rows of the results' tables by name, numbers as numbers, empty cells as None."""
@@ -28,7 +30,7 @@ def _value(text):
     try:
         return float(text)
     except ValueError:
-        return text
+        return as_written(text)
 
 
 def pytest_addoption(parser):
