@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from runtime.artefact import FAILED
 from runtime.csv_cells import frame_as_written
 from virtual_lab.score.verdicts import NAMED, outcome
 
@@ -415,9 +416,9 @@ def right_verdicts(campaign):
 
 
 def left_out(campaign):
-    """How many files and analyses were left out, per stage, and how many by an internal error."""
+    """How many files and analyses were left out, per stage, how many by faults of the program."""
     rows = read_table(campaign, "excluded")
-    internal = rows["reason"].str.startswith("internal error").fillna(False)
+    internal = rows["reason"].str.startswith(FAILED).fillna(False)
     yield "all", "internal errors", "", int(internal.sum())
     yield "all", "left out", "", len(rows)
     for stage, part in rows.groupby("stage"):

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from runtime.csv_cells import as_written
+from runtime.results_check import Law
 
 
 class Tables:
@@ -45,3 +46,9 @@ def table(request) -> Tables:
     if folder is None:
         pytest.skip("tests of results run inside the workflow (rule checks)")
     return Tables(Path(folder))
+
+
+@pytest.fixture
+def law() -> Law:
+    """What the law under test finds, by cell and test."""
+    return Law()

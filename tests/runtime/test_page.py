@@ -96,7 +96,8 @@ def job(snakemake, saved):
         {"group": "pair", "test": "c10", "found": True, "sentence": "branch 2 < branch 1 & turned"}
     ]
     contents["checks"] = [
-        {"check": "No charge from nothing.", "outcome": "failed", "found": "A: 3 Ah"}
+        {"check": "No charge from nothing.", "outcome": "failed"}
+        | {"cell": "A", "test": "bad", "found": "<3 Ah"}
     ]
     contents["missing_effect"] = [VERDICT]
     kind = {"type": "NMC, 5 Ah", "sentence": "A alone shows self-discharge"}
@@ -202,6 +203,26 @@ def test_what_files_and_sheets_say_is_escaped(job):
     assert "&lt;b&gt;odd&lt;/b&gt;" in html
     assert "Tiny &amp; small" in html
     assert not re.search("<i>space|<b>odd|Tiny & small", html)
+
+
+def test_a_page_or_a_part_that_cannot_be_made_costs_no_other(job, monkeypatch):
+    usual = page._page
+
+    def failing(name, *arguments):
+        return usual(name, *arguments) | ({} if name == "pair" else {"tests": 1 / 0})
+
+    monkeypatch.setattr(page, "_page", failing)
+    monkeypatch.setattr(page.health_page, "section", lambda tables: {}["soh"])
+    html = unpacked(page.render(job))
+    assert "itself failed to make the page A of this report (ZeroDivisionError" in html
+    assert "itself failed to make the part on health of this report (KeyError" in html
+    assert "A || B" in html, "the other page, and the part on packs"
+
+
+def test_what_does_not_hold_of_a_cell_stands_on_its_page(job):
+    html = unpacked(page.render(job))
+    assert html.count("bad: &lt;3 Ah. ") == 1
+    assert '<a href="#cell-A">A</a> bad: &lt;3 Ah' in html
 
 
 def test_report_is_one_file_with_its_pictures_inside(job):

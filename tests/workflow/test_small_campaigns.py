@@ -92,7 +92,7 @@ def test_a_campaign_of_one_bad_file_ends_with_a_report_that_names_it(tmp_path):
     assert row["reason"].startswith("raw/letter.csv: of no instrument known here")
     page = unpacked((folder / "results/report.html").read_text(encoding="utf-8"))
     assert "raw/letter.csv: of no instrument known here" in page
-    assert "internal error" not in page
+    assert "itself failed" not in page
     assert [row["cell"] for row in table(folder, "summary.csv")] == ["X"]
 
 
