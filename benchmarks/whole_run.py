@@ -6,6 +6,7 @@ benchmarks/whole_run --cores 1 ...       as many jobs at a time (default 2)
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -40,7 +41,8 @@ def run(campaign, cores) -> dict:
         records.mkdir()
         folder.mkdir()
         for entry in (entry for entry in campaign.iterdir() if entry.name not in MADE):
-            (folder / entry.name).symlink_to(entry)
+            copy = shutil.copytree if entry.is_dir() else shutil.copy
+            copy(entry, folder / entry.name)
         load, begin = _load_once_calm(), time.monotonic()
         _snakemake(folder, cores, records)
         second = time.monotonic() - begin

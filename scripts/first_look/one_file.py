@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 import cellwright as cw
-from cellwright import formats
+from cellwright import formats, gate
 from cellwright.records.kinds import likely_kinds
 from cellwright.refusal import Refusal
 
@@ -26,8 +26,10 @@ class Look(NamedTuple):
     notes: tuple
 
 
-def look(path) -> Look:
+def look(path, within=None) -> Look:
     """Read a file as a campaign would, as far as that goes.
+
+    `path` is that of a file in the folder `within`, such as a campaign; None: of any file.
 
     Raises
     ------
@@ -35,7 +37,7 @@ def look(path) -> Look:
         Nothing can be read from it.
     """
     path = Path(path)
-    data = path.read_bytes()
+    data = gate.contents(path, within=within)
     reading = formats.read(data, name=path.name)
     if reading.kind == "impedance":
         return Look(path.name, reading, {}, {}, [("eis", "a spectrum")], "", reading.notes)

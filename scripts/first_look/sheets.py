@@ -20,6 +20,7 @@ CELLS = (
 TESTS = ("cell", "test", "kind", "file", "ambient_temperature_celsius", "sha256", "note")
 CELSIUS = re.compile(r"(?<![A-Za-z\d])(n|-|m)?(\d{1,2})(?:\.0)?\s?_?(?:deg)?C(?![A-Za-z])")
 WHOLE = {"capacity", "ocv", "ica", "ageing"}  # kinds that go from one cut-off to the other
+SEPARATOR = ";"  # of the files of one test
 STEP_VOLT = 0.05  # cut-offs are proposed to this
 
 
@@ -30,15 +31,19 @@ def draft(folder) -> tuple[list[dict], list[dict], list[str]]:
     by what its files' names begin with.
     """
     folder = Path(folder)
-    paths = [p for p in sorted(folder.rglob("*")) if p.is_file() and _is_raw(p.relative_to(folder))]
+    found = [path for path in sorted(folder.rglob("*")) if not path.is_dir()]
+    paths = [path for path in found if _is_raw(path.relative_to(folder))]
     tests, ends, left_out = [], {}, []
     many = len({path.parent for path in paths}) > 1
     for path in paths:
         place = path.relative_to(folder).as_posix()
         try:
-            seen = look(path)
+            if SEPARATOR in place:
+                raise Refusal(f"has a {SEPARATOR} in its name, which joins files; rename it")
+            seen = look(place, within=folder)
         except (Refusal, OSError) as reason:
-            left_out.append(f"{place}: {reason}")
+            said = str(reason).removeprefix(f"{place}: ").removeprefix(f"{path.name}: ")
+            left_out.append(f"{place}: {said}")
             continue
         cell = _plain(path.parent.name if many else re.split(r"[_\s.]", path.name)[0])
         kind = seen.kinds[0][0] if seen.kinds else ""
@@ -128,7 +133,7 @@ def _unique(tests):
 
 def _plain(name):
     """Letters, digits, `_` and `-` alone, at most 64."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:64] or "cell"
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_-")[:64] or "cell"
 
 
 def _write(path, columns, rows):

@@ -5,10 +5,10 @@ from runtime import artefact, raw_files
 
 params, output = snakemake.params, snakemake.output
 with artefact.Job(snakemake, output.ingest) as reading:
-    said = params.reading
-    files = raw_files.contents(said["file"], said["sha256"])
+    said, largest = params.reading, params.largest_megabyte
+    files = raw_files.contents(said["file"], said["sha256"], largest)
     how = {name: said[name] for name in ("instrument", "current_sign")}
-    found = cw.read(files, **how, **params.channels)
+    found = cw.read(files, **how, **params.channels, largest_megabyte=largest)
     reading.note(*found.notes)
     reading.save(found.columns, instrument=found.instrument)
 with artefact.Job(snakemake, output.clean, output.flags, after=reading) as cleaning:

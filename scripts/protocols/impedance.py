@@ -5,8 +5,10 @@ from runtime import artefact, raw_files
 
 params, output = snakemake.params, snakemake.output
 with artefact.Job(snakemake, output.spectrum) as reading:
-    file = raw_files.single(params.reading["file"], params.reading["sha256"])
-    found = cw.read(file, kind="impedance", instrument=params.reading["instrument"])
+    said, largest = params.reading, params.largest_megabyte
+    file = raw_files.single(said["file"], said["sha256"], largest)
+    how = {"kind": "impedance", "instrument": said["instrument"]}
+    found = cw.read(file, **how, largest_megabyte=largest)
     reading.save(found.columns, instrument=found.instrument[0])
 with artefact.Job(snakemake, *output[1:], after=reading) as job:
     found = cw.impedance(job.load(output.spectrum), params.settings)

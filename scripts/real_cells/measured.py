@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from runtime.artefact import FAILED
+from runtime.csv_cells import frame_as_written
 from virtual_lab.score.verdicts import NAMED, outcome
 
 # Columns of a table of numbers: what it is a number of, and what is to be known of it.
@@ -151,7 +153,7 @@ def read_table(campaign, name: str) -> pd.DataFrame:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: there is no such table; run the campaign to its end")
     texts = dict.fromkeys(TEXT_COLUMNS, str)
-    return pd.read_csv(path, dtype=texts, keep_default_na=False, na_values=[""])
+    return frame_as_written(pd.read_csv(path, dtype=texts, keep_default_na=False, na_values=[""]))
 
 
 def read_documents(campaign, pattern: str) -> dict[str, dict]:
@@ -414,9 +416,9 @@ def right_verdicts(campaign):
 
 
 def left_out(campaign):
-    """How many files and analyses were left out, per stage, and how many by an internal error."""
+    """How many files and analyses were left out, per stage, how many by faults of the program."""
     rows = read_table(campaign, "excluded")
-    internal = rows["reason"].str.startswith("internal error").fillna(False)
+    internal = rows["reason"].str.startswith(FAILED).fillna(False)
     yield "all", "internal errors", "", int(internal.sum())
     yield "all", "left out", "", len(rows)
     for stage, part in rows.groupby("stage"):

@@ -22,6 +22,7 @@ import pyarrow.parquet as pq
 
 from cellwright.refusal import Refusal
 from runtime import contract, provenance
+from runtime.csv_cells import as_written, guarded
 
 KEY = b"cellwright"
 IN_UNIT = "extra/cellwright/provenance.json"
@@ -97,9 +98,6 @@ def write(path, content, about):
         _write_unit(path, content or b"", about)
     else:
         columns = columns_of(content)
-        # What could not be made has no columns, and breaks no contract.
-        if about["reason"] is None and len(columns):
-            contract.check(contract.entry_of(path), columns)
         table = pa.table({name: _arrow(values) for name, values in columns.items()})
         text = json.dumps(about, sort_keys=True)
         # Readings hardly repeat: a dictionary of them takes four times as long and a fourth more.
@@ -113,6 +111,18 @@ def write(path, content, about):
         )
         return table
     return None
+
+
+def _admitted(path, content):
+    """Columns of a Parquet artefact without rows that break its contract, and a sentence on each.
+
+    All other content is as it was.
+    """
+    if Path(path).suffix != ".parquet":
+        return content, []
+    columns = columns_of(content)
+    # What could not be made has no columns.
+    return contract.admitted(contract.entry_of(path), columns) if len(columns) else (columns, [])
 
 
 def _arrow(values):
@@ -161,6 +171,9 @@ def _cell(value):
     """A value of a CSV table, with nine digits: more than any instrument resolves; NaN is empty."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return ""
+    if isinstance(value, str):
+        # A bare carriage return is not quoted by the module csv, and ends a row to its reader.
+        return guarded(value.replace("\r\n", "\n").replace("\r", "\n"))
     return f"{value:.9g}" if isinstance(value, float) else value
 
 
@@ -179,6 +192,15 @@ def plain(value):
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value
+
+
+FAILED = "Cellwright itself failed"  # begins the reasons that are no refusals
+
+
+def failure(error: Exception, where="at this step") -> str:
+    """An exception that is no refusal, as a sentence for people."""
+    said = f"{type(error).__name__}: {error}".removesuffix(": ")
+    return f"{FAILED} {where} ({said}): a fault of the program, told in full in the step's log"
 
 
 class Passed(Refusal):
@@ -202,8 +224,8 @@ class Job:
     after : the step before, whose tables are loaded from memory
 
     A refusal inside the block is written as the reason into every output that is not saved yet.
-    So is any other exception, as an internal error with its traceback in the log: a fault in one
-    cell's job must not cost the other cells their report, and the report names it on top.
+    So is any other exception, as a failure of the program with its traceback in the log: a fault in
+    one cell's job must not cost the other cells their report, and the report names it on top.
     """
 
     def __init__(self, snakemake, *outputs, inputs=None, after=None):
@@ -224,7 +246,7 @@ class Job:
         if error is None or not isinstance(error, Exception):
             return False
         expected = isinstance(error, Refusal)
-        reason = str(error) if expected else f"internal error: {kind.__name__}: {error}"
+        reason = str(error) if expected else failure(error)
         log = "".join(traceback.format_exception(error)) if not expected else reason + "\n"
         self.log(log)
         # Snakemake deletes all outputs of a job that fails: each must be there, with its reason.
@@ -244,6 +266,10 @@ class Job:
         `path` is one of the outputs (default: the only one).
         """
         path = path or self.outputs[0]
+        content, beyond = _admitted(path, content)
+        if beyond:
+            self.note(*beyond)
+            facts["left_out"] = [*facts.get("left_out", []), *beyond]
         about = self.about() | {"facts": plain(facts)}
         if said := doubt_of(content):
             wildcards = dict(self.snakemake.wildcards)
@@ -258,7 +284,7 @@ class Job:
         self.log("".join(f"{note}\n" for note in notes))
 
     def log(self, text: str):
-        """Write to the rule's log file; internal errors go to the terminal as well."""
+        """Write to the rule's log file; failures of the program go to the terminal as well."""
         for path in self.snakemake.log:
             with open(path, "a", encoding="utf-8") as file:
                 file.write(text)
@@ -372,7 +398,8 @@ def load_together(pairs) -> list[tuple[dict, dict, dict]]:
 def load_table(path) -> list[dict]:
     """Rows of a CSV table as text, an empty cell for what is not known."""
     with open(path, encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+        rows = csv.DictReader(file)
+        return [{name: as_written(cell) for name, cell in row.items()} for row in rows]
 
 
 def split(result) -> tuple[dict, dict]:

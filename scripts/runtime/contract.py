@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from cellwright.refusal import Refusal
+
 SAME = "same_as "  # begins a line of columns that an earlier stage has
 CONTRACT = Path(__file__).resolve().parents[2] / "workflow" / "schemas" / "artefacts.yaml"
 
@@ -105,28 +107,85 @@ def check(stage: str, columns: dict):
     Raises
     ------
     ValueError
-        A column that is missing, not in the contract or out of its range: a programming error.
+        A column that is missing or not in the contract: a programming error.
+    Refusal
+        A value out of its range: what it was made of is beyond what the method is for.
     """
+    for name, spec in _ranges(stage, columns):
+        rows = _rows_beyond(columns[name], *spec["range"])
+        if len(rows):
+            found = _in_words(columns, rows[0], name, spec)
+            raise Refusal(f"{stage}: {found}; none of it is published")
+
+
+def admitted(stage: str, columns: dict) -> tuple[dict, list[str]]:
+    """Columns without the rows that break the contract, where each row is a result of its own.
+
+    Returns
+    -------
+    columns : those that `check` lets pass. left_out : a sentence on each column that is broken.
+
+    Raises
+    ------
+    ValueError, Refusal
+        As `check`, also where no row is left.
+    """
+    if not stages()[stage].get("rows_apart"):
+        check(stage, columns)
+        return columns, []
+    dropped, left_out = set(), []
+    for name, spec in _ranges(stage, columns):
+        rows = _rows_beyond(columns[name], *spec["range"])
+        if len(rows):
+            dropped |= set(rows.tolist())
+            count = f"{len(rows)} rows, the first: " if len(rows) > 1 else ""
+            left_out.append(
+                f"left out of {stage}: {count}{_in_words(columns, rows[0], name, spec)}"
+            )
+    if not dropped:
+        return columns, []
+    kept = [row for row in range(len(next(iter(columns.values())))) if row not in dropped]
+    if not kept:
+        raise Refusal(f"{left_out[0]}; no row is left")
+    return {name: _taken(values, kept) for name, values in columns.items()}, left_out
+
+
+def _taken(values, rows):
+    return values[rows] if isinstance(values, np.ndarray) else [values[row] for row in rows]
+
+
+def _ranges(stage, columns):
+    """(column, its entry) of each column that has a range; a column too many or too few raises."""
     contracted = stages()[stage]["columns"]
     for name, spec in contracted.items():
         if spec.get("required", True) and "<" not in name and name not in columns:
             raise ValueError(f"{stage}: column {name} is missing; found {sorted(columns)}")
     # branch_<k>_current_ampere stands for as many columns as a group has branches.
     families = {name.split("<")[0]: spec for name, spec in contracted.items() if "<" in name}
-    for name, values in columns.items():
+    ranged = []
+    for name in columns:
         family = next((spec for stem, spec in families.items() if name.startswith(stem)), None)
         spec = contracted.get(name, family)
         if spec is None:
             raise ValueError(
                 f"{stage}: column {name} is not in the contract; known: {list(contracted)}"
             )
-        if spec.get("range"):
-            _check_range(stage, name, np.asarray(values), *spec["range"])
+        ranged += [(name, spec)] if spec.get("range") else []
+    return ranged
 
 
-def _check_range(stage, name, values, low, high):
+def _rows_beyond(values, low, high):
+    """Numbers of the rows whose value is out of range."""
     low, high = -np.inf if low is None else low, np.inf if high is None else high
-    outside = np.flatnonzero((values < low) | (values > high))
-    if len(outside):
-        row = int(outside[0])
-        raise ValueError(f"{stage}: {name} row {row} is {values[row]}, wanted {low} … {high}")
+    values = np.asarray(values, float)
+    return np.flatnonzero((values < low) | (values > high))
+
+
+def _in_words(columns, row, name, spec):
+    """What a row has and what its column wants, such as `row 3: soc is 1.5, wanted 0 to 1`."""
+    low, high = spec["range"]
+    unit = spec.get("unit", "1").replace("1", "")
+    value = f"{columns[name][row]:.6g} {unit}".strip()
+    words = {(True, False): "at most {1}", (False, True): "at least {0}"}
+    wanted = words.get((low is None, high is None), "{0} to {1}").format(low, high)
+    return f"row {row + 1}: {name} is {value}, wanted {wanted}"

@@ -5,15 +5,19 @@ a report of a hundred cells opens at once and still is one file to send and to k
 """
 
 import base64
+import hashlib
 import re
+import traceback
 from pathlib import Path
 
 import jinja2
 import pandas as pd
 import pyarrow as pa
 import yaml
+from markupsafe import Markup, escape
 
 from runtime import artefact, health_page, pack_page
+from runtime.csv_cells import frame_as_written
 
 TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
 PACK_TABLES = ["packs", "series_packs", "nested_packs"]
@@ -41,35 +45,51 @@ def render(job) -> str:
     for about in abouts.values():
         abouts_of.setdefault(_owner(about), []).append(about)
     parts = _by_owner(tables, owners + groups)
-    pages = [
-        _page(name, params, parts[name], abouts_of.get(name, []), captions)
-        for name in owners + groups
-    ]
-    for page in pages:
-        page["effect"], page["cold"] = effects.get(page["name"]), cold.get(page["name"])
-        page["witnesses"] = witnesses.get(page["name"], [])
-        page["verdicts"] = parts[page["name"]]["missing_effect"].to_dict("records")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(inputs.template).parent),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "milli": milli}
+    environment.filters |= {"number": number, "milli": milli, "digest": digest}
     excluded = tables["excluded"].to_dict("records")
     template = environment.get_template(Path(inputs.page).name)
-    campaign = params.figures["campaign"]
-    for page in pages:
+    campaign, failed = params.figures["the campaign"], []
+    checks = _text(inputs.checks).to_dict("records")
+
+    def whole(name):
+        """What the template shows of a cell or group, and all of it packed."""
+        page = _page(name, params, parts[name], abouts_of.get(name, []), captions)
+        page |= {"effect": effects.get(name), "cold": cold.get(name)}
+        page["witnesses"] = witnesses.get(name, [])
+        page["verdicts"] = parts[name]["missing_effect"].to_dict("records")
         # Packed one by one, or a report of a hundred cells is tens of megabytes when it opens.
-        page["packed"] = packed(template.render(page=page, excluded=excluded))
+        broken = [row for row in checks if row["outcome"] == "failed" and row["cell"] == name]
+        html = template.render(page=page, excluded=excluded, broken=broken)
+        return page | {"packed": packed(html)}
+
+    def part(what, make, *arguments, otherwise=None):
+        """A part of the report; one that cannot be made costs no other, and is told on top."""
+        try:
+            return make(*arguments)
+        except Exception as error:
+            failed.append(artefact.failure(error, f"to make {what} of this report"))
+            _log(job, error)
+            return otherwise
+
+    pages = [
+        part(f"the page {name}", whole, name) or _page_that_failed(name, owners, failed[-1])
+        for name in owners + groups
+    ]
     return environment.get_template(Path(inputs.template).name).render(
         title=params.title,
         excluded=excluded,
-        checks=_text(inputs.checks).to_dict("records"),
+        checks=checks,
         summary=_text(inputs.summary).to_dict("records"),
-        fleet=fleet_of(tables["fleet"]),
-        health=health_page.section(tables),
-        packs=pack_page.section(tables, params.groups),
+        fleet=part("the comparison of types", fleet_of, tables["fleet"]),
+        health=part("the part on health", health_page.section, tables),
+        packs=part("the part on packs", pack_page.section, tables, params.groups),
+        failed=failed,
         pictures_of_health=[_picture(p, captions) for p in campaign if Path(p).stem in OF_HEALTH],
         overview=[_picture(p, captions) for p in campaign if Path(p).stem not in OF_HEALTH],
         pages=pages,
@@ -78,6 +98,25 @@ def render(job) -> str:
         environment_lock=next(iter(abouts.values()))["environment_lock"] if abouts else "",
         artefacts=len(abouts),
     )
+
+
+def _page_that_failed(name, cells, said) -> dict:
+    """A page of one sentence, that of a cell with a fact, by which the template tells it."""
+    html = f"<h1>{escape(name)}</h1><div class='excluded'>{escape(said)}</div>"
+    facts = {"cell": name} if name in cells else {}
+    return {"name": name, "facts": facts, "warnings": [], "packed": packed(html)}
+
+
+def _log(job, error):
+    for path in getattr(job, "log", []):
+        with open(path, "a", encoding="utf-8") as file:
+            file.write("".join(traceback.format_exception(error)))
+
+
+def digest(text: str) -> Markup:
+    """A text as the report's security policy names it: the only script and style that it allows."""
+    found = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+    return Markup(f"'sha256-{found}'")
 
 
 def fleet_of(table: pd.DataFrame) -> list[dict]:
@@ -117,8 +156,8 @@ def packed(html: str) -> str:
 
 
 def _text(path) -> pd.DataFrame:
-    """A CSV table as it is written, for people: every cell text."""
-    return pd.read_csv(path, dtype=str, keep_default_na=False)
+    """A CSV table for people: every cell text."""
+    return frame_as_written(pd.read_csv(path, dtype=str, keep_default_na=False))
 
 
 def _by_owner(tables, owners) -> dict:

@@ -4,7 +4,7 @@ from cellwright.effects.finding import Reference
 from cellwright.effects.groups.finding import KnownCell
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
-from runtime import artefact, facts
+from runtime import artefact, facts, raw_files
 
 
 def known_cells(branches, lenders, paths) -> list[KnownCell]:
@@ -51,7 +51,8 @@ def simulated(files, tests) -> tuple[dict, list[str]]:
     # A simulation of a test that could not be read has nothing to be compared with.
     for test in (name for name in files if name in {one.facts.test for one in tests}):
         try:
-            curves[test] = cw.read_simulated(files[test])
+            (named,) = raw_files.contents([files[test]], None)
+            curves[test] = cw.read_simulated(named)
         except Refusal as refusal:
             notes.append(f"not used: {test}: {refusal}")
     if not curves:

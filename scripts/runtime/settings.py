@@ -3,12 +3,18 @@
 import contextlib
 import difflib
 import math
+import os
 from pathlib import Path
 
 import yaml
 
+from cellwright import gate
+from cellwright.refusal import Refusal
+
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 FILE = "config/config.yaml"
+DEEPEST = 8  # values within values, twice as many as the settings are
+LONGEST_VALUE = 1000  # characters, of a heading or a name
 
 
 def load(schemas, name: str) -> dict:
@@ -61,9 +67,12 @@ def read(folder, schema: dict, overrides: dict, *, alone=False) -> tuple[dict, l
     """
     # Snakemake hands values of a section given by --config over as texts.
     overrides = _typed(overrides, schema)
-    path = Path(folder) / FILE
-    has_file = path.is_file() and not alone
-    written, lines, faults = _written(path.read_bytes()) if has_file else ({}, {}, [])
+    written, lines, faults = {}, {}, []
+    if os.path.lexists(Path(folder) / FILE) and not alone:
+        try:
+            written, lines, faults = _written(gate.contents(FILE, within=folder))
+        except Refusal as reason:
+            faults = [f"{reason}; wanted a file of settings, or none"]
     faults += faults_of(written, schema, lambda path: f"{FILE}, line {lines.get(tuple(path), 1)}")
     source = "config of the module" if alone else "--config"
     faults += faults_of(overrides, schema, lambda path: source)
@@ -121,6 +130,9 @@ def _written(data: bytes):
     """Content of the file, the line of each key, and faults that keep it from being read."""
     try:
         text = data.decode("utf-8-sig")
+        faults = _tangled(text)
+        if faults:
+            return {}, {}, faults
         node = yaml.compose(text, Loader=LOADER)
         content = yaml.load(text, Loader=LOADER)
     except UnicodeDecodeError as error:
@@ -130,6 +142,8 @@ def _written(data: bytes):
         mark = getattr(error, "problem_mark", None)
         place = f"{FILE}, line {mark.line + 1}" if mark else FILE
         return {}, {}, [fault(place, getattr(error, "problem", str(error)), "YAML")]
+    except ValueError as error:  # such as a date that there is not
+        return {}, {}, [fault(FILE, str(error), "YAML")]
     if content is None:
         return {}, {}, []
     if not isinstance(content, dict):
@@ -137,6 +151,26 @@ def _written(data: bytes):
     lines, faults = {}, []
     _walk(node, (), lines, faults)
     return content, lines, faults
+
+
+def _tangled(text):
+    """Faults of values within values without end, or that stand for others many times over.
+
+    Looked at before anything is built: nine lines can stand for a milliard of values.
+    """
+    depth = 0
+    for event in yaml.parse(text, Loader=LOADER):
+        place = f"{FILE}, line {event.start_mark.line + 1}"
+        if isinstance(event, yaml.AliasEvent):
+            return [fault(place, f"*{event.anchor}", "the value itself; no *name stands for one")]
+        if len(getattr(event, "value", "")) > LONGEST_VALUE:
+            found = f"a value of {len(event.value)} characters"
+            return [f"{place}: found {found}, wanted {LONGEST_VALUE} at most"]
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        if depth > DEEPEST:
+            return [f"{place}: found {depth} values within values, wanted {DEEPEST} at most"]
+    return []
 
 
 def _walk(node, path, lines, faults):

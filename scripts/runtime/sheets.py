@@ -3,18 +3,22 @@
 import csv
 import io
 import math
+import os
 import posixpath
 import re
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from cellwright import gate
 from cellwright.packs.wiring import wiring_faults
+from cellwright.refusal import Refusal
 from runtime import settings
 from runtime.settings import fault, wanted
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 QUANTITY = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)+")  # with its unit: thickness_millimetre
+LONGEST_NUMBER = 100  # characters: a double has 17 digits
 COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
@@ -32,11 +36,12 @@ def sheet_rows(folder, name: str, schema: dict) -> Sheet:
     Byte-order marks, any line ends, blank lines, spaces around values, and rows without their
     last blank cells are all read as what they mean.
     """
-    path, file = Path(folder) / "config" / name, f"config/{name}"
-    if not path.is_file():
-        obstacle = "a directory" if path.is_dir() else "no such file"
-        return Sheet([], [], [fault(f"{file} in {folder}", obstacle, "a tab-separated sheet")])
-    text, faults = _decoded(path.read_bytes(), file)
+    file = f"config/{name}"
+    try:
+        data = gate.contents(file, within=folder)
+    except Refusal as reason:
+        return Sheet([], [], [f"{reason}; wanted a tab-separated sheet in {folder}"])
+    text, faults = _decoded(data, file)
     lines, broken = _lines(text, file)
     if not lines:
         return Sheet([], [], faults + broken + [fault(file, "", "a row of column names")])
@@ -80,6 +85,8 @@ def _lines(text: str, file: str) -> tuple[list, list[str]]:
 def _header(line, cells, file, schema) -> tuple[list[str], list[str]]:
     """Column names of a sheet, and their faults."""
     place, names = f"{file}, line {line}", list(schema["properties"])
+    if len(cells) > gate.MOST_COLUMNS:
+        return cells, [f"{place}: found {len(cells)} columns, wanted {len(names)} at most"]
     if len(cells) == 1 and re.search("[,;]", cells[0]):
         return cells, [fault(place, cells[0], "columns separated by tabs")]
     columns = f"one of the columns {', '.join(names)}"
@@ -141,7 +148,8 @@ def _text(text, spec):
 def _number(text, spec, kind=float):
     if COMMA.fullmatch(text):
         return None, (f"{wanted(spec)}, with a point: {text.replace(',', '.')}",)
-    if not (re.fullmatch(r"\d+", text) if kind is int else NUMBER.fullmatch(text)):
+    fits = re.fullmatch(r"\d+", text) if kind is int else NUMBER.fullmatch(text)
+    if not fits or len(text) > LONGEST_NUMBER:
         return None, (wanted(spec),)
     value = kind(text)
     low, high = spec.get("minimum", -math.inf), spec.get("maximum", math.inf)
@@ -197,7 +205,7 @@ def read(folder, schemas, overrides=None, *, alone=False) -> Campaign:
     cells, tests = (_sheet(folder, schemas, name) for name in ("cells", "tests"))
     groups, check_ups = (
         _sheet(folder, schemas, name)
-        if (folder / "config" / f"{name}.tsv").exists()
+        if os.path.lexists(folder / "config" / f"{name}.tsv")  # also one that cannot be read
         else Sheet([], [], [])
         for name in ("groups", "checkups")
     )
@@ -228,10 +236,11 @@ def _sheet(folder, schemas, name):
 
 def _with_quantities(folder, schema):
     """The schema of check-ups with the sheet's further columns, if named `quantity_unit`."""
-    path = Path(folder) / "config" / "checkups.tsv"
-    if not path.is_file():
+    file = "config/checkups.tsv"
+    try:
+        lines, _ = _lines(_decoded(gate.contents(file, within=folder), file)[0], file)
+    except Refusal:  # told where the sheet is read
         return schema
-    lines, _ = _lines(_decoded(path.read_bytes(), "config/checkups.tsv")[0], "config/checkups.tsv")
     names = [name for name in (lines[0][1] if lines else []) if QUANTITY.fullmatch(name)]
     further = {name: {"type": "number", "description": "measured"} for name in names}
     return schema | {"properties": further | schema["properties"]}
@@ -250,16 +259,25 @@ def _check_ups(check_ups, cells, tests):
 
 
 def _repeated(rows: Sheet, *columns):
-    """A fault for each row whose values in `columns` stand in an earlier row."""
+    """A fault for each row whose values in `columns` stand in an earlier row.
+
+    Names that differ in case alone are one: a folder of Windows or macOS holds one of them.
+    """
     first = {}
     for row, place in zip(rows.rows, rows.places, strict=True):
-        key = tuple(row[column] for column in columns)
+        found = tuple(row[column] for column in columns)
+        key = tuple(_caseless(value) for value in found)
         if None in key:
             continue
-        if key in first:
-            wanted = f"each once within the sheet (also {first[key].split(', ', 1)[1]})"
-            yield fault(f"{place}, {' and '.join(columns)}", " ".join(map(str, key)), wanted)
-        first.setdefault(key, place)
+        before, spelt = first.setdefault(key, (place, found))
+        if before != place:
+            same = "" if spelt == found else ", whatever the case of its letters"
+            wanted = f"each once within the sheet{same} (also {before.split(', ', 1)[1]})"
+            yield fault(f"{place}, {' and '.join(columns)}", " ".join(map(str, found)), wanted)
+
+
+def _caseless(value):
+    return value.casefold() if isinstance(value, str) else value
 
 
 def _cells(cells):
@@ -277,9 +295,13 @@ def _cells(cells):
 
 def _groups(groups, cells):
     cell_names = {row["cell"] for row in cells.rows}
+    of_cells, spelt = {_caseless(name) for name in cell_names}, {}
     for row, place in zip(groups.rows, groups.places, strict=True):
-        if row["group"] in cell_names and row["group"] is not None:
+        name = _caseless(row["group"])
+        if name in of_cells and name is not None:
             yield fault(f"{place}, group", row["group"], "a name that no cell of cells.tsv has")
+        elif row["group"] != spelt.setdefault(name, row["group"]):
+            yield fault(f"{place}, group", row["group"], f"one spelling of {spelt[name]!r}")
     names = {row["group"] for row in groups.rows} - {None} | cell_names
     for found in wiring_faults(groups.rows, cell_names):
         place, also = f"{groups.places[found.row]}, {found.column}", found.also

@@ -1,5 +1,6 @@
 """Tables of the results contract from artefacts: rows of all tests under one header."""
 
+import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 from runtime import artefact
 from runtime.artefact import stage_of
+from runtime.csv_cells import frame_as_written
 
 if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables for people
     from pandas import DataFrame
@@ -170,7 +172,7 @@ def load_frame(path) -> "DataFrame":
 
     # Only an empty cell is unknown: a test may be called NA.
     settings = {"keep_default_na": False, "na_values": [""]}
-    return read_csv(path, dtype={"cell": str, "test": str}, **settings)
+    return frame_as_written(read_csv(path, dtype={"cell": str, "test": str}, **settings))
 
 
 def load_frames(paths) -> dict:
@@ -184,8 +186,12 @@ def load_models(paths) -> dict:
     return {Path(path).stem: model for path, found in loaded for model, _ in found}
 
 
-def summary(cells, tables, models) -> "DataFrame":
-    """One row per cell from the tables (name → DataFrame) and the models (cell → document)."""
+def summary(cells, tables, models, log=print) -> "DataFrame":
+    """One row per cell from the tables (name → DataFrame) and the models (cell → document).
+
+    A cell that cannot be summed up has a row that says so, and `log` is told why in full: one row
+    costs no other.
+    """
     from pandas import DataFrame
 
     # Tables of whole types of cells have no column `cell`.
@@ -197,7 +203,13 @@ def summary(cells, tables, models) -> "DataFrame":
         of_cell = {
             name: parts[name].get(facts["cell"], frame.iloc[:0]) for name, frame in tables.items()
         }
-        rows.append(_summary_row(facts, of_cell, models.get(facts["cell"], {})))
+        try:
+            rows.append(_summary_row(facts, of_cell, models.get(facts["cell"], {})))
+        except Exception as error:
+            said = artefact.failure(error, "to sum up this cell")
+            rows.append({"cell": facts["cell"], "exclusions": len(of_cell["excluded"])})
+            rows[-1]["notes"] = said
+            log("".join(traceback.format_exception(error)))
     return DataFrame(rows, dtype=object)
 
 

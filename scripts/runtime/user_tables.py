@@ -1,13 +1,14 @@
 """Tables of numbers that a user knows of a cell, from CSV files that cells.tsv names."""
 
 import csv
-from pathlib import Path
+import io
 
+from cellwright import gate
 from cellwright.health.electrodes.half_cells import half_cell
 from cellwright.health.electrodes.names import half_cell_files
 from cellwright.health.electrodes.tables import from_table
 from cellwright.refusal import Refusal
-from runtime import provenance
+from runtime import provenance, raw_files
 
 MODEL = ("soc", "ocv_volt", "resistance_ohm")
 HALF_CELL = ("lithiation", "potential_volt")
@@ -35,14 +36,18 @@ def read(path, name, columns) -> dict:
     Raises
     ------
     Refusal
-        Where there is no such file, a column is missing or a value is no number.
+        Where the gate does not open the file, a column is missing or a value is no number.
     """
-    if not Path(path).is_file():
-        raise Refusal(f"no file {name} in the campaign")
-    # Spreadsheets write a byte-order mark, which would be part of the first column's name.
-    with Path(path).open(encoding="utf-8-sig", newline="") as file:
-        reader = csv.DictReader(file)
+    reason = gate.obstacle(path, raw_files.CAMPAIGN)
+    if reason:
+        raise Refusal(f"{name}: {reason}")
+    data = gate.contents(path, within=raw_files.CAMPAIGN)
+    try:
+        # Spreadsheets write a byte-order mark, which would be part of the first column's name.
+        reader = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""))
         rows = [(reader.line_num, row) for row in reader]
+    except (UnicodeDecodeError, csv.Error) as fault:
+        raise Refusal(f"{name}: {fault}, wanted a CSV file in UTF-8") from None
     found = list(rows[0][1]) if rows else []
     if not set(columns) <= set(found):
         wanted = ", ".join(columns)

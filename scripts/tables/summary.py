@@ -10,7 +10,8 @@ with artefact.Job(snakemake, output.excluded, inputs=inputs.stages) as job:
 sources = [*inputs.tables, output.excluded]
 with artefact.Job(snakemake, output.summary, inputs=[*sources, *inputs.models]) as job:
     frames = tables.load_frames(sources)
-    job.save(tables.summary(params.cells, frames, tables.load_models(inputs.models)))
+    models = tables.load_models(inputs.models)
+    job.save(tables.summary(params.cells, frames, models, job.log))
 checked = [*sources, output.summary, *inputs.laws]
 with artefact.Job(snakemake, output.checks, inputs=checked) as job:
     job.save(results_check.outcomes(Path(output.excluded).parent))

@@ -14,7 +14,8 @@ FILES = {
     "tests.py": (
         "Settings of what is read from the tests of a cell, and of the laws over them.",
         [
-            *("clean", "segment", "ocv", "ocv_step", "ocv_temperature", "resistance"),
+            *("files", "clean", "segment", "ocv", "ocv_step", "ocv_temperature"),
+            "resistance",
             *("temperature", "relaxation", "ica", "capacity_loss", "ica_temperature"),
             *("degradation_modes", "fast_charge", "health", "impedance"),
         ],

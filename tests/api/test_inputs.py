@@ -109,7 +109,7 @@ def test_facts_without_what_is_needed_are_refused():
 
 
 def test_a_file_that_is_not_there_is_refused():
-    with pytest.raises(cw.Refusal, match=r"nowhere\.csv: cannot be read"):
+    with pytest.raises(cw.Refusal, match=r"nowhere\.csv: there is no such file"):
         cw.read("nowhere.csv")
 
 

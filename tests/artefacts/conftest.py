@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from runtime.csv_cells import as_written
+from runtime.results_check import Law
+
 
 class Tables:
     """Rows of the results' tables by name, numbers as numbers, empty cells as None."""
@@ -28,7 +31,7 @@ def _value(text):
     try:
         return float(text)
     except ValueError:
-        return text
+        return as_written(text)
 
 
 def pytest_addoption(parser):
@@ -43,3 +46,9 @@ def table(request) -> Tables:
     if folder is None:
         pytest.skip("tests of results run inside the workflow (rule checks)")
     return Tables(Path(folder))
+
+
+@pytest.fixture
+def law() -> Law:
+    """What the law under test finds, by cell and test."""
+    return Law()

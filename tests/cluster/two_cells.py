@@ -3,6 +3,7 @@
 import csv
 import importlib.metadata
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -31,7 +32,7 @@ def needs(*packages):
 def write_campaign(folder):
     """Sheets of two cells of the demo with a capacity test each, over the demo's raw files."""
     (folder / "config").mkdir(parents=True)
-    (folder / "data").symlink_to(ROOT / "data")
+    shutil.copytree(ROOT / "data", folder / "data")
     (folder / "config" / "config.yaml").write_text("title: Two cells\n", encoding="utf-8")
     for sheet in ("cells", "tests"):
         with open(ROOT / "config" / f"{sheet}.tsv", encoding="utf-8", newline="") as file:

@@ -75,7 +75,7 @@ def test_a_reason_is_written_into_the_figure_that_it_concerns_and_no_other(job):
     figures = drawn(job)
     assert set(figures) == set(job.params.figures)
     assert "no OCV curve &amp; no rest" in figures["validation_bad"]
-    assert "internal error" in figures["soc_good"]
+    assert artefact.FAILED in figures["soc_good"]
     assert "good: model over measurement" in figures["validation_good"]
 
 

@@ -1,6 +1,7 @@
 """Commands of a first look at files of a made-up laboratory."""
 
 import json
+import os
 import re
 
 import numpy as np
@@ -66,6 +67,32 @@ def test_inspect_says_what_a_file_holds(tmp_path, capsys):
     row = 2 * 10 / 3600  # Ah that flow between two rows
     assert list(map(float, moved)) == pytest.approx([1.95, 1.98], abs=row)
     assert "could be of kind capacity" in shown
+
+
+@pytest.mark.parametrize("command", ["inspect", "convert"])
+def test_a_pipe_keeps_nobody_waiting(tmp_path, capsys, command):
+    os.mkfifo(tmp_path / "pipe.csv")
+    assert main([command, str(tmp_path / "pipe.csv")]) == 1
+    assert "pipe.csv: is a pipe (FIFO), wanted a file" in capsys.readouterr().err
+
+
+def test_init_leaves_out_what_a_campaign_would_not_read(tmp_path, capsys):
+    folder = tmp_path / "raw"
+    folder.mkdir()
+    for name in ("A7.csv", "{A8}.csv", "A9;b.csv", "../outside.csv"):
+        (folder / name).write_text(text_of(*RECORDS["capacity"]))
+    (folder / "link.csv").symlink_to(tmp_path / "outside.csv")
+    os.mkfifo(folder / "pipe.csv")
+    assert main(["init", str(folder)]) == 0
+    shown = capsys.readouterr().out
+    for said in (
+        "{A8}.csv: has a brace in its name; rename it",
+        "A9;b.csv: has a ; in its name, which joins files; rename it",
+        "link.csv: leads out of the campaign by a link; copy the file into it",
+        "pipe.csv: is a pipe (FIFO), wanted a file",
+    ):
+        assert f"left out: {said}" in shown
+    assert len(pd.read_csv(folder / "config/tests.tsv", sep="\t")) == 1
 
 
 def test_inspect_says_why_a_file_cannot_be_read(tmp_path, capsys):

@@ -221,7 +221,7 @@ REFUSED = {
     "labview power": (LABVIEW.replace(b"-17.552", b"-17552"), "power is 1e.06 times current"),
     "labview no voltage": (LABVIEW.replace(b"Voltage", b"Pressure"), "no column 'voltage'"),
     "xlsx": (b"PK\x03\x04 .... xl/workbook.xml", "Excel workbook is cut off or damaged"),
-    "ndax": (b"PK\x03\x04 .... data.ndc", "Neware nda or ndax"),
+    "ndax": (b"PK\x03\x04 .... data.ndc", "ndax archive is cut off or damaged"),
     "unknown": (b"a,b\n1,2\n", "of no instrument known here; readers: bdf, arbin"),
     "cut parquet": (b"PAR1" + b"x" * 50, "Parquet file is cut off"),
     "eis sign": (SPECTRUM.replace(b";-5;", b";5;").replace(b";-20;", b";20;"), r"-Im\(Z\)"),

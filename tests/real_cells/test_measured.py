@@ -81,7 +81,10 @@ CONTENT = {
     },
     "excluded": {
         "stage": ["ingest", "soc"],
-        "reason": ["the file is empty (0 bytes)", "internal error: KeyError: 'a'"],
+        "reason": [
+            "the file is empty (0 bytes)",
+            "Cellwright itself failed at this step (KeyError: 'a')",
+        ],
     },
     "checks": {"check": ["one", "two"], "outcome": ["passed", "failed"]},
 }

@@ -68,7 +68,9 @@ def test_refusal_is_written_and_passed_on_with_its_origin(snakemake):
 def test_internal_error_costs_only_its_own_artefact(snakemake, capsys):
     with artefact.Job(snakemake(PATH)):
         _ = 1 / 0
-    assert artefact.read_about(PATH)["reason"].startswith("internal error: ZeroDivisionError")
+    assert artefact.read_about(PATH)["reason"].startswith(
+        "Cellwright itself failed at this step (ZeroDivisionError: division by zero): a fault"
+    )
     assert "Traceback" in capsys.readouterr().err
 
 
@@ -107,8 +109,52 @@ def test_contract_is_held(columns, said):
 def test_range_of_the_contract_names_the_row():
     columns = {name: np.zeros(2) for name in contract.stages()["ocv"]["columns"]}
     columns["soc"] = np.array([0.5, 1.5])
-    with pytest.raises(ValueError, match=r"soc row 1 is 1\.5, wanted 0 … 1"):
+    said = r"^ocv: row 2: soc is 1\.5, wanted 0 to 1; none of it is published$"
+    with pytest.raises(Refusal, match=said):
         contract.check("ocv", columns)
+
+
+CAPACITY = {name: np.ones(3) for name in contract.stages()["capacity"]["columns"]}
+
+
+def test_a_row_out_of_its_range_is_left_out_and_told_and_the_others_stand(snakemake):
+    path = "results/capacity/A/t.parquet"
+    wrong = CAPACITY | {"capacity_ampere_hour": np.array([1.0, -2.0, 3.0])}
+    with artefact.Job(snakemake(path)) as job:
+        job.save(wrong, left_out=["row 9 of the file"])
+    said = "left out of capacity: row 2: capacity_ampere_hour is -2 Ah, wanted at least 0"
+    assert artefact.load(path)["capacity_ampere_hour"].tolist() == [1.0, 3.0]
+    about = artefact.read_about(path)
+    assert about["facts"]["left_out"] == ["row 9 of the file", said]
+    assert about["notes"] == [said]
+    assert about["reason"] is None
+
+
+def test_rows_of_several_columns_are_left_out_in_a_sentence_each():
+    wrong = CAPACITY | {
+        "capacity_ampere_hour": [-1.0, -2.0, np.nan],
+        "repeats": np.array([1, 0, 3]),
+        "direction": ["a", "b", "c"],
+    }
+    columns, left_out = contract.admitted("capacity", wrong)
+    assert columns["direction"] == ["c"]
+    assert np.isnan(columns["capacity_ampere_hour"][0]), "what is not known breaks no range"
+    assert left_out == [
+        "left out of capacity: 2 rows, the first: row 1: capacity_ampere_hour is -1 Ah, wanted at "
+        "least 0",
+        "left out of capacity: row 2: repeats is 0, wanted at least 1",
+    ]
+    with pytest.raises(Refusal, match="wanted at least 0; no row is left"):
+        contract.admitted("capacity", CAPACITY | {"capacity_ampere_hour": -np.ones(3)})
+
+
+def test_a_series_out_of_its_range_is_refused_whole(snakemake):
+    path = "results/ocv/A/t.parquet"
+    columns = {name: np.zeros(2) for name in contract.stages()["ocv"]["columns"]}
+    with artefact.Job(snakemake(path)) as job:
+        job.save(columns | {"soc": np.array([0.5, 1.5])})
+    reason = artefact.read_about(path)["reason"]
+    assert reason == "ocv: row 2: soc is 1.5, wanted 0 to 1; none of it is published"
 
 
 def test_families_of_columns_are_known():
@@ -251,5 +297,5 @@ def test_each_step_has_its_own_notes_inputs_and_name(snakemake):
 def test_an_internal_error_in_a_step_costs_no_other_step(snakemake, capsys):
     _steps(snakemake, third={"volt": np.zeros(2)})
     assert artefact.read_about(SECOND)["reason"] is None
-    assert artefact.read_about(THIRD)["reason"].startswith("internal error: ValueError")
+    assert artefact.read_about(THIRD)["reason"].startswith(artefact.FAILED)
     assert "Traceback" in capsys.readouterr().err

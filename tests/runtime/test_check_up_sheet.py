@@ -30,7 +30,7 @@ def test_without_the_sheet_there_are_none(tmp_path):
     (tmp_path / "config" / "checkups.tsv").unlink()
     assert sheets.read(tmp_path, SCHEMAS).check_ups == []
     (tmp_path / "config" / "checkups.tsv").mkdir()
-    with pytest.raises(sheets.CampaignError, match="found 'a directory'"):
+    with pytest.raises(sheets.CampaignError, match="is a folder, wanted a file"):
         sheets.read(tmp_path, SCHEMAS)
 
 

@@ -96,7 +96,8 @@ def job(snakemake, saved):
         {"group": "pair", "test": "c10", "found": True, "sentence": "branch 2 < branch 1 & turned"}
     ]
     contents["checks"] = [
-        {"check": "No charge from nothing.", "outcome": "failed", "found": "A: 3 Ah"}
+        {"check": "No charge from nothing.", "outcome": "failed"}
+        | {"cell": "A", "test": "bad", "found": "<3 Ah"}
     ]
     contents["missing_effect"] = [VERDICT]
     kind = {"type": "NMC, 5 Ah", "sentence": "A alone shows self-discharge"}
@@ -162,7 +163,7 @@ def job(snakemake, saved):
         cells=[CELL],
         tests=[TEST, TEST | {"test": "good", "note": None}],
         groups=[{"group": "pair", "position": k, "cell": c} for k, c in ((1, "A"), (2, "B"))],
-        figures={"campaign": [], "A": ["results/figures/A/validation_udds.svg"]},
+        figures={"the campaign": [], "A": ["results/figures/A/validation_udds.svg"]},
         title="Tiny & small",
         choices={"strict": True},
         assumptions=[{"module": "m.py", "text": "Cells are round."}],
@@ -202,6 +203,26 @@ def test_what_files_and_sheets_say_is_escaped(job):
     assert "&lt;b&gt;odd&lt;/b&gt;" in html
     assert "Tiny &amp; small" in html
     assert not re.search("<i>space|<b>odd|Tiny & small", html)
+
+
+def test_a_page_or_a_part_that_cannot_be_made_costs_no_other(job, monkeypatch):
+    usual = page._page
+
+    def failing(name, *arguments):
+        return usual(name, *arguments) | ({} if name == "pair" else {"tests": 1 / 0})
+
+    monkeypatch.setattr(page, "_page", failing)
+    monkeypatch.setattr(page.health_page, "section", lambda tables: {}["soh"])
+    html = unpacked(page.render(job))
+    assert "itself failed to make the page A of this report (ZeroDivisionError" in html
+    assert "itself failed to make the part on health of this report (KeyError" in html
+    assert "A || B" in html, "the other page, and the part on packs"
+
+
+def test_what_does_not_hold_of_a_cell_stands_on_its_page(job):
+    html = unpacked(page.render(job))
+    assert html.count("bad: &lt;3 Ah. ") == 1
+    assert '<a href="#cell-A">A</a> bad: &lt;3 Ah' in html
 
 
 def test_report_is_one_file_with_its_pictures_inside(job):
@@ -271,21 +292,52 @@ def test_a_cell_without_a_model_is_told_what_it_lacks(job, snakemake):
     assert "No model: it has no pulses." in unpacked(page.render(job))
 
 
+def seen_by_a_browser(text, folder, page_id):
+    """The document as Chromium has it once its scripts have run."""
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if not browser:
+        pytest.skip("no Chromium here to open the report with")
+    report = folder / "report.html"
+    report.write_text(text, encoding="utf-8")
+    command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"]
+    command += ["--disable-background-networking", f"--user-data-dir={folder / 'profile'}"]
+    command += ["--virtual-time-budget=5000", f"file://{report}#{page_id}"]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+
+
 @pytest.mark.parametrize(("page_id", "seen"), [("cell-A", 1), ("all", 1), ("overview", 0)])
 def test_a_browser_unpacks_the_page_that_is_looked_at_without_a_server(
     job, tmp_path, page_id, seen
 ):
-    browser = shutil.which("chromium") or shutil.which("google-chrome")
-    if not browser:
-        pytest.skip("no Chromium here to open the report with")
-    report = tmp_path / "report.html"
-    report.write_text(page.render(job), encoding="utf-8")
-    command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"]
-    command += ["--disable-background-networking", f"--user-data-dir={tmp_path / 'profile'}"]
-    command += ["--virtual-time-budget=5000", f"file://{report}#{page_id}"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
-    assert f'data-shown="{page_id}"' in done.stdout
-    assert done.stdout.count("data:image/svg+xml,") == seen
-    assert ("<h1>A</h1>" in done.stdout) is bool(seen)
-    packed = set(re.findall(r'id="cell-(\w+)"[^>]*><script', done.stdout))
+    shown = seen_by_a_browser(page.render(job), tmp_path, page_id)
+    assert f'data-shown="{page_id}"' in shown
+    assert shown.count("data:image/svg+xml,") == seen
+    assert ("<h1>A</h1>" in shown) is bool(seen)
+    packed = set(re.findall(r'id="cell-(\w+)"[^>]*><script', shown))
     assert packed == {"cell-A": {"pair"}, "all": set(), "overview": {"A", "pair"}}[page_id]
+
+
+SMUGGLED = (
+    "<script>document.body.dataset.first = 1</script>"
+    "<img src=x onerror='document.body.dataset.second = 1'>"
+)
+
+
+def test_what_would_be_smuggled_into_the_report_does_not_run(job, tmp_path):
+    """The policy holds where escaping should ever fail; the report's own script and style run."""
+    text = page.render(job)
+    style, script = (
+        re.search(f"<{tag}>(.+?)</{tag}>", text, re.S)[1] for tag in ("style", "script")
+    )
+    for own in (style, script):
+        assert f"-src {page.digest(own)}" in text
+    assert "default-src 'none'" in text
+    open_text = text.replace("<nav>", f"{SMUGGLED}<nav>")
+    shown = seen_by_a_browser(open_text, tmp_path, "overview")
+    assert 'data-shown="overview"' in shown
+    assert "data-first" not in shown
+    assert "data-second" not in shown
+    free = re.sub("<meta http-equiv[^>]+>", "", open_text)
+    shown = seen_by_a_browser(free, tmp_path, "overview")
+    assert "data-first" in shown, "without the policy it would have run"
+    assert "data-second" in shown

@@ -14,6 +14,14 @@ def test_broken():
     And why.
     """
     assert 3 < 2
+def test_asked():
+    """A law that cannot be asked."""
+    {}["soc"]
+def test_cells(law):
+    """A law of cells."""
+    rows = [{"cell": "A", "test": "t", "volt": volt} for volt in range(8)] + [{"cell": "B"}]
+    law.each(rows, lambda row: row["volt"] > 2, "{volt} V")
+    law.hold()
 def test_unknown():
     """A law that needs a table."""
     pytest.skip("capacity.csv is not there")
@@ -25,17 +33,27 @@ def laws(tmp_path, monkeypatch):
     (tmp_path / "laws").mkdir()
     (tmp_path / "laws/test_laws.py").write_text(LAWS)
     (tmp_path / "laws/conftest.py").write_text(
+        "import pytest\n"
+        "from runtime.results_check import Law\n"
         "def pytest_addoption(parser):\n    parser.addoption('--results')\n"
+        "@pytest.fixture\ndef law():\n    return Law()\n"
     )
     monkeypatch.setattr(results_check, "TESTS", tmp_path / "laws")
     return tmp_path
 
 
+def outcome(check, ended, found="", **whose):
+    return {"check": check, "outcome": ended, "cell": "", "test": "", "found": found} | whose
+
+
 def test_each_law_says_how_it_ended(laws, capsys):
     assert results_check.outcomes(laws) == [
-        {"check": "A law that is kept.", "outcome": "passed", "found": ""},
-        {"check": "A law that is broken.", "outcome": "failed", "found": "assert 3 < 2"},
-        {"check": "A law that needs a table.", "outcome": "skipped", "found": ""},
+        outcome("A law that is kept.", "passed"),
+        outcome("A law that is broken.", "failed", "does not hold: 3 < 2"),
+        outcome("A law that cannot be asked.", "failed", "could not be checked (KeyError: 'soc')"),
+        outcome("A law of cells.", "failed", "3 V; 4 V; 5 V; and 2 more", cell="A", test="t"),
+        outcome("A law of cells.", "failed", "a row cannot be checked: 'volt'", cell="B"),
+        outcome("A law that needs a table.", "skipped"),
     ]
     assert capsys.readouterr().out == ""
 
@@ -44,7 +62,9 @@ def write(folder, resistance):
     folder.mkdir()
     head = "cell,test,start_time_second,soc,direction,delay_second,"
     head += "resistance_ohm,resistance_std_ohm\n"
-    (folder / "resistance.csv").write_text(f"{head}A,hppc,0,0.5,discharge,0,{resistance},0.001\n")
+    row = "0,0.5,discharge,0"
+    lines = [f"A,hppc,{row},{resistance},0.001", f"B,hppc,{row},0.02,0.001"]
+    (folder / "resistance.csv").write_text(head + "\n".join(lines) + "\n")
     return folder
 
 
@@ -54,7 +74,58 @@ def test_the_houses_own_laws_find_a_negative_resistance(tmp_path):
     assert [row["outcome"] for row in kept].count("failed") == 0
     (failed,) = [row for row in broken if row["outcome"] == "failed"]
     assert failed["check"].startswith("A resistance is not negative")
-    assert "A hppc 0.5 -0.03" in failed["found"]
+    assert (failed["cell"], failed["test"]) == ("A", "hppc")
+    assert failed["found"] == "a resistance of -0.03 Ω at SoC 0.5, wanted above 0 and below 10 Ω"
+
+
+def test_one_row_that_cannot_be_checked_keeps_no_other_from_it(tmp_path):
+    rows = results_check.outcomes(write(tmp_path / "text", "-0.03,0.1\nC,p,0,0.5,discharge,0,x"))
+    failed = {(row["cell"], row["found"].split(" of ")[0]) for row in rows if row["found"]}
+    assert ("A", "a resistance") in failed
+    assert any(cell == "C" and "cannot be checked" in found for cell, found in failed)
+    assert not [row for row in rows if "Error" in row["found"]]
+
+
+# What breaks each of the other laws, in the least that its table needs, and what is said of it.
+IMPLAUSIBLE = {
+    "../summary": ("cell,soh\nA,1e300", "a state of health of 1e+300, wanted 0.1 to 1.5"),
+    "capacity": (
+        "cell,test,cycle,direction,c_rate,ambient_temperature_celsius,capacity_ampere_hour,"
+        "coulombic_efficiency\nA,t,0,discharge,1,0,5,0.5\nA,w,0,discharge,1,25,4,1\n"
+        "A,n,0,discharge,,25,4,1",
+        "a coulombic efficiency of 0.5, wanted 0.8 to 1.1",
+    ),
+    "temperature": (
+        "cell,parameter,quantity,value,lower,upper\nA,activation_energy,resistance,10,,",
+        "resistance: an activation energy of 10 J/mol, wanted 2000 to 120000",
+    ),
+    "packs": (
+        "group,test,kcl_residual_ampere\nA,t,0.1",
+        "the currents of the branches miss the total by 0.1 A",
+    ),
+    "fade": (
+        "cell,knee_cycle,knee_lower_cycle,knee_upper_cycle,last_cycle,remaining_cycles,"
+        "remaining_lower_cycles,remaining_upper_cycles\nA,9,10,12,20,5,6,",
+        "a knee at cycle 9.0 between 10.0 and 12.0, of a life to cycle 20.0",
+    ),
+    "health": (
+        "cell,cycle,method,soh\nA,300,check-up,1.2",
+        "a state of health of 1.2 at cycle 300.0 by check-up, wanted 0.02 to 1.1",
+    ),
+}
+
+
+@pytest.mark.parametrize("table", IMPLAUSIBLE)
+def test_a_broken_law_is_told_of_its_cell_in_words(tmp_path, table):
+    text, said = IMPLAUSIBLE[table]
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / f"{table}.csv").write_text(text + "\n")
+    failed = [r for r in results_check.outcomes(tmp_path / "tables") if r["outcome"] == "failed"]
+    assert {row["cell"] for row in failed} == {"A"}
+    assert any(row["found"].startswith(said) for row in failed)
+    assert not [row for row in failed if "Error" in row["found"]]
+    if table == "capacity":
+        assert failed[1]["found"] == "5 Ah at 0 °C and 4 Ah at 25 °C, at 1C"
 
 
 @pytest.mark.parametrize(
@@ -68,4 +139,5 @@ def test_a_chosen_model_at_minus_one_and_a_half_volt_does_not_pass(tmp_path, tab
         (tmp_path / f"{name}.csv").write_text("\n".join(lines))
     (failed,) = [row for row in results_check.outcomes(tmp_path) if row["outcome"] == "failed"]
     assert failed["check"].startswith("A model half a volt off")
-    assert "A t 2RC 4.0" in failed["found"]
+    assert (failed["cell"], failed["test"]) == ("A", "t")
+    assert failed["found"] == "model 2RC leaves what was measured by 4 V"

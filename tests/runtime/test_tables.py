@@ -102,6 +102,24 @@ def test_summary_pools_the_error_over_samples():
     assert row["exclusions"] == 1
 
 
+def test_a_cell_that_cannot_be_summed_up_costs_no_other_its_row():
+    logged = []
+    cells = [{"cell": name, "rated_capacity_ampere_hour": 5.0} for name in "AB"]
+    # A rating that no cell has: rates and states of health are beyond all numbers.
+    cells.append({"cell": "C", "rated_capacity_ampere_hour": 1e-308})
+    read = frames(
+        capacity=["A,discharge,0.5,,4", "B,discharge,0.5,,4", "C,discharge,1e308,,4"],
+        excluded=["A", "A"],
+    )
+    broken = {"A": {"capacity_ampere_hour": "4 Ah"}}
+    a, b, c = tables.summary(cells, read, broken, logged.append).to_dict("records")
+    assert a["notes"].startswith("Cellwright itself failed to sum up this cell (TypeError")
+    assert a["exclusions"] == 2
+    assert (b["soh"], b["capacity_ampere_hour"]) == (0.8, 4.0)
+    assert c["capacity_ampere_hour"] == 4.0
+    assert "Traceback" in logged[0]
+
+
 def test_the_summary_has_the_latest_state_of_health():
     """A check-up goes before the ageing cycles of the same cycle; what is fresh is no ageing."""
     row = summary_of_a(

@@ -9,6 +9,12 @@ from runtime import user_tables
 NOTHING = {"negative_half_cell": None, "positive_half_cell": None}
 
 
+@pytest.fixture(autouse=True)
+def campaign(tmp_path, monkeypatch):
+    """Jobs run in the folder of the campaign, and read nothing outside it."""
+    monkeypatch.chdir(tmp_path)
+
+
 def written(folder, text):
     path = folder / "a.csv"
     path.write_text(text, encoding="utf-8")
@@ -39,12 +45,11 @@ def test_refusals_name_the_file_and_the_place(tmp_path, text, message):
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(Refusal, match=r"no file raw/b.csv"):
+    with pytest.raises(Refusal, match=r"raw/b.csv: there is no such file in the campaign"):
         user_tables.read(tmp_path / "b.csv", "raw/b.csv", user_tables.MODEL)
 
 
-def test_half_cells_from_a_file_by_name_and_blank(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_half_cells_from_a_file_by_name_and_blank(tmp_path):
     rows = "\n".join(f"{x:.3f},{1 - 0.9 * x:.4f}" for x in np.linspace(0, 1, 30))
     written(tmp_path, f"lithiation,potential_volt\n{rows}\n")
     materials = {"negative_half_cell": "a.csv", "positive_half_cell": "nmc811_chen"}
@@ -54,12 +59,11 @@ def test_half_cells_from_a_file_by_name_and_blank(tmp_path, monkeypatch):
     assert user_tables.half_cells(NOTHING, []) == (None, None)
 
 
-def test_own_half_cells_are_blended_and_one_that_is_not_there_is_named(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_own_half_cells_are_blended_and_one_that_is_not_there_is_named(tmp_path):
     rows = "\n".join(f"{x:.3f},{1 - 0.9 * x:.4f}" for x in np.linspace(0, 1, 30))
     written(tmp_path, f"lithiation,potential_volt\n{rows}\n")
     materials = NOTHING | {"negative_half_cell": "a.csv+silicon_verbrugge:0.3"}
     negative, positive = user_tables.half_cells(materials, ["a.csv"])
     assert (negative.name, negative.share, positive) == ("a.csv+silicon_verbrugge", 0.3, None)
-    with pytest.raises(Refusal, match=r"no file b\.csv in the campaign"):
+    with pytest.raises(Refusal, match=r"b\.csv: there is no such file in the campaign"):
         user_tables.half_cells(NOTHING | {"negative_half_cell": "a.csv+b.csv"}, ["a.csv"])

@@ -1,6 +1,7 @@
 """Sheets and config: what is read, and that every fault is named with its place."""
 
 import contextlib
+import os
 from pathlib import Path
 
 import pytest
@@ -119,7 +120,7 @@ BAD_ROWS = [
     ("A\tt2\thppc\traw/../../b.csv", "a path inside the campaign, without .."),
     ("A\tt2\thppc", "file: found '', wanted a value"),
     ("\tt2\thppc\tb.csv", "cell: found '', wanted a value"),
-    ("A\tt 2\thppc\tb.csv", "test: found 't 2', wanted letters, digits, _ and -"),
+    ("A\tt 2\thppc\tb.csv", "test: found 't 2', wanted up to 64 letters, digits, _ and -"),
     ("A\tt1\thppc\tb.csv", "found 'A t1', wanted each once", "also row 1 (line 2)"),
     ("C\tt2\thppc\tb.csv", "cell: found 'C', wanted a cell of cells.tsv"),
     ("pair\tt2\tgroup\tb.csv", "cell: found 'pair', wanted a group of groups.tsv"),
@@ -147,7 +148,7 @@ def test_validation_data_that_were_fitted_are_seen_through_a_copy(folder):
     [
         ("A\t2\t3", "found 'A', wanted each once"),
         ("C\t4.2\t4.2", "upper_cutoff_volt: found 4.2, wanted more than lower_cutoff_volt, 4.2"),
-        ("C d\t2\t3", "cell: found 'C d', wanted letters"),
+        ("C d\t2\t3", "cell: found 'C d', wanted up to 64 letters"),
         ("C\t2500\t4200", "found '2500', wanted a number from 0 to 10"),
     ],
 )
@@ -263,11 +264,76 @@ def test_an_open_quote_swallows_no_rows(folder):
 
 def test_missing_sheets_are_named_once_each(tmp_path):
     lines = faults(tmp_path)
-    assert [line.split(" in ")[0] for line in lines] == ["config/cells.tsv", "config/tests.tsv"]
+    assert [line.split(":")[0] for line in lines] == ["config/cells.tsv", "config/tests.tsv"]
     assert all("no such file" in line for line in lines)
 
 
+IDS = {
+    "-C": "wanted up to 64 letters, digits, _ and -, first no -",
+    "C" * 65: "wanted up to 64 letters",
+    "C" * 64: "last not the same twenty times over",
+    "x" + "ab" * 20: "last not the same twenty times over",
+    "a": "each once within the sheet, whatever the case of its letters (also row 1 (line 2))",
+}
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_an_id_that_is_no_name_of_a_folder_is_a_fault(folder, name):
+    """Snakemake takes what ends in repetitions for a circle, and stops the run."""
+    write(folder, "cells.tsv", f"{CELLS}{name}\t2.5\t4.2\n")
+    (line,) = faults(folder)
+    assert line.startswith(f"config/cells.tsv, row 3 (line 4), cell: found {name!r}, wanted ")
+    assert IDS[name] in line
+    write(folder, "cells.tsv", f"{CELLS}{'C' * 44}{'D' * 19}x\t2.5\t4.2\n")
+    assert len(read(folder).cells) == 3
+
+
+def test_names_that_differ_in_case_are_one_name(folder):
+    write(folder, "tests.tsv", f"{TESTS}A\tT1\thppc\tb.csv\n")
+    assert "found 'A T1', wanted each once within the sheet, whatever the case" in faults(folder)[0]
+    write(folder, "tests.tsv", TESTS)
+    write(folder, "groups.tsv", GROUPS.replace("pair\t2", "Pair\t2"))
+    assert "row 2 (line 3), group: found 'Pair', wanted one spelling of 'pair'" in faults(folder)[0]
+    write(folder, "groups.tsv", GROUPS.replace("pair", "a"))
+    assert "found 'a', wanted a name that no cell of cells.tsv has" in faults(folder)[0]
+
+
+@pytest.mark.parametrize("name", ["cells.tsv", "tests.tsv", "groups.tsv", "config.yaml"])
+def test_a_sheet_that_is_a_pipe_or_leads_out_is_a_fault_and_keeps_nobody_waiting(
+    folder, tmp_path_factory, name
+):
+    path, elsewhere = folder / "config" / name, tmp_path_factory.mktemp("elsewhere") / name
+    elsewhere.write_text("a\n")
+    path.unlink(missing_ok=True)
+    os.mkfifo(path)
+    assert f"config/{name}: is a pipe (FIFO), wanted a file; wanted a" in faults(folder)[0]
+    path.unlink()
+    path.symlink_to(elsewhere)
+    assert f"config/{name}: leads out of the campaign by a link" in faults(folder)[0]
+
+
+@pytest.mark.parametrize("text", ["9" * 5000, "0." + "1" * 200])
+def test_a_number_without_end_is_no_number(folder, text):
+    write(
+        folder, "groups.tsv", f"group\tposition\tcell\twire_resistance_ohm\np\t{text}\tA\t{text}\n"
+    )
+    lines = faults(folder)
+    assert any("position: found '" in line for line in lines)
+    assert any("wire_resistance_ohm: found '" in line for line in lines)
+
+
+LAUGHS = "a: &a [x, x]\n" + "".join(
+    f"{new}: &{new} [*{old}, *{old}, *{old}]\n"
+    for old, new in zip("abcdefgh", "bcdefghi", strict=True)
+)
 BAD_CONFIG = [
+    (LAUGHS, "line 2: found '*a', wanted the value itself; no *name stands for one"),
+    ("title: &x [*x]", "line 1: found '*x', wanted the value itself"),
+    ("title: " + "[" * 100_000, "line 1: found 9 values within values, wanted 8 at most"),
+    ("{a: " * 5000, "line 1: found 9 values within values, wanted 8 at most"),
+    ("title: " + "x" * 1001, "line 1: found a value of 1001 characters, wanted 1000 at most"),
+    ("strict: 2024-13-45", "found 'month must be in 1..12', wanted YAML"),
+    ("strict: !!python/object/apply:os.system [ls]", "could not determine a constructor"),
     ("strict: maybe", "line 1, strict: found 'maybe', wanted true or false"),
     ("\nresistence: {}", "line 2: found 'resistence'", "did you mean 'resistance'?"),
     ("rest_c_rate: 1", "did you mean 'segment.rest_c_rate'?"),

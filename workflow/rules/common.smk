@@ -31,6 +31,7 @@ from runtime import job_environment, job_requests, rule_setup
 from runtime import settings, sheets, snakemake_state
 from runtime.plan import Plan, gathered, near_in_cycles, of_cell, of_rows, of_test, own
 from runtime.plan import paths_of, where
+from runtime.raw_files import readable
 from runtime.wildcard_patterns import either, only_these
 
 # Rules that judge the pipeline against known truth use the laboratory's scorer; functional mock-up

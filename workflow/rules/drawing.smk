@@ -190,8 +190,8 @@ HEALTH_FIGURES = [
     *(["results/figures/fleet.svg"] if max(map(len, FLEETS.values()), default=0) >= 6 else []),
 ]
 BIAS_FIGURES = ["results/figures/bias.svg"] if JUDGED else []
-# Paths of all figures: of the campaign, of every cell, of every group.
-FIGURES = {"campaign": ["results/figures/overview.svg", *BIAS_FIGURES, *HEALTH_FIGURES]} | {
+# Paths of all figures: of the campaign, under a name that none else can have, of every cell and group.
+FIGURES = {"the campaign": ["results/figures/overview.svg", *BIAS_FIGURES, *HEALTH_FIGURES]} | {
     owner: [f"results/figures/{owner}/{name}.svg" for name in figures]
     for owner, figures in DRAWN_FROM.items()
 }

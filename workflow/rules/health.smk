@@ -77,7 +77,7 @@ def half_cell_files(cell):
     """Files among the half cells of a cell, each once; one that is not there the job refuses."""
     given = half_cells_of(cell).values()
     files = {file for name in given for file in half_cell_names.half_cell_files(name)}
-    return sorted(file for file in files if Path(file).is_file())
+    return sorted(readable(files))
 
 
 rule degradation_modes:

@@ -7,7 +7,8 @@ def raw_files(wildcards):
     They stay where the laboratory wrote them, also where artefacts lie in object storage.
     """
     row = TESTS[wildcards.cell, wildcards.test]
-    return [local(file) for file in row["file"] if Path(file).is_file()]
+    largest = config["files"]["largest_megabyte"]
+    return [local(file) for file in readable(row["file"], largest)]
 
 
 def reading(wildcards):
@@ -37,6 +38,7 @@ rule series:
     params:
         reading=reading,
         channels=channels_of_group,
+        largest_megabyte=config["files"]["largest_megabyte"],
         clean=config["clean"],
         segment=config["segment"],
         test=test_facts,

@@ -142,7 +142,7 @@ rule effect_search_own:
 def simulated_files(wildcards):
     """The simulated files of a cell that are there; what is missing the job itself will report."""
     files = dict.fromkeys(row["simulated_file"] for row in simulated_tests(wildcards.cell))
-    return [local(file) for file in files if Path(file).is_file()]
+    return [local(file) for file in readable(files)]
 
 
 rule effect_search_external:

@@ -238,8 +238,7 @@ rule thermal:
 
 def table_of_model(wildcards):
     """The file of a cell's model table, where it is there; else the job says that it is not."""
-    given = CELLS[wildcards.cell]["model_table"]
-    return [given] if Path(given).is_file() else []
+    return readable([CELLS[wildcards.cell]["model_table"]])
 
 
 rule given_model:

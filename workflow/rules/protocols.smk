@@ -195,6 +195,7 @@ rule impedance:
         "logs/impedance/{cell}/{test}.log",
     params:
         reading=reading,
+        largest_megabyte=config["files"]["largest_megabyte"],
         settings=config["impedance"],
         test=test_facts,
     message:

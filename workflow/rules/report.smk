@@ -18,7 +18,7 @@ FINAL = [
     *EXTERNAL_VERDICTS,
     *[f"results/missing_effect/{cell}/{part}" for cell in ASKED for part in EFFECT_PARTS],
     *[f"results/missing_effect/{g}/{part}" for g in GROUPS_ASKED for part in GROUP_PARTS],
-    *FIGURES["campaign"],
+    *FIGURES["the campaign"],
     *FIGURE_FOLDERS,
 ]
 
@@ -28,7 +28,7 @@ rule report:
         tables=[f"results/tables/{table}.csv" for table in TABLES],
         checks="results/tables/checks.csv",
         summary="results/summary.csv",
-        figures=[*FIGURES["campaign"], *FIGURE_FOLDERS],
+        figures=[*FIGURES["the campaign"], *FIGURE_FOLDERS],
         artefacts=STAGES,
         verdicts=VERDICTS,
         witnesses=WITNESSES,
@@ -46,7 +46,8 @@ rule report:
         tests=CAMPAIGN.tests,
         groups=CAMPAIGN.groups,
         figures=FIGURES,
-        title=config["title"],
+        # By a function: what is in braces would be taken for a wildcard.
+        title=lambda w: config["title"],
         choices=CHOICES,
         assumptions=ASSUMPTIONS,
     message:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from cellwright import gate
 from cellwright.records.facts import BranchFacts, CellFacts, MeasuredTest, TestFacts
 from cellwright.refusal import Refusal
 
@@ -245,10 +246,10 @@ def json_of_file(path):
     """
     import json
 
+    data = gate.contents(path)
     try:
-        with open(path, encoding="utf-8") as file:
-            document = json.load(file)
-    except (OSError, ValueError) as error:
+        document = json.loads(data)
+    except (ValueError, RecursionError) as error:
         raise Refusal(f"{path}: {error}, wanted a JSON document") from error
     # What an artefact says of how it was made is no part of the document, and changes no result.
     about = document.get("provenance") if isinstance(document, dict) else None

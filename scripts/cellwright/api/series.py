@@ -1,8 +1,11 @@
 """From an instrument's files to one clean series and its steps."""
 
+from cellwright import gate
 from cellwright.api import inputs, results
 from cellwright.refusal import Refusal
-from cellwright.settings import Clean, Segment
+from cellwright.settings import Clean, Files, Segment
+
+FILES = Files()
 
 
 def read(
@@ -14,6 +17,7 @@ def read(
     current_sign=None,
     members=None,
     cells=None,
+    largest_megabyte=FILES.largest_megabyte,
 ):
     """A record from the files of an instrument.
 
@@ -23,11 +27,13 @@ def read(
     instrument : name of its reader; None: recognised from the content.
     current_sign : "charge_positive" or "discharge_positive"; None: determined from the data.
     members, cells : of a group, how many its wiring has; its numbered channels are held against it.
+    largest_megabyte : length of a file, and to which it may unpack [MB].
 
     Returns of a series test_time_second [s], current_ampere [A], positive on charge, voltage_volt
     [V], file_index [1] and other columns; of a spectrum frequency_hertz [Hz], impedance_real_ohm,
-    impedance_imaginary_ohm [ohm]. Raises Refusal: no such file, no reader for it, a broken file, a
-    sign that cannot be known, or channels of more branches or cells than a group has.
+    impedance_imaginary_ohm [ohm]. Raises Refusal: no such file, a pipe or device, no reader for it,
+    a broken or too long file, a sign that cannot be known, or channels of more branches or cells
+    than a group has.
     """
     from cellwright import formats
     from cellwright.records.channels import refuse_beyond
@@ -35,8 +41,11 @@ def read(
 
     # Files are joined in the order given: their clocks often begin anew, so they cannot be sorted.
     parts = source if isinstance(source, list) else [source]
-    files = [_named_bytes(part, name) for part in parts]
-    readings = [formats.read(data, name=called, instrument=instrument) for called, data in files]
+    files = [_named_bytes(part, name, largest_megabyte) for part in parts]
+    readings = [
+        formats.read(data, name=called, instrument=instrument, largest_megabyte=largest_megabyte)
+        for called, data in files
+    ]
     about = {"kind": kind, "instrument": [reading.instrument for reading in readings]}
     if kind == "series":
         joined = assemble(readings, stated_sign=current_sign)
@@ -50,35 +59,32 @@ def read(
     return results.Result({"columns": readings[0].columns}, about)
 
 
-def read_simulated(source, *, name=None):
+def read_simulated(source, *, name=None, largest_megabyte=FILES.largest_megabyte):
     """A voltage that was simulated for a test, for `missing_effect(..., simulated=...)`.
 
     source : a path, bytes or (name, bytes): CSV or Parquet with `Test Time / s` and `Simulated
         Voltage / V`; the file of the test itself may hold both. A file without current may say
         `Voltage / V`.
     name : of the file in messages, where `source` is bytes.
+    largest_megabyte : length of a file, and to which it may unpack [MB].
 
     Returns time (n,) [s], voltage (n,) [V] and name of the file. Raises Refusal: no such file, a
     broken file, or one of the two columns is not there. Source: docs/missing-effect.md.
     """
     from cellwright import formats
 
-    called, data = _named_bytes(source, name)
-    columns = formats.read_simulated(data, name=called)
+    called, data = _named_bytes(source, name, largest_megabyte)
+    columns = formats.read_simulated(data, name=called, largest_megabyte=largest_megabyte)
     return columns["test_time_second"], columns["voltage_volt"], called
 
 
-def _named_bytes(part, name):
+def _named_bytes(part, name, largest_megabyte):
     """(name for messages, bytes) of a path, of bytes, or of (name, bytes)."""
     if isinstance(part, bytes):
         return name or "the file", part
     if isinstance(part, tuple):
         return part
-    try:
-        with open(part, "rb") as file:
-            return str(part), file.read()
-    except OSError as error:
-        raise Refusal(f"{part}: cannot be read: {error.strerror}") from None
+    return str(part), gate.contents(part, largest_megabyte=largest_megabyte)
 
 
 def clean(series, settings=None, *, cell=None, **changes):

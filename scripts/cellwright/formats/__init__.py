@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright import gate
 from cellwright.formats import (
     arbin,
     bare_spectrum,
@@ -48,7 +49,13 @@ class Reading(NamedTuple):
     sign: int = 0  # 1 or -1: the current's, as the file's own counters or letters tell it
 
 
-def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
+def read(
+    data: bytes,
+    *,
+    name: str,
+    instrument: str | None = None,
+    largest_megabyte: float | None = None,
+) -> Reading:
     """Read one file of an instrument.
 
     Parameters
@@ -59,6 +66,8 @@ def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
         What messages call the file.
     instrument : str, optional
         Reader to use; blank or None: found from the content.
+    largest_megabyte : float, optional
+        To which the file may unpack [MB]; None: the default of `settings.Files`.
 
     Returns
     -------
@@ -70,18 +79,20 @@ def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
     ------
     Refusal
         The file is empty, cut off, of an instrument without a reader, holds text where a number
-        belongs, lacks a column, or holds what no cell can have shown. The message starts with
-        `name`.
+        belongs, lacks a column, unpacks to too much, or holds what no cell can have shown. The
+        message starts with `name`.
     """
     try:
-        content = unpacked(data)
+        content = _admitted(data, largest_megabyte)
         reader = _known(instrument) if instrument else detect(content)
         return _checked(reader, *_read(reader, content))
     except Refusal as reason:
         raise Refusal(f"{name}: {reason}") from None
 
 
-def read_simulated(data: bytes, *, name: str) -> dict[str, np.ndarray]:
+def read_simulated(
+    data: bytes, *, name: str, largest_megabyte: float | None = None
+) -> dict[str, np.ndarray]:
     """A voltage that was simulated for a test, from a file in the Battery Data Format.
 
     Parameters
@@ -90,6 +101,8 @@ def read_simulated(data: bytes, *, name: str) -> dict[str, np.ndarray]:
         The file as it lies there, CSV or Parquet; gzip and Zstandard are unpacked.
     name : str
         What messages call the file.
+    largest_megabyte : float, optional
+        As of `read`.
 
     Returns
     -------
@@ -102,9 +115,19 @@ def read_simulated(data: bytes, *, name: str) -> dict[str, np.ndarray]:
         The file is damaged, or lacks one of the two columns. The message starts with `name`.
     """
     try:
-        return bdf.read_simulated(unpacked(data))
+        return bdf.read_simulated(_admitted(data, largest_megabyte))
     except Refusal as reason:
         raise Refusal(f"{name}: {reason}") from None
+
+
+def _admitted(data, largest_megabyte):
+    """The unpacked content, of a size and shape that readers can stand."""
+    content = unpacked(data, largest_megabyte)
+    if content.startswith(bdf.PARQUET):
+        bdf.refuse_large(content, largest_megabyte)
+    elif b"\0" not in content[:HEAD]:  # a text
+        gate.refuse_wide(content)
+    return content
 
 
 def detect(data: bytes) -> str:

@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 
+from cellwright import gate
 from cellwright.formats.fields import (
     IMPEDANCE,
     SERIES,
@@ -23,6 +24,8 @@ from cellwright.refusal import Refusal
 NAME = "bdf"
 SIMULATED = "Simulated Voltage / V"
 PARQUET = b"PAR1"
+DOUBLE_BYTE = 8
+EXAMPLE_ROWS = 100
 MEANING = {
     "test time": ("test_time_second", "time"),
     "current": ("current_ampere", "current"),
@@ -112,27 +115,61 @@ def _checked_simulated(fields: list[Field]) -> list[Field]:
     return kept
 
 
-def _read_parquet(data: bytes, meaning, checked) -> dict[str, np.ndarray]:
+def refuse_large(data: bytes, largest_megabyte: float | None = None) -> None:
+    """Refuse a Parquet file whose known columns take more memory than they may.
+
+    Its pages may be repetitions of one value: neither the file nor they are long.
+    """
+    about = _opened(data)
+    gate.refuse_columns(len(about.schema_arrow.names))
+    known = [name for name in about.schema_arrow.names if _simulated_meaning(name)]
+    groups = [about.metadata.row_group(k) for k in range(about.metadata.num_row_groups)]
+    held = max(
+        about.metadata.num_rows * DOUBLE_BYTE * len(known),
+        sum(group.total_byte_size for group in groups),
+    )
+    gate.refuse_unpacked(held, len(data), largest_megabyte)
+
+
+def _opened(data):
     import pyarrow as pa
     from pyarrow import parquet
 
     try:
-        file = parquet.ParquetFile(pa.BufferReader(data))
-        fields = checked(known_fields(file.schema_arrow.names, meaning))
+        return parquet.ParquetFile(pa.BufferReader(data))
+    except (pa.ArrowInvalid, OSError) as fault:
+        raise Refusal(f"the Parquet file is cut off or damaged: {fault}") from None
+
+
+def _read_parquet(data: bytes, meaning, checked) -> dict[str, np.ndarray]:
+    import pyarrow as pa
+
+    file = _opened(data)
+    fields = checked(known_fields(file.schema_arrow.names, meaning))
+    for field in fields:  # before they are read: texts may be of any length
+        kind = file.schema_arrow.field(field.label).type
+        if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+            raise Refusal(f"column {field.label!r} holds {kind}{_example(file, field.label)}")
+    try:
         found = file.read([field.label for field in fields])
     except (pa.ArrowInvalid, OSError) as fault:
         raise Refusal(f"the Parquet file is cut off or damaged: {fault}") from None
-    return converted({name: _numbers(name, found[name]) for name in found.column_names}, fields)
+    return converted({name: _numbers(found[name]) for name in found.column_names}, fields)
 
 
-def _numbers(label: str, column) -> np.ndarray:
+def _example(file, label):
+    """A value of a column that holds no numbers, in words, from its first rows."""
+    first = next(file.iter_batches(EXAMPLE_ROWS, columns=[label]), None)
+    values = [] if first is None else first.column(0).to_pylist()
+    example = next((f", such as {str(value)[:40]!r}" for value in values if value is not None), "")
+    return f"{example}; numbers are wanted"
+
+
+def _numbers(column) -> np.ndarray:
     """One Parquet column [its unit] as float64, missing values NaN."""
     import pyarrow as pa
 
-    if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
-        return column.cast(pa.float64()).to_numpy().astype(float)
-    example = next((value for value in column.to_pylist() if value is not None), None)
-    raise Refusal(f"column {label!r} holds {column.type}, such as {example!r}; numbers are wanted")
+    return column.cast(pa.float64()).to_numpy().astype(float)
 
 
 def _checked(fields: list[Field]) -> list[Field]:

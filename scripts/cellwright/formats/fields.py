@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.gate import refuse_columns
 from cellwright.refusal import Refusal
 
 # Factor to the house's unit of the quantity: s, A, V, Ah, degC, ohm, Hz, 1.
@@ -85,6 +86,8 @@ class Field(NamedTuple):
 
 def known_fields(labels: Iterable[str], meaning: Callable[[str], Field | None]) -> list[Field]:
     """Fields that `meaning` knows among the labels; a column found twice is refused."""
+    labels = list(labels)
+    refuse_columns(len(labels))
     fields = [field for label in dict.fromkeys(labels) if (field := meaning(label))]
     columns = [field.column for field in fields]
     for field in fields:

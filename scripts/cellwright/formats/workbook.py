@@ -36,6 +36,9 @@ def sheets_of(data: bytes, wanted) -> list[Sheet]:
     """
     import python_calamine
 
+    # The library reads other kinds too, whose blank cells the gate has not counted.
+    if b"xl/workbook.xml" not in data:
+        raise Refusal("a workbook of another kind than .xlsx; save it as .xlsx")
     try:
         book = python_calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
         tables = {name: book.get_sheet_by_name(name).to_python() for name in _named(book, wanted)}

@@ -7,6 +7,17 @@ Do not edit.
 from typing import NamedTuple
 
 
+class Files(NamedTuple):
+    """Which files are read.
+
+    largest_megabyte [MB] : A raw file that is longer, or unpacks to more, is refused. It is read
+        whole, by a job that needs about eight times as much memory; 512 MB are three months at
+        one row a second and 60 bytes a row.
+    """
+
+    largest_megabyte: float = 512.0
+
+
 class Clean(NamedTuple):
     """What counts as a corrupt sample.
 
