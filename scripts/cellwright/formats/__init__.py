@@ -22,7 +22,8 @@ from cellwright.formats import (
     text_table,
     zahner,
 )
-from cellwright.formats.container import sight, unpacked
+from cellwright.formats.container import sight
+from cellwright.formats.content import Content, content_of, head_of, whole_of
 from cellwright.formats.fields import with_net_counter
 from cellwright.formats.physics import checked_impedance, checked_series
 from cellwright.formats.table import decoded
@@ -33,6 +34,8 @@ BINARIES = (zahner, matlab, outside.NewareBinary, outside.ArbinDatabase)
 MODULES = {module.NAME: module for module in (*TEXTS, *BINARIES)}
 TABLES = {form.name: form for form in makers.MAKERS}
 READERS = (*MODULES, *TABLES, makers.GENERIC.name)
+# Readers of texts of any length, which need not be in memory as a whole.
+IN_BLOCKS = {module.NAME for module in (bdf, arbin, bitrode, digatron, plett)}
 # What a format itself says of its current; where it says nothing, the data must tell.
 SIGN_RULE = dict.fromkeys(("bdf", "neware", "biologic", "novonix", "basytec"), "charge_positive")
 HEAD = 1 << 14
@@ -48,13 +51,14 @@ class Reading(NamedTuple):
     sign: int = 0  # 1 or -1: the current's, as the file's own counters or letters tell it
 
 
-def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
+def read(data, *, name: str, instrument: str | None = None) -> Reading:
     """Read one file of an instrument.
 
     Parameters
     ----------
-    data : bytes
-        The file as it lies there; gzip and Zstandard are unpacked.
+    data : bytes, or an open binary file that can be sought in
+        The file as it lies there; gzip and Zstandard are unpacked. A text in an open file is read
+        in blocks: no more of it is held than the columns.
     name : str
         What messages call the file.
     instrument : str, optional
@@ -74,7 +78,7 @@ def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
         `name`.
     """
     try:
-        content = unpacked(data)
+        content = content_of(data)
         reader = _known(instrument) if instrument else detect(content)
         return _checked(reader, *_read(reader, content))
     except Refusal as reason:
@@ -102,12 +106,12 @@ def read_simulated(data: bytes, *, name: str) -> dict[str, np.ndarray]:
         The file is damaged, or lacks one of the two columns. The message starts with `name`.
     """
     try:
-        return bdf.read_simulated(unpacked(data))
+        return bdf.read_simulated(content_of(data))
     except Refusal as reason:
         raise Refusal(f"{name}: {reason}") from None
 
 
-def detect(data: bytes) -> str:
+def detect(data: bytes | Content) -> str:
     """Name of the reader that recognises the (unpacked) content.
 
     Raises
@@ -115,6 +119,7 @@ def detect(data: bytes) -> str:
     Refusal
         None does, or more than one; the message says what the file looks like, where known.
     """
+    data = head_of(data)
     head = data[:HEAD]
     text = decoded(head).replace("\r\n", "\n")
     found = [name for name, reader in MODULES.items() if reader.recognises(head)]
@@ -138,10 +143,10 @@ def _known(instrument: str) -> str:
     return instrument
 
 
-def _read(reader: str, data: bytes):
+def _read(reader: str, data: bytes | Content):
     """Columns of a file by the reader of a name, notes, and the sign that letters give it."""
     if reader in MODULES:
-        found = MODULES[reader].read(data)
+        found = MODULES[reader].read(data if reader in IN_BLOCKS else whole_of(data))
         return (*found, 0) if isinstance(found, tuple) else (found, (), 0)
     return text_table.read(TABLES.get(reader, makers.GENERIC), data)
 
