@@ -69,13 +69,22 @@ def read_simulated(source, *, name=None):
 
 
 def _named_bytes(part, name):
-    """(name for messages, bytes) of a path, of bytes, or of (name, bytes)."""
+    """(name for messages, content) of a path, of bytes, or of (name, content).
+
+    A large file stays open and is read in blocks.
+    """
+    from cellwright.formats.content import LARGE
+
     if isinstance(part, bytes):
         return name or "the file", part
     if isinstance(part, tuple):
         return part
     try:
-        with open(part, "rb") as file:
+        file = open(part, "rb")  # noqa: SIM115
+        if file.seek(0, 2) > LARGE:
+            return str(part), file
+        with file:
+            file.seek(0)
             return str(part), file.read()
     except OSError as error:
         raise Refusal(f"{part}: cannot be read: {error.strerror}") from None

@@ -11,6 +11,7 @@ from cellwright.formats.container import GZIP, UTF_16, ZSTANDARD, unpacked
 from cellwright.refusal import Refusal
 
 HEAD = 1 << 20  # byte at the beginning of a large file that are in memory
+LARGE = 1 << 26  # byte from which on a file, as it lies there, is better read from the disk
 BLOCK = 1 << 22  # byte that are read at once: of this size pyarrow takes the least CPU time
 PIECE = 1 << 17  # byte of Zstandard that are unpacked at once
 

@@ -26,6 +26,7 @@ PARTS = {
     "%S": r"(?P<second>\d{1,2})",
 }
 LIMITS = {"month": (1, 12), "hour": (0, 23), "minute": (0, 59), "second": (0, 60)}
+ROWS = 1 << 16  # that are taken at once
 DAY_SECOND, POINT = 86400, ord(".")
 
 
@@ -54,8 +55,10 @@ def clock_second(texts) -> np.ndarray:
 
 
 def _chunks(texts):
+    """Texts in pieces that are short, for a text of 20 letters is many numbers."""
     chunks = getattr(texts, "chunks", [texts])
-    return [chunk for chunk in chunks if len(chunk)] or [texts][:1]
+    pieces = [c.slice(k, ROWS) for c in chunks for k in range(0, len(c), ROWS)]
+    return pieces or chunks[:1]
 
 
 def _dates(texts, form):

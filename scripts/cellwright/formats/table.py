@@ -11,6 +11,7 @@ from cellwright.refusal import Refusal
 
 NO_NUMBER = ("", "NaN", "nan", "NA", "N/A", "null", "NULL")
 DELIMITERS = ",;\t"
+PIECE_ROWS = 1 << 20
 EXAMPLE = 1 << 15  # byte of rows by which a table's layout is told
 # Of columns that name the channel of each row, where a file may hold several.
 CHANNEL = r"(?:test|channel)[ _]?(?:id|index|number|no\.?)|channel"
@@ -146,7 +147,7 @@ def read_table(
     types = {place[label]: pa.float64() for label in labels}
     types |= {place[label]: pa.string() for label in texts}
     odd = []
-    blocks, rows = {name: [] for name in types}, 0
+    blocks, rows = {name: _Pieces(types[name]) for name in types}, 0
     try:
         reader = csv.open_csv(
             stream_from(data, offset_of(data, layout.first_line)),
@@ -169,16 +170,15 @@ def read_table(
         for block in reader:
             rows += block.num_rows
             for name in types:
-                # A view of the block would keep all of its columns; of text it has to.
-                column = block.column(name)
-                numeric = types[name] == pa.float64()
-                blocks[name].append(_float64(column) if numeric else column)
+                blocks[name].add(block.column(name))
     except pa.ArrowInvalid as fault:
         raise _fault(data, layout, labels, str(fault)) from None
     if not rows or len(odd) > 1 or (odd and not _is_cut_off(odd[0], rows)):
         raise _fault(data, layout, labels, "it has no row")
-    columns = {label: np.concatenate(blocks.pop(place[label])) for label in labels}
-    columns |= {label: pa.chunked_array(blocks.pop(place[label]), pa.string()) for label in texts}
+    # One column after the other: what is joined is let go.
+    columns = {label: np.concatenate(blocks.pop(place[label]).all()) for label in labels}
+    for label in texts:
+        columns[label] = pa.chunked_array(blocks.pop(place[label]).all(), pa.string())
     return Table(columns, tuple(_cut_off(row) for row in odd))
 
 
@@ -199,10 +199,35 @@ def refuse_channels(columns: Mapping, labels: Sequence[str]) -> None:
             )
 
 
-def _float64(column):
-    """A column of a block as float64, in memory of its own."""
-    values = column.to_numpy(zero_copy_only=False)
-    return np.array(values, float)
+class _Pieces:
+    """A column in pieces of a million rows, put together from the blocks that a text is read in.
+
+    Thousands of small blocks that are kept until the end take twice the memory of what is in them.
+    """
+
+    def __init__(self, kind):
+        import pyarrow as pa
+
+        self.join = pa.concat_arrays if kind == pa.string() else np.concatenate
+        self.pieces, self.blocks, self.rows = [], [], 0
+
+    def add(self, block):
+        """Keep a block of the column (a pyarrow array)."""
+        numbers = self.join is np.concatenate
+        self.blocks.append(block.to_numpy(zero_copy_only=False) if numbers else block)
+        self.rows += len(block)
+        if self.rows >= PIECE_ROWS:
+            self._close()
+
+    def _close(self):
+        if self.blocks:
+            self.pieces.append(self.join(self.blocks))
+        self.blocks, self.rows = [], 0
+
+    def all(self):
+        """The pieces, which are no longer kept."""
+        self._close()
+        return self.pieces
 
 
 def _is_cut_off(row, rows):
