@@ -54,7 +54,7 @@ def convert(path, to=None) -> tuple[Path, Path, Path]:
     Parameters
     ----------
     path : file of an instrument.
-    to : path that ends in .csv, .csv.gz, .parquet, .feather, .arrow or .json; None: beside the file.
+    to : path that ends as one of MEDIA; None: a csv beside the file.
 
     Returns
     -------

@@ -5,6 +5,7 @@ alternative names); the campaign contract (channels of groups).
 """
 
 import re
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -83,6 +84,7 @@ SHORT = {"s": "s", "ms": "ms", "min": "min", "h": "h", "a": "A", "ma": "mA", "v"
 SHORT |= {"ah": "Ah", "mah": "mAh", "degc": "degC", "c": "degC", "k": "K", "1": "1"}
 SHORT_UNIT = re.compile(rf"^(?P<base>.+)_(?P<word>{'|'.join(SHORT)})$", re.I)
 BARE = ("step id", "step index", "step count", "cycle count")  # counts, which need no unit
+COUNTS = ("cycle_count", "step_count", "step_index")
 KEY = re.compile(rb'"((?:[^"\\]|\\.)*)"\s*:')
 # A step of program lasts some rows; a counter of rows grows from each row to the next.
 MOSTLY = 0.5
@@ -117,6 +119,9 @@ def read(data: bytes | Content) -> tuple[dict[str, np.ndarray], tuple[str, ...]]
     if counter is not None and _is_record_counter(counter, unread["step_index"]):
         del columns["step_index"]
         notes.append(f"{unread['step_index']!r} counts the rows of a step: it is no step number")
+    for name in [name for name in COUNTS if columns.get(name, np.zeros(1, int)).dtype.kind != "i"]:
+        # Such as 2π, of software that takes the unit of a count for that of an angle.
+        notes.append(f"{name} is left out: {columns.pop(name)[0]:.6g} is no count")
     if unread["labels"]:
         notes.append(f"columns that are not read: {', '.join(unread['labels'])}")
     return columns, tuple(notes)
@@ -223,31 +228,40 @@ def _of_parquet(data):
     import pyarrow as pa
     from pyarrow import parquet
 
-    try:
+    with _refused("Parquet"):
         file = parquet.ParquetFile(pa.BufferReader(data))
-    except (pa.ArrowInvalid, OSError) as fault:
-        raise Refusal(f"the Parquet file is cut off or damaged: {fault}") from None
+        labels = file.schema_arrow.names
 
     def numbers(fields):
-        try:
+        with _refused("Parquet"):
             found = file.read([field.label for field in fields])
-        except (pa.ArrowInvalid, OSError) as fault:
-            raise Refusal(f"the Parquet file is cut off or damaged: {fault}") from None
         return {field.label: _numbers(field, found[field.label]) for field in fields}
 
-    return file.schema_arrow.names, numbers
+    return labels, numbers
 
 
 def _of_arrow(data):
     import pyarrow as pa
 
-    try:
+    with _refused("Arrow"):
         table = pa.ipc.open_file(pa.BufferReader(data)).read_all()
-    except (pa.ArrowInvalid, OSError) as fault:
-        raise Refusal(f"the Arrow file is cut off or damaged: {fault}") from None
-    return table.column_names, lambda fields: {
+        # A damaged file may promise more numbers than it holds.
+        table.validate(full=True)
+        labels = table.column_names
+    return labels, lambda fields: {
         field.label: _numbers(field, table[field.label]) for field in fields
     }
+
+
+@contextmanager
+def _refused(kind):
+    """Refuse a file of a kind at which pyarrow fails; its names may be no text any more."""
+    import pyarrow as pa
+
+    try:
+        yield
+    except (pa.ArrowException, OSError, ValueError) as fault:
+        raise Refusal(f"the {kind} file is cut off or damaged: {fault}") from None
 
 
 def _numbers(field: Field, column) -> np.ndarray:

@@ -1,12 +1,13 @@
 """Delimited text as arrays of numbers."""
 
+import codecs
 import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.formats.content import BLOCK, Content, head_of, stream_from
+from cellwright.formats.content import BLOCK, Content, head_of, stream_from, with_lines_changed
 from cellwright.refusal import Refusal
 
 NO_NUMBER = ("", "NaN", "nan", "NA", "N/A", "null", "NULL")
@@ -16,6 +17,7 @@ EXAMPLE = 1 << 15  # byte of rows by which a table's layout is told
 # Of columns that name the channel of each row, where a file may hold several.
 CHANNEL = r"(?:test|channel)[ _]?(?:id|index|number|no\.?)|channel"
 HIGH = re.compile(rb"[\x80-\xff]+")
+ASCII = bytes([*range(128), *b"?" * 128])
 WITH_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 WITH_POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?")
 
@@ -141,45 +143,74 @@ def read_table(
         No row, another row with another number of fields, text where a number belongs.
     """
     import pyarrow as pa
+
+    begin = offset_of(data, layout.first_line)
+    plain = data if _is_utf_8(head_of(data)[: 1 << 20]) else with_lines_changed(data, begin, _ascii)
+    try:
+        columns, odd, rows = _parsed(plain, begin, layout, labels, texts)
+    except pa.ArrowInvalid:
+        # pyarrow knows no other text than UTF-8, and cannot say which row is cut off in one.
+        try:
+            plain = with_lines_changed(data, begin, _ascii)
+            columns, odd, rows = _parsed(plain, begin, layout, labels, texts)
+        except pa.ArrowInvalid as fault:
+            raise _fault(data, layout, labels, str(fault)) from None
+    if not rows or len(odd) > 1 or (odd and not _is_cut_off(odd[0], rows)):
+        raise _fault(data, layout, labels, "it has no row")
+    return Table(columns, tuple(_cut_off(row) for row in odd))
+
+
+def _is_utf_8(head):
+    """Whether the head of a file is UTF-8; its last letter may be cut."""
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def _ascii(data):
+    """Text with a question mark for each byte that is no ASCII: numbers have none."""
+    return data.translate(ASCII)
+
+
+def _parsed(data, begin, layout, labels, texts):
+    """Columns by label, rows that have another number of fields, and the number of good rows."""
+    import pyarrow as pa
     from pyarrow import csv
 
     place = {label: str(layout.labels.index(label)) for label in (*labels, *texts)}
     types = {place[label]: pa.float64() for label in labels}
     types |= {place[label]: pa.string() for label in texts}
-    odd = []
-    blocks, rows = {name: _Pieces(types[name]) for name in types}, 0
-    try:
-        reader = csv.open_csv(
-            stream_from(data, offset_of(data, layout.first_line)),
-            csv.ReadOptions(
-                column_names=[str(k) for k in range(len(layout.labels))],
-                block_size=BLOCK,
-                use_threads=False,
-            ),
-            csv.ParseOptions(
-                delimiter=layout.delimiter,
-                invalid_row_handler=lambda row: odd.append(row) or "skip",
-            ),
-            csv.ConvertOptions(
-                include_columns=list(types),
-                column_types=types,
-                null_values=list(NO_NUMBER),
-                decimal_point=layout.decimal_point,
-            ),
-        )
-        for block in reader:
-            rows += block.num_rows
-            for name in types:
-                blocks[name].add(block.column(name))
-    except pa.ArrowInvalid as fault:
-        raise _fault(data, layout, labels, str(fault)) from None
-    if not rows or len(odd) > 1 or (odd and not _is_cut_off(odd[0], rows)):
-        raise _fault(data, layout, labels, "it has no row")
+    odd, rows = [], 0
+    pieces = {name: _Pieces(kind) for name, kind in types.items()}
+    reader = csv.open_csv(
+        stream_from(data, begin),
+        csv.ReadOptions(
+            column_names=[str(k) for k in range(len(layout.labels))],
+            block_size=BLOCK,
+            use_threads=False,
+        ),
+        csv.ParseOptions(
+            delimiter=layout.delimiter,
+            invalid_row_handler=lambda row: odd.append(row) or "skip",
+        ),
+        csv.ConvertOptions(
+            include_columns=list(types),
+            column_types=types,
+            null_values=list(NO_NUMBER),
+            decimal_point=layout.decimal_point,
+        ),
+    )
+    for block in reader:
+        rows += block.num_rows
+        for name in types:
+            pieces[name].add(block.column(name))
     # One column after the other: what is joined is let go.
-    columns = {label: np.concatenate(blocks.pop(place[label]).all()) for label in labels}
+    columns = {label: np.concatenate(pieces.pop(place[label]).all()) for label in labels if rows}
     for label in texts:
-        columns[label] = pa.chunked_array(blocks.pop(place[label]).all(), pa.string())
-    return Table(columns, tuple(_cut_off(row) for row in odd))
+        columns[label] = pa.chunked_array(pieces.pop(place[label]).all(), pa.string())
+    return columns, odd, rows
 
 
 def refuse_channels(columns: Mapping, labels: Sequence[str]) -> None:
