@@ -269,7 +269,7 @@ def _numbers(field: Field, column) -> np.ndarray:
     import pyarrow as pa
 
     if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
-        return column.cast(pa.float64()).to_numpy().astype(float)
+        return column.cast(pa.float64(), safe=False).to_numpy().astype(float)
     if pa.types.is_timestamp(column.type) and field.quantity == "time":
         seconds = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy() / 1e9
         return seconds / UNITS["time"][field.unit]

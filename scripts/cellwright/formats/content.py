@@ -14,6 +14,7 @@ HEAD = 1 << 20  # byte at the beginning of a large file that are in memory
 LARGE = 1 << 26  # byte from which on a file, as it lies there, is better read from the disk
 BLOCK = 1 << 22  # byte that are read at once: of this size pyarrow takes the least CPU time
 PIECE = 1 << 17  # byte of Zstandard that are unpacked at once
+BOM = b"\xef\xbb\xbf"  # of UTF-8
 
 
 class Content(NamedTuple):
@@ -36,7 +37,7 @@ def content_of(source) -> bytes | Content:
         No byte at all, or the compressed file is cut off or damaged.
     """
     if isinstance(source, bytes):
-        return unpacked(source)
+        return unpacked(source).removeprefix(BOM)
 
     def stream():
         return io.BufferedReader(_Unpacked(source), BLOCK)
@@ -96,9 +97,9 @@ class _Unpacked(io.RawIOBase):
         mark = file.read(4)
         file.seek(0)
         self.file = _decompressed(file, mark)
-        first = self._call(self.file.read, 2)
-        self.text = codecs.getincrementaldecoder("utf-16")() if first in UTF_16 else None
-        self.rest = self.text.decode(first).encode() if self.text else first
+        first = b"".join(self._call(self.file.read, 1) for _ in BOM)
+        self.text = codecs.getincrementaldecoder("utf-16")() if first[:2] in UTF_16 else None
+        self.rest = self.text.decode(first).encode() if self.text else first.removeprefix(BOM)
 
     def readable(self):
         return True

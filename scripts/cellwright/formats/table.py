@@ -42,17 +42,16 @@ def decoded(data: bytes) -> str:
     """Text of `data`: UTF-8 with or without its mark, GB 18030, or else Latin-1.
 
     Instruments write the last two. Chinese characters are pairs of bytes above 0x7f, which those of
-    Western texts, such as that of a degree, hardly ever all are.
+    Western texts, such as that of a degree, hardly ever all are. The sign for a degree Celsius
+    that is one letter in Chinese texts is written as two.
     """
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        if all(len(run) % 2 == 0 for run in HIGH.findall(data)):
-            try:
-                return data.decode("gb18030")
-            except UnicodeDecodeError:
-                pass
-        return data.decode("latin-1")
+    pairs = all(len(run) % 2 == 0 for run in HIGH.findall(data))
+    for code in ("utf-8-sig", "gb18030") if pairs else ("utf-8-sig",):
+        try:
+            return data.decode(code).replace("\N{DEGREE CELSIUS}", "°C")
+        except UnicodeDecodeError:
+            continue
+    return data.decode("latin-1")
 
 
 def line_of(data: bytes | Content, number: int) -> str:
@@ -155,7 +154,10 @@ def read_table(
             columns, odd, rows = _parsed(plain, begin, layout, labels, texts)
         except pa.ArrowInvalid as fault:
             raise _fault(data, layout, labels, str(fault)) from None
-    if not rows or len(odd) > 1 or (odd and not _is_cut_off(odd[0], rows)):
+    blank = [row.number for row in odd if not row.text.strip()]
+    odd = [row for row in odd if row.text.strip()]
+    before = rows + sum(number < row.number for row in odd[:1] for number in blank)
+    if not rows or len(odd) > 1 or (odd and not _is_cut_off(odd[0], before)):
         raise _fault(data, layout, labels, "it has no row")
     return Table(columns, tuple(_cut_off(row) for row in odd))
 
@@ -309,7 +311,7 @@ def _lines(stream):
 
 
 def _row_fault(layout: Layout, labels: Sequence[str], row: list[str]) -> str:
-    if not row or row == [""]:  # an empty line is no row
+    if len(row) < 2 and not "".join(row).strip():  # an empty line is no row
         return ""
     if len(row) != len(layout.labels):
         return (

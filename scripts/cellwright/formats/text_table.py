@@ -108,7 +108,7 @@ class Format(NamedTuple):
 
 def recognises(form: Format, head: str) -> bool:
     """Whether the text of a file's head is one of this maker's."""
-    return re.search(form.mark, head, re.M) is not None
+    return any(re.search(form.mark, text, re.M) for text in (head, head.replace('"', "")))
 
 
 def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], list[str], int]:
@@ -179,12 +179,15 @@ def _table(form, data):
     """
     head = head_of(data)[:HEAD].decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
     found = re.search(form.header, head, re.M)
+    if not found:  # where every label stands between quotation marks
+        head = head.replace('"', "")
+        found = re.search(form.header, head, re.M)
     if not found:
         raise Refusal(f"a file of {form.title} without the line of its columns' names")
     number = head.count("\n", 0, found.start()) + 1 + form.header_lines
     first = number + 1 + form.units_lines
     header = line_of(data, number)
-    quoted = header.startswith('"') and header.endswith('"') and '","' not in header
+    quoted = header.startswith('"') and header.endswith('"') and header.count('"') == 2
     header = header[1:-1] if quoted else header
     change = _change_of(form, header, quoted)
     if form.end:  # where a table ends is not to be seen in a part of it: such files are short
