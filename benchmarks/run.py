@@ -29,7 +29,7 @@ TOPICS = {
     "ica": (capacity_slope.topic,),
     "impedance": (impedance_fit.topic, impedance_fit.poor_start),
     "group": (group.star, group.ladder, group.chosen, group.hour),
-    "reading": (reading.topic,),
+    "reading": (reading.topic, reading.arbin),
     "start": (start.topic,),
 }
 

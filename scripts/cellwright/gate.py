@@ -6,6 +6,7 @@ that it costs its own test and no other. `contents` opens files, `joined` counts
 `refuse_wide` looks at text; all readers stand behind them.
 """
 
+import io
 import os
 import stat
 
@@ -13,6 +14,7 @@ from cellwright.refusal import Refusal
 from cellwright.settings import Files
 
 MEGABYTE = 1e6  # byte
+LARGE = 1 << 26  # byte from which on a file, as it lies there, is better read from the disk
 CHUNK = 1 << 20  # byte that are read or unpacked at a time
 # Readings of instruments shrink to a tenth, counters and constant columns to a twentieth (the most
 # of 900 measured files); gzip can do a thousandth, Zstandard and Parquet a hundred-thousandth.
@@ -87,19 +89,44 @@ def contents(path, *, within=None, largest_megabyte=None) -> bytes:
     Refusal
         There is an `obstacle`, or the file cannot be read. The message names it.
     """
+    return content_at(
+        path, within=within, largest_megabyte=largest_megabyte, large_byte=float("inf")
+    )
+
+
+def content_at(path, *, within=None, largest_megabyte=None, large_byte=LARGE, opener=io.FileIO):
+    """The bytes of a regular file; of a large one the open file, to be read in blocks.
+
+    Parameters
+    ----------
+    path, within, largest_megabyte : as of `obstacle`. large_byte : from which on a file is large.
+    opener : class of the open file, as `io.FileIO`.
+
+    Raises
+    ------
+    Refusal
+        As of `contents`.
+    """
     reason = obstacle(path, within, largest_megabyte)
     if reason:
         raise Refusal(f"{path}: {reason}")
     # Without waiting: a pipe may have taken the file's place since the look at it.
     waits_not = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
-        opened = os.open(_place(path, within), os.O_RDONLY | waits_not)
-        with open(opened, "rb") as file:
-            about = os.fstat(file.fileno())
-            if not stat.S_ISREG(about.st_mode):
-                raise Refusal(f"{path}: is no file any more")
+        file = opener(
+            _place(path, within),
+            "rb",
+            opener=lambda name, _: os.open(name, os.O_RDONLY | waits_not),
+        )
+        about = os.fstat(file.fileno())
+        if not stat.S_ISREG(about.st_mode):
+            file.close()
+            raise Refusal(f"{path}: is no file any more")
+        if about.st_size > large_byte:
+            return io.BufferedReader(file)
+        with io.BufferedReader(file) as whole:
             # No more than was found: a file that is being written to may have no end.
-            return file.read(about.st_size)
+            return whole.read(about.st_size)
     except OSError as error:
         raise Refusal(f"{path}: cannot be read: {error.strerror}") from None
 

@@ -19,7 +19,7 @@ def main(arguments=None) -> int:
     init.add_argument("folder")
     convert = commands.add_parser("convert", help="write a file as Battery Data Format")
     convert.add_argument("file")
-    convert.add_argument("--to", help="a path that ends in .csv or .parquet")
+    convert.add_argument("--to", help=f"a path that ends in {', '.join(interchange.MEDIA)}")
     options = parser.parse_args(arguments)
     try:
         for line in _lines(options):

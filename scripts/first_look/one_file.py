@@ -9,6 +9,7 @@ import cellwright as cw
 from cellwright import formats, gate
 from cellwright.records.kinds import likely_kinds
 from cellwright.refusal import Refusal
+from cellwright.series.joining import assemble
 
 PROBES = ("ambient_temperature_celsius", "surface_temperature_celsius")
 
@@ -37,18 +38,17 @@ def look(path, within=None) -> Look:
         Nothing can be read from it.
     """
     path = Path(path)
-    data = gate.contents(path, within=within)
-    reading = formats.read(data, name=path.name)
+    reading = formats.read(gate.content_at(path, within=within), name=path.name)
     if reading.kind == "impedance":
         return Look(path.name, reading, {}, {}, [("eis", "a spectrum")], "", reading.notes)
     try:
-        read = cw.read((path.name, data))
-        series = cw.clean(read.columns)
+        joined = assemble([reading])
+        series = cw.clean(joined.columns)
         steps = dict(cw.segment(series.columns).rows._asdict())
     except Refusal as reason:
         return Look(path.name, reading, {}, {}, [], str(reason), reading.notes)
     kinds = likely_kinds(steps, celsius_span=_celsius_span(series.columns))
-    notes = tuple(dict.fromkeys((*reading.notes, *read.notes, *series.notes)))
+    notes = tuple(dict.fromkeys((*joined.notes, *series.notes)))
     return Look(path.name, reading, dict(series.columns), steps, kinds, "", notes)
 
 

@@ -1,6 +1,8 @@
-"""Raw files of a test: read whole, held against the checksums of the sheet."""
+"""Raw files of a test, held against the checksums of the sheet; large ones are read in blocks."""
 
 import hashlib
+import io
+import os
 
 from cellwright import gate
 from cellwright.refusal import Refusal
@@ -16,8 +18,8 @@ def readable(files, largest_megabyte=None) -> list[str]:
     return [file for file in files if not gate.obstacle(file, CAMPAIGN, largest_megabyte)]
 
 
-def contents(files, sha256, largest_megabyte=None) -> list[tuple[str, bytes]]:
-    """(path, bytes) of each file of a test, in order.
+def contents(files, sha256, largest_megabyte=None) -> list[tuple]:
+    """(path, bytes, or of a large file the open file) of each file of a test, in order.
 
     Parameters
     ----------
@@ -53,12 +55,45 @@ def single(files, sha256, largest_megabyte=None) -> tuple[str, bytes]:
     return several[0]
 
 
-def _bytes(file, wanted, largest_megabyte) -> bytes:
-    data = gate.contents(file, within=CAMPAIGN, largest_megabyte=largest_megabyte)
+def _bytes(file, wanted, largest_megabyte):
+    data = gate.content_at(
+        file, within=CAMPAIGN, largest_megabyte=largest_megabyte, opener=_Unchanged
+    )
+    if not isinstance(data, bytes):
+        return _of_checksum(data, file, wanted)
     if not data:
         raise Refusal(f"{file}: the file is empty (0 bytes)")
     # Of the bytes that are used: a file may change between a look at it and its reading.
-    checksum = hashlib.sha256(data).hexdigest()
+    _refuse_other(file, hashlib.sha256(data).hexdigest(), wanted)
+    return data
+
+
+def _of_checksum(opened, file, wanted):
+    """The open file, of which what is read is what the checksum was made of."""
+    if wanted:
+        _refuse_other(file, hashlib.file_digest(opened, "sha256").hexdigest(), wanted)
+    opened.seek(0)
+    return opened
+
+
+def _refuse_other(file, checksum, wanted):
     if wanted and checksum != wanted.lower():
         raise Refusal(f"{file}: SHA-256 is {checksum}, tests.tsv says {wanted}")
-    return data
+
+
+class _Unchanged(io.FileIO):
+    """A file that is refused where it was written to since it was opened."""
+
+    def __init__(self, path):
+        super().__init__(path)
+        self.version = self._version()
+
+    def _version(self):
+        about = os.fstat(self.fileno())
+        return about.st_size, about.st_mtime_ns
+
+    def readinto(self, buffer):
+        found = super().readinto(buffer)
+        if not found and self._version() != self.version:
+            raise Refusal(f"{self.name}: the file was written to while it was read")
+        return found

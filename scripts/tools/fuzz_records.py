@@ -42,7 +42,9 @@ def case(seed):
         if changed is not None:
             break
     where = f"{entry[0].name} {entry[1]['cell']} {entry[2]['test']}"
-    beside = [e for e in own if e[1]["cell"] == entry[1]["cell"] and e[2]["test"] != entry[2]["test"]]
+    beside = [
+        e for e in own if e[1]["cell"] == entry[1]["cell"] and e[2]["test"] != entry[2]["test"]
+    ]
     others = [clean_outcome(other) for other in beside[:MOST_OTHERS]]
     return kind, *verdict(outcome_of(changed), clean, others, kind in BENIGN), where
 

@@ -1,5 +1,6 @@
 """Commands of a first look at files of a made-up laboratory."""
 
+import hashlib
 import json
 import os
 import re
@@ -11,6 +12,7 @@ import pytest
 import cellwright as cw
 from cellwright.records.kinds import likely_kinds
 from first_look.__main__ import main
+from runtime import artefact
 
 HOUR = 3600.0
 
@@ -119,15 +121,77 @@ def test_init_drafts_sheets_and_overwrites_none(tmp_path, capsys):
     assert "is there already; it is not overwritten" in capsys.readouterr().err
 
 
-def test_convert_writes_what_reads_back_equal(tmp_path, capsys):
+SERIES = ("test_time_second", "current_ampere", "voltage_volt")
+ONTOLOGY = "https://w3id.org/battery-data-alliance/ontology/battery-data-format#"
+
+
+@pytest.mark.parametrize("kind", ["csv", "csv.gz", "parquet", "feather", "arrow", "json"])
+def test_convert_writes_what_reads_back_equal(tmp_path, capsys, kind):
+    path, goal = tmp_path / "A7.csv", tmp_path / f"out.bdf.{kind}"
+    path.write_text(text_of(*RECORDS["capacity"]))
+    assert main(["convert", str(path), "--to", str(goal)]) == 0
+    before, after = cw.read(path), cw.read(goal)
+    for name in SERIES:
+        np.testing.assert_array_equal(after.columns[name], before.columns[name])
+    about = json.loads((tmp_path / "out.bdf.metadata.json").read_text())["extras"]["cellwright"]
+    assert about["instrument"] == "table"
+    assert about["current_is"] == "positive on charge"
+    assert about["source_sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert about["left_out_columns"] == ["charge_ampere_hour", "file_index"]  # both ours
+    told = json.loads((tmp_path / "out.bdf.jsonld").read_text())
+    terms = [one["schema:propertyID"] for one in told["schema:variableMeasured"]]
+    assert terms == [ONTOLOGY + name for name in SERIES]
+    sha256 = hashlib.sha256(goal.read_bytes()).hexdigest()
+    assert told["schema:distribution"]["schema:sha256"] == sha256
+    assert main(["convert", str(path), "--to", str(goal)]) == 1
+    assert "is there already; it is not overwritten" in capsys.readouterr().err
+
+
+def test_convert_keeps_every_column_that_the_format_has(tmp_path):
+    """Also of a group's channels; twice converted is converted once."""
+    time, current, voltage = RECORDS["capacity"]
+    frame = pd.DataFrame({"Test Time / s": time, "Current / A": current, "Voltage / V": voltage})
+    others = {
+        "Unix Time / s": 1.7e9 + time,
+        "Cycle Count / 1": 1,
+        "Step ID": 7,
+        "Step Count / 1": 3,
+        "Ambient Temperature / degC": 25.25,
+        "Temperature T1 / degC": 26.5,
+        "Temperature T2 / degC": 27.5,
+        "Net Capacity / Ah": np.cumsum(current) * 10 / HOUR,
+        "Branch 1 Current / A": current / 4,
+        "Cell 2 Voltage / V": voltage - 0.001,
+    }
+    path = tmp_path / "whole.bdf.csv"
+    frame.assign(**others).to_csv(path, index=False)
+    for source, goal in (("whole.bdf.csv", "once.bdf.parquet"), ("once.bdf.parquet", "two.csv")):
+        assert main(["convert", str(tmp_path / source), "--to", str(tmp_path / goal)]) == 0
+        before, after = cw.read(path).columns, cw.read(tmp_path / goal).columns
+        assert before.keys() == after.keys()
+        for name, values in before.items():
+            np.testing.assert_array_equal(after[name], values, name)
+    about = json.loads((tmp_path / "two.metadata.json").read_text())["extras"]["cellwright"]
+    assert about["not_in_the_ontology"] == ["Branch 1 Current / A", "Cell 2 Voltage / V"]
+
+
+def test_a_clean_series_of_the_results_is_an_export(tmp_path):
+    """It keeps its values, and what the artefact says of how it was made."""
+    time, current, voltage = RECORDS["capacity"]
+    raw = dict(zip(SERIES, (time, current, voltage), strict=True))
+    clean = cw.clean(raw | {"voltage_volt": np.where(time == 5000, np.nan, voltage)}).columns
+    path = tmp_path / "results" / "clean" / "A7" / "t.parquet"
+    artefact.write(path, clean, {"reason": None, "notes": ["a note"]})
+    assert main(["convert", str(path), "--to", str(tmp_path / "t.bdf.csv")]) == 0
+    again = cw.read(tmp_path / "t.bdf.csv").columns
+    for name in SERIES:
+        np.testing.assert_array_equal(again[name], clean[name])
+    about = json.loads((tmp_path / "t.bdf.metadata.json").read_text())["extras"]["cellwright"]
+    assert about["artefact"]["notes"] == ["a note"]
+
+
+def test_convert_refuses_a_name_it_cannot_write(tmp_path, capsys):
     path = tmp_path / "A7.csv"
     path.write_text(text_of(*RECORDS["capacity"]))
-    for goal in ("out.bdf.csv", "out.bdf.parquet"):
-        assert main(["convert", str(path), "--to", str(tmp_path / goal)]) == 0
-        before, after = cw.read(path), cw.read(tmp_path / goal)
-        for name in ("test_time_second", "current_ampere", "voltage_volt"):
-            np.testing.assert_allclose(after.columns[name], before.columns[name], rtol=1e-12)
-        about = json.loads((tmp_path / f"{goal}.json").read_text())
-        assert about["instrument"] == "table"
-        assert about["current_is"] == "positive on charge"
-    assert main(["convert", str(path), "--to", str(tmp_path / "out.bdf.csv")]) == 1
+    assert main(["convert", str(path), "--to", str(tmp_path / "A7.docx")]) == 1
+    assert "wanted a name that ends in .csv, .csv.gz, .parquet" in capsys.readouterr().err

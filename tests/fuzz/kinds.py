@@ -78,12 +78,16 @@ def _one_of(*factors):
 
 
 def _between(low, high):
-    return lambda rng: float(rng.uniform(low, high) if rng.random() < 0.5 else 1 / rng.uniform(low, high))
+    return lambda rng: float(
+        rng.uniform(low, high) if rng.random() < 0.5 else 1 / rng.uniform(low, high)
+    )
 
 
 def _offset(record, rng):
     largest = np.abs(record.columns[CURRENT]).max()
-    return record.having(current=record.columns[CURRENT] + rng.choice((-1, 1)) * largest * rng.uniform(0.02, 0.08))
+    return record.having(
+        current=record.columns[CURRENT] + rng.choice((-1, 1)) * largest * rng.uniform(0.02, 0.08)
+    )
 
 
 def _drifting_gain(record, rng):
@@ -103,7 +107,9 @@ def _rounded(record, rng):
 
 
 def _stuck(name):
-    return lambda record, rng: _at_block(record, rng, name, rng.uniform(0.03, 0.15), lambda v: v * 0 + v[0])
+    return lambda record, rng: _at_block(
+        record, rng, name, rng.uniform(0.03, 0.15), lambda v: v * 0 + v[0]
+    )
 
 
 def _dropped_out(record, rng):
@@ -236,7 +242,9 @@ def _cells_replaced(word):
 
 
 def _labels(**labels):
-    return lambda record, rng: record._replace(labels=record.labels | {SHORT[k]: v for k, v in labels.items()})
+    return lambda record, rng: record._replace(
+        labels=record.labels | {SHORT[k]: v for k, v in labels.items()}
+    )
 
 
 def _swapped(record, rng):
@@ -255,7 +263,9 @@ def _fact(name, change, of="cell"):
 
 def _cutoff(record, rng):
     name = CUTOFFS[int(rng.integers(2))]
-    return record._replace(cell=record.cell | {name: record.cell[name] + rng.choice((-0.2, -0.1, 0.1, 0.2))})
+    return record._replace(
+        cell=record.cell | {name: record.cell[name] + rng.choice((-0.2, -0.1, 0.1, 0.2))}
+    )
 
 
 def _sign_of_part(record, rng):
@@ -305,12 +315,16 @@ def _last_line_missing(record, rng):
 
 
 def _fine_rounding(record, rng):
-    return record.having(current=np.round(record.columns[CURRENT], 4), voltage=np.round(record.columns[VOLTAGE], 4))
+    return record.having(
+        current=np.round(record.columns[CURRENT], 4), voltage=np.round(record.columns[VOLTAGE], 4)
+    )
 
 
 def _in_milli(record, rng):
     columns = {CURRENT: "Current / mA", VOLTAGE: "Voltage / mV"}
-    scaled = record.having(current=record.columns[CURRENT] * 1e3, voltage=record.columns[VOLTAGE] * 1e3)
+    scaled = record.having(
+        current=record.columns[CURRENT] * 1e3, voltage=record.columns[VOLTAGE] * 1e3
+    )
     return scaled._replace(labels=record.labels | columns)
 
 

@@ -38,11 +38,16 @@ def entries():
         for row in _sheet(folder, "tests.tsv"):
             if row["kind"] not in KINDS_OF_TEST or row["cell"] not in cells or ";" in row["file"]:
                 continue
-            cell = {n: _number(cells[row["cell"]].get(n)) for n in ("rated_capacity_ampere_hour", *CUTOFFS)}
+            cell = {
+                n: _number(cells[row["cell"]].get(n))
+                for n in ("rated_capacity_ampere_hour", *CUTOFFS)
+            }
             if None in cell.values():
                 continue
             test = {"test": row["test"], "kind": row["kind"]}
-            test |= {n: _number(row.get(n)) for n in ("ambient_temperature_celsius", "soc", "cycle")}
+            test |= {
+                n: _number(row.get(n)) for n in ("ambient_temperature_celsius", "soc", "cycle")
+            }
             found.append((folder, {"cell": row["cell"], **cell}, test, row["file"]))
     return found
 

@@ -49,3 +49,20 @@ def test_a_spectrum_is_one_file():
     assert raw_files.single(["good.csv"], None)[1] == b"1,2\n"
     with pytest.raises(Refusal, match=r"2 files are joined \(good.csv;good.csv\)"):
         raw_files.single(["good.csv", "good.csv"], None)
+
+
+def test_a_large_file_is_handed_open_and_held_against_its_checksum(monkeypatch):
+    monkeypatch.setattr(raw_files, "LARGE", 2)
+    ((name, opened),) = raw_files.contents(["good.csv"], [hashlib.sha256(b"1,2\n").hexdigest()])
+    assert (name, opened.read()) == ("good.csv", b"1,2\n")
+    with pytest.raises(Refusal, match=r"good.csv: SHA-256 is .*, tests.tsv says 00"):
+        raw_files.contents(["good.csv"], ["00"])
+
+
+def test_a_large_file_that_grows_while_it_is_read_is_refused(monkeypatch, tmp_path):
+    monkeypatch.setattr(raw_files, "LARGE", 2)
+    ((_, opened),) = raw_files.contents(["good.csv"], None)
+    with (tmp_path / "good.csv").open("ab") as file:
+        file.write(b"3,4\n")
+    with pytest.raises(Refusal, match=r"good.csv: the file was written to while it was read"):
+        opened.read(100)

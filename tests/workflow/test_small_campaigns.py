@@ -1,6 +1,7 @@
 """Small campaigns (tests/campaigns): what is planned for which tests, and that it runs."""
 
 import csv
+import gzip
 import json
 import re
 import shutil
@@ -138,6 +139,33 @@ def test_a_simulator_of_the_users_is_asked_what_it_lacks(tmp_path):
     (short,) = [note for note in verdict["provenance"]["notes"] if "capacity_25C" in note]
     assert "raw/capacity_25C.csv: simulated from 0.01 to" in short
     assert "the test has rows from 0.01 to" in short
+
+
+def test_a_raw_file_that_grows_makes_its_own_series_again_and_no_other(tmp_path):
+    """A cycler writes on while the campaign is evaluated; another file is only touched."""
+    folder = copied("ocv_pulses_drive", tmp_path)
+    sheet = folder / "config/tests.tsv"
+    text = sheet.read_text(encoding="utf-8")
+    lines = {}
+    for test in ("capacity_25C", "hppc_25C"):
+        path = f"data/C5/{test}.bdf.csv.gz"
+        text = text.replace(path, f"{test}.csv")
+        lines[test] = gzip.decompress((ROOT / path).read_bytes()).splitlines(keepends=True)
+        rows = len(lines[test])
+        (folder / f"{test}.csv").write_bytes(b"".join(lines[test][: rows // 2]))
+    # A checksum would say that a file is to stay as it is.
+    sheet.write_text(re.sub(r"\b[0-9a-f]{64}\b", "", text), encoding="utf-8")
+    wanted = [f"results/segment/C5/{test}.parquet" for test in lines]
+    snakemake(folder, *wanted)
+    (folder / "capacity_25C.csv").write_bytes(b"".join(lines["capacity_25C"]))
+    (folder / "hppc_25C.csv").touch()
+    before = [(folder / path).stat().st_mtime_ns for path in wanted]
+    snakemake(folder, *wanted)
+    after = [(folder / path).stat().st_mtime_ns for path in wanted]
+    assert [a > b for a, b in zip(after, before, strict=True)] == [True, False]
+    assert len(pd.read_parquet(folder / wanted[0].replace("segment", "clean"))) > 0.9 * len(
+        lines["capacity_25C"]
+    )
 
 
 def test_a_path_of_a_simulation_outside_the_campaign_is_a_fault_of_the_sheet(tmp_path):

@@ -79,12 +79,15 @@ def read_simulated(source, *, name=None, largest_megabyte=FILES.largest_megabyte
 
 
 def _named_bytes(part, name, largest_megabyte):
-    """(name for messages, bytes) of a path, of bytes, or of (name, bytes)."""
+    """(name for messages, content) of a path, of bytes, or of (name, content).
+
+    A large file stays open and is read in blocks.
+    """
     if isinstance(part, bytes):
         return name or "the file", part
     if isinstance(part, tuple):
         return part
-    return str(part), gate.contents(part, largest_megabyte=largest_megabyte)
+    return str(part), gate.content_at(part, largest_megabyte=largest_megabyte)
 
 
 def clean(series, settings=None, *, cell=None, **changes):

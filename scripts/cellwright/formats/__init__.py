@@ -23,7 +23,8 @@ from cellwright.formats import (
     text_table,
     zahner,
 )
-from cellwright.formats.container import sight, unpacked
+from cellwright.formats.container import sight
+from cellwright.formats.content import Content, content_of, head_of, whole_of
 from cellwright.formats.fields import with_net_counter
 from cellwright.formats.physics import checked_impedance, checked_series
 from cellwright.formats.table import decoded
@@ -34,6 +35,8 @@ BINARIES = (zahner, matlab, outside.NewareBinary, outside.ArbinDatabase)
 MODULES = {module.NAME: module for module in (*TEXTS, *BINARIES)}
 TABLES = {form.name: form for form in makers.MAKERS}
 READERS = (*MODULES, *TABLES, makers.GENERIC.name)
+# Readers of texts of any length, which need not be in memory as a whole.
+IN_BLOCKS = {module.NAME for module in (bdf, arbin, bitrode, digatron, plett)}
 # What a format itself says of its current; where it says nothing, the data must tell.
 SIGN_RULE = dict.fromkeys(("bdf", "neware", "biologic", "novonix", "basytec"), "charge_positive")
 HEAD = 1 << 14
@@ -50,7 +53,7 @@ class Reading(NamedTuple):
 
 
 def read(
-    data: bytes,
+    data,
     *,
     name: str,
     instrument: str | None = None,
@@ -60,8 +63,9 @@ def read(
 
     Parameters
     ----------
-    data : bytes
-        The file as it lies there; gzip and Zstandard are unpacked.
+    data : bytes, or an open binary file that can be sought in
+        The file as it lies there; gzip and Zstandard are unpacked. A text in an open file is read
+        in blocks: no more of it is held than the columns.
     name : str
         What messages call the file.
     instrument : str, optional
@@ -122,15 +126,16 @@ def read_simulated(
 
 def _admitted(data, largest_megabyte):
     """The unpacked content, of a size and shape that readers can stand."""
-    content = unpacked(data, largest_megabyte)
-    if content.startswith(bdf.PARQUET):
-        bdf.refuse_large(content, largest_megabyte)
-    elif b"\0" not in content[:HEAD]:  # a text
-        gate.refuse_wide(content)
+    content = content_of(data, largest_megabyte)
+    head = head_of(content)
+    if head.startswith(bdf.PARQUET):
+        bdf.refuse_large(whole_of(content), largest_megabyte)
+    elif b"\0" not in head[:HEAD]:  # a text
+        gate.refuse_wide(head)
     return content
 
 
-def detect(data: bytes) -> str:
+def detect(data: bytes | Content) -> str:
     """Name of the reader that recognises the (unpacked) content.
 
     Raises
@@ -138,6 +143,7 @@ def detect(data: bytes) -> str:
     Refusal
         None does, or more than one; the message says what the file looks like, where known.
     """
+    data = head_of(data)
     head = data[:HEAD]
     text = decoded(head).replace("\r\n", "\n")
     found = [name for name, reader in MODULES.items() if reader.recognises(head)]
@@ -161,10 +167,10 @@ def _known(instrument: str) -> str:
     return instrument
 
 
-def _read(reader: str, data: bytes):
+def _read(reader: str, data: bytes | Content):
     """Columns of a file by the reader of a name, notes, and the sign that letters give it."""
     if reader in MODULES:
-        found = MODULES[reader].read(data)
+        found = MODULES[reader].read(data if reader in IN_BLOCKS else whole_of(data))
         return (*found, 0) if isinstance(found, tuple) else (found, (), 0)
     return text_table.read(TABLES.get(reader, makers.GENERIC), data)
 

@@ -10,6 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from cellwright.formats.content import Content, head_of, whole_of
+from cellwright.formats.dates import unix_time_second
 from cellwright.formats.fields import (
     SERIES,
     Field,
@@ -17,7 +19,15 @@ from cellwright.formats.fields import (
     known_fields,
     require,
 )
-from cellwright.formats.table import layout_of, line_of, read_numbers, unix_time_second
+from cellwright.formats.table import (
+    CHANNEL,
+    DELIMITERS,
+    layout_of,
+    line_of,
+    read_table,
+    refuse_channels,
+    unquoted,
+)
 from cellwright.formats.workbook import dates, is_workbook, numbers, sheets_of
 from cellwright.refusal import Refusal
 
@@ -39,7 +49,7 @@ MEANING = {
 SPELT = dict(zip(SERIES, ("Test_Time(s)", "Current(A)", "Voltage(V)"), strict=True))
 OWN = {"test time", "data point", "step index", "cycle index", "date time", "charge capacity"}
 DATES = ("%m/%d/%Y %H:%M:%S", "%Y-%m-%d %H:%M:%S", "%m/%d/%Y %I:%M:%S %p", "%m/%d/%Y %H:%M")
-CHANNEL = "Channel"  # begins the names of the sheets that hold readings
+CHANNEL_SHEET = "Channel"  # begins the names of the sheets that hold readings
 LABEL = re.compile(r"^(?P<base>[^()]+?)\s*(?:\((?P<unit>[^()]*)\))?$")
 
 
@@ -47,18 +57,21 @@ def recognises(head: bytes) -> bool:
     """A workbook, or at least three of the labels that only Arbin writes in the first line."""
     if is_workbook(head):
         return True
-    bases = {_base_and_unit(label.strip())[0] for label in line_of(head, 1).split(",")}
+    labels = re.split(f"[{DELIMITERS}]", line_of(head, 1))
+    bases = {_base_and_unit(unquoted(label))[0] for label in labels}
     return len(bases & OWN) >= 3 and not bases.isdisjoint({"test time", "current", "voltage"})
 
 
-def read(data: bytes) -> dict[str, np.ndarray]:
-    """Columns of an Arbin workbook or csv."""
-    return _of_workbook(data) if is_workbook(data) else _of_text(data)
+def read(data: bytes | Content) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Columns of an Arbin workbook or csv, and notes."""
+    if is_workbook(head_of(data)):
+        return _of_workbook(whole_of(data)), ()
+    return _of_text(data)
 
 
 def _of_workbook(data):
     """Columns of all channel sheets, one behind the other in the order of their clocks."""
-    sheets = sheets_of(data, lambda name: name.startswith(CHANNEL))
+    sheets = sheets_of(data, lambda name: name.startswith(CHANNEL_SHEET))
     parts = sorted((_of_sheet(sheet) for sheet in sheets), key=lambda p: p["test_time_second"][0])
     for before, after in pairwise(parts):
         end, start = before["test_time_second"][-1], after["test_time_second"][0]
@@ -86,9 +99,12 @@ def _of_text(data):
     layout = layout_of(data)
     fields = known_fields(layout.labels, meaning)
     require(fields, SERIES, SPELT)
-    date = [label for label in layout.labels if _is_date(label)]
-    found = read_numbers(data, layout, [field.label for field in fields], texts=date[:1])
-    return converted(found, fields) | _unix_time(found[date[0]] if date else None)
+    date = [label for label in layout.labels if _is_date(label)][:1]
+    channels = [x for x in layout.labels if re.fullmatch(CHANNEL, x, re.I)]
+    texts = [*date, *channels]
+    found, notes = read_table(data, layout, [field.label for field in fields], texts=texts)
+    refuse_channels(found, channels)
+    return converted(found, fields) | _unix_time(found[date[0]] if date else None), notes
 
 
 def _is_date(label):
@@ -103,7 +119,7 @@ def _unix_time(texts) -> dict[str, np.ndarray]:
     if texts is None:
         return {}
     try:
-        return {"unix_time_second": pc.cast(texts, pa.float64()).to_numpy(zero_copy_only=False)}
+        return {"unix_time_second": np.array(pc.cast(texts, pa.float64()).to_numpy(), float)}
     except pa.ArrowInvalid:
         seconds = unix_time_second(texts, DATES)
     return {} if seconds is None else {"unix_time_second": seconds}

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from cellwright.formats.table import Layout, line_of, read_numbers
+from cellwright.formats.table import Layout, line_of, read_table
 
 NAME = "bare_spectrum"
 NUMBER = rb"\s*[-+]?\d[\d.]*(?:[eE][-+]?\d+)?\s*"
@@ -27,7 +27,7 @@ def recognises(head: bytes) -> bool:
     return bool(np.all(steps > 0) or np.all(steps < 0)) and np.ptp(steps) < 0.1 * abs(steps[0])
 
 
-def read(data: bytes) -> dict[str, np.ndarray]:
-    """Frequency [Hz], real and imaginary part [ohm]."""
+def read(data: bytes) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Frequency [Hz], real and imaginary part [ohm], and notes."""
     delimiter = max(",;\t", key=line_of(data, 1).count)
-    return read_numbers(data, Layout(COLUMNS, delimiter, 1), COLUMNS)
+    return tuple(read_table(data, Layout(COLUMNS, delimiter, 1), COLUMNS))

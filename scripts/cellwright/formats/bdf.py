@@ -1,14 +1,19 @@
-"""Battery Data Format: csv or Parquet, labels `Quantity / unit` or `quantity_unit`.
+"""Battery Data Format 1.3: csv, Parquet, Arrow or JSON, labels `Quantity / unit` or names.
 
-Source: Battery Data Alliance, Battery Data Format; labels as in the campaign contract.
+Sources: Battery Data Alliance, Battery Data Format, ontology 1.3.0 of July 2026 (terms, units and
+alternative names); the campaign contract (channels of groups).
 """
 
 import re
+from contextlib import contextmanager
 
 import numpy as np
 
 from cellwright import gate
+from cellwright.formats.content import Content, head_of, whole_of
+from cellwright.formats.dates import clock_second
 from cellwright.formats.fields import (
+    COUNTERS,
     IMPEDANCE,
     SERIES,
     UNITS,
@@ -18,30 +23,50 @@ from cellwright.formats.fields import (
     known_fields,
     require,
 )
-from cellwright.formats.table import clock_second, layout_of, line_of, read_numbers
+from cellwright.formats.table import layout_of, line_of, read_table
 from cellwright.refusal import Refusal
 
 NAME = "bdf"
 SIMULATED = "Simulated Voltage / V"
-PARQUET = b"PAR1"
 DOUBLE_BYTE = 8
 EXAMPLE_ROWS = 100
+PARQUET, ARROW, JSON = b"PAR1", b"ARROW1", (b"{", b"[")
+SURFACE = "surface_temperature_celsius"
+# Quantities that the house uses. Of several that say the same thing, as the format means it, the
+# first one of this list is read, and the others are named as not read.
 MEANING = {
     "test time": ("test_time_second", "time"),
     "current": ("current_ampere", "current"),
     "voltage": ("voltage_volt", "voltage"),
     "unix time": ("unix_time_second", "time"),
+    "date time": ("unix_time_second", "time"),  # its name until 2025
     "ambient temperature": ("ambient_temperature_celsius", "temperature"),
-    "surface temperature": ("surface_temperature_celsius", "temperature"),
+    "surface temperature": (SURFACE, "temperature"),
+    "temperature t1": (SURFACE, "temperature"),
     "net capacity": ("net_capacity_ampere_hour", "charge"),
+    # Counters of a test never begin anew; those of a schedule, cycle or step do, which is seen.
     "charging capacity": ("charge_counter", "charge"),
     "discharging capacity": ("discharge_counter", "charge"),
+    "schedule charging capacity": ("charge_counter", "charge"),
+    "schedule discharging capacity": ("discharge_counter", "charge"),
+    "cycle charging capacity": ("charge_counter", "charge"),
+    "cycle discharging capacity": ("discharge_counter", "charge"),
+    "step charging capacity": ("charge_counter", "charge"),
+    "step discharging capacity": ("discharge_counter", "charge"),
+    "step id": ("step_index", "count"),
     "step index": ("step_index", "count"),
     "step count": ("step_count", "count"),
     "cycle count": ("cycle_count", "count"),
+    "cycle": ("cycle_count", "count"),  # `cycle_dimensionless`, until 2025
     "frequency": ("frequency_hertz", "frequency"),
     "real impedance": ("impedance_real_ohm", "impedance"),
     "imaginary impedance": ("impedance_imaginary_ohm", "impedance"),
+}
+OTHER_NAMES = {  # that the ontology gives beside the names themselves
+    "cycle charge capacity": "cycle charging capacity",
+    "cycle discharge capacity": "cycle discharging capacity",
+    "step charge capacity": "step charging capacity",
+    "step discharge capacity": "step discharging capacity",
 }
 SPELT = {
     "test_time_second": "Test Time / s",
@@ -57,43 +82,123 @@ OF_GROUP = {
     "cell": {"voltage": "volt", "temperature": "celsius"},
 }
 SPOKEN_UNIT = re.compile(rf"^(?P<base>.+)_(?P<word>{'|'.join(sorted(WORDS, key=len)[::-1])})$")
+# Units of the short names, such as test_time_s and current_A.
+SHORT = {"s": "s", "ms": "ms", "min": "min", "h": "h", "a": "A", "ma": "mA", "v": "V", "mv": "mV"}
+SHORT |= {"ah": "Ah", "mah": "mAh", "degc": "degC", "c": "degC", "k": "K", "1": "1"}
+SHORT_UNIT = re.compile(rf"^(?P<base>.+)_(?P<word>{'|'.join(SHORT)})$", re.I)
+BARE = ("step id", "step index", "step count", "cycle count")  # counts, which need no unit
+COUNTS = ("cycle_count", "step_count", "step_index")
+KEY = re.compile(rb'"((?:[^"\\]|\\.)*)"\s*:')
+# A step of program lasts some rows; a counter of rows grows from each row to the next.
+MOSTLY = 0.5
 
 
 def recognises(head: bytes) -> bool:
-    """A Parquet file, or a first line with one of the format's own labels."""
-    return head.startswith(PARQUET) or any(
-        field.column in SPELT for field in _fields(line_of(head, 1))
-    )
+    """A Parquet or Arrow file, or one of the format's own labels in a first line or as a key.
+
+    A short name is one only where the time is one too: others write `current_A`.
+    """
+    if head.startswith((PARQUET, ARROW)):
+        return True
+    if head.lstrip().startswith(JSON):
+        labels = [key.decode("utf-8", "replace") for key in KEY.findall(head)]
+    else:
+        labels = [label.strip().strip('"') for label in re.split(r"[,;\t]", line_of(head, 1))]
+    own = [field.column for field in map(_meaning, labels) if field and not _is_short(field)]
+    short = [field.column for field in map(_meaning, labels) if field]
+    return any(column in SPELT for column in own) or "test_time_second" in short
 
 
-def read(data: bytes) -> dict[str, np.ndarray]:
-    """Columns of a BDF file; a spectrum where it has a frequency, else a series."""
-    return _read(data, _meaning, _checked)
+def read(data: bytes | Content) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Columns of a BDF file, a spectrum where it has a frequency, else a series; and notes.
+
+    Raises
+    ------
+    Refusal
+        A column that is missing or said twice, text where a number belongs, a damaged file.
+    """
+    columns, notes, unread = _read(data, _meaning, _checked)
+    counter = columns.get("step_index")
+    if counter is not None and _is_record_counter(counter, unread["step_index"]):
+        del columns["step_index"]
+        notes.append(f"{unread['step_index']!r} counts the rows of a step: it is no step number")
+    for name in [name for name in COUNTS if columns.get(name, np.zeros(1, int)).dtype.kind != "i"]:
+        # Such as 2π, of software that takes the unit of a count for that of an angle.
+        notes.append(f"{name} is left out: {columns.pop(name)[0]:.6g} is no count")
+    if unread["labels"]:
+        notes.append(f"columns that are not read: {', '.join(unread['labels'])}")
+    return columns, tuple(notes)
 
 
-def read_simulated(data: bytes) -> dict[str, np.ndarray]:
+def _is_record_counter(counter, label):
+    """Whether `Step Index` is what its name means in version 1.3, a counter of rows.
+
+    Files from before, and those of campaigns, call the number of a step so.
+    """
+    named = _base_and_unit(label)[0] == "step index"
+    return named and len(counter) > 1 and np.mean(np.diff(counter) == 1) > MOSTLY
+
+
+def read_simulated(data: bytes | Content) -> dict[str, np.ndarray]:
     """Test time [s] and simulated voltage [V] of a BDF file: test_time_second, voltage_volt.
 
     The voltage is that of `Simulated Voltage / V`; `Voltage / V` in a file that has no current, and
     so is a simulator's own.
     """
-    return _read(data, _simulated_meaning, _checked_simulated)
+    return _read(data, _simulated_meaning, _checked_simulated)[0]
 
 
-def _read(data, meaning, checked) -> dict[str, np.ndarray]:
-    """Columns of a CSV or Parquet file: `meaning` knows the labels, `checked` the whole set."""
-    if data.startswith(PARQUET):
-        return _read_parquet(data, meaning, checked)
+def _read(data, meaning, checked):
+    """Columns of a file, notes, and what is not read: `meaning` knows labels, `checked` the set."""
+    head = head_of(data)
+    if head.startswith((PARQUET, ARROW)) or head.lstrip().startswith(JSON):
+        labels, numbers = _columns_of(whole_of(data))
+        fields = checked(_preferred(labels, meaning))
+        return converted(numbers(fields), fields), [], _unread(labels, fields)
     layout = layout_of(data)
-    fields = checked(known_fields(layout.labels, meaning))
+    fields = checked(_preferred(layout.labels, meaning))
     labels = [field.label for field in fields]
     clock = next((f.label for f in fields if f.column == "test_time_second"), None)
     if clock and re.search(r"\d:\d", line_of(data, layout.first_line)):  # a time as 0d 00:10:00.5
-        found = read_numbers(data, layout, [x for x in labels if x != clock], texts=[clock])
+        found, notes = read_table(data, layout, [x for x in labels if x != clock], texts=[clock])
         found[clock] = clock_second(found[clock])
     else:
-        found = read_numbers(data, layout, labels)
-    return converted(found, fields)
+        found, notes = read_table(data, layout, labels)
+    return converted(found, fields), [*notes], _unread(layout.labels, fields)
+
+
+def _preferred(labels, meaning):
+    """Known fields, one for each column of the house: of several quantities the preferred one."""
+    ranks = {base: rank for rank, base in enumerate(MEANING)}
+    best = {}
+    for label in dict.fromkeys(labels):
+        field = meaning(label)
+        if field is None:
+            continue
+        rank = ranks.get(_base_and_unit(label)[0], -1)
+        first = best.setdefault(field.column, (rank, []))
+        if rank < first[0]:
+            best[field.column] = (rank, [field])
+        elif rank == first[0]:
+            first[1].append(field)
+    _one_scope(best)
+    kept = {field.label: field for _, fields in best.values() for field in fields}
+    return known_fields(kept, kept.get)
+
+
+def _one_scope(best):
+    """Charge and discharge are counted from the same moments on, or neither is read."""
+    ranks = [best[name][0] for name in COUNTERS if name in best]
+    # Of one scope they stand side by side in MEANING.
+    if len(ranks) == 1 or (ranks and np.ptp(ranks) > 1):
+        for name in COUNTERS:
+            best.pop(name, None)
+
+
+def _unread(labels, fields):
+    read = {field.label for field in fields}
+    step = next((field.label for field in fields if field.column == "step_index"), "")
+    return {"labels": [x for x in dict.fromkeys(labels) if x and x not in read], "step_index": step}
 
 
 def _simulated_meaning(label: str) -> Field | None:
@@ -131,30 +236,42 @@ def refuse_large(data: bytes, largest_megabyte: float | None = None) -> None:
     gate.refuse_unpacked(held, len(data), largest_megabyte)
 
 
+def _columns_of(data: bytes):
+    """Labels of a Parquet, Arrow or JSON file, and a function, fields → numbers by label."""
+    if data.startswith(PARQUET):
+        return _of_parquet(data)
+    return _of_arrow(data) if data.startswith(ARROW) else _of_json(data)
+
+
 def _opened(data):
     import pyarrow as pa
     from pyarrow import parquet
 
-    try:
+    with _refused("Parquet"):
         return parquet.ParquetFile(pa.BufferReader(data))
-    except (pa.ArrowInvalid, OSError) as fault:
-        raise Refusal(f"the Parquet file is cut off or damaged: {fault}") from None
 
 
-def _read_parquet(data: bytes, meaning, checked) -> dict[str, np.ndarray]:
+def _of_parquet(data):
     import pyarrow as pa
 
     file = _opened(data)
-    fields = checked(known_fields(file.schema_arrow.names, meaning))
-    for field in fields:  # before they are read: texts may be of any length
-        kind = file.schema_arrow.field(field.label).type
-        if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
-            raise Refusal(f"column {field.label!r} holds {kind}{_example(file, field.label)}")
-    try:
-        found = file.read([field.label for field in fields])
-    except (pa.ArrowInvalid, OSError) as fault:
-        raise Refusal(f"the Parquet file is cut off or damaged: {fault}") from None
-    return converted({name: _numbers(found[name]) for name in found.column_names}, fields)
+
+    def numbers(fields):
+        for field in fields:  # before they are read: texts may be of any length
+            kind = file.schema_arrow.field(field.label).type
+            if not (_is_number(kind) or (pa.types.is_timestamp(kind) and field.quantity == "time")):
+                raise Refusal(f"column {field.label!r} holds {kind}{_example(file, field.label)}")
+        with _refused("Parquet"):
+            found = file.read([field.label for field in fields])
+        return {field.label: _numbers(field, found[field.label]) for field in fields}
+
+    return file.schema_arrow.names, numbers
+
+
+def _is_number(kind):
+    import pyarrow as pa
+
+    return pa.types.is_integer(kind) or pa.types.is_floating(kind)
 
 
 def _example(file, label):
@@ -165,23 +282,97 @@ def _example(file, label):
     return f"{example}; numbers are wanted"
 
 
-def _numbers(column) -> np.ndarray:
-    """One Parquet column [its unit] as float64, missing values NaN."""
+def _of_arrow(data):
     import pyarrow as pa
 
-    return column.cast(pa.float64()).to_numpy().astype(float)
+    with _refused("Arrow"):
+        table = pa.ipc.open_file(pa.BufferReader(data)).read_all()
+        # A damaged file may promise more numbers than it holds.
+        table.validate(full=True)
+        labels = table.column_names
+    return labels, lambda fields: {
+        field.label: _numbers(field, table[field.label]) for field in fields
+    }
+
+
+@contextmanager
+def _refused(kind):
+    """Refuse a file of a kind at which pyarrow fails; its names may be no text any more."""
+    import pyarrow as pa
+
+    try:
+        yield
+    except (pa.ArrowException, OSError, ValueError) as fault:
+        raise Refusal(f"the {kind} file is cut off or damaged: {fault}") from None
+
+
+def _numbers(field: Field, column) -> np.ndarray:
+    """One column of Parquet or Arrow [its unit] as float64, missing values NaN."""
+    import pyarrow as pa
+
+    if _is_number(column.type):
+        return column.cast(pa.float64(), safe=False).to_numpy().astype(float)
+    if pa.types.is_timestamp(column.type) and field.quantity == "time":
+        seconds = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy() / 1e9
+        return seconds / UNITS["time"][field.unit]
+    example = next((value for value in column.to_pylist() if value is not None), None)
+    raise Refusal(
+        f"column {field.label!r} holds {column.type}, such as {example!r}; numbers are wanted"
+    )
+
+
+def _of_json(data):
+    """Columns of a document: an object of lists, a list of rows, or a row a line."""
+    columns = _columns_of_json(_document(data))
+    lengths = {len(values) for values in columns.values()}
+    if len(lengths) > 1:
+        raise Refusal(f"columns of the JSON document have different lengths: {sorted(lengths)}")
+    return list(columns), lambda fields: {
+        field.label: _numbers_of_json(field.label, columns[field.label]) for field in fields
+    }
+
+
+def _document(data):
+    import json
+
+    try:
+        text = data.decode("utf-8-sig")
+        try:
+            return json.loads(text)
+        except json.JSONDecodeError as fault:
+            if not fault.msg.startswith("Extra data"):
+                raise
+            return [json.loads(line) for line in text.splitlines() if line.strip()]
+    except (ValueError, RecursionError) as fault:
+        raise Refusal(f"the JSON document is cut off or damaged: {fault}") from None
+
+
+def _columns_of_json(document):
+    rows = isinstance(document, list) and document
+    if rows and all(isinstance(row, dict) for row in document):
+        labels = dict.fromkeys(label for row in document for label in row)
+        return {label: [row.get(label) for row in document] for label in labels}
+    if isinstance(document, dict) and all(isinstance(v, list) for v in document.values()):
+        return document
+    raise Refusal("the JSON document is no table: a list of rows, or an object of lists, is wanted")
+
+
+def _numbers_of_json(label, values):
+    wrong = next((k for k, v in enumerate(values) if not _is_json_number(v)), None)
+    if wrong is not None:
+        found = f"found {values[wrong]!r}, a number is wanted"
+        raise Refusal(f"row {wrong + 1} of data: column {label!r}: {found}")
+    return np.array([np.nan if value is None else value for value in values], float)
+
+
+def _is_json_number(value):
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
 
 
 def _checked(fields: list[Field]) -> list[Field]:
     spectrum = any(field.column == "frequency_hertz" for field in fields)
     require(fields, IMPEDANCE if spectrum else SERIES, SPELT)
     return fields
-
-
-def _fields(header: str) -> list[Field]:
-    """Fields of a header whose delimiter is not known yet."""
-    labels = re.split(r"[,;\t]", header)
-    return [field for label in labels if (field := _meaning(label.strip().strip('"')))]
 
 
 def _meaning(label: str) -> Field | None:
@@ -191,18 +382,31 @@ def _meaning(label: str) -> Field | None:
         owner, number, quantity = numbered.groups()
         column = f"{owner}_{int(number)}_{quantity}_{OF_GROUP[owner][quantity]}"
         return Field(label, column, quantity, unit)
-    probe = re.fullmatch(r"surface temperature t(\d+)", base)
-    if probe:
-        number = "" if probe[1] == "1" else f"_{probe[1]}"
-        return Field(label, f"surface_temperature{number}_celsius", "temperature", unit)
+    probe = re.fullmatch(r"temperature t(\d+)", base)
+    if probe and probe[1] != "1":
+        return Field(label, f"surface_temperature_{probe[1]}_celsius", "temperature", unit)
     return Field(label, *MEANING[base], unit) if base in MEANING else None
 
 
 def _base_and_unit(label: str) -> tuple[str, str]:
+    """Quantity, as the ontology calls it, and unit of a label in any of its spellings."""
     base, slash, unit = label.rpartition(" / ")
     if slash:
-        return base.strip().lower(), unit.strip()
-    spoken = SPOKEN_UNIT.match(label)
-    if spoken and WORDS[spoken["word"]] in {u for units in UNITS.values() for u in units}:
-        return spoken["base"].replace("_", " "), WORDS[spoken["word"]]
-    return "", ""
+        base, unit = base.strip().lower(), unit.strip()
+    else:
+        spoken, short = SPOKEN_UNIT.match(label), SHORT_UNIT.match(label)
+        base, unit = label.replace("_", " ").strip().lower(), ""
+        if spoken:
+            base, unit = spoken["base"].replace("_", " ").lower(), WORDS[spoken["word"]]
+        elif short and base not in BARE:
+            base, unit = short["base"].replace("_", " ").lower(), SHORT[short["word"].lower()]
+        elif base not in BARE:
+            return "", ""
+    # T1 was called a surface temperature until version 1.3, which does not say where it lies.
+    base = re.sub(r"^surface (?=temperature t\d)", "", base)
+    return OTHER_NAMES.get(base, base), unit
+
+
+def _is_short(field):
+    """Whether a field's label is a short name, or has no unit at all."""
+    return " / " not in field.label and not SPOKEN_UNIT.match(field.label)

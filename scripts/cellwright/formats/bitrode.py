@@ -8,8 +8,9 @@ import re
 
 import numpy as np
 
+from cellwright.formats.content import Content
 from cellwright.formats.fields import SERIES, Field, converted, known_fields, require
-from cellwright.formats.table import Layout, layout_of, line_of, read_numbers
+from cellwright.formats.table import Layout, layout_of, line_of, read_table
 
 NAME = "bitrode"
 COLUMNS = (
@@ -38,16 +39,17 @@ def recognises(head: bytes) -> bool:
     return first.startswith("Exclude,Time") or bool(BARE_ROW.match(first))
 
 
-def read(data: bytes) -> dict[str, np.ndarray]:
-    """Columns of a Bitrode csv."""
+def read(data: bytes | Content) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Columns of a Bitrode csv, and notes."""
     layout = _layout(data)
     fields = known_fields(layout.labels, _meaning)
     require(fields, SERIES, SPELT)
-    columns = converted(read_numbers(data, layout, [field.label for field in fields]), fields)
+    found, notes = read_table(data, layout, [field.label for field in fields])
+    columns = converted(found, fields)
     counter, step = columns.pop(STEP_COUNTER, None), columns.get("step_index")
     if counter is None or step is None:
-        return columns
-    return columns | {"net_capacity_ampere_hour": _net(counter, step, columns)}
+        return columns, notes
+    return columns | {"net_capacity_ampere_hour": _net(counter, step, columns)}, notes
 
 
 # ASSUME: Where both a counter that goes on and one that began anew fit the currents at a change of
@@ -65,7 +67,7 @@ def _net(counter, step, columns):
     return np.concatenate([[0.0], np.cumsum(np.where(anew, counter[1:], moved))])
 
 
-def _layout(data: bytes) -> Layout:
+def _layout(data) -> Layout:
     if line_of(data, 1).startswith("Exclude"):
         return layout_of(data)
     # ASSUME: A Bitrode file without a header line has the columns and units of one with it.

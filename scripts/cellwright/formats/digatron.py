@@ -9,15 +9,16 @@ import re
 
 import numpy as np
 
+from cellwright.formats.content import Content, head_of, with_lines_changed
+from cellwright.formats.dates import clock_second, unix_time_second
 from cellwright.formats.fields import IMPEDANCE, SERIES, Field, converted, known_fields, require
 from cellwright.formats.table import (
     Layout,
-    clock_second,
     decoded,
     layout_of,
     line_of,
-    read_numbers,
-    unix_time_second,
+    offset_of,
+    read_table,
 )
 from cellwright.refusal import Refusal
 
@@ -48,15 +49,16 @@ def recognises(head: bytes) -> bool:
     return any(line_of(head, number).startswith("Measurement ID") for number in range(1, 6))
 
 
-def read(data: bytes) -> dict[str, np.ndarray]:
-    """Columns of a Digatron csv: a spectrum where it holds one, else a series."""
+def read(data: bytes | Content) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Columns of a Digatron csv, a spectrum where it holds one, else a series; and notes."""
     layout, units = _layout(data)
-    data = _without_messages(data)
+    begin = offset_of(data, layout.first_line)
+    data = with_lines_changed(data, begin, _without_messages)
     return (_spectrum if "Zreal1" in layout.labels else _series)(data, layout, units)
 
 
-def _layout(data: bytes) -> tuple[Layout, dict[str, str]]:
-    lines = decoded(data[: 1 << 16]).split("\n")
+def _layout(data) -> tuple[Layout, dict[str, str]]:
+    lines = decoded(head_of(data)[: 1 << 16]).split("\n")
     header = next((k for k, line in enumerate(lines, 1) if CLOCK in line), None)
     if header is None:
         raise Refusal(f"no line of names with {CLOCK!r}: the file ends within its header")
@@ -72,7 +74,7 @@ def _without_messages(data: bytes) -> bytes:
     )
 
 
-def _series(data: bytes, layout: Layout, units: dict[str, str]) -> dict[str, np.ndarray]:
+def _series(data, layout: Layout, units: dict[str, str]) -> tuple:
     fields = known_fields(
         layout.labels,
         lambda label: Field(label, *MEANING[label], units[label]) if label in MEANING else None,
@@ -80,24 +82,24 @@ def _series(data: bytes, layout: Layout, units: dict[str, str]) -> dict[str, np.
     fields = [Field(CLOCK, "test_time_second", "time", "s"), *fields]
     require(fields, SERIES, SPELT)
     labels = [field.label for field in fields[1:]]
-    found = read_numbers(data, layout, labels, texts=(CLOCK, DATE))
+    found, notes = read_table(data, layout, labels, texts=(CLOCK, DATE))
     seconds = unix_time_second(found.pop(DATE), DATES)
     found[CLOCK] = clock_second(found[CLOCK])
     dated = {} if seconds is None else {"unix_time_second": seconds}
-    return converted(found, fields) | dated
+    return converted(found, fields) | dated, notes
 
 
-def _spectrum(data: bytes, layout: Layout, units: dict[str, str]) -> dict[str, np.ndarray]:
+def _spectrum(data, layout: Layout, units: dict[str, str]) -> tuple:
     fields = [field for field in SPECTRUM if field.label in layout.labels]
     require(fields, IMPEDANCE, SPELT)
     probe = [label for label in layout.labels if re.fullmatch(r"Temp\d+", label)][:1]
     fields += [Field(label, "surface_temperature_celsius", "temperature", "C") for label in probe]
     wanted = [field.label for field in fields] + [p for p in PROOF if p in layout.labels]
-    found = read_numbers(data, layout, wanted)
+    found, notes = read_table(data, layout, wanted)
     measured = found["ActFreq"] > 0  # other rows of the file are rests and messages
     found = {label: values[measured] for label, values in found.items()}
     _refuse_other_unit(found)
-    return converted(found, fields)
+    return converted(found, fields), notes
 
 
 def _refuse_other_unit(found: dict[str, np.ndarray]) -> None:

@@ -44,20 +44,6 @@ def in_house_unit(values: np.ndarray, *, quantity: str, unit: str, label: str) -
     return values if factor == 1.0 and offset == 0.0 else values * factor + offset
 
 
-def net_capacity(charge_counter: np.ndarray, discharge_counter: np.ndarray) -> np.ndarray:
-    """Net charge put in, from two counters that only grow, but may start again from zero.
-
-    Parameters
-    ----------
-    charge_counter, discharge_counter : arrays [Ah]
-
-    Returns
-    -------
-    array [Ah], positive on charge whatever the sign of the file's current.
-    """
-    return _without_resets(charge_counter) - _without_resets(discharge_counter)
-
-
 def _without_resets(counter: np.ndarray) -> np.ndarray:
     """The magnitude of a counter, continued over its resets; some instruments count downwards."""
     magnitude = np.abs(counter)
@@ -143,10 +129,11 @@ def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarr
     if charge is None or discharge is None:
         return columns, 0
     current = columns["current_ampere"]
-    moves = [np.diff(_without_resets(counter), prepend=np.nan) for counter in (charge, discharge)]
+    charge, discharge = _without_resets(charge), _without_resets(discharge)
+    moves = [np.diff(counter, prepend=np.nan) for counter in (charge, discharge)]
     if np.nanmin(current, initial=0.0) >= 0 and all(np.nansum(move) > 0 for move in moves):
         columns["current_ampere"] = current = current * _directions(*moves)
-    columns[NET] = net_capacity(charge, discharge)
+    columns[NET] = charge - discharge
     return columns, counted_sign(columns)
 
 

@@ -9,8 +9,9 @@ import re
 
 import numpy as np
 
+from cellwright.formats.dates import unix_time_second
 from cellwright.formats.fields import SERIES, Field, converted, known_fields, require
-from cellwright.formats.table import Layout, line_of, read_numbers, unix_time_second
+from cellwright.formats.table import Layout, line_of, read_table
 from cellwright.refusal import Refusal
 
 NAME = "labview"
@@ -37,8 +38,8 @@ def recognises(head: bytes) -> bool:
     return line_of(head, 1).startswith(MARK)
 
 
-def read(data: bytes) -> dict[str, np.ndarray]:
-    """Columns of a LabVIEW measurement file of one segment.
+def read(data: bytes) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Columns of a LabVIEW measurement file of one segment, and notes.
 
     Raises
     ------
@@ -53,10 +54,11 @@ def read(data: bytes) -> dict[str, np.ndarray]:
     fields = known_fields(layout.labels, _meaning)
     require(fields, SERIES, SPELT)
     power = [label for label in layout.labels if _meaning_of(label)[0] == "power"]
-    found = read_numbers(data, layout, [field.label for field in fields] + power[:1])
+    labels = [field.label for field in fields]
+    found, notes = read_table(data, layout, labels + power[:1])
     columns = converted(found, fields)
     _refuse_other_power(columns, *(found[label] for label in power[:1]))
-    return columns | _unix_time(columns["test_time_second"], header)
+    return columns | _unix_time(columns["test_time_second"], header), notes
 
 
 def _header(data: bytes) -> tuple[dict[str, str], int]:

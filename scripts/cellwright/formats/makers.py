@@ -161,6 +161,7 @@ MAKERS = (
         },
         date=r"real time",
         dates=US_DATES,
+        channel=r"test|rack|shelf|position",
     ),
     Format(
         "gamry",

@@ -13,7 +13,7 @@ import numpy as np
 
 from cellwright.formats.arbin import SPELT, meaning
 from cellwright.formats.fields import SERIES, converted, known_fields, require
-from cellwright.formats.table import layout_of, read_numbers
+from cellwright.formats.table import layout_of, read_table
 from cellwright.formats.workbook import DAY_SECOND, EXCEL_EPOCH_DAY
 from cellwright.refusal import Refusal
 
@@ -47,7 +47,7 @@ class ArbinDatabase:
         fields = known_fields(layout.labels, meaning)
         require(fields, SERIES, SPELT)
         extra = [label for label in ("Test_ID", "Data_Point", "DateTime") if label in layout.labels]
-        found = read_numbers(text, layout, [*(field.label for field in fields), *extra])
+        found, _ = read_table(text, layout, [*(field.label for field in fields), *extra])
         tests = np.unique(found.get("Test_ID", np.zeros(1)))
         if len(tests) > 1:
             raise Refusal(f"the data base holds {len(tests)} tests; one test a file is wanted")

@@ -6,8 +6,9 @@ The format has no unit strings: it is second, ampere, volt and ampere-hour by it
 
 import numpy as np
 
+from cellwright.formats.content import Content
 from cellwright.formats.fields import SERIES, Field, converted, require
-from cellwright.formats.table import layout_of, line_of, read_numbers
+from cellwright.formats.table import layout_of, line_of, read_table
 
 NAME = "plett"
 FIELDS = (
@@ -25,9 +26,10 @@ def recognises(head: bytes) -> bool:
     return {"time", "chgAh", "disAh"} <= {label.strip() for label in line_of(head, 1).split(",")}
 
 
-def read(data: bytes) -> dict[str, np.ndarray]:
-    """Columns of a dynamic record."""
+def read(data: bytes | Content) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Columns of a dynamic record, and notes."""
     layout = layout_of(data)
     fields = [field for field in FIELDS if field.label in layout.labels]
     require(fields, SERIES, {field.column: field.label for field in FIELDS})
-    return converted(read_numbers(data, layout, [field.label for field in fields]), fields)
+    found, notes = read_table(data, layout, [field.label for field in fields])
+    return converted(found, fields), notes

@@ -1,14 +1,25 @@
-"""Delimited text as arrays of numbers, and date and clock texts as seconds."""
+"""Delimited text as arrays of numbers."""
 
-from collections.abc import Sequence
+import codecs
+import re
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.formats.content import BLOCK, Content, head_of, stream_from, with_lines_changed
 from cellwright.refusal import Refusal
 
 NO_NUMBER = ("", "NaN", "nan", "NA", "N/A", "null", "NULL")
 DELIMITERS = ",;\t"
+PIECE_ROWS = 1 << 20
+EXAMPLE = 1 << 15  # byte of rows by which a table's layout is told
+# Of columns that name the channel of each row, where a file may hold several.
+CHANNEL = r"(?:test|channel)[ _]?(?:id|index|number|no\.?)|channel"
+HIGH = re.compile(rb"[\x80-\xff]+")
+ASCII = bytes([*range(128), *b"?" * 128])
+WITH_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+WITH_POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?")
 
 
 class Layout(NamedTuple):
@@ -20,23 +31,40 @@ class Layout(NamedTuple):
     decimal_point: str = "."
 
 
+class Table(NamedTuple):
+    """Columns of a text by label, and notes on rows that were left out."""
+
+    columns: dict  # label → float64 array (missing numbers NaN), or pyarrow strings of `texts`
+    notes: tuple[str, ...]
+
+
 def decoded(data: bytes) -> str:
-    """Text of `data`: UTF-8, with or without its mark, else Latin-1, which instruments write."""
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
+    """Text of `data`: UTF-8 with or without its mark, GB 18030, or else Latin-1.
+
+    Instruments write the last two. Chinese characters are pairs of bytes above 0x7f, which those of
+    Western texts, such as that of a degree, hardly ever all are. The sign for a degree Celsius
+    that is one letter in Chinese texts is written as two.
+    """
+    pairs = all(len(run) % 2 == 0 for run in HIGH.findall(data))
+    for code in ("utf-8-sig", "gb18030") if pairs else ("utf-8-sig",):
+        try:
+            return data.decode(code).replace("\N{DEGREE CELSIUS}", "°C")
+        except UnicodeDecodeError:
+            continue
+    return data.decode("latin-1")
 
 
-def line_of(data: bytes, number: int) -> str:
+def line_of(data: bytes | Content, number: int) -> str:
     """Line `number` (1-based) of the file, without its end; empty beyond the last."""
+    data = head_of(data)
     start = offset_of(data, number)
     end = data.find(b"\n", start)
     return decoded(data[start : len(data) if end < 0 else end]).rstrip("\r")
 
 
-def offset_of(data: bytes, number: int) -> int:
+def offset_of(data: bytes | Content, number: int) -> int:
     """Position of the first byte of line `number` (1-based); the file's length beyond the last."""
+    data = head_of(data)
     position = 0
     for _ in range(number - 1):
         end = data.find(b"\n", position)
@@ -46,90 +74,244 @@ def offset_of(data: bytes, number: int) -> int:
     return position
 
 
-def layout_of(data: bytes, *, header_line: int = 1, units_lines: int = 0) -> Layout:
+def layout_of(data: bytes | Content, *, header_line: int = 1, units_lines: int = 0) -> Layout:
     """Layout of a file with its labels in `header_line`, data below it (and below its units)."""
     header = line_of(data, header_line)
     delimiter = max(DELIMITERS, key=header.count)
-    labels = tuple(label.strip().strip('"').strip() for label in header.split(delimiter))
+    labels = tuple(unquoted(label) for label in header.split(delimiter))
     first_line = header_line + 1 + units_lines
-    return _with_trailing_delimiter(data, Layout(labels, delimiter, first_line))
+    rows = first_rows(data, first_line)
+    layout = Layout(labels, delimiter, first_line, decimal_point_of(rows, delimiter))
+    return _with_trailing_delimiter(rows, layout)
 
 
-def _with_trailing_delimiter(data: bytes, layout: Layout) -> Layout:
+def unquoted(label: str) -> str:
+    """A label without blanks and quotation marks around it."""
+    return label.strip().strip('"').strip()
+
+
+def first_rows(data: bytes | Content, first_line: int) -> list[str]:
+    """The first lines of a table that hold something, to tell its layout by."""
+    begin = offset_of(data, first_line)
+    lines = decoded(head_of(data)[begin : begin + EXAMPLE]).split("\n")
+    whole = lines[:-1] if len(lines) > 1 else lines
+    return [line.rstrip("\r") for line in whole if line.strip()]
+
+
+def decimal_point_of(rows: Sequence[str], delimiter: str) -> str:
+    """The decimal point of a file: a comma where more cells of its first rows have one.
+
+    A number with the other one is then none, and is refused where it is read: a comma between
+    thousands is never taken for a decimal one beside numbers with a point.
+    """
+    if delimiter == ",":
+        return "."
+    cells = [unquoted(cell) for row in rows for cell in row.split(delimiter)]
+    commas, points = (sum(map(bool, map(x.fullmatch, cells))) for x in (WITH_COMMA, WITH_POINT))
+    return "," if commas > points else "."
+
+
+def _with_trailing_delimiter(rows: Sequence[str], layout: Layout) -> Layout:
     """The layout with one more, nameless field where rows end in a delimiter, the header not."""
-    row = line_of(data, layout.first_line).split(layout.delimiter)
+    row = rows[0].split(layout.delimiter) if rows else []
     if len(row) == len(layout.labels) + 1 and not row[-1].strip():
         return layout._replace(labels=(*layout.labels, ""))
     return layout
 
 
-def read_numbers(
-    data: bytes, layout: Layout, labels: Sequence[str], *, texts: Sequence[str] = ()
-) -> dict:
-    """Read the named columns of a delimited text.
+def read_table(
+    data: bytes | Content, layout: Layout, labels: Sequence[str], *, texts: Sequence[str] = ()
+) -> Table:
+    """Read the named columns of a delimited text, block by block.
 
     Parameters
     ----------
-    data : bytes
-        The whole file, unpacked.
+    data : bytes or Content
+        The file, unpacked.
     layout : Layout
     labels, texts : sequences of str
         Columns to read as numbers and as text; of equal labels the first in the file is read.
 
     Returns
     -------
-    dict
-        label → float64 array (missing numbers are NaN), or pyarrow string array for `texts`.
+    Table, without a last row that has too few fields: the file was cut off there, as a note says.
 
     Raises
     ------
     Refusal
-        No row, a row with another number of fields, text where a number belongs.
+        No row, another row with another number of fields, text where a number belongs.
     """
+    import pyarrow as pa
+
+    begin = offset_of(data, layout.first_line)
+    plain = data if _is_utf_8(head_of(data)[: 1 << 20]) else with_lines_changed(data, begin, _ascii)
+    try:
+        columns, odd, rows = _parsed(plain, begin, layout, labels, texts)
+    except pa.ArrowInvalid:
+        # pyarrow knows no other text than UTF-8, and cannot say which row is cut off in one.
+        try:
+            plain = with_lines_changed(data, begin, _ascii)
+            columns, odd, rows = _parsed(plain, begin, layout, labels, texts)
+        except pa.ArrowInvalid as fault:
+            raise _fault(data, layout, labels, str(fault)) from None
+    blank = [row.number for row in odd if not row.text.strip()]
+    odd = [row for row in odd if row.text.strip()]
+    before = rows + sum(number < row.number for row in odd[:1] for number in blank)
+    if not rows or len(odd) > 1 or (odd and not _is_cut_off(odd[0], before)):
+        raise _fault(data, layout, labels, "it has no row")
+    return Table(columns, tuple(_cut_off(row) for row in odd))
+
+
+def _is_utf_8(head):
+    """Whether the head of a file is UTF-8; its last letter may be cut."""
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def _ascii(data):
+    """Text with a question mark for each byte that is no ASCII: numbers have none."""
+    return data.translate(ASCII)
+
+
+def _parsed(data, begin, layout, labels, texts):
+    """Columns by label, rows that have another number of fields, and the number of good rows."""
     import pyarrow as pa
     from pyarrow import csv
 
-    body = pa.py_buffer(data).slice(offset_of(data, layout.first_line))
     place = {label: str(layout.labels.index(label)) for label in (*labels, *texts)}
     types = {place[label]: pa.float64() for label in labels}
     types |= {place[label]: pa.string() for label in texts}
-    try:
-        found = csv.read_csv(
-            pa.BufferReader(body),
-            csv.ReadOptions(column_names=[str(k) for k in range(len(layout.labels))]),
-            csv.ParseOptions(delimiter=layout.delimiter),
-            csv.ConvertOptions(
-                include_columns=list(types),
-                column_types=types,
-                null_values=list(NO_NUMBER),
-                decimal_point=layout.decimal_point,
-            ),
-        )
-    except pa.ArrowInvalid as fault:
-        raise _fault(data, layout, labels, str(fault)) from None
-    # A column of one block is the table's own memory, which must not be written to: that one alone
-    # is copied.
-    numbers = {label: np.require(found[place[label]].to_numpy(), float, "W") for label in labels}
-    return numbers | {label: found[place[label]].combine_chunks() for label in texts}
+    odd, rows = [], 0
+    pieces = {name: _Pieces(kind) for name, kind in types.items()}
+    reader = csv.open_csv(
+        stream_from(data, begin),
+        csv.ReadOptions(
+            column_names=[str(k) for k in range(len(layout.labels))],
+            block_size=BLOCK,
+            use_threads=False,
+        ),
+        csv.ParseOptions(
+            delimiter=layout.delimiter,
+            invalid_row_handler=lambda row: odd.append(row) or "skip",
+        ),
+        csv.ConvertOptions(
+            include_columns=list(types),
+            column_types=types,
+            null_values=list(NO_NUMBER),
+            decimal_point=layout.decimal_point,
+        ),
+    )
+    for block in reader:
+        rows += block.num_rows
+        for name in types:
+            pieces[name].add(block.column(name))
+    # One column after the other: what is joined is let go.
+    columns = {label: np.concatenate(pieces.pop(place[label]).all()) for label in labels if rows}
+    for label in texts:
+        columns[label] = pa.chunked_array(pieces.pop(place[label]).all(), pa.string())
+    return columns, odd, rows
 
 
-def _fault(data: bytes, layout: Layout, labels: Sequence[str], otherwise: str) -> Refusal:
+def refuse_channels(columns: Mapping, labels: Sequence[str]) -> None:
+    """Refuse a table in which a column (pyarrow strings) names several channels, with their names.
+
+    A column whose values never recur counts rows, whatever it is called.
+    """
+    for label in labels:
+        texts = columns[label]
+        names = dict.fromkeys(name.strip() for name in texts.unique().to_pylist() if name)
+        names.pop("", None)
+        if 1 < len(names) < len(texts):
+            some = ", ".join(list(names)[:5]) + ", …" * (len(names) > 5)
+            raise Refusal(
+                f"column {label!r} names {len(names)} channels ({some}): one channel a file is "
+                "wanted, export each by itself"
+            )
+
+
+class _Pieces:
+    """A column in pieces of a million rows, put together from the blocks that a text is read in.
+
+    Thousands of small blocks that are kept until the end take twice the memory of what is in them.
+    """
+
+    def __init__(self, kind):
+        import pyarrow as pa
+
+        self.join = pa.concat_arrays if kind == pa.string() else np.concatenate
+        self.pieces, self.blocks, self.rows = [], [], 0
+
+    def add(self, block):
+        """Keep a block of the column (a pyarrow array)."""
+        numbers = self.join is np.concatenate
+        self.blocks.append(block.to_numpy(zero_copy_only=False) if numbers else block)
+        self.rows += len(block)
+        if self.rows >= PIECE_ROWS:
+            self._close()
+
+    def _close(self):
+        if self.blocks:
+            self.pieces.append(self.join(self.blocks))
+        self.blocks, self.rows = [], 0
+
+    def all(self):
+        """The pieces, which are no longer kept."""
+        self._close()
+        return self.pieces
+
+
+def _is_cut_off(row, rows):
+    """Whether a row that does not fit is the last of the table, and too short."""
+    return row.actual_columns < row.expected_columns and row.number == rows + 1
+
+
+def _cut_off(row):
+    fields = f"{row.actual_columns} of {row.expected_columns} fields"
+    return f"the last row is cut off ({fields}) and was left out"
+
+
+def _fault(data, layout: Layout, labels: Sequence[str], otherwise: str) -> Refusal:
     """The first faulty line and what is wrong with it; slow, and only called where one is."""
     import csv
 
-    lines = decoded(data[offset_of(data, layout.first_line) :]).splitlines()
-    if not any(line.strip() for line in lines):
+    stream = stream_from(data, offset_of(data, layout.first_line))
+    lines = (decoded(line) for line in _lines(stream))
+    filled = 0
+
+    def counted():
+        nonlocal filled
+        for line in lines:
+            filled += bool(line.strip())
+            yield line.replace("\0", "\ufffd")  # which the module of the library stops at
+
+    rows = csv.reader(counted(), delimiter=layout.delimiter)
+    try:
+        faults = (_row_fault(layout, labels, row) for row in rows)
+        number, fault = next(
+            ((k, fault) for k, fault in enumerate(faults, layout.first_line) if fault), (0, "")
+        )
+    except csv.Error as error:
+        number, fault = 0, ""
+        otherwise = str(error)
+    if not filled:
         return Refusal("the file has a header and no row of data")
-    rows = csv.reader(lines, delimiter=layout.delimiter)
-    faults = (_row_fault(layout, labels, row) for row in rows)
-    number, fault = next(
-        ((k, fault) for k, fault in enumerate(faults, layout.first_line) if fault), (0, "")
-    )
     return Refusal(f"line {number}: {fault}" if fault else f"not a readable table: {otherwise}")
 
 
+def _lines(stream):
+    """Lines of a readable of bytes."""
+    rest = b""
+    while block := stream.read(BLOCK):
+        *lines, rest = (rest + block).split(b"\n")
+        yield from lines
+    yield rest
+
+
 def _row_fault(layout: Layout, labels: Sequence[str], row: list[str]) -> str:
-    if not row:  # an empty line is no row
+    if len(row) < 2 and not "".join(row).strip():  # an empty line is no row
         return ""
     if len(row) != len(layout.labels):
         return (
@@ -137,64 +319,18 @@ def _row_fault(layout: Layout, labels: Sequence[str], row: list[str]) -> str:
             "the row is cut off or damaged"
         )
     cells = ((label, row[layout.labels.index(label)].strip()) for label in labels)
-    point = layout.decimal_point
-    wrong = next(((n, cell) for n, cell in cells if not _is_number(cell.replace(point, "."))), None)
+    wrong = next(((n, c) for n, c in cells if not is_number(c, layout.decimal_point)), None)
     return f"column {wrong[0]!r}: found {wrong[1]!r}, a number is wanted" if wrong else ""
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str, decimal_point: str = ".") -> bool:
+    """Whether a cell is a number, or says that there is none."""
     if cell in NO_NUMBER:
         return True
+    if decimal_point != ".":
+        cell = cell.replace(".", "x").replace(decimal_point, ".")
     try:
         np.float64(cell)
     except ValueError:
         return False
     return True
-
-
-CLOCK = (
-    r"^\s*(?:(?P<day>\d+)\s*d\s+)?"
-    r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+(?:\.\d+)?)\s*$"
-)
-
-
-def unix_time_second(texts, formats: Sequence[str]) -> np.ndarray | None:
-    """Seconds since 1970 of date texts (a pyarrow string array) in the first format that fits all.
-
-    The instrument's local time is taken as it stands: only differences are used. None where no
-    format fits, for a date that cannot be read is no date.
-    """
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    texts = pc.utf8_trim_whitespace(texts)
-    fraction = pc.extract_regex(texts, r"(?P<part>\.\d+)$")
-    whole = pc.replace_substring_regex(texts, r"\.\d+$", "")
-    for form in formats:
-        try:
-            seconds = pc.strptime(whole, format=form, unit="s").cast(pa.int64())
-        except pa.ArrowInvalid:
-            continue
-        part = pc.fill_null(pc.cast(pc.struct_field(fraction, "part"), pa.float64()), 0.0)
-        return seconds.to_numpy(zero_copy_only=False).astype(float) + part.to_numpy()
-    return None
-
-
-def clock_second(texts) -> np.ndarray:
-    """Seconds of texts hh:mm:ss.mmm, hours beyond 24, or 2d hh:mm:ss; NaN where one is none."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    parts = pc.extract_regex(texts, CLOCK)
-    day, hour, minute, second = (
-        pc.cast(_or_zero(pc.struct_field(parts, name)), pa.float64()).to_numpy(zero_copy_only=False)
-        for name in ("day", "hour", "minute", "second")
-    )
-    return day * 86400 + hour * 3600 + minute * 60 + second
-
-
-def _or_zero(texts):
-    """Texts with "0" in place of what a pattern found blank."""
-    import pyarrow.compute as pc
-
-    return pc.if_else(pc.equal(texts, ""), "0", texts)

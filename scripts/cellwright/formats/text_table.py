@@ -1,16 +1,23 @@
 """One engine for instruments' tables of text: where the table begins, what its columns mean."""
 
+import csv
 import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.formats.content import (
+    Content,
+    head_of,
+    whole_of,
+    with_lines_changed,
+)
+from cellwright.formats.dates import clock_second, unix_time_second
 from cellwright.formats.fields import (
     IMPEDANCE,
     NET,
     SERIES,
-    UNITS,
     Field,
     converted,
     known_fields,
@@ -18,13 +25,17 @@ from cellwright.formats.fields import (
 )
 from cellwright.formats.physics import SAME_CLOCK, date_slopes
 from cellwright.formats.table import (
+    CHANNEL,
     DELIMITERS,
     Layout,
-    clock_second,
+    decimal_point_of,
+    first_rows,
+    is_number,
     line_of,
     offset_of,
-    read_numbers,
-    unix_time_second,
+    read_table,
+    refuse_channels,
+    unquoted,
 )
 from cellwright.refusal import Refusal
 
@@ -70,6 +81,7 @@ class Format(NamedTuple):
     state, signs : pattern of the column of letters, and letter → sign of a current that is written
         as a magnitude. A letter that is not among them goes with a current of zero.
     date, dates : pattern of the column of dates, and how they may be written.
+    channel : pattern of columns that name the channel of a row: several are refused.
     units_taken : labels may go without a unit; that those of `columns` are taken is then noted.
     """
 
@@ -91,20 +103,21 @@ class Format(NamedTuple):
     date: str = ""
     dates: tuple[str, ...] = ()
     units_taken: bool = False
+    channel: str = CHANNEL
 
 
 def recognises(form: Format, head: str) -> bool:
     """Whether the text of a file's head is one of this maker's."""
-    return re.search(form.mark, head, re.M) is not None
+    return any(re.search(form.mark, text, re.M) for text in (head, head.replace('"', "")))
 
 
-def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str], int]:
+def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], list[str], int]:
     """Columns of a table in the house's names and units, and notes on what was left out.
 
     Parameters
     ----------
     form : Format
-    data : the whole file, unpacked, in UTF-8 or Latin-1.
+    data : the file, unpacked, in UTF-8, GB 18030 or Latin-1.
 
     Returns
     -------
@@ -118,7 +131,7 @@ def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str], i
         No labels, a column that is missing or said twice, a row that is damaged, text where a
         number belongs, a clock whose unit nothing says, a current under a letter without a sign.
     """
-    data, layout, notes = _table(form, data)
+    data, layout = _table(form, data)
     fields = known_fields(layout.labels, lambda label: meaning_of(form, label))
     spectrum = any(field.column == "frequency_hertz" for field in fields)
     wanted = IMPEDANCE if spectrum else SERIES
@@ -126,20 +139,28 @@ def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str], i
     require(named, wanted, SPELT)
     if spectrum:  # what a spectrum's file says of the voltage and current at each frequency
         fields = [f for f in fields if f.column.removeprefix("minus_") in IMPEDANCE]
-        return _spectrum(converted(_numbers(data, layout, fields, []), fields)), notes, 0
+        found = read_table(data, layout, [field.label for field in fields])
+        return _spectrum(converted(found.columns, fields)), list(found.notes), 0
     bare = [f"{f.label} in {f.unit}" for f in fields if f.column in SERIES and _is_bare(form, f)]
+    notes = []
     if bare:
         notes.append(f"labels without a unit are taken as it is usual: {', '.join(bare)}")
-    times = [field for field in fields if field.quantity == "time"]
+    written = [f for f in fields if f.quantity == "time" and _is_written(data, layout, f.label)]
     state = next((x for x in layout.labels if _is(form.state, x)), None)
     date = next((x for x in layout.labels if _is(form.date, x)), None)
-    texts = [*(f.label for f in times), *filter(None, (state, date))]
-    others = [field for field in fields if field.quantity != "time"]
-    found = _numbers(data, layout, others, texts)
-    columns = converted(found, others)
+    channels = [label for label in layout.labels if _is(form.channel, label)]
+    texts = [*(f.label for f in written), *filter(None, (state, date)), *channels]
+    others = [field for field in fields if field not in written]
+    found, more = read_table(data, layout, [field.label for field in others], texts=texts)
+    refuse_channels(found, channels)
     unix = unix_time_second(found[date], form.dates) if date else None
-    for field in times:
-        columns[field.column], seen = _seconds(form, field, found[field.label], unix)
+    for place, field in enumerate(others):
+        if field.quantity == "time" and field.unit == NOT_SAID:
+            said = _unit_by_dates(form, field, found[field.label], unix)
+            others[place] = field._replace(unit=said)
+    columns = converted(found, others)
+    for field in written:
+        columns[field.column], seen = _seconds(form, field, found[field.label])
         unix = seen if unix is None else unix
     columns |= {} if unix is None else {"unix_time_second": unix}
     if state:
@@ -147,64 +168,77 @@ def read(form: Format, data: bytes) -> tuple[dict[str, np.ndarray], list[str], i
     filled = np.any([np.isfinite(columns[name]) for name in SERIES], axis=0)
     if not filled.all():  # rows of nothing but delimiters, as spreadsheets leave them at the end
         columns = {name: values[filled] for name, values in columns.items()}
+    notes += more
     return _with_counters(_without_dead(columns, notes)), notes, int(state is not None)
 
 
 def _table(form, data):
-    """The rows of the table with their layout, and notes.
+    """The file with its rows made regular, and their layout.
 
     Lines that are no rows are made blank, not taken away: messages count the file's own lines.
     """
-    head = data[:HEAD].decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
+    head = head_of(data)[:HEAD].decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
     found = re.search(form.header, head, re.M)
+    if not found:  # where every label stands between quotation marks
+        head = head.replace('"', "")
+        found = re.search(form.header, head, re.M)
     if not found:
         raise Refusal(f"a file of {form.title} without the line of its columns' names")
     number = head.count("\n", 0, found.start()) + 1 + form.header_lines
     first = number + 1 + form.units_lines
     header = line_of(data, number)
-    rows = data[offset_of(data, first) :].split(b"\n")
-    if header.startswith('"') and header.endswith('"') and '","' not in header:
-        header, rows = header[1:-1], [row.replace(b'"', b"") for row in rows]  # quoted as a whole
-    rows = _readings(form, rows, header)
-    filled = next((row for row in rows if row.strip()), b"").decode("latin-1").rstrip("\r")
+    quoted = header.startswith('"') and header.endswith('"') and header.count('"') == 2
+    header = header[1:-1] if quoted else header
+    change = _change_of(form, header, quoted)
+    if form.end:  # where a table ends is not to be seen in a part of it: such files are short
+        data = whole_of(data)
+    if change:
+        data = with_lines_changed(data, offset_of(data, first), change)
+    rows = first_rows(data, first)
+    filled = rows[0] if rows else ""
     delimiter = form.delimiter or max(DELIMITERS, key=(filled if form.labels else header).count)
-    labels = form.labels or tuple(x.strip().strip('"').strip() for x in header.split(delimiter))
-    width = filled.count(delimiter) + 1
+    labels = form.labels or tuple(unquoted(x) for x in header.split(delimiter))
+    width = _width(filled, delimiter)
     labels = labels[:width] if form.short_rows else labels
-    labels, notes = _even(rows, labels, delimiter, width=width)
-    decimal = "," if delimiter != "," and re.search(r"\d,\d", filled) else "."
-    return b"\n" * (first - 1) + b"\n".join(rows), Layout(labels, delimiter, first, decimal), notes
-
-
-def _readings(form, rows, header):
-    """Lines of the table that are readings, blank in place of others."""
-    if form.end:
-        end = re.compile(form.end.encode())
-        rows = rows[: next((k for k, row in enumerate(rows) if end.match(row)), len(rows))]
-    if form.rows_begin and header.startswith(form.rows_begin.decode()):
-        return [row if row.startswith(form.rows_begin) else b"" for row in rows]
-    if form.rows_are:
-        pattern = re.compile(form.rows_are.encode())
-        return [row if pattern.match(row) else b"" for row in rows]
-    return rows
-
-
-def _even(rows, labels, delimiter, *, width):
-    """Labels for as many fields as rows have; a last row that is cut off is blanked, and told."""
     if width == len(labels) + 1:
         labels = (*labels, "")
     elif width == len(labels) - 1 and not labels[-1]:
         labels = labels[:-1]
-    last = next((k for k in range(len(rows) - 1, -1, -1) if rows[k].strip()), 0)
-    fields = rows[last].count(delimiter.encode()) + 1 if rows else width
-    if last and fields < width:
-        rows[last] = b""
-        return labels, [f"the last row is cut off ({fields} of {width} fields) and was left out"]
-    return labels, []
+    return data, Layout(labels, delimiter, first, decimal_point_of(rows, delimiter))
 
 
-def _numbers(data, layout, fields, texts):
-    return read_numbers(data, layout, [field.label for field in fields], texts=texts)
+def _width(row, delimiter):
+    """Number of fields of a row, in which a delimiter between quotation marks is none."""
+    return len(next(csv.reader([row], delimiter=delimiter), [""]))
+
+
+def _change_of(form, header, quoted):
+    """What is done to the lines below the labels (function, bytes → bytes); None for nothing."""
+    begin = form.rows_begin if header.startswith(form.rows_begin.decode()) else b""
+    pattern = re.compile(form.rows_are.encode()) if form.rows_are else None
+    end = re.compile(form.end.encode()) if form.end else None
+    if not (quoted or begin or pattern or end):
+        return None
+
+    def change(data):
+        rows = (data.replace(b'"', b"") if quoted else data).split(b"\n")
+        if end:
+            rows = rows[: next((k for k, row in enumerate(rows) if end.match(row)), len(rows))]
+        if begin:
+            rows = [row if row.startswith(begin) else b"" for row in rows]
+        elif pattern:
+            rows = [row if pattern.match(row) else b"" for row in rows]
+        return b"\n".join(rows)
+
+    return change
+
+
+def _is_written(data, layout, label):
+    """Whether a time is written as a date or clock: its first cell is no number."""
+    place = layout.labels.index(label)
+    rows = csv.reader(first_rows(data, layout.first_line), delimiter=layout.delimiter)
+    cells = (row[place].strip() for row in rows if len(row) > place)
+    return not is_number(next(filter(None, cells), ""), layout.decimal_point)
 
 
 def _is(pattern, label):
@@ -231,59 +265,26 @@ def _is_bare(form, field):
     return parts.groupdict().get("unit") is None
 
 
-def _seconds(form, field, texts, unix):
-    """Elapsed time [s], and the dates [s since 1970] where the clock itself is one."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
+def _seconds(form, field, texts):
+    """Elapsed time [s] of a clock or of dates, and of dates the seconds since 1970."""
     example = next((text for text in texts[:20].to_pylist() if text), "")
     if CLOCKED.match(example):
         return clock_second(texts), None
-    texts = pc.if_else(pc.equal(texts, ""), None, texts)
-    try:
-        numbers = pc.cast(pc.utf8_trim_whitespace(texts), pa.float64())
-    except pa.ArrowInvalid:
-        numbers = _decimal_commas(texts)
-    if numbers is not None:
-        values = np.array(numbers.to_numpy(zero_copy_only=False), float)
-        return values * _factor(form, field, values, unix), None
     dates = unix_time_second(texts, form.dates)
     if dates is None:
-        wrong = next((x for x in texts.to_pylist() if x and not _is_number(x)), example)
-        raise Refusal(f"column {field.label!r}: found {wrong!r}, a time is wanted")
+        raise Refusal(f"column {field.label!r}: found {example!r}, a time is wanted")
     return dates - dates[0], dates
 
 
-def _is_number(text):
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
-
-
-def _decimal_commas(texts):
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    try:
-        dotted = pc.replace_substring(pc.utf8_trim_whitespace(texts), ",", ".")
-        return pc.cast(dotted, pa.float64())
-    except pa.ArrowInvalid:
-        return None
-
-
-def _factor(form, field, values, unix):
-    """Seconds a unit of the clock; of a clock that does not say it, by the dates."""
-    if field.unit in UNITS["time"]:
-        return UNITS["time"][field.unit]
+def _unit_by_dates(form, field, values, unix):
+    """Unit of a clock that does not say it, by the dates."""
     moved = np.ptp(values[np.isfinite(values)]) if np.isfinite(values).any() else 0.0
     # Dates are written to the second: a minute of them tells the unit to within 2 %.
     if unix is not None and moved > 0:
         slope = np.nanmedian(date_slopes(values, unix))
-        for factor in CLOCK_UNITS:
+        for factor, unit in CLOCK_UNITS.items():
             if abs(slope / factor - 1) <= SAME_CLOCK:
-                return factor
+                return unit
     raise Refusal(
         f"column {field.label!r} of a {form.title} file does not say its unit, and no dates tell "
         "it: export it with a unit, such as seconds"
@@ -292,10 +293,11 @@ def _factor(form, field, values, unix):
 
 def _signed(form, current, letters):
     """Current [A], positive on charge, from magnitudes and the letters of the steps."""
-    names = np.array([str(x).strip() for x in letters.to_pylist()])
-    signs = np.zeros(len(names))
-    for name in np.unique(names):
-        rows = names == name
+    coded = letters.combine_chunks().dictionary_encode()
+    codes = coded.indices.to_numpy()
+    signs = np.zeros(len(codes))
+    for code, written in enumerate(coded.dictionary.to_pylist()):
+        name, rows = written.strip(), codes == code
         if name not in form.signs and np.any(np.abs(current[rows]) > 0):
             known = ", ".join(form.signs)
             where = int(np.flatnonzero(rows & (np.abs(current) > 0))[0]) + 1

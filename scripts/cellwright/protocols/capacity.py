@@ -247,10 +247,14 @@ def _against_record(half, columns, steps, limits, doubt):
     if half.sign * (end - limit) > BEYOND_VOLT:
         said.append(f"its load goes on to {end:.3f} V, beyond the stated cut-off of {limit:g} V")
     if drift := _drift(current, steps, _main_load(half, steps)[0]):
-        said.append(f"its current drifts from {drift[0]:.4g} to {drift[1]:.4g} A: a tester holds it")
+        said.append(
+            f"its current drifts from {drift[0]:.4g} to {drift[1]:.4g} A: a tester holds it"
+        )
     left = abs(float(current[-1]))
     if half.last_row == len(current) - 1 and steps.cv_first_row[half.loads[-1]] >= 0:
-        said += [f"the record ends inside the hold, at {left:.3g} A"] * _unfinished(left, half, steps)
+        said += [f"the record ends inside the hold, at {left:.3g} A"] * _unfinished(
+            left, half, steps
+        )
     return [words for words in said if words]
 
 
@@ -261,7 +265,9 @@ def _drift(current, steps, step):
     size = np.abs(current[first + 1 : end - 1])  # first and last row may hold the edges
     if len(size) < LEAST_DRIFT_ROWS:
         return None
-    begun, ended = (float(np.median(part)) for part in (size[: len(size) // 8], size[-len(size) // 8 :]))
+    begun, ended = (
+        float(np.median(part)) for part in (size[: len(size) // 8], size[-len(size) // 8 :])
+    )
     return (begun, ended) if abs(ended - begun) > DRIFT_SHARE * max(begun, ended) else None
 
 
@@ -284,7 +290,9 @@ def _unfinished(left, half, steps):
 def _against_partner(half, off):
     """That the other half of a cycle moves another charge, in words."""
     other = NAMES[-half.sign]
-    said = f"the {other} of its cycle moves another charge: {off:.2g} Ah more than their ends explain"
+    said = (
+        f"the {other} of its cycle moves another charge: {off:.2g} Ah more than their ends explain"
+    )
     return [said] * (off > 0)
 
 

@@ -68,7 +68,9 @@ def _alike(rows):
     """Numbers of rows of one cell, direction, delay, check-up and temperature."""
     cells = {}
     for number, row in enumerate(rows):
-        cells.setdefault((row["cell"], row["direction"], row.get("delay_second")), []).append(number)
+        cells.setdefault((row["cell"], row["direction"], row.get("delay_second")), []).append(
+            number
+        )
     found = []
     for members in cells.values():
         ages = checkups_of([rows[k]["cycle"] for k in members])
@@ -126,8 +128,9 @@ def _is_number(*values):
 
 def _resistances(row, other):
     """What another pulse resistance says against one, at the same SoC and delay."""
-    socs, delays = (row["soc"], other["soc"]), sorted(
-        one["actual_delay_second"] for one in (row, other)
+    socs, delays = (
+        (row["soc"], other["soc"]),
+        sorted(one["actual_delay_second"] for one in (row, other)),
     )
     alike = _is_number(*socs) and abs(socs[0] - socs[1]) <= SAME_SOC
     # Near empty a few per cent of SoC are another resistance.
