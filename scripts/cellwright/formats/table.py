@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.formats.content import BLOCK, Content, head_of, stream_from, with_lines_changed
+from cellwright.gate import refuse_columns
 from cellwright.refusal import Refusal
 
 NO_NUMBER = ("", "NaN", "nan", "NA", "N/A", "null", "NULL")
@@ -79,6 +80,7 @@ def layout_of(data: bytes | Content, *, header_line: int = 1, units_lines: int =
     header = line_of(data, header_line)
     delimiter = max(DELIMITERS, key=header.count)
     labels = tuple(unquoted(label) for label in header.split(delimiter))
+    refuse_columns(len(labels))
     first_line = header_line + 1 + units_lines
     rows = first_rows(data, first_line)
     layout = Layout(labels, delimiter, first_line, decimal_point_of(rows, delimiter))
@@ -264,8 +266,12 @@ class _Pieces:
 
 
 def _is_cut_off(row, rows):
-    """Whether a row that does not fit is the last of the table, and too short."""
-    return row.actual_columns < row.expected_columns and row.number == rows + 1
+    """Whether a row that does not fit is the last line of the table, and too short.
+
+    A stray quotation mark makes all lines after it one cell: these are no last line.
+    """
+    short = row.actual_columns < row.expected_columns and row.number == rows + 1
+    return short and "\n" not in row.text.rstrip("\r\n")
 
 
 def _cut_off(row):
