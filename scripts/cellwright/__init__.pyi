@@ -65,6 +65,7 @@ from cellwright.api.protocols import ageing_cycles as ageing_cycles
 from cellwright.api.protocols import capacity as capacity
 from cellwright.api.protocols import chamber_steps as chamber_steps
 from cellwright.api.protocols import course as course
+from cellwright.api.protocols import disagreements as disagreements
 from cellwright.api.protocols import fast_charge as fast_charge
 from cellwright.api.protocols import ica as ica
 from cellwright.api.protocols import ica_life as ica_life
@@ -74,7 +75,6 @@ from cellwright.api.protocols import ocv as ocv
 from cellwright.api.protocols import ocv_from_rests as ocv_from_rests
 from cellwright.api.protocols import relaxation as relaxation
 from cellwright.api.protocols import resistance as resistance
-from cellwright.api.protocols import disagreements as disagreements
 from cellwright.api.protocols import thermometer as thermometer
 from cellwright.api.series import clean as clean
 from cellwright.api.series import read as read

@@ -89,18 +89,19 @@ def contents(path, *, within=None, largest_megabyte=None) -> bytes:
     Refusal
         There is an `obstacle`, or the file cannot be read. The message names it.
     """
-    return content_at(
-        path, within=within, largest_megabyte=largest_megabyte, large_byte=float("inf")
-    )
+    content = content_at(path, within=within, largest_megabyte=largest_megabyte)
+    if isinstance(content, bytes):
+        return content
+    with content:
+        return content.read()
 
 
-def content_at(path, *, within=None, largest_megabyte=None, large_byte=LARGE, opener=io.FileIO):
+def content_at(path, *, within=None, largest_megabyte=None, opener=io.FileIO):
     """The bytes of a regular file; of a large one the open file, to be read in blocks.
 
     Parameters
     ----------
-    path, within, largest_megabyte : as of `obstacle`. large_byte : from which on a file is large.
-    opener : class of the open file, as `io.FileIO`.
+    path, within, largest_megabyte : as of `obstacle`. opener : class of the open file.
 
     Raises
     ------
@@ -122,7 +123,7 @@ def content_at(path, *, within=None, largest_megabyte=None, large_byte=LARGE, op
         if not stat.S_ISREG(about.st_mode):
             file.close()
             raise Refusal(f"{path}: is no file any more")
-        if about.st_size > large_byte:
+        if about.st_size > LARGE:
             return io.BufferedReader(file)
         with io.BufferedReader(file) as whole:
             # No more than was found: a file that is being written to may have no end.

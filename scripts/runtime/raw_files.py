@@ -84,8 +84,8 @@ def _refuse_other(file, checksum, wanted):
 class _Unchanged(io.FileIO):
     """A file that is refused where it was written to since it was opened."""
 
-    def __init__(self, path):
-        super().__init__(path)
+    def __init__(self, path, mode="rb", **how):
+        super().__init__(path, mode, **how)
         self.version = self._version()
 
     def _version(self):

@@ -41,7 +41,7 @@ def rows_of(paths, tests) -> list[dict]:
 
 
 def doubt_in_words(about) -> str:
-    """What speaks against the records behind an artefact; of others than its own with their name."""
+    """What speaks against the records behind an artefact; others than its own are named."""
     wildcards = about["wildcards"]
     own = f"{wildcards.get('cell') or wildcards.get('group')} {wildcards.get('test')}"
     doubts = about.get("doubts", {})

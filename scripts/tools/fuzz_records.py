@@ -1,4 +1,4 @@
-"""`./run python scripts/tools/fuzz_records.py --seed 1 --cases 500`: records made wrong, and what is published of them.
+"""Records made wrong in known ways, and what is published of them: `--seed 1 --cases 500`.
 
 Counts by kind: refused, right, wrong and told at the number, told elsewhere only, silent, crashed.
 """
@@ -74,7 +74,8 @@ def verdict(outcome, clean, others, benign=False):
     if not untold:
         return "told", wrong[0][0].doubt
     number, true = untold[0]
-    words = f"{number.quantity} {number.where}: {number.value:.5g} ± {number.std:.2g}, clean {true.value:.5g}"
+    found = f"{number.value:.5g} ± {number.std:.2g}, clean {true.value:.5g}"
+    words = f"{number.quantity} {number.where}: {found}"
     fresh = [note for note in outcome.notes if note not in clean.notes]
     return ("elsewhere", f"{words} | {fresh[0]}") if fresh else ("silent", words)
 

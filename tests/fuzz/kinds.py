@@ -22,7 +22,7 @@ class Record(NamedTuple):
     columns: dict
     cell: dict
     test: dict
-    labels: dict = {}  # column → label written instead of its own
+    labels: dict  # column → label written instead of its own
     text: Callable | None = None  # changes the written text
 
     def having(self, **columns):
@@ -224,7 +224,7 @@ def _damaged_text(bytes_of):
     return kind
 
 
-def _cells_replaced(word):
+def _cells_replaced(*words):
     """Single values of current or voltage as words or other numbers."""
 
     def kind(record, rng):
@@ -232,7 +232,7 @@ def _cells_replaced(word):
             lines = text.split("\n")
             for k in rng.choice(np.arange(2, len(lines) - 2), 5, replace=False):
                 parts = lines[k].split(",")
-                parts[int(rng.integers(1, 3))] = word(rng)
+                parts[int(rng.integers(1, 3))] = str(rng.choice(words))
                 lines[k] = ",".join(parts)
             return "\n".join(lines)
 
@@ -297,6 +297,26 @@ def _fahrenheit(record, rng):
     return record.having(surface=record.columns[SURFACE] * 1.8 + 32)
 
 
+def _as_c_rate(record, rng):
+    return record.having(
+        current=record.columns[CURRENT] / record.cell["rated_capacity_ampere_hour"]
+    )
+
+
+def _gain_from_the_middle(record, rng):
+    gain = _between(1.05, 2.0)(rng)
+    return _from(record, rng, "current", lambda c: c * gain)
+
+
+def _factor(*factors):
+    return lambda value, rng: value * rng.choice(factors)
+
+
+def _sheet_celsius(record, rng):
+    name = "ambient_temperature_celsius"
+    return _fact(name, lambda v, g: v + g.choice((-25.0, 20.0)), "test")(record, rng)
+
+
 # Benign: what is the same measurement in other clothes.
 def _unchanged(record, rng):
     return record
@@ -342,12 +362,12 @@ BENIGN = {
     "in mA and mV": _in_milli,
 }
 KINDS = {
-    "C-rate under A": lambda r, g: r.having(current=r.columns[CURRENT] / r.cell["rated_capacity_ampere_hour"]),
+    "C-rate under A": _as_c_rate,
     "mA under A": _scaled("current", _one_of(1000.0)),
     "A under mA": _labels(current="Current / mA"),
     "gain of the whole": _scaled("current", _between(1.2, 3.0)),
     "small gain of the whole": _scaled("current", _between(1.03, 1.15)),
-    "gain from the middle": lambda r, g: _from(r, g, "current", lambda c: c * _between(1.05, 2.0)(g)),
+    "gain from the middle": _gain_from_the_middle,
     "drifting gain": _drifting_gain,
     "offset": _offset,
     "coarse rounding": _rounded,
@@ -378,16 +398,16 @@ KINDS = {
     "cut mid-line": _cut_text,
     "a NUL": _damaged_text(lambda g: "\0"),
     "random bytes": _damaged_text(lambda g: "".join(map(chr, g.integers(33, 126, 20)))),
-    "words for numbers": _cells_replaced(lambda g: str(g.choice(["n/a", "OverRange", "#NUM!", ""]))),
-    "sentinels": _cells_replaced(lambda g: str(g.choice(["-999", "3.4e38", "-9999", "1e30"]))),
+    "words for numbers": _cells_replaced("n/a", "OverRange", "#NUM!", ""),
+    "sentinels": _cells_replaced("-999", "3.4e38", "-9999", "1e30"),
     "decimal comma": lambda r, g: r._replace(text=lambda t: t.replace(".", ",")),
     "columns swapped": _swapped,
     "sign of a part": _sign_of_part,
     "magnitudes": _magnitude,
     "counter wrong": _counter_wrong,
-    "rating wrong": _fact("rated_capacity_ampere_hour", lambda v, g: v * g.choice((0.1, 0.4, 2.5, 10.0, 1000.0))),
+    "rating wrong": _fact("rated_capacity_ampere_hour", _factor(0.1, 0.4, 2.5, 10.0, 1000.0)),
     "cut-off wrong": _cutoff,
-    "temperature of the sheet wrong": _fact("ambient_temperature_celsius", lambda v, g: v + g.choice((-25.0, 20.0)), "test"),
+    "temperature of the sheet wrong": _sheet_celsius,
     "kelvin or another offset": _celsius_offset,
     "Fahrenheit": _fahrenheit,
     "mV under V": _scaled("voltage", _one_of(1000.0)),

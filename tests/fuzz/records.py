@@ -67,7 +67,7 @@ def record_of(entry):
         step = np.diff(counter, prepend=counter[0])
         columns[CHARGED] = np.cumsum(np.maximum(step, 0))
         columns[DISCHARGED] = np.cumsum(np.maximum(-step, 0))
-    return Record(columns, cell, test)
+    return Record(columns, cell, test, {})
 
 
 def _sheet(folder, name):

@@ -4,6 +4,7 @@ import hashlib
 
 import pytest
 
+from cellwright import gate
 from cellwright.refusal import Refusal
 from runtime import raw_files
 
@@ -52,7 +53,7 @@ def test_a_spectrum_is_one_file():
 
 
 def test_a_large_file_is_handed_open_and_held_against_its_checksum(monkeypatch):
-    monkeypatch.setattr(raw_files, "LARGE", 2)
+    monkeypatch.setattr(gate, "LARGE", 2)
     ((name, opened),) = raw_files.contents(["good.csv"], [hashlib.sha256(b"1,2\n").hexdigest()])
     assert (name, opened.read()) == ("good.csv", b"1,2\n")
     with pytest.raises(Refusal, match=r"good.csv: SHA-256 is .*, tests.tsv says 00"):
@@ -60,7 +61,7 @@ def test_a_large_file_is_handed_open_and_held_against_its_checksum(monkeypatch):
 
 
 def test_a_large_file_that_grows_while_it_is_read_is_refused(monkeypatch, tmp_path):
-    monkeypatch.setattr(raw_files, "LARGE", 2)
+    monkeypatch.setattr(gate, "LARGE", 2)
     ((_, opened),) = raw_files.contents(["good.csv"], None)
     with (tmp_path / "good.csv").open("ab") as file:
         file.write(b"3,4\n")

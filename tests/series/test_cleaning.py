@@ -135,7 +135,8 @@ def test_flag_and_remove_do_not_write_into_their_input():
 @pytest.mark.parametrize(
     ("file", "allowed"),
     [
-        ("a123/raw/dynamic/A123_DYN_10_N25_s1.csv.gz", {}),
+        # At 44,628 s the voltage falls by 35 mV for one row, at the same current.
+        ("a123/raw/dynamic/A123_DYN_10_N25_s1.csv.gz", {"spike": 1}),
         ("a123/raw/dynamic/A123_DYN_50_P25_s1.csv.gz", {}),
         ("dmegc/raw/R1/pulses.csv.gz", {}),
         ("leaf/raw/hppc/NissanLeaf-cell-Low-Current-HPPC-25C-2.csv.gz", {}),

@@ -4,7 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.series.cleaning import spike_free, spike_rows
+from cellwright.series.cleaning import spike_rows
+from cellwright.series.spikes import spike_free
 
 
 def rest_and_pulses(rows=400, seed=0):
@@ -26,7 +27,7 @@ def test_a_spike_is_found_and_repaired(seed, row, height):
     spiked[row] += height * (-1) ** seed
     rows = spike_rows(current, spiked, current_step_ampere=0.03)
     assert rows.tolist() == [row]
-    repaired = spike_free(spiked, rows)
+    repaired = spike_free(np.arange(float(len(current))), current, spiked, rows)
     assert abs(repaired[row] - voltage[row]) < 3e-3
     np.testing.assert_array_equal(np.delete(repaired, row), np.delete(spiked, row))
 

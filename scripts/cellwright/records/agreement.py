@@ -1,7 +1,7 @@
 """Numbers of several tests of one cell held against each other: what cannot both be true is said.
 
-A gain of the current or of the clock shows in no record by itself. Two tests of one cell, made alike
-at one age and temperature, show it.
+A gain of the current or of the clock shows in no record by itself. Two tests of one cell, made
+alike at one age and temperature, show it.
 """
 
 from itertools import combinations

@@ -18,6 +18,7 @@ from cellwright.series.gaps import RESTED, in_words
 from cellwright.series.gaps import verdicts as gap_verdicts
 from cellwright.series.repeated import repeated_rows
 from cellwright.series.rest_current import RestReading, rest_reading
+from cellwright.series.spikes import spike_free, spikes_under_load
 from cellwright.series.steps import silent_before
 from cellwright.settings import Clean
 
@@ -71,8 +72,13 @@ def flag(
         (Flag.OUT_OF_PLACE, lambda rows: _out_of_place(time[rows])),
         (Flag.CLOCK, lambda rows: _clock_jumps(time[rows], rows)),
         (Flag.GAP, lambda rows: silent_before(rebased(time[rows], flags[rows]), gap_second)),
-        (Flag.SPIKE, lambda rows: spike_rows(
-            current[rows], voltage[rows], limit_volt=spike_limit_volt, current_step_ampere=step
+        (Flag.SPIKE, lambda rows: np.union1d(
+            spike_rows(
+                current[rows], voltage[rows], limit_volt=spike_limit_volt, current_step_ampere=step
+            ),
+            spikes_under_load(
+                time[rows], current[rows], voltage[rows], limit_volt=spike_limit_volt
+            ),
         )),
     ):  # fmt: skip
         # Each looks among the rows that are kept so far.
@@ -208,14 +214,6 @@ def spike_rows(
     neighbours = voltage_volt[around[:, [0, 1, 3, 4]]]
     smooth = np.ptp(neighbours, axis=1) < 0.5 * least[suspect - 2]
     return suspect[quiet & smooth]
-
-
-def spike_free(voltage_volt: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """The voltage [V] with each spike replaced by the mean of its four neighbours."""
-    repaired = voltage_volt.copy()
-    around = rows[:, None] + np.array([-2, -1, 1, 2])
-    repaired[rows] = voltage_volt[around].mean(axis=1)
-    return repaired
 
 
 def _answered(
@@ -368,7 +366,7 @@ def remove(
     marks = flags[kept]
     clean["test_time_second"] = rebased(clean["test_time_second"], marks)
     spikes = np.flatnonzero(marks & Flag.SPIKE)
-    clean["voltage_volt"] = spike_free(clean["voltage_volt"], spikes)
+    clean["voltage_volt"] = spike_free(*(clean[name] for name in SERIES), spikes)
     gaps = np.flatnonzero(marks & Flag.GAP)
     silent = gap_verdicts(*(clean[name] for name in SERIES), gaps)
     clean["charge_ampere_hour"] = _charge(clean, gaps, silent)

@@ -137,7 +137,7 @@ def doubts(
 
 
 def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:
-    """Rows at rest at which the voltage lies beyond a stated cut-off [V]: a load may, no rest does."""
+    """Rows at rest at which the voltage lies beyond a stated cut-off [V], as no rest does."""
     low, high = (np.nan if limit is None else limit for limit in cutoffs)
     beyond = (voltage > high + REST_VOLT) | (voltage < low - REST_VOLT)
     # Right after a load the voltage is still its own.

@@ -1,0 +1,89 @@
+"""Single samples of the voltage that jump out of a record and back while the current changes.
+
+A sample's bend is by how much it differs from the mean of its two neighbours. In a cell the bends
+of voltage and current go together by its ohmic resistance, whatever the load does; a spike leaves
+the mark −½, 1, −½ in what is left of the voltage's.
+"""
+
+import numpy as np
+from scipy import ndimage
+
+UNUSUAL = 10.0  # times the scatter of what is left nearby
+NEARBY = 31  # rows
+MARK_SHARE = 0.35  # by which the neighbours may differ from minus a half of the spike
+SAME_PACE = 0.5  # of an interval: rows of another pace have other bends
+LEAST_BENDS = 20  # bends of the current that tell a resistance
+LARGE_BEND = 0.05  # of the largest current
+# Where less than four fifths of the bends are within half of the usual ratio the channels lag, or
+# kinetics bend the answer: no single row can be judged.
+FOLLOWING, FOLLOWING_SHARE = 0.5, 0.8
+UNDER_LOAD = 5.0  # times the least spike at rest: a cold cell's answer bends by 40 mV
+LOAD_SHARE = 0.5
+MADE_SHARE = 1.2  # of what the current's steps nearby make of the voltage: kinetics leave less
+
+
+def bend(values: np.ndarray) -> np.ndarray:
+    """By how much each value (n,) differs from the mean of its neighbours; 0 at both ends."""
+    bent = np.zeros(len(values))
+    bent[1:-1] = values[1:-1] - 0.5 * (values[:-2] + values[2:])
+    return bent
+
+
+def bends_alike(time, current, voltage):
+    """Rows (n,) whose neighbours lie at one pace, and how the voltage's bends follow the current's.
+
+    Returns mask (n,), resistance [ohm]: NaN where too few changes of the current tell it.
+    """
+    before, after = np.diff(time)[:-1], np.diff(time)[1:]
+    alike = np.zeros(len(time), bool)
+    alike[1:-1] = np.abs(after - before) <= SAME_PACE * np.minimum(after, before)
+    bend_current = bend(current)
+    large = alike & (np.abs(bend_current) > LARGE_BEND * np.max(np.abs(current), initial=0.0))
+    if np.count_nonzero(large) < LEAST_BENDS:
+        return alike, np.nan
+    ratio = bend(voltage)[large] / bend_current[large]
+    resistance = float(np.median(ratio))
+    follows = np.mean(np.abs(ratio - resistance) <= FOLLOWING * resistance)
+    return alike, resistance if resistance > 0 and follows >= FOLLOWING_SHARE else np.nan
+
+
+def spikes_under_load(time, current, voltage, *, limit_volt) -> np.ndarray:
+    """Rows of spikes of the voltage in a record whose current changes from row to row.
+
+    Parameters
+    ----------
+    time, current, voltage : (n,) arrays [s], [A], [V]. limit_volt : least spike [V].
+
+    Returns
+    -------
+    rows; none where too few changes of the current tell how the voltage follows them.
+    """
+    if len(time) < NEARBY:
+        return np.empty(0, int)
+    alike, resistance = bends_alike(time, current, voltage)
+    if not np.isfinite(resistance):
+        return np.empty(0, int)
+    left = bend(voltage) - resistance * bend(current)
+    scatter = 1.4826 * ndimage.median_filter(np.abs(left), NEARBY, mode="nearest")
+    step = ndimage.maximum_filter1d(np.abs(np.diff(current, prepend=current[0])), 5, mode="nearest")
+    limit = np.maximum(UNDER_LOAD * limit_volt, UNUSUAL * scatter)
+    limit = np.maximum(limit, MADE_SHARE * resistance * step)
+    # Where the whole load comes or goes an empty or cold cell answers by any multiple.
+    gentle = step < LOAD_SHARE * np.max(np.abs(current))
+    rows = np.flatnonzero((np.abs(left) > limit) & alike & gentle)
+    rows = rows[(rows > 2) & (rows < len(time) - 3)]
+    marks = np.stack([left[rows + side] + 0.5 * left[rows] for side in (-1, 1)])
+    return rows[np.all(np.abs(marks) < MARK_SHARE * np.abs(left[rows]), axis=0)]
+
+
+def spike_free(time, current, voltage, rows) -> np.ndarray:
+    """The voltage [V] with each spike replaced by the mean of its four neighbours.
+
+    Where the current changes from row to row, its own change there is added by the resistance.
+    """
+    resistance = np.nan_to_num(bends_alike(time, current, voltage)[1]) if len(rows) else 0.0
+    around = rows[:, None] + np.array([-2, -1, 1, 2])
+    repaired = voltage.copy()
+    moved = current[rows] - current[around].mean(axis=1)
+    repaired[rows] = voltage[around].mean(axis=1) + resistance * moved
+    return repaired
