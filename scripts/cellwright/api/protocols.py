@@ -73,11 +73,11 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, 
     return results.Result({"rows": half_cycles.rows}, notes=tuple(half_cycles.left_out))
 
 
-def ocv(series, cell, *, least_hour=OCV.least_hour, test=None):
+def ocv(series, cell, *, least_hour=OCV.least_hour, test=None, course=None):
     """Open-circuit voltage [V] over SoC of one slow test: a curve, and functions fitted to it.
 
     least_hour : shortest charge or discharge that is slow enough [h].
-    test : for its SoC at the start, or None.
+    test : for its SoC at the start, or None. course : result of `course`, or None.
 
     Returns curve, `protocols.ocv.slow.OcvCurve` over SoC; functions: `OcvFunction` each. Raises
     Refusal: no charge or discharge is slow enough or complete. Source: docs/ocv.md.
@@ -90,7 +90,7 @@ def ocv(series, cell, *, least_hour=OCV.least_hour, test=None):
         *inputs.quantities(columns, inputs.COUNTED),
         file_index=columns.get("file_index"),
         least_hour=least_hour,
-        soc_at_start=None if test is None else inputs.test_facts(test).soc,
+        **_before(course, test),
         **inputs.cutoffs(cell),
     )
     tables = {"curve": curve, "functions": fit_functions(curve.soc, curve.ocv_volt)}
