@@ -8,11 +8,12 @@ import cellwright as cw
 from cellwright.refusal import Refusal
 
 
-def measured(folder, name=None):
-    """Series, steps, cell and facts of a test of a case; the first one without a name."""
+def measured(folder, name=None, cell=None):
+    """Series, steps, cell and facts of a test of a case; the first one of this name and cell."""
     cells = pd.read_csv(folder / "config/cells.tsv", sep="\t").set_index("cell")
     tests = pd.read_csv(folder / "config/tests.tsv", sep="\t")
-    row = tests[tests.test == name].iloc[0] if name else tests.iloc[0]
+    tests = tests[(tests.test == (name or tests.test)) & (tests.cell == (cell or tests.cell))]
+    row = tests.iloc[0]
     facts = row.dropna().to_dict()
     cell = cells.loc[row.cell].dropna().to_dict() | {"cell": row.cell}
     series = cw.clean(cw.read([folder / file for file in facts.pop("file").split(";")]).columns)
@@ -79,3 +80,20 @@ def test_the_complete_branch_is_the_scale(case):
     assert "it lacked 15.0%" in curve.notes[0]
     rows = pd.DataFrame(cw.capacity(series, steps, cell, whole_swing=True, test=facts).rows)
     assert rows.direction.tolist() == ["charge"]
+
+
+@pytest.mark.parametrize(
+    ("name", "cell", "volts", "interrupted"),
+    [
+        ("models/ica_one_pause", "whole", (3.646, 4.061), False),
+        ("models/ica_one_pause", "one_pause", (3.646, 4.061), True),
+        ("files/k01_ica_control_and_5mV", "S04ctl", (3.5605, 3.7605, 3.9605), False),
+        ("files/k02_ica_pause", "S04pause", (3.5605, 3.7605, 3.9605), True),
+    ],
+)
+def test_a_pause_adds_no_peak_and_takes_none_away(case, name, cell, volts, interrupted):
+    series, steps, *_ = measured(case(name), cell=cell)
+    found = cw.ica(series, steps)
+    rows = cw.ica_peaks(found).rows
+    np.testing.assert_allclose(rows["voltage_volt"], volts, atol=0.006)
+    assert all(("was interrupted 1 ×" in doubt) == interrupted for doubt in rows["doubt"])

@@ -7,7 +7,6 @@ from cellwright.settings import FastCharge, Ica, Impedance, Ocv, OcvStep, Relaxa
 
 OCV = Ocv()
 ICA = Ica()
-SLOPE = ("current_ampere", "voltage_volt", "charge_ampere_hour")  # what dQ/dV is taken of
 
 
 def course(tests, cell):
@@ -218,22 +217,25 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
 def ica(series, steps):
     """Incremental capacity dQ/dV [Ah/V] over voltage of the constant-current charge in one test.
 
+    Parts of a charge that was interrupted are one, as the notes say.
+
     Returns curve, `protocols.ica.curve.IncrementalCapacity` [Ah/V] over voltage [V]; its c_rate
     [1/h]. Raises Refusal: no constant-current charge, or one over too small a voltage.
     Source: docs/ica.md.
     """
     from cellwright.protocols.ica.charge import charge_slope, constant_current_charge, constant_rows
+    from cellwright.protocols.ica.parts import parts_joined
 
     steps = inputs.steps(steps)._asdict()
-    current, voltage, charge = inputs.quantities(series, SLOPE)
-    first, last, step = constant_current_charge(steps, charge)
-    first, last = constant_rows(current, first, last)
-    rows = slice(first, last + 1)
+    time, current, voltage, charge = inputs.quantities(series, inputs.COUNTED)
+    *ends, step = constant_current_charge(steps, charge)
+    ends = constant_rows(current, *ends)
+    rows, notes = parts_joined(time, current, voltage, charge, steps, step, ends)
     curve, slope = charge_slope(voltage[rows], charge[rows])
     # The mean current of a step that holds the voltage in the end is less than its constant one.
     rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
     about = {"c_rate": float(np.median(current[rows]) / rated), "slope": slope}
-    return results.Result({"curve": curve}, about)
+    return results.Result({"curve": curve}, about, notes)
 
 
 def ica_peaks(ica, *, prominence=ICA.prominence):
@@ -243,11 +245,13 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
     prominence : least rise of a peak, as a share of the highest dQ/dV [1].
 
     Returns rows, (k,): voltage [V], height [Ah/V], area [Ah], width [V], each with its standard
-    deviation. Raises Refusal: no peaks. Source: docs/ica.md.
+    deviation; doubt: where the charge was interrupted, and where its curve ends for another reason
+    than the charge itself. Raises Refusal: no peaks. Source: docs/ica.md.
     """
     from cellwright.protocols.ica.charge import charge_peaks
 
     rows = charge_peaks(ica.slope, c_rate=ica.c_rate, prominence=prominence)
+    rows["doubt"] = np.full(len(rows["peak"]), "; ".join(ica.notes))
     return results.Result({"rows": rows})
 
 
@@ -262,7 +266,7 @@ def ica_life(series, steps, cycles, *, prominence=ICA.prominence, most=30):
     """
     from cellwright.protocols.ica.life import peaks_of_life
 
-    record = inputs.quantities(series, SLOPE)
+    record = inputs.quantities(series, inputs.COUNTED)
     columns = inputs.columns(cycles, "cycle", "direction", "start_time_second")
     steps = inputs.steps(steps)._asdict()
     found = peaks_of_life(*record, steps, columns, prominence=prominence, most=most)
