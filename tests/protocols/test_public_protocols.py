@@ -97,3 +97,14 @@ def test_a_pause_adds_no_peak_and_takes_none_away(case, name, cell, volts, inter
     rows = cw.ica_peaks(found).rows
     np.testing.assert_allclose(rows["voltage_volt"], volts, atol=0.006)
     assert all(("was interrupted 1 ×" in doubt) == interrupted for doubt in rows["doubt"])
+
+
+@pytest.mark.parametrize("name", ["right", "rl_tail"])
+def test_an_inductive_tail_that_bends_is_part_of_the_circuit(case, name):
+    path = case("models/spectra_rl_tail") / f"raw/{name}.csv"
+    row = cw.impedance(cw.read(path, kind="impedance").columns).rows[0]
+    assert row["circuit"].startswith("(L|R)-" if name == "rl_tail" else "L-")
+    assert row["doubt"] == ""
+    for parameter, true in (("r_ohmic_ohm", 0.020), ("r_charge_transfer_ohm", 0.015)):
+        assert row[parameter] == pytest.approx(true, rel=0.01)
+        assert abs(row[parameter] - true) < 3 * row[f"{parameter}_std"]
