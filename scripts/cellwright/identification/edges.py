@@ -11,9 +11,9 @@ from cellwright.records.filled import with_edges
 from cellwright.refusal import Refusal
 
 PLAIN = member_named("DRT")
-# Share of the interval that lies before the step: a tester that stores the end of a step and then
-# counts anew, and one that stores a step's beginning.
-SHARES = {0.0: "the later current flowed from the row before", 1.0: "the earlier one to the next"}
+# ASSUME: Where the rows do not tell otherwise a tester stores the end of a step, as it does where
+# their pace tells (`series.edges`): no part of the interval lies before the step.
+AT_ROW_BEFORE = 0.0
 
 
 def uncounted_edges(by_temperature, data_of_records, *, capacity_ampere_hour):
@@ -21,8 +21,8 @@ def uncounted_edges(by_temperature, data_of_records, *, capacity_ampere_hour):
 
     Between two rows a current that steps somewhere is taken to move evenly, which is right in the
     mean and wrong at each: what is fitted to fast pulses and slow steps of one record then differs,
-    and looks like kinetics or hysteresis. Of the two ends where a tester may have stored its rows,
-    one counts where a plain circuit follows the records better with it by more than a tenth.
+    and looks like kinetics or hysteresis. That it stepped at the row before counts where a plain
+    circuit follows the records better by more than a tenth.
 
     Parameters
     ----------
@@ -35,28 +35,26 @@ def uncounted_edges(by_temperature, data_of_records, *, capacity_ampere_hour):
         on it, "" where there is no such edge.
     """
     near = sorted(by_temperature, key=lambda one: abs(one.celsius - REFERENCE_CELSIUS))
-    given = next(
-        (one for one in near if with_share(one, 0.0, capacity_ampere_hour) is not one), None
-    )
+    moved = [with_share(one, AT_ROW_BEFORE, capacity_ampere_hour) for one in near]
+    pairs = zip(near, moved, strict=True)
+    given = next(((one, other) for one, other in pairs if other is not one), None)
     if given is None:
         return None, ""
 
-    def misfit(share):
-        records = with_share(given, share, capacity_ampere_hour)
-        settings = {"capacity_ampere_hour": capacity_ampere_hour, "celsius": given.celsius}
+    def misfit(records):
+        settings = {"capacity_ampere_hour": capacity_ampere_hour, "celsius": records.celsius}
         try:
             fit = identify(data_of_records(records), PLAIN, **settings)
         except Refusal:
             return np.inf
         return rms(fit.solution.residual_volt)
 
-    errors = {share: misfit(share) for share in (None, *SHARES)}
-    best = min(SHARES, key=errors.get)
-    if errors[best] * NEAR < errors[None]:
-        volts = f"{1e3 * errors[None]:.2g} to {1e3 * errors[best]:.2g} mV"
-        said = f"{SHARES[best]}, by the voltage: a plain circuit errs by {volts}"
-        return best, f"steps of the current between two rows: {said}"
-    return None, ""
+    even, stepped = (misfit(records) for records in given)
+    if not stepped * NEAR < even:
+        return None, ""
+    volts = f"{1e3 * even:.2g} to {1e3 * stepped:.2g} mV"
+    said = "the later current flowed from the row before, by the voltage: a plain circuit errs by"
+    return AT_ROW_BEFORE, f"steps of the current between two rows: {said} {volts}"
 
 
 def with_share(fit_records, share, capacity_ampere_hour):
