@@ -1,5 +1,7 @@
 """Protocols that people reported to give wrong numbers: right, refused, or their doubt told."""
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -108,3 +110,45 @@ def test_an_inductive_tail_that_bends_is_part_of_the_circuit(case, name):
     for parameter, true in (("r_ohmic_ohm", 0.020), ("r_charge_transfer_ohm", 0.015)):
         assert row[parameter] == pytest.approx(true, rel=0.01)
         assert abs(row[parameter] - true) < 3 * row[f"{parameter}_std"]
+
+
+def capacities(folder, **chosen):
+    series, steps, cell, facts = measured(folder, **chosen)
+    rows = pd.DataFrame(cw.capacity(series, steps, cell, test=facts).rows)
+    return rows.set_index("direction")
+
+
+def test_a_negative_electrode_loses_charge_in_its_first_cycle(case):
+    rows = capacities(case("files/f02_graphite_half_cell"), cell="F05half")
+    assert rows.first_coulombic_efficiency.to_numpy() == pytest.approx([0.896, 0.896], abs=5e-4)
+    assert rows.coulombic_efficiency.to_numpy() == pytest.approx([0.9654, 0.9654], abs=5e-4)
+
+
+def test_a_looped_clock_is_within_the_deviation(case):
+    folder = case("files/d01_looped_step_clock")
+    expected = json.loads((folder / "expected.json").read_text())["F03loop/t"]
+    rows = capacities(folder)
+    for direction, letter in (("discharge", "D"), ("charge", "C")):
+        row = rows.loc[direction]
+        error = row.capacity_ampere_hour - np.mean(expected[letter])
+        assert abs(error) < 2 * row.capacity_std_ampere_hour < 0.015
+
+
+def test_rows_of_cycles_that_stand_twice_count_once(case):
+    folder = case("files/i05_ageing_block_twice")
+    series, steps, cell, facts = measured(folder)
+    rows = pd.DataFrame(cw.ageing_cycles(series, steps, facts, cell).rows._asdict())
+    wanted = json.loads((folder / "expected.json").read_text())["T15age/t"]["D"]
+    found = rows[rows.direction == "discharge"].capacity_ampere_hour
+    np.testing.assert_allclose(found, wanted, atol=0.0012)
+
+
+def test_a_stated_state_that_the_rest_contradicts_is_not_used(case):
+    folder = case("models/soc_reference")
+    slow, _, cell, facts = measured(folder, "ocv")
+    basis = cw.basis(cell, [(facts, cw.ocv(slow, cell, test=facts))]).content
+    series, _, _, facts = measured(folder, "drive_from_80")
+    anchored = cw.state_of_charge(series, basis, facts, cell)
+    assert "the stated SoC of 1 is not used" in anchored.anchor
+    assert anchored.soc[0] == pytest.approx(0.80, abs=0.01)
+    assert anchored.soc[-1] == pytest.approx(0.444, abs=0.01)

@@ -19,6 +19,8 @@ from cellwright.series.edges import edge_variance
 from cellwright.series.steps import assumed_rating, constant_current_end
 
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
+# Every negative electrode lies below 2 V against lithium, and no full cell's window ends there.
+ANODE_VOLT = 2.0
 GAIN_SHARE = 0.001  # of a capacity: an instrument's gain, which no record tells, is no surer
 
 
@@ -51,7 +53,8 @@ def capacity(
     What an unsure start may lack, and the charge of steps of current between two rows, are part of
     the standard deviation. Coulombic efficiency is the
     discharge over the charge before it, or else the one after it; NaN where there is none, or where
-    it exceeds 1.05: such a charge did not return the discharge.
+    it exceeds 1.05: such a charge did not return the discharge. Of a negative electrode against
+    lithium (upper cut-off below 2 V) it is the charge over the discharge before it, which inserts.
 
     test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah],
         positive on charge.
@@ -90,10 +93,11 @@ def capacity(
         if half.fault or half.words
     )
     unsure = edge_variance(np.asarray(test_time_second, float), columns[0], columns[2])
+    inserts = -1 if upper_cutoff_volt is not None and upper_cutoff_volt < ANODE_VOLT else 1
     complete = [
-        _measured(half, partner, columns, steps, surface_temperature_celsius)
+        _measured(half, partner, columns, steps, surface_temperature_celsius, inserts)
         | {"edges": unsure_of_edges(half, unsure, columns, limits)}
-        for half, partner in zip(halves, _partners(halves), strict=True)
+        for half, partner in zip(halves, _partners(halves, inserts), strict=True)
         if not half.fault
     ]
     if not complete:
@@ -135,33 +139,36 @@ def _rate(current, steps, step):
     return max(float(np.median(np.abs(current[first:end]))), 1e-12), min(end, last)
 
 
-def _partners(halves):
+def _partners(halves, inserts):
     """Complete other half of the cycle of each half cycle, or None.
 
-    A cycle is a charge and the discharge after it, or else a discharge and the charge after it.
+    A cycle is a charge and the discharge after it, or else a discharge and the charge after it;
+    with `inserts` −1 the other way round.
     """
     padded = [None, *halves, None]
     sides = [
-        side if half.sign < 0 else side[::-1]
+        side if half.sign == -inserts else side[::-1]
         for half, *side in zip(halves, padded[:-2], padded[2:], strict=True)
     ]
     return [next((half for half in side if half and not half.fault), None) for side in sides]
 
 
-def _measured(half, partner, columns, steps, temperature):
+def _measured(half, partner, columns, steps, temperature, inserts):
     """Columns of stage `capacity` for one complete half cycle, and what it may lack [Ah].
 
-    Its partner gives the efficiency: NaN where the charge was cut short.
+    Its partner gives the efficiency: NaN where the charge was cut short. inserts : sign of what a
+    cycle begins with.
     """
     current, voltage, charge = columns
     rate, held_row = _rate(current, steps, _main_load(half, steps)[0])
     rows = slice(half.first_row, half.last_row + 1)
     efficiency = np.nan
     if partner is not None:
-        discharge, its_charge = (half, partner) if half.sign < 0 else (partner, half)
-        efficiency = _moved(discharge, charge) / _moved(its_charge, charge)
+        out, put_in = (half, partner) if half.sign == -inserts else (partner, half)
+        efficiency = _moved(out, charge) / _moved(put_in, charge)
     return {
         "sign": half.sign,
+        "first_row": half.first_row,
         "rate": rate,
         "capacity_ampere_hour": _moved(half, charge),
         "energy_watt_hour": abs(energy_counted(voltage[rows], charge[rows])[-1]),
@@ -173,6 +180,10 @@ def _measured(half, partner, columns, steps, temperature):
         "constant_current_ampere_hour": abs(charge[held_row] - charge[half.first_row]),
         "missing": half.missing_ampere_hour,
     }
+
+
+def _begin(measured):
+    return measured["first_row"]
 
 
 def _moved(half, charge):
@@ -218,6 +229,8 @@ def _row(halves, rated):
         "capacity_std_ampere_hour": std,
         "energy_watt_hour": means["energy_watt_hour"],
         "coulombic_efficiency": means["coulombic_efficiency"],
+        # Of a new cell that of formation, which no mean may hide.
+        "first_coulombic_efficiency": min(halves, key=_begin)["coulombic_efficiency"],
         "repeats": len(sizes),
         "mean_current_ampere": means["mean_current_ampere"],
         "temperature_mean_celsius": means["temperature_mean_celsius"],
