@@ -6,6 +6,7 @@ from runtime import artefact
 with artefact.Job(snakemake) as job:
     record = job.load(snakemake.input.series), job.load(snakemake.input.steps)
     found = cw.ica(*record)
+    job.note(*found.notes)
     arrays, facts = artefact.split(found.curve)
     job.save(arrays, snakemake.output.curve, c_rate=found.c_rate, **facts)
     peaks = cw.ica_peaks(found, prominence=snakemake.params.prominence)

@@ -240,7 +240,7 @@ def _summary_row(facts, of_cell, model) -> dict:
         "soc_rmse": pooled_rms(filtered["rmse_soc"]),
         "verdict": next(iter(missing["verdict"]), None),
         "missing_effect": _effects_named(missing),
-        "in_one_line": next(iter(missing["in_one_line"]), None),
+        "in_one_line": _in_one_line(missing, scored),
         "exclusions": len(of_cell["excluded"]),
         "doubt": _doubts(of_cell),
         "notes": "; ".join(notes),
@@ -261,6 +261,17 @@ def _doubts(of_cell) -> str:
         for test, words in zip(rows["test"], rows["doubt"], strict=True):
             said.setdefault(f"{test}: {words}")
     return "; ".join(said)
+
+
+def _in_one_line(missing, scored) -> str | None:
+    """What a cell shows and its model lacks, with the test that contradicts it."""
+    from cellwright.effects.story.words import beside_worst_test
+
+    line = next(iter(missing["in_one_line"].dropna()), None)
+    known = scored[scored["rmse_volt"].notna()]
+    return line and beside_worst_test(
+        line, dict(zip(known["test"], known["rmse_volt"], strict=True))
+    )
 
 
 def _effects_named(missing) -> str:

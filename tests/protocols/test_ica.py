@@ -11,6 +11,7 @@ from cellwright.protocols.ica.charge import (
     constant_current_charge,
     constant_rows,
 )
+from cellwright.protocols.ica.parts import parts_joined
 from cellwright.protocols.ica.spline import slope_peaks
 from cellwright.refusal import Refusal
 from cellwright.settings import Ica
@@ -202,3 +203,55 @@ def test_a_record_without_a_charge_is_refused():
 def test_rows_count_while_the_current_is_its_usual_one():
     current = np.concatenate([[0.2], np.full(80, 1.0), [0.97, 0.9, 0.8]])
     assert constant_rows(current, 0, len(current) - 1) == (1, 80)
+
+
+def interrupted(*pauses, amperes=(0.4, 0.4, 0.4), ohm=0.03, tau=120.0, step=10.0):
+    """A charge over the three peaks in parts of these currents, pauses [s] between, one RC pair."""
+    time, current, ampere_hour, volts, lag = [0.0], [0.0], [0.0], [VOLT[0]], 0.0
+    shares = np.linspace(0, CHARGE[-1], len(amperes) + 1)[1:]
+    steps_of = {name: [] for name in ("kind", "first_row", "last_row", "current_mean_ampere")}
+    for part, (ampere, end) in enumerate(zip(amperes, shares, strict=True)):
+        spans = [("CC", ampere, np.inf)] + [
+            ("rest", 0.0, second) for second in pauses[part : part + 1]
+        ]
+        for kind, flowing, seconds in spans:
+            first, begun = len(time), time[-1]
+            while ampere_hour[-1] < end - 1e-9 if kind == "CC" else time[-1] - begun < seconds:
+                time.append(time[-1] + step)
+                current.append(flowing)
+                ampere_hour.append(ampere_hour[-1] + flowing * step / 3600)
+                lag += (ohm * flowing - lag) * -np.expm1(-step / tau)
+                volts.append(np.interp(ampere_hour[-1], CHARGE, VOLT) + lag + 0.02 * flowing)
+            for name, value in zip(steps_of, (kind, first, len(time) - 1, flowing), strict=True):
+                steps_of[name].append(value)
+    table = {name: np.array(values) for name, values in steps_of.items()}
+    arrays = [np.array(column) for column in (time, current, volts, ampere_hour)]
+    arrays[2] = arrays[2] + 1e-4 * np.random.default_rng(3).standard_normal(len(time))
+    table["cv_first_row"] = np.full(len(table["kind"]), -1)
+    table["start_time_second"] = arrays[0][table["first_row"] - 1]
+    table["end_time_second"] = arrays[0][table["last_row"]]
+    return arrays, table
+
+
+def joined(arrays, table):
+    *ends, step = constant_current_charge(table, arrays[3])
+    return parts_joined(*arrays, table, step, constant_rows(arrays[1], *ends))
+
+
+@pytest.mark.parametrize("pauses", [(60.0, 60.0), (3600.0, 600.0)])
+def test_pauses_neither_add_nor_take_peaks(pauses):
+    arrays, table = interrupted(*pauses)
+    charge = joined(arrays, table)
+    _, found = found_in(arrays[2][charge.rows], arrays[3][charge.rows])
+    np.testing.assert_allclose(found.voltage_volt, VOLT[TOPS] + 0.4 * 0.05, atol=3e-3)
+    np.testing.assert_allclose(found.height_ampere_hour_per_volt, DENSITY[TOPS], rtol=0.06)
+    assert "interrupted 2 ×" in charge.notes[0]
+
+
+def test_a_second_stage_is_no_part_and_where_the_curve_begins_is_said():
+    arrays, table = interrupted(amperes=(0.4, 0.2))
+    moved = [np.ptp(arrays[3][arrays[1] == ampere]) for ampere in (0.4, 0.2)]
+    charge = joined(arrays, table)
+    larger, other = (0.4, 0.2) if moved[0] >= moved[1] else (0.2, 0.4)
+    assert set(arrays[1][charge.rows]) == {larger}
+    assert f"the current is {other:g} A instead of {larger:g} A" in charge.notes[0]

@@ -34,7 +34,9 @@ def life(peak_share=1.0):
     table = {n: np.array(c) for n, c in zip(names, zip(*steps, strict=True), strict=True)}
     named = ("cycle", "direction", "start_time_second")
     rows = {n: np.array(c) for n, c in zip(named, zip(*cycles, strict=True), strict=True)}
-    return current, voltage, np.cumsum(current) * 3.6 / 3600, table, rows
+    table["end_time_second"] = np.append(table["start_time_second"][1:], len(current) * 3.6)
+    time = np.arange(len(current)) * 3.6
+    return time, current, voltage, np.cumsum(current) * 3.6 / 3600, table, rows
 
 
 def test_charges_lie_evenly_over_the_life_with_the_rate_of_their_constant_current():

@@ -287,9 +287,20 @@ def test_a_discharge_that_does_not_start_full_is_no_branch():
 
 def test_a_branch_that_the_sheet_starts_elsewhere_is_no_full_one():
     columns = record(rest(0.4), ramp(0.4, 1), rest(1))
-    assert slow_ocv(*columns, **CUTOFFS).branches == "charge"  # nothing tells otherwise
+    with pytest.raises(Refusal, match=r"its first charge: .* with a rest voltage of"):
+        slow_ocv(*columns, **CUTOFFS)
+    assert slow_ocv(*columns, **CUTOFFS, state_before="empty").branches == "charge"
     with pytest.raises(Refusal, match=r"its first charge: .* the sheet states an SoC of 0\.4"):
         slow_ocv(*columns, **CUTOFFS, soc_at_start=0.4)
+
+
+def test_a_test_between_two_other_voltages_gives_no_scale():
+    """Its charge moves what its discharge does, and both leave out the highest tenth."""
+    columns = record(rest(0.9), ramp(0.9, 0), rest(0), ramp(0, 0.9), rest(0.9))
+    with pytest.raises(Refusal, match=r"its first discharge: .* not known to start full"):
+        slow_ocv(*columns, **CUTOFFS)
+    with pytest.raises(Refusal, match=r"the sheet states an SoC of 0\.9"):
+        slow_ocv(*columns, **CUTOFFS, soc_at_start=0.9)
 
 
 def turned(rates):

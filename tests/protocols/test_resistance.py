@@ -201,3 +201,32 @@ def test_long_loads_serve_where_there_is_no_pulse(shared):
     rows = measure(*columns[:3], rated=2.6, delays=(10,)).rows
     assert len(rows["soc"]) == 11
     assert np.all((rows["resistance_ohm"] > 0.03) & (rows["resistance_ohm"] < 0.06))
+
+
+@pytest.mark.parametrize("level", [-5.0, 5.0])
+@pytest.mark.parametrize("rested", [20.0, 40.0, 120.0])
+def test_relaxation_that_goes_on_in_a_pulse_is_taken_off(level, rested):
+    """A load of ten minutes ends some seconds before the pulse; the cell has two RC pairs."""
+    pairs = ((0.012, 20.0), (0.010, 300.0))
+    time = np.arange(0.0, 60 + 600 + rested + 15, 0.1)
+    edges = (60.0 - 0.1, 660.0 - 0.1, 660.0 + rested - 0.1)
+
+    def response(since):
+        on = since > 1e-9
+        part = sum(r * -np.expm1(-np.maximum(since, 0) / tau) for r, tau in pairs)
+        return np.where(on, R0 + part, 0.0)
+
+    jumps = (-2.5, 2.5, level)
+    current = sum(jump * (time > edge + 1e-9) for jump, edge in zip(jumps, edges, strict=True))
+    voltage = 3.7 + sum(
+        jump * response(time - edge) for jump, edge in zip(jumps, edges, strict=True)
+    )
+    voltage = voltage + np.random.default_rng(4).normal(0, 2e-4, len(time))
+    rows = measure(time, current, voltage, rated=5.0).rows
+    last = rows["delay_second"] == 10
+    true = float(response(np.array([10.0]))[0])
+    found, std = rows["resistance_ohm"][last][-1], rows["resistance_std_ohm"][last][-1]
+    assert abs(found - true) < 2 * std + 2e-5
+    assert abs(found - true) < 0.01 * true
+    # The wrong number it would be without.
+    assert np.sign(rows["relaxation_ohm"][last][-1]) == np.sign(level)

@@ -32,6 +32,7 @@ rule ocv:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
+        course=course_of,
     output:
         curve="results/ocv/{cell}/{test}.parquet",
         functions="results/ocv_functions/{cell}/{test}.parquet",

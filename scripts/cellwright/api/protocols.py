@@ -7,7 +7,6 @@ from cellwright.settings import FastCharge, Ica, Impedance, Ocv, OcvStep, Relaxa
 
 OCV = Ocv()
 ICA = Ica()
-SLOPE = ("current_ampere", "voltage_volt", "charge_ampere_hour")  # what dQ/dV is taken of
 
 
 def course(tests, cell):
@@ -75,11 +74,11 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, 
     return results.Result({"rows": half_cycles.rows}, notes=tuple(half_cycles.left_out))
 
 
-def ocv(series, cell, *, least_hour=OCV.least_hour, test=None):
+def ocv(series, cell, *, least_hour=OCV.least_hour, test=None, course=None):
     """Open-circuit voltage [V] over SoC of one slow test: a curve, and functions fitted to it.
 
     least_hour : shortest charge or discharge that is slow enough [h].
-    test : for its SoC at the start, or None.
+    test : for its SoC at the start, or None. course : result of `course`, or None.
 
     Returns curve, `protocols.ocv.slow.OcvCurve` over SoC; functions: `OcvFunction` each. Raises
     Refusal: no charge or discharge is slow enough or complete. Source: docs/ocv.md.
@@ -92,7 +91,7 @@ def ocv(series, cell, *, least_hour=OCV.least_hour, test=None):
         *inputs.quantities(columns, inputs.COUNTED),
         file_index=columns.get("file_index"),
         least_hour=least_hour,
-        soc_at_start=None if test is None else inputs.test_facts(test).soc,
+        **_before(course, test),
         **inputs.cutoffs(cell),
     )
     tables = {"curve": curve, "functions": fit_functions(curve.soc, curve.ocv_volt)}
@@ -221,22 +220,25 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
 def ica(series, steps):
     """Incremental capacity dQ/dV [Ah/V] over voltage of the constant-current charge in one test.
 
+    Parts of a charge that was interrupted are one, as the notes say.
+
     Returns curve, `protocols.ica.curve.IncrementalCapacity` [Ah/V] over voltage [V]; its c_rate
     [1/h]. Raises Refusal: no constant-current charge, or one over too small a voltage.
     Source: docs/ica.md.
     """
     from cellwright.protocols.ica.charge import charge_slope, constant_current_charge, constant_rows
+    from cellwright.protocols.ica.parts import parts_joined
 
     steps = inputs.steps(steps)._asdict()
-    current, voltage, charge = inputs.quantities(series, SLOPE)
-    first, last, step = constant_current_charge(steps, charge)
-    first, last = constant_rows(current, first, last)
-    rows = slice(first, last + 1)
+    time, current, voltage, charge = inputs.quantities(series, inputs.COUNTED)
+    *ends, step = constant_current_charge(steps, charge)
+    ends = constant_rows(current, *ends)
+    rows, notes = parts_joined(time, current, voltage, charge, steps, step, ends)
     curve, slope = charge_slope(voltage[rows], charge[rows])
     # The mean current of a step that holds the voltage in the end is less than its constant one.
     rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
     about = {"c_rate": float(np.median(current[rows]) / rated), "slope": slope}
-    return results.Result({"curve": curve}, about)
+    return results.Result({"curve": curve}, about, notes)
 
 
 def ica_peaks(ica, *, prominence=ICA.prominence):
@@ -246,11 +248,13 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
     prominence : least rise of a peak, as a share of the highest dQ/dV [1].
 
     Returns rows, (k,): voltage [V], height [Ah/V], area [Ah], width [V], each with its standard
-    deviation. Raises Refusal: no peaks. Source: docs/ica.md.
+    deviation; doubt: where the charge was interrupted, and where its curve ends for another reason
+    than the charge itself. Raises Refusal: no peaks. Source: docs/ica.md.
     """
     from cellwright.protocols.ica.charge import charge_peaks
 
     rows = charge_peaks(ica.slope, c_rate=ica.c_rate, prominence=prominence)
+    rows["doubt"] = np.full(len(rows["peak"]), "; ".join(ica.notes))
     return results.Result({"rows": rows})
 
 
@@ -265,7 +269,7 @@ def ica_life(series, steps, cycles, *, prominence=ICA.prominence, most=30):
     """
     from cellwright.protocols.ica.life import peaks_of_life
 
-    record = inputs.quantities(series, SLOPE)
+    record = inputs.quantities(series, inputs.COUNTED)
     columns = inputs.columns(cycles, "cycle", "direction", "start_time_second")
     steps = inputs.steps(steps)._asdict()
     found = peaks_of_life(*record, steps, columns, prominence=prominence, most=most)

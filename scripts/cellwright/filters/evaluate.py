@@ -7,6 +7,7 @@ from cellwright.circuits.model_file import member_of
 from cellwright.filters.bank import bank_of, resistance_factor_of
 from cellwright.filters.estimate import Start, estimate_on
 from cellwright.filters.plant import Noise, plant_of, with_tracked
+from cellwright.filters.reference import reference_doubt
 from cellwright.numerics.statistics import rms
 from cellwright.records.conditions import at_rest
 from cellwright.records.record import laid_out
@@ -187,7 +188,11 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
         runs = _runs(method, plans, record, bank, plants, noise, settings)
         rows += [row for row, _ in runs]
         columns |= _series_of(method, runs[0][1])
-    rows = [row | {"model": model["chosen"]} for row in rows]
+    curve = {"soc": bank.soc, "ocv_volt": bank.ocv_volt + bank.shift_volt}
+    off, doubt = reference_doubt(record, curve)
+    notes += [doubt] * bool(doubt)
+    known = {"model": model["chosen"], "reference_off_soc": off, "doubt": doubt}
+    rows = [row | known for row in rows]
     series = {"test_time_second": record.test_time_second, "soc": record.soc}
     return rows, series | {"scored": record.used} | columns, tuple(notes)
 

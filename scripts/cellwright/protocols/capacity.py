@@ -28,6 +28,8 @@ LEAST_DRIFT_ROWS = 32
 UNFINISHED_C_RATE = 0.1  # a hold that a record ends in above it was not finished
 COLD_CELSIUS, FAST_C_RATE = 10.0, 1.2  # colder or faster a good cell may give less than half
 THERMOMETER_KELVIN = 10.0  # between a thermometer at the start and the stated temperature
+# Every negative electrode lies below 2 V against lithium, and no full cell's window ends there.
+ANODE_VOLT = 2.0
 GAIN_SHARE = 0.001  # of a capacity: an instrument's gain, which no record tells, is no surer
 
 
@@ -62,7 +64,8 @@ def capacity(
     What an unsure start may lack, and the charge of steps of current between two rows, are part of
     the standard deviation. Coulombic efficiency is the
     discharge over the charge before it, or else the one after it; NaN where there is none, or where
-    it exceeds 1.05: such a charge did not return the discharge.
+    it exceeds 1.05: such a charge did not return the discharge. Of a negative electrode against
+    lithium (upper cut-off below 2 V) it is the charge over the discharge before it, which inserts.
 
     test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah],
         positive on charge.
@@ -104,11 +107,12 @@ def capacity(
         if half.fault or half.words
     )
     unsure = edge_variance(np.asarray(test_time_second, float), columns[0], columns[2])
+    inserts = -1 if upper_cutoff_volt is not None and upper_cutoff_volt < ANODE_VOLT else 1
     complete = []
-    for half, partner in zip(halves, _partners(halves), strict=True):
+    for half, partner in zip(halves, _partners(halves, inserts), strict=True):
         if half.fault:
             continue
-        row = _measured(half, partner, columns, steps, surface_temperature_celsius)
+        row = _measured(half, partner, columns, steps, surface_temperature_celsius, inserts)
         off = 0.0 if partner is None else imbalance(half, partner, columns, steps, limits)
         row["edges"] = unsure_of_edges(half, unsure, columns, limits)
         row["missing"] = float(np.hypot(row["missing"], off))
@@ -159,33 +163,36 @@ def _rate(current, steps, step):
     return max(float(np.median(np.abs(current[first:end]))), 1e-12), min(end, last)
 
 
-def _partners(halves):
+def _partners(halves, inserts):
     """Complete other half of the cycle of each half cycle, or None.
 
-    A cycle is a charge and the discharge after it, or else a discharge and the charge after it.
+    A cycle is a charge and the discharge after it, or else a discharge and the charge after it;
+    with `inserts` −1 the other way round.
     """
     padded = [None, *halves, None]
     sides = [
-        side if half.sign < 0 else side[::-1]
+        side if half.sign == -inserts else side[::-1]
         for half, *side in zip(halves, padded[:-2], padded[2:], strict=True)
     ]
     return [next((half for half in side if half and not half.fault), None) for side in sides]
 
 
-def _measured(half, partner, columns, steps, temperature):
+def _measured(half, partner, columns, steps, temperature, inserts):
     """Columns of stage `capacity` for one complete half cycle, and what it may lack [Ah].
 
-    Its partner gives the efficiency: NaN where the charge was cut short.
+    Its partner gives the efficiency: NaN where the charge was cut short. inserts : sign of what a
+    cycle begins with.
     """
     current, voltage, charge = columns
     rate, held_row = _rate(current, steps, _main_load(half, steps)[0])
     rows = slice(half.first_row, half.last_row + 1)
     efficiency = np.nan
     if partner is not None:
-        discharge, its_charge = (half, partner) if half.sign < 0 else (partner, half)
-        efficiency = _moved(discharge, charge) / _moved(its_charge, charge)
+        out, put_in = (half, partner) if half.sign == -inserts else (partner, half)
+        efficiency = _moved(out, charge) / _moved(put_in, charge)
     return {
         "sign": half.sign,
+        "first_row": half.first_row,
         "rate": rate,
         "capacity_ampere_hour": _moved(half, charge),
         "energy_watt_hour": abs(energy_counted(voltage[rows], charge[rows])[-1]),
@@ -314,6 +321,10 @@ def _against_sheet(half, row, rated, celsius):
     return said
 
 
+def _begin(measured):
+    return measured["first_row"]
+
+
 def _moved(half, charge):
     return abs(float(charge[half.last_row] - charge[half.first_row]))
 
@@ -358,6 +369,8 @@ def _row(halves, rated):
         "capacity_std_ampere_hour": std,
         "energy_watt_hour": means["energy_watt_hour"],
         "coulombic_efficiency": means["coulombic_efficiency"],
+        # Of a new cell that of formation, which no mean may hide.
+        "first_coulombic_efficiency": min(halves, key=_begin)["coulombic_efficiency"],
         "repeats": len(sizes),
         "mean_current_ampere": means["mean_current_ampere"],
         "temperature_mean_celsius": means["temperature_mean_celsius"],

@@ -217,7 +217,7 @@ def starts_of(halves, columns, limits, known):
         return []
     starts = [start_of_first(halves[0], halves[1] if halves[1:] else None, columns, limits, known)]
     if starts[0] is None and halves[0].under_load:
-        starts[0] = _under_load(halves[0], columns, limits, known.state_before)
+        starts[0] = start_under_load(halves[0], columns, limits, known.state_before)
     # What follows a half cycle that reached its cut-off begins there.
     starts += [
         Start() if before.sign != half.sign and before.reached else None
@@ -228,7 +228,7 @@ def starts_of(halves, columns, limits, known):
         if start and not (start.fault or half.under_load):
             rests[half.sign].append(columns[1][half.first_row])
     starts = [
-        start or _by_rest(half, before, columns, limits, rests[half.sign])
+        start or start_by_rest(half, before, columns, limits, rests[half.sign])
         for before, half, start in zip([None, *halves], halves, starts, strict=False)
     ]
     if contradicted := _contradiction(halves[0], starts[0], columns, limits, known):
@@ -249,7 +249,9 @@ def start_of_first(half, after, columns, limits, known):
     if known.state_before == ENDS[half.sign] or at_limit:
         return Start()
     returned = _by_return(half, after)
-    by_rest = _by_rest(half, None, columns, limits, ()) if returned and returned.fault else None
+    by_rest = (
+        start_by_rest(half, None, columns, limits, ()) if returned and returned.fault else None
+    )
     # Where its first voltage leaves no room for what it lacks, the current has an offset.
     room = np.inf if by_rest is None or by_rest.fault else by_rest.missing_ampere_hour
     if returned and returned.missing_ampere_hour <= room:
@@ -313,7 +315,7 @@ def _contradiction(half, start, columns, limits, known):
 
 # ASSUME: A record that begins under load with a discharge begins with a full cell. What its first
 # voltage is below full by holds the load's own drop, and only says how much it may lack at most.
-def _under_load(half, columns, limits, state_before):
+def start_under_load(half, columns, limits, state_before):
     """Start of a record that begins under load, not at a cut-off."""
     if half.sign > 0:
         return Start("the record begins with it, from an unknown state of charge")
@@ -332,7 +334,7 @@ def _under_load(half, columns, limits, state_before):
     return Start(words=said if missing > 0.01 * half.moved_ampere_hour else "")
 
 
-def _by_rest(half, before, columns, limits, known_rests_volt):
+def start_by_rest(half, before, columns, limits, known_rests_volt):
     """Start of a half cycle by the voltage at which the cell rests before it.
 
     1. Not beyond where the half cycle before was cut short. 2. Resting no lower than the same cell

@@ -9,6 +9,7 @@ import numpy as np
 from cellwright.numerics.noise import least_digit
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols import Found, counted, not_elsewhere
+from cellwright.protocols.drift import Drift, drift_of_rest
 from cellwright.refusal import Refusal
 from cellwright.series.doubts import WORDS, Doubt, in_words, unlike_size
 from cellwright.series.steps import (
@@ -25,7 +26,8 @@ SMALL_SHARE = 0.25  # of the record's median: cold and empty cells show more, no
 
 class _Pulse(NamedTuple):
     """One pulse: row of the voltage before it, start [s], level and step of the current [A]; of
-    each sample from arrival on the delay [s], the ratio [ohm] and whether the current is kept."""
+    each sample from arrival on the delay [s], the ratio [ohm] and whether the current is kept; how
+    the voltage before it still moves."""
 
     before: int
     start: float
@@ -34,6 +36,7 @@ class _Pulse(NamedTuple):
     delay: np.ndarray
     ratio: np.ndarray
     steady: np.ndarray
+    drift: Drift
 
 
 # ASSUME: In a record without short pulses, longer loads that begin from rest serve as pulses.
@@ -55,13 +58,16 @@ def pulse_resistance(
     its first sample where that is later. The last sample's voltage and current are "before"; on a
     running load they are those of the load. Where its voltage has moved already while the current
     had not (channels not sampled together), the sample before it gives the voltage.
-    2. Each sample k of the pulse gives R_k = (V_k − V_before) / (I_k − I_before).
+    2. Each sample k of the pulse gives R_k = (V_k − V_before − d_k) / (I_k − I_before); d_k is how
+    far the relaxation of what was before would have gone on (`drift_of_rest`), where that is more
+    than noise: after a short rest.
     3. Delay 0, "instantaneous", is the first sample at which at least 90 % of the step of the
     current has arrived: how instantaneous that is depends on the sampling, and
     actual_delay_second says so. 4. Any other delay is interpolated linearly between the two
     samples around it; beyond the last sample by up to half a sampling step, or 2 %, it is the
     last sample's. 5. The standard deviation holds the noise of voltage and current (robust, from
-    the differences between successive samples) and the resolution of the voltage, not the drift.
+    the differences between successive samples), the resolution of the voltage and the doubt of
+    d_k, not the drift of the open-circuit voltage.
 
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A], [V], positive on charge.
     soc : (n,) state of charge [1]; the value before the pulse is reported.
@@ -71,7 +77,8 @@ def pulse_resistance(
     elsewhere : as of `not_elsewhere`.
     doubt : (n,) flags of `series.doubts.Doubt`, or None.
 
-    Returns found: Found; rows are columns of stage `resistance`, one entry a pulse and delay.
+    Returns found: Found; rows are columns of stage `resistance`, one entry a pulse and delay;
+    relaxation_ohm is what d_k has taken off.
     direction is "discharge" or "charge", by the sign of the current in the pulse; "falling
     discharge" or "falling charge" where a running load only becomes smaller: its polarisation goes
     on building up and hides part of the answer, so laws leave these out. The reasons of missing
@@ -88,7 +95,8 @@ def pulse_resistance(
     noise = _noise(voltage, steps, resolution=True), _noise(current, steps, resolution=False)
     rows, reasons = [], Counter()
     chosen = not_elsewhere(chosen, elsewhere, "pulse", reasons)
-    pulses = [_pulse(time, current, voltage, steps, step) for step in chosen]
+    least = np.sqrt(2) * noise[0]
+    pulses = [_pulse(time, current, voltage, steps, step, least) for step in chosen]
     for pulse, delay in product(pulses, delay_second):
         try:
             _check_step(pulse, rated)
@@ -131,8 +139,11 @@ def _chosen(steps):
     return np.flatnonzero(np.isin(steps.kind, ("CC", "CCCV")) & from_rest & follows)
 
 
-def _pulse(time, current, voltage, steps, step):
-    """One pulse from its step: delay [s] and ratio [ohm] of its samples from arrival on."""
+def _pulse(time, current, voltage, steps, step, least_volt):
+    """One pulse from its step: delay [s] and ratio [ohm] of its samples from arrival on.
+
+    A relaxation that moves the voltage by less than `least_volt` over all of it is none.
+    """
     first, last = int(steps.first_row[step]), int(steps.last_row[step])
     end = constant_current_end(first, last, steps.cv_first_row[step])
     level = float(np.median(current[first:end]))
@@ -144,10 +155,17 @@ def _pulse(time, current, voltage, steps, step):
     rows = np.arange(arrival, last + 1)
     pace = np.median(np.diff(time[first : last + 1])) if last > first else np.inf
     start = max(time[first - 1], time[first] - pace) if before == first - 1 else time[before]
-    ratio = (voltage[rows] - voltage[before]) / (current[rows] - current[first - 1])
+    delay, drift = time[rows] - start, Drift()
+    if steps.kind[step - 1] == "rest":
+        rest = slice(int(steps.first_row[step - 1]), before + 1)
+        drift = drift_of_rest(time[rest], voltage[rest], steps.start_time_second[step - 1])
+    if abs(drift.moved_volt(delay[-1])) <= least_volt:
+        drift = Drift()
+    moved = voltage[rows] - voltage[before] - drift.moved_volt(delay)
+    ratio = moved / (current[rows] - current[first - 1])
     # A ratio to a current that has moved on is no resistance at this delay.
     steady = np.abs(gone[rows - first] - 1) <= 0.1
-    return _Pulse(before, start, level, rise, time[rows] - start, ratio, steady)
+    return _Pulse(before, start, level, rise, delay, ratio, steady, drift)
 
 
 def _before(time, voltage, steps, step, first, arrived):
@@ -214,10 +232,12 @@ def _noise(values, steps, *, resolution):
 
 
 def _row(pulse, value, delay, soc, voltage, noise, rated):
-    """Columns of one pulse and delay; the deviation is that of two voltages and two currents."""
+    """Columns of one pulse and delay; the deviation is that of two voltages and two currents, and
+    of the relaxation that went on."""
     actual, resistance = value
     flows = "charge" if pulse.level > 0 else "discharge"
     error = np.sqrt(2) * np.hypot(noise[0], resistance * noise[1]) / abs(pulse.step)
+    error = np.hypot(error, pulse.drift.moved_std_volt(actual) / abs(pulse.step))
     return {
         "soc": soc[pulse.before],
         "direction": flows if pulse.level * pulse.step > 0 else f"falling {flows}",
@@ -225,6 +245,7 @@ def _row(pulse, value, delay, soc, voltage, noise, rated):
         "actual_delay_second": actual,
         "resistance_ohm": resistance,
         "resistance_std_ohm": error,
+        "relaxation_ohm": pulse.drift.moved_volt(actual) / pulse.step,
         "current_ampere": pulse.level,
         "c_rate": abs(pulse.step) / rated,
         "voltage_before_volt": voltage[pulse.before],

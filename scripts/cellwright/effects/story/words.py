@@ -1,5 +1,6 @@
 """A verdict in words, for a reader who knows no statistics: one sentence first, then the rest."""
 
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -77,6 +78,31 @@ def one_line(verdict, own=None, external=None):
     return "; ".join([_shows(verdict), *lacks])
 
 
+NOTHING = "lacks nothing above"
+FAR = 2.0  # times what a model is said to lack: a test in which it errs by more contradicts that
+
+
+def beside_worst_test(line, volt_by_test):
+    """The line of a cell, and the test in which its model errs by far more than it lacks.
+
+    A search frees the start and the current of a record, and leaves out what it cannot place: that
+    a model lacks nothing there says nothing of such a test.
+
+    Parameters
+    ----------
+    line : from `one_line`. volt_by_test : dict, name of the test → rms error of the model in use.
+
+    Returns
+    -------
+    line : str; the same one where no test contradicts it.
+    """
+    said = re.search(rf"its model {NOTHING} ([\d.e+-]+) mV", line)
+    worst = max(volt_by_test, key=volt_by_test.get, default=None)
+    if not said or worst is None or volt_by_test[worst] <= FAR * 1e-3 * float(said[1]):
+        return line
+    return f"{line}, yet errs by {millivolt(volt_by_test[worst])} in {worst}"
+
+
 def _shows(verdict):
     names = _listed(_name(one) for one in verdict["effects"])
     if verdict["verdict"] == "none":
@@ -90,7 +116,7 @@ def _lacks(model, own):
     names = _listed(_name(one) for one in own["effects"])
     if own["verdict"] == "none":
         most = own["validation_rmse_volt"]["after"]
-        return f"{model} lacks nothing above {1e3 * most:.2g} mV"
+        return f"{model} {NOTHING} {1e3 * most:.2g} mV"
     if names:
         return f"{model} lacks {names}"
     # Freed to follow the records fitted, a model may err by more than it does as it is.

@@ -8,6 +8,8 @@ from cellwright.protocols.ica.spline import curve_of, slope_of_charge, slope_pea
 from cellwright.refusal import Refusal
 from cellwright.series.steps import constant_current_end
 
+USUAL_SHARE = 0.02  # of a charge's current, by which it may be off its usual one
+
 
 def constant_current_charge(steps, charge_ampere_hour, *, among=True):
     """Rows of the constant-current charge that moves the most charge.
@@ -42,7 +44,7 @@ def constant_rows(current_ampere, first, last):
     part = current_ampere[first : last + 1]
     usual = np.median(part)
     # Within 2 %, or five sigma of the noise where a small current scatters by more.
-    tolerance = max(0.02 * usual, 5.0 * robust_std(part - usual))
+    tolerance = max(USUAL_SHARE * usual, 5.0 * robust_std(part - usual))
     steady = np.flatnonzero(np.abs(part - usual) <= tolerance)
     return int(first + steady[0]), int(first + steady[-1])
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from cellwright.protocols.ica.charge import charge_slope, constant_current_charge, constant_rows
 from cellwright.protocols.ica.curve import Peaks
+from cellwright.protocols.ica.parts import parts_joined
 from cellwright.protocols.ica.spline import slope_peaks
 from cellwright.refusal import Refusal
 
@@ -20,12 +21,21 @@ class LifePeaks(NamedTuple):
 
 
 def peaks_of_life(
-    current_ampere, voltage_volt, charge_ampere_hour, steps, cycles, *, prominence, most
+    test_time_second,
+    current_ampere,
+    voltage_volt,
+    charge_ampere_hour,
+    steps,
+    cycles,
+    *,
+    prominence,
+    most,
 ):
     """Peaks of dQ/dV of charges spread evenly over an ageing record.
 
-    current_ampere, voltage_volt, charge_ampere_hour : (n,) clean series [A], [V], [Ah].
-    steps : columns kind, first_row, last_row, cv_first_row, start_time_second,
+    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) clean series [s], [A],
+        [V], [Ah].
+    steps : columns kind, first_row, last_row, cv_first_row, start_time_second, end_time_second,
         current_mean_ampere, c_rate.
     cycles : columns of stage `ageing_cycles`: cycle, direction, start_time_second, (k,) each.
     prominence : as of `spline.slope_peaks`. most : charges at most.
@@ -33,9 +43,9 @@ def peaks_of_life(
     Returns life: LifePeaks. Raises Refusal: no complete charge, or none whose dQ/dV can be taken.
     """
     rows, curves, notes = [], [], []
-    charges = _charges_of_life(cycles, steps, current_ampere, charge_ampere_hour, most)
-    for cycle, first, last, rate in charges:
-        part = slice(first, last + 1)
+    record = test_time_second, current_ampere, voltage_volt, charge_ampere_hour
+    for cycle, part, words, rate in _charges_of_life(cycles, steps, record, most):
+        notes += [f"cycle {cycle:g}: {said}" for said in words]
         try:
             curve, slope = charge_slope(voltage_volt[part], charge_ampere_hour[part])
         except Refusal as refusal:
@@ -47,14 +57,15 @@ def peaks_of_life(
         height = np.interp(grid, curve.voltage_volt, curve.dq_dv_ampere_hour_per_volt)
         curves.append((np.full(len(grid), cycle), grid, height))
     if not rows:
-        raise Refusal(f"no charge of the record has a dQ/dV: {notes[0]}")
+        raise Refusal(f"no charge of the record has a dQ/dV: {notes[-1]}")
     names = ("cycle", "voltage_volt", "dq_dv_ampere_hour_per_volt")
     columns = (np.concatenate(column) for column in zip(*curves, strict=True))
     return LifePeaks(rows, dict(zip(names, columns, strict=True)), notes)
 
 
-def _charges_of_life(cycles, steps, current, charge, most):
-    """(cycle, first row, last row, rate [1/h]) of complete charges, evenly over a life."""
+def _charges_of_life(cycles, steps, record, most):
+    """(cycle, rows, notes, rate [1/h]) of complete charges, evenly over a life."""
+    _, current, _, charge = record
     charging = np.flatnonzero(np.asarray(cycles["direction"]) == "charge")
     if not len(charging):
         raise Refusal("no complete charge in the ageing record, so no dQ/dV over its life")
@@ -67,10 +78,9 @@ def _charges_of_life(cycles, steps, current, charge, most):
         inside = (start > begins[k] - 1.0) & (start < begins[k + 1] - 1.0)
         with suppress(Refusal):
             *ends, step = constant_current_charge(steps, charge, among=inside)
-            first, last = constant_rows(current, *ends)
+            joined = parts_joined(*record, steps, step, constant_rows(current, *ends))
             rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
-            rate = float(np.median(current[first : last + 1]) / rated)
-            yield float(cycles["cycle"][k]), first, last, rate
+            yield float(cycles["cycle"][k]), *joined, float(np.median(current[joined.rows]) / rated)
 
 
 def _rows(shared, peaks):

@@ -7,6 +7,8 @@ import numpy as np
 
 from cellwright.numerics.statistics import rms
 from cellwright.protocols.impedance.circuits import (
+    BENT_LEADS,
+    LEADS,
     PARALLEL,
     SERIES,
     SYMBOLS,
@@ -154,7 +156,42 @@ class Candidate(NamedTuple):
 def with_inductance(circuit, impedance_ohm):
     """Text of the circuit, with the leads' inductance in series where the spectrum shows any."""
     has = "L" in re.findall(r"[A-Z]+", circuit)
-    return circuit if has or not (impedance_ohm.imag > 0).any() else f"L-{circuit}"
+    return circuit if has or not (impedance_ohm.imag > 0).any() else f"{LEADS}-{circuit}"
+
+
+# ASSUME: What the Kramers-Kronig test leaves of a spectrum is its noise; a circuit that leaves
+# more than twice as much is not that of the cell.
+MISSES = 2.0
+
+
+def misses(fit, kramers_kronig_rms):
+    """How many times more a circuit leaves of a spectrum than the test, 0 where that is noise."""
+    ratio = fit.rms_relative_residual / max(kramers_kronig_rms, 1e-12)
+    return ratio if ratio > MISSES else 0.0
+
+
+def with_bent_leads(points, fit, kramers_kronig_rms, **options):
+    """The fit with the leads' inductance beside a resistance, where that alone explains a misfit.
+
+    points : frequency [Hz] and impedance [Ω] of the fit. fit : CircuitFit. kramers_kronig_rms : of
+    the test. options : as of `fit_circuit`.
+
+    Returns fit: CircuitFit, the same one where its circuit follows the spectrum, has no inductance
+    in front, or misses it with bent leads as well.
+    """
+    if not (misses(fit, kramers_kronig_rms) and fit.circuit.startswith(f"{LEADS}-")):
+        return fit
+    bent = fit_circuit(*points, circuit=BENT_LEADS + fit.circuit[len(LEADS) :], **options)
+    return fit if misses(bent, kramers_kronig_rms) or bent.at_bound else bent
+
+
+def widened(fit, points):
+    """The fit with deviations for a misfit that is no noise.
+
+    It is smooth: the points tell it no better than as many as the circuit has free parameters, and
+    one, would.
+    """
+    return fit._replace(std=fit.std * np.sqrt(2 * points / (fit.free + 1)))
 
 
 def compare(frequency_hertz, impedance_ohm, circuits, **options):
@@ -270,10 +307,16 @@ def analyse(
     points = frequency[trusted.keep], impedance[trusted.keep]
     names = [with_inductance(name, points[1]) for name in (circuit, *candidates)]
     fixed, tied = parse_constraints(constraints)
-    given = fit_circuit(*points, circuit=names[0], fixed=fixed, tied=tied)
+    options = {"fixed": fixed, "tied": tied}
+    given = with_bent_leads(
+        points, fit_circuit(*points, circuit=names[0], **options), trusted.rms, **options
+    )
+    names = [given.circuit, *names[1:]]
     compared = compare(*points, dict.fromkeys(names))
     preferred = best(compared, criterion="bic" if choose == "circuit" else choose)
     fit = given if choose == "circuit" else preferred.fit
+    if misses(fit, trusted.rms):
+        fit = widened(fit, len(points[0]))
     distribution = relaxation_times(*points)
     row = _row(fit, frequency, impedance, trusted, preferred) | _temperature(temperature_celsius)
     return Analysis(
@@ -299,6 +342,7 @@ def _row(fit, frequency, impedance, trusted, preferred):
         **contract(fit),
         "rms_relative_residual": fit.rms_relative_residual,
         "kramers_kronig_residual": trusted.rms,
+        "doubt": doubt_of(fit, trusted.rms),
         "r_zero_crossing_ohm": zero_crossing(frequency, impedance),
         "characteristic_frequency_hertz": top,
         "arc_in_range": bool(used.min() <= top <= used.max()),
@@ -308,6 +352,15 @@ def _row(fit, frequency, impedance, trusted, preferred):
         "bic": fit.bic,
         "preferred_circuit": preferred.circuit,
     }
+
+
+def doubt_of(fit, kramers_kronig_rms):
+    """What stands against a circuit's parameters, in words; "" where nothing does."""
+    ratio = misses(fit, kramers_kronig_rms)
+    if not ratio:
+        return ""
+    left = f"{fit.rms_relative_residual:.1%} RMS, {ratio:.2g} times what its own noise leaves"
+    return f"the circuit misses the spectrum by {left}: deviations widened"
 
 
 def _temperature(celsius):
@@ -387,6 +440,8 @@ def _notes(row, fit, trusted, used):
             f"circuit {fit.circuit} misses the spectrum by {fit.rms_relative_residual:.1%} RMS: "
             f"its parameters do not describe this cell; {row['preferred_circuit']} comes closest"
         )
+    elif row["doubt"]:
+        yield f"{fit.circuit}: {row['doubt']}"
     if fit.at_bound:
         yield f"not determined, at the limit of the search: {', '.join(fit.at_bound)}"
     for arc in arcs(fit.circuit):

@@ -109,8 +109,13 @@ SYMBOLS = {element.symbol: FIRST + k for k, element in enumerate(ELEMENTS)}
 
 THESIS = "R-(CPE|(R-W))"
 THESIS_NAMES = ("r_ohmic_ohm", "cpe_t", "cpe_p", "r_charge_transfer_ohm", "warburg_y0")
+LEADS, BENT_LEADS = "L", "(L|R)"  # eddy currents shunt an inductance: its tail bends over
 # The thesis' circuit has the names of the results contract; with the leads' inductance as well.
-NAMED = {THESIS: THESIS_NAMES, f"L-{THESIS}": ("inductance_henry", *THESIS_NAMES)}
+NAMED = {
+    THESIS: THESIS_NAMES,
+    f"{LEADS}-{THESIS}": ("inductance_henry", *THESIS_NAMES),
+    f"{BENT_LEADS}-{THESIS}": ("inductance_henry", "lead_ohm", *THESIS_NAMES),
+}
 TOKEN = re.compile(r"[A-Z]+|[-|()]")
 
 

@@ -11,7 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.half_cycles import Before, HalfCycle, start_of_first
+from cellwright.protocols.half_cycles import (
+    ENDS,
+    NAMES,
+    RETURN_SHARE,
+    Before,
+    HalfCycle,
+    start_by_rest,
+    start_of_first,
+    start_under_load,
+)
 from cellwright.protocols.ocv.legs import legs_of
 from cellwright.records.conditions import SAME_RATE
 from cellwright.refusal import Refusal
@@ -145,6 +154,7 @@ def slow_ocv(
     upper_cutoff_volt,
     least_hour=OCV.least_hour,
     soc_at_start=None,
+    state_before="",
 ):
     """OCV of a slow test from its discharge and its charge branch at equal SoC.
 
@@ -156,8 +166,9 @@ def slow_ocv(
     file_index : (n,) int, which of the joined files a row is from; None: one file.
     lower_cutoff_volt, upper_cutoff_volt : where a full discharge and a full charge end [V].
     least_hour : a branch is slow if it takes longer than this at its current [h].
-    soc_at_start : of the first row, as the sheet states it [1], or None. A first branch that it, or
-        the branch after it, tells not to begin at its end is left out.
+    soc_at_start : of the first row, as the sheet states it [1], or None. state_before : "full" or
+        "empty", as the test before this one in time left the cell; "": not known. A first branch
+        that they, the branch after it, or its first rest tell not to begin at its end is left out.
 
     Returns curve: OcvCurve. Raises Refusal: no leg of the record is slow, full and runs to its
     cut-off, or one is not stated.
@@ -174,7 +185,7 @@ def slow_ocv(
     time, current, voltage, net_charge = (np.asarray(column, float) for column in columns)
     cutoffs = {-1: lower_cutoff_volt, 1: upper_cutoff_volt}
     columns = time, current, voltage, net_charge, files
-    known = Before(soc_at_start=soc_at_start)
+    known = Before(state_before, soc_at_start)
     discharge, charge, net_charge, note = _legs_chosen(columns, (cutoffs, least_hour), known)
     *closed, without_drift, drift = _closed(discharge, charge, time, current, net_charge)
     soc = np.linspace(0.0, 1.0, POINTS)
@@ -246,10 +257,29 @@ def _begun(legs, columns, limits, known):
     if not halves:
         return legs, ""
     about = (current, voltage, net_charge), (cutoffs[-1], cutoffs[1])
-    start = start_of_first(halves[0], halves[1] if halves[1:] else None, *about, known)
-    if start is None or not start.fault:
-        return legs, ""
-    return legs[1:], f"its first {'charge' if legs[0].sign > 0 else 'discharge'}: {start.fault}"
+    first, after = halves[0], halves[1] if halves[1:] else None
+    start = start_of_first(first, after, *about, known)
+    if start is None and first.under_load:
+        start = start_under_load(first, *about, known.state_before)
+    fault = start.fault if start else _fault_of_rest(first, about)
+    return (legs[1:], f"its first {NAMES[first.sign]}: {fault}") if fault else (legs, "")
+
+
+def _fault_of_rest(half, about):
+    """Why the rest before a first leg leaves it unfit for a scale of SoC, "" where it does not.
+
+    A scale may err by as much as charge and discharge between the same ends may differ.
+    """
+    start, moved = start_by_rest(half, None, *about, ()), half.moved_ampere_hour
+    if start.fault or start.missing_ampere_hour <= RETURN_SHARE * moved:
+        return start.fault
+    rest, share = about[0][1][half.first_row], start.missing_ampere_hour / moved
+    may = "lack" if half.sign < 0 else "already hold"
+    return (
+        f"it is not known to start {ENDS[half.sign]}: with a rest voltage of {rest:.3f} V it may "
+        f"{may} {share:.0%} of its charge, and neither another leg, the test before it nor the "
+        "sheet (`soc`) tells more"
+    )
 
 
 def _legs_chosen(columns, limits, known):
@@ -271,7 +301,7 @@ def _legs_chosen(columns, limits, known):
         return *chosen, net_charge, ""
     if better := _without_offset(columns, limits):
         return better
-    if None in chosen:
+    if None in chosen and not left_out:
         chosen = _drifted(columns, limits) or chosen
     if refusal is not None and chosen == (None, None):
         raise refusal

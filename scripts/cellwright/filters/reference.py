@@ -1,0 +1,42 @@
+"""Whether the counted SoC that filters are scored against agrees with a record's own rests."""
+
+import numpy as np
+
+from cellwright.records.anchor import RELAXED_SECOND, REST_VOLT, STATED_SOC, soc_range_of_rest
+from cellwright.records.filled import STEP_SHARE
+
+
+def reference_doubt(record, curve):
+    """How far the counted SoC of a record lies beyond what its rests allow.
+
+    A rest is ten minutes and more within 5 % of the largest current: an offset of the reading is
+    none of the cell. Its last voltage tells a range of SoC (`anchor.soc_range_of_rest`); as with a
+    stated SoC, 5 % beyond it contradict.
+
+    Parameters
+    ----------
+    record : Record. curve : mapping with soc [1] and ocv_volt [V], (m,) each.
+
+    Returns
+    -------
+    off_soc : largest distance from the range [1], 0 where none contradicts; NaN without a rest.
+    words : sentence on it, "" where none contradicts.
+    """
+    time, size = record.test_time_second, np.abs(record.current_ampere)
+    idle = size <= STEP_SHARE * size.max(initial=0.0)
+    bounds = np.flatnonzero(np.diff(idle.astype(int), prepend=0, append=0))
+    pairs = zip(bounds[::2], bounds[1::2] - 1, strict=True)
+    ends = [last for first, last in pairs if time[last] - time[first] >= RELAXED_SECOND]
+    off, words = np.nan, ""
+    for row in ends:
+        soc, volt = record.soc[row], record.voltage_volt[row]
+        low, high = soc_range_of_rest(volt, curve, error_volt=REST_VOLT)
+        beyond = max(low - soc, soc - high, 0.0)
+        far = beyond if beyond > STATED_SOC else 0.0
+        if far and far > np.nan_to_num(off):
+            words = (
+                f"its reference is in doubt: counted {soc:.2f} at a rest of {volt:.3f} V, which "
+                f"tells {low:.2f} to {high:.2f}"
+            )
+        off = np.fmax(off, far)
+    return float(off), words

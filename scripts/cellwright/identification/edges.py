@@ -1,0 +1,72 @@
+"""When the current stepped between two rows where nothing counts it: the voltage decides."""
+
+import numpy as np
+
+from cellwright.circuits.circuit import member_named
+from cellwright.identification.choice import NEAR
+from cellwright.identification.identify import identify
+from cellwright.numerics.statistics import rms
+from cellwright.records.conditions import REFERENCE_CELSIUS
+from cellwright.records.filled import with_edges
+from cellwright.refusal import Refusal
+
+PLAIN = member_named("DRT")
+# ASSUME: Where the rows do not tell otherwise a tester stores the end of a step, as it does where
+# their pace tells (`series.edges`): no part of the interval lies before the step.
+AT_ROW_BEFORE = 0.0
+
+
+def uncounted_edges(by_temperature, data_of_records, *, capacity_ampere_hour):
+    """Where the current stepped at edges of which neither charge nor pace tells, by the voltage.
+
+    Between two rows a current that steps somewhere is taken to move evenly, which is right in the
+    mean and wrong at each: what is fitted to fast pulses and slow steps of one record then differs,
+    and looks like kinetics or hysteresis. That it stepped at the row before counts where a plain
+    circuit follows the records better by more than a tenth.
+
+    Parameters
+    ----------
+    by_temperature : list of FitRecords. data_of_records : function (FitRecords) → columns.Data.
+    capacity_ampere_hour : [Ah].
+
+    Returns
+    -------
+    share : of each such interval that lies before the step [1]; None: as counted. words : sentence
+        on it, "" where there is no such edge.
+    """
+    near = sorted(by_temperature, key=lambda one: abs(one.celsius - REFERENCE_CELSIUS))
+    moved = [with_share(one, AT_ROW_BEFORE, capacity_ampere_hour) for one in near]
+    pairs = zip(near, moved, strict=True)
+    given = next(((one, other) for one, other in pairs if other is not one), None)
+    if given is None:
+        return None, ""
+
+    def misfit(records):
+        settings = {"capacity_ampere_hour": capacity_ampere_hour, "celsius": records.celsius}
+        try:
+            fit = identify(data_of_records(records), PLAIN, **settings)
+        except Refusal:
+            return np.inf
+        return rms(fit.solution.residual_volt)
+
+    even, stepped = (misfit(records) for records in given)
+    if not stepped * NEAR < even:
+        return None, ""
+    volts = f"{1e3 * even:.2g} to {1e3 * stepped:.2g} mV"
+    said = "the later current flowed from the row before, by the voltage: a plain circuit errs by"
+    return AT_ROW_BEFORE, f"steps of the current between two rows: {said} {volts}"
+
+
+def with_share(fit_records, share, capacity_ampere_hour):
+    """FitRecords whose uncounted edges lie after this share of their interval; None: as they are.
+
+    Parameters
+    ----------
+    fit_records : FitRecords. share : [1] or None. capacity_ampere_hour : [Ah].
+    """
+    if share is None:
+        return fit_records
+    about = {"capacity_ampere_hour": capacity_ampere_hour, "uncounted": share}
+    records = tuple(with_edges(record, **about) for record in fit_records.records)
+    same = all(a is b for a, b in zip(records, fit_records.records, strict=True))
+    return fit_records if same else fit_records._replace(records=records)
