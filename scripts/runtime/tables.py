@@ -1,6 +1,7 @@
 """Tables of the results contract from artefacts: rows of all tests under one header."""
 
 import traceback
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -209,6 +210,10 @@ def _summary_row(facts, of_cell, model) -> dict:
     if capacity is None and facts.get("state_of_health"):
         capacity, source = stated_capacity(rated, facts["state_of_health"])
         notes = [*notes, f"capacity: {source}; no test measures it"]
+    fresh = capacity / rated if capacity and rated else None
+    if fresh is not None and not isfinite(fresh):
+        fresh, said = None, f"{capacity:g} Ah over a rating of {rated:g} Ah is beyond all numbers"
+        notes = [*notes, f"no state of health: {said}"]
     missing, filtered = of_cell["missing_effect"], of_cell["soc"]
     scored = scored[scored["chosen"].eq(True)]
     pulses = of_cell["resistance"][of_cell["resistance"]["soc"].notna()]
@@ -216,7 +221,7 @@ def _summary_row(facts, of_cell, model) -> dict:
     return {
         "cell": facts["cell"],
         "capacity_ampere_hour": capacity,
-        **_health(of_cell, capacity / rated if capacity and rated else None),
+        **_health(of_cell, fresh),
         "r0_50_25_ohm": reference_resistance(_known(pulses)),
         "best_model": model.get("chosen"),
         "validation_rmse_volt": pooled_rms(scored["rmse_volt"], scored["samples"]),
