@@ -1,6 +1,7 @@
 """Tables of the results contract from artefacts: rows of all tests under one header."""
 
 import traceback
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -222,6 +223,10 @@ def _summary_row(facts, of_cell, model) -> dict:
     if capacity is None and facts.get("state_of_health"):
         capacity, source = stated_capacity(rated, facts["state_of_health"])
         notes = [*notes, f"capacity: {source}; no test measures it"]
+    fresh = capacity / rated if capacity and rated else None
+    if fresh is not None and not isfinite(fresh):
+        fresh, said = None, f"{capacity:g} Ah over a rating of {rated:g} Ah is beyond all numbers"
+        notes = [*notes, f"no state of health: {said}"]
     missing, filtered = of_cell["missing_effect"], of_cell["soc"]
     scored = scored[scored["chosen"].eq(True)]
     pulses = of_cell["resistance"][of_cell["resistance"]["soc"].notna()]
@@ -231,7 +236,7 @@ def _summary_row(facts, of_cell, model) -> dict:
         "cell": facts["cell"],
         "capacity_ampere_hour": capacity,
         "capacity_std_ampere_hour": _std_of(counted, capacity),
-        **_health(of_cell, capacity / rated if capacity and rated else None),
+        **_health(of_cell, fresh),
         "r0_50_25_ohm": resistance.get("resistance_ohm"),
         "r0_50_25_std_ohm": resistance.get("resistance_std_ohm"),
         "best_model": model.get("chosen"),

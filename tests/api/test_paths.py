@@ -92,7 +92,7 @@ def test_another_file_than_a_models_is_named_for_what_it_is(tmp_path, name):
     for path in (basis, str(basis)):
         with pytest.raises(cw.Refusal, match=said):
             call(path)
-    with pytest.raises(cw.Refusal, match="No such file"):
+    with pytest.raises(cw.Refusal, match="there is no such file"):
         call(str(tmp_path / "B.json"))
     with pytest.raises(cw.Refusal, match=r"A\.json holds nothing: no pulses"):
         call(file_of(tmp_path, {"provenance": {"reason": "no pulses"}}))

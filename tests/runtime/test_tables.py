@@ -116,7 +116,10 @@ def test_a_cell_that_cannot_be_summed_up_costs_no_other_its_row():
     assert a["notes"].startswith("Cellwright itself failed to sum up this cell (TypeError")
     assert a["exclusions"] == 2
     assert (b["soh"], b["capacity_ampere_hour"]) == (0.8, 4.0)
-    assert c["capacity_ampere_hour"] == 4.0
+    assert (c["capacity_ampere_hour"], c["soh"]) == (4.0, None)
+    assert c["notes"] == (
+        "no state of health: 4 Ah over a rating of 1e-308 Ah is beyond all numbers"
+    )
     assert "Traceback" in logged[0]
 
 

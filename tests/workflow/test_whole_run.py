@@ -332,7 +332,7 @@ def test_faults_of_the_sheets_are_told_at_once_before_any_job(tmp_path):
         ("config/tests.tsv, line 1", "'colour'", "one of the columns"),
         ("config/tests.tsv, row 1 (line 2), kind", "'ocvv'", "did you mean 'ocv'"),
         ("config/tests.tsv, row 2 (line 3), ambient_temperature_celsius", "'warm'", "a number"),
-        ("config/tests.tsv, row 16 (line 17), cell and test", "'A capacity'", "each once"),
+        ("config/tests.tsv, row 18 (line 19), cell and test", "'A capacity'", "each once"),
     ]
     for parts in wanted:
         assert any(all(part in line for part in parts) for line in said), (parts, said)

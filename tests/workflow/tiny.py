@@ -39,6 +39,8 @@ BAD = {
     "frozen": "raw/frozen.csv: time never moves",
     "sign": "current_sign says discharge_positive, the voltage shows charge_positive",
     "folder": "raw/folder.csv: is a folder",
+    "brace": "raw/brace{{d}}.csv: has a brace in its name; rename it",
+    "bomb": "raw/bomb.csv.gz: unpacks to more than 100 times its ",
 }
 
 
@@ -83,13 +85,15 @@ def _bad(folder):
     lines = good.splitlines()
     frozen = [lines[0], *("0.000," + line.split(",", 1)[1] for line in lines[1:])]
     text = [*lines[:200], lines[200].rsplit(",", 1)[0] + ",oops", *lines[201:]]
-    files = {name: raw / f"{name}.csv" for name in BAD} | {"truncated": raw / "truncated.csv.gz"}
-    for name, content in {"checksum": good, "sign": good, "empty": ""}.items():
+    files = {name: raw / f"{name}.csv" for name in BAD} | {"brace": raw / "brace{d}.csv"}
+    files |= {name: raw / f"{name}.csv.gz" for name in ("truncated", "bomb")}
+    for name, content in {"checksum": good, "sign": good, "brace": good, "empty": ""}.items():
         files[name].write_text(content)
     files["text"].write_text("\n".join(text) + "\n")
     files["frozen"].write_text("\n".join(frozen) + "\n")
     whole = gzip.compress(good.encode(), mtime=0)
     files["truncated"].write_bytes(whole[: len(whole) // 2])
+    files["bomb"].write_bytes(gzip.compress(good.encode() + bytes(40_000_000), mtime=0))
     files["folder"].mkdir()
     stated, said = {"checksum": "0" * 64}, {"sign": "discharge_positive"}
     return [

@@ -242,7 +242,8 @@ def _is_path(given):
 def json_of_file(path):
     """Content of a JSON file that a user names, without the provenance of an artefact.
 
-    Refused are no such file, or no JSON in it; an artefact without content with its own reason.
+    Refused are no such file, a pipe or device, or no JSON in it; an artefact without content with
+    its own reason.
     """
     import json
 
