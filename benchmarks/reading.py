@@ -1,5 +1,6 @@
 """A large text file to columns."""
 
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -86,9 +87,11 @@ def arbin_file(rows):
     import pyarrow.compute as pc
     from pyarrow import csv
 
-    path = Path(tempfile.gettempdir()) / f"cellwright-benchmark-arbin-{rows}.csv"
+    # Not in the folder for temporary files itself: cellpy copies what it reads to there.
+    path = Path(tempfile.gettempdir()) / "cellwright-benchmark" / f"arbin-{rows}.csv"
     if path.exists():
         return path
+    path.parent.mkdir(exist_ok=True)
     rng = np.random.default_rng(1)
     second = 0.5 * np.arange(rows)
     phase = second % 8400
@@ -163,9 +166,17 @@ def _pyprobe(path):
 
 
 def _cellpy(path):
+    """Its loader wants Arbin's labels with underscores: the same file with another first line."""
     import cellpy
 
-    cell = cellpy.get(str(path), instrument="arbin_sql_csv", testing=True)
+    own = path.with_name(f"{path.stem}-underscores.csv")
+    if not own.exists():
+        with path.open("rb") as plain, own.open("wb") as file:
+            header = plain.readline().replace(b" (", b"(").replace(b" ", b"_")
+            file.write(header)
+            shutil.copyfileobj(plain, file)
+    cellpy.prms.Reader.sep = ","
+    cell = cellpy.get(str(own), instrument="arbin_sql_csv")
     names = ("test_time", "current", "voltage")
     return [cell.data.raw[name].to_numpy() for name in names]
 

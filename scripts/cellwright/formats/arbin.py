@@ -22,6 +22,7 @@ from cellwright.formats.fields import (
 from cellwright.formats.table import (
     CHANNEL,
     DELIMITERS,
+    is_number,
     layout_of,
     line_of,
     read_table,
@@ -118,10 +119,13 @@ def _unix_time(texts) -> dict[str, np.ndarray]:
 
     if texts is None:
         return {}
-    try:
-        return {"unix_time_second": np.array(pc.cast(texts, pa.float64()).to_numpy(), float)}
-    except pa.ArrowInvalid:
+    if not is_number(texts[0].as_py().strip()):
         seconds = unix_time_second(texts, DATES)
+    else:
+        try:
+            seconds = np.array(pc.cast(texts, pa.float64()).to_numpy(), float)
+        except pa.ArrowInvalid:
+            seconds = None
     return {} if seconds is None else {"unix_time_second": seconds}
 
 
