@@ -100,7 +100,7 @@ def test_a_file_that_is_too_long_is_not_read(tmp_path):
     path = tmp_path / "long.csv"
     with open(path, "wb") as file:
         file.truncate(1 << 40)
-    with pytest.raises(Refusal, match=r"is 1,099,511\.63 MB long, more than the 512 MB"):
+    with pytest.raises(Refusal, match=r"is 1,099,511\.63 MB long, more than the 8000 MB"):
         cw.read(path)
     path.write_bytes(ROWS)
     with pytest.raises(Refusal, match=r"is 0\.04 MB long, more than the 0\.01 MB"):

@@ -10,12 +10,12 @@ from typing import NamedTuple
 class Files(NamedTuple):
     """Which files are read.
 
-    largest_megabyte [MB] : A raw file that is longer, or unpacks to more, is refused. It is read
-        whole, by a job that needs about eight times as much memory; 512 MB are three months at
-        one row a second and 60 bytes a row.
+    largest_megabyte [MB] : A raw file that is longer, or unpacks to more, is refused. Large
+        texts are read in blocks, of which a job keeps the numbers; 8000 MB are four years at one
+        row a second and 60 bytes a row.
     """
 
-    largest_megabyte: float = 512.0
+    largest_megabyte: float = 8000.0
 
 
 class Clean(NamedTuple):
