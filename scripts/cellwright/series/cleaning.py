@@ -11,7 +11,7 @@ import numpy as np
 
 from cellwright.formats.fields import NET, SERIES
 from cellwright.refusal import Refusal
-from cellwright.series.doubts import doubts
+from cellwright.series.doubts import counter_digit, doubts
 from cellwright.series.doubts import sentences as doubts_in_words
 from cellwright.series.edges import begun_at_last_row, step_rows
 from cellwright.series.gaps import RESTED, in_words
@@ -288,10 +288,7 @@ def _counter_is_better(
     """Intervals in which the counter is more accurate than the trapezoid, and plausible."""
     if not np.any(counted[np.isfinite(counted)]):
         return np.zeros(counted.size, dtype=bool)
-    # The counter's resolution is a power of ten from 1 to 1e-9 Ah, by its steps.
-    steps, powers = counted[np.isfinite(counted)], 10.0 ** -np.arange(10)
-    shown = (d for d in powers if np.all(np.abs(steps / d - np.rint(steps / d)) < 1e-3))
-    digit = next(shown, powers[-1])
+    digit = counter_digit(counted[np.isfinite(counted)])
     unsure = 0.5 * np.abs(after - before) > digits * digit
     slack = digit + 0.02 * np.maximum(np.abs(before), np.abs(after))
     low, high = np.minimum(before, after) - slack, np.maximum(before, after) + slack

@@ -173,7 +173,7 @@ def against_counter(time, current, counter, apart) -> np.ndarray:
     step = np.where(apart[1:], 0.0, step)
     if not np.any(step):
         return np.zeros(len(time), bool)
-    digit = float(np.min(np.abs(step[step != 0])))
+    digit = counter_digit(step)
     travelled = np.cumsum(np.abs(moved))
     span = float(np.ptp(np.cumsum(moved)))
     window = np.floor(travelled / max(WINDOW_SHARE * span, 20 * digit, 1e-12)).astype(int)
@@ -183,6 +183,13 @@ def against_counter(time, current, counter, apart) -> np.ndarray:
     allowed = COUNTER_SHARE * np.maximum(travel, np.abs(by_counter)) + 0.5 * guessed + 2 * digit
     off = np.abs(by_current - by_counter) > allowed
     return np.append(False, np.repeat(off, np.diff(np.append(first, len(moved)))))
+
+
+def counter_digit(steps) -> float:
+    """Resolution of a counter by its steps [Ah]: a power of ten from 1 to 1e-9."""
+    powers = 10.0 ** -np.arange(10)
+    shown = (d for d in powers if np.all(np.abs(steps / d - np.rint(steps / d)) < 1e-3))
+    return float(next(shown, powers[-1]))
 
 
 def steps_alone(time, current, voltage, apart, resistance=np.nan) -> np.ndarray:

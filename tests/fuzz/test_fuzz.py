@@ -1,0 +1,53 @@
+"""A few of the records that `scripts/tools/fuzz_records.py` makes wrong, and all benign changes."""
+
+import numpy as np
+import pytest
+
+from fuzz.kinds import BENIGN, CURRENT, KINDS
+from fuzz.published import numbers_of, outcome_of, wrong_numbers
+from fuzz.records import HERE, entries, record_of
+
+
+@pytest.fixture(scope="module")
+def record():
+    """The demo's capacity test of C1: cycles with both counters left out."""
+    entry = next(e for e in entries() if e[0] == HERE and e[2]["test"] == "capacity_25C")
+    return record_of(entry)
+
+
+@pytest.fixture(scope="module")
+def clean(record):
+    return numbers_of(outcome_of(record))
+
+
+@pytest.mark.parametrize("kind", sorted(BENIGN))
+def test_a_benign_change_moves_no_number_and_raises_no_doubt(record, clean, kind):
+    outcome = outcome_of(BENIGN[kind](record, np.random.default_rng(4)))
+    assert not (outcome.refused)
+    assert not (outcome.crash)
+    assert not wrong_numbers(numbers_of(outcome), clean)
+    assert {n.doubt for n in numbers_of(outcome)} <= {n.doubt for n in clean}
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_nothing_crashes(record, kind):
+    changed = KINDS[kind](record, np.random.default_rng(6))
+    assert changed is None or not outcome_of(changed).crash
+
+
+TOLD = ("C-rate under A", "mA under A", "current zero in a block", "offset", "clock rate")
+
+
+@pytest.mark.parametrize("kind", TOLD)
+def test_a_wrong_number_says_so(record, clean, kind):
+    changed = 0
+    for seed in range(4):
+        outcome = outcome_of(KINDS[kind](record, np.random.default_rng(seed)))
+        wrong = wrong_numbers(numbers_of(outcome), clean)
+        assert outcome.refused or all(number.doubt for number, _ in wrong)
+        changed += bool(outcome.refused or wrong)
+    assert changed  # else this kind would test nothing
+
+
+def test_the_record_itself_is_one(record):
+    assert np.ptp(record.columns[CURRENT]) > 0

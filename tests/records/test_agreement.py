@@ -1,0 +1,73 @@
+"""Tests of one cell held against each other."""
+
+import pytest
+
+from cellwright.records.agreement import with_disagreements
+
+
+def capacity(test, ampere_hour, c_rate, **more):
+    row = {
+        "cell": "A", "test": test, "cycle": None, "ambient_temperature_celsius": 25.0,
+        "direction": "discharge", "c_rate": c_rate, "capacity_ampere_hour": ampere_hour,
+        "capacity_std_ampere_hour": float("nan"), "temperature_mean_celsius": 26.0, "doubt": "",
+    }  # fmt: skip
+    return row | more
+
+
+def doubts(rows, quantity="capacity"):
+    return [row["doubt"] for row in with_disagreements(rows, quantity=quantity)]
+
+
+def test_tests_that_agree_say_nothing_of_each_other():
+    rows = [capacity("ocv", 3.02, 0.05), capacity("slow", 3.0, 0.5), capacity("fast", 2.9, 1.0)]
+    assert doubts(rows) == ["", "", ""]
+
+
+def test_of_two_that_contradict_each_other_both_are_in_doubt():
+    first, second = doubts([capacity("slow", 2.8, 0.05), capacity("fast", 3.0, 1.0)])
+    assert first.startswith("fast gives 3 Ah at 1C: a slower load gives no less")
+    assert second.startswith("slow gives 2.8 Ah")
+
+
+def test_of_three_the_odd_one_out_is():
+    rows = [capacity("a", 3.0, 0.5), capacity("b", 3.01, 0.5), capacity("odd", 2.6, 0.5)]
+    said = doubts(rows)
+    assert said[:2] == ["", ""]
+    assert "the same rate; and 1 more tests against it" in said[2]
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"cycle": 500},
+        {"ambient_temperature_celsius": 0.0},
+        {"cell": "B"},
+        {"temperature_mean_celsius": 35.0},
+        {"capacity_std_ampere_hour": 0.2},
+        {"direction": "charge"},
+    ],
+)
+def test_what_was_not_made_alike_is_not_compared(more):
+    assert doubts([capacity("slow", 2.8, 0.05), capacity("fast", 3.0, 1.0, **more)]) == ["", ""]
+
+
+def test_cycles_of_one_ageing_test_differ_because_the_cell_ages():
+    rows = [capacity("life", 3.0 - 0.1 * k, 1.0, cycle=k) for k in range(4)]
+    assert not any(doubts([*rows, capacity("check", 3.0, 1.0, cycle=0)]))
+
+
+def test_a_resistance_half_as_large_again_as_others_at_its_soc():
+    row = {
+        "cell": "A", "cycle": None, "ambient_temperature_celsius": 25.0, "direction": "discharge",
+        "delay_second": 0.0, "actual_delay_second": 0.1, "soc": 0.5, "resistance_std_ohm": 1e-4,
+        "doubt": "said before",
+    }  # fmt: skip
+    rows = [
+        row | {"test": k, "resistance_ohm": ohm}
+        for k, ohm in zip("abc", (0.03, 0.031, 0.06), strict=True)
+    ]
+    said = doubts(rows, "resistance")
+    assert said[:2] == ["said before"] * 2
+    assert said[2].startswith("said before; a gives 30 mΩ at 50% SoC")
+    # Near empty, and after other times, it may be another.
+    assert doubts([r | {"soc": 0.05} for r in rows], "resistance") == ["said before"] * 3

@@ -1,0 +1,96 @@
+"""What contradicts itself in a record is flagged where it stands; a sound record has no flag."""
+
+import numpy as np
+import pytest
+
+from cellwright.series.cleaning import clean
+from cellwright.series.doubts import Doubt, in_words
+
+RATED, OHM = 3.0, 0.04
+
+
+@pytest.fixture
+def columns():
+    """A 3 Ah cell, 10 s a row: rest, discharge at C/2, rest, charge at C/2, rest; 0.1 mV."""
+    current = np.repeat([0.0, -1.5, 0.0, 1.5, 0.0], [60, 600, 180, 600, 180])
+    time = 10.0 * np.arange(len(current))
+    soc = 0.95 + np.cumsum(current) * 10 / 3600 / RATED
+    slow = np.zeros(len(current))
+    for row in range(1, len(current)):
+        slow[row] = (
+            slow[row - 1] * np.exp(-10 / 300) + 0.02 * (1 - np.exp(-10 / 300)) * current[row]
+        )
+    noise = 2e-4 * np.random.default_rng(3).standard_normal(len(current))
+    voltage = np.round(3.2 + soc + OHM * current + slow + noise, 4)
+    counter = np.concatenate([[0], np.cumsum(0.5 * (current[1:] + current[:-1]) * 10 / 3600)])
+    return {
+        "test_time_second": time,
+        "current_ampere": current,
+        "voltage_volt": voltage,
+        "net_capacity_ampere_hour": counter,
+    }
+
+
+def doubt_of(columns, **about):
+    about = {"rated_capacity_ampere_hour": RATED, "cutoffs_volt": (2.5, 4.3)} | about
+    cleaned = clean(columns, **about)
+    return cleaned.columns.get("doubt", np.zeros(len(cleaned.columns["voltage_volt"]), int))
+
+
+def flags(columns, **about):
+    return Doubt(int(np.bitwise_or.reduce(doubt_of(columns, **about).astype(int))))
+
+
+def without_counter(columns):
+    return {name: c for name, c in columns.items() if name != "net_capacity_ampere_hour"}
+
+
+def test_a_sound_record_has_no_doubt(columns):
+    assert not flags(columns)
+    assert "doubt" not in clean(columns, rated_capacity_ampere_hour=RATED).columns
+
+
+def test_a_current_beside_another_counter(columns):
+    columns["current_ampere"] = columns["current_ampere"] * np.where(np.arange(1620) < 300, 1, 1.05)
+    doubt = doubt_of(columns)
+    assert not doubt[:290].any()
+    assert np.all(doubt[330:600] & Doubt.COUNTER)
+
+
+def test_rows_that_are_missing_with_the_clock_closed_up(columns):
+    kept = np.r_[0:200, 350:1620]
+    gone = {name: c[kept] for name, c in without_counter(columns).items()}
+    gone["test_time_second"] = 10.0 * np.arange(len(kept))
+    assert np.flatnonzero(doubt_of(gone) & Doubt.VOLTAGE_STEP).tolist() == [200]
+
+
+def test_a_load_that_reads_zero(columns):
+    columns = without_counter(columns)
+    columns["current_ampere"][300:400] = 0.0
+    found = doubt_of(columns)
+    assert found[300] & Doubt.NO_ANSWER
+    assert np.all(found[310:390] & Doubt.AT_REST)
+
+
+def test_single_rows_of_the_current_that_drop_out(columns):
+    columns = without_counter(columns)
+    rows = [150, 350, 1000]
+    columns["current_ampere"][rows] = 0.0
+    assert np.flatnonzero(doubt_of(columns) & Doubt.NO_ANSWER).tolist() == rows
+
+
+@pytest.mark.parametrize("factor", [1000.0, 1e-3])
+def test_a_current_in_another_unit(columns, factor):
+    columns = without_counter(columns)
+    columns["current_ampere"] = columns["current_ampere"] * factor
+    assert flags(columns) & Doubt.SIZE
+
+
+def test_a_voltage_that_rests_beyond_its_cutoff(columns):
+    assert flags(columns, cutoffs_volt=(2.5, 4.0)) == Doubt.BEYOND
+
+
+def test_flags_are_said_in_words_of_the_rows_they_touch():
+    doubt = np.array([0, Doubt.CLOCK, 0, Doubt.SIGN | Doubt.CLOCK])
+    assert in_words(doubt, slice(0, 1)) == in_words(None) == ""
+    assert in_words(doubt).count(";") == 1
