@@ -4,7 +4,7 @@ import pytest
 
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.story.places import worsened
-from cellwright.effects.story.words import doubts, one_line, paragraph
+from cellwright.effects.story.words import beside_worst_test, doubts, one_line, paragraph
 
 PLACE = {"file": "hot", "soc": [0.1, 0.2], "current": "charge_low", "share": 0.42}
 PLACE |= {"temperature_celsius": [44.6]}
@@ -206,3 +206,11 @@ def test_bands_of_other_records_are_not_joined():
     volts = {"before_rms_volt": [5e-3] * 4, "after_rms_volt": [8e-3, 9e-3, 5e-3, 5e-3]}
     found = worsened(fields(test=["a", "b", "b", "b"], **volts))
     assert [(one["file"], one["soc"]) for one in found] == [("b", [0.2, 0.3]), ("a", [0.1, 0.2])]
+
+
+def test_a_model_that_lacks_nothing_stands_beside_the_test_in_which_it_errs():
+    line = "shows nothing beyond a plain circuit; its model lacks nothing above 1.7 mV"
+    assert beside_worst_test(line, {"good": 0.002, "far": 0.003}) == line
+    assert beside_worst_test(line, {}) == line
+    assert beside_worst_test(line, {"good": 0.002, "far": 0.059}).endswith("errs by 59.0 mV in far")
+    assert beside_worst_test("shows a leak", {"far": 0.059}) == "shows a leak"

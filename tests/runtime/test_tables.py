@@ -64,7 +64,7 @@ COLUMNS = {
     "capacity": "cell direction c_rate cycle capacity_ampere_hour",
     "resistance": "cell direction delay_second soc c_rate cycle ambient_temperature_celsius "
     "resistance_ohm",
-    "validation": "cell chosen samples rmse_volt",
+    "validation": "cell chosen samples rmse_volt test",
     "soc": "cell filter scenario rmse_soc",
     "missing_effect": "cell verdict effect alternatives in_one_line",
     "excluded": "cell",
