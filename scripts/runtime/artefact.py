@@ -272,7 +272,7 @@ class Job:
             facts["left_out"] = [*facts.get("left_out", []), *beyond]
         about = self.about() | {"facts": plain(facts)}
         if said := doubt_of(content):
-            wildcards = dict(self.snakemake.wildcards)
+            wildcards = dict(self.snakemake.wildcards.items())
             owner = wildcards.get("cell") or wildcards.get("group", "")
             about["doubts"] = about["doubts"] | {f"{owner} {wildcards.get('test', '')}": said}
         self.made[path] = write(path, content, about)

@@ -255,13 +255,15 @@ def _summary_row(facts, of_cell, model) -> dict:
 def _std_of(counted, capacity) -> float | None:
     """Standard deviation of a counted capacity [Ah], where it is the one that models count in."""
     same = counted and capacity and abs(counted["capacity_ampere_hour"] / capacity - 1) < 0.01
-    return counted["capacity_std_ampere_hour"] if same else None
+    return counted.get("capacity_std_ampere_hour") if same else None
 
 
 def _doubts(of_cell) -> str:
     """What speaks against the capacities and resistances of a cell, with the names of its tests."""
     said = {}
     for table in ("capacity", "resistance"):
+        if "doubt" not in of_cell[table]:
+            continue
         rows = of_cell[table][of_cell[table]["doubt"].notna()]
         for test, words in zip(rows["test"], rows["doubt"], strict=True):
             said.setdefault(f"{test}: {words}")
