@@ -8,13 +8,12 @@ from collections.abc import Mapping
 from enum import IntFlag
 
 import numpy as np
-from scipy import ndimage
 
 from cellwright.formats.fields import NET, SERIES
 from cellwright.numerics.statistics import robust_std
 from cellwright.numerics.turns import turning_points
-from cellwright.records.conditions import at_rest_in_record
 from cellwright.series.gaps import UNKNOWN
+from cellwright.series.rest_current import near_zero_ampere
 
 LOAD_SHARE = 0.2  # of the largest current: a step of so much must move the voltage
 SAME_SHARE = 0.02  # of the largest current: within so much it is the same
@@ -138,10 +137,13 @@ def doubts(
 
 def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:
     """Rows at rest at which the voltage lies beyond a stated cut-off [V], as no rest does."""
+    from scipy import ndimage
+
     low, high = (np.nan if limit is None else limit for limit in cutoffs)
     beyond = (voltage > high + REST_VOLT) | (voltage < low - REST_VOLT)
+    rest = np.abs(current) <= near_zero_ampere(current)
     # Right after a load the voltage is still its own.
-    rests = ndimage.minimum_filter1d(at_rest_in_record(current).astype(np.int8), 11, mode="nearest")
+    rests = ndimage.minimum_filter1d(rest.astype(np.int8), 11, mode="nearest")
     return np.flatnonzero((rests == 1) & beyond)
 
 
@@ -199,6 +201,8 @@ def steps_alone(time, current, voltage, apart, resistance=np.nan) -> np.ndarray:
     by those of three rows at each side, and by their pace where rows lie farther apart; what the
     current's small changes there make of it, by the cell's resistance [ohm] where known, is none.
     """
+    from scipy import ndimage
+
     if len(time) < 8:
         return np.empty(0, int)
     step, interval = np.abs(np.diff(voltage)), np.maximum(np.diff(time), 1e-9)
@@ -282,8 +286,7 @@ def against_rest(time, current, voltage, apart) -> np.ndarray:
 
     After a discharge a resting cell's voltage rises, after a charge it falls.
     """
-    largest = float(np.max(np.abs(current)))
-    rest = np.abs(current) <= 0.01 * largest
+    rest = np.abs(current) <= near_zero_ampere(current)
     turns = np.flatnonzero(np.diff(np.r_[False, rest, False].astype(np.int8)))
     parts = np.flatnonzero(apart)
     found = []
@@ -295,7 +298,7 @@ def against_rest(time, current, voltage, apart) -> np.ndarray:
             continue
         before = current[first - 5 : first]
         sign = np.sign(before[-1])
-        if np.any(np.sign(before) != sign) or abs(before.mean()) < 5 * 0.01 * largest:
+        if np.any(np.sign(before) != sign) or abs(before.mean()) < 5 * near_zero_ampere(current):
             continue
         # What a drive did in the ten minutes before is what the cell relaxes from.
         since = np.searchsorted(time, time[first] - RELAXED_SECOND)
@@ -312,7 +315,6 @@ def against_rest(time, current, voltage, apart) -> np.ndarray:
 
 def _unlike_across_gaps(current, voltage, gaps, counted) -> np.ndarray:
     """Rows after a gap between two rests whose voltages differ as no rest lets them."""
-    largest = float(np.max(np.abs(current)))
-    idle = np.maximum(np.abs(current[gaps]), np.abs(current[gaps - 1])) <= 0.01 * largest
+    idle = np.maximum(np.abs(current[gaps]), np.abs(current[gaps - 1])) <= near_zero_ampere(current)
     moved = np.abs(voltage[gaps] - voltage[gaps - 1])
     return gaps[idle & (moved > AGAINST_VOLT) & ~counted[gaps]]

@@ -22,6 +22,11 @@ def stretches(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return turns[::2], turns[1::2]
 
 
+def near_zero_ampere(current: np.ndarray) -> float:
+    """Reading [A] below which a record's current is near zero: no step, as in `cleaning.flag`."""
+    return 0.01 * float(np.max(np.abs(current), initial=0.0))
+
+
 def relaxing_rests(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray:
     """Mask (k,) of rests in which the voltage moves by more than its scatter: no charger holds it.
 
@@ -251,7 +256,7 @@ def open_circuit(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.
 
     time, current : (n,) arrays [s], [A]
     """
-    limit = 0.01 * float(np.max(np.abs(current), initial=0.0))  # no step, as in `cleaning.flag`
+    limit = near_zero_ampere(current)
     first, stop = stretches(np.abs(current) <= limit)
     brief = time[first[1:]] - time[stop[:-1] - 1] <= EXCURSION_SECOND
     small = [np.abs(current[a:b]).max() <= 5 * limit for a, b in zip(stop, first[1:], strict=False)]

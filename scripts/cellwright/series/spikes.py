@@ -6,9 +6,8 @@ the mark −½, 1, −½ in what is left of the voltage's.
 """
 
 import numpy as np
-from scipy import ndimage
 
-UNUSUAL = 10.0  # times the scatter of what is left nearby
+UNUSUAL = 15.0  # times the median of what is left nearby: ten standard deviations
 NEARBY = 31  # rows
 MARK_SHARE = 0.35  # by which the neighbours may differ from minus a half of the spike
 SAME_PACE = 0.5  # of an interval: rows of another pace have other bends
@@ -58,15 +57,17 @@ def spikes_under_load(time, current, voltage, *, limit_volt) -> np.ndarray:
     -------
     rows; none where too few changes of the current tell how the voltage follows them.
     """
+    from scipy import ndimage
+
     if len(time) < NEARBY:
         return np.empty(0, int)
     alike, resistance = bends_alike(time, current, voltage)
     if not np.isfinite(resistance):
         return np.empty(0, int)
     left = bend(voltage) - resistance * bend(current)
-    scatter = 1.4826 * ndimage.median_filter(np.abs(left), NEARBY, mode="nearest")
+    usual = ndimage.median_filter(np.abs(left), NEARBY, mode="nearest")
     step = ndimage.maximum_filter1d(np.abs(np.diff(current, prepend=current[0])), 5, mode="nearest")
-    limit = np.maximum(UNDER_LOAD * limit_volt, UNUSUAL * scatter)
+    limit = np.maximum(UNDER_LOAD * limit_volt, UNUSUAL * usual)
     limit = np.maximum(limit, MADE_SHARE * resistance * step)
     # Where the whole load comes or goes an empty or cold cell answers by any multiple.
     gentle = step < LOAD_SHARE * np.max(np.abs(current))
