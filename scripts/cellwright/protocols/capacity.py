@@ -235,7 +235,7 @@ def imbalance(half, partner, columns, steps, limits):
 def _begins_unsure(half):
     """Whether what a start may lack is more than a cycle's charge differs by anyway."""
     unsure = half.missing_ampere_hour > BALANCE_SHARE * half.moved_ampere_hour
-    return bool(half.words) and (half.under_load or unsure)
+    return bool(half.words and (half.under_load or unsure))
 
 
 def _rows_of_rest(half, steps):
@@ -300,7 +300,7 @@ def _against_partner(half, off):
     said = (
         f"the {other} of its cycle moves another charge: {off:.2g} Ah more than their ends explain"
     )
-    return [said] * (off > 0)
+    return [said] if off > 0 else []
 
 
 def _against_sheet(half, row, rated, celsius):

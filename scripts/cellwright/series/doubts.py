@@ -28,7 +28,7 @@ LONGEST_EDGE = 10.0  # s between the two rows of a step: in more the cell relaxe
 REST_VOLT = 0.03  # a tester's overshoot and its voltmeter's offset
 SHORTEST_REST = 60.0  # s
 RELAXED_SECOND = 600.0  # of load before a rest, by which its direction is told
-MANY_JUMPS = 10
+MANY = 10  # places at which a channel fails: it is then trusted nowhere
 # ASSUME: Of the rating a cell gives so much; sheets hold nominal, minimal and typical capacities.
 RATING_SHARE = (0.5, 1.15)
 # Voltage [V] that one rated capacity an hour makes at once: from power cells to cold energy cells.
@@ -106,8 +106,7 @@ def doubts(
     """
     time, current, voltage = (columns[name] for name in SERIES)
     found = np.asarray(columns.get("doubt", np.zeros(len(time))), np.int16).copy()
-    # One clock set anew is a place in the record; a clock that jumps again and again is none.
-    found[jumps if len(jumps) < MANY_JUMPS else slice(None)] |= Doubt.CLOCK
+    found[_all_if_many(jumps)] |= Doubt.CLOCK
     counter = columns.get(NET)
     counted = np.zeros(len(time), bool) if counter is None else np.isfinite(counter)
     unknown = gaps[silent == UNKNOWN]
@@ -118,14 +117,17 @@ def doubts(
         found[against_counter(time, current, counter, apart)] |= Doubt.COUNTER
     if not np.any(current):
         return found
-    silent_edges, resistance = unanswered(time, current, voltage, apart)
-    found[silent_edges] |= Doubt.NO_ANSWER
-    found[unanswered_specks(current, voltage, apart, resistance)] |= Doubt.NO_ANSWER
+    edges, resistance = unanswered(time, current, voltage, apart)
+    specks = unanswered_specks(current, voltage, apart, resistance)
+    found[_all_if_many(np.union1d(edges, specks))] |= Doubt.NO_ANSWER
     alone = steps_alone(time, current, voltage, apart, resistance)
     found[alone] |= Doubt.VOLTAGE_STEP
     found[against_rest(time, current, voltage, apart)] |= Doubt.AT_REST
     found[_unlike_across_gaps(current, voltage, gaps, counted)] |= Doubt.GAP
-    found[beyond_cutoffs(current, voltage, cutoffs_volt)] |= Doubt.BEYOND
+    beyond = beyond_cutoffs(current, voltage, cutoffs_volt)
+    # Drawn too far a cell may rest too low for a while; above full nothing rests.
+    above = cutoffs_volt[1] is not None and np.any(voltage[beyond] > cutoffs_volt[1])
+    found[slice(None) if above else beyond] |= Doubt.BEYOND
     if rated := rated_capacity_ampere_hour:
         charge = columns["charge_ampere_hour"]
         # What was bridged over gaps is no measured charge.
@@ -145,6 +147,10 @@ def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:
     # Right after a load the voltage is still its own.
     rests = ndimage.minimum_filter1d(rest.astype(np.int8), 11, mode="nearest")
     return np.flatnonzero((rests == 1) & beyond)
+
+
+def _all_if_many(rows):
+    return rows if len(rows) < MANY else slice(None)
 
 
 def unlike_size(resistance_ohm: float, rated_capacity_ampere_hour: float) -> bool:
