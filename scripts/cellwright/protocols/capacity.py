@@ -120,7 +120,7 @@ def capacity(
             *_against_record(half, columns, steps, limits, doubt),
             *([] if partner is None else _of_partner(partner, doubt)),
             *[half.words] * _begins_unsure(half),
-            *_against_partner(half, off),
+            *_against_partner(half, partner, off, columns[2]),
             *_against_sheet(half, row, rated_capacity_ampere_hour, ambient_temperature_celsius),
         ]
         complete.append(row)
@@ -294,13 +294,12 @@ def _unfinished(left, half, steps):
     return bool(left * rates > UNFINISHED_C_RATE)
 
 
-def _against_partner(half, off):
+def _against_partner(half, partner, off, charge):
     """That the other half of a cycle moves another charge, in words."""
-    other = NAMES[-half.sign]
-    said = (
-        f"the {other} of its cycle moves another charge: {off:.2g} Ah more than their ends explain"
-    )
-    return [said] if off > 0 else []
+    if not off > 0:
+        return []
+    other = f"the {NAMES[-half.sign]} of its cycle moves {_moved(partner, charge):.4g} Ah"
+    return [f"{other}: {off:.2g} Ah further from it than their ends explain"]
 
 
 def _against_sheet(half, row, rated, celsius):
