@@ -124,7 +124,7 @@ def place(*parts: str) -> str:
 MILLI, PERCENT = 1e3, 1e2
 TEXT_COLUMNS = (
     *("cell", "test", "group", "model", "filter"),
-    *("scenario", "direction", "stage", "reason"),
+    *("scenario", "direction", "stage", "reason", "doubt"),
 )
 TEMPERATURE = "ambient_temperature_celsius"
 OFF_SOC = 0.05  # how far from the wanted one a measured one may lie
