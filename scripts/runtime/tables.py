@@ -173,7 +173,9 @@ def load_frame(path) -> "DataFrame":
 
     # Only an empty cell is unknown: a test may be called NA.
     settings = {"keep_default_na": False, "na_values": [""]}
-    return frame_as_written(read_csv(path, dtype={"cell": str, "test": str, "doubt": str}, **settings))
+    return frame_as_written(
+        read_csv(path, dtype={"cell": str, "test": str, "doubt": str}, **settings)
+    )
 
 
 def load_frames(paths) -> dict:
