@@ -61,11 +61,12 @@ def capacity(
     4. Discharges, or charges, of one rate (`conditions.same_rate`) are repeats: mean and standard
     deviation (thesis, ch. 4.3).
 
-    What an unsure start may lack, and the charge of steps of current between two rows, are part of
-    the standard deviation. Coulombic efficiency is the
-    discharge over the charge before it, or else the one after it; NaN where there is none, or where
-    it exceeds 1.05: such a charge did not return the discharge. Of a negative electrode against
-    lithium (upper cut-off below 2 V) it is the charge over the discharge before it, which inserts.
+    What an unsure start may lack, the charge of steps of current between two rows, and what both
+    halves of a cycle differ by (`imbalance`) are part of the standard deviation. Coulombic
+    efficiency is the discharge over the charge before it, or else the one after it; NaN where there
+    is none, or where it exceeds 1.05: such a charge did not return the discharge. Of a negative
+    electrode against lithium (upper cut-off below 2 V) it is the charge over the discharge before
+    it, which inserts.
 
     test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah],
         positive on charge.
@@ -84,9 +85,9 @@ def capacity(
     Returns found: Found; rows are columns of stage `capacity`, one entry a direction and rate:
     means over the repeats, and capacity_std_ampere_hour, which is NaN where nothing tells it;
     constant_current_ampere_hour is the part before the voltage was held; doubt says in words what
-    speaks against the number, "" where nothing does. A sentence for each half
-    cycle that is incomplete or of unsure start. Raises Refusal: nothing in the record is complete;
-    the reasons are named.
+    speaks against the number, "" where nothing does. A sentence for each half cycle that is
+    incomplete or of unsure start. Raises Refusal: nothing in the record is complete; the reasons
+    are named.
     """
     columns = tuple(
         np.asarray(column, float) for column in (current_ampere, voltage_volt, charge_ampere_hour)

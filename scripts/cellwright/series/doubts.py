@@ -131,8 +131,8 @@ def doubts(
     if rated := rated_capacity_ampere_hour:
         charge = columns["charge_ampere_hour"]
         # What was bridged over gaps is no measured charge.
-        counted = not np.any(found & Doubt.GAP)
-        if unlike_size(resistance, rated) or (counted and unlike_charge(charge, rated)):
+        bridged = np.any(found & Doubt.GAP)
+        if unlike_size(resistance, rated) or (not bridged and unlike_charge(charge, rated)):
             found |= Doubt.SIZE
     return found
 
@@ -150,6 +150,7 @@ def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:
 
 
 def _all_if_many(rows):
+    """Rows at which a channel fails; all of the record where there are many such places."""
     return rows if len(rows) < MANY else slice(None)
 
 
