@@ -207,7 +207,8 @@ def test_an_interpreter_is_ended_as_it_should_be(both):
 
 
 def test_a_benchmark_measures_the_script_alone(tmp_path):
-    """0.6 s of work of a server that has used more before; Snakemake looks after 0.5 s first."""
+    """0.6 s of work of a server that has used more before. Snakemake looks once, 0.5 s after the start:
+    on a busy machine the script has had any share of the processor by then, only never more than its own."""
     work = """
         import time
         start = time.process_time()
@@ -221,7 +222,7 @@ def test_a_benchmark_measures_the_script_alone(tmp_path):
     measured = dict(zip(head.split("\t"), values.split("\t"), strict=True))
     assert float(text(folder, "work")) < 0.2  # CPU time begins anew
     assert 0.5 < float(measured["s"]) < 60
-    assert 0.3 < float(measured["cpu_time"]) < 1.0
+    assert 0 < float(measured["cpu_time"]) < 0.8
 
 
 STATE = """
