@@ -10,7 +10,7 @@ from cellwright.numerics.statistics import pooled_rms
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 from runtime import artefact
-from runtime.artefact import stage_of
+from runtime.contract import stage_of
 from runtime.csv_cells import frame_as_written
 
 if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables for people

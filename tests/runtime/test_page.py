@@ -125,7 +125,9 @@ def job(snakemake, saved):
         writing.save([{"cell": "A", "soh": 0.987654321, "notes": "as new"}])
     for test in ("good", "bad"):
         with artefact.Job(
-            snakemake(f"results/ingest/A/{test}.parquet", wildcards={"cell": "A", "test": test})
+            snakemake(
+                f"results/stages/ingest/A/{test}.parquet", wildcards={"cell": "A", "test": test}
+            )
         ) as writing:
             writing.note("sign found from the data")
             if test == "bad":
@@ -142,7 +144,7 @@ def job(snakemake, saved):
         for path, content, reason in (
             (f"{search}verdict.json", verdict, no_test),
             (f"{search}witnesses.parquet", [WITNESS, HEARD], no_test),
-            ("results/cold_limit/{}.json", limit, "neither spectra nor pulses"),
+            ("results/stages/cold_limit/{}.json", limit, "neither spectra nor pulses"),
         )
     )
     Path("results/figures/A").mkdir(parents=True)
@@ -151,7 +153,7 @@ def job(snakemake, saved):
         tables=[paths[name] for name in TABLES],
         checks=paths["checks"],
         summary="results/summary.csv",
-        artefacts=["results/ingest/A/good.parquet", "results/ingest/A/bad.parquet"],
+        artefacts=["results/stages/ingest/A/good.parquet", "results/stages/ingest/A/bad.parquet"],
         verdicts=verdicts,
         witnesses=heard,
         cold=cold,

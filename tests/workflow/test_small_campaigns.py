@@ -155,7 +155,7 @@ def test_a_raw_file_that_grows_makes_its_own_series_again_and_no_other(tmp_path)
         (folder / f"{test}.csv").write_bytes(b"".join(lines[test][: rows // 2]))
     # A checksum would say that a file is to stay as it is.
     sheet.write_text(re.sub(r"\b[0-9a-f]{64}\b", "", text), encoding="utf-8")
-    wanted = [f"results/segment/C5/{test}.parquet" for test in lines]
+    wanted = [f"results/stages/segment/C5/{test}.parquet" for test in lines]
     snakemake(folder, *wanted)
     (folder / "capacity_25C.csv").write_bytes(b"".join(lines["capacity_25C"]))
     (folder / "hppc_25C.csv").touch()

@@ -87,7 +87,7 @@ def test_pulses_are_identified_by_every_method_where_that_is_asked_for(first, co
         assert np.median(end) == pytest.approx(cell.r0_ohm + grown + moved, rel=0.03)
     fitted = [float(row["r0_ohm"]) for row in rows if row["method"] == "separable"]
     assert np.median(fitted) == pytest.approx(cell.r0_ohm, rel=0.02)
-    assert (copy / "results/identification_methods/A.svg").is_file()
+    assert (copy / "results/stages/identification_methods/A.svg").is_file()
 
 
 def test_bad_files_do_not_end_the_run(first):
@@ -228,7 +228,7 @@ def test_a_report_made_again_has_the_same_bytes(copy):
 
 
 def test_an_artefact_has_the_same_bytes_in_another_place(first, tmp_path):
-    target = "results/capacity/A/capacity.parquet"
+    target = "results/stages/capacity/A/capacity.parquet"
     other = snakemake(tiny.write(tmp_path / "elsewhere"), target)
     assert other.status == 0
     assert (other.folder / target).read_bytes() == (first.folder / target).read_bytes()
@@ -349,8 +349,8 @@ def test_a_mended_contract_makes_anew_what_it_had_refused_and_nothing_else(tmp_p
     right = schema.read_text()
     place = right.index("    capacity_ampere_hour:", right.index("\ncapacity:\n"))
     narrow = right[place:].replace("range: [0, null]", "range: [0, 0.1]", 1)
-    capacities = [f"results/capacity/{cell}/capacity.parquet" for cell in tiny.TRUTH]
-    wanted = [*capacities, "results/segment/B/drive.parquet"]
+    capacities = [f"results/stages/capacity/{cell}/capacity.parquet" for cell in tiny.TRUTH]
+    wanted = [*capacities, "results/stages/segment/B/drive.parquet"]
 
     def made():
         run = snakemake(folder, *wanted, house=house)

@@ -1,5 +1,6 @@
 # The report, the manifest of all artefacts, and the checks of both.
 
+from runtime.contract import stage_of
 from runtime.provenance import assumptions
 
 ASSUMPTIONS = assumptions()
@@ -56,15 +57,34 @@ rule report:
         "../../scripts/report/report.py"
 
 
+rule contents:
+    output:
+        "results/README.md",
+    log:
+        "logs/contents.log",
+    params:
+        # By a function: what is in braces would be taken for a wildcard.
+        has=lambda w: {
+            "title": config["title"],
+            "tables": TABLES,
+            "stages": sorted({stage_of(path) for path in STAGES}),
+        },
+    message:
+        "What lies where in the results: results/README.md."
+    script:
+        "../../scripts/report/contents.py"
+
+
 rule manifest:
     input:
         FINAL,
+        "results/README.md",
     output:
-        "results/manifest.tsv",
+        "results/stages/manifest.tsv",
     log:
         "logs/manifest.log",
     message:
-        "Checksums of every artefact: results/manifest.tsv."
+        "Checksums of every artefact: results/stages/manifest.tsv."
     script:
         "../../scripts/report/manifest.py"
 
@@ -85,7 +105,7 @@ rule accepted:
         excluded="results/tables/excluded.csv",
         report="results/report.html",
     output:
-        touch("results/accepted"),
+        touch("results/stages/accepted"),
     log:
         "logs/accepted.log",
     retries: 0
