@@ -27,8 +27,8 @@ sys.path.insert(0, SCRIPTS)
 from cellwright.health.electrodes import names as half_cell_names
 from cellwright.identification.lacking import FIT_ROLES
 from cellwright.records.conditions import in_first_checkup, stated_or_reference
-from runtime import job_environment, job_requests, rule_setup
-from runtime import settings, sheets, snakemake_state
+from runtime import job_environment, job_requests, progress, rule_setup
+from runtime import run_end, settings, sheets, snakemake_state
 from runtime.plan import Plan, gathered, near_in_cycles, of_cell, of_rows, of_test, own
 from runtime.plan import paths_of, where
 from runtime.raw_files import readable
@@ -42,6 +42,7 @@ job_environment.prepare(
 snakemake_state.compare_parameters_without_pandas()
 snakemake_state.keep_wildcard_constraints(workflow.storage_registry.default_storage_provider)
 STARTED = time.time()
+BEFORE = run_end.read(Path.cwd())
 if workflow.is_main_process:
     snakemake_state.clear_stale_locks(Path.cwd())
 

@@ -1,0 +1,9 @@
+"""`snakemake --logger progress`: one line of what runs, and warnings and errors as they come.
+
+The complete log stays in `.snakemake/log`. Dry runs and `--verbose`, `--debug-dag`,
+`--printshellcmds` or `--quiet none` are for people who want every message: they get Snakemake's own.
+"""
+
+from runtime.progress import ProgressHandler as LogHandler
+
+__all__ = ["LogHandler"]
