@@ -1,4 +1,4 @@
-"""What a terminal shows while a campaign runs: a line of jobs, cells, time left, and the longest job.
+"""What a terminal shows while a campaign runs: jobs, cells, time left, and the longest job.
 
 Of a file or a pipe it makes a line every half minute instead.
 """

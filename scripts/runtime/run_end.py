@@ -1,4 +1,4 @@
-"""What a run says at its end: where the report is, what it covers, what needs a look, what changed."""
+"""What a run says at its end: where the report is, what was left out, and what changed."""
 
 import csv
 from pathlib import Path
