@@ -1,10 +1,10 @@
-"""Commands of a first look: `inspect FILE...`, `init FOLDER`, `convert FILE`."""
+"""Commands beside a run: `inspect FILE...`, `init FOLDER`, `convert FILE`, `explain TABLE ROW`."""
 
 import argparse
 import sys
 
 from cellwright.refusal import Refusal
-from first_look import interchange, one_file, sheets, words
+from first_look import interchange, lineage, one_file, sheets, words
 
 
 def main(arguments=None) -> int:
@@ -20,6 +20,9 @@ def main(arguments=None) -> int:
     convert = commands.add_parser("convert", help="write a file as Battery Data Format")
     convert.add_argument("file")
     convert.add_argument("--to", help=f"a path that ends in {', '.join(interchange.MEDIA)}")
+    explain = commands.add_parser("explain", help="say what a row of a table was made from")
+    explain.add_argument("table", help="such as results/tables/capacity.csv")
+    explain.add_argument("row", nargs="+", help="number of the line, or COLUMN=VALUE ...")
     options = parser.parse_args(arguments)
     try:
         for line in _lines(options):
@@ -35,6 +38,8 @@ def _lines(options):
         yield from sheets.write(options.folder)
     elif options.command == "convert":
         yield from (f"written: {path}" for path in interchange.convert(options.file, options.to))
+    elif options.command == "explain":
+        yield from lineage.explain(options.table, options.row)
     else:
         for number, file in enumerate(options.file):
             yield from [""] * (number > 0)

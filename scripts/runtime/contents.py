@@ -15,6 +15,7 @@ TEXT = """\
 | `missing_effect/` | what the model of a cell or pack lacks: `<cell>/verdict.json` |
 | `figures/` | the figures of the report as SVG |
 | `stages/` | what lies between the raw files and all this: `stages/<stage>/<cell>/<test>.parquet` |
+| `ro-crate-metadata.json` | which job made which file of what, as a Workflow Run RO-Crate |
 | `stages/manifest.tsv` | SHA-256 of every file; `snakemake verify` compares them |
 
 What was left out, and why, stands in `tables/excluded.csv`; what broke a law of physics in

@@ -70,7 +70,7 @@ def read(folder):
 
 def test_pulses_are_identified_by_every_method_where_that_is_asked_for(first, copy):
     """Of A, the cell with a pulse test; the one pair of its truth is told whatever the method."""
-    assert not (first.folder / "results/identification_methods").exists()
+    assert not (first.folder / "results/stages/identification_methods").exists()
     asked = snakemake(copy, "methods")
     assert asked.status == 0, asked.said[-4000:]
     rows = table(asked, "identification_methods")

@@ -72,7 +72,3 @@ RELAXATION_KINDS = config["relaxation"]["kinds"]
 # counts once.
 EVIDENCE_KINDS = sorted({*PULSE_KINDS, *RELAXATION_KINDS, "capacity", "drive"})
 SERIES_KINDS = sorted({row["kind"] for row in CAMPAIGN.tests} - {"eis"})
-
-
-onstart:
-    snakemake_state.lift_usual_job_rate(workflow)

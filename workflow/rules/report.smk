@@ -89,6 +89,28 @@ rule manifest:
         "../../scripts/report/manifest.py"
 
 
+def crate_facts(wildcards):
+    """What a crate says of a campaign that no artefact does."""
+    return {"title": config["title"], "command": "snakemake"} | config["publication"]
+
+
+rule crate:
+    input:
+        manifest="results/stages/manifest.tsv",
+    output:
+        crate="results/ro-crate-metadata.json",
+        workflow=directory("results/stages/workflow"),
+    log:
+        "logs/crate.log",
+    params:
+        about=crate_facts,
+        rules=lambda w: {rule.name: {"does": rule.message or rule.name} for rule in workflow.rules},
+    message:
+        "The run for other people's tools: results/ro-crate-metadata.json."
+    script:
+        "../../scripts/report/crate.py"
+
+
 rule verify:
     log:
         "logs/verify.log",
