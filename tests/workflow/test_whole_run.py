@@ -17,6 +17,8 @@ import starts
 import tiny
 from report_text import PACKED, unpacked
 
+from cellwright.refusal import Refusal
+from first_look import lineage
 from runtime import artefact
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -92,8 +94,53 @@ def test_pulses_are_identified_by_every_method_where_that_is_asked_for(first, co
 
 def test_bad_files_do_not_end_the_run(first):
     assert first.status == 0, first.said[-4000:]
+    assert re.search(r"^Report: +results/report.html", first.said, re.M)
     assert "Traceback" not in first.said
     assert artefact.FAILED not in read(first.folder)
+
+
+def test_a_row_is_explained_down_to_the_bytes_of_its_file(first, copy):
+    """Of a table of all cells only what this row was made from; a file that changed is said."""
+    raw = tiny.digest(copy / "raw/A_capacity.csv")[:12]
+    table_of_capacities = copy / "results/tables/capacity.csv"
+    row = ["cell=A", "test=capacity", "direction=charge"]
+    said = lineage.explain(table_of_capacities, row)
+    assert any("raw/A_capacity.csv" in line and raw in line for line in said)
+    assert not any("/B/" in line for line in said)
+    assert not any("CHANGED" in line or "missing" in line for line in said)
+    (copy / "raw/A_capacity.csv").write_text("other")
+    changed = [line for line in lineage.explain(table_of_capacities, row) if "CHANGED" in line]
+    assert changed
+    assert all("raw/A_capacity.csv" in line for line in changed)
+    with pytest.raises(Refusal, match="found 2 lines"):
+        lineage.explain(table_of_capacities, row[:2])
+    with pytest.raises(Refusal, match="wanted the number of a line or COLUMN=VALUE"):
+        lineage.explain(table_of_capacities, ["cells=A"])
+    with pytest.raises(Refusal, match="wanted a table below results/"):
+        lineage.explain(copy / "config/cells.tsv", ["2"])
+
+
+def test_the_crate_says_which_job_made_each_file_of_what(first):
+    document = json.loads((first.folder / "results/ro-crate-metadata.json").read_text())
+    entities = {entity["@id"]: entity for entity in document["@graph"]}
+    assert len(entities) == len(document["@graph"]), "an identity stands for one thing"
+    for entity in document["@graph"]:
+        for key in ("object", "result", "hasPart", "instrument", "step", "workExample", "mentions"):
+            for other in (
+                [entity[key]] if isinstance(entity.get(key), dict) else entity.get(key, [])
+            ):
+                assert other["@id"] in entities, f"{entity['@id']} names {other['@id']}"
+    for path, digest in (line.split("\t")[::-1] for line in manifest_of(first.folder)):
+        assert entities[path.removeprefix("results/")]["sha256"] == digest
+    job = entities["#job/capacity/A/capacity"]
+    assert {"@id": "stages/capacity/A/capacity.parquet"} in job["result"]
+    assert {"@id": "stages/clean/A/capacity.parquet"} in job["object"]
+    assert {"@id": "#raw/A_capacity.csv"} in entities["#job/series/A/capacity"]["object"]
+    assert entities["stages/workflow/Snakefile"]["programmingLanguage"]
+
+
+def manifest_of(folder):
+    return (folder / "results/stages/manifest.tsv").read_text(encoding="utf-8").splitlines()
 
 
 @pytest.mark.parametrize("bad", tiny.BAD)
@@ -208,7 +255,7 @@ def test_a_changed_file_runs_only_what_comes_from_it(copy):
     planned = snakemake(copy, "--dry-run").said
     on_the_way = "series prediction effect_search witnesses missing_effect missing_effect_group "
     on_the_way += "effect_search_own fleet "
-    together = "figure_overview tables_of_models summary report manifest campaign "
+    together = "figure_overview tables_of_models summary report manifest crate campaign "
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
     maybe = "member model export thermal pack pack_checks pack_decisions pack_model"
     once = dict.fromkeys((on_the_way + together + maybe).split(), 1)
