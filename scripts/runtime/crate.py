@@ -96,11 +96,15 @@ def _file(path, digest) -> dict:
     entity |= {"name": Path(path).as_posix(), "sha256": digest}
     if suffix in MEDIA and inside:
         entity["encodingFormat"] = MEDIA[suffix]
+    if identity == "README.md":
+        entity["about"] = {"@id": "./"}
     return entity
 
 
-def _of(identities) -> list[dict]:
-    return [{"@id": identity} for identity in identities]
+def _of(identities):
+    """References to entities; to one alone without a list, as RO-Crate 1.1 wants it."""
+    found = [{"@id": identity} for identity in identities]
+    return found[0] if len(found) == 1 else found
 
 
 def _descriptor() -> dict:

@@ -71,5 +71,6 @@ def state_of(link: Link) -> str:
         return "missing"
     if link.sha256 is None:
         return ""
-    same = provenance.sha256_of(link.path) == link.sha256
+    # Read anew: a checksum that was kept is that of a file before it was edited.
+    same = provenance.sha256_of.__wrapped__(link.path) == link.sha256
     return "unchanged" if same else "CHANGED since it was read"

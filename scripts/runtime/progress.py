@@ -121,7 +121,7 @@ class ProgressHandler(LogHandlerBase):
         asked = self.common_settings
         self.everything = bool(
             asked.dryrun or asked.verbose or asked.debug_dag or asked.printshellcmds
-        ) or {str(words) for words in asked.quiet or ["none"]} == {"none"}
+        ) or "reason" not in {str(kind) for kind in asked.quiet or ()}
         self.stream = sys.stdout if asked.stdout else sys.stderr
         self.on_terminal = self.stream.isatty()
         self.shown = time.monotonic()
