@@ -5,33 +5,36 @@ import pytest
 import truth
 
 from cellwright.circuits.cell import (
-    Tables,
     continued,
+    held_on_grid,
     ocv_and_slope,
     ocv_on_grid,
-    simulate_counted,
+    place,
+    usual_slope,
 )
 from cellwright.circuits.model_file import simulate_model
 from cellwright.effects import base
 from cellwright.filters.bank import bank_of
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.steps import ocv_volt
+from cellwright.refusal import Refusal
 
-SOC = np.array([-0.08, -0.02, 0.0, 0.0031, 0.5, 0.9987, 1.0, 1.02, 1.08])
+SOC = np.array([-0.08, -0.02, 0.0, 0.0031, 0.5, 0.9987, 1.0, 1.02, 1.08, np.nan])
 MODEL = truth.stated()
 GRID = np.linspace(0.0, 1.0, 201)
 TABLE = np.interp(GRID, MODEL["ocv"][0]["soc"], MODEL["ocv"][0]["ocv_volt"])
-STILL = np.zeros(len(SOC))
+KNOWN = np.isfinite(SOC)
 
 
 def by_model_file():
-    return simulate_model(MODEL, "2RC", np.arange(9.0), STILL, SOC, 25.0).voltage_volt
+    """The last SoC is no number: a record with it is refused, a look-up gives NaN."""
+    still = np.zeros(KNOWN.sum())
+    run = simulate_model(MODEL, "2RC", np.arange(9.0), still, SOC[KNOWN], 25.0)
+    return np.append(run.voltage_volt, np.nan)
 
 
-def by_tables():
-    tables = Tables(TABLE, 0 * TABLE, np.empty((0, 201)), np.empty(0))
-    still = {"hold": "first_order", "capacity_ampere_hour": 2.0}
-    return [simulate_counted(tables, 1.0, [0.0], initial_soc=z, **still)[0][0] for z in SOC]
+def by_table():
+    return ocv_on_grid(TABLE, SOC)
 
 
 def by_packs():
@@ -57,15 +60,38 @@ def by_groups():
 
 
 @pytest.mark.parametrize(
-    "volt", [by_tables, by_packs, by_filters, by_search, by_search_compiled, by_groups]
+    "volt", [by_table, by_packs, by_filters, by_search, by_search_compiled, by_groups]
 )
 def test_all_rooms_agree(volt):
     np.testing.assert_allclose(volt(), by_model_file(), rtol=0, atol=1e-9)
 
 
+def test_a_record_whose_soc_is_no_number_is_refused():
+    time = np.arange(len(SOC), dtype=float)
+    with pytest.raises(Refusal, match="not finite"):
+        simulate_model(MODEL, "2RC", time, 0.0 * time, SOC, 25.0)
+
+
 def test_beyond_its_ends_a_table_goes_straight_on_by_its_last_half_percent():
     first, last = (TABLE[1] - TABLE[0]) / 0.005, (TABLE[-1] - TABLE[-2]) / 0.005
     wanted = [TABLE[0] - 0.08 * first, TABLE[-1] + 0.02 * last]
-    np.testing.assert_allclose(ocv_on_grid(TABLE, SOC[[0, -2]]), wanted, rtol=0, atol=1e-12)
-    found = continued(lambda soc, _of: np.interp(soc, GRID, TABLE), SOC[[0, -2]])
+    np.testing.assert_allclose(ocv_on_grid(TABLE, SOC[[0, -3]]), wanted, rtol=0, atol=1e-12)
+    found = continued(lambda soc, _of: np.interp(soc, GRID, TABLE), SOC[[0, -3]])
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("points", [2, 3, 201])
+def test_a_soc_that_is_no_number_has_no_value(points):
+    """NaN, beside numbers that keep theirs; nothing is raised and no interval is left."""
+    table, soc = np.linspace(3.0, 4.0, points), np.array([0.25, np.nan, 0.75])
+    below, share = place(soc, points)
+    assert ((below >= 0) & (below <= points - 2)).all()
+    for values in (share, *ocv_and_slope(table, soc), held_on_grid(table, soc)):
+        assert np.isnan(values).tolist() == [False, True, False]
+    assert np.isnan(ocv_and_slope(table, np.nan)).all()
+    assert np.isnan(usual_slope(table, np.nan))
+
+
+def test_all_but_the_ocv_is_flat_beyond_the_ends():
+    wanted = [TABLE[0], TABLE[0], TABLE[-1]]
+    np.testing.assert_allclose(held_on_grid(TABLE, np.array([-0.2, 0.0, 1.3])), wanted, rtol=1e-15)
