@@ -24,7 +24,7 @@ from cellwright.packs.cells import pack_cells, rc_cells
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.steps import ocv_volt
 from cellwright.packs.wiring import Wiring
-from cellwright.records.record import GroupRecord, record_of
+from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
 SOC = np.array([-0.08, -0.02, 0.0, 0.0031, 0.5, 0.9987, 1.0, 1.02, 1.08, np.nan])
@@ -137,7 +137,7 @@ def loaded_by_search(hold):
 def loaded_by_group(hold):
     """Of two alike, each with half of the current."""
     cells = [Branch("cell", CAPACITY_AMPERE_HOUR, TABLE, OHM, TAU)] * 2
-    record = GroupRecord("two", SECOND, 2 * AMPERE, 0.0 * SECOND, 25.0 + 0.0 * SECOND)
+    record = record_of(SECOND, 2 * AMPERE, 0.0 * SECOND, np.nan)
     stack = group_stacked([record], branches=2, hold=hold)
     fields = group_fields(cells, [[0.98, 0.98]], dict.fromkeys(group_names(1, 2), 0.0))
     return group_run(fields, stack).voltage
