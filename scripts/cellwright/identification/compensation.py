@@ -88,7 +88,7 @@ def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest
     notes : list of sentences, why a test is not among them.
     """
     rows, notes = [], []
-    settings = {"name": whole["chosen"], "proof": proof, "split_rest_second": split_rest_second}
+    settings = {"proof": proof, "split_rest_second": split_rest_second}
     pairs = [
         (t, test)
         for t in reduced
@@ -109,17 +109,20 @@ def _rows(celsius, models, cell, test, laws, settings):
     temperatures = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
     beyond = not min(temperatures) - BEYOND_KELVIN < celsius < max(temperatures) + BEYOND_KELVIN
     tried = LAWS if laws is None else [laws.beyond if beyond else laws.inside]
-    own_volt, own_inner_volt, _ = _errors(whole, cell, test, **settings)
+    # Each model has its own OCV, and so its own SoC at the start; a law changes neither.
+    known, unknown = (laid_out(test, model, cell, **settings) for model in models)
+    name = whole["chosen"]
+    own_volt, own_inner_volt, _ = _errors(whole, name, known)
     about = {
         "left_out_celsius": float(celsius),
         "predicted_test": test.facts.test,
-        "model": settings["name"],
+        "model": name,
         "beyond": beyond,
     }
     rows = []
     for law in tried:
         followed = with_laws(reduced, Laws(law, law))
-        volt, inner_volt, extrapolated = _errors(followed, cell, test, **settings)
+        volt, inner_volt, extrapolated = _errors(followed, name, unknown)
         rows.append(
             about
             | {
@@ -204,9 +207,8 @@ def laws_kept(tried):
     return Laws(chosen.get(False, LAWS[0]), chosen.get(True, LAWS[0]))
 
 
-def _errors(model, cell, test, *, name, proof, split_rest_second):
+def _errors(model, name, record):
     """RMS error of a simulation, over all rows and SoC 5–95 % [V], and the extrapolated share."""
-    record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=proof)
     run = simulated(model, name, record)
     used = record.used
     error = record.voltage_volt - run.voltage_volt

@@ -6,7 +6,6 @@ import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
 from cellwright.numerics.statistics import rms
-from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 
 FAULT_VOLT = 0.5  # a simulation so far outside what was measured has a fault, not an error
@@ -36,14 +35,13 @@ def simulated(model, member, record):
     return simulate_model(model, member, *columns, kind=record.kind)
 
 
-def validate(model, cell, test, *, split_rest_second):
+def validate(model, record):
     """Simulate every member of a model through a test that took no part in its fit.
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/2.
-    cell : CellFacts. test : MeasuredTest.
-    split_rest_second : shortest rest that cuts a test of role `split` [s]; its even blocks count.
+    model : dict of schema cellwright-model/2, at the age of the test.
+    record : Record, laid out by it as proof (`record.laid_out`); its `used` rows count.
 
     Returns
     -------
@@ -51,10 +49,8 @@ def validate(model, cell, test, *, split_rest_second):
 
     Raises
     ------
-    Refusal
-        The test cannot be laid out (see `record.laid_out`), or nothing is left to score.
+    Refusal : nothing is left to score.
     """
-    record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=True)
     scored, rows, columns = record.used, [], {}
     for member in model["members"]:
         name = member["model"]

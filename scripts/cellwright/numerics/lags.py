@@ -37,6 +37,17 @@ def lag_weights(step_second, tau_second, *, hold):
     return 1.0 - gain, mean + gain - 1.0, 1.0 - mean
 
 
+def lag_step(weights, state, before, after):
+    """State of a lag at the end of a step; unit of its input.
+
+    Parameters
+    ----------
+    weights : decay, before and after of the step, see `lag_weights`. state : at its begin.
+    before, after : input at its begin and at its end.
+    """
+    return weights[0] * state + weights[1] * before + weights[2] * after
+
+
 def lag(step_second, tau_second, drive, *, hold, initial=0.0):
     """Response of a first-order lag with unit gain to one or many inputs.
 

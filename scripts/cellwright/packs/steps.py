@@ -9,7 +9,7 @@ import numpy as np
 
 from cellwright.circuits.cell import place
 from cellwright.circuits.temperature import SMALLEST, ZERO_CELSIUS_KELVIN
-from cellwright.numerics.lags import lag_weights
+from cellwright.numerics.lags import lag_step, lag_weights
 from cellwright.packs.cells import TABLES
 from cellwright.packs.network import currents, reduced
 from cellwright.refusal import Refusal
@@ -341,9 +341,9 @@ def respond(cells, state, step, weights, current, parameters=None):
     column, begin_column = current[:, None], begin[:, None]
 
     def lagged(held, drive, name):
-        decay, old, new = weights[name]
         (was, was_slope), (is_, is_slope) = drive(before, begin_column), drive(now, column)
-        return decay * held + old * was + new * is_, old * was_slope + new * is_slope
+        volt, slope = lag_step(weights[name], held, was, is_), (was_slope, is_slope)
+        return volt, lag_step(weights[name], 0.0, *slope)
 
     def ohmic(name):
         return lambda p, ampere: (p[name] * ampere, p[name])

@@ -74,7 +74,7 @@ def validate_string(models, positions, record):
     ----------
     models : model dicts in the order of the string.
     positions : BranchFacts, in the same order.
-    record : GroupRecord with cell_voltage_volt and cell_temperature_celsius (n, cells), NaN or
+    record : Record with cell_voltage_volt and cell_temperature_celsius (n, cells), NaN or
         None where nothing was logged.
 
     Returns
@@ -165,7 +165,7 @@ def cell_temperatures(record, cells, notes):
 
     Parameters
     ----------
-    record : GroupRecord. cells : their number. notes : list, to which a sentence may be added.
+    record : Record. cells : their number. notes : list, to which a sentence may be added.
     """
     shape = (len(record.test_time_second), cells)
     own = logged(record.cell_temperature_celsius, shape)
