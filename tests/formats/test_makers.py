@@ -101,8 +101,8 @@ def test_neware_report_with_lines_of_cycles_and_steps_between():
 
 
 def test_a_fault_names_the_line_of_the_file():
-    with pytest.raises(Refusal, match=r"^file: line 8: column 'Voltage\(V\)': found 'x'"):
-        read(NEWARE_REPORT.replace("3.6", "x"))
+    with pytest.raises(Refusal, match=r"^file: line 8: column 'Voltage\(V\)': found '3x6'"):
+        read(NEWARE_REPORT.replace("3.6", "3x6"))
 
 
 @pytest.mark.parametrize("label", ["Time (h)", "time_h", "Time [h]", "Test Time/h"])
