@@ -176,6 +176,7 @@ def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None,
         inputs.steps(steps),
         elsewhere=inputs.elsewhere(repeats, test, steps),
         doubt=inputs.columns(series).get("doubt"),
+        against_soc=anchored.contradicted,
         rated_capacity_ampere_hour=inputs.basis(basis)["capacity_ampere_hour"],
         **inputs.settings_of(Resistance, settings, changes)._asdict(),
     )

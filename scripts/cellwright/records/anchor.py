@@ -79,11 +79,15 @@ def soc_range_of_rest(rest_volt, curve, *, error_volt=REST_VOLT):
 
 
 class Anchored(NamedTuple):
-    """State of charge (n,) [1], in words which anchor it is counted from, and the anchor's row."""
+    """State of charge (n,) [1], in words which anchor it is counted from, and the anchor's row.
+
+    contradicted : why the first rest contradicts the stated SoC, "" where it does not.
+    """
 
     soc: np.ndarray
     anchor: str
     row: int = 0
+    contradicted: str = ""
 
 
 # ASSUME: A charge that ends at the upper cut-off voltage with at most C/10 leaves the cell full.
@@ -145,7 +149,7 @@ def soc_series(
     if not wrong:
         return Anchored(float(soc_at_start) + counted - counted[0], AS_STATED)
     found = _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate)
-    return found._replace(anchor=f"{found.anchor}; {wrong}")
+    return found._replace(anchor=f"{found.anchor}; {wrong}", contradicted=wrong)
 
 
 def _first_rest(rate, voltage_volt, test_time_second):
