@@ -52,10 +52,9 @@ def test_known_resistance_at_every_delay(level):
 
 def test_c_rates_under_ampere_are_told_by_their_roundness_and_their_answer():
     time, current, voltage = pulse(level=-7.5)  # 1.5C of 5 Ah
-    said = measure(time, current / 5, voltage, rated=5.0).rows["doubt"]
-    assert set(said) == {
-        f"1C would move the voltage by {25 * truth(0.55):.2g} V at once: does the file hold C-rates?"
-    }
+    (said,) = set(measure(time, current / 5, voltage, rated=5.0).rows["doubt"])
+    volt = f"{25 * truth(0.55):.2g} V"
+    assert said == f"1C would move the voltage by {volt} at once: does the file hold C-rates?"
     assert not any(measure(time, current, voltage, rated=5.0).rows["doubt"])
     # A round current of a cell whose resistance is usual says nothing.
     time, current, voltage = pulse(level=-1.0)

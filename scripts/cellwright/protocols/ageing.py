@@ -16,6 +16,7 @@ from cellwright.protocols.half_cycles import (
     energy_counted,
     half_cycles,
     unsure_of_edges,
+    unsure_of_instrument,
     weighted_median,
     with_starts,
 )
@@ -23,7 +24,9 @@ from cellwright.records.anchor import first_rest_second
 from cellwright.refusal import Refusal
 from cellwright.series.edges import edge_variance
 from cellwright.series.steps import assumed_rating
+from cellwright.settings import Instrument
 
+INSTRUMENT = Instrument()
 EXAMPLES = 5  # cycles named in a sentence
 
 
@@ -62,6 +65,7 @@ def ageing_cycles(
     first_cycle=0.0,
     state_before="",
     soc_at_start=None,
+    current_accuracy_share=INSTRUMENT.current_accuracy_share,
 ):
     """Capacity, energy and temperature of every complete half cycle of an ageing record.
 
@@ -82,6 +86,7 @@ def ageing_cycles(
     state_before : "full" or "empty", as the test before this one in time left the cell; "": not
         known.
     soc_at_start : of the first row, as the sheet states it [1], or None.
+    current_accuracy_share : as of `settings.Instrument`.
 
     Returns found: Found; rows are AgeingCycles; left_out and by_rest name the number and cycles of
     each reason. Raises Refusal: a cut-off is not stated, or no half cycle is complete; the
@@ -98,11 +103,18 @@ def ageing_cycles(
     discharges = np.cumsum([half.sign < 0 and bool(half.loads) for half in halves])
     cycles = [first_cycle + n + (h.sign > 0) for n, h in zip(discharges, halves, strict=True)]
     left_out, by_rest = (_by_reason(halves, cycles, faulty=faulty) for faulty in (True, False))
-    unsure = edge_variance(series["test_time_second"], columns[0], columns[2])
+    time = np.asarray(series["test_time_second"], float)
+    unsure = edge_variance(time, columns[0], columns[2])
     rows = [
         (
             *(cycle, *_numbers(half, before, series, rated)),
-            np.hypot(half.missing_ampere_hour, unsure_of_edges(half, unsure, columns, limits)),
+            np.linalg.norm(
+                [
+                    half.missing_ampere_hour,
+                    unsure_of_edges(half, unsure, columns, limits),
+                    unsure_of_instrument(half, time, columns[0], current_accuracy_share),
+                ]
+            ),
         )
         for cycle, before, half in zip(cycles, [None, *halves], halves, strict=False)
         if not half.fault

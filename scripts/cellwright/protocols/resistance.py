@@ -18,9 +18,9 @@ from cellwright.series.steps import (
     constant_current_end,
     follows_directly,
 )
-from cellwright.settings import Resistance
+from cellwright.settings import Instrument, Resistance
 
-RESISTANCE = Resistance()
+RESISTANCE, INSTRUMENT = Resistance(), Instrument()
 LARGE_VOLT, PROMPT_SECOND = 0.2, 1.0
 ROUND_C_RATES = (1 / 20, 1 / 10, 1 / 5, 1 / 4, 1 / 3, 1 / 2, 1, 1.5, 2, 3, 4, 5, 10)
 LEAST_C_RATE = 1 / 3  # of pulses
@@ -56,6 +56,7 @@ def pulse_resistance(
     elsewhere=None,
     doubt=None,
     against_soc="",
+    current_accuracy_share=INSTRUMENT.current_accuracy_share,
 ):
     """Resistance of every pulse of a record at the delays asked for.
 
@@ -71,8 +72,8 @@ def pulse_resistance(
     actual_delay_second says so. 4. Any other delay is interpolated linearly between the two
     samples around it; beyond the last sample by up to half a sampling step, or 2 %, it is the
     last sample's. 5. The standard deviation holds the noise of voltage and current (robust, from
-    the differences between successive samples), the resolution of the voltage and the doubt of
-    d_k, not the drift of the open-circuit voltage.
+    the differences between successive samples), the resolution of the voltage, the doubt of d_k and
+    the stated accuracy of the ammeter as a gain, not the drift of the open-circuit voltage.
 
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A], [V], positive on charge.
     soc : (n,) state of charge [1]; the value before the pulse is reported.
@@ -82,6 +83,7 @@ def pulse_resistance(
     elsewhere : as of `not_elsewhere`.
     doubt : (n,) flags of `series.doubts.Doubt`, or None. against_soc : in words, what contradicts
         the stated SoC of the record: it, the voltage or the cut-offs are wrong; or "".
+    current_accuracy_share : as of `settings.Instrument`.
 
     Returns found: Found; rows are columns of stage `resistance`, one entry a pulse and delay;
     relaxation_ohm is what d_k has taken off.
@@ -111,6 +113,8 @@ def pulse_resistance(
             reasons[str(refusal)] += 1
             continue
         row = _row(pulse, value, delay, soc, voltage, noise, rated)
+        gain = current_accuracy_share / np.sqrt(3.0) * row["resistance_ohm"]
+        row["resistance_std_ohm"] = np.hypot(row["resistance_std_ohm"], gain)
         row["doubt"] = in_words(doubt, slice(pulse.before, pulse.before + 2 + len(pulse.delay)))
         rows.append(row)
     if not rows:

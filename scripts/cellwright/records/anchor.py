@@ -385,6 +385,7 @@ def _refuse_stated(soc, charge, words, nominal, source):
     refuse_impossible_soc(low, soc + up / capacity, words, **about)
 
 
+SINGLE_SHARE = 0.001  # of a capacity: the instrument's; less says nothing of how it repeats
 UNSURE_SHARE = 0.03  # of a capacity: less sure ones count after the sure ones of their check-up
 
 
@@ -392,6 +393,12 @@ def is_unsure(row):
     """Whether the start of a capacity row, or its repeats, leave more than 3 % of it open."""
     std = row.get("capacity_std_ampere_hour")
     return std is not None and std > UNSURE_SHARE * row["capacity_ampere_hour"]
+
+
+def tells_repeats(row):
+    """Whether the standard deviation of a capacity says more than how sure one reading is."""
+    unsure = row["capacity_std_ampere_hour"] > SINGLE_SHARE * row["capacity_ampere_hour"]
+    return row.get("repeats", 1) > 1 or unsure
 
 
 def capacity_in_words(row):
