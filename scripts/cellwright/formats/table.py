@@ -3,7 +3,8 @@
 import codecs
 import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -141,7 +142,8 @@ def read_table(
     Returns
     -------
     Table, without a last row that has too few fields: the file was cut off there, as a note says.
-    Words without a digit where a number belongs are NaN, as a note says.
+    Columns that are not read are named in another. Words without a digit in place of a number are
+    NaN, as a note says.
 
     Raises
     ------
@@ -169,7 +171,8 @@ def read_table(
     before = rows + sum(number < row.number for row in odd[:1] for number in blank)
     if not rows or len(odd) > 1 or (odd and not _is_cut_off(odd[0], before)):
         raise _fault(data, layout, labels, "it has no row")
-    return Table(columns, (*(_cut_off(row) for row in odd), *_words_told(words)))
+    said = [_cut_off(row) for row in odd], _words_told(words), unread(layout.labels, columns)
+    return Table(columns, tuple(chain.from_iterable(said)))
 
 
 def _is_utf_8(head):
@@ -330,6 +333,12 @@ def _words(data, layout, labels):
     except csv.Error:
         return {}
     return {} if any(2 * count > rows for count in others.values()) else found
+
+
+def unread(labels: Sequence[str], read: Iterable[str]) -> list[str]:
+    """A sentence that names the columns of a file which are not read, where there are any."""
+    others = [label for label in dict.fromkeys(labels) if label and label not in set(read)]
+    return [f"columns that are not read: {', '.join(others)}"] if others else []
 
 
 def _words_told(words):
