@@ -60,7 +60,10 @@ def test_a_last_row_that_is_cut_off_is_left_out_and_told():
     text = MACCOR.format(clock="Test (Sec)", t0=0, t1=1800, t2=3600, t3=5400)
     reading = read(text[:-40])
     assert len(reading.columns["voltage_volt"]) == 3
-    assert reading.notes == ("the last row is cut off (5 of 12 fields) and was left out",)
+    assert reading.notes == (
+        "the last row is cut off (5 of 12 fields) and was left out",
+        "columns that are not read: Rec#, StepTime, Watt-hr, ES",
+    )
 
 
 BIOLOGIC = "time/s\tEcell/V\tI/mA\t(Q-Qo)/mA.h\tTemperature/°C\t\n" + "".join(
@@ -101,8 +104,8 @@ def test_neware_report_with_lines_of_cycles_and_steps_between():
 
 
 def test_a_fault_names_the_line_of_the_file():
-    with pytest.raises(Refusal, match=r"^file: line 8: column 'Voltage\(V\)': found 'x'"):
-        read(NEWARE_REPORT.replace("3.6", "x"))
+    with pytest.raises(Refusal, match=r"^file: line 8: column 'Voltage\(V\)': found '3x6'"):
+        read(NEWARE_REPORT.replace("3.6", "3x6"))
 
 
 @pytest.mark.parametrize("label", ["Time (h)", "time_h", "Time [h]", "Test Time/h"])

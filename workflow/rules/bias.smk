@@ -12,6 +12,7 @@ rule onset:
         "logs/onset/{cell}/{test}.log",
     params:
         settings=config["resistance"],
+        instrument=config["instrument"],
         test=test_facts,
         cell=cell_facts,
     message:

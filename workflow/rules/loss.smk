@@ -118,6 +118,7 @@ rule ageing:
     log:
         "logs/ageing/{cell}/{test}.log",
     params:
+        instrument=config["instrument"],
         test=test_facts,
         cell=cell_facts,
     message:

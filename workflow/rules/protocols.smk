@@ -20,6 +20,7 @@ rule capacity:
     wildcard_constraints:
         cell=only_these(row for row in CAMPAIGN.tests if row["kind"] != "ocv"),
     params:
+        instrument=config["instrument"],
         cell=cell_facts,
         test=test_facts,
     message:
@@ -43,6 +44,7 @@ rule ocv:
         cell=only_these(row for row in CAMPAIGN.tests if row["kind"] == "ocv"),
     params:
         least_hour=config["ocv"]["least_hour"],
+        instrument=config["instrument"],
         test=test_facts,
         cell=cell_facts,
     message:
@@ -108,6 +110,7 @@ rule pulses:
         cell=only_these(row for row in CAMPAIGN.tests if row["kind"] in BOTH_KINDS),
     params:
         resistance=config["resistance"],
+        instrument=config["instrument"],
         relaxation=of_analysis("relaxation"),
         test=test_facts,
         cell=cell_facts,
@@ -131,6 +134,7 @@ rule resistance:
         cell=only_these(row for row in CAMPAIGN.tests if row["kind"] not in BOTH_KINDS),
     params:
         settings=config["resistance"],
+        instrument=config["instrument"],
         test=test_facts,
         cell=cell_facts,
     message:
