@@ -72,9 +72,7 @@ def _of_pulse(pulse, pulses):
         at |= {"ambient_temperature_celsius": row["ambient_temperature_celsius"]}
         first = row["delay_second"] == 0
         name, definition = (R0, R0) if first else (LATER.format(row["delay_second"]), "later")
-        rows.append(
-            _row(name, definition, row["resistance_ohm"], row["resistance_std_ohm"], **at)
-        )
+        rows.append(_row(name, definition, row["resistance_ohm"], row["resistance_std_ohm"], **at))
     return rows
 
 
