@@ -98,12 +98,13 @@ def digest(summary, types, excluded, checks) -> list:
     failed = {row["check"] for row in checks if row["outcome"] == "failed"}
     named = sum(word in ("named", "ambiguous") for word in sought)
     unknown = sum(word == "unknown" for word in sought)
+    found = f"named in {named} of {len(sought)} cells, unknown in {unknown}"
     doubted = sum(bool(row.get("doubt")) for row in summary)
     return [
         ("cells", f"{len(summary)}" + (f" of {kinds} types" if kinds > 1 else "")),
         ("state of health", _span(summary, "soh", 1e2, "%")),
         ("model error", _span(summary, "validation_rmse_volt", 1e3, "mV")),
-        ("missing effects", f"{named} of {len(sought)} cells name one, {unknown} unknown"),
+        ("missing effects", found if sought else "not searched"),
         ("left out", f"{len(excluded)}, see below" if len(excluded) else "nothing"),
         ("in doubt", f"{doubted} of {len(summary)} cells"),
         ("checks by physics", f"{len(laws) - len(failed)} of {len(laws)} hold"),
@@ -115,7 +116,7 @@ def _span(rows, column, scale, unit) -> str:
     if not known:
         return "not known"
     ends = dict.fromkeys(f"{one:.3g}" for one in (min(known), max(known)))
-    return f"{' to '.join(ends)} {unit} ({len(known)} cells)"
+    return f"{' to '.join(ends)} {unit} ({len(known)} known)"
 
 
 def _row(row, kind, reasons, scored, effects) -> list:

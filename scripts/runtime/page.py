@@ -372,7 +372,8 @@ def _tests(rows, abouts):
     lines = []
     for row in rows:
         why = list(reasons.get(row["test"], ()))
-        values = ["" if row[name] is None else f"{row[name]}" for name in names]
+        told = ["" if row[name] is None else row[name] for name in names]
+        values = [f"{value:g}" if isinstance(value, float) else str(value) for value in told]
         note = "; ".join(filter(None, [row["note"], *why]))
         lines.append([*values, Cell(note, mark="wrong" if why else "")])
     columns = ["test", "kind", "chamber [°C]", "cycle", "SoC at start", "role", "note"]

@@ -119,7 +119,11 @@ class Tab:
     def evaluate(self, expression):
         """Value of an expression of JavaScript; a promise is waited for."""
         answer = self.call(
-            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
+            "Runtime.evaluate",
+            expression=expression,
+            returnByValue=True,
+            awaitPromise=True,
+            userGesture=True,
         )
         if "exceptionDetails" in answer:
             raise RuntimeError(json.dumps(answer["exceptionDetails"]))
@@ -152,7 +156,8 @@ class Tab:
         """Open a file at a place; `shown`: wait until the report's script has shown it."""
         self.call("Page.navigate", url="about:blank")
         self.wait("location.href === 'about:blank'")
-        self.call("Page.navigate", url=f"{Path(path).resolve().as_uri()}#{place}")
+        address = Path(path).resolve().as_uri()
+        self.call("Page.navigate", url=f"{address}#{place}" if place else address)
         ready = "location.protocol === 'file:' && document.readyState === 'complete'"
         self.wait(f"{ready} && document.body.dataset.shown" if shown else ready)
 
