@@ -10,11 +10,20 @@ from runtime.page_tables import DIGITS, Cell, link, measured, plain_table, std_n
 # What makes a cell one to look at, the gravest first; the rest are the extremes of its type.
 FAILED, DOUBTED, LEFT_OUT, LEAST_HEALTHY, LEAST_ACCURATE, MOST_RESISTANT, NOTHING = range(7)
 FIRST = 6  # so many cells are listed above the table; the table marks all
-# Column of the summary, whether its largest or smallest is the worst, what is then said, its unit.
+FEW = 34  # letters of a reason that fit beside the numbers of a cell
+# Column of the summary, whether its largest or smallest is the worst, what is then said, also in
+# few words, and its unit.
 EXTREMES = {
-    LEAST_HEALTHY: ("soh", min, "lowest state of health", "%", 1e2),
-    LEAST_ACCURATE: ("validation_rmse_volt", max, "largest model error", "mV", 1e3),
-    MOST_RESISTANT: ("r0_50_25_ohm", max, "highest R0", "mΩ", 1e3),
+    LEAST_HEALTHY: ("soh", min, "lowest state of health", "lowest SoH", "%", 1e2),
+    LEAST_ACCURATE: (
+        "validation_rmse_volt",
+        max,
+        "largest model error",
+        "largest error",
+        "mV",
+        1e3,
+    ),
+    MOST_RESISTANT: ("r0_50_25_ohm", max, "highest R0", "highest R0", "mΩ", 1e3),
 }
 COLUMNS = ["cell", "type", "capacity [Ah]", "SoH [%]", "R0 [mΩ]", "model error [mV]"]
 COLUMNS += ["SoC error [%]", "model lacks", "to look at"]
@@ -52,7 +61,7 @@ def section(cells, summary, tables, checks) -> dict:
         parts = [told[one].get(name, []) for one in ("validation", "missing_effect")]
         rows.append(_row(row, types.get(name, ""), reasons.get(name, []), *parts))
     first = [
-        {"link": link(row["cell"]), "why": "; ".join(text for _, text in reasons[row["cell"]])}
+        {"link": link(row["cell"]), "why": "; ".join(text for _, text, _ in reasons[row["cell"]])}
         for row in order
         if row["cell"] in reasons
     ]
@@ -67,11 +76,11 @@ def section(cells, summary, tables, checks) -> dict:
 
 
 def reasons_by_cell(summary, excluded, checks, types) -> dict:
-    """Why each cell is one to look at: lists of (gravity, words), the gravest first."""
+    """Why each cell is one to look at: lists of (gravity, words, few words), the gravest first."""
     found = {}
 
-    def add(cell, gravity, words):
-        found.setdefault(cell, []).append((gravity, words))
+    def add(cell, gravity, words, few=None):
+        found.setdefault(cell, []).append((gravity, words, few or _shortened(words)))
 
     for cell, rows in _by_cell([row for row in checks if row["outcome"] == "failed"]).items():
         add(cell, FAILED, f"a check fails: {rows[0]['found']}{_more(rows)}")
@@ -79,14 +88,15 @@ def reasons_by_cell(summary, excluded, checks, types) -> dict:
         if row.get("doubt"):
             add(row["cell"], DOUBTED, f"in doubt: {row['doubt']}")
     for cell, rows in _by_cell(excluded).items():
-        what = f"{rows[0]['test'] or rows[0]['stage']}: {rows[0]['reason']}"
-        add(cell, LEFT_OUT, f"left out: {what}{_more(rows)}")
-    for gravity, (column, worst_of, words, unit, scale) in EXTREMES.items():
+        test = f"{rows[0]['test']}: " if rows[0]["test"] else ""
+        add(cell, LEFT_OUT, f"left out: {test}{rows[0]['reason']}{_more(rows)}")
+    for gravity, (column, worst_of, words, few, unit, scale) in EXTREMES.items():
         for kind, rows in _by_type(summary, types, column).items():
             worst = worst_of(rows, key=lambda row: float(row[column]))
             if len({row[column] for row in rows}) > 1:
                 size = measured(worst[column], worst.get(std_name(column, worst)), scale)
-                add(worst["cell"], gravity, f"{words} of {kind}: {size} {unit}")
+                said = f"{words}{f' of {kind}' if kind else ''}: {size} {unit}"
+                add(worst["cell"], gravity, said, few)
     return found
 
 
@@ -121,12 +131,12 @@ def _span(rows, column, scale, unit) -> str:
 
 def _row(row, kind, reasons, scored, effects) -> list:
     """Cells of the table of one cell."""
-    marked = {gravity for gravity, _ in reasons}
+    marked = {gravity for gravity, *_ in reasons}
     return [
         Cell(link(row["cell"]), row["cell"]),
         Cell(kind, kind),
         _number(row, "capacity_ampere_hour", 1.0),
-        _number(row, "soh", 1e2, LEAST_HEALTHY in marked, _at_cycle(row)),
+        _number(row, "soh", 1e2, LEAST_HEALTHY in marked),
         _number(row, "r0_50_25_ohm", 1e3, MOST_RESISTANT in marked),
         _number(row, "validation_rmse_volt", 1e3, LEAST_ACCURATE in marked, _range_of(scored)),
         _number(row, "soc_rmse", 1e2),
@@ -142,10 +152,6 @@ def _number(row, column, scale, worst=False, beside="") -> Cell:
     size = measured(text, row.get(std_name(column, row)), scale, digits)
     words = f"{size}{' ▲' if worst else ''}{f' {beside}' if beside and size else ''}"
     return Cell(words, str(scale * float(text)) if text else "", "worst" if worst else "")
-
-
-def _at_cycle(row):
-    return f"at cycle {float(row['soh_cycle']):.0f}" if row.get("soh_cycle") else ""
 
 
 def _range_of(scored):
@@ -169,20 +175,23 @@ def _effects(row, effects):
 
 
 def _why(row, reasons) -> Markup:
-    """The gravest reason, and all of them and the verdict behind a click."""
+    """The gravest reason in few words, and all of them and the verdict behind a click."""
     verdict = row.get("in_one_line") or ""
-    texts = [text for _, text in reasons] + ([f"{row['cell']} {verdict}."] if verdict else [])
+    texts = [text for _, text, _ in reasons] + ([f"{row['cell']} {verdict}."] if verdict else [])
     if not texts:
         return Markup("")
-    first = texts[0] if len(texts[0]) < 60 else f"{texts[0][:57].rsplit(' ', 1)[0]} …"
     lines = Markup("").join(Markup("<p>{}</p>").format(text) for text in texts)
-    summary = escape(first if reasons else "verdict")
+    summary = escape(reasons[0][2] if reasons else "verdict")
     return Markup("<details><summary>{}</summary>{}</details>").format(summary, lines)
+
+
+def _shortened(text):
+    return text if len(text) < FEW else f"{text[: FEW - 2].rsplit(' ', 1)[0]} …"
 
 
 def _rank(row, reasons):
     soh = float(row["soh"]) if row.get("soh") else float("inf")
-    return min((gravity for gravity, _ in reasons), default=NOTHING), soh
+    return min((gravity for gravity, *_ in reasons), default=NOTHING), soh
 
 
 def _more(rows):

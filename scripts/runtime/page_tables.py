@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 from markupsafe import Markup
 
-SHOWN_ROWS = 60
+SHOWN_ROWS = 30  # more than a screen is looked up in the tables, not read
 SCALES = {"mΩ": 1e3, "mV": 1e3, "mA": 1e3, "%": 1e2}  # of a shown unit in that of the tables
+ANSWERS = {"True": "yes", "False": "no"}
 DIGITS = 4  # of a number without a standard deviation; the tables hold more
 
 
@@ -35,8 +36,10 @@ def table_of(name, frame, spec) -> Table:
     """The first rows of a table (a frame of text) as people read them.
 
     `spec` has title, read, and for each column that is shown its name, with the unit in brackets.
-    Columns that are blank in all rows are left out.
+    Columns that are blank in all rows are left out; `only` of it are values that rows must have.
     """
+    for column, value in spec.get("only", {}).items():
+        frame = frame[frame[column] == value]
     rows = frame.head(SHOWN_ROWS).to_dict("records")
     known = [key for key in spec["columns"] if any(row.get(key) for row in rows)]
     stds = {key: std_name(key, rows[0]) for key in known} if rows else {}
@@ -69,6 +72,8 @@ def shown(text, std_text, label) -> str:
 
 def plain_number(text) -> str:
     """A number without a unit with four digits; other texts as they are."""
+    if text in ANSWERS:
+        return ANSWERS[text]
     fraction = isinstance(text, str) and re.fullmatch(r"-?\d+\.\d+(e[+-]?\d+)?", text)
     return f"{float(text):.{DIGITS}g}" if fraction else text
 

@@ -131,7 +131,8 @@ def test_the_keyboard_reaches_and_sorts(tab, job, tmp_path, snakemake):
             break
     assert tab.evaluate("document.activeElement.tagName") == "BUTTON"
     assert tab.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
-    names = "Array.from(document.querySelectorAll('table.cells tbody tr')).map(r => r.cells[0].innerText)"
+    rows = "Array.from(document.querySelectorAll('table.cells tbody tr'))"
+    names = f"{rows}.map(r => r.cells[0].innerText)"
     tab.press("Enter", "\r")
     assert tab.evaluate(names) == ["N2", "N1", "N0"], "resistance falls with the number here"
     tab.press("Enter", "\r")
