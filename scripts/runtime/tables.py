@@ -254,6 +254,33 @@ def _summary_row(facts, of_cell, model) -> dict:
     }
 
 
+def resistances(cells, tables, models, verdicts, note=print) -> "DataFrame":
+    """R0 of each cell and all other resistances that are called so, see `resistances_of_cell`.
+
+    `tables` are frames by name, `models` documents by cell, `verdicts` those of cells and groups.
+    Of a cell that cannot be told `note` says why: it costs no other.
+    """
+    from pandas import DataFrame
+
+    from cellwright.health.resistances import resistances_of_cell
+
+    found = {verdict["cell"]: verdict for verdict in verdicts if "cell" in verdict}
+    frames = [tables[name][tables[name]["soc"].notna()] for name in ("resistance", "eis")]
+    parts = [(dict(iter(frame.groupby("cell", sort=False))), frame.iloc[:0]) for frame in frames]
+    rows = []
+    for name in (facts["cell"] for facts in cells):
+        pulses, spectra = (_known(part.get(name, none)) for part, none in parts)
+        try:
+            of_cell = resistances_of_cell(
+                pulses, spectra, models.get(name, {}), found.get(name, {})
+            )
+        except Exception as error:
+            note(f"{name}: {artefact.failure(error, 'to relate its resistances')}")
+            continue
+        rows += [{"cell": name} | row for row in of_cell]
+    return DataFrame(rows, dtype=object)
+
+
 def _std_of(counted, capacity) -> float | None:
     """Standard deviation of a counted capacity [Ah], where it is the one that models count in."""
     same = counted and capacity and abs(counted["capacity_ampere_hour"] / capacity - 1) < 0.01

@@ -282,13 +282,12 @@ def test_an_artefact_has_the_same_bytes_in_another_place(first, tmp_path):
     assert (other.folder / target).read_bytes() == (first.folder / target).read_bytes()
 
 
-def test_the_report_is_small_and_a_cells_page_takes_no_space_until_it_is_looked_at(first):
+def test_the_report_of_two_cells_is_small_and_read_without_a_script(first):
     """Limits of a campaign of two cells and a group, with some forty figures."""
     html = report_of(first.folder).decode()
-    pages = {len(page) for page in PACKED.findall(html)}
-    assert len(pages) == 3, "two cells and their group"
-    assert max(pages) < 250_000
-    assert len(html) - sum(pages) < 150_000
+    assert not PACKED.findall(html)
+    assert html.count("<figure ") > 20
+    assert len(html) < 3_000_000
     for figure in (first.folder / "results/figures").glob("*/*.svg"):
         assert figure.stat().st_size < 200_000, figure
 

@@ -282,7 +282,9 @@ rule figure_overview:
     log:
         "logs/figures/overview.log",
     params:
-        cells=[cell for cell in CELLS if TESTS_OF[cell] or cell in MODELLED],
+        cells={
+            cell: sheets.type_name(CELLS[cell]) for cell in CELLS if TESTS_OF[cell] or cell in MODELLED
+        },
     message:
         "Figure: the campaign at a glance."
     script:

@@ -1,7 +1,7 @@
 # The report, the manifest of all artefacts, and the checks of both.
 
 from runtime.contract import stage_of
-from runtime.provenance import assumptions
+from runtime.provenance import assumptions, run_facts
 
 ASSUMPTIONS = assumptions()
 
@@ -38,6 +38,11 @@ rule report:
         page=local(f"{PIPELINE}/workflow/report/page.html.j2"),
         parts=local(f"{PIPELINE}/workflow/report/parts.html.j2"),
         captions=local(f"{PIPELINE}/workflow/report/captions.yaml"),
+        chapters=local(f"{PIPELINE}/workflow/report/chapters.yaml"),
+        specs=local(f"{PIPELINE}/workflow/report/tables.yaml"),
+        methods=local(f"{PIPELINE}/workflow/report/methods.yaml"),
+        style=local(f"{PIPELINE}/workflow/report/report.css"),
+        code=local(f"{PIPELINE}/workflow/report/report.js"),
     output:
         "results/report.html",
     log:
@@ -50,7 +55,9 @@ rule report:
         # By a function: what is in braces would be taken for a wildcard.
         title=lambda w: config["title"],
         choices=CHOICES,
+        settings=lambda w: config,
         assumptions=ASSUMPTIONS,
+        run=run_facts(),
     message:
         "Write results/report.html."
     script:

@@ -77,7 +77,8 @@ TABLES_OF_MODELS = {
 }
 TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
 COMPARED_CELLS = ["fleet_health", "fleet_health_lines", "protocols"]
-TABLES = [*TABLE_INPUTS, *COMPARED_CELLS, "missing_effect", "fleet", "excluded"]
+WITH_SUMMARY = ["excluded", "resistance_definitions"]  # made beside the summary
+TABLES = [*TABLE_INPUTS, *COMPARED_CELLS, "missing_effect", "fleet", *WITH_SUMMARY]
 COLD_WORDS = [f"results/stages/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
     *everywhere("ingest", *SERIES_KINDS),
@@ -158,13 +159,15 @@ rule tables_of_models:
 
 rule summary:
     input:
-        tables=[f"results/tables/{table}.csv" for table in TABLES if table != "excluded"],
+        tables=[f"results/tables/{table}.csv" for table in TABLES if table not in WITH_SUMMARY],
         stages=STAGES,
         models=MODELS,
+        verdicts=VERDICTS,
         laws=[local(str(path)) for path in Path(PIPELINE, "tests/artefacts").glob("*.py")],
     output:
         excluded="results/tables/excluded.csv",
         summary="results/summary.csv",
+        resistances="results/tables/resistance_definitions.csv",
         checks="results/tables/checks.csv",
     log:
         "logs/summary.log",
