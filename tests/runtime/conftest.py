@@ -118,9 +118,8 @@ def job(snakemake, saved):
     with artefact.Job(snakemake("results/summary.csv")) as writing:
         writing.save([{"cell": "A", "soh": 0.987654321, "notes": "as new"}])
     for test in ("good", "bad"):
-        with artefact.Job(
-            snakemake(f"results/stages/ingest/A/{test}.parquet", wildcards={"cell": "A", "test": test})
-        ) as writing:
+        path = f"results/stages/ingest/A/{test}.parquet"
+        with artefact.Job(snakemake(path, wildcards={"cell": "A", "test": test})) as writing:
             writing.note("sign found from the data")
             if test == "bad":
                 raise Refusal("time & <i>space</i>")
