@@ -17,7 +17,7 @@ import yaml
 from markupsafe import Markup, escape
 
 from cellwright.effects.story.words import KNOWN, name_of_effect, sentences_by_part
-from runtime import artefact, health_page, overview_page, pack_page, sheets
+from runtime import artefact, closer_look, health_page, overview_page, pack_page, sheets
 from runtime.csv_cells import frame_as_written
 from runtime.page_tables import (
     Cell,
@@ -73,11 +73,15 @@ def render(job) -> str:
     environment.filters |= {"number": number, "milli": milli, "digest": digest}
     environment.filters |= {"measured": measured, "in_words": overview_page.model_in_words}
     environment.globals["fact"] = fact_in_words
+    environment.globals["uplot"] = {
+        "script": Markup(Path(inputs.uplot).read_text(encoding="utf-8")),
+        "style": Markup(Path(inputs.uplot_style).read_text(encoding="utf-8")),
+    }
     template, failed = environment.get_template(Path(inputs.page).name), []
 
     def whole(name):
         """What the template shows of a cell or group, and all of it as HTML."""
-        page = _page(name, params, parts[name], abouts_of.get(name, []), layout)
+        page = _page(name, params, parts[name], abouts_of.get(name, []), layout, looks)
         page |= {"effect": found.get(name), "cold": cold.get(name), "sum": sums.get(name, {})}
         page |= _tables_of_story(_rows(parts[name]["missing_effect"]), witnesses.get(name, []))
         page["excluded"] = [row for row in excluded if row["cell"] == name]
@@ -93,6 +97,7 @@ def render(job) -> str:
             _log(job, error)
             return otherwise
 
+    looks = part("the closer looks", _looks, inputs.simulated, inputs.series, tables["validation"])
     pages = [
         part(f"the page {name}", whole, name) or _page_that_failed(name, owners, failed[-1])
         for name in owners + groups
@@ -286,11 +291,22 @@ def number(text) -> str:
         return text
 
 
-def _page(name, params, tables, abouts, layout) -> dict:
+def _looks(simulated, series, validation) -> dict:
+    """What may be zoomed into, by cell and name of the figure."""
+    chosen = validation[validation["chosen"] == "True"]
+    models = {(row["cell"], row["test"]): row["model"] for row in _rows(chosen)}
+    looks = closer_look.looks_of(simulated, series, models)
+    return {(cell, f"validation_{test}"): lines for (cell, test), lines in looks.items()}
+
+
+def _page(name, params, tables, abouts, layout, looks) -> dict:
     """What the template shows of a cell or group, from its own rows of tables and artefacts."""
     facts = next((row for row in params.cells if row["cell"] == name), {})
     branches = [row for row in params.groups if row["group"] == name]
     pictures = [figure_of(path, layout["captions"]) for path in params.figures.get(name, [])]
+    pictures = [
+        (kind, one._replace(lines=(looks or {}).get((name, one.id), ""))) for kind, one in pictures
+    ]
     definitions = tables["resistance_definitions"].to_dict("records")
     return {
         "name": name,

@@ -131,6 +131,7 @@ class Figure(NamedTuple):
     data: str
     width: str
     height: str
+    lines: str = ""  # what the reader may zoom into, see `closer_look`
 
 
 def figure_of(path, captions) -> tuple[str, Figure]:

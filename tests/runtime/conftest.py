@@ -3,6 +3,7 @@
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from cellwright.refusal import Refusal
@@ -99,6 +100,9 @@ def job(snakemake, saved):
         {"type": "LFP, 2 Ah", "sentence": "none of 2 cells shows an effect", "shown": "no"}
         | dict.fromkeys(("cell", "effect", "size_volt"))
     )
+    contents["validation"] = [
+        {"cell": "A", "test": "udds", "model": "2RC", "chosen": True, "rmse_volt": 0.002}
+    ]
     contents["resistance_definitions"] = [
         {"cell": "A", "name": "R0", "resistance_ohm": 0.0396612, "resistance_std_ohm": 0.00009}
         | {"over_r0": 1.0, "current_ampere": -5.0, "delay_second": 0.01, "soc": 0.4999}
@@ -140,6 +144,11 @@ def job(snakemake, saved):
     )
     Path("results/figures/A").mkdir(parents=True)
     Path("results/figures/A/validation_udds.svg").write_text(PICTURE)
+    time = np.arange(0.0, 3000.0)
+    lines = {"test_time_second": time, "current_ampere": np.sin(time / 300)}
+    lines |= {"voltage_volt": 3.7 + 0.1 * np.sin(time / 300), "soc": 0.5 + 0 * time}
+    lines |= {"scored": np.full(3000, True), "simulated_2RC_volt": lines["voltage_volt"] + 0.002}
+    simulated = [saved("results/stages/simulation/A/udds.parquet", lines)]
     inputs = SimpleNamespace(
         tables=[paths[name] for name in TABLES],
         checks=paths["checks"],
@@ -154,6 +163,10 @@ def job(snakemake, saved):
         chapters=ROOT / "workflow/report/chapters.yaml",
         specs=ROOT / "workflow/report/tables.yaml",
         methods=ROOT / "workflow/report/methods.yaml",
+        uplot=ROOT / "workflow/report/uplot/uPlot.iife.min.js",
+        uplot_style=ROOT / "workflow/report/uplot/uPlot.min.css",
+        simulated=simulated,
+        series=[],
     )
     params = SimpleNamespace(
         cells=[CELL],

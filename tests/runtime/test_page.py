@@ -116,7 +116,7 @@ def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
     tables = {name: pd.DataFrame(columns=columns, dtype=str) for name in names}
     chapters = [{"id": "model", "title": "Model", "tables": ["soc"], "figures": ["validation"]}]
     layout = {"captions": {"validation": {"title": "V", "read": "r"}}, "chapters": chapters}
-    found = page._page("A", job.params, tables, list(abouts.values()), layout)
+    found = page._page("A", job.params, tables, list(abouts.values()), layout, {})
     assert [row[-1].text for row in found["tests"].rows] == ["<b>odd</b>; time & <i>space</i>", ""]
     assert found["notes"] == [{"text": "sign found from the data", "tests": ["bad", "good"]}]
     assert found["facts"] == {"cell": "A", "chemistry": "NMC"}

@@ -105,6 +105,19 @@ def test_a_link_to_a_figure_opens_its_chapter_and_back_returns(tab, report):
     assert tab.evaluate("window.scrollY") == pytest.approx(120, abs=2)
 
 
+def test_a_predicted_test_is_looked_at_closer_by_mouse_and_by_keys(tab, report):
+    tab.go(report, "cell-A/validation_udds")
+    tab.evaluate("document.querySelector('section.here .closer').click()")
+    tab.wait("document.querySelectorAll('section.here .look .uplot').length")
+    assert tab.evaluate("document.querySelectorAll('section.here .look canvas').length") == 3
+    key = """document.querySelector('section.here .look').dispatchEvent(
+        new KeyboardEvent('keydown', { key: 'ArrowRight' }))"""
+    tab.evaluate(key)
+    said = tab.evaluate("document.querySelector('section.here .look output').textContent")
+    assert re.match(r"time [\d.]+, measured 3\.\d+, model 2RC 3\.\d+, measured − model -2", said)
+    assert tab.console == []
+
+
 def test_every_figure_and_table_has_a_place_and_a_number_of_its_own(tab, report):
     tab.go(report, "all")
     captions = "Array.from(document.querySelectorAll('.caption a'))"
@@ -200,11 +213,10 @@ SMUGGLED = (
 def test_what_would_be_smuggled_into_the_report_does_not_run(tab, job, tmp_path):
     """The policy holds where escaping should ever fail; the report's own script and style run."""
     text = page.render(job)
-    style, script = (
-        re.search(f"<{tag}>(.+?)</{tag}>", text, re.S)[1] for tag in ("style", "script")
-    )
-    for own in (style, script):
-        assert f"-src {page.digest(own)}" in text
+    found = [re.findall(f"<{tag}>(.+?)</{tag}>", text, re.S) for tag in ("style", "script")]
+    (style,), (closer, script) = found
+    assert f"style-src {page.digest(style)};" in text
+    assert f"script-src {page.digest(script)} {page.digest(closer)};" in text
     assert "default-src 'none'" in text
     open_text = text.replace('<nav class="pages"', f'{SMUGGLED}<nav class="pages"')
     ran = "[document.body.dataset.first, document.body.dataset.second]"

@@ -16,7 +16,7 @@
   }
   // What helps with a script: a button that unfolds, tables that scroll by keyboard where they must.
   function ready(part) {
-    part.querySelectorAll(".fold").forEach(function (button) { button.hidden = false; });
+    part.querySelectorAll(".fold, .closer").forEach(function (button) { button.hidden = false; });
     part.querySelectorAll(".scroll").forEach(function (box) { box.tabIndex = box.scrollWidth > box.clientWidth ? 0 : -1; });
   }
   // `#cell-C3/tests` is a place on the page `cell-C3`. Back returns to where one was.

@@ -24,6 +24,11 @@ FINAL = [
 ]
 
 
+def predicted(stage):
+    """Paths of one stage's artefacts for the tests that each cell's model was scored on."""
+    return [path for cell, rows in SCORED.items() for path in of_rows(stage, cell, rows)]
+
+
 rule report:
     input:
         tables=[f"results/tables/{table}.csv" for table in TABLES],
@@ -43,6 +48,11 @@ rule report:
         methods=local(f"{PIPELINE}/workflow/report/methods.yaml"),
         style=local(f"{PIPELINE}/workflow/report/report.css"),
         code=local(f"{PIPELINE}/workflow/report/report.js"),
+        closer=local(f"{PIPELINE}/workflow/report/closer.js"),
+        uplot=local(f"{PIPELINE}/workflow/report/uplot/uPlot.iife.min.js"),
+        uplot_style=local(f"{PIPELINE}/workflow/report/uplot/uPlot.min.css"),
+        simulated=predicted("simulation"),
+        series=predicted("clean"),
     output:
         "results/report.html",
     log:
