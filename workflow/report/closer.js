@@ -66,7 +66,7 @@
     var spot = 0;
     function tell(step) {
       spot = Math.max(0, Math.min(time.length - 1, spot + step * Math.max(1, Math.round(time.length / 200))));
-      plots[0].setCursor({ left: plots[0].valToPos(time[spot], "x"), top: 10 });
+      plots.forEach(function (plot) { plot.setCursor({ left: plot.valToPos(time[spot], "x"), top: 10 }); });
       said.textContent = lines.map(function (one) { return one.label + " " + one.values[spot]; }).join(", ");
     }
     addEventListener("resize", function () { plots.forEach(function (plot) { plot.setSize({ width: Math.max(box.clientWidth, 280), height: plot.height }); }); });
