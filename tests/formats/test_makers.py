@@ -252,6 +252,16 @@ def test_cut_files_give_right_values_or_a_refusal(shared):
                 )
 
 
+def test_a_data_base_that_is_cut_off_is_whole_or_refused(shared):
+    if not shutil.which("mdb-export"):
+        pytest.skip("mdb-export is not installed")
+    data = (shared / "formats" / "arbin" / "arbin_example.res").read_bytes()
+    rows = len(_or_none(data).columns["voltage_volt"])
+    for end in range(4 * 4096, len(data), 16 * 4096):
+        cut = _or_none(data[:end])
+        assert cut is None or len(cut.columns["voltage_volt"]) == rows
+
+
 def _or_none(data):
     try:
         return formats.read(data, name="file")
