@@ -331,6 +331,12 @@ def test_a_time_of_day_in_the_interchange_format(start):
     np.testing.assert_array_equal(read(text).columns["test_time_second"], [0.5, 10.5])
 
 
+def test_a_date_beside_it_makes_no_clock_of_an_elapsed_time():
+    text = "Test Time / s,Current / A,Voltage / V,Date Time ISO\n"
+    text += "".join(f"{t},1,3.7,2024-01-01 10:00:0{t}\n" for t in range(5))
+    np.testing.assert_array_equal(read(text).columns["test_time_second"], range(5))
+
+
 def test_units_that_no_label_says_are_taken_and_told():
     reading = read("time,current,voltage\n0,1,3.7\n1,1,3.7\n")
     assert reading.notes == (
