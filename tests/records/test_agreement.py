@@ -59,6 +59,8 @@ def test_no_older_cell_gives_more_at_one_rate():
     assert said[1] == (
         "cu200 gives 4.2 Ah at cycle 200: no older cell gives more; and 1 more tests against it"
     )
+    rows[1] |= {"c_rate": 0.8}  # as a current that reads too low says
+    assert doubts(rows) == said
     # Three per cent of it repeats do; a cell that its own larger resistance warms gives more.
     assert (
         doubts([capacity("a", 4.0, 1.0, cycle=0), capacity("b", 4.1, 1.0, cycle=100)]) == [""] * 2
