@@ -39,7 +39,6 @@ def test_of_three_the_odd_one_out_is():
 @pytest.mark.parametrize(
     "more",
     [
-        {"cycle": 500},
         {"ambient_temperature_celsius": 0.0},
         {"cell": "B"},
         {"temperature_mean_celsius": 35.0},
