@@ -5,6 +5,7 @@ Counts by kind: refused, right, wrong and told at the number, told elsewhere onl
 
 import argparse
 import json
+import re
 import sys
 from collections import Counter, defaultdict
 from multiprocessing import Pool
@@ -67,8 +68,8 @@ def verdict(outcome, clean, others, benign=False):
     numbers, true_numbers = numbers_of(outcome, others), numbers_of(clean, others)
     wrong = wrong_numbers(numbers, true_numbers)
     if not wrong:
-        before = {n.doubt for n in true_numbers}
-        alarm = next((n for n in numbers if n.doubt not in before), None)
+        before = {without_numbers(n.doubt) for n in true_numbers}
+        alarm = next((n for n in numbers if without_numbers(n.doubt) not in before), None)
         return "right", f"alarm: {alarm.doubt}" if benign and alarm else ""
     untold = [(n, true) for n, true in wrong if not n.doubt]
     if not untold:
@@ -78,6 +79,11 @@ def verdict(outcome, clean, others, benign=False):
     words = f"{number.quantity} {number.where}: {found}"
     fresh = [note for note in outcome.notes if note not in clean.notes]
     return ("elsewhere", f"{words} | {fresh[0]}") if fresh else ("silent", words)
+
+
+def without_numbers(words):
+    """Words whose numbers do not count: a last digit of one is no other doubt."""
+    return re.sub(r"[-\d.]+", "#", words)
 
 
 def main():

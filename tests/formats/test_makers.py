@@ -252,6 +252,16 @@ def test_cut_files_give_right_values_or_a_refusal(shared):
                 )
 
 
+def test_a_data_base_that_is_cut_off_is_whole_or_refused(shared):
+    if not shutil.which("mdb-export"):
+        pytest.skip("mdb-export is not installed")
+    data = (shared / "formats" / "arbin" / "arbin_example.res").read_bytes()
+    rows = len(_or_none(data).columns["voltage_volt"])
+    for end in range(4 * 4096, len(data), 16 * 4096):
+        cut = _or_none(data[:end])
+        assert cut is None or len(cut.columns["voltage_volt"]) == rows
+
+
 def _or_none(data):
     try:
         return formats.read(data, name="file")
@@ -319,6 +329,12 @@ def test_a_time_of_day_in_the_interchange_format(start):
     text = f"Test Time / s,Current / A,Voltage / V\n{start},1.0,3.7\n"
     text += f"{start.replace(':00.5', ':10.5')},1,3.7\n"
     np.testing.assert_array_equal(read(text).columns["test_time_second"], [0.5, 10.5])
+
+
+def test_a_date_beside_it_makes_no_clock_of_an_elapsed_time():
+    text = "Test Time / s,Current / A,Voltage / V,Date Time ISO\n"
+    text += "".join(f"{t},1,3.7,2024-01-01 10:00:0{t}\n" for t in range(5))
+    np.testing.assert_array_equal(read(text).columns["test_time_second"], range(5))
 
 
 def test_units_that_no_label_says_are_taken_and_told():

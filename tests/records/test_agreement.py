@@ -39,7 +39,6 @@ def test_of_three_the_odd_one_out_is():
 @pytest.mark.parametrize(
     "more",
     [
-        {"cycle": 500},
         {"ambient_temperature_celsius": 0.0},
         {"cell": "B"},
         {"temperature_mean_celsius": 35.0},
@@ -59,6 +58,8 @@ def test_no_older_cell_gives_more_at_one_rate():
     assert said[1] == (
         "cu200 gives 4.2 Ah at cycle 200: no older cell gives more; and 1 more tests against it"
     )
+    rows[1] |= {"c_rate": 0.8}  # as a current that reads too low says
+    assert doubts(rows) == said
     # Three per cent of it repeats do; a cell that its own larger resistance warms gives more.
     assert (
         doubts([capacity("a", 4.0, 1.0, cycle=0), capacity("b", 4.1, 1.0, cycle=100)]) == [""] * 2

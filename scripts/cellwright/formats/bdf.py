@@ -23,7 +23,7 @@ from cellwright.formats.fields import (
     known_fields,
     require,
 )
-from cellwright.formats.table import layout_of, line_of, read_table, unread
+from cellwright.formats.table import is_written, layout_of, line_of, read_table, unread
 from cellwright.refusal import Refusal
 
 NAME = "bdf"
@@ -157,7 +157,7 @@ def _read(data, meaning, checked):
     fields = checked(_preferred(layout.labels, meaning))
     labels = [field.label for field in fields]
     clock = next((f.label for f in fields if f.column == "test_time_second"), None)
-    if clock and re.search(r"\d:\d", line_of(data, layout.first_line)):  # a time as 0d 00:10:00.5
+    if clock and is_written(data, layout, clock):  # as 0d 00:10:00.5
         found, notes = read_table(data, layout, [x for x in labels if x != clock], texts=[clock])
         found[clock] = clock_second(found[clock])
     else:

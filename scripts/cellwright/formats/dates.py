@@ -6,10 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 FRACTION = r"(?P<fraction>\.\d+)?"
-CLOCK = re.compile(
-    r"\s*(?:(?P<day>\d+)\s*d\s+)?(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+)" + FRACTION + r"\s*"
-)
-# The same for pyarrow, seconds and their fraction as one.
+# Seconds and their fraction as one.
 CLOCK = (
     r"^\s*(?:(?P<day>\d+)\s*d\s+)?"
     r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+(?:\.\d+)?)\s*$"

@@ -228,6 +228,14 @@ def _parsed(data, begin, layout, labels, texts, words=()):
     return columns, odd, rows
 
 
+def is_written(data: bytes | Content, layout: Layout, label: str) -> bool:
+    """Whether a time is written as a date or clock: its first cell is no number."""
+    place = layout.labels.index(label)
+    rows = csv.reader(first_rows(data, layout.first_line), delimiter=layout.delimiter)
+    cells = (row[place].strip() for row in rows if len(row) > place)
+    return not is_number(next(filter(None, cells), ""), layout.decimal_point)
+
+
 def refuse_channels(columns: Mapping, labels: Sequence[str]) -> None:
     """Refuse a table in which a column (pyarrow strings) names several channels, with their names.
 

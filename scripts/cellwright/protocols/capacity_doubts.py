@@ -14,7 +14,9 @@ BEYOND_VOLT = 0.03  # a tester ends a load within its own sampling and lead drop
 DRIFT_SHARE = 0.02  # within which any tester holds a current; its noise is less in the median
 LEAST_DRIFT_ROWS = 32
 UNFINISHED_C_RATE = 0.1  # a hold that a record ends in above it was not finished
-COLD_CELSIUS, FAST_C_RATE = 10.0, 1.2  # colder or faster a good cell may give less than half
+# ASSUME: A good cell gives half of its rating up to 1.2C from 10 °C on, up to C/20 from −20 °C on.
+COLD_CELSIUS, FAST_C_RATE = 10.0, 1.2
+COLDEST_CELSIUS, SLOW_C_RATE = -20.0, 1 / 20
 THERMOMETER_KELVIN = 10.0  # between a thermometer at the start and the stated temperature
 
 
@@ -135,9 +137,11 @@ def _of_sheet(row, rated, celsius):
     said = []
     if rated:
         share = row["capacity_ampere_hour"] / rated
-        warm = not row["temperature_mean_celsius"] < COLD_CELSIUS
-        warm &= celsius is None or celsius >= COLD_CELSIUS
-        little = share < RATING_SHARE[0] and warm and row["rate"] / rated <= FAST_C_RATE
+        measured = [row["temperature_mean_celsius"], celsius]
+        coldest = min((t for t in measured if t is not None and t == t), default=COLD_CELSIUS)
+        most = FAST_C_RATE if coldest >= COLD_CELSIUS else SLOW_C_RATE
+        slow = row["rate"] / rated <= most and coldest >= COLDEST_CELSIUS
+        little = share < RATING_SHARE[0] and slow
         if little or share > RATING_SHARE[1]:
             alike = abs(row["capacity_ampere_hour"] - 1) < 0.1
             c_rate = ": does the file hold C-rates under ampere?" if alike else ""

@@ -108,11 +108,15 @@ def _capacities(row, other):
 
 
 def _ages(row, other):
-    """What the capacity at another age says against one: no older cell gives more at one rate."""
+    """What the capacity at another age says against one: no older cell gives more, nor faster."""
     younger, older = sorted((row, other), key=lambda one: one["cycle"] or 0)
     sizes = [one["capacity_ampere_hour"] for one in (younger, older)]
     more = sizes[1] > (1 + REPEAT_SHARE) * sizes[0] + _spread(row, other)
-    if not (more and same_rate(row["c_rate"], other["c_rate"])) or _warmed(older, younger):
+    # A wrong current is a wrong rate too.
+    slower = older["c_rate"] < younger["c_rate"] and not same_rate(
+        older["c_rate"], younger["c_rate"]
+    )
+    if not more or slower or _warmed(older, younger):
         return ""
     there = f"{other['capacity_ampere_hour']:.4g} Ah at cycle {other['cycle'] or 0:g}"
     return f"{other['test']} gives {there}: no older cell gives more"
