@@ -148,6 +148,7 @@ def job(snakemake, saved):
         artefacts=["results/ingest/A/good.parquet", "results/ingest/A/bad.parquet"],
         verdicts=verdicts,
         witnesses=heard,
+        maps=[],
         cold=cold,
         template=ROOT / "workflow/report/report.html.j2",
         page=ROOT / "workflow/report/page.html.j2",
