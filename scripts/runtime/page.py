@@ -16,6 +16,7 @@ import pyarrow as pa
 import yaml
 from markupsafe import Markup, escape
 
+from cellwright.effects.story.places import largest_before
 from cellwright.effects.story.words import KNOWN, name_of_effect, sentences_by_part
 from runtime import artefact, closer_look, health_page, overview_page, pack_page, sheets
 from runtime.csv_cells import frame_as_written
@@ -53,6 +54,10 @@ def render(job) -> str:
     layout = {name: _yaml(getattr(inputs, name)) for name in ("captions", "chapters", "specs")}
     owners = [row["cell"] for row in params.cells]
     found = {_owner(artefact.read_about(path)): _verdict(path) for path in inputs.verdicts}
+    for columns, about in artefact.load_all(inputs.maps):
+        told, sentence = found.get(_owner(about), {}).get("story", {}), largest_before(columns)
+        if "names" in told and sentence:
+            told["left"] = [sentence, *told.get("left", [])]
     witnesses = {_owner(artefact.read_about(p)): _witnesses(p) for p in inputs.witnesses}
     cold = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))

@@ -93,7 +93,7 @@ def measured(text, std_text=None, scale=1.0, digits=DIGITS) -> str:
     places = -floor(log10(std)) + (std < 2 * 10 ** floor(log10(std)))
     # Not more digits than of a number without: a deviation of a billionth is none that counts.
     size = floor(log10(abs(value))) if value else 0
-    places = max(min(places, digits - size), 0)
+    places = max(min(places, DIGITS - 1 - size), 0)
     spread = f" ± {std:.{places}f}" if round(std, places) else ""
     return f"{value:.{places}f}{spread}"
 

@@ -1,6 +1,6 @@
 """Pictures of a report for the documentation, by a browser without a window.
 
-    ./run python scripts/tools/report_pictures.py results/report.html docs/pictures --cell C3
+    ./run python scripts/tools/report_pictures.py results/report.html docs/pictures --cell C2
 
 writes report.png (the first screen) and report-cell.png (a cell's page, folded).
 """

@@ -57,6 +57,14 @@ def test_the_true_model_gives_the_measured_resistances_at_the_pulses_own_current
     assert all(row["definition"] for row in rows)
 
 
+def test_a_doubt_of_the_pulse_stays_with_r0():
+    found = by_name(
+        resistances_of_cell([pulse(0, doubt="did the voltage answer?")], [], model(), {})
+    )
+    assert found["R0"]["doubt"] == "did the voltage answer?"
+    assert found["model, first sample"]["doubt"] is None
+
+
 def test_spectra_and_the_search_stand_beside_it():
     spectrum = {"test": "eis", "soc": 0.52, "ambient_temperature_celsius": 25.0}
     spectrum |= {"r_ohmic_ohm": 0.008, "r_ohmic_ohm_std": 3e-4}

@@ -156,6 +156,7 @@ def job(snakemake, saved):
         artefacts=["results/stages/ingest/A/good.parquet", "results/stages/ingest/A/bad.parquet"],
         verdicts=verdicts,
         witnesses=heard,
+        maps=[],
         cold=cold,
         template=ROOT / "workflow/report/report.html.j2",
         page=ROOT / "workflow/report/page.html.j2",

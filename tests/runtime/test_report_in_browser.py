@@ -186,7 +186,13 @@ def test_without_a_script_all_of_it_is_there(tab, report):
     )
     assert seen == tab.evaluate("document.querySelectorAll('main > section').length") > 4
     assert tab.evaluate("document.querySelectorAll('img').length") == 1
-    assert not tab.evaluate("document.querySelector('.filter').offsetParent"), "needs a script"
+
+
+def test_without_a_script_nothing_is_offered_that_needs_one(tab, job, tmp_path, snakemake):
+    tab.call("Emulation.setScriptExecutionDisabled", value=True)
+    tab.go(fleet(job, snakemake, tmp_path, 3), shown=False)
+    assert not tab.evaluate("document.querySelector('.filter').offsetParent")
+    assert not tab.evaluate("document.querySelector('table.cells button, .fold:not([hidden])')")
 
 
 @pytest.mark.parametrize(("place", "seen"), [("cell-A", 1), ("all", 1), ("overview", 0)])
@@ -214,7 +220,7 @@ def test_what_would_be_smuggled_into_the_report_does_not_run(tab, job, tmp_path)
     """The policy holds where escaping should ever fail; the report's own script and style run."""
     text = page.render(job)
     found = [re.findall(f"<{tag}>(.+?)</{tag}>", text, re.S) for tag in ("style", "script")]
-    (style,), (closer, script) = found
+    (style,), (script, closer) = found
     assert f"style-src {page.digest(style)};" in text
     assert f"script-src {page.digest(script)} {page.digest(closer)};" in text
     assert "default-src 'none'" in text

@@ -1,5 +1,6 @@
 (function () {
-  var body = document.body, sections = Array.from(document.querySelectorAll("main > section"));
+  // It stands behind the overview, which can be used while the pages below are still being read.
+  var body = document.body, waiting = false;
   body.classList.add("js");
   // In a large report a page lies in its section as gzip in base64, unpacked when looked at first.
   function unpack(section) {
@@ -23,7 +24,9 @@
   function show(top) {
     var id = "overview";
     try { id = decodeURIComponent(location.hash.slice(1)) || id; } catch (error) { id = "overview"; }
-    var page = id.split("/")[0], all = page === "all";
+    var page = id.split("/")[0], all = page === "all", sections = Array.from(document.querySelectorAll("main > section"));
+    waiting = document.readyState === "loading" && (all || !sections.some(function (s) { return s.id === page; }));
+    if (waiting) { return; }
     if (!all && !sections.some(function (s) { return s.id === page; })) { page = "overview"; }
     var shown = sections.filter(function (s) { return all || s.id === page; });
     sections.forEach(function (s) { s.classList.toggle("here", shown.includes(s)); });
@@ -81,7 +84,10 @@
         }));
       });
     });
-    var form = document.querySelector(".filter"), word = form.querySelector("input[type=search]");
+  }
+  var form = document.querySelector(".filter");
+  if (form) {
+    var word = form.querySelector("input[type=search]");
     var type = form.querySelector("select"), look = form.querySelector("input[type=checkbox]"), count = form.querySelector("output");
     var filter = function () {
       var wanted = word.value.toLowerCase().trim(), left = 0;
@@ -96,7 +102,11 @@
     form.hidden = false;
     filter();
   }
-  document.querySelectorAll("[data-written]").forEach(function (spot) { spot.textContent = "This file was written on " + document.lastModified + "."; });
-  ready(document);
-  show(history.state && history.state.top);
+  var top = history.state && history.state.top;
+  document.addEventListener("DOMContentLoaded", function () {
+    document.querySelectorAll("[data-written]").forEach(function (spot) { spot.textContent = "This file was written on " + document.lastModified + "."; });
+    ready(document);
+    if (waiting) { show(top); }
+  });
+  show(top);
 })();

@@ -283,7 +283,9 @@ rule figure_overview:
         "logs/figures/overview.log",
     params:
         cells={
-            cell: sheets.type_name(CELLS[cell]) for cell in CELLS if TESTS_OF[cell] or cell in MODELLED
+            cell: sheets.type_name(CELLS[cell])
+            for cell in CELLS
+            if TESTS_OF[cell] or cell in MODELLED
         },
     message:
         "Figure: the campaign at a glance."

@@ -79,7 +79,10 @@ SEARCHED_EXTERNAL = [cell for cell in ASKED if ASKED_OF_EXTERNAL and simulated_t
 EXTERNAL_VERDICTS = [
     f"results/missing_effect/{cell}/external/verdict.json" for cell in SEARCHED_EXTERNAL
 ]
-WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKED]
+WITNESSES, RESIDUAL_MAPS = (
+    [f"results/missing_effect/{cell}/{part}.parquet" for cell in ASKED]
+    for part in ("witnesses", "map")
+)
 
 
 rule effect_search:

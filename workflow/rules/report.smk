@@ -38,6 +38,7 @@ rule report:
         artefacts=STAGES,
         verdicts=VERDICTS,
         witnesses=WITNESSES,
+        maps=RESIDUAL_MAPS,
         cold=COLD_WORDS,
         template=local(f"{PIPELINE}/workflow/report/report.html.j2"),
         page=local(f"{PIPELINE}/workflow/report/page.html.j2"),

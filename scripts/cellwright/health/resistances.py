@@ -40,7 +40,7 @@ def resistances_of_cell(pulses, spectra, model, verdict):
     Returns
     -------
     rows : list of dict: name, resistance_ohm, resistance_std_ohm, over_r0 (ratio to R0), test,
-        soc, current_ampere, delay_second, ambient_temperature_celsius, definition; R0 first.
+        soc, current_ampere, delay_second, ambient_temperature_celsius, doubt, definition; R0 first.
     """
     pulse = reference_resistance(pulses)
     rows = _of_pulse(pulse, pulses) if pulse else []
@@ -53,7 +53,14 @@ def resistances_of_cell(pulses, spectra, model, verdict):
 
 
 def _row(name, definition, ohm, std=None, **at):
-    known = ("test", "soc", "current_ampere", "delay_second", "ambient_temperature_celsius")
+    known = (
+        "test",
+        "soc",
+        "current_ampere",
+        "delay_second",
+        "ambient_temperature_celsius",
+        "doubt",
+    )
     row = {"name": name, "resistance_ohm": ohm, "resistance_std_ohm": std}
     return row | {key: at.get(key) for key in known} | {"definition": DEFINITIONS[definition]}
 
@@ -70,6 +77,7 @@ def _of_pulse(pulse, pulses):
         at = {name: row[name] for name in ("test", "soc", "current_ampere")}
         at |= {"delay_second": row["actual_delay_second"]}
         at |= {"ambient_temperature_celsius": row["ambient_temperature_celsius"]}
+        at |= {"doubt": row.get("doubt")}
         first = row["delay_second"] == 0
         name, definition = (R0, R0) if first else (LATER.format(row["delay_second"]), "later")
         rows.append(_row(name, definition, row["resistance_ohm"], row["resistance_std_ohm"], **at))
@@ -137,6 +145,7 @@ def _of_spectrum(pulse, spectra):
         return []
     row = min(alike, key=lambda row: abs(row["soc"] - 0.5))
     at = {name: row[name] for name in ("test", "soc", "ambient_temperature_celsius")}
+    at |= {"doubt": row.get("doubt")}
     rows = [_row("spectrum, ohmic", "spectrum", row["r_ohmic_ohm"], row["r_ohmic_ohm_std"], **at)]
     if row["r_charge_transfer_ohm"] is not None:
         stds = [row["r_ohmic_ohm_std"], row["r_charge_transfer_ohm_std"]]
