@@ -18,7 +18,7 @@ from markupsafe import Markup, escape
 
 from cellwright.effects.story.places import largest_before
 from cellwright.effects.story.words import KNOWN, name_of_effect, sentences_by_part
-from runtime import artefact, closer_look, health_page, overview_page, pack_page, sheets
+from runtime import artefact, closer_look, health_page, overview_page, pack_page, sheets, use_page
 from runtime.csv_cells import frame_as_written
 from runtime.page_tables import (
     Cell,
@@ -89,6 +89,7 @@ def render(job) -> str:
         page = _page(name, params, parts[name], abouts_of.get(name, []), layout, looks)
         page |= {"effect": found.get(name), "cold": cold.get(name), "sum": sums.get(name, {})}
         page |= _tables_of_story(_rows(parts[name]["missing_effect"]), witnesses.get(name, []))
+        page["use"] = uses.get(name)
         page["excluded"] = [row for row in excluded if row["cell"] == name]
         page["broken"] = [r for r in checks if r["outcome"] == "failed" and r["cell"] == name]
         return page | {"html": template.render(page=page, number_of=_Numbers(name))}
@@ -103,6 +104,10 @@ def render(job) -> str:
             return otherwise
 
     looks = part("the closer looks", _looks, inputs.simulated, inputs.series, tables["validation"])
+    uses = {
+        row["cell"]: part(f"the uses of {row['cell']}", _use, row, inputs.lookups, inputs.pybamm)
+        for row in params.cells
+    }
     pages = [
         part(f"the page {name}", whole, name) or _page_that_failed(name, owners, failed[-1])
         for name in owners + groups
@@ -302,6 +307,17 @@ def _looks(simulated, series, validation) -> dict:
     models = {(row["cell"], row["test"]): row["model"] for row in _rows(chosen)}
     looks = closer_look.looks_of(simulated, series, models)
     return {(cell, f"validation_{test}"): lines for (cell, test), lines in looks.items()}
+
+
+def _use(facts, lookups, pybamm):
+    """How to use the model of a cell; None without one."""
+    paths = [
+        next((one for one in found if Path(one).parent.name == facts["cell"]), None)
+        for found in (lookups, pybamm)
+    ]
+    if None in paths:
+        return None
+    return use_page.table(facts["cell"], facts.get("rated_capacity_ampere_hour"), *paths)
 
 
 def _page(name, params, tables, abouts, layout, looks) -> dict:

@@ -166,6 +166,8 @@ def job(snakemake, saved):
         methods=ROOT / "workflow/report/methods.yaml",
         uplot=ROOT / "workflow/report/uplot/uPlot.iife.min.js",
         uplot_style=ROOT / "workflow/report/uplot/uPlot.min.css",
+        lookups=[],
+        pybamm=[],
         simulated=simulated,
         series=[],
     )

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import sys
+from contextlib import chdir
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from report_text import PACKED, unpacked
 
 from cellwright.refusal import Refusal
 from first_look import lineage
-from runtime import artefact
+from runtime import artefact, use_page
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -119,6 +120,19 @@ def test_a_row_is_explained_down_to_the_bytes_of_its_file(first, copy):
         lineage.explain(table_of_capacities, ["cells=A"])
     with pytest.raises(Refusal, match="wanted a table below results/"):
         lineage.explain(copy / "config/cells.tsv", ["2"])
+
+
+def test_the_lines_for_python_work_as_the_page_prints_them(first):
+    document = first.folder / "results/models/A"
+    used = use_page.table("A", 2.0, document / "lookup.csv", document / "pybamm_thevenin.json")
+    lines = {row[0].text: row[3].text for row in used.rows}
+    with chdir(first.folder):
+        for tool in ("Python", "Simulink and other tables"):
+            *before, last = lines[tool].splitlines()
+            names = {}
+            exec("\n".join(before), names)
+            assert len(eval(last, names)) > 1
+    assert (first.folder / "results/models/thevenin.py").is_file()
 
 
 def test_the_crate_says_which_job_made_each_file_of_what(first):

@@ -52,6 +52,8 @@ rule report:
         closer=local(f"{PIPELINE}/workflow/report/closer.js"),
         uplot=local(f"{PIPELINE}/workflow/report/uplot/uPlot.iife.min.js"),
         uplot_style=local(f"{PIPELINE}/workflow/report/uplot/uPlot.min.css"),
+        lookups=EXPORTED["lookup.csv"],
+        pybamm=EXPORTED["pybamm_thevenin.json"],
         simulated=predicted("simulation"),
         series=predicted("clean"),
     output:
@@ -78,6 +80,8 @@ rule report:
 rule contents:
     output:
         "results/README.md",
+        # What reads the tables for PyBaMM: it needs PyBaMM and nothing of this project.
+        thevenin="results/models/thevenin.py",
     log:
         "logs/contents.log",
     params:
