@@ -15,7 +15,7 @@ of packs, groups and filters.
 import numpy as np
 
 from cellwright.circuits.circuit import Branch, kind_of
-from cellwright.numerics.clock import refuse_backward
+from cellwright.numerics.clock import checked_columns
 from cellwright.numerics.hysteresis import preisach
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.refusal import Refusal
@@ -144,29 +144,6 @@ def overpotentials(circuit, test_time_second, current_ampere, *, hold, open_circ
             _shifted(output, open_circuit) if kind_of(branch).output == "soc" else output
         )
     return np.array(over_volt)
-
-
-def checked_columns(columns):
-    """Columns of a record as arrays of numbers (n,), in their order.
-
-    Parameters
-    ----------
-    columns : dict of (n,), `time` among them.
-
-    Raises
-    ------
-    Refusal : no sample, other lengths, values that are not finite, or a time that runs back.
-    """
-    arrays = [np.ascontiguousarray(column, float) for column in columns.values()]
-    shapes = [f"{name} {one.shape}" for name, one in zip(columns, arrays, strict=True)]
-    if len({one.shape for one in arrays}) != 1 or arrays[0].ndim != 1:
-        raise Refusal(f"shapes are {', '.join(shapes)}; all must be (n,)")
-    if not len(arrays[0]):
-        raise Refusal("the record holds no sample")
-    if not all(np.isfinite(one).all() for one in arrays):
-        raise Refusal(f"{' or '.join(columns)} holds values that are not finite")
-    refuse_backward(arrays[list(columns).index("time")])
-    return arrays
 
 
 def simulate(circuit, test_time_second, current_ampere, ocv_volt, *, hold, open_circuit=None):

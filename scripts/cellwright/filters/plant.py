@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.cell import checked_columns, place
+from cellwright.circuits.cell import place
 from cellwright.filters.bank import NODES, drives
+from cellwright.numerics.clock import checked_columns
 from cellwright.numerics.lags import lag, lag_weights
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal

@@ -153,9 +153,14 @@ def _recursion(decay, right):
     return solve(band, right, uplo="L", overwrite_b=True)[0].reshape(right.shape)
 
 
-def _check(tau_second, hold):
-    """Refuse an unknown hold and time constants that are not positive."""
+def check_hold(hold):
+    """Refuse an unknown hold of the current between samples."""
     if hold not in HOLDS:
         raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
+
+
+def _check(tau_second, hold):
+    """Refuse an unknown hold and time constants that are not positive."""
+    check_hold(hold)
     if not np.all(np.real(tau_second) > 0):
         raise Refusal("a time constant is zero, negative or not a number")
