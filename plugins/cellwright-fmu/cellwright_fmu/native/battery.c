@@ -180,7 +180,8 @@ void battery_rest(const battery *b, const double *soc, double celsius, double am
     double *memory = state + n, *quantities = memory + b->memory * n;
     const pack p = tables_only(b);
     for (size_t q = 0; q < b->quantities; q++)
-        for (size_t c = 0; c < n; c++) quantities[q * n + c] = quantity_at(&p, (int64_t)q, (int64_t)c, soc[c]);
+        for (size_t c = 0; c < n; c++)
+            quantities[q * n + c] = quantity_at(&p, (int64_t)q, (int64_t)c, soc[c]);
     const size_t goal = b->quantities - b->lags - 2 * (size_t)b->sizes[6];
     for (size_t c = 0; c < n; c++) {
         const double near = b->near_end[c];
