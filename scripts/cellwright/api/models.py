@@ -70,9 +70,9 @@ def compare_temperature_laws(
     rows, notes = predicted(whole, models, *measured, split_rest_second=split_rest_second)
     # Beyond the tests a law by which resistance rises with temperature again is not offered.
     offered, refused = laws_beyond(whole)
-    choice = choose_laws(rows, beyond=offered)
-    marked = [row | {"chosen": row["law"] == choice.laws[row["beyond"]]} for row in rows]
-    notes = (choice.words, *filter(None, [refused]), *notes)
+    laws, words = choose_laws(rows, beyond=offered)
+    marked = [row | {"chosen": row["law"] == laws[row["beyond"]]} for row in rows]
+    notes = (words, *filter(None, [refused]), *notes)
     return results.Result({"rows": marked}, notes=notes)
 
 
@@ -324,9 +324,8 @@ def validate(model, record, *, repeats=None):
     if found is not None:
         elsewhere = rows_repeated(found, record.test, len(record.used))
         record = record._replace(used=record.used & ~elsewhere)
-    scores = validated(inputs.model(model), record)
-    tables = {"rows": scores.rows, "series": scores.series}
-    return results.Result(tables, notes=tuple(scores.notes))
+    rows, series, notes = validated(inputs.model(model), record)
+    return results.Result({"rows": rows, "series": series}, notes=notes)
 
 
 def estimate_soc(model, record, settings=None, **changes):

@@ -298,9 +298,9 @@ def ica_life(series, steps, cycles, *, prominence=ICA.prominence, most=30):
     record = inputs.quantities(series, inputs.COUNTED)
     columns = inputs.columns(cycles, "cycle", "direction", "start_time_second")
     steps = inputs.steps(steps)._asdict()
-    found = peaks_of_life(*record, steps, columns, prominence=prominence, most=most)
-    tables = {"rows": found.rows, "curves": found.curves}
-    return results.Result(tables, notes=tuple(found.notes))
+    how = {"prominence": prominence, "most": most}
+    rows, curves, notes = peaks_of_life(*record, steps, columns, **how)
+    return results.Result({"rows": rows, "curves": curves}, notes=tuple(notes))
 
 
 def impedance(spectrum, settings=None, **changes):

@@ -7,8 +7,6 @@ edge are the ones that the cell's model keeps. 3. With them the tests for valida
 they chose nothing.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.circuits.model_file import (
@@ -138,13 +136,6 @@ def _rows(celsius, models, cell, test, laws, settings):
     return rows
 
 
-class LawChoice(NamedTuple):
-    """The laws that predict left-out temperatures best, and a sentence with their errors."""
-
-    laws: Laws
-    words: str
-
-
 def choose_laws(rows, *, beyond=LAWS):
     """The laws with the smallest mean logarithm of the error, inside the range and beyond it.
 
@@ -158,7 +149,8 @@ def choose_laws(rows, *, beyond=LAWS):
 
     Returns
     -------
-    choice : LawChoice; "between" for what no temperature was left out of.
+    laws : temperature.Laws; "between" for what no temperature was left out of. words : a sentence
+        with their errors.
 
     Raises
     ------
@@ -180,7 +172,7 @@ def choose_laws(rows, *, beyond=LAWS):
         for place, law, errors in zip(("between", "beyond"), laws, typical, strict=True)
         if errors
     ]
-    return LawChoice(laws, "resistance at other temperatures: " + "; ".join(listed))
+    return laws, "resistance at other temperatures: " + "; ".join(listed)
 
 
 def _typical(rows):

@@ -1,7 +1,5 @@
 """Simulated against measured: the numbers of `validation.csv`."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
@@ -10,14 +8,6 @@ from cellwright.refusal import Refusal
 
 FAULT_VOLT = 0.5  # a simulation so far outside what was measured has a fault, not an error
 INNER_SOC = (0.05, 0.95)  # near empty and full the OCV is steep: an error of the SoC rules there
-
-
-class Validation(NamedTuple):
-    """Rows of scores, one a member, and the series (n,) they were taken from."""
-
-    rows: list
-    series: dict
-    notes: tuple
 
 
 def simulated(model, member, record):
@@ -45,7 +35,8 @@ def validate(model, record):
 
     Returns
     -------
-    validation : Validation.
+    rows : list of dict, scores, one a member. series : dict of (n,) columns that they were taken
+        from. notes : tuple of str.
 
     Raises
     ------
@@ -73,7 +64,7 @@ def validate(model, record):
         for row in rows
         if row["chosen"] and row["beyond_volt"] > FAULT_VOLT
     ]
-    return Validation(rows, columns, tuple(notes))
+    return rows, columns, tuple(notes)
 
 
 def beyond_volt(voltage_volt, error_volt):
