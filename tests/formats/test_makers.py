@@ -44,6 +44,16 @@ def test_maccor_by_letters_and_clock(clock):
     np.testing.assert_allclose(columns["net_capacity_ampere_hour"], [0, 0.5, 1.0, 0.75])
 
 
+def test_the_clock_tells_days_from_months():
+    """3, 4, 5 and 6 November as day/month, which month/day reads as four months."""
+    day = 86400
+    text = MACCOR.format(clock="Test (Sec)", t0=0, t1=day, t2=2 * day, t3=3 * day)
+    for k, hour in enumerate(("10:00", "10:30", "11:00", "11:30")):
+        text = text.replace(f"01/13/2024 {hour}:00", f"{3 + k:02d}/11/2024 {hour}:00")
+    unix = read(text).columns["unix_time_second"]
+    np.testing.assert_array_equal(np.diff(unix), 3 * [day + 1800])
+
+
 def test_a_current_under_an_unknown_letter_is_refused():
     text = MACCOR.format(clock="Test (Sec)", t0=0, t1=1800, t2=3600, t3=5400)
     with pytest.raises(Refusal, match=r"row 4 of data: a current of 0.5 A in a step of state 'X'"):

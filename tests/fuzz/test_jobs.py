@@ -56,9 +56,8 @@ def test_artefacts_hold_what_the_functions_publish(record, kind, tmp_path, monke
     changed = changed._replace(text=lambda _: written.decode("utf-8", "surrogateescape"))
     (tmp_path / "record.csv").write_bytes(written)
     chosen = settings.defaults(settings.load(HERE / "workflow" / "schemas", "config"))
-    paths = {
-        name: f"results/stages/{name}/C1/t.parquet" for name in ("ingest", "clean", "flags", "segment")
-    }
+    steps = ("ingest", "clean", "flags", "segment")
+    paths = {name: f"results/stages/{name}/C1/t.parquet" for name in steps}
     reading = {"file": ["record.csv"], "sha256": None, "instrument": None, "current_sign": None}
     test = {name: value for name, value in changed.test.items() if name != "test"}
     facts = {"cell": changed.cell, "test": test}

@@ -18,6 +18,7 @@ from cellwright.formats.fields import (
     IMPEDANCE,
     NET,
     SERIES,
+    UNITS,
     Field,
     converted,
     known_fields,
@@ -153,7 +154,7 @@ def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], li
     others = [field for field in fields if field not in written]
     found, more = read_table(data, layout, [field.label for field in others], texts=texts)
     refuse_channels(found, channels)
-    unix = unix_time_second(found[date], form.dates) if date else None
+    unix = _dates_beside(form, found, date, others) if date else None
     for place, field in enumerate(others):
         if field.quantity == "time" and field.unit == NOT_SAID:
             said = _unit_by_dates(form, field, found[field.label], unix)
@@ -267,6 +268,18 @@ def _seconds(form, field, texts):
         raise Refusal(f"column {field.label!r}: found {example!r}, a time is wanted")
     known = np.isfinite(dates)
     return dates - (dates[known][0] if known.any() else np.nan), dates
+
+
+def _dates_beside(form, found, date, fields):
+    """Seconds since 1970 of a column of dates, the clock beside it telling days from months."""
+    spans = [
+        np.ptp(values[np.isfinite(values)]) * UNITS["time"][field.unit]
+        for field in fields
+        if field.column == "test_time_second"
+        and field.unit in UNITS["time"]
+        and np.isfinite(values := found[field.label]).any()
+    ]
+    return unix_time_second(found[date], form.dates, max(spans, default=np.nan))
 
 
 def _unit_by_dates(form, field, values, unix):

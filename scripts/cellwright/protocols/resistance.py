@@ -23,7 +23,7 @@ from cellwright.settings import Instrument, Resistance
 RESISTANCE, INSTRUMENT = Resistance(), Instrument()
 LARGE_VOLT, PROMPT_SECOND = 0.2, 1.0
 ROUND_C_RATES = (1 / 20, 1 / 10, 1 / 5, 1 / 4, 1 / 3, 1 / 2, 1, 1.5, 2, 3, 4, 5, 10)
-SLOWEST_PULSE_C_RATE = 1 / 3  # of pulses
+SLOWEST_PULSE_C_RATE = 1 / 3  # that laboratories choose
 ROUND_SHARE = 0.02  # within which a tester holds a current
 SMALL_SHARE = 0.25  # of the record's median: cold and empty cells show more, none so much less
 
