@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import pytest
 from snakemake_interface_logger_plugins.common import LogEvent
 
-from runtime import progress, run_end
+import snakemake_logger_plugin_progress as progress
+from runtime import run_end
 from runtime.job_requests import Cost
 
 
@@ -68,7 +69,7 @@ def handler(monkeypatch, **asked):
     monkeypatch.setattr("sys.stderr", written)
     quiet = {"dryrun": False, "verbose": False, "debug_dag": False, "printshellcmds": False}
     common = SimpleNamespace(**quiet | {"quiet": {"reason"}, "stdout": False} | asked)
-    made = progress.ProgressHandler(common, None)
+    made = progress.LogHandler(common, None)
     made.setFormatter(logging.Formatter("%(message)s"))
     return made, written
 

@@ -27,12 +27,13 @@ sys.path.insert(0, SCRIPTS)
 from cellwright.health.electrodes import names as half_cell_names
 from cellwright.identification.lacking import FIT_ROLES
 from cellwright.records.conditions import in_first_checkup, stated_or_reference
-from runtime import job_environment, job_requests, progress, rule_setup
+from runtime import job_environment, job_requests, rule_setup
 from runtime import run_end, settings, sheets, snakemake_state
 from runtime.plan import Plan, gathered, near_in_cycles, of_cell, of_rows, of_test, own
 from runtime.plan import paths_of, where
 from runtime.raw_files import readable
 from runtime.wildcard_patterns import either, only_these
+from snakemake_logger_plugin_progress import JOBS
 
 # Rules that judge the pipeline against known truth use the laboratory's scorer; functional mock-up
 # units are made by a package beside the science.
