@@ -33,7 +33,7 @@
     panelsOf(lines).forEach(function (panel, k, all) {
       var last = k === all.length - 1, axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line } };
       plots.push(new uPlot({
-        width: Math.max(box.clientWidth, 280), height: k ? 130 : 220, scales: { x: { time: false } },
+        width: Math.max(box.clientWidth, 280), height: k ? 170 : 220, scales: { x: { time: false } },
         cursor: { sync: { key: key }, drag: { x: true, y: false }, bind: { mousedown: function (plot, target, handler) {
           return function (event) {
             if (!event.shiftKey) { return handler(event); }
