@@ -50,6 +50,7 @@ QUANTITIES = {
     **dict.fromkeys(("pack_decisions", "thermal", "bias"), ("",)),
     "missing_effect": ("",),
     "excluded": ("",),
+    "resistance_definitions": ("",),
     "faults": ("",),
 }
 TRUTH_OF = {"series_pack_cells": "series_packs"}  # where a table's truth has another name
