@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cellwright.refusal import Refusal
-from runtime import lineage
+from runtime import artefact, lineage
+from runtime.page_tables import std_name
 
 # Tables whose rows stand for the same in two runs, and what says which row is which.
 TABLES = ("summary", "capacity", "resistance", "health", "validation", "soc", "eis", "packs")
@@ -101,11 +102,10 @@ def _rows(folder, name) -> dict[tuple, dict]:
     if not path.is_file():
         return {}
     rows, seen = {}, {}
-    with open(path, encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            key = tuple((column, row[column]) for column in KEYS if row.get(column))
-            seen[key] = seen.get(key, 0) + 1
-            rows[key if seen[key] == 1 else (*key, ("number", f"no. {seen[key]}"))] = row
+    for row in artefact.load_table(path):
+        key = tuple((column, row[column]) for column in KEYS if row.get(column))
+        seen[key] = seen.get(key, 0) + 1
+        rows[key if seen[key] == 1 else (*key, ("number", f"no. {seen[key]}"))] = row
     return rows
 
 
@@ -120,13 +120,8 @@ def _differing(old, new):
         change = abs(numbers[1] - numbers[0])
         if change <= SAME * max(map(abs, numbers)):
             continue
-        spread = math.hypot(*(_number(row.get(_std_of(column, row))) for row in (old, new)))
+        spread = math.hypot(*(_number(row.get(std_name(column, row))) for row in (old, new)))
         yield column, (*values, change / spread if spread > 0 else math.nan)
-
-
-def _std_of(column, row):
-    """The column with the standard deviation of a column: `soh_std`, `capacity_std_ampere_hour`."""
-    return next((name for name in row if name.replace("_std", "", 1) == column != name), None)
 
 
 def _number(text) -> float:

@@ -1,11 +1,10 @@
 """`explain TABLE ROW`: a row of a table, and what it was made from, down to the raw bytes."""
 
-import csv
 from contextlib import chdir
 from pathlib import Path
 
 from cellwright.refusal import Refusal
-from runtime import lineage
+from runtime import artefact, lineage
 
 DIGITS = 12  # of a checksum: enough to compare by eye
 
@@ -41,8 +40,7 @@ def explain(table, row) -> list[str]:
 
 
 def _row_of(path, wanted) -> tuple[int, dict]:
-    with open(path, encoding="utf-8", newline="") as file:
-        rows = dict(enumerate(csv.DictReader(file), 2))
+    rows = dict(enumerate(artefact.load_table(path), 2))
     if len(wanted) == 1 and wanted[0].isdigit():
         line = int(wanted[0])
         if line not in rows:

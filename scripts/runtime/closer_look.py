@@ -4,16 +4,15 @@ Beside the picture of a test its numbers stand in the report as JSON, gzip in ba
 the report draws them (workflow/report/closer.js, with uPlot) when the reader asks for it.
 """
 
-import base64
 import json
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pyarrow as pa
 
 from cellwright.numerics.extremes import rows_of_extremes
 from runtime import artefact
+from runtime.page_tables import packed
 
 # Rows of all tests of a report together, 20 bytes each in the file, and of one test: twice the
 # columns of pixels of a wide screen are all that an eye can tell apart before it zooms in.
@@ -46,7 +45,8 @@ def looks_of(simulated, series, chosen) -> dict[tuple, str]:
     for path in known:
         key, columns = _key(path), artefact.load(path)
         temperature = _temperature(clean.get(key), columns["test_time_second"])
-        looks[key] = packed(lines_of(columns, chosen.get(key), temperature), share)
+        lines = lines_of(columns, chosen.get(key), temperature)
+        looks[key] = packed(document_of(lines, share))
     return looks
 
 
@@ -68,11 +68,8 @@ def lines_of(columns, chosen, temperature_celsius=None) -> list[Line]:
     return lines
 
 
-def packed(lines, rows) -> str:
-    """Lines as JSON, gzip in base64, thinned to about so many rows that each still looks the same.
-
-    By pyarrow's compressor, as `page.packed` has the reason.
-    """
+def document_of(lines, rows) -> str:
+    """Lines as JSON, thinned to about so many rows that each still looks the same."""
     drawn = lines[1:]
     each = [rows_of_extremes(line.values, max(rows // len(drawn), 2)) for line in drawn]
     kept = np.unique(np.concatenate(each))
@@ -80,9 +77,7 @@ def packed(lines, rows) -> str:
         {"panel": line.panel, "label": line.label, "values": _plain(line.values[kept], line.unit)}
         for line in lines
     ]
-    text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
-    codec = pa.Codec("gzip", compression_level=6)
-    return base64.b64encode(codec.compress(text.encode(), asbytes=True)).decode()
+    return json.dumps(document, ensure_ascii=False, separators=(",", ":"))
 
 
 def _plain(values, unit):

@@ -8,17 +8,14 @@ The root of the crate is `results/`; raw files lie outside and stand in it by na
 import re
 from pathlib import Path
 
-from runtime import lineage, provenance
+from runtime import lineage
 
 PROFILES = [
     *(f"https://w3id.org/ro/wfrun/{name}/0.5" for name in ("process", "workflow", "provenance")),
     "https://w3id.org/workflowhub/workflow-ro-crate/1.0",
 ]
 # Terms of the workflow-run vocabulary that the profile names beside those of RO-Crate 1.1.
-TERMS = {
-    name: f"https://w3id.org/ro/terms/workflow-run#{name}"
-    for name in ("sha256", "environment", "resourceUsage", "containerImage")
-}
+TERMS = {"sha256": "https://w3id.org/ro/terms/workflow-run#sha256"}
 MEDIA = {
     ".csv": "text/csv",
     ".html": "text/html",
@@ -33,23 +30,23 @@ SNAKEMAKE = "https://snakemake.github.io"
 MIT = "https://spdx.org/licenses/MIT"
 
 
-def crate(paths, rules, about) -> dict:
+def crate(digests, rules, about) -> dict:
     """The metadata document of a run.
 
     Parameters
     ----------
-    paths : files of the results, from the campaign's folder
+    digests : SHA-256 of files of the results, by their path from the campaign's folder
     rules : of each rule, what a job of it does in words and the script that it runs
     about : title, published (date), license, authors, citations, workflow (its files below the
         root), snakemake (version), command
     """
     jobs, files, raw = {}, {}, {}
-    ahead = sorted(set(map(str, paths)))
+    ahead = sorted(digests.items())
     while ahead:
-        path = ahead.pop()
+        path, digest = ahead.pop()
         if _id(path) in files:
             continue
-        files[_id(path)] = _file(path, provenance.sha256_of(path))
+        files[_id(path)] = _file(path, digest)
         made = lineage.about_of(path)
         if made is None:
             continue
@@ -59,7 +56,7 @@ def crate(paths, rules, about) -> dict:
         job["outputs"].append(_id(path))
         for source, digest in made["inputs"].items():
             if source.startswith("results/"):
-                ahead.append(source)
+                ahead.append((source, digest))
             else:
                 raw[_id(source)] = _file(source, digest)
     files, raw = dict(sorted(files.items())), dict(sorted(raw.items()))

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import jinja2
 import pandas as pd
-import pyarrow as pa
 import yaml
 from markupsafe import Markup, escape
 
@@ -26,6 +25,7 @@ from runtime.page_tables import (
     figure_of,
     link,
     measured,
+    packed,
     plain_table,
     table_of,
 )
@@ -89,7 +89,9 @@ def render(job) -> str:
         page = _page(name, params, parts[name], abouts_of.get(name, []), layout, looks)
         page |= {"effect": found.get(name), "cold": cold.get(name), "sum": sums.get(name, {})}
         page |= _tables_of_story(_rows(parts[name]["missing_effect"]), witnesses.get(name, []))
-        page["use"] = uses.get(name)
+        if name in lookups:
+            exports = rated[name], lookups[name], pybamm[name]
+            page["use"] = part(f"the uses of {name}", use_page.table, name, *exports)
         page["excluded"] = [row for row in excluded if row["cell"] == name]
         page["broken"] = [r for r in checks if r["outcome"] == "failed" and r["cell"] == name]
         return page | {"html": template.render(page=page, number_of=_Numbers(name))}
@@ -104,10 +106,9 @@ def render(job) -> str:
             return otherwise
 
     looks = part("the closer looks", _looks, inputs.simulated, inputs.series, tables["validation"])
-    uses = {
-        row["cell"]: part(f"the uses of {row['cell']}", _use, row, inputs.lookups, inputs.pybamm)
-        for row in params.cells
-    }
+    rated = {row["cell"]: row.get("rated_capacity_ampere_hour") for row in params.cells}
+    exported = (inputs.lookups, inputs.pybamm)
+    lookups, pybamm = ({Path(path).parent.name: path for path in paths} for paths in exported)
     pages = [
         part(f"the page {name}", whole, name) or _page_that_failed(name, owners, failed[-1])
         for name in owners + groups
@@ -220,17 +221,6 @@ def _fleet_word(row) -> tuple:
     return {"no": ("",), "not testable": ("n/t",), "or another": ("or", "", "unsure")}[row["shown"]]
 
 
-def packed(html: str) -> str:
-    """A page as gzip in base64.
-
-    By pyarrow's own compressor, whose version the locked environment holds: the same page then has
-    the same bytes on any machine, which Python's, built on the system's, does not promise. Level 9
-    takes three times as long for 3 % fewer bytes.
-    """
-    codec = pa.Codec("gzip", compression_level=6)
-    return base64.b64encode(codec.compress(html.encode(), asbytes=True)).decode()
-
-
 def _text(path) -> pd.DataFrame:
     """A CSV table for people: every cell text."""
     return frame_as_written(pd.read_csv(path, dtype=str, keep_default_na=False))
@@ -307,17 +297,6 @@ def _looks(simulated, series, validation) -> dict:
     models = {(row["cell"], row["test"]): row["model"] for row in _rows(chosen)}
     looks = closer_look.looks_of(simulated, series, models)
     return {(cell, f"validation_{test}"): lines for (cell, test), lines in looks.items()}
-
-
-def _use(facts, lookups, pybamm):
-    """How to use the model of a cell; None without one."""
-    paths = [
-        next((one for one in found if Path(one).parent.name == facts["cell"]), None)
-        for found in (lookups, pybamm)
-    ]
-    if None in paths:
-        return None
-    return use_page.table(facts["cell"], facts.get("rated_capacity_ampere_hour"), *paths)
 
 
 def _page(name, params, tables, abouts, layout, looks) -> dict:

@@ -1,10 +1,12 @@
 """Tables and figures of the report, each written in one way: words, units, doubts beside them."""
 
+import base64
 import re
 from math import floor, log10
 from pathlib import Path
 from typing import NamedTuple
 
+import pyarrow as pa
 from markupsafe import Markup
 
 SHOWN_ROWS = 30  # more than a screen is looked up in the tables, not read
@@ -156,3 +158,14 @@ def as_url(svg: str) -> str:
     """
     drawing = re.sub(r"<(metadata|desc)>.*?</\1>", "", svg[svg.index("<svg") :], flags=re.S)
     return drawing.replace("%", "%25").replace("#", "%23").replace("\n", "%0A")
+
+
+def packed(text: str) -> str:
+    """A text as gzip in base64, for what the report unpacks when it is looked at.
+
+    By pyarrow's own compressor, whose version the locked environment holds: the same text then has
+    the same bytes on any machine, which Python's, built on the system's, does not promise. Level 9
+    takes three times as long for 3 % fewer bytes.
+    """
+    codec = pa.Codec("gzip", compression_level=6)
+    return base64.b64encode(codec.compress(text.encode(), asbytes=True)).decode()

@@ -169,7 +169,12 @@ class LogHandler(LogHandlerBase):
 
     def _tick(self):
         while not self.ended.wait(TERMINAL_SECOND):
-            self._show()
+            # Messages come in another thread, under the same lock.
+            self.acquire()
+            try:
+                self._show()
+            finally:
+                self.release()
 
     def _show(self):
         pause = TERMINAL_SECOND if self.on_terminal else FILE_SECOND
