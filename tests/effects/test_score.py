@@ -31,6 +31,13 @@ def test_left_out_blocks_are_those_of_a_refit_without_them(linear):
         assert found[k] == pytest.approx(np.mean(error**2), rel=1e-6)
 
 
+def test_a_block_holds_all_channels_of_its_rows():
+    side = np.zeros(12, int), np.repeat([0.05, 0.55], 6), np.ones(12, bool)
+    blocks = score.blocks_of(side, side, channels=2)
+    assert blocks.fitted.tolist() == 2 * ([0] * 6 + [1] * 6)
+    assert blocks.judging.tolist() == 2 * ([2] * 6 + [3] * 6)
+
+
 def test_what_one_block_alone_tells_is_predicted_to_be_absent():
     """A size of 7 that only block 1 shows: without that block nothing is known of it."""
     columns = np.where(np.arange(20) >= 10, 1.0, 0.0)[:, None]
@@ -47,6 +54,7 @@ def test_blocks_are_a_records_tenths_of_the_soc_with_five_rows():
     assert blocks.fitted.tolist() == [0] * 6 + [-1] * 4 + [1] * 5
     assert blocks.judging.tolist() == [2] * 6
     assert blocks.record.tolist() == [0, 0, 1]
+    assert blocks.band.tolist() == [0, 9, 0]
     assert blocks.judges.tolist() == [False, False, True]
 
 
@@ -81,6 +89,14 @@ def test_neighbours_that_err_alike_count_as_fewer():
     z = score.difference(alike, np.zeros(120), record).z
     apart = score.difference(alike, np.zeros(120), np.arange(120)).z
     assert abs(z) < 0.85 * abs(apart)
+
+
+def test_few_blocks_that_all_agree_are_as_sure_as_a_coin_that_falls_alike():
+    """Ten of ten: 1 in 1024."""
+    found = score.difference(np.arange(1.0, 11.0), np.zeros(10), np.zeros(10, int))
+    assert found.rank_z == pytest.approx(3.097, abs=1e-3)
+    turned = score.difference(np.zeros(10), np.arange(1.0, 11.0), np.zeros(10, int))
+    assert turned.rank_z == -found.rank_z
 
 
 def test_one_block_decides_no_rank():

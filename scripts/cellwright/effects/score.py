@@ -15,6 +15,8 @@ al., Ecography 40 (2017) 913. Student's t for errors of unknown size: K. Lange, 
 Taylor, J. Am. Stat. Assoc. 84 (1989) 881.
 """
 
+from functools import cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -28,13 +30,15 @@ LAG = 2  # blocks along the SoC whose differences are alike
 class Blocks(NamedTuple):
     """Blocks of the records fitted and of those that judge.
 
-    fitted, judging : (n,), (m,) number of the block of each row, -1: in none. record : (b,) of each
-    block, those of one record side by side and in order of the SoC. judges : (b,) bool.
+    fitted, judging : (n,), (m,) number of the block of each row, -1: in none; of several channels
+    one after the other a block holds all. record : (b,) of each block, those of one record
+    side by side and in order of the SoC. band : (b,) number of the tenth. judges : (b,) bool.
     """
 
     fitted: np.ndarray
     judging: np.ndarray
     record: np.ndarray
+    band: np.ndarray
     judges: np.ndarray
 
 
@@ -50,14 +54,15 @@ class Difference(NamedTuple):
     rank_z: float
 
 
-def blocks_of(fitted, judging):
+def blocks_of(fitted, judging, *, channels=1):
     """Blocks: tenths of the SoC of each record that have five rows or more.
 
     Parameters
     ----------
-    fitted, judging : (file (n,), soc (n,) [1], rows (n,) bool that count) of either side.
+    fitted, judging : (file (n,), soc (n,) [1], rows (n,) bool that count) of either side, of one
+    channel. channels : of each record.
     """
-    numbers, records, count = [], [], 0
+    numbers, places, count = [], [], 0
     for file, soc, rows in (fitted, judging):
         place = file * BANDS + np.clip((soc * BANDS).astype(int), 0, BANDS - 1)
         found, many = np.unique(place[rows], return_counts=True)
@@ -67,11 +72,13 @@ def blocks_of(fitted, judging):
         inside = rows & (found[at] == place) if len(found) else np.zeros(len(rows), bool)
         number[inside] = at[inside] + count
         numbers.append(number)
-        records.append(found // BANDS)
+        places.append(found)
         count += len(found)
-    first = records[0].max(initial=-1) + 1
-    judges = np.arange(count) >= len(records[0])
-    return Blocks(*numbers, np.concatenate([records[0], records[1] + first]), judges)
+    # Records of the two sides have numbers of their own.
+    behind = BANDS * (places[0].max(initial=-1) // BANDS + 1)
+    place = np.concatenate([places[0], places[1] + behind])
+    record, band, judges = place // BANDS, place % BANDS, np.arange(count) >= len(places[0])
+    return Blocks(*(np.tile(one, channels) for one in numbers), record, band, judges)
 
 
 def left_out_squares(white, whitened, precision, block, blocks, *, vague=None):
@@ -94,16 +101,16 @@ def left_out_squares(white, whitened, precision, block, blocks, *, vague=None):
     Source: R. Cook, S. Weisberg, Residuals and Influence in Regression (1982), 3.6 (deletion of
     groups of rows).
     """
-    size = np.sqrt(np.maximum(np.diag(precision), 1e-300))
+    known, away = (np.zeros(len(precision)),) * 2 if vague is None else vague
+    size = np.sqrt(np.maximum(np.diag(precision) + known, 1e-300))
     order = np.argsort(block, kind="stable")
     order = order[block[order] >= 0]
     columns = np.ascontiguousarray(white[order]) / size
     rest, edges = whitened[order], np.searchsorted(block[order], np.arange(blocks + 1))
-    known, away = (np.zeros(len(size)),) * 2 if vague is None else vague
     whole = precision / np.outer(size, size) + np.diag(known / size**2)
     pull = known * away / size
     grams, moments, sums = [], [], []
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in pairwise(edges.tolist()):
         mine, w = columns[begin:end], rest[begin:end]
         grams.append(mine.T @ mine)
         moments.append(mine.T @ w)
@@ -116,7 +123,10 @@ def left_out_squares(white, whitened, precision, block, blocks, *, vague=None):
     grown += np.einsum("bk,bkj,bj->b", change, grams, change)
     rows = np.diff(edges).astype(float)
     return np.divide(
-        np.maximum(np.array(sums) + grown, 0.0), rows, out=np.full(blocks, np.nan), where=rows > 0
+        np.maximum(np.array(sums) + grown, 0.0),
+        rows,
+        out=np.full(blocks, np.nan),
+        where=rows > 0,
     )
 
 
@@ -156,13 +166,29 @@ def difference(better, worse, record):
 
 
 def _rank_z(each):
-    """Wilcoxon's signed ranks of differences, over their standard deviation if there were none."""
+    """Normal deviate of Wilcoxon's signed ranks, by their exact distribution if there were none.
+
+    Of few blocks the normal approximation falls short: all of ten cannot pass three by it.
+    """
     moved = each[each != 0.0]
-    if not len(moved):
-        return 0.0
-    rank = np.empty(len(moved))
+    rank = np.empty(len(moved), int)
     rank[np.argsort(np.abs(moved), kind="stable")] = np.arange(1, len(moved) + 1)
-    return float(np.sum(np.sign(moved) * rank) / np.sqrt(np.sum(rank**2)))
+    positive, whole = int(rank[moved > 0].sum()), int(rank.sum())
+    if 2 * positive == whole:
+        return 0.0
+    sign = 1.0 if 2 * positive > whole else -1.0
+    return sign * float(_deviates(len(moved))[min(positive, whole - positive)])
+
+
+@cache
+def _deviates(count):
+    """Normal deviate of each sum of ranks, the smaller of both signs, of so many differences."""
+    from scipy.special import ndtri  # here: other steps of the method need none of it
+
+    ways = np.ones(1)
+    for rank in range(1, count + 1):
+        ways = np.append(ways, np.zeros(rank)) + np.append(np.zeros(rank), ways)
+    return -ndtri(np.minimum(np.cumsum(ways / 2.0**count), 0.5))
 
 
 def rms_of_blocks(residual, block, chosen):
