@@ -8,7 +8,7 @@ from small_plant import HEALTHY, Truth, searched
 
 from cellwright.effects.judge import rate_of, worst
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.verdict import gap_closed, probability_of, verdict_of
+from cellwright.effects.verdict import gap_closed, verdict_of
 
 CONTRACT = {"cell", "verdict", "effects", "located_at", "floor_volt", "next_test", "not_testable"}
 OF_AN_EFFECT = {
@@ -75,19 +75,13 @@ def test_an_effect_says_how_it_was_proven(named):
     assert entry["gain"]["total"] > 10
     assert entry["gain"]["z"] > 2
     assert entry["gain"]["rank_z"] > 3
-    assert 0.9 < entry["probability"] < 1
 
 
-def test_a_name_is_the_likelier_the_surer_its_ranks_are():
-    one = searched(Truth(hysteresis=0.012), every=2.0)[1].names[0]
-    sure = [
-        probability_of(
-            one._replace(trial=one.trial._replace(gain=one.trial.gain._replace(rank_z=z)))
-        )
-        for z in (3.0, 4.0, 9.0)
-    ]
-    assert sure == sorted(sure)
-    assert sure[-1] < 1.0
+def test_a_name_beside_another_is_less_likely_than_one_alone(named):
+    (alone,) = named["effects"]
+    both = verdict(Truth(hysteresis=0.012, activation=2.5e4))["effects"]
+    assert len(both) == 2
+    assert max(one["probability"] for one in both) < alone["probability"] < 1.0
 
 
 def test_each_record_that_judges_has_its_floor_and_the_remainder_is_told(named):

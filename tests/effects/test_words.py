@@ -123,7 +123,7 @@ def test_what_is_unknown_has_no_name():
             {"validation_rmse_volt": {"before": 2e-3, "after": 2e-3}},
             "the error on records for proof does not fall",
         ),
-        ({"probability": 0.68}, "of names as sure as this 68 % are right"),
+        ({"probability": 0.68}, "of names beside another 68 % are right"),
     ],
 )
 def test_each_doubt_makes_a_name_unsure(changes, reason):

@@ -311,7 +311,7 @@ def doubts(one, witnesses=()):
             "records that were not fitted do not show it by themselves",
         ),
         (not both["after"] < both["before"], "the error on records for proof does not fall"),
-        (likely < SURE, f"of names as sure as this {100 * likely:.0f} % are right"),
+        (likely < SURE, f"of names beside another {100 * likely:.0f} % are right"),
         (bounds, f"{_listed(bounds)} ended on a bound"),
         (against, f"contradicted by {_listed(against)}"),
     )
