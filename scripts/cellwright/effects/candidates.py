@@ -12,7 +12,7 @@ import numpy as np
 from cellwright.effects import base, beginning
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.score import densities, difference, left_out_squares, mean_squares
-from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit
+from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit, inverse
 
 CHORD_STEPS, ANEW_STEPS = 6, 4
 POLISHED = 3  # how many trials at most
@@ -123,7 +123,7 @@ def scored(candidates, white, residual, columns, precision, values):
     """
     mixed = columns.T @ white
     whole = white.T @ white
-    information = whole - mixed.T @ np.linalg.solve(precision, mixed)
+    information = whole - mixed.T @ inverse(precision) @ mixed
     slope = white.T @ residual
     scores, first = [], 0
     for candidate in candidates:
