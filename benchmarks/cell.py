@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from cellwright.circuits.cell import Tables
+from cellwright.circuits.cell import ocv_on_grid, simulate
+from cellwright.circuits.circuit import rc_circuit
 
 CAPACITY_AMPERE_HOUR, INITIAL_SOC = 3.0, 0.8
 GRID = np.linspace(0.0, 1.0, 101)
@@ -10,7 +11,18 @@ OCV = 3.3 + 0.75 * GRID + 0.08 * np.sin(6 * GRID)
 R0 = 0.025 + 0.006 * np.cos(3 * GRID)
 R = np.array([0.012 - 0.004 * GRID, 0.010 + 0.006 * GRID**2])
 TAU = np.array([8.0, 150.0])
-TABLES = Tables(OCV, R0, R, TAU)
+
+
+def simulated(time, current, initial_soc):
+    """Voltage [V] and SoC [1] of the cell (n,) under a current on a straight line between samples.
+
+    As the pipeline simulates every cell: the SoC counted, parameters and OCV looked up along it.
+    """
+    passed = (current[:-1] + current[1:]) / 2 * np.diff(time)
+    soc = initial_soc + np.append(0.0, np.cumsum(passed)) / (3600.0 * CAPACITY_AMPERE_HOUR)
+    r0, *r = (np.interp(soc, GRID, course) for course in (R0, *R))
+    circuit = rc_circuit(r0, r, TAU)
+    return simulate(circuit, time, current, ocv_on_grid(OCV, soc), hold="first_order"), soc
 
 
 def drive(samples, seed=1):

@@ -5,11 +5,9 @@ import numpy as np
 from general_solver import solved
 from timing import Entry, Goal, Topic, millivolt, where_importable
 
-from cellwright.circuits.cell import simulate_counted
 from cellwright.numerics.lags import lag_weights
 
 SAMPLES = 10_000
-COUNTED = {"initial_soc": cell.INITIAL_SOC, "capacity_ampere_hour": cell.CAPACITY_AMPERE_HOUR}
 
 
 def uniform():
@@ -37,8 +35,10 @@ def long_record():
     current = cell.drive(samples)
     true = _lfilter(step, current).run()
 
+    time = step * np.arange(samples)
+
     def ours():
-        return simulate_counted(cell.TABLES, step, current, hold="first_order", **COUNTED)[0]
+        return cell.simulated(time, current, cell.INITIAL_SOC)[0]
 
     def judge(found):
         return millivolt(found, true)
@@ -81,7 +81,7 @@ def _topic(title, work, step, time, current, peers):
     true = solved(time, current, relative=1e-11)
 
     def ours():
-        return simulate_counted(cell.TABLES, step, current, hold="first_order", **COUNTED)[0]
+        return cell.simulated(time, current, cell.INITIAL_SOC)[0]
 
     def judge(found):
         return millivolt(found, true)
@@ -101,7 +101,7 @@ def _scipy_solver(time, current):
 def _looked_up(step, current):
     between = (current[:-1] + current[1:]) / 2 * step
     size = 3600.0 * cell.CAPACITY_AMPERE_HOUR
-    soc = COUNTED["initial_soc"] + np.concatenate([[0.0], np.cumsum(between)]) / size
+    soc = cell.INITIAL_SOC + np.concatenate([[0.0], np.cumsum(between)]) / size
     ocv, r0, *r = (np.interp(soc, cell.GRID, c) for c in (cell.OCV, cell.R0, *cell.R))
     return ocv + r0 * current, [one * current for one in r]
 
@@ -157,5 +157,5 @@ def _python(step, current):
 def _pybamm(time, current):
     import thevenin_model
 
-    run = thevenin_model.prepared(time, current, COUNTED["initial_soc"])
+    run = thevenin_model.prepared(time, current, cell.INITIAL_SOC)
     return Entry("PyBaMM Thevenin, IDAKLU", run, None, note="a general solver of equations")

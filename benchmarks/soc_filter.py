@@ -4,8 +4,6 @@ import cell
 import numpy as np
 from timing import Entry, Goal, Topic, where_importable
 
-from cellwright.circuits.cell import simulate_counted
-
 SAMPLES, WINDOW = 20000, 60
 SENSOR_VOLT, START = 2e-3, 0.5
 
@@ -45,11 +43,10 @@ def adaptive():
 
 
 def _record():
-    current = cell.drive(SAMPLES, seed=4)
-    settings = {"initial_soc": 0.8, "capacity_ampere_hour": cell.CAPACITY_AMPERE_HOUR}
-    volt, soc = simulate_counted(cell.TABLES, 1.0, current, hold="first_order", **settings)
+    time, current = np.arange(float(SAMPLES)), cell.drive(SAMPLES, seed=4)
+    volt, soc = cell.simulated(time, current, 0.8)
     noise = SENSOR_VOLT * np.random.default_rng(6).normal(size=SAMPLES)
-    return np.arange(float(SAMPLES)), current, volt + noise, soc
+    return time, current, volt + noise, soc
 
 
 def _judge(true):

@@ -89,7 +89,8 @@ def saved(snakemake):
     from runtime import artefact
 
     def save(path, content, params=None, **facts):
-        names = path.removeprefix("results/").partition(".")[0].split("/")[1:]
+        below = path.removeprefix("results/").removeprefix("stages/").partition(".")[0]
+        names = below.split("/")[1:]
         wildcards = dict(zip(("cell", "test"), names, strict=False))
         with artefact.Job(snakemake(path, wildcards=wildcards, **(params or {}))) as job:
             if isinstance(content, str):

@@ -13,6 +13,14 @@ from dq_dv.on_grid import gridded
 LEAST_ROWS = 50
 
 
+class _Levels(NamedTuple):
+    """Each level of the converter once: voltage [V], how often it was read, mean charge [Ah]."""
+
+    volt: np.ndarray
+    rows: np.ndarray
+    charge_ampere_hour: np.ndarray
+
+
 def binned_capacity(
     voltage_volt,
     charge_ampere_hour,
@@ -133,7 +141,7 @@ def _laid_out(voltage_volt, charge_ampere_hour, bin_volt, smooth_volt, densest_s
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
     if len(voltage) < LEAST_ROWS:
         raise Refusal(f"{len(voltage)} rows of charge are too few for dQ/dV; 50 are needed")
-    levels = tally(voltage, charge)
+    levels = _Levels(*tally(voltage, charge))
     rising = np.sort(charge, kind="stable")
     scatter = float(np.sqrt(np.sum(np.diff(voltage, 2) ** 2) / max(len(voltage) - 2, 1) / 6))
     if rising[-1] <= rising[0]:

@@ -1,7 +1,7 @@
 """A cell exported by the pipeline as PyBaMM's Thevenin model; needs pybamm and nothing of ours.
 
 from thevenin import load, thevenin
-model, values = thevenin(load("results/export/C1/pybamm_thevenin.json", celsius=25))
+model, values = thevenin(load("results/models/C1/pybamm_thevenin.json", celsius=25))
 values["Current function [A]"] = 2.9  # PyBaMM counts discharge positive
 solution = pybamm.Simulation(model, parameter_values=values).solve([0, 1800])
 """

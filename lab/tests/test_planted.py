@@ -22,7 +22,7 @@ def campaign(tmp_path_factory):
     """A cell of 2.5 Ah with two drives, as the pipeline has cleaned them."""
     folder = tmp_path_factory.mktemp("real")
     (folder / "config").mkdir()
-    (folder / "results" / "clean" / "A").mkdir(parents=True)
+    (folder / "results" / "stages" / "clean" / "A").mkdir(parents=True)
     columns = ("cell", "chemistry", "rated_capacity_ampere_hour", "reference")
     sheet = "\t".join(columns) + "\nA\tNMC\t2.5\tyes\n"
     (folder / "config" / "cells.tsv").write_text(sheet)
@@ -40,7 +40,7 @@ def campaign(tmp_path_factory):
             dict(zip(names, map(np.concatenate, zip(*parts, strict=True)), strict=True))
         )
         series["charge_ampere_hour"] = np.cumsum(series["current_ampere"]) / 3600
-        series.to_parquet(folder / "results" / "clean" / "A" / f"{name}.parquet")
+        series.to_parquet(folder / "results" / "stages" / "clean" / "A" / f"{name}.parquet")
         rows.append(f"A\t{name}\t{kind}\traw/{name}\t25\t1\t{role}")
     (folder / "config" / "tests.tsv").write_text("\n".join(rows) + "\n")
     return folder
@@ -56,7 +56,7 @@ def copies(campaign, tmp_path_factory):
 
 def changed(campaign, copies, name, test="drive"):
     """The clean series, and how much of its voltage [V] a copy has changed."""
-    series = pd.read_parquet(campaign / "results" / "clean" / "A" / f"{test}.parquet")
+    series = pd.read_parquet(campaign / "results" / "stages" / "clean" / "A" / f"{test}.parquet")
     file = pd.read_parquet(copies / "raw" / name / f"{test}.bdf.parquet")
     np.testing.assert_array_equal(file["Current / A"], series["current_ampere"])
     return series, (file["Voltage / V"] - series["voltage_volt"]).to_numpy()

@@ -141,7 +141,7 @@ def test_degradation_modes_are_scored_with_their_intervals_but_not_the_fresh_sta
     truth = dict.fromkeys(modes.MODES, 0.0) | {"cell": "a"}
     put(place.truth / "health.csv", [truth | {"cycle": c, "lli": c / 5000} for c in (0, 500)])
     found = [row(0), row(501, lli=0.11, lam_negative=0.05, lam_positive=np.nan)]
-    put(place.results / "degradation_modes" / "a.parquet", found)
+    put(place.results / "stages" / "degradation_modes" / "a.parquet", found)
     rows = modes.compare(place)
     lithium = one(rows, "lli, half cells aligned")
     assert (lithium["error"], lithium["inside_95"]) == (pytest.approx(0.01), True)
@@ -172,7 +172,7 @@ def test_open_circuit_voltage_is_read_off_at_the_truths_points(place):
     put_both(
         place, "ocv", [{"cell": "a", "test": "t", "ambient_temperature_celsius": 25.4}], curve()
     )
-    put(place.results / "ocv/a/t.parquet", {"soc": SOC[::2], "ocv_volt": 3.002 + SOC[::2]})
+    put(place.results / "stages/ocv/a/t.parquet", {"soc": SOC[::2], "ocv_volt": 3.002 + SOC[::2]})
     rows = curves.ocv(place)
     assert rows["error"].to_numpy() == pytest.approx(0.002)
     assert rows["quantity"].value_counts().to_dict() == {
@@ -199,7 +199,7 @@ def test_state_of_charge_is_taken_at_the_ends_of_the_record(place):
     put_both(place, "soc", found, true)
     series = {"soc": [1.0, 0.5, 0.21], "estimated_ekf_soc": [0.7, 0.5, 0.23]}
     series |= {"std_ekf_soc": [0.5, 0.1, 0.01]}
-    put(place.results / "soc_series/a/t.parquet", series)
+    put(place.results / "stages/soc_series/a/t.parquet", series)
     rows = curves.soc(place)
     assert one(rows, "soc_end, counted")["error"] == pytest.approx(0.01)
     assert one(rows, "soc_end, ekf")["inside_95"] == False  # noqa: E712
@@ -222,7 +222,7 @@ def test_shares_of_a_group_are_integrals_of_its_simulated_branches(place):
     ampere = np.where(down, -2.0, np.where(up, 4.0, 0.0))
     series = {"test_time_second": second, "current_ampere": 2 * ampere}
     put(
-        place.results / "pack_series/g/t.parquet",
+        place.results / "stages/pack_series/g/t.parquet",
         series | {"simulated_branch_1_current_ampere": ampere},
     )
     rows = curves.packs(place)
@@ -326,8 +326,8 @@ def test_what_is_missing_of_a_spoiled_file_is_not_held_against_the_pipeline(plac
 def test_spoiled_samples_are_flagged_within_a_row(place):
     fault = {"cell": "a", "test": "t", "fault": "spike", "value": 4.0}
     put(place.truth / "faults.csv", [fault | {"row": row} for row in (10, 50)])
-    put(place.results / "flags/a/t.parquet", {"row": [11, 70], "flag": ["spike", "gap"]})
-    put(place.results / "flags/b/t.parquet", {"row": [10], "flag": ["spike"]})
+    put(place.results / "stages/flags/a/t.parquet", {"row": [11, 70], "flag": ["spike", "gap"]})
+    put(place.results / "stages/flags/b/t.parquet", {"row": [10], "flag": ["spike"]})
     rows = missing.flagged_samples(place)
     found = rows.groupby(["quantity", "status"]).size().to_dict()
     assert found == {
@@ -350,7 +350,7 @@ def test_one_flag_answers_for_two_swapped_rows(place):
     swapped = {"cell": "a", "test": "t", "fault": "swapped", "value": 1.0}
     put(place.truth / "faults.csv", [swapped | {"row": row} for row in (20, 21, 40, 41)])
     flags = {"row": [21, 40], "flag": ["out_of_place", "out_of_place"]}
-    put(place.results / "flags/a/t.parquet", flags)
+    put(place.results / "stages/flags/a/t.parquet", flags)
     assert missing.flagged_samples(place)["status"].tolist() == ["compared", "compared"]
 
 

@@ -9,7 +9,7 @@ with artefact.Job(snakemake) as job:
     cells = lending.judged_cells(inputs, params.references, params.cells)
     worst = cw.worst_corrected(artefact.rows(job.load(inputs.ways)))
     paths = [path for path in (*inputs.fitted, *inputs.series) if f"/{worst.cell}/" in path]
-    tests, basis = facts.tests(paths), job.load(f"results/basis/{worst.cell}.json")
+    tests, basis = facts.tests(paths), job.load(f"results/stages/basis/{worst.cell}.json")
     voltages = cw.corrected_voltages(cells, worst.cell, tests, **split)
     about = params.cells[worst.cell], basis, tests, params.settings
     found = cw.missing_effect(*about, simulated=voltages, **split)

@@ -6,6 +6,8 @@ from runtime import artefact
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
     record = [job.load(path) for path in (inputs.series, inputs.steps, inputs.basis)]
-    found = cw.resistance(*record, params.test, params.cell, params.settings)
+    found = cw.resistance(
+        *record, params.test, params.cell, params.settings, instrument=params.instrument
+    )
     job.note(*found.notes)
     job.save(found.rows)

@@ -41,6 +41,7 @@ from cellwright.api.models import corrected_voltages as corrected_voltages
 from cellwright.api.models import estimate_soc as estimate_soc
 from cellwright.api.models import export_model as export_model
 from cellwright.api.models import finish_model as finish_model
+from cellwright.api.models import held_out as held_out
 from cellwright.api.models import identify as identify
 from cellwright.api.models import identify_without as identify_without
 from cellwright.api.models import model_of_table as model_of_table

@@ -8,11 +8,11 @@ from runtime import contract
 INTRODUCTION = """\
 # Artefacts and their columns
 
-An artefact lies in `results/<stage>/<cell or group>/<test>.parquet`; of `parameters` and of stages
-that begin with `temperature` or `resistance_surface` there is one per cell,
-`results/<stage>/<cell>.parquet`. `tables/…` and
-`summary` are CSV, and so are `export/lookup` and `export/over_temperature`,
-`results/export/<cell>/….csv`. The parts of
+An artefact lies in `results/stages/<stage>/<cell or group>/<test>.parquet`; of `parameters` and of
+stages that begin with `temperature` or `resistance_surface` there is one per cell,
+`results/stages/<stage>/<cell>.parquet`. `tables/…` and
+`summary` are CSV, and so are `models/lookup` and `models/over_temperature`,
+`results/models/<cell>/….csv`. The parts of
 `missing_effect/…` lie in `results/missing_effect/<cell>/`. Each is held against these columns and
 ranges as it is written. A column in parentheses may be absent: not every instrument records it. In
 `<k>` and `<model>` stand the number of a branch or pair and a member of the circuit family.

@@ -13,24 +13,46 @@ STEP_COLOURS = {
     "dynamic": style.SERIES[1],
 }
 THUMBNAILS_ACROSS = 4
+NAMED_CELLS = 40  # of a type whose names fit beside a panel that fits a screen
 SPOTS_ACROSS = 400  # of a panel: dots nearer to each other than this cannot be told apart
 
 
 def draw_overview(cells, capacity, resistance, validation):
-    """Capacity, resistance and model error of every cell, from rows of the tables so named."""
-    figure, axes = style.subplots(1, 3, height=1.2 + 0.22 * len(cells), sharey=True)
-    height_of = {cell: len(cells) - index for index, cell in enumerate(cells)}
+    """Capacity, resistance and model error of every cell, a row of panels for each type.
+
+    `cells` is dict cell → name of its type; the others are rows of the tables so named. Types lie
+    on axes of their own: what is small for one is large for another.
+    """
+    types = {}
+    for cell, kind in cells.items():
+        types.setdefault(kind, []).append(cell)
+    types = types or {"": []}
+    heights = [0.95 + 0.2 * min(len(members), NAMED_CELLS) for members in types.values()]
+    settings = {"height": sum(heights), "height_ratios": heights}
+    figure, axes = style.subplots(len(types), 3, **settings)
     half = [r for r in resistance if abs(_number(r["soc"]) - 0.5) < 0.06]
     after_10_s = [r for r in half if _number(r["delay_second"]) == 10]
-    _dots(axes[0, 0], height_of, capacity, "capacity_ampere_hour", 1, "direction")
-    _dots(axes[0, 1], height_of, after_10_s, "resistance_ohm", 1e3, "direction")
     chosen_rows = [row for row in validation if row["chosen"] == "True"]
-    _dots(axes[0, 2], height_of, chosen_rows, "rmse_volt", 1e3, None)
-    axes[0, 0].set(title="Capacity [Ah]", xlabel="all tests")
-    axes[0, 1].set(title="Resistance [mΩ]", xlabel="10 s into a pulse, SoC 44–56 %")
-    axes[0, 2].set(title="Model error [mV RMS]", xlabel="validation tests, chosen model")
-    axes[0, 0].set_yticks(list(height_of.values()), list(height_of), fontsize=8)
-    axes[0, 0].set_ylim(0.4, len(cells) + 0.6)
+    for row, (kind, members) in zip(axes, types.items(), strict=True):
+        height_of = {cell: len(members) - index for index, cell in enumerate(members)}
+        for panel, (rows, name, scale, marked_by) in zip(
+            row,
+            (
+                (capacity, "capacity_ampere_hour", 1, "direction"),
+                (after_10_s, "resistance_ohm", 1e3, "direction"),
+                (chosen_rows, "rmse_volt", 1e3, None),
+            ),
+            strict=True,
+        ):
+            own = [one for one in rows if one["cell"] in height_of]
+            _dots(panel, height_of, own, name, scale, marked_by)
+            named = members if len(members) <= NAMED_CELLS and panel is row[0] else []
+            panel.set_yticks([height_of[cell] for cell in named], named)
+            panel.set_ylim(0.4, len(members) + 0.6)
+            panel.tick_params(labelsize=8)
+        row[0].set(title=": ".join(filter(None, (kind, "capacity [Ah]"))))
+        row[1].set(title="Resistance [mΩ]")
+        row[2].set(title="Model error [mV]")
     _temperature_legend(axes[0, 2], [*capacity, *after_10_s, *validation])
     return figure
 

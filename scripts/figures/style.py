@@ -7,6 +7,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from cellwright.numerics.extremes import rows_of_extremes
 from figures import canvas, svg
 from figures.decoration import Panel
 from figures.layout import GridLayout
@@ -176,20 +177,10 @@ def evenly_spread(count: int, most: int) -> np.ndarray:
 
 
 def thinned(x, y, *, points=2000):
-    """Fewer points (x, y) that draw the same line: lowest and highest of each stretch, in order.
+    """Fewer points (x, y) that draw the same line.
 
     A figure of full width in the report has about a thousand columns of pixels; a stretch of the
-    default is at most one of them, so no spike is lost. Stretches without a value stay open.
+    default is at most one of them, so no spike is lost.
     """
-    if len(x) <= points:
-        return x, y
-    size = -(-len(x) // (points // 2))
-    # Means would hide a spike of one sample, which is what a reader looks for.
-    starts = np.arange(0, len(x), size)
-    stretches = np.full((len(starts), size), np.nan)
-    stretches.flat[: len(x)] = y
-    missing = np.isnan(stretches)
-    lowest = np.argmin(np.where(missing, np.inf, stretches), axis=1)
-    highest = np.argmax(np.where(missing, -np.inf, stretches), axis=1)
-    keep = np.unique([0, *(starts + lowest), *(starts + highest), len(x) - 1])
+    keep = rows_of_extremes(y, points)
     return x[keep], y[keep]

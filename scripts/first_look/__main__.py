@@ -1,10 +1,11 @@
-"""Commands of a first look: `inspect FILE...`, `init FOLDER`, `convert FILE`."""
+"""Commands beside a run: `inspect FILE...`, `init FOLDER`, `convert FILE`, `explain TABLE ROW`,
+`compare BEFORE AFTER`."""
 
 import argparse
 import sys
 
 from cellwright.refusal import Refusal
-from first_look import interchange, one_file, sheets, words
+from first_look import compare, interchange, lineage, one_file, sheets, words
 
 
 def main(arguments=None) -> int:
@@ -20,6 +21,13 @@ def main(arguments=None) -> int:
     convert = commands.add_parser("convert", help="write a file as Battery Data Format")
     convert.add_argument("file")
     convert.add_argument("--to", help=f"a path that ends in {', '.join(interchange.MEDIA)}")
+    explain = commands.add_parser("explain", help="say what a row of a table was made from")
+    explain.add_argument("table", help="such as results/tables/capacity.csv")
+    explain.add_argument("row", nargs="+", help="number of the line, or COLUMN=VALUE ...")
+    two = commands.add_parser("compare", help="say what differs between two runs, and why")
+    two.add_argument("before", help="folder of a campaign that was run")
+    two.add_argument("after", help="another, or a later state of the same")
+    two.add_argument("--to", default=".", help="folder for comparison.csv and comparison.html")
     options = parser.parse_args(arguments)
     try:
         for line in _lines(options):
@@ -35,6 +43,12 @@ def _lines(options):
         yield from sheets.write(options.folder)
     elif options.command == "convert":
         yield from (f"written: {path}" for path in interchange.convert(options.file, options.to))
+    elif options.command == "explain":
+        yield from lineage.explain(options.table, options.row)
+    elif options.command == "compare":
+        changes = compare.compare(options.before, options.after)
+        yield from compare.in_words(changes)
+        yield from (f"written: {path}" for path in compare.write(changes, options.to))
     else:
         for number, file in enumerate(options.file):
             yield from [""] * (number > 0)

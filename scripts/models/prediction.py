@@ -4,17 +4,16 @@ import cellwright as cw
 from runtime import artefact, facts
 
 inputs, output, params = snakemake.input, snakemake.output, snakemake.params
-split = {"split_rest_second": params.split_rest_second}
-with artefact.Job(snakemake, output.scores, output.simulation) as job:
-    about = facts.of_job(snakemake)
-    record, once = (job.load(inputs.model), job.load(inputs.series)), inputs.repeats
-    found = cw.validate(*record, *about, **split, repeats=artefact.load_first(once))
-    job.note(*found.notes)
-    job.save(found.rows, output.scores)
-    job.save(found.series, output.simulation)
-with artefact.Job(snakemake, output.soc, output.soc_series) as job:
-    record = job.load(inputs.model), job.load(inputs.series), *facts.of_job(snakemake)
-    found = cw.estimate_soc(*record, params.soc, **split)
-    job.note(*found.notes)
-    job.save(found.rows, output.soc)
-    job.save(found.series, output.soc_series)
+with artefact.Job(snakemake, *output) as job:
+    about = job.load(inputs.model), job.load(inputs.series), *facts.of_job(snakemake)
+    record = cw.held_out(*about, split_rest_second=params.split_rest_second)
+    with artefact.Job(snakemake, output.scores, output.simulation) as job:
+        found = cw.validate(*record, repeats=artefact.load_first(inputs.repeats))
+        job.note(*found.notes)
+        job.save(found.rows, output.scores)
+        job.save(found.series, output.simulation)
+    with artefact.Job(snakemake, output.soc, output.soc_series) as job:
+        found = cw.estimate_soc(*record, params.soc)
+        job.note(*found.notes)
+        job.save(found.rows, output.soc)
+        job.save(found.series, output.soc_series)

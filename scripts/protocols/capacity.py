@@ -8,6 +8,6 @@ with artefact.Job(snakemake) as job:
     record = job.load(inputs.series), job.load(inputs.steps)
     before = {"test": facts.of_job(snakemake)[0], "course": artefact.load_first(inputs.course)}
     before["curves"] = lending.curves(inputs.curves)
-    found = cw.capacity(*record, params.cell, whole_swing=False, **before)
+    found = cw.capacity(*record, params.cell, params.instrument, whole_swing=False, **before)
     job.note(*found.notes)
     job.save(found.rows)

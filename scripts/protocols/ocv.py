@@ -8,7 +8,7 @@ before = {"test": params.test}
 with artefact.Job(snakemake, output.capacity) as job:
     record = job.load(inputs.series), job.load(inputs.steps)
     before["course"] = artefact.load_first(inputs.course)
-    found = cw.capacity(*record, params.cell, whole_swing=True, **before)
+    found = cw.capacity(*record, params.cell, params.instrument, whole_swing=True, **before)
     job.note(*found.notes)
     job.save(found.rows)
 curve_from = [inputs.series, *inputs.course]

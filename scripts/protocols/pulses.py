@@ -7,7 +7,8 @@ inputs, output, params = snakemake.input, snakemake.output, snakemake.params
 paths, about = (inputs.series, inputs.steps, inputs.basis), facts.of_job(snakemake)
 with artefact.Job(snakemake, output.resistance) as job:
     record, once = [job.load(path) for path in paths], artefact.load_first(inputs.repeats)
-    found = cw.resistance(*record, *about, params.resistance, repeats=once)
+    settings = {"repeats": once, "instrument": params.instrument}
+    found = cw.resistance(*record, *about, params.resistance, **settings)
     job.note(*found.notes)
     job.save(found.rows)
 with artefact.Job(snakemake, output.rests, output.curve) as job:

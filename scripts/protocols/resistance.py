@@ -7,6 +7,7 @@ with artefact.Job(snakemake) as job:
     inputs = snakemake.input
     record = [job.load(path) for path in (inputs.series, inputs.steps, inputs.basis)]
     about, once = facts.of_job(snakemake), artefact.load_first(inputs.repeats)
-    found = cw.resistance(*record, *about, snakemake.params.settings, repeats=once)
+    settings = {"repeats": once, "instrument": snakemake.params.instrument}
+    found = cw.resistance(*record, *about, snakemake.params.settings, **settings)
     job.note(*found.notes)
     job.save(found.rows)

@@ -168,7 +168,7 @@ def read_documents(campaign, pattern: str) -> dict[str, dict]:
 
 def read_artefacts(campaign, stage: str) -> dict[tuple, pd.DataFrame]:
     """Parquet artefacts of a stage that have rows, by (cell, test)."""
-    paths = sorted((Path(campaign) / "results" / stage).glob("*/*.parquet"))
+    paths = sorted((Path(campaign) / "results" / "stages" / stage).glob("*/*.parquet"))
     content = {(path.parent.name, path.stem): pd.read_parquet(path) for path in paths}
     return {key: rows for key, rows in content.items() if len(rows)}
 
@@ -358,7 +358,7 @@ def filter_capacities(campaign):
     """Error [%] of the capacity that the dual filter estimates, against the basis, per cell."""
     rows = read_table(campaign, "soc")
     rows = rows[(rows["filter"] == "dual") & (rows["scenario"] == "nominal")]
-    basis = read_documents(campaign, "basis/*.json")
+    basis = read_documents(campaign, "stages/basis/*.json")
     by_cell = {cell: document["capacity_ampere_hour"] for cell, document in basis.items()}
     rows = rows.assign(basis=rows["cell"].map(by_cell).astype(float))
     error = (rows["capacity_ampere_hour"] / rows["basis"] - 1).abs()

@@ -4,5 +4,5 @@ import sys
 
 from runtime import tables
 
-found = tables.changed("results/manifest.tsv")
+found = tables.changed("results/stages/manifest.tsv")
 sys.exit("\n".join(found)) if found else print("Every artefact is as the manifest says.")

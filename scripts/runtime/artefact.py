@@ -73,12 +73,6 @@ def columns_of(content) -> dict:
     return content
 
 
-def stage_of(path) -> str:
-    """Stage of an artefact: the folder below `results`."""
-    parts = Path(path).parts
-    return parts[parts.index("results") + 1]
-
-
 def write(path, content, about):
     """Write an artefact by its suffix, with `about`: provenance, reason, origin, notes, doubts,
     facts.
@@ -232,7 +226,7 @@ class Job:
         self.snakemake = snakemake
         self.outputs = list(outputs or snakemake.output)
         self.inputs = snakemake.input if inputs is None else inputs
-        self.step = stage_of(outputs[0]) if outputs else None
+        self.step = contract.stage_of(outputs[0]) if outputs else None
         self.saved = set()
         self.made = dict(after.made) if after else {}
         self.notes = []

@@ -74,12 +74,20 @@ def name_of(stage: str, stem: str) -> str:
     return f"{stage}/{stem}" if f"{stage}/{stem}" in stages() else stage
 
 
+def stage_of(path) -> str:
+    """Stage of an artefact: the folder below `results/stages`, or below `results` for what people
+    look for (tables, models, figures, missing effects)."""
+    parts = Path(path).parts
+    below = parts[parts.index("results") + 1 :]
+    return below[1] if below[0] == "stages" else below[0]
+
+
 def entry_of(path) -> str | None:
     """Entry of the contract for a file below `results`; None for files without one."""
     parts, stem, suffix = Path(path).parts, Path(path).stem, Path(path).suffix
     if "results" not in parts or suffix not in (".parquet", ".csv"):
         return None
-    stage = parts[parts.index("results") + 1]
+    stage = stage_of(path)
     if suffix == ".csv":
         return "summary" if stem == "summary" else f"{stage}/{stem}"
     return name_of(stage, stem)

@@ -5,6 +5,7 @@ import numpy as np
 from cellwright.health.summary import surest_late
 from cellwright.health.table import CHECK_UP, CYCLES, MODES, PEAKS
 from runtime import artefact
+from runtime.page_tables import link, plain_table
 
 # Of each method the column of the overview.
 METHODS = {CHECK_UP: "check_up", CYCLES: "cycles", PEAKS: "peaks"}
@@ -69,6 +70,31 @@ def section(tables) -> dict:
         if row[column]
     ]
     return {"rows": rows, "sentences": list(dict.fromkeys(words))} if rows else {}
+
+
+def table_of_section(found):
+    """The rows of `section` as the report's table."""
+    read = (
+        "The latest state of health by each method, over the first check-up or discharge; knee and "
+        "remaining cycles to the end of life with their 95 % intervals; lithium and material lost "
+        "at the latest check-up. Blank: not known from these data."
+    )
+    columns = ["cell", "check-up", "cycles of the life", "dQ/dV peaks", "knee [cycle]"]
+    columns += ["remaining cycles", "lithium lost", "negative lost", "positive lost"]
+    lines = [
+        [
+            link(row["cell"]),
+            *(_at_cycle(row[name]) for name in METHODS.values()),
+            *(row[name] for name in ("knee", "remaining", *SHARES)),
+        ]
+        for row in found["rows"]
+    ]
+    return plain_table("health", "Health by each method", read, columns, lines)
+
+
+def _at_cycle(last):
+    at = f" at cycle {float(last['cycle']):.0f}" if last and last["cycle"] else ""
+    return f"{last['soh']}{at}" if last else ""
 
 
 def _row(cell, rows, life):

@@ -1,6 +1,7 @@
 """Packs in the report: one line of each in the overview, and what to know of its records."""
 
 from cellwright.packs.wiring import described, rows_below, wiring_of
+from runtime.page_tables import link, plain_table
 
 SWAPPED = "swapped channels?"  # in the sentence of such a finding
 TABLES = (
@@ -23,6 +24,25 @@ def section(tables, groups) -> list[dict]:
         if any(line.values()):
             lines.append({"group": group, "wiring": wiring_in_words(group, groups)} | line)
     return lines
+
+
+def table_of_section(lines, warned):
+    """The lines of `section` as a table; `warned`: how many warnings the page of a group has."""
+    read = (
+        "Of each group the largest error of a branch current and of the voltage over its tests, "
+        "the most that it loses of its cells' charge, and how many checks of its records found "
+        "something."
+    )
+    columns = ["group", "wiring", "worst branch current", "voltage", "gives", "to know"]
+    rows = [
+        [
+            link(line["group"]),
+            *(line[name] for name in ("wiring", "current", "voltage", "charge")),
+            f"{warned[line['group']]} on its page" if warned.get(line["group"]) else "",
+        ]
+        for line in lines
+    ]
+    return plain_table("packs", "Packs", read, columns, rows)
 
 
 def wiring_in_words(group, groups) -> str:

@@ -1,42 +1,63 @@
 """The report: one HTML file with tables, figures and notes of every cell and group.
 
-Each cell's page lies in it compressed and is unpacked in the browser when it is looked at, so that
-a report of a hundred cells opens at once and still is one file to send and to keep.
+A small report is plain HTML, and all of it can be read without a script. In a large one each cell's
+page lies compressed and is unpacked in the browser when it is looked at, so that a report of
+hundreds of cells opens at once and still is one file to send and to keep.
 """
 
 import base64
 import hashlib
-import re
 import traceback
 from pathlib import Path
 
 import jinja2
 import pandas as pd
-import pyarrow as pa
 import yaml
 from markupsafe import Markup, escape
 
-from runtime import artefact, health_page, pack_page
+from cellwright.effects.story.places import largest_before
+from cellwright.effects.story.words import KNOWN, name_of_effect, sentences_by_part
+from runtime import artefact, closer_look, health_page, overview_page, pack_page, sheets, use_page
 from runtime.csv_cells import frame_as_written
+from runtime.page_tables import (
+    Cell,
+    fact_in_words,
+    figure_of,
+    link,
+    measured,
+    packed,
+    plain_table,
+    table_of,
+)
 
-TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
 PACK_TABLES = ["packs", "series_packs", "nested_packs"]
-TABLES_OF_PAGE = [*TABLES_OF_CELL, *PACK_TABLES, "pack_checks"]
-TABLES_OF_PAGE += ["choice", "missing_effect"]
-SHOWN_ROWS = 60
-NAMES = ["validation", "branches", "map", "evidence", "ranking", "confounding"]
-PROOFS = [f"effect_{name}" for name in NAMES]
+TABLES_OF_PAGE = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
+TABLES_OF_PAGE += ["resistance_definitions", "choice", "missing_effect", "pack_checks"]
+TABLES_OF_PAGE += PACK_TABLES
+FLEET = (
+    "What each effect takes off the error of the plain model on tests that took no part in its "
+    "fit, in mV. A question mark: not sure, see the cell's page; or: one name of a tie; n/t: its "
+    "tests cannot show it; blank: not shown."
+)
+UNREAD = {"models", "models_of_checkups", "resistance", "ica_tracks"}  # long, and on no page
 OF_HEALTH = ("lives", "fleet")  # pictures of the overview that stand in its part on health
+# All pages of a report up to this stand in it as they are, and are read without a script: what a
+# mail of 25 MB carries, which adds a third to a file. Larger ones are packed, and need the script.
+PLAIN_BYTES = 16_000_000
 
 
 def render(job) -> str:
     """The report as one HTML text, from the inputs and params of rule `report`."""
     inputs, params = job.input, job.params
-    tables = {Path(path).stem: _text(path) for path in inputs.tables}
+    tables = {Path(p).stem: _text(p) for p in inputs.tables if Path(p).stem not in UNREAD}
     abouts = {path: artefact.read_about(path) for path in inputs.artefacts}
-    captions = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
+    layout = {name: _yaml(getattr(inputs, name)) for name in ("captions", "chapters", "specs")}
     owners = [row["cell"] for row in params.cells]
-    effects = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.verdicts}
+    found = {_owner(artefact.read_about(path)): _verdict(path) for path in inputs.verdicts}
+    for columns, about in artefact.load_all(inputs.maps):
+        told, sentence = found.get(_owner(about), {}).get("story", {}), largest_before(columns)
+        if "names" in told and sentence:
+            told["left"] = [sentence, *told.get("left", [])]
     witnesses = {_owner(artefact.read_about(p)): _witnesses(p) for p in inputs.witnesses}
     cold = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
@@ -44,7 +65,10 @@ def render(job) -> str:
     abouts_of = {}
     for about in abouts.values():
         abouts_of.setdefault(_owner(about), []).append(about)
+    summary, checks = (_text(path).to_dict("records") for path in (inputs.summary, inputs.checks))
+    excluded = tables["excluded"].to_dict("records")
     parts = _by_owner(tables, owners + groups)
+    sums = {row["cell"]: row for row in summary}
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(inputs.template).parent),
         autoescape=True,
@@ -52,21 +76,25 @@ def render(job) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "milli": milli, "digest": digest}
-    excluded = tables["excluded"].to_dict("records")
-    template = environment.get_template(Path(inputs.page).name)
-    campaign, failed = params.figures["the campaign"], []
-    checks = _text(inputs.checks).to_dict("records")
+    environment.filters |= {"measured": measured, "in_words": overview_page.model_in_words}
+    environment.globals["fact"] = fact_in_words
+    environment.globals["uplot"] = {
+        "script": Markup(Path(inputs.uplot).read_text(encoding="utf-8")),
+        "style": Markup(Path(inputs.uplot_style).read_text(encoding="utf-8")),
+    }
+    template, failed = environment.get_template(Path(inputs.page).name), []
 
     def whole(name):
-        """What the template shows of a cell or group, and all of it packed."""
-        page = _page(name, params, parts[name], abouts_of.get(name, []), captions)
-        page |= {"effect": effects.get(name), "cold": cold.get(name)}
-        page["witnesses"] = witnesses.get(name, [])
-        page["verdicts"] = parts[name]["missing_effect"].to_dict("records")
-        # Packed one by one, or a report of a hundred cells is tens of megabytes when it opens.
-        broken = [row for row in checks if row["outcome"] == "failed" and row["cell"] == name]
-        html = template.render(page=page, excluded=excluded, broken=broken)
-        return page | {"packed": packed(html)}
+        """What the template shows of a cell or group, and all of it as HTML."""
+        page = _page(name, params, parts[name], abouts_of.get(name, []), layout, looks)
+        page |= {"effect": found.get(name), "cold": cold.get(name), "sum": sums.get(name, {})}
+        page |= _tables_of_story(_rows(parts[name]["missing_effect"]), witnesses.get(name, []))
+        if name in lookups:
+            exports = rated[name], lookups[name], pybamm[name]
+            page["use"] = part(f"the uses of {name}", use_page.table, name, *exports)
+        page["excluded"] = [row for row in excluded if row["cell"] == name]
+        page["broken"] = [r for r in checks if r["outcome"] == "failed" and r["cell"] == name]
+        return page | {"html": template.render(page=page, number_of=_Numbers(name))}
 
     def part(what, make, *arguments, otherwise=None):
         """A part of the report; one that cannot be made costs no other, and is told on top."""
@@ -77,22 +105,42 @@ def render(job) -> str:
             _log(job, error)
             return otherwise
 
+    looks = part("the closer looks", _looks, inputs.simulated, inputs.series, tables["validation"])
+    rated = {row["cell"]: row.get("rated_capacity_ampere_hour") for row in params.cells}
+    exported = (inputs.lookups, inputs.pybamm)
+    lookups, pybamm = ({Path(path).parent.name: path for path in paths} for paths in exported)
     pages = [
         part(f"the page {name}", whole, name) or _page_that_failed(name, owners, failed[-1])
         for name in owners + groups
     ]
+    plain = sum(len(page["html"]) for page in pages) <= PLAIN_BYTES
+    pages = [
+        {key: page[key] for key in ("name", "facts", "warnings", "excluded")}
+        | {"plain" if plain else "packed": Markup(page["html"]) if plain else packed(page["html"])}
+        for page in pages
+    ]
+    pictures = [figure_of(path, layout["captions"]) for path in params.figures["the campaign"]]
+    overview = part(
+        "the overview", overview_page.section, params.cells, summary, tables, checks, otherwise={}
+    )
     return environment.get_template(Path(inputs.template).name).render(
         title=params.title,
         excluded=excluded,
         checks=checks,
-        summary=_text(inputs.summary).to_dict("records"),
+        doubted=[row for row in summary if row.get("doubt")],
+        overview=overview,
         fleet=part("the comparison of types", fleet_of, tables["fleet"]),
         health=part("the part on health", health_page.section, tables),
         packs=part("the part on packs", pack_page.section, tables, params.groups),
+        health_table=health_page.table_of_section,
+        packs_table=pack_page.table_of_section,
         failed=failed,
-        pictures_of_health=[_picture(p, captions) for p in campaign if Path(p).stem in OF_HEALTH],
-        overview=[_picture(p, captions) for p in campaign if Path(p).stem not in OF_HEALTH],
+        pictures_of_health=[one for kind, one in pictures if kind in OF_HEALTH],
+        pictures=[one for kind, one in pictures if kind not in OF_HEALTH],
         pages=pages,
+        number_of=_Numbers(),
+        methods=_methods(_yaml(inputs.methods), tables, params.settings),
+        run=params.run,
         assumptions=params.assumptions,
         choices=params.choices,
         environment_lock=next(iter(abouts.values()))["environment_lock"] if abouts else "",
@@ -100,11 +148,36 @@ def render(job) -> str:
     )
 
 
+class _Numbers:
+    """Numbers of the figures and tables of a page, as Figure C3.2: none twice in a report."""
+
+    def __init__(self, name=""):
+        self.stem = f"{name}." if name else ""
+        self.last = {}
+
+    def __call__(self, what) -> str:
+        self.last[what] = self.last.get(what, 0) + 1
+        return f"{what} {self.stem}{self.last[what]}"
+
+
+def _yaml(path):
+    return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+
+
+def _methods(sections, tables, settings) -> list[dict]:
+    """Sections of the methods text of which the campaign has results, with their settings."""
+    return [
+        one | {"settings": {name: settings[name] for name in one["settings"] if name in settings}}
+        for one in sections
+        if any(len(tables.get(table, ())) for table in one["tables"])
+    ]
+
+
 def _page_that_failed(name, cells, said) -> dict:
     """A page of one sentence, that of a cell with a fact, by which the template tells it."""
     html = f"<h1>{escape(name)}</h1><div class='excluded'>{escape(said)}</div>"
     facts = {"cell": name} if name in cells else {}
-    return {"name": name, "facts": facts, "warnings": [], "packed": packed(html)}
+    return {"name": name, "facts": facts, "warnings": [], "excluded": [], "html": html}
 
 
 def _log(job, error):
@@ -120,7 +193,7 @@ def digest(text: str) -> Markup:
 
 
 def fleet_of(table: pd.DataFrame) -> list[dict]:
-    """Each type of tables/fleet as a matrix, a row a cell and a column an effect, and its sentence.
+    """Each type of tables/fleet: its sentence, and a table with a row a cell, a column an effect.
 
     A word is the size of an effect in millivolt, with a question mark where it is not sure.
     """
@@ -129,30 +202,23 @@ def fleet_of(table: pd.DataFrame) -> list[dict]:
         shown = rows[rows["effect"] != ""]
         effects = list(dict.fromkeys(shown["effect"]))
         words = {(row["cell"], row["effect"]): _fleet_word(row) for _, row in shown.iterrows()}
-        cells = [
-            {"cell": cell, "words": [words[cell, effect] for effect in effects]}
+        lines = [
+            [link(cell), *(Cell(*words[cell, effect]) for effect in effects)]
             for cell in dict.fromkeys(shown["cell"])
         ]
+        columns = ["cell", *map(name_of_effect, effects)]
+        matrix = plain_table(f"effects-{len(types) + 1}", name, FLEET, columns, lines)
         sentence = rows["sentence"].iloc[0]
-        types.append({"name": name, "sentence": sentence, "effects": effects, "rows": cells})
+        types.append({"name": name, "sentence": sentence, "matrix": matrix if effects else None})
     return types
 
 
-def _fleet_word(row) -> str:
+def _fleet_word(row) -> tuple:
+    """Text, key and mark of one cell of the matrix of effects."""
     if row["shown"] in ("sure", "unsure"):
-        return f"{1e3 * float(row['size_volt']):.2g}{'' if row['shown'] == 'sure' else ' ?'}"
-    return {"no": "", "not testable": "n/t", "or another": "or"}[row["shown"]]
-
-
-def packed(html: str) -> str:
-    """A page as gzip in base64.
-
-    By pyarrow's own compressor, whose version the locked environment holds: the same page then has
-    the same bytes on any machine, which Python's, built on the system's, does not promise. Level 9
-    takes three times as long for 3 % fewer bytes.
-    """
-    codec = pa.Codec("gzip", compression_level=6)
-    return base64.b64encode(codec.compress(html.encode(), asbytes=True)).decode()
+        size = f"{1e3 * float(row['size_volt']):.2g}"
+        return f"{size}{'' if row['shown'] == 'sure' else ' ?'}", size, row["shown"]
+    return {"no": ("",), "not testable": ("n/t",), "or another": ("or", "", "unsure")}[row["shown"]]
 
 
 def _text(path) -> pd.DataFrame:
@@ -198,6 +264,25 @@ def _paragraph(path) -> dict:
     return {"text": reason or artefact.load(path)["paragraph"], "reason": reason}
 
 
+def _verdict(path) -> dict:
+    """The paragraph of a verdict, its sentences by part of the story, and what else was tried."""
+    told = _paragraph(path) | {"story": {}, "against": None}
+    verdict = {} if told["reason"] else artefact.load(path)
+    named = [one["effect"] for one in verdict.get("effects", ())]
+    # Of a group, and of effects that only a laboratory knows, the paragraph says it all.
+    if "located_at" not in verdict or not set(named) <= set(KNOWN):
+        return told
+    for part, sentence in sentences_by_part(verdict, KNOWN):
+        told["story"].setdefault(part, []).append(sentence)
+    against = (verdict.get("against") or {}).items()
+    lines = [(name_of_effect(one), words) for one, words in against if one not in named]
+    if lines:
+        read = "Each was added to the model in turn, and is not named for these reasons."
+        columns = ["effect", "why it is no name"]
+        told["against"] = plain_table("against", "What else was tried", read, columns, lines)
+    return told
+
+
 def number(text) -> str:
     """Four significant digits for people; the tables hold more."""
     try:
@@ -206,54 +291,150 @@ def number(text) -> str:
         return text
 
 
-def _page(name, params, tables, abouts, captions) -> dict:
+def _looks(simulated, series, validation) -> dict:
+    """What may be zoomed into, by cell and name of the figure."""
+    chosen = validation[validation["chosen"] == "True"]
+    models = {(row["cell"], row["test"]): row["model"] for row in _rows(chosen)}
+    looks = closer_look.looks_of(simulated, series, models)
+    return {(cell, f"validation_{test}"): lines for (cell, test), lines in looks.items()}
+
+
+def _page(name, params, tables, abouts, layout, looks) -> dict:
     """What the template shows of a cell or group, from its own rows of tables and artefacts."""
     facts = next((row for row in params.cells if row["cell"] == name), {})
     branches = [row for row in params.groups if row["group"] == name]
-    shown = {table: tables[table] for table in [*TABLES_OF_CELL, *PACK_TABLES]}
-    pictures = params.figures.get(name, [])
+    pictures = [figure_of(path, layout["captions"]) for path in params.figures.get(name, [])]
+    pictures = [
+        (kind, one._replace(lines=(looks or {}).get((name, one.id), ""))) for kind, one in pictures
+    ]
+    definitions = tables["resistance_definitions"].to_dict("records")
     return {
         "name": name,
+        "type": sheets.type_name(facts),
         "facts": {key: value for key, value in facts.items() if value not in (None, "")},
+        "unsure": [
+            f"{name_of_effect(row['effect'])}: {row['doubts']}"
+            for row in _rows(tables["missing_effect"])
+            if row["sure"] == "False"
+        ],
         "branches": branches,
         "wiring": pack_page.wiring_in_words(name, params.groups) if branches else "",
         "warnings": pack_page.warnings(tables["pack_checks"], abouts),
-        "tests": [_test(row, abouts) for row in params.tests if row["cell"] == name],
-        "proofs": [_picture(path, captions) for path in pictures if Path(path).stem in PROOFS],
-        "pictures": [
-            _picture(path, captions) for path in pictures if Path(path).stem not in PROOFS
-        ],
+        "tests": _tests([row for row in params.tests if row["cell"] == name], abouts),
+        "chapters": _chapters(tables, pictures, layout),
         "choice": _choice(tables["choice"]),
-        "tables": {table: _short(rows) for table, rows in shown.items() if len(rows)},
+        "r0": definitions[0] if definitions and definitions[0]["name"] == "R0" else {},
+        "scored": [row for row in _rows(tables["validation"]) if row["chosen"] == "True"],
         "notes": [*_without_model(abouts), *_notes(abouts)],
     }
 
 
-def _choice(rows) -> dict:
-    """Errors of each member by temperature and the reason of the choice; empty without members."""
-    members = {
-        model: {
-            "chosen": part["chosen"].iloc[0] == "True",
-            "reason": part["reason"].iloc[0],
-            "errors": part.to_dict("records"),
+def _chapters(tables, pictures, layout) -> list[dict]:
+    """Chapters of a page with their tables and figures, in the order of chapters.yaml."""
+    placed = {kind for one in layout["chapters"] for kind in one.get("figures", ())}
+    chapters = []
+    for one in layout["chapters"]:
+        shown = {
+            place: [
+                table_of(name, tables[name], layout["specs"][name])
+                for name in one.get(place, ())
+                if len(tables[name])
+            ]
+            for place in ("first", "tables")
         }
-        for model, part in rows.groupby("model", sort=False)
-    }
+        kinds = one.get("figures", ())
+        # A figure of no chapter is shown too, in the last one that has any.
+        own = [(kind, p) for kind, p in pictures if kind in kinds]
+        own += [(k, p) for k, p in pictures if k not in placed] if one["id"] == "records" else []
+        chapters.append({"id": one["id"], "title": one["title"], "figures": own} | shown)
+    return chapters
+
+
+def _rows(frame):
+    return frame.to_dict("records")
+
+
+def _choice(rows):
+    """Table of the errors of each member by temperature and the reason of the choice, or None."""
+    if not len(rows):
+        return None
     celsius = rows["ambient_temperature_celsius"].unique().tolist()
-    return {"celsius": celsius, "members": members} if members else {}
+    lines = []
+    for model, part in rows.groupby("model", sort=False):
+        errors = [
+            f"{milli(one['left_out_rmse_volt'])} ({milli(one['fit_rmse_volt'])})"
+            for one in _rows(part)
+        ]
+        mark = "chosen" if part["chosen"].iloc[0] == "True" else ""
+        lines.append([Cell(model, mark=mark), *errors, part["reason"].iloc[0]])
+    columns = ["model", *(f"{number(one)} °C [mV]" for one in celsius), "why, or why not"]
+    read = (
+        "RMS error of blocks left out of the fit at each temperature; in brackets of the finished "
+        "model through the records it was fitted to, SoC 5–95 %. Tests for validation took no part."
+    )
+    return plain_table("choice", "Why this model", read, columns, lines)
 
 
-def _short(rows) -> dict:
-    # The page is of one cell or group: its name in every row would only take room.
-    columns = rows.columns.drop(["cell", "group"], errors="ignore").tolist()
-    more = max(len(rows) - SHOWN_ROWS, 0)
-    return {"columns": columns, "rows": rows.head(SHOWN_ROWS).to_dict("records"), "more": more}
+def _tests(rows, abouts):
+    """Table of the tests of a cell or group, with the reasons why some could not be used; or None.
+
+    `rows` are of tests.tsv, `abouts` what the artefacts say of themselves.
+    """
+    reasons = {}
+    for about in abouts:
+        if about["reason"]:
+            reasons.setdefault(about["wildcards"].get("test"), {})[about["reason"]] = None
+    names = ("test", "kind", "ambient_temperature_celsius", "cycle", "soc", "role")
+    lines = []
+    for row in rows:
+        why = list(reasons.get(row["test"], ()))
+        told = ["" if row[name] is None else row[name] for name in names]
+        values = [f"{value:g}" if isinstance(value, float) else str(value) for value in told]
+        note = "; ".join(filter(None, [row["note"], *why]))
+        lines.append([*values, Cell(note, mark="wrong" if why else "")])
+    columns = ["test", "kind", "chamber [°C]", "cycle", "SoC at start", "role", "note"]
+    read = "As tests.tsv states them; in red why a test, or a part of it, could not be used."
+    return plain_table("tests", "Tests", read, columns, lines) if rows else None
 
 
-def _test(row, abouts) -> dict:
-    of_test = [about for about in abouts if about["wildcards"].get("test") == row["test"]]
-    reasons = list(dict.fromkeys(about["reason"] for about in of_test if about["reason"]))
-    return row | {"reasons": reasons}
+def _tables_of_story(verdicts, witnesses) -> dict:
+    """Tables of what was named and how sure it is, and of what other measurements say; or None."""
+    found = {"named": None, "witnesses": None, "next_test": ""}
+    if verdicts:
+        found["next_test"] = verdicts[0]["next_test"]
+        sure = {"True": "sure", "False": "unsure: {}"}
+        lines = [
+            [
+                Cell(name_of_effect(one["effect"]) if one["effect"] else f"({one['verdict']})"),
+                sure.get(one["sure"], "–").format(one["doubts"]),
+                ", ".join(map(name_of_effect, filter(None, one["alternatives"].split(";")))),
+                f"{milli(one['rmse_before_volt'])} → {milli(one['rmse_after_volt'])}",
+                f"{milli(one['validation_before_volt'])} → {milli(one['validation_after_volt'])}",
+            ]
+            for one in verdicts
+        ]
+        columns = ["effect", "how sure", "as good", "tests fitted [mV]", "tests not fitted [mV]"]
+        read = "RMS error before → after, each effect on top of those above it."
+        found["named"] = plain_table("named", "What was named", read, columns, lines)
+    if witnesses:
+        lines = [
+            [
+                row["name"],
+                f"{name_of_effect(row['effect'])}{'' if row['named'] else ' (not named)'}",
+                Cell(row["says"], mark="wrong" if row["says"] == "contradicts" else ""),
+                row["text"],
+            ]
+            for row in witnesses
+        ]
+        read = (
+            "Each is made without the search. It agrees where its number and the verdict's lie "
+            "within two standard deviations, or, where none is stated, have one sign and sizes "
+            "within a factor of 1.5."
+        )
+        title = "What other measurements say of it"
+        columns = ["measurement", "effect", "says", "why"]
+        found["witnesses"] = plain_table("witnesses", title, read, columns, lines)
+    return found
 
 
 def _without_model(abouts) -> list[dict]:
@@ -274,24 +455,3 @@ def _notes(abouts) -> list[dict]:
 
 def _owner(about):
     return about["wildcards"].get("cell") or about["wildcards"].get("group")
-
-
-def _picture(path, captions) -> dict:
-    name = Path(path).stem
-    # Names of tests may themselves have underscores: the longest kind that fits is meant.
-    fitting = [kind for kind in captions if name == kind or name.startswith(f"{kind}_")]
-    kind = max(fitting, key=len, default=None)
-    caption = captions.get(kind, {"title": name, "read": ""})
-    data = _as_url(Path(path).read_text(encoding="utf-8"))
-    test = name.removeprefix(f"{kind}_") if kind and name != kind else ""
-    return {"title": caption["title"], "read": caption["read"], "test": test, "data": data}
-
-
-def _as_url(svg: str) -> str:
-    """A picture as what follows `data:image/svg+xml,`, plain text that compresses well.
-
-    Its provenance stays with the file of the figure: checksums do not compress, and nobody reads
-    them in a picture.
-    """
-    drawing = re.sub(r"<(metadata|desc)>.*?</\1>", "", svg[svg.index("<svg") :], flags=re.S)
-    return drawing.replace("%", "%25").replace("#", "%23").replace("\n", "%0A")

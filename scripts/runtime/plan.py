@@ -47,17 +47,17 @@ def where(cells, template):
 
 def of_cell(cell, **stages):
     """The artefact of a cell in each of these stages: dict name → path."""
-    return {name: f"results/{stage}/{cell}.parquet" for name, stage in stages.items()}
+    return {name: f"results/stages/{stage}/{cell}.parquet" for name, stage in stages.items()}
 
 
 def of_test(name, test, **stages):
     """The artefact of a test of a cell or group in each of these stages: dict name → path."""
-    return {part: f"results/{stage}/{name}/{test}.parquet" for part, stage in stages.items()}
+    return {part: f"results/stages/{stage}/{name}/{test}.parquet" for part, stage in stages.items()}
 
 
 def of_rows(stage, name, rows):
     """Paths of one stage's artefacts for these tests of a cell or group."""
-    return [f"results/{stage}/{name}/{row['test']}.parquet" for row in rows]
+    return [f"results/stages/{stage}/{name}/{row['test']}.parquet" for row in rows]
 
 
 def near_in_cycles(row, cycles):

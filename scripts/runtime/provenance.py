@@ -7,6 +7,7 @@ import os
 import re
 import sys
 import tempfile
+import tomllib
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -296,6 +297,21 @@ def record(job, inputs) -> dict:
         "code": job.params.get("code"),
         "contract": job.params.get("contract"),
         "environment_lock": sha256_of(LOCK),
+    }
+
+
+def run_facts() -> dict:
+    """Version, the command that makes the results again, and SHA-256 of the campaign's sheets."""
+    about = SCRIPTS.parent / "pyproject.toml"
+    # A copy of the pipeline alone, such as an image, may lack it.
+    known = tomllib.loads(about.read_text(encoding="utf-8")) if about.is_file() else {}
+    own = Path.cwd() == SCRIPTS.parent
+    command = "./run snakemake --cores all" + ("" if own else " --directory CAMPAIGN")
+    sheets = [path for kind in ("*.yaml", "*.tsv") for path in sorted(Path("config").glob(kind))]
+    return {
+        "version": known.get("project", {}).get("version", "(version not known)"),
+        "command": command,
+        "sheets": {path.as_posix(): sha256_of(path) for path in sheets if path.is_file()},
     }
 
 

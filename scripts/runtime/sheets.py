@@ -218,6 +218,13 @@ def read(folder, schemas, overrides=None, *, alone=False) -> Campaign:
     return Campaign(config, cells.rows, tests.rows, groups.rows, check_ups.rows)
 
 
+def type_name(facts) -> str:
+    """Chemistry and rating of a cell of the sheet, such as `NMC, 5 Ah`."""
+    rated = facts.get("rated_capacity_ampere_hour")
+    parts = [facts.get("chemistry"), f"{rated:g} Ah" if rated else None]
+    return ", ".join(filter(None, parts))
+
+
 def choices(config: dict, schemas) -> dict:
     """Settings of a campaign that differ from the defaults: dotted key → value."""
     standard = settings.flat(settings.defaults(settings.load(schemas, "config")))

@@ -10,7 +10,7 @@ from cellwright.numerics.statistics import pooled_rms
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 from runtime import artefact
-from runtime.artefact import stage_of
+from runtime.contract import stage_of
 from runtime.csv_cells import frame_as_written
 
 if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables for people
@@ -252,6 +252,33 @@ def _summary_row(facts, of_cell, model) -> dict:
         "doubt": _doubts(of_cell),
         "notes": "; ".join(notes),
     }
+
+
+def resistances(cells, tables, models, verdicts, note=print) -> "DataFrame":
+    """R0 of each cell and all other resistances that are called so, see `resistances_of_cell`.
+
+    `tables` are frames by name, `models` documents by cell, `verdicts` those of cells and groups.
+    Of a cell that cannot be told `note` says why: it costs no other.
+    """
+    from pandas import DataFrame
+
+    from cellwright.health.resistances import resistances_of_cell
+
+    found = {verdict["cell"]: verdict for verdict in verdicts if "cell" in verdict}
+    frames = [tables[name][tables[name]["soc"].notna()] for name in ("resistance", "eis")]
+    parts = [(dict(iter(frame.groupby("cell", sort=False))), frame.iloc[:0]) for frame in frames]
+    rows = []
+    for name in (facts["cell"] for facts in cells):
+        pulses, spectra = (_known(part.get(name, none)) for part, none in parts)
+        try:
+            of_cell = resistances_of_cell(
+                pulses, spectra, models.get(name, {}), found.get(name, {})
+            )
+        except Exception as error:
+            note(f"{name}: {artefact.failure(error, 'to relate its resistances')}")
+            continue
+        rows += [{"cell": name} | row for row in of_cell]
+    return DataFrame(rows, dtype=object)
 
 
 def _std_of(counted, capacity) -> float | None:

@@ -1,4 +1,4 @@
-"""What was left out and why, one row per cell, and the results held against tests/artefacts."""
+"""What was left out, a row per cell, R0 among all resistances, and results held against physics."""
 
 from pathlib import Path
 
@@ -12,6 +12,9 @@ with artefact.Job(snakemake, output.summary, inputs=[*sources, *inputs.models]) 
     frames = tables.load_frames(sources)
     models = tables.load_models(inputs.models)
     job.save(tables.summary(params.cells, frames, models, job.log))
+with artefact.Job(snakemake, output.resistances, inputs=[*sources, *inputs.verdicts]) as job:
+    verdicts = [found for found, _ in artefact.load_all(inputs.verdicts)]
+    job.save(tables.resistances(params.cells, frames, models, verdicts, job.note))
 checked = [*sources, output.summary, *inputs.laws]
 with artefact.Job(snakemake, output.checks, inputs=checked) as job:
     job.save(results_check.outcomes(Path(output.excluded).parent))

@@ -5,6 +5,7 @@ Counts by kind: refused, right, wrong and told at the number, told elsewhere onl
 
 import argparse
 import json
+import re
 import sys
 from collections import Counter, defaultdict
 from multiprocessing import Pool
@@ -15,7 +16,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 from fuzz.kinds import BENIGN, KINDS
 from fuzz.published import Outcome, numbers_of, outcome_of, wrong_numbers
-from fuzz.records import entries, record_of
+from fuzz.records import HERE, entries, record_of
 
 MOST_OTHERS = 12  # tests of the same cell beside which a record is held
 ORDER = ("refused", "right", "told", "elsewhere", "silent", "crash")
@@ -26,7 +27,8 @@ def case(seed):
     rng = np.random.default_rng(seed)
     kinds = KINDS | BENIGN
     names, listed = sorted(kinds), entries()
-    folders = sorted({entry[0] for entry in listed})
+    # In one order wherever the campaigns lie, so that a seed is the same cases everywhere.
+    folders = sorted({entry[0] for entry in listed}, key=lambda f: (f == HERE, f.name))
     while True:
         folder = folders[int(rng.integers(len(folders)))]
         own = [entry for entry in listed if entry[0] == folder]
@@ -67,8 +69,8 @@ def verdict(outcome, clean, others, benign=False):
     numbers, true_numbers = numbers_of(outcome, others), numbers_of(clean, others)
     wrong = wrong_numbers(numbers, true_numbers)
     if not wrong:
-        before = {n.doubt for n in true_numbers}
-        alarm = next((n for n in numbers if n.doubt not in before), None)
+        before = {without_numbers(n.doubt) for n in true_numbers}
+        alarm = next((n for n in numbers if without_numbers(n.doubt) not in before), None)
         return "right", f"alarm: {alarm.doubt}" if benign and alarm else ""
     untold = [(n, true) for n, true in wrong if not n.doubt]
     if not untold:
@@ -78,6 +80,11 @@ def verdict(outcome, clean, others, benign=False):
     words = f"{number.quantity} {number.where}: {found}"
     fresh = [note for note in outcome.notes if note not in clean.notes]
     return ("elsewhere", f"{words} | {fresh[0]}") if fresh else ("silent", words)
+
+
+def without_numbers(words):
+    """Words whose numbers do not count: a last digit of one is no other doubt."""
+    return re.sub(r"[-\d.]+", "#", words)
 
 
 def main():

@@ -15,7 +15,7 @@ FILES = {
         "Settings of what is read from the tests of a cell, and of the laws over them.",
         [
             *("files", "clean", "segment", "ocv", "ocv_step", "ocv_temperature"),
-            "resistance",
+            *("instrument", "resistance"),
             *("temperature", "relaxation", "ica", "capacity_loss", "ica_temperature"),
             *("degradation_modes", "fast_charge", "health", "impedance"),
         ],

@@ -20,6 +20,7 @@ TEST = {"test": "t", "kind": "drive", "soc": 0.9, "role": "validation"}
 ROWS = [{"group": "g", "position": k, "cell": cell} for k, cell in ((1, "A"), (2, "B"))]
 SECOND = truth.model("B")
 TESTS = [(TEST, SERIES)]
+_, RECORD = cw.held_out(truth.model(), SERIES, TEST, CELL)
 # Each public step that takes a model (or several), with all else that it needs.
 OF_MODEL = {
     "identify_without": lambda m: cw.identify_without(CELL, m, truth.model(), TESTS, celsius=0),
@@ -28,8 +29,9 @@ OF_MODEL = {
     "finish_model": lambda m: cw.finish_model(CELL, m),
     "export_model": cw.export_model,
     "simulate": lambda m: cw.simulate(m, CURRENT, initial_soc=0.9),
-    "validate": lambda m: cw.validate(m, SERIES, TEST, CELL),
-    "estimate_soc": lambda m: cw.estimate_soc(m, SERIES, TEST, CELL, filters=("ekf",)),
+    "held_out": lambda m: cw.held_out(m, SERIES, TEST, CELL),
+    "validate": lambda m: cw.validate(m, RECORD),
+    "estimate_soc": lambda m: cw.estimate_soc(m, RECORD, filters=("ekf",)),
     "thermal_constants": lambda m: cw.thermal_constants(CELL, m, TESTS),
     "missing_effect": lambda m: cw.missing_effect(CELL, truth.model(), TESTS, model=m),
     "missing_effect_stability": lambda m: cw.missing_effect_stability(

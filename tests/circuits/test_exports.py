@@ -74,7 +74,7 @@ def exported(tmp_path, monkeypatch):
         source.parent.mkdir(parents=True)
         about = {"reason": None, "origin": None, "notes": [], "facts": {}}
         source.write_text(json.dumps(model | {"provenance": about}))
-        folder = "results/export/A"
+        folder = "results/models/A"
         outputs = {"pybamm": f"{folder}/pybamm_thevenin.json", "lookup": f"{folder}/lookup.csv"}
         outputs["temperature"] = f"{folder}/over_temperature.csv"
         names = ("input", "output", "params", "wildcards", "log")
@@ -94,7 +94,7 @@ def scores(model, errors):
     """Paths of validation artefacts, one a test, of (rmse_volt of each member, samples)."""
     paths = []
     for number, (rmse, samples) in enumerate(errors):
-        path = f"results/validation/A/t{number}.parquet"
+        path = f"results/stages/validation/A/t{number}.parquet"
         names = [member["model"] for member in model["members"]]
         many = {"soc_anchor": [""], "extrapolated": [0.0], "soc_start": [1.0], "mean_volt": [0.0]}
         many["beyond_volt"] = [0.0]

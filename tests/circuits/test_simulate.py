@@ -6,12 +6,9 @@ What each kind of branch does is held in test_circuit.py.
 import numpy as np
 import pytest
 import truth
+from scipy.integrate import solve_ivp
 
-from cellwright.circuits.cell import (
-    overpotentials,
-    sensitivities,
-    simulate,
-)
+from cellwright.circuits.cell import overpotentials, sensitivities, simulate
 from cellwright.circuits.circuit import Branch, rc_circuit
 from cellwright.numerics.lags import lag
 from cellwright.refusal import Refusal
@@ -32,6 +29,27 @@ def test_parameters_per_sample_follow_the_state_of_charge():
     r = np.linspace(0.01, 0.02, 2001)
     slow = overpotentials(rc_circuit(0 * r, [r], [1e-3]), time, np.ones(2001), hold="first_order")
     np.testing.assert_allclose(slow[1, 10:], r[10:], atol=1e-5)
+
+
+def test_a_general_solver_gives_the_same_voltage():
+    """Parameters over SoC, the tolerance of the solver far below what is asked of us."""
+    time = np.arange(0.0, 1200.0)
+    current = -2.0 + 1.5 * np.sin(0.05 * time) - np.sin(0.31 * time)
+    grid = np.linspace(0.0, 1.0, 101)
+    r0, *r = 0.03 + 0.01 * np.cos(3 * grid), 0.02 - 0.005 * grid, 0.015 + 0.01 * grid**2
+    ocv, tau = 3.2 + 0.8 * grid + 0.1 * np.sin(6 * grid), np.array([8.0, 150.0])
+
+    def slope(t, state):
+        ampere = np.interp(t, time, current)
+        ohm = np.array([np.interp(state[0], grid, one) for one in r])
+        return [ampere / 7200.0, *((ohm * ampere - state[1:]) / tau)]
+
+    solution = solve_ivp(slope, time[[0, -1]], [0.8, 0, 0], "LSODA", time, rtol=1e-10, atol=1e-12)
+    soc = solution.y[0]
+    own, ohmic, *pairs = (np.interp(soc, grid, one) for one in (ocv, r0, *r))
+    run = simulate(rc_circuit(ohmic, pairs, tau), time, current, own, hold="first_order")
+    wanted = own + ohmic * current + solution.y[1:].sum(axis=0)
+    np.testing.assert_allclose(run, wanted, rtol=0, atol=1e-5)
 
 
 def test_a_single_sample_shows_what_acts_at_once():

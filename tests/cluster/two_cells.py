@@ -15,7 +15,7 @@ CELLS = ("C1", "C2")
 # Rules of several parts of a cell's work, which depend on each other, and a table of all cells.
 TARGETS = [
     "results/tables/capacity.csv",
-    *(f"results/basis/{cell}.json" for cell in CELLS),
+    *(f"results/stages/basis/{cell}.json" for cell in CELLS),
     *(f"results/figures/{cell}" for cell in CELLS),
 ]
 

@@ -121,8 +121,8 @@ def test_a_branch_is_made_of_a_cells_model():
 BAD = {
     "not a number": lambda r: r._replace(voltage_volt=np.full_like(r.voltage_volt, np.nan)),
     "runs back": lambda r: r._replace(test_time_second=r.test_time_second[::-1]),
-    "miss the total": lambda r: r._replace(branch_current_ampere=-r.branch_current_ampere),
-    "of 2 branches": lambda r: r._replace(branch_current_ampere=r.branch_current_ampere[:, :1]),
+    "miss the total": lambda r: r._replace(member_current_ampere=-r.member_current_ampere),
+    "of 2 branches": lambda r: r._replace(member_current_ampere=r.member_current_ampere[:, :1]),
 }
 
 

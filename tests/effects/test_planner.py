@@ -33,8 +33,11 @@ def test_a_slow_cycle_separates_hysteresis_from_diffusion_better_than_a_drive(us
     assert advice.test == "c20_both"
     assert after(advice, "c20_both") - advice.now > 20 * (after(advice, "drive_warm") - advice.now)
     assert advice.sentence.startswith("To tell hysteresis one state from slow diffusion: ")
-    assert "a C/20 discharge and charge (about 41 h), which would leave" in advice.sentence
-    assert f"now {advice.now:.0f}" in advice.sentence
+    assert (
+        "a C/20 discharge and charge (about 41 h), which would tell them apart by "
+        in advice.sentence
+    )
+    assert f"now {np.sqrt(advice.now):.0f} standard deviations" in advice.sentence
 
 
 def test_so_it_does_where_diffusion_is_the_truth(usual):

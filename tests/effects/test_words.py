@@ -3,8 +3,14 @@
 import pytest
 
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.story.places import worsened
-from cellwright.effects.story.words import beside_worst_test, doubts, one_line, paragraph
+from cellwright.effects.story.places import largest_before, worsened
+from cellwright.effects.story.words import (
+    beside_worst_test,
+    doubts,
+    one_line,
+    paragraph,
+    sentences_by_part,
+)
 
 PLACE = {"file": "hot", "soc": [0.1, 0.2], "current": "charge_low", "share": 0.42}
 PLACE |= {"temperature_celsius": [44.6]}
@@ -191,3 +197,23 @@ def test_a_model_that_lacks_nothing_stands_beside_the_test_in_which_it_errs():
     assert beside_worst_test(line, {}) == line
     assert beside_worst_test(line, {"good": 0.002, "far": 0.059}).endswith("errs by 59.0 mV in far")
     assert beside_worst_test("shows a leak", {"far": 0.059}) == "shows a leak"
+
+
+def test_the_field_with_the_largest_part_of_the_gap_is_named_with_what_it_is_now():
+    """Many rows of a middling error hold more of it than few of a large one."""
+    fields = {"rows": [10, 1000], "before_rms_volt": [0.1, 0.02], "after_rms_volt": [0.1, 0.001]}
+    fields |= {"soc_low": [0.9, 0.2], "soc_high": [1.0, 0.3], "test": ["slow", "drive"]}
+    fields |= {"rate": ["rest", "charge_high"]}
+    share = 100 * 0.4 / 0.5
+    said = largest_before(fields)
+    assert said.startswith(f"The largest part of the gap, {share:.0f} %, sat at 20–30 % SoC")
+    assert said.endswith("in drive: 20.0 mV by the plain model, 1.0 mV with what was found.")
+    assert largest_before({}) is None
+
+
+def test_a_story_has_its_parts_in_the_order_in_which_they_are_told():
+    found = verdict("named", effects=[step()], located_at=PLACE, probabilities={"none": 0.4})
+    found |= {"next_test": "To see more: a drive."}
+    parts = [part for part, _ in sentences_by_part(found, LIBRARY)]
+    assert parts == ["gap", "names", "changes", "left", "sure", "next"]
+    assert [part for part, _ in sentences_by_part(verdict("none"), LIBRARY)] == ["gap"]

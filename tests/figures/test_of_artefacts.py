@@ -32,7 +32,7 @@ def write(snakemake, test, *, reason=None):
     score = {"model": "1RC", "rmse_volt": 0.01, "chosen": True}
     paths = {}
     for name, stage, content in (("series", "simulation", series), ("scores", "validation", score)):
-        paths[name] = f"results/{stage}/A/{test}.parquet"
+        paths[name] = f"results/stages/{stage}/A/{test}.parquet"
         job = snakemake(paths[name], wildcards={"cell": "A", "test": test})
         about = artefact.Job(job).about(reason, paths[name] if reason else None)
         columns = {} if reason else {k: np.atleast_1d(v) for k, v in content.items()}
@@ -82,7 +82,7 @@ def test_a_reason_is_written_into_the_figure_that_it_concerns_and_no_other(job):
 def test_a_figure_names_its_own_inputs_and_test(job):
     figures = drawn(job)
     good, bad = figures["validation_good"], figures["validation_bad"]
-    assert "results/simulation/A/good.parquet" in good
+    assert "results/stages/simulation/A/good.parquet" in good
     assert "A/bad.parquet" not in good
     assert "A/bad.parquet" in bad
     assert '"wildcards": {"cell": "A", "test": "good"}' in good

@@ -54,6 +54,17 @@ def test_kernel_is_its_twin_for_every_kind_of_branch(kind):
     np.testing.assert_allclose(kalman.run(*given), kalman.run_by_numpy(*given), rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("points", [51, 101, 201, 334])
+def test_the_usual_gain_is_that_of_all_points_from_empty_to_full(points):
+    """Rounding of the grid leaves neither of its ends out."""
+    bank = bank_of(stated(), None, 25.0, points=points)
+    first = bank.elements[0]
+    rising = first._replace(gain=np.where(bank.soc < 0.0, 9.0, bank.soc))
+    bank = bank._replace(elements=(rising, *bank.elements[1:]))
+    plant = plant_of(bank, *record(), NOISE, hold="first_order")
+    assert plant.usual_gain[0] == pytest.approx(0.5, abs=1e-12)
+
+
 def many():
     """A member with ten pairs of which some are kinetics, hysteresis and diffusion."""
     model = with_branch("diffusion")

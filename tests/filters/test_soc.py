@@ -300,10 +300,9 @@ def test_a_scenario_is_laid_out_as_its_own_record_and_bank_would_be(scenario):
 
 
 def test_a_test_is_run_by_every_filter_start_and_scenario():
-    test = measured(9)
-    rows, series, _ = soc_runs(
-        stated(), cell_facts(3.0, 4.2), test, settings=Soc(**SETTINGS), split_rest_second=120.0
-    )
+    about = measured(9), stated(), cell_facts(3.0, 4.2)
+    record = laid_out(*about, split_rest_second=120.0, proof=True)
+    rows, series, _ = soc_runs(stated(), record, settings=Soc(**SETTINGS))
     assert len(rows) == len(METHODS) * (2 + 5)
     nominal = {row["filter"]: row for row in rows if row["scenario"] == "nominal"}
     assert nominal["coulomb"]["reason"] == "counting keeps the error of its start"

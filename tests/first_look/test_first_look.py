@@ -180,7 +180,7 @@ def test_a_clean_series_of_the_results_is_an_export(tmp_path):
     time, current, voltage = RECORDS["capacity"]
     raw = dict(zip(SERIES, (time, current, voltage), strict=True))
     clean = cw.clean(raw | {"voltage_volt": np.where(time == 5000, np.nan, voltage)}).columns
-    path = tmp_path / "results" / "clean" / "A7" / "t.parquet"
+    path = tmp_path / "results" / "stages" / "clean" / "A7" / "t.parquet"
     artefact.write(path, clean, {"reason": None, "notes": ["a note"]})
     assert main(["convert", str(path), "--to", str(tmp_path / "t.bdf.csv")]) == 0
     again = cw.read(tmp_path / "t.bdf.csv").columns

@@ -44,6 +44,16 @@ def test_maccor_by_letters_and_clock(clock):
     np.testing.assert_allclose(columns["net_capacity_ampere_hour"], [0, 0.5, 1.0, 0.75])
 
 
+def test_the_clock_tells_days_from_months():
+    """3, 4, 5 and 6 November as day/month, which month/day reads as four months."""
+    day = 86400
+    text = MACCOR.format(clock="Test (Sec)", t0=0, t1=day, t2=2 * day, t3=3 * day)
+    for k, hour in enumerate(("10:00", "10:30", "11:00", "11:30")):
+        text = text.replace(f"01/13/2024 {hour}:00", f"{3 + k:02d}/11/2024 {hour}:00")
+    unix = read(text).columns["unix_time_second"]
+    np.testing.assert_array_equal(np.diff(unix), 3 * [day + 1800])
+
+
 def test_a_current_under_an_unknown_letter_is_refused():
     text = MACCOR.format(clock="Test (Sec)", t0=0, t1=1800, t2=3600, t3=5400)
     with pytest.raises(Refusal, match=r"row 4 of data: a current of 0.5 A in a step of state 'X'"):
@@ -60,7 +70,10 @@ def test_a_last_row_that_is_cut_off_is_left_out_and_told():
     text = MACCOR.format(clock="Test (Sec)", t0=0, t1=1800, t2=3600, t3=5400)
     reading = read(text[:-40])
     assert len(reading.columns["voltage_volt"]) == 3
-    assert reading.notes == ("the last row is cut off (5 of 12 fields) and was left out",)
+    assert reading.notes == (
+        "the last row is cut off (5 of 12 fields) and was left out",
+        "columns that are not read: Rec#, StepTime, Watt-hr, ES",
+    )
 
 
 BIOLOGIC = "time/s\tEcell/V\tI/mA\t(Q-Qo)/mA.h\tTemperature/°C\t\n" + "".join(
@@ -101,8 +114,8 @@ def test_neware_report_with_lines_of_cycles_and_steps_between():
 
 
 def test_a_fault_names_the_line_of_the_file():
-    with pytest.raises(Refusal, match=r"^file: line 8: column 'Voltage\(V\)': found 'x'"):
-        read(NEWARE_REPORT.replace("3.6", "x"))
+    with pytest.raises(Refusal, match=r"^file: line 8: column 'Voltage\(V\)': found '3x6'"):
+        read(NEWARE_REPORT.replace("3.6", "3x6"))
 
 
 @pytest.mark.parametrize("label", ["Time (h)", "time_h", "Time [h]", "Test Time/h"])
@@ -249,6 +262,16 @@ def test_cut_files_give_right_values_or_a_refusal(shared):
                 )
 
 
+def test_a_data_base_that_is_cut_off_is_whole_or_refused(shared):
+    if not shutil.which("mdb-export"):
+        pytest.skip("mdb-export is not installed")
+    data = (shared / "formats" / "arbin" / "arbin_example.res").read_bytes()
+    rows = len(_or_none(data).columns["voltage_volt"])
+    for end in range(4 * 4096, len(data), 16 * 4096):
+        cut = _or_none(data[:end])
+        assert cut is None or len(cut.columns["voltage_volt"]) == rows
+
+
 def _or_none(data):
     try:
         return formats.read(data, name="file")
@@ -316,6 +339,12 @@ def test_a_time_of_day_in_the_interchange_format(start):
     text = f"Test Time / s,Current / A,Voltage / V\n{start},1.0,3.7\n"
     text += f"{start.replace(':00.5', ':10.5')},1,3.7\n"
     np.testing.assert_array_equal(read(text).columns["test_time_second"], [0.5, 10.5])
+
+
+def test_a_date_beside_it_makes_no_clock_of_an_elapsed_time():
+    text = "Test Time / s,Current / A,Voltage / V,Date Time ISO\n"
+    text += "".join(f"{t},1,3.7,2024-01-01 10:00:0{t}\n" for t in range(5))
+    np.testing.assert_array_equal(read(text).columns["test_time_second"], range(5))
 
 
 def test_units_that_no_label_says_are_taken_and_told():

@@ -196,7 +196,8 @@ REFUSED = {
     "blank": (b"\n \n", "empty"),
     "header only": (b"Test Time / s,Current / A,Voltage / V\n", "no row of data"),
     "one row": (bdf_with("Test Time / s,Current / A,Voltage / V", "0,1,3"), "1 row"),
-    "text": (BDF.replace(b"-1,3.6\n", b"none,3.6\n"), "line 3: column 'Current / A': found 'none'"),
+    "text": (BDF.replace(b"-1,3.6\n", b"-1x,3.6\n"), "line 3: column 'Current / A': found '-1x'"),
+    "words": (b"Test Time / s,Current / A,Voltage / V\n0,1,off\n1,1,off\n2,1,3\n", "found 'off'"),
     "short row": (BDF + b"3,-1\n4,-1,3.5\n", r"line 5: 2 fields where 3 are expected"),
     "long row": (BDF + b"3,-1,3.5,7\n", r"line 5: 4 fields where 3 are expected"),
     "cut gzip": (gzip.compress(BDF * 50)[:-20], "cut off"),
@@ -320,3 +321,22 @@ def test_a_voltage_is_refused_by_its_median(values):
         reason = "0 V in most rows" if middle == 0 else f"voltages around {middle:g} V"
         with pytest.raises(Refusal, match=reason):
             formats.read(text, name="x.bdf.csv")
+
+
+def test_a_word_for_no_value_is_blank_and_said_by_its_line():
+    rows = "".join(f"{k},-1,3.{k},25\n" for k in range(10, 20))
+    text = "Test Time / s,Current / A,Voltage / V,Surface Temperature / degC\n" + rows
+    text = text.replace("13,-1,3.13,25", "13, OverRange,3.13,25").replace("17,25", '17,"#DIV/0!"')
+    text = text.replace("12,-1,3.12,25", "12,-1,3.12,n/a").replace(
+        "15,-1,3.15,25", "15,-1,3.15,n/a"
+    )
+    found = formats.read(text.encode(), name="some.csv")
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(found.columns["current_ampere"])), [3])
+    surface = found.columns["surface_temperature_celsius"]
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(surface)), [2, 5, 7])
+    assert found.notes == (
+        "column 'Surface Temperature / degC': 'n/a' in 2 rows (line 4, 7) is no number and was "
+        "left blank",
+        "column 'Current / A': 'OverRange' in line 5 is no number and was left blank",
+        "column 'Surface Temperature / degC': '#DIV/0!' in line 9 is no number and was left blank",
+    )

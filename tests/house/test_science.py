@@ -25,7 +25,9 @@ ROOMS = {
     "bias": {"numerics", "records", "protocols", "circuits", "health", "identification"},
     "filters": {"numerics", "records", "circuits"},
     "packs": {"numerics", "records", "circuits", "identification"},
-    "effects": {"numerics", "series", "records", "protocols", "circuits", "identification"},
+    "effects": {
+        *("numerics", "series", "records", "protocols", "circuits", "identification", "packs"),
+    },
 }
 # The public interface stands on all rooms, and no room on it.
 ROOMS["api"] = set(ROOMS)

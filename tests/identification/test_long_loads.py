@@ -98,7 +98,7 @@ def steady(model):
 
 def error(model, test):
     """Error of the chosen member over 5 to 95 % SoC [V]."""
-    scores = cw.validate(model, test.series, test.facts, CELL)
+    scores = cw.validate(*cw.held_out(model, test.series, test.facts, CELL))
     (row,) = [row for row in scores.rows if row["chosen"]]
     return row["rmse_volt_soc_5_95"]
 

@@ -5,7 +5,7 @@ import pytest
 import truth
 from synthetic import CAPACITY, data, diffusion, hysteresis, measured, with_target
 
-from cellwright.circuits.cell import overpotentials
+from cellwright.circuits.cell import overpotentials, usual_slope
 from cellwright.circuits.circuit import Branch
 from cellwright.identification.columns import (
     Held,
@@ -14,7 +14,6 @@ from cellwright.identification.columns import (
     lead,
     ocv_of,
     on_table,
-    slope_of,
 )
 from cellwright.identification.regression import (
     covariance_of,
@@ -85,7 +84,8 @@ def test_an_ocv_goes_on_with_its_slope_outside_its_table(ready):
     first, last = np.diff(truth.OCV_VOLT)[[0, -1]] / 0.01
     expected = truth.ocv_at(at) + [-0.02 * first, 0, 0, 0, 0.03 * last]
     np.testing.assert_allclose(ocv_of(ready, at), expected)
-    np.testing.assert_allclose(slope_of(ready, at[[0, -1]]), [first, last])
+    slopes = usual_slope(ready.ocv_volt, at[[0, -1]])
+    np.testing.assert_allclose(slopes, [first, last])
     held = Held((), missing=0.03, stretch=0.02)
     np.testing.assert_allclose(on_table(np.array([1.0, 0.0]), held), [0.97, -0.05])
 

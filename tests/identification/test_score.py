@@ -5,8 +5,10 @@ import pytest
 import truth
 from sheets_facts import cell_facts, facts_of
 
+from cellwright.api.results import Result
 from cellwright.identification.validation import beyond_volt, scores, validate
 from cellwright.records.facts import MeasuredTest
+from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 
 CELL = cell_facts()
@@ -26,8 +28,10 @@ def series(**change):
 
 
 def score(facts=FACTS, *, model=None, **change):
-    test = MeasuredTest(facts, series(**change))
-    return validate(model or truth.model(), CELL, test, split_rest_second=120.0)
+    test, model = MeasuredTest(facts, series(**change)), model or truth.model()
+    record = laid_out(test, model, CELL, split_rest_second=120.0, proof=True)
+    rows, columns, notes = validate(model, record)
+    return Result({"rows": rows, "series": columns}, notes=notes)
 
 
 def test_the_truth_has_no_error():

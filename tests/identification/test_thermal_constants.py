@@ -7,6 +7,7 @@ import pytest
 import strings
 from sheets_facts import cell_facts, measured_test
 
+from cellwright.api.results import Result
 from cellwright.circuits.heat import heat, temperature
 from cellwright.circuits.model_file import simulate_model
 from cellwright.identification.thermal import constants_of, thermal_columns, thermal_of
@@ -41,7 +42,8 @@ def warmed(load, seed=0, *, name="capacity_25C", role="fit", noise=0.05, warms=T
 
 
 def found_of(*tests):
-    return thermal_of(MODEL, CELL, list(tests), split_rest_second=120.0)
+    content, rows, notes = thermal_of(MODEL, CELL, list(tests), split_rest_second=120.0)
+    return Result({"rows": rows}, content, notes)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -6,7 +6,7 @@ import group_plant
 import numpy as np
 
 from cellwright.effects.groups.model import Branch
-from cellwright.records.record import GroupRecord
+from cellwright.records.record import record_of
 
 TABLE = np.array([group_plant.ocv(soc) for soc in np.linspace(0.0, 1.0, 401).tolist()])
 CELLS = [
@@ -28,7 +28,8 @@ measured = cache(group_plant.measured)
 
 
 def record(name, seed, *, currents=True, celsius=25.0, **hidden):
-    """GroupRecord of the pair with hidden effects, with or without branch currents."""
+    """Record of the pair with hidden effects, with or without branch currents."""
     time, total, volt, read = measured(seed, celsius=celsius, **hidden)
     read = read if currents else None
-    return GroupRecord(name, time, total, volt, np.full(len(time), celsius), read)
+    columns = record_of(time, total, volt, np.nan, test=name, celsius=celsius)
+    return columns._replace(member_current_ampere=read)

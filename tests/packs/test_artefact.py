@@ -11,7 +11,6 @@ from wirings import WIRINGS, parallel, series
 import cellwright as cw
 from cellwright.packs.artefact import (
     CellInPack,
-    ThermalConstants,
     pack_document,
     pack_lookup,
     read_pack,
@@ -20,6 +19,7 @@ from cellwright.packs.artefact import (
 )
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
+from cellwright.packs.thermal import Thermal
 from cellwright.packs.wiring import charge_of
 from cellwright.refusal import Refusal
 from runtime import artefact, contract, settings
@@ -90,7 +90,7 @@ def test_a_wiring_is_read_back_as_it_was(shape):
 
 def test_what_is_read_back_runs_to_the_same_voltages():
     wiring = series(parallel("A", "B", link=1e-3, contact=1e-3), "C", contact=2e-3)
-    given = cells("ABC", thermal=ThermalConstants(60.0, 4.0))
+    given = cells("ABC", thermal=Thermal(60.0, 4.0))
     pack = read_pack(written(pack_document(wiring, given)))
     runs = [
         simulate_pack(TIME, LOAD, pack_cells(models), wired, initial_soc=0.5)
@@ -100,7 +100,7 @@ def test_what_is_read_back_runs_to_the_same_voltages():
         )
     ]
     assert pack.cells == ("A", "B", "C")
-    assert pack.thermal == (ThermalConstants(60.0, 4.0),) * 3
+    assert pack.thermal == (Thermal(60.0, 4.0),) * 3
     for one, other in zip(runs[0][:4], runs[1][:4], strict=True):
         np.testing.assert_array_equal(one, other)
 

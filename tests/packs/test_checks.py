@@ -12,7 +12,7 @@ from cellwright.packs.checks import (
     swapped_channels,
 )
 from cellwright.packs.wiring import Wiring
-from cellwright.records.record import GroupRecord
+from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
 CAPACITY = np.array([30.0, 29.0, 27.5, 31.0])
@@ -52,7 +52,8 @@ def measured(seed, members=4):
 def record(read, total, cells=None, volt=None):
     volt = np.full(len(total), 3.6) if volt is None else volt
     time = np.arange(float(len(total)))
-    return GroupRecord("t", time, total, volt, volt, None, None, read, cells)
+    made = record_of(time, total, volt, np.nan, test="t")
+    return made._replace(member_current_ampere=read, cell_voltage_volt=cells)
 
 
 def parallel(members=4):
@@ -125,7 +126,7 @@ def test_a_sensor_in_another_sign_or_unit_is_named_and_refused(factor, words):
         (one,) = found(read, total)
         assert (one.check, one.branch, one.value) == ("unit", seed % 4 + 1, factor)
         assert words in one.sentence
-        held = record(read, total)._replace(branch_current_ampere=read)
+        held = record(read, total)
         with pytest.raises(Refusal, match=f"miss the total by .*branch {seed % 4 + 1} alone"):
             refuse_contradiction(held, parallel())
 
@@ -166,13 +167,9 @@ def test_a_small_contradiction_is_scored_and_a_large_one_refused():
     true, read = measured(6)
     total = true.sum(axis=1)
     refuse_contradiction(record(None, total), parallel())
-    refuse_contradiction(
-        record(read, total)._replace(branch_current_ampere=1.03 * read), parallel()
-    )
+    refuse_contradiction(record(1.03 * read, total), parallel())
     with pytest.raises(Refusal, match=r"t: its branch currents miss the total by .* too much"):
-        refuse_contradiction(
-            record(1.1 * read, total)._replace(branch_current_ampere=1.1 * read), parallel()
-        )
+        refuse_contradiction(record(1.1 * read, total), parallel())
 
 
 def test_a_record_without_branches_or_without_a_load_tells_nothing():

@@ -15,8 +15,8 @@ from cellwright.packs.series.capability import (
 )
 from cellwright.packs.series.power import limiting_current, power_of_string, pulse_volt
 from cellwright.packs.series.string import simulate_string, string_soc, validate_string
+from cellwright.records import record as layout
 from cellwright.records.facts import BranchFacts, CellFacts
-from cellwright.records.record import GroupRecord
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
@@ -38,7 +38,7 @@ def record_of(initial_soc, *, current=None, seconds=3000.0, noise=0.0, cells=Tru
     run = simulate_string(MODELS, time, load, initial_soc=initial_soc)
     random = np.random.default_rng(4)
     volt = run.cell_voltage_volt + random.normal(0.0, noise, run.cell_voltage_volt.shape)
-    record = GroupRecord("t", time, load, volt.sum(axis=1), np.full(len(time), 25.0))
+    record = layout.record_of(time, load, volt.sum(axis=1), np.nan, test="t")
     record = record._replace(cell_voltage_volt=volt if cells else None, **changes)
     return record, run
 

@@ -57,6 +57,33 @@ def test_complete_cycles_are_numbered_and_counted():
     assert rows.coulombic_efficiency[2] == pytest.approx(1, abs=0.01)
 
 
+def losing_in_the_first_load(columns, share):
+    """A record whose first load took 1/share of what it gives back."""
+    current = columns["current_ampere"]
+    first = np.flatnonzero(current)
+    rows = first[: np.argmax(np.append(np.diff(first), 99) > 1) + 1]
+    current[rows] /= share
+    return columns | {"charge_ampere_hour": counted(columns["test_time_second"], current)}
+
+
+@pytest.mark.parametrize(("first_cycle", "told"), [(0, 0.7), (100, np.nan)])
+def test_the_efficiency_of_formation_is_told_of_a_new_cell(first_cycle, told):
+    cycles = series((1.0, 1.0), (-1.0, 0.0), (1.0, 1.0), (-1.0, 0.0), soc=0.0)
+    rows = run(losing_in_the_first_load(cycles, 0.7), first_cycle=first_cycle).rows
+    found = rows.coulombic_efficiency[rows.direction == "discharge"]
+    np.testing.assert_allclose(found, [told, 1.0], rtol=0.02)
+
+
+def test_a_negative_electrode_begins_its_cycles_with_a_discharge():
+    columns = series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.0), (1.0, 1.0))
+    columns = losing_in_the_first_load(columns, 0.9)
+    columns["voltage_volt"] -= 2.99
+    rows = run(columns, lower=0.01, upper=1.01, state_before="full").rows
+    assert np.isnan(rows.coulombic_efficiency[rows.direction == "discharge"]).all()
+    found = rows.coulombic_efficiency[rows.direction == "charge"]
+    np.testing.assert_allclose(found, [0.9, 1.0], rtol=0.02)
+
+
 def test_temperatures_are_of_the_half_cycle():
     rows = run(series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.0))).rows
     assert rows.room_temperature_celsius == pytest.approx([20, 21, 22], abs=0.05)

@@ -53,7 +53,17 @@ def test_full_cycle_gives_capacity_energy_and_efficiency():
     assert np.isclose(rows["energy_watt_hour"][1], 2.0 * 3.5, rtol=0.003)
     assert np.allclose(rows["coulombic_efficiency"], 1 / 1.01, atol=0.002)
     assert np.allclose(rows["c_rate"], 0.5)
-    assert np.isnan(rows["capacity_std_ampere_hour"]).all()
+    share = rows["capacity_std_ampere_hour"] / rows["capacity_ampere_hour"]
+    np.testing.assert_allclose(rows["energy_std_watt_hour"] / rows["energy_watt_hour"], share)
+
+
+@pytest.mark.parametrize(("others", "largest"), [((), 1.0), ((-2.0, 2.0), 2.0)])
+def test_a_capacity_is_no_surer_than_the_ammeter_over_its_range(others, largest):
+    """Off by up to a share of the largest current, anywhere, for as long as the discharge took."""
+    parts = [run(cycle(-1.0, 1.0, *others), current_accuracy_share=x).rows for x in (0.0, 0.01)]
+    without, with_it = (rows["capacity_std_ampere_hour"] for rows in parts)
+    found = np.sqrt(with_it**2 - without**2)[-1 if not others else -2]
+    assert found == pytest.approx(0.01 * largest * 2.0 / 3**0.5, rel=0.02)
 
 
 def test_repeats_are_averaged_and_rates_kept_apart():

@@ -65,6 +65,8 @@ def test_what_the_first_rest_contradicts_is_said_and_the_record_tells(direction,
     right, _ = analysed(direction, 1.0 - soc)
     for stage, columns in rows.items():
         np.testing.assert_allclose(columns["soc"], right[stage]["soc"], atol=1e-9)
+    assert all(f"the stated SoC of {soc:g} is not used" in x for x in rows["resistance"]["doubt"])
+    assert not any(right["resistance"]["doubt"])
     for said in notes:
         assert any(f"the stated SoC of {soc:g} is not used: a rest at" in note for note in said)
     series, test = portions(direction), cw.TestFacts("r", "hppc", 25.0, soc=soc)

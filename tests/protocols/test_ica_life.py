@@ -40,18 +40,18 @@ def life(peak_share=1.0):
 
 
 def test_charges_lie_evenly_over_the_life_with_the_rate_of_their_constant_current():
-    found = peaks_of_life(*life(), prominence=0.02, most=4)
-    assert [row["cycle"] for row in found.rows] == [1, 5, 8, 12]
-    assert [row["c_rate"] for row in found.rows] == pytest.approx([0.5] * 4)
-    wanted = [3.7 + 0.002 * (row["cycle"] - 1) for row in found.rows]
-    np.testing.assert_allclose([row["voltage_volt"] for row in found.rows], wanted, atol=1e-3)
-    assert sorted(set(found.curves["cycle"])) == [1, 5, 8, 12]
+    rows, curves, _ = peaks_of_life(*life(), prominence=0.02, most=4)
+    assert [row["cycle"] for row in rows] == [1, 5, 8, 12]
+    assert [row["c_rate"] for row in rows] == pytest.approx([0.5] * 4)
+    wanted = [3.7 + 0.002 * (row["cycle"] - 1) for row in rows]
+    np.testing.assert_allclose([row["voltage_volt"] for row in rows], wanted, atol=1e-3)
+    assert sorted(set(curves["cycle"])) == [1, 5, 8, 12]
 
 
 def test_a_charge_without_peaks_says_so():
-    found = peaks_of_life(*life(peak_share=0), prominence=0.02, most=2)
-    assert [row["peak"] for row in found.rows] == [0, 0]
-    assert {row["reason"] for row in found.rows} == {"no peaks: the curve is flat"}
+    rows, _, _ = peaks_of_life(*life(peak_share=0), prominence=0.02, most=2)
+    assert [row["peak"] for row in rows] == [0, 0]
+    assert {row["reason"] for row in rows} == {"no peaks: the curve is flat"}
 
 
 def test_a_record_without_a_complete_charge_is_refused():

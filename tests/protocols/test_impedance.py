@@ -9,6 +9,7 @@ from spectra import CONDITIONS, FREQUENCY, NAMES, THESIS, measured, noisy, thesi
 from cellwright.native import function
 from cellwright.protocols.impedance import fit as fits
 from cellwright.protocols.impedance.analysis import (
+    analyse,
     arcs,
     best,
     characteristic_frequency,
@@ -247,6 +248,20 @@ def test_evidence_prefers_the_circuit_that_made_the_spectrum():
     for criterion in ("bic", "cross_validation"):
         assert best(double, criterion=criterion).circuit == circuits[1]
     assert double[1].cross_validation_residual == pytest.approx(np.sqrt(2) * 0.003, rel=0.3)
+
+
+@pytest.mark.parametrize("choose", ["circuit", "bic", "cross_validation"])
+def test_constraints_count_when_circuits_are_compared(choose):
+    spectrum = noisy(thesis_impedance(THESIS))
+    given, other = "R-(CPE|(R-W))", "R-(CPE|R)"
+    about = {"candidates": [other], "constraints": ["cpe_p = 0.7"], "choose": choose}
+    found = analyse(FREQUENCY, spectrum, circuit=given, **about)
+    ours = next(row for row in found.candidates if row["circuit"] == given)
+    free = compare(FREQUENCY, spectrum, [given])[0]
+    assert ours["free_parameters"] == free.fit.free - 1
+    assert ours["cross_validation_residual"] > free.cross_validation_residual
+    if found.row["circuit"] == given:
+        assert found.row["cpe_p"] == pytest.approx(0.7, rel=1e-12)
 
 
 def test_a_candidate_that_is_no_circuit_has_a_reason_and_is_never_best():

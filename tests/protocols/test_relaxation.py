@@ -134,7 +134,7 @@ def test_a_third_of_a_rest_tells_its_end_better_than_its_last_sample(shared, cel
 @pytest.mark.parametrize(
     ("time", "volt", "message"),
     [
-        (TIME[:-1], THESIS, "both must be"),
+        (TIME[:-1], THESIS, "all must be"),
         (TIME[:7], THESIS[:7], "7 sample"),
         (TIME, np.where(TIME == 5, np.nan, THESIS), "not finite"),
         (TIME[::-1], THESIS, "runs back"),

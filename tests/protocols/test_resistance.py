@@ -50,6 +50,17 @@ def test_known_resistance_at_every_delay(level):
     assert np.allclose(rows["c_rate"], abs(level) / 3)
 
 
+def test_c_rates_under_ampere_are_told_by_their_roundness_and_their_answer():
+    time, current, voltage = pulse(level=-7.5)  # 1.5C of 5 Ah
+    (said,) = set(measure(time, current / 5, voltage, rated=5.0).rows["doubt"])
+    volt = f"{25 * truth(0.55):.2g} V"
+    assert said == f"1C would move the voltage by {volt} at once: does the file hold C-rates?"
+    assert not any(measure(time, current, voltage, rated=5.0).rows["doubt"])
+    # A round current of a cell whose resistance is usual says nothing.
+    time, current, voltage = pulse(level=-1.0)
+    assert not any(measure(time, current, voltage, rated=3.3).rows["doubt"])
+
+
 def test_pulse_on_a_running_discharge_is_referred_to_it():
     rows = measure(*pulse(level=-6.0, base=-1.0)).rows
     assert np.allclose(rows["resistance_ohm"], truth(np.array([0.1, 1, 10])), rtol=1e-6)

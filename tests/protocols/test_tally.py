@@ -14,9 +14,9 @@ LEVELS = arrays(float, st.integers(2, 80), elements=st.integers(-9, 9).map(lambd
 @given(LEVELS)
 def test_the_count_is_that_of_numpy(voltage):
     charge = np.linspace(-1.0, 2.0, len(voltage))
-    levels = tally(voltage, charge)
+    levels, counts, sums = tally(voltage, charge)
     volt, rows = np.unique(voltage, return_counts=True)
-    np.testing.assert_array_equal(levels.volt, volt)
-    np.testing.assert_array_equal(levels.rows, rows)
-    sums = [charge[voltage == one].sum() for one in volt]
-    np.testing.assert_allclose(levels.charge_ampere_hour, sums, rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(levels, volt)
+    np.testing.assert_array_equal(counts, rows)
+    wanted = [charge[voltage == one].sum() for one in volt]
+    np.testing.assert_allclose(sums, wanted, rtol=0, atol=1e-13)

@@ -103,9 +103,9 @@ def campaign(tmp_path):
     tests = "cell\ttest\tcycle\tambient_temperature_celsius\nA\tslow\t\t25\nA\tspectrum\t\t25\n"
     (folder / "config/tests.tsv").write_text(tests)
     grid = np.linspace(0, 1, 11)
-    _parquet(results / "ocv/A/slow.parquet", {"soc": grid, "ocv_volt": 3 + grid})
-    _parquet(results / "flags/A/slow.parquet", {"flag": ["gap", "gap", "spike"]})
-    _json(results / "basis/A.json", {"capacity_ampere_hour": 2.0})
+    _parquet(results / "stages/ocv/A/slow.parquet", {"soc": grid, "ocv_volt": 3 + grid})
+    _parquet(results / "stages/flags/A/slow.parquet", {"flag": ["gap", "gap", "spike"]})
+    _json(results / "stages/basis/A.json", {"capacity_ampere_hour": 2.0})
     errors = {"before": 0.010, "after": 0.004}
     verdict = {"verdict": "named", "effects": [{"effect": "leakage"}], "gap_closed": 0.8}
     _json(results / "missing_effect/A/verdict.json", verdict | {"validation_rmse_volt": errors})

@@ -39,7 +39,6 @@ def test_of_three_the_odd_one_out_is():
 @pytest.mark.parametrize(
     "more",
     [
-        {"cycle": 500},
         {"ambient_temperature_celsius": 0.0},
         {"cell": "B"},
         {"temperature_mean_celsius": 35.0},
@@ -49,6 +48,24 @@ def test_of_three_the_odd_one_out_is():
 )
 def test_what_was_not_made_alike_is_not_compared(more):
     assert doubts([capacity("slow", 2.8, 0.05), capacity("fast", 3.0, 1.0, **more)]) == ["", ""]
+
+
+def test_no_older_cell_gives_more_at_one_rate():
+    ages = zip((0, 100, 200, 300), (4.4, 3.4, 4.2, 4.1), strict=True)
+    rows = [capacity(f"cu{k}", ah, 1.0, cycle=k, direction="charge") for k, ah in ages]
+    said = doubts(rows)
+    assert said[0] == said[2] == said[3] == ""
+    assert said[1] == (
+        "cu200 gives 4.2 Ah at cycle 200: no older cell gives more; and 1 more tests against it"
+    )
+    rows[1] |= {"c_rate": 0.8}  # as a current that reads too low says
+    assert doubts(rows) == said
+    # Three per cent of it repeats do; a cell that its own larger resistance warms gives more.
+    assert (
+        doubts([capacity("a", 4.0, 1.0, cycle=0), capacity("b", 4.1, 1.0, cycle=100)]) == [""] * 2
+    )
+    warm = capacity("b", 4.4, 1.0, cycle=100, temperature_mean_celsius=35.0)
+    assert doubts([capacity("a", 4.0, 1.0, cycle=0), warm]) == [""] * 2
 
 
 def test_cycles_of_one_ageing_test_differ_because_the_cell_ages():
@@ -69,5 +86,12 @@ def test_a_resistance_half_as_large_again_as_others_at_its_soc():
     said = doubts(rows, "resistance")
     assert said[:2] == ["said before"] * 2
     assert said[2].startswith("said before; a gives 30 mΩ at 50% SoC")
+    # The first sample hardly hangs on the SoC, later ones do.
+    apart = [r | {"soc": soc} for r, soc in zip(rows, (0.9, 0.6, 0.3), strict=True)]
+    assert doubts(apart, "resistance") == ["said before"] * 3
+    apart[2] |= {"resistance_ohm": 0.15, "soc": float("nan")}
+    assert "b gives 31 mΩ at 60% SoC" in doubts(apart[1:], "resistance")[1]
+    apart = [r | {"delay_second": 10.0} for r in apart]
+    assert doubts(apart, "resistance") == ["said before"] * 3
     # Near empty, and after other times, it may be another.
     assert doubts([r | {"soc": 0.05} for r in rows], "resistance") == ["said before"] * 3

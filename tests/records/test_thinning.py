@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from cellwright.effects.preparing import _least_step_ampere
-from cellwright.records.record import GroupRecord, record_of
+from cellwright.records.record import record_of
 from cellwright.records.thinning import (
     averaged,
     averaged_to,
@@ -135,7 +135,8 @@ def test_branch_currents_of_a_group_are_averaged_with_their_total():
     time = 0.5 * np.arange(100)
     branches = np.column_stack([np.arange(100.0), -np.arange(100.0)])
     stated = np.array([0.9, 0.8])
-    made = GroupRecord("pair", time, branches.sum(axis=1), time, time, branches, stated)
+    made = record_of(time, branches.sum(axis=1), time, np.nan)
+    made = made._replace(member_current_ampere=branches, initial_soc=stated)
     small = averaged(made, width_second=1.0)
     np.testing.assert_allclose(small.branch_current_ampere[:2], [[0.5, -0.5], [2.5, -2.5]])
     np.testing.assert_array_equal(small.initial_soc, stated)

@@ -15,7 +15,7 @@ from cellwright_fmu.unit import archive
 from runtime import artefact, contract
 
 CURVE = {name: np.array([1.0, 2.0]) for name in contract.stages()["ica_curve"]["columns"]}
-PATH = "results/ica_curve/A/t.parquet"
+PATH = "results/stages/ica_curve/A/t.parquet"
 
 
 def _saved(snakemake, path=PATH, content=CURVE, **facts):
@@ -56,7 +56,7 @@ def test_provenance_holds_inputs_and_no_absolute_path(snakemake, tmp_path):
 
 def test_refusal_is_written_and_passed_on_with_its_origin(snakemake):
     _refused(snakemake)
-    later = "results/ica_curve/A/later.parquet"
+    later = "results/stages/ica_curve/A/later.parquet"
     with artefact.Job(snakemake(later)) as job:
         job.load(PATH)
     about = artefact.read_about(later)
@@ -80,7 +80,7 @@ def test_interrupt_is_not_swallowed(snakemake):
 
 
 def test_output_saved_before_a_refusal_is_kept(snakemake):
-    second = "results/ica_curve/A/second.parquet"
+    second = "results/stages/ica_curve/A/second.parquet"
     with artefact.Job(snakemake(PATH, second)) as job:
         job.save(CURVE, PATH)
         raise Refusal("second part impossible")
@@ -118,7 +118,7 @@ CAPACITY = {name: np.ones(3) for name in contract.stages()["capacity"]["columns"
 
 
 def test_a_row_out_of_its_range_is_left_out_and_told_and_the_others_stand(snakemake):
-    path = "results/capacity/A/t.parquet"
+    path = "results/stages/capacity/A/t.parquet"
     wrong = CAPACITY | {"capacity_ampere_hour": np.array([1.0, -2.0, 3.0])}
     with artefact.Job(snakemake(path)) as job:
         job.save(wrong, left_out=["row 9 of the file"])
@@ -149,7 +149,7 @@ def test_rows_of_several_columns_are_left_out_in_a_sentence_each():
 
 
 def test_a_series_out_of_its_range_is_refused_whole(snakemake):
-    path = "results/ocv/A/t.parquet"
+    path = "results/stages/ocv/A/t.parquet"
     columns = {name: np.zeros(2) for name in contract.stages()["ocv"]["columns"]}
     with artefact.Job(snakemake(path)) as job:
         job.save(columns | {"soc": np.array([0.5, 1.5])})
@@ -197,7 +197,7 @@ def test_cells_of_tables_are_plain(snakemake):
 
 def test_units_for_simulators_carry_their_provenance_among_their_extras(snakemake):
     unit = archive({"modelDescription.xml": b"<fmi/>"})
-    path = _saved(snakemake, "results/fmu/A.fmu", unit, token="abc")
+    path = _saved(snakemake, "results/models/A.fmu", unit, token="abc")
     first = Path(path).read_bytes()
     with zipfile.ZipFile(path) as packed:
         assert packed.read("modelDescription.xml") == b"<fmi/>"
@@ -205,7 +205,7 @@ def test_units_for_simulators_carry_their_provenance_among_their_extras(snakemak
     assert (about["rule"], about["reason"], about["facts"]) == ("toy", None, {"token": "abc"})
     _saved(snakemake, path, unit, token="abc")
     assert Path(path).read_bytes() == first
-    refused = _refused(snakemake, "results/fmu/B.fmu", "no member")
+    refused = _refused(snakemake, "results/models/B.fmu", "no member")
     assert artefact.read_about(refused)["reason"] == "no member"
 
 
@@ -222,7 +222,7 @@ def test_load_some_passes_the_reason_on_where_nothing_has_content(snakemake):
 
 def test_load_together_keeps_pairs(snakemake):
     _saved(snakemake)
-    bad = _refused(snakemake, "results/ica_curve/A/bad.parquet")
+    bad = _refused(snakemake, "results/stages/ica_curve/A/bad.parquet")
     found = artefact.load_together([(PATH, bad), (PATH, PATH)])
     assert len(found) == 1
 
@@ -243,7 +243,7 @@ def test_a_job_that_makes_no_table_for_people_imports_no_pandas():
 
 
 FIRST, SECOND, THIRD = (
-    f"results/{stage}/A/t.parquet" for stage in ("ingest", "clean", "ica_curve")
+    f"results/stages/{stage}/A/t.parquet" for stage in ("ingest", "clean", "ica_curve")
 )
 SERIES = {name: np.zeros(2) for name in ("test_time_second", "current_ampere", "voltage_volt")}
 

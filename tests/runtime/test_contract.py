@@ -5,7 +5,7 @@ import yaml
 
 from runtime import contract
 
-CAPACITY = "results/capacity/A/C20.parquet"
+CAPACITY = "results/stages/capacity/A/C20.parquet"
 TABLE = "results/tables/capacity.csv"
 STAGES = {
     "capacity": {"columns": {"cell_ampere_hour": {"unit": "Ah", "range": [0, None]}}},

@@ -12,8 +12,11 @@ ROW = row_of("capacity", direction="discharge", capacity_ampere_hour=1.9)
 
 def test_tests_carry_the_facts_that_their_artefacts_were_made_with(saved):
     """What is empty for a reason is no test, and has neither rows nor steps."""
-    cold = saved("results/capacity/A/cold.parquet", [ROW], {"test": SHEET})
-    paths = [cold, saved("results/capacity/A/empty.parquet", "no discharge", {"test": SHEET})]
+    cold = saved("results/stages/capacity/A/cold.parquet", [ROW], {"test": SHEET})
+    paths = [
+        cold,
+        saved("results/stages/capacity/A/empty.parquet", "no discharge", {"test": SHEET}),
+    ]
     (test,) = facts.tests(paths)
     assert test.facts == cw.TestFacts("cold", **SHEET)
     assert test.series["capacity_ampere_hour"].tolist() == [1.9]

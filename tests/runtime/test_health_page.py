@@ -72,7 +72,7 @@ def test_lives_are_drawn_from_every_discharge_else_from_check_ups(saved):
         course | {"cycle": cycle, "capacity_ampere_hour": size, "used": why == "", "reason": why}
         for cycle, size, why in ((1.0, 20.0, ""), (2.0, 5.0, "cut short"), (3.0, 18.0, ""))
     ]
-    path = saved("results/fade_course/A.parquet", rows)
+    path = saved("results/stages/fade_course/A.parquet", rows)
     aged = pd.concat([HEALTH, pd.DataFrame([row("B", 100.0, 0.9, "check-up")])])
     lives = health_page.lives(aged, FADE, [path], {"A": "fast_charge", "B": None})
     cycled, checked = lives

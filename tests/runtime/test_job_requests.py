@@ -31,7 +31,7 @@ def test_a_job_asks_for_more_than_was_measured_and_twice_as_much_at_each_attempt
     ],
 )
 def test_a_group_is_of_one_part_of_one_cell_or_group(part, wildcards, group):
-    assert job_requests.group_of(job_requests.Cost(part, 1.0, 100.0), wildcards) == group
+    assert job_requests.group_of(job_requests.Cost(part, 0.5, 1.0, 100.0), wildcards) == group
 
 
 def test_an_unknown_part_is_named(tmp_path):

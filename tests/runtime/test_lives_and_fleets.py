@@ -28,8 +28,10 @@ def checked(saved):
         growth = [about | {"soc": soc} for soc in (0.2, 0.5, 0.8)]
         refused = "no capacity and no resistance" if place == 8 else None
         found = refused or [rating(20.0 + place, ohm)]
-        rated.append(saved(f"results/checkups/P{place}.parquet", found))
-        pulsed.append(saved(f"results/resistance_growth/P{place}.parquet", refused or growth))
+        rated.append(saved(f"results/stages/checkups/P{place}.parquet", found))
+        pulsed.append(
+            saved(f"results/stages/resistance_growth/P{place}.parquet", refused or growth)
+        )
     return rated, pulsed
 
 
@@ -62,5 +64,5 @@ def test_ratings_fit_their_contract(saved):
     capacity |= {"test": "c", "cycle": None, "ambient_temperature_celsius": None}
     limits = ("rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt")
     rows, _ = check_ups([capacity], [], **dict.fromkeys(limits))
-    path = saved("results/checkups/A.parquet", lives.with_sheet(rows, []))
+    path = saved("results/stages/checkups/A.parquet", lives.with_sheet(rows, []))
     assert artefact.load(path)["soh"].tolist() == [1.0]

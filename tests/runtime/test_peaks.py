@@ -11,8 +11,10 @@ PEAK = row_of("ica")
 
 def test_a_charge_without_peaks_counts_and_one_without_a_curve_does_not(saved):
     charges = {"one": [PEAK], "flat": "no peaks: flat", "bad": "12 rows of charge are too few"}
-    paths = [saved(f"results/ica/A/{test}.parquet", found) for test, found in charges.items()]
-    places = [f"results/ica_curve/A/{test}.parquet" for test in charges]
+    paths = [
+        saved(f"results/stages/ica/A/{test}.parquet", found) for test, found in charges.items()
+    ]
+    places = [f"results/stages/ica_curve/A/{test}.parquet" for test in charges]
     curves = [saved(path, CURVE, c_rate=0.5) for path in places[:2]]
     curves.append(saved(places[2], charges["bad"]))
     tests = {f"A/{test}": FACTS | {"cycle": k * 100} for k, test in enumerate(charges)}
@@ -27,7 +29,9 @@ def test_a_charge_without_peaks_counts_and_one_without_a_curve_does_not(saved):
 def test_records_without_a_stated_cycle_count_on(saved):
     rows = [row_of("ica_life", reason="", cycle=1.0)]
     rows.append(row_of("ica_life", reason="no peaks: flat", cycle=9.0, peak=0))
-    paths = [saved(f"results/ica_life/A/{test}.parquet", rows) for test in ("first", "second")]
+    paths = [
+        saved(f"results/stages/ica_life/A/{test}.parquet", rows) for test in ("first", "second")
+    ]
     tests = {f"A/{test}": FACTS for test in ("first", "second")}
     found = peaks.of_lives(paths, tests)
     assert [charge.cycle for charge in found] == [1.0, 9.0, 10.0, 18.0]
@@ -42,9 +46,9 @@ def test_capacities_and_curves_of_records_that_count_on_are_found_by_the_count_o
     lives, sizes = [], []
     for test in ("first", "second"):
         rows = [row_of("ica_life_curve", cycle=cycle) for cycle in (1.0, 9.0)]
-        lives.append(saved(f"results/ica_life_curve/A/{test}.parquet", rows))
+        lives.append(saved(f"results/stages/ica_life_curve/A/{test}.parquet", rows))
         rows = [row_of("ageing_cycles", cycle=cycle, direction="discharge") for cycle in (1.0, 9.0)]
-        sizes.append(saved(f"results/ageing_cycles/A/{test}.parquet", rows))
+        sizes.append(saved(f"results/stages/ageing_cycles/A/{test}.parquet", rows))
     before = peaks.cycles_before(lives, tracks)
     assert before == {("A", "first"): 0.0, ("A", "second"): 9.0}
     wanted = [("first", 1.0), ("first", 9.0), ("second", 10.0), ("second", 18.0)]

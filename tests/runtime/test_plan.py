@@ -42,10 +42,10 @@ OF_A, OF_G = Wildcards(cell="A"), Wildcards(group="G")
 
 def test_artefacts_are_those_of_tests_of_a_kind_and_role():
     assert PLAN.fitted("clean", "A", "hppc", "drive") == [
-        "results/clean/A/pulses.parquet",
-        "results/clean/A/old.parquet",
+        "results/stages/clean/A/pulses.parquet",
+        "results/stages/clean/A/old.parquet",
     ]
-    assert PLAN.artefacts("clean", "A", "drive") == ["results/clean/A/drive.parquet"]
+    assert PLAN.artefacts("clean", "A", "drive") == ["results/stages/clean/A/drive.parquet"]
     assert PLAN.everywhere("clean", "group", "hppc", roles=["fit"])[-1].endswith("G/shared.parquet")
 
 
@@ -58,9 +58,9 @@ def test_a_group_stands_for_its_cells_in_order_of_position():
     assert list(PLAN.leaves["G"]) == ["A", "B"]
     assert PLAN.cell_facts(OF_G)["cell"] == "A"
     assert PLAN.fitted_of(PLAN.leaves.get, "resistance", "hppc")(OF_G) == [
-        "results/resistance/A/pulses.parquet",
-        "results/resistance/A/old.parquet",
-        "results/resistance/B/pulses.parquet",
+        "results/stages/resistance/A/pulses.parquet",
+        "results/stages/resistance/A/old.parquet",
+        "results/stages/resistance/B/pulses.parquet",
     ]
 
 
@@ -76,8 +76,8 @@ def test_functions_of_a_job_are_asked_with_its_cell_or_group():
     assert PLAN.column("chemistry")(OF_A) == "NMC"
     assert paths_of(PLAN.leaves.get, "results/models/{}.json")(OF_G)[1] == "results/models/B.json"
     assert gathered(PLAN.leaves.get, list)(OF_G) == ["A", "B"]
-    assert where({"A": None}, "results/law/{}.json")(OF_A) == ["results/law/A.json"]
-    assert where({"B": None}, "results/law/{}.json")(OF_A) == []
+    assert where({"A": None}, "results/stages/law/{}.json")(OF_A) == ["results/stages/law/A.json"]
+    assert where({"B": None}, "results/stages/law/{}.json")(OF_A) == []
 
 
 @pytest.mark.parametrize(("cycle", "near"), [(None, True), (5.0, True), (6.0, False)])

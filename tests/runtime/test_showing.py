@@ -33,9 +33,11 @@ def write(saved):
 def test_only_discharges_from_full_tell_the_onset(write):
     """Median of 0.03, 0.04 and 0.09 at 10 s; a charge or half charge does not count there."""
     onset = [
-        write("results/onset/A/a.parquet", [pulse(0.03), pulse(0.09), pulse(0.02, delay=0.0)]),
         write(
-            "results/onset/A/b.parquet",
+            "results/stages/onset/A/a.parquet", [pulse(0.03), pulse(0.09), pulse(0.02, delay=0.0)]
+        ),
+        write(
+            "results/stages/onset/A/b.parquet",
             [
                 pulse(0.04),
                 pulse(0.5, soc=0.5),
@@ -43,15 +45,15 @@ def test_only_discharges_from_full_tell_the_onset(write):
                 pulse(0.07, soc=0.02, direction="charge"),
             ],
         ),
-        write("results/onset/A/c.parquet", "no pulse"),
+        write("results/stages/onset/A/c.parquet", "no pulse"),
     ]
-    basis = write("results/basis/A.json", {"cell": "A", "capacity_ampere_hour": 2.0})
+    basis = write("results/stages/basis/A.json", {"cell": "A", "capacity_ampere_hour": 2.0})
     peaks = [
-        write("results/ica/A/t.parquet", [PEAK]),
-        write("results/ica/A/u.parquet", "no charge"),
+        write("results/stages/ica/A/t.parquet", [PEAK]),
+        write("results/stages/ica/A/u.parquet", "no charge"),
     ]
-    curves = [write(f"results/ica_curve/A/{name}.parquet", CURVE) for name in "tu"]
-    model = write("results/identify/A.json", {"chosen": "1RC"})
+    curves = [write(f"results/stages/ica_curve/A/{name}.parquet", CURVE) for name in "tu"]
+    model = write("results/stages/identify/A.json", {"chosen": "1RC"})
     paths = lending.ShownPaths(peaks, curves, onset, [])
     found = lending.cell_shows(basis, model, paths, ["A"])
     assert found.onset_ohm == {10.0: 0.04, 0.0: 0.02}
@@ -66,18 +68,18 @@ def test_only_discharges_from_full_tell_the_onset(write):
 def test_a_cell_is_shown_as_at_its_first_check_up(write):
     """At cycle 300 its resistance had doubled: its model is of cycle 0."""
     onset = [
-        write("results/onset/A/old.parquet", [pulse(0.08)], cycle=300.0),
-        write("results/onset/A/new.parquet", [pulse(0.04)]),
+        write("results/stages/onset/A/old.parquet", [pulse(0.08)], cycle=300.0),
+        write("results/stages/onset/A/new.parquet", [pulse(0.04)]),
     ]
-    basis = write("results/basis/A.json", {"cell": "A", "capacity_ampere_hour": 2.0})
+    basis = write("results/stages/basis/A.json", {"cell": "A", "capacity_ampere_hour": 2.0})
     found = lending.cell_shows(basis, None, NOTHING._replace(onset=onset), [])
     assert found.onset_ohm == {10.0: 0.04}
 
 
 def test_a_cell_without_a_model_of_its_own(write):
-    basis = write("results/basis/A.json", {"cell": "A", "capacity_ampere_hour": 2.0})
+    basis = write("results/stages/basis/A.json", {"cell": "A", "capacity_ampere_hour": 2.0})
     assert lending.cell_shows(basis, None, NOTHING, []).model is None
-    refused = write("results/identify/B.json", "no OCV curve")
+    refused = write("results/stages/identify/B.json", "no OCV curve")
     found = lending.cell_shows(basis, refused, NOTHING, ["B"])
     assert (found.model, found.marked, found.onset_ohm) == (None, False, {})
     assert np.array_equal(found.peaks, [])
@@ -85,34 +87,37 @@ def test_a_cell_without_a_model_of_its_own(write):
 
 def test_paths_of_each_peer_stay_together_and_peers_without_a_model_are_left_out(write):
     for cell in ("A", "AB"):
-        write(f"results/identify/{cell}.json", {"chosen": "1RC"})
-    write("results/identify/C.json", "no OCV curve")
+        write(f"results/stages/identify/{cell}.json", {"chosen": "1RC"})
+    write("results/stages/identify/C.json", "no OCV curve")
 
     class Inputs:
-        peer_basis = tuple(f"results/basis/{cell}.json" for cell in ("A", "C", "AB"))
-        peer_models = tuple(f"results/identify/{cell}.json" for cell in ("A", "C", "AB"))
-        peer_peaks = ("results/ica/AB/x.parquet", "results/ica/A/x.parquet")
-        peer_onset = ("results/onset/AB/A.parquet",)
+        peer_basis = tuple(f"results/stages/basis/{cell}.json" for cell in ("A", "C", "AB"))
+        peer_models = tuple(f"results/stages/identify/{cell}.json" for cell in ("A", "C", "AB"))
+        peer_peaks = ("results/stages/ica/AB/x.parquet", "results/stages/ica/A/x.parquet")
+        peer_onset = ("results/stages/onset/AB/A.parquet",)
         peer_curves = peer_capacity = ()
 
     first, second = lending.peer_paths(Inputs)
-    assert first[:2] == ("results/basis/A.json", "results/identify/A.json")
-    assert first[2] == NOTHING._replace(peaks=["results/ica/A/x.parquet"])
-    of_second = {"peaks": ["results/ica/AB/x.parquet"], "onset": ["results/onset/AB/A.parquet"]}
+    assert first[:2] == ("results/stages/basis/A.json", "results/stages/identify/A.json")
+    assert first[2] == NOTHING._replace(peaks=["results/stages/ica/A/x.parquet"])
+    of_second = {
+        "peaks": ["results/stages/ica/AB/x.parquet"],
+        "onset": ["results/stages/onset/AB/A.parquet"],
+    }
     assert second[2] == NOTHING._replace(**of_second)
 
 
 def test_cells_that_are_judged_have_a_model_in_use(write):
     """The model of J1 is in use; that of J2 could not be made, and J2 is left out."""
     for cell in ("J1", "J2"):
-        write(f"results/basis/{cell}.json", {"cell": cell, "capacity_ampere_hour": 2.0})
-        write(f"results/identify/{cell}.json", {"chosen": "1RC"})
+        write(f"results/stages/basis/{cell}.json", {"cell": cell, "capacity_ampere_hour": 2.0})
+        write(f"results/stages/identify/{cell}.json", {"chosen": "1RC"})
     write("results/models/J1.json", {"chosen": "2RC"})
     write("results/models/J2.json", "no member")
 
     class Inputs:
-        peer_basis = ("results/basis/J1.json", "results/basis/J2.json")
-        peer_models = ("results/identify/J1.json", "results/identify/J2.json")
+        peer_basis = ("results/stages/basis/J1.json", "results/stages/basis/J2.json")
+        peer_models = ("results/stages/identify/J1.json", "results/stages/identify/J2.json")
         peer_peaks = peer_curves = peer_onset = peer_capacity = series = ()
         own = ("results/models/J1.json", "results/models/J2.json")
 

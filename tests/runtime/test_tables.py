@@ -11,7 +11,7 @@ from cellwright.refusal import Refusal
 from runtime import artefact, provenance, tables
 
 ROW = row_of("ica", peak=1)
-GOOD, BAD, AFTER = (f"results/ica/A/{name}.parquet" for name in ("good", "bad", "after"))
+GOOD, BAD, AFTER = (f"results/stages/ica/A/{name}.parquet" for name in ("good", "bad", "after"))
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def test_rows_carry_cell_test_and_facts(campaign):
 
 def test_a_row_of_several_tests_has_blanks_where_others_have_their_test(saved):
     row = row_of("ocv_laws", quantity="x", law="x", parameter="x", unit="x", chosen=True)
-    (found,) = tables.rows_of([saved("results/ocv_laws/A.parquet", [row])], {})
+    (found,) = tables.rows_of([saved("results/stages/ocv_laws/A.parquet", [row])], {})
     assert (found["cell"], found["test"], found["ambient_temperature_celsius"]) == ("A", "", None)
 
 
@@ -43,7 +43,9 @@ def test_excluded_names_each_refusal_once_where_it_arose(campaign):
 
 
 def test_two_steps_of_one_job_that_refuse_for_one_reason_are_two_rows(snakemake):
-    paths = [f"results/{stage}/A/drive.parquet" for stage in ("validation", "simulation", "soc")]
+    paths = [
+        f"results/stages/{stage}/A/drive.parquet" for stage in ("validation", "simulation", "soc")
+    ]
     job = snakemake(*paths, wildcards={"cell": "A", "test": "drive"})
     for outputs in (paths[:2], paths[2:]):
         with artefact.Job(job, *outputs):

@@ -48,6 +48,48 @@ def test_rows_without_a_reading_are_removed(rows, mark):
     assert set(cleaned.actions["action"]) <= {"row removed"}
 
 
+@pytest.mark.parametrize("shown", [3276.7, -999.0, np.nan])
+def test_a_thermometer_without_a_reading_is_blank_there_and_the_row_stays(shown):
+    columns = record()
+    columns["surface_temperature_celsius"][[7, 300]] = shown
+    cleaned = clean(columns)
+    assert flagged(columns, Flag.NO_VALUE) == [7, 300]
+    assert cleaned.actions["action"].tolist() == ["temperature left blank, row kept"] * 2
+    np.testing.assert_array_equal(cleaned.actions["value"], [shown, shown])
+    assert np.isnan(cleaned.columns["surface_temperature_celsius"][[7, 300]]).all()
+    assert np.nanmax(cleaned.columns["surface_temperature_celsius"]) == 25.0
+    columns["surface_temperature_celsius"][::5] = shown  # a logger that writes it now and then
+    assert not flagged(columns, Flag.NO_VALUE)
+
+
+def test_single_rows_that_are_missing_are_seen_by_the_pace():
+    columns = {name: np.delete(column, [30, 130, 131, 333]) for name, column in record().items()}
+    assert flagged(columns, Flag.LOST) == [30, 129, 330]
+    np.testing.assert_allclose(
+        clean(columns).columns["charge_ampere_hour"][-1], -250 / 1800, rtol=0.01
+    )
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(2, 8), st.integers(0, 99))
+def test_a_burst_of_corrupt_voltages_is_replaced_by_the_line_over_it(rows, seed):
+    columns, rng = record(), np.random.default_rng(seed)
+    true = columns["voltage_volt"].copy()
+    burst = slice(215, 215 + rows)
+    columns["voltage_volt"][burst] += np.resize((-1, 1), rows) * rng.uniform(0.02, 0.04, rows)
+    found = flag(columns) & (Flag.BURST | Flag.SPIKE)
+    assert set(np.flatnonzero(found)) <= set(range(212, 218 + rows))
+    cleaned = clean(columns).columns["voltage_volt"]
+    assert np.mean(np.abs(cleaned - true)[burst] < 2e-3) > 0.9
+
+
+def test_a_step_of_the_load_and_a_pulse_are_no_burst():
+    columns = record()
+    for name, by in (("current_ampere", -2.0), ("voltage_volt", -0.06)):
+        columns[name][215:219] += by
+    assert not flag(columns).any()
+
+
 def test_dead_sample_and_mark_in_another_channel():
     columns = record()
     columns["voltage_volt"][120] = columns["current_ampere"][120] = 0.0

@@ -21,7 +21,7 @@ EXCEPTIONS = {
     ),
     "Mixed rules and functions in same snakefile.": (
         r"snakefile .+/rules/(bias|compensation|drawing|health|ingest|laws|loss"
-        r"|missing_effect|models|pack|pack_decisions|pack_export|protocols)\.smk",
+        r"|missing_effect|models|pack|pack_decisions|pack_export|protocols|report)\.smk",
         "Which tests a stage takes stands as a function above the rules of that stage; what "
         "several stages use is in common.smk. Apart, both files would have to be read together.",
     ),

@@ -14,7 +14,7 @@ import tiny
 from runtime import artefact
 
 ROOT = Path(__file__).resolve().parents[2]
-CAPACITY, TABLE = "results/capacity/B/capacity.parquet", "results/tables/capacity.csv"
+CAPACITY, TABLE = "results/stages/capacity/B/capacity.parquet", "results/tables/capacity.csv"
 # As docs/use-as-module.md shows it, with a rule of its own before and after.
 USING = """
 configfile: "config/config.yaml"
@@ -94,7 +94,7 @@ def test_its_default_target_is_made_by_our_jobs(fleet):
 
 
 def test_its_config_is_the_module_s_and_its_sheets_are_its_folder_s(fleet):
-    about = artefact.read_about(fleet[0] / "results/clean/B/capacity.parquet")
+    about = artefact.read_about(fleet[0] / "results/stages/clean/B/capacity.parquet")
     assert about["params"]["clean"]["gap_second"] == 60
     assert about["params"]["clean"]["spike_limit_volt"] == 0.01
     assert about["reason"] is None

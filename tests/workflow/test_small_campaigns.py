@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CAMPAIGNS = ROOT / "tests" / "campaigns"
 # Planned for every campaign, and for every one with a capacity test, with a model of its own.
 ALWAYS = "tables_of_tests tables_of_models tables_of_health missing_effect summary report "
-ALWAYS += "manifest figure_overview figures fleet fleet_health protocols_compared "
+ALWAYS += "manifest contents crate figure_overview figures fleet fleet_health protocols_compared "
 CAPACITY = "series capacity basis relaxation check_ups health effect_search witnesses "
 MODELLED = "repeats identify member model thermal export prediction effect_search_own "
 # Of each campaign the other rules, among them the search, which says what it would need.
@@ -41,7 +41,7 @@ PLANNED = {
 
 def snakemake(folder, *arguments):
     """Run Snakemake on a campaign; returns what it said."""
-    done = starts.forked("--cores", "1", "--directory", str(folder), *arguments)
+    done = starts.forked("--cores", "1", "--quiet", "host", "--directory", str(folder), *arguments)
     assert done.status == 0, done.said
     return done.said
 
@@ -155,7 +155,7 @@ def test_a_raw_file_that_grows_makes_its_own_series_again_and_no_other(tmp_path)
         (folder / f"{test}.csv").write_bytes(b"".join(lines[test][: rows // 2]))
     # A checksum would say that a file is to stay as it is.
     sheet.write_text(re.sub(r"\b[0-9a-f]{64}\b", "", text), encoding="utf-8")
-    wanted = [f"results/segment/C5/{test}.parquet" for test in lines]
+    wanted = [f"results/stages/segment/C5/{test}.parquet" for test in lines]
     snakemake(folder, *wanted)
     (folder / "capacity_25C.csv").write_bytes(b"".join(lines["capacity_25C"]))
     (folder / "hppc_25C.csv").touch()

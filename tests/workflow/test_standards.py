@@ -93,7 +93,7 @@ def test_the_files_of_the_image_are_enough_to_run_its_command(tmp_path):
     command = [word.replace("/cellwright", str(image)) for word in entry[1:]]
     campaign = tiny.write(tmp_path / "campaign")
     assert entry[0] == "snakemake"
-    artefact_of_b = "results/capacity/B/capacity.parquet"
+    artefact_of_b = "results/stages/capacity/B/capacity.parquet"
     for start, wanted in ((starts.forked, "--dry-run"), (starts.anew, artefact_of_b)):
         done = start(*command, "--cores", "1", wanted, folder=campaign, environment=starts.plain())
         assert done.status == 0, done.said
@@ -138,7 +138,7 @@ def test_the_package_is_the_whole_science_and_nothing_else(packaged):
         for path in science.rglob("*")
         if path.suffix in (".py", ".pyi", ".typed", ".c", ".h")
     }
-    assert len([file for file in wanted if file.endswith(".c")]) >= 7
+    assert len([file for file in wanted if file.endswith(".c")]) >= 6
     assert packaged == wanted
 
 

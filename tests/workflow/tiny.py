@@ -35,7 +35,7 @@ BAD = {
     "checksum": "SHA-256 is {digest}, tests.tsv says " + "0" * 64,
     "empty": "raw/empty.csv: the file is empty (0 bytes)",
     "truncated": "raw/truncated.csv.gz: the gzip file is cut off",
-    "text": "raw/text.csv: line 201: column 'Voltage / V': found 'oops'",
+    "text": "raw/text.csv: line 201: column 'Voltage / V': found '3.7oops'",
     "frozen": "raw/frozen.csv: time never moves",
     "sign": "current_sign says discharge_positive, the voltage shows charge_positive",
     "folder": "raw/folder.csv: is a folder",
@@ -84,7 +84,7 @@ def _bad(folder):
     good = (raw / "B_capacity.csv").read_text()
     lines = good.splitlines()
     frozen = [lines[0], *("0.000," + line.split(",", 1)[1] for line in lines[1:])]
-    text = [*lines[:200], lines[200].rsplit(",", 1)[0] + ",oops", *lines[201:]]
+    text = [*lines[:200], lines[200].rsplit(",", 1)[0] + ",3.7oops", *lines[201:]]
     files = {name: raw / f"{name}.csv" for name in BAD} | {"brace": raw / "brace{d}.csv"}
     files |= {name: raw / f"{name}.csv.gz" for name in ("truncated", "bomb")}
     for name, content in {"checksum": good, "sign": good, "brace": good, "empty": ""}.items():

@@ -3,15 +3,16 @@
 
 rule onset:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
-        basis="results/basis/{cell}.json",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
+        basis="results/stages/basis/{cell}.json",
     output:
-        "results/onset/{cell}/{test}.parquet",
+        "results/stages/onset/{cell}/{test}.parquet",
     log:
         "logs/onset/{cell}/{test}.log",
     params:
         settings=config["resistance"],
+        instrument=config["instrument"],
         test=test_facts,
         cell=cell_facts,
     message:
@@ -22,19 +23,19 @@ rule onset:
 
 rule bias_correction:
     input:
-        basis="results/basis/{cell}.json",
+        basis="results/stages/basis/{cell}.json",
         peaks=PLAN.own_fitted("ica", "ica"),
         curves=PLAN.own_fitted("ica_curve", "ica"),
         onset=PLAN.own_fitted("onset", "capacity"),
         capacity=PLAN.own_fitted("capacity", "capacity"),
-        peer_basis=paths_of(calibrating, "results/basis/{}.json"),
-        peer_models=paths_of(calibrating, "results/identify/{}.json"),
+        peer_basis=paths_of(calibrating, "results/stages/basis/{}.json"),
+        peer_models=paths_of(calibrating, "results/stages/identify/{}.json"),
         peer_peaks=PLAN.fitted_of(calibrating, "ica", "ica"),
         peer_curves=PLAN.fitted_of(calibrating, "ica_curve", "ica"),
         peer_onset=PLAN.fitted_of(calibrating, "onset", "capacity"),
         peer_capacity=PLAN.fitted_of(calibrating, "capacity", "capacity"),
     output:
-        "results/bias/{cell}.json",
+        "results/stages/bias/{cell}.json",
     log:
         "logs/bias/{cell}.log",
     wildcard_constraints:
@@ -74,8 +75,8 @@ def judged_inputs(wildcards):
         f"peer_{name}": [path for cell in cells for path in fitted(stage, cell, kinds[name])]
         for name, stage in shown.items()
     } | {
-        "peer_basis": [f"results/basis/{cell}.json" for cell in cells],
-        "peer_models": [f"results/identify/{cell}.json" for cell in cells],
+        "peer_basis": [f"results/stages/basis/{cell}.json" for cell in cells],
+        "peer_models": [f"results/stages/identify/{cell}.json" for cell in cells],
         "own": [f"results/models/{cell}.json" for cell in cells],
         "series": [path for cell in cells for path in of_rows("clean", cell, SCORED[cell])],
     }
@@ -95,7 +96,7 @@ rule bias_ways:
     input:
         unpack(judged_inputs),
     output:
-        "results/bias_ways/{cell}.parquet",
+        "results/stages/bias_ways/{cell}.parquet",
     log:
         "logs/bias_ways/{cell}.log",
     wildcard_constraints:
@@ -117,10 +118,10 @@ JUDGED_WORST = JUDGED if config["missing_effect"]["enabled"] else {}
 rule bias_worst:
     input:
         unpack(judged_inputs),
-        ways="results/bias_ways/{cell}.parquet",
+        ways="results/stages/bias_ways/{cell}.parquet",
         fitted=gathered(JUDGED.get, fit_series),  # what a search may fit as well
     output:
-        "results/bias_worst/{cell}.json",
+        "results/stages/bias_worst/{cell}.json",
     log:
         "logs/bias_worst/{cell}.log",
     wildcard_constraints:

@@ -28,11 +28,12 @@ from cellwright.health.electrodes import names as half_cell_names
 from cellwright.identification.lacking import FIT_ROLES
 from cellwright.records.conditions import in_first_checkup, stated_or_reference
 from runtime import job_environment, job_requests, rule_setup
-from runtime import settings, sheets, snakemake_state
+from runtime import run_end, settings, sheets, snakemake_state
 from runtime.plan import Plan, gathered, near_in_cycles, of_cell, of_rows, of_test, own
 from runtime.plan import paths_of, where
 from runtime.raw_files import readable
 from runtime.wildcard_patterns import either, only_these
+from snakemake_logger_plugin_progress import JOBS
 
 # Rules that judge the pipeline against known truth use the laboratory's scorer; functional mock-up
 # units are made by a package beside the science.
@@ -42,6 +43,7 @@ job_environment.prepare(
 snakemake_state.compare_parameters_without_pandas()
 snakemake_state.keep_wildcard_constraints(workflow.storage_registry.default_storage_provider)
 STARTED = time.time()
+BEFORE = run_end.read(Path.cwd())
 if workflow.is_main_process:
     snakemake_state.clear_stale_locks(Path.cwd())
 
@@ -71,7 +73,3 @@ RELAXATION_KINDS = config["relaxation"]["kinds"]
 # counts once.
 EVIDENCE_KINDS = sorted({*PULSE_KINDS, *RELAXATION_KINDS, "capacity", "drive"})
 SERIES_KINDS = sorted({row["kind"] for row in CAMPAIGN.tests} - {"eis"})
-
-
-onstart:
-    snakemake_state.lift_usual_job_rate(workflow)

@@ -16,7 +16,7 @@ COMPENSATED = dict.fromkeys(
 
 def left_out_of(cell):
     """Models of a cell without each of its temperatures."""
-    return [f"results/left_out/{cell}/{celsius:g}.json" for celsius in known_celsius(cell)]
+    return [f"results/stages/left_out/{cell}/{celsius:g}.json" for celsius in known_celsius(cell)]
 
 
 def predictable(cell, roles):
@@ -29,11 +29,11 @@ def predictable(cell, roles):
 
 rule identify_without:
     input:
-        basis="results/basis/{cell}.json",
-        whole="results/identify/{cell}.json",
+        basis="results/stages/basis/{cell}.json",
+        whole="results/stages/identify/{cell}.json",
         series=own(fit_series),
     output:
-        "results/left_out/{cell}/{celsius}.json",
+        "results/stages/left_out/{cell}/{celsius}.json",
     log:
         "logs/left_out/{cell}/{celsius}.log",
     wildcard_constraints:
@@ -50,11 +50,11 @@ rule identify_without:
 
 rule compensation:
     input:
-        whole="results/identify/{cell}.json",
+        whole="results/stages/identify/{cell}.json",
         left_out=own(left_out_of),
         series=own(partial(predictable, roles=["fit", "split"])),
     output:
-        "results/compensation/{cell}.parquet",
+        "results/stages/compensation/{cell}.parquet",
     log:
         "logs/compensation/{cell}.log",
     wildcard_constraints:
@@ -70,12 +70,12 @@ rule compensation:
 
 rule temperature_prediction:
     input:
-        whole="results/identify/{cell}.json",
+        whole="results/stages/identify/{cell}.json",
         left_out=own(left_out_of),
-        laws="results/compensation/{cell}.parquet",
+        laws="results/stages/compensation/{cell}.parquet",
         series=own(partial(predictable, roles=["validation", "split"])),
     output:
-        "results/temperature_prediction/{cell}.parquet",
+        "results/stages/temperature_prediction/{cell}.parquet",
     log:
         "logs/temperature_prediction/{cell}.log",
     wildcard_constraints:

@@ -35,7 +35,7 @@ def figures_of_records(cell):
     shown = thumbnails(cell)
     if shown:
         paths = {
-            name: [f"results/{stage}/{cell}/{test}.parquet" for test in shown]
+            name: [f"results/stages/{stage}/{cell}/{test}.parquet" for test in shown]
             for name, stage in (("series", "clean"), ("steps", "segment"))
         }
         total = {"total": len(tests(cell, *SERIES_KINDS))}
@@ -103,12 +103,12 @@ def figures_of_health(cell):
     """How a cell aged: dQ/dV over its life with its peaks, modes, capacity from peaks."""
     if cell in FOLLOWED:
         curves = artefacts("ica_curve", cell, "ica"), artefacts("ica_life_curve", cell, "ageing")
-        tracks = {"tracks": f"results/ica_tracks/{cell}.parquet"}
+        tracks = {"tracks": f"results/stages/ica_tracks/{cell}.parquet"}
         yield figure("ica_tracks", curves=curves[0], lives=curves[1], **tracks)
     if cell in AGED_SLOWLY or aged_by_rests(cell):
         yield figure("degradation_modes", **of_cell(cell, modes="degradation_modes"))
     if cell in FIRST_OF_TYPE:
-        calibration = f"results/peak_calibration/{FIRST_OF_TYPE[cell]}.parquet"
+        calibration = f"results/stages/peak_calibration/{FIRST_OF_TYPE[cell]}.parquet"
         settings = {"cell": cell}
         yield figure("health_from_peaks", settings=settings, calibration=calibration)
 
@@ -157,7 +157,7 @@ def figures_of_group(group):
     for row in tests(group, "group") if group in NESTED else ():
         parts = of_test(group, row["test"], series="nested_pack_series", scores="nested_pack")
         yield figure("nested_pack", test=row["test"], **parts)
-    ways = [f"results/bias_ways/{first}.parquet" for first in judged_with(LEAVES[group])]
+    ways = [f"results/stages/bias_ways/{first}.parquet" for first in judged_with(LEAVES[group])]
     if ways:
         yield figure("ways", settings={"cells": list(LEAVES[group])}, ways=ways)
 
@@ -230,7 +230,7 @@ rule figure_lives:
     input:
         health="results/tables/health.csv",
         fade="results/tables/fade.csv",
-        courses=[f"results/fade_course/{cell}.parquet" for cell in AGED],
+        courses=[f"results/stages/fade_course/{cell}.parquet" for cell in AGED],
     output:
         "results/figures/lives.svg",
     log:
@@ -259,7 +259,7 @@ rule figure_fleet:
 
 rule figure_bias:
     input:
-        [f"results/bias_ways/{cell}.parquet" for cell in JUDGED],
+        [f"results/stages/bias_ways/{cell}.parquet" for cell in JUDGED],
     output:
         "results/figures/bias.svg",
     log:
@@ -282,7 +282,11 @@ rule figure_overview:
     log:
         "logs/figures/overview.log",
     params:
-        cells=[cell for cell in CELLS if TESTS_OF[cell] or cell in MODELLED],
+        cells={
+            cell: sheets.type_name(CELLS[cell])
+            for cell in CELLS
+            if TESTS_OF[cell] or cell in MODELLED
+        },
     message:
         "Figure: the campaign at a glance."
     script:

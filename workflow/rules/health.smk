@@ -7,12 +7,12 @@ FOLLOWED = dict.fromkeys(
 
 rule ica_life:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
-        cycles="results/ageing_cycles/{cell}/{test}.parquet",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
+        cycles="results/stages/ageing_cycles/{cell}/{test}.parquet",
     output:
-        peaks="results/ica_life/{cell}/{test}.parquet",
-        curves="results/ica_life_curve/{cell}/{test}.parquet",
+        peaks="results/stages/ica_life/{cell}/{test}.parquet",
+        curves="results/stages/ica_life_curve/{cell}/{test}.parquet",
     log:
         "logs/ica_life/{cell}/{test}.log",
     params:
@@ -29,7 +29,7 @@ rule ica_tracks:
         curves=PLAN.own_artefacts("ica_curve", "ica"),
         lives=PLAN.own_artefacts("ica_life", "ageing"),
     output:
-        "results/ica_tracks/{cell}.parquet",
+        "results/stages/ica_tracks/{cell}.parquet",
     log:
         "logs/ica_tracks/{cell}.log",
     wildcard_constraints:
@@ -87,7 +87,7 @@ rule degradation_modes:
         rests=PLAN.own_rows("ocv_rest_points", resting),
         half_cells=own(half_cell_files),
     output:
-        "results/degradation_modes/{cell}.parquet",
+        "results/stages/degradation_modes/{cell}.parquet",
     log:
         "logs/degradation_modes/{cell}.log",
     wildcard_constraints:
@@ -107,7 +107,7 @@ rule plateau_losses:
     input:
         PLAN.own_fitted("clean", *SLOW_CURVE_KINDS),
     output:
-        "results/plateau_losses/{cell}.parquet",
+        "results/stages/plateau_losses/{cell}.parquet",
     log:
         "logs/plateau_losses/{cell}.log",
     wildcard_constraints:
@@ -147,7 +147,7 @@ PEAK_STAGES = ("peak_calibration", "peak_information")
 def tracks_of_type(wildcards):
     """Tracked peaks of those cells of a type that have several charges."""
     cells = [cell for cell in PEAK_TYPES[wildcards.cell] if cell in FOLLOWED]
-    return [f"results/ica_tracks/{cell}.parquet" for cell in cells]
+    return [f"results/stages/ica_tracks/{cell}.parquet" for cell in cells]
 
 
 rule peak_calibration:
@@ -159,8 +159,8 @@ rule peak_calibration:
         capacity=PLAN.fitted_of(PEAK_TYPES.get, "capacity", *CAPACITY_KINDS),
         cycles=PLAN.fitted_of(PEAK_TYPES.get, "ageing_cycles", "ageing"),
     output:
-        charges="results/peak_calibration/{cell}.parquet",
-        information="results/peak_information/{cell}.parquet",
+        charges="results/stages/peak_calibration/{cell}.parquet",
+        information="results/stages/peak_information/{cell}.parquet",
     log:
         "logs/peak_calibration/{cell}.log",
     wildcard_constraints:
@@ -176,9 +176,9 @@ rule peak_calibration:
 
 rule health_from_peaks:
     input:
-        calibration=lambda w: f"results/peak_calibration/{FIRST_OF_TYPE[w.cell]}.parquet",
+        calibration=lambda w: f"results/stages/peak_calibration/{FIRST_OF_TYPE[w.cell]}.parquet",
     output:
-        "results/health_from_peaks/{cell}.parquet",
+        "results/stages/health_from_peaks/{cell}.parquet",
     log:
         "logs/health_from_peaks/{cell}.log",
     wildcard_constraints:
@@ -220,9 +220,9 @@ rule fade:
         summaries=PLAN.own_artefacts("ageing_temperature", "ageing"),
         compensated=PLAN.own_artefacts("ageing_temperature_cycles", "ageing"),
     output:
-        laws="results/fade/{cell}.parquet",
-        course="results/fade_course/{cell}.parquet",
-        life="results/life/{cell}.parquet",
+        laws="results/stages/fade/{cell}.parquet",
+        course="results/stages/fade_course/{cell}.parquet",
+        life="results/stages/life/{cell}.parquet",
     log:
         "logs/fade/{cell}.log",
     wildcard_constraints:
@@ -245,10 +245,10 @@ rule check_ups:
     input:
         capacities=own(rated_capacities),
         resistances=PLAN.own_fitted("resistance", *PULSE_KINDS),
-        courses=where(AGED, "results/fade_course/{}.parquet"),
+        courses=where(AGED, "results/stages/fade_course/{}.parquet"),
     output:
-        rows="results/checkups/{cell}.parquet",
-        growth="results/resistance_growth/{cell}.parquet",
+        rows="results/stages/checkups/{cell}.parquet",
+        growth="results/stages/resistance_growth/{cell}.parquet",
     log:
         "logs/check_ups/{cell}.log",
     wildcard_constraints:
@@ -267,7 +267,7 @@ rule health:
     input:
         unpack(inputs_of_health),
     output:
-        "results/health/{cell}.parquet",
+        "results/stages/health/{cell}.parquet",
     log:
         "logs/health/{cell}.log",
     wildcard_constraints:
@@ -296,10 +296,12 @@ ARMS = types_of({cell for cell, protocol in PROTOCOL_OF.items() if protocol})
 rule fleet_health:
     input:
         check_ups=[
-            f"results/checkups/{cell}.parquet" for cells in FLEETS.values() for cell in cells
+            f"results/stages/checkups/{cell}.parquet"
+            for cells in FLEETS.values()
+            for cell in cells
         ],
         resistances=[
-            f"results/resistance_growth/{cell}.parquet"
+            f"results/stages/resistance_growth/{cell}.parquet"
             for cells in FLEETS.values()
             for cell in cells
         ],
@@ -318,8 +320,12 @@ rule fleet_health:
 
 rule protocols_compared:
     input:
-        courses=[f"results/fade_course/{cell}.parquet" for cells in ARMS.values() for cell in cells],
-        lives=[f"results/life/{cell}.parquet" for cells in ARMS.values() for cell in cells],
+        courses=[
+            f"results/stages/fade_course/{cell}.parquet"
+            for cells in ARMS.values()
+            for cell in cells
+        ],
+        lives=[f"results/stages/life/{cell}.parquet" for cells in ARMS.values() for cell in cells],
     output:
         "results/tables/protocols.csv",
     log:

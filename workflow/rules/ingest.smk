@@ -27,10 +27,10 @@ rule series:
     input:
         raw=raw_files,
     output:
-        ingest="results/ingest/{cell}/{test}.parquet",
-        clean="results/clean/{cell}/{test}.parquet",
-        flags="results/flags/{cell}/{test}.parquet",
-        segment="results/segment/{cell}/{test}.parquet",
+        ingest="results/stages/ingest/{cell}/{test}.parquet",
+        clean="results/stages/clean/{cell}/{test}.parquet",
+        flags="results/stages/flags/{cell}/{test}.parquet",
+        segment="results/stages/segment/{cell}/{test}.parquet",
     log:
         "logs/series/{cell}/{test}.log",
     # Before all else: everything waits for them, the longest searches too.
@@ -65,7 +65,9 @@ REPEATABLE = {
     for part in COUNTED_IN
 }
 REPEATS = [
-    f"results/repeats/{cell}/{part}.parquet" for part in REPEATABLE for cell in REPEATABLE[part]
+    f"results/stages/repeats/{cell}/{part}.parquet"
+    for part in REPEATABLE
+    for cell in REPEATABLE[part]
 ]
 
 
@@ -73,14 +75,14 @@ def repeats_of(wildcards):
     """What a test of a cell repeats of others, where there are any."""
     cell, role = wildcards.cell, TESTS[wildcards.cell, wildcards.test]["role"]
     part = "fit" if role == "fit" else "validation"
-    return [f"results/repeats/{cell}/{part}.parquet"] if cell in REPEATABLE[part] else []
+    return [f"results/stages/repeats/{cell}/{part}.parquet"] if cell in REPEATABLE[part] else []
 
 
 rule repeats:
     input:
         series=lambda w: evidence_of(w.cell, w.part),
     output:
-        "results/repeats/{cell}/{part}.parquet",
+        "results/stages/repeats/{cell}/{part}.parquet",
     log:
         "logs/repeats/{cell}/{part}.log",
     wildcard_constraints:
@@ -108,7 +110,7 @@ def course_of(wildcards):
     rows = tests(wildcards.cell, *SERIES_KINDS) if wildcards.cell in CELLS else []
     ages = [row for row in rows if row["cycle"] or row["kind"] == "ageing"]
     several = ages and series_of("clean", wildcards.cell)
-    return [f"results/course/{wildcards.cell}.parquet"] if several else []
+    return [f"results/stages/course/{wildcards.cell}.parquet"] if several else []
 
 
 rule course:
@@ -116,7 +118,7 @@ rule course:
         series=own(partial(series_of, "clean")),
         steps=own(partial(series_of, "segment")),
     output:
-        "results/course/{cell}.parquet",
+        "results/stages/course/{cell}.parquet",
     log:
         "logs/course/{cell}.log",
     wildcard_constraints:

@@ -36,8 +36,8 @@ rule temperature:
         capacity=PLAN.own_fitted("capacity", *CAPACITY_KINDS),
         eis=PLAN.own_fitted("eis", "eis"),
     output:
-        laws="results/temperature/{cell}.parquet",
-        points="results/temperature_points/{cell}.parquet",
+        laws="results/stages/temperature/{cell}.parquet",
+        points="results/stages/temperature_points/{cell}.parquet",
     log:
         "logs/temperature/{cell}.log",
     wildcard_constraints:
@@ -53,10 +53,10 @@ rule temperature:
 
 rule cold_limit:
     input:
-        points="results/temperature_points/{cell}.parquet",
-        laws="results/temperature/{cell}.parquet",
+        points="results/stages/temperature_points/{cell}.parquet",
+        laws="results/stages/temperature/{cell}.parquet",
     output:
-        "results/cold_limit/{cell}.json",
+        "results/stages/cold_limit/{cell}.json",
     log:
         "logs/cold_limit/{cell}.log",
     wildcard_constraints:
@@ -71,8 +71,8 @@ rule resistance_surface:
     input:
         resistance=PLAN.own_fitted("resistance", *PULSE_KINDS),
     output:
-        laws="results/resistance_surface/{cell}.parquet",
-        points="results/resistance_surface_points/{cell}.parquet",
+        laws="results/stages/resistance_surface/{cell}.parquet",
+        points="results/stages/resistance_surface_points/{cell}.parquet",
     log:
         "logs/resistance_surface/{cell}.log",
     wildcard_constraints:
@@ -91,8 +91,8 @@ rule temperature_of_type:
     input:
         resistance=PLAN.fitted_of(KINDRED.get, "resistance", *PULSE_KINDS),
     output:
-        laws="results/temperature_of_type/{cell}.parquet",
-        points="results/temperature_of_type_points/{cell}.parquet",
+        laws="results/stages/temperature_of_type/{cell}.parquet",
+        points="results/stages/temperature_of_type_points/{cell}.parquet",
     log:
         "logs/temperature_of_type/{cell}.log",
     wildcard_constraints:
@@ -116,11 +116,11 @@ STEPPED = dict.fromkeys(
 
 rule ocv_step:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
-        basis="results/basis/{cell}.json",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
+        basis="results/stages/basis/{cell}.json",
     output:
-        "results/ocv_step/{cell}/{test}.parquet",
+        "results/stages/ocv_step/{cell}/{test}.parquet",
     log:
         "logs/ocv_step/{cell}/{test}.log",
     params:
@@ -138,11 +138,11 @@ rule ocv_temperature:
         curves=PLAN.own_fitted("ocv", "ocv"),
         steps=PLAN.own_fitted("ocv_step", "ocv_temperature"),
     output:
-        map="results/ocv_temperature/{cell}.parquet",
-        entropic="results/ocv_entropic/{cell}.parquet",
-        surface="results/ocv_surface/{cell}.parquet",
-        functions="results/ocv_functions_temperature/{cell}.parquet",
-        laws="results/ocv_laws/{cell}.parquet",
+        map="results/stages/ocv_temperature/{cell}.parquet",
+        entropic="results/stages/ocv_entropic/{cell}.parquet",
+        surface="results/stages/ocv_surface/{cell}.parquet",
+        functions="results/stages/ocv_functions_temperature/{cell}.parquet",
+        laws="results/stages/ocv_laws/{cell}.parquet",
     log:
         "logs/ocv_temperature/{cell}.log",
     wildcard_constraints:
@@ -168,8 +168,8 @@ rule polarisation:
     input:
         PLAN.own_fitted("relaxation", *RELAXATION_KINDS),
     output:
-        laws="results/polarisation/{cell}.parquet",
-        points="results/polarisation_points/{cell}.parquet",
+        laws="results/stages/polarisation/{cell}.parquet",
+        points="results/stages/polarisation_points/{cell}.parquet",
     log:
         "logs/polarisation/{cell}.log",
     wildcard_constraints:

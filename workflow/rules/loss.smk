@@ -9,8 +9,8 @@ COLD_FAST = dict.fromkeys(
     cell for cell in CELLS if len(chamber_temperatures(cell, "fast_charge")) >= 3
 )
 LOSS_LAWS = [
-    *[f"results/capacity_loss_laws/{cell}.parquet" for cell in COLD],
-    *[f"results/fast_charge_laws/{cell}.parquet" for cell in COLD_FAST],
+    *[f"results/stages/capacity_loss_laws/{cell}.parquet" for cell in COLD],
+    *[f"results/stages/fast_charge_laws/{cell}.parquet" for cell in COLD_FAST],
     *everywhere("ageing_temperature_laws", "ageing"),
 ]
 
@@ -29,8 +29,8 @@ rule capacity_loss:
     input:
         PLAN.own_fitted("capacity", *SLOW_KINDS),
     output:
-        losses="results/capacity_loss/{cell}.parquet",
-        laws="results/capacity_loss_laws/{cell}.parquet",
+        losses="results/stages/capacity_loss/{cell}.parquet",
+        laws="results/stages/capacity_loss_laws/{cell}.parquet",
     log:
         "logs/capacity_loss/{cell}.log",
     wildcard_constraints:
@@ -46,12 +46,14 @@ rule capacity_loss:
 
 rule ica_temperature:
     input:
-        curves=lambda w: [f"results/ica_curve/{w.cell}/{t}.parquet" for t in fresh_peaks(w.cell)],
-        peaks=lambda w: [f"results/ica/{w.cell}/{t}.parquet" for t in fresh_peaks(w.cell)],
+        curves=lambda w: [
+            f"results/stages/ica_curve/{w.cell}/{t}.parquet" for t in fresh_peaks(w.cell)
+        ],
+        peaks=lambda w: [f"results/stages/ica/{w.cell}/{t}.parquet" for t in fresh_peaks(w.cell)],
     output:
-        matches="results/ica_temperature/{cell}.parquet",
-        peaks="results/ica_temperature_peaks/{cell}.parquet",
-        curves="results/ica_temperature_curve/{cell}.parquet",
+        matches="results/stages/ica_temperature/{cell}.parquet",
+        peaks="results/stages/ica_temperature_peaks/{cell}.parquet",
+        curves="results/stages/ica_temperature_curve/{cell}.parquet",
     log:
         "logs/ica_temperature/{cell}.log",
     wildcard_constraints:
@@ -67,11 +69,11 @@ rule ica_temperature:
 
 rule fast_charge:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
-        basis="results/basis/{cell}.json",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
+        basis="results/stages/basis/{cell}.json",
     output:
-        "results/fast_charge/{cell}/{test}.parquet",
+        "results/stages/fast_charge/{cell}/{test}.parquet",
     log:
         "logs/fast_charge/{cell}/{test}.log",
     params:
@@ -88,8 +90,8 @@ rule fast_charge_law:
     input:
         PLAN.own_fitted("fast_charge", "fast_charge"),
     output:
-        laws="results/fast_charge_laws/{cell}.parquet",
-        points="results/fast_charge_points/{cell}.parquet",
+        laws="results/stages/fast_charge_laws/{cell}.parquet",
+        points="results/stages/fast_charge_points/{cell}.parquet",
     log:
         "logs/fast_charge_laws/{cell}.log",
     wildcard_constraints:
@@ -104,18 +106,19 @@ rule fast_charge_law:
 
 rule ageing:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
         course=course_of,
     output:
-        cycles="results/ageing_cycles/{cell}/{test}.parquet",
-        summary="results/ageing_temperature/{cell}/{test}.parquet",
-        laws="results/ageing_temperature_laws/{cell}/{test}.parquet",
-        compensated="results/ageing_temperature_cycles/{cell}/{test}.parquet",
-        periodogram="results/ageing_temperature_periods/{cell}/{test}.parquet",
+        cycles="results/stages/ageing_cycles/{cell}/{test}.parquet",
+        summary="results/stages/ageing_temperature/{cell}/{test}.parquet",
+        laws="results/stages/ageing_temperature_laws/{cell}/{test}.parquet",
+        compensated="results/stages/ageing_temperature_cycles/{cell}/{test}.parquet",
+        periodogram="results/stages/ageing_temperature_periods/{cell}/{test}.parquet",
     log:
         "logs/ageing/{cell}/{test}.log",
     params:
+        instrument=config["instrument"],
         test=test_facts,
         cell=cell_facts,
     message:

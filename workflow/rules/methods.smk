@@ -9,9 +9,9 @@ rule identification_methods:
     input:
         series=PLAN.own_fitted("clean", *PULSE_KINDS),
         steps=PLAN.own_fitted("segment", *PULSE_KINDS),
-        basis="results/basis/{cell}.json",
+        basis="results/stages/basis/{cell}.json",
     output:
-        "results/identification_methods/{cell}.parquet",
+        "results/stages/identification_methods/{cell}.parquet",
     log:
         "logs/identification_methods/{cell}.log",
     wildcard_constraints:
@@ -26,9 +26,9 @@ rule identification_methods:
 
 rule figure_methods:
     input:
-        "results/identification_methods/{cell}.parquet",
+        "results/stages/identification_methods/{cell}.parquet",
     output:
-        "results/identification_methods/{cell}.svg",
+        "results/stages/identification_methods/{cell}.svg",
     log:
         "logs/figure_methods/{cell}.log",
     wildcard_constraints:
@@ -41,8 +41,8 @@ rule figure_methods:
 
 rule methods:
     input:
-        rows=[f"results/identification_methods/{cell}.parquet" for cell in COMPARED],
-        figures=[f"results/identification_methods/{cell}.svg" for cell in COMPARED],
+        rows=[f"results/stages/identification_methods/{cell}.parquet" for cell in COMPARED],
+        figures=[f"results/stages/identification_methods/{cell}.svg" for cell in COMPARED],
     output:
         "results/tables/identification_methods.csv",
     log:

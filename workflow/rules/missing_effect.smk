@@ -79,14 +79,17 @@ SEARCHED_EXTERNAL = [cell for cell in ASKED if ASKED_OF_EXTERNAL and simulated_t
 EXTERNAL_VERDICTS = [
     f"results/missing_effect/{cell}/external/verdict.json" for cell in SEARCHED_EXTERNAL
 ]
-WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKED]
+WITNESSES, RESIDUAL_MAPS = (
+    [f"results/missing_effect/{cell}/{part}.parquet" for cell in ASKED]
+    for part in ("witnesses", "map")
+)
 
 
 rule effect_search:
     input:
-        basis="results/basis/{cell}.json",
+        basis="results/stages/basis/{cell}.json",
         series=own(searched_series),
-        lent_basis=paths_of(references, "results/basis/{}.json"),
+        lent_basis=paths_of(references, "results/stages/basis/{}.json"),
         lent_series=gathered(references, searched_series),
     output:
         verdict="results/missing_effect/{cell}/verdict.json",
@@ -116,8 +119,8 @@ rule effect_search:
 
 rule effect_search_own:
     input:
-        member="results/member/{cell}.json",
-        basis="results/basis/{cell}.json",
+        member="results/stages/member/{cell}.json",
+        basis="results/stages/basis/{cell}.json",
         series=PLAN.own_artefacts("clean", *EFFECT_KINDS),
     output:
         verdict="results/missing_effect/{cell}/own/verdict.json",
@@ -147,7 +150,7 @@ def simulated_files(wildcards):
 
 rule effect_search_external:
     input:
-        basis="results/basis/{cell}.json",
+        basis="results/stages/basis/{cell}.json",
         series=PLAN.own_rows("clean", simulated_tests),
         simulated=simulated_files,
     output:
@@ -198,12 +201,12 @@ rule witnesses:
         verdict="results/missing_effect/{cell}/verdict.json",
         model="results/missing_effect/{cell}/model.json",
         series="results/missing_effect/{cell}/series.parquet",
-        basis="results/basis/{cell}.json",
+        basis="results/stages/basis/{cell}.json",
         eis=PLAN.own_fitted("eis", "eis"),
         resistance=PLAN.own_fitted("resistance", *PULSE_KINDS),
         relaxation=PLAN.own_fitted("relaxation", *RELAXATION_KINDS),
         capacity=PLAN.own_fitted("capacity", *CAPACITY_KINDS),
-        ocv_entropic=where(STEPPED, "results/ocv_entropic/{}.parquet"),
+        ocv_entropic=where(STEPPED, "results/stages/ocv_entropic/{}.parquet"),
     output:
         "results/missing_effect/{cell}/witnesses.parquet",
     log:
@@ -223,9 +226,9 @@ rule witnesses:
 
 rule effect_stability:
     input:
-        basis="results/basis/{cell}.json",
+        basis="results/stages/basis/{cell}.json",
         series=own(searched_series),
-        lent_basis=paths_of(references, "results/basis/{}.json"),
+        lent_basis=paths_of(references, "results/stages/basis/{}.json"),
         lent_series=gathered(references, searched_series),
     output:
         names="results/missing_effect/{cell}/stability.parquet",
@@ -249,7 +252,7 @@ rule missing_effect_stability:
     input:
         [f"results/missing_effect/{cell}/stability.parquet" for cell in SEARCHED],
     output:
-        "results/missing_effect_stability/names.csv",
+        "results/stages/missing_effect_stability/names.csv",
     log:
         "logs/table/missing_effect_stability.log",
     message:

@@ -149,7 +149,7 @@ rule ocv_shift:
         series=PLAN.own_rows("clean", aged_capacity_tests),
         steps=PLAN.own_rows("segment", aged_capacity_tests),
     output:
-        "results/ocv_shift/{cell}.parquet",
+        "results/stages/ocv_shift/{cell}.parquet",
     log:
         "logs/ocv_shift/{cell}.log",
     wildcard_constraints:
@@ -163,13 +163,13 @@ rule ocv_shift:
 rule basis:
     input:
         rests=lambda w: [*rest_curves(w.cell), *curves_of_loads(w.cell)],
-        shifts=where(SHIFTED, "results/ocv_shift/{}.parquet"),
+        shifts=where(SHIFTED, "results/stages/ocv_shift/{}.parquet"),
         capacity=PLAN.own_fitted("capacity", *SIZE_KINDS),
         ocv=PLAN.own_fitted("ocv", "ocv"),
         lent_ocv=PLAN.fitted_of(curve_lenders, "ocv", "ocv"),
         lent_capacity=PLAN.fitted_of(curve_lenders, "capacity", *CAPACITY_KINDS),
     output:
-        "results/basis/{cell}.json",
+        "results/stages/basis/{cell}.json",
     log:
         "logs/basis/{cell}.log",
     params:
@@ -183,10 +183,10 @@ rule basis:
 
 rule identify:
     input:
-        basis="results/basis/{cell}.json",
+        basis="results/stages/basis/{cell}.json",
         series=own(fit_series),
     output:
-        "results/identify/{cell}.json",
+        "results/stages/identify/{cell}.json",
     log:
         "logs/identify/{cell}.log",
     wildcard_constraints:
@@ -221,8 +221,8 @@ rule thermal:
         model="results/models/{cell}.json",
         series=warming_series,
     output:
-        constants="results/thermal/{cell}.json",
-        tests="results/thermal_tests/{cell}.parquet",
+        constants="results/stages/thermal/{cell}.json",
+        tests="results/stages/thermal_tests/{cell}.parquet",
     log:
         "logs/thermal/{cell}.log",
     wildcard_constraints:
@@ -245,7 +245,7 @@ rule given_model:
     input:
         table=table_of_model,
     output:
-        "results/given_model/{cell}.json",
+        "results/stages/given_model/{cell}.json",
     log:
         "logs/given_model/{cell}.log",
     wildcard_constraints:
@@ -262,12 +262,12 @@ rule given_model:
 def source_of_model(wildcards):
     """The artefact of a cell's model: its own tests, a table, its IC peaks, or its group."""
     if wildcards.cell in IDENTIFIED:
-        return f"results/identify/{wildcards.cell}.json"
+        return f"results/stages/identify/{wildcards.cell}.json"
     if wildcards.cell in GIVEN:
-        return f"results/given_model/{wildcards.cell}.json"
+        return f"results/stages/given_model/{wildcards.cell}.json"
     if wildcards.cell in BIASED:
-        return f"results/bias/{wildcards.cell}.json"
-    return f"results/branches/{GROUPED[wildcards.cell]}.json"
+        return f"results/stages/bias/{wildcards.cell}.json"
+    return f"results/stages/branches/{GROUPED[wildcards.cell]}.json"
 
 
 def effects_of(wildcards):
@@ -286,20 +286,20 @@ def choice_series(wildcards):
 
 def law_of(wildcards):
     """What chose the law over temperature of a cell, where temperatures were left out."""
-    found = f"results/compensation/{wildcards.cell}.parquet"
+    found = f"results/stages/compensation/{wildcards.cell}.parquet"
     return [found] if wildcards.cell in COMPENSATED else []
 
 
 rule member:
     input:
         source=source_of_model,
-        basis=where(IDENTIFIED, "results/basis/{}.json"),
+        basis=where(IDENTIFIED, "results/stages/basis/{}.json"),
         law=law_of,
         effects=effects_of,
         series=choice_series,
     output:
-        model="results/member/{cell}.json",
-        choice="results/member_choice/{cell}.parquet",
+        model="results/stages/member/{cell}.json",
+        choice="results/stages/member_choice/{cell}.parquet",
     log:
         "logs/member/{cell}.log",
     wildcard_constraints:
@@ -321,13 +321,13 @@ def own_effects_of(wildcards):
 
 rule model:
     input:
-        member="results/member/{cell}.json",
-        choice="results/member_choice/{cell}.parquet",
+        member="results/stages/member/{cell}.json",
+        choice="results/stages/member_choice/{cell}.parquet",
         effects=own_effects_of,
     output:
         model="results/models/{cell}.json",
-        parameters="results/parameters/{cell}.parquet",
-        choice="results/choice/{cell}.parquet",
+        parameters="results/stages/parameters/{cell}.parquet",
+        choice="results/stages/choice/{cell}.parquet",
     log:
         "logs/model/{cell}.log",
     wildcard_constraints:
@@ -358,7 +358,7 @@ rule no_model:
 
 
 EXPORTED = {
-    kind: [f"results/export/{cell}/{kind}" for cell in MODELLED]
+    kind: [f"results/models/{cell}/{kind}" for cell in MODELLED]
     for kind in ("pybamm_thevenin.json", "lookup.csv", "over_temperature.csv")
 }
 
@@ -390,11 +390,11 @@ def checkup_series(wildcards):
 
 rule model_of_checkup:
     input:
-        basis="results/basis/{cell}.json",
+        basis="results/stages/basis/{cell}.json",
         series=checkup_series,
     output:
-        model="results/models_of_checkups/{cell}/{checkup}.json",
-        parameters="results/parameters_of_checkups/{cell}/{checkup}.parquet",
+        model="results/stages/models_of_checkups/{cell}/{checkup}.json",
+        parameters="results/stages/parameters_of_checkups/{cell}/{checkup}.parquet",
     log:
         "logs/model_of_checkup/{cell}/{checkup}.log",
     wildcard_constraints:
@@ -413,7 +413,7 @@ def model_at_age(wildcards):
     """The model of a cell at the age of a test: that of its check-up where there is one."""
     row, cell = TESTS[wildcards.cell, wildcards.test], wildcards.cell
     aged = [cycle for cycle in CHECKUPS.get(cell, []) if near_in_cycles(row, [float(cycle)])]
-    of_checkup = [f"results/models_of_checkups/{cell}/{cycle}.json" for cycle in aged[:1]]
+    of_checkup = [f"results/stages/models_of_checkups/{cell}/{cycle}.json" for cycle in aged[:1]]
     return of_checkup or f"results/models/{cell}.json"
 
 
@@ -422,9 +422,9 @@ rule export:
         model="results/models/{cell}.json",
         validation=own(scores_of),
     output:
-        pybamm="results/export/{cell}/pybamm_thevenin.json",
-        lookup="results/export/{cell}/lookup.csv",
-        temperature="results/export/{cell}/over_temperature.csv",
+        pybamm="results/models/{cell}/pybamm_thevenin.json",
+        lookup="results/models/{cell}/lookup.csv",
+        temperature="results/models/{cell}/over_temperature.csv",
     log:
         "logs/export/{cell}.log",
     wildcard_constraints:
@@ -438,13 +438,13 @@ rule export:
 rule prediction:
     input:
         model=model_at_age,
-        series="results/clean/{cell}/{test}.parquet",
+        series="results/stages/clean/{cell}/{test}.parquet",
         repeats=repeats_of,
     output:
-        scores="results/validation/{cell}/{test}.parquet",
-        simulation="results/simulation/{cell}/{test}.parquet",
-        soc="results/soc/{cell}/{test}.parquet",
-        soc_series="results/soc_series/{cell}/{test}.parquet",
+        scores="results/stages/validation/{cell}/{test}.parquet",
+        simulation="results/stages/simulation/{cell}/{test}.parquet",
+        soc="results/stages/soc/{cell}/{test}.parquet",
+        soc_series="results/stages/soc_series/{cell}/{test}.parquet",
     log:
         "logs/prediction/{cell}/{test}.log",
     wildcard_constraints:

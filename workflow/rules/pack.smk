@@ -15,7 +15,9 @@ def models_of_group(wildcards):
 
 def thermal_of_group(wildcards):
     """Thermal constants of the cells of a group that have tests which may tell them."""
-    return [f"results/thermal/{cell}.json" for cell in LEAVES[wildcards.group] if cell in WARMED]
+    return [
+        f"results/stages/thermal/{cell}.json" for cell in LEAVES[wildcards.group] if cell in WARMED
+    ]
 
 
 rule branches:
@@ -23,7 +25,7 @@ rule branches:
         series=PLAN.own_fitted("clean", "group"),
         steps=PLAN.own_fitted("segment", "group"),
     output:
-        "results/branches/{group}.json",
+        "results/stages/branches/{group}.json",
     log:
         "logs/branches/{group}.log",
     wildcard_constraints:
@@ -39,15 +41,15 @@ rule branches:
 
 rule pack:
     input:
-        series="results/clean/{group}/{test}.parquet",
+        series="results/stages/clean/{group}/{test}.parquet",
         models=models_of_group,
         capacities=PLAN.fitted_of(LEAVES.get, "capacity", "capacity"),
         thermal=thermal_of_group,
     output:
-        scores="results/pack/{group}/{test}.parquet",
-        findings="results/pack_findings/{group}/{test}.parquet",
-        spread="results/pack_spread/{group}/{test}.parquet",
-        series="results/pack_series/{group}/{test}.parquet",
+        scores="results/stages/pack/{group}/{test}.parquet",
+        findings="results/stages/pack_findings/{group}/{test}.parquet",
+        spread="results/stages/pack_spread/{group}/{test}.parquet",
+        series="results/stages/pack_series/{group}/{test}.parquet",
     log:
         "logs/pack/{group}/{test}.log",
     wildcard_constraints:
@@ -64,11 +66,11 @@ rule pack:
 
 rule nested_pack:
     input:
-        series="results/clean/{group}/{test}.parquet",
+        series="results/stages/clean/{group}/{test}.parquet",
         models=models_of_group,
     output:
-        scores="results/nested_pack/{group}/{test}.parquet",
-        series="results/nested_pack_series/{group}/{test}.parquet",
+        scores="results/stages/nested_pack/{group}/{test}.parquet",
+        series="results/stages/nested_pack_series/{group}/{test}.parquet",
     log:
         "logs/nested_pack/{group}/{test}.log",
     wildcard_constraints:
@@ -86,15 +88,15 @@ def simulated_channels(wildcards):
     """The simulated channels of a test, which tell swapped ones, where there are some."""
     stages = {"pack_series": SHARED, "nested_pack_series": NESTED}
     found = [stage for stage, groups in stages.items() if wildcards.group in groups]
-    return [f"results/{stage}/{wildcards.group}/{wildcards.test}.parquet" for stage in found]
+    return [f"results/stages/{stage}/{wildcards.group}/{wildcards.test}.parquet" for stage in found]
 
 
 rule pack_checks:
     input:
-        series="results/clean/{group}/{test}.parquet",
+        series="results/stages/clean/{group}/{test}.parquet",
         simulated=simulated_channels,
     output:
-        "results/pack_checks/{group}/{test}.parquet",
+        "results/stages/pack_checks/{group}/{test}.parquet",
     log:
         "logs/pack_checks/{group}/{test}.log",
     wildcard_constraints:

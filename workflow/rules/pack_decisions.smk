@@ -18,14 +18,14 @@ MATCHED = {
 
 rule series_pack:
     input:
-        series="results/clean/{group}/{test}.parquet",
+        series="results/stages/clean/{group}/{test}.parquet",
         models=models_of_group,
     output:
-        pack="results/series_pack/{group}/{test}.parquet",
-        cells="results/series_pack_cells/{group}/{test}.parquet",
-        power="results/series_pack_power/{group}/{test}.parquet",
-        waterfall="results/series_pack_waterfall/{group}/{test}.parquet",
-        series="results/series_pack_series/{group}/{test}.parquet",
+        pack="results/stages/series_pack/{group}/{test}.parquet",
+        cells="results/stages/series_pack_cells/{group}/{test}.parquet",
+        power="results/stages/series_pack_power/{group}/{test}.parquet",
+        waterfall="results/stages/series_pack_waterfall/{group}/{test}.parquet",
+        series="results/stages/series_pack_series/{group}/{test}.parquet",
     log:
         "logs/series_pack/{group}/{test}.log",
     wildcard_constraints:
@@ -47,7 +47,7 @@ rule pack_decisions:
         capacities=PLAN.fitted_of(LEAVES.get, "capacity", "capacity"),
         thermal=thermal_of_group,
     output:
-        "results/pack_decisions/{group}.parquet",
+        "results/stages/pack_decisions/{group}.parquet",
     log:
         "logs/pack_decisions/{group}.log",
     wildcard_constraints:
@@ -69,8 +69,8 @@ rule pack_matching:
         models=paths_of(MATCHED.get, "results/models/{}.json"),
         capacities=PLAN.fitted_of(MATCHED.get, "capacity", "capacity"),
     output:
-        gains="results/pack_matching/{fleet}.parquet",
-        assembly="results/pack_assembly/{fleet}.parquet",
+        gains="results/stages/pack_matching/{fleet}.parquet",
+        assembly="results/stages/pack_assembly/{fleet}.parquet",
     log:
         "logs/pack_matching/{fleet}.log",
     wildcard_constraints:

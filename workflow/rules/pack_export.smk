@@ -40,7 +40,7 @@ rule cell_fmu:
         capacities=PLAN.own_fitted("capacity", "capacity"),
         validation=own(scores_of),
     output:
-        "results/fmu/{cell}.fmu",
+        "results/models/{cell}.fmu",
     log:
         "logs/cell_fmu/{cell}.log",
     wildcard_constraints:
@@ -55,7 +55,7 @@ rule pack_fmu:
     input:
         "results/pack_models/{group}.json",
     output:
-        "results/fmu/{group}.fmu",
+        "results/pack_models/{group}.fmu",
     log:
         "logs/pack_fmu/{group}.log",
     wildcard_constraints:
@@ -69,9 +69,10 @@ rule pack_fmu:
 # Asked for by name (`snakemake fmu`): units are made of finished models, for other simulators.
 rule fmu:
     input:
-        [f"results/fmu/{name}.fmu" for name in [*MODELLED, *PACK_MODELS]],
+        [f"results/models/{cell}.fmu" for cell in MODELLED],
+        [f"results/pack_models/{group}.fmu" for group in PACK_MODELS],
     output:
-        "results/fmu/units.csv",
+        "results/models/fmu_units.csv",
     log:
         "logs/fmu.log",
     message:

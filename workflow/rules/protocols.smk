@@ -9,17 +9,18 @@ def curves_for_stated_soc(wildcards):
 
 rule capacity:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
         course=course_of,
         curves=curves_for_stated_soc,
     output:
-        "results/capacity/{cell}/{test}.parquet",
+        "results/stages/capacity/{cell}/{test}.parquet",
     log:
         "logs/capacity/{cell}/{test}.log",
     wildcard_constraints:
         cell=only_these(row for row in CAMPAIGN.tests if row["kind"] != "ocv"),
     params:
+        instrument=config["instrument"],
         cell=cell_facts,
         test=test_facts,
     message:
@@ -30,19 +31,20 @@ rule capacity:
 
 rule ocv:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
         course=course_of,
     output:
-        curve="results/ocv/{cell}/{test}.parquet",
-        functions="results/ocv_functions/{cell}/{test}.parquet",
-        capacity="results/capacity/{cell}/{test}.parquet",
+        curve="results/stages/ocv/{cell}/{test}.parquet",
+        functions="results/stages/ocv_functions/{cell}/{test}.parquet",
+        capacity="results/stages/capacity/{cell}/{test}.parquet",
     log:
         "logs/ocv/{cell}/{test}.log",
     wildcard_constraints:
         cell=only_these(row for row in CAMPAIGN.tests if row["kind"] == "ocv"),
     params:
         least_hour=config["ocv"]["least_hour"],
+        instrument=config["instrument"],
         test=test_facts,
         cell=cell_facts,
     message:
@@ -53,13 +55,13 @@ rule ocv:
 
 rule ocv_rests:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
         course=course_of,
         capacity=PLAN.own_fitted("capacity", *SIZE_KINDS),
     output:
-        curve="results/ocv_rests/{cell}/{test}.parquet",
-        points="results/ocv_rest_points/{cell}/{test}.parquet",
+        curve="results/stages/ocv_rests/{cell}/{test}.parquet",
+        points="results/stages/ocv_rest_points/{cell}/{test}.parquet",
     log:
         "logs/ocv_rests/{cell}/{test}.log",
     params:
@@ -74,9 +76,9 @@ rule ocv_rests:
 
 rule ocv_load:
     input:
-        series="results/clean/{cell}/{test}.parquet",
+        series="results/stages/clean/{cell}/{test}.parquet",
     output:
-        "results/ocv_load/{cell}/{test}.parquet",
+        "results/stages/ocv_load/{cell}/{test}.parquet",
     log:
         "logs/ocv_load/{cell}/{test}.log",
     params:
@@ -94,20 +96,21 @@ BOTH_KINDS = {*PULSE_KINDS} & {*RELAXATION_KINDS}
 
 rule pulses:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
-        basis="results/basis/{cell}.json",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
+        basis="results/stages/basis/{cell}.json",
         repeats=repeats_of,
     output:
-        resistance="results/resistance/{cell}/{test}.parquet",
-        rests="results/relaxation/{cell}/{test}.parquet",
-        curve="results/relaxation_curve/{cell}/{test}.parquet",
+        resistance="results/stages/resistance/{cell}/{test}.parquet",
+        rests="results/stages/relaxation/{cell}/{test}.parquet",
+        curve="results/stages/relaxation_curve/{cell}/{test}.parquet",
     log:
         "logs/pulses/{cell}/{test}.log",
     wildcard_constraints:
         cell=only_these(row for row in CAMPAIGN.tests if row["kind"] in BOTH_KINDS),
     params:
         resistance=config["resistance"],
+        instrument=config["instrument"],
         relaxation=of_analysis("relaxation"),
         test=test_facts,
         cell=cell_facts,
@@ -119,18 +122,19 @@ rule pulses:
 
 rule resistance:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
-        basis="results/basis/{cell}.json",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
+        basis="results/stages/basis/{cell}.json",
         repeats=repeats_of,
     output:
-        "results/resistance/{cell}/{test}.parquet",
+        "results/stages/resistance/{cell}/{test}.parquet",
     log:
         "logs/resistance/{cell}/{test}.log",
     wildcard_constraints:
         cell=only_these(row for row in CAMPAIGN.tests if row["kind"] not in BOTH_KINDS),
     params:
         settings=config["resistance"],
+        instrument=config["instrument"],
         test=test_facts,
         cell=cell_facts,
     message:
@@ -141,13 +145,13 @@ rule resistance:
 
 rule relaxation:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
-        basis="results/basis/{cell}.json",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
+        basis="results/stages/basis/{cell}.json",
         repeats=repeats_of,
     output:
-        rests="results/relaxation/{cell}/{test}.parquet",
-        curve="results/relaxation_curve/{cell}/{test}.parquet",
+        rests="results/stages/relaxation/{cell}/{test}.parquet",
+        curve="results/stages/relaxation_curve/{cell}/{test}.parquet",
     log:
         "logs/relaxation/{cell}/{test}.log",
     wildcard_constraints:
@@ -164,11 +168,11 @@ rule relaxation:
 
 rule ica:
     input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
     output:
-        peaks="results/ica/{cell}/{test}.parquet",
-        curve="results/ica_curve/{cell}/{test}.parquet",
+        peaks="results/stages/ica/{cell}/{test}.parquet",
+        curve="results/stages/ica_curve/{cell}/{test}.parquet",
     log:
         "logs/ica/{cell}/{test}.log",
     params:
@@ -185,13 +189,13 @@ rule impedance:
     input:
         raw=raw_files,
     output:
-        spectrum="results/spectrum/{cell}/{test}.parquet",
-        fit="results/eis/{cell}/{test}.parquet",
-        curve="results/eis_curve/{cell}/{test}.parquet",
-        parameters="results/eis_parameters/{cell}/{test}.parquet",
-        candidates="results/eis_candidates/{cell}/{test}.parquet",
-        distribution="results/drt/{cell}/{test}.parquet",
-        processes="results/drt_peaks/{cell}/{test}.parquet",
+        spectrum="results/stages/spectrum/{cell}/{test}.parquet",
+        fit="results/stages/eis/{cell}/{test}.parquet",
+        curve="results/stages/eis_curve/{cell}/{test}.parquet",
+        parameters="results/stages/eis_parameters/{cell}/{test}.parquet",
+        candidates="results/stages/eis_candidates/{cell}/{test}.parquet",
+        distribution="results/stages/drt/{cell}/{test}.parquet",
+        processes="results/stages/drt_peaks/{cell}/{test}.parquet",
     log:
         "logs/impedance/{cell}/{test}.log",
     params:
@@ -220,7 +224,7 @@ rule thermometer:
         spectra=PLAN.own_artefacts("eis", "eis"),
         series=PLAN.own_rows("clean", beside_spectra),
     output:
-        "results/thermometer/{cell}.parquet",
+        "results/stages/thermometer/{cell}.parquet",
     log:
         "logs/thermometer/{cell}.log",
     wildcard_constraints:

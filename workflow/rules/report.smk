@@ -1,6 +1,7 @@
 # The report, the manifest of all artefacts, and the checks of both.
 
-from runtime.provenance import assumptions
+from runtime.contract import stage_of
+from runtime.provenance import assumptions, run_facts
 
 ASSUMPTIONS = assumptions()
 
@@ -23,6 +24,11 @@ FINAL = [
 ]
 
 
+def predicted(stage):
+    """Paths of one stage's artefacts for the tests that each cell's model was scored on."""
+    return [path for cell, rows in SCORED.items() for path in of_rows(stage, cell, rows)]
+
+
 rule report:
     input:
         tables=[f"results/tables/{table}.csv" for table in TABLES],
@@ -32,11 +38,24 @@ rule report:
         artefacts=STAGES,
         verdicts=VERDICTS,
         witnesses=WITNESSES,
+        maps=RESIDUAL_MAPS,
         cold=COLD_WORDS,
         template=local(f"{PIPELINE}/workflow/report/report.html.j2"),
         page=local(f"{PIPELINE}/workflow/report/page.html.j2"),
         parts=local(f"{PIPELINE}/workflow/report/parts.html.j2"),
         captions=local(f"{PIPELINE}/workflow/report/captions.yaml"),
+        chapters=local(f"{PIPELINE}/workflow/report/chapters.yaml"),
+        specs=local(f"{PIPELINE}/workflow/report/tables.yaml"),
+        methods=local(f"{PIPELINE}/workflow/report/methods.yaml"),
+        style=local(f"{PIPELINE}/workflow/report/report.css"),
+        code=local(f"{PIPELINE}/workflow/report/report.js"),
+        closer=local(f"{PIPELINE}/workflow/report/closer.js"),
+        uplot=local(f"{PIPELINE}/workflow/report/uplot/uPlot.iife.min.js"),
+        uplot_style=local(f"{PIPELINE}/workflow/report/uplot/uPlot.min.css"),
+        lookups=EXPORTED["lookup.csv"],
+        pybamm=EXPORTED["pybamm_thevenin.json"],
+        simulated=predicted("simulation"),
+        series=predicted("clean"),
     output:
         "results/report.html",
     log:
@@ -49,24 +68,69 @@ rule report:
         # By a function: what is in braces would be taken for a wildcard.
         title=lambda w: config["title"],
         choices=CHOICES,
+        settings=lambda w: config,
         assumptions=ASSUMPTIONS,
+        run=run_facts(),
     message:
         "Write results/report.html."
     script:
         "../../scripts/report/report.py"
 
 
+rule contents:
+    output:
+        "results/README.md",
+        # What reads the tables for PyBaMM: it needs PyBaMM and nothing of this project.
+        thevenin="results/models/thevenin.py",
+    log:
+        "logs/contents.log",
+    params:
+        # By a function: what is in braces would be taken for a wildcard.
+        has=lambda w: {
+            "title": config["title"],
+            "tables": TABLES,
+            "stages": sorted({stage_of(path) for path in STAGES}),
+        },
+    message:
+        "What lies where in the results: results/README.md."
+    script:
+        "../../scripts/report/contents.py"
+
+
 rule manifest:
     input:
         FINAL,
+        "results/README.md",
     output:
-        "results/manifest.tsv",
+        "results/stages/manifest.tsv",
     log:
         "logs/manifest.log",
     message:
-        "Checksums of every artefact: results/manifest.tsv."
+        "Checksums of every artefact: results/stages/manifest.tsv."
     script:
         "../../scripts/report/manifest.py"
+
+
+def crate_facts(wildcards):
+    """What a crate says of a campaign that no artefact does."""
+    return {"title": config["title"], "command": "snakemake"} | config["publication"]
+
+
+rule crate:
+    input:
+        manifest="results/stages/manifest.tsv",
+    output:
+        crate="results/ro-crate-metadata.json",
+        workflow=directory("results/stages/workflow"),
+    log:
+        "logs/crate.log",
+    params:
+        about=crate_facts,
+        rules=lambda w: {rule.name: {"does": rule.message or rule.name} for rule in workflow.rules},
+    message:
+        "The run for other people's tools: results/ro-crate-metadata.json."
+    script:
+        "../../scripts/report/crate.py"
 
 
 rule verify:
@@ -85,7 +149,7 @@ rule accepted:
         excluded="results/tables/excluded.csv",
         report="results/report.html",
     output:
-        touch("results/accepted"),
+        touch("results/stages/accepted"),
     log:
         "logs/accepted.log",
     retries: 0

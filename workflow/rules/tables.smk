@@ -2,7 +2,7 @@
 
 SCORES, FILTERED = (
     [
-        f"results/{stage}/{cell}/{row['test']}.parquet"
+        f"results/stages/{stage}/{cell}/{row['test']}.parquet"
         for cell, rows in SCORED.items()
         for row in rows
     ]
@@ -15,30 +15,30 @@ TABLES_OF_TESTS = {
     "resistance": everywhere("resistance", *PULSE_KINDS),
     "ocv": [
         *everywhere("ocv_functions", "ocv"),
-        *[f"results/ocv_functions_temperature/{cell}.parquet" for cell in STEPPED],
+        *[f"results/stages/ocv_functions_temperature/{cell}.parquet" for cell in STEPPED],
     ],
     "eis": everywhere("eis", "eis"),
     "temperature": [
-        *[f"results/temperature/{cell}.parquet" for cell in VARIED],
-        *[f"results/resistance_surface/{cell}.parquet" for cell in PULSED],
-        *[f"results/temperature_of_type/{cell}.parquet" for cell in KINDRED],
-        *[f"results/polarisation/{cell}.parquet" for cell in RELAXED],
-        *[f"results/ocv_laws/{cell}.parquet" for cell in STEPPED],
+        *[f"results/stages/temperature/{cell}.parquet" for cell in VARIED],
+        *[f"results/stages/resistance_surface/{cell}.parquet" for cell in PULSED],
+        *[f"results/stages/temperature_of_type/{cell}.parquet" for cell in KINDRED],
+        *[f"results/stages/polarisation/{cell}.parquet" for cell in RELAXED],
+        *[f"results/stages/ocv_laws/{cell}.parquet" for cell in STEPPED],
         *LOSS_LAWS,
     ],
-    "capacity_loss": [f"results/capacity_loss/{cell}.parquet" for cell in COLD],
-    "ica_temperature": [f"results/ica_temperature/{cell}.parquet" for cell in COLD_PEAKS],
+    "capacity_loss": [f"results/stages/capacity_loss/{cell}.parquet" for cell in COLD],
+    "ica_temperature": [f"results/stages/ica_temperature/{cell}.parquet" for cell in COLD_PEAKS],
     "fast_charge": everywhere("fast_charge", "fast_charge"),
     "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
-    "ica_tracks": [f"results/ica_tracks/{cell}.parquet" for cell in FOLLOWED],
+    "ica_tracks": [f"results/stages/ica_tracks/{cell}.parquet" for cell in FOLLOWED],
 }
 TABLES_OF_HEALTH = {
-    "health": [f"results/health/{cell}.parquet" for cell in HEALTHY],
-    "checkups": [f"results/checkups/{cell}.parquet" for cell in CHECKED],
-    "resistance_growth": [f"results/resistance_growth/{cell}.parquet" for cell in CHECKED],
-    "fade": [f"results/life/{cell}.parquet" for cell in AGED],
-    "fade_laws": [f"results/fade/{cell}.parquet" for cell in AGED],
+    "health": [f"results/stages/health/{cell}.parquet" for cell in HEALTHY],
+    "checkups": [f"results/stages/checkups/{cell}.parquet" for cell in CHECKED],
+    "resistance_growth": [f"results/stages/resistance_growth/{cell}.parquet" for cell in CHECKED],
+    "fade": [f"results/stages/life/{cell}.parquet" for cell in AGED],
+    "fade_laws": [f"results/stages/fade/{cell}.parquet" for cell in AGED],
 }
 TABLES_OF_GROUPS = {
     "packs": "pack",
@@ -47,18 +47,18 @@ TABLES_OF_GROUPS = {
 }
 TABLES_OF_MODELS = {
     "temperature_prediction": [
-        f"results/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
+        f"results/stages/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
     ],
-    "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
+    "models": [f"results/stages/parameters/{cell}.parquet" for cell in MODELLED],
     "models_of_checkups": [
-        f"results/parameters_of_checkups/{cell}/{cycle}.parquet"
+        f"results/stages/parameters_of_checkups/{cell}/{cycle}.parquet"
         for cell, cycles in CHECKUPS.items()
         for cycle in cycles
     ],
-    "choice": [f"results/choice/{cell}.parquet" for cell in MODELLED],
+    "choice": [f"results/stages/choice/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
-    "thermal": [f"results/thermal_tests/{cell}.parquet" for cell in WARMED],
-    "bias": [f"results/bias_ways/{cell}.parquet" for cell in JUDGED],
+    "thermal": [f"results/stages/thermal_tests/{cell}.parquet" for cell in WARMED],
+    "bias": [f"results/stages/bias_ways/{cell}.parquet" for cell in JUDGED],
     "soc": FILTERED,
     "series_packs": [p for group in SERIES for p in artefacts("series_pack", group, "group")],
     "series_pack_cells": [
@@ -66,8 +66,8 @@ TABLES_OF_MODELS = {
     ],
     "nested_packs": [p for group in NESTED for p in artefacts("nested_pack", group, "group")],
     "pack_decisions": [
-        *[f"results/pack_decisions/{group}.parquet" for group in PAIRS],
-        *[f"results/pack_matching/{fleet}.parquet" for fleet in MATCHED],
+        *[f"results/stages/pack_decisions/{group}.parquet" for group in PAIRS],
+        *[f"results/stages/pack_matching/{fleet}.parquet" for fleet in MATCHED],
     ],
     "pack_checks": [p for group in PAIRS for p in artefacts("pack_checks", group, "group")],
     **{
@@ -77,8 +77,9 @@ TABLES_OF_MODELS = {
 }
 TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
 COMPARED_CELLS = ["fleet_health", "fleet_health_lines", "protocols"]
-TABLES = [*TABLE_INPUTS, *COMPARED_CELLS, "missing_effect", "fleet", "excluded"]
-COLD_WORDS = [f"results/cold_limit/{cell}.json" for cell in CHILLED]
+WITH_SUMMARY = ["excluded", "resistance_definitions"]  # made beside the summary
+TABLES = [*TABLE_INPUTS, *COMPARED_CELLS, "missing_effect", "fleet", *WITH_SUMMARY]
+COLD_WORDS = [f"results/stages/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
     *everywhere("ingest", *SERIES_KINDS),
     *everywhere("spectrum", "eis"),
@@ -87,24 +88,24 @@ STAGES = [
     *REPEATS,
     *everywhere("relaxation", *RELAXATION_KINDS),
     *[path for cell in CELLS for path in [*rest_curves(cell), *curves_of_loads(cell)]],
-    *[f"results/basis/{cell}.json" for cell in CELLS],
-    *[f"results/degradation_modes/{cell}.parquet" for cell in DEGRADED],
-    *[f"results/{stage}/{cell}.parquet" for cell in PEAK_TYPES for stage in PEAK_STAGES],
-    *[f"results/health_from_peaks/{cell}.parquet" for cell in FIRST_OF_TYPE],
-    *[f"results/plateau_losses/{cell}.parquet" for cell in AGED_SLOWLY],
-    *[f"results/identify/{cell}.json" for cell in IDENTIFIED],
-    *[f"results/bias/{cell}.json" for cell in BIASED],
-    *[f"results/given_model/{cell}.json" for cell in GIVEN],
-    *[f"results/bias_worst/{cell}.json" for cell in JUDGED_WORST],
+    *[f"results/stages/basis/{cell}.json" for cell in CELLS],
+    *[f"results/stages/degradation_modes/{cell}.parquet" for cell in DEGRADED],
+    *[f"results/stages/{stage}/{cell}.parquet" for cell in PEAK_TYPES for stage in PEAK_STAGES],
+    *[f"results/stages/health_from_peaks/{cell}.parquet" for cell in FIRST_OF_TYPE],
+    *[f"results/stages/plateau_losses/{cell}.parquet" for cell in AGED_SLOWLY],
+    *[f"results/stages/identify/{cell}.json" for cell in IDENTIFIED],
+    *[f"results/stages/bias/{cell}.json" for cell in BIASED],
+    *[f"results/stages/given_model/{cell}.json" for cell in GIVEN],
+    *[f"results/stages/bias_worst/{cell}.json" for cell in JUDGED_WORST],
     *[path for cell in COMPENSATED for path in left_out_of(cell)],
-    *[f"results/compensation/{cell}.parquet" for cell in COMPENSATED],
-    *[f"results/branches/{group}.json" for group in sorted(set(GROUPED.values()))],
+    *[f"results/stages/compensation/{cell}.parquet" for cell in COMPENSATED],
+    *[f"results/stages/branches/{group}.json" for group in sorted(set(GROUPED.values()))],
     *[f"results/pack_models/{group}.json" for group in PACK_MODELS],
     *MODELS,
     *[f"results/models/{cell}.json" for cell in UNMODELLED],
     *EXPORTED["pybamm_thevenin.json"],
     *[path for paths in TABLE_INPUTS.values() for path in paths],
-    *[f"results/thermometer/{cell}.parquet" for cell in THERMOMETERS],
+    *[f"results/stages/thermometer/{cell}.parquet" for cell in THERMOMETERS],
     *COLD_WORDS,
     *[f"results/missing_effect/{cell}/verdict.json" for cell in SEARCHED],
     *[f"results/missing_effect/{group}/verdict.json" for group in GROUPS_SEARCHED],
@@ -158,13 +159,15 @@ rule tables_of_models:
 
 rule summary:
     input:
-        tables=[f"results/tables/{table}.csv" for table in TABLES if table != "excluded"],
+        tables=[f"results/tables/{table}.csv" for table in TABLES if table not in WITH_SUMMARY],
         stages=STAGES,
         models=MODELS,
+        verdicts=VERDICTS,
         laws=[local(str(path)) for path in Path(PIPELINE, "tests/artefacts").glob("*.py")],
     output:
         excluded="results/tables/excluded.csv",
         summary="results/summary.csv",
+        resistances="results/tables/resistance_definitions.csv",
         checks="results/tables/checks.csv",
     log:
         "logs/summary.log",

@@ -86,7 +86,7 @@ def _records(campaign, cell, tests) -> list[tuple[dict, pd.DataFrame, File]]:
     """Row of tests.tsv, clean series and file of each test of a cell."""
     rated, records = float(cell["rated_capacity_ampere_hour"]), []
     for test in tests:
-        path = campaign / "results" / "clean" / cell["cell"] / f"{test['test']}.parquet"
+        path = campaign / "results" / "stages" / "clean" / cell["cell"] / f"{test['test']}.parquet"
         series = pd.read_parquet(path) if path.is_file() else pd.DataFrame()
         if len(series):
             records.append((test, series, _file(test, series, RATING.capacity_ampere_hour / rated)))

@@ -50,8 +50,8 @@ def true(place: Campaign, table: str) -> pd.DataFrame | None:
 
 
 def artefact(place: Campaign, stage: str, name: str, test: str) -> pd.DataFrame | None:
-    """Columns of one artefact `results/<stage>/<cell or group>/<test>.parquet`; None if empty."""
-    path = place.results / stage / name / f"{test}.parquet"
+    """Columns of `results/stages/<stage>/<cell or group>/<test>.parquet`; None if empty."""
+    path = place.results / "stages" / stage / name / f"{test}.parquet"
     columns = pd.read_parquet(path) if path.is_file() else None
     return columns if columns is not None and len(columns) else None
 

@@ -152,7 +152,7 @@ def _one_of_a_swapped_pair(true):
 def _flags(place):
     """Flags of every test, with their cell."""
     parts = [pd.DataFrame({"cell": [], "test": [], "row": [], "flag": []})]
-    for path in sorted((place.results / "flags").glob("*/*.parquet")):
+    for path in sorted((place.results / "stages" / "flags").glob("*/*.parquet")):
         flags = files.artefact(place, "flags", path.parent.name, path.stem)
         if flags is not None:
             parts.append(flags[["row", "flag"]].assign(cell=path.parent.name, test=path.stem))

@@ -16,7 +16,8 @@ def compare(place: files.Campaign) -> pd.DataFrame:
     true = files.true(place, "health")
     if true is None or "lli" not in true:
         return comparison.nothing()
-    found = [_found(path) for path in sorted((place.results / "degradation_modes").glob("*"))]
+    folder = place.results / "stages" / "degradation_modes"
+    found = [_found(path) for path in sorted(folder.glob("*"))]
     found = [rows for rows in found if len(rows)]
     if not found:
         return comparison.nothing()

@@ -50,6 +50,7 @@ QUANTITIES = {
     **dict.fromkeys(("pack_decisions", "thermal", "bias"), ("",)),
     "missing_effect": ("",),
     "excluded": ("",),
+    "resistance_definitions": ("",),
     "faults": ("",),
 }
 TRUTH_OF = {"series_pack_cells": "series_packs"}  # where a table's truth has another name
@@ -87,7 +88,7 @@ def _state(place, table) -> str:
         made = (place.results / table).is_dir()
         has_truth = bool(verdicts.hidden_effects(place))
     else:
-        flags = (place.results / "flags").is_dir()
+        flags = (place.results / "stages" / "flags").is_dir()
         made = flags if table == "faults" else files.found(place, table) is not None
         has_truth = files.true(place, TRUTH_OF.get(table, table)) is not None
     if made and has_truth:

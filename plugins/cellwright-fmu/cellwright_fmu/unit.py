@@ -10,7 +10,7 @@ import numpy as np
 
 from cellwright.circuits.model_file import capacity_of, member_of
 from cellwright.circuits.temperature import celsius_of
-from cellwright.packs.artefact import ThermalConstants
+from cellwright.packs.artefact import OF_CELL
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.kernel import ORDER, STRAIGHT, Keep, kernel_sizes, work_room
 from cellwright.packs.network import network_of
@@ -196,10 +196,7 @@ def _thermal(constants):
     """Thermal constants of all cells; none where one cell has none."""
     if None in constants:
         return {}
-    return {
-        name: np.array(column)
-        for name, column in zip(ThermalConstants._fields, zip(*constants, strict=True), strict=True)
-    }
+    return {name: np.array([getattr(one, name) for one in constants]) for name in OF_CELL}
 
 
 def _ambient(celsius):

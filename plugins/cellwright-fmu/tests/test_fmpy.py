@@ -21,7 +21,7 @@ import cellwright as cw
 import cellwright_fmu
 from cellwright.bias.scaled import scaled_reference
 from cellwright.circuits.circuit import KINDS
-from cellwright.packs.artefact import CellInPack, ThermalConstants, pack_document, read_pack
+from cellwright.packs.artefact import CellInPack, pack_document, read_pack
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.thermal import Thermal
@@ -205,7 +205,7 @@ def test_a_pack_in_any_wiring_is_what_simulate_pack_gives(shape, tmp_path):
 
 
 def test_cells_with_thermal_constants_warm_by_their_own_heat(tmp_path):
-    constants = ThermalConstants(40.0, 5.0)
+    constants = Thermal(40.0, 5.0)
     pack = pack_of(series(*"AB"), kind="RC", thermal=constants)
     seconds, currents = np.full(600, 1.0), np.full(600, -4.0)
     runner = Runner(tmp_path, cellwright_fmu.pack_fmu(pack)).begin()
@@ -215,7 +215,7 @@ def test_cells_with_thermal_constants_warm_by_their_own_heat(tmp_path):
     ours = simulate_pack(
         *(time, held, cells, pack.wiring),
         **{"initial_soc": pack.initial_soc, "ambient_celsius": 25.0},
-        thermal=Thermal(*constants),
+        thermal=constants,
     )
     assert found[-1, 0] > 27.0
     np.testing.assert_allclose(found[:, :2], ours.temperature_celsius[1::2], rtol=0, atol=1e-9)

@@ -207,8 +207,11 @@ def test_an_interpreter_is_ended_as_it_should_be(both):
 
 
 def test_a_benchmark_measures_the_script_alone(tmp_path):
-    """0.6 s of work of a server that has used more before. Snakemake looks once, 0.5 s after the start:
-    on a busy machine the script has had any share of the processor by then, only never more than its own."""
+    """0.6 s of work of a server that has used more before.
+
+    Snakemake looks once, 0.5 s after the start: on a busy machine the script has had any share of
+    the processor by then, only never more than its own.
+    """
     work = """
         import time
         start = time.process_time()

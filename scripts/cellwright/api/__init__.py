@@ -9,7 +9,7 @@ steps : result of `segment`, or a table of its columns.
 cell, test : CellFacts and TestFacts, or mappings with the columns of cells.tsv and tests.tsv.
 cells : CellFacts or mappings, in any order.
 tests : (test, series) each.
-basis : result of `basis`, its content, a model, or the path of results/basis/<cell>.json.
+basis : result of `basis`, its content, a model, or the path of results/stages/basis/<cell>.json.
 model, models : result of `identify` or `finish_model`, its content, or the path of
     results/models/<cell>.json; of a pack one for each cell, in any order.
 branches, members : rows of groups.tsv of a group, and of all groups in it.

@@ -208,11 +208,11 @@ def models(documents) -> list:
 
 
 def basis(document):
-    """Content of a basis: of a result, a document, a model, or path of results/basis/<cell>.json.
+    """Content of a basis: of a result, a document, a model, or path of `results/stages/basis/`.
 
     Anything else is refused with what it is.
     """
-    wanted = "a result of `basis`, its results/basis/<cell>.json, or a model"
+    wanted = "a result of `basis`, its results/stages/basis/<cell>.json, or a model"
     return _with_fields(document, content(document), BASIS, wanted)
 
 

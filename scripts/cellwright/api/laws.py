@@ -243,5 +243,5 @@ def thermal_constants(cell, model, tests, *, split_rest_second=MODELS.split_rest
     from cellwright.identification.thermal import thermal_of
 
     about = inputs.model(model), inputs.cell_facts(cell), inputs.tests(tests)
-    found = thermal_of(*about, split_rest_second=split_rest_second)
-    return results.Result({"rows": found.rows}, found.content, found.notes)
+    content, rows, notes = thermal_of(*about, split_rest_second=split_rest_second)
+    return results.Result({"rows": rows}, content, notes)

@@ -70,9 +70,9 @@ def compare_temperature_laws(
     rows, notes = predicted(whole, models, *measured, split_rest_second=split_rest_second)
     # Beyond the tests a law by which resistance rises with temperature again is not offered.
     offered, refused = laws_beyond(whole)
-    choice = choose_laws(rows, beyond=offered)
-    marked = [row | {"chosen": row["law"] == choice.laws[row["beyond"]]} for row in rows]
-    notes = (choice.words, *filter(None, [refused]), *notes)
+    laws, words = choose_laws(rows, beyond=offered)
+    marked = [row | {"chosen": row["law"] == laws[row["beyond"]]} for row in rows]
+    notes = (words, *filter(None, [refused]), *notes)
     return results.Result({"rows": marked}, notes=notes)
 
 
@@ -292,61 +292,56 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     return results.Result({"columns": columns}, {"member": member_of(model, member)["model"]})
 
 
-def validate(
-    model, series, test, cell, *, split_rest_second=MODELS.split_rest_second, repeats=None
-):
+def held_out(model, series, test, cell, *, split_rest_second=MODELS.split_rest_second):
+    """A test that took no part in a model's fit, laid out to be predicted by it.
+
+    Returns (model at the age of the test, `Record` on its SoC scale): what `validate` and
+    `estimate_soc` take. Raises Refusal: no SoC at the start can be known. Source: docs/models.md.
+    """
+    from cellwright.records.basis import at_cycle
+    from cellwright.records.record import laid_out
+
+    measured = inputs.measured(test, series, inputs.COUNTED)
+    model, facts = at_cycle(inputs.model(model), measured.facts.cycle), inputs.cell_facts(cell)
+    how = {"split_rest_second": split_rest_second, "proof": True}
+    return model, laid_out(measured, model, facts, **how)
+
+
+def validate(model, record, *, repeats=None):
     """Errors [V] of every member of a model, simulated through a test it was not fitted to.
 
+    model, record : of `held_out`.
     repeats : rows that were fitted in another test, or score there, do not score here; None: all
         do.
 
-    Returns rows, one a member: rmse_volt, max_abs_volt [V] and others; series. Raises Refusal: no
-    SoC at the start can be known, or nothing is left to score. Source: docs/models.md.
+    Returns rows, one a member: rmse_volt, max_abs_volt [V] and others; series. Raises Refusal:
+    nothing is left to score. Source: docs/models.md.
     """
     from cellwright.identification.validation import validate as validated
-    from cellwright.records.basis import at_cycle
-    from cellwright.records.repeats import with_repeated
+    from cellwright.records.repeats import rows_repeated
 
-    measured, found = inputs.measured(test, series, inputs.COUNTED), inputs.repeats(repeats)
-    scores = validated(
-        at_cycle(inputs.model(model), measured.facts.cycle),
-        inputs.cell_facts(cell),
-        measured if found is None else with_repeated(measured, found),
-        split_rest_second=split_rest_second,
-    )
-    tables = {"rows": scores.rows, "series": scores.series}
-    return results.Result(tables, notes=tuple(scores.notes))
+    found = inputs.repeats(repeats)
+    if found is not None:
+        elsewhere = rows_repeated(found, record.test, len(record.used))
+        record = record._replace(used=record.used & ~elsewhere)
+    rows, series, notes = validated(inputs.model(model), record)
+    return results.Result({"rows": rows, "series": series}, notes=notes)
 
 
-def estimate_soc(
-    model,
-    series,
-    test,
-    cell,
-    settings=None,
-    *,
-    split_rest_second=MODELS.split_rest_second,
-    **changes,
-):
+def estimate_soc(model, record, settings=None, **changes):
     """State of charge [1] over a test by every filter, from wrong starts, with its error.
 
+    model, record : of `held_out`.
     settings : `settings.Soc`, its keys such as filters and initial_soc_error.
 
     Returns rows, one a filter, start and scenario: rmse_soc, max_abs_soc [1], convergence_second
-    [s]; series: (n,) estimates of the first start. Raises Refusal: no SoC at the start can be
-    known, nothing is left to score, or an unknown filter. Source: thesis 2.4; docs/soc-filters.md.
+    [s]; series: (n,) estimates of the first start. Raises Refusal: nothing is left to score, or an
+    unknown filter. Source: thesis 2.4; docs/soc-filters.md.
     """
     from cellwright.filters.evaluate import soc_runs
-    from cellwright.records.basis import at_cycle
 
-    measured = inputs.measured(test, series, inputs.COUNTED)
-    rows, columns, notes = soc_runs(
-        at_cycle(inputs.model(model), measured.facts.cycle),
-        inputs.cell_facts(cell),
-        measured,
-        settings=inputs.settings_of(Soc, settings, changes),
-        split_rest_second=split_rest_second,
-    )
+    settings = inputs.settings_of(Soc, settings, changes)
+    rows, columns, notes = soc_runs(inputs.model(model), record, settings=settings)
     return results.Result({"rows": rows, "series": columns}, notes=tuple(notes))
 
 

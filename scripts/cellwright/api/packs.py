@@ -422,7 +422,8 @@ def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_te
     wiring that is none, or a cell without a model. Source: docs/exports.md.
     """
     from cellwright.identification.thermal import constants_of
-    from cellwright.packs.artefact import CellInPack, ThermalConstants, pack_document, pack_lookup
+    from cellwright.packs.artefact import CellInPack, pack_document, pack_lookup
+    from cellwright.packs.thermal import Thermal
     from cellwright.packs.wiring import wiring_of
     from cellwright.records.checkups import repeat_std
 
@@ -430,7 +431,7 @@ def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_te
     documents = {model["cell"]: model for model in inputs.models(models)}
     start = {row["cell"]: row.get("initial_soc") for row in rows}
     known = thermal if isinstance(thermal, Mapping) else constants_of(map(inputs.content, thermal))
-    heat = {cell: ThermalConstants(*values) for cell, values in known.items()}
+    heat = {cell: Thermal(*values) for cell, values in known.items()}
 
     def discharges(cell):
         return [r for r in capacities if r["cell"] == cell and r["direction"] == "discharge"]

@@ -3,7 +3,16 @@
 import numpy as np
 
 from cellwright.api import inputs, results
-from cellwright.settings import FastCharge, Ica, Impedance, Ocv, OcvStep, Relaxation, Resistance
+from cellwright.settings import (
+    FastCharge,
+    Ica,
+    Impedance,
+    Instrument,
+    Ocv,
+    OcvStep,
+    Relaxation,
+    Resistance,
+)
 
 OCV = Ocv()
 ICA = Ica()
@@ -44,9 +53,21 @@ def _before(course, test):
     return {"state_before": state, "soc_at_start": soc}
 
 
-def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, curves=()):
+def capacity(
+    series,
+    steps,
+    cell,
+    settings=None,
+    *,
+    whole_swing=False,
+    test=None,
+    course=None,
+    curves=(),
+    **changes,
+):
     """Capacities [Ah] of the complete charges and discharges of one test.
 
+    settings : `settings.Instrument`.
     whole_swing : a half cycle that ends short of the cut-off counts too, as in slow OCV tests.
     curves : list of dict, open-circuit voltages of the cell that a stated SoC is held against.
 
@@ -70,6 +91,7 @@ def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None, 
         ambient_temperature_celsius=celsius,
         **inputs.ratings(cell),
         **_before(course, test),
+        **inputs.settings_of(Instrument, settings, changes)._asdict(),
     )
     return results.Result({"rows": half_cycles.rows}, notes=tuple(half_cycles.left_out))
 
@@ -156,10 +178,12 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
     return results.Result({"rows": shifts.rows}, notes=notes)
 
 
-def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None, **changes):
+def resistance(
+    series, steps, basis, test, cell, settings=None, *, repeats=None, instrument=None, **changes
+):
     """Resistance [ohm] at stated delays into each pulse of one test.
 
-    settings : `settings.Resistance`, its key delay_second [s].
+    settings : `settings.Resistance`, its key delay_second [s]. instrument : `settings.Instrument`.
 
     Returns rows, `protocols.resistance.ResistanceRows`, (k,): resistance_ohm and its standard
     deviation [ohm] by SoC [1], direction and delay [s]; SoC is NaN where not known. Raises Refusal:
@@ -176,8 +200,10 @@ def resistance(series, steps, basis, test, cell, settings=None, *, repeats=None,
         inputs.steps(steps),
         elsewhere=inputs.elsewhere(repeats, test, steps),
         doubt=inputs.columns(series).get("doubt"),
+        against_soc=anchored.contradicted,
         rated_capacity_ampere_hour=inputs.basis(basis)["capacity_ampere_hour"],
         **inputs.settings_of(Resistance, settings, changes)._asdict(),
+        **inputs.settings_of(Instrument, instrument, {})._asdict(),
     )
     notes = (f"SoC: {anchored.anchor}", *pulses.left_out)
     return results.Result({"rows": pulses.rows}, notes=notes)
@@ -272,9 +298,9 @@ def ica_life(series, steps, cycles, *, prominence=ICA.prominence, most=30):
     record = inputs.quantities(series, inputs.COUNTED)
     columns = inputs.columns(cycles, "cycle", "direction", "start_time_second")
     steps = inputs.steps(steps)._asdict()
-    found = peaks_of_life(*record, steps, columns, prominence=prominence, most=most)
-    tables = {"rows": found.rows, "curves": found.curves}
-    return results.Result(tables, notes=tuple(found.notes))
+    how = {"prominence": prominence, "most": most}
+    rows, curves, notes = peaks_of_life(*record, steps, columns, **how)
+    return results.Result({"rows": rows, "curves": curves}, notes=tuple(notes))
 
 
 def impedance(spectrum, settings=None, **changes):
@@ -357,10 +383,10 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=No
     return results.Result({"rows": [charge]}, notes=tuple(notes))
 
 
-def ageing_cycles(series, steps, test, cell, course=None):
+def ageing_cycles(series, steps, test, cell, course=None, instrument=None):
     """Complete cycles of one ageing record: capacity, energy, efficiency, temperature.
 
-    test : its `cycle` is that of the first.
+    test : its `cycle` is that of the first. instrument : `settings.Instrument`.
 
     Returns rows, `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C]; left_out: for each
     reason how many half cycles were left out, and which. Raises Refusal: no complete cycle.
@@ -375,6 +401,7 @@ def ageing_cycles(series, steps, test, cell, course=None):
         first_cycle=inputs.test_facts(test).cycle or 0.0,
         **inputs.ratings(cell),
         **_before(course, test),
+        **inputs.settings_of(Instrument, instrument, {})._asdict(),
     )
     left_out = tuple(complete.left_out)
     notes = (*left_out, *complete.by_rest)

@@ -4,29 +4,25 @@ What all rooms mean by the OCV at a SoC: linear between the points of a table; b
 straight on with the slope of the outermost half percent of SoC, where a particle's surface may run
 empty before its mean does. All other parameters stay there what they are at the ends.
 
-The voltage is the OCV and what each branch of a circuit adds, exactly for the hold of the current
-between samples (`simulate`). A circuit of RC pairs over tables has a compiled twin of that, at a
-few nanoseconds a sample (`simulate_counted`).
-"""
+A SoC that is no number has no OCV, slope or parameter: looked up it gives NaN, and raises nothing;
+a record with it is refused where it is simulated.
 
-from typing import NamedTuple
+The voltage is the OCV and what each branch of a circuit adds, exactly for the hold of the current
+between samples (`simulate`). native/cell.h says the same of a table and a lag in C, for the kernels
+of packs, groups and filters.
+"""
 
 import numpy as np
 
-from cellwright.circuits.circuit import Branch, kind_of, rc_circuit
-from cellwright.native import array, count, function, real
-from cellwright.numerics.clock import refuse_backward
+from cellwright.circuits.circuit import Branch, kind_of
+from cellwright.numerics.clock import checked_columns
 from cellwright.numerics.hysteresis import preisach
-from cellwright.numerics.lags import HOLDS, lag, lag_by_charge, mean_over_steps
+from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.refusal import Refusal
 
-MOST_PAIRS = 16  # as in native/simulate.c
-TYPES = (count, array, count, count, array, count, count, *[array] * 4, count, array, real)
-TYPES = (*TYPES, array, array)
-NOT_FINITE = "a current is not finite"
 END_SOC = 0.005  # over which the slope is taken with which an OCV goes on beyond its table
+SIDE_SOC = 0.005  # to either side, over which a fit takes its slope
 STEP = 1e-30  # of a complex step: its square vanishes beside any real part
-SOC_STEP = 1e-5  # of the slope of an OCV, which need not take complex numbers
 
 
 def place(soc, points, *, first=0.0, spacing=None):
@@ -45,7 +41,7 @@ def place(soc, points, *, first=0.0, spacing=None):
     """
     above = np.asarray(soc, float) - first
     spot = above * ((points - 1) / (1.0 - first)) if spacing is None else above / spacing
-    # fmin and fmax, for a SoC that is not a number then has an interval too, and no value.
+    # By fmin and fmax: a SoC that is no number has an interval to look at, and NaN for its share.
     below = np.fmax(np.fmin(spot, points - 2), 0).astype(int)
     return below, spot - below
 
@@ -66,12 +62,35 @@ def ocv_and_slope(ocv_volt, soc):
     below, share = place(soc, ocv_volt.shape[-1])
     cells = () if ocv_volt.ndim == 1 else (np.arange(len(ocv_volt)),)
     rise = ocv_volt[(*cells, below + 1)] - ocv_volt[(*cells, below)]
-    return ocv_volt[(*cells, below)] + share * rise, rise * (ocv_volt.shape[-1] - 1)
+    slope = np.where(np.isnan(share), np.nan, rise) * (ocv_volt.shape[-1] - 1)
+    return ocv_volt[(*cells, below)] + share * rise, slope
 
 
 def ocv_on_grid(ocv_volt, soc):
     """OCV as `ocv_and_slope` has it, without the slope [V]."""
     return ocv_and_slope(ocv_volt, soc)[0]
+
+
+def usual_slope(ocv_volt, soc):
+    """Slope of an OCV over one percent of SoC about each SoC [V]; of the shape of soc.
+
+    What a fit takes for the slope: that of one interval follows the noise of a table.
+
+    Parameters
+    ----------
+    ocv_volt, soc : as in `ocv_and_slope`.
+    """
+    above, below = (ocv_on_grid(ocv_volt, soc + side) for side in (SIDE_SOC, -SIDE_SOC))
+    return (above - below) / (2 * SIDE_SOC)
+
+
+def held_on_grid(values, soc):
+    """Values (p,) on an even grid from 0 to 1 at SoC, linear between, flat beyond; unit of both.
+
+    All but the OCV goes on so: resistances, time constants, errors of an OCV.
+    """
+    below, share = place(np.clip(soc, 0.0, 1.0), len(values))
+    return values[below] + share * (values[below + 1] - values[below])
 
 
 def continued(volt_at, soc):
@@ -125,29 +144,6 @@ def overpotentials(circuit, test_time_second, current_ampere, *, hold, open_circ
             _shifted(output, open_circuit) if kind_of(branch).output == "soc" else output
         )
     return np.array(over_volt)
-
-
-def checked_columns(columns):
-    """Columns of a record as arrays of numbers (n,), in their order.
-
-    Parameters
-    ----------
-    columns : dict of (n,), `time` among them.
-
-    Raises
-    ------
-    Refusal : no sample, other lengths, values that are not finite, or a time that runs back.
-    """
-    arrays = [np.ascontiguousarray(column, float) for column in columns.values()]
-    shapes = [f"{name} {one.shape}" for name, one in zip(columns, arrays, strict=True)]
-    if len({one.shape for one in arrays}) != 1 or arrays[0].ndim != 1:
-        raise Refusal(f"shapes are {', '.join(shapes)}; all must be (n,)")
-    if not len(arrays[0]):
-        raise Refusal("the record holds no sample")
-    if not all(np.isfinite(one).all() for one in arrays):
-        raise Refusal(f"{' or '.join(columns)} holds values that are not finite")
-    refuse_backward(arrays[list(columns).index("time")])
-    return arrays
 
 
 def simulate(circuit, test_time_second, current_ampere, ocv_volt, *, hold, open_circuit=None):
@@ -249,7 +245,8 @@ def _shifted(offset, open_circuit):
     shift = volt_at(surface) - volt_at(soc)
     if not np.iscomplexobj(offset):
         return shift
-    slope = (volt_at(surface + SOC_STEP) - volt_at(surface - SOC_STEP)) / (2 * SOC_STEP)
+    # An OCV need not take complex numbers.
+    slope = (volt_at(surface + 1e-5) - volt_at(surface - 1e-5)) / 2e-5
     return shift + 1j * slope * offset.imag
 
 
@@ -260,106 +257,3 @@ def _check_parameters(branch, shape):
             raise Refusal(f"{given}; it must be a scalar or one value per sample, {shape}")
         if not np.isfinite(value).all():
             raise Refusal(f"{name} of branch {branch.kind} is not finite")
-
-
-class Tables(NamedTuple):
-    """A cell's parameters on a uniform grid of SoC from 0 to 1, with p points.
-
-    ocv_volt, r0_ohm : (p,) [V], [ohm]. r_ohm : (pairs, p) [ohm].
-    tau_second : (pairs,), or (pairs, p) where it moves with SoC [s].
-    """
-
-    ocv_volt: np.ndarray
-    r0_ohm: np.ndarray
-    r_ohm: np.ndarray
-    tau_second: np.ndarray
-
-
-def simulate_counted(
-    tables, step_second, current_ampere, *, initial_soc, capacity_ampere_hour, hold
-):
-    """Voltage of a cell from rest, its SoC counted from the current.
-
-    Parameters
-    ----------
-    tables : Tables; linear in SoC between the points. Outside 0…1 the OCV goes on as steeply as it
-        ends, all else stays what it is.
-    step_second : scalar for uniform samples, which is the fastest, or (n−1,) true steps [s]; zero
-        is allowed (an edge of the current).
-    current_ampere : (n,) positive on charge [A].
-    initial_soc : state of charge at the first sample [1].
-    capacity_ampere_hour : charge from SoC 0 to 1 [Ah].
-    hold : "zero_order" (the current keeps its value until the next sample) or "first_order" (it
-        moves on a straight line to the next sample).
-
-    Returns
-    -------
-    voltage_volt, soc : (n,) each [V], [1].
-
-    Raises
-    ------
-    Refusal : tables of different lengths, an unknown hold, a step below zero, values that are not
-        finite, a time constant or a capacity that is not positive.
-
-    Source: exact solution of tau·du/dt = R·I − u between samples, with R·I held as the current is;
-    thesis (2.8), (2.12) and (2.21). R moves with SoC at the samples, tau from sample to sample.
-    """
-    if not capacity_ampere_hour > 0:
-        raise Refusal(f"capacity is {capacity_ampere_hour} Ah; it has to be positive")
-    if not np.isfinite(initial_soc):
-        raise Refusal(f"SoC at the first sample is {initial_soc}")
-    tables, current, step = _checked_tables(tables, step_second, current_ampere, hold)
-    soc, ampere_second = np.empty(len(current)), 3600.0 * capacity_ampere_hour
-    soc[0] = initial_soc
-    kernel = function("simulate", *TYPES, result=count)
-    if kernel is None or len(tables.r_ohm) > MOST_PAIRS:
-        if not np.isfinite(current).all():
-            raise Refusal(NOT_FINITE)
-        return _by_branches(tables, step, current, soc, hold, ampere_second), soc
-    (pairs, points), moves = tables.r_ohm.shape, tables.tau_second.ndim == 2
-    voltage, rows = np.empty(len(current)), np.empty(2 * (points - 1) * (2 + pairs + moves * pairs))
-    settings = (len(step) != len(current) - 1, hold == "first_order")
-    cell = (pairs, points - 1, *tables, moves, rows, ampere_second)
-    if not kernel(len(current), step, *settings, current, *cell, soc, voltage):
-        raise Refusal(NOT_FINITE)
-    return voltage, soc
-
-
-def _by_branches(tables, step, current, soc, hold, ampere_second):
-    """The kernel's result by the branches of `overpotentials`, their parameters looked up."""
-    steps = np.broadcast_to(step, len(current) - 1)
-    moved = steps * mean_over_steps(current, hold) / ampere_second
-    soc[:] = np.cumsum(np.append(soc[0], moved))
-    grid = np.linspace(0.0, 1.0, len(tables.ocv_volt))
-    r0, r, tau = (
-        [values if np.ndim(values) == 0 else np.interp(soc, grid, values) for values in columns]
-        for columns in ([tables.r0_ohm], tables.r_ohm, tables.tau_second)
-    )
-    over = [_response(branch, steps, current, hold) for branch in rc_circuit(r0[0], r, tau)]
-    return ocv_on_grid(tables.ocv_volt, soc) + sum(over)
-
-
-def _checked_tables(tables, step_second, current_ampere, hold):
-    """Tables and current as contiguous arrays, and the step: one value where all are alike.
-
-    That every current is finite is looked at by the kernel on its way.
-    """
-    current = np.ascontiguousarray(current_ampere, float)
-    ocv, r0, r, tau = (np.asarray(column, float) for column in tables)
-    points = len(ocv)
-    shapes = {r0.shape, r.shape[1:], tau.shape[1:]}
-    if points < 2 or not shapes <= {(points,), ()}:
-        raise Refusal(f"tables of {points} points of OCV, but of shapes {shapes} of the others")
-    if not (tau > 0).all():
-        raise Refusal("a time constant is zero, negative or not a number")
-    if hold not in HOLDS:
-        raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
-    step = np.ascontiguousarray(step_second, float)  # a single one as well has one axis
-    if len(current) < 1 or (np.ndim(step_second) and len(step) != len(current) - 1):
-        raise Refusal(f"{len(step)} steps for {len(current)} currents; one less is needed")
-    shortest, longest = (step.min(), step.max()) if len(step) > 1 else (step.sum(), step.sum())
-    if not (shortest >= 0 and longest < np.inf):
-        raise Refusal("a step is below zero or not finite")
-    whole = (ocv, r0 if r0.ndim else np.full(points, r0), r, tau)
-    tables = Tables(*map(np.ascontiguousarray, whole))
-    return tables, current, step[:1] if shortest == longest else step

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.cell import ocv_on_grid, place
+from cellwright.circuits.cell import held_on_grid, ocv_on_grid, place, usual_slope
 from cellwright.circuits.instrument import delayed
 from cellwright.numerics.lags import lag_fresh
 from cellwright.numerics.least_squares import Free
@@ -30,7 +30,6 @@ APART_SECOND = 1e6  # between records, so that they lie on one time axis
 LEAD = "lead_ohm"  # of contacts: a resistance without a course over SoC or temperature [ohm]
 LOG_STD = {"log_r0": 1.5, "log_r1": 1.5, "log_r2": 1.5, "log_tau1": 0.8, "log_tau2": 0.8}
 STEEP = 2.0  # times the usual slope of the OCV
-HALF_PERCENT = 5e-3  # of SoC, over which its slope is taken to either side
 MOST_LEAD = 3.0  # times the ohmic resistance
 NONE = np.zeros(0)  # what no stage has set yet
 OWN_KNOT = 0.1  # of the tolerance of the OCV: what each knot may err alone
@@ -258,9 +257,7 @@ def _open_circuit(cell, values, soc, course):
 
 def _looked_up(cell, knots, soc):
     """OCV at each SoC by the table and its error at the knots [V]."""
-    error = np.array(knots, float)
-    below, share = place(np.clip(soc, 0.0, 1.0), OCV_KNOTS)
-    return cell.ocv_at(soc) + error[below] + share * (error[below + 1] - error[below])
+    return cell.ocv_at(soc) + held_on_grid(np.array(knots, float), soc)
 
 
 def slow_volt(stack, fields):
@@ -430,4 +427,4 @@ def steep_volt(cell, soc, tolerance):
 
 def slopes(cell, soc):
     """Slope of the OCV over SoC at each SoC, of the shape of `soc` [V]."""
-    return (cell.ocv_at(soc + HALF_PERCENT) - cell.ocv_at(soc - HALF_PERCENT)) / (2 * HALF_PERCENT)
+    return usual_slope(cell.ocv_volt, soc)

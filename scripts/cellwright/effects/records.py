@@ -254,7 +254,7 @@ def group_stacked(records, *, branches, hold="zero_order"):
 
     Parameters
     ----------
-    records : sequence of GroupRecord. branches : how many cells are in parallel.
+    records : Records of a group. branches : how many cells are in parallel.
     hold : "zero_order": between two rows the total of the earlier one flows; "first_order": it
         moves on a straight line.
 

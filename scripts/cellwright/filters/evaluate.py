@@ -10,7 +10,6 @@ from cellwright.filters.plant import Noise, plant_of, with_tracked
 from cellwright.filters.reference import reference_doubt
 from cellwright.numerics.statistics import rms
 from cellwright.records.conditions import at_rest
-from cellwright.records.record import laid_out
 from cellwright.records.thinning import rows_of
 from cellwright.refusal import Refusal
 
@@ -141,7 +140,7 @@ FEWEST, MOST = 20, 20000  # samples of the window of the adaptive law
 WALK_RATIO = 10.0  # of the largest to the smallest variance that the current sensor adds
 
 
-def soc_runs(model, cell, test, *, settings, split_rest_second):
+def soc_runs(model, record, *, settings):
     """Run every filter through a test and score it against the counted SoC.
 
     The first stated error of the start is run with every scenario; further errors and starts
@@ -149,10 +148,9 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/2.
-    cell : CellFacts. test : MeasuredTest.
+    model : dict of schema cellwright-model/2, at the age of the test.
+    record : Record, laid out by it as proof (`record.laid_out`); its `used` rows count.
     settings : `settings.Soc`.
-    split_rest_second : shortest rest that cuts a test of role `split` [s]; its even blocks count.
 
     Returns
     -------
@@ -162,10 +160,9 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
     Raises
     ------
     Refusal
-        The test cannot be laid out, nothing is left to score, or as `estimate.estimate`.
+        Nothing is left to score, or as `estimate.estimate`.
     """
     model, notes = _circuit_alone(model)
-    record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=True)
     celsius = _loaded_mean(model, record)
     bank, entry = bank_of(model, None, celsius), member_of(model, None)
     hold = hold_of(entry, record.current_ampere)

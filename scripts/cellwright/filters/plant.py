@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.cell import checked_columns, place
+from cellwright.circuits.cell import place
 from cellwright.filters.bank import NODES, drives
+from cellwright.numerics.clock import checked_columns
 from cellwright.numerics.lags import lag, lag_weights
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
@@ -209,8 +210,8 @@ def plant_of(
     drives_of_curved = np.ascontiguousarray(np.reshape(rows, (-1, len(NODES), len(time))))
     levels = levels_of(bank, driving[0], dict(zip(curved, rows, strict=True)))
     constants = [lagged.constant for _, lagged in bank.lags]
-    grid = bank.soc[0] + (bank.soc[1] - bank.soc[0]) * np.arange(len(bank.soc))
-    inside = np.clip(grid, 0.0, 1.0) == grid
+    # Empty and full are points of the bank's grid, and belong to the range.
+    inside = (bank.soc >= 0.0) & (bank.soc <= 1.0)
     usual = [0.0 if e.gain is None else np.median(e.gain[inside]) for e in bank.elements]
     spots = _places(bank, noise, track_capacity, track_ohmic)
     skew = noise.skew_second

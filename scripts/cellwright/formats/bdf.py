@@ -23,7 +23,7 @@ from cellwright.formats.fields import (
     known_fields,
     require,
 )
-from cellwright.formats.table import layout_of, line_of, read_table
+from cellwright.formats.table import is_written, layout_of, line_of, read_table, unread
 from cellwright.refusal import Refusal
 
 NAME = "bdf"
@@ -117,16 +117,14 @@ def read(data: bytes | Content) -> tuple[dict[str, np.ndarray], tuple[str, ...]]
     Refusal
         A column that is missing or said twice, text where a number belongs, a damaged file.
     """
-    columns, notes, unread = _read(data, _meaning, _checked)
-    counter = columns.get("step_index")
-    if counter is not None and _is_record_counter(counter, unread["step_index"]):
+    columns, notes, fields = _read(data, _meaning, _checked)
+    step = next((field.label for field in fields if field.column == "step_index"), "")
+    if "step_index" in columns and _is_record_counter(columns["step_index"], step):
         del columns["step_index"]
-        notes.append(f"{unread['step_index']!r} counts the rows of a step: it is no step number")
+        notes.append(f"{step!r} counts the rows of a step: it is no step number")
     for name in [name for name in COUNTS if columns.get(name, np.zeros(1, int)).dtype.kind != "i"]:
         # Such as 2π, of software that takes the unit of a count for that of an angle.
         notes.append(f"{name} is left out: {columns.pop(name)[0]:.6g} is no count")
-    if unread["labels"]:
-        notes.append(f"columns that are not read: {', '.join(unread['labels'])}")
     return columns, tuple(notes)
 
 
@@ -149,22 +147,22 @@ def read_simulated(data: bytes | Content) -> dict[str, np.ndarray]:
 
 
 def _read(data, meaning, checked):
-    """Columns of a file, notes, and what is not read: `meaning` knows labels, `checked` the set."""
+    """Columns of a file, notes, and their fields: `meaning` knows labels, `checked` the set."""
     head = head_of(data)
     if head.startswith((PARQUET, ARROW)) or head.lstrip().startswith(JSON):
         labels, numbers = _columns_of(whole_of(data))
         fields = checked(_preferred(labels, meaning))
-        return converted(numbers(fields), fields), [], _unread(labels, fields)
+        return converted(numbers(fields), fields), unread(labels, [f.label for f in fields]), fields
     layout = layout_of(data)
     fields = checked(_preferred(layout.labels, meaning))
     labels = [field.label for field in fields]
     clock = next((f.label for f in fields if f.column == "test_time_second"), None)
-    if clock and re.search(r"\d:\d", line_of(data, layout.first_line)):  # a time as 0d 00:10:00.5
+    if clock and is_written(data, layout, clock):  # as 0d 00:10:00.5
         found, notes = read_table(data, layout, [x for x in labels if x != clock], texts=[clock])
         found[clock] = clock_second(found[clock])
     else:
         found, notes = read_table(data, layout, labels)
-    return converted(found, fields), [*notes], _unread(layout.labels, fields)
+    return converted(found, fields), [*notes], fields
 
 
 def _preferred(labels, meaning):
@@ -193,12 +191,6 @@ def _one_scope(best):
     if len(ranks) == 1 or (ranks and np.ptp(ranks) > 1):
         for name in COUNTERS:
             best.pop(name, None)
-
-
-def _unread(labels, fields):
-    read = {field.label for field in fields}
-    step = next((field.label for field in fields if field.column == "step_index"), "")
-    return {"labels": [x for x in dict.fromkeys(labels) if x and x not in read], "step_index": step}
 
 
 def _simulated_meaning(label: str) -> Field | None:

@@ -6,10 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 FRACTION = r"(?P<fraction>\.\d+)?"
-CLOCK = re.compile(
-    r"\s*(?:(?P<day>\d+)\s*d\s+)?(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+)" + FRACTION + r"\s*"
-)
-# The same for pyarrow, seconds and their fraction as one.
+# Seconds and their fraction as one.
 CLOCK = (
     r"^\s*(?:(?P<day>\d+)\s*d\s+)?"
     r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+(?:\.\d+)?)\s*$"
@@ -30,23 +27,35 @@ ROWS = 1 << 16  # that are taken at once
 DAY_SECOND, POINT = 86400, ord(".")
 
 
-def unix_time_second(texts, formats: Sequence[str]) -> np.ndarray | None:
+def unix_time_second(texts, formats: Sequence[str], elapsed_second=np.nan) -> np.ndarray | None:
     """Seconds since 1970 of date texts (pyarrow strings) in the first format that fits all.
 
     The instrument's local time is taken as it stands: only differences are used. None where no
-    format fits, for a date that cannot be read is no date.
+    format fits, for a date that cannot be read is no date. 3/11 and 4/11 are two days in November
+    or two months: where the clock says how long the record is [s], the format fits best that says
+    so too.
     """
-    chunks = _chunks(texts)
+    fitting = []
     for form in formats:
-        seconds = []
-        for chunk in chunks:
-            found = _dates(chunk, form)
-            if found is None:
-                break
-            seconds.append(found)
-        else:
-            return np.concatenate(seconds)
-    return None
+        seconds = _in_format(texts, form)
+        if seconds is None:
+            continue
+        apart = abs(np.ptp(seconds) - elapsed_second)
+        if not apart > DAY_SECOND:
+            return seconds
+        fitting.append((apart, len(fitting), seconds))
+    return min(fitting)[2] if fitting else None
+
+
+def _in_format(texts, form):
+    """Seconds since 1970 of all texts in one format; None where it does not fit one."""
+    seconds = []
+    for chunk in _chunks(texts):
+        found = _dates(chunk, form)
+        if found is None:
+            return None
+        seconds.append(found)
+    return np.concatenate(seconds)
 
 
 def clock_second(texts) -> np.ndarray:

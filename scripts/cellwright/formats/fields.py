@@ -58,6 +58,7 @@ IMPEDANCE = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")
 NET = "net_capacity_ampere_hour"
 # ASSUME: Counters that run with the current in nine tenths of what was moved tell its sign.
 CLEAR_SIGN = 0.9
+PIECE_ROWS = 1 << 15
 COUNTERS = ("charge_counter", "discharge_counter")
 
 
@@ -150,10 +151,15 @@ def counted_sign(columns: Mapping[str, np.ndarray]) -> int:
 
     Only rows count between which the current is steady and the clock goes on.
     """
-    time, current, net = (columns[name] for name in (*SERIES[:2], NET))
-    flowed = 0.5 * (current[1:] + current[:-1]) * np.diff(time)
-    steady = (np.abs(np.diff(current)) <= 0.5 * np.abs(current[1:])) & (np.diff(time) > 0)
-    product = (flowed * np.diff(net))[steady]
-    total = np.nansum(np.abs(product))
-    agreed = np.nansum(product) / total if total > 0 else 0.0
-    return int(np.sign(agreed)) if abs(agreed) > CLEAR_SIGN else 0
+    agreed = total = 0.0
+    # In pieces: columns of millions of rows do not stay in the processor's memory.
+    for first in range(0, len(columns[NET]), PIECE_ROWS):
+        rows = slice(first, first + PIECE_ROWS + 1)
+        time, current, net = (columns[name][rows] for name in (*SERIES[:2], NET))
+        interval = np.diff(time)
+        steady = (np.abs(np.diff(current)) <= 0.5 * np.abs(current[1:])) & (interval > 0)
+        product = ((current[1:] + current[:-1]) * interval * np.diff(net))[steady]
+        agreed += np.nansum(product)
+        total += np.nansum(np.abs(product))
+    share = agreed / total if total > 0 else 0.0
+    return int(np.sign(share)) if abs(share) > CLEAR_SIGN else 0

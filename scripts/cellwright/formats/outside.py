@@ -40,7 +40,8 @@ class ArbinDatabase:
         Raises
         ------
         Refusal
-            mdb-export is not installed, finds no such table, or the file holds several tests.
+            mdb-export is not installed, finds no such table, or misses pages of the file; the file
+            holds several tests.
         """
         text = _exported(data, "Channel_Normal_Table")
         layout = layout_of(text)
@@ -133,7 +134,11 @@ def _exported(data, table):
             done = subprocess.run(command, capture_output=True, timeout=SLOWEST, check=False)
         except subprocess.TimeoutExpired:
             raise Refusal(f"mdb-export took longer than {SLOWEST:g} s") from None
+    said = done.stderr.decode("utf-8", "replace").strip().splitlines()
     if done.returncode or not done.stdout.strip():
-        said = done.stderr.decode("utf-8", "replace").strip().splitlines()
         raise Refusal(f"mdb-export finds no {table}: {said[0] if said else 'the file is damaged'}")
+    # Of a file that is cut off it gives the rows on the pages that are left; of a whole one it says
+    # nothing.
+    if said:
+        raise Refusal(f"the data base is cut off or damaged, mdb-export says: {said[0]}")
     return done.stdout

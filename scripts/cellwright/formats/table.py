@@ -1,8 +1,10 @@
 """Delimited text as arrays of numbers."""
 
 import codecs
+import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +14,9 @@ from cellwright.gate import refuse_columns
 from cellwright.refusal import Refusal
 
 NO_NUMBER = ("", "NaN", "nan", "NA", "N/A", "null", "NULL")
+# A cell without a digit says that there is no value (n/a, OverRange); one with some is damaged.
+WORD = re.compile(r"\D{1,20}|\s*#DIV/0!\s*")
+LINES_TOLD = 5
 DELIMITERS = ",;\t"
 PIECE_ROWS = 1 << 20
 EXAMPLE = 1 << 15  # byte of rows by which a table's layout is told
@@ -137,23 +142,28 @@ def read_table(
     Returns
     -------
     Table, without a last row that has too few fields: the file was cut off there, as a note says.
+    Columns that are not read are named in another. Words without a digit in place of a number are
+    NaN, as a note says.
 
     Raises
     ------
     Refusal
-        No row, another row with another number of fields, text where a number belongs.
+        No row, another row with another number of fields, other text where a number belongs, or
+        words in most of its rows.
     """
     import pyarrow as pa
 
     begin = offset_of(data, layout.first_line)
-    plain = data if _is_utf_8(head_of(data)[: 1 << 20]) else with_lines_changed(data, begin, _ascii)
+    plain, words = data, {}
+    if not _is_utf_8(head_of(data)[: 1 << 20]):
+        plain = with_lines_changed(data, begin, _ascii)
     try:
         columns, odd, rows = _parsed(plain, begin, layout, labels, texts)
     except pa.ArrowInvalid:
         # pyarrow knows no other text than UTF-8, and cannot say which row is cut off in one.
+        plain, words = with_lines_changed(data, begin, _ascii), _words(data, layout, labels)
         try:
-            plain = with_lines_changed(data, begin, _ascii)
-            columns, odd, rows = _parsed(plain, begin, layout, labels, texts)
+            columns, odd, rows = _parsed(plain, begin, layout, labels, texts, [w for _, w in words])
         except pa.ArrowInvalid as fault:
             raise _fault(data, layout, labels, str(fault)) from None
     blank = [row.number for row in odd if not row.text.strip()]
@@ -161,7 +171,8 @@ def read_table(
     before = rows + sum(number < row.number for row in odd[:1] for number in blank)
     if not rows or len(odd) > 1 or (odd and not _is_cut_off(odd[0], before)):
         raise _fault(data, layout, labels, "it has no row")
-    return Table(columns, tuple(_cut_off(row) for row in odd))
+    said = [_cut_off(row) for row in odd], _words_told(words), unread(layout.labels, columns)
+    return Table(columns, tuple(chain.from_iterable(said)))
 
 
 def _is_utf_8(head):
@@ -178,31 +189,31 @@ def _ascii(data):
     return data.translate(ASCII)
 
 
-def _parsed(data, begin, layout, labels, texts):
+def _parsed(data, begin, layout, labels, texts, words=()):
     """Columns by label, rows that have another number of fields, and the number of good rows."""
     import pyarrow as pa
-    from pyarrow import csv
+    from pyarrow import csv as tables
 
     place = {label: str(layout.labels.index(label)) for label in (*labels, *texts)}
     types = {place[label]: pa.float64() for label in labels}
     types |= {place[label]: pa.string() for label in texts}
     odd, rows = [], 0
     pieces = {name: _Pieces(kind) for name, kind in types.items()}
-    reader = csv.open_csv(
+    reader = tables.open_csv(
         stream_from(data, begin),
-        csv.ReadOptions(
+        tables.ReadOptions(
             column_names=[str(k) for k in range(len(layout.labels))],
             block_size=BLOCK,
             use_threads=False,
         ),
-        csv.ParseOptions(
+        tables.ParseOptions(
             delimiter=layout.delimiter,
             invalid_row_handler=lambda row: odd.append(row) or "skip",
         ),
-        csv.ConvertOptions(
+        tables.ConvertOptions(
             include_columns=list(types),
             column_types=types,
-            null_values=list(NO_NUMBER),
+            null_values=[*NO_NUMBER, *words],
             decimal_point=layout.decimal_point,
         ),
     )
@@ -215,6 +226,14 @@ def _parsed(data, begin, layout, labels, texts):
     for label in texts:
         columns[label] = pa.chunked_array(pieces.pop(place[label]).all(), pa.string())
     return columns, odd, rows
+
+
+def is_written(data: bytes | Content, layout: Layout, label: str) -> bool:
+    """Whether a time is written as a date or clock: its first cell is no number."""
+    place = layout.labels.index(label)
+    rows = csv.reader(first_rows(data, layout.first_line), delimiter=layout.delimiter)
+    cells = (row[place].strip() for row in rows if len(row) > place)
+    return not is_number(next(filter(None, cells), ""), layout.decimal_point)
 
 
 def refuse_channels(columns: Mapping, labels: Sequence[str]) -> None:
@@ -281,30 +300,61 @@ def _cut_off(row):
 
 def _fault(data, layout: Layout, labels: Sequence[str], otherwise: str) -> Refusal:
     """The first faulty line and what is wrong with it; slow, and only called where one is."""
-    import csv
-
-    stream = stream_from(data, offset_of(data, layout.first_line))
-    lines = (decoded(line) for line in _lines(stream))
-    filled = 0
-
-    def counted():
-        nonlocal filled
-        for line in lines:
-            filled += bool(line.strip())
-            yield line.replace("\0", "\ufffd")  # which the module of the library stops at
-
-    rows = csv.reader(counted(), delimiter=layout.delimiter)
+    filled = False
     try:
-        faults = (_row_fault(layout, labels, row) for row in rows)
-        number, fault = next(
-            ((k, fault) for k, fault in enumerate(faults, layout.first_line) if fault), (0, "")
-        )
+        for number, row in _rows_of(data, layout):
+            filled |= bool("".join(row).strip())
+            if fault := _row_fault(layout, labels, row):
+                return Refusal(f"line {number}: {fault}")
     except csv.Error as error:
-        number, fault = 0, ""
-        otherwise = str(error)
+        filled, otherwise = True, str(error)
     if not filled:
         return Refusal("the file has a header and no row of data")
-    return Refusal(f"line {number}: {fault}" if fault else f"not a readable table: {otherwise}")
+    return Refusal(f"not a readable table: {otherwise}")
+
+
+def _rows_of(data, layout):
+    """Number of each line below the labels, and its cells; slow."""
+    lines = (decoded(x) for x in _lines(stream_from(data, offset_of(data, layout.first_line))))
+    # The module of the library stops at a NUL.
+    rows = csv.reader((x.replace("\0", "\ufffd") for x in lines), delimiter=layout.delimiter)
+    yield from enumerate(rows, layout.first_line)
+
+
+def _words(data, layout, labels):
+    """Lines by (label, word as written) for each word in place of a number; slow.
+
+    None where they stand in most rows of a column, for then it is one of words.
+    """
+    places = [(label, layout.labels.index(label)) for label in labels]
+    found, rows, others = {}, 0, {}
+    try:
+        for number, row in _rows_of(data, layout):
+            if len(row) != len(layout.labels):
+                continue
+            rows += 1
+            for label, place in places:
+                cell = row[place]
+                if WORD.fullmatch(cell) and not is_number(cell.strip(), layout.decimal_point):
+                    found.setdefault((label, cell), []).append(number)
+                    others[label] = others.get(label, 0) + 1
+    except csv.Error:
+        return {}
+    return {} if any(2 * count > rows for count in others.values()) else found
+
+
+def unread(labels: Sequence[str], read: Iterable[str]) -> list[str]:
+    """A sentence that names the columns of a file which are not read, where there are any."""
+    others = [label for label in dict.fromkeys(labels) if label and label not in set(read)]
+    return [f"columns that are not read: {', '.join(others)}"] if others else []
+
+
+def _words_told(words):
+    """A sentence on each word that stands in place of numbers."""
+    for (label, word), lines in words.items():
+        some = ", ".join(map(str, lines[:LINES_TOLD])) + ", …" * (len(lines) > LINES_TOLD)
+        where = f"in {len(lines)} rows (line {some})" if len(lines) > 1 else f"in line {some}"
+        yield f"column {label!r}: {word.strip()!r} {where} is no number and was left blank"
 
 
 def _lines(stream):

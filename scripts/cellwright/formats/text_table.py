@@ -18,6 +18,7 @@ from cellwright.formats.fields import (
     IMPEDANCE,
     NET,
     SERIES,
+    UNITS,
     Field,
     converted,
     known_fields,
@@ -30,7 +31,7 @@ from cellwright.formats.table import (
     Layout,
     decimal_point_of,
     first_rows,
-    is_number,
+    is_written,
     line_of,
     offset_of,
     read_table,
@@ -145,7 +146,7 @@ def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], li
     notes = []
     if bare:
         notes.append(f"labels without a unit are taken as it is usual: {', '.join(bare)}")
-    written = [f for f in fields if f.quantity == "time" and _is_written(data, layout, f.label)]
+    written = [f for f in fields if f.quantity == "time" and is_written(data, layout, f.label)]
     state = next((x for x in layout.labels if _is(form.state, x)), None)
     date = next((x for x in layout.labels if _is(form.date, x)), None)
     channels = [label for label in layout.labels if _is(form.channel, label)]
@@ -153,7 +154,7 @@ def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], li
     others = [field for field in fields if field not in written]
     found, more = read_table(data, layout, [field.label for field in others], texts=texts)
     refuse_channels(found, channels)
-    unix = unix_time_second(found[date], form.dates) if date else None
+    unix = _dates_beside(form, found, date, others) if date else None
     for place, field in enumerate(others):
         if field.quantity == "time" and field.unit == NOT_SAID:
             said = _unit_by_dates(form, field, found[field.label], unix)
@@ -233,14 +234,6 @@ def _change_of(form, header, quoted):
     return change
 
 
-def _is_written(data, layout, label):
-    """Whether a time is written as a date or clock: its first cell is no number."""
-    place = layout.labels.index(label)
-    rows = csv.reader(first_rows(data, layout.first_line), delimiter=layout.delimiter)
-    cells = (row[place].strip() for row in rows if len(row) > place)
-    return not is_number(next(filter(None, cells), ""), layout.decimal_point)
-
-
 def _is(pattern, label):
     return bool(pattern) and re.fullmatch(pattern, label, re.I) is not None
 
@@ -273,7 +266,20 @@ def _seconds(form, field, texts):
     dates = unix_time_second(texts, form.dates)
     if dates is None:
         raise Refusal(f"column {field.label!r}: found {example!r}, a time is wanted")
-    return dates - dates[0], dates
+    known = np.isfinite(dates)
+    return dates - (dates[known][0] if known.any() else np.nan), dates
+
+
+def _dates_beside(form, found, date, fields):
+    """Seconds since 1970 of a column of dates, the clock beside it telling days from months."""
+    spans = [
+        np.ptp(values[np.isfinite(values)]) * UNITS["time"][field.unit]
+        for field in fields
+        if field.column == "test_time_second"
+        and field.unit in UNITS["time"]
+        and np.isfinite(values := found[field.label]).any()
+    ]
+    return unix_time_second(found[date], form.dates, max(spans, default=np.nan))
 
 
 def _unit_by_dates(form, field, values, unix):

@@ -104,40 +104,83 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
     fade, temperature_columns = max(models, key=lambda model: model.weight)[:2]
     moved, reason = _temperature_movement(record, fade, least_kelvin)
     columns = np.column_stack([fade, *([] if reason else temperature_columns)])
-    used, count = record.used, fade.shape[1]
-    # Temperature and age act on what is left: factors, sums of logarithms.
-    logarithm = np.log(record.capacity[used])
-    line = coloured_line(columns[used], logarithm, record.place)
-    plain = coloured_line(fade[used], logarithm, record.place)
-    fitted, carried = np.exp(columns @ line.values), np.exp(fade @ line.values[:count])
+    line = _line(record, columns)
+    fitted, carried = np.exp(columns @ line.values), np.exp(fade @ line.values[: fade.shape[1]])
     # In Ah of this discharge, so that its own scatter is kept.
     compensated = record.capacity - record.capacity * (1 - carried / fitted)
-    start = float(np.exp(line.values[0]))
+    table = {
+        "cycle": record.cycle,
+        "start_time_second": 3600 * record.hour,
+        "capacity_ampere_hour": record.capacity,
+        "temperature_celsius": record.celsius,
+        "used": record.used,
+        "fitted_ampere_hour": fitted,
+        "fade_ampere_hour": carried,
+        "capacity_at_reference_ampere_hour": compensated,
+    }
     # A trend chosen by the data would make what is left whiter than noise is: the fullest one.
-    trend = _basis(record.cycle, used, _highest_degree(used))[used]
-    period = periods(record.hour[used], record.capacity[used], trend)
-    percent, explained, daily_rest = 100 / start, np.nan, np.nan
-    if not reason:
-        both = np.column_stack([record.capacity, compensated])[used]
-        whole, rest = np.sum(residuals(fade[used], both) ** 2, axis=0)
-        explained = float(1 - rest / whole) if whole > 0 else np.nan
-    if not (reason or period.reason):
-        rest = compensated[used]
-        swing = daily_sine(rest, fade[used], record.place, record.hour[used])[0]
-        daily_rest = 100 * swing / float(rest[0])
-    summary = {
+    trend = _basis(record.cycle, record.used, _highest_degree(record.used))[record.used]
+    period = periods(record.hour[record.used], record.capacity[record.used], trend)
+    error = record.noise / moved
+    slope = _slope([] if reason else models, line.degrees_of_freedom, level, error)
+    summary = (
+        _conditions(record, moved)
+        | slope
+        | _losses(line, _line(record, fade))
+        | {"explained": np.nan if reason else _explained(record, fade, compensated)}
+        | _daily_cycle(record, fade, compensated, period, line, compares=not reason)
+        | {"reason": "; ".join(dict.fromkeys(filter(None, [reason, period.reason])))}
+    )
+    return summary, table, {"period_hour": period.period_hour, "power": period.power}
+
+
+def _line(record, columns):
+    """Logarithm of the used capacities by columns (n, p): Line.
+
+    Temperature and age act on what is left: factors, sums of logarithms.
+    """
+    used = record.used
+    return coloured_line(columns[used], np.log(record.capacity[used]), record.place)
+
+
+def _conditions(record, moved_kelvin):
+    """What the slope rests on: discharges, and the temperatures that they saw."""
+    used = record.used
+    return {
         "temperature_source": record.source,
         "cycles": int(used.sum()),
         "set_aside": int((~used).sum()),
         "reference_celsius": float(record.celsius[used].mean()),
         "swing_kelvin": float(np.diff(np.quantile(record.celsius[used], [0.05, 0.95]))[0]),
-        "moved_kelvin": moved,
-        **_slope([] if reason else models, line.degrees_of_freedom, level, record.noise / moved),
-        "capacity_start_ampere_hour": start,
+        "moved_kelvin": moved_kelvin,
+    }
+
+
+def _losses(line, plain):
+    """Capacity at the start, and losses from there with the temperature taken out and without."""
+    return {
+        "capacity_start_ampere_hour": float(np.exp(line.values[0])),
         "loss_percent": float(-100 * np.expm1(line.values[1])),
         "loss_std_percent": float(100 * np.exp(line.values[1]) * line.std[1]),
         "plain_loss_percent": float(-100 * np.expm1(plain.values[1])),
-        "explained": explained,
+    }
+
+
+def _explained(record, fade, compensated):
+    """Share of the variance about the fade that the temperature explains [1]."""
+    both = np.column_stack([record.capacity, compensated])[record.used]
+    whole, rest = np.sum(residuals(fade[record.used], both) ** 2, axis=0)
+    return float(1 - rest / whole) if whole > 0 else np.nan
+
+
+def _daily_cycle(record, fade, compensated, period, line, *, compares):
+    """The strongest period and the day's, and the day's swing once the temperature is taken out."""
+    percent, left = 100 / float(np.exp(line.values[0])), np.nan
+    if compares and not period.reason:
+        used, rest = record.used, compensated[record.used]
+        swing = daily_sine(rest, fade[used], record.place, record.hour[used])[0]
+        left = 100 * swing / float(rest[0])
+    return {
         "correlation": line.correlation,
         "best_period_hour": period.best_period_hour,
         "false_alarm": period.false_alarm,
@@ -145,20 +188,8 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
         "daily_std_percent": period.daily_std * percent,
         "daily_peak_hour": period.daily_peak_hour,
         "daily_false_alarm": period.daily_false_alarm,
-        "daily_left_percent": daily_rest,
-        "reason": "; ".join(dict.fromkeys(filter(None, [reason, period.reason]))),
+        "daily_left_percent": left,
     }
-    table = {
-        "cycle": record.cycle,
-        "start_time_second": 3600 * record.hour,
-        "capacity_ampere_hour": record.capacity,
-        "temperature_celsius": record.celsius,
-        "used": used,
-        "fitted_ampere_hour": fitted,
-        "fade_ampere_hour": carried,
-        "capacity_at_reference_ampere_hour": compensated,
-    }
-    return summary, table, {"period_hour": period.period_hour, "power": period.power}
 
 
 class _Record(NamedTuple):

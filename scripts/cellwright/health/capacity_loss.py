@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.laws.points import first_check_up, grouped_alike
 from cellwright.laws.temperature import law_row
 from cellwright.numerics.statistics import NORMAL_95
+from cellwright.records.anchor import tells_repeats
 from cellwright.records.conditions import SAME_CELSIUS, same_rate, same_temperature
 from cellwright.refusal import Refusal
 from cellwright.settings import CapacityLoss
@@ -81,8 +82,8 @@ def _joined(rows):
     """Mean capacity of repeated tests and its standard deviation [Ah]."""
     size = np.array([row["constant_current_ampere_hour"] for row in rows])
     held = np.array([row["capacity_ampere_hour"] for row in rows]) - size
-    within = [row["capacity_std_ampere_hour"] for row in rows]
-    spread = size.std(ddof=1) if len(rows) > 1 else within[0]
+    within = rows[0]["capacity_std_ampere_hour"] if tells_repeats(rows[0]) else np.nan
+    spread = size.std(ddof=1) if len(rows) > 1 else within
     repeats = len(rows) if len(rows) > 1 else rows[0]["repeats"]
     return ReachedCapacity(
         direction=rows[0]["direction"],

@@ -4,13 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.cell import ocv_on_grid
+from cellwright.circuits.cell import ocv_on_grid, usual_slope
 from cellwright.circuits.circuit import SPHERE_MODES, UNRESOLVED_SECOND
 from cellwright.circuits.temperature import table_soc
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.numerics.linear import hats
 
-SOC_WINDOW = 0.01  # over which the slope of an OCV table is taken
 FAST_SECOND = 5.0  # what relaxes faster may be charge transfer, what is slower is diffusion
 
 
@@ -82,12 +81,6 @@ def ocv_of(data, soc_of_table):
     return ocv_on_grid(data.ocv_volt, soc_of_table)
 
 
-def slope_of(data, soc_of_table):
-    """Slope of `ocv_of`, as the difference over a window [V]."""
-    half = SOC_WINDOW / 2
-    return (ocv_of(data, soc_of_table + half) - ocv_of(data, soc_of_table - half)) / SOC_WINDOW
-
-
 MOST_KEPT = 48  # columns of time constants and the like: a drive's take some megabytes each
 
 
@@ -141,7 +134,7 @@ def columns_of(data, held):
     surface_soc = on_table(soc, held)
     if held.diffusion_second is not None:
         surface_soc = surface_soc + _lead_of_used(data, held.diffusion_second)
-    slope = slope_of(data, surface_soc)
+    slope = usual_slope(data.ocv_volt, surface_soc)
     return Columns(
         used_column(data, "voltage_volt") - ocv_of(data, surface_soc),
         _kept(data, "hats", lambda: _joined(data, _shapes(data))),

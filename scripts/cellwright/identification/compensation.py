@@ -7,8 +7,6 @@ edge are the ones that the cell's model keeps. 3. With them the tests for valida
 they chose nothing.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.circuits.model_file import (
@@ -88,7 +86,7 @@ def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest
     notes : list of sentences, why a test is not among them.
     """
     rows, notes = [], []
-    settings = {"name": whole["chosen"], "proof": proof, "split_rest_second": split_rest_second}
+    settings = {"proof": proof, "split_rest_second": split_rest_second}
     pairs = [
         (t, test)
         for t in reduced
@@ -109,17 +107,20 @@ def _rows(celsius, models, cell, test, laws, settings):
     temperatures = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
     beyond = not min(temperatures) - BEYOND_KELVIN < celsius < max(temperatures) + BEYOND_KELVIN
     tried = LAWS if laws is None else [laws.beyond if beyond else laws.inside]
-    own_volt, own_inner_volt, _ = _errors(whole, cell, test, **settings)
+    # Each model has its own OCV, and so its own SoC at the start; a law changes neither.
+    known, unknown = (laid_out(test, model, cell, **settings) for model in models)
+    name = whole["chosen"]
+    own_volt, own_inner_volt, _ = _errors(whole, name, known)
     about = {
         "left_out_celsius": float(celsius),
         "predicted_test": test.facts.test,
-        "model": settings["name"],
+        "model": name,
         "beyond": beyond,
     }
     rows = []
     for law in tried:
         followed = with_laws(reduced, Laws(law, law))
-        volt, inner_volt, extrapolated = _errors(followed, cell, test, **settings)
+        volt, inner_volt, extrapolated = _errors(followed, name, unknown)
         rows.append(
             about
             | {
@@ -135,13 +136,6 @@ def _rows(celsius, models, cell, test, laws, settings):
     return rows
 
 
-class LawChoice(NamedTuple):
-    """The laws that predict left-out temperatures best, and a sentence with their errors."""
-
-    laws: Laws
-    words: str
-
-
 def choose_laws(rows, *, beyond=LAWS):
     """The laws with the smallest mean logarithm of the error, inside the range and beyond it.
 
@@ -155,7 +149,8 @@ def choose_laws(rows, *, beyond=LAWS):
 
     Returns
     -------
-    choice : LawChoice; "between" for what no temperature was left out of.
+    laws : temperature.Laws; "between" for what no temperature was left out of. words : a sentence
+        with their errors.
 
     Raises
     ------
@@ -177,7 +172,7 @@ def choose_laws(rows, *, beyond=LAWS):
         for place, law, errors in zip(("between", "beyond"), laws, typical, strict=True)
         if errors
     ]
-    return LawChoice(laws, "resistance at other temperatures: " + "; ".join(listed))
+    return laws, "resistance at other temperatures: " + "; ".join(listed)
 
 
 def _typical(rows):
@@ -204,9 +199,8 @@ def laws_kept(tried):
     return Laws(chosen.get(False, LAWS[0]), chosen.get(True, LAWS[0]))
 
 
-def _errors(model, cell, test, *, name, proof, split_rest_second):
+def _errors(model, name, record):
     """RMS error of a simulation, over all rows and SoC 5–95 % [V], and the extrapolated share."""
-    record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=proof)
     run = simulated(model, name, record)
     used = record.used
     error = record.voltage_volt - run.voltage_volt

@@ -1,7 +1,5 @@
 """A cell's heat capacity and its way to the ambient, from tests whose temperature was logged."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.circuits.heat import fit_thermal, heat, temperature
@@ -16,20 +14,6 @@ SURFACE = "surface_temperature_celsius"
 SOC_STEPS = np.linspace(0.0, 1.0, 9)  # at which the entropic coefficient is told
 LEAST_EXPLAINED = 0.5  # of the variance of a temperature: less is the chamber's, or a draught's
 LARGEST_RELATIVE_STD = 0.3  # of heat capacity and resistance: beyond it a test tells neither
-
-
-class CellThermal(NamedTuple):
-    """Thermal constants of a cell, what each test says of them, and sentences for the report.
-
-    content : dict: heat_capacity_joule_per_kelvin, resistance_kelvin_per_watt, each with its
-    standard deviation, entropic: {soc, volt_per_kelvin, std_volt_per_kelvin}, tests: names; and
-    reason: why the constants are None, None where they are known.
-    rows : list of dict, one a test. notes : tuple of str.
-    """
-
-    content: dict
-    rows: list
-    notes: tuple
 
 
 def thermal_of(model, cell, tests, *, split_rest_second):
@@ -51,8 +35,10 @@ def thermal_of(model, cell, tests, *, split_rest_second):
 
     Returns
     -------
-    thermal : CellThermal. Where no test of role fit tells the constants, they are None and
-        `reason` says why of each test.
+    content : dict: heat_capacity_joule_per_kelvin, resistance_kelvin_per_watt, each with its
+        standard deviation, entropic: {soc, volt_per_kelvin, std_volt_per_kelvin}, tests: names; and
+        reason: None; where no test of role fit tells the constants, they are None and it says why
+        of each test. rows : list of dict, one a test. notes : tuple of str.
     """
     # ASSUME: A model's temperature is that of the surface: the constants are those by which the
     # surface follows the heat, its core's share of the heat capacity counted at the surface.
@@ -64,14 +50,14 @@ def thermal_of(model, cell, tests, *, split_rest_second):
     if not fits:
         why = "; ".join(f"{row['test']}: {row['reason']}" for row in rows)
         why = why or "no test of role fit has a logged surface temperature"
-        return CellThermal(UNKNOWN | {"cell": cell.cell, "reason": why}, rows, ())
+        return UNKNOWN | {"cell": cell.cell, "reason": why}, rows, ()
     content = UNKNOWN | {"cell": cell.cell} | _averaged([fit for _, fit in fits])
     content["tests"] = [facts.test for facts, _ in fits]
     for test in (t for t in tests if t.facts.role == "validation" and SURFACE in t.series):
         rows.append(_scored(content, model, cell, test, split_rest_second))
     left = [row["test"] for row in rows if row["reason"]]
     notes = [f"temperatures of {', '.join(left)} do not tell the thermal constants"] if left else []
-    return CellThermal(content, rows, tuple(notes))
+    return content, rows, tuple(notes)
 
 
 CONSTANTS = ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")

@@ -1,24 +1,13 @@
 """Simulated against measured: the numbers of `validation.csv`."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
 from cellwright.numerics.statistics import rms
-from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 
 FAULT_VOLT = 0.5  # a simulation so far outside what was measured has a fault, not an error
 INNER_SOC = (0.05, 0.95)  # near empty and full the OCV is steep: an error of the SoC rules there
-
-
-class Validation(NamedTuple):
-    """Rows of scores, one a member, and the series (n,) they were taken from."""
-
-    rows: list
-    series: dict
-    notes: tuple
 
 
 def simulated(model, member, record):
@@ -36,25 +25,23 @@ def simulated(model, member, record):
     return simulate_model(model, member, *columns, kind=record.kind)
 
 
-def validate(model, cell, test, *, split_rest_second):
+def validate(model, record):
     """Simulate every member of a model through a test that took no part in its fit.
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/2.
-    cell : CellFacts. test : MeasuredTest.
-    split_rest_second : shortest rest that cuts a test of role `split` [s]; its even blocks count.
+    model : dict of schema cellwright-model/2, at the age of the test.
+    record : Record, laid out by it as proof (`record.laid_out`); its `used` rows count.
 
     Returns
     -------
-    validation : Validation.
+    rows : list of dict, scores, one a member. series : dict of (n,) columns that they were taken
+        from. notes : tuple of str.
 
     Raises
     ------
-    Refusal
-        The test cannot be laid out (see `record.laid_out`), or nothing is left to score.
+    Refusal : nothing is left to score.
     """
-    record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=True)
     scored, rows, columns = record.used, [], {}
     for member in model["members"]:
         name = member["model"]
@@ -77,7 +64,7 @@ def validate(model, cell, test, *, split_rest_second):
         for row in rows
         if row["chosen"] and row["beyond_volt"] > FAULT_VOLT
     ]
-    return Validation(rows, columns, tuple(notes))
+    return rows, columns, tuple(notes)
 
 
 def beyond_volt(voltage_volt, error_volt):

@@ -5,21 +5,18 @@
  * a long step settles instead of swinging. Then the total steps, and the row is read. */
 #include <stdint.h>
 
-#include "cell.h"
+#include "pack_network.h"
 
 enum { MOST = 64, PAIRS = 2 };
 
 typedef struct {
-    double ocv, rise, soc, ampere, volt[PAIRS], decay[PAIRS], before[PAIRS], after[PAIRS];
-    double source, conductance, weighed;
+    double soc, ampere, volt[PAIRS], decay[PAIRS], before[PAIRS], after[PAIRS], weighed;
 } branch;
 
-static void look(branch *b, const double *table, int64_t points, double soc) {
-    const double last = (double)(points - 1);
-    const int64_t left = point_below(soc * last, points);
-    b->rise = (table[left + 1] - table[left]) * last;
-    b->ocv = table[left] + b->rise * (soc - (double)left / last);
-}
+/* All branches as sources behind resistances, the wires apart. */
+typedef struct {
+    double source[MOST], ohm[MOST], conductance[MOST];
+} sources;
 
 /* Most records are sampled evenly: the weights of the step before still hold. */
 static void weigh(branch *b, const double *tau, double step) {
@@ -29,16 +26,13 @@ static void weigh(branch *b, const double *tau, double step) {
         lag_weights(step / tau[j], 1, &b->decay[j], &b->before[j], &b->after[j]);
 }
 
-/* The one voltage at which the currents add up to the total. */
-static double meet(branch *b, int64_t cells, double total) {
-    double inflow = total, conductance = 0.0;
-    for (int64_t c = 0; c < cells; c++) {
-        inflow += b[c].conductance * (b[c].source - b[0].source);
-        conductance += b[c].conductance;
-    }
-    const double volt = b[0].source + inflow / conductance;
+/* The one voltage at which the currents of all branches add up to the total. */
+static double meet(branch *b, sources *of, const double *wire, int64_t cells, double total) {
+    double source, resistance;
+    star(cells, of->source, of->ohm, wire, of->conductance, &source, &resistance);
+    const double volt = source + resistance * total;
     for (int64_t c = 0; c < cells; c++)
-        b[c].ampere = b[c].conductance * (volt - b[c].source);
+        b[c].ampere = of->conductance[c] * (volt - of->source[c]);
     return volt;
 }
 
@@ -49,6 +43,7 @@ void group_run(int64_t n, int64_t cells, int64_t points, int64_t first_order, co
                const double *resistance_factor, const double *soc_at_start, double *current,
                double *voltage, double *soc) {
     branch b[MOST];
+    sources of;
     int64_t record = -1;
     for (int64_t c = 0; c < cells; c++) b[c].weighed = -1.0;
     for (int64_t k = 0; k < n; k++) {
@@ -63,21 +58,20 @@ void group_run(int64_t n, int64_t cells, int64_t points, int64_t first_order, co
             double from[MOST];
             for (int64_t c = 0; c < cells; c++) {
                 const double share = step[k] / ampere_second[c] / 2.0;
+                double source, slope, ohm = factor[c] * r[3 * c];
                 from[c] = b[c].ampere;
-                look(&b[c], ocv + c * points, points, b[c].soc + share * from[c]);
+                ocv_and_slope(ocv + c * points, points, b[c].soc + share * from[c], &source, &slope);
                 weigh(&b[c], tau + 2 * c, step[k]);
-                double source = b[c].ocv, ohm = factor[c] * r[3 * c] + wire[c];
-                const double steep = b[c].rise > 0.0 ? b[c].rise : 0.0;
-                ohm += steep * share;
+                ohm += (slope > 0.0 ? slope : 0.0) * share;
                 for (int j = 0; j < PAIRS; j++) {
                     const double pair = factor[c] * r[3 * c + 1 + j];
                     source += b[c].decay[j] * b[c].volt[j] + pair * b[c].before[j] * from[c];
                     ohm += pair * b[c].after[j];
                 }
-                b[c].source = source;
-                b[c].conductance = 1.0 / ohm;
+                of.source[c] = source;
+                of.ohm[c] = ohm;
             }
-            meet(b, cells, first_order ? total[k] : total[k - 1]);
+            meet(b, &of, wire, cells, first_order ? total[k] : total[k - 1]);
             for (int64_t c = 0; c < cells; c++) {
                 const double share = step[k] / ampere_second[c] / 2.0;
                 b[c].soc += share * (from[c] + b[c].ampere);
@@ -88,11 +82,12 @@ void group_run(int64_t n, int64_t cells, int64_t points, int64_t first_order, co
             }
         }
         for (int64_t c = 0; c < cells; c++) {
-            look(&b[c], ocv + c * points, points, b[c].soc);
-            b[c].source = b[c].ocv + b[c].volt[0] + b[c].volt[1];
-            b[c].conductance = 1.0 / (factor[c] * r[3 * c] + wire[c]);
+            double open_circuit, slope;
+            ocv_and_slope(ocv + c * points, points, b[c].soc, &open_circuit, &slope);
+            of.source[c] = open_circuit + b[c].volt[0] + b[c].volt[1];
+            of.ohm[c] = factor[c] * r[3 * c];
         }
-        voltage[k] = meet(b, cells, total[k]);
+        voltage[k] = meet(b, &of, wire, cells, total[k]);
         for (int64_t c = 0; c < cells; c++) {
             current[k * cells + c] = b[c].ampere;
             soc[k * cells + c] = b[c].soc;

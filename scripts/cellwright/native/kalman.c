@@ -16,7 +16,6 @@
 #define MOST 32
 /* A place that a call gives back through memory is waited for, and so is what is copied as a whole
  * right after its parts were written. */
-#define INLINE static inline __attribute__((always_inline))
 enum { OCV, TOTAL, SLOPE, ERROR, GAIN };
 
 typedef struct {

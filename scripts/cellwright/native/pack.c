@@ -30,10 +30,11 @@ INLINE double at_point(const pack *p, int64_t q, int64_t cell, int64_t point) {
     return exp(low + weight * (high - low));
 }
 
-INLINE int64_t interval(const pack *p, double soc) {
-    const double place = soc * (double)(p->points - 1);
-    const int64_t last = p->points - 2;
-    return place > 0.0 ? place < (double)last ? (int64_t)place : last : 0;
+/* A quantity of a cell at a SoC; the first is the OCV, which alone goes on beyond 0 to 1. */
+INLINE double quantity_at(const pack *p, int64_t q, int64_t cell, double soc) {
+    const grid_place at = place_on_grid(soc, p->points);
+    const double low = at_point(p, q, cell, at.below);
+    return low + (at_point(p, q, cell, at.below + 1) - low) * (q ? at.inside : at.share);
 }
 
 static void enter(const pack *p, const states *s, int64_t cell, int64_t left) {
@@ -57,10 +58,10 @@ static void weigh(const pack *p, const states *s, double step, int64_t first_ord
                 after[c] = after[c - 1];
                 continue;
             }
-            const double ratio = step / tau[c];
-            gain[c] = tau[c] > 0.0 ? -expm1(-ratio) : 1.0;
-            const double mean = tau[c] > 0.0 ? ratio > 0.0 ? gain[c] / ratio : 1.0 : 0.0;
-            after[c] = first_order || !(tau[c] > 0.0) ? 1.0 - mean : 0.0;
+            if (tau[c] > 0.0)
+                lag_gains(step / tau[c], first_order, gain + c, after + c);
+            else /* acts at once */
+                gain[c] = after[c] = 1.0;
         }
     }
 }
@@ -80,7 +81,7 @@ INLINE void line(const pack *p, const states *s, int64_t from, int64_t to, doubl
     for (int64_t c = from; moved && c < to; c++)
         if (!(s->place[c] >= 0.0 && s->place[c] < 1.0)) {
             const double soc = (s->place[c] + s->left[c]) / last;
-            enter(p, s, c, interval(p, soc));
+            enter(p, s, c, place_on_grid(soc, p->points).below);
             s->place[c] = soc * last - s->left[c];
         }
     EACH(int64_t c = from; c < to; c++) {
@@ -125,20 +126,12 @@ INLINE int64_t follow(const pack *p, const states *s, int64_t from, int64_t to, 
     return far;
 }
 
-INLINE double held_at(const pack *p, const states *s, int64_t q, int64_t cell, double share) {
-    return ROW(s->base, q)[cell] + ROW(s->rise, q)[cell] * share;
-}
-
 /* OCV and its slope where diffusion takes it at the surface's SoC. */
 INLINE void surface(const pack *p, const states *s, int64_t c, double ahead, double *volt,
                     double *slope) {
-    const int64_t left = interval(p, ahead);
-    const double share = ahead * (double)(p->points - 1) - (double)left;
-    const double inside = share > 0.0 ? share < 1.0 ? share : 1.0 : 0.0;
-    const double low = at_point(p, 0, c, left), rise = at_point(p, 0, c, left + 1) - low;
-    const double shift = at_point(p, 1, c, left);
-    *volt = low + rise * share + ROW(s->now, 1)[c]
-            - (shift + (at_point(p, 1, c, left + 1) - shift) * inside);
+    const grid_place at = place_on_grid(ahead, p->points);
+    const double low = at_point(p, 0, c, at.below), rise = at_point(p, 0, c, at.below + 1) - low;
+    *volt = low + rise * at.share + ROW(s->now, 1)[c] - quantity_at(p, 1, c, ahead);
     *slope = rise * (double)(p->points - 1);
 }
 
@@ -149,13 +142,12 @@ static void respond(const pack *p, const states *s, int64_t c, double step, doub
     const double on = step > 0.0 ? 1.0 : 0.0, charge = step * p->per_second[c];
     const double begin = current - p->share[c] * ramp, mean = 0.5 * (begin + current);
     const double soc = s->soc[c] + charge * mean;
-    const int64_t left = interval(p, soc);
-    if ((double)left != s->left[c])
-        enter(p, s, c, left);
-    const double share = soc * (double)(p->points - 1) - (double)left;
-    const double inside = share > 0.0 ? share < 1.0 ? share : 1.0 : 0.0;
+    const grid_place at = place_on_grid(soc, p->points);
+    if ((double)at.below != s->left[c])
+        enter(p, s, c, at.below);
     for (int64_t q = 0; q < p->quantities; q++)
-        ROW(s->now, q)[c] = held_at(p, s, q, c, q ? inside : share);
+        ROW(s->now, q)[c] =
+            ROW(s->base, q)[c] + ROW(s->rise, q)[c] * (q ? at.inside : at.share);
     double r0 = ROW(s->now, R0(p))[c], sum = 0.0, rises = 0.0, lead = 0.0, lead_rises = 0.0;
     if (p->two_way)
         r0 += ROW(s->now, WAYS(p) + (current > 0.0 ? 0 : 1))[c];
@@ -390,7 +382,7 @@ WIDE int64_t pack_steps(int64_t n, const double *step, const double *mode, const
     memcpy(s->current, flow, (size_t)cells * sizeof(double));
     memcpy(s->now, s->before, (size_t)(quantities * cells) * sizeof(double));
     for (int64_t c = 0; c < cells; c++)
-        enter(p, s, c, interval(p, s->soc[c]));
+        enter(p, s, c, place_on_grid(s->soc[c], p->points).below);
     double weighed = -1.0;
     int64_t row = 0, outcome = SOLVED;
     for (int64_t i = 0; i < n && outcome == SOLVED; i++) {

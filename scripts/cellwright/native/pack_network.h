@@ -6,12 +6,13 @@
 #include <math.h>
 #include <stdint.h>
 
+#include "cell.h"
+
 #if defined(__x86_64__) && defined(__gnu_linux__)
 #define WIDE __attribute__((target_clones("avx2", "default")))
 #else
 #define WIDE
 #endif
-#define INLINE static inline __attribute__((always_inline))
 
 /* The arrays of a loop are not the same: its cells may be worked off at once. */
 #define EACH _Pragma("GCC ivdep") for

@@ -37,6 +37,17 @@ def lag_weights(step_second, tau_second, *, hold):
     return 1.0 - gain, mean + gain - 1.0, 1.0 - mean
 
 
+def lag_step(weights, state, before, after):
+    """State of a lag at the end of a step; unit of its input.
+
+    Parameters
+    ----------
+    weights : decay, before and after of the step, see `lag_weights`. state : at its begin.
+    before, after : input at its begin and at its end.
+    """
+    return weights[0] * state + weights[1] * before + weights[2] * after
+
+
 def lag(step_second, tau_second, drive, *, hold, initial=0.0):
     """Response of a first-order lag with unit gain to one or many inputs.
 
@@ -142,9 +153,14 @@ def _recursion(decay, right):
     return solve(band, right, uplo="L", overwrite_b=True)[0].reshape(right.shape)
 
 
-def _check(tau_second, hold):
-    """Refuse an unknown hold and time constants that are not positive."""
+def check_hold(hold):
+    """Refuse an unknown hold of the current between samples."""
     if hold not in HOLDS:
         raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
+
+
+def _check(tau_second, hold):
+    """Refuse an unknown hold and time constants that are not positive."""
+    check_hold(hold)
     if not np.all(np.real(tau_second) > 0):
         raise Refusal("a time constant is zero, negative or not a number")

@@ -13,30 +13,25 @@ import numpy as np
 from cellwright.circuits.model_file import capacity_of
 from cellwright.circuits.parameters import parameter_rows
 from cellwright.packs.cells import member_in_pack
+from cellwright.packs.thermal import Thermal
 from cellwright.packs.wiring import Wiring, cells_of, charge_of
 from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-pack/1"
 # Of a model file what a simulation needs; the rest tells how the model came about.
 OF_MODEL = ("schema", "cell", "capacity_ampere_hour", "borrowed_from", "kind", "ocv", "fitted")
+OF_CELL = Thermal._fields[:2]  # heat capacity, and resistance to the ambient
 CELL_SCORES = (
     *("test", "role", "kind", "ambient_temperature_celsius", "model", "rmse_volt"),
     *("rmse_volt_soc_5_95", "max_abs_volt", "mean_volt", "samples", "extrapolated"),
 )
 
 
-class ThermalConstants(NamedTuple):
-    """Lumped thermal state of a cell: heat capacity, and resistance to the ambient."""
-
-    heat_capacity_joule_per_kelvin: float
-    resistance_kelvin_per_watt: float
-
-
 class CellInPack(NamedTuple):
     """What is known of one cell of a pack.
 
     model : dict of schema cellwright-model/2. initial_soc : at the start of the group's tests [1],
-    None where not stated. thermal : ThermalConstants, or None where nothing tells them.
+    None where not stated. thermal : Thermal, or None where nothing tells them.
     capacity_std_ampere_hour : standard deviation that repeats of its capacity show, or None.
     validation : list of dict, rows of stage `validation` with test, role, kind and
     ambient_temperature_celsius, of every member of its family.
@@ -44,7 +39,7 @@ class CellInPack(NamedTuple):
 
     model: dict
     initial_soc: float | None = None
-    thermal: ThermalConstants | None = None
+    thermal: Thermal | None = None
     capacity_std_ampere_hour: float | None = None
     validation: tuple = ()
 
@@ -53,7 +48,7 @@ class PackModel(NamedTuple):
     """A pack model as a simulation takes it; what is of cells in the order of the leaves.
 
     wiring : Wiring. models : tuple of dict of schema cellwright-model/2, each with its chosen
-    member only. initial_soc : tuple of float or None. thermal : tuple of ThermalConstants or None.
+    member only. initial_soc : tuple of float or None. thermal : tuple of Thermal or None.
     document : the whole document, with all errors.
     """
 
@@ -126,7 +121,7 @@ def cell_entry(name, cell):
         "capacity_ampere_hour": capacity_of(cell.model, member),
         "capacity_std_ampere_hour": cell.capacity_std_ampere_hour,
         "initial_soc": cell.initial_soc,
-        "thermal": cell.thermal and cell.thermal._asdict(),
+        "thermal": cell.thermal and {name: getattr(cell.thermal, name) for name in OF_CELL},
         "model": model,
         "instead_of": None if member["model"] == cell.model["chosen"] else cell.model["chosen"],
         "left_out_rmse_volt": member.get("left_out_rmse_volt"),
@@ -267,7 +262,7 @@ def read_pack(document):
         wiring=wiring,
         models=tuple(entries[name]["model"] for name in names),
         initial_soc=tuple(entries[name]["initial_soc"] for name in names),
-        thermal=tuple(values and ThermalConstants(**values) for values in thermal),
+        thermal=tuple(values and Thermal(**values) for values in thermal),
         document=document,
     )
 

@@ -65,7 +65,7 @@ def channel_findings(record, wiring):
 
     Parameters
     ----------
-    record : GroupRecord. wiring : Wiring of the group.
+    record : Record of a group. wiring : Wiring of the group.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def refuse_contradiction(record, wiring):
 
     Parameters
     ----------
-    record : GroupRecord. wiring : Wiring of the group.
+    record : Record of a group. wiring : Wiring of the group.
 
     Raises
     ------

@@ -23,7 +23,7 @@ def refuse_start_under_load(record, of="in groups.tsv"):
 
     Parameters
     ----------
-    record : GroupRecord without a stated SoC at its start. of : where it is not stated, in words.
+    record : Record without a stated SoC at its start. of : where it is not stated, in words.
     """
     if not at_rest_in_record(record.current_ampere)[0]:
         raise Refusal(f"initial_soc is not stated {of}, and the record begins under load")

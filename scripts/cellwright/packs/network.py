@@ -166,10 +166,7 @@ def reduced(network, source_volt, resistance_ohm):
         if not z.min() > 0:
             raise no_resistance(network, node, int(np.argmin(z)))
         if code == STAR:
-            # By differences to the first member: the millivolts that divide currents stay exact.
-            conductance = 1.0 / z
-            resistance[at] = 1.0 / conductance.sum()
-            source[at] = e[0] + conductance @ (e - e[0]) * resistance[at]
+            source[at], resistance[at] = star(e, z)
         else:
             # With leads at opposite ends current flows on one bar towards a lead, on the other
             # away from it; with both at one end the two bars act as one resistance.
@@ -177,6 +174,20 @@ def reduced(network, source_volt, resistance_ohm):
             found = _ladder(e, z, network.link_ohm[rows], half)
             source[at], resistance[at], onward[rows] = found
     return Reduced(source, resistance, onward)
+
+
+def star(source_volt, resistance_ohm):
+    """Members on one busbar as one source behind one resistance: (E, Z) [V], [ohm].
+
+    By differences to the first member: the millivolts that divide currents stay exact.
+
+    Parameters
+    ----------
+    source_volt, resistance_ohm : (m,) E and Z of each with its contact [V], [ohm].
+    """
+    conductance, first = 1.0 / resistance_ohm, source_volt[0]
+    whole = 1.0 / conductance.sum()
+    return first + conductance @ (source_volt - first) * whole, whole
 
 
 def no_resistance(network, group, member):

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.clock import refuse_backward
-from cellwright.numerics.lags import HOLDS
+from cellwright.numerics.clock import checked_columns
+from cellwright.numerics.lags import check_hold
 from cellwright.packs.cells import TABLES
 from cellwright.packs.kernel import Keep, joined, kernel_sizes, run_steps, table_places
 from cellwright.packs.network import network_of, sensed_element
@@ -87,7 +87,8 @@ def simulate_pack(
 
     Source: docs/packs.md; of the parallel group thesis 5.3.
     """
-    time, total = _record(test_time_second, current_ampere, hold)
+    time, total = checked_columns({"time": test_time_second, "current": current_ampere})
+    check_hold(hold)
     ambient = ambient_of(cells, thermal, ambient_celsius, len(time))
     plant = plant_of(cells, wiring, thermal, hold=hold, tolerance_volt=tolerance_volt)
     state = start(cells, plant.network, initial_soc, ambient[0], thermal, first_ampere=total[0])
@@ -183,16 +184,3 @@ def ambient_of(cells, thermal, ambient_celsius, samples):
     if thermal is not None or len(cells.temperature_celsius) > 1:
         raise Refusal("parameters follow temperature, but no ambient temperature is given")
     return np.full(samples, cells.temperature_celsius[0])
-
-
-def _record(test_time_second, current_ampere, hold):
-    time = np.asarray(test_time_second, float)
-    total = np.asarray(current_ampere, float)
-    if time.shape != total.shape or time.ndim != 1 or not len(time):
-        raise Refusal(f"time has shape {time.shape}, current {total.shape}; both must be (n,)")
-    if not (np.isfinite(time).all() and np.isfinite(total).all()):
-        raise Refusal("time or total current holds values that are not finite")
-    refuse_backward(time)
-    if hold not in HOLDS:
-        raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
-    return time, total

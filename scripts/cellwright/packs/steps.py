@@ -9,14 +9,13 @@ import numpy as np
 
 from cellwright.circuits.cell import place
 from cellwright.circuits.temperature import SMALLEST, ZERO_CELSIUS_KELVIN
-from cellwright.numerics.lags import lag_weights
+from cellwright.numerics.lags import lag_step, lag_weights
 from cellwright.packs.cells import TABLES
 from cellwright.packs.network import currents, reduced
 from cellwright.refusal import Refusal
 
 CURRENT, VOLTAGE, POWER = range(3)  # what is asked of a pack in a step
 MOST_PASSES = 60  # of Newton's method, as in native/pack.c; a few are usual
-REMEMBERED = ("soc", "relaxed_volt", "kinetic_volt", "hysteresis_volt", "surface_soc", "parameters")
 LINEAR_PASSES = 4  # of resistors and RC pairs
 MOST_TURNS = 30  # passes in which cells with hysteresis go on from rest
 # A parameter that grows by more from one temperature to the next follows no Arrhenius law: a share
@@ -61,26 +60,12 @@ class Step(NamedTuple):
     hold: str
 
 
-class Response(NamedTuple):
-    """Voltage of each cell at a current, its slope [ohm], and what it remembers then."""
-
-    voltage_volt: np.ndarray
-    slope_ohm: np.ndarray
-    soc: np.ndarray
-    relaxed_volt: np.ndarray
-    kinetic_volt: np.ndarray
-    hysteresis_volt: np.ndarray
-    surface_soc: np.ndarray
-    parameters: dict
-
-
 class Solved(NamedTuple):
-    """Currents (elements,), cells' voltages (cells,), the network, and the cells' responses."""
+    """Currents (elements,) [A], cells' voltages (cells,) [V], and the Reduced network."""
 
     current_ampere: np.ndarray
     voltage_volt: np.ndarray
     network: object
-    response: Response
 
 
 def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_ampere=0.0):
@@ -198,10 +183,12 @@ def advance(cells, network, state, step, mode, value, *, tolerance_volt):
     rise = value - state.total_ampere if mode == CURRENT else 0.0
     guess = state.current_ampere + network.share * rise
     total_of = asked(mode, value)
-    solved = newton(cells, network, state, step, guess, total_of, tolerance_volt=tolerance_volt)
-    after = {name: getattr(solved.response, name) for name in REMEMBERED}
-    after |= {"current_ampere": solved.current_ampere[: network.cells]}
-    return solved, state._replace(total_ampere=float(solved.current_ampere[-1]), **after)
+    solved, after = newton(
+        cells, network, state, step, guess, total_of, tolerance_volt=tolerance_volt
+    )
+    current = solved.current_ampere
+    through = {"current_ampere": current[: network.cells], "total_ampere": float(current[-1])}
+    return solved, after._replace(**through)
 
 
 def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
@@ -212,41 +199,45 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
     cells, network, state, step, tolerance_volt : as in `advance`.
     guess : (cells,) currents to begin with [A]. total_of : see `asked`.
 
+    Returns
+    -------
+    solved : Solved. after : PackState, its currents still those of before.
+
     Raises
     ------
     Refusal : not solved after 60 passes.
     """
     weights = _weights(state, step)
-    at = respond(cells, state, step, weights, guess)
-    if step.second == 0 and not guess.any() and not at.slope_ohm.all():
+    volt, slope, after = respond(cells, state, step, weights, guess)
+    if step.second == 0 and not guess.any() and not slope.all():
         # At rest at an instant: what acts at once decides nothing where it is nothing.
-        lines = reduced(network, at.voltage_volt, np.ones(network.cells))
-        return Solved(np.zeros(len(lines.source_volt)), at.voltage_volt, lines, at)
+        lines = reduced(network, volt, np.ones(network.cells))
+        return Solved(np.zeros(len(lines.source_volt)), volt, lines), after
     for turn in range(MOST_PASSES):
-        lines = reduced(network, at.voltage_volt - at.slope_ohm * guess, at.slope_ohm)
+        lines = reduced(network, volt - slope * guess, slope)
         current = currents(network, lines, total_of(lines))
         through = current[: network.cells]
-        on_line = at.voltage_volt + at.slope_ohm * (through - guess)
+        on_line = volt + slope * (through - guess)
         moved = step.second * (through - guess) / (3600.0 * cells.capacity_ampere_hour)
         # A linear cell needs a further pass only where its SoC moves on to other parameters.
         plain = turn < LINEAR_PASSES and is_linear(cells)
         if plain and np.abs(moved).max() <= SAME_SOC:
-            found = respond(cells, state, step, weights, through, at.parameters)
-            return Solved(current, on_line, lines, found)
+            *_, after = respond(cells, state, step, weights, through, after.parameters)
+            return Solved(current, on_line, lines), after
         found = respond(cells, state, step, weights, through)
         if plain:
-            at, guess = found, through
+            (volt, slope, after), guess = found, through
             continue
-        off = found.voltage_volt - on_line
+        off = found[0] - on_line
         if np.abs(off).max() <= tolerance_volt:
-            return Solved(current, on_line, lines, found)
+            return Solved(current, on_line, lines), found[2]
         # Cells that turn by turns would do so for ever: in later passes steps are shortened.
         turned = _turned(state, step, guess, through) if turn < MOST_TURNS else np.zeros(1, bool)
-        short = 1.0 if turned.any() else _shortened(through - guess, at.slope_ohm, off)
+        short = 1.0 if turned.any() else _shortened(through - guess, slope, off)
         guess = guess + short * (through - guess)
         guess = np.where(turned, 0.5 * step.ramp_ampere, guess)
         same = short == 1.0 and not turned.any()
-        at = found if same else respond(cells, state, step, weights, guess)
+        volt, slope, after = found if same else respond(cells, state, step, weights, guess)
     worst = int(np.argmax(np.abs(off)))
     raise not_solved(cells, worst, abs(off[worst]), step.second)
 
@@ -331,6 +322,10 @@ def respond(cells, state, step, weights, current, parameters=None):
     cells, state, step : as in `advance`. weights : of the lags in this step.
     current : (cells,) at the end of the step [A].
     parameters : at the end of the step; None: looked up where the current leads.
+
+    Returns
+    -------
+    voltage_volt, slope_ohm : (cells,) [V], [ohm]. after : PackState, what the cells remember then.
     """
     begin = current - step.ramp_ampere
     per_ampere = step.second / (3600.0 * cells.capacity_ampere_hour)
@@ -341,9 +336,9 @@ def respond(cells, state, step, weights, current, parameters=None):
     column, begin_column = current[:, None], begin[:, None]
 
     def lagged(held, drive, name):
-        decay, old, new = weights[name]
         (was, was_slope), (is_, is_slope) = drive(before, begin_column), drive(now, column)
-        return decay * held + old * was + new * is_, old * was_slope + new * is_slope
+        volt, slope = lag_step(weights[name], held, was, is_), (was_slope, is_slope)
+        return volt, lag_step(weights[name], 0.0, *slope)
 
     def ohmic(name):
         return lambda p, ampere: (p[name] * ampere, p[name])
@@ -363,10 +358,18 @@ def respond(cells, state, step, weights, current, parameters=None):
     slopes = [slope, kinetic_slope, hysteresis_slope]
     # Where an OCV falls its slope would lead Newton's method away: none is on the safe side.
     ocv_slope = np.maximum(rise, 0.0) * (per_ampere + surface_slope.sum(axis=1))
-    return Response(
+    after = state._replace(
+        soc=soc,
+        relaxed_volt=relaxed,
+        kinetic_volt=kinetic,
+        hysteresis_volt=hysteresis,
+        surface_soc=surface,
+        parameters=now,
+    )
+    return (
         volt + at_once + sum(part.sum(axis=1) for part in parts),
         ocv_slope + at_once_slope + sum(part.sum(axis=1) for part in slopes),
-        *(soc, relaxed, kinetic, hysteresis, surface, now),
+        after,
     )
 
 

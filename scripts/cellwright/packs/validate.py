@@ -57,7 +57,7 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
     # Before tables are made: they follow each model's own energy.
     models, words = of_one_activation_energy(models)
     notes += words
-    record = record._replace(branch_current_ampere=_measured(record, branches, notes))
+    record = record._replace(member_current_ampere=_measured(record, branches, notes))
     # A logged temperature is better than one that follows from heat.
     warms = None if thermal is None or _was_logged(test, record) else thermal
     if warms is None:
@@ -259,7 +259,7 @@ def _counted_back(fitted, record, offset, cells, notes):
     """SoC of each cell at the start (cells,): 0 where its fit began, and the charge before that."""
     time = record.test_time_second
     before = time <= fitted["from_second"]
-    passed = passed_ampere_hour(time[before], record.branch_current_ampere[before] - offset)
+    passed = passed_ampere_hour(time[before], record.member_current_ampere[before] - offset)
     notes.append(f"SoC counted from 0 at {fitted['from_second']:.0f} s, as in the fit of the cells")
     return -passed.sum(axis=0) / cells.capacity_ampere_hour
 
@@ -271,7 +271,7 @@ def _offset(fits, stated, record, notes):
     elif stated == [None] * len(stated):
         offset = _read_at_start(record)
     else:
-        return np.zeros(record.branch_current_ampere.shape[1])
+        return np.zeros(record.member_current_ampere.shape[1])
     offset = np.nan_to_num(offset)
     if not offset.any():
         return offset
@@ -284,7 +284,7 @@ def _offset(fits, stated, record, notes):
 def _read_at_start(record):
     loaded = np.append(~at_rest_in_record(record.current_ampere), True)
     rows = int(np.argmax(loaded))
-    measured = record.branch_current_ampere
+    measured = record.member_current_ampere
     # Of fewer than 20 rows the mean is little better than one reading.
     return measured[:rows].mean(axis=0) if rows >= 20 else np.zeros(measured.shape[1])
 
@@ -312,7 +312,7 @@ def _compared(record, run, offset, capacity_ampere_hour, scored, wiring):
         time_second=record.test_time_second,
         total_ampere=record.current_ampere,
         voltage_volt=record.voltage_volt,
-        measured_ampere=record.branch_current_ampere - offset,
+        measured_ampere=record.member_current_ampere - offset,
         simulated_volt=run.voltage_volt,
         simulated_ampere=member_currents(wiring, run.cell_current_ampere),
         soc=first + np.append(0.0, passed.cumsum()) / sizes.sum(),

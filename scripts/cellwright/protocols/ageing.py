@@ -7,15 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.protocols import Found
-from cellwright.protocols.capacity import EFFICIENCY_MAX
+from cellwright.protocols.capacity import ANODE_VOLT, EFFICIENCY_MAX
 from cellwright.protocols.half_cycles import (
     NAMES,
     TURN_SHARE,
     Before,
+    charge_moved,
     columns_of,
     energy_counted,
     half_cycles,
     unsure_of_edges,
+    unsure_of_instrument,
     weighted_median,
     with_starts,
 )
@@ -23,7 +25,11 @@ from cellwright.records.anchor import first_rest_second
 from cellwright.refusal import Refusal
 from cellwright.series.edges import edge_variance
 from cellwright.series.steps import assumed_rating
+from cellwright.settings import Instrument
 
+INSTRUMENT = Instrument()
+EFFICIENCY_LEAST = 0.8
+FORMATION_LEAST = 0.5  # of formation: silicon and hard carbon keep so much of the first charge
 EXAMPLES = 5  # cycles named in a sentence
 
 
@@ -62,6 +68,7 @@ def ageing_cycles(
     first_cycle=0.0,
     state_before="",
     soc_at_start=None,
+    current_accuracy_share=INSTRUMENT.current_accuracy_share,
 ):
     """Capacity, energy and temperature of every complete half cycle of an ageing record.
 
@@ -70,8 +77,9 @@ def ageing_cycles(
     complete where it reaches its cut-off within 10 mV (what is held there afterwards is part of it)
     and begins at the other (`half_cycles.starts_of`); what it may lack at its start is its standard
     deviation. What was cut short is left out, and so is what follows it. 3. Coulombic efficiency is
-    a discharge over the charge before it; NaN outside 0.8 … 1.05, where the record lacks what
-    happened between.
+    a discharge over the charge before it, of a negative electrode against lithium a charge over the
+    discharge before it; NaN outside 0.8 … 1.05, where the record lacks what happened between, in
+    the first cycle of a new cell outside 0.5 … 1.05.
 
     series : dict of (n,) columns of stage `clean`: test_time_second, current_ampere,
         voltage_volt, charge_ampere_hour; surface_ and ambient_temperature_celsius where recorded.
@@ -82,6 +90,7 @@ def ageing_cycles(
     state_before : "full" or "empty", as the test before this one in time left the cell; "": not
         known.
     soc_at_start : of the first row, as the sheet states it [1], or None.
+    current_accuracy_share : as of `settings.Instrument`.
 
     Returns found: Found; rows are AgeingCycles; left_out and by_rest name the number and cycles of
     each reason. Raises Refusal: a cut-off is not stated, or no half cycle is complete; the
@@ -98,13 +107,22 @@ def ageing_cycles(
     discharges = np.cumsum([half.sign < 0 and bool(half.loads) for half in halves])
     cycles = [first_cycle + n + (h.sign > 0) for n, h in zip(discharges, halves, strict=True)]
     left_out, by_rest = (_by_reason(halves, cycles, faulty=faulty) for faulty in (True, False))
-    unsure = edge_variance(series["test_time_second"], columns[0], columns[2])
+    inserts = -1 if upper_cutoff_volt < ANODE_VOLT else 1
+    efficiencies = _efficiencies(halves, columns[2], inserts, new=first_cycle == 0)
+    time = np.asarray(series["test_time_second"], float)
+    unsure = edge_variance(time, columns[0], columns[2])
     rows = [
         (
-            *(cycle, *_numbers(half, before, series, rated)),
-            np.hypot(half.missing_ampere_hour, unsure_of_edges(half, unsure, columns, limits)),
+            *(cycle, *_numbers(half, efficiency, series, rated)),
+            np.linalg.norm(
+                [
+                    half.missing_ampere_hour,
+                    unsure_of_edges(half, unsure, columns, limits),
+                    unsure_of_instrument(half, time, columns[0], current_accuracy_share),
+                ]
+            ),
         )
-        for cycle, before, half in zip(cycles, [None, *halves], halves, strict=False)
+        for cycle, efficiency, half in zip(cycles, efficiencies, halves, strict=True)
         if not half.fault
     ]
     if not rows:
@@ -148,7 +166,7 @@ def _sentence(of_all, members):
     return f"{len(members)} {of_all} (cycles {named}): cycle {cycle:g}: {words}"
 
 
-def _numbers(half, before, series, rated):
+def _numbers(half, efficiency, series, rated):
     """Columns of AgeingCycles after `cycle` for one complete half cycle."""
     rows = slice(half.first_row, half.last_row + 1)
     time, charge = series["test_time_second"][rows], series["charge_ampere_hour"][rows]
@@ -164,7 +182,7 @@ def _numbers(half, before, series, rated):
         _middle_current(series["current_ampere"][rows], np.diff(charge)) / rated,
         capacity,
         abs(float(energy_counted(series["voltage_volt"][rows], charge)[-1])),
-        _efficiency(half, before, series["charge_ampere_hour"], capacity),
+        efficiency,
         _time_mean(ambient, rows, time),
         _median(surface, before_load),
         _time_mean(surface, rows, time),
@@ -178,15 +196,20 @@ def _middle_current(current, moved):
     return float(weighted_median(size, np.abs(moved)))
 
 
-def _efficiency(half, before, charge, capacity):
-    """Capacity of a discharge over that of the charge before it [1], NaN where they are no cycle.
+def _efficiencies(halves, charge, inserts, new):
+    """Charge taken out over that put in before it [1] of each half cycle, NaN where none is told.
 
-    Outside 0.8 to 1.05 the record lacks a half cycle between the two.
+    inserts : sign of what a cycle begins with, −1 of a negative electrode against lithium. Outside
+    0.8 to 1.05 the record lacks a half cycle between the two; the first cycle of a `new` cell, its
+    formation, may keep half.
     """
-    if half.sign > 0 or before is None or before.fault:
-        return np.nan
-    efficiency = capacity / abs(charge[before.last_row] - charge[before.first_row])
-    return float(efficiency) if 0.8 <= efficiency <= EFFICIENCY_MAX else np.nan
+    found, least = [], FORMATION_LEAST if new else EFFICIENCY_LEAST
+    for before, half in zip([None, *halves], halves, strict=False):
+        paired = half.sign == -inserts and before is not None and not (before.fault or half.fault)
+        share = charge_moved(half, charge) / charge_moved(before, charge) if paired else np.nan
+        found.append(share if least <= share <= EFFICIENCY_MAX else np.nan)
+        least = EFFICIENCY_LEAST if half.loads and half.sign == -inserts else least
+    return found
 
 
 def _time_mean(values, rows, time):

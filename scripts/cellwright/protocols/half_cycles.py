@@ -148,6 +148,17 @@ def _reaches(step, sign, limit, voltage, steps):
     return along and farthest >= sign * limit - NEAR_VOLT
 
 
+def main_load(half, steps):
+    """The load of a half cycle that moves the most, and what each of them moves [Ah]."""
+    moved = np.abs(steps.charge_ampere_hour[list(half.loads)])
+    return half.loads[int(np.argmax(moved))], moved
+
+
+def charge_moved(half, charge):
+    """Charge [Ah] that a half cycle moves, of the counted charge (n,)."""
+    return abs(float(charge[half.last_row] - charge[half.first_row]))
+
+
 def unsure_of_edges(half, variance, columns, limits):
     """Standard deviation [Ah] of what a half cycle moves by steps of current between two rows.
 
@@ -166,6 +177,19 @@ def unsure_of_edges(half, variance, columns, limits):
     slope = (voltage[last] - voltage[last - 1]) / ((charge[last] - charge[last - 1]) or np.inf)
     beyond = min(short / slope, most) if slope > 0 else most * (short > 0)
     return float(np.sqrt(inside + beyond**2 / 3.0))
+
+
+def unsure_of_instrument(half, test_time_second, current_ampere, accuracy_share):
+    """Standard deviation [Ah] of what a half cycle moves by the ammeter's gain and offset.
+
+    Its reading may be off by up to a share of its range anywhere (a uniform distribution), and its
+    range holds at least the record's largest current: no record tells more.
+
+    half : HalfCycle. test_time_second, current_ampere : (n,) [s], [A]. accuracy_share : as of
+        `settings.Instrument`.
+    """
+    hours = (test_time_second[half.last_row] - test_time_second[half.first_row]) / 3600.0
+    return float(accuracy_share * np.abs(current_ampere).max() * hours / np.sqrt(3.0))
 
 
 def weighted_median(values, weights):

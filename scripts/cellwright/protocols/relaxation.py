@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.clock import refuse_backward
+from cellwright.numerics.clock import checked_columns
 from cellwright.numerics.exponentials import UNDETERMINED, Normal, best_of_grid, levenberg
 from cellwright.numerics.noise import least_digit
 from cellwright.numerics.statistics import is_white, parameter_covariance, white_noise_of
@@ -209,13 +209,9 @@ def _normal(columns, linear, target):
 
 def _check(time, voltage):
     """Refuse what is no rest: see `fit_relaxation`."""
-    if time.shape != voltage.shape or time.ndim != 1:
-        raise Refusal(f"time has shape {time.shape}, voltage {voltage.shape}; both must be (n,)")
+    checked_columns({"time": time, "voltage": voltage})
     if len(time) < FEWEST:
         raise Refusal(f"rest has {len(time)} sample(s); two exponentials take {FEWEST} or more")
-    if not (np.isfinite(time).all() and np.isfinite(voltage).all()):
-        raise Refusal("time or voltage of the rest holds values that are not finite")
-    refuse_backward(time)
     if time[-1] <= time[0]:
         raise Refusal("the clock of the rest stands still")
     longest, whole = np.diff(time).max(), time[-1] - time[0]

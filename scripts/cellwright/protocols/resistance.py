@@ -18,9 +18,13 @@ from cellwright.series.steps import (
     constant_current_end,
     follows_directly,
 )
-from cellwright.settings import Resistance
+from cellwright.settings import Instrument, Resistance
 
-RESISTANCE = Resistance()
+RESISTANCE, INSTRUMENT = Resistance(), Instrument()
+LARGE_VOLT, PROMPT_SECOND = 0.2, 1.0
+ROUND_C_RATES = (1 / 20, 1 / 10, 1 / 5, 1 / 4, 1 / 3, 1 / 2, 1, 1.5, 2, 3, 4, 5, 10)
+SLOWEST_PULSE_C_RATE = 1 / 3  # that laboratories choose
+ROUND_SHARE = 0.02  # within which a tester holds a current
 SMALL_SHARE = 0.25  # of the record's median: cold and empty cells show more, none so much less
 
 
@@ -51,6 +55,8 @@ def pulse_resistance(
     delay_second=RESISTANCE.delay_second,
     elsewhere=None,
     doubt=None,
+    against_soc="",
+    current_accuracy_share=INSTRUMENT.current_accuracy_share,
 ):
     """Resistance of every pulse of a record at the delays asked for.
 
@@ -66,8 +72,8 @@ def pulse_resistance(
     actual_delay_second says so. 4. Any other delay is interpolated linearly between the two
     samples around it; beyond the last sample by up to half a sampling step, or 2 %, it is the
     last sample's. 5. The standard deviation holds the noise of voltage and current (robust, from
-    the differences between successive samples), the resolution of the voltage and the doubt of
-    d_k, not the drift of the open-circuit voltage.
+    the differences between successive samples), the resolution of the voltage, the doubt of d_k and
+    the stated accuracy of the ammeter as a gain, not the drift of the open-circuit voltage.
 
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A], [V], positive on charge.
     soc : (n,) state of charge [1]; the value before the pulse is reported.
@@ -75,7 +81,9 @@ def pulse_resistance(
     rated_capacity_ampere_hour : [Ah] for the C-rate.
     delay_second : delays from the edge [s].
     elsewhere : as of `not_elsewhere`.
-    doubt : (n,) flags of `series.doubts.Doubt`, or None.
+    doubt : (n,) flags of `series.doubts.Doubt`, or None. against_soc : in words, what contradicts
+        the stated SoC of the record: it, the voltage or the cut-offs are wrong; or "".
+    current_accuracy_share : as of `settings.Instrument`.
 
     Returns found: Found; rows are columns of stage `resistance`, one entry a pulse and delay;
     relaxation_ohm is what d_k has taken off.
@@ -105,17 +113,20 @@ def pulse_resistance(
             reasons[str(refusal)] += 1
             continue
         row = _row(pulse, value, delay, soc, voltage, noise, rated)
+        gain = current_accuracy_share / np.sqrt(3.0) * row["resistance_ohm"]
+        row["resistance_std_ohm"] = np.hypot(row["resistance_std_ohm"], gain)
         row["doubt"] = in_words(doubt, slice(pulse.before, pulse.before + 2 + len(pulse.delay)))
         rows.append(row)
     if not rows:
         raise Refusal(f"no pulse gives a resistance: {'; '.join(counted(reasons))}")
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    columns["doubt"] = np.array(_with_size(columns, rated), dtype=str)
+    columns["doubt"] = np.array(_doubts(columns, rated, against_soc), dtype=str)
     return Found(columns, counted(reasons))
 
 
-def _with_size(columns, rated):
-    """Doubts of each row, those by the size of its resistance too: no cell's, or none beside it."""
+def _doubts(columns, rated, against_soc):
+    """Doubts of each row in words: of its rows, of the record, and of the resistance itself."""
+    of_record = [against_soc, _as_c_rates(columns, rated)]
     found = []
     for resistance, delay, said in zip(
         columns["resistance_ohm"], columns["delay_second"], columns["doubt"], strict=True
@@ -125,8 +136,28 @@ def _with_size(columns, rated):
         words += [WORDS[Doubt.SIZE]] * (unlike_size(resistance, rated) and not said)
         if resistance < SMALL_SHARE * np.median(alike):
             words.append("far below the record's other pulses: did the voltage answer?")
-        found.append("; ".join(words))
+        found.append("; ".join(filter(None, words + of_record)))
     return found
+
+
+# ASSUME: A load of 1C moves a cell by less than 0.2 V at once, but in the cold or near empty.
+def _as_c_rates(columns, rated):
+    """In words, that the currents may be C-rates: round as such, not as multiples of the rating."""
+    prompt = columns["actual_delay_second"] <= PROMPT_SECOND
+    if not prompt.any():
+        return ""
+    answer = rated * np.median(columns["resistance_ohm"][prompt])
+    sizes = np.abs(columns["current_ampere"])
+    round_alone = all(map(_is_round, sizes)) and not any(map(_is_round, sizes / rated))
+    # Slower loads meet kinetics at their largest, and their capacity tells.
+    if not (answer > LARGE_VOLT and round_alone and sizes.max() >= SLOWEST_PULSE_C_RATE):
+        return ""
+    return f"1C would move the voltage by {answer:.2g} V at once: does the file hold C-rates?"
+
+
+def _is_round(rate):
+    """Whether a rate [1/h] is one that laboratories choose."""
+    return bool(np.any(np.abs(rate / np.array(ROUND_C_RATES) - 1) <= ROUND_SHARE))
 
 
 def _chosen(steps):

@@ -14,6 +14,7 @@ SLOWER_SHARE = 0.02  # by which a slower load may give less than a faster one: r
 LEAST_SHARE, FASTEST_C_RATE, COLDEST_CELSIUS = 0.75, 1.2, 10.0
 WARMED_KELVIN = 5.0  # by its own load: a warmer cell gives more
 SAME_SOC, RESISTANCE_FACTOR = 0.05, 1.5  # kinetics, direction and rests change a resistance by less
+ANY_SOC_FACTOR = 2.0  # the first sample of a pulse hardly hangs on the SoC, but near empty
 LEAST_SOC, DELAY_FACTOR = 0.1, 2.0
 SIGMAS = 2.0
 
@@ -30,15 +31,12 @@ def with_disagreements(rows, *, quantity):
     -------
     rows, new ones where their `doubt` has grown.
     """
-    comparing = {"capacity": _capacities, "resistance": _resistances}[quantity]
-    cycled, against = _cycled(rows), [{} for _ in rows]
-    for members in _alike(rows):
-        for first, second in combinations(members, 2):
-            one, other = rows[first], rows[second]
-            if one["test"] == other["test"] or cycled & {_key(one), _key(other)}:
-                continue
-            if words := comparing(one, other):
-                against[first][second], against[second][first] = words, comparing(other, one)
+    against = [{} for _ in rows]
+    for first, second, same_age in _alike(rows):
+        one, other = rows[first], rows[second]
+        comparing = COMPARING.get((quantity, same_age))
+        if comparing and (words := comparing(one, other)):
+            against[first][second], against[second][first] = words, comparing(other, one)
     # What more tests speak against is in doubt, not each of them; of two alone both are.
     said = [
         [words for other, words in found.items() if len(against[other]) <= len(found)]
@@ -65,26 +63,21 @@ def _cycled(rows):
 
 
 def _alike(rows):
-    """Numbers of rows of one cell, direction, delay, check-up and temperature."""
-    cells = {}
+    """Numbers of two rows of one cell, direction, delay and temperature, and whether of one age.
+
+    They are of different tests, neither of them one of many cycles.
+    """
+    cells, cycled = {}, _cycled(rows)
     for number, row in enumerate(rows):
-        cells.setdefault((row["cell"], row["direction"], row.get("delay_second")), []).append(
-            number
-        )
-    found = []
+        if _key(row) not in cycled:
+            kind = (row["cell"], row["direction"], row.get("delay_second"))
+            cells.setdefault(kind, []).append(number)
     for members in cells.values():
         ages = checkups_of([rows[k]["cycle"] for k in members])
-        left = list(zip(members, ages, strict=True))
-        while left:
-            (first, age), *others = left
-            near = [
-                (k, a)
-                for k, a in others
-                if a == age and same_temperature(*(_celsius(rows[i]) for i in (first, k)))
-            ]
-            found.append([first, *(k for k, _ in near)])
-            left = [pair for pair in others if pair not in near]
-    return found
+        for (first, age), (second, other) in combinations(zip(members, ages, strict=True), 2):
+            celsius = (_celsius(rows[k]) for k in (first, second))
+            if rows[first]["test"] != rows[second]["test"] and same_temperature(*celsius):
+                yield first, second, age == other
 
 
 def _celsius(row):
@@ -97,8 +90,7 @@ def _capacities(row, other):
     What a charge takes hangs on how far the discharge before it emptied the cell.
     """
     here, there = row["capacity_ampere_hour"], other["capacity_ampere_hour"]
-    stds = [one["capacity_std_ampere_hour"] for one in (row, other)]
-    spread = SIGMAS * sum(std**2 for std in stds if std is not None and std == std) ** 0.5
+    spread = _spread(row, other)
     rates, warm = (row["c_rate"], other["c_rate"]), _warm(row) and _warm(other)
     where = f"{other['test']} gives {there:.4g} Ah at {other['c_rate']:.3g}C"
     if same_rate(*rates):
@@ -108,13 +100,38 @@ def _capacities(row, other):
         return f"{where}, the same rate" if apart else ""
     pair = (row, other) if rates[0] < rates[1] else (other, row)
     slow, fast = (one["capacity_ampere_hour"] for one in pair)
-    slow_celsius, fast_celsius = (one["temperature_mean_celsius"] for one in pair)
-    warmed = _is_number(slow_celsius, fast_celsius) and fast_celsius > slow_celsius + WARMED_KELVIN
-    if not warmed and fast > (1 + SLOWER_SHARE) * slow + spread:
+    if not _warmed(*pair[::-1]) and fast > (1 + SLOWER_SHARE) * slow + spread:
         return f"{where}: a slower load gives no less than a faster one"
     if warm and max(rates) <= FASTEST_C_RATE and fast < LEAST_SHARE * slow - spread:
         return f"{where}: no good cell loses so much to its rate"
     return ""
+
+
+def _ages(row, other):
+    """What the capacity at another age says against one: no older cell gives more, nor faster."""
+    younger, older = sorted((row, other), key=lambda one: one["cycle"] or 0)
+    sizes = [one["capacity_ampere_hour"] for one in (younger, older)]
+    more = sizes[1] > (1 + REPEAT_SHARE) * sizes[0] + _spread(row, other)
+    # A wrong current is a wrong rate too.
+    slower = older["c_rate"] < younger["c_rate"] and not same_rate(
+        older["c_rate"], younger["c_rate"]
+    )
+    if not more or slower or _warmed(older, younger):
+        return ""
+    there = f"{other['capacity_ampere_hour']:.4g} Ah at cycle {other['cycle'] or 0:g}"
+    return f"{other['test']} gives {there}: no older cell gives more"
+
+
+def _spread(row, other):
+    """How far two capacities may lie apart by their standard deviations [Ah]."""
+    stds = [one["capacity_std_ampere_hour"] for one in (row, other)]
+    return SIGMAS * sum(std**2 for std in stds if std is not None and std == std) ** 0.5
+
+
+def _warmed(row, other):
+    """Whether a cell was warmer by its own load than in another test."""
+    here, there = (one["temperature_mean_celsius"] for one in (row, other))
+    return _is_number(here, there) and here > there + WARMED_KELVIN
 
 
 def _warm(row):
@@ -127,17 +144,30 @@ def _is_number(*values):
 
 
 def _resistances(row, other):
-    """What another pulse resistance says against one, at the same SoC and delay."""
-    socs, delays = (
-        (row["soc"], other["soc"]),
-        sorted(one["actual_delay_second"] for one in (row, other)),
-    )
-    alike = _is_number(*socs) and abs(socs[0] - socs[1]) <= SAME_SOC
-    # Near empty a few per cent of SoC are another resistance.
-    if not alike or min(socs) < LEAST_SOC or delays[1] > DELAY_FACTOR * delays[0]:
+    """What another pulse resistance says against one, at the same delay.
+
+    At the same SoC any two are alike, the first samples of discharges at any SoC. Near empty a few
+    per cent of SoC are another resistance.
+    """
+    socs = row["soc"], other["soc"]
+    delays = sorted(one["actual_delay_second"] for one in (row, other))
+    if delays[1] > DELAY_FACTOR * delays[0] or (_is_number(*socs) and min(socs) < LEAST_SOC):
+        return ""
+    near = _is_number(*socs) and abs(socs[0] - socs[1]) <= SAME_SOC
+    stated = _is_number(_celsius(row), _celsius(other))
+    if not near and (row["delay_second"] > 0 or row["direction"] != "discharge" or not stated):
         return ""
     here, there = row["resistance_ohm"], other["resistance_ohm"]
     spread = SIGMAS * (row["resistance_std_ohm"] + other["resistance_std_ohm"])
-    if max(here, there) - spread <= RESISTANCE_FACTOR * min(here, there):
+    factor = RESISTANCE_FACTOR if near else ANY_SOC_FACTOR
+    if max(here, there) - spread <= factor * min(here, there):
         return ""
-    return f"{other['test']} gives {1e3 * there:.3g} mΩ at {socs[1]:.0%} SoC"
+    place = f" at {socs[1]:.0%} SoC" if _is_number(socs[1]) else ""
+    return f"{other['test']} gives {1e3 * there:.3g} mΩ{place}"
+
+
+COMPARING = {
+    ("capacity", True): _capacities,
+    ("capacity", False): _ages,
+    ("resistance", True): _resistances,
+}

@@ -79,11 +79,15 @@ def soc_range_of_rest(rest_volt, curve, *, error_volt=REST_VOLT):
 
 
 class Anchored(NamedTuple):
-    """State of charge (n,) [1], in words which anchor it is counted from, and the anchor's row."""
+    """State of charge (n,) [1], in words which anchor it is counted from, and the anchor's row.
+
+    contradicted : why the first rest contradicts the stated SoC, "" where it does not.
+    """
 
     soc: np.ndarray
     anchor: str
     row: int = 0
+    contradicted: str = ""
 
 
 # ASSUME: A charge that ends at the upper cut-off voltage with at most C/10 leaves the cell full.
@@ -145,7 +149,7 @@ def soc_series(
     if not wrong:
         return Anchored(float(soc_at_start) + counted - counted[0], AS_STATED)
     found = _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate)
-    return found._replace(anchor=f"{found.anchor}; {wrong}")
+    return found._replace(anchor=f"{found.anchor}; {wrong}", contradicted=wrong)
 
 
 def _first_rest(rate, voltage_volt, test_time_second):
@@ -381,6 +385,7 @@ def _refuse_stated(soc, charge, words, nominal, source):
     refuse_impossible_soc(low, soc + up / capacity, words, **about)
 
 
+SINGLE_SHARE = 0.001  # of a capacity: the instrument's; less says nothing of how it repeats
 UNSURE_SHARE = 0.03  # of a capacity: less sure ones count after the sure ones of their check-up
 
 
@@ -388,6 +393,12 @@ def is_unsure(row):
     """Whether the start of a capacity row, or its repeats, leave more than 3 % of it open."""
     std = row.get("capacity_std_ampere_hour")
     return std is not None and std > UNSURE_SHARE * row["capacity_ampere_hour"]
+
+
+def tells_repeats(row):
+    """Whether the standard deviation of a capacity says more than how sure one reading is."""
+    unsure = row["capacity_std_ampere_hour"] > SINGLE_SHARE * row["capacity_ampere_hour"]
+    return row.get("repeats", 1) > 1 or unsure
 
 
 def capacity_in_words(row):

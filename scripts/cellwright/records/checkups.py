@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.records.anchor import telling_capacity
+from cellwright.records.anchor import telling_capacity, tells_repeats
 from cellwright.records.basis import (
     basis,
     first_choice,
@@ -119,7 +119,7 @@ def repeat_std(capacities, size):
     shares = [
         row["capacity_std_ampere_hour"] / row["capacity_ampere_hour"]
         for row in capacities
-        if np.isfinite(row["capacity_std_ampere_hour"])
+        if tells_repeats(row)
     ]
     return float(np.sqrt(np.mean(np.square(shares))) * size) if shares else None
 

@@ -28,7 +28,7 @@ STATED = (BY_SHEET, BY_NOTHING)  # sources of a temperature that no sensor told
 
 
 class Record(NamedTuple):
-    """One test of a cell on the SoC scale. It starts from rest; arrays (n,).
+    """One test of a cell on the SoC scale, or of a group. It starts from rest; arrays (n,).
 
     test, kind, role : name, kind and role, as in the sheet.
     test_time_second, current_ampere, voltage_volt : [s], [A] positive on charge, [V].
@@ -44,6 +44,12 @@ class Record(NamedTuple):
     anchor_second : time of the row whose SoC is known, from which all others are counted [s]; None
         for the first.
     least_digit_ampere, least_digit_volt : of the readings, see `noise.least_digit` [A], [V].
+
+    Of a group alone, whose members and cells count as in its wiring and whose `celsius` is that
+    around them; it has no SoC of its own:
+    initial_soc : (members,) stated at its start [1], or None.
+    member_current_ampere : (n, members), NaN where not logged, None where none was [A].
+    cell_voltage_volt, cell_temperature_celsius : (n, cells), likewise [V], [degC].
     """
 
     test: str
@@ -63,6 +69,17 @@ class Record(NamedTuple):
     anchor_second: float | None = None
     least_digit_ampere: float = 0.0
     least_digit_volt: float = 0.0
+    initial_soc: np.ndarray | None = None
+    member_current_ampere: np.ndarray | None = None
+    cell_voltage_volt: np.ndarray | None = None
+    cell_temperature_celsius: np.ndarray | None = None
+
+    @property
+    def branch_current_ampere(self):
+        """Current of each member (n, members) [A], None where one was not logged."""
+        currents = self.member_current_ampere
+        lacking = currents is None or np.isnan(currents).all(axis=0).any()
+        return None if lacking else currents
 
 
 def record_of(
@@ -350,28 +367,6 @@ def _chamber_celsius(test):
     return float(cell_temperature(*test)[0].mean()) if stated is None else stated
 
 
-class GroupRecord(NamedTuple):
-    """One test of a group; arrays (n,). Members and cells count as in its wiring.
-
-    test : its name. celsius : (n,) temperature around the cells [degC].
-    branch_current_ampere : (n, members), + on charge, or None where one was not logged [A].
-    initial_soc : (members,) stated at its start [1], or None.
-    member_current_ampere : (n, members), NaN where not logged, None where none was [A].
-    cell_voltage_volt, cell_temperature_celsius : (n, cells), likewise [V], [degC].
-    """
-
-    test: str
-    test_time_second: np.ndarray
-    current_ampere: np.ndarray
-    voltage_volt: np.ndarray
-    celsius: np.ndarray
-    branch_current_ampere: np.ndarray | None = None
-    initial_soc: np.ndarray | None = None
-    member_current_ampere: np.ndarray | None = None
-    cell_voltage_volt: np.ndarray | None = None
-    cell_temperature_celsius: np.ndarray | None = None
-
-
 def group_record(test, branches, *, cells=None):
     """Record of a test of a group, with whichever of its channels were logged.
 
@@ -382,7 +377,7 @@ def group_record(test, branches, *, cells=None):
 
     Returns
     -------
-    record : GroupRecord.
+    record : Record of a group.
 
     Raises
     ------
@@ -394,16 +389,17 @@ def group_record(test, branches, *, cells=None):
         refuse_beyond(series, members=len(branches), cells=cells)
     except Refusal as refusal:
         raise Refusal(f"{facts.test}: {refusal}") from None
-    currents = table(series, BRANCH_CURRENT, len(branches))
-    all_logged = len(logged(series, BRANCH_CURRENT)) == len(branches)
     initial_soc = stated_soc(facts, branches)
-    return GroupRecord(
-        facts.test,
+    return record_of(
         *(series[name] for name in ("test_time_second", "current_ampere", "voltage_volt")),
+        np.nan,
+        test=facts.test,
+        kind=facts.kind,
+        role=facts.role,
         celsius=cell_temperature(facts, series, as_read=True)[0],
-        branch_current_ampere=currents if all_logged else None,
+    )._replace(
         initial_soc=None if None in initial_soc else np.array(initial_soc, float),
-        member_current_ampere=currents,
+        member_current_ampere=table(series, BRANCH_CURRENT, len(branches)),
         cell_voltage_volt=table(series, CELL_VOLTAGE, cells),
         cell_temperature_celsius=table(series, CELL_TEMPERATURE, cells),
     )

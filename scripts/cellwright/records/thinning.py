@@ -26,7 +26,7 @@ def averaged(record, *, width_second):
 
     Parameters
     ----------
-    record : Record or GroupRecord, whose arrays with one entry a row are averaged; `used` is True
+    record : Record, whose arrays with one entry a row are averaged; `used` is True
         where all rows of a bin are used.
     width_second : of the bins [s].
 
@@ -64,7 +64,7 @@ def averaged_to(records, *, most_rows=20_000, thinned=()):
 
     Parameters
     ----------
-    records : sequence of Record or GroupRecord.
+    records : sequence of Record.
     most_rows : of all records together.
     thinned : functions (record) → record, mildest first, each in turn applied after averaging and
         before rows are counted; none: nothing is thinned.

@@ -10,15 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.formats.fields import NET, SERIES
+from cellwright.formats.physics import COLDEST, HOTTEST
 from cellwright.refusal import Refusal
 from cellwright.series.doubts import counter_digit, doubts
 from cellwright.series.doubts import sentences as doubts_in_words
-from cellwright.series.edges import begun_at_last_row, step_rows
+from cellwright.series.edges import OTHER_PACE, begun_at_last_row, step_rows
 from cellwright.series.gaps import RESTED, in_words
 from cellwright.series.gaps import verdicts as gap_verdicts
 from cellwright.series.repeated import repeated_rows
 from cellwright.series.rest_current import RestReading, rest_reading
-from cellwright.series.spikes import spike_free, spikes_under_load
+from cellwright.series.spikes import burst_rows, spike_free, spikes_under_load, without_bursts
 from cellwright.series.steps import silent_before
 from cellwright.settings import Clean
 
@@ -26,6 +27,9 @@ CLEAN = Clean()
 
 NO_READING = 1e30  # instruments write ±3.4e38 for "no reading"
 MOST_GAPS_TOLD = 5  # in notes, which people read
+PACE_ROWS = 3  # intervals at each side of one that is a multiple of them: single rows are missing
+SINGLE_SHARE = 0.05  # of the rows: what happens more often is how an instrument samples
+BLANK_SHARE = 0.01  # likewise of rows without a temperature: some log it every few rows
 
 
 class Flag(IntFlag):
@@ -39,6 +43,9 @@ class Flag(IntFlag):
     SPIKE = 32  # its voltage jumps out and back
     GAP = 64  # the record is silent before it
     REST_READING = 128  # a rest begins in which the current channel reads what is no current
+    BURST = 256  # its voltage is one of several that jump out of a smooth curve
+    LOST = 512  # single rows are missing before it
+    NO_VALUE = 1024  # a thermometer shows no number there, or what no cell survives
 
 
 REMOVED = Flag.NAN | Flag.SENTINEL | Flag.REPEAT | Flag.OUT_OF_PLACE
@@ -80,6 +87,10 @@ def flag(
                 time[rows], current[rows], voltage[rows], limit_volt=spike_limit_volt
             ),
         )),
+        (Flag.BURST, lambda rows: burst_rows(
+            current[rows], voltage[rows], limit_volt=spike_limit_volt, current_step_ampere=step
+        )),
+        (Flag.LOST, lambda rows: _lost_rows(rebased(time[rows], flags[rows]), rows, flags)),
     ):  # fmt: skip
         # Each looks among the rows that are kept so far.
         rows = _kept(flags)
@@ -88,6 +99,10 @@ def flag(
         # What the cell did before a file begins is not in the record.
         rows = _kept(flags)
         flags[rows[1:][np.diff(columns["file_index"][rows]) != 0]] |= Flag.GAP
+    for name in filter(_is_thermometer, columns):
+        rows = _kept(flags)
+        blank = rows[~np.isfinite(_blanked(name, columns[name][rows]))]
+        flags[blank if len(blank) <= BLANK_SHARE * len(rows) else slice(0)] |= Flag.NO_VALUE
     return flags
 
 
@@ -156,6 +171,33 @@ def _clock_jumps(time: np.ndarray, rows: np.ndarray) -> list[int]:
             found.append(row)
             lost = max(lost - ahead, 0.0)
     return found
+
+
+def _lost_rows(time: np.ndarray, rows: np.ndarray, flags: np.ndarray) -> np.ndarray:
+    """Rows before which single ones are missing: the interval is a multiple of all those around.
+
+    Neither a gap nor rows that were removed here are such.
+    """
+    from scipy import ndimage
+
+    interval = np.diff(time)
+    around = np.ones(2 * PACE_ROWS + 1, bool)
+    around[PACE_ROWS] = False
+    slow, fast = (
+        extreme(interval, footprint=around, mode="nearest")
+        for extreme in (ndimage.maximum_filter, ndimage.minimum_filter)
+    )
+    even = (slow <= (1 + OTHER_PACE) * fast) & (fast > 0)
+    times = np.divide(interval, slow, out=np.ones_like(interval), where=even)
+    found = (times > 1.5) & (np.abs(times - np.rint(times)) <= OTHER_PACE)
+    found &= (np.diff(rows) == 1) & ((flags[rows[1:]] & Flag.GAP) == 0)
+    return (
+        np.flatnonzero(found) + 1 if found.sum() <= SINGLE_SHARE * len(time) else np.empty(0, int)
+    )
+
+
+def _is_thermometer(name: str) -> bool:
+    return name.endswith("_celsius")
 
 
 def rebased(time: np.ndarray, flags: np.ndarray) -> np.ndarray:
@@ -314,6 +356,9 @@ ACTION = {
     Flag.CLOCK: "time re-based, row kept",
     Flag.SPIKE: "voltage replaced by the mean of its four neighbours",
     Flag.GAP: "kept",
+    Flag.BURST: "voltage replaced by the line between the rows beside the burst",
+    Flag.LOST: "kept",
+    Flag.NO_VALUE: "temperature left blank, row kept",
     Flag.REST_READING: "current taken as zero to the end of the rest, the reading kept beside it",
 }
 
@@ -359,11 +404,12 @@ def remove(
     kept = _kept(flags)
     if kept.size < 2:
         raise Refusal(f"{kept.size} of {flags.size} rows are left after cleaning")
-    clean = {name: _blanked(column[kept]) for name, column in columns.items()}
+    clean = {name: _blanked(name, column[kept]) for name, column in columns.items()}
     marks = flags[kept]
     clean["test_time_second"] = rebased(clean["test_time_second"], marks)
     spikes = np.flatnonzero(marks & Flag.SPIKE)
     clean["voltage_volt"] = spike_free(*(clean[name] for name in SERIES), spikes)
+    clean["voltage_volt"] = without_bursts(clean["voltage_volt"], (marks & Flag.BURST) > 0)
     gaps = np.flatnonzero(marks & Flag.GAP)
     silent = gap_verdicts(*(clean[name] for name in SERIES), gaps)
     clean["charge_ampere_hour"] = _charge(clean, gaps, silent)
@@ -405,11 +451,25 @@ def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray, silent) -> np.n
     )
 
 
-def _blanked(column: np.ndarray) -> np.ndarray:
-    """A column with NaN where the instrument marked "no reading"; no row is removed."""
-    if not np.issubdtype(column.dtype, np.floating) or not (np.abs(column) > NO_READING).any():
+def _blanked(name: str, column: np.ndarray) -> np.ndarray:
+    """A column with NaN where it holds no reading; no row is removed.
+
+    Such as an instrument's mark, or the end of a thermometer's range (3276.7, 1372, -999 °C).
+    """
+    if not np.issubdtype(column.dtype, np.floating):
         return column
-    return np.where(np.abs(column) > NO_READING, np.nan, column)
+    lowest, highest = (COLDEST, HOTTEST) if _is_thermometer(name) else (-NO_READING, NO_READING)
+    beyond = (column > highest) | (column < lowest)
+    return np.where(beyond, np.nan, column) if beyond.any() else column
+
+
+def _no_temperature(columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """What is shown in each row instead of a temperature (n,), NaN where nothing is."""
+    shown = np.full(len(columns["test_time_second"]), np.nan)
+    for name in filter(_is_thermometer, columns):
+        beyond = ~np.isfinite(_blanked(name, columns[name]))
+        shown[beyond] = columns[name][beyond]
+    return shown
 
 
 def _actions(
@@ -419,8 +479,9 @@ def _actions(
     time, current, voltage = (columns[name] for name in SERIES)
     timed = Flag.OUT_OF_PLACE | Flag.CLOCK | Flag.GAP | Flag.REPEAT
     at_fault = np.where(np.abs(current) > NO_READING, current, voltage)
+    values = {Flag.NO_VALUE: _no_temperature(columns)}
     lines = [
-        (row, kind, (time if kind & timed else at_fault)[row])
+        (row, kind, values.get(kind, time if kind & timed else at_fault)[row])
         for kind in Flag
         for row in np.flatnonzero(flags & kind)
     ]

@@ -57,7 +57,7 @@ WORDS = {
     Doubt.NO_ANSWER: "the current steps and the voltage does not answer",
     Doubt.AT_REST: "the voltage moves as under load while the current reads zero",
     Doubt.SIZE: "charge or resistance are those of a cell of another size than the rating",
-    Doubt.BEYOND: "the cell rests beyond its stated cut-offs",
+    Doubt.BEYOND: "its voltage lies beyond its stated cut-offs, where no charge drives it",
     Doubt.SIGN: "its voltage contradicts the sign of its current",
 }
 
@@ -138,15 +138,21 @@ def doubts(
 
 
 def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:
-    """Rows at rest at which the voltage lies beyond a stated cut-off [V], as no rest does."""
+    """Rows at which the voltage lies beyond a stated cut-off [V], as that of no cell does.
+
+    At rest beyond either; above the upper one also under a discharge, which lowers it.
+    """
     from scipy import ndimage
 
     low, high = (np.nan if limit is None else limit for limit in cutoffs)
-    beyond = (voltage > high + REST_VOLT) | (voltage < low - REST_VOLT)
-    rest = np.abs(current) <= near_zero_ampere(current)
+    zero = near_zero_ampere(current)
     # Right after a load the voltage is still its own.
-    rests = ndimage.minimum_filter1d(rest.astype(np.int8), 11, mode="nearest")
-    return np.flatnonzero((rests == 1) & beyond)
+    rest, not_charged = (
+        ndimage.minimum_filter1d(rows.astype(np.int8), 11, mode="nearest") == 1
+        for rows in (np.abs(current) <= zero, current <= zero)
+    )
+    above = voltage > high + REST_VOLT
+    return np.flatnonzero((above & not_charged) | ((voltage < low - REST_VOLT) & rest))
 
 
 def _all_if_many(rows):

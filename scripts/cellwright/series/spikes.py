@@ -1,4 +1,4 @@
-"""Single samples of the voltage that jump out of a record and back while the current changes.
+"""Samples of the voltage that jump out of a record and back: while the current changes, or several.
 
 A sample's bend is by how much it differs from the mean of its two neighbours. In a cell the bends
 of voltage and current go together by its ohmic resistance, whatever the load does; a spike leaves
@@ -18,6 +18,9 @@ LARGE_BEND = 0.05  # of the largest current
 FOLLOWING, FOLLOWING_SHARE = 0.5, 0.8
 UNDER_LOAD = 5.0  # times the least spike at rest: a cold cell's answer bends by 40 mV
 LOAD_SHARE = 0.5
+LONGEST_BURST = 10  # rows, a third of those nearby: what lasts longer may be the cell's
+QUIET_ROWS = 3  # at each side of a row, in which the current must be steady
+BACK_SHARE = 0.25  # of a burst's largest bend: the curve goes on where it was left
 MADE_SHARE = 1.2  # of what the current's steps nearby make of the voltage: kinetics leave less
 
 
@@ -88,3 +91,44 @@ def spike_free(time, current, voltage, rows) -> np.ndarray:
     moved = current[rows] - current[around].mean(axis=1)
     repaired[rows] = voltage[around].mean(axis=1) + resistance * moved
     return repaired
+
+
+def burst_rows(current, voltage, *, limit_volt, current_step_ampere) -> np.ndarray:
+    """Rows of bursts: two samples of the voltage and more that jump about within a smooth curve.
+
+    Their bends exceed the limit and fifteen usual ones nearby, the current is steady, and the curve
+    goes on after them where it was before.
+
+    Parameters
+    ----------
+    current, voltage : (n,) [A], [V]. limit_volt : least bend [V]. current_step_ampere : a change of
+        the current by as much is a step [A].
+    """
+    from scipy import ndimage
+
+    bent = np.abs(bend(voltage))
+    # Beside a burst the bend is half of its first sample.
+    large = np.flatnonzero(bent > limit_volt / 2)
+    if not np.any(bent > limit_volt):
+        return np.empty(0, int)
+    usual = ndimage.median_filter(bent, NEARBY, mode="nearest")
+    large = large[bent[large] > UNUSUAL * usual[large]]
+    found = [np.empty(0, int)]
+    for rows in np.split(large, np.flatnonzero(np.diff(large) > QUIET_ROWS) + 1):
+        # The first and the last bend stand beside the burst.
+        first, last = (rows[0], rows[-1]) if len(rows) else (0, 0)
+        if not 2 <= last - first - 1 <= LONGEST_BURST or bent[rows].max() <= limit_volt:
+            continue
+        beside = np.r_[first - QUIET_ROWS : first + 1, last : last + QUIET_ROWS + 1]
+        if beside[0] < 0 or beside[-1] >= len(voltage):
+            continue
+        quiet = np.ptp(current[beside[0] : beside[-1] + 1]) < current_step_ampere
+        if quiet and np.ptp(voltage[beside]) <= BACK_SHARE * bent[rows].max():
+            found.append(np.arange(first + 1, last))
+    return np.concatenate(found)
+
+
+def without_bursts(voltage, corrupt) -> np.ndarray:
+    """The voltage [V] with its corrupt rows (mask) on the line between those beside them."""
+    rows = np.arange(len(voltage))
+    return np.where(corrupt, np.interp(rows, rows[~corrupt], voltage[~corrupt]), voltage)

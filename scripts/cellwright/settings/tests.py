@@ -83,6 +83,17 @@ class OcvTemperature(NamedTuple):
     step_std_volt: float = 0.0001
 
 
+class Instrument(NamedTuple):
+    """What no record tells of the instrument that made it.
+
+    current_accuracy_share [1] : Largest error of the current as a share of its range, as the
+        maker states it (testers 0.0002 to 0.001). The range is taken to be the largest current
+        of a record.
+    """
+
+    current_accuracy_share: float = 0.0005
+
+
 class Resistance(NamedTuple):
     """Pulse resistance.
 

@@ -1,6 +1,6 @@
 """C sources of functional mock-up units, and their build for this machine.
 
-Cellwright's kernel of packs, pack.c with pack_network.h, is part of them: battery.c includes it.
+Cellwright's kernel of packs, pack.c with its headers, is part of them: battery.c includes it.
 """
 
 import os
@@ -11,7 +11,8 @@ from cellwright.native import compiler_command, library_file
 
 HERE = Path(__file__).parent
 KERNELS = Path(cellwright.native.__file__).parent
-SOURCES = [KERNELS / "pack.c", KERNELS / "pack_network.h", *sorted(HERE.glob("*.[ch]"))]
+OF_PACKS = ("pack.c", "pack_network.h", "cell.h")
+SOURCES = [*(KERNELS / name for name in OF_PACKS), *sorted(HERE.glob("*.[ch]"))]
 COMPILED = ("battery.c", "fmi3.c")
 # Of a library that is handed on: no names but those of the interface, nothing of this machine.
 FLAGS = (

@@ -170,16 +170,6 @@ static pack tables_only(const battery *b) {
     return p;
 }
 
-/* A quantity of a cell at a SoC, as `respond` of pack.c looks it up. The first is the OCV. */
-static double quantity_at(const pack *p, size_t q, size_t c, double soc) {
-    const int64_t left = interval(p, soc);
-    const double share = soc * (double)(p->points - 1) - (double)left;
-    const double inside = share > 0.0 ? share < 1.0 ? share : 1.0 : 0.0;
-    const double low = at_point(p, (int64_t)q, (int64_t)c, left);
-    const double rise = at_point(p, (int64_t)q, (int64_t)c, left + 1) - low;
-    return low + rise * (q ? inside : share);
-}
-
 void battery_rest(const battery *b, const double *soc, double celsius, double ampere,
                   double *state) {
     const size_t n = b->cells;
@@ -190,7 +180,8 @@ void battery_rest(const battery *b, const double *soc, double celsius, double am
     double *memory = state + n, *quantities = memory + b->memory * n;
     const pack p = tables_only(b);
     for (size_t q = 0; q < b->quantities; q++)
-        for (size_t c = 0; c < n; c++) quantities[q * n + c] = quantity_at(&p, q, c, soc[c]);
+        for (size_t c = 0; c < n; c++)
+            quantities[q * n + c] = quantity_at(&p, (int64_t)q, (int64_t)c, soc[c]);
     const size_t goal = b->quantities - b->lags - 2 * (size_t)b->sizes[6];
     for (size_t c = 0; c < n; c++) {
         const double near = b->near_end[c];

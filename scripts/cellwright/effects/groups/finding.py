@@ -61,7 +61,7 @@ def group_finding(
     Parameters
     ----------
     group : name. cells : sequence of Branch, in the order of the branches.
-    records : sequence of (role, GroupRecord), role "fit" or "validation".
+    records : sequence of (role, Record of a group), role "fit" or "validation".
     initial_soc : (b,) stated SoC at the start of every record that states none of its own [1], or
         None: all alike, from the voltage of the first rows.
     settings : dict of tuples by name: "spread" (Spread), "shared" (Shared), "gates" (GroupGates);

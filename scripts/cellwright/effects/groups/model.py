@@ -10,13 +10,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 
-from cellwright.circuits.cell import ocv_and_slope
+from cellwright.circuits.cell import ocv_and_slope, ocv_on_grid
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.effects.base import OCV_KNOTS
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.native import array, count, function
-from cellwright.numerics.lags import lag_weights
+from cellwright.numerics.lags import lag_step, lag_weights
 from cellwright.numerics.least_squares import Free
+from cellwright.packs.network import star
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
@@ -211,41 +212,36 @@ def _twin(fields, stack, factor):
     current, voltage, soc = np.empty((rows, cells)), np.empty(rows), np.empty((rows, cells))
     lags = lag_weights(stack.step_second[:, None, None], fields.tau, hold="first_order")
     charge = stack.step_second[:, None] / (3600.0 * fields.capacity) / 2.0
-    held = stack.current_ampere if stack.hold == "first_order" else np.roll(stack.current_ampere, 1)
-    pair, branch_ampere = np.zeros((cells, 2)), np.zeros(cells)
+    total = stack.current_ampere
+    held = total if stack.hold == "first_order" else np.roll(total, 1)
     for k in range(rows):
-        pairs = factor[k][:, None] * fields.r[:, 1:]
+        ohm = factor[k][:, None] * fields.r
         if stack.fresh[k]:
             z, pair = fields.soc[stack.file[k]], np.zeros((cells, 2))
         else:
             weights = [weight[k] for weight in lags]
-            z, pair = _moved(
-                fields, pairs, factor[k], z, pair, branch_ampere, charge[k], weights, held[k]
-            )
-        source = ocv_and_slope(fields.ocv, z)[0] + pair.sum(axis=1)
-        voltage[k], branch_ampere = _shared_current(
-            source, factor[k] * fields.r[:, 0] + fields.wire, stack, k
-        )
-        current[k], soc[k] = branch_ampere, z
+            z, pair = _moved(fields, ohm, z, pair, current[k - 1], charge[k], weights, held[k])
+        source = ocv_on_grid(fields.ocv, z) + pair.sum(axis=1)
+        voltage[k], current[k] = _shared(source, ohm[:, 0] + fields.wire, total[k])
+        soc[k] = z
     return current, voltage, soc
 
 
-def _shared_current(source, ohm, stack, k):
+def _shared(source, ohm, total):
     """Voltage [V] and branch currents [A] of sources behind resistances, by Kirchhoff's laws."""
-    volt = (stack.current_ampere[k] + (source / ohm).sum()) / (1.0 / ohm).sum()
+    whole = star(source, ohm)
+    volt = whole[0] + whole[1] * total
     return volt, (volt - source) / ohm
 
 
-def _moved(fields, pairs, factor, soc, pair, begin, charge, weights, total):
+def _moved(fields, ohm, soc, pair, begin, charge, weights, total):
     """SoC and pair voltages at the end of a step under a total."""
-    decay, before, after = weights
     ocv, slope = ocv_and_slope(fields.ocv, soc + charge * begin)
-    source = ocv + (decay * pair + pairs * before * begin[:, None]).sum(axis=1)
-    ohm = factor * fields.r[:, 0] + fields.wire + np.maximum(slope, 0.0) * charge
-    ohm = ohm + (pairs * after).sum(axis=1)
-    end = ((total + (source / ohm).sum()) / (1.0 / ohm).sum() - source) / ohm
-    moved = decay * pair + pairs * (before * begin[:, None] + after * end[:, None])
-    return soc + charge * (begin + end), moved
+    at_begin, pairs = ohm[:, 1:] * begin[:, None], ohm[:, 1:]
+    source = ocv + lag_step(weights, pair, at_begin, 0.0).sum(axis=1)
+    behind = ohm[:, 0] + fields.wire + np.maximum(slope, 0.0) * charge
+    end = _shared(source, behind + (pairs * weights[2]).sum(axis=1), total)[1]
+    return soc + charge * (begin + end), lag_step(weights, pair, at_begin, pairs * end[:, None])
 
 
 LOG_STEP, SOC_STEP, VOLT_STEP = 5e-3, 1e-3, 1e-3

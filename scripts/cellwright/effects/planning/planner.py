@@ -419,16 +419,23 @@ def _ties(effect, rivals):
 
 
 def _sentence(effect, question, ties, best, most, now, helps):
-    goal, of = _goal(question, ties), "between them" if question.rivals else "of it"
+    goal = _goal(question, ties)
+    shows = "tell them apart" if question.rivals else "show it"
     ways = [tie.check for tie in dict.fromkeys(ties)]
     if helps:
-        gain = f"which would leave chi-square {most:.0f} {of}; now {now:.0f}"
+        gain = f"which would {shows} by {_deviations(most)}; now {_deviations(now)}"
         hours = best.hours
         lasting = f"{hours:.0f} h" if hours >= 1.5 else f"{60 * hours:.0f} min"
         ways.append(f"{best.words} (about {lasting}), {gain}")
     elif not ways:
-        ways = [f"{effect.shows}; no test of the menu leaves more than chi-square {most:.0f} {of}"]
+        least = f"no test of the menu would {shows} by more than {_deviations(most)}"
+        ways = [f"{effect.shows}; {least}"]
     return f"{goal}: {'; or '.join(ways)}."
+
+
+def _deviations(chi_square):
+    """A chi-square as people weigh it: as many standard deviations as its root."""
+    return f"{np.sqrt(max(chi_square, 0.0)):.0f} standard deviations"
 
 
 def _goal(question, ties):

@@ -56,6 +56,34 @@ def worsened(residual_map):
     return sorted(fields, key=lambda one: -one["rows"] * one["volt"] ** 2)
 
 
+def largest_before(residual_map):
+    """A sentence on the field with the largest part of the error before, and what it is now.
+
+    Parameters
+    ----------
+    residual_map : dict of columns, as of `worsened`; {} where there is none.
+
+    Returns
+    -------
+    sentence : str; None without a field.
+    """
+    if not len(residual_map.get("rows", ())):
+        return None
+    before, after, rows = (
+        np.asarray(residual_map[name], float)
+        for name in ("before_rms_volt", "after_rms_volt", "rows")
+    )
+    squares = rows * before**2
+    k = int(np.argmax(squares))
+    soc = [float(residual_map[name][k]) for name in ("soc_low", "soc_high")]
+    place = {"soc": soc, "current": residual_map["rate"][k], "file": residual_map["test"][k]}
+    return (
+        f"The largest part of the gap, {100 * squares[k] / squares.sum():.0f} %, sat "
+        f"{where(place)}: {millivolt(before[k])} by the plain model, {millivolt(after[k])} with "
+        "what was found."
+    )
+
+
 def where(place, *, file=True):
     """A field of the map, or a `located_at` of a verdict, in words.
 

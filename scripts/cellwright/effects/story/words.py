@@ -168,24 +168,42 @@ def paragraph(verdict, library, phrases=None):
 
     Returns
     -------
-    text : str, a line for each part: what is shown, each effect, what is left, what to do.
+    text : str, a line for each sentence of `sentences_by_part`.
+    """
+    return "\n".join(text for _, text in sentences_by_part(verdict, library, phrases))
+
+
+def sentences_by_part(verdict, library, phrases=None):
+    """Sentences for people about one cell or group, each with the part of the story it is of.
+
+    Parameters
+    ----------
+    verdict, library, phrases : as of `paragraph`.
+
+    Returns
+    -------
+    sentences : list of (part, sentence); part is gap (before and after), names (each effect and its
+        size), changes (for the user), left (where), sure (what speaks against it, and how likely)
+        or next (test).
     """
     phrases = phrases or BASES[verdict.get("base") or "plain"]
     opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
     parts = [
         *opening(verdict, library, phrases),
-        *_worsened(verdict),
-        *_nameless(verdict, library),
-        *_as_given(verdict),
-        *_remainder(verdict),
-        *_outside(verdict),
-        *_declared_values_at_limit(verdict.get("nuisances") or []),
+        *_of("gap", [*_worsened(verdict), *_as_given(verdict)]),
+        *_of("names", _nameless(verdict, library)),
+        *_of("left", [*_remainder(verdict), *_outside(verdict)]),
+        *_of("sure", _declared_values_at_limit(verdict.get("nuisances") or [])),
     ]
     if verdict["next_test"]:
         advice = verdict["next_test"].rstrip(".")
         advice = advice.removeprefix("To ") if advice.startswith("To ") else advice
-        parts.append(f"To test next: {advice}.")
-    return "\n".join(parts)
+        parts.append(("next", f"To test next: {advice}."))
+    return parts
+
+
+def _of(part, sentences):
+    return [(part, sentence) for sentence in sentences]
 
 
 def _nameless(verdict, library):
@@ -213,10 +231,11 @@ def _as_given(verdict):
 
 def _none(verdict, library, phrases):
     both = verdict["validation_rmse_volt"]["before"]
-    return [
+    text = (
         f"Nothing is missing that these data could show: {phrases.where} {phrases.healthy} "
         f"{millivolt(both)}, and {_floor(verdict)}."
-    ]
+    )
+    return [("gap", text)]
 
 
 def _floor(verdict):
@@ -235,11 +254,12 @@ def _unknown(verdict, library, phrases):
         f"{millivolt(both['before'])}, and {_floor(verdict)}"
     )
     if not verdict["partial"]:
-        return [f"{text}; {phrases.none} explains it."]
+        return [("gap", f"{text}; {phrases.none} explains it.")]
     names, last = _listed(_name(one, library) for one in verdict["partial"]), verdict["partial"][-1]
     left = millivolt(last["validation_rmse_volt"]["after"])
     why = (verdict.get("against") or {}).get(last["effect"], "that is too much")
-    return [f"{text}. The nearest explanation, {names}, leaves {left}; it is no name: {why}."]
+    text += f". The nearest explanation, {names}, leaves {left}; it is no name: {why}."
+    return [("gap", text)]
 
 
 def _named(verdict, library, phrases):
@@ -263,9 +283,9 @@ def _named(verdict, library, phrases):
     changes = [library[one["effect"]].consequence for one in named]
     changes = "; ".join(dict.fromkeys(filter(None, changes)))
     return [
-        f"{phrases.named} {names}: {change}{left}. Of this, {_floor(verdict)}.",
-        *(_effect(one, library) for one in named),
-        *([f"What it changes: {changes}."] if changes else []),
+        ("gap", f"{phrases.named} {names}: {change}{left}. Of this, {_floor(verdict)}."),
+        *_of("names", (_effect(one, library) for one in named)),
+        *_of("changes", [f"What it changes: {changes}."] if changes else []),
     ]
 
 

@@ -212,7 +212,7 @@ def series_pack(models, positions, cells, record, settings=SETTINGS):
     Parameters
     ----------
     models : model dicts in the order of the string. positions : BranchFacts, in the same order.
-    cells : CellFacts, likewise. record : GroupRecord. settings : PackDecisions.
+    cells : CellFacts, likewise. record : Record of a group. settings : PackDecisions.
 
     Returns
     -------

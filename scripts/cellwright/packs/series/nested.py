@@ -22,7 +22,7 @@ def nested_pack(models, wiring, positions, record):
     Parameters
     ----------
     models : model dicts in the order of the leaves. wiring : Wiring.
-    positions : BranchFacts of the cells, in the same order. record : GroupRecord of the pack.
+    positions : BranchFacts of the cells, in the same order. record : Record of a group.
 
     Returns
     -------

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
-from cellwright.numerics.clock import refuse_backward
+from cellwright.numerics.clock import checked_columns
 from cellwright.numerics.lags import mean_over_steps
 from cellwright.numerics.statistics import rms
 from cellwright.packs.checks import beyond_calibration, swapped
@@ -48,10 +48,7 @@ def simulate_string(
     """
     if not models:
         raise Refusal("a string without models cannot be simulated")
-    time, current = np.asarray(test_time_second, float), np.asarray(current_ampere, float)
-    refuse_backward(time)
-    if not np.isfinite(current).all():
-        raise Refusal("the current is not finite")
+    time, current = checked_columns({"time": test_time_second, "current": current_ampere})
     shape = (len(time), len(models))
     moved = mean_over_steps(current, hold) * np.diff(time)
     charge = np.append(0.0, np.cumsum(moved)) / 3600.0
@@ -74,7 +71,7 @@ def validate_string(models, positions, record):
     ----------
     models : model dicts in the order of the string.
     positions : BranchFacts, in the same order.
-    record : GroupRecord with cell_voltage_volt and cell_temperature_celsius (n, cells), NaN or
+    record : Record with cell_voltage_volt and cell_temperature_celsius (n, cells), NaN or
         None where nothing was logged.
 
     Returns
@@ -165,7 +162,7 @@ def cell_temperatures(record, cells, notes):
 
     Parameters
     ----------
-    record : GroupRecord. cells : their number. notes : list, to which a sentence may be added.
+    record : Record. cells : their number. notes : list, to which a sentence may be added.
     """
     shape = (len(record.test_time_second), cells)
     own = logged(record.cell_temperature_celsius, shape)

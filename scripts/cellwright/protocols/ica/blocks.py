@@ -28,10 +28,10 @@ def readings(voltage_volt, charge_ampere_hour):
     size = -(-number // MOST_READINGS)
     *blocks, up, down = _blocks(*rows, size)
     if down < DITHERED * up and up < 0.5 * (number - 1):
-        levels = tally(rows[0], np.maximum.accumulate(rows[1]))
-        mean = levels.charge_ampere_hour / levels.rows
+        volt, counts, charge = tally(rows[0], np.maximum.accumulate(rows[1]))
+        mean = charge / counts
         order = np.argsort(mean, kind="stable")
-        return levels.volt[order], mean[order], np.ones(len(mean))
+        return volt[order], mean[order], np.ones(len(mean))
     weight = np.ones(len(blocks[0]))
     weight[-1] = (number - size * (len(weight) - 1)) / size
     return *blocks, weight

@@ -1,19 +1,6 @@
 """Rows of a charge told apart by their voltage: how many, and how much charge, at each level."""
 
-from typing import NamedTuple
-
 import numpy as np
-
-
-class Tally(NamedTuple):
-    """Number of rows and charge at each distinct voltage of a record, in rising order (k,).
-
-    volt [V], rows [1], charge_ampere_hour: sum over the rows [Ah].
-    """
-
-    volt: np.ndarray
-    rows: np.ndarray
-    charge_ampere_hour: np.ndarray
 
 
 def tally(voltage_volt, charge_ampere_hour):
@@ -25,10 +12,11 @@ def tally(voltage_volt, charge_ampere_hour):
 
     Returns
     -------
-    tally : Tally.
+    volt, rows, charge_ampere_hour : (k,) in rising order; the charge summed over the rows [V], [1],
+        [Ah].
     """
     volt, level = np.unique(voltage_volt, return_inverse=True)
-    return Tally(volt, np.bincount(level) + 0.0, np.bincount(level, charge_ampere_hour))
+    return volt, np.bincount(level) + 0.0, np.bincount(level, charge_ampere_hour)
 
 
 def rises(voltage_volt):

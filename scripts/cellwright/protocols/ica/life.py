@@ -1,7 +1,6 @@
 """Charges of an ageing record whose dQ/dV is taken: a few dozen, evenly over the life."""
 
 from contextlib import suppress
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,14 +9,6 @@ from cellwright.protocols.ica.curve import Peaks
 from cellwright.protocols.ica.parts import parts_joined
 from cellwright.protocols.ica.spline import slope_peaks
 from cellwright.refusal import Refusal
-
-
-class LifePeaks(NamedTuple):
-    """Rows, one a peak or a charge without; curves: columns of all charges; notes: sentences."""
-
-    rows: list
-    curves: dict
-    notes: list
 
 
 def peaks_of_life(
@@ -40,7 +31,8 @@ def peaks_of_life(
     cycles : columns of stage `ageing_cycles`: cycle, direction, start_time_second, (k,) each.
     prominence : as of `spline.slope_peaks`. most : charges at most.
 
-    Returns life: LifePeaks. Raises Refusal: no complete charge, or none whose dQ/dV can be taken.
+    Returns rows, one a peak or a charge without; curves: columns of all charges; notes: sentences.
+    Raises Refusal: no complete charge, or none whose dQ/dV can be taken.
     """
     rows, curves, notes = [], [], []
     record = test_time_second, current_ampere, voltage_volt, charge_ampere_hour
@@ -60,7 +52,7 @@ def peaks_of_life(
         raise Refusal(f"no charge of the record has a dQ/dV: {notes[-1]}")
     names = ("cycle", "voltage_volt", "dq_dv_ampere_hour_per_volt")
     columns = (np.concatenate(column) for column in zip(*curves, strict=True))
-    return LifePeaks(rows, dict(zip(names, columns, strict=True)), notes)
+    return rows, dict(zip(names, columns, strict=True)), notes
 
 
 def _charges_of_life(cycles, steps, record, most):

@@ -211,7 +211,7 @@ def compare(frequency_hertz, impedance_ohm, circuits, **options):
         except Refusal as refusal:
             candidates.append(Candidate(circuit, None, np.nan, np.nan, str(refusal)))
         else:
-            missed = _cross_validation_error(*points, fit)
+            missed = _cross_validation_error(*points, fit, **options)
             candidates.append(Candidate(circuit, fit, fit.bic, missed, ""))
     return candidates
 
@@ -231,16 +231,14 @@ def best(candidates, *, criterion):
     return min(inside or fitted, key=lambda candidate: getattr(candidate, CRITERIA[criterion]))
 
 
-def _cross_validation_error(frequency, impedance, fit):
+def _cross_validation_error(frequency, impedance, fit, **options):
     """RMS of the relative error [1] on every fifth point in turn, fitted to the others."""
-    start = dict(zip(fit.names, fit.values, strict=True))
+    once = options | {"starts": 1, "start": dict(zip(fit.names, fit.values, strict=True))}
     # Every fifth point by frequency, so that none but the outermost is extrapolated.
     rank, errors = np.argsort(np.argsort(frequency)) % 5, []
     for fold in range(5):
         fitted, predicted = rank != fold, rank == fold
-        refit = fit_circuit(
-            frequency[fitted], impedance[fitted], circuit=fit.circuit, starts=1, start=start
-        )
+        refit = fit_circuit(frequency[fitted], impedance[fitted], circuit=fit.circuit, **once)
         guess = circuit_impedance(fit.circuit, frequency[predicted], refit.values)
         errors.append(np.abs(guess / impedance[predicted] - 1))
     return rms(np.concatenate(errors))
@@ -311,8 +309,9 @@ def analyse(
     given = with_bent_leads(
         points, fit_circuit(*points, circuit=names[0], **options), trusted.rms, **options
     )
-    names = [given.circuit, *names[1:]]
-    compared = compare(*points, dict.fromkeys(names))
+    # Constraints are on the parameters of the given circuit.
+    others = [name for name in dict.fromkeys(names[1:]) if name != given.circuit]
+    compared = [*compare(*points, [given.circuit], **options), *compare(*points, others)]
     preferred = best(compared, criterion="bic" if choose == "circuit" else choose)
     fit = given if choose == "circuit" else preferred.fit
     if misses(fit, trusted.rms):

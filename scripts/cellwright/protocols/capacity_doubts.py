@@ -1,0 +1,152 @@
+"""What speaks against a capacity: its own rows, the other half of its cycle, the sheet.
+
+Each function gives sentences; none changes a number, but `imbalance`, which is part of its doubt.
+"""
+
+import numpy as np
+
+from cellwright.protocols.half_cycles import NAMES, NEAR_VOLT, charge_moved, main_load
+from cellwright.series.doubts import RATING_SHARE, in_words
+from cellwright.series.steps import constant_current_end
+
+BALANCE_SHARE = 0.01  # of a cycle's charge that does not come back: side reactions, gain of ranges
+BEYOND_VOLT = 0.03  # a tester ends a load within its own sampling and lead drop of the cut-off
+DRIFT_SHARE = 0.02  # within which any tester holds a current; its noise is less in the median
+LEAST_DRIFT_ROWS = 32
+UNFINISHED_C_RATE = 0.1  # a hold that a record ends in above it was not finished
+# ASSUME: A good cell gives half of its rating up to 1.2C from 10 °C on, up to C/20 from −20 °C on.
+COLD_CELSIUS, FAST_C_RATE = 10.0, 1.2
+COLDEST_CELSIUS, SLOW_C_RATE = -20.0, 1 / 20
+THERMOMETER_KELVIN = 10.0  # between a thermometer at the start and the stated temperature
+
+
+def doubts_of(half, partner, row, columns, steps, limits, doubt, sheet):
+    """All that speaks against the capacity of a half cycle, sentences.
+
+    Parameters
+    ----------
+    half : HalfCycle. partner : the complete other half of its cycle, or None. row : what was
+        measured of it, with `off`, see `imbalance`. columns, steps, limits : as of `half_cycles`.
+    doubt : (n,) flags of `series.doubts.Doubt`, or None. sheet : rating [Ah] and temperature
+        [degC] as stated, or None each.
+    """
+    return [
+        *_of_its_rows(half, columns, steps, limits, doubt),
+        *([] if partner is None else _of_partner(partner, doubt)),
+        *[half.words] * _begins_unsure(half),
+        *_of_balance(half, partner, row["off"], columns[2]),
+        *_of_sheet(row, *sheet),
+    ]
+
+
+def imbalance(half, partner, columns, steps, limits):
+    """Charge [Ah] by which the two halves of a cycle differ beyond what their ends explain.
+
+    The first begins and the second ends at a rest. Where these rest at the same voltage both move
+    the same charge; voltage between them explains charge at twice the cell's mean slope, which no
+    common open-circuit curve exceeds near full or empty. A rest that still moves moves as far
+    again. 0 where another half lies between them, or a cut-off is not stated.
+    """
+    first, second = sorted((half, partner), key=lambda one: one.first_row)
+    between = second.first_row > first.turn_row + _rows_of_rest(first, steps)
+    if between or None in limits:
+        return 0.0
+    _, voltage, charge = columns
+    after = [k for k in (second.loads[-1] + 1,) if k < len(steps.kind) and steps.kind[k] == "rest"]
+    last = int(steps.last_row[after[0]]) if after else second.last_row
+    middle = (last + int(steps.first_row[after[0]])) // 2 if after else last
+    moves = abs(float(voltage[last] - voltage[middle]))
+    apart = abs(float(voltage[first.first_row] - voltage[last])) + moves + NEAR_VOLT
+    larger = max(charge_moved(first, charge), charge_moved(second, charge))
+    explained = larger * (BALANCE_SHARE + 2 * apart / (limits[1] - limits[0]))
+    return max(abs(charge_moved(first, charge) - charge_moved(second, charge)) - explained, 0.0)
+
+
+def _begins_unsure(half):
+    """Whether what a start may lack is more than a cycle's charge differs by anyway."""
+    unsure = half.missing_ampere_hour > BALANCE_SHARE * half.moved_ampere_hour
+    return bool(half.words and (half.under_load or unsure))
+
+
+def _rows_of_rest(half, steps):
+    """Rows of the rest after a half cycle, 0 where none follows."""
+    after = half.loads[-1] + 1
+    rests = after < len(steps.kind) and steps.kind[after] == "rest"
+    return int(steps.last_row[after] - steps.first_row[after] + 1) if rests else 0
+
+
+def _of_its_rows(half, columns, steps, limits, doubt):
+    """What the rows of a half cycle themselves say against it, in words."""
+    current, voltage, _ = columns
+    said = [in_words(doubt, _own_rows(half))]
+    # The last row itself may lie anywhere beyond: a steep end between two rows.
+    limit, end = limits[half.sign > 0], float(voltage[half.last_row - 1])
+    if half.sign * (end - limit) > BEYOND_VOLT:
+        said.append(f"its load goes on to {end:.3f} V, beyond the stated cut-off of {limit:g} V")
+    if drift := _drift(current, steps, main_load(half, steps)[0]):
+        said.append(
+            f"its current drifts from {drift[0]:.4g} to {drift[1]:.4g} A: a tester holds it"
+        )
+    left = abs(float(current[-1]))
+    if half.last_row == len(current) - 1 and steps.cv_first_row[half.loads[-1]] >= 0:
+        said += [f"the record ends inside the hold, at {left:.3g} A"] * _unfinished(
+            left, half, steps
+        )
+    return [words for words in said if words]
+
+
+def _drift(current, steps, step):
+    """First and last level of a constant current [A] that moves by more than 2 %; else None."""
+    first, last = int(steps.first_row[step]), int(steps.last_row[step])
+    end = constant_current_end(first, last, steps.cv_first_row[step])
+    size = np.abs(current[first + 1 : end - 1])  # first and last row may hold the edges
+    if len(size) < LEAST_DRIFT_ROWS:
+        return None
+    begun, ended = (
+        float(np.median(part)) for part in (size[: len(size) // 8], size[-len(size) // 8 :])
+    )
+    return (begun, ended) if abs(ended - begun) > DRIFT_SHARE * max(begun, ended) else None
+
+
+def _own_rows(half):
+    """Rows whose flags speak of a half cycle: to the first one after it, where its load ends."""
+    return slice(half.first_row, half.last_row + 2)
+
+
+def _of_partner(partner, doubt):
+    """What speaks against the other half of the cycle, and so against the efficiency."""
+    said = in_words(doubt, _own_rows(partner))
+    return [f"in the {NAMES[partner.sign]} of its cycle {said}"] * bool(said)
+
+
+def _unfinished(left, half, steps):
+    rates = np.abs(steps.c_rate[half.loads[-1]] / (steps.current_mean_ampere[half.loads[-1]] or 1))
+    return bool(left * rates > UNFINISHED_C_RATE)
+
+
+def _of_balance(half, partner, off, charge):
+    """That the other half of a cycle moves another charge, in words."""
+    if not off > 0:
+        return []
+    other = f"the {NAMES[-half.sign]} of its cycle moves {charge_moved(partner, charge):.4g} Ah"
+    return [f"{other}: {off:.2g} Ah further from it than their ends explain"]
+
+
+def _of_sheet(row, rated, celsius):
+    """What the sheet says against a capacity, in words."""
+    said = []
+    if rated:
+        share = row["capacity_ampere_hour"] / rated
+        measured = [row["temperature_mean_celsius"], celsius]
+        coldest = min((t for t in measured if t is not None and t == t), default=COLD_CELSIUS)
+        most = FAST_C_RATE if coldest >= COLD_CELSIUS else SLOW_C_RATE
+        slow = row["rate"] / rated <= most and coldest >= COLDEST_CELSIUS
+        little = share < RATING_SHARE[0] and slow
+        if little or share > RATING_SHARE[1]:
+            alike = abs(row["capacity_ampere_hour"] - 1) < 0.1
+            c_rate = ": does the file hold C-rates under ampere?" if alike else ""
+            said.append(f"it is {share:.3g} times the rating of {rated:g} Ah{c_rate}")
+    started = row["temperature_start_celsius"]
+    if celsius is not None and abs(started - celsius) > THERMOMETER_KELVIN:
+        said.append(f"the cell begins at {started:.3g} °C, the sheet says {celsius:g} °C")
+    return said

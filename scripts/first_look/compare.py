@@ -1,0 +1,194 @@
+"""`compare BEFORE AFTER`: which numbers of two runs differ, beside their intervals, and why.
+
+The runs may be two states of one campaign's folder (a copy kept of the first) or two campaigns
+that share cells. The reasons are read from what the results carry of their making: raw files,
+settings and code. Nothing is computed anew.
+"""
+
+import csv
+import html
+import math
+from contextlib import chdir
+from pathlib import Path
+from typing import NamedTuple
+
+from cellwright.refusal import Refusal
+from runtime import artefact, lineage
+from runtime.page_tables import std_name
+
+# Tables whose rows stand for the same in two runs, and what says which row is which.
+TABLES = ("summary", "capacity", "resistance", "health", "validation", "soc", "eis", "packs")
+KEYS = ("cell", "group", "test", "cycle", "direction", "ambient_temperature_celsius", "soc")
+KEYS += ("delay_second", "model", "filter", "scenario", "initial_soc_error", "branch", "circuit")
+BEYOND = 1.96  # standard deviations of a difference: what 1 in 20 exceeds by chance
+# Two runs of the same numbers on other machines differ in the last digits.
+SAME = 1e-6
+
+
+class Change(NamedTuple):
+    """A number of two runs: blank where one of them has none; deviations are those stated."""
+
+    table: str
+    row: str
+    quantity: str
+    before: str
+    after: str
+    deviations: float
+    why: str
+
+
+def compare(before, after) -> list[Change]:
+    """What the tables of two runs say differently, the largest first.
+
+    Parameters
+    ----------
+    before, after : folders of campaigns with `results/`
+
+    Raises
+    ------
+    Refusal : a folder without results, or two without a row in common.
+    """
+    folders = [Path(before), Path(after)]
+    for folder in folders:
+        if not (folder / "results/summary.csv").is_file():
+            raise Refusal(f"{folder}: found no results/summary.csv, wanted a campaign that was run")
+    changes, shared, reasons = [], 0, {}
+    for name in TABLES:
+        old, new = (_rows(folder, name) for folder in folders)
+        shared += len(set(old) & set(new))
+        for key in [*old, *(key for key in new if key not in old)]:
+            for quantity, values in _differing(old.get(key), new.get(key)):
+                cell = dict(key).get("cell")
+                if cell not in reasons:
+                    reasons[cell] = why(*folders, cell)
+                row = " ".join(value for _, value in key)
+                changes.append(Change(name, row, quantity, *values, reasons[cell]))
+    if not shared:
+        raise Refusal(f"{before}, {after}: found no row of a table in common, wanted shared cells")
+    return sorted(changes, key=lambda change: -_size(change.deviations))
+
+
+def why(before, after, cell) -> str:
+    """Which raw files, settings and code of a cell's results differ, in words."""
+    old, new = (_origins(folder, cell) for folder in (before, after))
+    found = []
+    for what in ("file", "settings of", "code of"):
+        names = {name for kind, name in old | new if kind == what}
+        differ = sorted(n for n in names if old.get((what, n)) != new.get((what, n)))
+        found += [f"{what} {', '.join(differ)}"] * bool(differ)
+    return "; ".join(found) or "other cells or tests that it is compared with"
+
+
+def _origins(folder, cell) -> dict[tuple, object]:
+    """What a cell's results were made from: checksums of files, settings and code of rules."""
+
+    def is_of(source):
+        return source.endswith(".csv") or cell in Path(source).with_suffix("").parts
+
+    found = {}
+    with chdir(folder):
+        for link in lineage.links_to("results/summary.csv", is_of if cell else lambda source: True):
+            about = link.about
+            if about is None:
+                found["file", link.path] = link.sha256
+            elif Path(link.path).suffix != ".csv":
+                found["settings of", about["rule"]] = about["params"]
+                found["code of", about["rule"]] = about["code"]
+    return found
+
+
+def _rows(folder, name) -> dict[tuple, dict]:
+    path = Path(folder, "results", *([] if name == "summary" else ["tables"]), f"{name}.csv")
+    if not path.is_file():
+        return {}
+    rows, seen = {}, {}
+    for row in artefact.load_table(path):
+        key = tuple((column, row[column]) for column in KEYS if row.get(column))
+        seen[key] = seen.get(key, 0) + 1
+        rows[key if seen[key] == 1 else (*key, ("number", f"no. {seen[key]}"))] = row
+    return rows
+
+
+def _differing(old, new):
+    """Quantities of a row whose values differ: (before, after, standard deviations of each)."""
+    old, new = old or {}, new or {}
+    for column in dict.fromkeys([*old, *new]):
+        values = old.get(column) or "", new.get(column) or ""
+        if values[0] == values[1] or column in KEYS or "_std" in column or column == "notes":
+            continue
+        numbers = [_number(value) for value in values]
+        change = abs(numbers[1] - numbers[0])
+        if change <= SAME * max(map(abs, numbers)):
+            continue
+        spread = math.hypot(*(_number(row.get(std_name(column, row))) for row in (old, new)))
+        yield column, (*values, change / spread if spread > 0 else math.nan)
+
+
+def _number(text) -> float:
+    try:
+        return float(text)
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def _size(deviations) -> float:
+    return -1.0 if math.isnan(deviations) else deviations
+
+
+def in_words(changes) -> list[str]:
+    """The comparison in a few lines."""
+    if not changes:
+        return ["no number of the tables differs"]
+    beyond = [change for change in changes if change.deviations > BEYOND]
+    unknown = sum(math.isnan(change.deviations) for change in changes)
+    rows = len({(change.table, change.row) for change in changes})
+    return [
+        f"{len(changes)} values of {rows} rows differ; {len(beyond)} by more than their stated "
+        f"intervals, {unknown} have none",
+        *(
+            f"  {c.table}: {c.row}: {c.quantity} {c.before or 'none'} → {c.after or 'none'}"
+            + ("" if math.isnan(c.deviations) else f" ({c.deviations:.1f} standard deviations)")
+            for c in changes[:10]
+        ),
+        *[f"because of {reason}" for reason in dict.fromkeys(change.why for change in changes)][:5],
+    ]
+
+
+def write(changes, folder) -> list[Path]:
+    """`comparison.csv` and `comparison.html` in a folder; their paths."""
+    table, page = Path(folder, "comparison.csv"), Path(folder, "comparison.html")
+    with open(table, "w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(Change._fields)
+        writer.writerows(change._replace(deviations=_shown(change)) for change in changes)
+    page.write_text(_page(changes), encoding="utf-8")
+    return [table, page]
+
+
+def _shown(change) -> str:
+    return "" if math.isnan(change.deviations) else f"{change.deviations:.3g}"
+
+
+def _page(changes) -> str:
+    head = "".join(f"<th>{name.replace('_', ' ')}</th>" for name in Change._fields)
+    body = "".join(
+        f'<tr class="{"beyond" if change.deviations > BEYOND else ""}">'
+        + "".join(f"<td>{html.escape(str(value))}</td>" for value in row)
+        + "</tr>\n"
+        for change in changes
+        for row in [change._replace(deviations=_shown(change))]
+    )
+    words = "".join(f"<p>{html.escape(line)}</p>\n" for line in in_words(changes)[:1])
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>Two runs compared</title>
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<style>body {{ font: 15px/1.5 system-ui, sans-serif; margin: 2em }}
+table {{ border-collapse: collapse }}
+td, th {{ padding: .2em .6em; border-bottom: 1px solid #ccc; text-align: left }}
+.beyond {{ background: #fde8e8 }}</style></head>
+<body><h1>Two runs compared</h1>
+{words}<p>Marked: differences beyond {BEYOND} of the standard deviations that both runs state.</p>
+<table><thead><tr>{head}</tr></thead><tbody>
+{body}</tbody></table></body></html>
+"""

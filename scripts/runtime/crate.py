@@ -1,0 +1,257 @@
+"""A run as a Provenance Run Crate: which job made which file of what, for other people's tools.
+
+RO-Crate 1.1 with the Workflow Run profiles 0.5 (process, workflow, provenance) and Workflow
+RO-Crate 1.0: Leo et al., Recording provenance of workflow runs with RO-Crate, PLOS ONE 19 (2024).
+The root of the crate is `results/`; raw files lie outside and stand in it by name and SHA-256.
+"""
+
+import re
+from pathlib import Path
+
+from runtime import lineage
+
+PROFILES = [
+    *(f"https://w3id.org/ro/wfrun/{name}/0.5" for name in ("process", "workflow", "provenance")),
+    "https://w3id.org/workflowhub/workflow-ro-crate/1.0",
+]
+# Terms of the workflow-run vocabulary that the profile names beside those of RO-Crate 1.1.
+TERMS = {"sha256": "https://w3id.org/ro/terms/workflow-run#sha256"}
+MEDIA = {
+    ".csv": "text/csv",
+    ".html": "text/html",
+    ".json": "application/json",
+    ".md": "text/markdown",
+    ".parquet": "application/vnd.apache.parquet",
+    ".svg": "image/svg+xml",
+    ".tsv": "text/tab-separated-values",
+}
+MAIN, RUN = "stages/workflow/Snakefile", "#run"
+SNAKEMAKE = "https://snakemake.github.io"
+MIT = "https://spdx.org/licenses/MIT"
+
+
+def crate(digests, rules, about) -> dict:
+    """The metadata document of a run.
+
+    Parameters
+    ----------
+    digests : SHA-256 of files of the results, by their path from the campaign's folder
+    rules : of each rule, what a job of it does in words and the script that it runs
+    about : title, published (date), license, authors, citations, workflow (its files below the
+        root), snakemake (version), command
+    """
+    jobs, files, raw = {}, {}, {}
+    ahead = sorted(digests.items())
+    while ahead:
+        path, digest = ahead.pop()
+        if _id(path) in files:
+            continue
+        files[_id(path)] = _file(path, digest)
+        made = lineage.about_of(path)
+        if made is None:
+            continue
+        key = (made["rule"], *sorted(made["wildcards"].items()))
+        job = jobs.setdefault(key, {"about": made, "inputs": {}, "outputs": []})
+        job["inputs"] |= made["inputs"]
+        job["outputs"].append(_id(path))
+        for source, digest in made["inputs"].items():
+            if source.startswith("results/"):
+                ahead.append((source, digest))
+            else:
+                raw[_id(source)] = _file(source, digest)
+    files, raw = dict(sorted(files.items())), dict(sorted(raw.items()))
+    main = files.pop(MAIN)
+    used = sorted({key[0] for key in jobs})
+    graph = [
+        _descriptor(),
+        _root(about, files),
+        *(_profile(identity) for identity in PROFILES),
+        main | _workflow(used),
+        _engine(about),
+        *(_tool(rule, rules.get(rule, {})) for rule in used),
+        *(_step(rule, place) for place, rule in enumerate(used)),
+        *_run(about, jobs, files, raw),
+        *(action for key, job in sorted(jobs.items()) for action in _actions(key, job)),
+        *files.values(),
+        *raw.values(),
+        *_people(about),
+    ]
+    return {"@context": ["https://w3id.org/ro/crate/1.1/context", TERMS], "@graph": graph}
+
+
+def _id(path) -> str:
+    """Identity of a file: its path below `results/`; of one outside, its name behind `#`."""
+    path = Path(path).as_posix()
+    return path.removeprefix("results/") if path.startswith("results/") else f"#{path}"
+
+
+def _file(path, digest) -> dict:
+    """A file: part of the crate below `results/`, else what was read from elsewhere."""
+    identity, suffix = _id(path), Path(path).suffix
+    inside = not identity.startswith("#")
+    entity = {"@id": identity, "@type": "File" if inside else "CreativeWork"}
+    entity |= {"name": Path(path).as_posix(), "sha256": digest}
+    if suffix in MEDIA and inside:
+        entity["encodingFormat"] = MEDIA[suffix]
+    if identity == "README.md":
+        entity["about"] = {"@id": "./"}
+    return entity
+
+
+def _of(identities):
+    """References to entities; to one alone without a list, as RO-Crate 1.1 wants it."""
+    found = [{"@id": identity} for identity in identities]
+    return found[0] if len(found) == 1 else found
+
+
+def _descriptor() -> dict:
+    conforms = ["https://w3id.org/ro/crate/1.1", PROFILES[-1]]
+    return {
+        "@id": "ro-crate-metadata.json",
+        "@type": "CreativeWork",
+        "about": {"@id": "./"},
+        "conformsTo": _of(conforms),
+    }
+
+
+def _root(about, files) -> dict:
+    root = {
+        "@id": "./",
+        "@type": "Dataset",
+        "name": about["title"],
+        "description": f"Results of a Cellwright run: {about['title']}.",
+        "datePublished": about["published"],
+        "license": {"@id": about["license"] or "#license"},
+        "conformsTo": _of(PROFILES),
+        "mainEntity": {"@id": MAIN},
+        "mentions": {"@id": RUN},
+        "hasPart": _of([MAIN, *files]),
+    }
+    if about["authors"]:
+        root["author"] = _of(f"#{name}" for name in about["authors"])
+    if about["citations"]:
+        root["citation"] = _of(about["citations"])
+    return root
+
+
+def _profile(identity) -> dict:
+    name, version = identity.split("/")[-2:]
+    return {"@id": identity, "@type": "CreativeWork", "name": name, "version": version}
+
+
+def _workflow(rules) -> dict:
+    return {
+        "@type": ["File", "SoftwareSourceCode", "ComputationalWorkflow", "HowTo"],
+        "name": "Cellwright",
+        "programmingLanguage": {"@id": "#snakemake"},
+        "hasPart": _of(f"#rule/{rule}" for rule in rules),
+        "step": _of(f"#step/{rule}" for rule in rules),
+        "license": {"@id": MIT},
+    }
+
+
+def _engine(about) -> dict:
+    return {
+        "@id": "#snakemake",
+        "@type": ["ComputerLanguage", "SoftwareApplication"],
+        "name": "Snakemake",
+        "url": {"@id": SNAKEMAKE},
+        "identifier": {"@id": SNAKEMAKE},
+        "softwareVersion": about["snakemake"],
+    }
+
+
+def _tool(rule, words) -> dict:
+    """The script of a rule, as what its jobs run."""
+    tool = {"@id": f"#rule/{rule}", "@type": "SoftwareApplication", "name": rule}
+    tool["description"] = re.sub(
+        r"\{(?:wildcards\.)?(\w+)[^}]*\}", r"<\1>", words.get("does", rule)
+    )
+    return tool
+
+
+def _step(rule, place) -> dict:
+    work = {"@id": f"#rule/{rule}"}
+    return {
+        "@id": f"#step/{rule}",
+        "@type": "HowToStep",
+        "position": str(place),
+        "workExample": work,
+    }
+
+
+def _run(about, jobs, files, raw) -> list[dict]:
+    """The run as a whole, and the engine that ran its steps."""
+    steps = [f"#control/{rule}" for rule in sorted({key[0] for key in jobs})]
+    made = {output for job in jobs.values() for output in job["outputs"]}
+    actions = {}
+    for key in sorted(jobs):
+        actions.setdefault(key[0], []).append(_job_id(key))
+    controls = [
+        {
+            "@id": f"#control/{rule}",
+            "@type": "ControlAction",
+            "name": f"jobs of {rule}",
+            "instrument": {"@id": f"#step/{rule}"},
+            "object": _of(of_rule),
+        }
+        for rule, of_rule in actions.items()
+    ]
+    return [
+        {
+            "@id": RUN,
+            "@type": "CreateAction",
+            "name": f"run of {about['title']}",
+            "description": about["command"],
+            "endTime": about["published"],
+            "instrument": {"@id": MAIN},
+            "object": _of(sorted(raw)),
+            "result": _of(sorted(made & set(files))),
+        },
+        {
+            "@id": "#engine",
+            "@type": "OrganizeAction",
+            "name": "Snakemake",
+            "instrument": {"@id": "#snakemake"},
+            "object": _of(steps),
+            "result": {"@id": RUN},
+            "endTime": about["published"],
+        },
+        *controls,
+    ]
+
+
+def _job_id(key) -> str:
+    rule, *wildcards = key
+    return "/".join(["#job", rule, *(value for _, value in wildcards)])
+
+
+def _actions(key, job) -> list[dict]:
+    """A job: what it ran, what it read, what it made; a refusal is no failure of the job."""
+    made = job["about"]
+    action = {
+        "@id": _job_id(key),
+        "@type": "CreateAction",
+        "name": " ".join([key[0], *(value for _, value in key[1:])]),
+        "description": f"code {made['code']}, environment {made['environment_lock']}",
+        "instrument": {"@id": f"#rule/{key[0]}"},
+        "object": _of(map(_id, sorted(job["inputs"]))),
+        "result": _of(sorted(job["outputs"])),
+        "actionStatus": {"@id": "http://schema.org/CompletedActionStatus"},
+    }
+    if made["reason"]:
+        action["disambiguatingDescription"] = made["reason"]
+    return [action]
+
+
+def _people(about) -> list[dict]:
+    people = [{"@id": f"#{name}", "@type": "Person", "name": name} for name in about["authors"]]
+    people += [
+        {"@id": source, "@type": "CreativeWork", "name": source} for source in about["citations"]
+    ]
+    stated = about["license"] or "#license"
+    words = about["license"] or "not stated: publication.license in config.yaml"
+    people.append({"@id": stated, "@type": "CreativeWork", "name": words})
+    if stated != MIT:
+        people.append({"@id": MIT, "@type": "CreativeWork", "name": "MIT License"})
+    return people

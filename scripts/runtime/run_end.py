@@ -1,0 +1,103 @@
+"""What a run says at its end: where the report is, what was left out, and what changed."""
+
+import csv
+from pathlib import Path
+
+from runtime import snakemake_state
+
+# Columns of the summary that people compare from run to run, as they call them.
+COMPARED = {
+    "capacity_ampere_hour": ("capacity", "Ah", 1.0),
+    "soh": ("state of health", "%", 100.0),
+    "r0_50_25_ohm": ("R0", "mΩ", 1e3),
+    "best_model": ("model", "", None),
+    "validation_rmse_volt": ("model error", "mV", 1e3),
+    "missing_effect": ("missing effect", "", None),
+}
+NAMED = 4
+
+
+def read(folder) -> dict[str, dict]:
+    """The summary of a campaign as it stands, a row by cell; empty before the first run."""
+    return {row["cell"]: row for row in _rows(Path(folder, "results", "summary.csv"))}
+
+
+def lines(folder, before, started) -> list[str]:
+    """The last lines of a run.
+
+    Parameters
+    ----------
+    folder : of the campaign
+    before : its summary before the run, from `read`
+    started : start of the run [s since 1970]
+    """
+    slow = snakemake_state.slowest(folder, started, count=3)
+    took = [f"Longest:  {'; '.join(slow)}"] if slow else []
+    report = Path(folder, "results", "report.html")
+    if not report.is_file():
+        return took
+    after = read(folder)
+    return [
+        f"Report:   {report.relative_to(folder)} (what lies where: results/README.md)",
+        f"Cells:    {_cells(after)}",
+        f"Left out: {_left_out(_rows(Path(folder, 'results', 'tables', 'excluded.csv')))}",
+        f"Checks:   {_checks(_rows(Path(folder, 'results', 'tables', 'checks.csv')))}",
+        f"Changed:  {changes(before, after)}",
+        *took,
+    ]
+
+
+def changes(before, after) -> str:
+    """What two summaries of a campaign say differently, in words."""
+    if not before:
+        return "this is the first run of this campaign"
+    new, gone = sorted(set(after) - set(before)), sorted(set(before) - set(after))
+    found = [f"new: {', '.join(new)}"] * bool(new) + [f"gone: {', '.join(gone)}"] * bool(gone)
+    for cell in sorted(set(after) & set(before)):
+        words = [
+            f"{name} {_shown(old, unit, scale)} → {_shown(now, unit, scale)}"
+            for column, (name, unit, scale) in COMPARED.items()
+            if (old := before[cell].get(column, "")) != (now := after[cell].get(column, ""))
+        ]
+        found += [f"{cell}: {', '.join(words)}"] * bool(words)
+    more = [f"and {len(found) - NAMED} more cells"] if len(found) > NAMED else []
+    return "; ".join(found[:NAMED] + more) or "no number of the summary since the last run"
+
+
+def _cells(summary) -> str:
+    modelled = sum(bool(row.get("best_model")) for row in summary.values())
+    named = sum(row.get("verdict") == "named" for row in summary.values())
+    doubted = sorted(cell for cell, row in summary.items() if row.get("doubt"))
+    words = f"{len(summary)}, {modelled} with a model, {named} with a named missing effect"
+    return f"{words}; doubts about {_names(doubted)}" if doubted else words
+
+
+def _left_out(rows) -> str:
+    if not rows:
+        return "nothing"
+    what = [" ".join(filter(None, (row["cell"], row["test"]))) or row["file"] for row in rows]
+    return f"{len(rows)} (results/tables/excluded.csv): {_names(list(dict.fromkeys(what)))}"
+
+
+def _checks(rows) -> str:
+    failed = [row for row in rows if row["outcome"] != "passed"]
+    if not failed:
+        return f"all {len(rows)} passed"
+    return f"{len(failed)} of {len(rows)} failed (results/tables/checks.csv): {failed[0]['check']}"
+
+
+def _names(names) -> str:
+    return ", ".join(names[:NAMED]) + (", …" if len(names) > NAMED else "")
+
+
+def _shown(text, unit, scale) -> str:
+    if not text:
+        return "none"
+    return text if scale is None else f"{float(text) * scale:.4g} {unit}"
+
+
+def _rows(path) -> list[dict]:
+    if not path.is_file():
+        return []
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))

@@ -1,0 +1,37 @@
+"""Pictures of a report for the documentation, by a browser without a window.
+
+    ./run python scripts/tools/report_pictures.py results/report.html docs/pictures --cell C2
+
+writes report.png (the first screen) and report-cell.png (a cell's page, folded).
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tools import browser
+
+SCREEN = (1280, 900)  # pixel
+
+
+def main():
+    """Read the arguments and write the pictures."""
+    reader = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    reader.add_argument("report", type=Path)
+    reader.add_argument("folder", type=Path)
+    reader.add_argument("--cell", help="whose page is shown", required=True)
+    asked = reader.parse_args()
+    if not browser.found():
+        reader.error(f"found no browser, wanted one of {', '.join(browser.NAMES)}")
+    with browser.opened() as tab:
+        tab.size(*SCREEN)
+        for name, place in (("report", "overview"), ("report-cell", f"cell-{asked.cell}")):
+            tab.go(asked.report, place)
+            tab.picture(asked.folder / f"{name}.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,45 @@
+"""Two runs compared: what differs, beside the intervals, and why."""
+
+import json
+
+import pytest
+
+from cellwright.refusal import Refusal
+from first_look import compare
+
+
+def run(folder, soh, std="0.01", code="aa", digest="11"):
+    """A campaign that was run, with one cell whose summary was made from one raw file."""
+    results = folder / "results"
+    (results / "stages/basis").mkdir(parents=True)
+    row = f"A,{soh},{std},2RC\n"
+    (results / "summary.csv").write_text("cell,soh,soh_std,best_model\n" + row)
+    about = {"rule": "summary", "params": {}, "code": "s"}
+    about["inputs"] = {"results/stages/basis/A.json": "22"}
+    (results / "summary.csv.provenance.json").write_text(json.dumps(about))
+    made = {"rule": "basis", "params": {}, "code": code, "inputs": {"raw/a.csv": digest}}
+    (results / "stages/basis/A.json").write_text(json.dumps({"provenance": made}))
+    return folder
+
+
+def test_a_change_stands_beside_both_intervals_with_its_reason(tmp_path):
+    """0.95 to 0.90 with 0.01 of either: 0.05/(0.01·√2) = 3.5 standard deviations."""
+    before = run(tmp_path / "a", 0.95)
+    after = run(tmp_path / "b", 0.90, code="bb", digest="33")
+    (change,) = compare.compare(before, after)
+    assert (change.row, change.quantity, change.before, change.after) == ("A", "soh", "0.95", "0.9")
+    assert change.deviations == pytest.approx(3.54, abs=0.01)
+    assert change.why == "file raw/a.csv; code of basis"
+    table, page = compare.write([change], tmp_path)
+    assert table.read_text().splitlines()[1].startswith("summary,A,soh,0.95,0.9,3.54,")
+    assert '<tr class="beyond">' in page.read_text()
+
+
+def test_the_same_numbers_are_no_change_and_rounding_is_none(tmp_path):
+    before, after = run(tmp_path / "a", 0.95), run(tmp_path / "b", 0.9500000001)
+    assert compare.compare(before, after) == []
+
+
+def test_what_was_not_run_is_refused(tmp_path):
+    with pytest.raises(Refusal, match=r"found no results/summary.csv"):
+        compare.compare(run(tmp_path / "a", 0.95), tmp_path / "b")

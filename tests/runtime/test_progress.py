@@ -1,0 +1,135 @@
+"""The line of progress and the last lines of a run."""
+
+import csv
+import io
+import logging
+from types import SimpleNamespace
+
+import pytest
+from snakemake_interface_logger_plugins.common import LogEvent
+
+import snakemake_logger_plugin_progress as progress
+from runtime import run_end
+from runtime.job_requests import Cost
+
+
+def job(rule, **wildcards):
+    return SimpleNamespace(rule=SimpleNamespace(name=rule), wildcards_dict=wildcards)
+
+
+COSTS = {"short": Cost("", 1.0, 1.0, 100.0), "long": Cost("", 9.0, 9.0, 100.0)}
+PLANNED = [job("short", cell="A", test="t"), job("long", cell="A"), job("long", cell="B")]
+
+
+def jobs_at(times):
+    jobs = progress.Jobs(now=lambda: times["now"])
+    jobs.plan(PLANNED, COSTS)
+    return jobs
+
+
+def test_time_left_is_the_cost_ahead_at_the_pace_so_far():
+    """19 s of work were measured; a job of 1 s took 2 s, so 18 s will take 36 s on one core."""
+    times = {"now": 100.0}
+    jobs = jobs_at(times)
+    assert jobs.second_left() is None
+    jobs.start(1, "short", "A")
+    times["now"] = 102.0
+    jobs.finish(1)
+    assert jobs.second_left() == pytest.approx(36.0)
+
+
+def test_a_cell_is_finished_with_its_last_job():
+    times = {"now": 0.0}
+    jobs = jobs_at(times)
+    for number, (rule, cell) in enumerate([("short", "A"), ("long", "A"), ("long", "B")]):
+        jobs.start(number, rule, cell)
+    times["now"] = 125.0
+    assert "0 of 2 cells" in jobs.line()
+    assert "longest running: short of A, 2 min" in jobs.line()
+    jobs.finish(0)
+    jobs.finish(1)
+    assert jobs.line().startswith("2 of 3 jobs · 1 of 2 cells")
+
+
+def test_a_job_that_is_tried_again_counts_once():
+    jobs = jobs_at({"now": 0.0})
+    jobs.start(1, "short", "A")
+    jobs.start(1, "short", "A")
+    assert jobs.waiting["short"] == 0
+
+
+@pytest.mark.parametrize(("second", "words"), [(40, "40 s"), (180, "3 min"), (7500, "2 h 5 min")])
+def test_durations_in_words(second, words):
+    assert progress.in_words(second) == words
+
+
+def handler(monkeypatch, **asked):
+    """A handler of a run that is not on a terminal, and what it writes."""
+    written = io.StringIO()
+    monkeypatch.setattr("sys.stderr", written)
+    quiet = {"dryrun": False, "verbose": False, "debug_dag": False, "printshellcmds": False}
+    common = SimpleNamespace(**quiet | {"quiet": {"reason"}, "stdout": False} | asked)
+    made = progress.LogHandler(common, None)
+    made.setFormatter(logging.Formatter("%(message)s"))
+    return made, written
+
+
+def record(message, level=logging.INFO, **extra):
+    made = logging.LogRecord("snakemake", level, "", 0, message, (), None)
+    vars(made).update(extra)
+    return made
+
+
+def test_noise_is_left_out_and_warnings_and_unknown_messages_come_through(monkeypatch):
+    shown, written = handler(monkeypatch)
+    shown.emit(record("Select jobs to execute..."))
+    shown.emit(record("job info", event=LogEvent.JOB_INFO, jobid=7, rule_name="r", wildcards={}))
+    shown.emit(record("Nothing to be done (all requested files are present and up to date)."))
+    shown.emit(record("Error in rule r", logging.ERROR, event=LogEvent.JOB_ERROR))
+    shown.close()
+    said = written.getvalue().splitlines()
+    assert [line.split()[0] for line in said] == ["Nothing", "Error"]
+
+
+def test_who_asks_for_every_message_gets_them(monkeypatch):
+    shown, written = handler(monkeypatch, dryrun=True)
+    shown.emit(record("Select jobs to execute..."))
+    assert "Select jobs" in written.getvalue()
+
+
+ROW = {"cell": "A", "capacity_ampere_hour": "2.5", "soh": "0.9", "best_model": "2RC"}
+
+
+def test_changes_are_told_in_the_units_of_people():
+    after = {"A": ROW | {"soh": "0.85", "best_model": "3RC"}, "B": ROW}
+    said = run_end.changes({"A": ROW, "C": ROW}, after)
+    assert said == "new: B; gone: C; A: state of health 90 % → 85 %, model 2RC → 3RC"
+    assert run_end.changes({}, after).startswith("this is the first run")
+    assert run_end.changes(after, after).startswith("no number")
+
+
+def write(path, rows):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def test_the_end_names_the_report_exclusions_failed_checks_and_doubts(tmp_path):
+    results = tmp_path / "results"
+    rows = [ROW | {"doubt": ""}, ROW | {"cell": "B", "best_model": "", "doubt": "sign"}]
+    write(results / "summary.csv", rows)
+    left_out = [{"cell": "B", "test": "t1"}, {"cell": "B", "test": "t1"}]
+    write(results / "tables/excluded.csv", [row | {"file": "raw/b.csv"} for row in left_out])
+    checks = [("no cell gains charge", "failed"), ("R0 is positive", "passed")]
+    write(
+        results / "tables/checks.csv",
+        [dict(zip(("check", "outcome"), row, strict=True)) for row in checks],
+    )
+    assert run_end.lines(tmp_path, {}, 0.0) == [], "without a report there is nothing to point at"
+    (results / "report.html").write_text("")
+    said = "\n".join(run_end.lines(tmp_path, run_end.read(tmp_path), 0.0))
+    wanted = ("results/report.html", "2, 1 with a model", "doubts about B", "2 (results/tables")
+    for words in (*wanted, "B t1", "1 of 2 failed", "no cell gains charge"):
+        assert words in said
