@@ -283,7 +283,9 @@ class Trial(NamedTuple):
 
 
 def has_size(effect, solution, deviations):
-    """Whether one of its sizes is `SIZED` deviations from none, and its leading one on no bound.
+    """Whether one of its sizes is one that somebody acts on, and its leading one on no bound.
+
+    That is `SIZED` deviations from none, and its `Parameter.material`.
 
     Parameters
     ----------
@@ -292,7 +294,7 @@ def has_size(effect, solution, deviations):
     if effect.names[0] in solution.at_bound:
         return False
     return any(
-        abs(solution.values[name] - p.neutral) >= SIZED * deviations[name]
+        abs(solution.values[name] - p.neutral) >= max(SIZED * deviations[name], p.material)
         for p, name in zip(effect.parameters, effect.names, strict=True)
         if not p.shape and name in deviations
     )

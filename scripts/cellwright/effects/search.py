@@ -46,6 +46,7 @@ from cellwright.effects.candidates import (
     tried,
 )
 from cellwright.effects.floor import left_volt
+from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.score import difference
 from cellwright.numerics.least_squares import fit
@@ -272,13 +273,15 @@ def _with_ties(case, possible, model, beside, rounds, filters):
     """Beside of each effect, with what predicts as well in its place.
 
     A rival is refitted in its place. It is tied if its own gain would let it join, and the two are
-    less apart than `apart` standard errors.
+    less apart than `apart` standard errors. A rival without a name ties with none: it stands for
+    whatever the vocabulary lacks, and has to predict better.
     """
     inside, record = {effect.key for effect in model.effects}, filters.blocks.record
     known = []
     for one in beside:
         step = next(s for s in rounds if s.chosen and s.chosen.effect is one.effect)
         rivals = [t for t in step.allowed if t.effect.key not in inside and not t.at_limit]
+        rivals = [t for t in rivals if t.effect.id not in OUTSIDE]
         rivals = [t for t in rivals if t.gain.z >= case.gates.joins and _near(step, t, case.gates)]
         both = (one.trial.state, one.before) if rivals else ()
         with_all, without = [case.densities(s, filters) for s in both] or (None, None)

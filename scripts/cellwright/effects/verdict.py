@@ -13,7 +13,7 @@ from cellwright.effects.score import difference
 RIGHT_ALONE, RIGHT_BESIDE = 0.9, 0.6
 UNEVEN = "the parts of the records do not agree on it"
 SMALL = "it takes too little off the error for anyone to act on"
-NO_SIZE = "its size is within two standard deviations of none, or at its limit"
+NO_SIZE = "its size is too near to none for anyone to act on, or at its limit"
 NO_NAME = "the vocabulary has no name for it"
 
 

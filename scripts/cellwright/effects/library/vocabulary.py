@@ -16,7 +16,7 @@ class Parameter(NamedTuple):
     (`shape` true: without meaning while the effect is absent), where a search begins.
     lower, upper : physical bounds. step : for derivatives, and the unit of a step of the fit; 0:
     set by the starts, not fitted. plausible : a size usual in a laboratory.
-    material : of a branch of a group, a size below which nobody would act on it. prior_std : what
+    material : a size below which nobody would act on it. prior_std : what
     is known of it before the fit, about its neutral value; infinite: nothing.
     """
 
