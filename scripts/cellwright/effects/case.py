@@ -189,7 +189,7 @@ class Case(NamedTuple):
         """Whether an effect takes so much off the error of either side that somebody acts on it.
 
         A millivolt, and a fifth of what the plain model leaves beyond the floor: less beside a
-        right name is the shape of its own law.
+        right name is the shape of its own law. What would be told if it were left counts anyway.
 
         first, before, after : State of the healthy model, and without and with the effect.
         """
@@ -197,7 +197,8 @@ class Case(NamedTuple):
         for name, least in sides:
             was, now = getattr(before, name), getattr(after, name)
             share = self.gates.material_share * excess_volt(getattr(first, name), least)
-            if excess_volt(was, now) >= max(self.gates.material_volt, share):
+            asked = max(self.gates.material_volt, min(share, self.gates.unknown_volt))
+            if excess_volt(was, now) >= asked:
                 return True
         return False
 

@@ -189,8 +189,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     state = found.with_only(kept) if result.word in KEPT else first
     verdict["nuisances"] = declared_values_at_limit(case, state, parts_of(case.fit))
     ranking = ranking_of(found, result)
-    verdict["against"] = _last_against(ranking, named)
-    verdict["against"] |= {one.effect.key: why for one, why in result.unnamed}
+    verdict["against"] = _last_against(ranking, named) | verdict["against"]
     plain = Model(first.solution.values, first.effects)
     model = model_of(case, state)
     values = values_of(model) | last.solution.values

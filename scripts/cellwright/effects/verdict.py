@@ -132,6 +132,7 @@ def verdict_of(name, found, result, place, deviations, *, next_test=None, not_te
         "gap_closed": result.closed,
         "next_test": next_test,
         "not_testable": list(not_testable),
+        "against": {one.effect.key: why for one, why in result.unnamed},
         "small": [effect.key for effect in unnamed if effect.id not in OUTSIDE],
         "outside": [_outside(one, deviations) for one in shown_outside(found, result)],
     }

@@ -210,8 +210,14 @@ def _nameless(verdict, library):
     """What is in the model beside the names, and why it is none."""
     known = verdict.get("against") or {}
     small = verdict.get("small") or []
-    listed = [f"{name_of_effect(one, library)} ({known[one]})" for one in small]
+    listed = [f"{_name_of_key(one, library)} ({known[one]})" for one in small]
     return [f"Without a name: {_listed(listed)}."] if listed and verdict["effects"] else []
+
+
+def _name_of_key(key, library):
+    """Short name of an effect by its key: of a group with the branch, the first of which is 1."""
+    effect, _, position = key.removesuffix("]").partition("[")
+    return name_of_effect(effect, library) + (f" of branch {int(position) + 1}" if position else "")
 
 
 def _as_given(verdict):
