@@ -11,7 +11,7 @@ from cellwright.numerics.statistics import rms
 from figures import style
 from figures.style import rows_where
 
-GATES = Gates()  # those of a group have the same limits on fit and proof
+GATES = Gates()  # those of a group have the same limits
 RATES = {
     "rest": "rest",
     "discharge_low": "discharge, slow",
@@ -33,7 +33,6 @@ LABELS = {
     OTHER: "not added",
     OUT_OF_RANGE: "a parameter at the end of its physical range",
 }
-LINEAR = 100.0  # of the axis, around zero
 HATCH = "////"
 
 NO_EFFECT = "No effect was added to the model of this cell, so there is none to show evidence for."
@@ -111,7 +110,7 @@ def _separate_tests(panel, tests):
 
 
 def draw_ranking(columns):
-    """Effects that were tried: improvement J of the model by each, and which passed the gates.
+    """Effects that were tried: how surely the model predicts better with each.
 
     `columns` are those of `missing_effect/<cell>/ranking`.
     """
@@ -123,17 +122,13 @@ def draw_ranking(columns):
     height = 1.3 + 0.24 * sum(sizes) + 0.9 * len(rounds)
     ratios = [size + 1.0 for size in sizes]
     figure, axes = style.subplots(len(rounds), 1, height=height, height_ratios=ratios, sharex=True)
-    gate = GATES.bic + GATES.validation_chi_square
     for panel, number in zip(axes[:, 0], rounds, strict=True):
-        in_round = sorted((r for r in rows if r["round"] == number), key=lambda r: -r["j"])
-        _round(panel, in_round, gate)
+        in_round = sorted((r for r in rows if r["round"] == number), key=lambda r: -r["gain"])
+        _round(panel, in_round)
         panel.set(title=_round_title(number, in_round))
-    largest = max(abs(row["j"]) for row in rows)
-    # J goes over four decades, and below zero where an effect makes the model worse.
-    axes[0, 0].set_xscale("symlog", linthresh=LINEAR)
-    low = min(0.0, *(row["j"] for row in rows))
-    axes[0, 0].set_xlim(2 * low - 40 if low < 0 else 0.0, 40 * max(largest, LINEAR))
-    axes[-1, 0].set(xlabel="J: how much better with the effect, fit and proof together [1]")
+    ends = [row["z"] for row in rows]
+    axes[0, 0].set_xlim(min(0.0, *ends) - 1.0, 1.3 * max(*ends, GATES.joins) + 1.0)
+    axes[-1, 0].set(xlabel="gain in predictive density over its standard error [1]")
     _ranking_legend(figure)
     return figure
 
@@ -157,23 +152,19 @@ def _in_words(effect):
     return effect.replace("_", " ")
 
 
-def _round(panel, rows, gate):
+def _round(panel, rows):
     for position, row in enumerate(rows):
         hatch = None if row["in_range"] else HATCH
         panel.barh(
-            position, row["j"], height=0.7, color=_colour(row), hatch=hatch, edgecolor="white"
+            position, row["z"], height=0.7, color=_colour(row), hatch=hatch, edgecolor="white"
         )
-        fit, proof = _signed(row["delta_bic"]), _signed(row["delta_validation_chi_square"])
         where = {"xytext": (3, 0), "textcoords": "offset points", "va": "center"}
-        spot = max(row["j"], gate), position
-        panel.annotate(f"fit {fit}, proof {proof}", spot, **where, fontsize=7)
-    panel.axvline(gate, color=style.ERROR, lw=0.9, ls="--")
+        spot = max(row["z"], GATES.joins), position
+        text = f"gain {row['gain']:.1f}, by ranks {row['rank_z']:.1f}".replace("-", "−")
+        panel.annotate(text, spot, **where, fontsize=7)
+    panel.axvline(GATES.joins, color=style.ERROR, lw=0.9, ls="--")
     panel.axvline(0.0, color=style.QUIET, lw=0.8)
     style.name_bars(panel, [_in_words(row["effect"]) for row in rows], fontsize=8)
-
-
-def _signed(value):
-    return f"{round(value):+,}".replace("-", "−").replace(",", "\u2009")
 
 
 def _colour(row):
@@ -187,8 +178,7 @@ def _colour(row):
 def _ranking_legend(figure):
     keys = [Patch(facecolor=c, edgecolor="white", label=text) for c, text in LABELS.items()]
     keys[-1].set_hatch(HATCH)
-    needed = f"fit above {GATES.bic:g}, proof above {GATES.validation_chi_square:g}"
-    label = f"needed: {needed} (line: the sum), help in most parts of the records"
+    label = f"needed: {GATES.joins:g} standard errors; for a name {GATES.counts:g} by ranks"
     gate = Line2D([], [], color=style.ERROR, lw=0.9, ls="--", label=label)
     figure.legend(handles=[*keys, gate], loc="outside lower center", ncols=2, fontsize=7.5)
 
@@ -197,8 +187,7 @@ def draw_evidence(columns):
     """What was left of each part of the records that follows an effect, over what it changes [mV].
 
     One panel an effect, in order of addition; `columns` are those of
-    `missing_effect/<cell>/evidence`. These are the parts by which the search chose it, so that the
-    picture and the verdict say the same.
+    `missing_effect/<cell>/evidence`: the parts by which the search chose it.
     """
     effects = list(dict.fromkeys(np.asarray(columns.get("effect", [])).tolist()))
     if not effects:
@@ -224,11 +213,10 @@ def _residual_over_change(panel, effect, columns):
         panel.scatter(change[mine], missing[mine], area, **look)
     helped = np.count_nonzero(missing > change / 2)
     share = np.sum(rows * missing) / np.sum(rows * change)
-    records = "for proof" if columns["role"][0] == "validation" else "fitted"
     panel.set(
         title=f"{_in_words(effect)}: {100 * share:.0f} % of it was missing\n"
         f"better with it: {helped} of {len(change)} parts",
-        xlabel=f"its change in a part of a record {records}, RMS [mV]",
+        xlabel="its change in a part of a record, RMS [mV]",
         ylabel="what was left there that follows it [mV]",
     )
     style.legend_once(panel, loc="best")

@@ -1,13 +1,11 @@
 """Which question of a verdict the next test is to answer."""
 
 import small_plant
-from small_plant import HEALTHY, Truth, case, rounds
+from small_plant import HEALTHY, Truth, searched
 
-from cellwright.effects.case import Gates
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.odds import sure_beside
+from cellwright.effects.planning import advice
 from cellwright.effects.planning.advice import advised
-from cellwright.effects.verdict import outcome
 
 PLACE = {
     "file": "judge_1",
@@ -18,10 +16,9 @@ PLACE = {
 }
 
 
-def asked(truth, *, untestable=(), place=None, change=lambda steps: steps):
-    steps = change(list(rounds(truth)))
-    result = outcome(steps, Gates())
-    return advised(case(truth), result, steps, LIBRARY, untestable, place), result
+def asked(truth, *, untestable=(), place=None, change=lambda found: found):
+    found, result, _ = searched(truth)
+    return advised(change(found), result, LIBRARY, untestable, place), result
 
 
 def test_nothing_is_advised_where_nothing_is_open():
@@ -36,36 +33,17 @@ def test_a_tie_is_asked_first():
     assert "rest_48h" in menu["test"]
 
 
-def test_a_name_without_proof_gets_the_test_that_proves_it():
-    def unproven(steps):
-        chosen = steps[0].chosen._replace(proven=False)
-        return [steps[0]._replace(chosen=chosen), *steps[1:]]
-
-    (menu, sentence, _), _ = asked(Truth(activation=2.5e4), change=unproven)
+def test_a_name_without_proof_gets_the_test_that_proves_it(monkeypatch):
+    monkeypatch.setattr(advice, "is_proven", lambda found, one: False)
+    (menu, sentence, _), _ = asked(Truth(activation=2.5e4))
     assert sentence.startswith("To prove resistance temperature on a record that is not fitted: ")
     assert menu["test"][0].endswith(("_warm", "_cold"))
     assert menu["chi_square"][0] > 1000.0
 
 
-def test_what_is_not_sure_beside_another_name_gets_the_test_that_proves_it():
-    def unsure(steps):
-        (first, second, *_), shares = steps, 0.6
-        names = [step.chosen.effect.id for step in (first, second)]
-        return sure_beside(
-            steps, outcome(steps, Gates()), {" + ".join(names): shares, names[1]: 1 - shares}
-        )
-
-    truth = Truth(hysteresis=0.012, activation=2.5e4)
-    (menu, sentence, _), result = asked(truth, change=unsure)
-    (named,) = result.steps
-    assert named.chosen.effect.id == "hysteresis_instant"
-    assert sentence.startswith("To prove resistance temperature on a record")
-    assert menu["test"]
-
-
 def test_a_gap_without_a_near_explanation_is_sought_where_it_sits():
-    def alone(steps):
-        return [*steps[:-1], steps[-1]._replace(trials=[])]
+    def alone(found):
+        return found._replace(rounds=[*found.rounds[:-1], found.rounds[-1]._replace(trials=[])])
 
     (menu, sentence, _), result = asked(Truth(ripple=0.008), place=PLACE, change=alone)
     assert result.word == "unknown"

@@ -1,24 +1,10 @@
 """The score test: what it promises is what a refit gives, where all is linear."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from cellwright.effects.candidates import (
-    Candidate,
-    Trial,
-    candidates,
-    determined,
-    frees_of,
-    is_material,
-    judged,
-    neutral,
-    scored,
-)
-from cellwright.effects.library import LIBRARY
+from cellwright.effects.candidates import Candidate, candidates, neutral, scored
 from cellwright.effects.library.vocabulary import Effect, Parameter
-from cellwright.numerics.least_squares import Problem, fit
 
 RANDOM = np.random.default_rng(11)
 NUISANCES = RANDOM.normal(size=(400, 4))
@@ -109,46 +95,3 @@ def test_columns_are_the_change_by_each_size_at_each_start():
         assert candidate.sizes == ("made_up.one", "made_up.two")
         np.testing.assert_allclose(candidate.columns[:, 0], width * np.arange(50), atol=1e-9)
         np.testing.assert_allclose(candidate.columns[:, 1], -1.0, atol=1e-9)
-
-
-@pytest.mark.parametrize(("rows_near_empty", "counts"), [(1, False), (300, True)])
-def test_a_course_counts_by_what_is_sure_of_it(rows_near_empty, counts):
-    """A resistance that seems a quarter larger near empty, told by one reading or by many."""
-    course = LIBRARY["resistance_soc"]
-    free = frees_of(course)
-    near_empty = np.r_[np.zeros(500), np.ones(rows_near_empty)]
-
-    def predict(values):
-        return near_empty * values["resistance_soc.step_to_0_percent"] * 4.0
-
-    solution = fit(Problem(predict, near_empty, np.array, free), neutral(course))
-    assert solution.values["resistance_soc.step_to_0_percent"] == pytest.approx(0.23, abs=0.03)
-    assert is_material(course, solution) is counts
-    # Of its ten parameters one has been told by anything, by one reading in part.
-    assert determined(course, solution) == pytest.approx(1.0 if counts else 0.88, abs=0.03)
-
-
-@pytest.mark.parametrize("misfit", [1.0, 400.0])
-def test_what_priors_say_counts_as_much_less_as_all_rows(misfit):
-    """Weighed in the fit against chi-squares that are too large, they are too large likewise.
-
-    On A123 they had refused, at their full weight, a resistance over temperature that took 73 mV of
-    error to 23.
-    """
-    effect = LIBRARY["resistance_asymmetry"]
-    falls, rows = np.array([9e4, -1e4]), np.array([3000, 1000])
-    case = SimpleNamespace(
-        inflation=lambda state: {"fit": misfit * np.ones(2), "validation": np.ones(1)},
-        falls=lambda before, after: {"fit": falls, "validation": np.array([30.0])},
-        rows_per_record=lambda: rows,
-        proof=lambda *about: ("even", True),
-    )
-    of_one = {"names": frees_of(effect)[0][:1], "precision": np.eye(1), "gram": np.eye(1)}
-    before, after = (
-        SimpleNamespace(solution=SimpleNamespace(cost=cost, chi_square=chi_square, **of_one))
-        for cost, chi_square in ((1.2e5, 1e5), (8e4, 2e4))
-    )
-    trial = judged(case, before, [Trial(effect, 0.0, 0.0, 0.0, True, after)], None)[0]
-    counted = np.log(rows.sum() / misfit)  # of one parameter, all determined by the records
-    assert trial.delta_bic == pytest.approx((8e4 - 4e4) / misfit - counted)
-    assert (trial.delta_validation, trial.proof) == (30.0, "even")

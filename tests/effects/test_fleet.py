@@ -15,7 +15,6 @@ def entry(effect, before=5e-3, after=3e-3, alternatives=(), proof="proven"):
         "validation_rmse_volt": both,
         "proof": proof,
         "blocks": None,
-        "same_without_validation": True,
     }
 
 

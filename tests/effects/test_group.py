@@ -73,7 +73,7 @@ def test_what_is_within_the_declared_spread_is_healthy():
 
 
 def test_a_warm_cell_and_a_low_resistance_are_one_at_one_temperature():
-    verdict = finding(celsius=(25.0,), warmer=6.0).verdict
+    verdict = finding(celsius=(25.0, 25.0, 25.0), warmer=6.0).verdict
     first = verdict["effects"][0]
     assert verdict["verdict"] == "ambiguous"
     assert {first["effect"], *first["alternatives"]} >= {

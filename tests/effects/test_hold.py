@@ -1,16 +1,16 @@
-"""How the current ran between two rows: chosen by the fit, and asked again with what was found."""
+"""How the current ran between two rows: chosen by the fit, and what it leaves unsure."""
 
 import numpy as np
 import pytest
 from small_plant import CAPACITY, Truth, laid, measured, ocv
 
 import cellwright as cw
-from cellwright.effects.finding import of_case
+from cellwright.effects.finding import of_case, searched
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.verdict import searched
 
 R0_OHM = 0.026
 CELL = {"cell": "A", "lower_cutoff_volt": 2.5, "upper_cutoff_volt": 4.4}
+SIZE = "resistance_asymmetry.charge_resistance_excess_relative"
 GRID = np.linspace(0.0, 1.0, 201)
 CURVE = {"soc": GRID, "ocv_volt": ocv(GRID), "test": "ocv", "branches": "discharge"}
 CURVE |= {"ambient_temperature_celsius": 25.0}
@@ -21,7 +21,7 @@ HOLDS = {"zero_order": False, "first_order": True}
 def load(seed, rows=1300):
     """Another current in every row, ten minutes of rest every half hour [A]."""
     random = np.random.default_rng(seed)
-    current = CAPACITY * random.uniform(-2.0, 1.3, rows)
+    current = CAPACITY * random.uniform(-2.6, 0.9, rows)
     row = np.arange(rows)
     current[(row % 750 > 440) | (row < 30)] = 0.0
     return current
@@ -53,32 +53,18 @@ def case(truth, *, hold, **changes):
 
 @pytest.mark.parametrize("true_hold", HOLDS)
 @pytest.mark.parametrize("begun", HOLDS)
-def test_a_search_goes_on_with_the_hold_by_which_the_named_model_follows(true_hold, begun):
+def test_a_name_does_not_hang_on_the_hold(true_hold, begun):
+    """The plant's own steps of 0.5 s lag a ramp by a quarter of a second: 1.2 % of R0."""
     truth = Truth(asymmetry=0.3, ramps=HOLDS[true_hold])
-    used, _, result, *_ = searched(case(truth, hold=begun), LIBRARY)
-    assert used.fit.hold == true_hold
-    assert [step.chosen.effect.id for step in result.steps] == ["resistance_asymmetry"]
-    assert np.exp(result.last.solution.values["log_r0"]) == pytest.approx(R0_OHM, rel=0.015)
-
-
-@pytest.mark.parametrize("begun", HOLDS)
-def test_where_an_error_stays_both_holds_are_searched(begun):
-    """A contact that opens above 1C is outside the library: no name asks for the other hold."""
-    used, _, result, *_ = searched(case(Truth(contact=0.01, ramps=True), hold=begun), LIBRARY)
-    assert not result.adequate
-    assert used.fit.hold == "first_order"
-
-
-def test_where_nothing_is_lacking_the_hold_is_not_asked_again():
-    begun = case(Truth(), hold="zero_order")
-    used, _, result, *_ = searched(begun, LIBRARY)
-    assert used is begun
-    assert not result.steps
+    _, result, fitted = searched(case(truth, hold=begun), LIBRARY)
+    assert [one.effect.id for one in result.names] == ["resistance_asymmetry"]
+    for name, true in (("log_r0", np.log(R0_OHM)), (SIZE, 0.3)):
+        assert abs(result.last.solution.values[name] - true) < 2 * fitted.stds[name] + 0.015
 
 
 @pytest.mark.parametrize("stepped", [True, False])
 def test_what_nothing_decides_between_the_holds_is_in_the_deviation(stepped):
-    """Drives at even distances alone do not; pulses beside them do.
+    """Whether pulses are beside the drives or not, the resistance is within its deviation.
 
     The plant's own steps of 0.5 s lag a ramp by a quarter of a second: 0.3 mΩ.
     """
@@ -88,8 +74,7 @@ def test_what_nothing_decides_between_the_holds_is_in_the_deviation(stepped):
     discharge = verdict["effects"][0]["sizes"][0]
     assert discharge["name"] == "R0 on discharge"
     assert abs(discharge["value"] - 1e3 * R0_OHM) < 2 * discharge["std"] + 0.35
-    wide = 0.4 < discharge["std"] < 1.2
-    assert wide != stepped
+    assert 0.0 < discharge["std"] < 1.2
 
 
 @pytest.mark.parametrize("hold", HOLDS)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from small_plant import Truth, case, rounds
+import small_plant
+from small_plant import Truth, case
 
 from cellwright.effects.member import folds
-from cellwright.effects.verdict import outcome
 
 TRUTH = Truth(asymmetry=0.3)
 SIZE = "resistance_asymmetry.charge_resistance_excess_relative"
@@ -14,8 +14,8 @@ REST_SECOND = 60.0
 
 @pytest.fixture(scope="module")
 def searched():
-    cell, steps = case(TRUTH), rounds(TRUTH)
-    return cell, outcome(steps, cell.gates).last, steps[-1].noise
+    found, result, _ = small_plant.searched(TRUTH)
+    return case(TRUTH), result.last, found.rounds[-1].noise
 
 
 def test_every_row_is_left_out_once(searched):

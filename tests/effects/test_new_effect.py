@@ -58,15 +58,15 @@ LOGS = dict(zip(base.LOGARITHMS, np.log([0.025, 0.010, 8.0, 0.015, 130.0]), stri
 
 
 def measured(seed):
-    """A drive from 70 % SoC by a cell with the new effect, read with 1 mV of noise."""
+    """A drive from 90 % SoC by a cell with the new effect, read with 1 mV of noise."""
     random = np.random.default_rng(seed)
-    current = np.repeat(random.uniform(-2.0, 1.5, 180) * CELL.capacity_ampere_hour, 20)
+    current = np.repeat(random.uniform(-2.2, 1.2, 300) * CELL.capacity_ampere_hour, 20)
     second = np.arange(float(len(current)))
     current[(second % 1800 > 1150) | (second < 60)] = 0.0
     blank = np.zeros(len(current))
-    record = record_of(second, current, blank, 0.7, celsius=25.0, test=f"drive_{seed}")
+    record = record_of(second, current, blank, 0.9, celsius=25.0, test=f"drive_{seed}")
     stack = stacked([record], capacity_ampere_hour=CELL.capacity_ampere_hour)
-    values = dict.fromkeys(base.base_names(1), 0.0) | LOGS | {"soc0[0]": 0.7, NEW.names[0]: OHM}
+    values = dict.fromkeys(base.base_names(1), 0.0) | LOGS | {"soc0[0]": 0.9, NEW.names[0]: OHM}
     volt = base.voltage(CELL, stack, values, (NEW,))
     return stack._replace(voltage_volt=volt + random.normal(0.0, 1e-3, len(volt)))
 

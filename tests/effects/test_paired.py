@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_plant import NOISE_VOLT, Truth, case_of
 
-from cellwright.effects import base, records, search
+from cellwright.effects import base, finding, records
 from cellwright.effects.case import Case
 from cellwright.effects.given.paired import Pairing, counterpart_second, paired, part
 from cellwright.effects.library import LIBRARY
@@ -81,27 +81,29 @@ def library():
     return {name: LIBRARY[name] for name in CANDIDATES}
 
 
-def names(rounds):
-    return [step.chosen.effect.id for step in rounds if step.chosen]
+def searched(made):
+    """(Found, ids of the names) of a search."""
+    found, result, _ = finding.searched(made, library())
+    return found, [one.effect.id for one in result.names]
 
 
 def test_a_healthy_cell_alone_is_named_and_beside_others_is_not():
     healthy = case(8)
-    assert names(search.search(healthy, library()))
-    assert not names(search.search(paired(healthy, references()).case, library()))
+    assert searched(healthy)[1]
+    assert not searched(paired(healthy, references()).case)[1]
 
 
 def test_what_a_cell_has_beyond_healthy_ones_is_named_first_and_recovered():
-    rounds = search.search(paired(case(9, HIDDEN), references()).case, library())
-    assert names(rounds)[0] == "hysteresis_instant"
-    amplitude_volt = rounds[0].chosen.state.solution.values["hysteresis_instant.amplitude_volt"]
+    found, names = searched(paired(case(9, HIDDEN), references()).case)
+    assert names[0] == "hysteresis_instant"
+    amplitude_volt = found.last.solution.values["hysteresis_instant.amplitude_volt"]
     assert amplitude_volt == pytest.approx(0.008, rel=0.1)
 
 
 def test_the_template_takes_most_of_what_a_plain_model_leaves():
     healthy = case(8)
-    plain = search.search(healthy, library())[0].before
-    with_template = search.search(paired(healthy, references()).case, library())[0].before
+    plain = searched(healthy)[0].first
+    with_template = searched(paired(healthy, references()).case)[0].first
     # Errors of the starts, which both have, are taken out of either.
     assert with_template.validation_rmse_volt < 0.65 * plain.validation_rmse_volt
 
@@ -134,9 +136,9 @@ def test_more_resistance_of_the_contacts_is_no_effect(ohm):
     """It follows neither SoC nor temperature, which the resistance of the references does."""
     healthy = case(8)
     stacks = {role: with_contact(getattr(healthy, role), ohm) for role in ("fit", "validation")}
-    rounds = search.search(paired(healthy._replace(**stacks), references()).case, library())
-    assert not names(rounds)
-    contact = rounds[0].before.solution.values[base.LEAD]
+    found, names = searched(paired(healthy._replace(**stacks), references()).case)
+    assert not names
+    contact = found.first.solution.values[base.LEAD]
     # What is constant of a resistance that has a course is not known by itself.
     assert 0.0 <= contact <= ohm + 0.008
 
@@ -147,8 +149,8 @@ def test_one_or_two_references_serve_with_a_declared_spread():
     assert np.isnan(few.scatter_volt["fit"])
     assert few.case.gates.material_volt > many.case.gates.material_volt
     assert few.case.tolerance.known > many.case.tolerance.known
-    assert not names(search.search(few.case, library()))
-    found = names(search.search(paired(case(9, HIDDEN), references(1)).case, library()))
+    assert not searched(few.case)[1]
+    found = searched(paired(case(9, HIDDEN), references(1)).case)[1]
     assert found[0] == "hysteresis_instant"
 
 
@@ -177,7 +179,7 @@ def test_a_test_with_other_currents_is_not_compared_with_that_reference(change, 
     told = result.left_out | result.unshared
     assert set(told) == {"r4"}
     assert re.search(words, told["r4"])
-    assert not names(search.search(result.case, library()))
+    assert not searched(result.case)[1]
 
 
 def test_references_that_share_little_of_the_fit_are_refused():
@@ -257,7 +259,7 @@ def shortened(whole):
 
 def test_a_template_is_never_larger_than_it_was_by_more_than_its_prior():
     result = paired(case(8), references(), Pairing(scale_std=1e-6))
-    values = search.search(result.case, library())[0].before.solution.values
+    values = searched(result.case)[0].first.solution.values
     assert values["known"] == pytest.approx(1.0, abs=1e-3)
 
 
@@ -269,5 +271,5 @@ def test_a_healthy_cell_has_the_course_of_either_pair_and_of_their_time_constant
     assert pair.needed
     quicker, slower = (course.max() / course.min() for course in pair.case.fit.slow_courses)
     assert quicker > 1.5 * slower
-    before = search.search(pair.case, library())[0].before
+    before = searched(pair.case)[0].first
     assert before.worst_volt < 1.2 * NOISE_VOLT

@@ -1,65 +1,52 @@
-"""Rounds: an effect that another makes needless is taken out, and where a search ends."""
-
-from functools import cache
+"""Rounds: an effect that another makes needless is taken out, and what has no name in the end."""
 
 import numpy as np
 import pytest
-from small_plant import HEALTHY, Truth, case, rounds
+from small_plant import HEALTHY, Truth, case, names_of, searched
 
 from cellwright.effects import search
-from cellwright.effects.case import Gates
+from cellwright.effects.candidates import has_size
 from cellwright.effects.finding import ranking_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.proof import prominent
 from cellwright.effects.verdict import outcome
 from cellwright.numerics.least_squares import fit
 
 HYSTERESIS = Truth(hysteresis=0.012)
 RIVAL, TRUE = "charge_transfer_nonlinearity", "hysteresis_instant"
 SMALL = "resistance_temperature"
-
-
-@cache
-def together(truth, names):
-    """(case, model of the search with these effects in, filters)."""
-    made, steps = case(truth), rounds(truth)
-    plain, values, _ = made.begun()
-    filters = steps[0].filters
-    effects, free = in_order([LIBRARY[name] for name in names], LIBRARY), plain
-    for effect in effects:
-        free, start = made.with_effect(free, effect), effect.starts[0]
-        values |= {f"{effect.id}.{p.name}": start.get(p.name, p.neutral) for p in effect.parameters}
-    solution = fit(made.problem(effects, free, filters), values)
-    return made, search._Model(plain, effects, free, solution), filters
+BOTH = Truth(hysteresis=0.012, activation=2.5e4)
 
 
 def kept(truth, *names):
-    """Names that stay in the model, and those that are taken out of it."""
-    made, model, filters = together(truth, names)
-    model, dropped, beside = search._needed(made, model, filters, rounds(truth))
+    """Names that stay in a model fitted with all of them, and those that are taken out of it."""
+    made, filters = case(truth), searched(truth)[0].rounds[0].filters
+    plain, values, _ = made.begun()
+    effects, free = tuple(LIBRARY[name] for name in names), plain
+    for effect in effects:
+        free, start = made.with_effect(free, effect), effect.starts[0]
+        values |= {f"{effect.id}.{p.name}": start.get(p.name, p.neutral) for p in effect.parameters}
+    solution = fit(made.problem(in_order(effects, LIBRARY), free, filters), values)
+    model = search._Model(plain, effects, solution)
+    model, beside, dropped = search._needed(made, LIBRARY, model, filters)
     # The fit that is handed on is one of just these effects.
-    fitted = {name for name in model.solution.values if name.rpartition(".")[0]}
-    assert {one.name for one in model.free} == set(model.solution.names)
-    assert all(name in fitted for effect in model.effects for name in effect.names)
+    fitted = {name for name in model.solution.names if name.rpartition(".")[0]}
+    assert {name.partition(".")[0] for name in fitted} == {effect.id for effect in model.effects}
     # Of each that stays it is told what it does beside the others.
-    assert [one.trial.effect.id for one in beside] == [effect.id for effect in model.effects]
+    assert [one.effect.id for one in beside] == [effect.id for effect in model.effects]
     return {effect.id for effect in model.effects}, set(dropped)
 
 
 def test_a_wrong_name_is_taken_out_once_the_true_one_is_in():
     """Alone it takes up half of what hysteresis makes, at a size that no cell has."""
-    steps = rounds(HYSTERESIS, without=(TRUE, "hysteresis_one_state"))
-    alone = next(trial for trial in steps[0].trials if trial.effect.id == RIVAL)
-    assert alone.at_limit
-    assert outcome(steps, Gates()).word == "unknown"
     assert kept(HYSTERESIS, RIVAL, TRUE) == ({TRUE}, {RIVAL})
+    result = searched(HYSTERESIS, without=(TRUE, "hysteresis_one_state"))[1]
+    assert result.word == "unknown"
 
 
 def test_two_effects_that_are_both_there_both_stay():
-    both = Truth(hysteresis=0.012, activation=2.5e4)
-    names = {TRUE, "resistance_temperature"}
-    assert kept(both, *sorted(names)) == (names, set())
+    names = {TRUE, SMALL}
+    assert kept(BOTH, *sorted(names)) == (names, set())
 
 
 def test_all_go_that_a_healthy_cell_has_not():
@@ -67,71 +54,19 @@ def test_all_go_that_a_healthy_cell_has_not():
     assert kept(HEALTHY, *sorted(names)) == (set(), names)
 
 
-@pytest.mark.parametrize(("taken", "stays"), [(0.45, False), (0.55, True)])
-@pytest.mark.parametrize("proven", [True, False])
-def test_a_name_takes_off_at_least_half_of_what_is_left_beside_it(proven, taken, stays):
-    """Of the side that proves it; beside a large error of another kind nobody knows whose it is."""
-    step = rounds(HYSTERESIS)[0]
-    state, floor = step.chosen.state, step.floor
-    name, lowest = ("validation_rmse_volt", floor.validation_volt)
-    if not proven:
-        name, lowest = ("rmse_volt", floor.fit_volt)
-    left = 0.02
-    before = step.before._replace(**{name: np.hypot(np.hypot(left, lowest), taken * left)})
-    trial = step.chosen._replace(state=state._replace(**{name: np.hypot(left, lowest)}))
-    trial = trial._replace(proven=proven)
-    assert prominent(before, trial, floor) == stays
-    made = case(HYSTERESIS)
-    assert search.stays(made, step.before, before, trial, floor) == stays
-
-
 def test_what_is_too_small_to_act_on_joins_without_a_name_and_hides_nothing():
-    """1.7 kJ/mol explain most, and less than anyone acts on; hysteresis is named beside them."""
-    steps = rounds(Truth(hysteresis=0.0022, activation=1.7e3))
-    assert [[trial.effect.id for trial in step.small] for step in steps] == 2 * [[SMALL]]
-    last = steps[-1].before
-    assert {effect.id for effect in last.effects} == {SMALL, TRUE}
-    assert [step.chosen.effect.id for step in outcome(steps, Gates()).steps] == [TRUE]
-    energy = last.solution.values[f"{SMALL}.activation_energy_joule_per_mole"]
-    assert energy == pytest.approx(1.7e3, abs=0.8e3)
+    """1 kJ/mol are there, and less than anyone acts on; hysteresis is named beside them."""
+    result = searched(Truth(hysteresis=0.012, activation=1.0e3))[1]
+    assert names_of(result) == [TRUE]
+    assert [one.effect.id for one, _ in result.unnamed] == [SMALL]
+    energy = result.last.solution.values[f"{SMALL}.activation_energy_joule_per_mole"]
+    assert energy == pytest.approx(1.0e3, abs=0.6e3)
 
 
-def test_nothing_small_joins_a_model_that_leaves_nothing_anyone_would_act_on():
-    for step in rounds(HEALTHY):
-        assert step.small == ()
-
-
-def nothing_at_first(best_of, *, rounds):
-    """`best_of` by which nothing counts in so many rounds, as where all harm what others lack."""
-    asked = []
-
-    def none_at_first(*of):
-        asked.append(of)
-        return (None, ()) if len(asked) <= rounds else best_of(*of)
-
-    return none_at_first
-
-
-BOTH = Truth(hysteresis=0.012, activation=2.5e4)
-
-
-def test_two_that_only_count_beside_each_other_are_found_by_looking_ahead(monkeypatch):
-    monkeypatch.setattr(search, "best_of", nothing_at_first(search.best_of, rounds=1))
-    first, second, last = search.search(case(BOTH), LIBRARY)
-    names = [step.chosen.effect.id for step in (first, second)]
-    assert set(names) == {TRUE, "resistance_temperature"}
-    assert last.chosen is None
-    # The first is told as it counts beside the second, in the ranking as well.
-    assert any(trial is first.chosen for trial in first.trials)
-    beside = next(one.trial for one in second.beside if one.trial.effect.id == names[0])
-    assert (first.chosen.proof, first.chosen.j) == (beside.proof, beside.j)
-
-
-@pytest.mark.parametrize(("truth", "rounds"), [(HEALTHY, 1), (BOTH, 99)])
-def test_what_counts_neither_alone_nor_beside_another_is_not_taken(monkeypatch, truth, rounds):
-    monkeypatch.setattr(search, "best_of", nothing_at_first(search.best_of, rounds=rounds))
-    steps = search.search(case(truth), LIBRARY)
-    assert [step.chosen for step in steps] == [None]
+def test_nothing_joins_a_model_that_leaves_nothing_anyone_would_act_on():
+    found, result, _ = searched(HEALTHY)
+    assert found.last.effects == ()
+    assert result.unnamed == ()
 
 
 def test_an_effect_whose_size_is_at_its_limit_is_no_name():
@@ -139,9 +74,32 @@ def test_an_effect_whose_size_is_at_its_limit_is_no_name():
     hysteresis = LIBRARY[TRUE]
     amplitude = hysteresis.parameters[0]
     small = hysteresis._replace(parameters=(amplitude._replace(upper=0.006),))
-    steps = search.search(case(HYSTERESIS), {TRUE: small})
-    (trial,) = steps[0].trials
+    found = search.search(case(HYSTERESIS), {TRUE: small})
+    (trial,) = found.rounds[0].trials
     assert trial.at_limit
-    assert [step.chosen for step in steps] == [None]
-    ranking = ranking_of(case(HYSTERESIS), steps)
-    assert "at the limit of what it can be" in ranking["against"][0]
+    result = outcome(found, {f"{TRUE}.amplitude_volt": 1e-4})
+    assert result.word == "unknown"
+    ranking = ranking_of(found, result)
+    assert "at its limit" in ranking["against"][0]
+
+
+@pytest.mark.parametrize(("deviation", "sized"), [(0.005, True), (0.007, False), (np.inf, False)])
+def test_a_size_within_two_deviations_of_none_is_no_name(deviation, sized):
+    last = searched(HYSTERESIS)[1].last
+    deviations = {f"{TRUE}.amplitude_volt": deviation}
+    assert has_size(LIBRARY[TRUE], last.solution, deviations) is sized
+
+
+def test_what_takes_off_little_of_what_is_lacking_is_no_name():
+    """A fifth of what the plain model leaves, at least a millivolt, at most what would be told."""
+    found, _, _ = searched(HYSTERESIS)
+    made, floor, first = case(HYSTERESIS), found.floor, found.first
+    made = made._replace(gates=made.gates._replace(unknown_volt=1.0))
+    excess = np.sqrt(first.rmse_volt**2 - floor.fit_volt**2)
+    for share, counts in ((0.15, False), (0.3, True)):
+        taken = share * excess
+        assert taken > made.gates.material_volt / 2
+        after = first._replace(rmse_volt=float(np.sqrt(first.rmse_volt**2 - taken**2)))
+        assert made.matters(first, first, after, None, floor) is counts
+    told = made._replace(gates=made.gates._replace(unknown_volt=0.1 * excess))
+    assert told.matters(first, first, after._replace(rmse_volt=0.98 * first.rmse_volt), None, floor)

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from small_plant import HEALTHY, Truth, case, entropic, rounds
+import small_plant
+from small_plant import HEALTHY, Truth, case, entropic, names_of
 
 from cellwright.effects.case import Gates
 from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.verdict import outcome
 from cellwright.numerics.least_squares import stds
 
 # Of a course over SoC the size is its whole change from 50 to 90 % of SoC.
@@ -39,32 +39,32 @@ EVERY = {"time_skew": 0.5}  # a delay is seen at edges that are sampled as finel
 def searched(effect, without=()):
     """(Outcome, rounds) of a search."""
     truth = HIDDEN[effect][0] if effect in HIDDEN else HEALTHY
-    steps = rounds(truth, without=without, every=EVERY.get(effect, 2.0))
-    return outcome(steps, Gates()), steps
+    every = EVERY.get(effect, 2.0)
+    found, result, _ = small_plant.searched(truth, without=without, every=every)
+    return result, found.rounds
+
+
+def outcome(truth, **options):
+    return small_plant.searched(truth, **options)[1]
 
 
 @pytest.mark.parametrize("effect", HIDDEN)
 def test_the_hidden_effect_is_named_alone(effect):
     result, _ = searched(effect)
     assert result.word == "named"
-    assert [step.chosen.effect.id for step in result.steps] == [effect]
+    assert names_of(result) == [effect]
     assert result.closed > 0.9
     assert result.adequate
 
 
 @pytest.mark.parametrize(
-    ("activation", "small", "widest"), [(0.0, [], 0.4), (1.2e3, ["resistance_temperature"], 1.5)]
+    ("activation", "others", "widest"), [(0.0, [], 0.4), (1.2e3, ["resistance_temperature"], 1.5)]
 )
-def test_an_entropy_that_bends_over_soc_is_told_within_its_intervals(activation, small, widest):
-    """Where no record was, the interval is wide instead of wrong.
-
-    An energy that nobody acts on is in the model beside it, else it would be in its sizes; and
-    models that are as good to anyone disagree.
-    """
+def test_an_entropy_that_bends_over_soc_is_told_within_its_intervals(activation, others, widest):
+    """Where no record was, the interval is wide instead of wrong."""
     truth = Truth(entropy=1e-3, activation=activation)
     verdict = of_case("A", case(truth), LIBRARY).verdict
-    assert [one["effect"] for one in verdict["effects"]] == ["entropic_ocv"]
-    assert verdict["small"] == small
+    assert [one["effect"] for one in verdict["effects"]] == ["entropic_ocv", *others]
     assert verdict["gap_closed"] > 0.9
     # Largest deviation at a SoC [mV/K]; no record goes below 50 %.
     for size, (soc, most) in zip(
@@ -83,20 +83,20 @@ FORMS = {
 @pytest.mark.parametrize("effect", FORMS)
 def test_pairs_that_grow_slower_or_bend_alone_ask_for_no_second_name(effect):
     truth, form = FORMS[effect]
-    result = outcome(rounds(truth, every=2.0), Gates())
-    assert [step.chosen.effect.id for step in result.steps] == [effect]
+    result = outcome(truth, every=2.0)
+    assert names_of(result) == [effect]
     assert result.adequate
     assert abs(result.last.solution.values[f"{effect}.{form}"] - 1.0) < 0.2
 
 
 def test_a_charge_that_meets_more_the_fuller_the_cell_asks_for_no_second_name():
-    result = outcome(rounds(Truth(asymmetry=0.5, asymmetry_full=0.5), every=2.0), Gates())
-    (step,) = result.steps
-    assert step.chosen.effect.id == "resistance_asymmetry"
+    result = outcome(Truth(asymmetry=0.5, asymmetry_full=0.5), every=2.0)
+    (one,) = result.names
+    assert one.effect.id == "resistance_asymmetry"
     assert result.adequate
     values = result.last.solution.values
-    sizes = [values[f"resistance_asymmetry.{p.name}"] for p in step.chosen.effect.parameters]
-    deviations = [stds(result.last.solution)[name] for name in step.chosen.effect.names]
+    sizes = [values[f"resistance_asymmetry.{p.name}"] for p in one.effect.parameters]
+    deviations = [stds(result.last.solution)[name] for name in one.effect.names]
     # No record goes below 50 %: what changes towards empty is not told.
     np.testing.assert_allclose([sizes[0], sizes[2]], 0.5, atol=0.1)
     assert max(deviations[0], deviations[2]) < 0.1
@@ -156,31 +156,28 @@ def test_without_its_class_no_other_takes_its_name(effect):
 
 
 def test_a_leak_and_an_offset_stay_tied_where_the_log_reads_zero_at_rest():
-    result = outcome(rounds(Truth(leak=0.06)), Gates())
+    result = outcome(Truth(leak=0.06))
     assert result.word == "ambiguous"
-    step = result.steps[0]
-    assert {step.chosen.effect.id, *step.tied} >= {"leakage", "current_offset"}
+    one = result.names[0]
+    assert {one.effect.id, *one.tied} >= {"leakage", "current_offset"}
     values = result.last.solution.values
-    assert values[step.chosen.effect.names[0]] == pytest.approx(0.06, rel=0.1)
+    assert values[one.effect.names[0]] == pytest.approx(0.06, rel=0.1)
 
 
 def test_an_offset_that_stands_in_the_log_at_rest_is_no_leak():
     result, _ = searched("current_offset")
-    assert result.steps[0].tied == ()
+    assert result.names[0].tied == ()
 
 
 def test_an_offset_that_stands_in_the_log_is_no_leak_even_where_no_offset_is_known():
     result, _ = searched("current_offset", ("current_offset",))
-    assert "leakage" not in {
-        name for step in result.steps for name in (step.chosen.effect.id, *step.tied)
-    }
+    assert "leakage" not in {name for one in result.names for name in (one.effect.id, *one.tied)}
 
 
 def test_what_no_library_knows_gets_no_name():
-    assert outcome(rounds(Truth(ripple=0.008)), Gates()).word == "unknown"
+    assert outcome(Truth(ripple=0.008)).word == "unknown"
 
 
 def test_two_effects_are_both_found_and_no_third():
-    result = outcome(rounds(Truth(hysteresis=0.012, activation=2.5e4)), Gates())
-    named = {step.chosen.effect.id for step in result.steps}
-    assert named == {"hysteresis_instant", "resistance_temperature"}
+    result = outcome(Truth(hysteresis=0.012, activation=2.5e4))
+    assert set(names_of(result)) == {"hysteresis_instant", "resistance_temperature"}

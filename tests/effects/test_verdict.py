@@ -4,13 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from small_plant import HEALTHY, Truth, case, rounds
+from small_plant import HEALTHY, Truth, searched
 
-from cellwright.effects.case import Gates
 from cellwright.effects.judge import rate_of, worst
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.records import parts_of
-from cellwright.effects.verdict import entry_of, gap_closed, outcome, verdict_of
+from cellwright.effects.verdict import gap_closed, verdict_of
 
 CONTRACT = {"cell", "verdict", "effects", "located_at", "floor_volt", "next_test", "not_testable"}
 OF_AN_EFFECT = {
@@ -31,11 +29,9 @@ LEFT = {
 
 
 def verdict(truth, **options):
-    searched = rounds(truth, every=2.0, without=())
-    result, parts = outcome(searched, Gates()), parts_of(case(truth, every=2.0).fit)
+    found, result, fitted = searched(truth, every=2.0)
     place = worst(LEFT, result.floor.validation_volt)
-    entry = {"entry": lambda *of: entry_of(*of, parts)}
-    return verdict_of("h1", result, searched, place, **entry, **options)
+    return verdict_of("h1", found, result, place, fitted.stds, **options)
 
 
 @pytest.fixture(scope="module")
@@ -76,11 +72,16 @@ def test_before_and_after_fall_and_close_the_gap(named):
 def test_an_effect_says_how_it_was_proven(named):
     entry = named["effects"][0]
     assert entry["proof"] == "proven"
-    blocks = entry["blocks"]
-    assert blocks["gain"] == pytest.approx(1.0, abs=0.1)
-    assert blocks["helped"] == blocks["excited"] >= 4
-    assert blocks["hurt"] == 0
-    assert entry["same_without_validation"] is True
+    assert entry["gain"]["total"] > 10
+    assert entry["gain"]["z"] > 2
+    assert entry["gain"]["rank_z"] > 3
+
+
+def test_a_name_beside_another_is_less_likely_than_one_alone(named):
+    (alone,) = named["effects"]
+    both = verdict(Truth(hysteresis=0.012, activation=2.5e4))["effects"]
+    assert len(both) == 2
+    assert max(one["probability"] for one in both) < alone["probability"] < 1.0
 
 
 def test_each_record_that_judges_has_its_floor_and_the_remainder_is_told(named):

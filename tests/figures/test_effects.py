@@ -57,8 +57,6 @@ def test_evidence_shows_the_parts_that_judged_each_effect_and_says_what_they_say
     assert [panel.axison for panel in panels] == [True, True, True, False]
     assert title(panels[0]) == "leakage: 100 % of it was missing\nbetter with it: 8 of 8 parts"
     assert title(panels[1]) == "ocv edge: 40 % of it was missing\nbetter with it: 0 of 8 parts"
-    assert "for proof" in panels[1].get_xlabel()
-    assert "fitted" in panels[2].get_xlabel()
     np.testing.assert_allclose(panels[0].get_lines()[0].get_xydata(), [[0, 0], [4.2, 4.2]])
     points = panels[1].collections[-1]
     assert points.get_label() == "b"
@@ -77,37 +75,35 @@ def test_without_an_effect_or_a_trial_the_figure_says_so():
     assert panel.texts[0].get_text() == effects.NO_PAIR
 
 
-def trial(number, effect, fit, proof, **more):
-    row = {"round": number, "effect": effect, "delta_bic": fit, "j": fit + proof}
-    row |= {"delta_validation_chi_square": proof, "chosen": False, "tied": False, "in_range": True}
-    return row | more
+def trial(number, effect, gain, z, **more):
+    row = {"round": number, "effect": effect, "gain": gain, "z": z, "rank_z": z + 1.0}
+    return row | {"chosen": False, "tied": False, "in_range": True} | more
 
 
-def test_the_ranking_is_sorted_marks_the_gates_and_greys_what_is_out_of_range():
+def test_the_ranking_is_sorted_marks_what_is_needed_and_greys_what_is_out_of_range():
     rows = [
-        trial(1, "leakage", 4000.0, 800.0, in_range=False),
-        trial(1, "slow_diffusion", 5000.0, 900.0, chosen=True),
-        trial(1, "ocv_edge", 4990.0, 899.0, tied=True),
-        trial(2, "leakage", -12.0, -3.0),
+        trial(1, "leakage", 48.0, 4.0, in_range=False),
+        trial(1, "slow_diffusion", 59.0, 5.0, chosen=True),
+        trial(1, "ocv_edge", 58.9, 4.5, tied=True),
+        trial(2, "leakage", -1.5, -2.0),
     ]
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     figure = effects.draw_ranking(columns)
     first, second = rendered(figure)
     names = [text.get_text() for text in first.get_yticklabels()]
     assert names == ["slow diffusion", "ocv edge", "leakage"]
-    assert [bar.get_width() for bar in first.patches] == [5900.0, 5889.0, 4800.0]
+    assert [bar.get_width() for bar in first.patches] == [5.0, 4.5, 4.0]
     assert [bar.get_hatch() for bar in first.patches] == [None, None, effects.HATCH]
     assert title(first) == "Round 1: added “slow diffusion”"
     assert title(second) == "Round 2: nothing more to add"
-    assert first.get_lines()[0].get_xdata()[0] == 35
-    assert "fit −12, proof −3" in [text.get_text() for text in second.texts]
-    assert "fit above 10, proof above 25" in figure.legends[0].get_texts()[-1].get_text()
+    assert first.get_lines()[0].get_xdata()[0] == 2
+    assert "gain −1.5, by ranks −1.0" in [text.get_text() for text in second.texts]
+    assert "2 standard errors" in figure.legends[0].get_texts()[-1].get_text()
 
 
 def test_the_ranking_of_a_group_names_the_branch():
-    row = {"round": 1, "delta_bic": 900.0, "delta_validation_chi_square": 90.0, "j": 990.0}
-    row |= {"effect": "branch_capacity", "branch": 2, "chosen": True, "tied": False}
-    columns = {name: [value] for name, value in (row | {"in_range": True}).items()}
+    row = trial(1, "branch_capacity", 90.0, 6.0, branch=2, chosen=True)
+    columns = {name: [value] for name, value in row.items()}
     (panel,) = rendered(effects.draw_group_ranking(columns))[:1]
     assert panel.get_yticklabels()[0].get_text() == "capacity of branch 2"
     (panel,) = rendered(effects.draw_group_ranking({}))

@@ -8,11 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base
+from cellwright.effects import base, finding
 from cellwright.effects.case import Case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import stacked
-from cellwright.effects.search import search
 from cellwright.records.record import record_of
 
 CAPACITY = 2.5  # [Ah]
@@ -191,7 +190,13 @@ def case(truth, **options):
 
 
 @cache
-def rounds(truth, *, without=(), **options):
-    """Rounds of a search of such a case, made once, by the library without some of its effects."""
+def searched(truth, *, without=(), **options):
+    """(Found, Outcome, Fitted) of a search of such a case, made once, by the library without some
+    of its effects."""
     library = {name: effect for name, effect in LIBRARY.items() if name not in without}
-    return search(case(truth, **options), library)
+    return finding.searched(case(truth, **options), library)
+
+
+def names_of(result):
+    """Ids of the names of an Outcome; none where something is unknown."""
+    return [one.effect.id for one in result.names if result.word in ("named", "ambiguous")]

@@ -213,7 +213,6 @@ def test_a_verdict_has_a_row_for_each_effect_and_one_where_there_is_none(snakema
         "validation_rmse_volt": {"before": 0.005, "after": 0.002},
         "gap_closed": 0.9,
         "parameters": {},
-        "same_without_validation": True,
     }
     facts = {"located_at": None, "partial": []} | {"floor_volt": 0.001, "next_test": None}
     facts |= {"rmse_volt": {"before": 0.0011, "after": 0.0011}}
@@ -252,7 +251,7 @@ def test_a_name_that_nothing_speaks_against_is_sure():
     verdict = {
         "cell": "A",
         "verdict": "named",
-        "effects": [effect | {"same_without_validation": 1}],
+        "effects": [effect],
     }
     verdict |= {"located_at": None, "floor_volt": 0.001, "next_test": None, "partial": []}
     own = verdict | {"verdict": "none", "effects": []}
@@ -266,7 +265,7 @@ def test_the_fleet_has_a_row_for_each_cell_and_effect_or_one_for_a_type_without(
     effect = {"effect": "leakage", "alternatives": [], "parameters": {}, "gap_closed": 0.9}
     effect |= {"validation_rmse_volt": {"before": 0.005, "after": 0.003}, "rmse_volt": {}}
     none = {"verdict": "none", "effects": [], "not_testable": []}
-    named = none | {"verdict": "named", "effects": [effect | {"same_without_validation": True}]}
+    named = none | {"verdict": "named", "effects": [effect]}
     found = [named | {"cell": "A"}, *(none | {"cell": cell} for cell in "BCD")]
     types = {"A": "NMC, 5 Ah", "B": "NMC, 5 Ah", "C": "LFP, 2 Ah", "D": "LFP, 2 Ah"}
     first, second, silent = tables.fleet_rows(found, types)

@@ -333,8 +333,7 @@ class Tolerance(NamedTuple):
     soc : of the state of charge at the start of a record. steep_soc : an error of the SoC that no
     parameter follows, so that rows on a steep OCV count less. known : relative, of the scale of the
     template of healthy cells in this cell (paired mode). kelvin : of a temperature that no sensor
-    told. voltage_reading, current_reading, clock : of what is read in one test alone, the current's
-    as a C-rate and relative.
+    told.
     """
 
     ocv_volt: float = SEARCH.ocv_volt_tolerance
@@ -344,9 +343,6 @@ class Tolerance(NamedTuple):
     steep_soc: float = 0.003
     known: float = 0.2
     kelvin: float = SEARCH.kelvin_tolerance
-    voltage_reading: float = SEARCH.voltage_reading_tolerance
-    current_reading: float = SEARCH.current_reading_tolerance
-    clock: float = SEARCH.clock_tolerance
 
 
 def frees(stack, start, tolerance, log_std=None, starts=None):

@@ -11,10 +11,12 @@ import numpy as np
 
 from cellwright.effects import base, beginning
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit, inverse, stds
+from cellwright.effects.score import densities, difference, left_out_squares, mean_squares
+from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit, inverse
 
 CHORD_STEPS, ANEW_STEPS = 6, 4
 POLISHED = 3  # how many trials at most
+SIZED = 2.0  # standard deviations from where an effect is absent: 95 %
 REDERIVED = 3  # how often at most a trial is refitted with new derivatives
 
 
@@ -121,7 +123,7 @@ def scored(candidates, white, residual, columns, precision, values):
     """
     mixed = columns.T @ white
     whole = white.T @ white
-    information = whole - mixed.T @ np.linalg.solve(precision, mixed)
+    information = whole - mixed.T @ inverse(precision) @ mixed
     slope = white.T @ residual
     scores, first = [], 0
     for candidate in candidates:
@@ -170,7 +172,9 @@ def residual_with_all(solution, candidates, whitening):
     # that an iron-phosphate cell's steep end turns into voltage) are else singular to rounding.
     size = np.sqrt(np.maximum(np.diag(gram + ridge), 1e-300))
     moment = both.T @ whitening.apply(solution.residual)
-    change = np.linalg.solve((gram + ridge) / np.outer(size, size), moment / size) / size
+    scaled = (gram + ridge) / np.outer(size, size)
+    # Least norm: where little of the records has weight, columns may be one and the same.
+    change = np.linalg.lstsq(scaled, moment / size, rcond=None)[0] / size
     return solution.residual - np.concatenate([solution.columns, many], axis=1) @ change
 
 
@@ -240,9 +244,8 @@ class State(NamedTuple):
     """A fitted model: its effects, and its errors on the records fitted and those that judge.
 
     values : of the validation records, with their own starts. validation : residual (m,), errors of
-    the starts taken out. validation_white : the same whitened. validation_chi_squares : (f,) of
-    each validation record. rmse_volt, validation_rmse_volt :
-    of a cell's voltage, of a group's branch currents times their cells' ohmic resistance [V].
+    the starts taken out. validation_white : the same whitened. rmse_volt, validation_rmse_volt : of
+    a cell's voltage, of a group's branch currents times their cells' ohmic resistance [V].
     """
 
     effects: tuple
@@ -250,7 +253,6 @@ class State(NamedTuple):
     values: dict
     validation: np.ndarray
     validation_white: np.ndarray
-    validation_chi_squares: np.ndarray
     rmse_volt: float
     validation_rmse_volt: float
 
@@ -263,31 +265,71 @@ class State(NamedTuple):
 class Trial(NamedTuple):
     """A candidate refitted, compared with the model without it.
 
-    score : fall of chi-square that the screen expected. delta_bic, delta_validation : fall of the
-    criterion on the records fitted, of chi-square on those that judge, both corrected for
-    correlated misfit by `inflation`, of each record by role. material : its size matters.
-    proof : proof.Consistency. proven : whether the records that judge show it; else it was judged
-    on the records fitted.
+    score : fall of chi-square that the screen expected. state : State with it. gain :
+    score.Difference from the model without it; density : (b,) of each block. None as long as they
+    were not asked.
     """
 
     effect: object
     score: float
-    delta_bic: float
-    delta_validation: float
-    material: bool
     state: State
-    proof: object = None
-    proven: bool = True
-    inflation: dict | None = None
-
-    @property
-    def j(self):
-        return self.delta_bic + (self.delta_validation if self.proven else 0.0)
+    gain: object = None
+    density: np.ndarray | None = None
 
     @property
     def at_limit(self):
         """Whether its leading size ended on a bound, beyond which no cell has it."""
         return self.effect.names[0] in self.state.solution.at_bound
+
+
+def has_size(effect, solution, deviations):
+    """Whether one of its sizes is one that somebody acts on, and its leading one on no bound.
+
+    That is `SIZED` deviations from none, and its `Parameter.material`.
+
+    Parameters
+    ----------
+    effect : Effect. solution : least_squares.Solution of a model with it. deviations : dict.
+    """
+    if effect.names[0] in solution.at_bound:
+        return False
+    return any(
+        abs(solution.values[name] - p.neutral) >= max(SIZED * deviations[name], p.material)
+        for p, name in zip(effect.parameters, effect.names, strict=True)
+        if not p.shape and name in deviations
+    )
+
+
+def densities_of(state, blocks):
+    """Log predictive density of each block by a fitted model (b,), see `score`.
+
+    A block of the records fitted is predicted by the fit without it.
+
+    Parameters
+    ----------
+    state : State. blocks : score.Blocks.
+    """
+    solution = state.solution.inside
+    count = len(blocks.record)
+    about = solution.white, solution.whitened, solution.precision, blocks.fitted, count
+    left_out = left_out_squares(*about, vague=_vague(state.effects, solution))
+    seen = mean_squares(state.validation_white, blocks.judging, count)
+    return densities(np.where(blocks.judges, seen, left_out))
+
+
+def _vague(effects, solution):
+    """Precision of parameters that have no prior, by their bounds, and their distance from absent.
+
+    Without it what a single block tells of would not be predicted there at all.
+    """
+    known, away = np.zeros(len(solution.names)), np.zeros(len(solution.names))
+    place = {name: k for k, name in enumerate(solution.names)}
+    for effect in effects:
+        for p, name in zip(effect.parameters, effect.names, strict=True):
+            if name in place and not np.isfinite(p.prior_std):
+                known[place[name]] = (p.plausible or p.upper - p.lower) ** -2.0
+                away[place[name]] = solution.values[name] - p.neutral
+    return known, away
 
 
 def scores_to_refit(scores, ends, most):
@@ -338,72 +380,45 @@ def tried(case, possible, free, before, score, filters, end=None):
     else:
         how |= {name: getattr(before.solution, name) for name in ("columns", "white", "gram")}
     solution = fit(problem, start, **how)
-    return trial_of(case, before, effect, effects, score.chi_square, solution, filters)
+    return Trial(effect, score.chi_square, case.state(effects, solution, filters))
 
 
-def trial_of(case, before, effect, effects, promised, solution, filters):
-    """Trial of an effect by the fit of a model with it, not judged yet; see `tried`."""
-    state = case.state(effects, solution, filters)
-    counted = determined(effect, solution) * np.log(len(solution.prediction))
-    return Trial(
-        effect,
-        promised,
-        before.solution.cost - solution.cost - counted,
-        float(np.sum(before.validation_chi_squares - state.validation_chi_squares)),
-        is_material(effect, solution),
-        state,
-    )
-
-
-def judged(case, before, trials, filters):
-    """Trials with their proof, best first; falls of chi-square corrected for correlated misfit.
-
-    Of each record the trial tells the misfit that leaves the least of it: what one effect explains
-    is no misfit. By the misfit of a record its fall of chi-square is too large, and its rows are
-    worth as much fewer. What the priors say was weighed in the fit against chi-squares that were
-    too large: it counts as much less as all rows together.
+def compared(case, before, trials, filters):
+    """Trials with what they gain over the model without them, best first.
 
     Parameters
     ----------
     case : as in `search`. before : State without the trials. trials : list of Trial.
     filters : of the round.
-
-    Returns
-    -------
-    trials : list of Trial.
     """
-    if not trials:
-        return []
-    inflations = [case.inflation(trial.state) for trial in trials]
-    least = {role: np.min([one[role] for one in inflations], axis=0) for role in inflations[0]}
-    rows = case.rows_per_record()
-    worth = np.sum(rows / least["fit"])
-    with_proof = []
+    without, record = case.densities(before, filters), filters.blocks.record
+    known = []
     for trial in trials:
-        falls = case.falls(before, trial.state)
-        proof, proven = case.proof(before, trial.state, filters, least)
-        solutions = before.solution, trial.state.solution
-        by_priors = np.subtract(*(s.cost - s.chi_square for s in solutions)) * worth / rows.sum()
-        counted = determined(trial.effect, trial.state.solution) * np.log(max(worth, np.e))
-        criterion = float(np.sum(falls["fit"] / least["fit"]) + by_priors - counted)
-        fall = float(np.sum(falls["validation"] / least["validation"]))
-        now = {"delta_bic": criterion, "delta_validation": fall, "proof": proof, "proven": proven}
-        with_proof.append(trial._replace(**now, inflation=least))
-    return sorted(with_proof, key=lambda t: -t.j)
+        density = case.densities(trial.state, filters)
+        gain = difference(density, without, record)
+        known.append(trial._replace(gain=gain, density=density))
+    return sorted(known, key=lambda t: -t.gain.total)
 
 
 def polished(case, free, before, trials, filters):
-    """Trials, best first; the best, and the best by the fit alone, refitted with new derivatives
-    where kept ones do not hold.
+    """Trials, best first, the best of them refitted with new derivatives where kept ones mislead.
+
+    Parameters
+    ----------
+    case, free, before, filters : as in `tried`. trials : list of Trial, from `compared`.
     """
-    trials = sorted(trials, key=lambda t: -t.j)
-    best = max(trials[0].j, 0.0) if trials else 0.0
-    by_fit = max(trials, key=lambda t: t.delta_bic, default=None)
-    for n, trial in enumerate(trials):
-        near = n < POLISHED and trial.j >= case.polish_share * best
-        if (near or trial is by_fit) and case.misled(before, trial):
-            trials[n] = _refitted(case, free, before, trial, filters)
-    return sorted(trials, key=lambda t: -t.j)
+    again = [
+        n < POLISHED and trial.gain.total > 0.0 and case.misled(before, trial)
+        for n, trial in enumerate(trials)
+    ]
+    refitted = [
+        _refitted(case, free, before, trial, filters)
+        for trial, misled in zip(trials, again, strict=True)
+        if misled
+    ]
+    others = [trial for trial, misled in zip(trials, again, strict=True) if not misled]
+    known = compared(case, before, refitted, filters) if refitted else []
+    return sorted([*known, *others], key=lambda t: -t.gain.total)
 
 
 def _refitted(case, free, before, trial, filters):
@@ -414,7 +429,7 @@ def _refitted(case, free, before, trial, filters):
         origin, end = trial.state, trial.state.solution
         kept = {"columns": derivatives(problem, end.values, end.prediction), "renew": effect.names}
         solution = fit(problem, end.values, **kept, steps=CHORD_STEPS)
-        trial = trial_of(case, before, effect, effects, trial.score, solution, filters)
+        trial = trial._replace(state=case.state(effects, solution, filters))
         if not case.misled(origin, trial):
             break
     return trial
@@ -425,45 +440,4 @@ def frees_of(effect):
     pairs = zip(effect.parameters, effect.names, strict=True)
     return tuple(
         Free(name, p.step, p.neutral, p.prior_std, p.lower, p.upper) for p, name in pairs if p.step
-    )
-
-
-def determined(effect, solution):
-    """How many parameters of an effect the records determine, beyond what their priors say.
-
-    A course over SoC has knots where no record was: they follow nothing, and cost nothing.
-
-    Parameters
-    ----------
-    effect : Effect. solution : least_squares.Solution of a model with it.
-
-    Returns
-    -------
-    number : up to that of its free parameters.
-
-    Source: D. MacKay, Neural Computation 4 (1992) 415 (well-determined parameters).
-    """
-    names = {free.name for free in frees_of(effect)}
-    mine = [k for k, name in enumerate(solution.names) if name in names]
-    shares = np.sum(inverse(solution.precision)[mine] * solution.gram[:, mine].T, axis=1)
-    return float(np.clip(shares, 0.0, 1.0).sum())
-
-
-def is_material(effect, solution):
-    """Whether anyone would act on the sizes of an effect, less a standard deviation of each.
-
-    A course over SoC has knots where no record was: what it does there is nothing to act on.
-
-    Parameters
-    ----------
-    effect : Effect. solution : least_squares.Solution of a model with it.
-    """
-    deviations, sure = stds(solution), {}
-    for p, name in zip(effect.parameters, effect.names, strict=True):
-        size, unsure = solution.values[name] - p.neutral, deviations.get(name, 0.0)
-        sure[p.name] = p.neutral + np.sign(size) * max(abs(size) - unsure, 0.0)
-    if effect.material is not None:
-        return effect.material(sure)
-    return any(
-        abs(sure[p.name] - p.neutral) >= p.material for p in effect.parameters if not p.shape
     )

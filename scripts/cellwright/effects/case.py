@@ -7,11 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, beginning, proof, ties
-from cellwright.effects.candidates import State, candidates, frees_of, screened
+from cellwright.effects import base, ties
+from cellwright.effects.candidates import State, candidates, densities_of, frees_of, screened
+from cellwright.effects.floor import excess_volt, floor_of, misfit_of
 from cellwright.effects.judge import rests_of, started, tolerated, unfitted
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import lacking
+from cellwright.effects.score import NU, blocks_of, rms_of_blocks
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import SETTLED, Problem, stds
 from cellwright.numerics.statistics import rms
@@ -27,27 +29,27 @@ class Gates(NamedTuple):
     """When an effect counts.
 
     refits : effects of a round that are fitted in full, the best of the score test first; the right
-    one is among the first eight. rounds : effects one cell may lack. bic, validation_chi_square :
-    an effect must lower the information criterion of the fit, and the chi-square of the tests for
-    proof, by more. visible_chi_square : an effect of plausible size whose chi-square there stays
-    below this cannot be tested. material_volt, unknown_volt : see config/README.md. tie_absolute,
-    tie_relative : effects whose J (gain of the criterion plus that of the proof) is within the
-    larger of these of the best are equally good. most_slow_volt, most_slow_second : slow noise that
-    is believed; more would swallow hysteresis and slow diffusion. steep_volt : samples that
+    one is among the first eight. rounds : effects that may join a model. visible_chi_square : an
+    effect of plausible size whose chi-square there stays below this cannot be tested. joins,
+    counts, apart : standard errors of the gain in predictive density from which an effect joins the
+    model, by its ranks from which it may have a name, and up to which two are tied. material_volt,
+    material_share : what a name takes off the rms error of either side, and of what the plain model
+    leaves beyond the floor. unknown_volt, unknown_share : what is left without a name, of the plain
+    model's excess, and is told as unknown. most_slow_volt, most_slow_second : slow noise that is
+    believed; more would swallow hysteresis and slow diffusion. steep_volt : samples that
     `Tolerance.steep_soc` alone moves by more count in no rms error.
     """
 
     refits: int = 8
-    bic: float = (
-        10.0  # very strong evidence: Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572
-    )
-    validation_chi_square: float = 25.0  # five standard deviations of one parameter
-    visible_chi_square: float = 25.0  # likewise
+    rounds: int = 6
+    visible_chi_square: float = 25.0  # five standard deviations of one parameter
+    joins: float = 2.0  # 95 %
+    counts: float = 3.0  # 99.7 %: of all that joins, what somebody is told
+    apart: float = 1.645  # 95 %, one-sided
     material_volt: float = SEARCH.material_volt
+    material_share: float = 0.2
     unknown_volt: float = SEARCH.unknown_volt
-    tie_absolute: float = 6.0  # strong evidence, by the same scale
-    tie_relative: float = 0.03  # frozen before the cells it was proved on were made
-    rounds: int = 4
+    unknown_share: float = 0.5  # policy: no significance tells the right law from the nearest one
     most_slow_volt: float = 0.0012
     most_slow_second: float = 300.0
     steep_volt: float = 0.002
@@ -65,6 +67,7 @@ class Filters(NamedTuple):
     noise : noise.Noise. extra_volt : see `extra_volt_of`. Rows on a steep end of the OCV, where a
     little charge is many millivolts, do not count. misfit_volt : (n,) of each row fitted, what the
     best model leaves of its block beyond the noise; zero as long as nobody would act on it.
+    blocks : score.Blocks, by the SoC as it is counted before the search.
     """
 
     noise: noise.Noise
@@ -74,6 +77,7 @@ class Filters(NamedTuple):
     fit_rows: np.ndarray
     validation_rows: np.ndarray
     misfit_volt: np.ndarray
+    blocks: object
 
 
 class Case(NamedTuple):
@@ -84,7 +88,6 @@ class Case(NamedTuple):
     Case with the other hold of the current, or None. first_capacity : where a fit begins, relative
     to the measured one [1]. holds_declared : whether both branches of the slow test that tells
     the OCV are among the records fitted, so that it and the capacity stay within their tolerances.
-    misread : readings.Misread that were taken off their tests.
     The methods are those that `search` needs.
     """
 
@@ -94,16 +97,13 @@ class Case(NamedTuple):
     tolerance: base.Tolerance = base.Tolerance()
     gates: Gates = Gates()
     gap: SlowGap = SlowGap()
-    polish_share: float = 0.3  # of the best J, from which a misled trial is refitted
     settled: float = SETTLED
-    most_small: int = 4
     keeps_derivatives: bool = True
     start: dict | None = None
     log_std: dict | None = None
     otherwise: object = None
     first_capacity: float = 0.0
     holds_declared: bool = False
-    misread: tuple = ()
 
     @property
     def steady_ampere(self):
@@ -158,9 +158,9 @@ class Case(NamedTuple):
         A knee that no effect bends as the cell does would else, by the square of its error, decide
         resistances, capacity and OCV everywhere. Nobody acts on changes up to `unknown_volt`.
         """
-        soc = base.fields_of(self.cell, self.fit, beginning.first_values(self.cell, self.fit)).soc
         residuals = [trial.state.solution.residual for trial in trials]
-        misfit = proof.misfit_of(self.fit, soc, residuals, noise_volt=filters.noise.volt)
+        about = filters.blocks.fitted, len(filters.blocks.record)
+        misfit = misfit_of(residuals, *about, noise_volt=filters.noise.volt)
         if np.abs(misfit - filters.misfit_volt).max() <= self.gates.unknown_volt:
             return None
         return filters_of(self, filters.noise, filters.extra_volt, misfit_volt=misfit)
@@ -174,80 +174,53 @@ class Case(NamedTuple):
         return state_of(self, effects, solution, filters)
 
     def floor(self, before, free, residual, filters, earlier):
-        """Error that readings and stated tolerances leave, of the plain model: proof.Floor."""
+        """Error that readings and stated tolerances leave, of the plain model: floor.Floor."""
         if earlier:
             return earlier[0].floor
         read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
         read = min(read, filters.noise.white_volt)
-        return proof.floor_of(self, before, free, filters.validation_rows, read)
+        return floor_of(self, before, free, filters.validation_rows, read)
 
-    def proof(self, before, after, filters, inflations):
-        """How evenly a further effect helps: (Consistency, whether records that judge show it).
+    def densities(self, state, filters):
+        """Log predictive density of each block by a fitted model (b,)."""
+        return densities_of(state, filters.blocks)
 
-        Where these cannot tell, it is judged on the records fitted. inflations : by role.
+    def matters(self, first, before, after, effect, floor):
+        """Whether an effect takes so much off the error of either side that somebody acts on it.
+
+        A millivolt, and a fifth of what the plain model leaves beyond the floor: less beside a
+        right name is the shape of its own law. What would be told if it were left counts anyway.
+
+        first, before, after : State of the healthy model, and without and with the effect.
         """
-        sums = self.changed(before, after, filters)
-        material = self.gates.material_volt
-        fitted, shown = (
-            proof.evenly(sums[role], material_volt=material) for role in ("fit", "validation")
-        )
-        about = before, after, self.validation.file, inflations["validation"]
-        promised = proof.promised_of(*about).sum()
-        proven = proof.can_judge(self.gates, shown, fitted, promised)
-        return (shown if proven else fitted), proven
+        sides = ("rmse_volt", floor.fit_volt), ("validation_rmse_volt", floor.validation_volt)
+        for name, least in sides:
+            was, now = getattr(before, name), getattr(after, name)
+            share = self.gates.material_share * excess_volt(getattr(first, name), least)
+            asked = max(self.gates.material_volt, min(share, self.gates.unknown_volt))
+            if excess_volt(was, now) >= asked:
+                return True
+        return False
 
-    def changed(self, before, after, filters):
-        """What a further effect changes of each block of the records fitted and of those for proof.
-
-        Returns dict of proof.BlockSums by role, "fit" and "validation".
-        """
-        fit, judging = self.fit, self.validation
-        fitted = before.solution.residual, after.solution.residual
-        shown = before.validation, after.validation
-        about = after, after.solution.values, filters.fit_rows
-        of_proof = after, after.values, filters.validation_rows
-        return {
-            "fit": proof.changed(self.cell, fit, fitted, *about),
-            "validation": proof.changed(self.cell, judging, shown, *of_proof),
+    def excess(self, state, floor, filters):
+        """Error beyond the floor by side, each block once [V]: dict."""
+        blocks = filters.blocks
+        sides = {
+            "fit": (state.solution.residual, blocks.fitted, filters.fit_rows, ~blocks.judges),
+            "validation": (
+                state.validation,
+                blocks.judging,
+                filters.validation_rows,
+                blocks.judges,
+            ),
         }
-
-    def inflation(self, state):
-        """By how much the chi-square of each record is too large by correlation, by role.
-
-        What a model misses lasts for minutes to hours and is no reading noise.
-        """
-        stacks = ("fit", state.solution.whitened), ("validation", state.validation_white)
-        sides = {role: (getattr(self, role), white) for role, white in stacks}
         return {
-            role: proof.inflation(white, stack.file, len(stack.first))
-            for role, (stack, white) in sides.items()
+            side: excess_volt(
+                rms_of_blocks(residual, np.where(rows, block, -1), chosen),
+                getattr(floor, f"{side}_volt"),
+            )
+            for side, (residual, block, rows, chosen) in sides.items()
         }
-
-    def falls(self, before, after):
-        """Fall of the chi-square of each record from one State to another, by role."""
-        white = (np.square(s.solution.whitened) for s in (before, after))
-        fit = np.subtract(*(np.bincount(self.fit.file, squares) for squares in white))
-        judged = before.validation_chi_squares - after.validation_chi_squares
-        return {"fit": fit, "validation": judged}
-
-    def rows_per_record(self):
-        """Number of rows of each record fitted (f,)."""
-        return np.bincount(self.fit.file)
-
-    def matters(self, first, before, trial, floor, *, share=1.0):
-        """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
-        after = trial.state
-        taken = proof.excess_volt(before.rmse_volt, after.rmse_volt)
-        if trial.proven:
-            errors = before.validation_rmse_volt, after.validation_rmse_volt
-            taken = max(taken, proof.excess_volt(*errors)) if errors[1] < errors[0] else 0.0
-        errors = ("rmse_volt", "validation_rmse_volt")
-        risen = [proof.excess_volt(getattr(after, e), getattr(before, e)) for e in errors]
-        if max(risen) > self.gates.material_volt:
-            return False
-        # A small size matters, too, where the load makes a large voltage of it.
-        sized = trial.material or taken >= self.gates.unknown_volt
-        return sized and taken >= share * self.gates.material_volt
 
     def misled(self, before, trial):
         """Whether resistances, time constants or the SoC moved too far for kept derivatives."""
@@ -273,14 +246,14 @@ class Case(NamedTuple):
         against += [t for t in slow if _in_place_of_hysteresis(self, t)]
         return {t.effect.key for t in against}
 
-    def ties(self, chosen, tied, denied, library):
-        """The ties of a choice with their structural partners, without those that are denied."""
-        values = chosen.state.solution.values
-        effect = chosen.effect
+    def ties(self, trial, tied, denied, library):
+        """The ties of an effect with their structural partners, without those that are denied."""
+        values = trial.state.solution.values
+        effect = trial.effect
         tied = ties.with_partners(effect.id, tied, library, values)
         ampere_hour = self.cell.capacity_ampere_hour
         tied = (*tied, *ties.at_one_temperature(effect, self.fit, ampere_hour))
-        if effect.in_rest_log is not None and _by_rest_log(self, chosen) is not None:
+        if effect.in_rest_log is not None and _by_rest_log(self, trial) is not None:
             denied = denied | {e.id for e in library.values() if e.in_rest_log is not None}
         return tuple(name for name in tied if name not in denied)
 
@@ -343,17 +316,15 @@ def state_of(case, effects, solution, filters):
     values = started(case.cell, stack, solution.values, effects, case.tolerance, pairs, rests)
     volt = base.voltage(case.cell, stack, values, effects)
     about = case.cell, stack, values, effects, case.tolerance
-    moved, explained, kelvin = tolerated(*about, volt, filters.validation, pairs)
+    moved, kelvin = tolerated(*about, volt, filters.validation, pairs)
     values = values | {f"kelvin[{k}]": float(error) for k, error in enumerate(kelvin)}
     error = stack.voltage_volt - volt - moved
-    white = filters.validation.apply(stack.voltage_volt - volt)
     return State(
         effects,
         solution,
         values,
         error,
         filters.validation.apply(error),
-        np.bincount(stack.file, white**2) - explained,
         rms(solution.residual[filters.fit_rows]),
         rms(error[filters.validation_rows]),
     )
@@ -372,12 +343,12 @@ def extra_volt_of(case, values):
 def filters_of(case, spread, extra, *, misfit_volt=0.0):
     """Filters of both stacks for a noise.
 
-    extra : see `extra_volt_of`. misfit_volt : (n,) or 0, see `Filters`. By it times the noise the
-    variance of a row grows: least squares reweighted so that a block costs by its rms error, not by
-    its square (E. Schlossmacher, J. Am. Stat. Assoc. 68 (1973) 857).
+    extra : see `extra_volt_of`. misfit_volt : (n,) or 0, see `Filters`. The variance of a row grows
+    by its square over ν + 1: least squares reweighted by the t of the score, block by block (K.
+    Lange, R. Little, J. Taylor, J. Am. Stat. Assoc. 84 (1989) 881).
     """
     misfit = np.broadcast_to(misfit_volt, len(extra[0]))
-    further = np.sqrt(np.square(extra[0]) + misfit * spread.volt)
+    further = np.sqrt(np.square(extra[0]) + np.square(misfit) / (NU + 1.0))
     return Filters(
         spread,
         extra,
@@ -386,4 +357,14 @@ def filters_of(case, spread, extra, *, misfit_volt=0.0):
         extra[0] <= case.gates.steep_volt,
         extra[1] <= case.gates.steep_volt,
         misfit,
+        _blocks(case),
     )
+
+
+def _blocks(case):
+    """Blocks of both stacks, by the SoC as it was counted."""
+    sides = []
+    for stack in (case.fit, case.validation):
+        values = dict.fromkeys(base.base_names(len(stack.first)), 0.0) | base.stated_starts(stack)
+        sides.append((stack.file, base.fields_of(case.cell, stack, values).soc, stack.used))
+    return blocks_of(*sides)

@@ -7,41 +7,31 @@ import numpy as np
 from cellwright.effects import base
 from cellwright.effects.candidates import frees_of
 from cellwright.effects.case import Gates, not_excited
-from cellwright.effects.ceiling import ceiling
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case, with_simulated
 from cellwright.effects.given.judged import as_given, judged_blocks
 from cellwright.effects.given.paired import Pairing, paired
-from cellwright.effects.judge import (
-    BANDS,
-    joined,
-    residual_map,
-    unsure_by_temperature,
-    worst,
-)
+from cellwright.effects.judge import joined, residual_map, unsure_by_temperature, worst
+from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.member import folds
-from cellwright.effects.odds import SURE, probability_of
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
-from cellwright.effects.preparing import prepared
-from cellwright.effects.proof import explained, prominent
+from cellwright.effects.preparing import STEPS_OF_HOLD, prepared
 from cellwright.effects.records import parts_of
-from cellwright.effects.search import against
+from cellwright.effects.score import BANDS
+from cellwright.effects.search import search
 from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
 from cellwright.effects.story.words import paragraph
-from cellwright.effects.verdict import entry_of, searched, verdict_of
+from cellwright.effects.verdict import outcome, verdict_of
 from cellwright.effects.witnesses.collected import values_of
-from cellwright.numerics.least_squares import covariances, stds
+from cellwright.numerics.least_squares import covariances, fit, stds
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
 
 NEEDLESS = "needless beside the others"
-SMALL_PART = "it takes off less than half as much as is left beside it"
-SMALL = "in the model, too small for a name"
-NOT_SURE = f"in the model; beside a likelier name it has to be {100 * SURE:.0f} % likely"
 KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model
 
 
@@ -176,61 +166,48 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     split_rest_second : shortest rest that ends a block [s]; None: the model is not fitted again
     without blocks, which only a choice between models asks for.
     """
-    case, rounds, result, shares_of_answers, holds, alone, outside = searched(case, library)
-    residuals = _map(case, rounds[0].before, result.last)
+    found, result, fitted = searched(case, library)
+    case, rounds, deviations = found.case, found.rounds, fitted.stds
+    first, last = found.first, found.last
+    residuals = _map(case, first, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
-    named = {step.chosen.effect.id for step in result.steps}
+    named = {one.effect.id for one in result.names}
     hidden = set.intersection(*(set(step.hidden) for step in rounds)) - named
     hidden |= {name for name, effect in library.items() if effect.invisible}
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     place = worst(residuals, result.floor.validation_volt)
     open_place = None if result.adequate else place
-    menu, advice, test = advised(case, result, rounds, library, untestable, open_place, outside)
-    verdict = verdict_of(
-        *(name, result, rounds, place),
-        next_test=advice,
-        not_testable=untestable,
-        entry=lambda *of: entry_of(*of, parts_of(case.fit)),
-    )
+    menu, advice, test = advised(found, result, library, untestable, open_place)
+    further = {"next_test": advice, "not_testable": untestable}
+    verdict = verdict_of(name, found, result, place, deviations, **further)
     verdict["base"] = base_name
     if base_name != "plain":
         verdict["as_given_rmse_volt"] = as_given(case, rounds[0].filters)
-    for entry in (*verdict["effects"], *verdict["partial"]):
-        names = entry["effect"], *entry["alternatives"]
-        entry["probability"] = probability_of(shares_of_answers, names)
-    verdict["remainder"] |= _learnable(case, result, rounds[-1].filters)
-    verdict |= {"next_test_id": test, "probabilities": shares_of_answers}
-    verdict["worsened"] = worsened(residuals)
-    verdict["outside"] = [_outside(trial, result.last, parts_of(case.fit)) for trial in outside]
-    kept = bool(result.steps) and result.word in KEPT
-    state = result.last if kept else rounds[0].before
+    verdict |= {"next_test_id": test, "worsened": worsened(residuals)}
+    # What has no name in the vocabulary has no place in a model file.
+    kept = [one.effect for one in found.beside if one.effect.id not in OUTSIDE]
+    state = found.with_only(kept) if result.word in KEPT else first
     verdict["nuisances"] = declared_values_at_limit(case, state, parts_of(case.fit))
-    ranking = ranking_of(case, rounds, result)
-    nameless = dict.fromkeys(verdict["small"], SMALL)
-    nameless |= {step.unsure.effect.key: NOT_SURE for step in rounds if step.unsure}
-    verdict["against"] = _last_against(ranking, named) | nameless
-    plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
+    ranking = ranking_of(found, result)
+    verdict["against"] = _last_against(ranking, named) | verdict["against"]
+    plain = Model(first.solution.values, first.effects)
     model = model_of(case, state)
-    values = values_of(model) | result.last.solution.values
-    further = [t.state.solution for t in rounds[-1].trials if t.delta_bic > 0]
-    fitted = _fitted(case, result.last, rounds[-1].filters.fit, holds, alone, further)
+    values = values_of(model) | last.solution.values
     for entry in (*verdict["effects"], *verdict["partial"]):
-        effect = library[entry["effect"]]
-        entry["parameters"] = _as_sure(effect, entry["parameters"], fitted)
-        sizes = sizes_as_used(effect, entry["parameters"], values, fitted)
+        sizes = sizes_as_used(library[entry["effect"]], entry["parameters"], values, fitted)
         entry["sizes"] = [size._asdict() for size in sizes]
     verdict["paragraph"] = paragraph(verdict, library)
-    if kept and split_rest_second is not None:
+    if result.word in KEPT and split_rest_second is not None:
         rest = {"split_rest_second": split_rest_second}
-        model["folds"] = folds(case, result.last, rounds[-1].noise, **rest)
+        model["folds"] = folds(case, state, rounds[-1].noise, **rest)
         if base_name == "own":
-            model["blocks"] = judged_blocks(case, result.last, model["folds"], **rest)
+            model["blocks"] = judged_blocks(case, state, model["folds"], **rest)
     return Finding(
         verdict,
         ranking,
         residuals,
-        _evidence(case, result),
-        _series(case, rounds[0].before, result.last, rounds[-1].filters),
+        _evidence(found, result),
+        _series(case, first, result.last, found.filters),
         confounding(shown(case, library, plain, spread=rounds[0].noise)),
         menu,
         model,
@@ -238,36 +215,41 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     )
 
 
-def _learnable(case, result, filters):
-    """What any function of SoC, temperature and past current would leave of the last model."""
-    best = ceiling(case, result.last, filters, result.floor)
-    return {
-        "ceiling_volt": best.validation_volt,
-        "ceiling_fit_volt": best.fit_volt,
-        "learnable": best.learnable,
-    }
+def searched(case, library):
+    """What a search of a cell comes to.
+
+    Parameters
+    ----------
+    case : case.Case. library : dict of Effect by id.
+
+    Returns
+    -------
+    found : search.Found. result : verdict.Outcome. fitted : Fitted, of its last model.
+    """
+    # Rivals first of their stage: the heat of the core is that of the resistances in the end.
+    found = search(case, OUTSIDE | library)
+    fitted = _fitted(found)
+    return found, outcome(found, fitted.stds), fitted
 
 
-def _outside(trial, before, parts):
-    """What the vocabulary has no name for: its size, and errors of a State without and with it."""
-    (p, *_), (name, *_) = trial.effect.parameters, trial.effect.names
-    ends = before, trial.state
-    errors = {
-        side: dict(zip(("before", "after"), (getattr(s, side) for s in ends), strict=True))
-        for side in ("rmse_volt", "validation_rmse_volt")
-    }
-    solution = trial.state.solution
-    size = {"value": float(solution.values[name]), "std": stds(solution, parts)[name]}
-    return {"effect": trial.effect.id, "parameter": p.name, "unit": p.unit} | size | errors
+def _otherwise(found):
+    """Solution of the last model under the other hold of the current, or None."""
+    case, last = found.case, found.last
+    if case.otherwise is None or not last.effects:
+        return None
+    free = found.model.plain
+    for effect in found.model.effects:
+        free = case.with_effect(free, effect)
+    problem = case.otherwise.problem(last.effects, free, found.filters)
+    return fit(problem, last.solution.values, steps=STEPS_OF_HOLD)
 
 
-def _fitted(case, state, whitening, holds, alone, further):
+def _fitted(found):
     """How sure the parameters of a model are: by what is left, stated temperatures, and the hold.
 
-    And by what they are in models that are as good to anyone: without an effect that nobody would
-    act on (`alone`, a Solution or None), and with one more that follows the records fitted better
-    but is no name (`further`, list of Solution); they disagree by that (S. Buckland et al.,
-    Biometrics 53 (1997) 603).
+    And by what they are in models that are as good to anyone, with one more effect that predicts
+    better but too little for a name; they disagree by that (S. Buckland et al., Biometrics 53
+    (1997) 603).
 
     What is left is taken as independent between parts of records, and between whole records: what
     one has of its own (a core warmer than its surface) is in all of its parts. Between the holds of
@@ -275,28 +257,19 @@ def _fitted(case, state, whitening, holds, alone, further):
     tell a resistance and half a sample of a fast pair apart by nothing. What ended on a bound is
     taken as known there; the verdict says so.
     """
-    state = state._replace(solution=state.solution.inside)
-    by_temperature = unsure_by_temperature(case, state, whitening)
-    spreads = covariances(state.solution, parts_of(case.fit))
+    case, last = found.case, found.last
+    state = last._replace(solution=last.solution.inside)
+    solution, names = state.solution, state.solution.names
+    spreads = covariances(solution, parts_of(case.fit))
     if len(case.fit.tests) > 1:
-        spreads += covariances(state.solution, case.fit.file)[1:]
-    names = state.solution.names
-    assumed = by_temperature + _unsure_by_hold(names, *holds) if holds else by_temperature
-    for others in ([] if alone is None else [alone], further):
-        changes = [_change_to(names, state.solution, other) for other in others]
-        assumed = assumed + sum(np.outer(c, c) for c in changes) / max(len(others), 1)
+        spreads += covariances(solution, case.fit.file)[1:]
+    assumed = unsure_by_temperature(case, state, found.filters.fit)
+    if (other := _otherwise(found)) is not None:
+        assumed = assumed + _unsure_by_hold(names, solution, other)
+    further = [t.state.solution for t in found.rounds[-1].trials if t.gain.total > 0]
+    changes = [_change_to(names, solution, one) for one in further]
+    assumed = assumed + sum(np.outer(c, c) for c in changes) / max(len(further), 1)
     return Fitted(names, tuple(one + assumed for one in spreads))
-
-
-def _as_sure(effect, parameters, fitted):
-    """Parameters of an effect in a verdict, as sure as the sizes that follow from them."""
-    stds = np.sqrt(np.max([np.diag(one) for one in fitted.covariances], axis=0))
-    by_name = dict(zip(fitted.names, stds.tolist(), strict=True))
-    names = {one.name: name for one, name in zip(effect.parameters, effect.names, strict=True)}
-    return {
-        name: one | ({} if one["std"] is None else {"std": by_name.get(names[name], one["std"])})
-        for name, one in parameters.items()
-    }
 
 
 def _change_to(names, solution, other):
@@ -331,42 +304,38 @@ def _map_of(case, stack, role, before, after):
     return residual_map(stack, role, fields.soc, *residuals, capacity, stack.used)
 
 
-def ranking_of(case, rounds, result=None):
+def ranking_of(found, result):
     """Every candidate that was refitted, round by round, as dict of columns.
 
     Parameters
     ----------
-    case : of a cell or group. rounds : list of search.Round. result : verdict.Outcome of them,
-        where names may be refused at the end.
+    found : search.Found. result : verdict.Outcome of it.
     """
     rows = [
         {"round": number}
-        | _ranked(trial, step)
-        | {"against": _against(case, rounds[0], step, trial, result)}
-        for number, step in enumerate(rounds, 1)
+        | _ranked(trial, step, result)
+        | {"against": _against(found, step, trial, result)}
+        for number, step in enumerate(found.rounds, 1)
         for trial in step.trials
     ]
     return {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
 
 
-def _against(case, first, step, trial, result):
-    """Why a trial is no choice of its round, in words; empty for the choice that stays."""
-    if trial is step.chosen and trial.effect.key not in step.dropped:
+def _against(found, step, trial, result):
+    """Why a trial is no name, in words; empty for one that is."""
+    chosen = trial is step.chosen
+    unnamed = [why for one, why in result.unnamed if one.effect is trial.effect]
+    if chosen and any(one.effect is trial.effect for one in result.names):
         return ""
-    if trial is step.unsure:
-        return NOT_SURE
-    if explained(case.gates, step.before, first.floor):
-        return "nothing is left that anyone would act on"
-    words = list(against(case, first.before, step.before, trial, first.floor))
-    if trial.effect.key in case.denied(step.trials):
-        words.append("a measurement contradicts it")
-    if trial.at_limit:
-        words.append("its size is at the limit of what it can be")
-    if trial.effect.key in step.dropped:
-        last = result is not None and result.refused is not None and trial is result.refused.chosen
-        shown = prominent(step.before, trial, first.floor)
-        words.append(result.why_refused if last else NEEDLESS if shown else SMALL_PART)
-    return "; ".join(words) or "another explains more"
+    if chosen and unnamed:
+        return unnamed[0]
+    if chosen or trial.effect.key in step.dropped:
+        return NEEDLESS
+    if trial.effect.key in step.denied:
+        return "a measurement contradicts it"
+    if trial.gain.z < found.case.gates.joins:
+        return "it does not predict surely better"
+    return "another explains more" if step.chosen else "nothing is left that anyone would act on"
 
 
 def _last_against(ranking, named):
@@ -375,48 +344,64 @@ def _last_against(ranking, named):
     return {effect: words for effect, words in pairs if effect not in named and words}
 
 
-def _ranked(trial, step):
+def _ranked(trial, step, result):
     effect, solution = trial.effect, trial.state.solution
     names = [free.name for free in frees_of(effect)]
     row = {"effect": effect.id}
     if effect.position is not None:
         row |= {"branch": effect.position + 1, "value": solution.values[effect.names[0]]}
+    tied = {
+        key
+        for one in result.names
+        if step.chosen and one.effect is step.chosen.effect
+        for key in one.tied
+    }
     return row | {
         "parameters_counted": len(names),
         "score_chi_square": trial.score,
-        "delta_bic": trial.delta_bic,
-        "delta_validation_chi_square": trial.delta_validation,
+        "gain": trial.gain.total,
+        "z": trial.gain.z,
+        "rank_z": trial.gain.rank_z,
         "rmse_volt": trial.state.rmse_volt,
         "validation_rmse_volt": trial.state.validation_rmse_volt,
-        "j": trial.j,
         "in_range": not set(names) & set(solution.at_bound),
         "chosen": trial is step.chosen,
-        "tied": effect.key in step.tied,
+        "tied": effect.key in tied,
     }
 
 
-def _evidence(case, result):
-    """Of each effect chosen: what it changes of each block that judged it, and what was missing."""
-    parts = []
-    for step in result.steps:
-        chosen = step.chosen
-        role, stack = ("validation", case.validation) if chosen.proven else ("fit", case.fit)
-        sums = case.changed(step.before, chosen.state, step.filters)[role]
-        change = np.sqrt(sums.energy[sums.kept])
-        band = sums.block[sums.kept] % BANDS
-        parts.append(
-            {
-                "effect": [chosen.effect.id] * len(change),
-                "role": [role] * len(change),
-                "test": [stack.tests[k] for k in sums.file[sums.kept]],
-                "soc_low": (band / BANDS).tolist(),
-                "soc_high": ((band + 1) / BANDS).tolist(),
-                "rows": sums.rows[sums.kept].tolist(),
-                "sensitivity_volt": change.tolist(),
-                "residual_volt": (sums.shared[sums.kept] / change).tolist(),
-            }
-        )
+def _evidence(found, result):
+    """Of each name: what it changes of each block, and what was missing there without it."""
+    blocks, parts = found.filters.blocks, []
+    for one in result.names:
+        ends = one.before, one.trial.state
+        for role, stack, block, residuals in (
+            ("fit", found.case.fit, blocks.fitted, [s.solution.residual for s in ends]),
+            ("validation", found.case.validation, blocks.judging, [s.validation for s in ends]),
+        ):
+            columns = _evidence_of(stack, block, blocks.band, residuals)
+            about = {"effect": one.effect.id, "role": role}
+            rows = len(columns["rows"])
+            parts.append({name: [value] * rows for name, value in about.items()} | columns)
     return joined(parts)
+
+
+def _evidence_of(stack, block, band, residuals):
+    """Columns of the evidence of one effect on one side, a row a block; see `score.Blocks`."""
+    inside = block >= 0
+    number, first, row = np.unique(block[inside], return_index=True, return_inverse=True)
+    before, change = residuals[0][inside], (residuals[0] - residuals[1])[inside]
+    rows = np.bincount(row)
+    size = np.sqrt(np.bincount(row, change**2) / rows)
+    missing = np.bincount(row, before * change) / rows / np.maximum(size, 1e-12)
+    return {
+        "test": [stack.tests[k] for k in stack.file[inside][first]],
+        "soc_low": (band[number] / BANDS).tolist(),
+        "soc_high": ((band[number] + 1) / BANDS).tolist(),
+        "rows": rows.tolist(),
+        "sensitivity_volt": size.tolist(),
+        "residual_volt": missing.tolist(),
+    }
 
 
 def _series(case, before, after, filters):

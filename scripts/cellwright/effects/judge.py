@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, beginning
+from cellwright.effects.score import BANDS, LEAST_ROWS
 from cellwright.numerics.least_squares import Free, bounded_minimum, inverse
 from cellwright.numerics.statistics import rms
 from cellwright.records.conditions import low_current
@@ -22,10 +23,8 @@ CORE_STEP = 0.5  # K/W, for derivatives
 # Of what is known before a fit: of some dozens of records none lies farther off by chance.
 FAR_STDS = 3.0
 ALIKE_SOC = 0.02  # between two rests whose OCV errs alike
-BANDS = 10  # of the SoC
 RATE_CLASSES = (0.05, 0.7)  # C, between rest, low and high rates of a residual map
 RATES = ("rest", "discharge_low", "discharge_high", "charge_low", "charge_high")
-LEAST_ROWS = 5
 
 
 class Rests(NamedTuple):
@@ -161,21 +160,20 @@ def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, sh
     Returns
     -------
     moved_volt : (n,) change of the prediction by these errors [V].
-    chi_square : (f,) by which that of each record falls, what its prior asks in return taken off.
     kelvin : (f,) by how much each record was warmer than stated.
     """
     starts = base.start_names(len(stack.first))
     changes, unsure = unsure_of(cell, stack, values, effects, tolerance, prediction)
     both = whitening.apply(np.column_stack([changes, stack.voltage_volt - prediction]))
-    errors, fall = np.zeros((len(starts), 2)), np.zeros(len(starts))
+    errors = np.zeros((len(starts), 2))
     for k in sorted(set(range(len(starts))) - {k for k, _ in shared}):
         columns, error = both[stack.file == k, :-1], both[stack.file == k, -1]
         precision, moment = columns.T @ columns + np.diag(unsure[k] ** -2.0), columns.T @ error
         limit = FAR_STDS * unsure[k]
         found = bounded_minimum(precision, moment, -limit, limit)
-        errors[k, : len(found)], fall[k] = found, found @ (2 * moment - precision @ found)
+        errors[k, : len(found)] = found
     moved = np.sum(changes * errors[stack.file, : changes.shape[1]], axis=1)
-    return moved, fall, errors[:, 1]
+    return moved, errors[:, 1]
 
 
 def unsure_of(cell, stack, values, effects, tolerance, prediction):

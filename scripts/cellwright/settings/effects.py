@@ -11,9 +11,9 @@ class MissingEffect(NamedTuple):
     """The search for what a plain model of a cell lacks: an OCV, an ohmic resistance and two RC
     pairs, against every effect of the library.
 
-    material_volt [V] : An error that nobody acts on: an effect counts only if the mean square
-        error falls by the square of this or more, and only parts of a test that it changes by as
-        much are asked whether it helps. Source: accuracy of a voltage channel of a good cycler.
+    material_volt [V] : An error that nobody acts on: a name takes the square of this or more off
+        the mean square error, of the records fitted or of those for validation. Source: accuracy
+        of a voltage channel of a good cycler.
     unknown_volt [V] : An error left beyond noise and stated tolerances that is larger than this
         is told: as unknown, or as the remainder of what was named. Source: what models of cells
         are used for; resistance to 3 % at 0.1 V of overpotential.
@@ -27,14 +27,6 @@ class MissingEffect(NamedTuple):
     kelvin_tolerance [K] : Tolerance of a test's temperature that the sheet states and no sensor
         told, standard deviation: the cell's beside its chamber's. Source:
         docs/missing-effect.md.
-    voltage_reading_tolerance [V] : Error of the voltage's reading in one test alone, its offset
-        and what it drifts by until the end, standard deviation. More than three times this,
-        where tests like it do not show it, is told and taken off. Source: accuracy of a voltage
-        channel of a good cycler.
-    current_reading_tolerance : The same of the current's reading, relative, and of its offset as
-        a C-rate. Source: 0.1 %, usual shunts.
-    clock_tolerance [s] : The same of the time between the readings of voltage and current.
-        Source: half of the shortest usual interval between two readings.
     """
 
     material_volt: float = 0.001
@@ -43,9 +35,6 @@ class MissingEffect(NamedTuple):
     capacity_tolerance: float = 0.003
     soc_tolerance: float = 0.02
     kelvin_tolerance: float = 2.0
-    voltage_reading_tolerance: float = 0.001
-    current_reading_tolerance: float = 0.001
-    clock_tolerance: float = 0.05
 
 
 class MissingEffectGroupSpread(NamedTuple):
@@ -74,17 +63,12 @@ class MissingEffectGroupSpread(NamedTuple):
 class MissingEffectGroupGates(NamedTuple):
     """When an effect of a branch counts.
 
-    material_volt [V] : An error of the branch currents, times their cells' resistance, that
-        nobody acts on: an effect counts only if the mean square error falls by the square of
-        this or more, and only parts of a test that it changes by as much are asked whether it
-        helps. Source: 5 mA in a cell of 20 mΩ, a thousandth of 1C: the offset of usual shunts.
     unknown_volt [V] : An error of the branch currents, times their cells' resistance, that is
         left beyond noise and the spread of healthy cells and is larger than this is told: as
         unknown, or as the remainder of what was named. Source: 50 mA in a cell of 20 mΩ, one
         percent of 1C: the accuracy of usual shunts.
     """
 
-    material_volt: float = 0.0001
     unknown_volt: float = 0.001
 
 

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects.candidates import Score, State, candidates, frees_of
+from cellwright.effects.candidates import Score, State, candidates, densities_of, frees_of
+from cellwright.effects.floor import Floor, excess_volt
 from cellwright.effects.groups.known import GroupGates, Shared, Spread
 from cellwright.effects.groups.model import (
     at_branch,
@@ -20,15 +21,7 @@ from cellwright.effects.groups.model import (
 )
 from cellwright.effects.judge import FAR_STDS, READ_VOLT
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.proof import (
-    Floor,
-    blocks_of,
-    can_judge,
-    consistency,
-    excess_volt,
-    inflation,
-    promised_of,
-)
+from cellwright.effects.score import blocks_of, rms_of_blocks
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import (
     Problem,
@@ -63,11 +56,13 @@ class Channels(NamedTuple):
 
 
 class GroupFilters(NamedTuple):
-    """Whitening of both stacks. noise : tuple of noise.Noise, one a channel."""
+    """Whitening of both stacks. noise : tuple of noise.Noise, one a channel. blocks : score.Blocks
+    of the rows of one channel, by the group's SoC as it is counted before the search."""
 
     noise: tuple
     fit: Channels
     validation: Channels
+    blocks: object
 
 
 class GroupCase(NamedTuple):
@@ -83,9 +78,7 @@ class GroupCase(NamedTuple):
     spread: Spread = Spread()
     shared: Shared = Shared()
     gates: GroupGates = GroupGates()
-    polish_share: float = 0.8  # of the best J, from which a trial is refitted as its rival
     settled: float = 1.0
-    most_small: int = 0  # small differences between branches are free already, within the spread
     keeps_derivatives: bool = False
 
     @property
@@ -164,20 +157,17 @@ class GroupCase(NamedTuple):
         values = _started(self, solution.values, effects)
         volts = predicted(self, self.validation, values, effects)
         error = rows_of(self, self.validation) - volts
-        moved, explained = _start_errors(self, values, effects, volts, error, filters)
-        squares = filters.validation.apply(error) ** 2
-        chi_squares = np.bincount(self.files_of(self.validation), squares) - explained
-        error = error - moved
+        error = error - _start_errors(self, values, effects, volts, error, filters)
         white = filters.validation.apply(error)
         sizes = error_volt(self, solution.residual), error_volt(self, error)
-        return State(effects, solution, values, error, white, chi_squares, *sizes)
+        return State(effects, solution, values, error, white, *sizes)
 
     def files_of(self, stack):
         """Number of the record of each row of `rows_of` (m,)."""
         return np.tile(stack.file, 1 + len(self.cells) * self.sensors)
 
     def floor(self, before, free, residual, filters, earlier):
-        """Error that readings and the spread of healthy cells leave: proof.Floor.
+        """Error that readings and the spread of healthy cells leave: floor.Floor.
 
         In the measure of `error_volt`, of the model without effects.
         """
@@ -185,52 +175,28 @@ class GroupCase(NamedTuple):
             return earlier[0].floor
         return _floor(self, before, free, filters)
 
-    def proof(self, before, after, filters, inflations):
-        """How evenly an effect helps: (Consistency, whether records that judge show it).
+    def densities(self, state, filters):
+        """Log predictive density of each block, all channels in it, by a fitted model (b,)."""
+        return densities_of(state, filters.blocks)
 
-        Where these cannot tell, it is judged on the records fitted. inflations : by role.
-        """
-        sides = before.validation, after.validation
-        shown = _evenly(self, self.validation, after, after.values, sides)
-        sides = before.solution.residual, after.solution.residual
-        fitted = _evenly(self, self.fit, after, after.solution.values, sides)
-        about = self.validation.file, inflations["validation"]
-        promised = promised_of(before, after, *about).sum()
-        proven = can_judge(self.gates, shown, fitted, promised)
-        return (shown if proven else fitted), proven
+    def matters(self, first, before, after, effect, floor):
+        """Whether an effect has a size that somebody acts on, in its own unit."""
+        (p,), (name,) = effect.parameters, effect.names
+        return abs(after.solution.values[name] - p.neutral) >= p.material
 
-    def inflation(self, state):
-        """By how much the chi-square of each record is too large by correlation, by role.
-
-        Of records that judge the largest over the channels: the currents of a group sum up to one
-        total. On the records fitted the misfit is in the noise of the shared voltage.
-        """
-        stack = self.validation
-        channels = np.split(state.validation_white, 1 + len(self.cells) * self.sensors)
-        each = [inflation(white, stack.file, len(stack.first)) for white in channels]
-        return {"fit": np.ones(1), "validation": np.max(each, axis=0)}
-
-    def falls(self, before, after):
-        """Fall of the chi-square from one State to another, by role."""
-        fit = before.solution.chi_square - after.solution.chi_square
-        judged = before.validation_chi_squares - after.validation_chi_squares
-        return {"fit": np.array([fit]), "validation": judged}
-
-    def rows_per_record(self):
-        """Number of rows fitted, of all channels (1,)."""
-        return np.array([len(rows_of(self, self.fit))])
-
-    def matters(self, first, before, trial, floor, *, share=1.0):
-        """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
-        after = trial.state
-        taken = excess_volt(before.rmse_volt, after.rmse_volt)
-        if trial.proven:
-            errors = before.validation_rmse_volt, after.validation_rmse_volt
-            taken = max(taken, excess_volt(*errors)) if errors[1] < errors[0] else 0.0
-        risen = excess_volt(after.validation_rmse_volt, before.validation_rmse_volt)
-        if risen > self.gates.material_volt:
-            return False
-        return trial.material and taken >= share * self.gates.material_volt
+    def excess(self, state, floor, filters):
+        """Error beyond the floor by side, each block once, in the measure of `error_volt`: dict."""
+        blocks = filters.blocks
+        sides = {
+            "fit": (state.solution.residual, blocks.fitted, ~blocks.judges),
+            "validation": (state.validation, blocks.judging, blocks.judges),
+        }
+        found = {}
+        for side, (residual, block, chosen) in sides.items():
+            volts = currents_volt(self, residual)
+            whole = rms_of_blocks(volts.ravel(), block[-volts.size :], chosen)
+            found[side] = excess_volt(whole, getattr(floor, f"{side}_volt"))
+        return found
 
     def misled(self, before, trial):
         """True: the best trials are always refitted with derivatives at their own optimum."""
@@ -240,8 +206,8 @@ class GroupCase(NamedTuple):
         """No keys: no measurement outside the fit contradicts an effect of a branch."""
         return set()
 
-    def ties(self, chosen, tied, denied, library):
-        """Keys that explain as much as the choice: those of the fit alone."""
+    def ties(self, trial, tied, denied, library):
+        """Keys that predict as well in its place: those of the fit alone."""
         return tied
 
 
@@ -250,7 +216,20 @@ def _filters(case, noises):
         Channels(tuple(noise.whitening(channel, stack) for channel in noises))
         for stack in (case.fit, case.validation)
     ]
-    return GroupFilters(tuple(noises), *both)
+    sides = [
+        (stack.file, _counted_soc(case, stack), np.ones(len(stack.file), bool))
+        for stack in (case.fit, case.validation)
+    ]
+    return GroupFilters(tuple(noises), *both, blocks_of(*sides, channels=len(noises)))
+
+
+def _counted_soc(case, stack):
+    """SoC of the group by counting its total current from the stated starts (n,) [1]."""
+    rating = sum(cell.capacity_ampere_hour for cell in case.cells)
+    before = np.append(0.0, stack.current_ampere[:-1]) * (1.0 - stack.fresh)
+    moved = np.cumsum(before * stack.step_second / 3600.0 / rating)
+    starts = np.mean(stack.soc_at_start, axis=1)
+    return (starts - moved[stack.first])[stack.file] + moved
 
 
 def _bounded_scores(case, problem, solution, lined_up):
@@ -324,20 +303,6 @@ def currents_volt(case, rows):
     if not case.sensors:
         return rows[None]
     return rows.reshape(1 + len(case.cells), -1)[1:] * ohms(case)[:, None]
-
-
-def _evenly(case, stack, state, values, sides):
-    """Consistency over blocks, record and band of the group's SoC, all branches in each."""
-    run = run_of(case, stack, values, state.effects)
-    capacity = np.array([cell.capacity_ampere_hour for cell in case.cells])
-    blocks = blocks_of(stack, run.soc @ (capacity / capacity.sum()), np.ones(len(stack.file), bool))
-    before, after = (currents_volt(case, side) for side in sides)
-    channels = len(before)
-    return consistency(
-        *(before.ravel(), after.ravel()),
-        *(np.tile(blocks, channels), np.tile(stack.file, channels)),
-        material_volt=case.gates.material_volt,
-    )
 
 
 def _floor(case, state, free, filters):
@@ -423,8 +388,7 @@ def _started(case, values, effects):
 def _start_errors(case, values, effects, prediction, error, filters):
     """Errors of the group's SoC at the starts that explain most of an error, within what is unsure.
 
-    Returns the change of the prediction (m,) by them, and the fall of the chi-square of each
-    record (f,); see `judge.tolerated`.
+    Returns the change of the prediction (m,) by them; see `judge.tolerated`.
     """
     stack = case.validation
     starts = [f"soc0[{k}]" for k in range(len(stack.first))]
@@ -434,8 +398,7 @@ def _start_errors(case, values, effects, prediction, error, filters):
     white, error = filters.validation.apply(np.stack([change, error], axis=1)).T
     files = case.files_of(stack)
     square, shared = np.bincount(files, white**2), np.bincount(files, white * error)
-    error_soc, fall = _shift_within(square, shared, case.shared.soc)
-    return change * error_soc[files], fall
+    return change * _shift_within(square, shared, case.shared.soc)[files]
 
 
 def _shift(case, stated, shift, error):
@@ -451,13 +414,12 @@ def _shift(case, stated, shift, error):
 
 
 def _shift_within(square, shared, std):
-    """Most likely shift of a start within `FAR_STDS` deviations, and the fall of chi-square by it.
+    """Most likely shift of a start within `FAR_STDS` deviations.
 
     Parameters
     ----------
     square, shared : products of the whitened change by the shift with itself, and with the error.
-    std : of the prior; all of one shape. Returns two arrays of that shape.
+    std : of the prior; all of one shape. Returns an array of that shape.
     """
     precision = square + std**-2.0
-    shift = np.clip(shared / precision, -FAR_STDS * std, FAR_STDS * std)
-    return shift, 2 * shift * shared - shift**2 * precision
+    return np.clip(shared / precision, -FAR_STDS * std, FAR_STDS * std)

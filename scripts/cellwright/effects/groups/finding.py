@@ -26,7 +26,8 @@ from cellwright.effects.records import group_stacked, parts_of
 from cellwright.effects.search import search
 from cellwright.effects.story.result import Finding
 from cellwright.effects.story.words import Phrases, paragraph
-from cellwright.effects.verdict import entry_of, outcome, verdict_of
+from cellwright.effects.verdict import outcome, verdict_of
+from cellwright.numerics.least_squares import stds
 from cellwright.records.conditions import at_rest_in_record, low_current
 from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
@@ -77,13 +78,15 @@ def group_finding(
         load; see `group_stacked`.
     """
     case = _case(cells, records, initial_soc, settings or {}, hold)
-    rounds = search(case, library)
-    verdict = group_verdict(group, case, rounds, library)
-    kept = rounds[-1].before if verdict["verdict"] in KEPT else rounds[0].before
+    found = search(case, library)
+    deviations = _deviations(found)
+    result = outcome(found, deviations)
+    verdict = group_verdict(group, found, result, deviations, library)
+    kept = found.last if verdict["verdict"] in KEPT else found.first
     return Finding(
         verdict,
-        ranking=ranking_of(case, rounds),
-        series=_series(case, rounds),
+        ranking=ranking_of(found, result),
+        series=_series(case, found.first, result.last),
         model=document(case, kept),
     )
 
@@ -157,10 +160,16 @@ def _stated(cells, record, initial_soc):
     return np.full(len(cells), soc)
 
 
-def _series(case, rounds):
+def _deviations(found):
+    """Standard deviations of the parameters of the last model, by name."""
+    parts = parts_of(found.case.fit)
+    channels = len(found.last.solution.whitened) // len(parts)
+    return stds(found.last.solution, np.tile(parts, channels))
+
+
+def _series(case, *ends):
     """Columns of all records: what was measured, and both models (healthy, with effects)."""
     columns = {}
-    ends = rounds[0].before, rounds[-1].before
     for role, stack in (("fit", case.fit), ("validation", case.validation)):
         runs = []
         for state in ends:
@@ -310,39 +319,40 @@ def group_paragraph(verdict, library):
     return text if logged else f"{text}\n{BLIND}"
 
 
-def group_verdict(group, case, rounds, library):
+def group_verdict(group, found, result, deviations, library):
     """Verdict of a group as dict of the contract.
 
     Parameters
     ----------
-    group : name. case : GroupCase. rounds : list of search.Round. library : dict of Effect by id.
+    group : name. found : search.Found of a GroupCase. result : verdict.Outcome of it.
+    deviations : see `verdict.outcome`. library : dict of Effect by id.
 
     Returns
     -------
     verdict : dict of the contract; each effect has its `branch` (1 is the first), `cell`, and
-    `branch_alternatives`, branches that explain as much by the same effect. `rmse_volt` is of the
+    `branch_alternatives`, branches that predict as well by the same effect. `rmse_volt` is of the
     branch currents times their cells' ohmic resistance, of the voltage where none were logged:
     "before" is of the model that was fitted without the effect, bent towards it as far as the
     declared spread allows. What the last model would leave with its effects taken out is
     `without_effects_volt`.
     """
-    result = outcome(
-        rounds,
-        case.gates,
-        alternatives=lambda step: _alternatives(case, step),
-    )
-    if result.word == "unknown" and not result.steps and not case.sensors:
+    case = found.case
+    if any(_alternatives(found, one) for one in result.names) and result.word == "named":
+        result = result._replace(word="ambiguous")
+    if result.word == "unknown" and not result.names and not case.sensors:
         result = result._replace(word="none", adequate=True)
     # Ids of effects that at a plausible size would show in some branch.
-    effects = [score.candidate.effect for score in rounds[0].scores]
-    visible = {effect.id for effect in effects if effect.key not in rounds[0].hidden}
+    step = found.rounds[0]
+    effects = [score.candidate.effect for score in step.scores]
+    visible = {effect.id for effect in effects if effect.key not in step.hidden}
     verdict = verdict_of(
-        *(group, result, rounds, _located(case, result.last)),
-        next_test=_next_test(case, result.steps, library),
+        *(group, found, result, _located(case, result.last), deviations),
+        next_test=_next_test(found, result.names, library),
         not_testable=sorted(set(library) - visible),
-        entry=lambda step, after, result: _entry(case, step, after, result),
     )
-    names = [name for step in result.steps for name in step.chosen.effect.names]
+    for entry, one in zip(verdict["effects"] or verdict["partial"], result.names, strict=True):
+        entry |= _of_branch(found, one, entry["parameters"])
+    names = [name for one in result.names for name in one.effect.names]
     verdict |= {
         "without_effects_volt": _without(case, result.last, names),
         "branch_currents": case.sensors,
@@ -363,33 +373,28 @@ def _without(case, state, names):
     return errors
 
 
-def _entry(case, step, after, result):
-    """Entry of an effect of a branch, see `verdict.entry_of`."""
-    effect, branch = step.chosen.effect, step.chosen.effect.position
-    parts = parts_of(case.fit)
-    channels = len(after.solution.whitened) // len(parts)
-    entry = entry_of(step, after, result, np.tile(parts, channels))
-    entry["parameters"]["branch"] = {
-        **{"value": branch + 1, "std": None},
-        **{"unit": "1", "at_bound": False},
-    }
-    tied = [t.effect for t in step.trials if t.effect.key in step.tied]
-    return entry | {
-        "alternatives": _alternatives(case, step),
-        "branch": branch + 1,
-        "cell": case.cells[branch].cell,
+def _of_branch(found, one, parameters):
+    """What the entry of an effect of a branch has of its own."""
+    effect = one.effect
+    number = {"value": effect.position + 1, "std": None, "unit": "1", "at_bound": False}
+    tied = [found.possible[key] for key in one.tied]
+    return {
+        "parameters": parameters | {"branch": number},
+        "alternatives": _alternatives(found, one),
+        "branch": effect.position + 1,
+        "cell": found.case.cells[effect.position].cell,
         "branch_alternatives": [other.position + 1 for other in tied if other.id == effect.id],
     }
 
 
-def _alternatives(case, step):
-    """Ids of other effects that explain as much, or that these data cannot tell apart."""
-    chosen = step.chosen.effect.id
-    names = {t.effect.id for t in step.trials if t.effect.key in step.tied}
-    if not case.sensors:
-        names |= {score.candidate.effect.id for score in step.scores}
-    if not _two_temperatures(case):
-        names |= {tie.partner for tie in step.chosen.effect.ties if tie.one_temperature}
+def _alternatives(found, one):
+    """Ids of other effects that predict as well, or that these data cannot tell apart."""
+    chosen = one.effect.id
+    names = {found.possible[key].id for key in one.tied}
+    if not found.case.sensors:
+        names |= {score.candidate.effect.id for score in found.rounds[0].scores}
+    if not _two_temperatures(found.case):
+        names |= {tie.partner for tie in one.effect.ties if tie.one_temperature}
     return sorted(names - {chosen})
 
 
@@ -399,17 +404,17 @@ def _two_temperatures(case):
     return np.ptp(means) >= KELVIN
 
 
-def _next_test(case, steps, library):
+def _next_test(found, names, library):
     """Advice on the next test in words: on logging, or to break the first tie; None."""
-    if not case.sensors:
+    if not found.case.sensors:
         return LOG_CURRENTS
-    tied = next((step for step in steps if _alternatives(case, step)), None)
+    tied = next((one for one in names if _alternatives(found, one)), None)
     if tied is None:
         return None
-    chosen, others = tied.chosen.effect.id, _alternatives(case, tied)
+    chosen, others = tied.effect.id, _alternatives(found, tied)
     pairs = [(tie, {name, tie.partner}) for name in (chosen, *others) for tie in library[name].ties]
     warm = [tie.check for tie, pair in pairs if tie.one_temperature and pair <= {chosen, *others}]
-    if warm and not _two_temperatures(case):
+    if warm and not _two_temperatures(found.case):
         return warm[0]
     return f"{library[chosen].shows}, beside {library[others[0]].shows}"
 

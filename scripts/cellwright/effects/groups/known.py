@@ -62,20 +62,20 @@ class Shared(NamedTuple):
 class GroupGates(NamedTuple):
     """When an effect of a branch counts; meanings as those of a cell's gates.
 
-    material_volt : an error of the branch currents, times their cells' ohmic resistance, that
-    nobody acts on [V]. unknown_volt : such an error beyond the floor up to which there is no
-    unknown effect [V]. most_slow_volt : largest slow noise of a branch current, times its cell's
-    ohmic resistance [V]. shared_slow_volt : slow error of the model's voltage that all branches
-    share, and that must not move their currents [V].
+    material_volt : none, for of a branch the size counts, in its own unit [V]. unknown_volt : error
+    of the branch currents, times their cells' ohmic resistance, beyond the floor, up to which there
+    is no unknown effect [V]. most_slow_volt : largest slow noise of a branch current, times its
+    cell's ohmic resistance [V]. shared_slow_volt : slow error of the model's voltage that all
+    branches share, and that must not move their currents [V].
     """
 
     refits: int = 6
-    bic: float = 10.0
-    validation_chi_square: float = 25.0
-    material_volt: float = CHOSEN.gates.material_volt
-    unknown_volt: float = CHOSEN.gates.unknown_volt
-    tie_absolute: float = 6.0
-    tie_relative: float = 0.003
     rounds: int = 3
+    joins: float = 2.0
+    counts: float = 3.0
+    apart: float = 1.645
+    material_volt: float = 0.0
+    unknown_volt: float = CHOSEN.gates.unknown_volt
+    unknown_share: float = 0.5
     most_slow_volt: float = 0.0003
     shared_slow_volt: float = 0.002

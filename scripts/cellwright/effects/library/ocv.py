@@ -25,8 +25,7 @@ def _edge(fields, stack, p):
 
 def _volts(names, plausible):
     return tuple(
-        Parameter(name, "V", 0.0, -0.2, 0.2, step=1e-3, plausible=plausible, material=1e-3)
-        for name in names
+        Parameter(name, "V", 0.0, -0.2, 0.2, step=1e-3, plausible=plausible) for name in names
     )
 
 

@@ -26,7 +26,6 @@ EFFECTS = (
                 *("relative_per_hour", "1/h", 0.0, -1.0, 5.0),
                 step=1e-2,
                 plausible=0.1,
-                material=1e-2,
             ),
         ),
         stage="resistance",

@@ -141,9 +141,7 @@ def _half_distance_and_turn(effect, p, values):
 
 
 def _amplitude(largest_volt):
-    return Parameter(
-        *("amplitude_volt", "V", 0.0, 0.0, largest_volt), step=1e-3, plausible=0.02, material=5e-4
-    )
+    return Parameter(*("amplitude_volt", "V", 0.0, 0.0, largest_volt), step=1e-3, plausible=0.02)
 
 
 # A third RC pair and a finite-length Warburg element are one class: no protocol of eleven tells
@@ -234,7 +232,6 @@ EFFECTS = (
                 *("per_exchange_current_per_ampere", "1/A", 0.0, 0.0, 20.0),
                 step=0.02,
                 plausible=0.5,
-                material=0.01,
             ),
             Parameter("share_of_resistance", "1", 0.7, 0.05, 1.0, step=0.05, shape=True),
             # One half in a particle by its own state of charge, of which a cell uses a part.

@@ -12,7 +12,6 @@ from cellwright.effects.library.vocabulary import Effect, Parameter, Tie
 TOWARDS_EMPTY = (0.35, 0.2, 0.1, 0.04, 0.0)
 TOWARDS_FULL = (0.65, 0.8, 0.9, 1.0)
 KNOTS = np.array([*TOWARDS_EMPTY[::-1], 0.5, *TOWARDS_FULL])
-MATERIAL_EXCESS = 0.03  # of a resistance
 CHANGE_OF_EXCESS = {"step": 0.05, "plausible": 0.3, "prior_std": 0.3}
 LEAST_ON_CHARGE = 0.05  # of the resistance on discharge
 DIFFUSION_OHM = "slow_diffusion.resistance_ohm"  # what relaxes does so in diffusion, too
@@ -35,11 +34,6 @@ def at_knots(steps):
     empty = np.cumsum([steps[_step_name(knot)] for knot in TOWARDS_EMPTY])
     full = np.cumsum([steps[_step_name(knot)] for knot in TOWARDS_FULL])
     return np.concatenate([empty[::-1], [0.0], full])
-
-
-def _changes_by_a_tenth(p):
-    """Whether a course moves the resistance by as much as anyone would act on, as temperature's."""
-    return bool(np.ptp(at_knots(p)) >= np.log(1.1))
 
 
 def _step_name(knot):
@@ -86,11 +80,6 @@ def _asymmetry(fields, stack, p):
     return fields._replace(r0=fields.r0 * np.where(fields.current > 0, more, 1.0))
 
 
-def _differs(p):
-    """Whether charge and discharge differ by what anyone would act on."""
-    return bool(np.abs(_excesses(p)).max() >= MATERIAL_EXCESS)
-
-
 def _lead(fields, stack, p):
     return fields._replace(r0=fields.r0 + p["resistance_ohm"])
 
@@ -127,7 +116,6 @@ EFFECTS = (
         ),
         stage="resistance",
         act=_asymmetry,
-        material=_differs,
         needs=("both_directions",),
         shows="pulses of the same size in both directions",
         quantity="charge_over_discharge",
@@ -142,7 +130,6 @@ EFFECTS = (
         parameters=course_parameters(),
         stage="resistance",
         act=_resistance_soc,
-        material=_changes_by_a_tenth,
         needs=("soc_range",),
         shows="pulses at ten or more states of charge",
         in_healthy_cells=True,
@@ -162,7 +149,6 @@ EFFECTS = (
         ),
         stage="resistance",
         act=_polarisation_soc,
-        material=_changes_by_a_tenth,
         needs=("soc_range",),
         shows="pulses with rests of ten minutes at ten or more states of charge",
         in_healthy_cells=True,

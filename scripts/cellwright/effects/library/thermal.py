@@ -116,7 +116,6 @@ EFFECTS = (
                 *("activation_energy_joule_per_mole", "J/mol", 0.0, -2e4, 1.2e5),
                 step=1e3,
                 plausible=2e4,
-                material=2.5e3,  # a tenth of a resistance between 0 and 25 °C
             ),
             Parameter(
                 *("polarisation_excess_joule_per_mole", "J/mol", 0.0, -6e4, 6e4),
@@ -154,7 +153,6 @@ EFFECTS = (
                 *("thermal_resistance_kelvin_per_watt", "K/W", 0.0, 0.0, 60.0),
                 step=0.2,
                 plausible=5.0,
-                material=0.1,
             ),
             Parameter("time_constant_second", "s", 400.0, 60.0, 5000.0, step=20.0, shape=True),
         ),
@@ -186,13 +184,10 @@ EFFECTS = (
                 *(MIDDLE_ENTROPY, "V/K", 0.0, -3e-3, 3e-3),
                 step=2e-5,
                 plausible=3e-4,
-                material=2e-5,
             ),
             # Lithiated electrodes order and disorder: from knot to knot the coefficient changes by
             # tenths of a millivolt (V. Viswanathan et al., J. Power Sources 195 (2010) 3720).
-            *course_parameters(
-                "V/K", most=3e-3, step=2e-5, plausible=1e-4, material=2e-5, prior_std=5e-4
-            ),
+            *course_parameters("V/K", most=3e-3, step=2e-5, plausible=1e-4, prior_std=5e-4),
         ),
         stage="ocv",
         act=_entropic,
@@ -212,7 +207,6 @@ EFFECTS = (
                 *("relative_per_kelvin", "1/K", 0.0, -0.01, 0.02),
                 step=1e-4,
                 plausible=2e-3,
-                material=2e-4,
             ),
         ),
         stage="counting",

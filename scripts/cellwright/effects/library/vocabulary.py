@@ -16,8 +16,8 @@ class Parameter(NamedTuple):
     (`shape` true: without meaning while the effect is absent), where a search begins.
     lower, upper : physical bounds. step : for derivatives, and the unit of a step of the fit; 0:
     set by the starts, not fitted. plausible : a size usual in a laboratory.
-    material : a size below which nobody would act on it. prior_std : what is known of it before
-    the fit, about its neutral value; infinite: nothing.
+    material : a size below which nobody would act on it. prior_std : what
+    is known of it before the fit, about its neutral value; infinite: nothing.
     """
 
     name: str
@@ -58,8 +58,7 @@ class Effect(NamedTuple):
     being a dict of its parameters by name; see `base.Fields`. starts : tuple of dicts, parameters
     from which it is tried. nonlinear : what it changes is not linear in its size. needs_restart :
     without it resistances and time constants converge to a wrong minimum: they are estimated again
-    together with it. material : function (p) → whether anyone would act on its sizes; None: on one
-    that is at least its parameter's `material`.
+    together with it.
 
     What excites it. needs : names of `records.FACTORS` without which data cannot show it. shows :
     the test that shows it, in words. asked_if_unseen : where nothing is missing, but the records
@@ -110,7 +109,6 @@ class Effect(NamedTuple):
     assumed_relative: tuple = ()
     nonlinear: bool = False
     needs_restart: bool = False
-    material: Callable | None = None
     ties: tuple = ()
     in_rest_log: bool | None = None
     slow_gap: str = ""

@@ -1,34 +1,33 @@
 """Which question of a verdict the next test is to answer."""
 
-from itertools import chain
-
+from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.planning.planner import next_test
 from cellwright.effects.story.places import where
+from cellwright.effects.verdict import is_proven, shown_outside
 
 REST_HOUR = 1  # before and after the loads of a test that is repeated
 NEAR = 0.25  # share of the squared gap that an explanation near enough to be tested takes
 DOUBLED = 2.0  # what a test makes of the chi-square on hand: explanations told apart are both wrong
 
 
-def advised(case, result, rounds, library, untestable, place, outside=()):
+def advised(found, result, library, untestable, place):
     """Menu of next tests and advice of one, for the most urgent open question.
 
     1. A tie: what tells the effects apart.
-    2. A name that no record shows which was not fitted: the test that would prove it.
-    3. An effect that is not sure enough for a name beside another: the test that would prove it.
-    4. What the vocabulary has no name for: the test that shows it.
-    5. A gap that is larger than anyone would accept: what tells the two nearest explanations of it
+    2. A name that the records that judge do not show by themselves: the test that would prove it.
+    3. What the vocabulary has no name for: the test that shows it.
+    4. A gap that is larger than anyone would accept: what tells the two nearest explanations of it
        apart, or would prove the only one, where they take a quarter of the gap and a test of the
        menu at least doubles what the records on hand say. Else the test in which most of the gap
        sits, again, with rests before and after.
-    6. Nothing missing: whether an effect is that most cells have and the records could not show
+    5. Nothing missing: whether an effect is that most cells have and the records could not show
        (`Effect.asked_if_unseen`).
 
     Parameters
     ----------
-    case : case.Case. result : verdict.Outcome. rounds : list of search.Round.
+    found : search.Found of a cell. result : verdict.Outcome of it.
     library : dict of Effect by id. untestable : ids that the records cannot show.
-    place : dict, see `judge.worst`; None: unknown. outside : Trials, see `verdict.Searched`.
+    place : dict, see `judge.worst`; None: unknown.
 
     Returns
     -------
@@ -36,21 +35,19 @@ def advised(case, result, rounds, library, untestable, place, outside=()):
     sentence : str, or None: there is no open question. test : id of the menu that is advised, or
     None.
     """
-    tied = next((step for step in result.steps if step.tied), None)
+    case = found.case
+    tied = next((one for one in result.names if one.tied), None)
     if tied is not None:
-        after, name = tied.chosen.state, tied.chosen.effect.id
-        return _advice_of(next_test(case, after, name, tied.tied, library=library))
-    unproven = (step.chosen for step in result.steps if not step.chosen.proven)
-    unsure = (step.unsure for step in rounds if step.unsure is not None)
-    asked = next(chain(unproven, unsure), None)
+        state, name = tied.trial.state, tied.effect.id
+        return _advice_of(next_test(case, state, name, tied.tied, library=library))
+    asked = next((one for one in result.names if not is_proven(found, one)), None)
     if asked is not None:
         name = asked.effect.id
         return _advice_of(next_test(case, result.last, name, library=library, proof=True))
-    if outside:
-        effect = outside[0].effect
-        return {}, f"To see whether {effect.sentence}: {effect.shows}.", None
+    for one in shown_outside(found, result):
+        return {}, f"To see whether {one.effect.sentence}: {one.effect.shows}.", None
     if not result.adequate:
-        return _of_gap(case, result, rounds[-1], library, place)
+        return _of_gap(case, result, found.rounds[-1], library, place)
     unseen = (name for name in untestable if library[name].asked_if_unseen)
     name = next(unseen, None) if result.word == "none" else None
     if name is None:
@@ -66,8 +63,8 @@ def _advice_of(advice):
 def _of_gap(case, result, step, library, place):
     """Advice on what is left after the last round: on its nearest explanations, or on its place."""
     near = [t for t in step.trials if _near(case, step.before, t, result.floor)]
-    near = {t.effect.id: t for t in sorted(near, key=lambda t: t.j)}
-    near = sorted(near.values(), key=lambda t: -t.j)[:2]
+    near = {t.effect.id: t for t in sorted(near, key=lambda t: t.gain.total)}
+    near = sorted(near.values(), key=lambda t: -t.gain.total)[:2]
     if near:
         state, name = near[0].state, near[0].effect.id
         rivals = tuple(t.effect.id for t in near[1:])
@@ -88,7 +85,7 @@ def _of_gap(case, result, step, library, place):
 
 def _near(case, before, trial, floor):
     """Whether an effect that was tried explains a fair part of a gap, without being chosen."""
-    if trial.delta_bic <= case.gates.bic or not trial.material:
+    if trial.gain.total <= 0.0 or trial.effect.id in OUTSIDE:
         return False
     after = trial.state
     sides = (

@@ -2,7 +2,6 @@
 
 from cellwright.effects import base
 from cellwright.effects.judge import FAR_STDS, unfitted
-from cellwright.effects.stated.readings import tolerances as of_readings
 from cellwright.numerics.least_squares import stds
 
 WRONG_STDS = 2.0  # from which on a stated temperature is said to be wrong
@@ -22,10 +21,9 @@ def declared_values_at_limit(case, state, parts):
     Returns
     -------
     nuisances : list of dict, of the capacity (relative), of the OCV where it is farthest off [V],
-        of each start that its limit holds (SoC), of each temperature of a record that judges that
-        the sheet seems to state wrongly [K], and of each error of reading of one test alone (its
-        name as of `readings.Misread`): name, test, soc (None where there is none), value (beyond
-        what was declared), std (None where a limit holds it), unit, prior_std.
+        of each start that its limit holds (SoC), and of each temperature of a record that judges
+        that the sheet seems to state wrongly [K]: name, test, soc (None where there is none), value
+        (beyond what was declared), std (None where a limit holds it), unit, prior_std.
     """
     solution, free = state.solution, {one.name: one for one in unfitted(case)[1]}
     found, held, deviations = [], set(solution.at_bound), stds(solution, parts)
@@ -55,10 +53,6 @@ def declared_values_at_limit(case, state, parts):
         value, std = state.values[f"kelvin[{k}]"], case.tolerance.kelvin
         if abs(value) > WRONG_STDS * std:
             found.append(_beyond("temperature", test, None, value, None, "K", std))
-    known = of_readings(case)
-    for one in case.misread:
-        about = one.name, one.test, None, one.value, one.std, one.unit
-        found.append(_beyond(*about, known[one.name]))
     return found
 
 

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from cellwright.effects.proof import excess_volt
+from cellwright.effects.floor import excess_volt
 from cellwright.effects.story.words import doubts, name_of_effect
 
 SHOWN = ("sure", "unsure", "or another")

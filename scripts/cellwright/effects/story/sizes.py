@@ -34,6 +34,12 @@ class Fitted(NamedTuple):
     names: tuple
     covariances: tuple
 
+    @property
+    def stds(self):
+        """Standard deviations by name: dict."""
+        variances = np.max([np.diag(one) for one in self.covariances], axis=0)
+        return dict(zip(self.names, np.sqrt(np.maximum(variances, 0.0)).tolist(), strict=True))
+
 
 def sizes_as_used(effect, parameters, values=None, fitted=None):
     """Sizes of one effect as people use them, with their standard deviations.

@@ -2,9 +2,8 @@
 
 from typing import NamedTuple
 
-from cellwright.effects.finding import task_of
+from cellwright.effects.finding import searched, task_of
 from cellwright.effects.preparing import KINDS, SLOW_TEST
-from cellwright.effects.verdict import searched
 from cellwright.records.conditions import of_first_checkup
 from cellwright.refusal import Refusal
 
@@ -78,17 +77,14 @@ def stability(cell, basis, tests, library, **options):
 
 def _repeat(facts, task, library):
     """One search: Repeat."""
-    _, rounds, result, *_ = searched(task.case, library)
+    found, result, _ = searched(task.case, library)
     left_out, role = (facts.test, facts.role) if facts else (None, None)
-    steps = result.steps if result.word in FINDS else ()
-    errors = rounds[0].before.validation_rmse_volt, result.last.validation_rmse_volt
+    names = result.names if result.word in FINDS else ()
     return Repeat(
-        left_out,
-        role,
-        result.word,
-        tuple(step.chosen.effect.id for step in steps),
-        tuple(tuple(step.tied) for step in steps),
-        errors,
+        *(left_out, role, result.word),
+        tuple(one.effect.id for one in names),
+        tuple(one.tied for one in names),
+        (found.first.validation_rmse_volt, result.last.validation_rmse_volt),
     )
 
 

@@ -3,21 +3,15 @@
 import re
 from typing import NamedTuple
 
-import numpy as np
-
 from cellwright.effects.library import known_effects
-from cellwright.effects.library.readings import READINGS
-from cellwright.effects.odds import SURE
 from cellwright.effects.story.places import millivolt, near, where
 from cellwright.effects.story.sizes import Size, sizes_as_used
 
 # Answers of a search that are no effect.
 ANSWERS = {"none": "nothing missing", "unknown": "something unknown"}
 KNOWN = {effect.id: effect for effect in known_effects()}
-LEAST_PROBABILITY = 0.01
 BENT = 1.1  # times its error as it is, beyond which a given model was bent by the records fitted
-UNSURE = 1.0 - SURE  # probability that another choice of the parts leaves a name out
-MANY_WORSE = 0.1  # of the parts that are better: so many worse ones make a name unsure
+SURE = 0.9  # probability of a name from which on it is sure
 SHOWN_WORSE, SHOWN_STARTS = 2, 3
 # Units of sizes outside the vocabulary in words, and over those of the verdict.
 UNIT_IN_WORDS = {"1/h": ("% in an hour", 1e2)}
@@ -168,8 +162,8 @@ def paragraph(verdict, library, phrases=None):
     Parameters
     ----------
     verdict : dict, as `verdict.verdict_of` makes it. Of its fields base, remainder, nuisances,
-        floors, probabilities, worsened, outside, against and, of an effect, sizes, proof, blocks
-        and probability, each is told where it is there. library : dict of Effect by id. phrases :
+        floors, worsened, outside, against and, of an effect, sizes, proof and probability, each is
+        told where it is there. library : dict of Effect by id. phrases :
         Phrases, None: those of the verdict's base.
 
     Returns
@@ -196,11 +190,10 @@ def sentences_by_part(verdict, library, phrases=None):
     opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
     parts = [
         *opening(verdict, library, phrases),
+        *_of("gap", [*_worsened(verdict), *_as_given(verdict)]),
         *_of("names", _nameless(verdict, library)),
-        *_of("gap", _as_given(verdict)),
-        *_of("left", [*_remainder(verdict), *_worsened(verdict), *_outside(verdict)]),
+        *_of("left", [*_remainder(verdict), *_outside(verdict)]),
         *_of("sure", _declared_values_at_limit(verdict.get("nuisances") or [])),
-        *_of("sure", _probabilities(verdict, library)),
     ]
     if verdict["next_test"]:
         advice = verdict["next_test"].rstrip(".")
@@ -217,8 +210,14 @@ def _nameless(verdict, library):
     """What is in the model beside the names, and why it is none."""
     known = verdict.get("against") or {}
     small = verdict.get("small") or []
-    listed = [f"{name_of_effect(one, library)} ({known[one]})" for one in small]
+    listed = [f"{_name_of_key(one, library)} ({known[one]})" for one in small]
     return [f"Without a name: {_listed(listed)}."] if listed and verdict["effects"] else []
+
+
+def _name_of_key(key, library):
+    """Short name of an effect by its key: of a group with the branch, the first of which is 1."""
+    effect, _, position = key.removesuffix("]").partition("[")
+    return name_of_effect(effect, library) + (f" of branch {int(position) + 1}" if position else "")
 
 
 def _as_given(verdict):
@@ -327,38 +326,22 @@ def doubts(one, witnesses=()):
     -------
     reasons : tuple of str.
     """
-    both, blocks = one["validation_rmse_volt"], one.get("blocks") or {}
+    both = one["validation_rmse_volt"]
     bounds = [name.replace("_", " ") for name, p in one["parameters"].items() if p["at_bound"]]
-    otherwise = 1.0 - one.get("probability", 1.0)
+    likely = one.get("probability", 1.0)
     against = [w["name"] for w in witnesses if w["says"] == "contradicts" and not w["shown"]]
     reasons = (
         (one["alternatives"] or one.get("branch_alternatives"), "another explains it as well"),
-        (one.get("proof") == "unproven", "no record that took no part in the fit can show it"),
+        (
+            one.get("proof") == "unproven",
+            "records that were not fitted do not show it by themselves",
+        ),
         (not both["after"] < both["before"], "the error on records for proof does not fall"),
-        (
-            otherwise > UNSURE,
-            f"other choices of the parts that judge it leave it out in {100 * otherwise:.0f} %",
-        ),
+        (likely < SURE, f"of names beside another {100 * likely:.0f} % are right"),
         (bounds, f"{_listed(bounds)} ended on a bound"),
-        (_may_be_none(one.get("sizes") or ()), "its size is smaller than its own deviation"),
-        (
-            not one["same_without_validation"],
-            "the fitted records alone would have named another effect",
-        ),
-        (
-            blocks.get("hurt", 0) > MANY_WORSE * blocks.get("helped", 0),
-            f"of the {blocks.get('excited')} parts of the records for proof that excite it, "
-            f"{blocks.get('helped')} are better with it and {blocks.get('hurt')} worse",
-        ),
         (against, f"contradicted by {_listed(against)}"),
     )
     return tuple(text for holds, text in reasons if holds)
-
-
-def _may_be_none(sizes):
-    """Whether each size that states a deviation is smaller than that."""
-    known = [one for one in sizes if one["std"] is not None and np.isfinite(one["std"])]
-    return bool(known) and all(abs(one["value"]) < one["std"] for one in known)
 
 
 def _remainder(verdict):
@@ -369,15 +352,8 @@ def _remainder(verdict):
         parts.append(f"The largest part of what is left, {share}.")
     if not left:
         return parts
-    text = f"Left beyond what noise and declared tolerances allow: {millivolt(left['excess_volt'])}"
-    ceiling = left.get("ceiling_volt")
-    known = "" if ceiling is None else f", down to {millivolt(ceiling)}"
-    learnable = {
-        True: f"; a function of state of charge, temperature and past current can learn it{known}",
-        False: "; no function of state of charge, temperature and past current learns it from the "
-        "fitted records",
-    }
-    return [*parts, f"{text}{learnable.get(left.get('learnable'), '')}."]
+    left = millivolt(left["excess_volt"])
+    return [*parts, f"Left beyond what noise and declared tolerances allow: {left}."]
 
 
 def _worsened(verdict):
@@ -405,34 +381,19 @@ def _outside(verdict):
 def _declared_values_at_limit(nuisances):
     """What the model takes otherwise than was declared, at the limit or beyond."""
     starts = [one["test"] for one in nuisances if one["name"] == "soc_at_start"]
-    misread = [_misread(one) for one in nuisances if one["name"] in READINGS]
-    others = {"soc_at_start", *READINGS}
-    beyond = [_beyond(one) for one in nuisances if one["name"] not in others]
+    beyond = [_beyond(one) for one in nuisances if one["name"] != "soc_at_start"]
     if starts:
         more = len(starts) - SHOWN_STARTS
         tests = [*starts[:SHOWN_STARTS], *([f"{more} more"] if more > 0 else [])]
         beyond.append(
             f"the SoC at the start of {_listed(tests)} is at the limit that rest and sheet allow"
         )
-    parts = []
-    if misread:
-        parts.append(
-            f"Read wrongly in one test alone, and taken off it here: {'; '.join(misread)}. Tests "
-            "like it do not show this."
-        )
-    if beyond:
-        parts.append(
-            f"Off what was declared: {'; '.join(beyond)}. That stands in for what the model lacks, "
-            "or it was declared wrongly."
-        )
-    return parts
-
-
-def _misread(one):
-    reading = READINGS[one["name"]]
-    factor, unit = reading.unit_factor, reading.unit_in_words
-    size = Size("", factor * one["value"], factor * one["std"], unit).text.strip()
-    return f"in {one['test']} {reading.sentence} {size}"
+    if not beyond:
+        return []
+    return [
+        f"Off what was declared: {'; '.join(beyond)}. That stands in for what the model lacks, "
+        "or it was declared wrongly."
+    ]
 
 
 def _beyond(one):
@@ -452,13 +413,3 @@ def _beyond(one):
 
 def _percent(share):
     return f"{100 * share:.2g} %"
-
-
-def _probabilities(verdict, library):
-    known = sorted((verdict.get("probabilities") or {}).items(), key=lambda pair: -pair[1])
-    named = [(answer.split("+"), p) for answer, p in known if p >= LEAST_PROBABILITY]
-    listed = [
-        f"{' and '.join(name_of_effect(one.strip(), library) for one in answer)} {100 * p:.0f} %"
-        for answer, p in named
-    ]
-    return [f"How likely: {', '.join(listed)}."] if listed else []
