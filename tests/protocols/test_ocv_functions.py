@@ -39,7 +39,7 @@ def test_each_function_recovers_itself_and_is_the_best(name):
 @pytest.mark.parametrize("name", TRUTH)
 def test_noise_is_covered_by_the_standard_deviations(name):
     rng = np.random.default_rng(2)
-    noisy = [curve(name) + 1e-3 * rng.standard_normal(len(SOC)) for _ in range(6)]
+    noisy = [curve(name) + 1e-3 * rng.standard_normal(len(SOC)) for _ in range(3)]
     functions = [fits(volt)[name] for volt in noisy]
     scores = np.array([(fit.parameters - TRUTH[name]) / fit.std for fit in functions])
     assert 0.4 < np.sqrt(np.mean(scores**2)) < 2

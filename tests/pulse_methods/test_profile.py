@@ -29,7 +29,7 @@ def test_where_all_is_told_the_profile_is_the_covariance(name):
 
 def test_profiles_cover():
     inside = []
-    for seed in range(60):
+    for seed in range(30):
         record, fit = short([0.02, 0.01, 8.0], slice(0, 400), seed, n_rc=1)
         interval = profile_interval(record, fit, "tau1_second", **HOLD)
         inside.append(interval.lower < 8.0 < interval.upper)
