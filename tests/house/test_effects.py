@@ -66,7 +66,7 @@ def named_beside_homonyms():
 
 
 def test_only_the_library_names_an_effect():
-    """What others ask of an effect is an attribute of its entry, and few files of it have a part."""
+    """What others ask of an effect is an attribute of its entry, in few files of it."""
     named = named_beside_homonyms()
     beyond = {
         effect: sorted(path for path in paths if "cellwright/effects/library/" not in path)

@@ -250,7 +250,9 @@ def test_the_laboratory_has_an_environment_of_its_own(installed, quick):
     assert run(clone, "python", "-c", "import simulator", path=quick, HOME="").returncode == 1
 
 
-def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_named(installed, quick):
+def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_named(
+    installed, quick
+):
     """By a profile in the environment, which a command line's or the user's own replaces."""
     clone = installed
     said = ["sh", "-c", 'echo "$PYTHONPATH $SNAKEMAKE_PROFILE"']
