@@ -95,16 +95,6 @@ def test_widening_of_a_mean_is_the_correlation_factor():
     assert not is_white(residual[1:] @ residual[:-1], power, len(walk))
 
 
-def test_offset_and_slope_of_the_ocv_are_found():
-    passed = np.concatenate([[0.0], np.cumsum(0.2 * CURRENT[:-1])]) / 3600
-    volt = voltage() + 0.004 + 0.3 * passed
-    fit = fitted(volt, free_ocv=("offset", "slope"))
-    assert fit.names[1:3] == ("ocv_offset_volt", "ocv_slope_volt_per_ampere_hour")
-    np.testing.assert_allclose(
-        fit.values[[0, 1, 2, 5, 6]], [0.02, 0.004, 0.3, 3.0, 40.0], rtol=1e-4
-    )
-
-
 def test_a_bound_holds_is_named_and_has_no_deviation():
     fit = fitted(noisy(8), bounds={"r1_ohm": (0.0, 0.008)})
     assert fit.at_bound == ("r1_ohm",)
@@ -168,7 +158,6 @@ def test_samples_slower_than_tau_leave_the_pair_at_the_step():
         ({"ocv": np.ones(3)}, "OCV has shape"),
         ({"hold": "linear"}, "zero_order"),
         ({"n_rc": 7}, "0 to 4"),
-        ({"free_ocv": ("curve",)}, "curve"),
         ({"start": [1.0]}, "2 time constants"),
         ({"bounds": {"r9_ohm": (0, 1)}}, "r9_ohm"),
         ({"bounds": {"tau1_second": (5, 1)}}, "must ascend"),
