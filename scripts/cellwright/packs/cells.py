@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import POINTS
 from cellwright.circuits.circuit import PLANE_MODES, SPHERE_MODES
 from cellwright.circuits.model_file import (
     SMALLEST_RESISTANCE_OHM,
@@ -62,7 +63,7 @@ FILL = {"tau_second": 1.0, "kinetic_tau_second": 1.0, "kinetic_scale_volt": 1.0}
 FILL |= {"hysteresis_ampere_hour": 1.0, "soc_tau_second": 1.0}
 
 
-def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
+def pack_cells(models, *, temperature_celsius=None, member=None, points=POINTS):
     """Stack the models of a pack's cells on one grid of SoC, each as its chosen member.
 
     Parameters

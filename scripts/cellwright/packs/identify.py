@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import POINTS
 from cellwright.identification.cell import SCHEMA
 from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
@@ -21,7 +22,6 @@ from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
 
 KNOTS = 21  # of SoC, of a resistance in the model file
-POINTS = 201  # of SoC, of the tables of a cell
 
 
 class GroupFit(NamedTuple):
