@@ -222,14 +222,14 @@ def _lowest(axes, hours, series):
     style.legend_once(axes, ncols=2, loc="lower right")
 
 
-def _runs(places, *, most=600):
-    """First and last + 1 of stretches of one value, no NaN; of very many the longest ones."""
+def _runs(places):
+    """First and last + 1 of stretches of one value, no NaN; of very many the 600 longest ones."""
     edges = np.flatnonzero(np.diff(np.nan_to_num(places, nan=-1.0))) + 1
     starts, stops = np.append(0, edges), np.append(edges, len(places))
     told = np.isfinite(places[starts])
     starts, stops = starts[told], stops[told]
     # Thousands of short stretches are a grey bar and a file of megabytes.
-    longest = np.sort(np.argsort(starts - stops)[:most])
+    longest = np.sort(np.argsort(starts - stops)[:600])
     return list(zip(starts[longest], stops[longest], strict=True))
 
 

@@ -16,9 +16,9 @@ from cellwright.refusal import Refusal
 class Estimate(NamedTuple):
     """Coefficients after every sample.
 
-    coefficient : (n, q): c_1…c_m, d_0…d_m, and the constant where the OCV is free; NaN before the
-    first update. covariance : (q, q) of the last ones, for equation errors that are white and not
-    correlated with past voltages, which measured noise never is: it states too little.
+    coefficient : (n, q): c_1…c_m, d_0…d_m; NaN before the first update. covariance : (q, q) of the
+    last ones, for equation errors that are white and not correlated with past voltages, which
+    measured noise never is: it states too little.
     """
 
     coefficient: np.ndarray
@@ -28,37 +28,22 @@ class Estimate(NamedTuple):
 class Circuit(NamedTuple):
     """Parameters of one set of coefficients; pairs by ascending time constant.
 
-    r0_ohm. r_ohm, tau_second : (m,). ocv_offset_volt : of the constant, 0 where there is none.
+    r0_ohm. r_ohm, tau_second : (m,).
     """
 
     r0_ohm: float
     r_ohm: np.ndarray
     tau_second: np.ndarray
-    ocv_offset_volt: float
 
 
-def track(
-    current_ampere,
-    voltage_volt,
-    ocv_volt,
-    *,
-    n_rc=1,
-    forgetting=1.0,
-    free_ocv=False,
-    prior=1e10,
-):
-    """Recursive least squares with forgetting on V − OCV, one update per sample.
+def track(current_ampere, voltage_volt, ocv_volt, *, n_rc=1):
+    """Recursive least squares on V − OCV, one update per sample, no sample forgotten.
 
     Parameters
     ----------
     current_ampere, voltage_volt : (n,) on a uniform step [A] positive on charge, [V].
     ocv_volt : scalar or (n,) open-circuit voltage [V].
     n_rc : 1 or 2.
-    forgetting : weight of the last equation in the next one, above 0.9, at most 1; the memory is
-        1/(1 − forgetting) samples.
-    free_ocv : True adds a constant, the error of the OCV times (1 − Σc_i): the first entry of the
-        thesis' vector (2.18).
-    prior : variance of each coefficient at the start: large, since nothing is known.
 
     Returns
     -------
@@ -66,23 +51,22 @@ def track(
 
     Raises
     ------
-    Refusal : lengths differ, not finite, too few samples, another number of pairs, a forgetting
-        outside its range, a current that never changes.
+    Refusal : lengths differ, not finite, too few samples, another number of pairs, a current that
+        never changes.
 
     Source: thesis (2.17)–(2.19). Erratum: (2.18) lists V(k) among what predicts V(k); the lags
     begin at k − 1. Recursion: L. Ljung, System Identification (1999), sec. 11.2.
     """
-    rows, target = _equations(current_ampere, voltage_volt, ocv_volt, n_rc, free_ocv)
-    if not 0.9 < forgetting <= 1.0:
-        raise Refusal(f"forgetting is {forgetting}; allowed is above 0.9 up to 1")
+    rows, target = _equations(current_ampere, voltage_volt, ocv_volt, n_rc)
     size = rows.shape[1]
-    coefficient, covariance = np.zeros(size), prior * np.eye(size)
+    # A large variance at the start, since nothing is known.
+    coefficient, covariance = np.zeros(size), 1e10 * np.eye(size)
     course = np.full((len(rows) + n_rc, size), np.nan)
     for k, (row, value) in enumerate(zip(rows, target, strict=True)):
         shared = covariance @ row
-        gain = shared / (forgetting + row @ shared)
+        gain = shared / (1.0 + row @ shared)
         coefficient = coefficient + gain * (value - row @ coefficient)
-        covariance = (covariance - np.outer(gain, shared)) / forgetting
+        covariance = covariance - np.outer(gain, shared)
         # Rounding would make it asymmetric, and then indefinite, after some thousand samples.
         covariance = (covariance + covariance.T) / 2
         course[k + n_rc] = coefficient
@@ -116,7 +100,7 @@ def circuit_of_coefficients(coefficient, step_second, *, hold, n_rc=1):
     Source: partial fractions of the discrete transfer function; thesis (2.17).
     """
     coefficient = np.asarray(coefficient, float)
-    if len(coefficient) not in (2 * n_rc + 1, 2 * n_rc + 2) or hold not in HOLDS:
+    if len(coefficient) != 2 * n_rc + 1 or hold not in HOLDS:
         raise Refusal(f"{len(coefficient)} coefficients for {n_rc} pairs, hold {hold!r}")
     if not np.isfinite(coefficient).all():
         raise Refusal("coefficients are not finite: no sample has updated them")
@@ -126,9 +110,7 @@ def circuit_of_coefficients(coefficient, step_second, *, hold, n_rc=1):
     _, before, after = lag_weights(np.full(n_rc, float(step_second)), tau, hold=hold)
     others = [np.prod(1 - np.delete(pole, j) / pole[j]) for j in range(n_rc)]
     r = np.polyval(d[::-1], 1 / pole) / others / (after + before / pole)
-    constant = coefficient[2 * n_rc + 1] if len(coefficient) > 2 * n_rc + 1 else 0.0
-    offset = float(constant / (1.0 - c.sum()))
-    return Circuit(float(d[0] - r @ after), r, tau, offset)
+    return Circuit(float(d[0] - r @ after), r, tau)
 
 
 def _poles(c):
@@ -143,7 +125,7 @@ def _poles(c):
     return pole
 
 
-def _equations(current_ampere, voltage_volt, ocv_volt, n_rc, free_ocv):
+def _equations(current_ampere, voltage_volt, ocv_volt, n_rc):
     """Rows (2.18) and their targets; the first n_rc samples have no row."""
     current, voltage = np.asarray(current_ampere, float), np.asarray(voltage_volt, float)
     if current.shape != voltage.shape or current.ndim != 1:
@@ -159,5 +141,4 @@ def _equations(current_ampere, voltage_volt, ocv_volt, n_rc, free_ocv):
         raise Refusal(f"current is {current[0]:g} A throughout: nothing moves")
     past = [y[n_rc - i : len(y) - i] for i in range(1, n_rc + 1)]
     drive = [current[n_rc - i : len(y) - i] for i in range(n_rc + 1)]
-    constant = [np.ones(len(y) - n_rc)] if free_ocv else []
-    return np.column_stack([*past, *drive, *constant]), y[n_rc:]
+    return np.column_stack([*past, *drive]), y[n_rc:]

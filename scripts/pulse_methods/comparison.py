@@ -21,7 +21,7 @@ from pulse_methods.with_lmfit import fit_by_lmfit, lmfit_parameters
 
 PAIRS = 2
 HOLD = "zero_order"  # the current of a pulse stays until the next sample
-NAMES = names_of(PAIRS, ())
+NAMES = names_of(PAIRS)
 TYPES = dict.fromkeys(("test", "direction", "method", "reason"), str)
 TYPES |= {"samples": int, "evaluations": int}
 RESISTANCE_SHARES = 1e-3, 2.0  # of the largest polarisation over the current: bounds of a search

@@ -35,7 +35,7 @@ def cost_function(record, *, hold, n_rc=2):
     -------
     cost : function (k, p) → (k,) [V²], of ln R0, ln R_j, ln tau_j of k circuits.
     """
-    load = load_of(*record, hold, ())
+    load = load_of(*record, hold)
 
     def cost(logs):
         values = np.exp(logs)
@@ -97,7 +97,7 @@ def evolve_by_genes(
     Source: thesis 2.3; it prints neither its operators nor its rates. Blend crossover: L. Eshelman,
     J. Schaffer, Foundations of Genetic Algorithms 2 (1993) 187.
     """
-    names = names_of(n_rc, ())
+    names = names_of(n_rc)
     logs, cost = _logs(bounds, names), cost_function(record, hold=hold, n_rc=n_rc)
     rng, width = np.random.default_rng(seed), np.diff(logs, axis=1)[:, 0]
     people = rng.uniform(*logs.T, size=(population, len(names)))

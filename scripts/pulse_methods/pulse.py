@@ -1,7 +1,7 @@
 """Fit of a circuit with constant parameters to one short record: one set point, one pulse train.
 
 Levenberg–Marquardt over the logarithms of the time constants with analytic sensitivities; all that
-is linear (resistances, offset and slope of the OCV) is solved for anew at every step.
+is linear (the resistances) is solved for anew at every step.
 """
 
 from typing import NamedTuple
@@ -9,37 +9,31 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.exponentials import MOST_PASSES, Projected, levenberg
-from cellwright.numerics.lags import HOLDS, mean_over_steps
+from cellwright.numerics.lags import HOLDS
 from cellwright.numerics.statistics import is_white, parameter_covariance
 from cellwright.refusal import Refusal
 from pulse_methods.exponentials import Load, coarse_start, columns_of, normal_equations, verdict
 
-OFFSET, SLOPE = "ocv_offset_volt", "ocv_slope_volt_per_ampere_hour"
 
-
-def names_of(n_rc, free_ocv):
+def names_of(n_rc):
     """Names of the parameters in the order of the linear model: linear ones, then ln tau.
 
     Parameters
     ----------
-    n_rc, free_ocv : as in `fit_circuit`.
+    n_rc : number of RC pairs, 0 to 4; another one is refused.
     """
-    unknown = set(free_ocv) - {"offset", "slope"}
-    if unknown or not 0 <= n_rc <= 4:
-        raise Refusal(f"{n_rc} RC pairs, free OCV {sorted(free_ocv)}; 0 to 4, 'offset', 'slope'")
-    extra = [OFFSET] * ("offset" in free_ocv) + [SLOPE] * ("slope" in free_ocv)
+    if not 0 <= n_rc <= 4:
+        raise Refusal(f"{n_rc} RC pairs; 0 to 4 are offered")
     pairs = range(1, n_rc + 1)
-    taus = [f"tau{j}_second" for j in pairs]
-    return ("r0_ohm", *extra, *(f"r{j}_ohm" for j in pairs), *taus)
+    return ("r0_ohm", *(f"r{j}_ohm" for j in pairs), *(f"tau{j}_second" for j in pairs))
 
 
-def load_of(test_time_second, current_ampere, voltage_volt, ocv_volt, hold, free_ocv):
+def load_of(test_time_second, current_ampere, voltage_volt, ocv_volt, hold):
     """Checked record as the load of the linear model.
 
     Parameters
     ----------
-    test_time_second, current_ampere, voltage_volt, ocv_volt : as in `fit_circuit`.
-    hold, free_ocv : as there.
+    test_time_second, current_ampere, voltage_volt, ocv_volt, hold : as in `fit_circuit`.
     """
     time, current, voltage = (
         np.asarray(c, float) for c in (test_time_second, current_ampere, voltage_volt)
@@ -52,14 +46,7 @@ def load_of(test_time_second, current_ampere, voltage_volt, ocv_volt, hold, free
     step *= 1e9
     step = np.rint(step, out=step)
     step /= 1e9
-    fixed = [current]
-    if "offset" in free_ocv:
-        fixed.append(np.ones(len(time)))
-    if "slope" in free_ocv:
-        between = mean_over_steps(current, hold)
-        fixed.append(np.concatenate([[0.0], np.cumsum(step * between)]) / 3600.0)
-    columns = np.vstack(fixed)
-    return Load(step, columns[0], columns, voltage - ocv, hold)
+    return Load(step, current, current[None], voltage - ocv, hold)
 
 
 def limits_of(names, load, bounds):
@@ -76,7 +63,7 @@ def limits_of(names, load, bounds):
         raise Refusal(f"bounds of {', '.join(sorted(unknown))}; parameters are {', '.join(names)}")
     step = load.step_second
     shortest = least if (least := step.min()) > 0 else step[step > 0].min()
-    usual = {"tau": (shortest, step.sum()), "ocv": (-np.inf, np.inf)}
+    usual = {"tau": (shortest, step.sum())}
     pairs = [bounds.get(name, usual.get(name[:3], (0.0, np.inf))) for name in names]
     for name, (lower, upper) in zip(names, pairs, strict=True):
         if not lower <= upper or (name[:3] == "tau" and lower <= 0):
@@ -108,8 +95,7 @@ def _check(time, current, voltage, ocv, hold):
 class CircuitFit(NamedTuple):
     """A circuit fitted to a record; all vectors in the order of `names`.
 
-    names : "r0_ohm", then "ocv_offset_volt" and "ocv_slope_volt_per_ampere_hour" where free, then
-    "r1_ohm", "r2_ohm", …, "tau1_second", "tau2_second", …, time constants ascending. values (p,).
+    names : "r0_ohm", "r1_ohm", …, "tau1_second", …, time constants ascending. values (p,).
     std, covariance, correlation : NaN for a parameter that is fixed, at a bound or not told by the
     data, and for the resistance of a pair whose time constant is at a bound. widening : (p,) std
     over what it would be for white residuals. at_bound : names of those at a limit. rmse_volt [V].
@@ -140,7 +126,6 @@ def fit_circuit(
     n_rc=2,
     start=None,
     bounds=None,
-    free_ocv=(),
 ):
     """Fit R0 and any number of RC pairs to the voltage of a record that starts from rest.
 
@@ -153,7 +138,6 @@ def fit_circuit(
     start : (n_rc,) time constants to start from [s]; None searches a grid on thinned rows.
     bounds : dict, name of a parameter → (lower, upper) in its unit; two equal ones fix it. Else
         resistances are 0 or more, time constants between the shortest step and the whole record.
-    free_ocv : any of "offset" [V] and "slope" [V/Ah over the charge passed]: errors of the OCV.
 
     Returns
     -------
@@ -167,8 +151,8 @@ def fit_circuit(
     Source: thesis 2.3, cost (2.20), with a gradient in place of its genetic algorithm.
     """
     # ASSUME: A record fitted with constant parameters stays near one SoC and one temperature.
-    load = load_of(test_time_second, current_ampere, voltage_volt, ocv_volt, hold, free_ocv)
-    names = names_of(n_rc, free_ocv)
+    load = load_of(test_time_second, current_ampere, voltage_volt, ocv_volt, hold)
+    names = names_of(n_rc)
     if len(load.drive) <= len(names):
         raise Refusal(f"{len(load.drive)} samples for {len(names)} parameters; more are needed")
     lower, upper = limits_of(names, load, bounds or {})
@@ -280,35 +264,27 @@ ZERO = 1e-6  # share of the fitted value that stands for zero on a logarithmic s
 
 
 class ProfileInterval(NamedTuple):
-    """Where the cost, minimised over all other parameters, rises by what the level allows.
+    """Where the cost, minimised over all other parameters, rises by what 95 % allow.
 
-    name, value : of the parameter. lower, upper : ends; NaN where the profile is open. open_below,
-    open_above : True where the cost never rises enough within `searched` (lower, upper). told :
-    both ends are closed. words : the same as a sentence.
+    lower, upper : ends; NaN where the cost never rises enough. words : the same as a sentence.
     """
 
-    name: str
-    value: float
     lower: float
     upper: float
-    open_below: bool
-    open_above: bool
-    searched: tuple
-    told: bool
     words: str
 
 
-def profile_interval(record, fit, name, *, hold, level=0.95, bounds=None, free_ocv=(), reach=1e3):
-    """Interval of one parameter by profile likelihood.
+def profile_interval(record, fit, name, *, hold, bounds=None):
+    """95 % interval of one parameter by profile likelihood.
+
+    The search goes to a thousandth and to a thousand times the value, or to its bounds.
 
     Parameters
     ----------
     record : (test_time_second, current_ampere, voltage_volt, ocv_volt) as given to `fit_circuit`.
     fit : CircuitFit of that record.
     name : of the parameter, a resistance or a time constant.
-    hold, bounds, free_ocv : as in that fit.
-    level : coverage, 0 to 1.
-    reach : the search goes from value/reach to value·reach, or to the parameter's bounds.
+    hold, bounds : as in that fit.
 
     Returns
     -------
@@ -316,7 +292,7 @@ def profile_interval(record, fit, name, *, hold, level=0.95, bounds=None, free_o
 
     Raises
     ------
-    Refusal : the parameter is not of the fit, is an error of the OCV, or has no value.
+    Refusal : the parameter is not of the fit, or has no value.
 
     Source: D. Venzon, S. Moolgavkar, Applied Statistics 37 (1988) 87; for an estimated scatter by
     the F distribution (D. Bates, D. Watts, Nonlinear Regression Analysis, 1988, sec. 6.1). Where
@@ -327,12 +303,8 @@ def profile_interval(record, fit, name, *, hold, level=0.95, bounds=None, free_o
     value = _profiled_value(fit, name)
     freedom = fit.samples - len(fit.names)
     widening = np.nan_to_num(fit.widening[fit.names.index(name)], nan=1.0)
-    allowed = fdtri(1, freedom, level) * widening**2 / freedom
-    settings = {
-        "hold": hold,
-        "n_rc": sum(n.startswith("tau") for n in fit.names),
-        "free_ocv": free_ocv,
-    }
+    allowed = fdtri(1, freedom, 0.95) * widening**2 / freedom
+    settings = {"hold": hold, "n_rc": sum(n.startswith("tau") for n in fit.names)}
 
     def excess(log_value):
         trial = float(np.exp(log_value))
@@ -341,15 +313,15 @@ def profile_interval(record, fit, name, *, hold, level=0.95, bounds=None, free_o
         return (refit.rmse_volt / fit.rmse_volt) ** 2 - 1.0 - allowed
 
     step = _first_step(fit, name)
-    limits = (bounds or {}).get(name, (value / reach, value * reach))
-    limits = max(limits[0], value * ZERO), min(limits[1], value * reach)
+    limits = (bounds or {}).get(name, (1e-3 * value, 1e3 * value))
+    limits = max(limits[0], value * ZERO), min(limits[1], 1e3 * value)
     directions = zip((-step, step), np.log(limits), strict=True)
     ends = [_crossing(excess, np.log(value), *step_and_limit) for step_and_limit in directions]
-    return _interval(name, value, ends, limits, level)
+    return _interval(name, value, ends)
 
 
 def _profiled_value(fit, name):
-    if name not in fit.names or name.startswith("ocv"):
+    if name not in fit.names:
         raise Refusal(f"no profile of {name}; resistances and time constants are {fit.names}")
     value = float(fit.values[fit.names.index(name)])
     if not value > 0:
@@ -384,17 +356,15 @@ def _bisected(excess, inner, outer):
     return (inner + outer) / 2
 
 
-def _interval(name, value, ends, limits, level):
+def _interval(name, value, ends):
     lower, upper = (float(np.exp(end)) for end in ends)
-    below, above = bool(np.isnan(lower)), bool(np.isnan(upper))
-    share = f"{name} lies at {level:.0%} between"
+    below, above = np.isnan(lower), np.isnan(upper)
     if not below and not above:
-        words = f"{share} {lower:.4g} and {upper:.4g}"
+        words = f"{name} lies at 95% between {lower:.4g} and {upper:.4g}"
     elif below and above:
         words = f"{name} cannot be told: its profile is open on both sides of {value:.3g}"
     elif above:
         words = f"{name} cannot be told: its profile is open above {lower:.3g}"
     else:
         words = f"{name} cannot be told: its profile is open below {upper:.3g}"
-    closed = not (below or above)
-    return ProfileInterval(name, value, lower, upper, below, above, limits, closed, words)
+    return ProfileInterval(lower, upper, words)

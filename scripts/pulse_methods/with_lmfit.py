@@ -80,7 +80,7 @@ def circuit_with(circuit, parameters):
     )
 
 
-def fit_by_lmfit(circuit, parameters, record, *, hold, open_circuit=None):
+def fit_by_lmfit(circuit, parameters, record, *, hold):
     """Levenberg–Marquardt by lmfit, its Jacobian from the circuit's sensitivities.
 
     Parameters
@@ -88,7 +88,7 @@ def fit_by_lmfit(circuit, parameters, record, *, hold, open_circuit=None):
     circuit : tuple of Branch: which kinds in which order.
     parameters : lmfit.Parameters from `lmfit_parameters`, changed as the user likes.
     record : (test_time_second, current_ampere, voltage_volt, ocv_volt), as in `simulate`.
-    hold, open_circuit : as in `simulate`.
+    hold : as in `simulate`.
 
     Returns
     -------
@@ -105,18 +105,17 @@ def fit_by_lmfit(circuit, parameters, record, *, hold, open_circuit=None):
         raise Refusal(f"voltage has shape {voltage.shape}, time {time.shape}, or is not finite")
     if not any(p.vary for p in parameters.values()):
         raise Refusal("no parameter varies: all are fixed or tied")
-    settings = {"hold": hold, "open_circuit": open_circuit}
 
     def residual(current_parameters):
         built = circuit_with(circuit, current_parameters)
         return (
-            simulate(built, time, current, ocv, **settings)
+            simulate(built, time, current, ocv, hold=hold)
             + current_parameters[OFFSET].value
             - voltage
         )
 
     def jacobian(current_parameters):
-        by_own = sensitivities(circuit_with(circuit, current_parameters), time, current, **settings)
+        by_own = sensitivities(circuit_with(circuit, current_parameters), time, current, hold=hold)
         columns = {f"{name}_{index}": column for (index, name), column in by_own.items()}
         return _chained(current_parameters, columns | {OFFSET: np.ones(len(time))})
 

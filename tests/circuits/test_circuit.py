@@ -13,7 +13,6 @@ from cellwright.circuits.circuit import (
     PLANE_MODES,
     SPHERE_MODES,
     Branch,
-    impedance,
     rc_circuit,
 )
 from cellwright.numerics.hysteresis import WIDTHS, preisach
@@ -227,30 +226,47 @@ def test_sensitivities_are_finite_differences(name, hold):
         np.testing.assert_allclose(derivative, expected, atol=1e-7 * np.abs(expected).max())
 
 
+def sheet(over):
+    """Finite-length Warburg element over its resistance, of s·τ."""
+    return np.tanh(np.sqrt(over)) / np.sqrt(over)
+
+
+def ball(over):
+    """Surface minus mean of a sphere under an alternating flux over its steady state, of s·τ."""
+    root = np.sqrt(over)
+    return 5 * (1 / (root / np.tanh(root) - 1) - 3 / over)
+
+
+# Impedance at small currents: hysteresis follows the charge, a switch has no such limit.
+OF_BOOKS = {
+    "R": lambda s, r_ohm: r_ohm,
+    "R_two_way": lambda s, r_charge_ohm, r_discharge_ohm: (r_charge_ohm + r_discharge_ohm) / 2,
+    "RC": lambda s, r_ohm, tau_second: r_ohm / (1 + s * tau_second),
+    "kinetic": lambda s, r_ohm, tau_second, scale_volt: r_ohm / (1 + s * tau_second),
+    "charge_transfer": lambda s, r_ohm, exchange_ampere, charge_coefficient: r_ohm,
+    "warburg": lambda s, r_ohm, tau_second: r_ohm * sheet(s * tau_second),
+    "warburg_sphere": lambda s, r_ohm, tau_second: r_ohm * ball(s * tau_second),
+    "hysteresis": lambda s, m_volt, charge_ampere_hour: m_volt / (3600 * charge_ampere_hour * s),
+    "preisach": lambda s, m_volt, charge_ampere_hour: (
+        m_volt * np.mean(1 / WIDTHS) / (3600 * charge_ampere_hour * s)
+    ),
+    "diffusion": lambda s, soc_per_ampere, tau_second: (
+        SLOPE * soc_per_ampere * ball(s * tau_second)
+    ),
+}
+
+
 @pytest.mark.parametrize("name", UNSWITCHED)
-def test_a_small_sine_meets_the_impedance(name):
-    """Of all but a switch, which has no limit at small currents."""
+def test_a_small_sine_meets_the_impedance_of_the_books(name):
+    """To 4 %, which six lags in place of diffusion leave."""
     time = np.arange(0, 3000, 0.05)
     wave = np.exp(2j * np.pi * 0.02 * time)
     last = slice(len(time) // 3 * 2, None)
     run = over(CIRCUITS[name], time, 1e-3 * wave.real).sum(axis=0)[last]
     measured = 2e3 * np.mean((run - run.mean()) * wave[last].conj())
-    expected = impedance(CIRCUITS[name], [0.02], ocv_slope_volt=SLOPE)[0]
-    assert measured == pytest.approx(expected, rel=2e-3)
-
-
-def test_impedance_of_the_elements_is_that_of_the_books():
-    frequency = np.geomspace(1e-5, 3e-2, 40)
-    root = np.sqrt(2j * np.pi * frequency * 300.0)
-    sheet = impedance(member(["warburg"]), frequency) / 0.02
-    assert np.abs(sheet / (np.tanh(root) / root) - 1).max() < 0.09
-    root = np.sqrt(2j * np.pi * frequency * 900.0)
-    # Surface minus mean of a sphere under an alternating flux: 5·(1/(x·coth x − 1) − 3/x²).
-    ball = impedance(member(["diffusion"]), frequency, ocv_slope_volt=1.0) / 0.01
-    exact = 5 * (1 / (root / np.tanh(root) - 1) - 3 / root**2)
-    assert np.abs(ball / exact - 1).max() < 0.09
-    two = impedance(rc_circuit(0.02, [0.01, 0.03], [5.0, 200.0]), [1e-9, 1e9])
-    np.testing.assert_allclose(two, [0.06, 0.02], atol=1e-6)
+    expected = sum(OF_BOOKS[b.kind](2j * np.pi * 0.02, **b.parameters) for b in CIRCUITS[name])
+    diffusive = {"warburg", "warburg_sphere", "diffusion"} & {b.kind for b in CIRCUITS[name]}
+    assert measured == pytest.approx(expected, rel=0.04 if diffusive else 2e-3)
 
 
 @pytest.mark.parametrize(("modes", "area"), [(PLANE_MODES, 1 / 3), (SPHERE_MODES, 1 / 35)])

@@ -17,7 +17,7 @@ from cellwright.refusal import Refusal
 NOISE = Noise(window=50)
 
 
-def record(seed=1, seconds=300):
+def record(seed=1, seconds=150):
     rng = np.random.default_rng(seed)
     time = np.cumsum(rng.choice([0.0, 0.1, 1.0, 3.0], seconds))
     current = np.repeat(rng.uniform(-3, 2, seconds // 10), 10)
@@ -90,8 +90,8 @@ def test_kernel_is_its_twin_for_a_member_with_many_states(c_rate):
 def test_kernel_is_its_twin_however_many_lengths_its_steps_have(lengths):
     """Weights are kept by the length of a step; more lengths than are kept take turns."""
     rng = np.random.default_rng(4)
-    time = np.cumsum(rng.choice(rng.uniform(0.05, 20.0, lengths), 1500))
-    columns = time, rng.uniform(-3, 2, 1500), 3.6 + 0.02 * rng.normal(size=1500)
+    time = np.cumsum(rng.choice(rng.uniform(0.05, 20.0, lengths), 500))
+    columns = time, rng.uniform(-3, 2, 500), 3.6 + 0.02 * rng.normal(size=500)
     plant = plant_of(bank_of(many(), None, 25.0), *columns, NOISE, hold="first_order")
     given = plant, NOISE, acquire(plant, Start(0.4), NOISE)[0]
     np.testing.assert_allclose(kalman.run(*given), kalman.run_by_numpy(*given), rtol=0, atol=1e-12)
@@ -127,7 +127,7 @@ def test_on_a_straight_ocv_it_is_the_textbooks_kalman_filter():
 
 def test_covariance_stays_symmetric_and_positive():
     plant, noise, state = prepared(stated(), track_capacity=True, track_ohmic=True)
-    for k in range(1, 200):
+    for k in range(1, 150):
         state, _, variance = kalman.update(kalman.predict(state, plant, k, noise), plant, k, noise)
         assert variance > 0
         eigenvalues = np.linalg.eigvalsh((state.covariance + state.covariance.T) / 2)

@@ -34,7 +34,7 @@ def test_the_law_is_found(kind, laws, seed):
 
 
 @pytest.mark.parametrize("kind", ["straight", "root", "power", "rise"])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_no_knee_is_invented_on_a_smooth_life(kind, seed):
     share = smooth(kind, 400) + noise(np.random.default_rng(seed), 400, std=0.002, memory=0.8)
     knee = found_in(share)[2]
@@ -90,8 +90,7 @@ def test_recovery_after_rests_is_no_fade():
 KINDS = ("straight", "root", "power", "rise")
 
 
-@pytest.mark.parametrize("part", [0.5, 0.7])
-def test_remaining_cycles_lie_within_their_interval(part):
+def test_remaining_cycles_lie_within_their_interval():
     """Of 16 lives, half with a knee ahead, at least 14 (a true 95 % gives fewer in 4 %)."""
     held, ends = 0, 250
     for seed in range(16):
@@ -101,7 +100,7 @@ def test_remaining_cycles_lie_within_their_interval(part):
             share = kinked(ends, random.uniform(0.6, 0.95), ratio=random.uniform(2, 8), lost=0.2)
         end = np.flatnonzero(share <= 0.8 * share[0])
         true = (end[0] if len(end) else ends) + 1
-        seen = int(part * true)
+        seen = int((0.5 if seed < 8 else 0.7) * true)
         share = share[:seen] + noise(random, seen)
         remaining = found_in(share)[3]
         upper = np.inf if np.isnan(remaining.upper) else remaining.upper

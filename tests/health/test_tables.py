@@ -69,7 +69,6 @@ def test_lithiation_that_is_beyond_its_ends_by_rounding_is_taken():
 
 WAYS = {
     "all": lambda table: table,
-    "1,600": lambda table: averaged(table, 1600),
     "400": lambda table: averaged(table, 400),
     "100": lambda table: averaged(table, 100),
     "every 40th": lambda table: tuple(column[::40] for column in table),

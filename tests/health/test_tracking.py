@@ -25,10 +25,10 @@ def charge(cycle, peaks, *, c_rate=0.05, celsius=25.0, reason=""):
     return TrackedCharge(f"t{cycle}_{c_rate}_{celsius}", cycle, c_rate, celsius, columns, reason)
 
 
-def tracks(charges, **changes):
+def tracks(charges):
     """Rows by (cycle, rate): {identity: row}."""
     found = {}
-    for row in tracked_peaks(charges, **changes):
+    for row in tracked_peaks(charges):
         found.setdefault((row["cycle"], row["c_rate"]), {})[row["identity"]] = row
     return found
 

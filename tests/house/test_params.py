@@ -6,6 +6,7 @@ its code: a section that it takes as a whole, or keys in its signature.
 
 import ast
 import re
+from functools import cache
 
 import pytest
 from test_workflow import CONFIG, RULES
@@ -26,6 +27,7 @@ def whole(section) -> set[str]:
     return {f"{section}.{key}" for key in settings_module.of_science(CONFIG["properties"][section])}
 
 
+@cache
 def handed(body) -> set[str]:
     """Keys that a rule's parameters take from the config."""
     params = re.search(r"^    params:\n((?:        .*\n)+)", body, re.M)
@@ -37,6 +39,7 @@ def handed(body) -> set[str]:
     return found.union(*(whole(section) for section in typed))
 
 
+@cache
 def used(script) -> set[str]:
     """Keys that the steps use which a script calls as `cw.<step>(…)`."""
     called = {

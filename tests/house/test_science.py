@@ -160,9 +160,6 @@ def test_a_literal_default_is_no_setting():
 SETTLED = ("api", "series", "protocols", "laws", "filters", "identification")
 # Of the name of a setting, and none: what a function is for decides these, not a campaign.
 OF_THEIR_OWN = {
-    "laws: impedance_points: soc_tolerance",
-    "identification: profile_interval: level",
-    "identification: solved: rounds",
     "laws: scaled_peaks: prominence",
 }
 

@@ -38,7 +38,7 @@ def test_arrhenius_is_found_and_chosen():
 def test_slopes_are_covered_and_p_values_are_honest():
     """Without a slope p < 0.05 in 5 %; with one, its interval holds it in 95 %."""
     rng = np.random.default_rng(0)
-    flat = [temperature_lines(CELSIUS, 100 + rng.normal(size=5), unit="s")[0] for _ in range(500)]
+    flat = [temperature_lines(CELSIUS, 100 + rng.normal(size=5), unit="s")[0] for _ in range(250)]
     assert np.mean([law.values[2] < 0.05 for law in flat]) == pytest.approx(0.05, abs=0.025)
     assert np.mean([law.lower[0] < 0 < law.upper[0] for law in flat]) == pytest.approx(
         0.95, abs=0.03

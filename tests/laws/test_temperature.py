@@ -70,7 +70,7 @@ def test_the_quadratic_of_the_thesis():
 def test_truth_is_chosen_and_lies_inside_its_intervals(law, truth):
     rng = np.random.default_rng(5)
     inside, chosen = [], []
-    for _ in range(200):
+    for _ in range(100):
         value = LAWS[law](CELSIUS, *truth) * (1 + 0.005 * rng.standard_normal(len(CELSIUS)))
         fitted = laws(CELSIUS, value)
         inside.append((fitted[law].lower < truth) & (fitted[law].upper > truth))
@@ -99,7 +99,7 @@ def test_scatter_beyond_the_stated_errors_is_found(excess, stated):
     rng, x = np.random.default_rng(3), np.linspace(-1, 1, 6)
     columns, std = np.stack([np.ones(6), x], axis=1), stated * np.linspace(0.5, 2, 6)
     inside, estimated = [], []
-    for _ in range(400):
+    for _ in range(150):
         noise = np.hypot(excess, std) * rng.standard_normal(6)
         line = fit_line(columns, 1 + 2 * x + noise, std)
         lower, upper = line.interval()

@@ -18,7 +18,7 @@ from cellwright.refusal import Refusal
 CAPACITY = np.array([30.0, 29.0, 27.5, 31.0])
 RESISTANCE = np.array([2.0e-3, 2.3e-3, 2.1e-3, 1.9e-3])
 NOISE_AMPERE = 0.006
-SEEDS = range(20)
+SEEDS = range(12)
 
 
 def load(seed, rows=3000):
@@ -79,7 +79,7 @@ def test_sound_records_raise_no_alarm(members):
 
 def test_offset_and_gain_lie_within_their_deviations():
     errors = {"sum_offset": [], "sum_gain": []}
-    for seed in range(40):
+    for seed in range(25):
         true, read = measured(seed, 3)
         read = 1.01 * read + 0.2
         for one in channel_findings(record(read, true.sum(axis=1)), parallel(3))[:2]:
@@ -103,7 +103,7 @@ def test_a_branch_that_reads_too_much_is_named_with_its_gain(gain):
             named.append(one.branch == seed % 3 + 1)
             assert abs(one.value - gain) < 5 * one.std
     assert all(named)
-    assert len(named) >= 10
+    assert len(named) >= 6
 
 
 def test_an_offset_is_told_in_ampere():

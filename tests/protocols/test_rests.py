@@ -53,16 +53,16 @@ def test_both_pairs_are_recovered_after_either_direction(sign, direction):
 
 
 def test_intervals_cover():
-    """a, b, tau1, tau2 and the OCV lie within 1.96 deviations in 95 % of 120 records."""
+    """a, b, tau1, tau2 and the OCV lie within 1.96 deviations in 95 % of 60 records."""
     truth = -5 * R * (1 - np.exp(-LOAD / TAU))
     wanted = dict(zip(("a_volt", "b_volt"), truth, strict=True))
     wanted |= {"tau1_second": TAU[0], "tau2_second": TAU[1], "ocv_volt": 3.7}
     inside = []
-    for seed in range(120):
+    for seed in range(60):
         rows = rests(*record(seed, step=5.0)).rows
         two = int(np.flatnonzero(rows["exponentials"] == 2)[0])
         inside.append([_covered(rows, two, name, value) for name, value in wanted.items()])
-    assert np.abs(np.mean(inside, axis=0) - 0.95).max() < 0.06
+    assert np.abs(np.mean(inside, axis=0) - 0.95).max() < 0.085
 
 
 def _covered(rows, row, name, value):

@@ -68,23 +68,6 @@ def test_recovery_without_noise(pairs, hold):
     np.testing.assert_allclose(circuit.tau_second, TAU[:pairs], rtol=1e-4)
 
 
-def test_the_error_of_the_ocv_is_found():
-    estimate = track(CURRENT, voltage(1), 3.69, n_rc=1, free_ocv=True)
-    circuit = circuit_of_coefficients(estimate.coefficient[-1], STEP, hold="zero_order")
-    assert circuit.ocv_offset_volt == pytest.approx(0.01, rel=1e-4)
-    assert circuit.tau_second[0] == pytest.approx(5.0, rel=1e-4)
-
-
-def test_forgetting_follows_a_resistance_that_grows():
-    y = np.concatenate([voltage(1)[:3000], voltage(1, r0=0.03)[3000:]])
-    last = track(CURRENT, y, 3.7, forgetting=0.99).coefficient[-1]
-    assert circuit_of_coefficients(last, STEP, hold="zero_order").r0_ohm == pytest.approx(
-        0.03, rel=1e-3
-    )
-    stubborn = track(CURRENT, y, 3.7).coefficient[-1]
-    assert stubborn[1] < 0.029
-
-
 def test_noise_shortens_the_time_constants():
     """The bias that the page states: past voltages are regressors, and noisy."""
     rng, content = np.random.default_rng(2), {}
@@ -121,7 +104,6 @@ def test_coefficients_of_no_circuit_are_refused(coefficient, message):
         ({"current_ampere": 0 * CURRENT}, "nothing moves"),
         ({"voltage_volt": np.full(6000, np.nan)}, "not finite"),
         ({"n_rc": 3}, "1 and 2"),
-        ({"forgetting": 0.5}, "forgetting"),
         ({"current_ampere": CURRENT[:4], "voltage_volt": CURRENT[:4]}, "too few"),
     ],
 )

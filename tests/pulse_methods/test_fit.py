@@ -38,23 +38,23 @@ def test_true_time_steps():
 def test_random_starts_end_in_the_same_optimum():
     volt, rng = noisy(1), np.random.default_rng(2)
     best = fitted(volt)
-    for _ in range(100):
+    for _ in range(30):
         other = fitted(volt, start=10 ** rng.uniform(-0.7, 2.9, 2))
         assert distance(other, best) < 0.01
 
 
 def test_errors_at_the_cramer_rao_bound_and_intervals_cover():
-    """700 cells of random parameters under white noise, each with its own bound."""
+    """250 cells of random parameters under white noise, each with its own bound."""
     rng, errors = np.random.default_rng(3), []
-    for _ in range(700):
+    for _ in range(250):
         values = 10 ** np.array([*rng.uniform(-2, -1, 3), rng.uniform(0, 0.9), rng.uniform(1.5, 2)])
         volt = voltage(values) + NOISE * rng.normal(size=len(TIME))
         fit = fitted(volt)
         errors.append((fit.values - values) / fit.std)
     errors = np.array(errors)
-    np.testing.assert_allclose(errors.std(axis=0), 1.0, atol=0.09)
-    assert 0.94 < np.mean(np.abs(errors) < 1.96) < 0.96
-    assert (np.abs(np.mean(np.abs(errors) < 1.96, axis=0) - 0.95) < 0.02).all()
+    np.testing.assert_allclose(errors.std(axis=0), 1.0, atol=0.14)
+    assert 0.93 < np.mean(np.abs(errors) < 1.96) < 0.97
+    assert (np.abs(np.mean(np.abs(errors) < 1.96, axis=0) - 0.95) < 0.035).all()
 
 
 def test_covariance_is_the_inverse_of_the_fisher_information():
@@ -72,7 +72,7 @@ def test_errors_that_remember_widen_the_deviations_so_that_they_cover():
     from scipy.signal import lfilter
 
     rng, errors, widening = np.random.default_rng(6), [], []
-    for _ in range(200):
+    for _ in range(100):
         coloured = lfilter([NOISE], [1.0, -0.95], rng.normal(size=len(TIME)))
         fit = fitted(voltage() + coloured)
         errors.append((fit.values - TRUE) / fit.std)
@@ -93,16 +93,6 @@ def test_widening_of_a_mean_is_the_correlation_factor():
     wide = parameter_covariance(gram, power, len(walk), sensitivity=ones, residual=residual)
     np.testing.assert_allclose(wide / white, correlation_factor(residual), rtol=0.02)
     assert not is_white(residual[1:] @ residual[:-1], power, len(walk))
-
-
-def test_offset_and_slope_of_the_ocv_are_found():
-    passed = np.concatenate([[0.0], np.cumsum(0.2 * CURRENT[:-1])]) / 3600
-    volt = voltage() + 0.004 + 0.3 * passed
-    fit = fitted(volt, free_ocv=("offset", "slope"))
-    assert fit.names[1:3] == ("ocv_offset_volt", "ocv_slope_volt_per_ampere_hour")
-    np.testing.assert_allclose(
-        fit.values[[0, 1, 2, 5, 6]], [0.02, 0.004, 0.3, 3.0, 40.0], rtol=1e-4
-    )
 
 
 def test_a_bound_holds_is_named_and_has_no_deviation():
@@ -168,7 +158,6 @@ def test_samples_slower_than_tau_leave_the_pair_at_the_step():
         ({"ocv": np.ones(3)}, "OCV has shape"),
         ({"hold": "linear"}, "zero_order"),
         ({"n_rc": 7}, "0 to 4"),
-        ({"free_ocv": ("curve",)}, "curve"),
         ({"start": [1.0]}, "2 time constants"),
         ({"bounds": {"r9_ohm": (0, 1)}}, "r9_ohm"),
         ({"bounds": {"tau1_second": (5, 1)}}, "must ascend"),

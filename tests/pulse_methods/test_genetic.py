@@ -10,7 +10,7 @@ from pulse_methods.genetic import cost_function, evolve_by_genes
 from pulse_methods.pulse import fit_circuit
 
 HOLD = {"hold": "zero_order"}
-ROWS = slice(0, 1500)
+ROWS = slice(0, 1000)
 RECORD = TIME[ROWS], CURRENT[ROWS], noisy(1)[ROWS], 3.7
 BOUNDS = {
     "r0_ohm": (1e-3, 0.1),

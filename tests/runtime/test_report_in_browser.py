@@ -72,7 +72,7 @@ def test_it_asks_for_nothing_and_says_nothing(tab, report):
     assert asked == {report.as_uri()}
 
 
-@pytest.mark.parametrize("width", [390, 1280, 1920])
+@pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_is_cut_off(tab, report, width):
     tab.size(width)
     for place in PLACES:
@@ -258,19 +258,16 @@ def fleet(job, snakemake, folder, count):
 def test_five_hundred_cells_open_and_filter_at_once(tab, job, tmp_path, monkeypatch, snakemake):
     monkeypatch.setattr(page, "PLAIN_BYTES", 0)
     path = fleet(job, snakemake, tmp_path, 500)
-    opened, filtered = [], []
     timing = "performance.timing.loadEventEnd - performance.timing.navigationStart"
     find = """(() => { const word = document.querySelector('.filter input[type=search]');
       const start = performance.now();
       word.value = 'n49'; word.dispatchEvent(new Event('input', { bubbles: true }));
       document.body.offsetHeight;
       return (performance.now() - start) / 1e3; })()"""
-    # Said, not judged: how busy the machine is decides it.
-    for _ in range(3):
-        tab.go(path, "overview")
-        tab.wait("performance.timing.loadEventEnd")
-        opened.append(tab.evaluate(timing) / 1e3)
-        filtered.append(tab.evaluate(find))
+    tab.go(path, "overview")
+    tab.wait("performance.timing.loadEventEnd")
+    opened, filtered = tab.evaluate(timing) / 1e3, tab.evaluate(find)
     visible = "Array.from(document.querySelectorAll('table.cells tbody tr')).filter(r => !r.hidden)"
     assert tab.evaluate(f"{visible}.length") == 11, "N49 and N490 to N499"
-    print(f"500 cells: opened in {min(opened):.2f} s, filtered in {min(filtered):.3f} s")
+    # Said, not judged: how busy the machine is decides it.
+    print(f"500 cells: opened in {opened:.2f} s, filtered in {filtered:.3f} s")

@@ -1,8 +1,11 @@
 """`run`: how it installs, recovers and fails. No network: packages come from a folder of wheels."""
 
 import hashlib
+import importlib.util
 import os
+import re
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -33,25 +36,29 @@ def wheel(folder, name, version="1.0"):
 
 @pytest.fixture(scope="session")
 def fresh(tmp_path_factory):
-    """An environment with pip alone, as `python -m venv` makes it in some seconds."""
+    """An environment with pip alone, this one's, where `python -m venv` takes seconds to unpack."""
     folder = tmp_path_factory.mktemp("fresh") / "venv"
-    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
+    command = [sys.executable, "-m", "venv", "--without-pip", str(folder)]
+    subprocess.run(command, check=True)
+    pip = Path(importlib.util.find_spec("pip").origin).parent
+    (packages,) = folder.glob("lib/python*/site-packages")
+    for part in (pip, *pip.parent.glob("pip-*.dist-info")):
+        shutil.copytree(part, packages / part.name)
     return folder
 
 
-@pytest.fixture
-def quick(fresh, tmp_path):
+@pytest.fixture(scope="module")
+def quick(fresh, tmp_path_factory):
     """A PATH whose python3 copies such an environment instead of making one, and is Python else."""
     real = Path(getattr(sys, "_base_executable", None) or sys.executable).resolve()
     program = f"""#!/bin/sh
 case "$*" in
 *ensurepip*) echo 3.11; echo "$0" ;;
-"-m venv"*) cp -R "{fresh}" "$3" ;;
+"-m venv"*) cp -Rp "{fresh}" "$3" ;;
 *) exec {real} "$@" ;;
 esac
 """
-    folder = tmp_path / "quick"
-    folder.mkdir()
+    folder = tmp_path_factory.mktemp("quick")
     (folder / "python3").write_text(program)
     (folder / "python3").chmod(0o755)
     return f"{folder}:{os.environ['PATH']}"
@@ -60,9 +67,21 @@ esac
 @pytest.fixture
 def clone(tmp_path):
     """A folder like a fresh clone, with a lock of two small packages."""
-    wheels = tmp_path / "wheels"
+    return cloned(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory, quick):
+    """A clone whose environment is installed in it, for tests that install no other over it."""
+    folder = cloned(tmp_path_factory.mktemp("installed"))
+    assert run(folder, "true", path=quick, HOME="").returncode == 0
+    return folder
+
+
+def cloned(place):
+    wheels = place / "wheels"
     wheels.mkdir()
-    folder = tmp_path / "clone with space"
+    folder = place / "clone with space"
     folder.mkdir()
     (folder / "run").write_bytes(RUN.read_bytes())
     (folder / "run").chmod(0o755)
@@ -180,8 +199,9 @@ def test_no_python_at_all_is_named(clone, tmp_path):
     assert "no Python at all" in result.stderr
 
 
-def test_a_later_python_is_found_and_the_hash_needs_only_python(clone, tmp_path):
-    found = {"python3": "echo 3.9; echo /p; exit 1", "python3.11": f'exec {sys.executable} "$@"'}
+def test_a_later_python_is_found_and_the_hash_needs_only_python(clone, tmp_path, quick):
+    later = f'exec {quick.partition(":")[0]}/python3 "$@"'
+    found = {"python3": "echo 3.9; echo /p; exit 1", "python3.11": later}
     path = bin_with(tmp_path / "bin", **found)
     (tmp_path / "bin" / "sha256sum").unlink()
     assert run(clone, "python", "-c", "import tiny", path=path).returncode == 0
@@ -221,18 +241,20 @@ def test_nothing_to_run_is_told(clone):
     assert "./run snakemake --cores 2" in result.stderr
 
 
-def test_the_laboratory_has_an_environment_of_its_own(clone, quick):
-    lock = wheel(clone.parent / "wheels", "setuptools") + wheel(
-        clone.parent / "wheels", "simulator"
-    )
+def test_the_laboratory_has_an_environment_of_its_own(installed, quick):
+    clone, wheels = installed, installed.parent / "wheels"
+    lock = wheel(wheels, "setuptools") + wheel(wheels, "simulator")
     (clone / "environment-lab.lock").write_text(lock)
     ran = run(clone, "--lab", "python", "-c", "import simulator; print('ran')", path=quick, HOME="")
     assert ran.stdout == "ran\n", ran.stderr
     assert run(clone, "python", "-c", "import simulator", path=quick, HOME="").returncode == 1
 
 
-def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_named(clone, quick):
+def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_named(
+    installed, quick
+):
     """By a profile in the environment, which a command line's or the user's own replaces."""
+    clone = installed
     said = ["sh", "-c", 'echo "$PYTHONPATH $SNAKEMAKE_PROFILE"']
     ours = f"{clone}/workflow/profiles/warm"
     folders = ("scripts", "lab", "plugins/snakemake-executor-plugin-warm", "plugins/cellwright-fmu")
@@ -245,12 +267,13 @@ def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_nam
     assert lab.stdout == f"{paths} \n"  # the laboratory's scripts need other packages
 
 
-def test_bytecode_is_kept_in_the_environment_where_the_folders_shall_have_none(clone, quick):
+def test_bytecode_is_kept_in_the_environment_where_the_folders_shall_have_none(installed, quick):
+    clone = installed
     said = ["sh", "-c", 'echo "${PYTHONDONTWRITEBYTECODE-none} ${PYTHONPYCACHEPREFIX-none}"']
     usual = run(clone, *said, path=quick, HOME="")
     assert usual.stdout == "none none\n", usual.stderr
     wished = {"HOME": "", "PYTHONDONTWRITEBYTECODE": "1"}
-    (venv,) = (path for path in clone.glob(".venv-*") if path.is_dir())
-    assert run(clone, *said, path=quick, **wished).stdout == f"none {venv}/bytecode\n"
+    found = run(clone, *said, path=quick, **wished).stdout
+    assert re.fullmatch(rf"none {re.escape(str(clone))}/\.venv-\w+/bytecode\n", found)
     own = run(clone, *said, path=quick, **wished, PYTHONPYCACHEPREFIX="/own")
     assert own.stdout == "none /own\n"

@@ -16,6 +16,8 @@ from snakemake.common.tests import TestWorkflowsLocalStorageBase
 from snakemake_executor_plugin_warm import ExecutorSettings
 
 PLUGIN = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(PLUGIN.parents[1] / "tests" / "workflow"))
+import starts  # noqa: E402
 
 # Every script that a rule of its name runs, and what the local executor makes of it is expected.
 SCRIPTS = {
@@ -121,18 +123,9 @@ def environment(folder):
     return {**inherited, "PYTHONPATH": path}
 
 
-def snakemake(folder, *arguments, executor="warm", cores=1) -> Run:
-    result = subprocess.run(
-        command(executor, *arguments, cores=cores),
-        cwd=folder,
-        env=environment(folder),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    return Run(folder, result.returncode, result.stdout)
+def snakemake(folder, *arguments, executor="warm", cores=1, start=starts.forked) -> Run:
+    given = command(executor, *arguments, cores=cores)[3:]
+    return Run(folder, *start(*given, folder=folder, environment=environment(folder)))
 
 
 def text(folder, name) -> str:
@@ -151,7 +144,9 @@ def both(tmp_path_factory):
         # Names of temporary files in messages are compared, so the folder has to be the same.
         place = folder.parent.parent / "workflow_run_by_both"
         folder.rename(place)
-        run = snakemake(place, "--keep-going", "--latency-wait", "0", executor=executor)
+        run = snakemake(
+            place, "--keep-going", "--latency-wait", "0", executor=executor, start=starts.anew
+        )
         place.rename(folder)
         runs[executor] = run._replace(folder=folder)
     return runs
@@ -273,7 +268,8 @@ def test_a_script_leaves_nothing_to_the_next(tmp_path):
         after="\n".join([start, f"print({RANDOM}, file=out)", *looks]),
     )
     previous = os.umask(0o022)
-    run = snakemake(folder, "--warm-preload", "json", "matplotlib", "psutil", "numpy.random")
+    preloaded = ("json", "matplotlib", "psutil", "numpy.random")
+    run = snakemake(folder, "--warm-preload", *preloaded, start=starts.anew)  # inherits the mode
     os.umask(previous)
     assert run.status == 0, run.said
     (before, *changed), (after, *found) = (

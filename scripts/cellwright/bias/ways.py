@@ -36,7 +36,7 @@ class Scored(NamedTuple):
     tests: tuple
 
 
-def compare_ways(cells, *, split_rest_second, seed=0):
+def compare_ways(cells, *, split_rest_second):
     """Voltage errors of the cells of a type by four models each, and of few calibrating cells.
 
     Of every cell but the reference: the reference's model as it is ("reference"), scaled by
@@ -48,7 +48,6 @@ def compare_ways(cells, *, split_rest_second, seed=0):
     ----------
     cells : list of Scored, those of one type that have a model.
     split_rest_second : shortest rest that cuts a test of role split [s].
-    seed : of the choice of few cells.
 
     Returns
     -------
@@ -67,7 +66,7 @@ def compare_ways(cells, *, split_rest_second, seed=0):
     reference = marked._replace(model=marked.model | {"members": chosen})
     base = courses_of(reference.model, reference.model["chosen"])
     against = compared(reference, [cell.shown for cell in others])
-    rows, notes, random = [], [], np.random.default_rng(seed)
+    rows, notes, random = [], [], np.random.default_rng(0)
     for place, cell in enumerate(others):
         rest = [one for one in against if one is not against[place]]
         models = (against[place], base, rest)

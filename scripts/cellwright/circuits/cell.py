@@ -20,7 +20,8 @@ from cellwright.numerics.hysteresis import preisach
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.refusal import Refusal
 
-END_SOC = 0.005  # over which the slope is taken with which an OCV goes on beyond its table
+POINTS = 201  # of a table over SoC
+END_SOC = 1 / (POINTS - 1)  # over which the slope is taken that an OCV has beyond its table
 SIDE_SOC = 0.005  # to either side, over which a fit takes its slope
 STEP = 1e-30  # of a complex step: its square vanishes beside any real part
 

@@ -1,8 +1,8 @@
 """Equivalent circuits as data: branches in series with the OCV, their kinds, the family's members.
 
 Every branch is one thing: a drive (a static function of the current), of which a share acts at
-once and the rest through first-order lags. Its voltage in time, its impedance, its sensitivities
-and its states in a filter all follow from that one definition. A new effect is a new entry in
+once and the rest through first-order lags. Its voltage in time, its sensitivities and its states
+in a filter all follow from that one definition. A new effect is a new entry in
 `KINDS`; nothing else needs to know it.
 
 A member of the family that is identified is named by one grammar, `member_named`.
@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.hysteresis import FIRST_SLOPE
 from cellwright.records.conditions import at_rest_in_record
 from cellwright.refusal import Refusal
 
@@ -206,50 +205,6 @@ def rc_circuit(r0_ohm, r_ohm, tau_second):
     pairs = zip(r_ohm, tau_second, strict=True)
     rcs = [Branch("RC", {"r_ohm": r, "tau_second": tau}) for r, tau in pairs]
     return (Branch("R", {"r_ohm": r0_ohm}), *rcs)
-
-
-def impedance(circuit, frequency_hertz, *, ocv_slope_volt=0.0):
-    """Impedance of a circuit with scalar parameters at a small current about rest.
-
-    Kinetics act by their resistance at small currents, two-way resistors by the mean of both ways.
-    One-state hysteresis is a capacitance of 3600·charge/m, and one whose small loops close of half
-    that: its voltage follows the charge passed, as long as that is small. A switch has no limit at
-    small currents and is left out, as are currents too small to turn it.
-
-    Parameters
-    ----------
-    circuit : tuple of Branch with scalar parameters.
-    frequency_hertz : (m,), above zero [Hz].
-    ocv_slope_volt : slope of the OCV over SoC [V], for branches that shift the SoC.
-
-    Returns
-    -------
-    impedance_ohm : (m,) complex [ohm]; the imaginary part is negative for a capacitive arc.
-
-    Raises
-    ------
-    Refusal : a branch of an unknown kind, or with other parameters than its kind has.
-    """
-    angular = 2.0 * np.pi * np.asarray(frequency_hertz, dtype=float)
-    return sum(_branch_impedance(branch, angular, ocv_slope_volt) for branch in circuit)
-
-
-def _branch_impedance(branch, angular, ocv_slope_volt):
-    kind, parameters = kind_of(branch), branch.parameters
-    lags = kind.lags(**parameters)
-    if branch.kind == "switch":
-        return np.zeros(len(angular), complex)
-    if any(lag.clock == "ampere_hour" for lag in lags):
-        target = kind.drive(np.ones(1), **parameters)[0]
-        rate = sum(lag.share / (3600.0 * lag.constant) for lag in lags)
-        rate = rate * FIRST_SLOPE if kind.closes else rate
-        return target * rate / (1j * angular)
-    small = 1e-9 * np.array([1.0, -1.0])
-    gain = np.diff(kind.drive(small, **parameters))[0] / -2e-9
-    gain = gain * (ocv_slope_volt if kind.output == "soc" else 1.0)
-    direct = 1.0 - sum(lag.share for lag in lags)
-    slow = sum(lag.share / (1.0 + 1j * angular * lag.constant) for lag in lags)
-    return gain * (direct + slow) * np.ones(len(angular), complex)
 
 
 def kind_of(branch):

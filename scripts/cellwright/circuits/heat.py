@@ -128,13 +128,13 @@ def fit_thermal(
     ambient_celsius,
     *,
     entropic_shape=None,
-    gap_second=600.0,
     tau_bounds_second=(30.0, 30000.0),
 ):
     """Heat capacity and resistance of the lumped state, by variable projection.
 
     1. The heat is I·(V − OCV); where asked, entropic coefficients are fitted as well.
-    2. After every gap of the record the temperature starts anew, at a fitted value.
+    2. After ten minutes without a row the load is not known: the temperature starts anew, at a
+       fitted value.
     3. For a given time constant the rest is linear; the time constant is searched on a grid of its
        logarithm, then by Brent's method. Every second weighs the same, whatever the logger's rate.
 
@@ -146,7 +146,6 @@ def fit_thermal(
     entropic_shape : (n, k) columns by which the entropic coefficient moves along the record, such
         as hats over SoC (`linear.hats`), or one of ones for a mean; None: no reversible heat.
         Charge beside discharge at the same SoC tells it from losses.
-    gap_second : a longer step is a gap in which the load is not known [s].
     tau_bounds_second : least and greatest time constant searched [s].
 
     Returns
@@ -167,7 +166,7 @@ def fit_thermal(
     drives = [heat(current, voltage, ocv)]
     if entropic_shape is not None:
         drives += list((current * (surface + ZERO_CELSIUS_KELVIN))[:, None].T * entropic_shape.T)
-    task = _ThermalRecord(*_parts(time, gap_second), np.column_stack(drives), ambient, surface)
+    task = _ThermalRecord(*_parts(time), np.column_stack(drives), ambient, surface)
     return _thermal_fit(task, _best_log_tau(task, tau_bounds_second))
 
 
@@ -190,9 +189,9 @@ def _check(record, ambient):
         raise Refusal(f"{len(record[0])} samples; a thermal fit needs at least 10")
 
 
-def _parts(time, gap_second):
+def _parts(time):
     """Slices between gaps, time [s], time since each slice began [s], weight of each row [√s]."""
-    steps = np.diff(time)
+    steps, gap_second = np.diff(time), 600.0
     edges = [0, *(np.flatnonzero(steps > gap_second) + 1).tolist(), len(time)]
     parts = [slice(a, b) for a, b in pairwise(edges)]
     age = np.concatenate([time[part] - time[part.start] for part in parts])

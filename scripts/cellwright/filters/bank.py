@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import POINTS
 from cellwright.circuits.circuit import kind_of
 from cellwright.circuits.model_file import capacity_of, circuit_at, member_of
 from cellwright.circuits.temperature import continued_ocv_at
@@ -54,7 +55,7 @@ class Bank(NamedTuple):
     capacity_ampere_hour: float
 
 
-def bank_of(model, member, temperature_celsius, *, points=201):
+def bank_of(model, member, temperature_celsius, *, points=POINTS):
     """Tables of one member of a model at one temperature.
 
     Parameters

@@ -135,7 +135,8 @@ def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarr
     if np.nanmin(current, initial=0.0) >= 0 and all(np.nansum(move) > 0 for move in moves):
         columns["current_ampere"] = current = current * _directions(*moves)
     columns[NET] = charge - discharge
-    return columns, counted_sign(columns)
+    share = counted_share(columns)
+    return columns, int(np.sign(share)) if abs(share) > CLEAR_SIGN else 0
 
 
 def _directions(charged, discharged):
@@ -146,7 +147,7 @@ def _directions(charged, discharged):
     return moved[rows[following]]
 
 
-def counted_sign(columns: Mapping[str, np.ndarray]) -> int:
+def counted_share(columns: Mapping[str, np.ndarray]) -> float:
     """1 where charge by clock and current runs with the net counter, -1 against it, 0 unclear.
 
     Only rows count between which the current is steady and the clock goes on.
@@ -161,5 +162,4 @@ def counted_sign(columns: Mapping[str, np.ndarray]) -> int:
         product = ((current[1:] + current[:-1]) * interval * np.diff(net))[steady]
         agreed += np.nansum(product)
         total += np.nansum(np.abs(product))
-    share = agreed / total if total > 0 else 0.0
-    return int(np.sign(share)) if abs(share) > CLEAR_SIGN else 0
+    return agreed / total if total > 0 else 0.0

@@ -63,7 +63,7 @@ def reading_noise(hour, celsius):
     return rms(errors)
 
 
-def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
+def cycle_temperature(rows):
     """Fade, temperature slope and daily cycle of the discharge capacities of one record.
 
     ln capacity = fade(cycle) + slope · (T − mean T) [+ bend · (T − mean T)²] + noise: a cell that
@@ -80,9 +80,8 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
 
     Parameters
     ----------
-    rows : AgeingCycles. least_kelvin : least RMS of the temperature about its trend along the
-        fade from which a slope is given [K].
-    level : coverage of the interval.
+    rows : AgeingCycles. A slope, with its 95 % interval, is given where the RMS of the temperature
+        about its trend along the fade is 0.3 K or more.
 
     Returns
     -------
@@ -102,7 +101,7 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
     record = _record(rows)
     models = _models(record)
     fade, temperature_columns = max(models, key=lambda model: model.weight)[:2]
-    moved, reason = _temperature_movement(record, fade, least_kelvin)
+    moved, reason = _temperature_movement(record, fade)
     columns = np.column_stack([fade, *([] if reason else temperature_columns)])
     line = _line(record, columns)
     fitted, carried = np.exp(columns @ line.values), np.exp(fade @ line.values[: fade.shape[1]])
@@ -122,7 +121,7 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
     trend = _basis(record.cycle, record.used, _highest_degree(record.used))[record.used]
     period = periods(record.hour[record.used], record.capacity[record.used], trend)
     error = record.noise / moved
-    slope = _slope([] if reason else models, line.degrees_of_freedom, level, error)
+    slope = _slope([] if reason else models, line.degrees_of_freedom, error)
     summary = (
         _conditions(record, moved)
         | slope
@@ -336,7 +335,7 @@ def _plausible_lags(record, levels):
     return [levels[k] for k in kept[:: -(-len(kept) // 8)]]
 
 
-def _temperature_movement(record, fade, least):
+def _temperature_movement(record, fade, *, least=0.3):
     """RMS of the temperature about its trend [K], and why no slope is determined, or ""."""
     if not record.source:
         return np.nan, "no temperature was recorded, so its slope is not knowable"
@@ -350,7 +349,7 @@ def _temperature_movement(record, fade, least):
     return moved, ""
 
 
-def _slope(models, freedom, level, noise_share):
+def _slope(models, freedom, noise_share):
     """Slope in percent of the capacity per kelvin, averaged over the models; NaN without models.
 
     noise_share : largest error of a temperature reading over the RMS of the temperature [1].
@@ -363,7 +362,7 @@ def _slope(models, freedom, level, noise_share):
     std = np.sqrt(weight @ (variance + (slopes - mean) ** 2)) if models else np.nan
     value, std = (100 * number for number in _corrected_for_reading_error(mean, std, noise_share))
     numbers = {"": value, "_std": std}
-    numbers |= zip(("_lower", "_upper"), t_interval(value, std, freedom, level=level), strict=True)
+    numbers |= zip(("_lower", "_upper"), t_interval(value, std, freedom), strict=True)
     return {f"slope{end}_percent_per_kelvin": float(x) for end, x in numbers.items()}
 
 

@@ -372,18 +372,18 @@ class Draws(NamedTuple):
     noise: np.ndarray
 
 
-def draws(fade, *, count, seed=0):
+def draws(fade, *, count):
     """Laws of a fade drawn by their weight, coefficients by their errors (Student's t).
 
     Parameters
     ----------
-    fade : Fade. count : how many. seed : of the draws; equal seeds give equal draws.
+    fade : Fade. count : how many; equal counts give equal draws.
 
     Returns
     -------
     draws : Draws.
     """
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     weight = np.array([one.weight for one in fade.candidates])
     picked = random.choice(len(weight), count, p=weight / weight.sum())
     laws, terms, values, last, noise = [], [], [], [], []

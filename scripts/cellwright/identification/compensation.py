@@ -218,14 +218,13 @@ RELAXING = "r_relaxing_ohm"
 KINDS = {"r_ohmic_ohm": "ohmic", "r_kinetic_ohm": "kinetic", RELAXING: "relaxing"}
 
 
-def temperature_table(model, member, *, step_kelvin=5.0, beyond_kelvin=10.0):
-    """Table of OCV and resistances of a member at, between and slightly beyond its temperatures.
+def temperature_table(model, member, *, step_kelvin=5.0):
+    """Table of OCV and resistances of a member at, between and up to 10 K beyond its temperatures.
 
     Parameters
     ----------
     model : dict of schema cellwright-model/2. member : name, or None for the chosen one.
     step_kelvin : of the grid, whose temperatures are multiples of it; the member's own are added.
-    beyond_kelvin : how far the grid goes on beyond the member's own temperatures.
 
     Returns
     -------
@@ -238,7 +237,7 @@ def temperature_table(model, member, *, step_kelvin=5.0, beyond_kelvin=10.0):
     temperatures = sorted(celsius_of(c["ambient_temperature_celsius"]) for c in entry["conditions"])
     blocks = [
         _block(model, entry, celsius, temperatures)
-        for celsius in _grid(temperatures, step_kelvin, beyond_kelvin)
+        for celsius in _grid(temperatures, step_kelvin, 10.0)
     ]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 

@@ -177,14 +177,13 @@ def shift_precision(knots):
     return _smoothness(knots) / SHIFT_WALK_VOLT**2 + np.eye(len(knots)) / SHIFT_VOLT**2
 
 
-def solved(system, *, factor=None, rounds=2, expected=None, scale_free=True):
+def solved(system, *, factor=None, expected=None, scale_free=True):
     """Solution of a system, weighted by the residuals and their correlation.
 
     Parameters
     ----------
     system : System.
-    factor : weight of the data; None: found here. Costs compare only at one factor.
-    rounds : how often it is taken anew where it is found.
+    factor : weight of the data; None: found here, in two rounds. Costs compare only at one factor.
     expected : dict of weighting → dict name → (k,) bool, which values are expected above zero,
         "first" at the weight that a search begins with, "found" at the one that it ends with;
         changes the time alone.
@@ -195,7 +194,7 @@ def solved(system, *, factor=None, rounds=2, expected=None, scale_free=True):
     solution : Solution.
     """
     expected, above_zero, weight = expected or {}, {}, factor or FIRST_FACTOR
-    weightings = ["first", *["found"] * (rounds - 1)] if factor is None else ["found"]
+    weightings = ["first", "found"] if factor is None else ["found"]
     for weighting in weightings:
         vector = minimum(
             system, weight, expected=expected.get(weighting, {}), scale_free=scale_free
@@ -244,17 +243,15 @@ def minimum(system, factor, *, expected, scale_free=True):
     return solve(normal, right, count + SCALES, system.most, free=free)
 
 
-def cost_at(system, vector, factor, *, scale_free=True):
+def cost_at(system, vector, factor):
     """Cost of parameters at a weight of the data, from the products alone (see `Solution`).
 
     Parameters
     ----------
     system : System. vector : (p,). factor : weight of the data.
-    scale_free : False: the SoC's scale stays where it is held.
     """
-    effective, total = _effective(system, vector, scale_free), vector + system.held
-    square = system.target @ system.target
-    square += effective @ (system.gram @ effective - 2.0 * system.moment)
+    total, square = vector + system.held, system.target @ system.target
+    square += vector @ (system.gram @ vector - 2.0 * system.moment)
     return float(factor * square + total @ system.prior @ total)
 
 

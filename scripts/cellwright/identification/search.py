@@ -315,8 +315,8 @@ def _change(data, held, number, values):
     return change / (2 * STEP)
 
 
-def refined(shared, fit, bounds, *, steps=3, enough=0.1):
-    """Fit after Newton steps of the time constants, as long as they lower the cost.
+def refined(shared, fit, bounds):
+    """Fit after up to three Newton steps of the time constants, as long as they lower the cost.
 
     The search ends a few per cent from the optimum, and ran without hysteresis, kinetics and
     diffusion: an error above the stated deviations.
@@ -325,8 +325,6 @@ def refined(shared, fit, bounds, *, steps=3, enough=0.1):
     ----------
     shared, fit : as in `with_time_constants`.
     bounds : (low, high) of time constants [s].
-    steps : how many at most.
-    enough : step that is small enough, over the standard deviation [1].
 
     Returns
     -------
@@ -334,7 +332,7 @@ def refined(shared, fit, bounds, *, steps=3, enough=0.1):
     """
     factor = fit.solution.factor
     best = cost_of(shared, fit.held, factor)
-    for _ in range(steps):
+    for _ in range(3):
         covariance, slope = with_time_constants(shared, fit)
         size = len(slope) - len(fit.held.tau_second)
         step = np.nan_to_num(covariance[size:]) @ slope  # Newton's, of the logarithms
@@ -346,7 +344,7 @@ def refined(shared, fit, bounds, *, steps=3, enough=0.1):
             break
         fit = settled(shared, tried, passes=3)
         best = cost_of(shared, fit.held, factor)
-        if np.all(np.abs(step) <= enough * std):
+        if np.all(np.abs(step) <= 0.1 * std):
             break
     return fit
 

@@ -57,7 +57,7 @@ def _rate_seen(rate, rates, *, or_less=False):
     return match or rate
 
 
-def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
+def impedance_points(rows):
     """Ohmic and charge-transfer resistance of fitted circuits [ohm] at each SoC and temperature.
 
     Parameters
@@ -65,8 +65,8 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
     rows : list of dict, rows of stage `eis` with ambient_temperature_celsius, soc and cycle of the
         sheet. The temperature is the sheet's: the channel in an impedance file may read
         differently from that of the other records, and curves must not mix the two.
-    soc_tolerance : states of charge that lie no further apart are one [1].
-    most_relative_std : a resistance that the spectrum determines no better is left out [1].
+        States of charge no more than 2 % apart are one; a resistance of a relative standard
+        deviation above 0.5 is left out.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
         row for row in first_check_up(rows) if row["soc"] is not None and np.isfinite(row["soc"])
     ]
     with_soc.sort(key=lambda row: (row["soc"], row["ambient_temperature_celsius"]))
-    level = level_means([row["soc"] for row in with_soc], apart=soc_tolerance)
+    level = level_means([row["soc"] for row in with_soc], apart=0.02)
     points, notes = [], []
     for kind, column in (("ohmic", "r_ohmic_ohm"), ("charge-transfer", "r_charge_transfer_ohm")):
         # Charge transfer must also be distinguished from diffusion.
@@ -86,7 +86,7 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
             for row in with_soc
             if (column == "r_ohmic_ohm" or row.get("charge_transfer_told", True))
             and row[column] > 0
-            and row[f"{column}_std"] <= most_relative_std * row[column]
+            and row[f"{column}_std"] <= 0.5 * row[column]
         ]
         what, how = f"{kind} resistance", "impedance"
         for row in determined:

@@ -14,7 +14,6 @@ STOPS = 12
 # Widths over the charge constant, gamma-distributed with shape 2: from one branch to the other
 # the mean of such stops goes as 1 − 2·exp(−charge/constant), as the one state does.
 WIDTHS = gammaincinv(2, (np.arange(STOPS) + 0.5) / STOPS) / 2
-FIRST_SLOPE = float(np.mean(1.0 / WIDTHS))  # of the state over the charge after a turn
 
 
 def preisach(moved, start, fresh):

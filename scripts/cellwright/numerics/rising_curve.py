@@ -144,12 +144,6 @@ def deviations_between(curve, several, one):
     return np.sqrt(np.maximum(square, 0.0))
 
 
-def standard_deviations(curve, rows):
-    """Posterior standard deviations (m,) of linear functions of the coefficients."""
-    solved = band_solution(curve.factor, rows.T)
-    return np.sqrt(curve.variance * np.einsum("ij,ji->i", rows, solved))
-
-
 def band_factor(matrix):
     """Lower banded Cholesky factor of a symmetric matrix, given by its lower bands (b, n).
 

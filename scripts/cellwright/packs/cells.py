@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import POINTS
 from cellwright.circuits.circuit import PLANE_MODES, SPHERE_MODES
 from cellwright.circuits.model_file import (
     SMALLEST_RESISTANCE_OHM,
@@ -62,7 +63,7 @@ FILL = {"tau_second": 1.0, "kinetic_tau_second": 1.0, "kinetic_scale_volt": 1.0}
 FILL |= {"hysteresis_ampere_hour": 1.0, "soc_tau_second": 1.0}
 
 
-def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
+def pack_cells(models, *, temperature_celsius=None, member=None, points=POINTS):
     """Stack the models of a pack's cells on one grid of SoC, each as its chosen member.
 
     Parameters
@@ -140,19 +141,18 @@ def rc_cells(ocv_volt, r0_ohm, r_ohm, tau_second, capacity_ampere_hour):
     )
 
 
-def table_temperatures(models, celsius, *, step_kelvin=5.0, above_kelvin=40.0):
+def table_temperatures(models, celsius):
     """Temperatures to look models up at, where cells warm or their ambient changes (t,) [degC].
 
-    Every `step_kelvin` from the coldest ambient to `above_kelvin` over the warmest, and the
-    temperatures that the models know in between: on these the tables say what the models say.
+    At least every 5 K from the coldest ambient to 40 K over the warmest, and the temperatures that
+    the models know in between: on these the tables say what the models say.
 
     Parameters
     ----------
     models : sequence of model dicts. celsius : scalar or (n,) of the ambient [degC].
-    step_kelvin : between two tables [K]. above_kelvin : that a cell may be warmer [K].
     """
     # Room for a cell's own heat; beyond the warmest table its parameters stay as they are there.
-    low, high = np.min(celsius), np.max(celsius) + above_kelvin
+    low, high = np.min(celsius), np.max(celsius) + 40.0
     known = [
         condition["ambient_temperature_celsius"]
         for model in models
@@ -160,7 +160,7 @@ def table_temperatures(models, celsius, *, step_kelvin=5.0, above_kelvin=40.0):
         for condition in member["conditions"]
     ]
     inside = [value for value in known if value is not None and low < value < high]
-    steps = int(np.ceil((high - low) / step_kelvin))
+    steps = int(np.ceil((high - low) / 5.0))
     return np.unique(np.round([*np.linspace(low, high, steps + 1), *inside], 6))
 
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import POINTS
 from cellwright.identification.cell import SCHEMA
 from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
@@ -67,11 +68,7 @@ def identify_branches(
     voltage_volt,
     *,
     tau_second=(30.0, 100.0, 300.0, 1000.0, 3000.0),
-    knots=(60, 9, 5),
-    penalty=(1e-3, 1e-2, 1e-2),
     noise_ampere=0.0,
-    hold="first_order",
-    points=201,
 ):
     """One-RC models of all cells of a group from one full slow charge of the group: GroupFit.
 
@@ -84,14 +81,9 @@ def identify_branches(
     branch_current_ampere : (n, cells) positive on charge, sensor offsets removed [A].
     voltage_volt : (n,) [V].
     tau_second : time constants to choose from, one for all cells [s].
-    knots : numbers of SoC knots of OCV, deviation and resistances.
-    penalty : on the bend of the OCV [V], the size of the deviations [1] and the bend of the
-        resistances [A], each against the voltage errors.
     noise_ampere : scalar or (cells,) white noise of the branch sensors [A]. The voltage does not
         follow it, so that least squares on noisy currents make resistances too small, the more the
         less a current moves; the noise is taken out of the normal equations (Fuller).
-    hold : hold of the branch currents between samples.
-    points : size of the SoC grid of the result.
 
     Raises
     ------
@@ -102,43 +94,44 @@ def identify_branches(
     # ASSUME: Cells known only from a group share one OCV curve but for a small smooth deviation;
     # their SoC 0 and 1 are the empty and full states of the group's own slow charge.
     soc, capacity = _counted(test_time_second, branch_current_ampere, voltage_volt)
-    even = (np.linspace(0.0, 1.0, count) for count in knots[1:])
-    knots_at = (_even_knots(soc.mean(axis=1), voltage_volt, knots[0]), *even)
+    # Of the common OCV, of each cell's deviation from it and of its resistances.
+    even = (np.linspace(0.0, 1.0, count) for count in (9, 5))
+    knots_at = (_even_knots(soc.mean(axis=1), voltage_volt, 60), *even)
     steps = np.diff(test_time_second)
     noise = _noise(soc, knots_at[-1], noise_ampere)
     fits = []
     for tau in tau_second:
-        matrix = _design(steps, branch_current_ampere, soc, knots_at, tau, hold)
-        parameters, gram = _solve(matrix, voltage_volt, knots_at, soc.shape[1], penalty, noise)
+        matrix = _design(steps, branch_current_ampere, soc, knots_at, tau)
+        parameters, gram = _solve(matrix, voltage_volt, knots_at, soc.shape[1], noise)
         error = matrix @ parameters - np.tile(voltage_volt, soc.shape[1])
         fits.append((rms(error), tau, parameters, gram, error, matrix))
     rmse, tau, parameters, *known = min(fits, key=lambda entry: entry[0])
-    cells = _cells(parameters, knots_at, capacity, tau, points)
-    return GroupFit(cells, rmse, *_deviations(*known, knots_at, len(capacity), points))
+    cells = _cells(parameters, knots_at, capacity, tau)
+    return GroupFit(cells, rmse, *_deviations(*known, knots_at, len(capacity)))
 
 
-def _deviations(gram, error, matrix, knots, cells, points):
-    """Standard deviations (cells, points) of R0, the pair's resistance and the OCV's deviation."""
+def _deviations(gram, error, matrix, knots, cells):
+    """Standard deviations (cells, POINTS) of R0, the pair's resistance and the OCV's deviation."""
     power = error @ error
     cover = parameter_covariance(gram, power, len(error), sensitivity=matrix.T, residual=error)
-    deviation, _, resistance = _of_cells(standard_deviations(cover), knots, cells, points)
+    deviation, _, resistance = _of_cells(standard_deviations(cover), knots, cells)
     return *resistance, deviation
 
 
-def _of_cells(parameters, knots, cells, points):
-    """Deviations of the OCV (cells, points), the common OCV's increments, (R0, R1) of each cell.
+def _of_cells(parameters, knots, cells):
+    """Deviations of the OCV (cells, POINTS), the common OCV's increments, (R0, R1) of each cell.
 
     `knots` are those of the common OCV, of its deviations and of the resistances, as everywhere.
     """
     ocv, deviation, resistance = knots
     sizes = np.cumsum([cells * len(deviation), len(ocv)])
     of_ocv, common, of_resistance = np.split(parameters, sizes)
-    grid = np.linspace(0.0, 1.0, points)
+    grid = np.linspace(0.0, 1.0, POINTS)
 
     def on_grid(at, rows):
         return np.array([np.interp(grid, at, row) for row in rows.reshape(-1, len(at))])
 
-    pairs = on_grid(resistance, of_resistance).reshape(cells, 2, points)
+    pairs = on_grid(resistance, of_resistance).reshape(cells, 2, POINTS)
     return on_grid(deviation, of_ocv), common, pairs.transpose(1, 0, 2)
 
 
@@ -164,12 +157,12 @@ def _even_knots(soc, voltage, count):
     return np.unique(np.concatenate([[0.0], inside, [1.0]]))
 
 
-def _design(steps, current, soc, knots, tau, hold):
+def _design(steps, current, soc, knots, tau):
     """Columns: deviations of all cells, OCV start and increments, then (R0, R1) of each cell."""
     (at_ocv, at_deviation, at_resistance), cells, rows = knots, soc.shape[1], []
     for c in range(cells):
         driven = hats(soc[:, c], at_resistance) * current[:, c : c + 1]
-        resistive = np.hstack([driven, lag(steps, tau, driven, hold=hold)])
+        resistive = np.hstack([driven, lag(steps, tau, driven, hold="first_order")])
         deviation = hats(soc[:, c], at_deviation)
         # As a start and increments, which are kept from falling: an OCV rises with SoC.
         ocv = np.cumsum(hats(soc[:, c], at_ocv)[:, ::-1], axis=1)[:, ::-1]
@@ -192,8 +185,10 @@ def _noise(soc, knots, noise_ampere):
     return added
 
 
-def _solve(matrix, voltage, knots, cells, penalty, noise):
-    (bend, size, wiggle), (ocv, deviation, resistance) = penalty, knots
+def _solve(matrix, voltage, knots, cells, noise):
+    # Against voltage errors: bend of the OCV [V], size of deviations [1], bend of resistances [A].
+    bend, size, wiggle = 1e-3, 1e-2, 1e-2
+    ocv, deviation, resistance = knots
     slope = np.diff(np.eye(len(ocv)), axis=0) / np.diff(ocv)[:, None]
     increments = np.tril(np.ones((len(ocv), len(ocv))))
     blocks = [size * np.eye(cells * len(deviation)), bend * np.diff(slope, axis=0) @ increments]
@@ -227,15 +222,15 @@ def _without_noise(gram, noise):
     return gram - min(1.0, 0.95 / np.linalg.eigvalsh(half)[-1]) * added
 
 
-def _cells(parameters, knots, capacity, tau, points):
+def _cells(parameters, knots, capacity, tau):
     cells = len(capacity)
-    deviation, increments, (r0, pair) = _of_cells(parameters, knots, cells, points)
-    common = np.interp(np.linspace(0.0, 1.0, points), knots[0], np.cumsum(increments))
+    deviation, increments, (r0, pair) = _of_cells(parameters, knots, cells)
+    common = np.interp(np.linspace(0.0, 1.0, POINTS), knots[0], np.cumsum(increments))
     return rc_cells(
         ocv_volt=np.maximum.accumulate(common + deviation, axis=1),
         r0_ohm=np.maximum(r0, 1e-4),  # what acts at once has to be above zero in a parallel group
         r_ohm=pair[:, None],
-        tau_second=np.full((cells, 1, points), tau),
+        tau_second=np.full((cells, 1, POINTS), tau),
         capacity_ampere_hour=capacity,
     )
 

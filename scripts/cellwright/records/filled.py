@@ -52,7 +52,7 @@ def with_edges(record, *, capacity_ampere_hour, uncounted=None):
     return _inserted(record, np.repeat(after, 2), filled)
 
 
-def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
+def bridged(record, *, capacity_ampere_hour):
     """The record with each gap filled by a load that moves its charge, then a rest.
 
     Some testers store the pulses of an HPPC only, and not the discharges to the next set point.
@@ -63,21 +63,19 @@ def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
     ----------
     record : Record, whose SoC runs on over its gaps.
     capacity_ampere_hour : what its SoC refers to [Ah].
-    gap_second : a longer time between two samples while charge has passed is a gap [s].
-    c_rate : current of what is filled in, over the capacity [1/h].
 
     Returns
     -------
     record : Record, four more rows for each gap, none of which is compared with a model.
     """
-    # ASSUME: The charge that passed in a gap of a record flowed at 1C at the gap's beginning.
+    # ASSUME: The charge that passed in a gap (ten minutes) flowed at 1C at its beginning.
     time, soc = record.test_time_second, record.soc
     soc_change = np.diff(soc)
-    gaps = np.flatnonzero((np.diff(time) > gap_second) & (np.abs(soc_change) > 1e-4))
+    gaps = np.flatnonzero((np.diff(time) > 600.0) & (np.abs(soc_change) > 1e-4))
     if not len(gaps):
         return record
     length = np.diff(time)[gaps]
-    lasts = np.minimum(np.abs(soc_change[gaps]) * 3600.0 / c_rate, 0.9 * length)
+    lasts = np.minimum(np.abs(soc_change[gaps]) * 3600.0, 0.9 * length)
     ampere = soc_change[gaps] * capacity_ampere_hour * 3600.0 / lasts
     share = np.array([0.0, 0.5, 1.0, 1.0])
     filled = {name: np.repeat(getattr(record, name)[gaps], 4) for name in row_fields(record)}

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.formats import SIGN_RULE, Reading
-from cellwright.formats.fields import NET, SERIES
+from cellwright.formats.fields import NET, SERIES, counted_share
 from cellwright.refusal import Refusal
 from cellwright.series.cleaning import NO_READING
 from cellwright.series.doubts import Doubt
@@ -318,17 +318,8 @@ def _turned(columns: Mapping[str, np.ndarray], sign: int) -> dict[str, np.ndarra
         if name.endswith("current_ampere"):
             turned[name] = columns[name] * sign
     if NET in columns:
-        turned[NET] = columns[NET] * _counter_sign(turned)
+        turned[NET] = columns[NET] * (-1 if counted_share(turned) < 0 else 1)
     return turned
-
-
-def _counter_sign(columns: Mapping[str, np.ndarray]) -> int:
-    """-1 where the instrument's counter falls while charge flows in, else 1."""
-    time, current = columns["test_time_second"], columns["current_ampere"]
-    counter = columns[NET]
-    flowed = 0.5 * (current[1:] + current[:-1]) * np.diff(time)
-    steady = np.abs(np.diff(current)) <= 0.5 * np.abs(current[1:])
-    return -1 if np.nansum((flowed * np.diff(counter))[steady]) < 0 else 1
 
 
 def assemble(readings: Sequence[Reading], *, stated_sign: str | None = None) -> Assembled:

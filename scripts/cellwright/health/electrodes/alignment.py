@@ -55,8 +55,7 @@ class Alignment(NamedTuple):
     much more it is at soc 1 than at 0 [V], and the share of each electrode that is a blend [1].
     covariance : (p, p). spread : (p, n) change of `limits` per volt of error in each sample.
     residual_volt : (n,) measured less model. error_volt : (n,)
-    standard deviation of each sample. rmse_volt, slope_rmse_volt : of the voltage and of its slope
-    over SoC, steep ends weighed down.
+    standard deviation of each sample. rmse_volt : of the voltage, steep ends weighed down.
     """
 
     curve: SlowCurve
@@ -66,7 +65,6 @@ class Alignment(NamedTuple):
     residual_volt: np.ndarray
     error_volt: np.ndarray
     rmse_volt: float
-    slope_rmse_volt: float
 
 
 class Pair(NamedTuple):
@@ -337,7 +335,6 @@ def _alignment(curve, fits, residual, errors):
     best = fits[0]
     covariance = _covariance(best)
     whitening = _white(np.diag(1 / errors), curve.soc)
-    slope = np.diff(residual) / np.diff(curve.soc)
     # Costs are half of chi-square: their differences are log likelihoods.
     likely = np.exp([best.cost - fit.cost for fit in fits])
     apart = np.array([fit.x - best.x for fit in fits])
@@ -349,7 +346,6 @@ def _alignment(curve, fits, residual, errors):
         residual_volt=residual,
         error_volt=errors,
         rmse_volt=_rms(residual, errors),
-        slope_rmse_volt=_rms(slope, errors[1:]),
     )
 
 

@@ -26,7 +26,7 @@ class Modes(NamedTuple):
     single, single_std : (k, 3) one by one, in the order of `names.MODES`. joint, joint_std : (k, 3)
     of all check-ups together: no active material comes back. known : (k, 3) bool, whether the data
     tell more than the capacity alone. possible : (k, 3) largest loss that the capacity allows.
-    alignments : list of Alignment. likeness : correlation of the misfit between check-ups [1].
+    alignments : list of Alignment.
     doubts : (k, 3) standard deviation by where it is from: "data", and what of it or beside it
     hangs on the "window", the "half cells" and the "branch". left_out : (b, k, 3) change of
     `single` without each 5 % of SoC. materials, materials_std : (k, 2) loss of either material of a
@@ -40,7 +40,6 @@ class Modes(NamedTuple):
     known: np.ndarray
     possible: np.ndarray
     alignments: list
-    likeness: float
     doubts: dict
     left_out: np.ndarray
     materials: np.ndarray
@@ -75,8 +74,7 @@ def degradation_modes(curves, pair, *, others=()):
     Resampling Plans (1982), over parts as long as the error is alike.
     """
     alignments = aligned(curves, pair)
-    likeness = _likeness(alignments)
-    losses, covariance = _losses(alignments, pair, likeness)
+    losses, covariance = _losses(alignments, pair, _likeness(alignments))
     doubts = {"data": np.sqrt(np.diag(covariance)).reshape(losses.shape)}
     parts = _left_out(alignments, pair)
     left_out = np.array([_losses_of(part, pair) for part in parts]) - losses
@@ -105,7 +103,6 @@ def degradation_modes(curves, pair, *, others=()):
         known=known,
         possible=possible,
         alignments=alignments,
-        likeness=likeness,
         doubts={source: std[:, :3] for source, std in doubts.items()},
         left_out=left_out[:, :, :3],
         materials=losses[:, 3:],

@@ -59,17 +59,7 @@ class _Track(NamedTuple):
     seen: bool
 
 
-def tracked_peaks(
-    charges,
-    *,
-    chemistry="",
-    # ASSUME: From charge to charge a peak moves by itself by 12 mV and changes by a factor of 1.8;
-    # resistance moves all peaks together, much more so between rates and temperatures.
-    motion_volt=0.012,
-    height_factor=1.8,
-    shift_volt=0.015,
-    rate_shift_volt=0.08,
-):
+def tracked_peaks(charges, *, chemistry=""):
     """Peaks of every charge of one cell under names that stay through its life.
 
     1. Charges of one rate and temperature form a sequence by cycle. 2. Each charge is aligned with
@@ -82,10 +72,6 @@ def tracked_peaks(
     Parameters
     ----------
     charges : list of TrackedCharge of one cell. chemistry : proposes names, no more.
-    motion_volt : standard deviation of a peak's own motion from charge to charge [V].
-    height_factor : factor by which height or area may change from charge to charge.
-    shift_volt, rate_shift_volt : standard deviation of the common shift from charge to charge,
-        and between rates or temperatures [V].
 
     Returns
     -------
@@ -100,8 +86,11 @@ def tracked_peaks(
         raise Refusal(f"{len(charges)} charge for dQ/dV; two are needed to follow peaks")
     if not any(_count(charge) for charge in charges):
         raise Refusal(f"no peaks in any of {len(charges)} charges: {charges[0].reason}")
+    # ASSUME: From charge to charge a peak moves by itself by 12 mV and changes by a factor of 1.8;
+    # resistance moves all peaks together by 15 mV, between rates and temperatures by 80 mV.
     # Heights and areas are compared as logarithms.
-    tolerance = (motion_volt, np.log(height_factor))
+    motion_volt, shift_volt, rate_shift_volt = 0.012, 0.015, 0.08
+    tolerance = (motion_volt, np.log(1.8))
     sequences = _sequences(charges)
     known, rows, begun = [], [], []
     for sequence in sequences:

@@ -186,8 +186,8 @@ def entropic_columns(ocv):
     return _stacked(parts)
 
 
-def map_columns(ocv, *, every=2):
-    """Curve and bias at each tested temperature, over `every` n-th SoC: dict of columns."""
+def map_columns(ocv):
+    """Curve and bias at each tested temperature, over every second SoC: dict of columns."""
     surface, readings, fitted = ocv.surface, ocv.readings, ocv.fitted
     base, parts = table_at(surface, surface.reference_celsius)[0], []
     for column, celsius in enumerate(np.nanmean(readings.celsius, axis=0)):
@@ -202,9 +202,7 @@ def map_columns(ocv, *, every=2):
             "entropic_volt_per_kelvin": moves,
             "tested": is_tested(surface, surface.soc, celsius),
         }
-        parts.append(
-            {name: values[::every] for name, values in _broadcast_columns(columns).items()}
-        )
+        parts.append({name: v[::2] for name, v in _broadcast_columns(columns).items()})
     return _stacked(parts)
 
 

@@ -174,7 +174,7 @@ def gain_of(value, matched, assemblies, draws, *, more_is_better=True):
     return row | {"better_share": float(better.mean())}
 
 
-def replacements(use, cells, *, capacity_ampere_hour, spare_of=None, turns=3):
+def replacements(use, cells, *, capacity_ampere_hour, spare_of=None):
     """Which cell of a pack to replace by the median one, by the energy that brings.
 
     Parameters
@@ -182,14 +182,13 @@ def replacements(use, cells, *, capacity_ampere_hour, spare_of=None, turns=3):
     use : function, list of cells → (capacity [Ah], energy [Wh]) of the pack with these cells in
         its places. cells : list, of whatever `use` takes. capacity_ampere_hour : (cells,) of each.
     spare_of : function, the median cell of the list → the one that is put in; None: as it is.
-    turns : so many cells are replaced one after the other.
 
     Returns
     -------
     gains : (cells, 2) capacity [Ah] and energy [Wh] that replacing each cell brings.
     median : index of the median cell.
     in_turn : list of (index, capacity [Ah], energy [Wh]): the best cell replaced, then the best of
-        those left, and so on, as long as that brings energy.
+        those left, up to three, as long as that brings energy.
 
     Raises
     ------
@@ -203,7 +202,7 @@ def replacements(use, cells, *, capacity_ampere_hour, spare_of=None, turns=3):
     now, in_turn = list(cells), []
     before = np.array(use(now))
     first = given = _with_each_replaced(use, now, spare)
-    for turn in range(min(turns, len(cells))):
+    for turn in range(min(3, len(cells))):
         given = _with_each_replaced(use, now, spare) if turn else first
         k = int(np.argmax(given[:, 1]))
         if in_turn and given[k, 1] <= in_turn[-1][2]:

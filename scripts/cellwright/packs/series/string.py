@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import POINTS
 from cellwright.circuits.model_file import simulate_model
 from cellwright.numerics.clock import checked_columns
 from cellwright.numerics.lags import mean_over_steps
@@ -11,8 +12,6 @@ from cellwright.numerics.statistics import rms
 from cellwright.packs.checks import beyond_calibration, swapped
 from cellwright.packs.compare import discharging, refuse_start_under_load, rested_soc, scores
 from cellwright.refusal import Refusal
-
-POINTS = 201  # of SoC, half a percent apart, on which an OCV is looked up backwards
 
 
 class StringRun(NamedTuple):

@@ -163,9 +163,9 @@ def _courses(soc, std_volt, draws, random):
     return (random.standard_normal((draws, len(soc))) * std_volt) @ between.T
 
 
-def wire_factors(draws, *, wire_relative_std=SETTINGS.wire_relative_std, seed=SEED):
+def wire_factors(draws, *, wire_relative_std=SETTINGS.wire_relative_std):
     """Factors (draws,) of all contacts of a pack together, of a relative deviation [1]."""
-    random = np.random.default_rng([seed, 1])
+    random = np.random.default_rng([SEED, 1])
     return np.maximum(1.0 + wire_relative_std * random.standard_normal(draws), 0.1)
 
 

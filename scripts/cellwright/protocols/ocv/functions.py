@@ -1,7 +1,7 @@
 """Analytic functions for the open-circuit voltage, fitted and compared by cross-validation.
 
 Each function is a sum of columns of the SoC with linear coefficients; some columns hold a rate
-that is not linear. A function is data here: its columns, their slopes, where its rates stand.
+that is not linear. A function is data here: its columns, and where its rates stand.
 """
 
 from collections.abc import Callable
@@ -17,14 +17,13 @@ BLOCKS = 20  # of the cross-validation
 
 
 class Form(NamedTuple):
-    """One analytic function of the SoC: its columns (n, c), their slopes, places of its parameters.
+    """One analytic function of the SoC: its columns (n, c), and the places of its parameters.
 
     places : of each parameter K0, K1, … the column it multiplies, or −1 − r for rate number r.
     starts : rates from which the search sets out, one row per start.
     """
 
     columns: Callable
-    slopes: Callable
     places: tuple
     starts: tuple = ((),)
 
@@ -57,29 +56,23 @@ FORMS = {
     # K0 − K1/z − K2 z + K3 ln z + K4 ln(1 − z)
     "log": Form(
         lambda z, _: _stack(1.0, -1 / z, -z, np.log(z), np.log1p(-z)),
-        lambda z, _: _stack(0.0, 1 / z**2, -1.0, 1 / z, -1 / (1 - z)),
         places=(0, 1, 2, 3, 4),
     ),
     # K0 + K1 z + K2 (1 − exp(−K3 z)) + K4 (1 − exp(−K5 / (1 − z)))
     "two_exponentials": Form(
         lambda z, k: _stack(1.0, z, 1 - np.exp(-k[0] * z), 1 - _near_full(z, k[1])),
-        lambda z, k: _stack(
-            0.0, 1.0, k[0] * np.exp(-k[0] * z), k[1] / (1 - z) ** 2 * _near_full(z, k[1])
-        ),
         places=(0, 1, 2, -1, 3, -2),
         starts=tuple((first, second) for first in (3.0, 15.0, 60.0) for second in (0.01, 0.1, 1.0)),
     ),
     # K0 − K1/z + K2 exp(−K3 / (1 − z))
     "inverse": Form(
         lambda z, k: _stack(1.0, -1 / z, _near_full(z, k[0])),
-        lambda z, k: _stack(0.0, 1 / z**2, -k[0] / (1 - z) ** 2 * _near_full(z, k[0])),
         places=(0, 1, 2, -1),
         starts=((0.01,), (0.1,), (1.0,)),
     ),
     # K0 + K1 z + … + K6 z⁶
     "polynomial": Form(
         lambda z, _: z[..., None] ** np.arange(7),
-        lambda z, _: np.arange(7) * z[..., None] ** np.maximum(np.arange(7) - 1, 0),
         places=tuple(range(7)),
     ),
 }
@@ -121,18 +114,9 @@ def fit_functions(soc, ocv_volt):
 
 def evaluate(function, parameters, soc):
     """OCV by a fitted function [V], shaped like `soc` [1]; `function` is a key of FORMS."""
-    return _applied(FORMS[function], FORMS[function].columns, parameters, soc)
-
-
-def slope(function, parameters, soc):
-    """dOCV/dSoC by a fitted function [V], shaped like `soc` [1]; analytic."""
-    return _applied(FORMS[function], FORMS[function].slopes, parameters, soc)
-
-
-def _applied(form, columns, parameters, soc):
-    """Sum of columns, the form's values or slopes, times their parameters [V]."""
-    places, parameters = np.array(form.places), np.asarray(parameters, float)
-    return columns(np.asarray(soc, float), parameters[places < 0]) @ parameters[places >= 0]
+    form, parameters = FORMS[function], np.asarray(parameters, float)
+    places = np.array(form.places)
+    return form.columns(np.asarray(soc, float), parameters[places < 0]) @ parameters[places >= 0]
 
 
 def fit_parameters(form, soc, ocv_volt, *, powers=None, near=None):
