@@ -77,7 +77,7 @@ def render(job) -> str:
     )
     environment.filters |= {"number": number, "milli": milli, "digest": digest}
     environment.filters |= {"measured": measured, "in_words": overview_page.model_in_words}
-    environment.globals["fact"] = fact_in_words
+    environment.globals |= {"fact": fact_in_words, "again": params.run["again"]}
     environment.globals["uplot"] = {
         "script": Markup(Path(inputs.uplot).read_text(encoding="utf-8")),
         "style": Markup(Path(inputs.uplot_style).read_text(encoding="utf-8")),
@@ -207,7 +207,8 @@ def fleet_of(table: pd.DataFrame) -> list[dict]:
             for cell in dict.fromkeys(shown["cell"])
         ]
         columns = ["cell", *map(name_of_effect, effects)]
-        matrix = plain_table(f"effects-{len(types) + 1}", name, FLEET, columns, lines)
+        about, made = (f"effects-{len(types) + 1}", name, FLEET), "results/tables/fleet.csv"
+        matrix = plain_table(*about, columns, lines, made=made)
         sentence = rows["sentence"].iloc[0]
         types.append({"name": name, "sentence": sentence, "matrix": matrix if effects else None})
     return types
@@ -279,7 +280,8 @@ def _verdict(path) -> dict:
     if lines:
         read = "Each was added to the model in turn, and is not named for these reasons."
         columns = ["effect", "why it is no name"]
-        told["against"] = plain_table("against", "What else was tried", read, columns, lines)
+        about = "against", "What else was tried", read
+        told["against"] = plain_table(*about, columns, lines, made=Path(path).as_posix())
     return told
 
 
@@ -372,7 +374,8 @@ def _choice(rows):
         "RMS error of blocks left out of the fit at each temperature; in brackets of the finished "
         "model through the records it was fitted to, SoC 5–95 %. Tests for validation took no part."
     )
-    return plain_table("choice", "Why this model", read, columns, lines)
+    made = "results/tables/choice.csv"
+    return plain_table("choice", "Why this model", read, columns, lines, made=made)
 
 
 def _tests(rows, abouts):
@@ -415,7 +418,8 @@ def _tables_of_story(verdicts, witnesses) -> dict:
         ]
         columns = ["effect", "how sure", "as good", "tests fitted [mV]", "tests not fitted [mV]"]
         read = "RMS error before → after, each effect on top of those above it."
-        found["named"] = plain_table("named", "What was named", read, columns, lines)
+        about, made = ("named", "What was named", read), "results/tables/missing_effect.csv"
+        found["named"] = plain_table(*about, columns, lines, made=made)
     if witnesses:
         lines = [
             [
@@ -433,7 +437,8 @@ def _tables_of_story(verdicts, witnesses) -> dict:
         )
         title = "What other measurements say of it"
         columns = ["measurement", "effect", "says", "why"]
-        found["witnesses"] = plain_table("witnesses", title, read, columns, lines)
+        made = "results/tables/missing_effect.csv"
+        found["witnesses"] = plain_table("witnesses", title, read, columns, lines, made=made)
     return found
 
 

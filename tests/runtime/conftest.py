@@ -178,7 +178,12 @@ def job(snakemake, saved):
         figures={"the campaign": [], "A": ["results/figures/A/validation_udds.svg"]},
         title="Tiny & small",
         settings={"resistance": {"delay_second": [0, 10]}},
-        run={"version": "1", "command": "./run", "sheets": {"config/cells.tsv": "cd" * 32}},
+        run={
+            "version": "1",
+            "command": "./run",
+            "again": "./run snakemake --cores 2",
+            "sheets": {"config/cells.tsv": "cd" * 32},
+        },
         choices={"strict": True},
         assumptions=[{"module": "m.py", "text": "Cells are round."}],
     )
