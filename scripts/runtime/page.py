@@ -17,7 +17,16 @@ from markupsafe import Markup, escape
 
 from cellwright.effects.story.places import largest_before
 from cellwright.effects.story.words import KNOWN, name_of_effect, sentences_by_part
-from runtime import artefact, closer_look, health_page, overview_page, pack_page, sheets, use_page
+from runtime import (
+    artefact,
+    closer_look,
+    health_page,
+    laboratory_page,
+    overview_page,
+    pack_page,
+    sheets,
+    use_page,
+)
 from runtime.csv_cells import frame_as_written
 from runtime.page_tables import (
     Cell,
@@ -132,6 +141,10 @@ def render(job) -> str:
         fleet=part("the comparison of types", fleet_of, tables["fleet"]),
         health=part("the part on health", health_page.section, tables),
         packs=part("the part on packs", pack_page.section, tables, params.groups),
+        laboratory=part(
+            *("the test report", laboratory_page.section, params.settings.get("test_report")),
+            *(params.cells, summary, excluded, params.run["version"]),
+        ),
         health_table=health_page.table_of_section,
         packs_table=pack_page.table_of_section,
         failed=failed,

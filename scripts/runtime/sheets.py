@@ -249,7 +249,9 @@ def type_name(facts) -> str:
 def choices(config: dict, schemas) -> dict:
     """Settings of a campaign that differ from the defaults: dotted key → value."""
     standard = settings.flat(settings.defaults(settings.load(schemas, "config")))
-    return {key: value for key, value in settings.flat(config).items() if value != standard[key]}
+    return {
+        key: value for key, value in settings.flat(config).items() if value != standard.get(key)
+    }
 
 
 def _sheet(folder, schemas, name):
