@@ -78,14 +78,7 @@ def render(job) -> str:
     excluded = tables["excluded"].to_dict("records")
     parts = _by_owner(tables, owners + groups)
     sums = {row["cell"]: row for row in summary}
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(inputs.template).parent),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "milli": milli, "digest": digest}
-    environment.filters |= {"measured": measured, "in_words": overview_page.model_in_words}
+    environment = environment_of(Path(inputs.template).parent)
     environment.globals |= {"fact": fact_in_words, "again": params.run["again"]}
     environment.globals["uplot"] = {
         "script": Markup(Path(inputs.uplot).read_text(encoding="utf-8")),
@@ -103,7 +96,7 @@ def render(job) -> str:
             page["use"] = part(f"the uses of {name}", use_page.table, name, *exports)
         page["excluded"] = [row for row in excluded if row["cell"] == name]
         page["broken"] = [r for r in checks if r["outcome"] == "failed" and r["cell"] == name]
-        return page | {"html": template.render(page=page, number_of=_Numbers(name))}
+        return page | {"html": template.render(page=page, number_of=Numbers(name))}
 
     def part(what, make, *arguments, otherwise=None):
         """A part of the report; one that cannot be made costs no other, and is told on top."""
@@ -151,7 +144,7 @@ def render(job) -> str:
         pictures_of_health=[one for kind, one in pictures if kind in OF_HEALTH],
         pictures=[one for kind, one in pictures if kind not in OF_HEALTH],
         pages=pages,
-        number_of=_Numbers(),
+        number_of=Numbers(),
         methods=_methods(_yaml(inputs.methods), tables, params.settings),
         run=params.run,
         assumptions=params.assumptions,
@@ -161,7 +154,20 @@ def render(job) -> str:
     )
 
 
-class _Numbers:
+def environment_of(folder) -> jinja2.Environment:
+    """What templates of a folder are written by: all text escaped, numbers as people read them."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "milli": milli, "digest": digest}
+    environment.filters |= {"measured": measured, "in_words": overview_page.model_in_words}
+    return environment
+
+
+class Numbers:
     """Numbers of the figures and tables of a page, as Figure C3.2: none twice in a report."""
 
     def __init__(self, name=""):
