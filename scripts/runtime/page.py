@@ -135,7 +135,7 @@ def render(job) -> str:
         health=part("the part on health", health_page.section, tables),
         packs=part("the part on packs", pack_page.section, tables, params.groups),
         laboratory=part(
-            *("the test report", laboratory_page.section, params.settings.get("test_report")),
+            *("the test report", laboratory_page.section, params.laboratory),
             *(params.cells, summary, excluded, params.run["version"]),
         ),
         health_table=health_page.table_of_section,

@@ -177,6 +177,7 @@ def job(snakemake, saved):
         groups=[{"group": "pair", "position": k, "cell": c} for k, c in ((1, "A"), (2, "B"))],
         figures={"the campaign": [], "A": ["results/figures/A/validation_udds.svg"]},
         title="Tiny & small",
+        laboratory={},
         settings={"resistance": {"delay_second": [0, 10]}},
         run={
             "version": "1",

@@ -52,7 +52,7 @@ def test_items_and_exclusions_come_from_the_campaign():
 
 def test_the_report_has_the_page_escaped_and_closed(job):
     assert 'id="test-report"' not in unpacked(page.render(job))
-    job.params.settings["test_report"] = {"laboratory": "Tests & <i>Sons</i>", "number": "7/26"}
+    job.params.laboratory = {"laboratory": "Tests & <i>Sons</i>", "number": "7/26"}
     html = unpacked(page.render(job))
     assert "Tests &amp; &lt;i&gt;Sons&lt;/i&gt;" in html
     assert "The results relate only to the items tested." in html
