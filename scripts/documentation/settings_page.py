@@ -40,7 +40,7 @@ def _sheet(spec: dict) -> str:
 def _config(spec: dict) -> str:
     parts = [f"## `{spec['title']}`\n\n{spec['description']}\n"]
     head = ["key", "value", "default", "unit", "meaning"]
-    top = {n: s for n, s in spec["properties"].items() if s["type"] != "object"}
+    top = {n: s for n, s in spec["properties"].items() if not s.get("properties")}
     sections = {n: s for n, s in spec["properties"].items() if s.get("properties")}
     parts.append(_table(head, [_key(name, key) for name, key in top.items()]))
     for name, section in sections.items():

@@ -6,7 +6,6 @@ settings and code. Nothing is computed anew.
 """
 
 import csv
-import html
 import math
 from contextlib import chdir
 from pathlib import Path
@@ -14,13 +13,18 @@ from typing import NamedTuple
 
 from cellwright.refusal import Refusal
 from runtime import artefact, lineage
-from runtime.page_tables import std_name
+from runtime.page_tables import Cell, plain_table, std_name
 
 # Tables whose rows stand for the same in two runs, and what says which row is which.
 TABLES = ("summary", "capacity", "resistance", "health", "validation", "soc", "eis", "packs")
 KEYS = ("cell", "group", "test", "cycle", "direction", "ambient_temperature_celsius", "soc")
 KEYS += ("delay_second", "model", "filter", "scenario", "initial_soc_error", "branch", "circuit")
 BEYOND = 1.96  # standard deviations of a difference: what 1 in 20 exceeds by chance
+READ = (
+    f"Red: differences beyond {BEYOND} of the standard deviations that both runs state; blank: "
+    "none stated. The largest first."
+)
+TEMPLATES = Path(__file__).resolve().parents[2] / "workflow" / "report"
 # Two runs of the same numbers on other machines differ in the last digits.
 SAME = 1e-6
 
@@ -170,25 +174,29 @@ def _shown(change) -> str:
 
 
 def _page(changes) -> str:
-    head = "".join(f"<th>{name.replace('_', ' ')}</th>" for name in Change._fields)
-    body = "".join(
-        f'<tr class="{"beyond" if change.deviations > BEYOND else ""}">'
-        + "".join(f"<td>{html.escape(str(value))}</td>" for value in row)
-        + "</tr>\n"
+    """The comparison as the report writes its tables, one for each table that differs."""
+    from runtime import page
+
+    tables = [
+        _table(name, [change for change in changes if change.table == name])
+        for name in dict.fromkeys(change.table for change in changes)
+    ]
+    template = page.environment_of(TEMPLATES).get_template("compare.html.j2")
+    sentences = in_words(changes)[:1]
+    return template.render(tables=tables, sentences=sentences, number_of=page.Numbers())
+
+
+def _table(name, changes):
+    rows = [
+        [
+            change.row,
+            change.quantity.replace("_", " "),
+            Cell(change.before, mark="n"),
+            Cell(change.after, mark="n"),
+            Cell(_shown(change), mark="worst" if change.deviations > BEYOND else ""),
+            change.why,
+        ]
         for change in changes
-        for row in [change._replace(deviations=_shown(change))]
-    )
-    words = "".join(f"<p>{html.escape(line)}</p>\n" for line in in_words(changes)[:1])
-    return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>Two runs compared</title>
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<style>body {{ font: 15px/1.5 system-ui, sans-serif; margin: 2em }}
-table {{ border-collapse: collapse }}
-td, th {{ padding: .2em .6em; border-bottom: 1px solid #ccc; text-align: left }}
-.beyond {{ background: #fde8e8 }}</style></head>
-<body><h1>Two runs compared</h1>
-{words}<p>Marked: differences beyond {BEYOND} of the standard deviations that both runs state.</p>
-<table><thead><tr>{head}</tr></thead><tbody>
-{body}</tbody></table></body></html>
-"""
+    ]
+    columns = ["row", "quantity", "before", "after", "standard deviations", "because of"]
+    return plain_table(name, name.replace("_", " "), READ, columns, rows)

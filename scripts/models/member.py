@@ -10,6 +10,7 @@ with artefact.Job(snakemake) as job:
         job.load(inputs.source),
         artefact.load_first(inputs.basis),
         facts.tests(inputs.series),
+        left_out=facts.tests(inputs.left_out),
         laws=[tried for tried, _ in artefact.load_all(inputs.law)],
         effects=artefact.load_first(inputs.effects),
         split_rest_second=params.split_rest_second,

@@ -1,14 +1,17 @@
 """A cell's model as the rest of the pipeline uses it, with what its member still lacked."""
 
 import cellwright as cw
-from runtime import artefact
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
-    inputs = snakemake.input
+    inputs, params = snakemake.input, snakemake.params
     found = cw.add_own_effects(
         job.load(inputs.member),
         artefact.load_first(inputs.effects),
         choice=artefact.rows(job.load(inputs.choice)),
+        cell=params.cell,
+        left_out=facts.tests(inputs.left_out),
+        split_rest_second=params.split_rest_second,
     )
     job.note(*found.notes)
     job.save(found.content, snakemake.output.model)

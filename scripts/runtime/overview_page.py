@@ -70,7 +70,10 @@ def section(cells, summary, tables, checks) -> dict:
         "first": first[:FIRST],
         "more": max(len(first) - FIRST, 0),
         "digest": digest(summary, types, tables["excluded"], checks),
-        "table": plain_table("cells", "Cells, what to look at first on top", READ, COLUMNS, rows),
+        "table": plain_table(
+            *("cells", "Cells, what to look at first on top", READ, COLUMNS, rows),
+            made="results/summary.csv",
+        ),
         "marks": [{"type": types.get(r["cell"], ""), "look": r["cell"] in reasons} for r in order],
     }
 

@@ -42,7 +42,7 @@ def table_of_section(lines, warned):
         ]
         for line in lines
     ]
-    return plain_table("packs", "Packs", read, columns, rows)
+    return plain_table("packs", "Packs", read, columns, rows, made="results/tables/packs.csv")
 
 
 def wiring_in_words(group, groups) -> str:

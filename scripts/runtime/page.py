@@ -17,7 +17,16 @@ from markupsafe import Markup, escape
 
 from cellwright.effects.story.places import largest_before
 from cellwright.effects.story.words import KNOWN, name_of_effect, sentences_by_part
-from runtime import artefact, closer_look, health_page, overview_page, pack_page, sheets, use_page
+from runtime import (
+    artefact,
+    closer_look,
+    health_page,
+    laboratory_page,
+    overview_page,
+    pack_page,
+    sheets,
+    use_page,
+)
 from runtime.csv_cells import frame_as_written
 from runtime.page_tables import (
     Cell,
@@ -69,15 +78,8 @@ def render(job) -> str:
     excluded = tables["excluded"].to_dict("records")
     parts = _by_owner(tables, owners + groups)
     sums = {row["cell"]: row for row in summary}
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(inputs.template).parent),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "milli": milli, "digest": digest}
-    environment.filters |= {"measured": measured, "in_words": overview_page.model_in_words}
-    environment.globals["fact"] = fact_in_words
+    environment = environment_of(Path(inputs.template).parent)
+    environment.globals |= {"fact": fact_in_words, "again": params.run["again"]}
     environment.globals["uplot"] = {
         "script": Markup(Path(inputs.uplot).read_text(encoding="utf-8")),
         "style": Markup(Path(inputs.uplot_style).read_text(encoding="utf-8")),
@@ -94,7 +96,7 @@ def render(job) -> str:
             page["use"] = part(f"the uses of {name}", use_page.table, name, *exports)
         page["excluded"] = [row for row in excluded if row["cell"] == name]
         page["broken"] = [r for r in checks if r["outcome"] == "failed" and r["cell"] == name]
-        return page | {"html": template.render(page=page, number_of=_Numbers(name))}
+        return page | {"html": template.render(page=page, number_of=Numbers(name))}
 
     def part(what, make, *arguments, otherwise=None):
         """A part of the report; one that cannot be made costs no other, and is told on top."""
@@ -132,13 +134,17 @@ def render(job) -> str:
         fleet=part("the comparison of types", fleet_of, tables["fleet"]),
         health=part("the part on health", health_page.section, tables),
         packs=part("the part on packs", pack_page.section, tables, params.groups),
+        laboratory=part(
+            *("the test report", laboratory_page.section, params.laboratory),
+            *(params.cells, summary, excluded, params.run["version"]),
+        ),
         health_table=health_page.table_of_section,
         packs_table=pack_page.table_of_section,
         failed=failed,
         pictures_of_health=[one for kind, one in pictures if kind in OF_HEALTH],
         pictures=[one for kind, one in pictures if kind not in OF_HEALTH],
         pages=pages,
-        number_of=_Numbers(),
+        number_of=Numbers(),
         methods=_methods(_yaml(inputs.methods), tables, params.settings),
         run=params.run,
         assumptions=params.assumptions,
@@ -148,7 +154,20 @@ def render(job) -> str:
     )
 
 
-class _Numbers:
+def environment_of(folder) -> jinja2.Environment:
+    """What templates of a folder are written by: all text escaped, numbers as people read them."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "milli": milli, "digest": digest}
+    environment.filters |= {"measured": measured, "in_words": overview_page.model_in_words}
+    return environment
+
+
+class Numbers:
     """Numbers of the figures and tables of a page, as Figure C3.2: none twice in a report."""
 
     def __init__(self, name=""):
@@ -207,7 +226,8 @@ def fleet_of(table: pd.DataFrame) -> list[dict]:
             for cell in dict.fromkeys(shown["cell"])
         ]
         columns = ["cell", *map(name_of_effect, effects)]
-        matrix = plain_table(f"effects-{len(types) + 1}", name, FLEET, columns, lines)
+        about, made = (f"effects-{len(types) + 1}", name, FLEET), "results/tables/fleet.csv"
+        matrix = plain_table(*about, columns, lines, made=made)
         sentence = rows["sentence"].iloc[0]
         types.append({"name": name, "sentence": sentence, "matrix": matrix if effects else None})
     return types
@@ -279,7 +299,8 @@ def _verdict(path) -> dict:
     if lines:
         read = "Each was added to the model in turn, and is not named for these reasons."
         columns = ["effect", "why it is no name"]
-        told["against"] = plain_table("against", "What else was tried", read, columns, lines)
+        about = "against", "What else was tried", read
+        told["against"] = plain_table(*about, columns, lines, made=Path(path).as_posix())
     return told
 
 
@@ -372,7 +393,8 @@ def _choice(rows):
         "RMS error of blocks left out of the fit at each temperature; in brackets of the finished "
         "model through the records it was fitted to, SoC 5–95 %. Tests for validation took no part."
     )
-    return plain_table("choice", "Why this model", read, columns, lines)
+    made = "results/tables/choice.csv"
+    return plain_table("choice", "Why this model", read, columns, lines, made=made)
 
 
 def _tests(rows, abouts):
@@ -415,7 +437,8 @@ def _tables_of_story(verdicts, witnesses) -> dict:
         ]
         columns = ["effect", "how sure", "as good", "tests fitted [mV]", "tests not fitted [mV]"]
         read = "RMS error before → after, each effect on top of those above it."
-        found["named"] = plain_table("named", "What was named", read, columns, lines)
+        about, made = ("named", "What was named", read), "results/tables/missing_effect.csv"
+        found["named"] = plain_table(*about, columns, lines, made=made)
     if witnesses:
         lines = [
             [
@@ -433,7 +456,8 @@ def _tables_of_story(verdicts, witnesses) -> dict:
         )
         title = "What other measurements say of it"
         columns = ["measurement", "effect", "says", "why"]
-        found["witnesses"] = plain_table("witnesses", title, read, columns, lines)
+        made = "results/tables/missing_effect.csv"
+        found["witnesses"] = plain_table("witnesses", title, read, columns, lines, made=made)
     return found
 
 

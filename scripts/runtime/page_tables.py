@@ -24,7 +24,10 @@ class Cell(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A table as the report writes it: `rows` of Cell, `more` rows that it leaves to the tables."""
+    """A table as the report writes it: `rows` of Cell, `more` rows that it leaves to the tables.
+
+    `made` is the artefact that it is read from, which Snakemake makes again by this name.
+    """
 
     id: str
     title: str
@@ -32,6 +35,7 @@ class Table(NamedTuple):
     columns: list
     rows: list
     more: int = 0
+    made: str = ""
 
 
 def table_of(name, frame, spec) -> Table:
@@ -50,7 +54,8 @@ def table_of(name, frame, spec) -> Table:
         [_cell(shown(row[key], row.get(stds[key]), spec["columns"][key])) for key in known]
         for row in rows
     ]
-    return Table(name, spec["title"], spec["read"], labels, cells, len(frame) - len(rows))
+    more, made = len(frame) - len(rows), f"results/tables/{name}.csv"
+    return Table(name, spec["title"], spec["read"], labels, cells, more, made)
 
 
 def _cell(text):
@@ -58,10 +63,10 @@ def _cell(text):
     return Cell(text, mark="n" if re.match(r"-?\d[\d.e+-]*( ± |$)", text or "") else "")
 
 
-def plain_table(name, title, read, columns, rows) -> Table:
-    """A table of texts (or markup) that are as they should be read."""
+def plain_table(name, title, read, columns, rows, *, made="") -> Table:
+    """A table of texts (or markup) that are as they should be read; `made` as in Table."""
     cells = [[one if isinstance(one, Cell) else Cell(one) for one in row] for row in rows]
-    return Table(name, title, read, columns, cells)
+    return Table(name, title, read, columns, cells, made=made)
 
 
 def shown(text, std_text, label) -> str:
@@ -133,6 +138,7 @@ class Figure(NamedTuple):
     data: str
     width: str
     height: str
+    made: str = ""  # what Snakemake makes it again by
     lines: str = ""  # what the reader may zoom into, see `closer_look`
 
 
@@ -147,7 +153,12 @@ def figure_of(path, captions) -> tuple[str, Figure]:
     svg = Path(path).read_text(encoding="utf-8")
     box = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
     title = f"{caption['title']}: {test}" if test else caption["title"]
-    return kind, Figure(name, title, caption["read"], as_url(svg), *(box.groups() if box else "  "))
+    width, height = box.groups() if box else ("", "")
+    # The figures of a cell or group are made together: their folder is what Snakemake follows.
+    folder = Path(path).parent
+    made = Path(path) if folder.name == "figures" else folder
+    drawing = as_url(svg)
+    return kind, Figure(name, title, caption["read"], drawing, width, height, made.as_posix())
 
 
 def as_url(svg: str) -> str:

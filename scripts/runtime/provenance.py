@@ -301,16 +301,17 @@ def record(job, inputs) -> dict:
 
 
 def run_facts() -> dict:
-    """Version, the command that makes the results again, and SHA-256 of the campaign's sheets."""
+    """Version, commands that make all results, or one, again, SHA-256 of the campaign's sheets."""
     about = SCRIPTS.parent / "pyproject.toml"
     # A copy of the pipeline alone, such as an image, may lack it.
     known = tomllib.loads(about.read_text(encoding="utf-8")) if about.is_file() else {}
     own = Path.cwd() == SCRIPTS.parent
-    command = "./run snakemake --cores all" + ("" if own else " --directory CAMPAIGN")
+    where = "" if own else " --directory CAMPAIGN"
     sheets = [path for kind in ("*.yaml", "*.tsv") for path in sorted(Path("config").glob(kind))]
     return {
         "version": known.get("project", {}).get("version", "(version not known)"),
-        "command": command,
+        "command": f"./run snakemake --cores all{where}",
+        "again": f"./run snakemake --cores 2{where}",
         "sheets": {path.as_posix(): sha256_of(path) for path in sheets if path.is_file()},
     }
 

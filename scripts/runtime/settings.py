@@ -1,6 +1,7 @@
 """Settings of a campaign: checked against the schema and completed by its defaults."""
 
 import contextlib
+import datetime
 import difflib
 import math
 import os
@@ -122,7 +123,7 @@ def keys(schema: dict, path=()):
     """(dotted key, its schema) of every key, sections before what is in them."""
     for name, spec in schema["properties"].items():
         yield ".".join([*path, name]), spec
-        if spec["type"] == "object":
+        if "properties" in spec:
             yield from keys(spec, (*path, name))
 
 
@@ -229,7 +230,9 @@ def _unknown(place, path, key, schema, section) -> str:
 
 
 def _hint(error) -> str:
-    """Hint for a number that YAML reads as text: 1e-3 must be written 1.0e-3."""
+    """Hint for what YAML reads otherwise: 1e-3 must be written 1.0e-3, a date in quotes."""
+    if isinstance(error.instance, datetime.date):
+        return f'; write "{error.instance}" in quotes'
     try:
         number = float(error.instance if isinstance(error.instance, str) else "")
     except ValueError:
@@ -257,7 +260,7 @@ def _filled(content: dict, schema: dict) -> dict:
     filled = {}
     for name, spec in schema["properties"].items():
         value = content.get(name)
-        if spec["type"] == "object":
+        if "properties" in spec:
             filled[name] = _filled(value or {}, spec)
         else:
             filled[name] = spec.get("default") if name not in content else value

@@ -19,6 +19,10 @@ from runtime.settings import fault, wanted
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 QUANTITY = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)+")  # with its unit: thickness_millimetre
 LONGEST_NUMBER = 100  # characters: a double has 17 digits
+# What spreadsheets save by themselves: how such a file begins, and how it is called.
+WORKBOOK = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
+OTHERS = (".xlsx", ".xls", ".ods", ".csv", ".txt", ".tsv.txt")
+AS_TABS = "text with tabs (in the spreadsheet: save as text, tab delimited, UTF-8) called"
 COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
@@ -40,7 +44,14 @@ def sheet_rows(folder, name: str, schema: dict) -> Sheet:
     try:
         data = gate.contents(file, within=folder)
     except Refusal as reason:
+        stem = Path(file).with_suffix("")
+        named = [f"{stem}{end}" for end in OTHERS if Path(folder, f"{stem}{end}").is_file()]
+        if named and not Path(folder, file).is_file():
+            instead = f"{named[0]}: found in the place of a sheet, wanted {AS_TABS} {file}"
+            return Sheet([], [], [instead])
         return Sheet([], [], [f"{reason}; wanted a tab-separated sheet in {folder}"])
+    if data.startswith(WORKBOOK):
+        return Sheet([], [], [f"{file}: found a workbook, wanted {AS_TABS} {file}"])
     text, faults = _decoded(data, file)
     lines, broken = _lines(text, file)
     if not lines:
@@ -87,19 +98,29 @@ def _header(line, cells, file, schema) -> tuple[list[str], list[str]]:
     place, names = f"{file}, line {line}", list(schema["properties"])
     if len(cells) > gate.MOST_COLUMNS:
         return cells, [f"{place}: found {len(cells)} columns, wanted {len(names)} at most"]
-    if len(cells) == 1 and re.search("[,;]", cells[0]):
-        return cells, [fault(place, cells[0], "columns separated by tabs")]
+    if len(cells) == 1 and re.search(r"[,;\s]", cells[0]):
+        mark = next((m for m in ",;" if m in cells[0]), "a blank")
+        return cells, [fault(place, cells[0], f"columns separated by tabs, not by {mark}")]
     columns = f"one of the columns {', '.join(names)}"
+    columns += "; rename it or delete the column"
+    columns += " (remarks stand in note)" if "note" in names else ""
     unknown = [name for name in cells if name and name not in names]
+    blanks = [name for name in unknown if set(name.split()) <= set(names)]
+    unknown = [name for name in unknown if name not in blanks]
     twice = sorted({name for name in cells if name and cells.count(name) > 1})
     missing = [name for name in schema["required"] if name not in cells]
-    faults = [fault(place, name, columns, names) for name in unknown]
+    faults = [fault(place, name, "a tab between two columns, not a blank") for name in blanks]
+    faults += [fault(place, name, columns, names) for name in unknown]
     faults += [fault(place, name, "each column once") for name in twice]
     faults += [f"{place}: found no column {name!r}, wanted one" for name in missing]
     return cells, faults
 
 
 def _row(cells, header, readers, place, faults) -> dict:
+    # No first column has values with blanks in them.
+    if len(header) > 1 and " " in cells[0] and not any(cells[1:]):
+        faults.append(fault(place, cells[0], "values separated by tabs, not by blanks"))
+        return dict.fromkeys(readers)
     beyond = [cell for cell in cells[len(header) :] if cell]
     beyond += [cell for name, cell in zip(header, cells, strict=False) if not name and cell]
     faults += [fault(place, cell, "nothing here, no column has this place") for cell in beyond]
@@ -228,7 +249,9 @@ def type_name(facts) -> str:
 def choices(config: dict, schemas) -> dict:
     """Settings of a campaign that differ from the defaults: dotted key → value."""
     standard = settings.flat(settings.defaults(settings.load(schemas, "config")))
-    return {key: value for key, value in settings.flat(config).items() if value != standard[key]}
+    return {
+        key: value for key, value in settings.flat(config).items() if value != standard.get(key)
+    }
 
 
 def _sheet(folder, schemas, name):

@@ -56,7 +56,8 @@ def table(cell, rated_ampere_hour, lookup, pybamm):
             ["Simulink and other tables", f"results/models/{cell}/lookup.csv", held, LOOKUP]
         )
     lines = [[*what, Cell(how.format(**said), mark="code")] for *what, how in lines]
-    return plain_table("use", "Use this model", READ, COLUMNS, lines)
+    made = f"results/models/{cell}/lookup.csv"
+    return plain_table("use", "Use this model", READ, COLUMNS, lines, made=made)
 
 
 def _held(member, chosen, errors) -> str:

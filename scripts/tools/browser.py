@@ -169,9 +169,14 @@ class Tab:
         self.call("Input.dispatchKeyEvent", type="keyDown", **what)
         self.call("Input.dispatchKeyEvent", type="keyUp", key=key)
 
-    def picture(self, file, *, whole=False):
-        """Save what is seen, or the whole page, as PNG."""
-        options = {"captureBeyondViewport": whole}
+    def picture(self, file, *, whole=False, of=""):
+        """Save what is seen, the whole page, or the first element of a selector, as PNG."""
+        options = {"captureBeyondViewport": whole or bool(of)}
+        if of:
+            corner = "x: b.x + scrollX, y: b.y + scrollY, width: b.width, height: b.height"
+            element = f"document.querySelector({json.dumps(of)})"
+            box = self.evaluate(f"(b => ({{{corner}}}))({element}.getBoundingClientRect())")
+            options["clip"] = box | {"scale": 1}
         if whole:
             box = self.call("Page.getLayoutMetrics")["cssContentSize"]
             options["clip"] = box | {"scale": 1}

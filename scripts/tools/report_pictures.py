@@ -2,7 +2,8 @@
 
     ./run python scripts/tools/report_pictures.py results/report.html docs/pictures --cell C2
 
-writes report.png (the first screen) and report-cell.png (a cell's page, folded).
+writes report.png (the first screen), report-cell.png (a cell's page, folded) and report-effect.png
+(of that cell the figure of the missing effect: the gap before and after, on tests not fitted).
 """
 
 import argparse
@@ -31,6 +32,10 @@ def main():
         for name, place in (("report", "overview"), ("report-cell", f"cell-{asked.cell}")):
             tab.go(asked.report, place)
             tab.picture(asked.folder / f"{name}.png")
+        figure = f"cell-{asked.cell}/effect_validation"
+        tab.go(asked.report, figure)
+        tab.wait(f"document.getElementById({figure!r}).querySelector('img').complete")
+        tab.picture(asked.folder / "report-effect.png", of=f'[id="{figure}"] .scroll')
 
 
 if __name__ == "__main__":

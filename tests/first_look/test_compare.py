@@ -32,7 +32,10 @@ def test_a_change_stands_beside_both_intervals_with_its_reason(tmp_path):
     assert change.why == "file raw/a.csv; code of basis"
     table, page = compare.write([change], tmp_path)
     assert table.read_text().splitlines()[1].startswith("summary,A,soh,0.95,0.9,3.54,")
-    assert '<tr class="beyond">' in page.read_text()
+    text = page.read_text()
+    assert 'class="worst">3.54</td>' in text
+    assert 'id="comparison/summary"' in text
+    assert "file raw/a.csv; code of basis" in text
 
 
 def test_the_same_numbers_are_no_change_and_rounding_is_none(tmp_path):

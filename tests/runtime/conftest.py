@@ -177,8 +177,14 @@ def job(snakemake, saved):
         groups=[{"group": "pair", "position": k, "cell": c} for k, c in ((1, "A"), (2, "B"))],
         figures={"the campaign": [], "A": ["results/figures/A/validation_udds.svg"]},
         title="Tiny & small",
+        laboratory={},
         settings={"resistance": {"delay_second": [0, 10]}},
-        run={"version": "1", "command": "./run", "sheets": {"config/cells.tsv": "cd" * 32}},
+        run={
+            "version": "1",
+            "command": "./run",
+            "again": "./run snakemake --cores 2",
+            "sheets": {"config/cells.tsv": "cd" * 32},
+        },
         choices={"strict": True},
         assumptions=[{"module": "m.py", "text": "Cells are round."}],
     )

@@ -146,3 +146,15 @@ def test_a_cell_without_a_model_is_told_what_it_lacks(job, snakemake):
         raise Refusal("no model: it has no pulses")
     job.input.artefacts.append("results/models/A.json")
     assert "No model: it has no pulses." in unpacked(page.render(job))
+
+
+def test_every_figure_and_table_names_the_artefact_that_makes_it_again(job):
+    """Figures of a cell are made together: Snakemake knows their folder, not each of them."""
+    html = unpacked(page.render(job))
+    commands = re.findall(r'<details class="again">.*?<code>(.*?)</code>', html)
+    assert all(one.startswith("./run snakemake --cores 2 results/") for one in commands)
+    made = {one.rpartition(" ")[2] for one in commands}
+    assert {"results/figures/A", "results/summary.csv", "results/tables/capacity.csv"} <= made
+    shown = re.findall(r'<(?:figure|div class="table") id="[^"/]*/([^"]*)"', html)
+    # Of the tables only that of the tests is a sheet, which nothing makes.
+    assert len(commands) == len(shown) - shown.count("tests")

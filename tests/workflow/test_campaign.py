@@ -234,10 +234,36 @@ def test_a_bad_wiring_is_named_with_row_and_column(folder, old, new, expected):
     assert all(line.startswith("config/groups.tsv, row") for line in lines)
 
 
+def test_a_row_with_blanks_for_tabs_is_one_fault(folder):
+    write(folder, "tests.tsv", f"{TESTS}A t2 hppc raw/b.csv 25\n")
+    assert faults(folder) == [
+        "config/tests.tsv, row 2 (line 3): found 'A t2 hppc raw/b.csv 25', "
+        "wanted values separated by tabs, not by blanks"
+    ]
+
+
+@pytest.mark.parametrize("begin", [b"PK\x03\x04\x14\x00", b"\xd0\xcf\x11\xe0\xa1"])
+def test_a_workbook_under_the_name_of_a_sheet_is_named(folder, begin):
+    write(folder, "tests.tsv", begin + bytes(range(256)))
+    (line,) = faults(folder)
+    assert line.startswith("config/tests.tsv: found a workbook, wanted text with tabs (in the ")
+
+
+@pytest.mark.parametrize("name", ["tests.xlsx", "tests.csv", "tests.tsv.txt"])
+def test_another_file_in_the_place_of_a_sheet_is_named(folder, name):
+    (folder / "config/tests.tsv").rename(folder / "config" / name)
+    (line,) = faults(folder)
+    assert line.startswith(f"config/{name}: found in the place of a sheet, wanted text with tabs")
+    assert line.endswith("called config/tests.tsv")
+
+
 @pytest.mark.parametrize(
     ("head", "expected"),
     [
-        ("cell,test,kind,file", "columns separated by tabs"),
+        ("cell,test,kind,file", "columns separated by tabs, not by ,"),
+        ("cell test kind file\nA t1 hppc a.csv", "columns separated by tabs, not by a blank"),
+        ("cell test\tkind\tfile", "found 'cell test', wanted a tab between two columns"),
+        ("cell\ttest\tkind\tfile\tOperator", "rename it or delete the column (remarks"),
         ("cell\ttest\tkind\tfiles", "did you mean 'file'?"),
         ("cell\ttest\tkind", "found no column 'file'"),
         ("cell\ttest\tkind\tfile\tkind", "wanted each column once"),

@@ -44,6 +44,9 @@
   window.addEventListener("scroll", function () { clearTimeout(later); later = setTimeout(remember, 150); });
   document.addEventListener("click", function (event) {
     if (event.target.closest("a[href]")) { remember(); }
+    // A click marks the whole command; where the browser allows it, it is copied too.
+    var command = event.target.closest(".again code");
+    if (command && navigator.clipboard) { navigator.clipboard.writeText(command.textContent).then(function () { command.dataset.copied = ""; }, function () {}); }
     var fold = event.target.closest(".fold");
     if (fold) {
       var chapters = Array.from(fold.closest("section").querySelectorAll("details.chapter"));

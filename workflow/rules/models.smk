@@ -105,10 +105,21 @@ UNMODELLED = dict.fromkeys(cell for cell in CELLS if cell not in MODELLED)
 SCORED = {cell: tests(cell, *SERIES_KINDS, roles=["validation", "split"]) for cell in MODELLED}
 
 
-def scores_of(cell):
-    """What tests of its age that took no part in the fit say of a cell's model."""
+def scored_at_its_age(cell):
+    """Tests of the age of a cell's model that took no part in its fit."""
     later = [float(cycle) for cycle in CHECKUPS.get(cell, [])]
-    return of_rows("validation", cell, [r for r in SCORED[cell] if not near_in_cycles(r, later)])
+    return [row for row in SCORED[cell] if not near_in_cycles(row, later)]
+
+
+def scores_of(cell):
+    """What they say of the model."""
+    return of_rows("validation", cell, scored_at_its_age(cell))
+
+
+def left_out_series(cell):
+    """Whole tests that judge a member with effects, where those were searched for."""
+    rows = [row for row in scored_at_its_age(cell) if row["role"] == "validation"]
+    return of_rows("clean", cell, rows) if cell in SEARCHED else []
 
 
 def resting(name):
@@ -297,6 +308,7 @@ rule member:
         law=law_of,
         effects=effects_of,
         series=choice_series,
+        left_out=own(left_out_series),
     output:
         model="results/stages/member/{cell}.json",
         choice="results/stages/member_choice/{cell}.parquet",
@@ -324,6 +336,7 @@ rule model:
         member="results/stages/member/{cell}.json",
         choice="results/stages/member_choice/{cell}.parquet",
         effects=own_effects_of,
+        left_out=own(left_out_series),
     output:
         model="results/models/{cell}.json",
         parameters="results/stages/parameters/{cell}.parquet",
@@ -332,6 +345,9 @@ rule model:
         "logs/model/{cell}.log",
     wildcard_constraints:
         cell=either(MODELLED),
+    params:
+        cell=cell_facts,
+        split_rest_second=config["models"]["split_rest_second"],
     message:
         "Model of {wildcards.cell} as the rest of the pipeline uses it."
     script:

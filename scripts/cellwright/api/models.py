@@ -107,6 +107,7 @@ def finish_model(
     basis=None,
     tests=(),
     *,
+    left_out=(),
     laws=(),
     effects=None,
     split_rest_second=MODELS.split_rest_second,
@@ -115,6 +116,7 @@ def finish_model(
 
     model : result of `identify`, of `borrow_model` or of `identify_branches`, or path of its file.
     basis, tests : only for a model of the cell's own tests.
+    left_out : whole tests for validation; a member with effects is chosen only if it wins there.
     laws : results of `compare_temperature_laws`.
     effects : `model` of the result of `missing_effect`, or None.
 
@@ -123,6 +125,7 @@ def finish_model(
     """
     from cellwright.effects.member import finished
     from cellwright.identification.compensation import laws_kept, with_laws
+    from cellwright.identification.in_use import proved
 
     facts = inputs.cell_facts(cell)
     content = inputs.model(model, cell=facts.cell)
@@ -137,7 +140,8 @@ def finish_model(
         inputs.content(effects),
         split_rest_second=split_rest_second,
     )
-    return _with_choice(content, choice)
+    proof = inputs.tests(left_out), facts
+    return _with_choice(*proved(content, choice, *proof, split_rest_second=split_rest_second))
 
 
 def _with_choice(content, choice):
@@ -148,19 +152,33 @@ def _with_choice(content, choice):
     return results.Result(tables, content, (content["choice"],) if choice else ())
 
 
-def add_own_effects(model, effects, *, choice=()):
+def add_own_effects(
+    model,
+    effects,
+    *,
+    choice=(),
+    cell=None,
+    left_out=(),
+    split_rest_second=MODELS.split_rest_second,
+):
     """A model with the effects that its chosen member lacks; they are used where that is better.
 
     effects : `model` of the result of `missing_effect(..., model=model)`, or None.
     choice : rows of the choice of the member, where `model` is a document without them.
+    cell, left_out : its facts and whole tests for validation, without which no effect is proved.
 
     Returns as `finish_model`, with the member `<chosen>+effects` where effects were found.
     Source: docs/models.md.
     """
     from cellwright.effects.given.member import with_own_effects
+    from cellwright.identification.in_use import proved
 
-    rows = inputs.rows(choice or getattr(model, "choice", ()))
-    return _with_choice(*with_own_effects(inputs.model(model), rows, inputs.content(effects)))
+    rows, before = inputs.rows(choice or getattr(model, "choice", ())), inputs.model(model)
+    content, rows = with_own_effects(before, rows, inputs.content(effects))
+    if content["chosen"] != before["chosen"]:
+        proof = inputs.tests(left_out), inputs.cell_facts(cell)
+        content, rows = proved(content, rows, *proof, split_rest_second=split_rest_second)
+    return _with_choice(content, rows)
 
 
 def refuse_model(tests, *, fit_kinds=("hppc", "drive", "capacity"), lent_curve=False):

@@ -37,12 +37,14 @@ class Choice(NamedTuple):
     """The chosen member, the rms error of every member [V], and a sentence on how clear it is.
 
     reasons : name of the member → why it was chosen, or why not.
+    unsearched : the one that would be chosen without the members that a search has found.
     """
 
     name: str
     rmse_volt: dict
     words: str
     reasons: dict
+    unsearched: str
 
 
 def left_out(fitted, block):
@@ -134,6 +136,7 @@ def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched
     sound = [name for name in scores if name not in reasons]
     chosen, equal, other = _simplest([n for n in sound if n not in searched], logs, rmse)
     reasons |= other
+    unsearched = chosen
     for name in (member for member in sound if member in searched):
         against = _against(name, chosen, logs, rmse, by_condition)
         reasons[chosen if not against else name] = against or f"{name} is better beyond chance"
@@ -141,7 +144,8 @@ def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched
     words = _words(chosen, equal, logs, rmse, [name for name in scores if name not in sound])
     words += f". Not to be relied on: {chosen} {faults[left][1]}" if chosen == left else ""
     words += _warning(rmse[chosen])
-    return Choice(chosen, rmse, words, reasons | {chosen: words.partition(". ")[0]})
+    reasons |= {chosen: words.partition(". ")[0]}
+    return Choice(chosen, rmse, words, reasons, unsearched)
 
 
 def rmse_of(score):

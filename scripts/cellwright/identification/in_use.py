@@ -4,14 +4,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.identification.choice import Score, choose, rmse_of, typical_of, worst_of
+from cellwright.circuits.model_file import member_of
+from cellwright.identification.choice import (
+    Score,
+    choose,
+    rmse_of,
+    score_of,
+    typical_of,
+    worst_of,
+)
 from cellwright.identification.edges import with_share
 from cellwright.identification.identify import ready_records
 from cellwright.identification.validation import beyond_volt, is_inner, simulated
 from cellwright.numerics.statistics import rms
+from cellwright.records.basis import at_cycle
 from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
 from cellwright.records.conditions import AT_REST_C_RATE
-from cellwright.records.record import Record, records_by_temperature
+from cellwright.records.record import Record, laid_out, records_by_temperature
 from cellwright.refusal import Refusal
 
 
@@ -160,6 +169,9 @@ def decided(model, conditions, searched=None):
         for row in judged_rows(name, verdict, celsius)
     ]
     members = [m | {"left_out_rmse_volt": choice.rmse_volt[m["model"]]} for m in model["members"]]
+    # Whole tests may take its place back, see `proved`.
+    before = {"in_place_of": choice.unsearched}
+    members = [m | before if m["model"] in (searched or {}) else m for m in members]
     return model | {"members": members, "chosen": choice.name, "choice": choice.words}, rows
 
 
@@ -198,6 +210,71 @@ def decided_beside(model, rows, entry, judged, origin_scores, celsius):
         "chosen": choice.name,
         "choice": f"{model['choice']}. {name} {reason}",
     }, rows
+
+
+def proved(model, rows, tests, cell, *, split_rest_second):
+    """A model whose member with effects stays chosen only where it wins on whole tests left out.
+
+    Blocks left out of a test that the effects were searched in have chosen the effects too: what
+    fits that test alone (its sampling, its sensor) passes there, and misses the next test. So both,
+    the member and the one that it would replace, are simulated through tests that took part in
+    neither the search nor a fit. The rule is that of `choice.choose` for members that a search has
+    found: better by two standard errors of the blocks of these tests, no larger error over all, and
+    worse in none of them. Else, and where there is no such test, the one that it would replace is
+    chosen. Their validation error is then that of the better of two.
+
+    Parameters
+    ----------
+    model, rows : as `decided` and `decided_beside` give them.
+    tests : list of MeasuredTest that took no part, of the age of the model; those of role `split`
+        are passed over.
+    cell : CellFacts. split_rest_second : shortest rest that cuts a record [s].
+
+    Returns
+    -------
+    model, rows : the same where no member with effects is chosen.
+    """
+    chosen = member_of(model)
+    name, rival = chosen["model"], chosen.get("of") or chosen.get("in_place_of")
+    if rival is None:
+        return model, rows
+    scores, used, notes = {rival: [], name: []}, [], []
+    for test in (test for test in tests if test.facts.role == "validation"):
+        try:
+            by_member = _scores_of_test(model, scores, test, cell, split_rest_second)
+        except Refusal as refusal:
+            notes.append(f"{test.facts.test} does not judge {name}: {refusal}")
+            continue
+        used.append(test.facts.test)
+        for member, score in by_member.items():
+            scores[member].append(score)
+    wins, why = False, "no whole test was left out that could prove it"
+    if used and len(scores[name][0].rows):
+        choice = choose(scores, searched=(name,))
+        errors = " against ".join(f"{1e3 * choice.rmse_volt[n]:.2g}" for n in (name, rival))
+        wins = choice.name == name
+        why = "better beyond chance" if wins else choice.reasons[name]
+        why += f"; {errors} mV rms of {rival} on whole tests left out ({', '.join(used)})"
+    verdict = f"{name} {'stays' if wins else f'gives way to {rival}'}: {why}"
+    taken = name if wins else rival
+    texts = {name: verdict} if wins else {name: f"not chosen: {why}", rival: verdict}
+    rows = [
+        row | {"chosen": row["model"] == taken, "reason": texts.get(row["model"], row["reason"])}
+        for row in rows
+    ]
+    about = {"choice": f"{model['choice']}. {verdict}", "notes": [*model["notes"], *notes]}
+    return model | {"chosen": taken} | about, rows
+
+
+def _scores_of_test(model, names, test, cell, split_rest_second):
+    """Score of each of some members on one test, by its loads with their rests, or its parts."""
+    aged = at_cycle(model, test.facts.cycle)
+    record = laid_out(test, aged, cell, split_rest_second=split_rest_second, proof=True)
+    rest = {"rest_second": split_rest_second}
+    rest["rest_ampere"] = AT_REST_C_RATE * aged["capacity_ampere_hour"]
+    (block,) = blocks_of_used([record], cut=cut_of(columns_of([[record]]), **rest), **rest)
+    fitted_record = FittedRecord(record, block)
+    return {name: score_of(block, errors_of(aged, name, fitted_record)) for name in names}
 
 
 def judged_of(model, name, conditions):
