@@ -213,7 +213,10 @@ def test_the_field_with_the_largest_part_of_the_gap_is_named_with_what_it_is_now
 
 def test_a_story_has_its_parts_in_the_order_in_which_they_are_told():
     found = verdict("named", effects=[step()], located_at=PLACE)
-    found |= {"nuisances": [{"name": "soc_at_start", "test": "drive"}], "next_test": "To see more: a drive."}
+    found |= {
+        "nuisances": [{"name": "soc_at_start", "test": "drive"}],
+        "next_test": "To see more: a drive.",
+    }
     parts = [part for part, _ in sentences_by_part(found, LIBRARY)]
     assert parts == ["gap", "names", "changes", "left", "sure", "next"]
     assert [part for part, _ in sentences_by_part(verdict("none"), LIBRARY)] == ["gap"]

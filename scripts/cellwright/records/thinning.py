@@ -56,7 +56,7 @@ def averaged(record, *, width_second):
     return record._replace(**{name: mean(column) for name, column in columns.items()})
 
 
-def averaged_to(records, *, most_rows=10_000, thinned=()):
+def averaged_to(records, *, most_rows=20_000, thinned=()):
     """Records averaged over bins of 1, 2, 4 … s until they have so many rows in all, or fewer.
 
     Steady stretches are thinned as far as is given before bins are wider: an edge that is averaged
