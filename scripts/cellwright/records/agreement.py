@@ -112,20 +112,34 @@ def _currents_of_tests(rows):
 def _currents(row, other, tests):
     """What the current of another test says against that of one, "" where nothing.
 
-    Not of a pulse that was cut short by a limit: its test holds the other's current elsewhere.
+    Not of a single pulse among others of its test, which a limit may have cut short.
     """
-    here, there = _ampere(row), _ampere(other)
-    if not (here > 0 and there > 0 and row["c_rate"] > 0 and same_rate(here, there)):
+    here, there, rates = _ampere(row), _ampere(other), (row["c_rate"], other["c_rate"])
+    if not (here > 0 and there > 0 and min(rates) > 0 and same_rate(here, there)):
         return ""
-    # Both read zero within their offset.
-    zero = 2 * AT_REST_C_RATE * here / row["c_rate"]
-    if any(
-        abs(_ampere(one) - size) <= HELD_SHARE * size + zero
-        for test, size in ((row["test"], there), (other["test"], here))
-        for one in tests[row["cell"]].get(test, ())
-    ):
+    # Both read zero within their offset; what only a part of the current steps by was not set.
+    zero = 2 * AT_REST_C_RATE * max(here / rates[0], there / rates[1])
+    alike = abs(here / there / (rates[0] / rates[1]) - 1) <= HELD_SHARE
+    if not alike or abs(here - there) <= HELD_SHARE * max(here, there) + zero:
+        return ""
+    if not all(_was_set(one, tests[one["cell"]][one["test"]]) for one in (row, other)):
         return ""
     return f"its current is {here:.4g} A, in {other['test']} {there:.4g} A: set to be the same?"
+
+
+def _was_set(row, own):
+    """Whether the current of a row is a capacity's, of its test's only pulse, or of two of them."""
+    if "delay_second" not in row:
+        return True
+    alike = [
+        one
+        for one in own
+        if (one["direction"], one["delay_second"]) == (row["direction"], row["delay_second"])
+    ]
+    size = _ampere(row)
+    return len(alike) == 1 or (
+        sum(abs(_ampere(one) - size) <= HELD_SHARE * size for one in alike) > 1
+    )
 
 
 def _unusual_currents(rows, tests):
@@ -149,7 +163,7 @@ def _unusual(row, round_ones):
 
 
 def _is_round(row):
-    return is_round_rate(row["c_rate"]) or is_round_rate(_ampere(row), decades=True)
+    return is_round_rate(row["c_rate"], _ampere(row))
 
 
 def _celsius(row):
