@@ -95,15 +95,16 @@ def _pairs(rows):
 
 
 def _ampere(row):
-    """Size of the current that a test was set to [A]."""
-    return abs(row.get("current_ampere", row.get("mean_current_ampere", float("nan"))))
+    """Size of the current that a test was set to [A], NaN where not known."""
+    current = row.get("current_ampere", row.get("mean_current_ampere"))
+    return abs(current) if _is_number(current, row.get("c_rate")) else float("nan")
 
 
 def _currents_of_tests(rows):
-    """Currents [A] of each cell's tests, by cell and test: those not known left out."""
+    """Rows of each cell's tests, by cell and test, those of no known current left out."""
     found = {}
     for row in rows:
-        if _ampere(row) > 0 and row["c_rate"] > 0:
+        if _ampere(row) > 0:
             found.setdefault(row["cell"], {}).setdefault(row["test"], []).append(row)
     return found
 
@@ -114,9 +115,10 @@ def _currents(row, other, tests):
 
     Not of a single pulse among others of its test, which a limit may have cut short.
     """
-    here, there, rates = _ampere(row), _ampere(other), (row["c_rate"], other["c_rate"])
-    if not (here > 0 and there > 0 and min(rates) > 0 and same_rate(here, there)):
+    here, there = _ampere(row), _ampere(other)
+    if not (here > 0 and there > 0 and same_rate(here, there)):
         return ""
+    rates = row["c_rate"], other["c_rate"]
     # Both read zero within their offset; what only a part of the current steps by was not set.
     zero = 2 * AT_REST_C_RATE * max(here / rates[0], there / rates[1])
     alike = abs(here / there / (rates[0] / rates[1]) - 1) <= HELD_SHARE
