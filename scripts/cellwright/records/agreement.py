@@ -8,6 +8,7 @@ from itertools import combinations
 
 from cellwright.records.conditions import (
     AT_REST_C_RATE,
+    ROUND_SHARE,
     checkups_of,
     is_round_rate,
     same_rate,
@@ -23,7 +24,6 @@ SAME_SOC, RESISTANCE_FACTOR = 0.05, 1.5  # kinetics, direction and rests change 
 ANY_SOC_FACTOR = 2.0  # the first sample of a pulse hardly hangs on the SoC, but near empty
 LEAST_SOC, DELAY_FACTOR = 0.1, 2.0
 SIGMAS = 2.0
-HELD_SHARE = 0.02  # within which any tester holds the current that it is set to
 LEAST_TESTS = 2  # that show which currents a laboratory sets
 
 
@@ -121,8 +121,8 @@ def _currents(row, other, tests):
     rates = row["c_rate"], other["c_rate"]
     # Both read zero within their offset; what only a part of the current steps by was not set.
     zero = 2 * AT_REST_C_RATE * max(here / rates[0], there / rates[1])
-    alike = abs(here / there / (rates[0] / rates[1]) - 1) <= HELD_SHARE
-    if not alike or abs(here - there) <= HELD_SHARE * max(here, there) + zero:
+    alike = abs(here / there / (rates[0] / rates[1]) - 1) <= ROUND_SHARE
+    if not alike or abs(here - there) <= ROUND_SHARE * max(here, there) + zero:
         return ""
     if not all(_was_set(one, tests[one["cell"]][one["test"]]) for one in (row, other)):
         return ""
@@ -140,7 +140,7 @@ def _was_set(row, own):
     ]
     size = _ampere(row)
     return len(alike) == 1 or (
-        sum(abs(_ampere(one) - size) <= HELD_SHARE * size for one in alike) > 1
+        sum(abs(_ampere(one) - size) <= ROUND_SHARE * size for one in alike) > 1
     )
 
 

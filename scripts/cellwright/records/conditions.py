@@ -75,7 +75,7 @@ ROUND_RATES = np.array(
     + [1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 10]
 )
 ROUND_AMPERE = np.array([1, 1.2, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 7.5, 8, 9, 10])
-ROUND_SHARE = 0.01  # beyond what a tester's current is off by; half of that of two such rates
+ROUND_SHARE = 0.02  # within which any tester holds the current that it is set to
 
 
 def is_round_rate(rate, current_ampere):
