@@ -95,3 +95,67 @@ def test_a_resistance_half_as_large_again_as_others_at_its_soc():
     assert doubts(apart, "resistance") == ["said before"] * 3
     # Near empty, and after other times, it may be another.
     assert doubts([r | {"soc": 0.05} for r in rows], "resistance") == ["said before"] * 3
+
+
+def set_to(test, ampere, **more):
+    """A capacity at a current, of a cell rated 3 Ah."""
+    of_current = {"mean_current_ampere": -ampere, "temperature_mean_celsius": 35.0}
+    return capacity(test, 3.0, ampere / 3.0, capacity_std_ampere_hour=1.0, **(of_current | more))
+
+
+def pulse(test, ampere, soc=0.5, **more):
+    """A discharge pulse, its first sample, of a cell of 3 Ah."""
+    row = {
+        "cell": "A", "test": test, "cycle": None, "ambient_temperature_celsius": 25.0,
+        "direction": "discharge", "soc": soc, "delay_second": 0.0, "actual_delay_second": 0.1,
+        "resistance_ohm": 0.03, "resistance_std_ohm": 1e-4, "current_ampere": -ampere,
+        "c_rate": ampere / 3.0, "doubt": "",
+    }  # fmt: skip
+    return row | more
+
+
+def test_a_current_a_gain_off_those_of_the_same_rate_is_told():
+    rows = [set_to("a", 6.0), set_to("b", 6.01), set_to("gain", 6.6)]
+    said = doubts(rows)
+    assert said[:2] == ["", ""]
+    assert "its current is 6.6 A, in a 6 A: set to be the same?" in said[2]
+
+
+@pytest.mark.parametrize(
+    "third",
+    [
+        set_to("another rate", 9.0),
+        set_to("held", 6.1),
+        set_to("another cell", 6.6, cell="B"),
+    ],
+)
+def test_currents_that_were_not_set_to_be_one_are_not_compared(third):
+    assert doubts([set_to("a", 6.0), set_to("b", 6.0), third]) == ["", "", ""]
+
+
+def test_a_current_that_goes_with_an_aged_cells_capacity_is_not_compared():
+    rows = [set_to("a", 5.5), set_to("b", 5.5), set_to("older", 5.1, cycle=300)]
+    assert doubts(rows) == ["", "", ""]
+
+
+def test_two_ammeters_may_differ_by_their_offset_at_a_slow_rate():
+    assert doubts([set_to("a", 0.143), set_to("b", 0.153)]) == ["", ""]
+
+
+def test_a_single_pulse_that_a_limit_cut_short_is_not_compared():
+    first = [pulse("a", 1.5, soc) for soc in (0.9, 0.5)]
+    other = [pulse("b", size, soc) for size, soc in ((1.4, 0.9), (1.5, 0.5))]
+    assert doubts(first + other, "resistance") == [""] * 4
+
+
+def test_a_current_that_nobody_sets_beside_round_ones_is_told():
+    said = doubts([pulse("a", 3.0), pulse("b", 1.5), pulse("clipped", 2.34)], "resistance")
+    assert said[:2] == ["", ""]
+    assert said[2] == (
+        "its current of 2.34 A (0.78C) is no round one, as those of 2 other tests of the cell are"
+    )
+
+
+def test_where_a_cells_currents_are_not_round_none_is_odd():
+    said = doubts([pulse("a", 3.0), pulse("b", 1.37), pulse("c", 2.34)], "resistance")
+    assert said == ["", "", ""]

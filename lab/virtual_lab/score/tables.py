@@ -13,6 +13,8 @@ RATE_TOLERANCE = 0.25  # of the logarithm of the rate
 START_TOLERANCE_SECOND = 5.0
 LATE_SECOND = 0.02
 PEAK_TOLERANCE_VOLT = 0.05
+# What settings state of an instrument; repeats made with one share it (a uniform distribution).
+INSTRUMENT_SHARE = 0.0005
 PEAK_PROMINENCE = 0.05  # of the curve's maximum: the truth lists no smaller peaks
 CYCLE_TOLERANCE = 2.0
 NO_METHOD = "not made"
@@ -188,7 +190,8 @@ def _quantities(table, spec, rows):
         mine = rows.rename(columns={name: "true", f"{name}_found": "found"})
         mine = mine.assign(std=rows[f"{std}_found"] if std else np.nan)
         if spec.repeats and std:
-            mine = _of_the_mean(mine, mine[f"{spec.repeats}_found"])
+            common = INSTRUMENT_SHARE / np.sqrt(3.0) * mine["found"].astype(float).abs()
+            mine = _of_the_mean(mine, mine[f"{spec.repeats}_found"], common)
         for label, part in _parts(spec, name, mine):
             yield errors(table, label, unit or part["unit"].iloc[0], part)
 
@@ -216,14 +219,25 @@ def _label(spec, name, values) -> str:
     return f"{part['quantity']}: {part['parameter']}"
 
 
-def _of_the_mean(rows, repeats):
-    """Standard deviation and 95 % reach of a mean from the scatter of few repeats (Student)."""
-    from scipy.stats import t
+def _of_the_mean(rows, repeats, common):
+    """Standard deviation and 95 % reach of a mean of few repeats.
+
+    Their scatter becomes less with their number (Student); what is common to all of them, the gain
+    of the instrument, does not.
+
+    common : (n,) standard deviation of that [unit of the quantity].
+    """
+    from scipy.stats import norm, t
 
     repeats = pd.to_numeric(repeats, errors="coerce")
     enough = repeats >= 2
-    reach = pd.Series(t.ppf(0.975, np.where(enough, repeats - 1, 1)), index=rows.index)
-    return rows.assign(std=(rows["std"] / np.sqrt(repeats)).where(enough), reach=reach)
+    total = pd.to_numeric(rows["std"], errors="coerce")
+    common = np.minimum(common, total)
+    scatter = np.sqrt(total**2 - common**2) / np.sqrt(repeats)
+    std = np.hypot(scatter, common)
+    student = t.ppf(0.975, np.where(enough, repeats - 1, 1))
+    reach = np.hypot(student * scatter, norm.ppf(0.975) * common) / std
+    return rows.assign(std=std.where(enough), reach=reach)
 
 
 def _one_knee(table):

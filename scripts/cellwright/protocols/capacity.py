@@ -180,7 +180,7 @@ def _measured(half, partner, columns, steps, temperature, inserts):
     efficiency = np.nan
     if partner is not None:
         out, put_in = (half, partner) if half.sign == -inserts else (partner, half)
-        efficiency = charge_moved(out, charge) / charge_moved(put_in, charge)
+        efficiency = out.moved_ampere_hour / put_in.moved_ampere_hour
     return {
         "sign": half.sign,
         "first_row": half.first_row,

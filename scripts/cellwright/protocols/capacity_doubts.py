@@ -5,7 +5,7 @@ Each function gives sentences; none changes a number, but `imbalance`, which is 
 
 import numpy as np
 
-from cellwright.protocols.half_cycles import NAMES, NEAR_VOLT, charge_moved, main_load
+from cellwright.protocols.half_cycles import NAMES, NEAR_VOLT, main_load
 from cellwright.series.doubts import RATING_SHARE, in_words
 from cellwright.series.steps import constant_current_end
 
@@ -34,7 +34,7 @@ def doubts_of(half, partner, row, columns, steps, limits, doubt, sheet):
         *_of_its_rows(half, columns, steps, limits, doubt),
         *([] if partner is None else _of_partner(partner, doubt)),
         *[half.words] * _begins_unsure(half),
-        *_of_balance(half, partner, row["off"], columns[2]),
+        *_of_balance(half, partner, row["off"]),
         *_of_sheet(row, *sheet),
     ]
 
@@ -42,10 +42,10 @@ def doubts_of(half, partner, row, columns, steps, limits, doubt, sheet):
 def imbalance(half, partner, columns, steps, limits):
     """Charge [Ah] by which the two halves of a cycle differ beyond what their ends explain.
 
-    The first begins and the second ends at a rest. Where these rest at the same voltage both move
-    the same charge; voltage between them explains charge at twice the cell's mean slope, which no
-    common open-circuit curve exceeds near full or empty. A rest that still moves moves as far
-    again. 0 where another half lies between them, or a cut-off is not stated.
+    The first begins and the second ends at a rest. Where these rest at the same voltage no charge
+    is left over between them; voltage between them explains charge at twice the cell's mean slope,
+    which no common open-circuit curve exceeds near full or empty. A rest that still moves moves as
+    far again. 0 where another half lies between them, or a cut-off is not stated.
     """
     first, second = sorted((half, partner), key=lambda one: one.first_row)
     between = second.first_row > first.turn_row + _rows_of_rest(first, steps)
@@ -57,9 +57,10 @@ def imbalance(half, partner, columns, steps, limits):
     middle = (last + int(steps.first_row[after[0]])) // 2 if after else last
     moves = abs(float(voltage[last] - voltage[middle]))
     apart = abs(float(voltage[first.first_row] - voltage[last])) + moves + NEAR_VOLT
-    larger = max(charge_moved(first, charge), charge_moved(second, charge))
+    larger = max(first.moved_ampere_hour, second.moved_ampere_hour)
     explained = larger * (BALANCE_SHARE + 2 * apart / (limits[1] - limits[0]))
-    return max(abs(charge_moved(first, charge) - charge_moved(second, charge)) - explained, 0.0)
+    left_over = abs(float(charge[second.last_row] - charge[first.first_row]))
+    return max(left_over - explained, 0.0)
 
 
 def _begins_unsure(half):
@@ -69,8 +70,8 @@ def _begins_unsure(half):
 
 
 def _rows_of_rest(half, steps):
-    """Rows of the rest after a half cycle, 0 where none follows."""
-    after = half.loads[-1] + 1
+    """Rows of the rest after the turn of a half cycle, 0 where none follows."""
+    after = int(np.searchsorted(steps.last_row, half.turn_row)) + 1
     rests = after < len(steps.kind) and steps.kind[after] == "rest"
     return int(steps.last_row[after] - steps.first_row[after] + 1) if rests else 0
 
@@ -124,11 +125,11 @@ def _unfinished(left, half, steps):
     return bool(left * rates > UNFINISHED_C_RATE)
 
 
-def _of_balance(half, partner, off, charge):
+def _of_balance(half, partner, off):
     """That the other half of a cycle moves another charge, in words."""
     if not off > 0:
         return []
-    other = f"the {NAMES[-half.sign]} of its cycle moves {charge_moved(partner, charge):.4g} Ah"
+    other = f"the {NAMES[-half.sign]} of its cycle moves {partner.moved_ampere_hour:.4g} Ah"
     return [f"{other}: {off:.2g} Ah further from it than their ends explain"]
 
 

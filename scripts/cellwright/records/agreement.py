@@ -6,7 +6,14 @@ alike at one age and temperature, show it.
 
 from itertools import combinations
 
-from cellwright.records.conditions import checkups_of, same_rate, same_temperature
+from cellwright.records.conditions import (
+    AT_REST_C_RATE,
+    ROUND_SHARE,
+    checkups_of,
+    is_round_rate,
+    same_rate,
+    same_temperature,
+)
 
 REPEAT_SHARE = 0.03  # by which one cell's capacity at one rate repeats, over testers and days
 SLOWER_SHARE = 0.02  # by which a slower load may give less than a faster one: rests, self-discharge
@@ -17,6 +24,7 @@ SAME_SOC, RESISTANCE_FACTOR = 0.05, 1.5  # kinetics, direction and rests change 
 ANY_SOC_FACTOR = 2.0  # the first sample of a pulse hardly hangs on the SoC, but near empty
 LEAST_SOC, DELAY_FACTOR = 0.1, 2.0
 SIGMAS = 2.0
+LEAST_TESTS = 2  # that show which currents a laboratory sets
 
 
 def with_disagreements(rows, *, quantity):
@@ -31,23 +39,29 @@ def with_disagreements(rows, *, quantity):
     -------
     rows, new ones where their `doubt` has grown.
     """
-    against = [{} for _ in rows]
-    for first, second, same_age in _alike(rows):
-        one, other = rows[first], rows[second]
+    against, currents = [{} for _ in rows], _currents_of_tests(rows)
+    for first, second, same_age, same_celsius in _pairs(rows):
+        pair = (rows[first], rows[second]), (rows[second], rows[first])
+        said = [_currents(*one, currents) if same_age else "" for one in pair]
         comparing = COMPARING.get((quantity, same_age))
-        if comparing and (words := comparing(one, other)):
-            against[first][second], against[second][first] = words, comparing(other, one)
+        if comparing and same_celsius and not any(said):
+            said = [comparing(*one) for one in pair]
+        if any(said):
+            against[first][second], against[second][first] = said
     # What more tests speak against is in doubt, not each of them; of two alone both are.
     said = [
         [words for other, words in found.items() if len(against[other]) <= len(found)]
         for found in against
     ]
-    return [row | {"doubt": _joined(row, words)} for row, words in zip(rows, said, strict=True)]
+    return [
+        row | {"doubt": _joined(row, words, unusual)}
+        for row, words, unusual in zip(rows, said, _unusual_currents(rows, currents), strict=True)
+    ]
 
 
-def _joined(row, words):
+def _joined(row, words, unusual):
     more = [f"and {len(words) - 1} more tests against it"] * (len(words) > 1)
-    return "; ".join(filter(None, [row.get("doubt"), *words[:1], *more]))
+    return "; ".join(filter(None, [row.get("doubt"), *words[:1], *more, unusual]))
 
 
 def _key(row):
@@ -62,8 +76,8 @@ def _cycled(rows):
     return {key for key, found in cycles.items() if len(found) > 1}
 
 
-def _alike(rows):
-    """Numbers of two rows of one cell, direction, delay and temperature, and whether of one age.
+def _pairs(rows):
+    """Numbers of two rows of one cell, direction and delay; whether of one age, one temperature.
 
     They are of different tests, neither of them one of many cycles.
     """
@@ -76,8 +90,82 @@ def _alike(rows):
         ages = checkups_of([rows[k]["cycle"] for k in members])
         for (first, age), (second, other) in combinations(zip(members, ages, strict=True), 2):
             celsius = (_celsius(rows[k]) for k in (first, second))
-            if rows[first]["test"] != rows[second]["test"] and same_temperature(*celsius):
-                yield first, second, age == other
+            if rows[first]["test"] != rows[second]["test"]:
+                yield first, second, age == other, same_temperature(*celsius)
+
+
+def _ampere(row):
+    """Size of the current that a test was set to [A], NaN where not known."""
+    current = row.get("current_ampere", row.get("mean_current_ampere"))
+    return abs(current) if _is_number(current, row.get("c_rate")) else float("nan")
+
+
+def _currents_of_tests(rows):
+    """Rows of each cell's tests, by cell and test, those of no known current left out."""
+    found = {}
+    for row in rows:
+        if _ampere(row) > 0:
+            found.setdefault(row["cell"], {}).setdefault(row["test"], []).append(row)
+    return found
+
+
+# ASSUME: A laboratory sets two tests of one age to one current, or to two that are 5:4 apart.
+def _currents(row, other, tests):
+    """What the current of another test says against that of one, "" where nothing.
+
+    Not of a single pulse among others of its test, which a limit may have cut short.
+    """
+    here, there = _ampere(row), _ampere(other)
+    if not (here > 0 and there > 0 and same_rate(here, there)):
+        return ""
+    rates = row["c_rate"], other["c_rate"]
+    # Both read zero within their offset; what only a part of the current steps by was not set.
+    zero = 2 * AT_REST_C_RATE * max(here / rates[0], there / rates[1])
+    alike = abs(here / there / (rates[0] / rates[1]) - 1) <= ROUND_SHARE
+    if not alike or abs(here - there) <= ROUND_SHARE * max(here, there) + zero:
+        return ""
+    if not all(_was_set(one, tests[one["cell"]][one["test"]]) for one in (row, other)):
+        return ""
+    return f"its current is {here:.4g} A, in {other['test']} {there:.4g} A: set to be the same?"
+
+
+def _was_set(row, own):
+    """Whether the current of a row is a capacity's, of its test's only pulse, or of two of them."""
+    if "delay_second" not in row:
+        return True
+    alike = [
+        one
+        for one in own
+        if (one["direction"], one["delay_second"]) == (row["direction"], row["delay_second"])
+    ]
+    size = _ampere(row)
+    return len(alike) == 1 or (
+        sum(abs(_ampere(one) - size) <= ROUND_SHARE * size for one in alike) > 1
+    )
+
+
+def _unusual_currents(rows, tests):
+    """In words for each row, that its test's current alone of those of its cell is no round one.
+
+    A gain, a clipping or a rounding of the current makes another of what was set.
+    """
+    round_ones = {
+        cell: {test: sum(map(_is_round, own)) >= len(own) / 2 for test, own in of_cell.items()}
+        for cell, of_cell in tests.items()
+    }
+    return [_unusual(row, round_ones.get(row["cell"], {})) for row in rows]
+
+
+def _unusual(row, round_ones):
+    others = [is_round for test, is_round in round_ones.items() if test != row["test"]]
+    if round_ones.get(row["test"], True) or len(others) < LEAST_TESTS or not all(others):
+        return ""
+    size = f"its current of {_ampere(row):.4g} A ({row['c_rate']:.3g}C)"
+    return f"{size} is no round one, as those of {len(others)} other tests of the cell are"
+
+
+def _is_round(row):
+    return is_round_rate(row["c_rate"], _ampere(row))
 
 
 def _celsius(row):

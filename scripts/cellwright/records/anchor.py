@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.records.conditions import AT_REST_C_RATE, SAME_CHECKUP_CYCLES, low_current
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
+from cellwright.settings import Instrument
 
 WHOLE_SWING = 0.9  # of the capacity: a record that moves so much has its place on the scale
 SLOW_C_RATE = 1.1 / 15  # a slow test: C/15 by a rating that the cell need not have
@@ -385,7 +386,9 @@ def _refuse_stated(soc, charge, words, nominal, source):
     refuse_impossible_soc(low, soc + up / capacity, words, **about)
 
 
-SINGLE_SHARE = 0.001  # of a capacity: the instrument's; less says nothing of how it repeats
+# Of a capacity, by which two readings of one instrument may differ: less says nothing of how it
+# repeats.
+SINGLE_SHARE = 2.0 * Instrument().current_accuracy_share
 UNSURE_SHARE = 0.03  # of a capacity: less sure ones count after the sure ones of their check-up
 
 

@@ -69,6 +69,29 @@ def same_rate(first, second):
     return (ratio <= SAME_RATE) & (ratio >= 1.0 / SAME_RATE)
 
 
+# Rates [1/h] that laboratories choose; slower ones lie closer than a reading at rest can tell.
+ROUND_RATES = np.array(
+    [0.1, 1 / 8, 0.2, 1 / 4, 0.3, 1 / 3, 0.4, 0.5, 0.6, 2 / 3, 0.7, 3 / 4, 0.8, 0.9, 1, 1.2, 1.25]
+    + [1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 10]
+)
+ROUND_AMPERE = np.array([1, 1.2, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 7.5, 8, 9, 10])
+ROUND_SHARE = 0.02  # within which any tester holds the current that it is set to
+
+
+def is_round_rate(rate, current_ampere):
+    """Whether a rate is one that laboratories choose, or its current a round one in ampere.
+
+    Parameters
+    ----------
+    rate : above zero [1/h]. current_ampere : above zero [A].
+    """
+    slow = rate < ROUND_RATES[0]
+    off = np.abs(rate - ROUND_RATES) <= ROUND_SHARE * ROUND_RATES + AT_REST_C_RATE
+    leading = current_ampere / 10 ** np.floor(np.log10(current_ampere))
+    in_ampere = np.abs(leading / ROUND_AMPERE - 1) <= ROUND_SHARE
+    return bool(slow or np.any(off) or np.any(in_ampere))
+
+
 # ASSUME: A test without a stated temperature was made at 25 °C.
 def stated_or_reference(celsius):
     """A stated temperature [degC], 25 °C where none is.
