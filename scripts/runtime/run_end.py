@@ -19,7 +19,10 @@ NAMED = 4
 
 def read(folder) -> dict[str, dict]:
     """The summary of a campaign as it stands, a row by cell; empty before the first run."""
-    return {row["cell"]: row for row in _rows(Path(folder, "results", "summary.csv"))}
+    rows = _rows(Path(folder, "results", "summary.csv"))
+    # Without a name what the search said instead: "none" is not "unknown".
+    column = "missing_effect"
+    return {row["cell"]: row | {column: row.get(column) or row.get("verdict", "")} for row in rows}
 
 
 def lines(folder, before, started) -> list[str]:
@@ -66,7 +69,7 @@ def changes(before, after) -> str:
 
 def _cells(summary) -> str:
     modelled = sum(bool(row.get("best_model")) for row in summary.values())
-    named = sum(row.get("verdict") == "named" for row in summary.values())
+    named = sum(row.get("verdict") in ("named", "ambiguous") for row in summary.values())
     doubted = sorted(cell for cell, row in summary.items() if row.get("doubt"))
     words = f"{len(summary)}, {modelled} with a model, {named} with a named missing effect"
     return f"{words}; doubts about {_names(doubted)}" if doubted else words
