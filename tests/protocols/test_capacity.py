@@ -94,6 +94,12 @@ def test_incomplete_is_left_out_with_its_reason():
     assert "does not start empty" in capacities.left_out[1]
 
 
+def test_a_cycle_that_gives_back_more_than_went_in_is_in_doubt():
+    for loss, doubted in ((0.01, False), (-0.03, True)):
+        doubts = run(cycle(-1.0, 1.0, loss=loss)).rows["doubt"]
+        assert [("gives back 1.03" in doubt) for doubt in doubts] == [doubted] * 2
+
+
 def test_remainder_counts_only_in_the_whole_swing():
     data = cycle((1.9, -1.0), -0.2, 1.0)
     data[2][(data[0] > 7800) & (data[0] < 9000)] -= 0.05  # cold: the cut-off comes early

@@ -35,6 +35,7 @@ def doubts_of(half, partner, row, columns, steps, limits, doubt, sheet):
         *([] if partner is None else _of_partner(partner, doubt)),
         *[half.words] * _begins_unsure(half),
         *_of_balance(half, partner, row["off"]),
+        *_of_efficiency(row["coulombic_efficiency"]),
         *_of_sheet(row, *sheet),
     ]
 
@@ -131,6 +132,13 @@ def _of_balance(half, partner, off):
         return []
     other = f"the {NAMES[-half.sign]} of its cycle moves {partner.moved_ampere_hour:.4g} Ah"
     return [f"{other}: {off:.2g} Ah further from it than their ends explain"]
+
+
+def _of_efficiency(efficiency):
+    """That more came out of a cycle than went in, in words."""
+    if not efficiency > 1.0 + BALANCE_SHARE:
+        return []
+    return [f"its cycle gives back {efficiency:.3f} of what went in: no way back to the same end"]
 
 
 def _of_sheet(row, rated, celsius):
