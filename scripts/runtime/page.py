@@ -233,6 +233,15 @@ def fleet_of(table: pd.DataFrame) -> list[dict]:
     return types
 
 
+def _unsure(rows) -> list:
+    """What makes names unsure, in words: each reason once, with the names that it is of."""
+    names = {}
+    for row in rows:
+        for reason in row["doubts"].split("; ") if row["sure"] == "False" else ():
+            names.setdefault(reason, []).append(name_of_effect(row["effect"]))
+    return [f"{', '.join(effects)}: {reason}" for reason, effects in names.items()]
+
+
 def _fleet_word(row) -> tuple:
     """Text, key and mark of one cell of the matrix of effects."""
     if row["shown"] in ("sure", "unsure"):
@@ -333,11 +342,7 @@ def _page(name, params, tables, abouts, layout, looks) -> dict:
         "name": name,
         "type": sheets.type_name(facts),
         "facts": {key: value for key, value in facts.items() if value not in (None, "")},
-        "unsure": [
-            f"{name_of_effect(row['effect'])}: {row['doubts']}"
-            for row in _rows(tables["missing_effect"])
-            if row["sure"] == "False"
-        ],
+        "unsure": _unsure(_rows(tables["missing_effect"])),
         "branches": branches,
         "wiring": pack_page.wiring_in_words(name, params.groups) if branches else "",
         "warnings": pack_page.warnings(tables["pack_checks"], abouts),

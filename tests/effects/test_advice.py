@@ -34,7 +34,10 @@ def test_a_tie_is_asked_first():
 
 
 def test_a_name_without_proof_gets_the_test_that_proves_it(monkeypatch):
+    """Unless the records on hand say nearly as much already."""
     monkeypatch.setattr(advice, "is_proven", lambda found, one: False)
+    assert asked(Truth(activation=2.5e4))[0] == ({}, None, None)
+    monkeypatch.setattr(advice, "DOUBLED", 1.0)
     (menu, sentence, _), _ = asked(Truth(activation=2.5e4))
     assert sentence.startswith("To prove resistance temperature on a record that is not fitted: ")
     assert menu["test"][0].endswith(("_warm", "_cold"))

@@ -14,7 +14,8 @@ def advised(found, result, library, untestable, place):
     """Menu of next tests and advice of one, for the most urgent open question.
 
     1. A tie: what tells the effects apart.
-    2. A name that the records that judge do not show by themselves: the test that would prove it.
+    2. A name that the records that judge do not show by themselves: the test that would prove it,
+       where one of the menu at least doubles what they say.
     3. What the vocabulary has no name for: the test that shows it.
     4. A gap that is larger than anyone would accept: what tells the two nearest explanations of it
        apart, or would prove the only one, where they take a quarter of the gap and a test of the
@@ -42,8 +43,9 @@ def advised(found, result, library, untestable, place):
         return _advice_of(next_test(case, state, name, tied.tied, library=library))
     asked = next((one for one in result.names if not is_proven(found, one)), None)
     if asked is not None:
-        name = asked.effect.id
-        return _advice_of(next_test(case, result.last, name, library=library, proof=True))
+        advice = next_test(case, result.last, asked.effect.id, library=library, proof=True)
+        if _doubles(advice):
+            return _advice_of(advice)
     for one in shown_outside(found, result):
         return {}, f"To see whether {one.effect.sentence}: {one.effect.shows}.", None
     if not result.adequate:
@@ -69,8 +71,7 @@ def _of_gap(case, result, step, library, place):
         state, name = near[0].state, near[0].effect.id
         rivals = tuple(t.effect.id for t in near[1:])
         advice = next_test(case, state, name, rivals, library=library, proof=not rivals)
-        most = max(advice.table["chi_square"])
-        if advice.test is not None and most >= DOUBLED * advice.now:
+        if _doubles(advice):
             sentence = f"{advice.sentence[:-1]}. Neither explains all that is left."
             return advice.table, sentence, advice.test
     if place is None:
@@ -81,6 +82,13 @@ def _of_gap(case, result, step, library, place):
         f"the state of charge, with {rest}, as a test that is not fitted."
     )
     return {}, sentence, None
+
+
+def _doubles(advice):
+    """Whether a test of the menu tells much more than the records on hand do, or a check would."""
+    if advice.test in (None, "check"):
+        return advice.test == "check"
+    return max(advice.table["chi_square"]) >= DOUBLED * advice.now
 
 
 def _near(case, before, trial, floor):
