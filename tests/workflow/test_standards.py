@@ -1,10 +1,10 @@
 """What others' tools read: catalog of workflows, image, dialect of the schemas, package."""
 
 import ast
-import contextlib
 import json
 import re
 import shutil
+import subprocess
 import sys
 import tomllib
 from fnmatch import fnmatch
@@ -13,8 +13,6 @@ from pathlib import Path
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
-from setuptools import Distribution
-from setuptools.config.pyprojecttoml import apply_configuration
 
 sys.path.insert(0, str(Path(__file__).parent))
 import starts
@@ -117,17 +115,28 @@ def test_the_contract_of_artefacts_claims_no_dialect():
     assert "$schema" not in (SCHEMAS / "artefacts.yaml").read_text(encoding="utf-8")
 
 
+# What a wheel would hold by pyproject.toml, without building one. In a process of its own, for
+# setuptools does not know a distutils that anything else has imported before.
+LISTED = """
+import sys
+from setuptools import Distribution
+from setuptools.config.pyprojecttoml import apply_configuration
+distribution = Distribution({"script_name": "setup.py"})
+apply_configuration(distribution, "pyproject.toml")
+build = distribution.get_command_obj("build_py")
+build.build_lib = sys.argv[1]
+build.ensure_finalized()
+data = [f"{folder}/{file}" for _, folder, _, names in build.data_files for file in names]
+print("\\n".join([*build.get_source_files(), *data]))
+"""
+
+
 @pytest.fixture(scope="module")
 def packaged(tmp_path_factory):
-    """Files below scripts/ that a wheel would hold, from pyproject.toml, without building one."""
-    with contextlib.chdir(ROOT):
-        distribution = Distribution({"script_name": "setup.py"})
-        apply_configuration(distribution, "pyproject.toml")
-        build = distribution.get_command_obj("build_py")
-        build.build_lib = str(tmp_path_factory.mktemp("wheel"))
-        build.ensure_finalized()
-        data = [Path(d, file) for _, d, _, names in build.data_files for file in names]
-        files = [Path(file).resolve() for file in [*build.get_source_files(), *data]]
+    """Files below scripts/ that a wheel would hold."""
+    command = [sys.executable, "-c", LISTED, str(tmp_path_factory.mktemp("wheel"))]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    files = [(ROOT / line).resolve() for line in done.stdout.splitlines()]
     return {file.relative_to(ROOT / "scripts").as_posix() for file in files}
 
 
