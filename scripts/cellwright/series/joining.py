@@ -245,7 +245,7 @@ def _trend_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> f
     # In less than 100 s the resistance's relaxation hides the state of charge.
     long = (time[end] - time[start] > 100.0) & (moved != 0)
     weight = np.abs(charge[long]).sum()
-    if weight < 0.4 * flowed[interval < LONGEST_STEP].sum():  # half, less the fifth left out below
+    if weight <= 0.4 * flowed[interval < LONGEST_STEP].sum():  # half, less the fifth left out below
         return np.nan
     return float(np.sum(charge[long] * np.sign(moved[long])) / weight)
 
