@@ -261,10 +261,11 @@ def _unknown(verdict, library, phrases):
     )
     if not verdict["partial"]:
         return [("gap", f"{text}; {phrases.none} explains it.")]
-    names, last = _listed(_name(one, library) for one in verdict["partial"]), verdict["partial"][-1]
-    left = millivolt(last["validation_rmse_volt"]["after"])
-    why = (verdict.get("against") or {}).get(last["effect"], "that is too much")
-    text += f". The nearest explanation, {names}, leaves {left}; it is no name: {why}."
+    names, many = _listed(_name(one, library) for one in verdict["partial"]), verdict["partial"]
+    known = verdict.get("remainder")
+    left = f": {millivolt(known['excess_volt'])} are left beyond that" if known else ""
+    explain = "explain" if len(many) > 1 else "explains"
+    text += f". {names[0].upper()}{names[1:]} {explain} a part of it{left}, too much for a name."
     return [("gap", text)]
 
 
