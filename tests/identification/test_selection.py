@@ -159,6 +159,10 @@ def test_what_a_search_found_must_be_better_beyond_chance_and_nowhere_worse():
     assert same.reasons[name].startswith("not better than 2RC beyond chance")
     larger = score(*np.append(1e-6 * spread[:-1], 1.0))
     assert choose({"2RC": own, name: larger}, searched=[name]).name == "2RC"
+    # One block near empty decides the rms error of blocks, which is asked of whole tests alone.
+    one_block = {"2RC": own, name: score(*np.append(1e-6 * spread[:-1], 6e-5))}
+    assert choose(one_block, searched=[name]).name == name
+    assert "errs by" in choose(one_block, searched=[name], whole_tests=True).reasons[name]
     worse_in_the_cold = {"2RC": own * 2, name: [*score(*1.2e-5 * spread), *score(*1e-7 * spread)]}
     told = choose(worse_in_the_cold, celsius=[-10.0, 25.0], searched=[name])
     assert told.name == "2RC"

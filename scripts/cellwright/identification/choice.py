@@ -84,7 +84,9 @@ def score_of(block, error_volt):
     return Score(np.bincount(block_index, np.asarray(error_volt) ** 2) / rows, rows)
 
 
-def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched=()):
+def choose(
+    scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched=(), whole_tests=False
+):
     """The simplest of the members that predict blocks left out of their fit equally well.
 
     1. No member is chosen that, simulated through the records fitted, errs far more than the best
@@ -99,8 +101,9 @@ def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched
     where it is better than each other by two standard errors and no other's rms error is smaller by
     more than a tenth.
     3. A member of `searched` was found by a search of the same records. It takes that one's
-    place if it is better by two standard errors, its rms error is not larger, and it is at no
-    temperature worse by more than a tenth.
+    place if it is better by two standard errors, at no temperature worse by more than a tenth, and
+    over whole tests its rms error is not larger. Of blocks one near empty may decide that one, and
+    whole tests are asked after them (`in_use.proved`).
 
     Parameters
     ----------
@@ -109,7 +112,8 @@ def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched
     fitted_volt, beyond_volt : dict name of the member → (conditions,) rms error of its simulation
         over the records fitted, and how far that leaves the range of the measured voltage [V];
         None: not looked at.
-    searched : names of the members that a search has found.
+    searched : names of the members that a search has found. whole_tests : whether the scores are
+        of whole tests that took no part.
 
     Returns
     -------
@@ -138,7 +142,7 @@ def choose(scores, *, celsius=None, fitted_volt=None, beyond_volt=None, searched
     reasons |= other
     unsearched = chosen
     for name in (member for member in sound if member in searched):
-        against = _against(name, chosen, logs, rmse, by_condition)
+        against = _against(name, chosen, logs, rmse if whole_tests else {}, by_condition)
         reasons[chosen if not against else name] = against or f"{name} is better beyond chance"
         chosen, equal = (chosen, equal) if against else (name, [name])
     words = _words(chosen, equal, logs, rmse, [name for name in scores if name not in sound])
@@ -276,7 +280,7 @@ def _against(name, chosen, logs, rmse, by_condition):
         return (
             f"not better than {chosen} beyond chance ({sure:.1f} standard errors, {SURE:g} asked)"
         )
-    if rmse[name] > rmse[chosen]:
+    if rmse and rmse[name] > rmse[chosen]:
         return f"errs by {_milli(rmse[name])} mV rms, {chosen} by {_milli(rmse[chosen])} mV"
     candidate, incumbent = by_condition[name], by_condition[chosen]
     if np.any(candidate > np.maximum(NEAR * incumbent, incumbent + MATERIAL_VOLT)):

@@ -250,7 +250,7 @@ def proved(model, rows, tests, cell, *, split_rest_second):
             scores[member].append(score)
     wins, why = False, "no whole test was left out that could prove it"
     if used and len(scores[name][0].rows):
-        choice = choose(scores, searched=(name,))
+        choice = choose(scores, searched=(name,), whole_tests=True)
         errors = " against ".join(f"{1e3 * choice.rmse_volt[n]:.2g}" for n in (name, rival))
         wins = choice.name == name
         why = "better beyond chance" if wins else choice.reasons[name]
