@@ -1,7 +1,7 @@
 """What records can show and the vocabulary has no name for: rivals that a name has to beat.
 
-None of them is ever a name, or in a model. Where one of them in the place of a name explains more,
-the answer is unknown, and says what it looks like instead.
+None of them is ever a name, or in a model file. One that predicts better than every name joins the
+search's model, so that its error is in no size, and the verdict says what is left looks like it.
 """
 
 import numpy as np
