@@ -188,8 +188,10 @@ class Case(NamedTuple):
     def matters(self, first, before, after, effect, floor):
         """Whether an effect takes so much off the error of either side that somebody acts on it.
 
-        A millivolt, and a fifth of what the plain model leaves beyond the floor: less beside a
-        right name is the shape of its own law. What would be told if it were left counts anyway.
+        The error beyond the floor falls by a millivolt: what was 2.5 mV beyond the noise and is
+        2 mV with the effect is the same model to anyone. And the effect is a fifth of what the
+        plain model leaves: less beside a right name is the shape of its own law. What would be told
+        if it were left counts anyway.
 
         first, before, after : State of the healthy model, and without and with the effect.
         """
@@ -197,8 +199,9 @@ class Case(NamedTuple):
         for name, least in sides:
             was, now = getattr(before, name), getattr(after, name)
             share = self.gates.material_share * excess_volt(getattr(first, name), least)
-            asked = max(self.gates.material_volt, min(share, self.gates.unknown_volt))
-            if excess_volt(was, now) >= asked:
+            fallen = excess_volt(was, least) - excess_volt(now, least)
+            of_plain = excess_volt(was, now) >= min(share, self.gates.unknown_volt)
+            if fallen >= self.gates.material_volt and of_plain:
                 return True
         return False
 
@@ -313,7 +316,9 @@ def state_of(case, effects, solution, filters):
     stack = case.validation
     pairs = [(k, case.fit.tests.index(t)) for k, t in enumerate(stack.tests) if t in case.fit.tests]
     rests = rests_of(case.cell, case.fit, solution)
-    values = started(case.cell, stack, solution.values, effects, case.tolerance, pairs, rests)
+    # The template's scale by the records fitted says nothing where it is hardly more than noise.
+    values = solution.values | {"known": 1.0}
+    values = started(case.cell, stack, values, effects, case.tolerance, pairs, rests)
     volt = base.voltage(case.cell, stack, values, effects)
     about = case.cell, stack, values, effects, case.tolerance
     moved, kelvin = tolerated(*about, volt, filters.validation, pairs)

@@ -147,7 +147,8 @@ def _declared_limits(case):
 def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):
     """Errors of what is stated of a record that explain most of a residual, within what is unsure.
 
-    These are the SoC at its start, and its temperature where no sensor told it. A start that is
+    These are the SoC at its start, its temperature where no sensor told it, and beside healthy cells
+    by how much their template fits this cell. A start that is
     known to a millivolt moves the whole record by as much. That is no error of the model; counted
     as such, it would be proof of an effect that also moves whole records. What asks for more than
     is left open by the rest and the sheet is the model's own.
@@ -165,15 +166,16 @@ def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, sh
     starts = base.start_names(len(stack.first))
     changes, unsure = unsure_of(cell, stack, values, effects, tolerance, prediction)
     both = whitening.apply(np.column_stack([changes, stack.voltage_volt - prediction]))
-    errors = np.zeros((len(starts), 2))
+    errors = np.zeros((len(starts), changes.shape[1]))
     for k in sorted(set(range(len(starts))) - {k for k, _ in shared}):
         columns, error = both[stack.file == k, :-1], both[stack.file == k, -1]
         precision, moment = columns.T @ columns + np.diag(unsure[k] ** -2.0), columns.T @ error
         limit = FAR_STDS * unsure[k]
         found = bounded_minimum(precision, moment, -limit, limit)
-        errors[k, : len(found)] = found
-    moved = np.sum(changes * errors[stack.file, : changes.shape[1]], axis=1)
-    return moved, errors[:, 1]
+        errors[k] = found
+    moved = np.sum(changes * errors[stack.file], axis=1)
+    kelvin = errors[:, -1] if _unsure_of_temperature(stack, effects) else np.zeros(len(starts))
+    return moved, kelvin
 
 
 def unsure_of(cell, stack, values, effects, tolerance, prediction):
@@ -185,20 +187,28 @@ def unsure_of(cell, stack, values, effects, tolerance, prediction):
 
     Returns
     -------
-    changes : (n, p) voltage for one unit of each in all records at once: the SoC at its start and,
-        where no sensor told any record's and effects are in the model, its temperature [V].
+    changes : (n, p) voltage for one unit of each in all records at once: the SoC at its start; the
+        scale of the template of healthy cells, where there is one; and last, where no sensor told
+        any record's and effects are in the model, its temperature [V].
     stds : (f, p) of each in each record.
     """
     starts = base.start_names(len(stack.first))
     by_start = values | {name: values[name] + SOC_STEP for name in starts}
     changes = [(base.voltage(cell, stack, by_start, effects) - prediction) / SOC_STEP]
     unsure = [_start_stds(cell, stack, values, tolerance)]
-    if effects and stack.stated.any():
+    if stack.template_volt.any():
+        changes.append(stack.template_volt)
+        unsure.append(np.full(len(starts), tolerance.known))
+    if _unsure_of_temperature(stack, effects):
         warmer = stack.celsius + KELVIN_STEP * stack.stated[stack.file]
         warmed = stack._replace(celsius=warmer, responses={}, courses={})
         changes.append((base.voltage(cell, warmed, values, effects) - prediction) / KELVIN_STEP)
         unsure.append(np.full(len(starts), tolerance.kelvin))
     return np.stack(changes, axis=1), np.stack(unsure, axis=1)
+
+
+def _unsure_of_temperature(stack, effects):
+    return bool(effects) and stack.stated.any()
 
 
 def unsure_by_temperature(case, state, whitening):
