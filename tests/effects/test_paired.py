@@ -108,6 +108,21 @@ def test_the_template_takes_most_of_what_a_plain_model_leaves():
     assert with_template.validation_rmse_volt < 0.65 * plain.validation_rmse_volt
 
 
+def test_a_template_that_is_noise_where_it_is_fitted_stands_whole_on_other_records():
+    """Its scale there is told by nothing, and says nothing of a record with a large template."""
+    alone = case(8)
+    read = 1e-3 * np.random.default_rng(5).normal(size=len(alone.fit.file))
+    large = 0.02 * np.sin(np.linspace(0.0, 40.0, len(alone.validation.file)))
+    fit = alone.fit._replace(template_volt=read)
+    measured = alone.validation.voltage_volt + large
+    validation = alone.validation._replace(template_volt=large, voltage_volt=measured)
+    without, beside = (
+        searched(made)[0].first for made in (alone, alone._replace(fit=fit, validation=validation))
+    )
+    assert abs(beside.solution.values["known"]) < 0.5
+    assert beside.validation_rmse_volt == pytest.approx(without.validation_rmse_volt, abs=1e-3)
+
+
 def test_a_template_is_needed_where_the_circuit_fails_healthy_cells():
     result = paired(case(8), references())
     assert result.needed

@@ -32,12 +32,12 @@ class Gates(NamedTuple):
     one is among the first eight. rounds : effects that may join a model. visible_chi_square : an
     effect of plausible size whose chi-square there stays below this cannot be tested. joins,
     counts, apart : standard errors of the gain in predictive density from which an effect joins the
-    model, by its ranks from which it may have a name, and up to which two are tied. material_volt,
-    material_share : what a name takes off the rms error of either side, and of what the plain model
-    leaves beyond the floor. unknown_volt, unknown_share : what is left without a name, of the plain
-    model's excess, and is told as unknown. most_slow_volt, most_slow_second : slow noise that is
-    believed; more would swallow hysteresis and slow diffusion. steep_volt : samples that
-    `Tolerance.steep_soc` alone moves by more count in no rms error.
+    model, by its ranks from which it may have a name, and up to which two are tied. material_volt :
+    what a name takes off the error beyond the floor of either side. unknown_volt, unknown_share :
+    what is left without a name, of the plain model's excess, and is told as unknown.
+    most_slow_volt, most_slow_second : slow noise that is believed; more would swallow hysteresis
+    and slow diffusion. steep_volt : samples that `Tolerance.steep_soc` alone moves by more count in
+    no rms error.
     """
 
     refits: int = 8
@@ -47,7 +47,6 @@ class Gates(NamedTuple):
     counts: float = 3.0  # 99.7 %: of all that joins, what somebody is told
     apart: float = 1.645  # 95 %, one-sided
     material_volt: float = SEARCH.material_volt
-    material_share: float = 0.2
     unknown_volt: float = SEARCH.unknown_volt
     unknown_share: float = 0.5  # policy: no significance tells the right law from the nearest one
     most_slow_volt: float = 0.0012
@@ -184,26 +183,6 @@ class Case(NamedTuple):
     def densities(self, state, filters):
         """Log predictive density of each block by a fitted model (b,)."""
         return densities_of(state, filters.blocks)
-
-    def matters(self, first, before, after, effect, floor):
-        """Whether an effect takes so much off the error of either side that somebody acts on it.
-
-        The error beyond the floor falls by a millivolt: what was 2.5 mV beyond the noise and is
-        2 mV with the effect is the same model to anyone. And the effect is a fifth of what the
-        plain model leaves: less beside a right name is the shape of its own law. What would be told
-        if it were left counts anyway.
-
-        first, before, after : State of the healthy model, and without and with the effect.
-        """
-        sides = ("rmse_volt", floor.fit_volt), ("validation_rmse_volt", floor.validation_volt)
-        for name, least in sides:
-            was, now = getattr(before, name), getattr(after, name)
-            share = self.gates.material_share * excess_volt(getattr(first, name), least)
-            fallen = excess_volt(was, least) - excess_volt(now, least)
-            of_plain = excess_volt(was, now) >= min(share, self.gates.unknown_volt)
-            if fallen >= self.gates.material_volt and of_plain:
-                return True
-        return False
 
     def excess(self, state, floor, filters):
         """Error beyond the floor by side, each block once [V]: dict."""

@@ -64,6 +64,29 @@ def excess_volt(error_volt, floor_volt):
     return float(np.sqrt(max(error_volt**2 - floor_volt**2, 0.0)))
 
 
+def fallen_volt(before, after, floor):
+    """Fall of the error beyond the floor, of the side where it is larger [V]; negative: a rise.
+
+    What was 2.5 mV beyond the noise and is 2 mV with an effect is the same model to anyone, though
+    their squares differ by (1.5 mV)².
+
+    Parameters
+    ----------
+    before, after : State without and with an effect. floor : Floor.
+    """
+    return max(
+        excess_volt(before.rmse_volt, floor.fit_volt)
+        - excess_volt(after.rmse_volt, floor.fit_volt),
+        proven_volt(before, after, floor),
+    )
+
+
+def proven_volt(before, after, floor):
+    """The same on the records that judge [V]."""
+    ends = (excess_volt(one.validation_rmse_volt, floor.validation_volt) for one in (before, after))
+    return float(np.subtract(*ends))
+
+
 def left_volt(state, floor):
     """Error beyond the floor, of the side, fit or proof, where it is larger [V].
 

@@ -147,11 +147,11 @@ def _declared_limits(case):
 def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):
     """Errors of what is stated of a record that explain most of a residual, within what is unsure.
 
-    These are the SoC at its start, its temperature where no sensor told it, and beside healthy cells
-    by how much their template fits this cell. A start that is
-    known to a millivolt moves the whole record by as much. That is no error of the model; counted
-    as such, it would be proof of an effect that also moves whole records. What asks for more than
-    is left open by the rest and the sheet is the model's own.
+    These are the SoC at its start, its temperature where no sensor told it, and beside healthy
+    cells the scale of their template. A start that is known to a millivolt moves the whole record
+    by as much. That is no error of the model; counted as such, it would be proof of an effect that
+    also moves whole records. What asks for more than is left open by the rest and the sheet is the
+    model's own.
 
     Parameters
     ----------

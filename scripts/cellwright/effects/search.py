@@ -25,7 +25,6 @@ Both have these methods and values:
 `state(effects, solution, filters)` : a fit and its errors on the records that judge, `State`.
 `densities(state, filters)` : log predictive density of each block by a fitted model.
 `floor(before, free, residual, filters, earlier)` : what no effect can explain, `floor.Floor`.
-`matters(first, before, after, effect, floor)` : when what an effect takes off counts.
 `denied(trials)`, `ties(trial, tied, denied, possible)` : by measurements outside the fit.
 `gates`, `misled(before, trial)` : limits; whether kept derivatives were too far off.
 `settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether they serve a refit to

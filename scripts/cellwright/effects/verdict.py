@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from cellwright.effects.candidates import has_size
-from cellwright.effects.floor import excess_volt
+from cellwright.effects.floor import fallen_volt, proven_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.score import difference
 
@@ -43,7 +43,7 @@ def outcome(found, deviations):
 
     1. A name is an effect of the vocabulary whose gain is `counts` standard errors by its ranks,
        beside all others; which takes off the error of either side what somebody acts on; and whose
-       size is two standard deviations from none, and on no bound.
+       size is two standard deviations from none, is one that somebody acts on, and on no bound.
     2. Unknown is what is left beyond `unknown_volt`, if nothing has a name, or if the names leave
        more than `unknown_share` of what was left without them.
 
@@ -81,7 +81,7 @@ def _against(found, one, deviations):
     case, last = found.case, found.last
     if one.trial.gain.rank_z < case.gates.counts:
         return UNEVEN
-    if not case.matters(found.first, one.before, last, one.effect, found.floor):
+    if fallen_volt(one.before, last, found.floor) < case.gates.material_volt:
         return SMALL
     if not has_size(one.effect, last.solution, deviations):
         return NO_SIZE
@@ -180,10 +180,9 @@ def is_proven(found, one):
     """Whether the records that judge show an effect by themselves: surely, and in its size."""
     case, filters = found.case, found.filters
     judges = filters.blocks.judges
-    taken = excess_volt(one.before.validation_rmse_volt, one.trial.state.validation_rmse_volt)
     ends = (case.densities(state, filters)[judges] for state in (one.trial.state, one.before))
     return (
-        taken >= case.gates.material_volt
+        proven_volt(one.before, one.trial.state, found.floor) >= case.gates.material_volt
         and difference(*ends, filters.blocks.record[judges]).z >= case.gates.joins
     )
 

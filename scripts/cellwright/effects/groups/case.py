@@ -179,11 +179,6 @@ class GroupCase(NamedTuple):
         """Log predictive density of each block, all channels in it, by a fitted model (b,)."""
         return densities_of(state, filters.blocks)
 
-    def matters(self, first, before, after, effect, floor):
-        """Whether an effect has a size that somebody acts on, in its own unit."""
-        (p,), (name,) = effect.parameters, effect.names
-        return abs(after.solution.values[name] - p.neutral) >= p.material
-
     def excess(self, state, floor, filters):
         """Error beyond the floor by side, each block once, in the measure of `error_volt`: dict."""
         blocks = filters.blocks
