@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import small_cells as small
 
+from cellwright.effects.candidates import neutral
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.planning import planner
 from cellwright.effects.planning.planner import next_test
@@ -113,7 +114,7 @@ def test_an_effect_in_the_model_is_weighed_at_its_estimate(usual):
 def test_an_estimate_of_zero_leaves_nothing(usual):
     case, model = usual
     hidden = LIBRARY["leakage"]
-    state = Model(model.values | {hidden.names[0]: 0.0}, (hidden,))
+    state = Model(model.values | neutral(hidden), (hidden,))
     advice = next_test(case, state, hidden.id, library=LIBRARY)
     assert advice.test is None
     assert hidden.shows in advice.sentence
@@ -162,7 +163,7 @@ def test_a_fitted_leak_is_told_from_an_offset_by_no_test_of_the_cell(usual):
     """Not even by the curvature of the OCV, over which the leak has carried the cell."""
     case, model = usual
     hidden = LIBRARY["leakage"]
-    state = Model(model.values | {hidden.names[0]: 0.01}, (hidden,))
+    state = Model(model.values | neutral(hidden) | {hidden.names[0]: 0.01}, (hidden,))
     advice = next_test(case, state, hidden.id, ("current_offset",), library=LIBRARY)
     assert advice.test == "check"
     assert max(advice.table["chi_square"]) < 10.0

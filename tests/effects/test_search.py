@@ -144,8 +144,7 @@ def takes_its_place(name, rival, before, after, excess):
     "effect",
     [
         *("resistance_temperature", "slow_diffusion", "self_heating", "time_skew"),
-        "hysteresis_instant",
-        takes_its_place("resistance_soc", "polarisation_soc", 4.1, 3.1, 2.3),
+        *("hysteresis_instant", "resistance_soc"),
         takes_its_place("resistance_asymmetry", "charge_transfer_nonlinearity", 4.7, 4.3, 3.7),
     ],
 )

@@ -117,10 +117,10 @@ def test_what_is_sure_together_is_told_together(correlation):
 
 
 def test_of_several_covariances_the_larger_deviation_counts():
-    given = {"offset_ampere": {"value": 0.02, "std": 1e-3, "unit": "A"}}
+    given = {"offset_volt": {"value": 0.02, "std": 1e-3, "unit": "V"}}
     spreads = tuple(np.array([[std**2]]) for std in (1e-3, 4e-3, 2e-3))
-    fitted = Fitted(("current_offset.offset_ampere",), spreads)
-    size = sizes_as_used(LIBRARY["current_offset"], given, VALUES, fitted)[0]
+    fitted = Fitted(("voltage_offset.offset_volt",), spreads)
+    size = sizes_as_used(LIBRARY["voltage_offset"], given, VALUES, fitted)[0]
     assert size.std == pytest.approx(4.0)
 
 
