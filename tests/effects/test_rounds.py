@@ -5,11 +5,11 @@ import pytest
 from small_plant import HEALTHY, Truth, case, names_of, searched
 
 from cellwright.effects import search
-from cellwright.effects.candidates import has_size
 from cellwright.effects.finding import ranking_of
 from cellwright.effects.floor import fallen_volt
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.story.sizes import Fitted, has_size
 from cellwright.effects.verdict import outcome
 from cellwright.numerics.least_squares import fit
 
@@ -59,7 +59,7 @@ def test_what_is_too_small_to_act_on_joins_without_a_name_and_hides_nothing():
     """1 kJ/mol take a millivolt off; who acts on two of them only is told of hysteresis alone."""
     found, _, fitted = searched(Truth(hysteresis=0.012, activation=1.0e3))
     gates = found.case.gates._replace(material_volt=2e-3)
-    result = outcome(found._replace(case=found.case._replace(gates=gates)), fitted.stds)
+    result = outcome(found._replace(case=found.case._replace(gates=gates)), fitted)
     assert names_of(result) == [TRUE]
     assert [one.effect.id for one, _ in result.unnamed] == [SMALL]
     energy = result.last.solution.values[f"{SMALL}.activation_energy_joule_per_mole"]
@@ -80,7 +80,7 @@ def test_an_effect_whose_size_is_at_its_limit_is_no_name():
     found = search.search(case(HYSTERESIS), {TRUE: small})
     (trial,) = found.rounds[0].trials
     assert trial.at_limit
-    result = outcome(found, {f"{TRUE}.amplitude_volt": 1e-4})
+    result = outcome(found, fitted_to(1e-4))
     assert result.word == "unknown"
     ranking = ranking_of(found, result)
     assert "at its limit" in ranking["against"][0]
@@ -89,8 +89,13 @@ def test_an_effect_whose_size_is_at_its_limit_is_no_name():
 @pytest.mark.parametrize(("deviation", "sized"), [(0.005, True), (0.007, False), (np.inf, False)])
 def test_a_size_within_two_deviations_of_none_is_no_name(deviation, sized):
     last = searched(HYSTERESIS)[1].last
-    deviations = {f"{TRUE}.amplitude_volt": deviation}
-    assert has_size(LIBRARY[TRUE], last.solution, deviations) is sized
+    fitted = fitted_to(deviation)
+    assert has_size(LIBRARY[TRUE], last.solution, last.solution.values, fitted) is sized
+
+
+def fitted_to(deviation):
+    """How sure the size of the hysteresis alone is."""
+    return Fitted((f"{TRUE}.amplitude_volt",), (np.array([[deviation**2]]),))
 
 
 @pytest.mark.parametrize(("left_volt", "falls_volt"), [(2e-3, 0.4e-3), (1.2e-3, 1.2e-3)])

@@ -1,12 +1,14 @@
 """Sizes as people use them: arithmetic from the parameters, with units and deviations."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.library.resistance import DIFFUSION_OHM
-from cellwright.effects.story.sizes import Fitted, sizes_as_used
+from cellwright.effects.story.sizes import Fitted, has_size, sizes_as_used
 
 POLARISATION = LIBRARY["polarisation_soc"]
 VALUES = {"log_r0": np.log(0.020), "log_r1": np.log(0.010), "log_r2": np.log(0.005)}
@@ -223,3 +225,18 @@ def test_an_effect_of_a_group_is_told_by_its_parameters():
     }
     (found,) = sizes_as_used(effect, parameters)
     assert found.text == "excess 0.0081 ± 0.0002 Ohm"
+
+
+@pytest.mark.parametrize(("step", "std", "sized"), [(0.08, 0.05, False), (0.3, 0.05, True)])
+def test_a_course_whose_told_resistances_are_the_same_within_their_intervals_is_no_size(
+    step, std, sized
+):
+    """Its steps may each be sure, up by one and down by the next: what people read is the same."""
+    effect = LIBRARY["polarisation_soc"]
+    steps = {"step_to_65_percent": step, "step_to_80_percent": 0.25, "step_to_90_percent": -0.25}
+    own = {p.name: steps.get(p.name, p.neutral) for p in effect.parameters}
+    values = VALUES | {f"{effect.id}.{name}": size for name, size in own.items()}
+    names = tuple(f"{effect.id}.{name}" for name in steps)
+    fitted = Fitted(names, (np.diag([std**2, 1e-6, 1e-6]),))
+    solution = SimpleNamespace(values=values, at_bound=())
+    assert has_size(effect, solution, values, fitted) is sized

@@ -16,7 +16,6 @@ from cellwright.numerics.least_squares import Free, cost_of, derivatives, fit, i
 
 CHORD_STEPS, ANEW_STEPS = 6, 4
 POLISHED = 3  # how many trials at most
-SIZED = 2.0  # standard deviations from where an effect is absent: 95 %
 REDERIVED = 3  # how often at most a trial is refitted with new derivatives
 
 
@@ -280,24 +279,6 @@ class Trial(NamedTuple):
     def at_limit(self):
         """Whether its leading size ended on a bound, beyond which no cell has it."""
         return self.effect.names[0] in self.state.solution.at_bound
-
-
-def has_size(effect, solution, deviations):
-    """Whether one of its sizes is one that somebody acts on, and its leading one on no bound.
-
-    That is `SIZED` deviations from none, and its `Parameter.material`.
-
-    Parameters
-    ----------
-    effect : Effect. solution : least_squares.Solution of a model with it. deviations : dict.
-    """
-    if effect.names[0] in solution.at_bound:
-        return False
-    return any(
-        abs(solution.values[name] - p.neutral) >= max(SIZED * deviations[name], p.material)
-        for p, name in zip(effect.parameters, effect.names, strict=True)
-        if not p.shape and name in deviations
-    )
 
 
 def densities_of(state, blocks):

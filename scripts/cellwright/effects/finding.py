@@ -26,7 +26,6 @@ from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
 from cellwright.effects.story.words import paragraph
 from cellwright.effects.verdict import outcome, verdict_of
-from cellwright.effects.witnesses.collected import values_of
 from cellwright.numerics.least_squares import covariances, fit, stds
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
@@ -192,7 +191,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict["against"] = _last_against(ranking, named) | verdict["against"]
     plain = Model(first.solution.values, first.effects)
     model = model_of(case, state)
-    values = values_of(model) | last.solution.values
+    values = about_fit(case) | last.solution.values
     for entry in (*verdict["effects"], *verdict["partial"]):
         sizes = sizes_as_used(library[entry["effect"]], entry["parameters"], values, fitted)
         entry["sizes"] = [size._asdict() for size in sizes]
@@ -229,7 +228,8 @@ def searched(case, library):
     # Rivals first of their stage: the heat of the core is that of the resistances in the end.
     found = search(case, OUTSIDE | library)
     fitted = _fitted(found)
-    return found, outcome(found, fitted.stds), fitted
+    known = about_fit(found.case) | found.last.solution.values
+    return found, outcome(found, fitted, known), fitted
 
 
 def _otherwise(found):
@@ -431,17 +431,23 @@ def _series(case, before, after, filters):
     return joined(parts)
 
 
-def model_of(case, state):
-    """A fitted model with its effects: all that `base.voltage` needs, with standard deviations.
-
-    fitted_celsius : lowest and highest mean temperature of the records fitted. start_soc : SoC at
-    the start of each of them.
-    """
+def about_fit(case):
+    """Capacity [Ah], and lowest and highest mean temperature of the records fitted [degC]: dict."""
     stack = case.fit
     means = np.bincount(stack.file, stack.celsius) / np.bincount(stack.file)
     return {
         "fitted_celsius": [float(means.min()), float(means.max())],
         "capacity_ampere_hour": case.cell.capacity_ampere_hour,
+    }
+
+
+def model_of(case, state):
+    """A fitted model with its effects: all that `base.voltage` needs, with standard deviations.
+
+    Also `about_fit`. start_soc : SoC at the start of each of the records fitted.
+    """
+    stack = case.fit
+    return about_fit(case) | {
         "ocv_soc": np.linspace(0.0, 1.0, len(case.cell.ocv_volt)).tolist(),
         "ocv_volt": np.asarray(case.cell.ocv_volt).tolist(),
         "hold": case.fit.hold,

@@ -2,10 +2,10 @@
 
 from typing import NamedTuple
 
-from cellwright.effects.candidates import has_size
 from cellwright.effects.floor import fallen_volt, proven_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.score import difference
+from cellwright.effects.story.sizes import has_size
 
 # ASSUME: Cells are as those of three sets by other simulators (docs/missing-effect-benchmark.md):
 # 35 of 39 names that stood alone were right, and 6 of 10 beside another. How sure a gain is says
@@ -38,24 +38,24 @@ class Outcome(NamedTuple):
     adequate: bool
 
 
-def outcome(found, deviations):
+def outcome(found, fitted, values=None):
     """Outcome of a search.
 
     1. A name is an effect of the vocabulary whose gain is `counts` standard errors by its ranks,
        beside all others; which takes off the error of either side what somebody acts on; and whose
-       size is two standard deviations from none, is one that somebody acts on, and on no bound.
+       size is told and acted on, see `has_size`.
     2. Unknown is what is left beyond `unknown_volt`, if nothing has a name, or if the names leave
        more than `unknown_share` of what was left without them.
 
     Parameters
     ----------
-    found : search.Found. deviations : standard deviations of the parameters of its last model, by
-        name.
+    found : search.Found. fitted : sizes.Fitted of its last model. values : of that, as in
+        `sizes.sizes_as_used`; None: its parameters alone.
     """
     case, gates = found.case, found.case.gates
     names, unnamed = [], []
     for one in found.beside:
-        why = _against(found, one, deviations)
+        why = _against(found, one, fitted, values)
         if why:
             unnamed.append((one, why))
         else:
@@ -76,14 +76,14 @@ def outcome(found, deviations):
     return Outcome(word, *about)
 
 
-def _against(found, one, deviations):
+def _against(found, one, fitted, values):
     """Why an effect that is in a model has no name, in words; "": it has one."""
     case, last = found.case, found.last
     if one.trial.gain.rank_z < case.gates.counts:
         return UNEVEN
     if fallen_volt(one.before, last, found.floor) < case.gates.material_volt:
         return SMALL
-    if not has_size(one.effect, last.solution, deviations):
+    if not has_size(one.effect, last.solution, values or last.solution.values, fitted):
         return NO_SIZE
     return NO_NAME if one.effect.id in OUTSIDE else ""
 
@@ -104,7 +104,8 @@ def verdict_of(name, found, result, place, deviations, *, next_test=None, not_te
     ----------
     name : of the cell or group. found : search.Found. result : Outcome of it.
     place : dict, where most of the error left lies, see `judge.worst`; None.
-    deviations : as in `outcome`. next_test : sentence, or None. not_testable : ids.
+    deviations : of the parameters of its last model, by name. next_test : sentence, or None.
+    not_testable : ids.
 
     Returns
     -------

@@ -25,9 +25,10 @@ from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import group_stacked, parts_of
 from cellwright.effects.search import search
 from cellwright.effects.story.result import Finding
+from cellwright.effects.story.sizes import Fitted
 from cellwright.effects.story.words import Phrases, paragraph
 from cellwright.effects.verdict import outcome, verdict_of
-from cellwright.numerics.least_squares import stds
+from cellwright.numerics.least_squares import covariances
 from cellwright.records.conditions import at_rest_in_record, low_current
 from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
@@ -79,9 +80,9 @@ def group_finding(
     """
     case = _case(cells, records, initial_soc, settings or {}, hold)
     found = search(case, library)
-    deviations = _deviations(found)
-    result = outcome(found, deviations)
-    verdict = group_verdict(group, found, result, deviations, library)
+    fitted = _fitted(found)
+    result = outcome(found, fitted)
+    verdict = group_verdict(group, found, result, fitted.stds, library)
     kept = found.last if verdict["verdict"] in KEPT else found.first
     return Finding(
         verdict,
@@ -160,11 +161,11 @@ def _stated(cells, record, initial_soc):
     return np.full(len(cells), soc)
 
 
-def _deviations(found):
-    """Standard deviations of the parameters of the last model, by name."""
-    parts = parts_of(found.case.fit)
-    channels = len(found.last.solution.whitened) // len(parts)
-    return stds(found.last.solution, np.tile(parts, channels))
+def _fitted(found):
+    """How sure the parameters of the last model are."""
+    solution, parts = found.last.solution, parts_of(found.case.fit)
+    channels = len(solution.whitened) // len(parts)
+    return Fitted(solution.names, covariances(solution, np.tile(parts, channels)))
 
 
 def _series(case, *ends):

@@ -8,6 +8,7 @@ from cellwright.effects.base import LOGARITHMS
 
 STEP_STDS = 0.01  # of a parameter's deviation, by which a slope is read
 LEAST_DEVIATION = 1e-3  # of the value: none that is smaller is written
+SIZED = 2.0  # standard deviations from where an effect is absent: 95 %
 
 
 class Size(NamedTuple):
@@ -72,6 +73,37 @@ def sizes_as_used(effect, parameters, values=None, fitted=None):
         Size(name, float(value), float(std), unit)
         for (name, value, unit), std in zip(sizes, stds, strict=True)
     )
+
+
+def has_size(effect, solution, values, fitted):
+    """Whether an effect has a size that is told and acted on, and its leading one is on no bound.
+
+    The interval of one of the sizes that people are told leaves out what it is without the effect:
+    24.6 ± 0.4, 24.6 ± 0.6 and 26.6 ± 1.2 mΩ over SoC are no change to anyone. And one of its
+    parameters is as large as its `Parameter.material`.
+
+    Parameters
+    ----------
+    effect : Effect. solution : least_squares.Solution of a model with it. values, fitted : of that
+    model, as in `sizes_as_used`.
+    """
+    if effect.names[0] in solution.at_bound:
+        return False
+    own, stds = effect.sizes_of(solution.values), fitted.stds
+    free = [(p, n) for p, n in zip(effect.parameters, effect.names, strict=True) if not p.shape]
+    if not any(abs(own[p.name] - p.neutral) >= p.material for p, _ in free):
+        return False
+    if effect.sizes_in_words is None:
+        return any(abs(own[p.name] - p.neutral) > SIZED * stds.get(n, np.inf) for p, n in free)
+    parameters = {
+        p.name: {"value": own[p.name], "std": stds.get(n), "at_bound": n in solution.at_bound}
+        for p, n in zip(effect.parameters, effect.names, strict=True)
+    }
+    absent = own | {p.name: p.neutral for p, _ in free}
+    without = effect.sizes_in_words(effect, absent, values)
+    told = sizes_as_used(effect, parameters, values, fitted)
+    pairs = zip(told, without, strict=True)
+    return any(abs(size.value - none) > SIZED * size.std for size, (_, none, _) in pairs)
 
 
 def _independent(effect, parameters):
