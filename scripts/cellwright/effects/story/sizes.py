@@ -99,11 +99,15 @@ def has_size(effect, solution, values, fitted):
         p.name: {"value": own[p.name], "std": stds.get(n), "at_bound": n in solution.at_bound}
         for p, n in zip(effect.parameters, effect.names, strict=True)
     }
-    absent = own | {p.name: p.neutral for p, _ in free}
-    without = effect.sizes_in_words(effect, absent, values)
     told = sizes_as_used(effect, parameters, values, fitted)
-    pairs = zip(told, without, strict=True)
-    return any(abs(size.value - none) > SIZED * size.std for size, (_, none, _) in pairs)
+    # A time constant is told, too, and is no size: it stays where the sizes are none.
+    absent = {p.name: p.neutral for p in effect.parameters}
+    shapes = own | {p.name: p.neutral for p, _ in free}
+    ends = (effect.sizes_in_words(effect, one, values) for one in (absent, shapes))
+    return any(
+        size.value != shaped and abs(size.value - none) > SIZED * size.std
+        for size, (_, none, _), (_, shaped, _) in zip(told, *ends, strict=True)
+    )
 
 
 def _independent(effect, parameters):
