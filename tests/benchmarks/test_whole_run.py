@@ -53,6 +53,7 @@ def recorded(folder, share):
     return json.loads(record.read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_a_script_is_named_by_its_rule_and_its_seconds_add_up(measured, idle):
     assert (measured["process"], measured["name"]) == ("script", "capacity")
     assert measured["memory_megabyte"] > 20

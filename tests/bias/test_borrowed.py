@@ -54,6 +54,7 @@ def test_without_any_other_cell_the_charge_alone_tells_the_ocv():
     assert "its own charge" in model["notes"][0]
 
 
+@pytest.mark.slow
 def test_intervals_hold_on_cells_that_were_not_used():
     inside, seeds = [], range(4)
     for seed in seeds:

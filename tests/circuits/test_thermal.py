@@ -66,6 +66,7 @@ def test_the_fit_recovers_the_truth(entropic, gap):
     assert fit.rmse_kelvin == pytest.approx(0.02, rel=0.05)
 
 
+@pytest.mark.slow
 def test_its_intervals_cover():
     inside = 0
     for seed in range(30):

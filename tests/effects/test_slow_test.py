@@ -90,6 +90,7 @@ def test_a_slow_test_of_another_checkup_or_of_another_curve_is_not_fitted():
         assert made.fit.tests == ("down", "fitted")
 
 
+@pytest.mark.slow
 def test_a_slow_test_of_several_cycles_is_not_fitted_and_told():
     """Its count drifts from cycle to cycle, and no single end is the curve's empty."""
     tests = list(made_tests(HEALTHY))
@@ -118,6 +119,7 @@ def test_a_slow_test_alone_is_no_record_to_fit():
         prepared([tests[0], tests[-1]])
 
 
+@pytest.mark.slow
 def test_a_hysteresis_that_drives_alone_would_leave_to_the_ocv_shows_in_the_slow_test():
     tests = list(made_tests(HYSTERESIS))
     finding = of_case("A", prepared(tests), LIBRARY)
@@ -130,6 +132,7 @@ def test_a_hysteresis_that_drives_alone_would_leave_to_the_ocv_shows_in_the_slow
     assert not without["effects"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_ampere", [0.0, 0.002 * CAPACITY])
 def test_noise_is_no_step_and_edges_stay_where_a_long_test_is_thinned(monkeypatch, noise_ampere):
     """Pulses of a minute with rests of an hour: what noise would keep would blunt their edges."""
@@ -219,6 +222,7 @@ def test_of_branches_joined_from_their_ends_the_search_takes_the_mean():
         np.testing.assert_allclose(made.cell.ocv_at(GRID), expected, atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["voltage_offset", "voltage_gain", "ocv_shift"])
 def test_what_moves_the_ocv_or_its_reading_shows_since_the_slow_test(name):
     """The OCV is what the slow test read, with whatever the reading was off by."""

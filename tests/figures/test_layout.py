@@ -11,6 +11,7 @@ from figures import measures, style
 WORDS = st.text("abc mW_°é", min_size=1, max_size=90).map(str.strip).filter(bool)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @example("W", "WWWW WWWWWWWWWWWWW", 0.0)
 @given(WORDS, WORDS, st.floats(-6, 9))

@@ -148,6 +148,7 @@ def p45b_modes(p45b):
     return modes_of(p45b)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [100, 1600])
 def test_modes_of_a_real_cell_do_not_depend_on_the_rows_of_its_tables(p45b, p45b_modes, rows):
     def averaged(table):

@@ -56,6 +56,7 @@ def errors(found, name):
     )
 
 
+@pytest.mark.slow
 def test_capacities_of_cells_never_seen_lie_in_their_intervals():
     held, missed = [], []
     for seed in range(4):

@@ -77,6 +77,7 @@ def test_sound_records_raise_no_alarm(members):
         assert found(read, np.round(true.sum(axis=1), 3)) == []
 
 
+@pytest.mark.slow
 def test_offset_and_gain_lie_within_their_deviations():
     errors = {"sum_offset": [], "sum_gain": []}
     for seed in range(25):

@@ -29,6 +29,7 @@ def test_the_cost_is_the_mean_squared_error_of_the_simulation(hold):
     np.testing.assert_allclose(cost(np.log(others)), np.mean(np.square(errors), axis=1), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_gradient_is_at_least_as_good():
     evolved = evolve_by_genes(RECORD, BOUNDS, **HOLD)
     best = fit_circuit(*RECORD, **HOLD)

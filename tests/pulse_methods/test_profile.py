@@ -26,6 +26,7 @@ def test_where_all_is_told_the_profile_is_the_covariance(name):
     np.testing.assert_allclose([interval.lower, interval.upper], ends, atol=0.25 * fit.std[index])
 
 
+@pytest.mark.slow
 def test_profiles_cover():
     inside = []
     for seed in range(30):

@@ -39,6 +39,7 @@ def test_campaigns_that_are_not_there_are_named(campaign, tmp_path):
         campaigns.wanted(tmp_path / "nowhere", [])
 
 
+@pytest.mark.slow
 def test_a_failed_run_says_where_its_log_is(tmp_path):
     (tmp_path / "bad/config").mkdir(parents=True)
     (tmp_path / "bad/config/tests.tsv").write_text("cell\n")

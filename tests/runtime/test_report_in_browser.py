@@ -72,6 +72,7 @@ def test_it_asks_for_nothing_and_says_nothing(tab, report):
     assert asked == {report.as_uri()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_is_cut_off(tab, report, width):
     tab.size(width)
@@ -105,6 +106,7 @@ def test_a_link_to_a_figure_opens_its_chapter_and_back_returns(tab, report):
     assert tab.evaluate("window.scrollY") == pytest.approx(120, abs=2)
 
 
+@pytest.mark.slow
 def test_a_predicted_test_is_looked_at_closer_by_mouse_and_by_keys(tab, report):
     tab.go(report, "cell-A/validation_udds")
     tab.evaluate("document.querySelector('section.here .closer').click()")
@@ -118,6 +120,7 @@ def test_a_predicted_test_is_looked_at_closer_by_mouse_and_by_keys(tab, report):
     assert tab.console == []
 
 
+@pytest.mark.slow
 def test_every_figure_and_table_has_a_place_and_a_number_of_its_own(tab, report):
     tab.go(report, "all")
     captions = "Array.from(document.querySelectorAll('.caption a'))"
@@ -128,11 +131,13 @@ def test_every_figure_and_table_has_a_place_and_a_number_of_its_own(tab, report)
     assert tab.evaluate(f"{links}.every(id => document.getElementById(id))".replace("'", '"'))
 
 
+@pytest.mark.slow
 def test_a_folded_page_fits_few_screens(tab, report):
     tab.go(report, "cell-A")
     assert tab.evaluate("document.documentElement.scrollHeight") <= 4 * 900
 
 
+@pytest.mark.slow
 def test_the_keyboard_reaches_and_sorts(tab, job, tmp_path, snakemake):
     tab.go(fleet(job, snakemake, tmp_path, 3))
     tab.press("Tab")
@@ -151,6 +156,7 @@ def test_the_keyboard_reaches_and_sorts(tab, job, tmp_path, snakemake):
     assert tab.evaluate(names) == ["N0", "N1", "N2"]
 
 
+@pytest.mark.slow
 def test_paper_shows_what_is_folded_and_cuts_nothing(tab, report):
     tab.go(report, "cell-A")
     folded = len(re.findall(rb"/Type /Page\b", tab.printed()))
@@ -164,6 +170,7 @@ def test_paper_shows_what_is_folded_and_cuts_nothing(tab, report):
     assert tab.evaluate(WIDER) <= 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_texts_stand_out(tab, report, scheme):
     feature = {"name": "prefers-color-scheme", "value": scheme}
@@ -188,6 +195,7 @@ def test_without_a_script_all_of_it_is_there(tab, report):
     assert tab.evaluate("document.querySelectorAll('img').length") == 1
 
 
+@pytest.mark.slow
 def test_without_a_script_nothing_is_offered_that_needs_one(tab, job, tmp_path, snakemake):
     tab.call("Emulation.setScriptExecutionDisabled", value=True)
     tab.go(fleet(job, snakemake, tmp_path, 3), shown=False)
@@ -195,6 +203,7 @@ def test_without_a_script_nothing_is_offered_that_needs_one(tab, job, tmp_path, 
     assert not tab.evaluate("document.querySelector('table.cells button, .fold:not([hidden])')")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "seen"), [("cell-A", 1), ("all", 1), ("overview", 0)])
 def test_a_packed_page_is_unpacked_when_it_is_looked_at(
     tab, job, tmp_path, monkeypatch, place, seen
@@ -255,6 +264,7 @@ def fleet(job, snakemake, folder, count):
     return written(page.render(job), folder)
 
 
+@pytest.mark.slow
 def test_five_hundred_cells_open_and_filter_at_once(tab, job, tmp_path, monkeypatch, snakemake):
     monkeypatch.setattr(page, "PLAIN_BYTES", 0)
     path = fleet(job, snakemake, tmp_path, 500)

@@ -80,6 +80,7 @@ def test_the_image_has_every_part_of_the_repository_that_rules_name():
     assert not [one for one in named if not any(f"{one}/".startswith(f"{c}/") for c in copied)]
 
 
+@pytest.mark.slow
 def test_the_files_of_the_image_are_enough_to_run_its_command(tmp_path):
     """As the image lays them out, in another place, with the packages of this environment."""
     image = tmp_path / "cellwright"
