@@ -142,26 +142,6 @@ def test_what_cannot_work_is_told_before_any_job(tmp_path, case):
     assert "Job stats" not in said
 
 
-@pytest.mark.slow
-def test_without_a_config_of_the_module_the_campaign_s_file_is_read(tmp_path):
-    using = USING.replace('    config: config["cellwright"]\n', "").replace("configfile", "#")
-    folder = write(tmp_path / "fleet", using)
-    (folder / "config/config.yaml").write_text("clean:\n  gap_second: -1\n")
-    assert "config/config.yaml, line 2, clean.gap_second: found -1" in snakemake(folder, "-n")[1]
-
-
-@pytest.mark.slow
-def test_a_few_rules_can_be_used_under_their_own_names(tmp_path):
-    start, end = USING.index("use rule *"), USING.index("rule largest")
-    few = "use rule series, capacity from cellwright\n\n"
-    folder = write(tmp_path / "fleet", USING[:start] + few + USING[end:])
-    status, said = snakemake(folder, "--dry-run", CAPACITY)
-    assert status == 0, said
-    planned = said.split("Job stats:")[1].split("\ntotal")[0]
-    jobs = re.findall(r"^(\w+) +\d+$", planned, re.M)
-    assert sorted(jobs) == ["capacity", "series"]
-
-
 def test_the_example_of_the_documents_plans_what_it_says(tmp_path):
     page = (ROOT / "docs" / "use-as-module.md").read_text(encoding="utf-8")
     folder = write(tmp_path / "fleet")

@@ -16,7 +16,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import starts
 import tiny
-from report_text import PACKED, unpacked
+from report_text import unpacked
 
 from cellwright.refusal import Refusal
 from first_look import lineage
@@ -289,16 +289,6 @@ def test_an_artefact_has_the_same_bytes_in_another_place(first, tmp_path):
     other = snakemake(tiny.write(tmp_path / "elsewhere"), target)
     assert other.status == 0
     assert (other.folder / target).read_bytes() == (first.folder / target).read_bytes()
-
-
-def test_the_report_of_two_cells_is_small_and_read_without_a_script(first):
-    """Limits of a campaign of two cells and a group, with some forty figures."""
-    html = report_of(first.folder).decode()
-    assert not PACKED.findall(html)
-    assert html.count("<figure ") > 20
-    assert len(html) < 3_000_000
-    for figure in (first.folder / "results/figures").glob("*/*.svg"):
-        assert figure.stat().st_size < 200_000, figure
 
 
 def test_a_figure_that_cannot_be_drawn_says_why_and_takes_no_other_with_it(first):
