@@ -111,6 +111,7 @@ def test_thermal_refusals():
         heat(time, time, time, entropic_volt_per_kelvin=1e-4)
 
 
+@pytest.mark.slow
 def test_an_18650_weighs_what_it_weighs(shared):
     """Panasonic NCR18650PF, 47 g: about 45 J/K; its surface lags, and its holder takes part."""
     path = shared / "campaigns/panasonic/raw/hppc/hppc_n10C.parquet"

@@ -3,6 +3,7 @@
 import pytest
 from figure_panels import outside, rendered, text_boxes
 from matplotlib.patches import Rectangle
+from quick import slow_but
 
 from figures import wiring
 
@@ -44,7 +45,7 @@ def cells_of(sheet):
     return [row["cell"] for row in sheet if row["cell"] not in groups]
 
 
-@pytest.mark.parametrize("name", SHEETS)
+@pytest.mark.parametrize("name", slow_but(["modules", "strings", "2 in parallel"], SHEETS))
 def test_every_cell_is_drawn_once_a_panel_apart_from_the_others(name):
     sheet = SHEETS[name]
     cells = cells_of(sheet)

@@ -54,6 +54,7 @@ def test_the_thesis_example():
     assert slope["value"] == summary["slope_percent_per_kelvin"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.6, 0.9])
 def test_the_interval_covers_as_often_as_it_says_whatever_the_memory(memory):
     place, hits = np.arange(29.0), []

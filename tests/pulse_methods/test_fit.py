@@ -35,6 +35,7 @@ def test_true_time_steps():
     np.testing.assert_allclose(fit.values, TRUE, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_random_starts_end_in_the_same_optimum():
     volt, rng = noisy(1), np.random.default_rng(2)
     best = fitted(volt)
