@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from quick import slow_but
 
 from cellwright.laws.points import Point
 from cellwright.laws.temperature import (
@@ -95,7 +94,12 @@ def test_a_point_of_large_error_weighs_less():
 
 
 @pytest.mark.parametrize(
-    ("excess", "stated"), slow_but([(0.3, 0.0)], [(0.3, 0.1), (0.0, 0.1), (0.3, 0.0)])
+    ("excess", "stated"),
+    [
+        pytest.param(0.3, 0.1, marks=pytest.mark.slow),
+        pytest.param(0.0, 0.1, marks=pytest.mark.slow),
+        (0.3, 0.0),
+    ],
 )
 def test_scatter_beyond_the_stated_errors_is_found(excess, stated):
     """Intervals hold what they say: 95 % with excess scatter, and no less where there is none."""
