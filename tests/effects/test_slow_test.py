@@ -196,6 +196,7 @@ def test_an_offset_of_the_current_moves_the_start_as_well():
     assert base.starts_of(CELL, stack, wrong, (offset,)) == {"": pytest.approx(moved[0])}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [0.88, 1.0, 1.12])
 def test_a_capacity_that_is_declared_wrongly_is_found_and_told(wrong):
     cell = CELL._replace(capacity_ampere_hour=wrong * CAPACITY)

@@ -183,6 +183,7 @@ def files(folder) -> dict[str, bytes]:
     return found
 
 
+@pytest.mark.slow
 def test_same_files_and_bytes(both):
     local, warm = files(both["local"].folder), files(both["warm"].folder)
     assert local == warm
@@ -190,6 +191,7 @@ def test_same_files_and_bytes(both):
     assert made == {f"out/{n}.txt" for n in ("surroundings", "ending", "exits_0", "second_attempt")}
 
 
+@pytest.mark.slow
 def test_same_messages_and_exit_status(both):
     assert both["local"].status == both["warm"].status == 1
     assert comparable(both["local"].said) == comparable(both["warm"].said)
@@ -197,6 +199,7 @@ def test_same_messages_and_exit_status(both):
         assert message in both["warm"].said
 
 
+@pytest.mark.slow
 def test_an_interpreter_is_ended_as_it_should_be(both):
     assert text(both["warm"].folder, "ending") == "never closed; a thread; at exit; "
 
@@ -383,7 +386,6 @@ def test_a_module_that_starts_a_thread_is_not_forked(tmp_path):
     assert "server.py" not in text(folder, "one")
 
 
-@pytest.mark.slow
 def test_a_module_that_cannot_be_imported_is_named(tmp_path):
     folder = write(tmp_path / "w", RULE.format(name="one", retries=0), one=parent_of_script())
     run = snakemake(folder, "out/one.txt", "--warm-preload", "nowhere")
