@@ -3,7 +3,7 @@
 import pytest
 
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.story.places import worsened
+from cellwright.effects.story.places import largest_before, worsened
 from cellwright.effects.story.words import (
     doubts,
     paragraph,
@@ -146,3 +146,15 @@ def test_fields_that_got_worse_are_joined_and_said():
     assert "Worse than before by 3.0 mV at 10–30 % SoC on discharge above 0.7C in a." in text
     assert "Worse" not in said("unknown", worsened=found), "no effect was added"
     assert worsened({}) == []
+
+
+def test_the_field_with_the_largest_part_of_the_gap_is_named_with_what_it_is_now():
+    """Many rows of a middling error hold more of it than few of a large one."""
+    fields = {"rows": [10, 1000], "before_rms_volt": [0.1, 0.02], "after_rms_volt": [0.1, 0.001]}
+    fields |= {"soc_low": [0.9, 0.2], "soc_high": [1.0, 0.3], "test": ["slow", "drive"]}
+    fields |= {"rate": ["rest", "charge_high"]}
+    share = 100 * 0.4 / 0.5
+    said = largest_before(fields)
+    assert said.startswith(f"The largest part of the gap, {share:.0f} %, sat at 20–30 % SoC")
+    assert said.endswith("in drive: 20.0 mV by the plain model, 1.0 mV with what was found.")
+    assert largest_before({}) is None

@@ -219,3 +219,19 @@ def test_the_active_set_gives_what_scipys_solver_gives_wherever_it_begins(alike)
             vector = solve(gram, moment, 3, free=free)
             np.testing.assert_allclose(vector, expected, atol=1e-7 * np.abs(expected).max())
             np.testing.assert_array_equal(vector[3:] == 0, expected[3:] == 0)
+
+
+def test_an_active_set_that_takes_turns_is_solved_one_by_one(monkeypatch):
+    """Lags of a grid of time constants are so alike that exchanges of many go on for long.
+
+    After one round in which signs are wrong only the way one by one is left.
+    """
+    monkeypatch.setattr("cellwright.numerics.linear.ROUNDS", 1)
+    time, tau = np.arange(400.0), np.geomspace(2.0, 200.0, 18)
+    matrix = 1.0 - np.exp(-time[:, None] / tau)
+    target = matrix[:, [4, 13]] @ [0.6, 0.4] + np.random.default_rng(7).normal(0, 0.01, 400)
+    gram, moment = matrix.T @ matrix, matrix.T @ target
+    gram += np.diag(1e-6 * np.diag(gram))
+    expected = scipys(gram, moment, 1)
+    assert (np.linalg.solve(gram, moment)[1:] < 0).any()
+    np.testing.assert_allclose(solve(gram, moment, 1), expected, atol=1e-7)

@@ -409,3 +409,15 @@ def test_cells_that_warm_share_a_discharge_more_evenly():
     assert warm.capacity_ampere_hour > cold.capacity_ampere_hour
     assert (warm.loss_watt < cold.loss_watt).all()
     assert (warm.loss_watt > 0.5 * cold.loss_watt).all()
+
+
+def test_larger_groups_are_matched_too():
+    models = strings.models([1.0, 0.7, 0.98, 0.72, 0.99, 0.71], [1.0, 1.8, 1.1, 1.7, 1.05, 1.75])
+    changed = SETTINGS._replace(group_size=3, string_length=9)
+    cells = fleet_of(models, facts_of(models), [None] * 6, changed)
+    uses = discharges_of(cells, 1.0)
+    ways = [uses(way).peak_share.sum() for way in partitions(list(range(6)), 3)]
+    rows, assembly = matched_fleet(cells, changed)
+    assert rows[1]["value"] == pytest.approx(min(ways) / 2)
+    together = {row["cell"] for row in assembly if row["group"] == 1}
+    assert together in ({"A", "C", "E"}, {"B", "D", "F"})
