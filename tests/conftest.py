@@ -12,12 +12,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 # Files that take longest begin first, so that two workers end together: whole runs of Snakemake,
-# installs, and a search for each effect of a group. In falling order of their CPU time.
+# installs, searches. In falling order of their CPU time.
 LONGEST = (
-    *("workflow/test_whole_run", "workflow/test_module", "snakemake-executor-plugin-warm"),
+    *("workflow/test_whole_run", "snakemake-executor-plugin-warm", "workflow/test_module"),
     *("workflow/test_run", "workflow/test_small_campaigns", "effects/test_group.py"),
-    *("effects/test_model", "workflow/test_profile", "workflow/test_standards"),
-    "workflow/test_lint",
+    *("effects/test_model", "effects/test_search", "effects/test_ways", "effects/test_given"),
 )
 
 
@@ -27,19 +26,13 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(items):
-    """Put the files that take longest first, and mark their tests as slow.
-
-    The order within a file and of the others stays.
-    """
+    """Put the files that take longest first; the order within a file and of the others stays."""
 
     def place(item):
         path = item.path.as_posix()
         return next((k for k, name in enumerate(LONGEST) if name in path), len(LONGEST))
 
     items.sort(key=place)
-    for item in items:
-        if place(item) < len(LONGEST):
-            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="session")

@@ -4,6 +4,7 @@ Both are made from the code: purposes from the rooms' docstrings, arrows from th
 """
 
 import ast
+from functools import cache
 from html import escape
 from pathlib import Path
 
@@ -24,6 +25,7 @@ def _purpose(folder: Path) -> str:
     return docstring.splitlines()[0]
 
 
+@cache
 def imports() -> dict[str, set[str]]:
     """Which rooms each room imports."""
     names_of_rooms = set(rooms())

@@ -59,6 +59,7 @@ def test_half_cells_that_are_given_are_used(tests):
     assert {row["positive_half_cell"] for row in found.rows} == {"nmc811_chen"}
 
 
+@pytest.mark.slow
 def test_a_cell_with_one_check_up_is_held_against_a_fresh_one(tests):
     aged = tests[2][0] | {"cycle": None}, tests[2][1]
     fresh = (CELL | {"cell": "REF"}, tests[:1])
@@ -79,6 +80,7 @@ def test_one_check_up_alone_is_refused(tests):
         cw.degradation_modes(tests[:1], CELL, "NMC")
 
 
+@pytest.mark.slow
 def test_another_chemistry_is_refused_with_the_misfit(tests):
     with pytest.raises(cw.Refusal, match=r"misfit of \d+ mV, at most 5 mV; is the chemistry"):
         cw.degradation_modes(tests, CELL, "LFP")

@@ -13,6 +13,7 @@ TEXT = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```", TEXT, re.M | re.S)
 
 
+@pytest.mark.slow
 def test_the_page_runs_from_a_raw_file_to_a_verdict(monkeypatch):
     monkeypatch.chdir(ROOT)
     assert len(BLOCKS) >= 8

@@ -8,14 +8,13 @@ import type_of_cells
 from cellwright.bias.compared import compared
 from cellwright.bias.corrected import borrowed_model
 from cellwright.bias.correction import Change, _surer, correction
-from cellwright.bias.courses import KNOTS, courses_of
+from cellwright.bias.courses import courses_of
 from cellwright.bias.features import Shown
 from cellwright.bias.thesis import quadratic_bias
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
 LOSS, RATIO = 0.15, 1.32
-WHOLE = KNOTS[1:-1]  # where charges and models reach
 
 
 def own(**settings):
@@ -54,6 +53,7 @@ def test_without_any_other_cell_the_charge_alone_tells_the_ocv():
     assert "its own charge" in model["notes"][0]
 
 
+@pytest.mark.slow
 def test_intervals_hold_on_cells_that_were_not_used():
     inside, seeds = [], range(4)
     for seed in seeds:

@@ -31,6 +31,7 @@ def test_parameters_per_sample_follow_the_state_of_charge():
     np.testing.assert_allclose(slow[1, 10:], r[10:], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_general_solver_gives_the_same_voltage():
     """Parameters over SoC, the tolerance of the solver far below what is asked of us."""
     time = np.arange(0.0, 1200.0)

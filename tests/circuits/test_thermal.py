@@ -66,6 +66,7 @@ def test_the_fit_recovers_the_truth(entropic, gap):
     assert fit.rmse_kelvin == pytest.approx(0.02, rel=0.05)
 
 
+@pytest.mark.slow
 def test_its_intervals_cover():
     inside = 0
     for seed in range(30):
@@ -110,6 +111,7 @@ def test_thermal_refusals():
         heat(time, time, time, entropic_volt_per_kelvin=1e-4)
 
 
+@pytest.mark.slow
 def test_an_18650_weighs_what_it_weighs(shared):
     """Panasonic NCR18650PF, 47 g: about 45 J/K; its surface lags, and its holder takes part."""
     path = shared / "campaigns/panasonic/raw/hppc/hppc_n10C.parquet"

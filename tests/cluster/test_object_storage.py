@@ -61,6 +61,7 @@ def stored(address):
     }
 
 
+@pytest.mark.slow
 def test_a_campaign_in_object_storage_ends_with_the_bytes_of_a_plain_run(
     server, tmp_path, local_artefacts
 ):

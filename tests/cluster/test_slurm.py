@@ -47,6 +47,7 @@ def kill_first_job(process):
     return job
 
 
+@pytest.mark.slow
 def test_a_campaign_on_slurm_ends_with_the_bytes_of_a_plain_run(cluster, tmp_path, local_artefacts):
     folder = write_campaign(tmp_path / "campaign")
     profile = ["--workflow-profile", "workflow/profiles/slurm"]

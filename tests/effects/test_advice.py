@@ -1,5 +1,6 @@
 """Which question of a verdict the next test is to answer."""
 
+import pytest
 import small_plant
 from small_plant import HEALTHY, Truth, searched
 
@@ -33,6 +34,7 @@ def test_a_tie_is_asked_first():
     assert "rest_48h" in menu["test"]
 
 
+@pytest.mark.slow
 def test_a_name_without_proof_gets_the_test_that_proves_it(monkeypatch):
     """Unless the records on hand say nearly as much already."""
     monkeypatch.setattr(advice, "is_proven", lambda found, one: False)
@@ -44,6 +46,7 @@ def test_a_name_without_proof_gets_the_test_that_proves_it(monkeypatch):
     assert menu["chi_square"][0] > 1000.0
 
 
+@pytest.mark.slow
 def test_a_gap_without_a_near_explanation_is_sought_where_it_sits():
     def alone(found):
         return found._replace(rounds=[*found.rounds[:-1], found.rounds[-1]._replace(trials=[])])

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from quick import slow_but
 from small_plant import CAPACITY, CELL, HEALTHY, Truth, drive, laid, measured
 from small_plant import simulated as plant
 
@@ -25,6 +26,7 @@ LACKING = {
     "self_heating": Truth(thermal=6.0),
     "resistance_asymmetry": Truth(asymmetry=0.3),
 }
+QUICK = "resistance_temperature"
 # Two drives to fit and two for proof, at two temperatures; a short case, as each search is whole.
 DRIVES = {"cold": (101, 8.0), "warm": (102, 34.0), "wild": (103, 8.0), "mild": (104, 34.0)}
 ROWS = 1000
@@ -59,7 +61,7 @@ def searched_external(truth, given=HEALTHY):
     return of_case("A", case, LIBRARY, base_name="external").verdict
 
 
-@pytest.mark.parametrize("effect", LACKING)
+@pytest.mark.parametrize("effect", slow_but(QUICK, LACKING))
 def test_what_a_simulator_lacks_is_named_alone(effect):
     verdict = searched_external(LACKING[effect])
     assert verdict["verdict"] == "named"
@@ -133,7 +135,7 @@ def found_own(effect):
     return finding, finding.model | {"given": given}
 
 
-@pytest.mark.parametrize("effect", LACKING)
+@pytest.mark.parametrize("effect", slow_but(QUICK, LACKING))
 def test_what_the_member_lacks_is_named_and_used(effect):
     finding, found = found_own(effect)
     assert [one["effect"] for one in finding.verdict["effects"]] == [effect]
@@ -143,7 +145,7 @@ def test_what_the_member_lacks_is_named_and_used(effect):
     assert "chosen: better beyond chance" in model["choice"]
 
 
-@pytest.mark.parametrize("effect", LACKING)
+@pytest.mark.parametrize("effect", slow_but(QUICK, LACKING))
 def test_the_model_file_has_the_voltage_that_the_search_found(effect):
     """On the drives for proof, which neither was fitted to, from the stated SoC."""
     finding, found = found_own(effect)
@@ -160,6 +162,7 @@ def test_the_model_file_has_the_voltage_that_the_search_found(effect):
     assert rms["2RC+own_effects"] < 0.7 * rms["2RC"]
 
 
+@pytest.mark.slow
 def test_a_member_that_lacks_nothing_stays_as_it_is():
     case, given = own_case(prepared(HEALTHY), family())
     finding = of_case("A", case, LIBRARY, base_name="own", split_rest_second=120.0)
@@ -182,6 +185,7 @@ def worse(found, factor):
     return found | {"blocks": blocks}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.0, 1.2, 9.0])
 def test_effects_that_help_no_block_left_out_are_never_used(factor):
     model, rows = with_own_effects(
@@ -193,6 +197,7 @@ def test_effects_that_help_no_block_left_out_are_never_used(factor):
     assert member_of(model, "2RC+own_effects")["of"] == "2RC"
 
 
+@pytest.mark.slow
 def test_one_bad_temperature_keeps_them_out():
     found = worse(found_own("self_heating")[1], 0.2)
     cold = [block for block in found["blocks"] if block["test"] == "cold"]
@@ -241,7 +246,7 @@ def test_tables_filters_and_packs_know_what_stands_beside_the_circuit():
     assert "filters run 2RC" in notes[0]
 
 
-@pytest.mark.parametrize("effect", ["resistance_temperature", "resistance_asymmetry"])
+@pytest.mark.parametrize("effect", slow_but(QUICK, [QUICK, "resistance_asymmetry"]))
 def test_pybamm_gets_the_sum_of_the_three_circuits(effect):
     """A constant discharge, run by hand on the exported elements."""
     model, _ = with_own_effects(family(), ROWS_OF_CHOICE, found_own(effect)[1])

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from group_pair import CELLS, TABLE, record
+from quick import slow_but
 
 from cellwright.effects.groups.finding import branch_of, group_finding
 from cellwright.effects.groups.model import fields_of, group_run
@@ -34,7 +35,7 @@ HIDDEN = {
 }
 
 
-@pytest.mark.parametrize("effect", HIDDEN)
+@pytest.mark.parametrize("effect", slow_but("branch_wire_resistance", HIDDEN))
 def test_the_effect_of_one_branch_is_named_with_its_size(effect):
     name, size, parameter = HIDDEN[effect]
     verdict = finding(**{name: size}).verdict
@@ -72,6 +73,7 @@ def test_what_is_within_the_declared_spread_is_healthy():
     assert finding(soc=0.003, resistance=0.01).verdict["verdict"] == "none"
 
 
+@pytest.mark.slow
 def test_a_warm_cell_and_a_low_resistance_are_one_at_one_temperature():
     verdict = finding(celsius=(25.0, 25.0, 25.0), warmer=6.0).verdict
     first = verdict["effects"][0]
@@ -97,9 +99,9 @@ def test_without_branch_currents_no_name_is_sure(hidden):
     assert {"branch_current_offset", "branch_current_gain"} <= set(verdict["not_testable"])
 
 
+@pytest.mark.slow
 def test_the_same_records_give_the_same_verdict():
-    asked = {"celsius": (25.0,), "warmer": 6.0}
-    assert searched(**asked).verdict == finding(**asked).verdict
+    assert searched(wire=0.008).verdict == finding(wire=0.008).verdict
 
 
 def test_ranking_and_series_have_columns_of_one_length():

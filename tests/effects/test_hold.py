@@ -51,6 +51,7 @@ def case(truth, *, hold, **changes):
     return other[0]._replace(otherwise=other[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("true_hold", HOLDS)
 @pytest.mark.parametrize("begun", HOLDS)
 def test_a_name_does_not_hang_on_the_hold(true_hold, begun):
@@ -62,6 +63,7 @@ def test_a_name_does_not_hang_on_the_hold(true_hold, begun):
         assert abs(result.last.solution.values[name] - true) < 2 * fitted.stds[name] + 0.015
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stepped", [True, False])
 def test_what_nothing_decides_between_the_holds_is_in_the_deviation(stepped):
     """Whether pulses are beside the drives or not, the resistance is within its deviation.

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from small_plant import HEALTHY, Truth, case
+from small_plant import HEALTHY, Truth, case, searched
 
-from cellwright.effects.finding import of_case, searched
+from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.verdict import shown_outside
@@ -27,12 +27,14 @@ def test_a_resistance_that_drifts_is_unknown_and_told_with_its_size():
     assert "the vocabulary has no name for it" in verdict["against"]["resistance_drift"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [0.4, -0.3])
 def test_so_is_a_larger_one_and_one_that_falls(drift):
     (told,) = of_case("cell", case(Truth(drift=drift)), LIBRARY).verdict["outside"]
     assert told["value"] == pytest.approx(drift, abs=3 * told["std"] + 0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [0.4, -0.25])
 def test_a_drift_that_ends_is_no_name_either(drift):
     """The rival's law is linear; a contact that warms has another."""
@@ -44,6 +46,7 @@ def test_a_drift_that_ends_is_no_name_either(drift):
     assert after < 0.5 * told["validation_rmse_volt"]["before"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "truth",
     [
@@ -58,7 +61,7 @@ def test_a_drift_that_ends_is_no_name_either(drift):
     ids=["healthy", "over SoC", "cold", "heat", "slow", "hysteresis", "drift of 2 % an hour"],
 )
 def test_what_has_a_name_or_is_too_small_to_act_on_is_told_no_drift(truth):
-    found, result, _ = searched(case(truth), LIBRARY)
+    found, result, _ = searched(truth)
     assert shown_outside(found, result) == ()
     assert result.names or truth in (HEALTHY, Truth(drift=0.02))
 

@@ -100,6 +100,7 @@ def test_what_a_cell_has_beyond_healthy_ones_is_named_first_and_recovered():
     assert amplitude_volt == pytest.approx(0.008, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_template_takes_most_of_what_a_plain_model_leaves():
     healthy = case(8)
     plain = searched(healthy)[0].first
@@ -146,6 +147,7 @@ def test_resistances_of_the_references_stand_in_the_model_over_soc():
     assert low / middle > 1.02, "the resistance rises towards empty"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ohm", [0.0, 0.006, 0.012])
 def test_more_resistance_of_the_contacts_is_no_effect(ohm):
     """It follows neither SoC nor temperature, which the resistance of the references does."""
@@ -158,6 +160,7 @@ def test_more_resistance_of_the_contacts_is_no_effect(ohm):
     assert 0.0 <= contact <= ohm + 0.008
 
 
+@pytest.mark.slow
 def test_one_or_two_references_serve_with_a_declared_spread():
     few, many = (paired(case(8), references(count)) for count in (1, 3))
     assert few.references == ("r1",)
@@ -181,6 +184,7 @@ def test_no_reference_at_all_is_refused():
         paired(case(8), {})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -278,6 +282,7 @@ def test_a_template_is_never_larger_than_it_was_by_more_than_its_prior():
     assert values["known"] == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_healthy_cell_has_the_course_of_either_pair_and_of_their_time_constants():
     """With that of the quicker pair for both, and none of time constants, 3.7 mV are left of it."""
     truth = Truth(activation=2.5e4, following=1.0, bend_r1=2.0)

@@ -55,6 +55,7 @@ def test_all_go_that_a_healthy_cell_has_not():
     assert kept(HEALTHY, *sorted(names)) == (set(), names)
 
 
+@pytest.mark.slow
 def test_what_is_too_small_to_act_on_joins_without_a_name_and_hides_nothing():
     """1 kJ/mol take a millivolt off; who acts on two of them only is told of hysteresis alone."""
     found, _, fitted = searched(Truth(hysteresis=0.012, activation=1.0e3))
@@ -72,6 +73,7 @@ def test_nothing_joins_a_model_that_leaves_nothing_anyone_would_act_on():
     assert result.unnamed == ()
 
 
+@pytest.mark.slow
 def test_an_effect_whose_size_is_at_its_limit_is_no_name():
     """What the records ask for beyond that limit is something else."""
     hysteresis = LIBRARY[TRUE]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import small_plant
+from quick import slow_but
 from small_plant import HEALTHY, Truth, case, entropic, names_of
 
 from cellwright.effects.case import Gates
@@ -31,6 +32,8 @@ HIDDEN = {
         0.38,
     ),
 }
+# One of resistance, of the OCV, of heat; the others are searched for in the slow run.
+QUICK = ("resistance_temperature", "hysteresis_instant", "self_heating")
 # What is one class, or one thing by two names.
 CLASSES = {"hysteresis_instant": ("hysteresis_instant", "hysteresis_one_state")}
 EVERY = {"time_skew": 0.5}  # a delay is seen at edges that are sampled as finely
@@ -48,7 +51,7 @@ def outcome(truth, **options):
     return small_plant.searched(truth, **options)[1]
 
 
-@pytest.mark.parametrize("effect", HIDDEN)
+@pytest.mark.parametrize("effect", slow_but(QUICK, HIDDEN))
 def test_the_hidden_effect_is_named_alone(effect):
     result, _ = searched(effect)
     assert result.word == "named"
@@ -57,6 +60,7 @@ def test_the_hidden_effect_is_named_alone(effect):
     assert result.adequate
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("activation", "others", "widest"), [(0.0, [], 0.4), (1.2e3, ["resistance_temperature"], 1.5)]
 )
@@ -80,6 +84,7 @@ FORMS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", FORMS)
 def test_pairs_that_grow_slower_or_bend_alone_ask_for_no_second_name(effect):
     truth, form = FORMS[effect]
@@ -89,6 +94,7 @@ def test_pairs_that_grow_slower_or_bend_alone_ask_for_no_second_name(effect):
     assert abs(result.last.solution.values[f"{effect}.{form}"] - 1.0) < 0.2
 
 
+@pytest.mark.slow
 def test_a_charge_that_meets_more_the_fuller_the_cell_asks_for_no_second_name():
     result = outcome(Truth(asymmetry=0.5, asymmetry_full=0.5), every=2.0)
     (one,) = result.names
@@ -103,7 +109,7 @@ def test_a_charge_that_meets_more_the_fuller_the_cell_asks_for_no_second_name():
     assert deviations[1] > 0.2
 
 
-@pytest.mark.parametrize("effect", HIDDEN)
+@pytest.mark.parametrize("effect", slow_but(QUICK, HIDDEN))
 def test_its_size_is_recovered(effect):
     _, names, size = HIDDEN[effect]
     solution = searched(effect)[0].last.solution
@@ -114,7 +120,7 @@ def test_its_size_is_recovered(effect):
     assert std < 0.2 * abs(size)
 
 
-@pytest.mark.parametrize("effect", HIDDEN)
+@pytest.mark.parametrize("effect", slow_but(QUICK, HIDDEN))
 def test_the_floor_is_the_noise_and_what_tolerances_leave(effect):
     """Of the plain model, whose parameters are known the less the more it lacks."""
     result, _ = searched(effect)
@@ -140,6 +146,7 @@ def takes_its_place(name, rival, before, after, excess):
 
 
 # An offset is not among them: see test_ways_it_goes_wrong for its tie.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "effect",
     [
@@ -154,6 +161,7 @@ def test_without_its_class_no_other_takes_its_name(effect):
     assert result.excess_volt > Gates().unknown_volt or result.word == "none"
 
 
+@pytest.mark.slow
 def test_a_leak_and_an_offset_stay_tied_where_the_log_reads_zero_at_rest():
     result = outcome(Truth(leak=0.06))
     assert result.word == "ambiguous"
@@ -163,11 +171,13 @@ def test_a_leak_and_an_offset_stay_tied_where_the_log_reads_zero_at_rest():
     assert values[one.effect.names[0]] == pytest.approx(0.06, rel=0.1)
 
 
+@pytest.mark.slow
 def test_an_offset_that_stands_in_the_log_at_rest_is_no_leak():
     result, _ = searched("current_offset")
     assert result.names[0].tied == ()
 
 
+@pytest.mark.slow
 def test_an_offset_that_stands_in_the_log_is_no_leak_even_where_no_offset_is_known():
     result, _ = searched("current_offset", ("current_offset",))
     assert "leakage" not in {name for one in result.names for name in (one.effect.id, *one.tied)}

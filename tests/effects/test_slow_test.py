@@ -90,6 +90,7 @@ def test_a_slow_test_of_another_checkup_or_of_another_curve_is_not_fitted():
         assert made.fit.tests == ("down", "fitted")
 
 
+@pytest.mark.slow
 def test_a_slow_test_of_several_cycles_is_not_fitted_and_told():
     """Its count drifts from cycle to cycle, and no single end is the curve's empty."""
     tests = list(made_tests(HEALTHY))
@@ -118,6 +119,7 @@ def test_a_slow_test_alone_is_no_record_to_fit():
         prepared([tests[0], tests[-1]])
 
 
+@pytest.mark.slow
 def test_a_hysteresis_that_drives_alone_would_leave_to_the_ocv_shows_in_the_slow_test():
     tests = list(made_tests(HYSTERESIS))
     finding = of_case("A", prepared(tests), LIBRARY)
@@ -142,6 +144,7 @@ def test_an_offset_of_the_current_that_the_slow_test_had_not_is_told():
     assert verdict["gap_closed"] > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_ampere", [0.0, 0.002 * CAPACITY])
 def test_noise_is_no_step_and_edges_stay_where_a_long_test_is_thinned(monkeypatch, noise_ampere):
     """Pulses of a minute with rests of an hour: what noise would keep would blunt their edges."""
@@ -205,6 +208,7 @@ def test_an_offset_of_the_current_moves_the_start_as_well():
     assert base.starts_of(CELL, stack, wrong, (offset,)) == {"": pytest.approx(moved[0])}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [0.88, 1.0, 1.12])
 def test_a_capacity_that_is_declared_wrongly_is_found_and_told(wrong):
     cell = CELL._replace(capacity_ampere_hour=wrong * CAPACITY)
@@ -231,6 +235,7 @@ def test_of_branches_joined_from_their_ends_the_search_takes_the_mean():
         np.testing.assert_allclose(made.cell.ocv_at(GRID), expected, atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["voltage_offset", "voltage_gain", "ocv_shift"])
 def test_what_moves_the_ocv_or_its_reading_shows_since_the_slow_test(name):
     """The OCV is what the slow test read, with whatever the reading was off by."""

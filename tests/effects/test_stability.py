@@ -62,6 +62,7 @@ BASIS = {"cell": "A", "capacity_ampere_hour": CAPACITY, "capacity_source": "slow
 CELL = {"cell": "A", "lower_cutoff_volt": 2.5, "upper_cutoff_volt": 4.4}
 
 
+@pytest.mark.slow
 def test_a_search_is_repeated_without_each_record():
     found = cw.missing_effect_stability(CELL, BASIS, list(cell_tests(Truth(activation=2.5e4))))
     searches = {row["left_out"]: row for row in found.repeats}
@@ -75,6 +76,7 @@ def test_a_search_is_repeated_without_each_record():
     assert list(found.to_frame()["effect"]) == [row["effect"] for row in found.rows]
 
 
+@pytest.mark.slow
 def test_a_healthy_cell_has_no_name_to_lose():
     found = cw.missing_effect_stability(CELL, BASIS, list(cell_tests(HEALTHY)))
     assert found.rows == []

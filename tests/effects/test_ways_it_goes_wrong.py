@@ -63,6 +63,7 @@ def proved_by(truth, *proof):
     return case(truth)._replace(validation=stacked(proof, capacity_ampere_hour=CAPACITY))
 
 
+@pytest.mark.slow
 def test_an_effect_that_the_fitted_records_excite_may_compete_whatever_the_proof_holds():
     truth = Truth(activation=2.5e4)
     proof = proved_by(truth, measured("wild", drive(103), 8.0, 0.95, truth, seed=13))
@@ -73,6 +74,7 @@ def test_an_effect_that_the_fitted_records_excite_may_compete_whatever_the_proof
     assert "resistance_temperature" not in verdict["not_testable"]
 
 
+@pytest.mark.slow
 def test_what_the_proof_cannot_show_is_named_and_told_as_unproven():
     """Loads too mild to warm the cell say nothing of its own heat."""
     truth = Truth(thermal=6.0)
@@ -123,6 +125,7 @@ NEAREST = pytest.mark.xfail(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("slope", "answer"), [(1.2, "none"), pytest.param(2.0, "unknown", marks=NEAREST)]
 )
@@ -207,6 +210,7 @@ def test_one_part_of_a_record_judges_from_the_start_that_the_other_found():
     assert result.word == "none"
 
 
+@pytest.mark.slow
 def test_the_order_of_the_records_does_not_matter():
     made = [
         fitted(HYSTERESIS),
@@ -221,12 +225,14 @@ def test_the_order_of_the_records_does_not_matter():
     assert sizes[0] == pytest.approx(sizes[1], rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2])
 def test_other_noise_is_the_same_answer(seed):
     assert names_of(searched(HYSTERESIS, seed=seed)[1]) == ["hysteresis_instant"]
     assert searched(HEALTHY, seed=seed)[1].word == "none"
 
 
+@pytest.mark.slow
 def test_the_same_records_are_the_same_answer_to_the_last_digit():
     again = search(case_of(HYSTERESIS))
     first, second = (one[0].last.solution.values for one in (searched(HYSTERESIS), again))
@@ -241,6 +247,7 @@ def with_dip(made, volt, *, shape):
     return made._replace(fit=made.fit._replace(voltage_volt=made.fit.voltage_volt + bend))
 
 
+@pytest.mark.slow
 def test_what_no_effect_bends_does_not_decide_the_model_elsewhere(monkeypatch):
     """A dip of a per cent of SoC: by its squares worth more than all other rows together."""
     made = with_dip(
@@ -255,6 +262,7 @@ def test_what_no_effect_bends_does_not_decide_the_model_elsewhere(monkeypatch):
     assert found.last.validation_rmse_volt < 0.6 * squared.last.validation_rmse_volt
 
 
+@pytest.mark.slow
 def test_no_trial_ends_dearer_than_the_model_without_it():
     """Begun at its estimate alone a resistance over SoC did, by far: the OCV has to follow it."""
     knee = with_dip(
@@ -272,6 +280,7 @@ def test_no_trial_ends_dearer_than_the_model_without_it():
     assert max(ends) <= 1e-6 * steps[0].before.solution.cost
 
 
+@pytest.mark.slow
 def test_a_knee_gives_a_healthy_cell_no_name():
     made = with_dip(case_of(HEALTHY), 0.1, shape=lambda soc: np.exp(-(soc - soc.min()) / 0.04))
     assert names_of(search(made)[1]) == []

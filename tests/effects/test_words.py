@@ -5,11 +5,8 @@ import pytest
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.story.places import largest_before, worsened
 from cellwright.effects.story.words import (
-    beside_worst_test,
     doubts,
-    one_line,
     paragraph,
-    sentences_by_part,
 )
 
 PLACE = {"file": "hot", "soc": [0.1, 0.2], "current": "charge_low", "share": 0.42}
@@ -89,21 +86,6 @@ def test_all_that_a_verdict_may_hold_is_said_with_its_numbers_and_no_gap():
     assert text.endswith("To test next: rest it for 48 h.")
 
 
-@pytest.mark.parametrize("base", ["plain", "own", "external"])
-@pytest.mark.parametrize("word", ["none", "named", "unknown"])
-def test_a_line_and_a_paragraph_say_whose_lack_it_is(base, word):
-    effects = [step("self_heating")] if word == "named" else []
-    given = {"as_given_rmse_volt": {"fit": 4e-3, "validation": 1e-3}} if base != "plain" else {}
-    one = verdict(word, effects=effects, base=base, located_at=PLACE) | given
-    text = paragraph(one, LIBRARY)
-    owner = {"plain": "Shows", "own": "The model in use lacks", "external": "Your model lacks"}
-    assert (f"{owner[base]} self-heating" in text) == (word == "named")
-    others = {"own": (one,), "external": (None, one), "plain": ()}[base]
-    line = one_line(one if base == "plain" else verdict("none"), *others)
-    assert ("self-heating" in line) == (word == "named")
-    assert line.count(";") == len([other for other in others if other])
-
-
 def test_an_error_that_does_not_fall_is_not_said_to_fall():
     both = {"before": 0.004, "after": 0.005}
     text = said("named", effects=[step()], validation_rmse_volt=both)
@@ -148,24 +130,6 @@ def test_a_size_at_its_bound_and_a_witness_against_it_are_doubts():
     assert doubts(step(), heard[1:]) == ()
 
 
-def test_what_speaks_for_a_name_is_no_doubt():
-    assert doubts(step(proof="proven", probability=0.93)) == ()
-
-
-def test_no_text_for_fields_that_are_missing_or_empty():
-    plain = said("named", effects=[step()])
-    empty = {"base": None, "remainder": None, "floors": [], "nuisances": []}
-    assert said("named", effects=[step(proof=None)], **empty, worsened=[]) == plain
-    for word in (
-        "Worse",
-        "Off what was declared",
-        "Left beyond",
-        "To test next",
-        "Unsure",
-    ):
-        assert word not in plain
-
-
 def fields(**columns):
     made = {"role": ["validation"] * 4, "test": ["a"] * 4, "rate": ["discharge_high"] * 4}
     made |= {"soc_low": [0.1, 0.2, 0.5, 0.6], "soc_high": [0.2, 0.3, 0.6, 0.7], "rows": [10] * 4}
@@ -184,20 +148,6 @@ def test_fields_that_got_worse_are_joined_and_said():
     assert worsened({}) == []
 
 
-def test_bands_of_other_records_are_not_joined():
-    volts = {"before_rms_volt": [5e-3] * 4, "after_rms_volt": [8e-3, 9e-3, 5e-3, 5e-3]}
-    found = worsened(fields(test=["a", "b", "b", "b"], **volts))
-    assert [(one["file"], one["soc"]) for one in found] == [("b", [0.2, 0.3]), ("a", [0.1, 0.2])]
-
-
-def test_a_model_that_lacks_nothing_stands_beside_the_test_in_which_it_errs():
-    line = "shows nothing beyond a plain circuit; its model lacks nothing above 1.7 mV"
-    assert beside_worst_test(line, {"good": 0.002, "far": 0.003}) == line
-    assert beside_worst_test(line, {}) == line
-    assert beside_worst_test(line, {"good": 0.002, "far": 0.059}).endswith("errs by 59.0 mV in far")
-    assert beside_worst_test("shows a leak", {"far": 0.059}) == "shows a leak"
-
-
 def test_the_field_with_the_largest_part_of_the_gap_is_named_with_what_it_is_now():
     """Many rows of a middling error hold more of it than few of a large one."""
     fields = {"rows": [10, 1000], "before_rms_volt": [0.1, 0.02], "after_rms_volt": [0.1, 0.001]}
@@ -208,14 +158,3 @@ def test_the_field_with_the_largest_part_of_the_gap_is_named_with_what_it_is_now
     assert said.startswith(f"The largest part of the gap, {share:.0f} %, sat at 20–30 % SoC")
     assert said.endswith("in drive: 20.0 mV by the plain model, 1.0 mV with what was found.")
     assert largest_before({}) is None
-
-
-def test_a_story_has_its_parts_in_the_order_in_which_they_are_told():
-    found = verdict("named", effects=[step()], located_at=PLACE)
-    found |= {
-        "nuisances": [{"name": "soc_at_start", "test": "drive"}],
-        "next_test": "To see more: a drive.",
-    }
-    parts = [part for part, _ in sentences_by_part(found, LIBRARY)]
-    assert parts == ["gap", "names", "changes", "left", "sure", "next"]
-    assert [part for part, _ in sentences_by_part(verdict("none"), LIBRARY)] == ["gap"]

@@ -29,17 +29,6 @@ def cycles(celsius):
     }
 
 
-def test_ageing_says_what_is_not_known():
-    none = {"period_hour": np.zeros(0), "power": np.zeros(0)}
-    still = summary(slope_percent_per_kelvin=np.nan)
-    titles = [
-        axes.get_title(loc="left") for axes in ageing.draw_ageing(cycles(24.0), none, still).axes
-    ]
-    assert titles == ["Over cycles", "Temperature not excited", "Periods: not knowable"]
-    over_cycles, _ = ageing.draw_ageing(cycles(np.nan), none, summary()).axes
-    assert over_cycles.get_title(loc="left") == "Over cycles, temperature not recorded"
-
-
 def test_ageing_tells_slope_and_period():
     found = {"period_hour": np.array([30.0, 24.0, 8.0]), "power": np.array([1.0, 50.0, 1.0])}
     axes = ageing.draw_ageing(cycles(np.arange(6.0)), found, summary()).axes

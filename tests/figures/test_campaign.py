@@ -39,12 +39,3 @@ def test_overview_has_a_line_for_every_cell():
     np.testing.assert_allclose(np.concatenate(drawn(error)), [[4.0, 2]])
     assert labels(error) == ["25 °C", "temperature not stated"]
     panels(campaign.draw_overview({}, [], [], []))
-
-
-def test_overview_has_a_row_of_panels_for_every_type():
-    facts = {"ambient_temperature_celsius": "25", "direction": "discharge"}
-    sizes = [facts | {"cell": c, "capacity_ampere_hour": q} for c, q in (("A", "2"), ("B", "30"))]
-    figure = campaign.draw_overview({"A": "small", "B": "large"}, sizes, [], [])
-    small, large = panels(figure)[::3]
-    assert [panel.get_title(loc="left")[:5] for panel in (small, large)] == ["small", "large"]
-    assert small.get_xlim()[1] < 3 < large.get_xlim()[1]

@@ -1,11 +1,7 @@
 """Figures of the search for a missing effect: every part is drawn, what is empty says so."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
-import yaml
 from figure_panels import rendered, title
 
 from figures import canvas, effects
@@ -66,15 +62,6 @@ def test_evidence_shows_the_parts_that_judged_each_effect_and_says_what_they_say
     assert areas[-1] < areas[0]
 
 
-def test_without_an_effect_or_a_trial_the_figure_says_so():
-    (panel,) = rendered(effects.draw_evidence({}))
-    assert panel.texts[0].get_text() == effects.NO_EFFECT
-    (panel,) = rendered(effects.draw_ranking({}))
-    assert panel.texts[0].get_text() == effects.NO_TRIAL
-    (panel,) = rendered(effects.draw_confounding({}))
-    assert panel.texts[0].get_text() == effects.NO_PAIR
-
-
 def trial(number, effect, gain, z, **more):
     row = {"round": number, "effect": effect, "gain": gain, "z": z, "rank_z": z + 1.0}
     return row | {"chosen": False, "tied": False, "in_range": True} | more
@@ -99,44 +86,6 @@ def test_the_ranking_is_sorted_marks_what_is_needed_and_greys_what_is_out_of_ran
     assert first.get_lines()[0].get_xdata()[0] == 2
     assert "gain −1.5, by ranks −1.0" in [text.get_text() for text in second.texts]
     assert "2 standard errors" in figure.legends[0].get_texts()[-1].get_text()
-
-
-def test_the_ranking_of_a_group_names_the_branch():
-    row = trial(1, "branch_capacity", 90.0, 6.0, branch=2, chosen=True)
-    columns = {name: [value] for name, value in row.items()}
-    (panel,) = rendered(effects.draw_group_ranking(columns))[:1]
-    assert panel.get_yticklabels()[0].get_text() == "capacity of branch 2"
-    (panel,) = rendered(effects.draw_group_ranking({}))
-    assert panel.texts[0].get_text() == effects.NO_TRIAL
-
-
-def test_pairs_that_the_tests_cannot_tell_apart_are_framed():
-    names = ["leakage", "current_offset", "ocv_edge"]
-    columns = {
-        "effect_a": [names[0], names[0], names[1]],
-        "effect_b": [names[1], names[2], names[2]],
-    }
-    columns |= {"correlation": [0.998, 0.4, 0.05], "same_class": [True, False, False]}
-    panel, bar = rendered(effects.draw_confounding(columns))
-    assert [text.get_text() for text in panel.get_yticklabels()] == [
-        "leakage",
-        "current offset",
-        "ocv edge",
-    ]
-    assert numbers(panel) == ["1.00", "0.40"]
-    (frame,) = panel.get_lines()
-    assert frame.get_xydata().mean(axis=0) == pytest.approx([0.4, 1.4])
-    assert "[1]" in bar.get_ylabel()
-
-
-def test_the_report_shows_every_figure_that_the_rules_of_the_search_write():
-    rules = Path(__file__).resolve().parents[2] / "workflow" / "rules" / "drawing.smk"
-    tables = rules.read_text(encoding="utf-8").partition("\ndef ")[0]
-    written = [f"effect_{name}" for name in re.findall(r'^    "(?:group_)?(\w+)":', tables, re.M)]
-    assert len(written) == 7, "the ranking of a cell and that of a group have one name"
-    chapters = (rules.parents[1] / "report" / "chapters.yaml").read_text(encoding="utf-8")
-    (shown,) = (one["figures"] for one in yaml.safe_load(chapters) if one["id"] == "lacks")
-    assert set(written) == set(shown)
 
 
 BOTH = ("before", "after")

@@ -1,7 +1,7 @@
 """Figures of impedance: how spectra share panels, the fit, relaxation times."""
 
 import numpy as np
-from figure_panels import SOC, about, drawn, labels, panels
+from figure_panels import SOC, about, drawn, panels
 
 from figures import impedance
 
@@ -28,20 +28,6 @@ def test_spectra_of_one_state_of_charge_share_a_panel():
     np.testing.assert_allclose(drawn(found[0])[0], points[2:])
     np.testing.assert_allclose(drawn(found[0])[1], points[:2])  # left out of the fit: crosses
     assert len(drawn(found[0])) == 6
-
-
-def test_spectra_of_one_temperature_share_one_panel():
-    tests = [(spectrum(), about(celsius=25, soc=s)) for s in (0.2, 0.5)]
-    (found,) = panels(impedance.draw_nyquist(tests))
-    assert found.get_title(loc="left") == "25 °C"
-    assert labels(found) == ["SoC 20 %", "SoC 50 %"]
-
-
-def test_of_many_states_of_charge_the_fullest_are_drawn_and_the_rest_is_counted():
-    states = [(c, s / 20) for s in range(20) for c in ((0, 25) if s % 2 else (25,))]
-    figure = impedance.draw_nyquist([(spectrum(), about(celsius=c, soc=s)) for c, s in states])
-    assert len(panels(figure)) == 6
-    assert figure.get_suptitle() == "14 other states not drawn"
 
 
 def test_fit_of_spectra_shows_error_and_noise():

@@ -68,13 +68,6 @@ def test_spread_over_soc_and_the_capacity_of_the_group():
     assert {"60.00 Ah", "57.00 Ah (-5.0 %)", "51.30 Ah (-14.5 %)"} <= set(texts)
 
 
-def test_a_record_without_a_whole_discharge_has_no_capacity_to_show():
-    figure = packs.draw_pack_spread(
-        SPREAD, FINDINGS | {"group_capacity_ampere_hour": np.nan}, "udds"
-    )
-    assert len(panels(figure)) == 2
-
-
 def cells_in_series(count):
     return [
         {"cell": f"P{k:02}", "model": "1RC", "margin_ampere_hour": 0.1 * ((7 * k) % count)}
@@ -126,14 +119,6 @@ def test_the_weakest_cell_over_time(count):
     sound(figure)
 
 
-def test_where_cells_are_alike_none_is_the_lowest():
-    series = weakest(2, measured=False)
-    series["highest_cell_volt"] = series["lowest_cell_volt"] + np.where(TIME < 3600, 0.0, 0.02)
-    _, which, _ = panels(packs.draw_weakest(series, "fuds"))
-    assert labels(which) == ["simulated"]
-    assert min(xy[0, 0] for xy in drawn(which)) == pytest.approx(1.0)
-
-
 def ways(count):
     errors = {"reference": 0.04, "scaled": 0.01, "bias": 0.003, "own": 0.002, "bias_of_few": 0.5}
     return [
@@ -152,8 +137,3 @@ def test_four_ways_by_cell_and_over_all(count):
     assert len(drawn(single)[0]) == count
     assert [text.get_text() for text in whole.get_xticklabels()] == list(packs.WAYS)
     sound(figure)
-
-
-def test_a_group_whose_cells_were_not_compared_says_so():
-    texts = sound(packs.draw_ways(ways(2), ["X", "Y"]))
-    assert texts == ["No cell of this group has a test on which ways can be compared."]

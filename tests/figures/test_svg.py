@@ -33,18 +33,6 @@ def test_every_point_of_a_line_is_within_half_a_tenth_of_its_place(line):
     assert found.tolist() == wanted[kept].tolist()
 
 
-@pytest.mark.parametrize(
-    ("long", "short"),
-    [
-        ("M 0 331.2 \nL 648 331.2 \nL 648 0 \nz\n", "M0 331.2l648 0 0-331.2z"),
-        ("M 1.26 2 \nL 1.31 2 \nM 5 5 \nL 5.5 4.5 \n", "M1.3 2h0M5 5l.5-.5"),
-        ("M 0 -3.04 \nC 0.54 -3 1e-07 2 3 4.96 \nz\n", "M0 -3C.5 -3 0 2 3 5z"),
-    ],
-)
-def test_a_path_in_few_characters(long, short):
-    assert svg._short_path(re.fullmatch(r' d="([^"]*)"', f' d="{long}"')) == f' d="{short}"'
-
-
 def test_a_figure_keeps_its_texts_its_provenance_and_what_is_referred_to():
     figure, axes = style.subplots()
     x = np.linspace(0.01, 9, 300)

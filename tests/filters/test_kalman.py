@@ -86,6 +86,7 @@ def test_kernel_is_its_twin_for_a_member_with_many_states(c_rate):
     np.testing.assert_allclose(kalman.run(*given), kalman.run_by_numpy(*given), rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lengths", [3, 2000])
 def test_kernel_is_its_twin_however_many_lengths_its_steps_have(lengths):
     """Weights are kept by the length of a step; more lengths than are kept take turns."""

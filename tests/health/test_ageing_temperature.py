@@ -54,6 +54,7 @@ def test_the_thesis_example():
     assert slope["value"] == summary["slope_percent_per_kelvin"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.6, 0.9])
 def test_the_interval_covers_as_often_as_it_says_whatever_the_memory(memory):
     place, hits = np.arange(29.0), []
@@ -101,6 +102,7 @@ def test_a_cell_that_has_lost_much_has_the_same_slope():
     assert summary["loss_percent"] == pytest.approx(30, rel=0.05)
 
 
+@pytest.mark.slow
 def test_readings_with_an_error_do_not_shrink_the_slope():
     hits = []
     for seed in range(8):
@@ -144,6 +146,7 @@ def test_without_a_temperature_the_daily_cycle_is_still_found():
     assert "temperature_slope" not in rows
 
 
+@pytest.mark.slow
 def test_without_a_daily_cycle_none_is_found():
     chances = [
         cycle_temperature(record(slope=0.0, noise=1e-3, memory=0.7, seed=k))[0] for k in range(8)

@@ -148,6 +148,7 @@ def p45b_modes(p45b):
     return modes_of(p45b)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [100, 1600])
 def test_modes_of_a_real_cell_do_not_depend_on_the_rows_of_its_tables(p45b, p45b_modes, rows):
     def averaged(table):
@@ -166,6 +167,7 @@ def test_modes_of_a_real_cell_hold_another_programs(p45b_modes):
     assert "hangs on the window: lam_negative" in p45b_modes[-1]["doubt"]
 
 
+@pytest.mark.slow
 def test_modes_of_a_real_cell_hold_those_of_another_cathode_table(p45b, p45b_modes):
     path = p45b[1] / "reference/P45B_Cathode_Delithiation_0C02.csv.gz"
     emptied, volt = read(path, "normalizedCapacity", "voltage")

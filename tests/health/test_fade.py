@@ -90,6 +90,7 @@ def test_recovery_after_rests_is_no_fade():
 KINDS = ("straight", "root", "power", "rise")
 
 
+@pytest.mark.slow
 def test_remaining_cycles_lie_within_their_interval():
     """Of 16 lives, half with a knee ahead, at least 14 (a true 95 % gives fewer in 4 %)."""
     held, ends = 0, 250

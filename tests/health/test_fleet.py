@@ -67,6 +67,7 @@ def test_a_cell_of_unknown_capacity_is_predicted_and_takes_no_part():
     assert apart < 3 * row["predicted_std_ampere_hour"] < 0.6
 
 
+@pytest.mark.slow
 def test_an_outlier_is_named_and_none_invented():
     named = [capacity_from_resistance(fleet(seed))[0]["outliers"] for seed in range(30)]
     assert sum(bool(name) for name in named) <= 4

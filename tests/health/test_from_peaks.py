@@ -56,6 +56,7 @@ def errors(found, name):
     )
 
 
+@pytest.mark.slow
 def test_capacities_of_cells_never_seen_lie_in_their_intervals():
     held, missed = [], []
     for seed in range(4):
@@ -138,6 +139,7 @@ def test_a_charge_of_unknown_capacity_is_told_and_not_calibrated_on():
     assert told["charges"] == len(charges)
 
 
+@pytest.mark.slow
 def test_soh_refers_to_the_first_check_up_else_to_the_rating():
     used = [c._replace(cell=f"used {c.cell}") for c in lives(10, cells=5, sohs=(0.9,))]
     rows, *_ = peak_calibration([*lives(11), *used], rated_ampere_hour=20.0, most_terms=1)
@@ -217,6 +219,7 @@ def test_a_window_that_begins_late_leaves_out_the_area_that_it_cuts():
     assert np.isfinite(found.values[3, last])
 
 
+@pytest.mark.slow
 def test_intervals_of_partial_charges_allow_for_how_surely_their_peaks_are_placed():
     """The peak beside the edge of a window is placed to 8 mV, those calibrated on to 1 mV."""
     held, wider = [], []
@@ -314,6 +317,7 @@ def test_capacities_are_those_of_the_check_up_at_the_usual_rate():
     assert np.isnan(found[200])
 
 
+@pytest.mark.slow
 def test_a_check_up_whose_capacity_disagrees_is_named_and_not_calibrated_on():
     """A discharge that was cut short must not bend the calibration of its neighbours."""
     charges = lives(23)

@@ -104,6 +104,7 @@ def test_half_cells_of_another_chemistry_are_refused():
         chosen_pair(life(0)[:2], others, misfit_volt=0.01)
 
 
+@pytest.mark.slow
 def test_right_half_cells_are_chosen_among_others():
     negatives = ("graphite_siox_chen", "graphite_mohtat", "graphite_ecker")
     positives = ("nmc811_chen", "nmc532_mohtat")
@@ -113,6 +114,7 @@ def test_right_half_cells_are_chosen_among_others():
     assert misfit < 0.004
 
 
+@pytest.mark.slow
 def test_half_cells_that_fit_as_well_widen_the_interval():
     pair, _ = nmc()
     curves = life(4)[:2]

@@ -43,6 +43,7 @@ def lives():
     return [degradation_modes(rests_of(seed), nmc()[0]) for seed in range(6)]
 
 
+@pytest.mark.slow
 def test_ten_rests_tell_the_losses_within_their_intervals(lives):
     errors = np.array([found.joint - LOSSES for found in lives])[:, 1:]
     stds = np.array([found.joint_std for found in lives])[:, 1:]

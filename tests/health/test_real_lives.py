@@ -18,6 +18,7 @@ def fade(shared):
     return cw.fade([(test, cycles, None)], cell)
 
 
+@pytest.mark.slow
 def test_what_rests_bring_back_is_told_and_is_no_fade(fade):
     assert fade.summary["recovery_log_evidence"] > 20
     assert 5 < fade.summary["recovery_percent"] < 15

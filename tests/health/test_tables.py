@@ -82,6 +82,7 @@ def modes_by_way():
     return {way: degradation_modes(curves, pair_of(change)) for way, change in WAYS.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_known_losses_are_found_by_any_number_of_rows(modes_by_way, way):
     found = modes_by_way[way]
@@ -90,6 +91,7 @@ def test_known_losses_are_found_by_any_number_of_rows(modes_by_way, way):
     assert np.all(errors < 2.5 * found.joint_std[1:])
 
 
+@pytest.mark.slow
 def test_modes_of_all_rows_are_those_of_few(modes_by_way):
     whole = modes_by_way["all"]
     for way, found in modes_by_way.items():
@@ -97,6 +99,7 @@ def test_modes_of_all_rows_are_those_of_few(modes_by_way):
         assert np.all(apart < whole.joint_std[1:]), way
 
 
+@pytest.mark.slow
 def test_no_search_without_slopes_ends_lower_than_the_fit():
     """Of the cost that the fit itself minimises, with tables of 9,000 rows in steps of a digit."""
     names = ("graphite_siox_chen", "nmc811_chen")

@@ -127,6 +127,7 @@ def test_tests_and_ocv_of_a_temperature_go_and_the_last_ocv_stays():
         without(basis(25.0), tests[2:], celsius=25.0)
 
 
+@pytest.mark.slow
 def test_an_arrhenius_cell_is_predicted_where_it_was_left_out(arrhenius):
     tests, whole, reduced = arrhenius
     rows, notes = predicted(whole, reduced, CELL, tests, split_rest_second=120.0)

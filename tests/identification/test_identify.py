@@ -20,7 +20,7 @@ from synthetic import (
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch, simulate_model
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.identification.columns import MOST_KEPT, columns_of, ocv_of, on_table
-from cellwright.identification.identify import data_of, limits_of
+from cellwright.identification.identify import data_of
 from cellwright.identification.search import shared_of
 from cellwright.records.blocks import fit_mask
 from cellwright.records.filled import bridged
@@ -274,13 +274,6 @@ def test_more_pairs_than_the_cell_has_are_still_fitted():
     condition = fit(data(time, current, ohmic, soc), "3RC").condition
     np.testing.assert_allclose(condition.r0_ohm, 0.03, rtol=5e-3)
     assert np.isfinite([branch.values["r_ohm"] for branch in condition.branches]).all()
-
-
-def test_limits_are_what_the_record_can_show():
-    """Samples a second apart; the longest steady stretch is a rest and the last step before it."""
-    low, high = limits_of(data(*measured(10)))
-    assert low == 1.0
-    assert high == 320.0
 
 
 def test_entry_is_plain_and_complete():

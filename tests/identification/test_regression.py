@@ -196,20 +196,6 @@ def test_counting_that_ends_below_zero_still_has_a_prior(ready):
     assert np.linalg.eigvalsh(prior)[0] > 0
 
 
-def test_upper_bounds_give_what_scipys_bounded_solver_gives():
-    from scipy.optimize import lsq_linear
-
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        matrix, target = rng.normal(size=(80, 24)), rng.normal(size=80)
-        most = np.append(np.full(12, np.inf), rng.uniform(0.0, 0.1, 12))
-        least = np.append(np.full(4, -np.inf), np.zeros(20))
-        expected = lsq_linear(matrix, target, (least, most), tol=1e-12).x
-        vector = solve(matrix.T @ matrix, matrix.T @ target, 4, most)
-        np.testing.assert_allclose(vector, expected, atol=1e-5)
-        assert np.all(vector <= most)
-
-
 def scipys(gram, moment, signed):
     """Non-negative least squares by scipy, each signed parameter as two of either sign."""
     from scipy.optimize import nnls

@@ -91,6 +91,7 @@ def test_what_has_no_temperature_to_leave_out_is_refused():
         compare(readings((0, 10, 25, 40), std=0.1), **settings)
 
 
+@pytest.mark.slow
 def test_left_out_temperatures_are_the_same_points_for_all():
     functions = compare(
         readings((-10, 0, 10, 25, 40)), reference_celsius=25.0, largest_std_volt=0.02

@@ -39,6 +39,7 @@ def test_cells_of_a_type_give_one_law_and_one_stands_apart():
     assert "Cell9 stands apart, without: activation energy 5.6 kJ/mol" in text
 
 
+@pytest.mark.slow
 def test_the_interval_holds_the_scatter_between_cells():
     rng, inside = np.random.default_rng(2), []
     for _ in range(100):

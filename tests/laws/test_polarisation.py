@@ -35,6 +35,7 @@ def test_arrhenius_is_found_and_chosen():
     assert line.cross_validation_rmse > arrhenius.cross_validation_rmse
 
 
+@pytest.mark.slow
 def test_slopes_are_covered_and_p_values_are_honest():
     """Without a slope p < 0.05 in 5 %; with one, its interval holds it in 95 %."""
     rng = np.random.default_rng(0)

@@ -70,6 +70,7 @@ def test_each_form_recovers_its_truth_without_noise(form):
         assert values["activation_energy"] == pytest.approx(30e3, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", TRUTHS)
 def test_truth_lies_within_the_stated_uncertainty(form):
     name, truth = {"additive": ("b1", THESIS[0]), "multiplicative": ("activation_energy", 30e3)}[
@@ -142,6 +143,7 @@ def test_as_many_temperatures_as_parameters_leave_their_errors_unknown():
     assert np.isfinite(surface.std[surface.names.index("a3")])
 
 
+@pytest.mark.slow
 def test_what_all_pulses_of_a_temperature_share_widens_the_activation_energy():
     """Chambers off by a common part: 13 pulses at each are not 13 witnesses."""
     rng, off = np.random.default_rng(4), []

@@ -62,9 +62,9 @@ def test_the_quadratic_of_the_thesis():
 @pytest.mark.parametrize(
     ("law", "truth"),
     [
-        ("quadratic", (2.263e-6, -1.263e-4, 3.776e-3)),
+        pytest.param("quadratic", (2.263e-6, -1.263e-4, 3.776e-3), marks=pytest.mark.slow),
         ("arrhenius", (2e-3, 35e3)),
-        ("arrhenius_t", (2e-3, 35e3)),
+        pytest.param("arrhenius_t", (2e-3, 35e3), marks=pytest.mark.slow),
     ],
 )
 def test_truth_is_chosen_and_lies_inside_its_intervals(law, truth):
@@ -93,7 +93,14 @@ def test_a_point_of_large_error_weighs_less():
     np.testing.assert_array_equal(unknown.values, plain.values)
 
 
-@pytest.mark.parametrize(("excess", "stated"), [(0.3, 0.1), (0.0, 0.1), (0.3, 0.0)])
+@pytest.mark.parametrize(
+    ("excess", "stated"),
+    [
+        pytest.param(0.3, 0.1, marks=pytest.mark.slow),
+        pytest.param(0.0, 0.1, marks=pytest.mark.slow),
+        (0.3, 0.0),
+    ],
+)
 def test_scatter_beyond_the_stated_errors_is_found(excess, stated):
     """Intervals hold what they say: 95 % with excess scatter, and no less where there is none."""
     rng, x = np.random.default_rng(3), np.linspace(-1, 1, 6)

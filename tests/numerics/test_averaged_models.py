@@ -68,6 +68,7 @@ def test_the_weight_is_with_the_features_that_tell():
     assert found.weights.sum() == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_intervals_hold_new_rows_as_often_as_they_say():
     held = []
     for seed in range(150):
@@ -122,6 +123,7 @@ def test_an_unsure_feature_widens_the_models_that_need_it_and_lessens_their_weig
     )
 
 
+@pytest.mark.slow
 def test_intervals_cover_where_the_features_asked_for_are_unsure():
     held, random = [], np.random.default_rng(9)
     for seed in range(200):

@@ -1,5 +1,7 @@
 """Checks of a group's channels: planted faults are named, sound records pass, errors are honest."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -29,8 +31,10 @@ def load(seed, rows=3000):
     return total
 
 
-def shared(total, members=4):
+@cache
+def shared(seed, members=4):
     """Currents (n, members) of cells of one linear OCV in parallel, a second a row [A]."""
+    total = load(seed)
     soc, slope = np.full(members, 0.9), 0.8
     resistance, capacity = RESISTANCE[:members], CAPACITY[:members]
     currents = np.empty((len(total), members))
@@ -44,7 +48,7 @@ def shared(total, members=4):
 
 def measured(seed, members=4):
     """True currents of a group, and those that noisy sensors of three digits read."""
-    true = shared(load(seed), members)
+    true = shared(seed, members).copy()
     noise = np.random.default_rng(seed + 100).normal(0.0, NOISE_AMPERE, true.shape)
     return true, np.round(true + noise, 3)
 
@@ -192,7 +196,7 @@ def test_swapped_branches_are_found_by_their_models_and_sound_ones_pass():
         share = rms(true.sum(axis=1)) / 4
         # models that are 1 % off, each in its own way
         wrong = 1.0 + 0.01 * np.random.default_rng(seed + 7).standard_normal(4)
-        simulated = shared(load(seed)) * wrong
+        simulated = shared(seed) * wrong
         assert swapped(read, simulated, share, test="t") == []
         (one,) = swapped(swap(read, (0, 1)), simulated, share, test="t")
         assert (one.check, one.branch) == ("swapped", 1)

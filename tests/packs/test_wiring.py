@@ -59,23 +59,9 @@ def test_strings_in_parallel_nest_to_any_depth():
     )
 
 
-def test_a_large_wiring_is_described_by_its_shape():
-    names = [f"P{k:02}" for k in range(1, 13)]
-    rows = group("pack", ["a", "b", "c"], "series")
-    rows += [r for k, name in enumerate("abc") for r in group(name, names[4 * k : 4 * k + 4])]
-    words = described(wiring_of("pack", rows))
-    assert words == "series of 3 x parallel of 4 cells (P01 to P12)"
-    assert described(wiring_of("m1", PACK)) == "A || B"
-
-
 def test_only_cells_on_leads_of_their_own_are_a_star():
     stars = {name: is_star(wiring_of(name, PACK)) for name in ("pack", "m1", "m2")}
     assert stars == {"pack": False, "m1": False, "m2": True}
-
-
-def test_rows_without_the_name_of_a_group_are_of_the_group_asked_for():
-    rows = [{"position": 2, "cell": "B"}, {"position": 1, "cell": "A"}]
-    assert wiring_of("pair", rows).members == ("A", "B")
 
 
 def test_rows_below_a_group_are_its_own_and_those_of_the_groups_in_it():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from quick import slow_but
 
 from cellwright.protocols.ocv.functions import evaluate, fit_functions
 from cellwright.refusal import Refusal
@@ -34,7 +35,7 @@ def test_each_function_recovers_itself_and_is_the_best(name):
     assert sum(fit.chosen for fit in functions.values()) == 1
 
 
-@pytest.mark.parametrize("name", TRUTH)
+@pytest.mark.parametrize("name", slow_but("polynomial", TRUTH))
 def test_noise_is_covered_by_the_standard_deviations(name):
     rng = np.random.default_rng(2)
     noisy = [curve(name) + 1e-3 * rng.standard_normal(len(SOC)) for _ in range(3)]

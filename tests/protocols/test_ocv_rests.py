@@ -140,6 +140,7 @@ def test_a_current_read_in_rests_is_named():
     assert "the current read in the rests counts +1." in curve.note
 
 
+@pytest.mark.slow
 def test_pulses_before_the_first_long_rest_count():
     """180 s after a pulse of 15 s: the knee near full has a point of its own."""
     columns = record()
@@ -208,6 +209,7 @@ def test_a_short_last_portion_ends_empty_but_a_larger_pulse_does_not(ampere, sou
     assert source in scale.source
 
 
+@pytest.mark.slow
 def test_step_of_the_interface_gives_the_same_curve():
     """With the cell's facts as a mapping and as typed values."""
     columns = record()
@@ -222,6 +224,7 @@ def test_step_of_the_interface_gives_the_same_curve():
         assert np.array_equal(ocv.curve.ocv_volt, curve.ocv_volt)
 
 
+@pytest.mark.slow
 def test_a_clock_of_the_voltage_that_is_ahead_does_not_bend_the_curve():
     """The last sample of each rest, and the first row of the record, show the load that follows."""
     time, current, voltage, charge = record()

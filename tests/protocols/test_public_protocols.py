@@ -51,6 +51,7 @@ def test_pulses_after_a_short_rest_have_one_resistance(case):
     assert abs(np.diff(means.resistance_ohm)[0]) < 3e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hppc_unequal_sampling", "hppc_short_rest"])
 def test_steps_of_current_between_rows_are_no_kinetics(case, name):
     folder = case(f"models/{name}")

@@ -36,6 +36,7 @@ def test_the_thesis_example_has_its_goodness_of_fit():
     assert not fit.verdict
 
 
+@pytest.mark.slow
 def test_intervals_cover():
     errors = []
     for seed in range(300):

@@ -52,6 +52,7 @@ def test_both_pairs_are_recovered_after_either_direction(sign, direction):
     assert row["reason"] == ""
 
 
+@pytest.mark.slow
 def test_intervals_cover():
     """a, b, tau1, tau2 and the OCV lie within 1.96 deviations in 95 % of 60 records."""
     truth = -5 * R * (1 - np.exp(-LOAD / TAU))

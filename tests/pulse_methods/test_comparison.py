@@ -12,7 +12,6 @@ from pulse_methods.comparison import (
     NAMES,
     compare_methods,
     identify_pulse,
-    local_spread,
 )
 from pulse_methods.of_cell import compare_identification_methods
 from pulse_methods.pulse_records import PulseTest, pulse_records
@@ -127,21 +126,6 @@ def test_what_a_method_cannot_identify_has_a_reason_and_no_values():
     assert np.isfinite(rows.r0_ohm[rows.method == "separable"]).all()
 
 
-def test_noise_shortens_the_time_constants_of_the_autoregressive_form():
-    """Its deviations do not say so: past voltages are regressors, and noisy."""
-    (record,) = records_of(pulse_test(PULSE, noise=1e-3)).records
-    identified = identify_pulse(record, "autoregressive")
-    assert identified.values[4] + 10 * identified.std[4] < TRUE[4]
-    assert identified.values[0] == pytest.approx(TRUE[0], rel=0.02)
-
-
-def test_where_two_pairs_have_no_circuit_the_autoregressive_form_gives_one():
-    (record,) = records_of(pulse_test(PULSE, noise=5e-3)).records
-    identified = identify_pulse(record, "autoregressive")
-    assert identified.reason.startswith("one pair is given; of two, r1_ohm is -")
-    assert np.isnan(identified.values).tolist() == [False, False, True, False, True]
-
-
 def test_a_negative_resistance_is_no_circuit(monkeypatch):
     (record,) = records_of(pulse_test(PULSE)).records
     good = identify_pulse(record, "separable")
@@ -170,16 +154,6 @@ def test_only_pulses_of_one_rate_and_from_rest_are_taken():
     pulses = records_of(pulse_test(loads))
     assert [round(one.level_ampere) for one in pulses.records] == [-5, -5]
     assert pulses.left_out == ("hppc: 2 pulses at 1C of 3 in all",)
-
-
-def test_records_are_thinned_dense_at_first_and_end_where_the_rest_counts():
-    (record,) = records_of(pulse_test(PULSE, step=0.1), samples=60).records
-    assert len(record.time_second) <= 61
-    step = np.diff(record.time_second[record.edge :])
-    assert step[0] == pytest.approx(0.1)
-    assert step[-1] > 10
-    (short,) = records_of(pulse_test(PULSE, step=0.1), rest_lengths=2.0).records
-    assert short.time_second[-1] - short.time_second[short.edge] == pytest.approx(20.0, abs=0.2)
 
 
 def test_the_ocv_moves_with_the_charge_of_the_pulse():
@@ -216,16 +190,3 @@ def test_the_step_of_the_interface_gives_the_same_rows():
     assert step.notes == comparison.left_out
     for name, values in step.rows._asdict().items():
         np.testing.assert_array_equal(values, columns[name])
-
-
-def test_the_spread_of_a_straight_line_is_zero_and_of_noise_its_deviation():
-    rng = np.random.default_rng(1)
-    soc = np.sort(rng.uniform(0, 1, 2000))
-    line = 3.0 + 2.0 * soc
-    assert np.nanmax(local_spread(soc, line)) < 1e-12
-    noisy = local_spread(soc, line + 0.1 * rng.normal(size=2000))
-    assert np.sqrt(np.nanmean(noisy**2)) == pytest.approx(0.1, rel=0.05)
-    assert np.isnan(noisy[[0, -1]]).all()
-    shuffled = rng.permutation(2000)
-    again = local_spread(soc[shuffled], line[shuffled] ** 2)
-    np.testing.assert_allclose(again, local_spread(soc, line**2)[shuffled])

@@ -35,6 +35,7 @@ def test_true_time_steps():
     np.testing.assert_allclose(fit.values, TRUE, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_random_starts_end_in_the_same_optimum():
     volt, rng = noisy(1), np.random.default_rng(2)
     best = fitted(volt)
@@ -43,6 +44,7 @@ def test_random_starts_end_in_the_same_optimum():
         assert distance(other, best) < 0.01
 
 
+@pytest.mark.slow
 def test_errors_at_the_cramer_rao_bound_and_intervals_cover():
     """250 cells of random parameters under white noise, each with its own bound."""
     rng, errors = np.random.default_rng(3), []
@@ -68,6 +70,7 @@ def test_covariance_is_the_inverse_of_the_fisher_information():
     np.testing.assert_allclose(np.diag(fit.correlation), 1.0)
 
 
+@pytest.mark.slow
 def test_errors_that_remember_widen_the_deviations_so_that_they_cover():
     from scipy.signal import lfilter
 

@@ -8,7 +8,6 @@ from cellwright.circuits.cell import simulate
 from cellwright.circuits.circuit import Branch, rc_circuit
 from cellwright.refusal import Refusal
 from pulse_methods.with_lmfit import (
-    circuit_with,
     fit_by_lmfit,
     lmfit_parameters,
 )
@@ -35,14 +34,6 @@ def test_same_optimum_and_errors_as_our_own_fit():
     assert np.sqrt(np.mean((run - RECORD[2]) ** 2)) == pytest.approx(by_lmfit.rmse_volt)
 
 
-def test_a_fixed_parameter_stays():
-    parameters = lmfit_parameters(START)
-    parameters["tau_second_1"].set(value=3.0, vary=False)
-    by_lmfit = fit_by_lmfit(START, parameters, RECORD, **HOLD)
-    assert "tau_second_1" not in by_lmfit.names
-    assert by_lmfit.circuit[1].parameters["tau_second"] == 3.0
-
-
 def test_a_tied_parameter_follows_its_expression_and_one_may_be_added():
     """tau1 = r1·c1: the thesis' own parameters, with the error of c1."""
     parameters = lmfit_parameters(START)
@@ -56,39 +47,6 @@ def test_a_tied_parameter_follows_its_expression_and_one_may_be_added():
     assert values["c_farad_1"] * values["r_ohm_1"] == tau
     assert values["ocv_offset_volt"] == pytest.approx(0.0, abs=1e-4)
     assert by_lmfit.result.nfev < 40
-
-
-def test_a_parameter_at_a_bound_has_no_error():
-    parameters = lmfit_parameters(START)
-    parameters["r_ohm_1"].max = 0.008
-    by_lmfit = fit_by_lmfit(START, parameters, RECORD, **HOLD)
-    assert by_lmfit.at_bound == ("r_ohm_1",)
-    assert np.isnan(by_name(by_lmfit, by_lmfit.std)[1])
-    assert np.isfinite(np.delete(by_name(by_lmfit, by_lmfit.std), 1)).all()
-    own = fitted(RECORD[2], bounds={"r1_ohm": (0, 0.008)})
-    np.testing.assert_allclose(by_name(by_lmfit, by_lmfit.values), own.values, rtol=1e-3)
-
-
-def test_a_circuit_that_is_not_of_rc_pairs():
-    """Kinetics and hysteresis, which our own fit does not know."""
-    true = (
-        Branch("R", {"r_ohm": 0.02}),
-        Branch("kinetic", {"r_ohm": 0.05, "tau_second": 3.0, "scale_volt": 0.05}),
-        Branch("hysteresis", {"m_volt": 0.01, "charge_ampere_hour": 0.05}),
-    )
-    volt = simulate(true, TIME, CURRENT, 3.7, **HOLD)
-    parameters = lmfit_parameters(true)
-    for name in ("r_ohm_0", "r_ohm_1", "tau_second_1", "m_volt_2"):
-        parameters[name].value *= 1.4
-    parameters["scale_volt_1"].vary = False
-    by_lmfit = fit_by_lmfit(true, parameters, (TIME, CURRENT, volt, 3.7), **HOLD)
-    assert by_lmfit.rmse_volt < 1e-7
-    for one, other in zip(by_lmfit.circuit, true, strict=True):
-        assert one.parameters == pytest.approx(other.parameters, rel=1e-3)
-
-
-def test_circuit_with_puts_values_back():
-    assert circuit_with(START, lmfit_parameters(START)) == START
 
 
 def test_refusals():

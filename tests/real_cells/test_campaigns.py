@@ -37,16 +37,3 @@ def test_campaigns_that_are_not_there_are_named(campaign, tmp_path):
         campaigns.wanted(tmp_path, ["a124"])
     with pytest.raises(FileNotFoundError, match=r"real\.folder"):
         campaigns.wanted(tmp_path / "nowhere", [])
-
-
-def test_a_failed_run_says_where_its_log_is(tmp_path):
-    (tmp_path / "bad/config").mkdir(parents=True)
-    (tmp_path / "bad/config/tests.tsv").write_text("cell\n")
-    log = tmp_path / "bad.log"
-    with pytest.raises(RuntimeError, match=r"the run of bad failed; all it said is in .*bad\.log"):
-        campaigns.run(tmp_path / "bad", whole=False, log=log)
-    assert "cells.tsv" in log.read_text()
-
-
-def test_a_campaign_that_was_never_timed_is_expected_to_take_longest():
-    assert campaigns.expected_second("weng") < campaigns.expected_second("never_recorded")

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from real_cells import measured, record
-from real_cells.measured import KEYS, rate_in_words
+from real_cells.measured import KEYS
 
 CONTENT = {
     "capacity": {
@@ -223,13 +223,6 @@ def test_a_published_number_stands_beside_its_own_and_alone_where_there_is_none(
     assert rows["value"].tolist() == ["2.1", ""]
     assert rows["published"].tolist() == ["2.15", "2.3"]
     assert set(rows["unit"]) == {"Ah"}
-
-
-@pytest.mark.parametrize(
-    ("c_rate", "word"), [(0.0333, "C/30"), (-1.04, "1C"), (2.06, "2C"), (np.nan, "rate not known")]
-)
-def test_a_rate_has_its_customary_name(c_rate, word):
-    assert rate_in_words(c_rate) == word
 
 
 def test_an_artefact_with_a_reason_is_no_document(campaign):

@@ -125,6 +125,7 @@ def test_the_activation_energy_is_found_between_temperatures():
     assert "0 °C 3" in activation_energy[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("energy", [0.0, 10e3, 20e3, 30e3, 50e3])
 def test_the_activation_energy_is_found_from_the_cell_s_own_warming(energy):
     surface = 25.0 + 10.0 * np.sin(TIME / 700.0)

@@ -54,17 +54,6 @@ def test_the_overview_has_the_latest_state_by_each_method():
     assert found["remaining"] == ""
 
 
-def test_comparisons_are_told_in_their_own_words():
-    protocols = pd.DataFrame([{"type": "NMC, 20 Ah", "verdict": "fast charge lasts a fourth"}])
-    tables = {"health": as_text(HEALTH), "fade": as_text(FADE), "protocols": protocols}
-    assert health_page.section(tables)["sentences"] == ["NMC, 20 Ah: fast charge lasts a fourth"]
-
-
-def test_a_campaign_of_fresh_cells_has_no_health_in_its_overview():
-    fresh = as_text(HEALTH[HEALTH["cell"] == "B"])
-    assert health_page.section({"health": fresh, "fade": as_text(FADE)}) == {}
-
-
 def test_lives_are_drawn_from_every_discharge_else_from_check_ups(saved):
     """Of the three discharges the second was left out."""
     course = row_of("fade_course", test="life")

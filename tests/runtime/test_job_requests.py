@@ -3,7 +3,6 @@
 import pytest
 
 from runtime import job_requests
-from tools import job_costs
 
 HEAD = "rule,part,jobs,cpu_second,longest_cpu_second,peak_megabyte\n"
 
@@ -32,19 +31,3 @@ def test_a_job_asks_for_more_than_was_measured_and_twice_as_much_at_each_attempt
 )
 def test_a_group_is_of_one_part_of_one_cell_or_group(part, wildcards, group):
     assert job_requests.group_of(job_requests.Cost(part, 0.5, 1.0, 100.0), wildcards) == group
-
-
-def test_an_unknown_part_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"column part: found \['later'\], wanted one of"):
-        job_requests.read(table(tmp_path, "soc,later,1,1.0,1.0,100"))
-
-
-def test_costs_of_several_runs_add_up_to_the_larger_ones(tmp_path):
-    before = [{"rule": "soc", "part": "validation", "jobs": "2", "cpu_second": "4.3"}]
-    before[0] |= {"longest_cpu_second": "2.4", "peak_megabyte": "159"}
-    jobs = [("soc", 3.04, 140.2), ("soc", 0.5, 120.0), ("clean", 0.31, 90.4)]
-    rows = job_costs.merged(before, jobs)
-    assert [tuple(row.values()) for row in rows] == [
-        ("clean", "", 1, 0.3, 0.3, 90),
-        ("soc", "validation", 2, 4.3, 3.0, 159),
-    ]

@@ -48,25 +48,12 @@ def test_what_fails_comes_first_then_what_is_in_doubt_then_the_worst_of_each_typ
     assert [mark["look"] for mark in found["marks"]] == [True, True, True, False, False]
 
 
-def test_a_cell_alone_of_its_type_is_the_worst_of_none(found):
-    large = next(row for row in found["table"].rows if row[0].key == "large")
-    assert [one.mark for one in large] == [""] * len(large)
-
-
 def test_numbers_stand_with_their_deviation_and_sort_by_what_they_are(found):
     rows = {row[0].key: row for row in found["table"].rows}
     r0 = rows["fresh"][4]
     assert (r0.text, float(r0.key)) == ("20.0 ± 0.4", pytest.approx(20.0))
     assert rows["aged"][3] == page_tables.Cell("81.0 ± 0.4 ▲", "81.0", "worst")
     assert rows["unknown"][7].text == "something without a name"
-
-
-def test_the_digest_counts(found):
-    told = dict(found["digest"])
-    assert told["cells"] == "5 of 2 types"
-    assert told["state of health"] == "60 to 99 % (4 known)"
-    assert told["checks by physics"] == "1 of 2 hold"
-    assert told["in doubt"] == "1 of 5 cells"
 
 
 @pytest.mark.parametrize(
@@ -85,12 +72,3 @@ def test_the_digest_counts(found):
 )
 def test_a_number_has_as_many_decimals_as_its_deviation(value, std, scale, shown):
     assert page_tables.measured(value, std, scale) == shown
-
-
-def test_a_table_is_shown_in_the_units_of_its_headings_without_blank_columns():
-    spec = {"title": "T", "read": "r", "columns": {"test": "test", "r_ohm": "R [mΩ]"}}
-    spec["columns"] |= {"soc": "SoC [%]", "doubt": "doubt", "chosen": "chosen"}
-    rows = {"test": "25", "r_ohm": "0.0123", "r_std_ohm": "0.0002", "soc": "0.5", "doubt": ""}
-    table = page_tables.table_of("t", pd.DataFrame([rows | {"chosen": "True"}]), spec)
-    assert table.columns == ["test", "R [mΩ]", "SoC [%]", "chosen"]
-    assert [one.text for one in table.rows[0]] == ["25", "12.3 ± 0.2", "50", "yes"]

@@ -72,18 +72,6 @@ def test_each_group_with_results_has_its_worst_numbers_in_one_line():
     }
 
 
-def test_without_packs_there_is_no_section():
-    assert pack_page.section({}, []) == []
-    assert pack_page.section({name: pd.DataFrame() for name in TABLES}, GROUPS) == []
-
-
-def test_what_checks_found_is_told_once_and_swapped_cells_of_a_string_too():
-    swapped = "slow: swapped channels? What was read as cell 1 fits the model of cell 2"
-    abouts = [{"notes": [swapped, "SoC at the start"]}, {"notes": [swapped]}]
-    found = pack_page.warnings(TABLES["pack_checks"], abouts)
-    assert found == ["a sum that is exact", swapped]
-
-
 def test_a_pack_of_groups_has_the_worst_of_its_channels():
     names = ["group", "test", "channel", "of", "rmse", "unit"]
     rows = [

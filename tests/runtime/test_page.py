@@ -1,19 +1,13 @@
 """The report: exclusions on top, a page per cell and group, nothing that is not escaped."""
 
-import base64
-import gzip
 import html as html_module
 import itertools
 import re
 from pathlib import Path
-from urllib.parse import unquote
 
-import numpy as np
 import pandas as pd
-import pytest
 from report_text import PACKED, unpacked
 
-from cellwright.refusal import Refusal
 from runtime import artefact, page
 
 
@@ -65,29 +59,6 @@ def test_a_page_or_a_part_that_cannot_be_made_costs_no_other(job, monkeypatch):
     assert "A || B" in html, "the other page, and the part on packs"
 
 
-def test_what_does_not_hold_of_a_cell_stands_on_its_page(job):
-    html = unpacked(page.render(job))
-    assert html.count("bad: &lt;3 Ah. ") == 1
-    assert '<a href="#cell-A">A</a> bad: &lt;3 Ah' in html
-
-
-def test_report_is_one_file_with_its_pictures_inside(job):
-    html = unpacked(page.render(job))
-    links = [html_module.unescape(link) for link in re.findall(r'(?:src|href)="([^"]*)"', html)]
-    assert all(link.startswith(("#", "data:")) for link in links)
-    (picture,) = [unquote(link) for link in links if link.startswith("data:image/svg+xml,")]
-    drawn = '<path fill="#0b6fb8" d="M0 0l5 5"/><text>97 % &amp; more</text></svg>'
-    assert picture.partition(",")[2].split("\n")[1:3] == [drawn, ""]
-    assert "abababab" not in picture, "provenance stays with the file of the figure"
-
-
-def test_pages_of_a_small_report_are_plain(job):
-    html = page.render(job)
-    assert not PACKED.findall(html)
-    assert html == page.render(job)
-    assert "<noscript>" not in html, "all of it is there without a script"
-
-
 def test_pages_of_a_large_report_are_packed_each_in_its_section(job, monkeypatch):
     monkeypatch.setattr(page, "PLAIN_BYTES", 0)
     html = page.render(job)
@@ -97,16 +68,6 @@ def test_pages_of_a_large_report_are_packed_each_in_its_section(job, monkeypatch
     assert len(PACKED.findall(html)) == 2
     assert "97 %25" not in html
     assert "raw/bad.csv" in html, "what was excluded is read without unpacking anything"
-
-
-def test_a_packed_page_has_no_time_in_it_and_is_a_tenth_of_a_drawing():
-    steps = np.cumsum(np.random.default_rng(1).integers(-9, 9, 2000))
-    page_text = "".join(f"<path d='M0 0l{k}-{k}'/>" for k in steps % 7)
-    raw = base64.b64decode(page.packed(page_text))
-    assert raw[:3] == b"\x1f\x8b\x08"
-    assert raw[4:8] == bytes(4)
-    assert gzip.decompress(raw).decode() == page_text
-    assert len(raw) < 0.1 * len(page_text)
 
 
 def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
@@ -123,29 +84,6 @@ def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
     (chapter,) = found["chapters"]
     ((kind, picture),) = chapter["figures"]
     assert (kind, picture.title, chapter["tables"]) == ("validation", "V: udds", [])
-
-
-def test_an_effect_of_a_fleet_is_told_by_its_size_or_why_it_has_none(job):
-    nmc, lfp = page.fleet_of(page._text("results/tables/fleet.csv"))
-    assert [row[1].text for row in nmc["matrix"].rows] == ["3.1", "n/t"]
-    assert lfp["matrix"] is None
-
-
-@pytest.mark.parametrize(
-    ("text", "shown"), [("1.23456789", "1.235"), ("", ""), (None, None), ("1RC", "1RC"), (2, "2")]
-)
-def test_numbers_have_four_digits(text, shown):
-    assert page.number(text) == shown
-
-
-def test_a_cell_without_a_model_is_told_what_it_lacks(job, snakemake):
-    assert "No model" not in unpacked(page.render(job))
-    asked = snakemake("results/models/A.json", wildcards={"cell": "A"})
-    asked.rule = "no_model"
-    with artefact.Job(asked):
-        raise Refusal("no model: it has no pulses")
-    job.input.artefacts.append("results/models/A.json")
-    assert "No model: it has no pulses." in unpacked(page.render(job))
 
 
 def test_every_figure_and_table_names_the_artefact_that_makes_it_again(job):

@@ -58,11 +58,6 @@ def test_a_job_that_is_tried_again_counts_once():
     assert jobs.waiting["short"] == 0
 
 
-@pytest.mark.parametrize(("second", "words"), [(40, "40 s"), (180, "3 min"), (7500, "2 h 5 min")])
-def test_durations_in_words(second, words):
-    assert progress.in_words(second) == words
-
-
 def handler(monkeypatch, **asked):
     """A handler of a run that is not on a terminal, and what it writes."""
     written = io.StringIO()
@@ -91,21 +86,7 @@ def test_noise_is_left_out_and_warnings_and_unknown_messages_come_through(monkey
     assert [line.split()[0] for line in said] == ["Nothing", "Error"]
 
 
-def test_who_asks_for_every_message_gets_them(monkeypatch):
-    shown, written = handler(monkeypatch, dryrun=True)
-    shown.emit(record("Select jobs to execute..."))
-    assert "Select jobs" in written.getvalue()
-
-
 ROW = {"cell": "A", "capacity_ampere_hour": "2.5", "soh": "0.9", "best_model": "2RC"}
-
-
-def test_changes_are_told_in_the_units_of_people():
-    after = {"A": ROW | {"soh": "0.85", "best_model": "3RC"}, "B": ROW}
-    said = run_end.changes({"A": ROW, "C": ROW}, after)
-    assert said == "new: B; gone: C; A: state of health 90 % → 85 %, model 2RC → 3RC"
-    assert run_end.changes({}, after).startswith("this is the first run")
-    assert run_end.changes(after, after).startswith("no number")
 
 
 def write(path, rows):

@@ -164,34 +164,6 @@ def test_hashes_are_kept_until_a_source_changes(code, tmp_path):
     assert provenance._parsed.cache_info().misses == 0, "earlier sources are known as well"
 
 
-def test_kept_hashes_follow_the_stub_too(code, tmp_path):
-    """A public name that is taken from elsewhere changes no module."""
-    code(PUBLIC)
-    before = provenance.codes_of(["job"], [tmp_path / "kept"])
-    stub = tmp_path / "scripts" / "cellwright" / "__init__.pyi"
-    stub.write_text(PUBLIC["cellwright/__init__.pyi"].replace("steps import", "inputs import"))
-    forget()
-    assert provenance.codes_of(["job"], [tmp_path / "kept"]) != before
-
-
-def test_hashes_of_further_scripts_are_added(code, tmp_path):
-    whole = {"job": code(), "other": provenance.code_of("other")}
-    for names in (["job"], ["other"], ["job", "other"]):
-        assert provenance.codes_of(names, [tmp_path / "kept"]).items() <= whole.items()
-        forget()
-    assert provenance.codes_of(whole, [tmp_path / "kept"]) == whole
-    assert provenance._parsed.cache_info().misses == 0
-
-
-def test_hashes_are_kept_in_the_first_folder_that_can_be_written_to(code, tmp_path):
-    wanted, closed = code(), tmp_path / "a file and no folder"
-    closed.write_text("")
-    assert provenance.codes_of(["job"], [closed, tmp_path / "kept"]) == {"job": wanted}
-    (kept,) = (tmp_path / "kept").iterdir()
-    assert wanted in kept.read_text()
-    assert provenance.codes_of(["job"], [closed]) == {"job": wanted}
-
-
 @pytest.mark.parametrize("content", ["", "{", "{}", "[]"])
 def test_a_file_of_hashes_that_cannot_be_read_is_replaced(code, tmp_path, content):
     wanted = code()

@@ -16,19 +16,6 @@ CUT = """Array.from(document.querySelectorAll('section.here td, section.here th,
   .filter(e => e.offsetParent && e.scrollWidth > e.clientWidth + 1)
   .map(e => e.tagName + ' ' + e.textContent.slice(0, 40))"""
 WIDER = "document.documentElement.scrollWidth - window.innerWidth"
-# Contrast of a text with what is behind it, by the Web Content Accessibility Guidelines 2.1.
-CONTRAST = """(selector => {
-  const numbers = c => c.match(/[\\d.]+/g).map(Number);
-  const light = c => numbers(c).slice(0, 3).map(v => v / 255)
-    .map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
-    .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0);
-  const behind = e => { for (; e; e = e.parentElement) {
-    const c = getComputedStyle(e).backgroundColor;
-    if (!/, 0\\)$/.test(c)) return c; } };
-  return Array.from(document.querySelectorAll(selector)).filter(e => e.offsetParent).map(e => {
-    const [a, b] = [light(getComputedStyle(e).color), light(behind(e))];
-    return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05); });
-})"""
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +59,7 @@ def test_it_asks_for_nothing_and_says_nothing(tab, report):
     assert asked == {report.as_uri()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_is_cut_off(tab, report, width):
     tab.size(width)
@@ -105,6 +93,7 @@ def test_a_link_to_a_figure_opens_its_chapter_and_back_returns(tab, report):
     assert tab.evaluate("window.scrollY") == pytest.approx(120, abs=2)
 
 
+@pytest.mark.slow
 def test_a_predicted_test_is_looked_at_closer_by_mouse_and_by_keys(tab, report):
     tab.go(report, "cell-A/validation_udds")
     tab.evaluate("document.querySelector('section.here .closer').click()")
@@ -118,21 +107,7 @@ def test_a_predicted_test_is_looked_at_closer_by_mouse_and_by_keys(tab, report):
     assert tab.console == []
 
 
-def test_every_figure_and_table_has_a_place_and_a_number_of_its_own(tab, report):
-    tab.go(report, "all")
-    captions = "Array.from(document.querySelectorAll('.caption a'))"
-    links = tab.evaluate(f"{captions}.map(a => a.getAttribute('href').slice(1))")
-    numbers = tab.evaluate(f"{captions}.map(a => a.textContent)")
-    assert len(links) > 10
-    assert len(set(links)) == len(links) == len(set(numbers))
-    assert tab.evaluate(f"{links}.every(id => document.getElementById(id))".replace("'", '"'))
-
-
-def test_a_folded_page_fits_few_screens(tab, report):
-    tab.go(report, "cell-A")
-    assert tab.evaluate("document.documentElement.scrollHeight") <= 4 * 900
-
-
+@pytest.mark.slow
 def test_the_keyboard_reaches_and_sorts(tab, job, tmp_path, snakemake):
     tab.go(fleet(job, snakemake, tmp_path, 3))
     tab.press("Tab")
@@ -151,33 +126,6 @@ def test_the_keyboard_reaches_and_sorts(tab, job, tmp_path, snakemake):
     assert tab.evaluate(names) == ["N0", "N1", "N2"]
 
 
-def test_paper_shows_what_is_folded_and_cuts_nothing(tab, report):
-    tab.go(report, "cell-A")
-    folded = len(re.findall(rb"/Type /Page\b", tab.printed()))
-    tab.evaluate(UNFOLD)
-    assert folded == len(re.findall(rb"/Type /Page\b", tab.printed())) >= 2
-    tab.size(688)  # what is between the margins of A4, at 96 pixel an inch
-    tab.go(report, "all")
-    tab.call("Emulation.setEmulatedMedia", media="print")
-    tab.evaluate(UNFOLD)
-    assert tab.evaluate(CUT) == []
-    assert tab.evaluate(WIDER) <= 0
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_texts_stand_out(tab, report, scheme):
-    feature = {"name": "prefers-color-scheme", "value": scheme}
-    tab.call("Emulation.setEmulatedMedia", media="screen", features=[feature])
-    tab.go(report, "all")
-    tab.evaluate(UNFOLD)
-    shade = tab.evaluate("getComputedStyle(document.body).backgroundColor")
-    assert shade == {"light": "rgb(255, 255, 255)", "dark": "rgb(20, 25, 31)"}[scheme]
-    for selector in ("p", "a", "td", "th", ".quiet", ".caption", "dt", "summary", ".wrong", "h2"):
-        found = tab.evaluate(f"{CONTRAST}('{selector}')")
-        assert found, selector
-        assert min(found) >= 4.5, selector
-
-
 def test_without_a_script_all_of_it_is_there(tab, report):
     tab.call("Emulation.setScriptExecutionDisabled", value=True)
     tab.go(report, "cell-A", shown=False)
@@ -188,13 +136,7 @@ def test_without_a_script_all_of_it_is_there(tab, report):
     assert tab.evaluate("document.querySelectorAll('img').length") == 1
 
 
-def test_without_a_script_nothing_is_offered_that_needs_one(tab, job, tmp_path, snakemake):
-    tab.call("Emulation.setScriptExecutionDisabled", value=True)
-    tab.go(fleet(job, snakemake, tmp_path, 3), shown=False)
-    assert not tab.evaluate("document.querySelector('.filter').offsetParent")
-    assert not tab.evaluate("document.querySelector('table.cells button, .fold:not([hidden])')")
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "seen"), [("cell-A", 1), ("all", 1), ("overview", 0)])
 def test_a_packed_page_is_unpacked_when_it_is_looked_at(
     tab, job, tmp_path, monkeypatch, place, seen
@@ -255,6 +197,7 @@ def fleet(job, snakemake, folder, count):
     return written(page.render(job), folder)
 
 
+@pytest.mark.slow
 def test_five_hundred_cells_open_and_filter_at_once(tab, job, tmp_path, monkeypatch, snakemake):
     monkeypatch.setattr(page, "PLAIN_BYTES", 0)
     path = fleet(job, snakemake, tmp_path, 500)

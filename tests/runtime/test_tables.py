@@ -145,25 +145,6 @@ def test_the_summary_has_the_latest_state_of_health():
     assert fresh["knee_cycle"] is None
 
 
-def test_the_capacity_of_a_cell_is_that_of_its_slowest_discharge_of_the_first_cycle():
-    rows = ["A,charge,0.1,,9", "A,discharge,0.5,40,3.5", "A,discharge,0.51,,4", "A,discharge,1,,3"]
-    assert summary_of_a(capacity=rows)["capacity_ampere_hour"] == 4
-
-
-def test_the_resistance_of_a_cell_is_that_near_half_charge_at_room_temperature():
-    rows = [
-        "A,charge,0,0.5,1,,25,1",
-        "A,discharge,10,0.5,1,,25,2",
-        "A,discharge,0,0.5,1,,0,3",
-        "A,discharge,0,0.58,1,,25,4",
-        "A,discharge,0,0.52,3,,25,5",
-        "A,discharge,0,0.52,1.5,,25,6",
-        "A,discharge,0,0.5,1,90,25,7",
-        "A,discharge,0,,1,,25,8",
-    ]
-    assert summary_of_a(resistance=rows)["r0_50_25_ohm"] == 6
-
-
 def test_the_summary_says_what_is_missing():
     said = ["A,ambiguous,leakage,current_offset;ocv_edge,shows two"]
     said += ["A,ambiguous,time_skew,,shows two", "B,none,,,shows nothing"]
@@ -178,13 +159,6 @@ def test_the_summary_says_what_is_missing():
     assert [row["in_one_line"] for row in summary] == ["shows two", "shows nothing", None]
     assert summary[2]["validation_rmse_volt"] is None
     assert summary[2]["r0_50_25_ohm"] is None
-
-
-def test_the_summary_of_cells_that_lack_nothing_has_no_name():
-    found = frames(missing_effect=["A,none,,,shows nothing"])
-    facts = [{"cell": "A", "rated_capacity_ampere_hour": None}]
-    (row,) = tables.summary(facts, found, {}).to_dict("records")
-    assert (row["verdict"], row["missing_effect"]) == ("none", "")
 
 
 def test_names_that_look_like_numbers_or_like_nothing_stay_names():

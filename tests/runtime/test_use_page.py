@@ -6,8 +6,6 @@ import pytest
 
 from runtime import use_page
 
-ROW = {"model": "2RC", "chosen": "DRT+D"}
-
 
 @pytest.fixture
 def exported(tmp_path):
@@ -35,7 +33,3 @@ def test_each_export_says_what_it_holds_and_what_that_costs(exported):
     assert holds["PyBaMM"] == f"DRT, 5.2 mV; {in_use}. it cannot run diffusion."
     assert holds["Simulink and other tables"] == f"2RC, not validated; {in_use}"
     assert '"current_ampere": [-2.5, -2.5]' in rows[0][3].text
-
-
-def test_a_cell_without_members_has_no_such_part(exported):
-    assert use_page.table("C3", 5.0, *exported(members=[])) is None

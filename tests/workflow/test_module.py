@@ -10,6 +10,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import starts
 import tiny
+from quick import slow_but
 
 from runtime import artefact
 
@@ -85,6 +86,7 @@ def fleet(tmp_path_factory):
     return folder, *snakemake(folder, start=starts.anew)
 
 
+@pytest.mark.slow
 def test_its_default_target_is_made_by_our_jobs(fleet):
     folder, status, said = fleet
     assert status == 0, said
@@ -93,6 +95,7 @@ def test_its_default_target_is_made_by_our_jobs(fleet):
     assert (folder / "largest.txt").read_text() == "A ['column']\n"
 
 
+@pytest.mark.slow
 def test_its_config_is_the_module_s_and_its_sheets_are_its_folder_s(fleet):
     about = artefact.read_about(fleet[0] / "results/stages/clean/B/capacity.parquet")
     assert about["params"]["clean"]["gap_second"] == 60
@@ -100,6 +103,7 @@ def test_its_config_is_the_module_s_and_its_sheets_are_its_folder_s(fleet):
     assert about["reason"] is None
 
 
+@pytest.mark.slow
 def test_an_artefact_is_the_same_as_without_the_other_workflow(fleet, tmp_path):
     folder = _capacities(tmp_path / "alone")
     (folder / "config/config.yaml").write_text("clean:\n  gap_second: 60\n")
@@ -109,6 +113,7 @@ def test_an_artefact_is_the_same_as_without_the_other_workflow(fleet, tmp_path):
     assert (folder / CAPACITY).read_bytes() == (fleet[0] / CAPACITY).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_second_run_finds_nothing_to_do(fleet):
     profile = ["--workflow-profile", str(ROOT / "workflow/profiles/default")]
     assert "Nothing to be done" in snakemake(fleet[0], *profile)[1]
@@ -128,31 +133,13 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.parametrize("case", slow_but("prefix", REFUSED))
 def test_what_cannot_work_is_told_before_any_job(tmp_path, case):
     was, instead, words = REFUSED[case]
     status, said = snakemake(write(tmp_path / "fleet", USING.replace(was, instead)), "--dry-run")
     assert status != 0
     assert words in said
     assert "Job stats" not in said
-
-
-def test_without_a_config_of_the_module_the_campaign_s_file_is_read(tmp_path):
-    using = USING.replace('    config: config["cellwright"]\n', "").replace("configfile", "#")
-    folder = write(tmp_path / "fleet", using)
-    (folder / "config/config.yaml").write_text("clean:\n  gap_second: -1\n")
-    assert "config/config.yaml, line 2, clean.gap_second: found -1" in snakemake(folder, "-n")[1]
-
-
-def test_a_few_rules_can_be_used_under_their_own_names(tmp_path):
-    start, end = USING.index("use rule *"), USING.index("rule largest")
-    few = "use rule series, capacity from cellwright\n\n"
-    folder = write(tmp_path / "fleet", USING[:start] + few + USING[end:])
-    status, said = snakemake(folder, "--dry-run", CAPACITY)
-    assert status == 0, said
-    planned = said.split("Job stats:")[1].split("\ntotal")[0]
-    jobs = re.findall(r"^(\w+) +\d+$", planned, re.M)
-    assert sorted(jobs) == ["capacity", "series"]
 
 
 def test_the_example_of_the_documents_plans_what_it_says(tmp_path):
@@ -167,6 +154,7 @@ def test_the_example_of_the_documents_plans_what_it_says(tmp_path):
     assert {"everything", "largest", "cellwright_tables_of_tests", "cellwright_series"} <= set(jobs)
 
 
+@pytest.mark.slow
 def test_a_workflow_without_its_scripts_says_that_a_clone_is_needed(tmp_path):
     shutil.copytree(ROOT / "workflow", tmp_path / "fetched" / "workflow")
     using = USING.replace("{house}", str(tmp_path / "fetched"))

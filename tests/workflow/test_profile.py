@@ -50,6 +50,7 @@ def run(toy, *config):
     return starts.forked(*arguments(folder, *config), folder=repository).said
 
 
+@pytest.mark.slow
 def test_only_what_changed_is_made_again(toy):
     raw = toy[1] / "raw.txt"
     assert "Using workflow specific profile" in run(toy)
@@ -60,6 +61,7 @@ def test_only_what_changed_is_made_again(toy):
     assert "1 of 1 steps (100%) done" in run(toy, "unit=mV")
 
 
+@pytest.mark.slow
 def test_a_killed_run_does_not_lock_the_folder(toy):
     repository, folder = toy
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}

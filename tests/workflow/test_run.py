@@ -123,6 +123,7 @@ def bin_with(folder, **programs):
     return str(folder)
 
 
+@pytest.mark.slow
 def test_installs_once_recovers_from_a_kill_and_waits_for_another(clone):
     call = command(clone, "python", "-c", "import tiny; print('ran')", HOME="")
     killed = subprocess.Popen(**call, start_new_session=True, stderr=subprocess.DEVNULL)
@@ -143,6 +144,7 @@ def test_installs_once_recovers_from_a_kill_and_waits_for_another(clone):
     assert run(clone, "sh", "-c", "exit 7", HOME="").returncode == 7
 
 
+@pytest.mark.slow
 def test_a_home_keeps_the_environment(clone, tmp_path, quick):
     home = tmp_path / "home"
     home.mkdir()
@@ -151,6 +153,7 @@ def test_a_home_keeps_the_environment(clone, tmp_path, quick):
     assert not list(clone.glob(".venv*"))
 
 
+@pytest.mark.slow
 def test_a_package_that_differs_is_refused(clone, quick):
     lock = clone / "environment.lock"
     head, _, digest = lock.read_text().rpartition("sha256:")
@@ -161,6 +164,7 @@ def test_a_package_that_differs_is_refused(clone, quick):
     assert not list(clone.glob(".venv-*/complete"))
 
 
+@pytest.mark.slow
 def test_no_index_that_answers_is_named(clone, quick):
     nobody = {"PIP_NO_INDEX": "0", "PIP_FIND_LINKS": "", "PIP_RETRIES": "0"}
     nobody["PIP_INDEX_URL"] = "http://127.0.0.1:9/simple"
@@ -169,6 +173,7 @@ def test_no_index_that_answers_is_named(clone, quick):
     assert "no package index answers" in result.stderr
 
 
+@pytest.mark.slow
 def test_a_package_that_the_index_has_not_is_named(clone, quick):
     wheels = clone.parent / "wheels"
     (wheels / "tiny-1.0-py3-none-any.whl").unlink()
@@ -199,6 +204,7 @@ def test_no_python_at_all_is_named(clone, tmp_path):
     assert "no Python at all" in result.stderr
 
 
+@pytest.mark.slow
 def test_a_later_python_is_found_and_the_hash_needs_only_python(clone, tmp_path, quick):
     later = f'exec {quick.partition(":")[0]}/python3 "$@"'
     found = {"python3": "echo 3.9; echo /p; exit 1", "python3.11": later}
@@ -241,6 +247,7 @@ def test_nothing_to_run_is_told(clone):
     assert "./run snakemake --cores 2" in result.stderr
 
 
+@pytest.mark.slow
 def test_the_laboratory_has_an_environment_of_its_own(installed, quick):
     clone, wheels = installed, installed.parent / "wheels"
     lock = wheel(wheels, "setuptools") + wheel(wheels, "simulator")
@@ -250,6 +257,7 @@ def test_the_laboratory_has_an_environment_of_its_own(installed, quick):
     assert run(clone, "python", "-c", "import simulator", path=quick, HOME="").returncode == 1
 
 
+@pytest.mark.slow
 def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_named(
     installed, quick
 ):
@@ -267,6 +275,7 @@ def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_nam
     assert lab.stdout == f"{paths} \n"  # the laboratory's scripts need other packages
 
 
+@pytest.mark.slow
 def test_bytecode_is_kept_in_the_environment_where_the_folders_shall_have_none(installed, quick):
     clone = installed
     said = ["sh", "-c", 'echo "${PYTHONDONTWRITEBYTECODE-none} ${PYTHONPYCACHEPREFIX-none}"']

@@ -13,6 +13,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 import starts
+from quick import slow_but
 from report_text import unpacked
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -68,6 +69,7 @@ def test_every_campaign_is_told_of_and_planned_here():
     assert folders == set(PLANNED) == set(re.findall(r"^\| `(\w+)` \|", page, re.M))
 
 
+@pytest.mark.slow
 def test_pulses_are_two_jobs_where_their_rests_are_not_asked_for(tmp_path):
     """One job where they are, as in the default: see what is planned of that campaign."""
     folder = copied("ocv_pulses_drive", tmp_path)
@@ -77,12 +79,15 @@ def test_pulses_are_two_jobs_where_their_rests_are_not_asked_for(tmp_path):
 
 
 # The campaign of one bad file is run whole, and what was planned of it is looked at there.
-@pytest.mark.parametrize("name", sorted(set(PLANNED) - {"bad_file_only"}))
+@pytest.mark.parametrize(
+    "name", slow_but("ocv_pulses_drive", sorted(set(PLANNED) - {"bad_file_only"}))
+)
 def test_what_is_planned_is_what_its_tests_carry(name, tmp_path):
     said = snakemake(copied(name, tmp_path), "--dry-run", "all")
     assert rules(said) - {"all"} == PLANNED[name]
 
 
+@pytest.mark.slow
 def test_a_campaign_of_one_bad_file_ends_with_a_report_that_names_it(tmp_path):
     folder = copied("bad_file_only", tmp_path)
     assert rules(snakemake(folder, "all")) - {"all"} == PLANNED["bad_file_only"]
@@ -97,6 +102,7 @@ def test_a_campaign_of_one_bad_file_ends_with_a_report_that_names_it(tmp_path):
     assert [row["cell"] for row in table(folder, "summary.csv")] == ["X"]
 
 
+@pytest.mark.slow
 def test_spectra_alone_are_fitted_and_nothing_is_left_out(tmp_path):
     """They are no series of current and voltage, and none of the rules for those is asked."""
     folder = copied("spectra_only", tmp_path)
@@ -128,6 +134,7 @@ def with_simulated_files(folder):
     sheet.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_simulator_of_the_users_is_asked_what_it_lacks(tmp_path):
     folder = copied("ocv_pulses_drive", tmp_path)
     with_simulated_files(folder)
@@ -141,6 +148,7 @@ def test_a_simulator_of_the_users_is_asked_what_it_lacks(tmp_path):
     assert "the test has rows from 0.01 to" in short
 
 
+@pytest.mark.slow
 def test_a_raw_file_that_grows_makes_its_own_series_again_and_no_other(tmp_path):
     """A cycler writes on while the campaign is evaluated; another file is only touched."""
     folder = copied("ocv_pulses_drive", tmp_path)
@@ -179,6 +187,7 @@ def test_a_path_of_a_simulation_outside_the_campaign_is_a_fault_of_the_sheet(tmp
     assert "simulated_file: found '../hppc_25C.csv'" in done.said
 
 
+@pytest.mark.slow
 def test_cells_in_series_and_groups_in_groups_have_rules_of_their_own(tmp_path):
     folder = copied("parallel_group", tmp_path)
     header, pair = (folder / "config/tests.tsv").read_text().splitlines()[:2]

@@ -183,6 +183,7 @@ def files(folder) -> dict[str, bytes]:
     return found
 
 
+@pytest.mark.slow
 def test_same_files_and_bytes(both):
     local, warm = files(both["local"].folder), files(both["warm"].folder)
     assert local == warm
@@ -190,6 +191,7 @@ def test_same_files_and_bytes(both):
     assert made == {f"out/{n}.txt" for n in ("surroundings", "ending", "exits_0", "second_attempt")}
 
 
+@pytest.mark.slow
 def test_same_messages_and_exit_status(both):
     assert both["local"].status == both["warm"].status == 1
     assert comparable(both["local"].said) == comparable(both["warm"].said)
@@ -197,10 +199,12 @@ def test_same_messages_and_exit_status(both):
         assert message in both["warm"].said
 
 
+@pytest.mark.slow
 def test_an_interpreter_is_ended_as_it_should_be(both):
     assert text(both["warm"].folder, "ending") == "never closed; a thread; at exit; "
 
 
+@pytest.mark.slow
 def test_a_benchmark_measures_the_script_alone(tmp_path):
     """0.6 s of work of a server that has used more before.
 
@@ -256,6 +260,7 @@ LEFT_BEHIND = {
 RANDOM = "(__import__('random').random(), __import__('numpy').random.random())"
 
 
+@pytest.mark.slow
 def test_a_script_leaves_nothing_to_the_next(tmp_path):
     changes = [change for change, _, _ in LEFT_BEHIND.values()]
     looks = [f"print({look}, file=out)" for _, look, _ in LEFT_BEHIND.values()]
@@ -285,6 +290,7 @@ def test_a_script_leaves_nothing_to_the_next(tmp_path):
     assert not set(eval(before)) & set(eval(after))  # random numbers, of both generators
 
 
+@pytest.mark.slow
 def test_memory_that_a_script_freed_is_used_again(tmp_path):
     """Ten times five arrays of 20 MiB: the kernel hands out the pages of five, not of fifty."""
     work = """
@@ -320,6 +326,7 @@ RULES = {
 }
 
 
+@pytest.mark.slow
 def test_which_scripts_are_forked(tmp_path):
     rules = [
         f'rule {name}:\n    output: "out/{name}.txt"\n    {lines}\n    script: "scripts/one.py"\n'
@@ -332,6 +339,7 @@ def test_which_scripts_are_forked(tmp_path):
     assert forked == {name: expected for name, (_, expected) in RULES.items()}
 
 
+@pytest.mark.slow
 def test_a_prefix_of_all_commands_is_heeded(tmp_path):
     rule = 'shell.prefix("export SET=1; ")\nrule one:\n    output: "out/one.txt"\n'
     look = "import os; open(snakemake.output[0], 'w').write(os.environ['SET'])"
@@ -339,12 +347,14 @@ def test_a_prefix_of_all_commands_is_heeded(tmp_path):
     assert snakemake(folder, "out/one.txt").status == 0
 
 
+@pytest.mark.slow
 def test_a_run_of_few_scripts_needs_no_server(tmp_path):
     folder = write(tmp_path / "w", RULE.format(name="one", retries=0), one=parent_of_script())
     assert snakemake(folder, "out/one.txt", "--warm-least-scripts", "2").status == 0
     assert "server.py" not in text(folder, "one")
 
 
+@pytest.mark.slow
 def test_changed_code_is_seen_by_the_next_run_and_within_one(tmp_path):
     """`before` rewrites a module that was imported beforehand; `after` has to use the new one."""
     change = """
@@ -362,6 +372,7 @@ def test_changed_code_is_seen_by_the_next_run_and_within_one(tmp_path):
     assert text(folder, "after") == "changed between two runs"
 
 
+@pytest.mark.slow
 def test_a_module_that_starts_a_thread_is_not_forked(tmp_path):
     thread = (
         "import threading, time; threading.Thread(target=time.sleep, args=[9], name='N').start()"
@@ -382,6 +393,7 @@ def test_a_module_that_cannot_be_imported_is_named(tmp_path):
     assert "server.py" in text(folder, "one")
 
 
+@pytest.mark.slow
 def test_a_killed_server_takes_its_scripts_along(tmp_path):
     """The script that kills it fails; tried again, it runs without."""
     kill = """
@@ -425,6 +437,7 @@ def start(folder) -> subprocess.Popen:
     return session
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "handler"),
     [
@@ -454,6 +467,7 @@ def wait_until(fulfilled, second=60.0):
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_the_keyboards_interrupt_reaches_the_script(tmp_path):
     """A terminal sends it to the whole group: to Snakemake, the server and the script."""
     slow = """
@@ -471,6 +485,7 @@ def test_the_keyboards_interrupt_reaches_the_script(tmp_path):
     assert (folder / "cleaned_up").exists()
 
 
+@pytest.mark.slow
 class TestWorkflowsOfTheInterface(TestWorkflowsLocalStorageBase):
     """Snakemake's own tests of an executor: shell commands, groups, folders, threads."""
 
