@@ -14,12 +14,13 @@ UNITS = {
     "current": {"A": 1.0, "mA": 1e-3, "uA": 1e-6, "µA": 1e-6},
     "voltage": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6},
     "charge": {"Ah": 1.0, "A.h": 1.0, "mAh": 1e-3, "mA.h": 1e-3, "As": 1 / 3600, "C": 1 / 3600},
-    "temperature": {"degC": 1.0, "°C": 1.0, "C": 1.0, "K": 1.0},
+    "temperature": {"degC": 1.0, "°C": 1.0, "C": 1.0, "K": 1.0, "degF": 5 / 9},
+    "angle": {"deg": 1.0, "rad": 57.29577951308232},
     "impedance": {"ohm": 1.0, "Ohm": 1.0, "Ω": 1.0, "mohm": 1e-3, "mOhm": 1e-3, "mΩ": 1e-3},
     "frequency": {"Hz": 1.0, "mHz": 1e-3, "kHz": 1e3},
     "count": {"1": 1.0, "": 1.0},
 }
-OFFSET = {"K": -273.15}
+OFFSET = {"K": -273.15, "degF": -160 / 9}
 # Units as words, for labels such as test_time_millisecond.
 WORDS = {
     "second": "s", "millisecond": "ms", "minute": "min", "hour": "h", "ampere": "A",
@@ -84,13 +85,24 @@ def known_fields(labels: Iterable[str], meaning: Callable[[str], Field | None]) 
     return fields
 
 
-def require(fields: Sequence[Field], columns: Sequence[str], spelt: Mapping[str, str]) -> None:
-    """Refuse a file that lacks a column; `spelt` says how the instrument labels it."""
+def require(
+    fields: Sequence[Field],
+    columns: Sequence[str],
+    spelt: Mapping[str, str],
+    labels: Sequence[str] = (),
+) -> None:
+    """Refuse a file that lacks a column; `spelt` says how the instrument labels it.
+
+    labels : all of the file, to name those that are not known.
+    """
     found = {field.column for field in fields}
     missing = [spelt[column] for column in columns if column not in found]
     if missing:
-        have = ", ".join(repr(field.label) for field in fields) or "none that is known"
-        raise Refusal(f"no column {', '.join(map(repr, missing))}; found: {have}")
+        known = [field.label for field in fields]
+        have = ", ".join(map(repr, known)) or "none that is known"
+        others = ", ".join(repr(label) for label in labels if label and label not in known)
+        unknown = f"; not known: {others}" if others else ""
+        raise Refusal(f"no column {', '.join(map(repr, missing))}; found: {have}{unknown}")
 
 
 def converted(values: Mapping[str, np.ndarray], fields: Sequence[Field]) -> dict[str, np.ndarray]:

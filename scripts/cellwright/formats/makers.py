@@ -4,6 +4,7 @@ A column is named by a pattern of its label (case ignored) and means a column of
 unit: as text here, or, where the pattern has a group `unit`, as the label itself says.
 """
 
+from cellwright.formats.dates import ZONED
 from cellwright.formats.text_table import Format
 
 STEP_CHARGE = "step_capacity_ampere_hour"
@@ -215,35 +216,66 @@ MAKERS = (
     ),
 )
 
-UNIT = r"(?:\s*[\[(/_ ]\s*(?P<unit>{})\s*[\])]?)?"
-DEGREES = r"(?:\s*[\[(/_ ]\s*(?:deg)?c[\])]?)"
-HOURS, AMPERES = UNIT.format("s|sec|seconds|ms|min|h|hours?"), UNIT.format("m?a")
-VOLTS, CHARGE = UNIT.format("m?v"), UNIT.format("m?ah")
+UNIT = r"(?:\s*(?:[\[(/_ ]|\bin\s)\s*(?P<unit>{})\s*[\])]?)?"
+HOURS, AMPERES = UNIT.format("s|sec|seconds|ms|min|h|hours?|秒"), UNIT.format("m?a")
+VOLTS, CHARGE = UNIT.format("m?v"), UNIT.format("m?a[h.]{1,2}")
+DEGREES, OHMS = UNIT.format("deg[cf]|°[cf]|[ck]"), UNIT.format("m?ohms?|m?Ω|m?ω")
+ANGLE = UNIT.format("deg|°|rad")
+# Names of time, current and voltage in the languages of laboratories, and their symbols.
+CLOCKS = r"(?:test|total|elapsed|run)?[ _]?time|(?:test|lauf|prüf)?zeit|temps|tiempo|tempo|t"
+CLOCKS += r"|(?:总|测试)?时间"
+CURRENTS = r"current|amps|strom(?:stärke)?|courant|intensité|corriente|corrente|电流|<?i>?"
+VOLTAGES = r"(?:cell[ _])?voltage|potential|volts|spannung|tension|tensión|voltaje|tensione|电压"
+VOLTAGES += r"|ecell|ewe|[uve]"
+CHARGING = "chg|charge|charging|laden|ladung|充电"
+DISCHARGING = "d(?:is)?chg|discharge|discharging|entladen|entladung|放电"
+DATES = r"date(?:[ _/-]?time)?|datum(?:[ /_-]?(?:zeit|uhrzeit))?|time[ _]?stamp|zeitstempel"
 # Tables of nobody in particular, tried where no maker is recognised: names of time, current and
-# voltage in one line.
+# voltage, or of frequency and impedance, in one line.
 GENERIC = Format(
     "table",
     "a table of time, current and voltage",
-    mark=r"(?i)^(?=[^\n]*(?:\b|_)time)(?=[^\n]*\bcurrent)(?=[^\n]*\b(?:voltage|potential))[^\n]*[,;\t]",
-    header=r"(?i)^(?=[^\n]*(?:\b|_)time)(?=[^\n]*\bcurrent)(?=[^\n]*\b(?:voltage|potential))[^\n]*$",
+    mark="",
+    header="",
     columns={
-        rf"(?:test[ _]|total[ _]|elapsed[ _])?time{HOURS}": (TIME, "time", "s"),
-        rf"current{AMPERES}": (AMPERE, "current", "A"),
-        rf"(?:voltage|potential){VOLTS}": (VOLT, "voltage", "V"),
+        rf"(?:{CLOCKS}){HOURS}(?:\(?h+:m\S*\)?)?": (TIME, "time", "s"),
+        rf"(?:step[ _]?time|schrittzeit|步骤?时间){HOURS}": ("step_time_second", "time", "s"),
+        rf"(?:unix[ _]?time|epoch|time[ _]?stamp){HOURS}": ("unix_time_second", "time", "s"),
+        rf"(?:{CURRENTS}){AMPERES}": (AMPERE, "current", "A"),
+        rf"(?:{VOLTAGES}){VOLTS}": (VOLT, "voltage", "V"),
         rf"charge[ _]capacity{CHARGE}": ("charge_counter", "charge", "Ah"),
         rf"discharge[ _]capacity{CHARGE}": ("discharge_counter", "charge", "Ah"),
-        r"step(?:[ _]index)?": ("step_index", "count", "1"),
-        r"cycle(?:[ _]index)?": ("cycle_count", "count", "1"),
-        rf"(?:cell[ _])?temperature{DEGREES}": (
-            SURFACE,
-            "temperature",
-            "degC",
-        ),
+        rf"(?:capacity|kapazität|capacité|capacidad|容量){CHARGE}": (STEP_CHARGE, "charge", None),
+        r"step(?:[ _](?:index|number|id))?|schritt": ("step_index", "count", "1"),
+        r"cycle(?:[ _](?:index|number))?|zyklus": ("cycle_count", "count", "1"),
+        rf"(?:cell[ _])?temp(?:erature|eratur|érature)?{DEGREES}": (SURFACE, "temperature", "degC"),
         rf"(?:environment|chamber)[ _]temp(?:erature)?{DEGREES}": (
             AMBIENT,
             "temperature",
             "degC",
         ),
+        rf"freq(?:uency|uenz)?{UNIT.format('m?hz|khz')}": ("frequency_hertz", "frequency", "Hz"),
+        rf"(?:z'|z_?re(?:al)?|re\(z\)|z real){OHMS}": ("impedance_real_ohm", "impedance", "ohm"),
+        rf"(?:z''|z\"|z_?im(?:ag|g)?|im\(z\)|z imag){OHMS}": (
+            "impedance_imaginary_ohm",
+            "impedance",
+            "ohm",
+        ),
+        rf"-\s?(?:z''|z\"|z_?im(?:ag|g)?|im\(z\)|z imag){OHMS}": (
+            "minus_impedance_imaginary_ohm",
+            "impedance",
+            "ohm",
+        ),
+        rf"(?:\|z\||zmod|z_?abs|impedance){OHMS}": ("impedance_ohm", "impedance", "ohm"),
+        rf"(?:phase|phase\(z\)|zphz|theta){ANGLE}": ("phase_degree", "angle", "deg"),
     },
+    state=r"status|state|mode|step[ _]?(?:type|name)|zustand|状态|工步类型",
+    signs={
+        rf"(?:c[cvp]){{0,2}}[ _-]*(?:{CHARGING}|c)": 1.0,
+        rf"(?:c[cvp]){{0,2}}[ _-]*(?:{DISCHARGING}|d)": -1.0,
+        r"rest|pause|ruhe|ocv|r|p|idle|静置": 0.0,
+    },
+    date=DATES,
+    dates=(*ISO_DATES, ZONED, "%d.%m.%Y %H:%M:%S", *US_DATES, "%Y/%m/%d %H:%M:%S"),
     units_taken=True,
 )
