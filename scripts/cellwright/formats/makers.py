@@ -7,7 +7,8 @@ unit: as text here, or, where the pattern has a group `unit`, as the label itsel
 from cellwright.formats.dates import ZONED
 from cellwright.formats.text_table import Format
 
-STEP_CHARGE = "step_capacity_ampere_hour"
+STEP_CHARGE, STEP_ENERGY = "step_capacity_ampere_hour", "step_energy_watt_hour"
+PUT_IN, TAKEN_OUT = "charge_energy_counter", "discharge_energy_counter"
 TIME, AMPERE, VOLT = "test_time_second", "current_ampere", "voltage_volt"
 SURFACE, AMBIENT = "surface_temperature_celsius", "ambient_temperature_celsius"
 NET = "net_capacity_ampere_hour"
@@ -46,6 +47,7 @@ MAKERS = (
                 "charge",
                 "Ah",
             ),
+            r"watt-hr|energy": (STEP_ENERGY, "energy", "Wh"),
             r"step": ("step_index", "count", "1"),
             r"cyc#|cycle c": ("cycle_count", "count", "1"),
             r"(?:aux #1|temp 1)": (SURFACE, "temperature", "degC"),
@@ -66,6 +68,8 @@ MAKERS = (
             r"voltage\((?P<unit>m?V)\)": (VOLT, "voltage", None),
             r"chg\. cap\.\((?P<unit>m?Ah)\)": ("charge_counter", "charge", None),
             r"dchg\. cap\.\((?P<unit>m?Ah)\)": ("discharge_counter", "charge", None),
+            r"chg\. energy\((?P<unit>m?Wh)\)": (PUT_IN, "energy", None),
+            r"dchg\. energy\((?P<unit>m?Wh)\)": (TAKEN_OUT, "energy", None),
             r"step index": ("step_index", "count", "1"),
             r"cycle index": ("cycle_count", "count", "1"),
             r"t1\(.{1,2}\)": (SURFACE, "temperature", "degC"),
@@ -86,6 +90,8 @@ MAKERS = (
             r"\(q-qo\)/(?P<unit>m?a\.h)": (NET, "charge", None),
             r"q charge/(?P<unit>m?a\.h)": ("charge_counter", "charge", None),
             r"q discharge/(?P<unit>m?a\.h)": ("discharge_counter", "charge", None),
+            r"energy charge/(?P<unit>m?w\.h)": (PUT_IN, "energy", None),
+            r"energy discharge/(?P<unit>m?w\.h)": (TAKEN_OUT, "energy", None),
             r"ns": ("step_index", "count", "1"),
             r"temperature/.{1,2}c": (SURFACE, "temperature", "degC"),
             r"freq/(?P<unit>hz)": ("frequency_hertz", "frequency", None),
@@ -137,6 +143,8 @@ MAKERS = (
             r"voltage_(?P<unit>m?v)": (VOLT, "voltage", None),
             r"charge_capacity_(?P<unit>m?ah)": ("charge_counter", "charge", None),
             r"discharge_capacity_(?P<unit>m?ah)": ("discharge_counter", "charge", None),
+            r"charge_energy_(?P<unit>m?wh)": (PUT_IN, "energy", None),
+            r"discharge_energy_(?P<unit>m?wh)": (TAKEN_OUT, "energy", None),
             r"step_index": ("step_index", "count", "1"),
             r"cycle_index": ("cycle_count", "count", "1"),
             r"temperature_1_c": (SURFACE, "temperature", "degC"),
@@ -220,7 +228,7 @@ UNIT = r"(?:\s*(?:[\[(/_ ]|\bin\s)\s*(?P<unit>{})\s*[\])]?)?"
 HOURS, AMPERES = UNIT.format("s|sec|seconds|ms|min|h|hours?|秒"), UNIT.format("m?a")
 VOLTS, CHARGE = UNIT.format("m?v"), UNIT.format("m?a[h.]{1,2}")
 DEGREES, OHMS = UNIT.format("deg[cf]|°[cf]|[ck]"), UNIT.format("m?ohms?|m?Ω|m?ω")
-ANGLE = UNIT.format("deg|°|rad")
+ANGLE, ENERGIES = UNIT.format("deg|°|rad"), UNIT.format("m?wh")
 # Names of time, current and voltage in the languages of laboratories, and their symbols.
 CLOCKS = r"(?:test|total|elapsed|run)?[ _]?time|(?:test|lauf|prüf)?zeit|temps|tiempo|tempo|t"
 CLOCKS += r"|(?:总|测试)?时间"
@@ -245,6 +253,8 @@ GENERIC = Format(
         rf"(?:{VOLTAGES}){VOLTS}": (VOLT, "voltage", "V"),
         rf"charge[ _]capacity{CHARGE}": ("charge_counter", "charge", "Ah"),
         rf"discharge[ _]capacity{CHARGE}": ("discharge_counter", "charge", "Ah"),
+        rf"charge[ _]energy{ENERGIES}": (PUT_IN, "energy", "Wh"),
+        rf"discharge[ _]energy{ENERGIES}": (TAKEN_OUT, "energy", "Wh"),
         rf"(?:capacity|kapazität|capacité|capacidad|容量){CHARGE}": (STEP_CHARGE, "charge", None),
         r"step(?:[ _](?:index|number|id))?|schritt": ("step_index", "count", "1"),
         r"cycle(?:[ _](?:index|number))?|zyklus": ("cycle_count", "count", "1"),

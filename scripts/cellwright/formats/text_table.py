@@ -16,6 +16,7 @@ from cellwright.formats.content import (
 )
 from cellwright.formats.dates import clock_second, over_midnight, unix_time_second
 from cellwright.formats.fields import (
+    ENERGY,
     IMPEDANCE,
     NET,
     SERIES,
@@ -409,6 +410,9 @@ def _signed(form, current, letters):
 
 def _with_counters(columns):
     """Columns with the net counter that one of unknown scope is: what it counts, its falls tell."""
+    energy = columns.pop("step_energy_watt_hour", None)
+    if energy is not None:
+        columns[ENERGY] = _net(np.abs(energy), columns["current_ampere"])
     counter = columns.pop("step_capacity_ampere_hour", None)
     if counter is not None and NET not in columns:
         fallen = np.diff(counter, prepend=counter[:1]) < 0
@@ -419,7 +423,7 @@ def _with_counters(columns):
 
 
 def _net(magnitude, current):
-    """Net charge [Ah] from a counter of magnitudes that begins anew with steps."""
+    """Net charge [Ah], or energy, from a counter of magnitudes that begins anew with steps."""
     sign = np.sign(current)
     moved = np.diff(magnitude, prepend=magnitude[:1])
     moved = np.where(moved < 0, magnitude, moved)

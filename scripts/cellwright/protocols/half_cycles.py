@@ -113,6 +113,7 @@ def _half_cycle(span, columns, steps, limits, dynamic):
     at_limit = [k for k in loads if limit is not None and _reaches(k, sign, limit, voltage, steps)]
     if not dynamic:
         at_limit = [k for k in at_limit if steps.kind[k] != "dynamic"]
+    last = _end_of_hold(at_limit[0], loads, limit, voltage, steps) if at_limit else None
     fault = ""
     if limit is None:
         name = "upper" if sign > 0 else "lower"
@@ -127,10 +128,20 @@ def _half_cycle(span, columns, steps, limits, dynamic):
         reached=bool(at_limit),
         under_load=loads[0] == 0,
         loads=tuple(loads),
-        to_cutoff=tuple(k for k in loads if not at_limit or k <= at_limit[0]),
+        to_cutoff=tuple(k for k in loads if not at_limit or k <= last),
         last_row=turn,
         fault=fault,
     )
+
+
+def _end_of_hold(step, loads, limit, voltage, steps):
+    """The last load that goes on at the cut-off [V] after one that reached it, as over a gap."""
+    while step + 1 in loads:
+        ends = [int(rows[step + 1]) for rows in (steps.first_row, steps.last_row)]
+        if np.any(np.abs(voltage[ends] - limit) > NEAR_VOLT):
+            break
+        step += 1
+    return step
 
 
 def _loads(span, steps):
