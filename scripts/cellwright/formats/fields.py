@@ -131,8 +131,9 @@ def _counted(column: np.ndarray) -> np.ndarray:
 def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], int]:
     """Columns with the counters of charge and of discharge as one net counter, and the sign.
 
-    Those of energy likewise, as net_energy_watt_hour [Wh]. Two counters say which way the charge went, whatever sign the current is written with; a
-    current that is never negative takes its signs from them.
+    Those of energy likewise, as net_energy_watt_hour [Wh]. Two counters say which way the charge
+    went, whatever sign the current is written with; a current that is never negative takes its
+    signs from them.
 
     Returns
     -------

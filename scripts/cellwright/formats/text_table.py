@@ -71,7 +71,6 @@ SAME_UNIT = {
 }  # fmt: skip
 CLOCK = "clock"  # unit of a time that is written as [days d] hours:minutes:seconds
 NOT_SAID = "not said"
-MOST_RESTARTS = 0.1  # of the rows at which a counter of magnitudes begins anew
 CLOCKED = re.compile(r"^\s*(?:\d+\s*d\s+)?\d+:\d+:\d")
 # Factors between a clock whose unit is not said and its dates [s].
 CLOCK_UNITS = {1.0: "s", 60.0: "min", 3600.0: "h"}
@@ -415,9 +414,10 @@ def _with_counters(columns):
         columns[ENERGY] = _net(np.abs(energy), columns["current_ampere"])
     counter = columns.pop("step_capacity_ampere_hour", None)
     if counter is not None and NET not in columns:
-        fallen = np.diff(counter, prepend=counter[:1]) < 0
-        # One that falls with every row of a discharge counts net; magnitudes fall at a restart.
-        net = np.count_nonzero(fallen) > MOST_RESTARTS * len(counter)
+        fallen = np.flatnonzero(np.diff(counter) < 0)
+        # Magnitudes fall where they begin anew from zero; one that falls row by row counts net.
+        by_rows = np.abs(counter[fallen + 1]) > 0.5 * np.abs(counter[fallen])
+        net = 2 * np.count_nonzero(by_rows) > len(fallen)
         columns[NET] = counter if net else _net(np.abs(counter), columns["current_ampere"])
     return columns
 

@@ -190,17 +190,26 @@ def unsure_of_edges(half, variance, columns, limits):
     return float(np.sqrt(inside + beyond**2 / 3.0))
 
 
-def unsure_of_instrument(half, test_time_second, current_ampere, accuracy_share):
+def reading_at_rest(current_ampere, steps):
+    """Median over a record's rests of what the current reads in each [A], 0 where it has none."""
+    rests = zip(steps.first_row, steps.last_row, steps.kind, strict=True)
+    read = [np.median(current_ampere[a : b + 1]) for a, b, kind in rests if kind == "rest"]
+    return float(np.median(read)) if read else 0.0
+
+
+def unsure_of_instrument(half, test_time_second, current_ampere, accuracy_share, rest_ampere):
     """Standard deviation [Ah] of what a half cycle moves by the ammeter's gain and offset.
 
     Its reading may be off by up to a share of its range anywhere (a uniform distribution), and its
-    range holds at least the record's largest current: no record tells more.
+    range holds at least the record's largest current. What it reads in rests it may read too much
+    under load as well, or not at all: nothing tells which.
 
     half : HalfCycle. test_time_second, current_ampere : (n,) [s], [A]. accuracy_share : as of
-        `settings.Instrument`.
+        `settings.Instrument`. rest_ampere : `reading_at_rest` of the record.
     """
     hours = (test_time_second[half.last_row] - test_time_second[half.first_row]) / 3600.0
-    return float(accuracy_share * np.abs(current_ampere).max() * hours / np.sqrt(3.0))
+    most = accuracy_share * np.abs(current_ampere).max(), rest_ampere
+    return float(np.linalg.norm(most) * hours / np.sqrt(3.0))
 
 
 def weighted_median(values, weights):
