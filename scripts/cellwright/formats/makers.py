@@ -5,9 +5,15 @@ unit: as text here, or, where the pattern has a group `unit`, as the label itsel
 """
 
 from cellwright.formats.dates import ZONED
-from cellwright.formats.text_table import Format
+from cellwright.formats.text_table import (
+    MINUS,
+    STEP_CHARGE,
+    STEP_ENERGY,
+    STEP_TIME,
+    UNIX,
+    Format,
+)
 
-STEP_CHARGE, STEP_ENERGY = "step_capacity_ampere_hour", "step_energy_watt_hour"
 PUT_IN, TAKEN_OUT = "charge_energy_counter", "discharge_energy_counter"
 TIME, AMPERE, VOLT = "test_time_second", "current_ampere", "voltage_volt"
 SURFACE, AMBIENT = "surface_temperature_celsius", "ambient_temperature_celsius"
@@ -43,7 +49,7 @@ MAKERS = (
             r"amps|current(?: \[(?P<unit>m?A)\])?": (AMPERE, "current", "A"),
             r"volts|voltage(?: \[(?P<unit>m?V)\])?": (VOLT, "voltage", "V"),
             r"amp-hr|cap\. \[(?P<unit>m?Ah)\]|capacity": (
-                "step_capacity_ampere_hour",
+                STEP_CHARGE,
                 "charge",
                 "Ah",
             ),
@@ -96,7 +102,7 @@ MAKERS = (
             r"temperature/.{1,2}c": (SURFACE, "temperature", "degC"),
             r"freq/(?P<unit>hz)": ("frequency_hertz", "frequency", None),
             r"re\(z\)/(?P<unit>ohm)": ("impedance_real_ohm", "impedance", None),
-            r"-im\(z\)/(?P<unit>ohm)": ("minus_impedance_imaginary_ohm", "impedance", None),
+            r"-im\(z\)/(?P<unit>ohm)": (MINUS, "impedance", None),
         },
         dates=("%m/%d/%Y %H:%M:%S",),
     ),
@@ -230,11 +236,12 @@ VOLTS, CHARGE = UNIT.format("m?v"), UNIT.format("m?a[h.]{1,2}")
 DEGREES, OHMS = UNIT.format("deg[cf]|°[cf]|[ck]"), UNIT.format("m?ohms?|m?Ω|m?ω")
 ANGLE, ENERGIES = UNIT.format("deg|°|rad"), UNIT.format("m?wh")
 # Names of time, current and voltage in the languages of laboratories, and their symbols.
-CLOCKS = r"(?:test|total|elapsed|run)?[ _]?time|(?:test|lauf|prüf)?zeit|temps|tiempo|tempo|t"
-CLOCKS += r"|(?:总|测试)?时间"
+# A small t is a time, a capital one a temperature.
+CLOCKS = r"(?:test|total|elapsed|run)?[ _]?time|(?:test|lauf|prüf)?zeit|temps|tiempo|tempo"
+CLOCKS += r"|(?:总|测试)?时间|(?-i:t)"
 CURRENTS = r"current|amps|strom(?:stärke)?|courant|intensité|corriente|corrente|电流|<?i>?"
 VOLTAGES = r"(?:cell[ _])?voltage|potential|volts|spannung|tension|tensión|voltaje|tensione|电压"
-VOLTAGES += r"|ecell|ewe|[uve]"
+VOLTAGES += r"|ecell|ewe|[uv]"
 CHARGING = "chg|charge|charging|laden|ladung|充电"
 DISCHARGING = "d(?:is)?chg|discharge|discharging|entladen|entladung|放电"
 DATES = r"date(?:[ _/-]?time)?|datum(?:[ /_-]?(?:zeit|uhrzeit))?|time[ _]?stamp|zeitstempel"
@@ -247,8 +254,8 @@ GENERIC = Format(
     header="",
     columns={
         rf"(?:{CLOCKS}){HOURS}(?:\(?h+:m\S*\)?)?": (TIME, "time", "s"),
-        rf"(?:step[ _]?time|schrittzeit|步骤?时间){HOURS}": ("step_time_second", "time", "s"),
-        rf"(?:unix[ _]?time|epoch|time[ _]?stamp){HOURS}": ("unix_time_second", "time", "s"),
+        rf"(?:step[ _]?time|schrittzeit|步骤?时间){HOURS}": (STEP_TIME, "time", "s"),
+        rf"(?:unix[ _]?time|epoch|time[ _]?stamp){HOURS}": (UNIX, "time", "s"),
         rf"(?:{CURRENTS}){AMPERES}": (AMPERE, "current", "A"),
         rf"(?:{VOLTAGES}){VOLTS}": (VOLT, "voltage", "V"),
         rf"charge[ _]capacity{CHARGE}": ("charge_counter", "charge", "Ah"),
@@ -258,7 +265,11 @@ GENERIC = Format(
         rf"(?:capacity|kapazität|capacité|capacidad|容量){CHARGE}": (STEP_CHARGE, "charge", None),
         r"step(?:[ _](?:index|number|id))?|schritt": ("step_index", "count", "1"),
         r"cycle(?:[ _](?:index|number))?|zyklus": ("cycle_count", "count", "1"),
-        rf"(?:cell[ _])?temp(?:erature|eratur|érature)?{DEGREES}": (SURFACE, "temperature", "degC"),
+        rf"(?:(?:cell[ _])?temp(?:erature|eratur|érature)?|(?-i:T)){DEGREES}": (
+            SURFACE,
+            "temperature",
+            "degC",
+        ),
         rf"(?:environment|chamber)[ _]temp(?:erature)?{DEGREES}": (
             AMBIENT,
             "temperature",
@@ -272,7 +283,7 @@ GENERIC = Format(
             "ohm",
         ),
         rf"-\s?(?:z''|z\"|z_?im(?:ag|g)?|im\(z\)|z imag){OHMS}": (
-            "minus_impedance_imaginary_ohm",
+            MINUS,
             "impedance",
             "ohm",
         ),

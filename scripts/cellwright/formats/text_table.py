@@ -52,6 +52,9 @@ MINUS, IMAGINARY = "minus_impedance_imaginary_ohm", "impedance_imaginary_ohm"
 # Impedance as it may be written instead of its real and imaginary part.
 POLAR = {"impedance_ohm": "impedance_real_ohm", "phase_degree": IMAGINARY}
 PARTS = (*IMPEDANCE, MINUS, *POLAR)
+STEP_CHARGE, STEP_ENERGY = "step_capacity_ampere_hour", "step_energy_watt_hour"
+# Columns whose meaning the others of a table tell.
+UNTOLD = (STEP_TIME, STEP_CHARGE, STEP_ENERGY, MINUS, *POLAR)
 SPELT = {
     "test_time_second": "time",
     "current_ampere": "current",
@@ -409,10 +412,10 @@ def _signed(form, current, letters):
 
 def _with_counters(columns):
     """Columns with the net counter that one of unknown scope is: what it counts, its falls tell."""
-    energy = columns.pop("step_energy_watt_hour", None)
+    energy = columns.pop(STEP_ENERGY, None)
     if energy is not None:
         columns[ENERGY] = _net(np.abs(energy), columns["current_ampere"])
-    counter = columns.pop("step_capacity_ampere_hour", None)
+    counter = columns.pop(STEP_CHARGE, None)
     if counter is not None and NET not in columns:
         fallen = np.flatnonzero(np.diff(counter) < 0)
         # Magnitudes fall where they begin anew from zero; one that falls row by row counts net.
