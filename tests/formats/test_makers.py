@@ -72,7 +72,7 @@ def test_a_last_row_that_is_cut_off_is_left_out_and_told():
     assert len(reading.columns["voltage_volt"]) == 3
     assert reading.notes == (
         "the last row is cut off (5 of 12 fields) and was left out",
-        "columns that are not read: Rec#, StepTime, Watt-hr, ES",
+        "columns that are not read: Rec#, StepTime, ES",
     )
 
 
