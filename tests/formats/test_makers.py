@@ -200,6 +200,14 @@ def test_a_table_is_read_by_what_its_columns_are_called(form):
         assert counted[-1] - counted[0] == pytest.approx((100 - 200) / 3600, abs=1e-4)
 
 
+def test_of_several_names_of_one_thing_the_plainest_is_read_and_the_others_are_named():
+    two = {"Time (s)": IN_STEP, "Total Time (s)": TIME, "V": 2 * VOLT, "I": 0 * AMPERE}
+    reading = read(written(two | {"Current (A)": AMPERE} | VOLTAGE))
+    np.testing.assert_allclose(reading.columns["test_time_second"], TIME)
+    np.testing.assert_allclose(reading.columns["voltage_volt"], VOLT, atol=0.006)
+    assert "columns that are not read: Time (s), V, I" in reading.notes
+
+
 def test_a_clock_that_begins_anew_within_a_step_stays_as_it_is():
     anew = np.where(TIME < 150, TIME, TIME - 150)
     columns = read(

@@ -236,28 +236,31 @@ VOLTS, CHARGE = UNIT.format("m?v"), UNIT.format("m?a[h.]{1,2}")
 DEGREES, OHMS = UNIT.format("deg[cf]|°[cf]|[ck]"), UNIT.format("m?ohms?|m?Ω|m?ω")
 ANGLE, ENERGIES = UNIT.format("deg|°|rad"), UNIT.format("m?wh")
 # Names of time, current and voltage in the languages of laboratories, and their symbols.
-# A small t is a time, a capital one a temperature.
-CLOCKS = r"(?:test|total|elapsed|run)?[ _]?time|(?:test|lauf|prüf)?zeit|temps|tiempo|tempo"
-CLOCKS += r"|(?:总|测试)?时间|(?-i:t)"
-CURRENTS = r"current|amps|strom(?:stärke)?|courant|intensité|corriente|corrente|电流|<?i>?"
-VOLTAGES = r"(?:cell[ _])?voltage|potential|volts|spannung|tension|tensión|voltaje|tensione|电压"
-VOLTAGES += r"|ecell|ewe|[uv]"
+CLOCKS = r"time|zeit|temps|tiempo|tempo|时间"
+WHOLE_CLOCKS = r"(?:test|total|elapsed|run)[ _]?time|(?:test|lauf|prüf)zeit|(?:总|测试)时间"
+CURRENTS = r"current|amps|strom(?:stärke)?|courant|intensité|corriente|corrente|电流"
+VOLTAGES = r"voltage|potential|volts|spannung|tension|tensión|voltaje|tensione|电压"
 CHARGING = "chg|charge|charging|laden|ladung|充电"
 DISCHARGING = "d(?:is)?chg|discharge|discharging|entladen|entladung|放电"
 DATES = r"date(?:[ _/-]?time)?|datum(?:[ /_-]?(?:zeit|uhrzeit))?|time[ _]?stamp|zeitstempel"
 # Tables of nobody in particular, tried where no maker is recognised: names of time, current and
-# voltage, or of frequency and impedance, in one line.
+# voltage, or of frequency and impedance, in one line. Of several the one that stands first here.
 GENERIC = Format(
     "table",
     "a table of time, current and voltage",
     mark="",
     header="",
     columns={
+        rf"(?:{WHOLE_CLOCKS}){HOURS}(?:\(?h+:m\S*\)?)?": (TIME, "time", "s"),
         rf"(?:{CLOCKS}){HOURS}(?:\(?h+:m\S*\)?)?": (TIME, "time", "s"),
         rf"(?:step[ _]?time|schrittzeit|步骤?时间){HOURS}": (STEP_TIME, "time", "s"),
         rf"(?:unix[ _]?time|epoch|time[ _]?stamp){HOURS}": (UNIX, "time", "s"),
         rf"(?:{CURRENTS}){AMPERES}": (AMPERE, "current", "A"),
         rf"(?:{VOLTAGES}){VOLTS}": (VOLT, "voltage", "V"),
+        # Symbols: a small t is a time, a capital one a temperature.
+        rf"(?-i:t){HOURS}": (TIME, "time", "s"),
+        rf"<?i>?{AMPERES}": (AMPERE, "current", "A"),
+        rf"(?:cell[ _]voltage|ecell|ewe|[uv]){VOLTS}": (VOLT, "voltage", "V"),
         rf"charge[ _]capacity{CHARGE}": ("charge_counter", "charge", "Ah"),
         rf"discharge[ _]capacity{CHARGE}": ("discharge_counter", "charge", "Ah"),
         rf"charge[ _]energy{ENERGIES}": (PUT_IN, "energy", "Wh"),

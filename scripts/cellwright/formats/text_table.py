@@ -182,7 +182,7 @@ def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], li
         number belongs, a clock whose unit nothing says, a current under a letter without a sign.
     """
     data, layout = _table(form, data)
-    fields = known_fields(layout.labels, lambda label: meaning_of(form, label))
+    fields = fields_of(form, layout.labels)
     if any(field.column == "frequency_hertz" for field in fields):
         # Not what a spectrum's file says of the voltage and current at each frequency.
         fields = [f for f in fields if f.column in PARTS]
@@ -191,6 +191,7 @@ def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], li
         require(parts, IMPEDANCE, SPELT, layout.labels)
         found = read_table(data, layout, [field.label for field in fields])
         return _spectrum(converted(found.columns, fields)), list(found.notes), 0
+    fields = [f for f in fields if f.column not in PARTS]
     date = next((x for x in layout.labels if _is(form.date, x)), None)
     fields, date = _timed(fields, date, lambda label: is_written(data, layout, label))
     require(fields, SERIES, SPELT, layout.labels)
@@ -340,6 +341,28 @@ def meaning_of(form: Format, label: str) -> Field | None:
             said = SAME_UNIT.get(said.lower(), said) if said else unit or NOT_SAID
             return Field(label, column, quantity, said)
     return None
+
+
+def fields_of(form: Format, labels) -> list[Field]:
+    """Known fields among the labels: of several for one column those of the pattern that is first.
+
+    Raises
+    ------
+    Refusal
+        Two labels of one pattern.
+    """
+    places = list(form.columns)
+    found = {label: field for label in labels if (field := meaning_of(form, label))}
+    ranks = {
+        label: next(k for k, x in enumerate(places) if re.fullmatch(x, label.strip(), re.I))
+        for label in found
+    }
+    first = {}
+    for label, field in found.items():
+        first[field.column] = min(ranks[label], first.get(field.column, len(places)))
+    return known_fields(
+        [label for label, field in found.items() if ranks[label] == first[field.column]], found.get
+    )
 
 
 def _is_bare(form, field):
