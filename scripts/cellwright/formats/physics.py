@@ -3,7 +3,6 @@
 import numpy as np
 
 from cellwright.formats.fields import IMPEDANCE, SERIES
-from cellwright.numerics.turns import turning_points
 from cellwright.refusal import Refusal
 
 # Ratios of the clock times current to the instrument's own counter that only a wrong unit explains.
@@ -59,7 +58,9 @@ def checked_impedance(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     if not (np.nanmin(frequency) > 0 and np.nanmin(frequency) < np.nanmax(frequency)):
         raise Refusal(f"frequencies run from {np.nanmin(frequency):g} Hz and must move above 0 Hz")
     level = np.log(frequency[frequency > 0])
-    if len(turning_points(level, least=0.5 * float(np.ptp(level)))) > 2:
+    risen = np.max(level - np.minimum.accumulate(level))
+    fallen = np.max(np.maximum.accumulate(level) - level)
+    if min(risen, fallen) > 0.5 * np.ptp(level):
         raise Refusal(
             "the frequency runs more than once through its range: several spectra; export each to "
             "a file of its own"
