@@ -72,7 +72,7 @@ def test_a_last_row_that_is_cut_off_is_left_out_and_told():
     assert len(reading.columns["voltage_volt"]) == 3
     assert reading.notes == (
         "the last row is cut off (5 of 12 fields) and was left out",
-        "columns that are not read: Rec#, StepTime, Watt-hr, ES",
+        "columns that are not read: Rec#, StepTime, ES",
     )
 
 
@@ -126,6 +126,125 @@ def test_a_table_of_nobody_in_particular(label):
     np.testing.assert_allclose(reading.columns["test_time_second"], [0, 1800, 3600])
     np.testing.assert_allclose(reading.columns["current_ampere"], 2)
     np.testing.assert_allclose(reading.columns["voltage_volt"], 3.7)
+
+
+def discharge():
+    """Time [s], current [A], voltage [V] and number of the step: rest, discharge, rest, charge."""
+    time = np.arange(0, 400.0, 10)
+    step = np.arange(40) // 10
+    return time, np.choose(step, [0.0, -2.0, 0.0, 1.0]), 3.7 + 0.01 * np.sin(time / 99), step
+
+
+def written(columns, delimiter=",", point=".", above=""):
+    """A text of columns by label; numbers with two decimals, texts as they are."""
+    rows = [
+        delimiter.join(x if isinstance(x, str) else f"{x:.2f}".replace(".", point) for x in row)
+        for row in zip(*columns.values(), strict=True)
+    ]
+    return above + "\n".join([delimiter.join(columns), *rows]) + "\n"
+
+
+def clock(seconds):
+    return [f"{s // 3600 % 24:02.0f}:{s // 60 % 60:02.0f}:{s % 60:04.1f}" for s in seconds]
+
+
+def dated(seconds, form, zone=""):
+    start = np.datetime64("2024-03-01T22:59:00")
+    return [
+        pd.Timestamp(start + np.timedelta64(int(s), "s")).strftime(form) + zone for s in seconds
+    ]
+
+
+TIME, AMPERE, VOLT, STEP = discharge()
+IN_STEP = 10.0 * (np.arange(40) % 10 + 1)
+CHARGED = np.abs(AMPERE) * IN_STEP / 3600
+MODES = np.array(["Rest", "CC_DChg", "Rest", "CC_Chg"])[STEP].tolist()
+VOLTAGE = {"Voltage (V)": VOLT}
+NOBODYS = {
+    "German": written({"Zeit [s]": TIME, "Strom [A]": AMPERE, "Spannung [V]": VOLT}, ";", ","),
+    "French": written({"Temps (s)": TIME, "Courant (A)": AMPERE, "Tension (V)": VOLT}, ";", ","),
+    "Chinese": written(
+        {"总时间(h:min:s)": clock(TIME), "电流(mA)": 1e3 * AMPERE, "电压(V)": VOLT}
+    ).encode("gb18030"),
+    "symbols": written({"t/s": TIME, "I/A": AMPERE, "U/V": VOLT}, "\t", above="# cell 1\n\n"),
+    "units in a line": written({"Time": ["s", *TIME], "I": ["A", *AMPERE], "V": ["V", *VOLT]}),
+    "zones": written(
+        {"Timestamp": dated(TIME, "%Y-%m-%dT%H:%M:%S", "+01:00"), "Current (A)": AMPERE} | VOLTAGE
+    ),
+    "halves of a day": written(
+        {"Date": dated(TIME, "%m/%d/%Y %I:%M:%S %p"), "Current (A)": AMPERE} | VOLTAGE
+    ),
+    "milliseconds": written({"timestamp_ms": 1.7e12 + 1e3 * TIME, "Current (A)": AMPERE} | VOLTAGE),
+    "dates under s": written({"Time (s)": 1.7e12 + 1e3 * TIME, "Current (A)": AMPERE} | VOLTAGE),
+    "over midnight": written({"Time": clock(86300 + TIME), "Current (A)": AMPERE} | VOLTAGE),
+    "clock of steps": written({"Step": STEP, "Step Time (s)": IN_STEP, "I (A)": AMPERE} | VOLTAGE),
+    "restarts at edges": written({"Time (s)": IN_STEP, "Current (A)": AMPERE} | VOLTAGE),
+    "letters": written(
+        {"Time (s)": TIME, "Status": MODES, "Current (A)": np.abs(AMPERE)} | VOLTAGE
+    ),
+    "counter of steps": written(
+        {"Time (s)": TIME, "Current (A)": AMPERE, "Capacity (mAh)": 1e3 * CHARGED} | VOLTAGE
+    ),
+}
+
+
+@pytest.mark.parametrize("form", NOBODYS)
+def test_a_table_is_read_by_what_its_columns_are_called(form):
+    columns = read(NOBODYS[form]).columns
+    shown = columns["test_time_second"]
+    np.testing.assert_allclose(shown - shown[0], TIME, atol=0.01)
+    np.testing.assert_allclose(columns["current_ampere"], AMPERE, atol=0.005)
+    np.testing.assert_allclose(columns["voltage_volt"], VOLT, atol=0.006)
+    if form == "counter of steps":
+        counted = columns["net_capacity_ampere_hour"]
+        assert counted[-1] - counted[0] == pytest.approx((100 - 200) / 3600, abs=1e-4)
+
+
+def test_of_several_names_of_one_thing_the_plainest_is_read_and_the_others_are_named():
+    two = {"Time (s)": IN_STEP, "Total Time (s)": TIME, "V": 2 * VOLT, "I": 0 * AMPERE}
+    reading = read(written(two | {"Current (A)": AMPERE} | VOLTAGE))
+    np.testing.assert_allclose(reading.columns["test_time_second"], TIME)
+    np.testing.assert_allclose(reading.columns["voltage_volt"], VOLT, atol=0.006)
+    assert "columns that are not read: Time (s), V, I" in reading.notes
+
+
+def test_a_clock_that_begins_anew_within_a_step_stays_as_it_is():
+    anew = np.where(TIME < 150, TIME, TIME - 150)
+    columns = read(
+        written({"Time (s)": anew, "Step": STEP, "Current (A)": AMPERE} | VOLTAGE)
+    ).columns
+    np.testing.assert_array_equal(columns["test_time_second"], anew)
+
+
+def test_what_no_column_says_is_asked_for_by_the_labels_of_the_file():
+    with pytest.raises(Refusal, match=r"its columns \('Time \(s\)', 'C-rate', 'Voltage \(V\)'\)"):
+        read(written({"Time (s)": TIME, "C-rate": AMPERE} | VOLTAGE))
+
+
+HERTZ = np.geomspace(1e3, 0.1, 21)
+OHM = 0.02 + 0.015 / (1 + 1j * HERTZ * 0.05)
+PLAIN = {"Frequency (Hz)": HERTZ, "Z' (Ohm)": OHM.real}
+SPECTRA = {
+    "minus": PLAIN | {"-Z'' (Ohm)": -OHM.imag},
+    "milliohm": {"freq/Hz": HERTZ, "Re(Z)/mOhm": 1e3 * OHM.real, "Im(Z)/mOhm": 1e3 * OHM.imag},
+    "polar": {"Frequency": HERTZ, "|Z|": np.abs(OHM), "Phase (deg)": np.angle(OHM, deg=True)},
+}
+
+
+@pytest.mark.parametrize("form", SPECTRA)
+def test_a_spectrum_of_nobody_in_particular(form):
+    columns = read(pd.DataFrame(SPECTRA[form]).to_csv(index=False)).columns
+    np.testing.assert_allclose(columns["impedance_real_ohm"], OHM.real, rtol=1e-9)
+    np.testing.assert_allclose(columns["impedance_imaginary_ohm"], OHM.imag, atol=1e-12)
+
+
+def test_a_spectrum_that_is_inverted_or_is_several_is_refused():
+    inverted = pd.DataFrame(PLAIN | {"Z'' (Ohm)": -OHM.imag})
+    with pytest.raises(Refusal, match="seems to hold -Im"):
+        read(inverted.to_csv(index=False))
+    one = pd.DataFrame(SPECTRA["minus"])
+    with pytest.raises(Refusal, match="more than once through its range"):
+        read(pd.concat([one, one]).to_csv(index=False))
 
 
 def zahner(frequency, impedance):

@@ -66,6 +66,16 @@ def test_a_capacity_is_no_surer_than_the_ammeter_over_its_range(others, largest)
     assert found == pytest.approx(0.01 * largest * 2.0 / 3**0.5, rel=0.02)
 
 
+def test_what_rests_read_may_flow_under_load_too():
+    """4 mA in the rests of a 2 Ah cell, over a discharge of two hours."""
+    time, current, voltage, _ = cycle(-1.0, 1.0)
+    right = run((time, current, voltage, counted(time, current))).rows
+    off = run((time, current + 0.004, voltage, counted(time, current + 0.004))).rows
+    wrong = np.abs(off["capacity_ampere_hour"] - right["capacity_ampere_hour"])
+    np.testing.assert_allclose(wrong, 0.008, rtol=0.05)
+    assert np.all(wrong < 2 * off["capacity_std_ampere_hour"])
+
+
 def test_repeats_are_averaged_and_rates_kept_apart():
     rows = run(cycle(-1.0, 1.0, -1.0, 1.0, -2.0, 1.0)).rows
     assert rows["direction"].tolist() == ["charge", "discharge", "discharge"]

@@ -159,3 +159,15 @@ def test_a_current_that_nobody_sets_beside_round_ones_is_told():
 def test_where_a_cells_currents_are_not_round_none_is_odd():
     said = doubts([pulse("a", 3.0), pulse("b", 1.37), pulse("c", 2.34)], "resistance")
     assert said == ["", "", ""]
+
+
+@pytest.mark.parametrize(("ohm", "in_doubt"), [(0.05, False), (0.15, True), (0.01, True)])
+def test_a_first_sample_that_comes_later_is_larger_within_reason(ohm, in_doubt):
+    row = {
+        "cell": "A", "cycle": None, "ambient_temperature_celsius": 25.0, "direction": "discharge",
+        "delay_second": 0.0, "soc": float("nan"), "resistance_std_ohm": 1e-4, "doubt": "",
+        "c_rate": 1.0, "current_ampere": float("nan"),
+    }  # fmt: skip
+    early = row | {"test": "pulses", "actual_delay_second": 0.1, "resistance_ohm": 0.03}
+    late = row | {"test": "capacity", "actual_delay_second": 1.0, "resistance_ohm": ohm}
+    assert bool(doubts([early, late], "resistance")[1]) == in_doubt

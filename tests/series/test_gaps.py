@@ -67,3 +67,26 @@ def test_a_counter_knows_what_a_gap_held():
     found = clean(columns | {"net_capacity_ampere_hour": counter})
     assert found.notes == ()
     assert found.columns["charge_ampere_hour"][-1] == pytest.approx(-1.5 * 3590 / 3600, abs=0.006)
+
+
+def test_a_plateau_between_two_slopes_is_no_rest():
+    """A cell that goes on over a plateau hardly moves its voltage there, nor does it come back."""
+    time = np.r_[np.arange(0, 3600, 10.0), np.arange(5400, 7200, 10.0)]
+    charge = -1.5 * time / 3600
+    curve = np.interp(charge, [-3.0, -2.25, -1.2, -0.8, 0.0], [3.1, 3.29, 3.292, 3.33, 3.335])
+    (found,) = verdicts(time, np.full(len(time), -1.5), curve, np.array([360]))
+    assert found == UNKNOWN
+
+
+@pytest.mark.parametrize("larger", [False, True])
+def test_a_hold_went_on_where_its_current_fell(larger):
+    time = np.r_[np.arange(0, 600, 20.0), np.arange(1200, 1800, 20.0)]
+    current = 2.0 * np.exp(-time / 1000)
+    if larger:  # after a rest the cell takes more again
+        current[30:] *= 3
+    (found,) = verdicts(time, current, np.full(len(time), 4.2), np.array([30]))
+    assert found == (NO_LOAD if larger else RAN)
+    series = {"test_time_second": time, "current_ampere": current}
+    charge = clean(series | {"voltage_volt": np.full(len(time), 4.2)}).columns["charge_ampere_hour"]
+    moved = 2.0 * 1000 / 3600 * (np.exp(-0.58) - np.exp(-1.2))
+    assert charge[30] - charge[29] == pytest.approx(0.0 if larger else moved, rel=0.04)

@@ -1,11 +1,13 @@
 """Several files of one test become one series: clock, counter, order."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cellwright import formats
 from cellwright.refusal import Refusal
 from cellwright.series import assemble
+from cellwright.series.doubts import Doubt
 from cellwright.series.joining import join
 
 
@@ -83,3 +85,20 @@ def test_four_scripts_of_an_ocv_test(shared):
     assert abs(counter[-1] - counter[0]) < 0.01, "full at the start and at the end"
     assert np.diff(columns["test_time_second"]).min() > 0
     assert any(note.startswith("file 2 follows after 154150 s") for note in notes)
+
+
+@pytest.mark.parametrize(("gain", "sign"), [(1.0, 1), (1.0, -1), (1.05, 1), (0.9, -1)])
+def test_the_energy_of_the_instrument_tells_a_wrong_voltage(gain, sign):
+    time = np.arange(0, 7200, 10.0)
+    current = np.where(time < 3600, -1.0, 1.0)
+    voltage = 3.7 + 0.3 * current + 0.1 * np.sin(time / 1000)
+    moved = current * voltage * 10 / 3600
+    columns = {"Test Time / s": time, "Current / A": sign * current, "Voltage / V": gain * voltage}
+    columns |= {"Charging Energy / Wh": np.cumsum(np.maximum(moved, 0))}
+    columns |= {"Discharging Energy / Wh": np.cumsum(np.maximum(-moved, 0))}
+    text = pd.DataFrame(columns).to_csv(index=False).encode()
+    found = assemble([formats.read(text, name="file")]).columns
+    assert "net_energy_watt_hour" not in found
+    told = found.get("doubt", np.zeros(len(time), int))
+    # Where charge and discharge meet in one stretch they may even out.
+    assert not told.any() if gain == 1 else np.mean(told == Doubt.ENERGY) > 0.9

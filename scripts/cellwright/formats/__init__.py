@@ -158,7 +158,12 @@ def detect(data: bytes | Content) -> str:
         raise Refusal("the file is empty (nothing but blanks)")
     what = sight(data)
     looks = f"looks like {what}, which is not read yet" if what else "of no instrument known here"
-    raise Refusal(f"{looks}; readers: {', '.join(READERS)}")
+    labels = text_table.labels_seen(text)
+    named = (
+        f", nor do its columns ({', '.join(map(repr, labels))}) name time, current and voltage, or "
+        "frequency and impedance: rename them, such as Time (s), Current (A), Voltage (V)"
+    )
+    raise Refusal(f"{looks}{named if labels else ''}; readers: {', '.join(READERS)}")
 
 
 def _known(instrument: str) -> str:

@@ -40,6 +40,8 @@ MEANING = {
     "voltage": ("voltage_volt", "voltage", "V"),
     "charge capacity": ("charge_counter", "charge", "Ah"),
     "discharge capacity": ("discharge_counter", "charge", "Ah"),
+    "charge energy": ("charge_energy_counter", "energy", "Wh"),
+    "discharge energy": ("discharge_energy_counter", "energy", "Wh"),
     "step index": ("step_index", "count", "1"),
     "cycle index": ("cycle_count", "count", "1"),
     "temperature": ("surface_temperature_celsius", "temperature", "degC"),

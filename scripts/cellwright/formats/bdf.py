@@ -53,6 +53,8 @@ MEANING = {
     "cycle discharging capacity": ("discharge_counter", "charge"),
     "step charging capacity": ("charge_counter", "charge"),
     "step discharging capacity": ("discharge_counter", "charge"),
+    "charging energy": ("charge_energy_counter", "energy"),
+    "discharging energy": ("discharge_energy_counter", "energy"),
     "step id": ("step_index", "count"),
     "step index": ("step_index", "count"),
     "step count": ("step_count", "count"),

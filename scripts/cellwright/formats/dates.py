@@ -25,6 +25,8 @@ PARTS = {
 LIMITS = {"month": (1, 12), "hour": (0, 23), "minute": (0, 59), "second": (0, 60)}
 ROWS = 1 << 16  # that are taken at once
 DAY_SECOND, POINT = 86400, ord(".")
+MOST_PACES = 10  # intervals between rows that may lie over midnight; a clock begun anew is off more
+ZONED = "ISO 8601"  # with a letter T and, mostly, a zone: told by pyarrow, not by places
 
 
 def unix_time_second(texts, formats: Sequence[str], elapsed_second=np.nan) -> np.ndarray | None:
@@ -63,6 +65,19 @@ def clock_second(texts) -> np.ndarray:
     return np.concatenate([_clocks(chunk) for chunk in _chunks(texts)])
 
 
+def over_midnight(clock: np.ndarray) -> np.ndarray:
+    """Seconds of a clock of the day (n,), counted on where it begins anew at midnight.
+
+    It does where it falls from just before 24 h to just after 0 h; other falls stay as they are.
+    """
+    interval = np.diff(clock)
+    pace = np.median(interval[interval > 0]) if np.any(interval > 0) else 0.0
+    wraps = (interval < 0) & (interval + DAY_SECOND <= MOST_PACES * pace)
+    if np.nanmax(clock, initial=0.0) >= DAY_SECOND or not wraps.any():
+        return clock
+    return clock + DAY_SECOND * np.concatenate([[0], np.cumsum(wraps)])
+
+
 def _chunks(texts):
     """Texts in pieces that are short, for a text of 20 letters is many numbers."""
     chunks = getattr(texts, "chunks", [texts])
@@ -70,8 +85,23 @@ def _chunks(texts):
     return pieces or chunks[:1]
 
 
+def _zoned(texts):
+    """Seconds since 1970 of a block of dates as ISO 8601 has them, with a zone or without."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    for kind in (pa.timestamp("us", tz="UTC"), pa.timestamp("us")):
+        try:
+            return pc.cast(texts, kind).cast(pa.int64()).to_numpy(zero_copy_only=False) / 1e6
+        except pa.ArrowInvalid:
+            continue
+    return None
+
+
 def _dates(texts, form):
     """Seconds since 1970 of a block of dates in one format, None where one does not fit it."""
+    if form == ZONED:
+        return _zoned(texts)
     pattern = r"\s*" + re.escape(form) + FRACTION + r"\s*"
     for part, written in PARTS.items():
         pattern = pattern.replace(re.escape(part), written)

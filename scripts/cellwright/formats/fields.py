@@ -14,12 +14,14 @@ UNITS = {
     "current": {"A": 1.0, "mA": 1e-3, "uA": 1e-6, "µA": 1e-6},
     "voltage": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6},
     "charge": {"Ah": 1.0, "A.h": 1.0, "mAh": 1e-3, "mA.h": 1e-3, "As": 1 / 3600, "C": 1 / 3600},
-    "temperature": {"degC": 1.0, "°C": 1.0, "C": 1.0, "K": 1.0},
+    "energy": {"Wh": 1.0, "W.h": 1.0, "mWh": 1e-3, "mW.h": 1e-3},
+    "temperature": {"degC": 1.0, "°C": 1.0, "C": 1.0, "K": 1.0, "degF": 5 / 9},
+    "angle": {"deg": 1.0, "rad": 57.29577951308232},
     "impedance": {"ohm": 1.0, "Ohm": 1.0, "Ω": 1.0, "mohm": 1e-3, "mOhm": 1e-3, "mΩ": 1e-3},
     "frequency": {"Hz": 1.0, "mHz": 1e-3, "kHz": 1e3},
     "count": {"1": 1.0, "": 1.0},
 }
-OFFSET = {"K": -273.15}
+OFFSET = {"K": -273.15, "degF": -160 / 9}
 # Units as words, for labels such as test_time_millisecond.
 WORDS = {
     "second": "s", "millisecond": "ms", "minute": "min", "hour": "h", "ampere": "A",
@@ -60,6 +62,8 @@ NET = "net_capacity_ampere_hour"
 CLEAR_SIGN = 0.9
 PIECE_ROWS = 1 << 15
 COUNTERS = ("charge_counter", "discharge_counter")
+ENERGIES = ("charge_energy_counter", "discharge_energy_counter")
+ENERGY = "net_energy_watt_hour"  # as the instrument counts it: a witness, which no result holds
 
 
 class Field(NamedTuple):
@@ -84,13 +88,24 @@ def known_fields(labels: Iterable[str], meaning: Callable[[str], Field | None]) 
     return fields
 
 
-def require(fields: Sequence[Field], columns: Sequence[str], spelt: Mapping[str, str]) -> None:
-    """Refuse a file that lacks a column; `spelt` says how the instrument labels it."""
+def require(
+    fields: Sequence[Field],
+    columns: Sequence[str],
+    spelt: Mapping[str, str],
+    labels: Sequence[str] = (),
+) -> None:
+    """Refuse a file that lacks a column; `spelt` says how the instrument labels it.
+
+    labels : all of the file, to name those that are not known.
+    """
     found = {field.column for field in fields}
     missing = [spelt[column] for column in columns if column not in found]
     if missing:
-        have = ", ".join(repr(field.label) for field in fields) or "none that is known"
-        raise Refusal(f"no column {', '.join(map(repr, missing))}; found: {have}")
+        known = [field.label for field in fields]
+        have = ", ".join(map(repr, known)) or "none that is known"
+        others = ", ".join(repr(label) for label in labels if label and label not in known)
+        unknown = f"; not known: {others}" if others else ""
+        raise Refusal(f"no column {', '.join(map(repr, missing))}; found: {have}{unknown}")
 
 
 def converted(values: Mapping[str, np.ndarray], fields: Sequence[Field]) -> dict[str, np.ndarray]:
@@ -116,8 +131,9 @@ def _counted(column: np.ndarray) -> np.ndarray:
 def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], int]:
     """Columns with the counters of charge and of discharge as one net counter, and the sign.
 
-    Two counters say which way the charge went, whatever sign the current is written with; a
-    current that is never negative takes its signs from them.
+    Those of energy likewise, as net_energy_watt_hour [Wh]. Two counters say which way the charge
+    went, whatever sign the current is written with; a current that is never negative takes its
+    signs from them.
 
     Returns
     -------
@@ -126,6 +142,9 @@ def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarr
         tell it.
     """
     columns = dict(columns)
+    put_in, taken_out = (columns.pop(name, None) for name in ENERGIES)
+    if put_in is not None and taken_out is not None:
+        columns[ENERGY] = _without_resets(put_in) - _without_resets(taken_out)
     charge, discharge = (columns.pop(name, None) for name in COUNTERS)
     if charge is None or discharge is None:
         return columns, 0

@@ -4,9 +4,17 @@ A column is named by a pattern of its label (case ignored) and means a column of
 unit: as text here, or, where the pattern has a group `unit`, as the label itself says.
 """
 
-from cellwright.formats.text_table import Format
+from cellwright.formats.dates import ZONED
+from cellwright.formats.text_table import (
+    MINUS,
+    STEP_CHARGE,
+    STEP_ENERGY,
+    STEP_TIME,
+    UNIX,
+    Format,
+)
 
-STEP_CHARGE = "step_capacity_ampere_hour"
+PUT_IN, TAKEN_OUT = "charge_energy_counter", "discharge_energy_counter"
 TIME, AMPERE, VOLT = "test_time_second", "current_ampere", "voltage_volt"
 SURFACE, AMBIENT = "surface_temperature_celsius", "ambient_temperature_celsius"
 NET = "net_capacity_ampere_hour"
@@ -41,10 +49,11 @@ MAKERS = (
             r"amps|current(?: \[(?P<unit>m?A)\])?": (AMPERE, "current", "A"),
             r"volts|voltage(?: \[(?P<unit>m?V)\])?": (VOLT, "voltage", "V"),
             r"amp-hr|cap\. \[(?P<unit>m?Ah)\]|capacity": (
-                "step_capacity_ampere_hour",
+                STEP_CHARGE,
                 "charge",
                 "Ah",
             ),
+            r"watt-hr|energy": (STEP_ENERGY, "energy", "Wh"),
             r"step": ("step_index", "count", "1"),
             r"cyc#|cycle c": ("cycle_count", "count", "1"),
             r"(?:aux #1|temp 1)": (SURFACE, "temperature", "degC"),
@@ -65,6 +74,8 @@ MAKERS = (
             r"voltage\((?P<unit>m?V)\)": (VOLT, "voltage", None),
             r"chg\. cap\.\((?P<unit>m?Ah)\)": ("charge_counter", "charge", None),
             r"dchg\. cap\.\((?P<unit>m?Ah)\)": ("discharge_counter", "charge", None),
+            r"chg\. energy\((?P<unit>m?Wh)\)": (PUT_IN, "energy", None),
+            r"dchg\. energy\((?P<unit>m?Wh)\)": (TAKEN_OUT, "energy", None),
             r"step index": ("step_index", "count", "1"),
             r"cycle index": ("cycle_count", "count", "1"),
             r"t1\(.{1,2}\)": (SURFACE, "temperature", "degC"),
@@ -85,11 +96,13 @@ MAKERS = (
             r"\(q-qo\)/(?P<unit>m?a\.h)": (NET, "charge", None),
             r"q charge/(?P<unit>m?a\.h)": ("charge_counter", "charge", None),
             r"q discharge/(?P<unit>m?a\.h)": ("discharge_counter", "charge", None),
+            r"energy charge/(?P<unit>m?w\.h)": (PUT_IN, "energy", None),
+            r"energy discharge/(?P<unit>m?w\.h)": (TAKEN_OUT, "energy", None),
             r"ns": ("step_index", "count", "1"),
             r"temperature/.{1,2}c": (SURFACE, "temperature", "degC"),
             r"freq/(?P<unit>hz)": ("frequency_hertz", "frequency", None),
             r"re\(z\)/(?P<unit>ohm)": ("impedance_real_ohm", "impedance", None),
-            r"-im\(z\)/(?P<unit>ohm)": ("minus_impedance_imaginary_ohm", "impedance", None),
+            r"-im\(z\)/(?P<unit>ohm)": (MINUS, "impedance", None),
         },
         dates=("%m/%d/%Y %H:%M:%S",),
     ),
@@ -136,6 +149,8 @@ MAKERS = (
             r"voltage_(?P<unit>m?v)": (VOLT, "voltage", None),
             r"charge_capacity_(?P<unit>m?ah)": ("charge_counter", "charge", None),
             r"discharge_capacity_(?P<unit>m?ah)": ("discharge_counter", "charge", None),
+            r"charge_energy_(?P<unit>m?wh)": (PUT_IN, "energy", None),
+            r"discharge_energy_(?P<unit>m?wh)": (TAKEN_OUT, "energy", None),
             r"step_index": ("step_index", "count", "1"),
             r"cycle_index": ("cycle_count", "count", "1"),
             r"temperature_1_c": (SURFACE, "temperature", "degC"),
@@ -215,26 +230,45 @@ MAKERS = (
     ),
 )
 
-UNIT = r"(?:\s*[\[(/_ ]\s*(?P<unit>{})\s*[\])]?)?"
-DEGREES = r"(?:\s*[\[(/_ ]\s*(?:deg)?c[\])]?)"
-HOURS, AMPERES = UNIT.format("s|sec|seconds|ms|min|h|hours?"), UNIT.format("m?a")
-VOLTS, CHARGE = UNIT.format("m?v"), UNIT.format("m?ah")
+UNIT = r"(?:\s*(?:[\[(/_ ]|\bin\s)\s*(?P<unit>{})\s*[\])]?)?"
+HOURS, AMPERES = UNIT.format("s|sec|seconds|ms|min|h|hours?|秒"), UNIT.format("m?a")
+VOLTS, CHARGE = UNIT.format("m?v"), UNIT.format("m?a[h.]{1,2}")
+DEGREES, OHMS = UNIT.format("deg[cf]|°[cf]|[ck]"), UNIT.format("m?ohms?|m?Ω|m?ω")
+ANGLE, ENERGIES = UNIT.format("deg|°|rad"), UNIT.format("m?wh")
+# Names of time, current and voltage in the languages of laboratories, and their symbols.
+CLOCKS = r"time|zeit|temps|tiempo|tempo|时间"
+WHOLE_CLOCKS = r"(?:test|total|elapsed|run)[ _]?time|(?:test|lauf|prüf)zeit|(?:总|测试)时间"
+CURRENTS = r"current|amps|strom(?:stärke)?|courant|intensité|corriente|corrente|电流"
+VOLTAGES = r"voltage|potential|volts|spannung|tension|tensión|voltaje|tensione|电压"
+CHARGING = "chg|charge|charging|laden|ladung|充电"
+DISCHARGING = "d(?:is)?chg|discharge|discharging|entladen|entladung|放电"
+DATES = r"date(?:[ _/-]?time)?|datum(?:[ /_-]?(?:zeit|uhrzeit))?|time[ _]?stamp|zeitstempel"
 # Tables of nobody in particular, tried where no maker is recognised: names of time, current and
-# voltage in one line.
+# voltage, or of frequency and impedance, in one line. Of several the one that stands first here.
 GENERIC = Format(
     "table",
     "a table of time, current and voltage",
-    mark=r"(?i)^(?=[^\n]*(?:\b|_)time)(?=[^\n]*\bcurrent)(?=[^\n]*\b(?:voltage|potential))[^\n]*[,;\t]",
-    header=r"(?i)^(?=[^\n]*(?:\b|_)time)(?=[^\n]*\bcurrent)(?=[^\n]*\b(?:voltage|potential))[^\n]*$",
+    mark="",
+    header="",
     columns={
-        rf"(?:test[ _]|total[ _]|elapsed[ _])?time{HOURS}": (TIME, "time", "s"),
-        rf"current{AMPERES}": (AMPERE, "current", "A"),
-        rf"(?:voltage|potential){VOLTS}": (VOLT, "voltage", "V"),
+        rf"(?:{WHOLE_CLOCKS}){HOURS}(?:\(?h+:m\S*\)?)?": (TIME, "time", "s"),
+        rf"(?:{CLOCKS}){HOURS}(?:\(?h+:m\S*\)?)?": (TIME, "time", "s"),
+        rf"(?:step[ _]?time|schrittzeit|步骤?时间){HOURS}": (STEP_TIME, "time", "s"),
+        rf"(?:unix[ _]?time|epoch|time[ _]?stamp){HOURS}": (UNIX, "time", "s"),
+        rf"(?:{CURRENTS}){AMPERES}": (AMPERE, "current", "A"),
+        rf"(?:{VOLTAGES}){VOLTS}": (VOLT, "voltage", "V"),
+        # Symbols: a small t is a time, a capital one a temperature.
+        rf"(?-i:t){HOURS}": (TIME, "time", "s"),
+        rf"<?i>?{AMPERES}": (AMPERE, "current", "A"),
+        rf"(?:cell[ _]voltage|ecell|ewe|[uv]){VOLTS}": (VOLT, "voltage", "V"),
         rf"charge[ _]capacity{CHARGE}": ("charge_counter", "charge", "Ah"),
         rf"discharge[ _]capacity{CHARGE}": ("discharge_counter", "charge", "Ah"),
-        r"step(?:[ _]index)?": ("step_index", "count", "1"),
-        r"cycle(?:[ _]index)?": ("cycle_count", "count", "1"),
-        rf"(?:cell[ _])?temperature{DEGREES}": (
+        rf"charge[ _]energy{ENERGIES}": (PUT_IN, "energy", "Wh"),
+        rf"discharge[ _]energy{ENERGIES}": (TAKEN_OUT, "energy", "Wh"),
+        rf"(?:capacity|kapazität|capacité|capacidad|容量){CHARGE}": (STEP_CHARGE, "charge", None),
+        r"step(?:[ _](?:index|number|id))?|schritt": ("step_index", "count", "1"),
+        r"cycle(?:[ _](?:index|number))?|zyklus": ("cycle_count", "count", "1"),
+        rf"(?:(?:cell[ _])?temp(?:erature|eratur|érature)?|(?-i:T)){DEGREES}": (
             SURFACE,
             "temperature",
             "degC",
@@ -244,6 +278,28 @@ GENERIC = Format(
             "temperature",
             "degC",
         ),
+        rf"freq(?:uency|uenz)?{UNIT.format('m?hz|khz')}": ("frequency_hertz", "frequency", "Hz"),
+        rf"(?:z'|z_?re(?:al)?|re\(z\)|z real){OHMS}": ("impedance_real_ohm", "impedance", "ohm"),
+        rf"(?:z''|z\"|z_?im(?:ag|g)?|im\(z\)|z imag){OHMS}": (
+            "impedance_imaginary_ohm",
+            "impedance",
+            "ohm",
+        ),
+        rf"-\s?(?:z''|z\"|z_?im(?:ag|g)?|im\(z\)|z imag){OHMS}": (
+            MINUS,
+            "impedance",
+            "ohm",
+        ),
+        rf"(?:\|z\||zmod|z_?abs|impedance){OHMS}": ("impedance_ohm", "impedance", "ohm"),
+        rf"(?:phase|phase\(z\)|zphz|theta){ANGLE}": ("phase_degree", "angle", "deg"),
     },
+    state=r"status|state|mode|step[ _]?(?:type|name)|zustand|状态|工步类型",
+    signs={
+        rf"(?:c[cvp]){{0,2}}[ _-]*(?:{CHARGING}|c)": 1.0,
+        rf"(?:c[cvp]){{0,2}}[ _-]*(?:{DISCHARGING}|d)": -1.0,
+        r"rest|pause|ruhe|ocv|r|p|idle|静置": 0.0,
+    },
+    date=DATES,
+    dates=(*ISO_DATES, ZONED, "%d.%m.%Y %H:%M:%S", *US_DATES, "%Y/%m/%d %H:%M:%S"),
     units_taken=True,
 )

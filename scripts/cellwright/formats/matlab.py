@@ -8,11 +8,10 @@ import numpy as np
 from cellwright.formats.fields import (
     SERIES,
     converted,
-    known_fields,
     require,
 )
 from cellwright.formats.makers import GENERIC
-from cellwright.formats.text_table import meaning_of
+from cellwright.formats.text_table import UNTOLD, fields_of, meaning_of
 from cellwright.refusal import Refusal
 
 NAME = "matlab"
@@ -40,7 +39,7 @@ def read(data: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
         found = ", ".join(sets) if sets else "none"
         raise Refusal(f"one set of arrays of time, current and voltage is wanted; found: {found}")
     arrays = next(iter(sets.values()))
-    fields = known_fields(arrays, lambda label: meaning_of(GENERIC, label))
+    fields = [field for field in fields_of(GENERIC, arrays) if field.column not in UNTOLD]
     require(fields, SERIES, dict.fromkeys(SERIES, "an array"))
     columns = converted({f.label: np.asarray(arrays[f.label], float) for f in fields}, fields)
     note = "arrays do not say their units: seconds, ampere and volt are taken where no name does"

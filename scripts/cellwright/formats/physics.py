@@ -35,7 +35,9 @@ def checked_series(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray
     if np.nanmin(time) == np.nanmax(time):
         raise Refusal(f"time never moves: all {time.size} rows say {np.nanmin(time):g} s")
     _refuse_voltage(voltage)
+    columns, said = clock_of_steps(_dates_in_seconds(columns))
     columns, notes = clock_by_dates(columns)
+    notes = [*said, *notes]
     time = columns["test_time_second"]
     if "net_capacity_ampere_hour" in columns:
         _refuse_clock(time, current, columns["net_capacity_ampere_hour"])
@@ -55,11 +57,19 @@ def checked_impedance(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     frequency, _, imaginary = (columns[name] for name in IMPEDANCE)
     if not (np.nanmin(frequency) > 0 and np.nanmin(frequency) < np.nanmax(frequency)):
         raise Refusal(f"frequencies run from {np.nanmin(frequency):g} Hz and must move above 0 Hz")
+    level = np.log(frequency[frequency > 0])
+    risen = np.max(level - np.minimum.accumulate(level))
+    fallen = np.max(np.maximum.accumulate(level) - level)
+    if min(risen, fallen) > 0.5 * np.ptp(level):
+        raise Refusal(
+            "the frequency runs more than once through its range: several spectra; export each to "
+            "a file of its own"
+        )
     slow = frequency <= np.nanmedian(frequency)
     if np.nanmedian(imaginary[slow]) > 0:
         raise Refusal(
             "imaginary impedance is positive at low frequencies, where a cell's is negative: "
-            "the file seems to hold -Im(Z)"
+            "the file seems to hold -Im(Z); label the column so, such as -Z'' (Ohm), or negate it"
         )
     return columns
 
@@ -111,6 +121,58 @@ def clock_to_counter_ratio(time: np.ndarray, current: np.ndarray, counter: np.nd
     # A counter shown with few digits has to move by many of its steps before it can be a judge.
     resolution = np.min(np.abs(moved[moved != 0]), initial=np.inf)
     return float(expected / seen) if seen > 20 * resolution and expected > 0 else np.nan
+
+
+# No record begins 30 years after its clock did, and none holds a date beyond the year 5000.
+LONGEST_RECORD, LATEST_DATE = 1e9, 1e11  # s
+EDGE_SHARE = 0.01  # of the largest current: a change by more is a step, as in `cleaning.flag`
+SAME_SECOND = 2.0  # s within which a clock and dates of whole seconds agree
+
+
+def _dates_in_seconds(columns):
+    """Columns whose dates are seconds since 1970, and whose clock is no date."""
+    columns, unix = dict(columns), "unix_time_second"
+    if np.nanmedian(columns["test_time_second"]) > LONGEST_RECORD:
+        columns.setdefault(unix, columns["test_time_second"])
+    # Milliseconds, and what other software counts: micro- and nanoseconds.
+    while unix in columns and np.nanmedian(columns[unix]) > LATEST_DATE:
+        columns[unix] = columns[unix] / 1e3
+    if np.nanmedian(columns["test_time_second"]) > LONGEST_RECORD:
+        known = columns[unix][np.isfinite(columns[unix])]
+        columns["test_time_second"] = columns[unix] - known[0]
+    return columns
+
+
+def clock_of_steps(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Columns whose clock goes on where it began anew with each step; a note then.
+
+    A step's clock counts from the row before its first one. It is one where it begins anew just
+    where the number of the step changes, or else more than once and only where the current steps,
+    each time within two intervals of zero; where dates lie beside it that say of the time between
+    two steps otherwise, they are right.
+    """
+    time, current = columns["test_time_second"], columns["current_ampere"]
+    step = columns.get("step_count", columns.get("step_index"))
+    interval, falls = np.diff(time), np.flatnonzero(np.diff(time) < 0) + 1
+    if not len(falls) or (step is None and len(falls) < 2):
+        return columns, []
+    if step is None:
+        edges = np.abs(np.diff(current)) > EDGE_SHARE * np.nanmax(np.abs(current))
+        changes = np.intersect1d(falls, np.flatnonzero(edges) + 1)
+    else:
+        changes = np.flatnonzero(np.diff(step) != 0) + 1
+    usual = np.median(interval[interval > 0]) if np.any(interval > 0) else 0.0
+    if not np.array_equal(falls, changes) or np.any(time[changes] > 2 * usual + SAME_SECOND):
+        return columns, []
+    interval[changes - 1] = time[changes]
+    unix = columns.get("unix_time_second")
+    if unix is not None and np.isfinite(unix).all():
+        by_dates = np.diff(unix)[changes - 1]
+        other = np.abs(by_dates - time[changes]) > SAME_SECOND
+        interval[changes - 1] = np.where(other, by_dates, time[changes])
+    note = f"the clock begins anew with each of {len(changes) + 1} steps: counted on"
+    clock = time[0] + np.concatenate([[0.0], np.cumsum(interval)])
+    return columns | {"test_time_second": clock}, [note]
 
 
 # Seconds of dates a unit of the clock that only a wrong unit explains.

@@ -3,6 +3,7 @@
 import csv
 import re
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +14,9 @@ from cellwright.formats.content import (
     whole_of,
     with_lines_changed,
 )
-from cellwright.formats.dates import clock_second, unix_time_second
+from cellwright.formats.dates import clock_second, over_midnight, unix_time_second
 from cellwright.formats.fields import (
+    ENERGY,
     IMPEDANCE,
     NET,
     SERIES,
@@ -30,7 +32,9 @@ from cellwright.formats.table import (
     DELIMITERS,
     Layout,
     decimal_point_of,
+    decoded,
     first_rows,
+    is_number,
     is_written,
     line_of,
     offset_of,
@@ -41,6 +45,16 @@ from cellwright.formats.table import (
 from cellwright.refusal import Refusal
 
 HEAD = 1 << 17  # byte within which the labels of a table must stand
+MOST_LABELS = 12  # that a message names
+MOST_LINES = 500  # among which the labels of a table of nobody in particular stand
+TIME, STEP_TIME, UNIX = "test_time_second", "step_time_second", "unix_time_second"
+MINUS, IMAGINARY = "minus_impedance_imaginary_ohm", "impedance_imaginary_ohm"
+# Impedance as it may be written instead of its real and imaginary part.
+POLAR = {"impedance_ohm": "impedance_real_ohm", "phase_degree": IMAGINARY}
+PARTS = (*IMPEDANCE, MINUS, *POLAR)
+STEP_CHARGE, STEP_ENERGY = "step_capacity_ampere_hour", "step_energy_watt_hour"
+# Columns whose meaning the others of a table tell.
+UNTOLD = (STEP_TIME, STEP_CHARGE, STEP_ENERGY, MINUS, *POLAR)
 SPELT = {
     "test_time_second": "time",
     "current_ampere": "current",
@@ -54,6 +68,9 @@ SAME_UNIT = {
     "s": "s", "sec": "s", "seconds": "s", "min": "min", "h": "h", "hr": "h", "hours": "h",
     "a": "A", "ma": "mA", "ua": "uA", "µa": "µA", "v": "V", "mv": "mV", "ah": "Ah", "mah": "mAh",
     "a.h": "Ah", "ma.h": "mAh", "ohm": "ohm", "ohms": "ohm", "hz": "Hz", "khz": "kHz",
+    "mohm": "mohm", "mω": "mohm", "ω": "ohm", "wh": "Wh", "mwh": "mWh", "w.h": "Wh", "c": "degC",
+    "degc": "degC", "°c": "degC", "k": "K", "°f": "degF", "degf": "degF", "deg": "deg",
+    "°": "deg", "rad": "rad", "ms": "ms", "秒": "s",
 }  # fmt: skip
 CLOCK = "clock"  # unit of a time that is written as [days d] hours:minutes:seconds
 NOT_SAID = "not said"
@@ -69,7 +86,8 @@ class Format(NamedTuple):
     ----------
     name, title : as `instrument` in tests.tsv, and in messages.
     mark : pattern by which the head of a file is recognised (`^` at each line).
-    header : pattern of the line that holds the labels; it stands in the first 128 kB.
+    header : pattern of the line that holds the labels; it stands in the first 128 kB. "": the line
+        is found by its labels, as one of `columns` that make a series or a spectrum.
     columns : pattern of a label (in full, case ignored) → (column of the house, quantity, unit).
         A group `unit` of the pattern goes first; unit None without one: the file does not say it.
     header_lines, units_lines : lines from the match of `header` to the labels, and below them.
@@ -79,8 +97,8 @@ class Format(NamedTuple):
         other rows between them; or the pattern of a row.
     end : pattern of the first line below the table.
     short_rows : rows end before the last labels do, of which the maker writes no values.
-    state, signs : pattern of the column of letters, and letter → sign of a current that is written
-        as a magnitude. A letter that is not among them goes with a current of zero.
+    state, signs : pattern of the column of letters, and pattern of a letter → sign of a current
+        that is written as a magnitude. One that is not among them goes with a current of zero.
     date, dates : pattern of the column of dates, and how they may be written.
     channel : pattern of columns that name the channel of a row: several are refused.
     units_taken : labels may go without a unit; that those of `columns` are taken is then noted.
@@ -109,7 +127,38 @@ class Format(NamedTuple):
 
 def recognises(form: Format, head: str) -> bool:
     """Whether the text of a file's head is one of this maker's."""
+    if not form.header:
+        return header_of(form, head) is not None
     return any(re.search(form.mark, text, re.M) for text in (head, head.replace('"', "")))
+
+
+def header_of(form: Format, head: str) -> int | None:
+    """Number of the line whose labels make a series or a spectrum; None where there is none."""
+    for number, line in enumerate(head.split("\n")[:MOST_LINES], start=1):
+        labels = [unquoted(label) for label in line.split(max(DELIMITERS, key=line.count))]
+        if len(labels) < len(SERIES):
+            continue
+        columns = {field.column for label in labels if (field := meaning_of(form, label))}
+        columns |= {POLAR.get(name, name.removeprefix("minus_")) for name in columns}
+        timed = columns & {TIME, STEP_TIME, UNIX} or any(_is(form.date, label) for label in labels)
+        if columns.issuperset(IMPEDANCE) or (timed and columns.issuperset(SERIES[1:])):
+            return number
+    return None
+
+
+def labels_seen(head: str) -> list[str]:
+    """What stands above the first line of numbers in a text, as the labels of columns or nothing.
+
+    head : the beginning of any text.
+    """
+    lines = [line for line in head.split("\n")[:MOST_LINES] if line.strip()]
+    for above, line in pairwise(lines):
+        delimiter = max(DELIMITERS, key=line.count)
+        cells, labels = line.split(delimiter), [unquoted(x) for x in above.split(delimiter)]
+        numbers = sum(any(letter.isdigit() for letter in cell) for cell in cells)
+        if len(SERIES) <= len(cells) == len(labels) and 2 * numbers > len(cells):
+            return [] if any(map(is_number, filter(None, labels))) else labels[:MOST_LABELS]
+    return []
 
 
 def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], list[str], int]:
@@ -133,22 +182,29 @@ def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], li
         number belongs, a clock whose unit nothing says, a current under a letter without a sign.
     """
     data, layout = _table(form, data)
-    fields = known_fields(layout.labels, lambda label: meaning_of(form, label))
-    spectrum = any(field.column == "frequency_hertz" for field in fields)
-    wanted = IMPEDANCE if spectrum else SERIES
-    named = [field._replace(column=field.column.removeprefix("minus_")) for field in fields]
-    require(named, wanted, SPELT)
-    if spectrum:  # what a spectrum's file says of the voltage and current at each frequency
-        fields = [f for f in fields if f.column.removeprefix("minus_") in IMPEDANCE]
+    fields = fields_of(form, layout.labels)
+    if any(field.column == "frequency_hertz" for field in fields):
+        # Not what a spectrum's file says of the voltage and current at each frequency.
+        fields = [f for f in fields if f.column in PARTS]
+        parts = [f._replace(column=POLAR.get(f.column, f.column)) for f in fields]
+        parts = [f._replace(column=f.column.removeprefix("minus_")) for f in parts]
+        require(parts, IMPEDANCE, SPELT, layout.labels)
         found = read_table(data, layout, [field.label for field in fields])
         return _spectrum(converted(found.columns, fields)), list(found.notes), 0
-    bare = [f"{f.label} in {f.unit}" for f in fields if f.column in SERIES and _is_bare(form, f)]
+    fields = [f for f in fields if f.column not in PARTS]
+    date = next((x for x in layout.labels if _is(form.date, x)), None)
+    fields, date = _timed(fields, date, lambda label: is_written(data, layout, label))
+    require(fields, SERIES, SPELT, layout.labels)
+    written = [f for f in fields if f.quantity == "time" and is_written(data, layout, f.label)]
+    bare = [
+        f"{f.label} in {f.unit}"
+        for f in fields
+        if f.column in SERIES and f not in written and _is_bare(form, f)
+    ]
     notes = []
     if bare:
         notes.append(f"labels without a unit are taken as it is usual: {', '.join(bare)}")
-    written = [f for f in fields if f.quantity == "time" and is_written(data, layout, f.label)]
     state = next((x for x in layout.labels if _is(form.state, x)), None)
-    date = next((x for x in layout.labels if _is(form.date, x)), None)
     channels = [label for label in layout.labels if _is(form.channel, label)]
     texts = [*(f.label for f in written), *filter(None, (state, date)), *channels]
     others = [field for field in fields if field not in written]
@@ -164,6 +220,9 @@ def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], li
         columns[field.column], seen = _seconds(form, field, found[field.label])
         unix = seen if unix is None else unix
     columns |= {} if unix is None else {"unix_time_second": unix}
+    if state and not form.header and np.nanmin(columns["current_ampere"]) < 0:
+        notes.append(f"column {state!r} is not needed: the current has its own sign")
+        state = None
     if state:
         columns["current_ampere"] = _signed(form, columns["current_ampere"], found[state])
     filled = np.any([np.isfinite(columns[name]) for name in SERIES], axis=0)
@@ -179,15 +238,13 @@ def _table(form, data):
     Lines that are no rows are made blank, not taken away: messages count the file's own lines.
     """
     head = head_of(data)[:HEAD].decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
-    found = re.search(form.header, head, re.M)
-    if not found:  # where every label stands between quotation marks
-        head = head.replace('"', "")
-        found = re.search(form.header, head, re.M)
-    if not found:
+    number = _header_line(form, head)
+    if not number:  # where every label stands between quotation marks
+        number = _header_line(form, head.replace('"', ""))
+    if not number:
         raise Refusal(f"a file of {form.title} without the line of its columns' names")
-    number = head.count("\n", 0, found.start()) + 1 + form.header_lines
-    first = number + 1 + form.units_lines
     header = line_of(data, number)
+    first = number + 1 + form.units_lines
     quoted = header.startswith('"') and header.endswith('"') and header.count('"') == 2
     header = header[1:-1] if quoted else header
     change = _change_of(form, header, quoted)
@@ -201,11 +258,48 @@ def _table(form, data):
     labels = form.labels or tuple(unquoted(x) for x in header.split(delimiter))
     width = _width(filled, delimiter)
     labels = labels[:width] if form.short_rows else labels
+    if not form.header and (units := _units_below(labels, filled, delimiter)):
+        labels, first, rows = units, first + 1, rows[1:]
     if width == len(labels) + 1:
         labels = (*labels, "")
     elif width == len(labels) - 1 and not labels[-1]:
         labels = labels[:-1]
     return data, Layout(labels, delimiter, first, decimal_point_of(rows, delimiter))
+
+
+def _header_line(form, head):
+    """Number of the line of labels in a file's head, None where it is not found."""
+    if not form.header:
+        return header_of(form, decoded(head.encode("latin-1")))
+    found = re.search(form.header, head, re.M)
+    return found and head.count("\n", 0, found.start()) + 1 + form.header_lines
+
+
+def _units_below(labels, row, delimiter):
+    """Labels with their units, where the row below them holds units and no number; else None."""
+    cells = [unquoted(cell) for cell in row.split(delimiter)]
+    if len(cells) != len(labels) or not all(x.lower() in ("", "-", *SAME_UNIT) for x in cells):
+        return None
+    pairs = zip(labels, cells, strict=True)
+    return tuple(f"{label} [{unit}]" if unit.strip("-") else label for label, unit in pairs)
+
+
+def _timed(fields, date, is_text):
+    """Fields with one clock of the test, and the label of dates beside it or None.
+
+    The elapsed time, else the steps' own, which `physics.clock_of_steps` counts on, else the dates.
+    is_text : function, label → whether its cells are no numbers.
+    """
+    named = {field.column: field for field in fields}
+    if UNIX in named and is_text(named[UNIX].label):
+        date = date or named.pop(UNIX).label
+    step = named.pop(STEP_TIME, None)
+    if TIME not in named:
+        clock = step or named.pop(UNIX, None) or (date and Field(date, TIME, "time", NOT_SAID))
+        if clock:
+            named[TIME] = clock._replace(column=TIME)
+            date = None if date == clock.label else date
+    return list(named.values()), date
 
 
 def _width(row, delimiter):
@@ -249,21 +343,43 @@ def meaning_of(form: Format, label: str) -> Field | None:
     return None
 
 
+def fields_of(form: Format, labels) -> list[Field]:
+    """Known fields among the labels: of several for one column those of the pattern that is first.
+
+    Raises
+    ------
+    Refusal
+        Two labels of one pattern.
+    """
+    places = list(form.columns)
+    found = {label: field for label in labels if (field := meaning_of(form, label))}
+    ranks = {
+        label: next(k for k, x in enumerate(places) if re.fullmatch(x, label.strip(), re.I))
+        for label in found
+    }
+    first = {}
+    for label, field in found.items():
+        first[field.column] = min(ranks[label], first.get(field.column, len(places)))
+    return known_fields(
+        [label for label, field in found.items() if ranks[label] == first[field.column]], found.get
+    )
+
+
 def _is_bare(form, field):
     """Whether the unit of a column is taken, for neither its label nor its maker says it."""
     if not form.units_taken:
         return False
     patterns = (re.fullmatch(pattern, field.label.strip(), re.I) for pattern in form.columns)
-    parts = next(filter(None, patterns))
-    return parts.groupdict().get("unit") is None
+    parts = next(filter(None, patterns), None)
+    return parts is not None and parts.groupdict().get("unit") is None
 
 
 def _seconds(form, field, texts):
     """Elapsed time [s] of a clock or of dates, and of dates the seconds since 1970."""
     example = next((text for text in texts[:20].to_pylist() if text), "")
     if CLOCKED.match(example):
-        return clock_second(texts), None
-    dates = unix_time_second(texts, form.dates)
+        return over_midnight(clock_second(texts)), None
+    dates = unix_time_second(texts, form.dates, 0.0)
     if dates is None:
         raise Refusal(f"column {field.label!r}: found {example!r}, a time is wanted")
     known = np.isfinite(dates)
@@ -304,35 +420,49 @@ def _signed(form, current, letters):
     signs = np.zeros(len(codes))
     for code, written in enumerate(coded.dictionary.to_pylist()):
         name, rows = written.strip(), codes == code
-        if name not in form.signs and np.any(np.abs(current[rows]) > 0):
+        sign = next((s for letter, s in form.signs.items() if _is(letter, name)), None)
+        if sign is None and np.any(np.abs(current[rows]) > 0):
             known = ", ".join(form.signs)
             where = int(np.flatnonzero(rows & (np.abs(current) > 0))[0]) + 1
             raise Refusal(
                 f"row {where} of data: a current of {current[where - 1]:g} A in a step of state "
                 f"{str(name)!r}, whose sign is not known; known states: {known}"
             )
-        signs[rows] = form.signs.get(name, 0.0)
+        signs[rows] = sign or 0.0
     # ASSUME: A current in a resting step keeps the sign it is written with: it is an offset.
     return np.where(signs == 0, current, np.abs(current) * signs)
 
 
 def _with_counters(columns):
-    counter = columns.pop("step_capacity_ampere_hour", None)
+    """Columns with the net counter that one of unknown scope is: what it counts, its falls tell."""
+    energy = columns.pop(STEP_ENERGY, None)
+    if energy is not None:
+        columns[ENERGY] = _net(np.abs(energy), columns["current_ampere"])
+    counter = columns.pop(STEP_CHARGE, None)
     if counter is not None and NET not in columns:
-        columns[NET] = _net(np.abs(counter), np.sign(columns["current_ampere"]))
+        fallen = np.flatnonzero(np.diff(counter) < 0)
+        # Magnitudes fall where they begin anew from zero; one that falls row by row counts net.
+        by_rows = np.abs(counter[fallen + 1]) > 0.5 * np.abs(counter[fallen])
+        net = 2 * np.count_nonzero(by_rows) > len(fallen)
+        columns[NET] = counter if net else _net(np.abs(counter), columns["current_ampere"])
     return columns
 
 
-def _net(magnitude, sign):
-    """Net charge [Ah] from a counter of magnitudes that begins anew with steps."""
+def _net(magnitude, current):
+    """Net charge [Ah], or energy, from a counter of magnitudes that begins anew with steps."""
+    sign = np.sign(current)
     moved = np.diff(magnitude, prepend=magnitude[:1])
     moved = np.where(moved < 0, magnitude, moved)
     return np.cumsum(moved * sign)
 
 
 def _spectrum(columns):
-    minus = columns.pop("minus_impedance_imaginary_ohm", None)
-    columns |= {} if minus is None else {"impedance_imaginary_ohm": -minus}
+    minus = columns.pop(MINUS, None)
+    columns |= {} if minus is None else {IMAGINARY: -minus}
+    size, phase = (columns.pop(name, None) for name in POLAR)
+    if "impedance_real_ohm" not in columns:
+        turned = size * np.exp(1j * np.radians(phase))
+        columns |= {"impedance_real_ohm": turned.real, IMAGINARY: turned.imag}
     rows = columns["frequency_hertz"] > 0  # others are the load before the sweep, as Parstat writes
     return {name: values[rows] for name, values in columns.items()}
 

@@ -16,6 +16,7 @@ from cellwright.protocols.half_cycles import (
     columns_of,
     energy_counted,
     half_cycles,
+    reading_at_rest,
     unsure_of_edges,
     unsure_of_instrument,
     weighted_median,
@@ -111,6 +112,7 @@ def ageing_cycles(
     efficiencies = _efficiencies(halves, columns[2], inserts, new=first_cycle == 0)
     time = np.asarray(series["test_time_second"], float)
     unsure = edge_variance(time, columns[0], columns[2])
+    at_rest = reading_at_rest(columns[0], steps)
     rows = [
         (
             *(cycle, *_numbers(half, efficiency, series, rated)),
@@ -118,7 +120,7 @@ def ageing_cycles(
                 [
                     half.missing_ampere_hour,
                     unsure_of_edges(half, unsure, columns, limits),
-                    unsure_of_instrument(half, time, columns[0], current_accuracy_share),
+                    unsure_of_instrument(half, time, columns[0], current_accuracy_share, at_rest),
                 ]
             ),
         )

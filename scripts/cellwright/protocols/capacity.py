@@ -12,6 +12,7 @@ from cellwright.protocols.half_cycles import (
     energy_counted,
     half_cycles,
     main_load,
+    reading_at_rest,
     unsure_of_edges,
     unsure_of_instrument,
     with_starts,
@@ -108,6 +109,7 @@ def capacity(
     )
     unsure = edge_variance(np.asarray(test_time_second, float), columns[0], columns[2])
     inserts = -1 if upper_cutoff_volt is not None and upper_cutoff_volt < ANODE_VOLT else 1
+    at_rest = reading_at_rest(columns[0], steps)
     sheet, complete = (rated_capacity_ampere_hour, ambient_temperature_celsius), []
     for half, partner in zip(halves, _partners(halves, inserts), strict=True):
         if half.fault:
@@ -116,7 +118,7 @@ def capacity(
         row["off"] = 0.0 if partner is None else imbalance(half, partner, columns, steps, limits)
         row["edges"] = unsure_of_edges(half, unsure, columns, limits)
         row["instrument"] = unsure_of_instrument(
-            half, test_time_second, columns[0], current_accuracy_share
+            half, test_time_second, columns[0], current_accuracy_share, at_rest
         )
         row["doubt"] = doubts_of(half, partner, row, columns, steps, limits, doubt, sheet)
         row["missing"] = float(np.hypot(row["missing"], row["off"]))

@@ -113,6 +113,7 @@ def _half_cycle(span, columns, steps, limits, dynamic):
     at_limit = [k for k in loads if limit is not None and _reaches(k, sign, limit, voltage, steps)]
     if not dynamic:
         at_limit = [k for k in at_limit if steps.kind[k] != "dynamic"]
+    last = _end_of_hold(at_limit[0], loads, limit, voltage, steps) if at_limit else None
     fault = ""
     if limit is None:
         name = "upper" if sign > 0 else "lower"
@@ -127,10 +128,20 @@ def _half_cycle(span, columns, steps, limits, dynamic):
         reached=bool(at_limit),
         under_load=loads[0] == 0,
         loads=tuple(loads),
-        to_cutoff=tuple(k for k in loads if not at_limit or k <= at_limit[0]),
+        to_cutoff=tuple(k for k in loads if not at_limit or k <= last),
         last_row=turn,
         fault=fault,
     )
+
+
+def _end_of_hold(step, loads, limit, voltage, steps):
+    """The last load that goes on at the cut-off [V] after one that reached it, as over a gap."""
+    while step + 1 in loads:
+        ends = [int(rows[step + 1]) for rows in (steps.first_row, steps.last_row)]
+        if np.any(np.abs(voltage[ends] - limit) > NEAR_VOLT):
+            break
+        step += 1
+    return step
 
 
 def _loads(span, steps):
@@ -179,17 +190,26 @@ def unsure_of_edges(half, variance, columns, limits):
     return float(np.sqrt(inside + beyond**2 / 3.0))
 
 
-def unsure_of_instrument(half, test_time_second, current_ampere, accuracy_share):
+def reading_at_rest(current_ampere, steps):
+    """Median over a record's rests of what the current reads in each [A], 0 where it has none."""
+    rests = zip(steps.first_row, steps.last_row, steps.kind, strict=True)
+    read = [np.median(current_ampere[a : b + 1]) for a, b, kind in rests if kind == "rest"]
+    return float(np.median(read)) if read else 0.0
+
+
+def unsure_of_instrument(half, test_time_second, current_ampere, accuracy_share, rest_ampere):
     """Standard deviation [Ah] of what a half cycle moves by the ammeter's gain and offset.
 
     Its reading may be off by up to a share of its range anywhere (a uniform distribution), and its
-    range holds at least the record's largest current: no record tells more.
+    range holds at least the record's largest current. What it reads in rests it may read too much
+    under load as well, or not at all: nothing tells which.
 
     half : HalfCycle. test_time_second, current_ampere : (n,) [s], [A]. accuracy_share : as of
-        `settings.Instrument`.
+        `settings.Instrument`. rest_ampere : `reading_at_rest` of the record.
     """
     hours = (test_time_second[half.last_row] - test_time_second[half.first_row]) / 3600.0
-    return float(accuracy_share * np.abs(current_ampere).max() * hours / np.sqrt(3.0))
+    most = accuracy_share * np.abs(current_ampere).max(), rest_ampere
+    return float(np.linalg.norm(most) * hours / np.sqrt(3.0))
 
 
 def weighted_median(values, weights):

@@ -6,6 +6,8 @@ alike at one age and temperature, show it.
 
 from itertools import combinations
 
+import numpy as np
+
 from cellwright.records.conditions import (
     AT_REST_C_RATE,
     ROUND_SHARE,
@@ -22,7 +24,7 @@ LEAST_SHARE, FASTEST_C_RATE, COLDEST_CELSIUS = 0.75, 1.2, 10.0
 WARMED_KELVIN = 5.0  # by its own load: a warmer cell gives more
 SAME_SOC, RESISTANCE_FACTOR = 0.05, 1.5  # kinetics, direction and rests change a resistance by less
 ANY_SOC_FACTOR = 2.0  # the first sample of a pulse hardly hangs on the SoC, but near empty
-LEAST_SOC, DELAY_FACTOR = 0.1, 2.0
+LEAST_SOC, DELAY_FACTOR = 0.1, 2.0  # the latter also by which a decade of delay adds at most
 SIGMAS = 2.0
 LEAST_TESTS = 2  # that show which currents a laboratory sets
 
@@ -235,11 +237,11 @@ def _resistances(row, other):
     """What another pulse resistance says against one, at the same delay.
 
     At the same SoC any two are alike, the first samples of discharges at any SoC. Near empty a few
-    per cent of SoC are another resistance.
+    per cent of SoC are another resistance. Of first samples that come at other delays the later one
+    is the larger: it adds at most as much again a decade.
     """
     socs = row["soc"], other["soc"]
-    delays = sorted(one["actual_delay_second"] for one in (row, other))
-    if delays[1] > DELAY_FACTOR * delays[0] or (_is_number(*socs) and min(socs) < LEAST_SOC):
+    if _is_number(*socs) and min(socs) < LEAST_SOC:
         return ""
     near = _is_number(*socs) and abs(socs[0] - socs[1]) <= SAME_SOC
     stated = _is_number(_celsius(row), _celsius(other))
@@ -248,6 +250,9 @@ def _resistances(row, other):
     here, there = row["resistance_ohm"], other["resistance_ohm"]
     spread = SIGMAS * (row["resistance_std_ohm"] + other["resistance_std_ohm"])
     factor = RESISTANCE_FACTOR if near else ANY_SOC_FACTOR
+    later = np.log10(row["actual_delay_second"] / other["actual_delay_second"])
+    if (here - there) * later > 0:
+        factor *= DELAY_FACTOR ** abs(later)
     if max(here, there) - spread <= factor * min(here, there):
         return ""
     place = f" at {socs[1]:.0%} SoC" if _is_number(socs[1]) else ""

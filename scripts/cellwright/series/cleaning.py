@@ -15,7 +15,7 @@ from cellwright.refusal import Refusal
 from cellwright.series.doubts import counter_digit, doubts
 from cellwright.series.doubts import sentences as doubts_in_words
 from cellwright.series.edges import OTHER_PACE, begun_at_last_row, step_rows
-from cellwright.series.gaps import RESTED, in_words
+from cellwright.series.gaps import RAN, RESTED, in_words
 from cellwright.series.gaps import verdicts as gap_verdicts
 from cellwright.series.repeated import repeated_rows
 from cellwright.series.rest_current import RestReading, rest_reading
@@ -282,7 +282,7 @@ def net_charge(
     *,
     gap_rows: np.ndarray | None = None,
     counter_ampere_hour: np.ndarray | None = None,
-    rested: np.ndarray | None = None,
+    silent: np.ndarray | None = None,
 ) -> np.ndarray:
     """Net charge put into the cell since the first row.
 
@@ -293,15 +293,15 @@ def net_charge(
        (five in an interval ten times as long as usual, where no neighbour evens it out), and where
        what it counted lies between what either current would have moved.
     4. Across a gap: the counter; without one, a current that is the same on both sides, unless
-       the voltage shows that the cell rested; else none.
+       the voltage shows that the cell rested, or that falls at a held voltage; else none.
 
     test_time_second, current_ampere : arrays [s], [A]
     gap_rows : array of int
         Rows with a gap in the record before them.
     counter_ampere_hour : array [Ah]
         The instrument's own signed counter; may have rows without a number (NaN).
-    rested : array of bool, one for each gap
-        In which of them the cell rested, see `gaps.verdicts`.
+    silent : one for each gap
+        What the cell did in it, see `gaps.verdicts`.
 
     Returns an array [Ah], 0 in the first row.
     """
@@ -319,8 +319,12 @@ def net_charge(
     moved[better] = counted[better]
     if gap_rows is not None and gap_rows.size:
         across = _across_gaps(before, after, counted, gap_rows - 1)
-        idle = np.zeros(gap_rows.size, bool) if rested is None else rested
-        moved[gap_rows - 1] = np.where(idle & ~np.isfinite(counted[gap_rows - 1]), 0.0, across)
+        if silent is not None:
+            unseen = ~np.isfinite(counted[gap_rows - 1])
+            ran = 0.5 * (before + after)[gap_rows - 1]
+            across = np.where(unseen & (silent == RAN), ran, across)
+            across = np.where(unseen & (silent == RESTED), 0.0, across)
+        moved[gap_rows - 1] = across
     return np.concatenate([[0.0], np.cumsum(moved)])
 
 
@@ -447,7 +451,7 @@ def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray, silent) -> np.n
         columns["current_ampere"],
         gap_rows=gaps,
         counter_ampere_hour=columns.get(NET),
-        rested=silent == RESTED,
+        silent=silent,
     )
 
 

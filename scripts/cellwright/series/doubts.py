@@ -47,12 +47,14 @@ class Doubt(IntFlag):
     SIZE = 64
     SIGN = 128
     BEYOND = 256
+    ENERGY = 512
 
 
 WORDS = {
     Doubt.CLOCK: "the clock jumps: how long it was is not known",
     Doubt.GAP: "rows are missing, and nothing tells what flowed meanwhile",
     Doubt.COUNTER: "the instrument's own counter moved otherwise than its current",
+    Doubt.ENERGY: "the instrument's own energy moved otherwise than its current times voltage",
     Doubt.VOLTAGE_STEP: "the voltage steps while the current does not",
     Doubt.NO_ANSWER: "the current steps and the voltage does not answer",
     Doubt.AT_REST: "the voltage moves as under load while the current reads zero",
@@ -175,6 +177,7 @@ def unlike_charge(charge, rated) -> bool:
 def against_counter(time, current, counter, apart) -> np.ndarray:
     """Mask (n,) of rows over which charge by current and clock differs from the counter's.
 
+    Or energy, of a power in place of the current and its counter.
     Compared are stretches that move a twentieth of the charge's span; within an interval in which
     the current steps the trapezoid only guesses, and what it may be off by is allowed for.
     """

@@ -12,7 +12,7 @@ LEAST_SHARE = 0.001  # of all charge: gaps with less are not worth a sentence
 FLOOR_VOLT = 0.002  # no verdict hangs on less: contacts, temperature
 # ASSUME: A load that went on moves the voltage by at least half of what the slopes beside the gap
 # say; a rest leaves less than a quarter of it: the polarisation comes back, the charge does not.
-RAN_SHARE, RESTED_SHARE = 0.5, 0.25
+RAN_SHARE, RESTED_SHARE = 0.5, 0.25  # a voltage that comes back says so by itself
 
 
 def verdicts(
@@ -21,8 +21,10 @@ def verdicts(
     """What happened in each gap between two rows of the same load, by the voltage.
 
     The slopes of the voltage over the charge at both sides say by how much the load would have
-    moved it. Where it moved so, the load went on and only rows were lost; where it came back
-    instead, the cell rested.
+    moved it, the least of them at least. Where it moved so, the load went on and only rows were
+    lost; where it came back instead, or hardly moved where all slopes say that it would have, the
+    cell rested. At a voltage that is held on both sides a load went on if its current fell: after
+    a rest it would have been larger.
 
     Parameters
     ----------
@@ -32,7 +34,7 @@ def verdicts(
     Returns
     -------
     array of RAN, RESTED, UNKNOWN where the slopes cannot tell (a plateau, few rows), NO_LOAD where
-    the current is not the same on both sides.
+    the current is not the same on both sides, nor the voltage held.
     """
     found = [_verdict(time, current, voltage, int(row)) for row in gaps]
     return np.array(found, dtype=f"U{len(RAN)}")
@@ -41,12 +43,14 @@ def verdicts(
 def _verdict(time, current, voltage, row):
     before, after = current[row - 1], current[row]
     if not abs(after) > 0 or abs(after - before) > SAME_CURRENT * abs(after):
-        return NO_LOAD
+        return RAN if _held_on(current, voltage, row) else NO_LOAD
     length = time[row] - time[row - 1]
     slopes, noises = [], []
     for side in (-1, 1):
         slope, noise = _slope(time, current, voltage, row, side, max(length, SHORTEST_WINDOW))
-        slopes.append(slope)
+        # A curve is flatter or steeper nearby: within the gap it may be as either.
+        near, _ = _slope(time, current, voltage, row, side, max(length, SHORTEST_WINDOW) / 4)
+        slopes += [slope, slope if np.isnan(near) else near]
         noises.append(noise)
     charge = after * length / 3600
     # Towards where the load drives it, positive.
@@ -57,7 +61,17 @@ def _verdict(time, current, voltage, row):
         return UNKNOWN
     if moved > max(RAN_SHARE * expected.min(), floor):
         return RAN
-    return RESTED if moved < RESTED_SHARE * expected.min() else UNKNOWN
+    certain = expected.min() >= 2 * floor and moved < RESTED_SHARE * expected.min()
+    return RESTED if certain or moved < -floor else UNKNOWN
+
+
+def _held_on(current, voltage, row):
+    """Whether a voltage is held on both sides of a gap, and the current fell over it."""
+    rows = slice(row - LEAST_ROWS, row + LEAST_ROWS)
+    size = np.abs(current[rows])
+    if row < LEAST_ROWS or len(size) < 2 * LEAST_ROWS or np.ptp(np.sign(current[rows])) > 0:
+        return False
+    return bool(np.ptp(voltage[rows]) <= FLOOR_VOLT and np.all(np.diff(size) < 0))
 
 
 def _slope(time, current, voltage, row, side, window):

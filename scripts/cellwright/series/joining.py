@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.formats import SIGN_RULE, Reading
-from cellwright.formats.fields import NET, SERIES, counted_share
+from cellwright.formats.fields import ENERGY, NET, SERIES, counted_share
 from cellwright.refusal import Refusal
-from cellwright.series.cleaning import NO_READING
-from cellwright.series.doubts import Doubt
+from cellwright.series.cleaning import CLEAN, NO_READING
+from cellwright.series.doubts import Doubt, against_counter
 from cellwright.series.repeated import repeated_rows
+from cellwright.series.steps import silent_before
 
 
 class Assembled(NamedTuple):
@@ -52,6 +53,8 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Assembled:
         name: np.concatenate([p.get(name, nan) for p, nan in zip(parts, unknown, strict=True)])
         for name in names
     }
+    if "doubt" in joined:  # of a file without one there is none
+        joined["doubt"] = np.nan_to_num(joined["doubt"]).astype(np.int16)
     joined["file_index"] = np.repeat(np.arange(len(parts)), sizes)
     return Assembled(joined, tuple(notes))
 
@@ -174,8 +177,7 @@ def current_sign(
 
     Returns Sign.
     """
-    good = np.isfinite(test_time_second) & (np.abs(current_ampere) < NO_READING)
-    good &= np.isfinite(voltage_volt)
+    good = _readings(test_time_second, current_ampere, voltage_volt)
     time, current, voltage = (x[good] for x in (test_time_second, current_ampere, voltage_volt))
     if time.size < 2 or not np.any(current):
         return Sign(0, 0.0, NO_CURRENT)
@@ -285,7 +287,8 @@ def charge_positive(
     sign, note = _decided(shown, stated, default)
     turned = _turned(columns, sign)
     if not shown.sign and shown.evidence == 0.0 and shown.reason.startswith(OPPOSED):
-        turned["doubt"] = np.full(len(turned["current_ampere"]), Doubt.SIGN, np.int16)
+        said = turned.get("doubt", np.zeros(len(turned["current_ampere"]), np.int16))
+        turned["doubt"] = said | np.int16(Doubt.SIGN)
     return Assembled(turned, (note,) * bool(note))
 
 
@@ -336,19 +339,52 @@ def assemble(readings: Sequence[Reading], *, stated_sign: str | None = None) -> 
     for number, reading in enumerate(readings, start=1):
         if reading.kind != "series":
             raise Refusal(f"file {number} holds {reading.kind}, a series is wanted")
+    columns_of_files = [_held_against_energy(reading.columns) for reading in readings]
     said = [note for k, r in enumerate(readings) for note in _notes(r, k, len(readings))]
     if any(reading.sign for reading in readings):
         signs = _own_signs(readings, stated_sign)
-        files = [_turned(r.columns, sign) for r, sign in zip(readings, signs, strict=True)]
+        files = [
+            _turned(columns, sign) for columns, sign in zip(columns_of_files, signs, strict=True)
+        ]
         joined = join(files)
         return Assembled(joined.columns, (*said, *joined.notes, *_against_voltage(joined.columns)))
     if not stated_sign:
         _refuse_unlike([current_sign(*(r.columns[n] for n in SERIES)).sign for r in readings])
-    joined = join([reading.columns for reading in readings])
+    joined = join(columns_of_files)
     rules = {SIGN_RULE.get(reading.instrument) for reading in readings}
     default = rules.pop() if len(rules) == 1 else None
     signed = charge_positive(joined.columns, stated=stated_sign or None, default=default)
     return Assembled(signed.columns, (*said, *joined.notes, *signed.notes))
+
+
+def _held_against_energy(columns):
+    """Columns of a file without the energy that its instrument counted, and with what it says.
+
+    It is the product of both channels: a wrong voltage shows in it too, which no charge tells.
+    """
+    energy = columns.get(ENERGY)
+    if energy is None:
+        return columns
+    kept = {name: values for name, values in columns.items() if name != ENERGY}
+    time, current, voltage = (columns[name] for name in SERIES)
+    good = np.flatnonzero(_readings(time, current, voltage) & np.isfinite(energy))
+    time, power = time[good], (current * voltage)[good]
+    moved = np.diff(energy[good])
+    if len(good) < 2 or not np.any(moved):
+        return kept
+    # Whichever sign the file gives its current, energy and charge run together.
+    power = power * (np.sign(np.sum((power[1:] + power[:-1]) * np.diff(time) * moved)) or 1.0)
+    apart = np.r_[False, np.diff(time) < 0]
+    apart[silent_before(time, CLEAN.gap_second)] = True
+    found = np.zeros(len(energy), np.int16)
+    found[good[against_counter(time, power, energy[good], apart)]] = Doubt.ENERGY
+    return kept | {"doubt": found} if found.any() else kept
+
+
+def _readings(time, current, voltage):
+    """Rows that are readings, not marks for none."""
+    good = np.isfinite(time) & (np.abs(current) < NO_READING)
+    return good & (np.abs(voltage) < NO_READING)
 
 
 def _notes(reading, index, files):
