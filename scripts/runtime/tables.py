@@ -229,6 +229,7 @@ def _summary_row(facts, of_cell, model) -> dict:
     if fresh is not None and not isfinite(fresh):
         fresh, said = None, f"{capacity:g} Ah over a rating of {rated:g} Ah is beyond all numbers"
         notes = [*notes, f"no state of health: {said}"]
+    spread = _std_of(counted, capacity)
     missing, filtered = of_cell["missing_effect"], of_cell["soc"]
     scored = scored[scored["chosen"].eq(True)]
     pulses = of_cell["resistance"][of_cell["resistance"]["soc"].notna()]
@@ -237,8 +238,8 @@ def _summary_row(facts, of_cell, model) -> dict:
     return {
         "cell": facts["cell"],
         "capacity_ampere_hour": capacity,
-        "capacity_std_ampere_hour": _std_of(counted, capacity),
-        **_health(of_cell, fresh),
+        "capacity_std_ampere_hour": spread,
+        **_health(of_cell, fresh, fresh * spread / capacity if fresh and spread else None),
         "r0_50_25_ohm": resistance.get("resistance_ohm"),
         "r0_50_25_std_ohm": resistance.get("resistance_std_ohm"),
         "best_model": model.get("chosen"),
@@ -319,13 +320,17 @@ def _effects_named(missing) -> str:
     return ";".join(both)
 
 
-def _health(of_cell, fresh) -> dict:
-    """Latest state of health, or that of a cell that was not aged; knee and remaining cycles."""
-    latest = latest_health(of_cell["health"].to_dict("records")) or {}
+def _health(of_cell, fresh, fresh_std) -> dict:
+    """Latest state of health, or that of a cell that was not aged; knee and remaining cycles.
+
+    `fresh` and `fresh_std` are its capacity and their deviation over the rating, or None.
+    """
+    not_aged = {"soh": fresh, "soh_std": fresh_std}
+    latest = latest_health(of_cell["health"].to_dict("records")) or not_aged
     life = next(iter(of_cell["fade"].to_dict("records")), {})
     names = ("knee_cycle", "remaining_cycles", "remaining_lower_cycles", "remaining_upper_cycles")
     return {
-        "soh": latest.get("soh", fresh),
+        "soh": latest["soh"],
         "soh_std": latest.get("soh_std"),
         "soh_cycle": latest.get("cycle"),
         **{name: life.get(name) for name in names},

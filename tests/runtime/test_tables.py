@@ -63,7 +63,7 @@ def test_what_a_record_lacks_is_excluded_too(saved):
 
 
 COLUMNS = {
-    "capacity": "cell direction c_rate cycle capacity_ampere_hour",
+    "capacity": "cell direction c_rate cycle capacity_ampere_hour capacity_std_ampere_hour",
     "resistance": "cell direction delay_second soc c_rate cycle ambient_temperature_celsius "
     "resistance_ohm",
     "validation": "cell chosen samples rmse_volt test",
@@ -140,8 +140,8 @@ def test_the_summary_has_the_latest_state_of_health():
     assert (row["soh"], row["soh_cycle"]) == (0.9, 300)
     assert (row["knee_cycle"], row["remaining_lower_cycles"]) == (250, 30)
     assert np.isnan(row["remaining_upper_cycles"])
-    fresh = summary_of_a(capacity=["A,discharge,0.5,,4"], health=["A,0,check-up,1"])
-    assert fresh["soh"] == pytest.approx(0.8)
+    fresh = summary_of_a(capacity=["A,discharge,0.5,,4,0.05"], health=["A,0,check-up,1"])
+    assert (fresh["soh"], fresh["soh_std"]) == pytest.approx((0.8, 0.01))
     assert fresh["knee_cycle"] is None
 
 
