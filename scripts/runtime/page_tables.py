@@ -43,9 +43,15 @@ def table_of(name, frame, spec) -> Table:
 
     `spec` has title, read, and for each column that is shown its name, with the unit in brackets.
     Columns that are blank in all rows are left out; `only` of it are values that rows must have.
+    A doubt that all rows share stands above them once.
     """
     for column, value in spec.get("only", {}).items():
         frame = frame[frame[column] == value]
+    read = spec["read"]
+    if len(frame) > 1 and "doubt" in spec["columns"] and "doubt" in frame:
+        doubt = frame["doubt"].iloc[0]
+        if doubt and frame["doubt"].eq(doubt).all():
+            read, frame = f"{read} All in doubt: {doubt}.", frame.drop(columns="doubt")
     rows = frame.head(SHOWN_ROWS).to_dict("records")
     known = [key for key in spec["columns"] if any(row.get(key) for row in rows)]
     stds = {key: std_name(key, rows[0]) for key in known} if rows else {}
@@ -55,7 +61,7 @@ def table_of(name, frame, spec) -> Table:
         for row in rows
     ]
     more, made = len(frame) - len(rows), f"results/tables/{name}.csv"
-    return Table(name, spec["title"], spec["read"], labels, cells, more, made)
+    return Table(name, spec["title"], read, labels, cells, more, made)
 
 
 def _cell(text):

@@ -94,3 +94,14 @@ def test_a_table_is_shown_in_the_units_of_its_headings_without_blank_columns():
     table = page_tables.table_of("t", pd.DataFrame([rows | {"chosen": "True"}]), spec)
     assert table.columns == ["test", "R [mΩ]", "SoC [%]", "chosen"]
     assert [one.text for one in table.rows[0]] == ["25", "12.3 ± 0.2", "50", "yes"]
+
+
+def test_a_doubt_that_all_rows_share_is_told_once_above_them():
+    spec = {"title": "T", "read": "r.", "columns": {"test": "test", "doubt": "doubt"}}
+    alike = pd.DataFrame({"test": ["a", "b"], "doubt": ["it drifts"] * 2})
+    table = page_tables.table_of("t", alike, spec)
+    assert (table.columns, table.read) == (["test"], "r. All in doubt: it drifts.")
+    table = page_tables.table_of("t", alike.assign(doubt=["it drifts", ""]), spec)
+    assert (table.columns, table.read) == (["test", "doubt"], "r.")
+    table = page_tables.table_of("t", alike.iloc[:1], spec)
+    assert table.columns == ["test", "doubt"]
