@@ -1,10 +1,12 @@
 """Tables and figures of the report, each written in one way: words, units, doubts beside them."""
 
 import base64
+import json
 import re
 from math import floor, log10
 from pathlib import Path
 from typing import NamedTuple
+from xml.sax.saxutils import unescape
 
 import pyarrow as pa
 from markupsafe import Markup
@@ -136,7 +138,10 @@ def link(page, text=None) -> Markup:
 
 
 class Figure(NamedTuple):
-    """A figure as the report writes it: `data` follows `data:image/svg+xml,`, sizes are its own."""
+    """A figure as the report writes it: `data` follows `data:image/svg+xml,`, sizes are its own.
+
+    `reason` says why there is nothing on it, "" where there is.
+    """
 
     id: str
     title: str
@@ -146,6 +151,7 @@ class Figure(NamedTuple):
     height: str
     made: str = ""  # what Snakemake makes it again by
     lines: str = ""  # what the reader may zoom into, see `closer_look`
+    reason: str = ""
 
 
 def figure_of(path, captions) -> tuple[str, Figure]:
@@ -164,7 +170,14 @@ def figure_of(path, captions) -> tuple[str, Figure]:
     folder = Path(path).parent
     made = Path(path) if folder.name == "figures" else folder
     drawing = as_url(svg)
-    return kind, Figure(name, title, caption["read"], drawing, width, height, made.as_posix())
+    shown = Figure(name, title, caption["read"], drawing, width, height, made.as_posix())
+    return kind, shown._replace(reason=_reason(svg))
+
+
+def _reason(svg: str) -> str:
+    """Why a figure could not be drawn, as the artefact carries it; "" where it was."""
+    about = re.search(r"<desc>(\{.*?\})</desc>", svg, flags=re.S)
+    return (json.loads(unescape(about[1])).get("reason") or "") if about else ""
 
 
 def as_url(svg: str) -> str:

@@ -125,6 +125,18 @@ def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
     assert (kind, picture.title, chapter["tables"]) == ("validation", "V: udds", [])
 
 
+def test_figures_without_a_drawing_are_told_in_one_line(snakemake):
+    files = ["figures/A/validation_udds.svg", "figures/A/validation_us06.svg"]
+    with artefact.Job(snakemake(*files, wildcards={"cell": "A"})):
+        raise Refusal("no OCV <curve>")
+    captions = {"validation": {"title": "V", "read": "r"}}
+    pictures = [page.figure_of(path, captions) for path in files]
+    layout = {"chapters": [{"id": "m", "title": "M", "figures": ["validation"]}]}
+    (chapter,) = page._chapters({}, pictures, layout)
+    assert chapter["figures"] == []
+    assert chapter["undrawn"] == {"no OCV <curve>": ["V: udds", "V: us06"]}
+
+
 def test_an_effect_of_a_fleet_is_told_by_its_size_or_why_it_has_none(job):
     nmc, lfp = page.fleet_of(page._text("results/tables/fleet.csv"))
     assert [row[1].text for row in nmc["matrix"].rows] == ["3.1", "n/t"]
