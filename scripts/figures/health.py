@@ -96,6 +96,8 @@ def draw_resistance_growth(growth):
     axes[0, 1].set(xlabel="state of charge [%]", ylabel="over that of the first check-up")
     axes[0, 0].set_title("At each check-up", loc="left")
     axes[0, 1].set_title("Growth", loc="left")
+    if len(cycles) < 2:
+        style.hide(axes[:, 1])
     style.legend_once(axes[0, 0])
     return figure
 

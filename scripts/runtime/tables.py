@@ -229,7 +229,7 @@ def _summary_row(facts, of_cell, model) -> dict:
     if fresh is not None and not isfinite(fresh):
         fresh, said = None, f"{capacity:g} Ah over a rating of {rated:g} Ah is beyond all numbers"
         notes = [*notes, f"no state of health: {said}"]
-    spread = _std_of(counted, capacity)
+    spread = _std_of(of_cell["capacity"], counted, capacity)
     missing, filtered = of_cell["missing_effect"], of_cell["soc"]
     scored = scored[scored["chosen"].eq(True)]
     pulses = of_cell["resistance"][of_cell["resistance"]["soc"].notna()]
@@ -282,9 +282,18 @@ def resistances(cells, tables, models, verdicts, note=print) -> "DataFrame":
     return DataFrame(rows, dtype=object)
 
 
-def _std_of(counted, capacity) -> float | None:
-    """Standard deviation of a counted capacity [Ah], where it is the one that models count in."""
-    same = counted and capacity and abs(counted["capacity_ampere_hour"] / capacity - 1) < 0.01
+def _std_of(rows, counted, capacity) -> float | None:
+    """Standard deviation of a cell's capacity [Ah]: of the test that it is from.
+
+    A model may count in a slow test's own capacity, which is no row: then that of the slowest row,
+    where the two are one within a percent.
+    """
+    if not capacity or not counted:
+        return None
+    alike = rows[(rows["capacity_ampere_hour"] / capacity - 1).abs() < 1e-6]
+    if len(alike):
+        return _known(alike)[0].get("capacity_std_ampere_hour")
+    same = abs(counted["capacity_ampere_hour"] / capacity - 1) < 0.01
     return counted.get("capacity_std_ampere_hour") if same else None
 
 
