@@ -30,6 +30,7 @@ from runtime import (
 from runtime.csv_cells import frame_as_written
 from runtime.page_tables import (
     Cell,
+    duration,
     fact_in_words,
     figure_of,
     link,
@@ -163,7 +164,8 @@ def environment_of(folder) -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "milli": milli, "digest": digest}
-    environment.filters |= {"measured": measured, "in_words": overview_page.model_in_words}
+    environment.filters |= {"measured": measured, "duration": duration}
+    environment.filters |= {"in_words": overview_page.model_in_words}
     return environment
 
 

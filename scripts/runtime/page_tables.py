@@ -113,6 +113,12 @@ def measured(text, std_text=None, scale=1.0, digits=DIGITS) -> str:
     return f"{value:.{places}f}{spread}"
 
 
+def duration(second) -> str:
+    """A time [s] in words: milliseconds below a second."""
+    value = float(second)
+    return f"{1e3 * value:.{DIGITS}g} ms" if value < 1.0 else f"{value:.{DIGITS}g} s"
+
+
 UNITS = {"volt": "V", "ampere_hour": "Ah", "ampere": "A", "celsius": "°C", "gram": "g"}
 
 
