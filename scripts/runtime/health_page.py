@@ -58,8 +58,9 @@ def section(tables) -> dict:
     """
     aged = tables["health"]
     seen = aged.groupby("cell", sort=False)["cycle"].nunique()
-    cells = [cell for cell, count in seen.items() if count > 1]
     lives_of = {row["cell"]: row for row in tables["fade"].to_dict("records")}
+    # A life without check-ups has one row here, that of its last cycle.
+    cells = [cell for cell, count in seen.items() if count > 1 or cell in lives_of]
     rows = [_row(cell, aged[aged["cell"] == cell], lives_of.get(cell)) for cell in cells]
     names = {"protocols": "verdict", "fleet_health_lines": "verdict"}
     words = [

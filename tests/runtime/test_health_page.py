@@ -54,6 +54,13 @@ def test_the_overview_has_the_latest_state_by_each_method():
     assert found["remaining"] == ""
 
 
+def test_a_life_without_check_ups_is_in_the_overview():
+    lone = pd.DataFrame([row("C", 28.0, 0.955, "ageing cycles")])
+    life = FADE.assign(cell="C", knee_cycle=np.nan, knee_lower_cycle=np.nan)
+    (found,) = health_page.section({"health": as_text(lone), "fade": as_text(life)})["rows"]
+    assert (found["cell"], found["cycles"]) == ("C", {"soh": "95.5 ± 0.4 %", "cycle": "28.0"})
+
+
 def test_comparisons_are_told_in_their_own_words():
     protocols = pd.DataFrame([{"type": "NMC, 20 Ah", "verdict": "fast charge lasts a fourth"}])
     tables = {"health": as_text(HEALTH), "fade": as_text(FADE), "protocols": protocols}
