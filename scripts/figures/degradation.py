@@ -83,6 +83,8 @@ def draw_peak_health(rows, cell):
     if len(values):
         ends = [values.min(), values.max()]
         panel.plot(ends, ends, color=style.INK, lw=0.6, ls=":")
+    else:
+        style.hide([panel])
     panel.set(xlabel="measured capacity [Ah]", ylabel="from peaks, check-up left out [Ah]")
     error = 100 * rms(rows["left_out_error"][known & own])
     panel.set_title(f"From peaks: {error:.2g} % RMS" if np.isfinite(error) else "From peaks")

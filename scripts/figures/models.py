@@ -29,7 +29,8 @@ def draw_parameters(model):
     # what a user sees, and what stays the same.
     panels |= {f"Resistance {name}": _resistance_after(second) for name, second in TIMES.items()}
     panels |= {f"RC pairs at {100 * MIDDLE_SOC:g} % SoC": _rc_pairs}
-    panels |= {"Correction of the OCV": _ocv_shift}
+    corrected = any(np.any(one.get("ocv_shift_volt", ())) for one in member["conditions"])
+    panels |= {"Correction of the OCV": _ocv_shift} if corrected else {}
     panels |= {"Hysteresis, either way": _hysteresis} if kinds & HYSTERESIS else {}
     figure, axes = style.subplots(2, (len(panels) + 1) // 2, height=4.8)
     figure.suptitle(f"Member {model['chosen']}, resistance at small currents", x=0.01, ha="left")
