@@ -405,7 +405,8 @@ def _choice(rows):
     read = (
         "RMS error of blocks left out of the fit at each temperature; in brackets of the finished "
         "model through the records it was fitted to, SoC 5–95 %. Tests for validation took no "
-        "part. Members compare by the geometric mean over blocks, which one bad block does not decide."
+        "part. Members compare by the geometric mean over blocks, which one bad block does not "
+        "decide."
     )
     made = "results/tables/choice.csv"
     return plain_table("choice", "Why this model", read, columns, lines, made=made)
