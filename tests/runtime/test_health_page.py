@@ -11,7 +11,9 @@ NAMES = ["cell", "cycle", "soh", "soh_std", "method", "lli", "lam_negative", "la
 
 
 def row(cell, cycle, soh, method, *modes, std=0.004):
-    return dict(zip(NAMES, [cell, cycle, soh, std, method, *(modes or [np.nan] * 3)], strict=True))
+    stds = {"lli_std": 0.025 if modes else np.nan}
+    values = [cell, cycle, soh, std, method, *(modes or [np.nan] * 3)]
+    return dict(zip(NAMES, values, strict=True)) | stds
 
 
 HEALTH = pd.DataFrame(
@@ -49,7 +51,7 @@ def test_the_overview_has_the_latest_state_by_each_method():
     assert found["check_up"] == {"soh": "87.6 ± 0.4 %", "cycle": "900.0"}
     assert found["peaks"]["soh"] == "88.1 %"
     assert found["cycles"] == {}
-    assert [found[name] for name in health_page.SHARES] == ["8.0 %", "2.0 %", "3.1 %"]
+    assert [found[name] for name in health_page.SHARES] == ["8.0 ± 2.5 %", "2.0 %", "3.1 %"]
     assert found["knee"] == "843 (800 to ?)"
     assert found["remaining"] == ""
 
