@@ -83,8 +83,6 @@ def draw_peak_health(rows, cell):
     if len(values):
         ends = [values.min(), values.max()]
         panel.plot(ends, ends, color=style.INK, lw=0.6, ls=":")
-    else:
-        style.hide([panel])
     panel.set(xlabel="measured capacity [Ah]", ylabel="from peaks, check-up left out [Ah]")
     error = 100 * rms(rows["left_out_error"][known & own])
     panel.set_title(f"From peaks: {error:.2g} % RMS" if np.isfinite(error) else "From peaks")
@@ -93,7 +91,11 @@ def draw_peak_health(rows, cell):
     line = {"color": style.MEASURED, "lw": 0.9, "label": "measured"}
     axes[0, 1].plot(rows["cycle"][own][order], measured[order], **line)
     axes[0, 1].set(xlabel="cycle", ylabel="state of health [%]", title="Over cycles")
-    style.legend_once(panel, loc="upper left")
+    if len(values):
+        style.legend_once(panel, loc="upper left")
+    else:
+        panel.set_title("")
+        style.hide([panel])
     style.legend_once(axes[0, 1], loc="lower left")
     return figure
 
