@@ -72,6 +72,9 @@ def _dots(axes, height_of, rows, name, scale, marker_by):
         heights = [height for _, height in at]
         axes.plot(list(at.values()), heights, marker, color=colour, alpha=0.8)
     axes.set_xlim(left=0)
+    if not drawn:  # a scale without a point on it would be no cell's
+        axes.set_xticks([], [])
+        axes.annotate("none known", (0.5, 0.5), xycoords="axes fraction", ha="center", fontsize=8)
 
 
 def _temperature_legend(axes, rows):

@@ -107,6 +107,9 @@ def _bars(axes, rows):
     axes.grid(False, axis="x")
 
 
+NAMED_CURVES = 2  # whose voltages of peaks do not lie on each other; tables have all
+
+
 def draw_ica(tests):
     """Incremental capacity over voltage with its peaks; `tests` are (curve, peaks, about)."""
     figure, axes = style.subplots(1, 1, height=3.0)
@@ -122,7 +125,8 @@ def draw_ica(tests):
         heights = peaks.get("height_ampere_hour_per_volt", [])
         for volt, height in zip(peaks.get("voltage_volt", []), heights, strict=True):
             panel.plot(volt, height, "o", color=colour)
-            panel.annotate(f"{volt:.3f} V", (volt, height), (0, 5), textcoords="offset points")
+            if len(tests) <= NAMED_CURVES:
+                panel.annotate(f"{volt:.3f} V", (volt, height), (0, 5), textcoords="offset points")
     panel.set(xlabel="voltage [V]", ylabel="dQ/dV [Ah/V]", title="Incremental capacity on charge")
     style.legend_once(panel)
     return figure

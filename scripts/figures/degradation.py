@@ -91,7 +91,11 @@ def draw_peak_health(rows, cell):
     line = {"color": style.MEASURED, "lw": 0.9, "label": "measured"}
     axes[0, 1].plot(rows["cycle"][own][order], measured[order], **line)
     axes[0, 1].set(xlabel="cycle", ylabel="state of health [%]", title="Over cycles")
-    style.legend_once(panel, loc="upper left")
+    if len(values):
+        style.legend_once(panel, loc="upper left")
+    else:
+        panel.set_title("")
+        style.hide([panel])
     style.legend_once(axes[0, 1], loc="lower left")
     return figure
 

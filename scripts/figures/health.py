@@ -91,11 +91,14 @@ def draw_resistance_growth(growth):
         soc = 100 * growth["soc"][rows]
         look = {"color": style.SERIES[place % len(style.SERIES)], "label": f"cycle {cycle:.0f}"}
         axes[0, 0].plot(soc, 1e3 * growth["resistance_ohm"][rows], "o-", ms=3, **look)
-        axes[0, 1].plot(soc, growth["factor"][rows], "o-", ms=3, **look)
+        if len(cycles) > 1:
+            axes[0, 1].plot(soc, growth["factor"][rows], "o-", ms=3, **look)
     axes[0, 0].set(xlabel="state of charge [%]", ylabel="resistance, first sample [mΩ]")
     axes[0, 1].set(xlabel="state of charge [%]", ylabel="over that of the first check-up")
     axes[0, 0].set_title("At each check-up", loc="left")
     axes[0, 1].set_title("Growth", loc="left")
+    if len(cycles) < 2:
+        style.hide(axes[:, 1])
     style.legend_once(axes[0, 0])
     return figure
 

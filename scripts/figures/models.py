@@ -4,6 +4,7 @@ from itertools import cycle
 
 import numpy as np
 
+from cellwright.circuits.temperature import LAW_IN_WORDS
 from cellwright.numerics.statistics import rms
 from figures import style
 from figures.style import thinned
@@ -28,7 +29,8 @@ def draw_parameters(model):
     # what a user sees, and what stays the same.
     panels |= {f"Resistance {name}": _resistance_after(second) for name, second in TIMES.items()}
     panels |= {f"RC pairs at {100 * MIDDLE_SOC:g} % SoC": _rc_pairs}
-    panels |= {"Correction of the OCV": _ocv_shift}
+    corrected = any(np.any(one.get("ocv_shift_volt", ())) for one in member["conditions"])
+    panels |= {"Correction of the OCV": _ocv_shift} if corrected else {}
     panels |= {"Hysteresis, either way": _hysteresis} if kinds & HYSTERESIS else {}
     figure, axes = style.subplots(2, (len(panels) + 1) // 2, height=4.8)
     figure.suptitle(f"Member {model['chosen']}, resistance at small currents", x=0.01, ha="left")
@@ -121,9 +123,13 @@ def draw_compensation(laws, proof):
 
     `laws` and `proof` are rows of stages `compensation` and `temperature_prediction`.
     """
-    figure, axes = style.subplots(1, 2, height=1.6 + 0.3 * max(len(proof), 5), width=10.0)
+    height = 1.6 + 0.3 * max(len(proof), 5)
+    figure, axes = style.subplots(1, 2, height=height, width=10.0)
     _error_of_laws(axes[0, 0], laws)
-    _error_of_tests(axes[0, 1], sorted(proof, key=lambda row: row["left_out_celsius"]))
+    if proof:
+        _error_of_tests(axes[0, 1], sorted(proof, key=lambda row: row["left_out_celsius"]))
+    else:
+        style.hide(axes[:, 1])
     return figure
 
 
@@ -135,8 +141,9 @@ def _error_of_laws(axes, rows):
         celsius = sorted({row["left_out_celsius"] for row in of_law})
         volts = [[r["rmse_volt"] for r in of_law if r["left_out_celsius"] == t] for t in celsius]
         error = [1e3 * rms(v) for v in volts]
-        places = {"beyond" if row["beyond"] else "between" for row in of_law if row["chosen"]}
-        label = f"{name} (chosen {' and '.join(sorted(places, reverse=True))})" if places else name
+        places = {"beyond" if row["beyond"] else "inside" for row in of_law if row["chosen"]}
+        label = LAW_IN_WORDS[name]
+        label += f" (chosen {' and '.join(sorted(places, reverse=True))})" if places else ""
         axes.plot(celsius, error, "o-", color=colour, label=label)
     fitted = {row["left_out_celsius"]: 1e3 * row["own_rmse_volt"] for row in rows}
     axes.plot(

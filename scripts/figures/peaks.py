@@ -19,9 +19,12 @@ def draw_ica_tracks(tracks, curves):
     panel a rate and temperature, those with most charges first.
     """
     parts = _sequences(tracks)[:MOST_PANELS]
-    figure, axes = style.subplots(1, len(parts), width=4.2 * len(parts), height=5.0)
-    for panel, part in zip(axes[0], parts, strict=True):
+    # A report shows a figure as wide as its page: one panel alone would be magnified.
+    columns = max(len(parts), 2)
+    figure, axes = style.subplots(1, columns, width=4.2 * columns, height=5.0)
+    for panel, part in zip(axes[0], parts, strict=False):
         _waterfall(panel, part, curves)
+    style.hide(axes[0, len(parts) :])
     return figure
 
 

@@ -62,10 +62,11 @@ def grid_of(panels: int, *, across: int) -> tuple[int, int]:
 def panels(count, *, across, height, wide=None, **settings):
     """A figure and the first `count` panels of its grid, the others switched off.
 
-    `height` [inch] is that of a row, `wide` [inch] that of a column; None: a page in all.
+    `height` [inch] is that of a row, `wide` [inch] that of a column, of which there are then always
+    `across`: a report shows each figure as wide as its page. None: a page in all.
     """
     rows, columns = grid_of(count, across=across)
-    width = {} if wide is None else {"width": wide * columns + 0.4}
+    columns, width = (columns, {}) if wide is None else (across, {"width": wide * across + 0.4})
     figure, axes = subplots(rows, columns, height=height * rows, **width, **settings)
     hide(axes.flat[count:])
     return figure, axes.ravel()[:count]

@@ -70,9 +70,9 @@ def draw_arrhenius(points, laws):
     families = list(dict.fromkeys(row["family"] for row in points))
     if not families:
         return style.message("No resistance is known at three temperatures.")
-    rows, columns = style.grid_of(len(families), across=ACROSS)
+    rows, _ = style.grid_of(len(families), across=ACROSS)
     figure, axes = style.subplots(
-        2 * rows, columns, width=3.2 * columns + 1, height=4.2 * rows, height_ratios=[2.2, 1] * rows
+        2 * rows, ACROSS, width=3.2 * ACROSS + 1, height=4.2 * rows, height_ratios=[2.2, 1] * rows
     )
     uppers, lowers = axes[::2].ravel(), axes[1::2].ravel()
     for upper, lower, family in zip(uppers, lowers, families, strict=False):

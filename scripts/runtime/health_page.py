@@ -58,8 +58,9 @@ def section(tables) -> dict:
     """
     aged = tables["health"]
     seen = aged.groupby("cell", sort=False)["cycle"].nunique()
-    cells = [cell for cell, count in seen.items() if count > 1]
     lives_of = {row["cell"]: row for row in tables["fade"].to_dict("records")}
+    # A life without check-ups has one row here, that of its last cycle.
+    cells = [cell for cell, count in seen.items() if count > 1 or cell in lives_of]
     rows = [_row(cell, aged[aged["cell"] == cell], lives_of.get(cell)) for cell in cells]
     names = {"protocols": "verdict", "fleet_health_lines": "verdict"}
     words = [
@@ -77,7 +78,7 @@ def table_of_section(found):
     read = (
         "The latest state of health by each method, over the first check-up or discharge; knee and "
         "remaining cycles to the end of life with their 95 % intervals; lithium and material lost "
-        "at the latest check-up. Blank: not known from these data."
+        "at the latest check-up. ± is a standard deviation; blank: not known from these data."
     )
     columns = ["cell", "check-up", "cycles of the life", "dQ/dV peaks", "knee [cycle]"]
     columns += ["remaining cycles", "lithium lost", "negative lost", "positive lost"]
@@ -106,7 +107,7 @@ def _row(cell, rows, life):
         row[name] = _last(told) if len(told) else {}
     modes = rows[rows["method"] == MODES]
     last = _latest(modes) if len(modes) else {}
-    row |= {name: _percent(last.get(name, "")) for name in SHARES}
+    row |= {name: _percent(last, name) for name in SHARES}
     life = life or {}
     row["knee"] = _with_limits(life, "knee_cycle", "knee_lower_cycle", "knee_upper_cycle")
     ends = ("remaining_cycles", "remaining_lower_cycles", "remaining_upper_cycles")
@@ -126,12 +127,15 @@ def _latest(rows):
 
 def _last(rows):
     row = _latest(rows)
-    spread = f" ± {100 * float(row['soh_std']):.1f}" if row["soh_std"] else ""
-    return {"soh": f"{100 * float(row['soh']):.1f}{spread} %", "cycle": row["cycle"]}
+    return {"soh": _percent(row, "soh"), "cycle": row["cycle"]}
 
 
-def _percent(text):
-    return f"{100 * float(text):.1f} %" if text else ""
+def _percent(row, name):
+    """A share in percent with its standard deviation, where they are known."""
+    if not row.get(name):
+        return ""
+    std = row.get(f"{name}_std")
+    return f"{100 * float(row[name]):.1f}{f' ± {100 * float(std):.1f}' if std else ''} %"
 
 
 def _with_limits(row, name, lower, upper):

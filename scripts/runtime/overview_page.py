@@ -5,11 +5,12 @@ from markupsafe import Markup, escape
 from cellwright.circuits.circuit import OPTIONS
 from cellwright.effects.story.words import name_of_effect
 from runtime import sheets
-from runtime.page_tables import DIGITS, Cell, link, measured, plain_table, std_name
+from runtime.page_tables import DIGITS, Cell, duration, link, measured, plain_table, std_name
 
 # What makes a cell one to look at, the gravest first; the rest are the extremes of its type.
 FAILED, DOUBTED, LEFT_OUT, LEAST_HEALTHY, LEAST_ACCURATE, MOST_RESISTANT, NOTHING = range(7)
 FIRST = 6  # so many cells are listed above the table; the table marks all
+LATE_SECOND = 1.0  # by then a cell answers with its resistance, and begins to polarise
 FEW = 34  # letters of a reason that fit beside the numbers of a cell
 # Column of the summary, whether its largest or smallest is the worst, what is then said, also in
 # few words, and its unit.
@@ -51,14 +52,13 @@ def section(cells, summary, tables, checks) -> dict:
     """
     types = {row["cell"]: sheets.type_name(row) for row in cells}
     reasons = reasons_by_cell(summary, tables["excluded"].to_dict("records"), checks, types)
-    told = {
-        name: _by_cell(tables[name].to_dict("records")) for name in ("validation", "missing_effect")
-    }
+    about = ("validation", "missing_effect", "resistance_definitions")
+    told = {name: _by_cell(tables[name].to_dict("records")) for name in about}
     order = sorted(summary, key=lambda row: _rank(row, reasons.get(row["cell"], ())))
     rows = []
     for row in order:
         name = row["cell"]
-        parts = [told[one].get(name, []) for one in ("validation", "missing_effect")]
+        parts = [told[one].get(name, []) for one in about]
         rows.append(_row(row, types.get(name, ""), reasons.get(name, []), *parts))
     first = [
         {"link": link(row["cell"]), "why": "; ".join(text for _, text, _ in reasons[row["cell"]])}
@@ -132,7 +132,7 @@ def _span(rows, column, scale, unit) -> str:
     return f"{' to '.join(ends)} {unit} ({len(known)} known)"
 
 
-def _row(row, kind, reasons, scored, effects) -> list:
+def _row(row, kind, reasons, scored, effects, definitions) -> list:
     """Cells of the table of one cell."""
     marked = {gravity for gravity, *_ in reasons}
     return [
@@ -140,7 +140,7 @@ def _row(row, kind, reasons, scored, effects) -> list:
         Cell(kind, kind),
         _number(row, "capacity_ampere_hour", 1.0),
         _number(row, "soh", 1e2, LEAST_HEALTHY in marked),
-        _number(row, "r0_50_25_ohm", 1e3, MOST_RESISTANT in marked),
+        _number(row, "r0_50_25_ohm", 1e3, MOST_RESISTANT in marked, _when(definitions)),
         _number(row, "validation_rmse_volt", 1e3, LEAST_ACCURATE in marked, _range_of(scored)),
         _number(row, "soc_rmse", 1e2),
         Cell(*_effects(row, effects)),
@@ -155,6 +155,12 @@ def _number(row, column, scale, worst=False, beside="") -> Cell:
     size = measured(text, row.get(std_name(column, row)), scale, digits)
     words = f"{size}{' ▲' if worst else ''}{f' {beside}' if beside and size else ''}"
     return Cell(words, str(scale * float(text)) if text else "", "worst" if worst else "")
+
+
+def _when(definitions):
+    """How late the pulse's first sample is, where polarisation makes up much of it by then."""
+    late = [r for r in definitions if r["name"] == "R0" and float(r["delay_second"]) > LATE_SECOND]
+    return f"after {duration(late[0]['delay_second'])}" if late else ""
 
 
 def _range_of(scored):

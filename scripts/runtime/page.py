@@ -30,6 +30,7 @@ from runtime import (
 from runtime.csv_cells import frame_as_written
 from runtime.page_tables import (
     Cell,
+    duration,
     fact_in_words,
     figure_of,
     link,
@@ -163,7 +164,8 @@ def environment_of(folder) -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "milli": milli, "digest": digest}
-    environment.filters |= {"measured": measured, "in_words": overview_page.model_in_words}
+    environment.filters |= {"measured": measured, "duration": duration}
+    environment.filters |= {"in_words": overview_page.model_in_words}
     return environment
 
 
@@ -372,7 +374,13 @@ def _chapters(tables, pictures, layout) -> list[dict]:
         # A figure of no chapter is shown too, in the last one that has any.
         own = [(kind, p) for kind, p in pictures if kind in kinds]
         own += [(k, p) for k, p in pictures if k not in placed] if one["id"] == "records" else []
-        chapters.append({"id": one["id"], "title": one["title"], "figures": own} | shown)
+        undrawn = {}
+        for _, picture in own:
+            if picture.reason:
+                undrawn.setdefault(picture.reason, []).append(picture.title)
+        own = [(kind, picture) for kind, picture in own if not picture.reason]
+        about = {"id": one["id"], "title": one["title"], "figures": own, "undrawn": undrawn}
+        chapters.append(about | shown)
     return chapters
 
 
@@ -396,7 +404,9 @@ def _choice(rows):
     columns = ["model", *(f"{number(one)} °C [mV]" for one in celsius), "why, or why not"]
     read = (
         "RMS error of blocks left out of the fit at each temperature; in brackets of the finished "
-        "model through the records it was fitted to, SoC 5–95 %. Tests for validation took no part."
+        "model through the records it was fitted to, SoC 5–95 %. Tests for validation took no "
+        "part. Members compare by the geometric mean over blocks, which one bad block does not "
+        "decide."
     )
     made = "results/tables/choice.csv"
     return plain_table("choice", "Why this model", read, columns, lines, made=made)

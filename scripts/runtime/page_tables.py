@@ -1,10 +1,12 @@
 """Tables and figures of the report, each written in one way: words, units, doubts beside them."""
 
 import base64
+import json
 import re
 from math import floor, log10
 from pathlib import Path
 from typing import NamedTuple
+from xml.sax.saxutils import unescape
 
 import pyarrow as pa
 from markupsafe import Markup
@@ -43,9 +45,15 @@ def table_of(name, frame, spec) -> Table:
 
     `spec` has title, read, and for each column that is shown its name, with the unit in brackets.
     Columns that are blank in all rows are left out; `only` of it are values that rows must have.
+    A doubt that all rows share stands above them once.
     """
     for column, value in spec.get("only", {}).items():
         frame = frame[frame[column] == value]
+    read = spec["read"]
+    if len(frame) > 1 and "doubt" in spec["columns"] and "doubt" in frame:
+        doubt = frame["doubt"].iloc[0]
+        if doubt and frame["doubt"].eq(doubt).all():
+            read, frame = f"{read} All in doubt: {doubt}.", frame.drop(columns="doubt")
     rows = frame.head(SHOWN_ROWS).to_dict("records")
     known = [key for key in spec["columns"] if any(row.get(key) for row in rows)]
     stds = {key: std_name(key, rows[0]) for key in known} if rows else {}
@@ -55,7 +63,7 @@ def table_of(name, frame, spec) -> Table:
         for row in rows
     ]
     more, made = len(frame) - len(rows), f"results/tables/{name}.csv"
-    return Table(name, spec["title"], spec["read"], labels, cells, more, made)
+    return Table(name, spec["title"], read, labels, cells, more, made)
 
 
 def _cell(text):
@@ -105,6 +113,12 @@ def measured(text, std_text=None, scale=1.0, digits=DIGITS) -> str:
     return f"{value:.{places}f}{spread}"
 
 
+def duration(second) -> str:
+    """A time [s] in words: milliseconds below a second."""
+    value = float(second)
+    return f"{1e3 * value:.{DIGITS}g} ms" if value < 1.0 else f"{value:.{DIGITS}g} s"
+
+
 UNITS = {"volt": "V", "ampere_hour": "Ah", "ampere": "A", "celsius": "°C", "gram": "g"}
 
 
@@ -130,7 +144,10 @@ def link(page, text=None) -> Markup:
 
 
 class Figure(NamedTuple):
-    """A figure as the report writes it: `data` follows `data:image/svg+xml,`, sizes are its own."""
+    """A figure as the report writes it: `data` follows `data:image/svg+xml,`, sizes are its own.
+
+    `reason` says why there is nothing on it, "" where there is.
+    """
 
     id: str
     title: str
@@ -140,6 +157,7 @@ class Figure(NamedTuple):
     height: str
     made: str = ""  # what Snakemake makes it again by
     lines: str = ""  # what the reader may zoom into, see `closer_look`
+    reason: str = ""
 
 
 def figure_of(path, captions) -> tuple[str, Figure]:
@@ -158,7 +176,14 @@ def figure_of(path, captions) -> tuple[str, Figure]:
     folder = Path(path).parent
     made = Path(path) if folder.name == "figures" else folder
     drawing = as_url(svg)
-    return kind, Figure(name, title, caption["read"], drawing, width, height, made.as_posix())
+    shown = Figure(name, title, caption["read"], drawing, width, height, made.as_posix())
+    return kind, shown._replace(reason=_reason(svg))
+
+
+def _reason(svg: str) -> str:
+    """Why a figure could not be drawn, as the artefact carries it; "" where it was."""
+    about = re.search(r"<desc>(\{.*?\})</desc>", svg, flags=re.S)
+    return (json.loads(unescape(about[1])).get("reason") or "") if about else ""
 
 
 def as_url(svg: str) -> str:

@@ -229,6 +229,7 @@ def _summary_row(facts, of_cell, model) -> dict:
     if fresh is not None and not isfinite(fresh):
         fresh, said = None, f"{capacity:g} Ah over a rating of {rated:g} Ah is beyond all numbers"
         notes = [*notes, f"no state of health: {said}"]
+    spread = _std_of(of_cell["capacity"], counted, capacity)
     missing, filtered = of_cell["missing_effect"], of_cell["soc"]
     scored = scored[scored["chosen"].eq(True)]
     pulses = of_cell["resistance"][of_cell["resistance"]["soc"].notna()]
@@ -237,8 +238,8 @@ def _summary_row(facts, of_cell, model) -> dict:
     return {
         "cell": facts["cell"],
         "capacity_ampere_hour": capacity,
-        "capacity_std_ampere_hour": _std_of(counted, capacity),
-        **_health(of_cell, fresh),
+        "capacity_std_ampere_hour": spread,
+        **_health(of_cell, fresh, fresh * spread / capacity if fresh and spread else None),
         "r0_50_25_ohm": resistance.get("resistance_ohm"),
         "r0_50_25_std_ohm": resistance.get("resistance_std_ohm"),
         "best_model": model.get("chosen"),
@@ -281,9 +282,18 @@ def resistances(cells, tables, models, verdicts, note=print) -> "DataFrame":
     return DataFrame(rows, dtype=object)
 
 
-def _std_of(counted, capacity) -> float | None:
-    """Standard deviation of a counted capacity [Ah], where it is the one that models count in."""
-    same = counted and capacity and abs(counted["capacity_ampere_hour"] / capacity - 1) < 0.01
+def _std_of(rows, counted, capacity) -> float | None:
+    """Standard deviation of a cell's capacity [Ah]: of the test that it is from.
+
+    A model may count in a slow test's own capacity, which is no row: then that of the slowest row,
+    where the two are one within a percent.
+    """
+    if not capacity or not counted:
+        return None
+    alike = rows[(rows["capacity_ampere_hour"] / capacity - 1).abs() < 1e-6]
+    if len(alike):
+        return _known(alike)[0].get("capacity_std_ampere_hour")
+    same = abs(counted["capacity_ampere_hour"] / capacity - 1) < 0.01
     return counted.get("capacity_std_ampere_hour") if same else None
 
 
@@ -319,13 +329,17 @@ def _effects_named(missing) -> str:
     return ";".join(both)
 
 
-def _health(of_cell, fresh) -> dict:
-    """Latest state of health, or that of a cell that was not aged; knee and remaining cycles."""
-    latest = latest_health(of_cell["health"].to_dict("records")) or {}
+def _health(of_cell, fresh, fresh_std) -> dict:
+    """Latest state of health, or that of a cell that was not aged; knee and remaining cycles.
+
+    `fresh` and `fresh_std` are its capacity and their deviation over the rating, or None.
+    """
+    not_aged = {"soh": fresh, "soh_std": fresh_std}
+    latest = latest_health(of_cell["health"].to_dict("records")) or not_aged
     life = next(iter(of_cell["fade"].to_dict("records")), {})
     names = ("knee_cycle", "remaining_cycles", "remaining_lower_cycles", "remaining_upper_cycles")
     return {
-        "soh": latest.get("soh", fresh),
+        "soh": latest["soh"],
         "soh_std": latest.get("soh_std"),
         "soh_cycle": latest.get("cycle"),
         **{name: life.get(name) for name in names},

@@ -83,6 +83,29 @@ def test_capacity_does_not_grow_in_the_cold(table, law):
     law.hold()
 
 
+def test_a_slow_discharge_gives_the_most_energy(table, law):
+    """At one temperature and age no faster discharge gives more energy than a slow one (2 %)."""
+    series = {}
+    for row in known(table("capacity"), "c_rate", "energy_watt_hour"):
+        if row["direction"] == "discharge":
+            key = (row["cell"], row["cycle"], row["ambient_temperature_celsius"])
+            series.setdefault(key, []).append(row)
+    for rows in series.values():
+        slow, most = (
+            min(rows, key=lambda row: row["c_rate"]),
+            max(rows, key=lambda row: row["energy_watt_hour"]),
+        )
+        # Slower than C/5 a cell hardly warms itself, by which alone a faster one may give more.
+        if slow["c_rate"] < 0.2 and most["energy_watt_hour"] > 1.02 * slow["energy_watt_hour"]:
+            law.add(
+                slow,
+                "its discharge at {c_rate:.2g}C gives {energy_watt_hour:.4g} Wh".format(**slow)
+                + ", {test} at {c_rate:.2g}C gives {energy_watt_hour:.4g} Wh: ".format(**most)
+                + "its voltage holds the drop of leads or contacts, or it did not begin full",
+            )
+    law.hold()
+
+
 def test_activation_energies_are_those_of_batteries(table, law):
     """Resistance falls with temperature, with 2 to 120 kJ/mol somewhere in the interval."""
     rows = [

@@ -38,4 +38,5 @@ def test_overview_has_a_line_for_every_cell():
     np.testing.assert_allclose(np.concatenate(drawn(ohm)), [[30.0, 2]])
     np.testing.assert_allclose(np.concatenate(drawn(error)), [[4.0, 2]])
     assert labels(error) == ["25 °C", "temperature not stated"]
-    panels(campaign.draw_overview({}, [], [], []))
+    empty = panels(campaign.draw_overview({}, [], [], []))
+    assert [len(panel.get_xticks()) for panel in empty] == [0, 0, 0]

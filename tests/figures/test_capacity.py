@@ -64,6 +64,8 @@ def test_ica_marks_the_peaks_and_needs_none():
     (panel,) = panels(capacity.draw_ica([(curve, peaks, about("a")), (curve, {}, about("b"))]))
     assert [text.get_text() for text in panel.texts] == ["3.500 V"]
     assert labels(panel) == ["a", "b"]
+    (panel,) = panels(capacity.draw_ica([(curve, peaks, about(test)) for test in "abc"]))
+    assert list(panel.texts) == []
 
 
 def test_matched_peaks_are_joined_and_unclear_ones_open():

@@ -61,6 +61,8 @@ def test_capacity_from_peaks_is_held_against_the_measured_one():
     assert others.get_xdata().tolist() == [20.2]
     measured = next(line for line in over.lines if line.get_label() == "measured")
     assert measured.get_ydata().tolist() == [100.0, 95.0]
+    untold = peak_rows() | {"capacity_ampere_hour": np.full(len(peak_rows()["cell"]), np.nan)}
+    assert [p.axison for p in degradation.draw_peak_health(untold, "C1").axes] == [False, True]
 
 
 def test_lives_stand_by_their_protocol():

@@ -13,7 +13,7 @@ def test_ocv_with_one_branch_has_no_gap():
     single = columns | {"half_gap_volt": nothing}
     both = columns | {"half_gap_volt": np.full(11, 0.004), "charge_volt": 3.1 + SOC}
     curve, gap = panels(ocv.draw_ocv([(single, about("slow"))]))
-    assert drawn(gap) == []
+    assert (drawn(gap), gap.axison) == ([], False)
     np.testing.assert_allclose(drawn(curve)[-1], np.column_stack([100 * SOC, 3 + SOC]))
     assert labels(curve) == ["slow (25 °C)"]
     _, gap = panels(ocv.draw_ocv([(both, about())]))

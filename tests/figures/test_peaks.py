@@ -38,6 +38,10 @@ def test_a_panel_a_rate_and_a_line_a_peak():
     lines = {line.get_label(): line for line in figure.axes[0].lines}
     assert lines["P1"].get_xdata().tolist() == [3.5] * 3
     assert np.isnan(lines["P2"].get_xdata()[-1])
+    alone = peaks.draw_ica_tracks(
+        tracks(rates=(0.05,)), {("t0.05", 0.0): (np.arange(3), np.ones(3))}
+    )
+    assert [panel.axison for panel in alone.axes] == [True, False]
 
 
 def test_curves_of_a_record_that_counts_on_take_the_cycles_of_the_tracks():

@@ -14,6 +14,7 @@ from cellwright.filters.bank import (
     _model_errors,
     bank_of,
     drives,
+    hysteresis_of,
     resistance_factor_of,
 )
 from cellwright.refusal import Refusal
@@ -101,6 +102,12 @@ def test_a_branch_that_was_not_found_costs_no_state(kind):
     )
     lost[size] = [0.0] * len(truth.KNOTS)
     assert len(bank_of(model, None, 25.0).elements) == len(bank_of(stated(), None, 25.0).elements)
+
+
+def test_hysteresis_is_what_all_branches_hold_a_rest_off_the_ocv_by():
+    with_hysteresis, without = (bank_of(with_branch(k), None, 25.0) for k in ("hysteresis", "RC"))
+    np.testing.assert_allclose(hysteresis_of(with_hysteresis), VALUES["m_volt"])
+    np.testing.assert_array_equal(hysteresis_of(without), 0.0)
 
 
 def test_kinetics_out_of_reach_are_a_resistance():

@@ -32,6 +32,13 @@ def test_an_offset_of_the_current_puts_the_reference_in_doubt():
     assert "which tells 0.58 to 0.62" in words
 
 
+def test_a_rest_between_the_branches_of_a_hysteresis_contradicts_nothing():
+    """0.09 of SoC is 108 mV on this curve; a cell of 100 mV each way rests as far off its OCV."""
+    record = drive(offset=0.09, rest_second=14_400)
+    assert reference_doubt(record, CURVE | {"half_gap_volt": np.full(101, 0.1)}) == (0.0, "")
+    assert reference_doubt(record, CURVE | {"half_gap_volt": np.full(101, 0.01)})[1]
+
+
 def test_without_a_rest_nothing_is_known():
     off, words = reference_doubt(drive(rest_second=300), CURVE)
     assert np.isnan(off)

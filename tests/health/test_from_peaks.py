@@ -190,6 +190,12 @@ def test_too_few_known_capacities_are_refused():
         peak_calibration(lives(17)[:3])
 
 
+def test_of_four_charges_none_can_be_left_out_and_no_error_is_told():
+    _, _, notes = peak_calibration(lives(17, cells=1)[:4], tracked=NAMED, most_terms=1)
+    assert "no check-up was left out, its error is unknown" in notes[0]
+    assert "nan" not in notes[0]
+
+
 def test_a_check_up_is_left_out_whole():
     """A second charge of the same check-up must not tell the first one's capacity."""
     charges = lives(18, cells=1)

@@ -17,6 +17,7 @@ def test_methods_stand_side_by_side():
         for c, s in ((0.0, 1.0), (150.0, 0.85))
     ]
     mode = {"lli": 0.1, "lam_negative": 0.02, "lam_positive": np.nan}
+    mode |= {"lli_std": 0.025, "lam_negative_std": 0.01, "lam_positive_std": np.nan}
     modes = [
         mode | {"cycle": 0.0, "capacity_ampere_hour": 3.1},
         mode | {"cycle": 150.0, "capacity_ampere_hour": 2.635},
@@ -29,7 +30,8 @@ def test_methods_stand_side_by_side():
     assert set(by_method) == {"check-up", "ageing cycles", "degradation modes"}
     assert by_method["ageing cycles"][150.0]["soh"] == pytest.approx(0.85, abs=0.003)
     assert by_method["degradation modes"][150.0]["soh"] == pytest.approx(0.85)
-    assert by_method["degradation modes"][150.0]["lli"] == 0.1
+    found = by_method["degradation modes"][150.0]
+    assert (found["lli"], found["lli_std"]) == (0.1, 0.025)
     assert 300.0 not in by_method["degradation modes"]
     assert by_method["check-up"][150.0]["remaining_cycles"] == pytest.approx(50, abs=3)
     assert by_method["ageing cycles"][300.0]["remaining_cycles"] == 0

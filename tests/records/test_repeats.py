@@ -68,14 +68,32 @@ def test_what_may_be_fitted_keeps_what_a_validation_test_repeats():
     assert len(repeats(tests, ["fit"]).test) == 0
 
 
+def test_a_clock_that_jitters_tells_a_pulse_that_a_coarse_reading_foretells():
+    """As the Samsung 30T's, in steps of 0.17 mV: on a clock without jitter it may be chance."""
+    _, current, voltage = pulses([-3.0, -3.0], noise=0.0, grain=1.7e-4)
+    current = np.round(current)
+    clocks = [np.cumsum(np.random.default_rng(k).uniform(0.09, 0.11, 800)) for k in range(2)]
+    long = clocks[0], current, voltage
+    alone = [column[:400] for column in long]
+    assert repeats([test_of("long", long), test_of("alone", alone)]).test.tolist() == ["long"]
+    done_again = clocks[1][:400], *alone[1:]
+    assert len(repeats([test_of("long", long), test_of("again", done_again)]).test) == 0
+    regular = 0.1 * np.arange(800), current, voltage
+    even = [column[:400] for column in regular]
+    assert len(repeats([test_of("long", regular), test_of("even", even)]).test) == 0
+
+
 def test_pulses_that_are_only_alike_and_rests_are_no_repeats():
     """The same protocol done again, read to a millivolt, and two hours of rest at one voltage."""
     again = [test_of(f"t{seed}", pulses([-3.0, 1.0], seed=seed, grain=1e-3)) for seed in range(6)]
     time = np.arange(7200.0)
     rest = [test_of(name, (time, 0 * time, 0 * time + 3.7)) for name in ("a", "b")]
     ramp = [test_of(n, (time, 0 * time - 1, 4.2 - 1e-4 * time)) for n in ("c", "d")]
+    # A logger that writes ever more rarely keeps a program's times, not its own.
+    seldom = np.cumsum(np.geomspace(0.1, 60, 60) // 0.1 * 0.1)
+    slow = [test_of(n, (seldom, 0 * seldom, np.round(3.7 - 0.01 / (1 + seldom), 3))) for n in "ef"]
     short = test_of("short", cut(LONG, 0, 5))
-    assert len(repeats([*again, *rest, *ramp, short]).test) == 0
+    assert len(repeats([*again, *rest, *ramp, *slow, short]).test) == 0
     assert len(repeats([]).test) == len(repeats(again[:1]).test) == 0
 
 

@@ -11,7 +11,9 @@ NAMES = ["cell", "cycle", "soh", "soh_std", "method", "lli", "lam_negative", "la
 
 
 def row(cell, cycle, soh, method, *modes, std=0.004):
-    return dict(zip(NAMES, [cell, cycle, soh, std, method, *(modes or [np.nan] * 3)], strict=True))
+    stds = {"lli_std": 0.025 if modes else np.nan}
+    values = [cell, cycle, soh, std, method, *(modes or [np.nan] * 3)]
+    return dict(zip(NAMES, values, strict=True)) | stds
 
 
 HEALTH = pd.DataFrame(
@@ -49,9 +51,16 @@ def test_the_overview_has_the_latest_state_by_each_method():
     assert found["check_up"] == {"soh": "87.6 ± 0.4 %", "cycle": "900.0"}
     assert found["peaks"]["soh"] == "88.1 %"
     assert found["cycles"] == {}
-    assert [found[name] for name in health_page.SHARES] == ["8.0 %", "2.0 %", "3.1 %"]
+    assert [found[name] for name in health_page.SHARES] == ["8.0 ± 2.5 %", "2.0 %", "3.1 %"]
     assert found["knee"] == "843 (800 to ?)"
     assert found["remaining"] == ""
+
+
+def test_a_life_without_check_ups_is_in_the_overview():
+    lone = pd.DataFrame([row("C", 28.0, 0.955, "ageing cycles")])
+    life = FADE.assign(cell="C", knee_cycle=np.nan, knee_lower_cycle=np.nan)
+    (found,) = health_page.section({"health": as_text(lone), "fade": as_text(life)})["rows"]
+    assert (found["cell"], found["cycles"]) == ("C", {"soh": "95.5 ± 0.4 %", "cycle": "28.0"})
 
 
 def test_lives_are_drawn_from_every_discharge_else_from_check_ups(saved):

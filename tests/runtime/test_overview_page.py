@@ -29,7 +29,8 @@ CHECKS = [
     {"check": "A second one.", "outcome": "passed", "cell": "", "found": ""},
 ]
 NONE = pd.DataFrame(columns=["cell", "test", "stage", "reason"])
-TABLES = {"excluded": NONE, "validation": NONE, "missing_effect": NONE}
+TABLES = dict.fromkeys(("excluded", "validation", "missing_effect"), NONE)
+TABLES |= {"resistance_definitions": NONE}
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +73,23 @@ def test_numbers_stand_with_their_deviation_and_sort_by_what_they_are(found):
 )
 def test_a_number_has_as_many_decimals_as_its_deviation(value, std, scale, shown):
     assert page_tables.measured(value, std, scale) == shown
+
+
+def test_a_resistance_whose_first_sample_is_late_says_how_late():
+    r0 = pd.DataFrame([{"cell": "A", "name": "R0", "delay_second": "10.0"}])
+    cells, summary = [CELLS[0] | {"cell": "A"}], [cell("A", r0_50_25_ohm="0.034")]
+    for second, said in (("10.0", "34 after 10 s"), ("0.5", "34")):
+        tables = TABLES | {"resistance_definitions": r0.assign(delay_second=second)}
+        table = overview_page.section(cells, summary, tables, [])["table"]
+        assert table.rows[0][4].text == said
+
+
+def test_a_doubt_that_all_rows_share_is_told_once_above_them():
+    spec = {"title": "T", "read": "r.", "columns": {"test": "test", "doubt": "doubt"}}
+    alike = pd.DataFrame({"test": ["a", "b"], "doubt": ["it drifts"] * 2})
+    table = page_tables.table_of("t", alike, spec)
+    assert (table.columns, table.read) == (["test"], "r. All in doubt: it drifts.")
+    table = page_tables.table_of("t", alike.assign(doubt=["it drifts", ""]), spec)
+    assert (table.columns, table.read) == (["test", "doubt"], "r.")
+    table = page_tables.table_of("t", alike.iloc[:1], spec)
+    assert table.columns == ["test", "doubt"]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 from report_text import PACKED, unpacked
 
+from cellwright.refusal import Refusal
 from runtime import artefact, page
 
 
@@ -84,6 +85,18 @@ def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
     (chapter,) = found["chapters"]
     ((kind, picture),) = chapter["figures"]
     assert (kind, picture.title, chapter["tables"]) == ("validation", "V: udds", [])
+
+
+def test_figures_without_a_drawing_are_told_in_one_line(snakemake):
+    files = ["figures/A/validation_udds.svg", "figures/A/validation_us06.svg"]
+    with artefact.Job(snakemake(*files, wildcards={"cell": "A"})):
+        raise Refusal("no OCV <curve>")
+    captions = {"validation": {"title": "V", "read": "r"}}
+    pictures = [page.figure_of(path, captions) for path in files]
+    layout = {"chapters": [{"id": "m", "title": "M", "figures": ["validation"]}]}
+    (chapter,) = page._chapters({}, pictures, layout)
+    assert chapter["figures"] == []
+    assert chapter["undrawn"] == {"no OCV <curve>": ["V: udds", "V: us06"]}
 
 
 def test_every_figure_and_table_names_the_artefact_that_makes_it_again(job):

@@ -91,8 +91,9 @@ IMPLAUSIBLE = {
     "../summary": ("cell,soh\nA,1e300", "a state of health of 1e+300, wanted 0.1 to 1.5"),
     "capacity": (
         "cell,test,cycle,direction,c_rate,ambient_temperature_celsius,capacity_ampere_hour,"
-        "coulombic_efficiency\nA,t,0,discharge,1,0,5,0.5\nA,w,0,discharge,1,25,4,1\n"
-        "A,n,0,discharge,,25,4,1",
+        "coulombic_efficiency,energy_watt_hour\nA,t,0,discharge,1,0,5,0.5,18\n"
+        "A,w,0,discharge,1,25,4,1,15\nA,n,0,discharge,,25,4,1,15\n"
+        "A,leads,0,discharge,0.066,25,4,1,14\nA,sound,0,discharge,0.066,0,4,1,18",
         "a coulombic efficiency of 0.5, wanted 0.8 to 1.1",
     ),
     "temperature": (
@@ -126,6 +127,9 @@ def test_a_broken_law_is_told_of_its_cell_in_words(tmp_path, table):
     assert not [row for row in failed if "Error" in row["found"]]
     if table == "capacity":
         assert failed[1]["found"] == "5 Ah at 0 °C and 4 Ah at 25 °C, at 1C"
+        (energy,) = [row for row in failed if " Wh" in row["found"]]
+        assert energy["test"] == "leads"
+        assert "at 0.066C gives 14 Wh, w at 1C gives 15 Wh" in energy["found"]
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_what_a_record_lacks_is_excluded_too(saved):
 
 
 COLUMNS = {
-    "capacity": "cell direction c_rate cycle capacity_ampere_hour",
+    "capacity": "cell direction c_rate cycle capacity_ampere_hour capacity_std_ampere_hour",
     "resistance": "cell direction delay_second soc c_rate cycle ambient_temperature_celsius "
     "resistance_ohm",
     "validation": "cell chosen samples rmse_volt test",
@@ -140,9 +140,38 @@ def test_the_summary_has_the_latest_state_of_health():
     assert (row["soh"], row["soh_cycle"]) == (0.9, 300)
     assert (row["knee_cycle"], row["remaining_lower_cycles"]) == (250, 30)
     assert np.isnan(row["remaining_upper_cycles"])
-    fresh = summary_of_a(capacity=["A,discharge,0.5,,4"], health=["A,0,check-up,1"])
-    assert fresh["soh"] == pytest.approx(0.8)
+    fresh = summary_of_a(capacity=["A,discharge,0.5,,4,0.05"], health=["A,0,check-up,1"])
+    assert (fresh["soh"], fresh["soh_std"]) == pytest.approx((0.8, 0.01))
     assert fresh["knee_cycle"] is None
+
+
+def test_a_capacity_has_the_deviation_of_the_test_that_it_is_from():
+    """The model counts in the discharge at 1C; the slow one, whose start is in doubt, is near."""
+    rows = ["A,discharge,0.1,,2.969,0.075", "A,discharge,1,,2.956,0.03"]
+    facts = {"cell": "A", "rated_capacity_ampere_hour": 3.0}
+    for capacity, expected in ((2.956, 0.03), (2.965, 0.075), (2.5, None)):
+        models = {"A": {"capacity_ampere_hour": capacity}}
+        row = tables.summary([facts], frames(capacity=rows), models).to_dict("records")[0]
+        assert row["capacity_std_ampere_hour"] == expected
+
+
+def test_the_capacity_of_a_cell_is_that_of_its_slowest_discharge_of_the_first_cycle():
+    rows = ["A,charge,0.1,,9", "A,discharge,0.5,40,3.5", "A,discharge,0.51,,4", "A,discharge,1,,3"]
+    assert summary_of_a(capacity=rows)["capacity_ampere_hour"] == 4
+
+
+def test_the_resistance_of_a_cell_is_that_near_half_charge_at_room_temperature():
+    rows = [
+        "A,charge,0,0.5,1,,25,1",
+        "A,discharge,10,0.5,1,,25,2",
+        "A,discharge,0,0.5,1,,0,3",
+        "A,discharge,0,0.58,1,,25,4",
+        "A,discharge,0,0.52,3,,25,5",
+        "A,discharge,0,0.52,1.5,,25,6",
+        "A,discharge,0,0.5,1,90,25,7",
+        "A,discharge,0,,1,,25,8",
+    ]
+    assert summary_of_a(resistance=rows)["r0_50_25_ohm"] == 6
 
 
 def test_the_summary_says_what_is_missing():

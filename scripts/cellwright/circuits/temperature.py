@@ -137,6 +137,7 @@ def celsius_of(value):
 
 
 LAWS = ("between", "arrhenius", "quadratic")  # place: degree of the polynomial in 1/T
+LAW_IN_WORDS = dict(zip(LAWS, ("interpolation", "Arrhenius", "quadratic"), strict=True))
 LEAST_SHARE = 0.02  # of all resistance: less is too little to have an activation energy of its own
 
 

@@ -115,6 +115,12 @@ def drives(element, current_ampere):
     return np.array(rows)
 
 
+def hysteresis_of(bank):
+    """Largest distance (m,) [V] at which a hysteresis of the member holds a rest off the OCV."""
+    sizes = [element.parameters.get("m_volt", np.zeros(len(NODES))) for element in bank.elements]
+    return np.interp(bank.soc, NODES, np.sum(sizes, axis=0))
+
+
 def resistance_factor_of(model, member, celsius, reference_celsius):
     """Resistance of a cell along its temperature (n,), relative to one temperature [1].
 

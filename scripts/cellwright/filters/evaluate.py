@@ -4,7 +4,7 @@ import numpy as np
 
 from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
 from cellwright.circuits.model_file import member_of
-from cellwright.filters.bank import bank_of, resistance_factor_of
+from cellwright.filters.bank import bank_of, hysteresis_of, resistance_factor_of
 from cellwright.filters.estimate import Start, estimate_on
 from cellwright.filters.plant import Noise, plant_of, with_tracked
 from cellwright.filters.reference import reference_doubt
@@ -186,7 +186,8 @@ def soc_runs(model, record, *, settings):
         rows += [row for row, _ in runs]
         columns |= _series_of(method, runs[0][1])
     curve = {"soc": bank.soc, "ocv_volt": bank.ocv_volt + bank.shift_volt}
-    off, doubt = reference_doubt(record, curve)
+    # A cell rests anywhere between its branches, however exact the count.
+    off, doubt = reference_doubt(record, curve | {"half_gap_volt": hysteresis_of(bank)})
     notes += [doubt] * bool(doubt)
     known = {"model": model["chosen"], "reference_off_soc": off, "doubt": doubt}
     rows = [row | known for row in rows]

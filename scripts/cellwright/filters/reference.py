@@ -15,7 +15,8 @@ def reference_doubt(record, curve):
 
     Parameters
     ----------
-    record : Record. curve : mapping with soc [1] and ocv_volt [V], (m,) each.
+    record : Record. curve : mapping with soc [1], ocv_volt and half_gap_volt [V], (m,) each;
+        without a gap rests lie on the OCV.
 
     Returns
     -------

@@ -15,8 +15,9 @@ DEFINITIONS = {
     "50 % SoC at 25 °C: the ohmic part, and of charge transfer what is done by then",
     "later": "the same pulse later: R0, the rest of charge transfer, the beginning of diffusion, "
     "and the change of the open-circuit voltage by the charge taken out",
-    "model": "the model in use through that pulse, at its current and delay, the open-circuit "
-    "voltage held: it differs from the measurement by the error of the model",
+    "model": "the model in use through that pulse, at its current and delay, without what its "
+    "open-circuit voltage, diffusion and hysteresis add the longer the pulse lasts; the rest of "
+    "its distance from the measurement is the error of the model",
     "ohmic": "parameter r0 of the model in use: what is faster than each of its branches",
     "small": "the model in use at small currents, all that is faster than a sample: where charge "
     "transfer is part of the model this is larger than R0, for it costs less at large currents",

@@ -4,6 +4,7 @@ import numpy as np
 
 from cellwright.health.electrodes.names import MODES as LOST
 
+LOST_STD = tuple(f"{name}_std" for name in LOST)
 METHODS = ("check-up", "ageing cycles", "degradation modes", "dQ/dV peaks")
 CHECK_UP, CYCLES, MODES, PEAKS = METHODS
 DISAGREE = "capacity and peaks of this check-up disagree"  # so a row's reason says it
@@ -43,7 +44,7 @@ def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
 
 def _row(cycle, capacity, soh, method, soh_std):
     about = {"cycle": cycle, "capacity_ampere_hour": capacity, "soh": soh}
-    lacking = dict.fromkeys(("knee_cycle", "remaining_cycles", *LOST), np.nan)
+    lacking = dict.fromkeys(("knee_cycle", "remaining_cycles", *LOST, *LOST_STD), np.nan)
     return about | {"method": method, "soh_std": soh_std} | lacking
 
 
@@ -73,4 +74,4 @@ def _of_modes(row, fresh):
     """A row of degradation modes; its state of health over the first one by the same method."""
     size = row["capacity_ampere_hour"]
     own = _row(row["cycle"], size, size / fresh["capacity_ampere_hour"], MODES, np.nan)
-    return own | {name: row[name] for name in LOST}
+    return own | {name: row[name] for name in (*LOST, *LOST_STD)}

@@ -183,7 +183,7 @@ def typical_of(score):
     """
     if not len(score.rows):
         return np.nan
-    return float(np.exp(np.log(np.maximum(score.square_volt2, SMALLEST_VOLT2)).mean() / 2))
+    return _typical_volt(np.log(np.maximum(score.square_volt2, SMALLEST_VOLT2)))
 
 
 def _weight_of(scores):
@@ -254,7 +254,11 @@ def _simplest(names, logs, rmse):
     smallest = min(rmse[name] for name in alike)
     equal = [name for name in alike if rmse[name] <= NEAR * smallest]
     chosen = min(equal, key=lambda name: (size_of(member_named(name)), logs[name].mean()))
-    reasons = dict.fromkeys(names, f"predicts blocks left out worse than {best}")
+    typical = {name: f"{1e3 * _typical_volt(logs[name]):.3g} mV" for name in names}
+    reasons = {
+        name: f"errs by {typical[name]} in a typical block left out, {best} by {typical[best]}"
+        for name in names
+    }
     errs = f"{least} by {_milli(rmse[least])} mV"
     reasons |= {n: f"errs by {_milli(rmse[n])} mV rms on what was left out, {errs}" for n in far}
     reasons |= dict.fromkeys(
@@ -262,6 +266,11 @@ def _simplest(names, logs, rmse):
     )
     reasons |= dict.fromkeys(equal, f"no better than {chosen}, which is simpler")
     return chosen, equal, reasons
+
+
+def _typical_volt(log_square):
+    """Geometric mean of the errors of blocks [V]: one bad block does not decide it."""
+    return float(np.exp(log_square.mean() / 2))
 
 
 def _milli(volt):
@@ -305,7 +314,7 @@ def _standard_errors(difference):
 
 def _words(chosen, equal, logs, rmse, far):
     """Why a member is chosen, how clearly, and the errors of all."""
-    typical = {name: float(np.exp(log.mean() / 2)) for name, log in logs.items()}
+    typical = {name: _typical_volt(log) for name, log in logs.items()}
     ranked = sorted(typical, key=typical.get)
     listed = ", ".join(f"{n} {_milli(typical[n])} mV ({_milli(rmse[n])})" for n in ranked)
     listed = f"Typical error of a block left out of the fit, rms of all in brackets: {listed}"

@@ -15,7 +15,7 @@ from cellwright.circuits.model_file import (
     member_of,
     open_circuit_volt,
 )
-from cellwright.circuits.temperature import LAWS, Laws, celsius_of
+from cellwright.circuits.temperature import LAW_IN_WORDS, LAWS, Laws, celsius_of
 from cellwright.identification.validation import is_inner, simulated
 from cellwright.numerics.statistics import rms
 from cellwright.records.conditions import same_temperature
@@ -167,8 +167,8 @@ def choose_laws(rows, *, beyond=LAWS):
     ]
     laws = Laws(*(min(errors, key=errors.get, default=LAWS[0]) for errors in offered))
     listed = [
-        f"{place} by {law}: typical error at a temperature left out "
-        + ", ".join(f"{name} {1e3 * volt:.3g} mV" for name, volt in errors.items())
+        f"{place} those tested by {LAW_IN_WORDS[law]}: typical error at a temperature left out "
+        + ", ".join(f"{LAW_IN_WORDS[name]} {1e3 * volt:.3g} mV" for name, volt in errors.items())
         for place, law, errors in zip(("between", "beyond"), laws, typical, strict=True)
         if errors
     ]

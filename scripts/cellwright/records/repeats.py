@@ -49,9 +49,10 @@ def repeats(tests, roles=("fit", "validation", "split")):
     time; they may stand still in less than half of their rows, as rests of every test do. 2. A
     window in two tests grows to the longest stretch that is the same in both and runs at the same
     pace. 3. It is one measurement where so many of its rows are not foretold by the two before (by
-    a straight line, to two of the reading's digits) that chance does not do it: 20, and one more
-    for each doubling of the pairs of rows that are compared. 4. It counts in the test that may be
-    fitted, of those in the one with fewer rows, which would have less left without it.
+    a straight line, to two of the reading's digits; or the reading moves at a time that jitters)
+    that chance does not do it: 20, and one more for each doubling of the pairs of rows that are
+    compared. 4. It counts in the test that may be fitted, of those in the one with fewer rows,
+    which would have less left without it.
 
     Parameters
     ----------
@@ -95,6 +96,9 @@ def _keys(series):
     for column, digit_of in zip(whole, (least_digit_ampere, least_digit), strict=True):
         digit = max(digit_of(column), 1.0)
         bent[2:] |= np.abs(np.diff(column, 2)) > FORESEEN_DIGITS * digit
+    time = np.asarray(series["test_time_second"], float)
+    moved = np.append(0, np.diff(whole[0]) | np.diff(whole[1])) != 0
+    bent[2:] |= moved[2:] & _jitters(time)
     row = (whole[0].view(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ (
         whole[1].view(np.uint64) * np.uint64(0xC2B2AE3D27D4EB4F)
     )
@@ -104,8 +108,14 @@ def _keys(series):
         window = window * np.uint64(0x100000001B3) + row[k : k + size]
     unforeseen = np.append(0, np.cumsum(bent))
     rich = unforeseen[WINDOW_ROWS:][:size] - unforeseen[:size]
-    time = np.asarray(series["test_time_second"], float)
     return _Keys(time, row, window, rich >= WINDOW_ROWS // 2, unforeseen)
+
+
+def _jitters(time):
+    """Rows (n − 2,) whose interval is about that before, and not it: no program sets such times."""
+    interval = np.diff(time)
+    change, least = np.abs(np.diff(interval)), np.minimum(interval[1:], interval[:-1])
+    return (change > 2 * SAME_SECOND) & (change < least / 2)
 
 
 def _shared_windows(keys):

@@ -259,7 +259,10 @@ def _sentence(where, information, found, sizes, wrong):
         f"{cell} at cycle {cycle:g} ({100 * error:.2g} %)" for (cell, cycle), error in wrong.items()
     ]
     left = f"; not calibrated on, since capacity and peaks disagree: {', '.join(apart)}"
+    left = left if apart else ""
+    if not by_test:
+        return f"Capacity from peaks, {where}: no check-up was left out, its error is unknown{left}"
     return (
         f"Capacity from peaks, {where}: {100 * rms(by_test):.2g} % RMS at {len(by_test)} left-out "
-        f"check-ups, {cells}; the information is in peak {peaks}{left if apart else ''}"
+        f"check-ups, {cells}; the information is in peak {peaks}{left}"
     )
