@@ -87,10 +87,11 @@ def searched(made):
     return found, [one.effect.id for one in result.names]
 
 
-def test_a_healthy_cell_alone_is_named_and_beside_others_is_not():
+def test_a_healthy_cell_alone_lacks_something_and_beside_others_does_not():
     healthy = case(8)
-    assert searched(healthy)[1]
-    assert not searched(paired(healthy, references()).case)[1]
+    assert searched(healthy)[0].last.effects
+    found, names = searched(paired(healthy, references()).case)
+    assert (found.last.effects, names) == ((), [])
 
 
 def test_what_a_cell_has_beyond_healthy_ones_is_named_first_and_recovered():

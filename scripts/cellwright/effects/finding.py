@@ -31,7 +31,7 @@ from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
 
 NEEDLESS = "needless beside the others"
-KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model
+KEPT = ("named", "ambiguous")  # verdicts whose effects explain what the plain model lacks
 
 
 class Reference(NamedTuple):
@@ -183,10 +183,12 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     if base_name != "plain":
         verdict["as_given_rmse_volt"] = as_given(case, rounds[0].filters)
     verdict |= {"next_test_id": test, "worsened": worsened(residuals)}
-    # What has no name in the vocabulary has no place in a model file.
+    # The model holds all that predicts surely better, named or not; whether it is used is for tests
+    # left out to decide. What the vocabulary has no word for has no place in a model file.
     kept = [one.effect for one in found.beside if one.effect.id not in OUTSIDE]
-    state = found.with_only(kept) if result.word in KEPT else first
-    verdict["nuisances"] = declared_values_at_limit(case, state, parts_of(case.fit))
+    state = first if result.word == "none" else found.with_only(kept)
+    declared = state if result.word in KEPT else first
+    verdict["nuisances"] = declared_values_at_limit(case, declared, parts_of(case.fit))
     ranking = ranking_of(found, result)
     verdict["against"] = _last_against(ranking, named) | verdict["against"]
     plain = Model(first.solution.values, first.effects)
@@ -196,7 +198,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
         sizes = sizes_as_used(library[entry["effect"]], entry["parameters"], values, fitted)
         entry["sizes"] = [size._asdict() for size in sizes]
     verdict["paragraph"] = paragraph(verdict, library)
-    if result.word in KEPT and split_rest_second is not None:
+    if state.effects and split_rest_second is not None:
         rest = {"split_rest_second": split_rest_second}
         model["folds"] = folds(case, state, rounds[-1].noise, **rest)
         if base_name == "own":

@@ -22,10 +22,10 @@ class Outcome(NamedTuple):
 
     word : "none", "named", "ambiguous" or "unknown". names : tuple of search.Beside, effects with a
     name, in order of addition. unnamed : tuple of (Beside, why), effects in the model without one.
-    last : State at the end; without a name that of the plain model. floor : floor.Floor. closed :
-    share of the gap that is closed on the validation records, by all effects. excess_volt : error
-    that the names alone leave beyond the floor, of the side, fit or proof, where it is larger.
-    adequate : nobody would act on that.
+    last : State at the end, of all effects of the model; of "unknown" of those with a name alone,
+    without any that of the plain model. floor : floor.Floor. closed : share of the gap that it
+    closes on the validation records. excess_volt : error that it leaves beyond the floor, of the
+    side, fit or proof, where it is larger. adequate : nobody would act on that.
     """
 
     word: str
@@ -52,28 +52,33 @@ def outcome(found, fitted, values=None):
     found : search.Found. fitted : sizes.Fitted of its last model. values : of that, as in
         `sizes.sizes_as_used`; None: its parameters alone.
     """
-    case, gates = found.case, found.case.gates
-    names, unnamed = [], []
+    gates, names, unnamed = found.case.gates, [], []
     for one in found.beside:
         why = _against(found, one, fitted, values)
         if why:
             unnamed.append((one, why))
         else:
             names.append(one)
-    alone = found.with_only([one.effect for one in names])
-    was, now = (case.excess(state, found.floor, found.filters) for state in (found.first, alone))
-    side = max(now, key=now.get)
-    adequate = now[side] <= gates.unknown_volt
-    last = found.last if names else found.first
-    first, floor = found.first.validation_rmse_volt, found.floor.validation_volt
-    closed = gap_closed(first, last.validation_rmse_volt, floor) if names else None
+    alone = found.with_only([one.effect for one in names]) if names else found.first
+    was, left = (_left(found, state) for state in (found.first, alone))
     word = "ambiguous" if any(one.tied for one in names) else "named"
     if not names:
-        word = "none" if adequate else "unknown"
-    elif not adequate and now[side] > gates.unknown_share * was[side]:
+        word = "none" if left <= gates.unknown_volt else "unknown"
+    elif left > max(gates.unknown_volt, gates.unknown_share * was):
         word = "unknown"
-    about = tuple(names), tuple(unnamed), last, found.floor, closed, now[side], adequate
+    # What is told is of the names, or with them of all that is in the model that is left behind.
+    last = alone if word in ("none", "unknown") else found.last
+    left = _left(found, last)
+    first, floor = found.first.validation_rmse_volt, found.floor.validation_volt
+    closed = gap_closed(first, last.validation_rmse_volt, floor) if names else None
+    adequate = left <= gates.unknown_volt
+    about = tuple(names), tuple(unnamed), last, found.floor, closed, left, adequate
     return Outcome(word, *about)
+
+
+def _left(found, state):
+    """Error of a state beyond the floor, each block once, of the side where it is larger [V]."""
+    return max(found.case.excess(state, found.floor, found.filters).values())
 
 
 def _against(found, one, fitted, values):
