@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cellwright.series.cleaning import clean
-from cellwright.series.doubts import Doubt, in_words
+from cellwright.series.doubts import Doubt, beyond_cutoffs, in_words
 
 RATED, OHM = 3.0, 0.04
 
@@ -88,6 +88,14 @@ def test_a_current_in_another_unit(columns, factor):
 
 def test_a_voltage_that_rests_beyond_its_cutoff(columns):
     assert flags(columns, cutoffs_volt=(2.5, 4.0)) == Doubt.BEYOND
+
+
+def test_first_rows_may_still_be_raised_by_a_charge_before_the_record():
+    """NASA B0047 begins two rows after a charge, 47 mV above its cut-off."""
+    current, volt = np.r_[np.zeros(2), np.full(30, -1.0)], np.linspace(4.0, 3.9, 32)
+    begun = np.r_[4.247, 4.247, volt[2:]]
+    assert not len(beyond_cutoffs(current, begun, (2.5, 4.2)))
+    assert len(beyond_cutoffs(np.zeros(32), np.full(32, 4.247), (2.5, 4.2)))
 
 
 def test_flags_are_said_in_words_of_the_rows_they_touch():

@@ -148,9 +148,9 @@ def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:
 
     low, high = (np.nan if limit is None else limit for limit in cutoffs)
     zero = near_zero_ampere(current)
-    # Right after a load the voltage is still its own.
+    # Right after a load the voltage is still its own, and before the first row there may be one.
     rest, not_charged = (
-        ndimage.minimum_filter1d(rows.astype(np.int8), 11, mode="nearest") == 1
+        ndimage.minimum_filter1d(np.r_[np.zeros(5, np.int8), rows], 11, mode="nearest")[5:] == 1
         for rows in (np.abs(current) <= zero, current <= zero)
     )
     above = voltage > high + REST_VOLT
