@@ -5,15 +5,7 @@ import numpy as np
 from cellwright.circuits.instrument import stored
 from cellwright.effects.library.quantities import fields_with
 from cellwright.effects.library.sizes import as_is, current
-from cellwright.effects.library.vocabulary import (
-    IN_SLOW_TEST,
-    SLOW_TEST,
-    Effect,
-    Parameter,
-    in_slow_test_or_not,
-    in_slow_test_too,
-    numbers_of,
-)
+from cellwright.effects.library.vocabulary import SLOW_TEST, Effect, Parameter, numbers_of
 
 # ASSUME: No lithium-ion cell loses a tenth of its charge: measured are less than 1 % a cycle (A.
 # Smith et al., J. Electrochem. Soc. 158 (2011) A1136).
@@ -26,8 +18,8 @@ def _inefficiency(fields, stack, p):
 
 
 def _leakage(fields, stack, p):
-    leak = p["leak_ampere"] * in_slow_test_or_not(stack, p[IN_SLOW_TEST])
-    return fields._replace(moved=stored(fields.moved, leak=leak * stack.step_second / 3600.0))
+    hours = stack.step_second / 3600.0
+    return fields._replace(moved=stored(fields.moved, leak=p["leak_ampere"] * hours))
 
 
 def _capacity_error(fields, stack, p):
@@ -78,11 +70,9 @@ EFFECTS = (
                 step=1e-3,
                 plausible=0.02,
             ),
-            in_slow_test_too(),
         ),
         stage="counting",
         act=_leakage,
-        starts=({IN_SLOW_TEST: 1.0}, {IN_SLOW_TEST: 0.0}),
         blocks=numbers_of("counting", leak_ampere="leak_ampere"),
         shows="a rest of 48 hours",
         in_rest_log=False,

@@ -4,19 +4,16 @@ from cellwright.circuits.instrument import displayed, through_cell
 from cellwright.effects.base import late
 from cellwright.effects.library.sizes import as_is, current
 from cellwright.effects.library.vocabulary import (
-    IN_SLOW_TEST,
     Effect,
     Parameter,
     Tie,
-    in_slow_test_or_not,
-    in_slow_test_too,
     numbers_of,
     since_slow_test,
 )
 
 
 def _current_offset(fields, stack, p):
-    offset = p["offset_ampere"] * in_slow_test_or_not(stack, p[IN_SLOW_TEST])
+    offset = p["offset_ampere"]
     return fields._replace(
         current=through_cell(fields.current, offset=offset),
         held=through_cell(fields.held, offset=offset * (1.0 - stack.fresh)),
@@ -57,11 +54,9 @@ EFFECTS = (
                 step=1e-3,
                 plausible=0.02,
             ),
-            in_slow_test_too(),
         ),
         stage="current",
         act=_current_offset,
-        starts=({IN_SLOW_TEST: 1.0}, {IN_SLOW_TEST: 0.0}),
         blocks=numbers_of("reading", offset_ampere="current_offset_ampere"),
         shows="the logged current at commanded open circuit",
         ties=(

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 SLOW_TEST = "ocv"  # kind of test that an OCV is from, and a capacity
-IN_SLOW_TEST = "in_slow_test"
 
 
 class Parameter(NamedTuple):
@@ -159,17 +158,6 @@ def since_slow_test(stack):
     stack : records.Stack.
     """
     return np.array([kind != SLOW_TEST for kind in stack.kinds], float)[stack.file]
-
-
-def in_slow_test_too():
-    """Parameter: whether that test had the effect, too. Tried, not fitted: it may be older, or of
-    another channel."""
-    return Parameter(IN_SLOW_TEST, "1", 1.0, 0.0, 1.0, step=0.0, shape=True)
-
-
-def in_slow_test_or_not(stack, too):
-    """Factor of an effect: 1 in all rows, or by `since_slow_test` where that test had none."""
-    return 1.0 if too else since_slow_test(stack)
 
 
 @cache
