@@ -77,12 +77,12 @@ def fallen_volt(before, after, floor):
     return max(
         excess_volt(before.rmse_volt, floor.fit_volt)
         - excess_volt(after.rmse_volt, floor.fit_volt),
-        proven_volt(before, after, floor),
+        fallen_where_judged_volt(before, after, floor),
     )
 
 
-def proven_volt(before, after, floor):
-    """The same on the records that judge [V]."""
+def fallen_where_judged_volt(before, after, floor):
+    """Fall of the error beyond the floor on the records that judge [V]; see `fallen_volt`."""
     ends = (excess_volt(one.validation_rmse_volt, floor.validation_volt) for one in (before, after))
     return float(np.subtract(*ends))
 

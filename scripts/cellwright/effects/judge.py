@@ -208,6 +208,7 @@ def unsure_of(cell, stack, values, effects, tolerance, prediction):
 
 
 def _unsure_of_temperature(stack, effects):
+    """Whether an error of a stated temperature changes what a model predicts."""
     return bool(effects) and stack.stated.any()
 
 

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from cellwright.effects.floor import fallen_volt, proven_volt
+from cellwright.effects.floor import fallen_volt, fallen_where_judged_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.score import difference
 from cellwright.effects.story.sizes import has_size
@@ -66,7 +66,7 @@ def outcome(found, fitted, values=None):
         word = "none" if left <= gates.unknown_volt else "unknown"
     elif left > max(gates.unknown_volt, gates.unknown_share * was):
         word = "unknown"
-    # What is told is of the names, or with them of all that is in the model that is left behind.
+    # An unknown tells what its names alone leave; with names enough, what the whole model leaves.
     last = alone if word in ("none", "unknown") else found.last
     left = _left(found, last)
     first, floor = found.first.validation_rmse_volt, found.floor.validation_volt
@@ -186,9 +186,10 @@ def is_proven(found, one):
     """Whether the records that judge show an effect by themselves: surely, and in its size."""
     case, filters = found.case, found.filters
     judges = filters.blocks.judges
-    ends = (case.densities(state, filters)[judges] for state in (one.trial.state, one.before))
+    states = one.before, one.trial.state
+    ends = (case.densities(state, filters)[judges] for state in reversed(states))
     return (
-        proven_volt(one.before, one.trial.state, found.floor) >= case.gates.material_volt
+        fallen_where_judged_volt(*states, found.floor) >= case.gates.material_volt
         and difference(*ends, filters.blocks.record[judges]).z >= case.gates.joins
     )
 

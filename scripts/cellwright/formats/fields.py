@@ -16,7 +16,7 @@ UNITS = {
     "charge": {"Ah": 1.0, "A.h": 1.0, "mAh": 1e-3, "mA.h": 1e-3, "As": 1 / 3600, "C": 1 / 3600},
     "energy": {"Wh": 1.0, "W.h": 1.0, "mWh": 1e-3, "mW.h": 1e-3},
     "temperature": {"degC": 1.0, "°C": 1.0, "C": 1.0, "K": 1.0, "degF": 5 / 9},
-    "angle": {"deg": 1.0, "rad": 57.29577951308232},
+    "angle": {"deg": 1.0, "rad": 180.0 / np.pi},
     "impedance": {"ohm": 1.0, "Ohm": 1.0, "Ω": 1.0, "mohm": 1e-3, "mOhm": 1e-3, "mΩ": 1e-3},
     "frequency": {"Hz": 1.0, "mHz": 1e-3, "kHz": 1e3},
     "count": {"1": 1.0, "": 1.0},

@@ -5,6 +5,7 @@ unit: as text here, or, where the pattern has a group `unit`, as the label itsel
 """
 
 from cellwright.formats.dates import ZONED
+from cellwright.formats.fields import ENERGIES, NET, SERIES
 from cellwright.formats.text_table import (
     MINUS,
     STEP_CHARGE,
@@ -14,10 +15,9 @@ from cellwright.formats.text_table import (
     Format,
 )
 
-PUT_IN, TAKEN_OUT = "charge_energy_counter", "discharge_energy_counter"
-TIME, AMPERE, VOLT = "test_time_second", "current_ampere", "voltage_volt"
+PUT_IN, TAKEN_OUT = ENERGIES
+TIME, AMPERE, VOLT = SERIES
 SURFACE, AMBIENT = "surface_temperature_celsius", "ambient_temperature_celsius"
-NET = "net_capacity_ampere_hour"
 # Maccor's letters. Of all others (P pause, S suspended, O between steps, FRA) the current is zero.
 MACCOR_SIGNS = {"C": 1.0, "D": -1.0, "R": 0.0}
 US_DATES = ("%m/%d/%Y %H:%M:%S", "%m/%d/%Y %I:%M:%S %p", "%d/%m/%Y %H:%M:%S")
