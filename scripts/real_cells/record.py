@@ -21,7 +21,7 @@ scripts/tools/real_record.py. `code` is the hash of all code of the pipeline,
 where the numbers are from a run of its own.
 
 """
-RENEWALS_KEPT = 8  # of each table: those that explain the numbers that stand there now
+RENEWALS_KEPT = 4  # of each table: those that explain the numbers that stand there now
 TOLERANCES = ["tolerance_absolute", "tolerance_relative"]
 WORSE, MISSING, NEW, BETTER, SAME = "worse", "missing", "new", "better", "same"
 FAILING = (WORSE, MISSING)
