@@ -8,10 +8,11 @@ with artefact.Job(snakemake) as job:
     split = {"split_rest_second": params.split_rest_second}
     cells = lending.judged_cells(inputs, params.references, params.cells)
     worst = cw.worst_corrected(artefact.rows(job.load(inputs.ways)))
-    paths = [path for path in (*inputs.fitted, *inputs.series) if f"/{worst.cell}/" in path]
-    tests, basis = facts.tests(paths), job.load(f"results/stages/basis/{worst.cell}.json")
-    voltages = cw.corrected_voltages(cells, worst.cell, tests, **split)
-    about = params.cells[worst.cell], basis, tests, params.settings
+    cell, words = worst["cell"], worst["words"]
+    paths = [path for path in (*inputs.fitted, *inputs.series) if f"/{cell}/" in path]
+    tests, basis = facts.tests(paths), job.load(f"results/stages/basis/{cell}.json")
+    voltages = cw.corrected_voltages(cells, cell, tests, **split)
+    about = params.cells[cell], basis, tests, params.settings
     found = cw.missing_effect(*about, simulated=voltages, **split)
-    job.note(worst.words, *found.notes)
-    job.save(found.verdict | {"worst": worst.words})
+    job.note(words, *found.notes)
+    job.save(found.verdict | {"worst": words})

@@ -110,9 +110,9 @@ def test_the_worst_cell_is_that_of_which_the_correction_errs_most():
     rows += [row("B", "bias", 3e-3), row("B", "bias", 5e-3), row("B", "own", 2e-3)]
     rows += [row("D", "bias", 9e-3), row("D", "own", 9e-3), row("C", "reference", 1.0)]
     found = worst_cell(rows)
-    assert (found.cell, found.rmse_volt) == ("B", pytest.approx(np.sqrt(17e-6)))
-    assert found.own_rmse_volt == 2e-3
-    assert "D has the largest error, 9 mV, but its own model errs by 9 mV" in found.words
+    assert (found["cell"], found["rmse_volt"]) == ("B", pytest.approx(np.sqrt(17e-6)))
+    assert found["own_rmse_volt"] == 2e-3
+    assert "D has the largest error, 9 mV, but its own model errs by 9 mV" in found["words"]
     with pytest.raises(Refusal, match="no cell has a corrected model that was scored"):
         worst_cell([row("C", "reference", 1.0)])
 

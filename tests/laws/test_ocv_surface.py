@@ -107,9 +107,9 @@ def test_a_crossing_lies_between_certain_signs_only():
     soc, slope = np.linspace(0, 1, 11), np.linspace(-1, 1, 11) + 0.05
     std = np.full(11, 0.2)
     (crossing,) = zero_crossings(soc, slope, std, slope - 0.4, slope + 0.4)
-    assert crossing.lower_soc == pytest.approx(0.2)
-    assert crossing.upper_soc == pytest.approx(0.7)
-    assert crossing.soc == pytest.approx(0.475)
+    assert crossing["lower_soc"] == pytest.approx(0.2)
+    assert crossing["upper_soc"] == pytest.approx(0.7)
+    assert crossing["soc"] == pytest.approx(0.475)
     assert zero_crossings(soc, slope, std, slope - 2, slope + 2) == []
     (falling,) = zero_crossings(soc, -slope, std, -slope - 0.4, -slope + 0.4)
-    assert falling.sign_above == -1
+    assert falling["sign_above"] == -1

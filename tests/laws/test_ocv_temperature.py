@@ -93,8 +93,8 @@ def test_rests_give_sign_size_and_crossing(rested):
     assert np.abs(slope - entropic(soc)).max() < 6e-6
     assert np.mean((lower <= entropic(soc)) & (entropic(soc) <= upper)) > 0.8
     (crossing,) = analysis.crossings(result)
-    assert crossing.lower_soc <= CROSSING <= crossing.upper_soc
-    assert crossing.sign_above == 1
+    assert crossing["lower_soc"] <= CROSSING <= crossing["upper_soc"]
+    assert crossing["sign_above"] == 1
     assert result.surface.tested_celsius == (-20.0, 20.0)
 
 
@@ -116,8 +116,8 @@ def test_slow_tests_find_the_crossing_with_its_range():
     (crossing,) = zero_crossings(
         fit.soc, fit.slope, fit.slope_std, fit.slope_lower, fit.slope_upper
     )
-    assert crossing.lower_soc <= CROSSING <= crossing.upper_soc
-    assert crossing.soc == pytest.approx(CROSSING, abs=0.02)
+    assert crossing["lower_soc"] <= CROSSING <= crossing["upper_soc"]
+    assert crossing["soc"] == pytest.approx(CROSSING, abs=0.02)
 
 
 def test_one_branch_is_named_and_left_out():
@@ -230,7 +230,9 @@ def test_a123_has_the_small_coefficient_of_an_lfp_cell_with_its_signs(shared):
     assert all(fit.slope_lower[at[soc]] > 0 for soc in (0.4, 0.5, 0.6))
     limits = (fit.slope - fit.slope_std, fit.slope + fit.slope_std)
     crossings = zero_crossings(fit.soc, fit.slope, fit.slope_std, *limits)
-    assert any(0.3 < crossing.soc < 0.37 and crossing.sign_above == 1 for crossing in crossings)
+    assert any(
+        0.3 < crossing["soc"] < 0.37 and crossing["sign_above"] == 1 for crossing in crossings
+    )
 
 
 def test_the_public_interface_gives_these_tables(rested, monkeypatch):

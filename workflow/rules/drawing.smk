@@ -46,7 +46,9 @@ def figures_of_tests(cell):
     """What the tests of a cell tell."""
     drawn_from = {
         "capacity": {"capacity": artefacts("capacity", cell, *CAPACITY_KINDS)},
-        "ocv": {"curves": artefacts("ocv", cell, "ocv") or rest_curves(cell)},
+        "ocv": {
+            "curves": artefacts("ocv", cell, "ocv") or of_rows("ocv_rests", cell, resting(cell))
+        },
         "resistance": {"pulses": artefacts("resistance", cell, *PULSE_KINDS)},
         "ica": {
             "curves": artefacts("ica_curve", cell, "ica"),

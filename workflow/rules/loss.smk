@@ -20,9 +20,7 @@ def fresh_peaks(cell):
     rows = tests(cell, "ica", roles=["fit"])
     known = [row for row in rows if row["ambient_temperature_celsius"] is not None]
     first = in_first_checkup([row["cycle"] for row in known])
-    return {
-        row["test"]: row["ambient_temperature_celsius"] for row, young in zip(known, first) if young
-    }
+    return [row for row, young in zip(known, first) if young]
 
 
 rule capacity_loss:
@@ -46,10 +44,8 @@ rule capacity_loss:
 
 rule ica_temperature:
     input:
-        curves=lambda w: [
-            f"results/stages/ica_curve/{w.cell}/{t}.parquet" for t in fresh_peaks(w.cell)
-        ],
-        peaks=lambda w: [f"results/stages/ica/{w.cell}/{t}.parquet" for t in fresh_peaks(w.cell)],
+        curves=PLAN.own_rows("ica_curve", fresh_peaks),
+        peaks=PLAN.own_rows("ica", fresh_peaks),
     output:
         matches="results/stages/ica_temperature/{cell}.parquet",
         peaks="results/stages/ica_temperature_peaks/{cell}.parquet",
@@ -60,7 +56,9 @@ rule ica_temperature:
         cell=either(COLD_PEAKS),
     params:
         settings=config["ica_temperature"],
-        tests=own(fresh_peaks),
+        tests=lambda w: {
+            row["test"]: row["ambient_temperature_celsius"] for row in fresh_peaks(w.cell)
+        },
     message:
         "Peaks of incremental capacity of {wildcards.cell}, matched across temperatures."
     script:

@@ -133,16 +133,11 @@ def resting(name):
     ]
 
 
-def curves_of_loads(cell):
-    """Long loads of a cell, the slowest of which stands for its OCV: where nothing else tells one."""
+def other_curves(cell):
+    """OCV curves beside the slow ones: of rests; of long loads, where nothing else tells a curve."""
     told = cell not in IDENTIFIED or tests(cell, "ocv", roles=["fit"]) or resting(cell)
     rows = [] if told or curve_lenders(cell) else long_loads(cell, "ica")
-    return of_rows("ocv_load", cell, rows)
-
-
-def rest_curves(cell):
-    """Their curves."""
-    return of_rows("ocv_rests", cell, resting(cell))
+    return [*of_rows("ocv_rests", cell, resting(cell)), *of_rows("ocv_load", cell, rows)]
 
 
 def aged_capacity_tests(cell):
@@ -173,7 +168,7 @@ rule ocv_shift:
 
 rule basis:
     input:
-        rests=lambda w: [*rest_curves(w.cell), *curves_of_loads(w.cell)],
+        rests=own(other_curves),
         shifts=where(SHIFTED, "results/stages/ocv_shift/{}.parquet"),
         capacity=PLAN.own_fitted("capacity", *SIZE_KINDS),
         ocv=PLAN.own_fitted("ocv", "ocv"),

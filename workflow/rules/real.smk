@@ -24,7 +24,7 @@ rule real_campaign:
     retries: 0
     threads: 1
     params:
-        campaign=lambda w: str(REAL_FOLDER / w.campaign),
+        campaign=str(REAL_FOLDER / "{campaign}"),
         whole=REAL["to"] == "report",
         pipeline=lambda w: campaigns.code_hash(),
     message:

@@ -87,7 +87,7 @@ STAGES = [
     *everywhere("segment", *SERIES_KINDS),
     *REPEATS,
     *everywhere("relaxation", *RELAXATION_KINDS),
-    *[path for cell in CELLS for path in [*rest_curves(cell), *curves_of_loads(cell)]],
+    *[path for cell in CELLS for path in other_curves(cell)],
     *[f"results/stages/basis/{cell}.json" for cell in CELLS],
     *[f"results/stages/degradation_modes/{cell}.parquet" for cell in DEGRADED],
     *[f"results/stages/{stage}/{cell}.parquet" for cell in PEAK_TYPES for stage in PEAK_STAGES],

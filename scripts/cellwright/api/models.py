@@ -256,7 +256,7 @@ def worst_corrected(rows):
 
     rows : result of `compare_bias_ways`, or its rows.
 
-    Returns `bias.worst.Worst`: cell, rmse_volt and own_rmse_volt over all its tests [V], words.
+    Returns dict: cell, rmse_volt and own_rmse_volt over all its tests [V], words.
     Raises Refusal: no corrected model was scored. Source: docs/bias.md.
     """
     from cellwright.bias.worst import worst_cell

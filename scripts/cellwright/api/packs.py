@@ -68,9 +68,8 @@ def run_pack_phases(
     run = run_phases(phases, cells, wiring, initial_soc=initial_soc, **around)
     names = ("test_time_second", "phase", "current_ampere", "voltage_volt")
     columns = {name: getattr(run, name) for name in names} | _of_cells(run)
-    ends = [end._asdict() for end in run.ends]
     about = {"cells": cells.names, "members": cells.members}
-    return results.Result({"columns": columns, "rows": ends}, about)
+    return results.Result({"columns": columns, "rows": list(run.ends)}, about)
 
 
 def _wired(models, members, celsius, thermal, member):

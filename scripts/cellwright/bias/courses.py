@@ -4,13 +4,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.model_file import circuit_at, member_of, open_circuit_volt
+from cellwright.circuits.model_file import (
+    SMALLEST_RESISTANCE_OHM,
+    circuit_at,
+    member_of,
+    open_circuit_volt,
+)
 from cellwright.records.conditions import REFERENCE_CELSIUS
 
 KNOTS = np.append(0.02, np.round(np.arange(0.05, 1.001, 0.05), 2))
 # ASSUME: What a step of current causes within 10 s is fast, what comes within ten minutes is slow.
 FAST_SECOND, SLOW_SECOND = 10.0, 600.0
-LEAST_OHM = 1e-9
 
 
 class Courses(NamedTuple):
@@ -47,7 +51,7 @@ def courses_of(model, member):
     parameters = [branch.parameters for branch in sampled.circuit]
     fast, slow = (step_ohm(parameters, second) for second in (FAST_SECOND, SLOW_SECOND))
     ocv = open_circuit_volt(model, sampled, REFERENCE_CELSIUS)
-    return Courses(fast, np.maximum(slow - fast, LEAST_OHM), ocv)
+    return Courses(fast, np.maximum(slow - fast, SMALLEST_RESISTANCE_OHM), ocv)
 
 
 def step_ohm(branches, second):

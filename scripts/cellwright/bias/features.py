@@ -239,7 +239,10 @@ def _of_capacity_tests(reference, cell):
         return {}, {}
     ours, theirs = pairs["discharge"]
     course = {"mean voltage of the discharge": _mean_volt(theirs) - _mean_volt(ours)}
-    warming = [_warming(row) for row in (theirs, ours)]
+    warming = [
+        _number(row["temperature_mean_celsius"]) - _number(row["ambient_temperature_celsius"])
+        for row in (theirs, ours)
+    ]
     scalars = {"warming in the discharge": warming[0] - warming[1]}
     if "charge" not in pairs:
         return scalars, course
@@ -259,10 +262,6 @@ def _of_capacity_tests(reference, cell):
 
 def _mean_volt(row):
     return _number(row["energy_watt_hour"]) / row["capacity_ampere_hour"]
-
-
-def _warming(row):
-    return _number(row["temperature_mean_celsius"]) - _number(row["ambient_temperature_celsius"])
 
 
 def _number(value):

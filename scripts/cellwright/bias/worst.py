@@ -1,7 +1,5 @@
 """The cell that its corrected model serves worst, and that model's voltage on any of its tests."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.bias.compared import compared
@@ -11,15 +9,6 @@ from cellwright.bias.courses import courses_of
 from cellwright.circuits.model_file import simulate_model
 from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
-
-
-class Worst(NamedTuple):
-    """A cell, what its corrected model and its own err by over all its tests [V], and in words."""
-
-    cell: str
-    rmse_volt: float
-    own_rmse_volt: float
-    words: str
 
 
 def worst_cell(rows):
@@ -34,7 +23,8 @@ def worst_cell(rows):
 
     Returns
     -------
-    worst : Worst.
+    worst : dict: cell, rmse_volt and own_rmse_volt of its corrected and its own model over all its
+        tests [V], words.
 
     Raises
     ------
@@ -51,7 +41,8 @@ def worst_cell(rows):
             f"; {largest} has the largest error, {1e3 * bias[largest]:.2g} mV, but its own model "
             f"errs by {1e3 * own[largest]:.2g} mV on the same tests"
         )
-    return Worst(worst, bias[worst], own[worst], words)
+    errors = {"rmse_volt": bias[worst], "own_rmse_volt": own[worst]}
+    return {"cell": worst, **errors, "words": words}
 
 
 def _errors(rows, way):

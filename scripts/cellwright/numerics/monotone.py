@@ -55,7 +55,7 @@ def rising_curve(x, y, weight, *, cells):
     """
     if len(x) < 12 or not y[-1] > y[0] or not x[-1] > x[0]:
         raise ValueError("a rising curve needs at least twelve readings that rise")
-    readings = _Readings(*(np.asarray(v, float) for v in (x, y, weight)), cells)
+    readings = (*(np.asarray(v, float) for v in (x, y, weight)), cells)
     plain = np.ones(cells + 2 - ORDER)
     stretch = _stretch(x, y, weight)
     curve = _searched(readings, stretch, plain, _first_logs(readings, stretch), None)
@@ -65,13 +65,6 @@ def rising_curve(x, y, weight, *, cells):
         logs = np.log(np.diff(curve.coefficients))
         curve = _searched(readings, stretch, _stiffness(curve), logs, curve.decade)
     return curve
-
-
-class _Readings(NamedTuple):
-    x: np.ndarray
-    y: np.ndarray
-    weight: np.ndarray
-    cells: int
 
 
 def _stretch(x, y, weight):

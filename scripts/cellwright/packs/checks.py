@@ -214,16 +214,27 @@ def _off(check, branch, value, std, limit, unit, words):
     return Finding(check, branch, value, std, limit, unit, off, words if off else "")
 
 
+def _offset_and_gain(what, branch, line, limit_ampere, words):
+    """Findings on offset and gain of a current, by the line of `_line`; `words` take the values."""
+    (offset, gain), (offset_std, gain_std) = line
+    texts = words[0].format(offset), words[1].format(gain)
+    return (
+        _off(f"{what}_offset", branch, offset, offset_std, limit_ampere, "A", texts[0]),
+        _off(f"{what}_gain", branch, gain, gain_std, SENSOR_CLASS, "1", texts[1]),
+    )
+
+
 def _sum_line(currents, total, left):
     """Offset and gain of the sum, and the branch whose gain it is where that can be told."""
     members = currents.shape[1]
-    (offset, gain), (offset_std, gain_std) = _line(total, left)
+    words = (
+        "the branch currents add up to {:+.3g} A more than the total",
+        "the branch currents add up to {:+.2%} of the total too much, of one branch or several: "
+        "the record does not tell which",
+    )
     limit = SENSOR_CLASS * rms(total) / members * np.sqrt(members)
-    text = f"the branch currents add up to {offset:+.3g} A more than the total"
-    yield _off("sum_offset", None, offset, offset_std, limit, "A", text)
-    text = f"the branch currents add up to {gain:+.2%} of the total too much"
-    text += ", of one branch or several: the record does not tell which"
-    finding = _off("sum_gain", None, gain, gain_std, SENSOR_CLASS, "1", text)
+    offset, finding = _offset_and_gain("sum", None, _line(total, left), limit, words)
+    yield offset
     branch = _guilty(currents, left) if finding.found else None
     if branch is not None:
         # What is left over is slope · reading: reading = (1 + gain) · truth gives the gain.
@@ -284,11 +295,9 @@ def _series_currents(record):
             continue
         one, whole = currents[rows, k], total[rows]
         steady, said = _steady(whole), f"the current of member {k + 1}, in series, is"
-        (offset, gain), (offset_std, gain_std) = _line(whole[steady], (one - whole)[steady])
-        limit, words = SENSOR_CLASS * rms(whole), f"{said} {offset:+.3g} A off the total"
-        yield _off("current_offset", k + 1, offset, offset_std, limit, "A", words)
-        words = f"{said} {gain:+.2%} off the total"
-        yield _off("current_gain", k + 1, gain, gain_std, SENSOR_CLASS, "1", words)
+        words = f"{said} {{:+.3g}} A off the total", f"{said} {{:+.2%}} off the total"
+        line = _line(whole[steady], (one - whole)[steady])
+        yield from _offset_and_gain("current", k + 1, line, SENSOR_CLASS * rms(whole), words)
 
 
 def _series_voltages(record, wiring):

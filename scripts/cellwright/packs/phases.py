@@ -48,29 +48,15 @@ class Phase(NamedTuple):
     step_second: float = 1.0
 
 
-class PhaseEnd(NamedTuple):
-    """How a phase ended.
-
-    second : since the first phase began [s]. reason : "time", "pack voltage", "cell voltage",
-    "soc", "current", or "power" where the pack cannot give it (any more): a last sample is at rest.
-    cell : the first one there, None where it is no single cell's.
-    held_from_second, held_cell : since when a limit was held, and which cell's first; NaN and None
-    where none was.
-    """
-
-    phase: int
-    second: float
-    reason: str
-    cell: str | None
-    held_from_second: float
-    held_cell: str | None
-
-
 class PhasesRun(NamedTuple):
     """A pack through its phases; (n,) and (n, cells), positive on charge.
 
     phase : index of the phase of each sample; a new one begins with a sample at the time at which
-    the one before ended. ends : tuple of PhaseEnd, one a phase.
+    the one before ended. ends : of each phase a dict: `phase`; `second` since the first
+    began [s]; `reason` ("time", "pack voltage", "cell voltage", "soc", "current", or "power" where
+    the pack cannot give it: a last sample is at rest); `cell`, the first one there, None where it
+    is no single cell's; `held_from_second` and `held_cell`, since when a limit was held and whose
+    first, NaN and None where none was.
     """
 
     test_time_second: np.ndarray
@@ -342,4 +328,11 @@ def _end(names, index, begin, whole, reason, cell):
     rows = np.flatnonzero(whole.held != NOT_HELD)
     since, by = (begin + whole.second[rows[0]], whole.held[rows[0]]) if len(rows) else (np.nan, -1)
     stopped, holding = (names[k] if k >= 0 else None for k in (cell, by))
-    return PhaseEnd(index, float(begin + whole.second[-1]), reason, stopped, float(since), holding)
+    return {
+        "phase": index,
+        "second": float(begin + whole.second[-1]),
+        "reason": reason,
+        "cell": stopped,
+        "held_from_second": float(since),
+        "held_cell": holding,
+    }

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from cellwright.records.anchor import RELAXED_SECOND
 from cellwright.records.conditions import SAME_CELSIUS
 
 STEADY = ("CC", "CV", "CCCV")
@@ -14,7 +15,6 @@ ICA_C_RATE = 1 / 4  # above, the peaks of dQ/dV run into each other
 MANY_HALF_CYCLES = 10
 MANY_PULSES = 3
 LEAST_SPAN = 0.3  # of the capacity, over which pulses are a characterisation over SoC
-RELAXED_SECOND = 600.0  # rest after a part of a discharge, of a titration
 
 
 def half_cycles(steps: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

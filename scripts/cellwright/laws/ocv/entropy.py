@@ -269,18 +269,6 @@ class Entropic(NamedTuple):
     reference_celsius: float
 
 
-class Crossing(NamedTuple):
-    """State of charge [1] where the entropic coefficient changes sign, and the range it lies in.
-
-    sign_above : +1 where the voltage rises with temperature above it, else −1.
-    """
-
-    soc: float
-    lower_soc: float
-    upper_soc: float
-    sign_above: int
-
-
 def fit_entropic(readings, *, reference_celsius=OCV_TEMPERATURE.reference_celsius, level=0.95):
     """Entropic coefficient dOCV/dT [V/K] at every state of charge: line and parabola.
 
@@ -345,9 +333,10 @@ def zero_crossings(soc, slope, std, lower, upper):
 
     Returns
     -------
-    crossings : list of Crossing, one for each pair of neighbouring states of charge at which the
-        interval excludes zero on opposite sides. In between the change is put where signs on both
-        sides agree best with the values.
+    crossings : list of dict, one for each pair of neighbouring states of charge at which the
+        interval excludes zero on opposite sides: `lower_soc`, `upper_soc` and between them `soc`,
+        where signs on both sides agree best with the values [1]; `sign_above`, +1 where the voltage
+        rises with temperature above it, else −1.
     """
     finite = np.isfinite(slope) & np.isfinite(std) & np.isfinite(lower) & np.isfinite(upper)
     columns = [np.asarray(column, float)[finite] for column in (soc, slope, std, lower, upper)]
@@ -366,7 +355,8 @@ def _crossing(soc, slope, std, sign):
     low = int(np.argmin(weight[:-1]))
     share = slope[low] / (slope[low] - slope[low + 1])
     at = soc[low] + np.clip(share, 0.0, 1.0) * (soc[low + 1] - soc[low])
-    return Crossing(float(at), float(soc[0]), float(soc[-1]), sign)
+    ends = {"lower_soc": float(soc[0]), "upper_soc": float(soc[-1])}
+    return {"soc": float(at), **ends, "sign_above": sign}
 
 
 def _at_one_soc(celsius, volt, std, common, reference):

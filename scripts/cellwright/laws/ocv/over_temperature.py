@@ -273,7 +273,7 @@ def law_rows(ocv):
 
 
 def crossings(ocv, *, certain=True):
-    """Changes of sign of the entropic coefficient of the used source, as `entropy.Crossing`.
+    """Changes of sign of the entropic coefficient of the used source, as of `zero_crossings`.
 
     Between signs that are certain at 95 %; else that are one standard deviation off zero.
     """
@@ -286,11 +286,11 @@ def crossings(ocv, *, certain=True):
 
 def _crossing_row(crossing, certain):
     """Row of tables/temperature for a change of sign."""
-    way = "rising" if crossing.sign_above > 0 else "falling"
+    way = "rising" if crossing["sign_above"] > 0 else "falling"
     # Nothing says where in the range between two certain signs it lies: rectangular.
-    std = (crossing.upper_soc - crossing.lower_soc) / np.sqrt(12)
+    std = (crossing["upper_soc"] - crossing["lower_soc"]) / np.sqrt(12)
     quantity = f"zero crossing of dOCV/dT, {way}"
-    return law_row(quantity, "linear", "soc", crossing.soc, std, unit="1", chosen=certain)
+    return law_row(quantity, "linear", "soc", crossing["soc"], std, unit="1", chosen=certain)
 
 
 PARAMETERS = (("ocv", "V"), ("entropic_coefficient", "V/K"), ("bend", "V/K^2"))
