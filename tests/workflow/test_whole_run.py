@@ -154,7 +154,8 @@ def test_the_crate_says_which_job_made_each_file_of_what(first):
     assert entities["#job/series/A/capacity"]["object"] == {"@id": "#raw/A_capacity.csv"}
     workflow = entities["stages/workflow/Snakefile"]
     assert workflow["programmingLanguage"]["@id"] in entities
-    assert workflow["version"] and workflow["encodingFormat"] == "text/plain"
+    assert workflow["version"]
+    assert workflow["encodingFormat"] == "text/plain"
     assert {"@id": "#job/capacity/A/capacity"} in entities["./"]["mentions"]
     assert entities["#rule/capacity"]["softwareVersion"] in job["description"]
 
