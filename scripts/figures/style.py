@@ -83,6 +83,7 @@ def message(text):
     figure, axes = subplots(height=0.5)
     axes[0, 0].axis("off")
     axes[0, 0].text(0.0, 0.5, text, va="center", transform=axes[0, 0].transAxes)
+    figure.not_drawn = text
     return figure
 
 
@@ -153,7 +154,7 @@ def plain_numbers(axis):
 def save(figure, job, path=None):
     """Write a figure as one of the job's outputs, its provenance in the SVG's metadata."""
     path = path or job.snakemake.output[0]
-    about = json.dumps(job.about(), sort_keys=True)
+    about = json.dumps(job.about(getattr(figure, "not_drawn", None)), sort_keys=True)
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     Path(path).write_text(svg.text_of(figure, description=about), encoding="utf-8")
     job.saved.add(path)

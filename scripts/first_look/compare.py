@@ -19,6 +19,8 @@ from runtime.page_tables import Cell, plain_table, std_name
 TABLES = ("summary", "capacity", "resistance", "health", "validation", "soc", "eis", "packs")
 KEYS = ("cell", "group", "test", "cycle", "direction", "ambient_temperature_celsius", "soc")
 KEYS += ("delay_second", "model", "filter", "scenario", "initial_soc_error", "branch", "circuit")
+STATED = ("cycle", "ambient_temperature_celsius", "soc")  # which a sheet may say otherwise
+SHOWN = 5  # settings that differ, by name
 BEYOND = 1.96  # standard deviations of a difference: what 1 in 20 exceeds by chance
 READ = (
     f"Red: differences beyond {BEYOND} of the standard deviations that both runs state; blank: "
@@ -60,8 +62,8 @@ def compare(before, after) -> list[Change]:
     for name in TABLES:
         old, new = (_rows(folder, name) for folder in folders)
         shared += len(set(old) & set(new))
-        for key in [*old, *(key for key in new if key not in old)]:
-            for quantity, values in _differing(old.get(key), new.get(key)):
+        for key, *rows in _pairs(old, new):
+            for quantity, values in _differing(*rows):
                 cell = dict(key).get("cell")
                 if cell not in reasons:
                     reasons[cell] = why(*folders, cell)
@@ -72,14 +74,34 @@ def compare(before, after) -> list[Change]:
     return sorted(changes, key=lambda change: -_size(change.deviations))
 
 
+def _pairs(old, new):
+    """Name of each row and the row in both runs, None where it is not.
+
+    Rows that differ in what a sheet states alone are the same, in their order.
+    """
+    alone = {}
+    for side, (rows, others) in enumerate(((old, new), (new, old))):
+        for key in [key for key in rows if key not in others]:
+            same = tuple(pair for pair in key if pair[0] not in STATED)
+            alone.setdefault(same, ([], []))[side].append(key)
+    mates = {}
+    for gone, come in alone.values():
+        mates |= dict(zip(gone, come, strict=True)) if len(gone) == len(come) else {}
+    for key, row in old.items():
+        yield key, row, new.get(mates.get(key, key))
+    for key in [key for key in new if key not in old and key not in mates.values()]:
+        yield key, None, new[key]
+
+
 def why(before, after, cell) -> str:
     """Which raw files, settings and code of a cell's results differ, in words."""
     old, new = (_origins(folder, cell) for folder in (before, after))
+    differ = [key for key in dict.fromkeys([*old, *new]) if old.get(key) != new.get(key)]
     found = []
-    for what in ("file", "settings of", "code of"):
-        names = {name for kind, name in old | new if kind == what}
-        differ = sorted(n for n in names if old.get((what, n)) != new.get((what, n)))
-        found += [f"{what} {', '.join(differ)}"] * bool(differ)
+    for what in ("file", "setting", "code of"):
+        names = sorted({name for kind, name, *_ in differ if kind == what})
+        more = [f"{len(names) - SHOWN} more"] if len(names) > SHOWN else []
+        found += [f"{what} {', '.join(names[:SHOWN] + more)}"] * bool(names)
     return "; ".join(found) or "other cells or tests that it is compared with"
 
 
@@ -96,9 +118,21 @@ def _origins(folder, cell) -> dict[tuple, object]:
             if about is None:
                 found["file", link.path] = link.sha256
             elif Path(link.path).suffix != ".csv":
-                found["settings of", about["rule"]] = about["params"]
                 found["code of", about["rule"]] = about["code"]
+                test = about["wildcards"].get("test")
+                for path, value in _leaves(about["params"]):
+                    name = f"{path[-1]} of {test}" if test else path[-1]
+                    found["setting", name, about["rule"], path] = value
     return found
+
+
+def _leaves(params, path=()):
+    """Each setting in nested ones, with the names that lead to it."""
+    for name, value in params.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, (*path, name))
+        else:
+            yield (*path, name), value
 
 
 def _rows(folder, name) -> dict[tuple, dict]:
@@ -118,7 +152,8 @@ def _differing(old, new):
     old, new = old or {}, new or {}
     for column in dict.fromkeys([*old, *new]):
         values = old.get(column) or "", new.get(column) or ""
-        if values[0] == values[1] or column in KEYS or "_std" in column or column == "notes":
+        known = KEYS if not (old and new) else [key for key in KEYS if key not in STATED]
+        if values[0] == values[1] or column in known or "_std" in column or column == "notes":
             continue
         numbers = [_number(value) for value in values]
         change = abs(numbers[1] - numbers[0])

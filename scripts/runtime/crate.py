@@ -17,16 +17,21 @@ PROFILES = [
 # Terms of the workflow-run vocabulary that the profile names beside those of RO-Crate 1.1.
 TERMS = {"sha256": "https://w3id.org/ro/terms/workflow-run#sha256"}
 MEDIA = {
+    "": "text/plain",  # Snakefile
     ".csv": "text/csv",
+    ".fmu": "application/zip",
     ".html": "text/html",
     ".json": "application/json",
     ".md": "text/markdown",
     ".parquet": "application/vnd.apache.parquet",
+    ".smk": "text/plain",
     ".svg": "image/svg+xml",
     ".tsv": "text/tab-separated-values",
+    ".yaml": "application/yaml",
 }
 MAIN, RUN = "stages/workflow/Snakefile", "#run"
 SNAKEMAKE = "https://snakemake.github.io"
+LANGUAGE = "https://w3id.org/workflowhub/workflow-ro-crate#snakemake"
 MIT = "https://spdx.org/licenses/MIT"
 
 
@@ -61,14 +66,15 @@ def crate(digests, rules, about) -> dict:
                 raw[_id(source)] = _file(source, digest)
     files, raw = dict(sorted(files.items())), dict(sorted(raw.items()))
     main = files.pop(MAIN)
-    used = sorted({key[0] for key in jobs})
+    codes = {key[0]: job["about"]["code"] for key, job in sorted(jobs.items())}
+    used = list(codes)
     graph = [
         _descriptor(),
-        _root(about, files),
+        _root(about, files, jobs),
         *(_profile(identity) for identity in PROFILES),
-        main | _workflow(used),
+        main | _workflow(used, about),
         _engine(about),
-        *(_tool(rule, rules.get(rule, {})) for rule in used),
+        *(_tool(rule, code, rules.get(rule, {})) for rule, code in codes.items()),
         *(_step(rule, place) for place, rule in enumerate(used)),
         *_run(about, jobs, files, raw),
         *(action for key, job in sorted(jobs.items()) for action in _actions(key, job)),
@@ -114,7 +120,7 @@ def _descriptor() -> dict:
     }
 
 
-def _root(about, files) -> dict:
+def _root(about, files, jobs) -> dict:
     root = {
         "@id": "./",
         "@type": "Dataset",
@@ -124,7 +130,7 @@ def _root(about, files) -> dict:
         "license": {"@id": about["license"] or "#license"},
         "conformsTo": _of(PROFILES),
         "mainEntity": {"@id": MAIN},
-        "mentions": {"@id": RUN},
+        "mentions": _of([RUN, *map(_job_id, sorted(jobs))]),
         "hasPart": _of([MAIN, *files]),
     }
     if about["authors"]:
@@ -139,11 +145,12 @@ def _profile(identity) -> dict:
     return {"@id": identity, "@type": "CreativeWork", "name": name, "version": version}
 
 
-def _workflow(rules) -> dict:
+def _workflow(rules, about) -> dict:
     return {
         "@type": ["File", "SoftwareSourceCode", "ComputationalWorkflow", "HowTo"],
         "name": "Cellwright",
-        "programmingLanguage": {"@id": "#snakemake"},
+        "version": about["version"],
+        "programmingLanguage": {"@id": LANGUAGE},
         "hasPart": _of(f"#rule/{rule}" for rule in rules),
         "step": _of(f"#step/{rule}" for rule in rules),
         "license": {"@id": MIT},
@@ -152,7 +159,7 @@ def _workflow(rules) -> dict:
 
 def _engine(about) -> dict:
     return {
-        "@id": "#snakemake",
+        "@id": LANGUAGE,
         "@type": ["ComputerLanguage", "SoftwareApplication"],
         "name": "Snakemake",
         "url": {"@id": SNAKEMAKE},
@@ -161,9 +168,10 @@ def _engine(about) -> dict:
     }
 
 
-def _tool(rule, words) -> dict:
-    """The script of a rule, as what its jobs run."""
+def _tool(rule, code, words) -> dict:
+    """The script of a rule, as what its jobs run; its version is the hash of its code."""
     tool = {"@id": f"#rule/{rule}", "@type": "SoftwareApplication", "name": rule}
+    tool["softwareVersion"] = code
     tool["description"] = re.sub(
         r"\{(?:wildcards\.)?(\w+)[^}]*\}", r"<\1>", words.get("does", rule)
     )
@@ -212,7 +220,7 @@ def _run(about, jobs, files, raw) -> list[dict]:
             "@id": "#engine",
             "@type": "OrganizeAction",
             "name": "Snakemake",
-            "instrument": {"@id": "#snakemake"},
+            "instrument": {"@id": LANGUAGE},
             "object": _of(steps),
             "result": {"@id": RUN},
             "endTime": about["published"],
@@ -237,7 +245,7 @@ def _actions(key, job) -> list[dict]:
         "instrument": {"@id": f"#rule/{key[0]}"},
         "object": _of(map(_id, sorted(job["inputs"]))),
         "result": _of(sorted(job["outputs"])),
-        "actionStatus": {"@id": "http://schema.org/CompletedActionStatus"},
+        "actionStatus": "http://schema.org/CompletedActionStatus",
     }
     if made["reason"]:
         action["disambiguatingDescription"] = made["reason"]

@@ -19,8 +19,11 @@ def section(tables, groups) -> list[dict]:
     `tables` are frames of text by name, `groups` the rows of groups.tsv.
     """
     lines = []
+    missing = tables.get("missing_effect", {"cell": (), "in_one_line": ()})
+    shown = dict(zip(missing["cell"], missing["in_one_line"], strict=True))
     for group in dict.fromkeys(row["group"] for row in groups):
         line = _line({name: _of(tables, name, group) for name in TABLES})
+        line["shows"] = shown.get(group, "").removeprefix("shows ")
         if any(line.values()):
             lines.append({"group": group, "wiring": wiring_in_words(group, groups)} | line)
     return lines
@@ -30,14 +33,14 @@ def table_of_section(lines, warned):
     """The lines of `section` as a table; `warned`: how many warnings the page of a group has."""
     read = (
         "Of each group the largest error of a branch current and of the voltage over its tests, "
-        "the most that it loses of its cells' charge, and how many checks of its records found "
-        "something."
+        "the most that it loses of its cells' charge, what one of its branches has of its own, and "
+        "how many checks of its records found something."
     )
-    columns = ["group", "wiring", "worst branch current", "voltage", "gives", "to know"]
+    columns = ["group", "wiring", "worst branch current", "voltage", "gives", "shows", "to know"]
     rows = [
         [
             link(line["group"]),
-            *(line[name] for name in ("wiring", "current", "voltage", "charge")),
+            *(line[name] for name in ("wiring", "current", "voltage", "charge", "shows")),
             f"{warned[line['group']]} on its page" if warned.get(line["group"]) else "",
         ]
         for line in lines

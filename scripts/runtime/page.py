@@ -16,7 +16,7 @@ import yaml
 from markupsafe import Markup, escape
 
 from cellwright.effects.story.places import largest_before
-from cellwright.effects.story.words import KNOWN, name_of_effect, sentences_by_part
+from cellwright.effects.story.words import KNOWN, name_of_effect, name_of_key, sentences_by_part
 from runtime import (
     artefact,
     closer_look,
@@ -240,8 +240,20 @@ def _unsure(rows) -> list:
     names = {}
     for row in rows:
         for reason in row["doubts"].split("; ") if row["sure"] == "False" else ():
-            names.setdefault(reason, []).append(name_of_effect(row["effect"]))
+            names.setdefault(reason, []).append(_name(row))
     return [f"{', '.join(effects)}: {reason}" for reason, effects in names.items()]
+
+
+def _name(row):
+    """An effect of tables/missing_effect in words, of a group with its branch."""
+    branch = row["branch"].partition(";")[0]
+    return name_of_effect(row["effect"]) + (f" (branch {branch})" if branch else "")
+
+
+def _as_good(row):
+    """What explains the data as well as an effect of tables/missing_effect, in words."""
+    names = [name_of_effect(name) for name in row["alternatives"].split(";") if name]
+    return [*names, *(f"branch {branch}" for branch in row["branch"].split(";")[1:])]
 
 
 def _fleet_word(row) -> tuple:
@@ -300,13 +312,13 @@ def _verdict(path) -> dict:
     told = _paragraph(path) | {"story": {}, "against": None}
     verdict = {} if told["reason"] else artefact.load(path)
     named = [one["effect"] for one in verdict.get("effects", ())]
-    # Of a group, and of effects that only a laboratory knows, the paragraph says it all.
+    # Of effects that only a laboratory knows the paragraph says it all.
     if "located_at" not in verdict or not set(named) <= set(KNOWN):
         return told
     for part, sentence in sentences_by_part(verdict, KNOWN):
         told["story"].setdefault(part, []).append(sentence)
     against = (verdict.get("against") or {}).items()
-    lines = [(name_of_effect(one), words) for one, words in against if one not in named]
+    lines = [(name_of_key(one), words) for one, words in against if one not in named]
     if lines:
         read = "Each was added to the model in turn, and is not named for these reasons."
         columns = ["effect", "why it is no name"]
@@ -436,22 +448,22 @@ def _tests(rows, abouts):
 
 def _tables_of_story(verdicts, witnesses) -> dict:
     """Tables of what was named and how sure it is, and of what other measurements say; or None."""
-    found = {"named": None, "witnesses": None, "next_test": ""}
+    found = {"named": None, "witnesses": None}
     if verdicts:
-        found["next_test"] = verdicts[0]["next_test"]
+        found |= {name: verdicts[0][name] for name in ("next_test", "in_one_line")}
         sure = {"True": "sure", "False": "unsure: {}"}
         lines = [
             [
-                Cell(name_of_effect(one["effect"]) if one["effect"] else f"({one['verdict']})"),
+                _name(one) if one["effect"] else f"({one['verdict']})",
                 sure.get(one["sure"], "–").format(one["doubts"]),
-                ", ".join(map(name_of_effect, filter(None, one["alternatives"].split(";")))),
+                ", ".join(_as_good(one)),
                 f"{milli(one['rmse_before_volt'])} → {milli(one['rmse_after_volt'])}",
                 f"{milli(one['validation_before_volt'])} → {milli(one['validation_after_volt'])}",
             ]
             for one in verdicts
         ]
         columns = ["effect", "how sure", "as good", "tests fitted [mV]", "tests not fitted [mV]"]
-        read = "RMS error before → after, each effect on top of those above it."
+        read = "RMS error of the model without the effect → with it, beside all others."
         about, made = ("named", "What was named", read), "results/tables/missing_effect.csv"
         found["named"] = plain_table(*about, columns, lines, made=made)
     if witnesses:

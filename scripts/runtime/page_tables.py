@@ -51,9 +51,11 @@ def table_of(name, frame, spec) -> Table:
         frame = frame[frame[column] == value]
     read = spec["read"]
     if len(frame) > 1 and "doubt" in spec["columns"] and "doubt" in frame:
-        doubt = frame["doubt"].iloc[0]
-        if doubt and frame["doubt"].eq(doubt).all():
-            read, frame = f"{read} All in doubt: {doubt}.", frame.drop(columns="doubt")
+        said = [doubt.split("; ") for doubt in frame["doubt"]]
+        shared = [one for one in said[0] if one and all(one in row for row in said)]
+        own = ["; ".join(one for one in row if one not in shared) for row in said]
+        read += f" All in doubt: {'; '.join(shared)}." if shared else ""
+        frame = frame.assign(doubt=own)
     rows = frame.head(SHOWN_ROWS).to_dict("records")
     known = [key for key in spec["columns"] if any(row.get(key) for row in rows)]
     stds = {key: std_name(key, rows[0]) for key in known} if rows else {}

@@ -152,10 +152,12 @@ NO_EFFECT = {"effect": None, "alternatives": [], "rmse_volt": {}, "validation_rm
 
 def _verdict_row(verdict, effect) -> dict:
     fit, proof = effect["rmse_volt"], effect["validation_rmse_volt"]
+    branches = [effect["branch"], *effect["branch_alternatives"]] if "branch" in effect else []
     return {
         "cell": verdict["cell"],
         "verdict": verdict["verdict"],
         "effect": effect["effect"],
+        "branch": ";".join(map(str, branches)),
         "alternatives": ";".join(effect["alternatives"]),
         "rmse_before_volt": fit.get("before"),
         "rmse_after_volt": fit.get("after"),
@@ -298,15 +300,15 @@ def _std_of(rows, counted, capacity) -> float | None:
 
 
 def _doubts(of_cell) -> str:
-    """What speaks against the capacities and resistances of a cell, with the names of its tests."""
+    """What speaks against capacities and resistances of a cell, each with the names of tests."""
     said = {}
     for table in ("capacity", "resistance"):
         if "doubt" not in of_cell[table]:
             continue
         rows = of_cell[table][of_cell[table]["doubt"].notna()]
         for test, words in zip(rows["test"], rows["doubt"], strict=True):
-            said.setdefault(f"{test}: {words}")
-    return "; ".join(said)
+            said.setdefault(words, {})[test] = None
+    return "; ".join(f"{', '.join(tests)}: {words}" for words, tests in said.items())
 
 
 def _in_one_line(missing, scored) -> str | None:

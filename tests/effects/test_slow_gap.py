@@ -19,7 +19,8 @@ def curve(gap_volt, branches="both"):
 
 
 def test_the_gap_is_read_between_the_ends_at_the_mean_current():
-    assert slow_gap(curve(0.02)) == pytest.approx((0.02, 0.12))
+    assert slow_gap(curve(0.02)) == pytest.approx((0.02, 0.12, 0.0))
+    assert slow_gap(curve(0.02) | {"step_volt": None}).step_volt == 0.0
 
 
 @pytest.mark.parametrize("one", [curve(0.02, "discharge"), curve(np.nan)])
@@ -35,6 +36,12 @@ def test_without_two_branches_nothing_is_known_and_nothing_shown(one):
 )
 def test_what_a_resistance_leaves_decides(half_gap_volt, resistance_ohm, shown):
     assert shows_hysteresis(SlowGap(half_gap_volt, 0.12), resistance_ohm) is shown
+
+
+def test_what_comes_at_once_with_the_current_is_no_hysteresis():
+    """A 2013 Leaf cell: 2.17 A over 112 mOhm of leads, half the gap 261 mV; the cell has 4 mOhm."""
+    assert shows_hysteresis(SlowGap(0.261, 2.17), 0.0044)
+    assert not shows_hysteresis(SlowGap(0.261, 2.17, step_volt=0.243), 0.0044)
 
 
 def trial(name, *effects, ohm=0.05):

@@ -262,6 +262,10 @@ def test_hysteresis_in_the_gap_of_the_slow_test(effect):
     narrow = heard({}, one, basis=slow_test(0.001 + drop))
     assert [w.says for w in narrow.values() if w.name == "slow test"] == ["contradicts"]
     assert [w.says for w in heard({}, one).values() if w.name == "slow test"] == ["silent"]
+    leads = heard({}, one, basis=slow_test(0.3, step_volt=0.29))
+    (witness,) = [w for w in leads.values() if w.name == "slow test"]
+    assert (witness.says, witness.measured) == ("contradicts", pytest.approx(0.01))
+    assert "1.45e+03 mΩ that it shows at once, leads and contacts" in witness.text
     lent = heard({}, one, basis=slow_test(0.03) | {"borrowed_from": "C9"})
     assert [w.text for w in lent.values() if w.name == "slow test"] == ["its OCV is that of C9"]
 

@@ -5,8 +5,11 @@ import pytest
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.story.places import largest_before, worsened
 from cellwright.effects.story.words import (
+    KNOWN,
     doubts,
+    one_line,
     paragraph,
+    sentences_by_part,
 )
 
 PLACE = {"file": "hot", "soc": [0.1, 0.2], "current": "charge_low", "share": 0.42}
@@ -158,3 +161,28 @@ def test_the_field_with_the_largest_part_of_the_gap_is_named_with_what_it_is_now
     assert said.startswith(f"The largest part of the gap, {share:.0f} %, sat at 20–30 % SoC")
     assert said.endswith("in drive: 20.0 mV by the plain model, 1.0 mV with what was found.")
     assert largest_before({}) is None
+
+
+@pytest.mark.parametrize("logged", [True, False])
+def test_a_group_is_told_part_by_part_in_its_own_words(logged):
+    """Of its branches, and of no plain model; where they were not logged, how blind that is."""
+    size = {"value": 0.002, "std": 1e-4, "unit": "Ohm", "at_bound": False}
+    wire = step("resistance_soc", branch=2, cell="C4", branch_alternatives=[1])
+    wire |= {"effect": "branch_wire_resistance", "parameters": {"excess_ohm": size}}
+    sat = {"file": "drive", "soc": [0.2, 0.4], "current": "discharge", "branch": 2, "share": 0.61}
+    found = verdict("ambiguous", effects=[wire], gap_at=sat, branch_currents=logged)
+    story = {}
+    for part, sentence in sentences_by_part(found, KNOWN):
+        story.setdefault(part, []).append(sentence)
+    read = "branch currents" if logged else "the group's voltage"
+    assert f"Shows wire resistance (branch 2): it takes the error in {read}" in story["gap"][0]
+    sat = "The largest part of the gap, 61 %, sat at 20–40 % SoC on discharge in branch 2 in drive."
+    assert story["left"] == [sat]
+    assert "In branch 2 (C4) the connection of one branch" in story["names"][0]
+    assert "As well it could be branch 1." in story["names"][0]
+    assert [text.startswith("Branch currents were not") for text in story.get("sure", [])] == (
+        [] if logged else [True]
+    )
+    healthy = verdict("none", branch_currents=logged)
+    assert "healthy cells within the declared spread are off by" in paragraph(healthy, KNOWN)
+    assert one_line(healthy) == "shows no branch that differs by more than healthy cells do"

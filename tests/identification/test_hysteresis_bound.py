@@ -19,6 +19,8 @@ def slow(celsius=25.0, half_gap_volt=0.02, branches="both"):
         "branches": branches,
         "soc": soc.tolist(),
         "half_gap_volt": [None if np.isnan(volt) else volt for volt in gap],
+        "charge_current_ampere": 0.1,
+        "discharge_current_ampere": -0.1,
     }
 
 
@@ -37,6 +39,12 @@ def test_a_steep_gap_is_taken_where_it_is_widest_within_the_socs_doubt():
     curve["half_gap_volt"] = np.linspace(0.1, 0.0, 201).tolist()
     most_volt, _ = largest_hysteresis(basis(curve), 25.0, np.array([0.5]))
     np.testing.assert_allclose(most_volt, 0.052 + READING_VOLT)
+
+
+def test_what_comes_at_once_is_taken_off_where_it_is_most_of_the_gap():
+    for step_volt, left in ((0.005, 0.02), (0.015, 0.005)):
+        most_volt, _ = largest_hysteresis(basis(slow() | {"step_volt": step_volt}), 25.0, KNOTS)
+        np.testing.assert_allclose(most_volt, left + READING_VOLT)
 
 
 @pytest.mark.parametrize(

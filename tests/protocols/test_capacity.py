@@ -110,6 +110,23 @@ def test_a_cycle_that_gives_back_more_than_went_in_is_in_doubt():
         assert [("gives back 1.03" in doubt) for doubt in doubts] == [doubted] * 2
 
 
+@pytest.mark.parametrize(("slope", "doubted"), [(0.0, False), (0.1, True)])
+def test_a_current_that_fades_at_its_cutoff_is_held_there_and_one_that_fades_before_drifts(
+    slope, doubted
+):
+    """Behind a hold the voltage of A123 goes on by 10 mV, in a dither of the same sign."""
+    time, current, voltage, _ = cycle(-1.0, 1.0)
+    charge = np.flatnonzero(current > 0)
+    current[charge] *= 1.0 - slope * np.linspace(0, 1, len(charge))
+    hold, dither = np.arange(80) * 10.0, np.sin(np.linspace(0.0, 2.5, 30))
+    fades = 0.9 * np.exp(-hold / 200)
+    current = np.r_[current[: charge[-1] + 1], fades, fades[-1] + 0.02 * dither, [0.0] * 60]
+    voltage = np.r_[voltage[: charge[-1] + 1], 4.0 + 0 * hold, 4.0 + 0.01 * dither, [4.0] * 60]
+    time = np.arange(len(current)) * 10.0
+    doubts = run((time, current, voltage, counted(time, current))).rows["doubt"]
+    assert any("current drifts" in doubt for doubt in doubts) is doubted, doubts
+
+
 def test_remainder_counts_only_in_the_whole_swing():
     data = cycle((1.9, -1.0), -0.2, 1.0)
     data[2][(data[0] > 7800) & (data[0] < 9000)] -= 0.05  # cold: the cut-off comes early

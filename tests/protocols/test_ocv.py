@@ -54,6 +54,14 @@ def test_mean_of_the_branches_is_the_truth_behind_resistance_and_hysteresis():
     assert curve.capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
     assert (curve.discharge_current_ampere, curve.charge_current_ampere) == (-CURRENT, CURRENT)
     assert curve.measured_soc == (0, 1)
+    assert np.isnan(curve.step_volt), "a minute between two rows: the cell relaxes in it"
+
+
+def test_what_comes_at_once_as_the_current_starts_and_stops_is_its_resistance():
+    down, up = (ramp(*ends, step_second=10) for ends in ((1, 0), (0, 1)))
+    columns = record(rest(1), down, rest(0), up, rest(1), step_second=10)
+    found = slow_ocv(*columns, **CUTOFFS).step_volt
+    assert found == pytest.approx(CURRENT * RESISTANCE, abs=3e-4)
 
 
 @pytest.mark.parametrize("missing", ["charge", "discharge", "both"])

@@ -91,5 +91,8 @@ def test_a_doubt_that_all_rows_share_is_told_once_above_them():
     assert (table.columns, table.read) == (["test"], "r. All in doubt: it drifts.")
     table = page_tables.table_of("t", alike.assign(doubt=["it drifts", ""]), spec)
     assert (table.columns, table.read) == (["test", "doubt"], "r.")
+    table = page_tables.table_of("t", alike.assign(doubt=["late; it drifts", "it drifts"]), spec)
+    assert table.read == "r. All in doubt: it drifts."
+    assert [row[-1].text for row in table.rows] == ["late", ""]
     table = page_tables.table_of("t", alike.iloc[:1], spec)
     assert table.columns == ["test", "doubt"]

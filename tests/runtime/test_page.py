@@ -109,3 +109,24 @@ def test_every_figure_and_table_names_the_artefact_that_makes_it_again(job):
     shown = re.findall(r'<(?:figure|div class="table") id="[^"/]*/([^"]*)"', html)
     # Of the tables only that of the tests is a sheet, which nothing makes.
     assert len(commands) == len(shown) - shown.count("tests")
+
+
+def test_a_group_tells_its_missing_effect_as_a_story_with_a_verdict_on_top(job, saved):
+    size = {"excess_ohm": {"value": 0.002, "std": 1e-4, "unit": "Ohm", "at_bound": False}}
+    both = {"before": 0.004, "after": 0.001}
+    wire = {"effect": "branch_wire_resistance", "branch": 2, "cell": "B", "parameters": size}
+    wire |= {"alternatives": [], "branch_alternatives": [], "validation_rmse_volt": both}
+    verdict = {"cell": "pair", "verdict": "named", "effects": [wire], "located_at": None}
+    verdict |= {"branch_currents": True, "floor_volt": 0.0008, "validation_rmse_volt": both}
+    verdict |= {"next_test": None, "against": {"branch_capacity[0]": "too small"}, "paragraph": ""}
+    job.input.verdicts.append(saved("results/missing_effect/pair/verdict.json", verdict))
+    rows = pd.read_csv("results/tables/missing_effect.csv", dtype=str, keep_default_na=False)
+    own = {"cell": "pair", "effect": "branch_wire_resistance", "branch": "2", "alternatives": ""}
+    own |= {"in_one_line": "shows wire resistance (branch 2)", "sure": "True", "doubts": ""}
+    rows = pd.concat([rows, rows.assign(**own)])
+    rows.to_csv("results/tables/missing_effect.csv", index=False)
+    text = read(page.render(job))
+    assert "pair shows wire resistance (branch 2)." in text
+    for said in ("The gap, before and after", "What it changes for you", "capacity of branch 1"):
+        assert said in text
+    assert "in branch currents (each times its cell's resistance)" in text

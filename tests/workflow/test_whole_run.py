@@ -152,7 +152,12 @@ def test_the_crate_says_which_job_made_each_file_of_what(first):
     assert job["result"] == {"@id": "stages/capacity/A/capacity.parquet"}
     assert {"@id": "stages/clean/A/capacity.parquet"} in job["object"]
     assert entities["#job/series/A/capacity"]["object"] == {"@id": "#raw/A_capacity.csv"}
-    assert entities["stages/workflow/Snakefile"]["programmingLanguage"]
+    workflow = entities["stages/workflow/Snakefile"]
+    assert workflow["programmingLanguage"]["@id"] in entities
+    assert workflow["version"]
+    assert workflow["encodingFormat"] == "text/plain"
+    assert {"@id": "#job/capacity/A/capacity"} in entities["./"]["mentions"]
+    assert entities["#rule/capacity"]["softwareVersion"] in job["description"]
 
 
 def manifest_of(folder):

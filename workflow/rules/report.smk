@@ -114,7 +114,8 @@ rule manifest:
 
 def crate_facts(wildcards):
     """What a crate says of a campaign that no artefact does."""
-    return {"title": config["title"], "command": "snakemake"} | config["publication"]
+    run = {name: run_facts()[name] for name in ("version", "command")}
+    return {"title": config["title"]} | run | config["publication"]
 
 
 rule crate:

@@ -85,7 +85,8 @@ def _of_its_rows(half, columns, steps, limits, doubt):
     limit, end = limits[half.sign > 0], float(voltage[half.last_row - 1])
     if half.sign * (end - limit) > BEYOND_VOLT:
         said.append(f"its load goes on to {end:.3f} V, beyond the stated cut-off of {limit:g} V")
-    if drift := _drift(current, steps, main_load(half, steps)[0]):
+    reached = half.sign * (voltage - (np.nan if limit is None else limit)) > -NEAR_VOLT
+    if drift := _drift(current, reached, steps, main_load(half, steps)[0]):
         said.append(
             f"its current drifts from {drift[0]:.4g} to {drift[1]:.4g} A: a tester holds it"
         )
@@ -97,10 +98,14 @@ def _of_its_rows(half, columns, steps, limits, doubt):
     return [words for words in said if words]
 
 
-def _drift(current, steps, step):
-    """First and last level of a constant current [A] that moves by more than 2 %; else None."""
+def _drift(current, reached, steps, step):
+    """First and last level of a constant current [A] that moves by more than 2 %; else None.
+
+    reached : (n,) rows at or beyond the cut-off: there a voltage is held, whatever came after it.
+    """
     first, last = int(steps.first_row[step]), int(steps.last_row[step])
     end = constant_current_end(first, last, steps.cv_first_row[step])
+    end = first + int(np.argmax(np.append(reached[first:end], True)))
     size = np.abs(current[first + 1 : end - 1])  # first and last row may hold the edges
     if len(size) < LEAST_DRIFT_ROWS:
         return None

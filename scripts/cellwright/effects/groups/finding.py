@@ -26,7 +26,7 @@ from cellwright.effects.records import group_stacked, parts_of
 from cellwright.effects.search import search
 from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted
-from cellwright.effects.story.words import Phrases, paragraph
+from cellwright.effects.story.words import paragraph
 from cellwright.effects.verdict import outcome, verdict_of
 from cellwright.numerics.least_squares import covariances
 from cellwright.records.conditions import at_rest_in_record, low_current
@@ -37,11 +37,6 @@ from cellwright.refusal import Refusal
 FIRST_ROWS = 3
 LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
 SECTIONS = {"spread": Spread, "shared": Shared, "gates": GroupGates}
-BLIND = (
-    "Branch currents were not logged, and the group's voltage alone tells no branch from another: "
-    "a name is only what would explain that voltage, and a fault of a branch's sensor cannot show."
-)
-HEALTHY = "healthy cells within the declared spread are off by"
 LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"
 KELVIN = 5.0  # between records; below it they are at one temperature
 PARTS = 3
@@ -302,24 +297,6 @@ def _sides(tests, notes):
     return sides
 
 
-def group_paragraph(verdict, library):
-    """A paragraph for people about one group.
-
-    Parameters
-    ----------
-    verdict : dict, as `group_verdict` makes it. library : dict of Effect by id.
-
-    Returns
-    -------
-    text : str.
-    """
-    logged = verdict["branch_currents"]
-    what = "branch currents (each times its cell's resistance)" if logged else "the group's voltage"
-    where = f"in {what} of tests that took no part in the fit"
-    text = paragraph(verdict, library, Phrases(where, HEALTHY, "no effect of one branch"))
-    return text if logged else f"{text}\n{BLIND}"
-
-
 def group_verdict(group, found, result, deviations, library):
     """Verdict of a group as dict of the contract.
 
@@ -335,7 +312,7 @@ def group_verdict(group, found, result, deviations, library):
     branch currents times their cells' ohmic resistance, of the voltage where none were logged:
     "before" is of the model that was fitted without the effect, bent towards it as far as the
     declared spread allows. What the last model would leave with its effects taken out is
-    `without_effects_volt`.
+    `without_effects_volt`; where most of the gap lay, `gap_at`.
     """
     case = found.case
     if any(_alternatives(found, one) for one in result.names) and result.word == "named":
@@ -357,8 +334,9 @@ def group_verdict(group, found, result, deviations, library):
     verdict |= {
         "without_effects_volt": _without(case, result.last, names),
         "branch_currents": case.sensors,
+        "gap_at": _located(case, found.first) if names else None,
     }
-    return verdict | {"paragraph": group_paragraph(verdict, library)}
+    return verdict | {"paragraph": paragraph(verdict, library)}
 
 
 def _without(case, state, names):

@@ -94,7 +94,7 @@ def where(place, *, file=True):
     """
     low, high = place["soc"]
     soc = f"at {100 * low:.0f}–{100 * high:.0f} % SoC"
-    parts = [soc, RATES.get(place["current"], place["current"].replace("_", ", "))]
+    parts = [soc, RATES.get(place["current"], f"on {place['current']}")]
     branch = f"branch {place['branch']} in " if place.get("branch") else ""
     parts += [f"in {branch}{place['file']}"] if file else []
     celsius = place.get("temperature_celsius")

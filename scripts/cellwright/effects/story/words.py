@@ -22,13 +22,14 @@ class Phrases(NamedTuple):
 
     where : on which records, of which quantity, the error is. healthy : the model without an
     effect, and its verb. none : what does not explain an unknown error. named : what the names
-    are named of, and its verb.
+    are named of, and its verb. nothing : what is shown where nothing is missing.
     """
 
     where: str
     healthy: str
     none: str
     named: str = "Shows"
+    nothing: str = "nothing beyond a plain circuit"
 
 
 CELL = Phrases(
@@ -41,6 +42,17 @@ BASES = {
     "own": CELL._replace(healthy="the model in use is off by", named="The model in use lacks"),
     "external": CELL._replace(healthy="your model is off by", named="Your model lacks"),
 }
+GROUP = Phrases(
+    "in branch currents (each times its cell's resistance) of tests that took no part in the fit",
+    "healthy cells within the declared spread are off by",
+    "no effect of one branch",
+    nothing="no branch that differs by more than healthy cells do",
+)
+BLIND_GROUP = GROUP._replace(where="in the group's voltage of tests that took no part in the fit")
+BLIND = (
+    "Branch currents were not logged, and the group's voltage alone tells no branch from another: "
+    "a name is only what would explain that voltage, and a fault of a branch's sensor cannot show."
+)
 
 
 def name_of_effect(effect, library=KNOWN):
@@ -53,6 +65,13 @@ def name_of_effect(effect, library=KNOWN):
     entry = library.get(effect) or KNOWN.get(effect)
     in_words = effect.removeprefix("branch_").replace("_", " ")
     return (entry.short if entry else ANSWERS.get(effect)) or in_words
+
+
+def phrases_of(verdict):
+    """How a verdict is spoken of: that of a group says whether branch currents were logged."""
+    if "branch_currents" in verdict:
+        return GROUP if verdict["branch_currents"] else BLIND_GROUP
+    return BASES[verdict.get("base") or "plain"]
 
 
 def one_line(verdict, own=None, external=None):
@@ -100,7 +119,7 @@ def beside_worst_test(line, volt_by_test):
 def _shows(verdict):
     names = _listed(_name(one) for one in verdict["effects"])
     if verdict["verdict"] == "none":
-        return "shows nothing beyond a plain circuit"
+        return f"shows {phrases_of(verdict).nothing}"
     if not names:
         return f"shows {_without_name(verdict, _open(verdict))}"
     return f"shows {names}"
@@ -156,29 +175,28 @@ def _listed(names):
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def paragraph(verdict, library, phrases=None):
+def paragraph(verdict, library):
     """A paragraph for people about one cell or group.
 
     Parameters
     ----------
     verdict : dict, as `verdict.verdict_of` makes it. Of its fields base, remainder, nuisances,
         floors, worsened, outside, against and, of an effect, sizes, proof and probability, each is
-        told where it is there. library : dict of Effect by id. phrases :
-        Phrases, None: those of the verdict's base.
+        told where it is there. library : dict of Effect by id.
 
     Returns
     -------
     text : str, a line for each sentence of `sentences_by_part`.
     """
-    return "\n".join(text for _, text in sentences_by_part(verdict, library, phrases))
+    return "\n".join(text for _, text in sentences_by_part(verdict, library))
 
 
-def sentences_by_part(verdict, library, phrases=None):
+def sentences_by_part(verdict, library):
     """Sentences for people about one cell or group, each with the part of the story it is of.
 
     Parameters
     ----------
-    verdict, library, phrases : as of `paragraph`.
+    verdict, library : as of `paragraph`.
 
     Returns
     -------
@@ -186,14 +204,15 @@ def sentences_by_part(verdict, library, phrases=None):
         size), changes (for the user), left (where), sure (what speaks against it, and how likely)
         or next (test).
     """
-    phrases = phrases or BASES[verdict.get("base") or "plain"]
+    phrases = phrases_of(verdict)
     opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
     parts = [
         *opening(verdict, library, phrases),
         *_of("gap", [*_worsened(verdict), *_as_given(verdict)]),
         *_of("names", _nameless(verdict, library)),
-        *_of("left", [*_remainder(verdict), *_outside(verdict)]),
+        *_of("left", [*_gap(verdict), *_remainder(verdict), *_outside(verdict)]),
         *_of("sure", _declared_values_at_limit(verdict.get("nuisances") or [])),
+        *_of("sure", [BLIND] if phrases is BLIND_GROUP else []),
     ]
     if verdict["next_test"]:
         advice = verdict["next_test"].rstrip(".")
@@ -210,11 +229,11 @@ def _nameless(verdict, library):
     """What is in the model beside the names, and why it is none."""
     known = verdict.get("against") or {}
     small = verdict.get("small") or []
-    listed = [f"{_name_of_key(one, library)} ({known[one]})" for one in small]
+    listed = [f"{name_of_key(one, library)} ({known[one]})" for one in small]
     return [f"Without a name: {_listed(listed)}."] if listed and verdict["effects"] else []
 
 
-def _name_of_key(key, library):
+def name_of_key(key, library=KNOWN):
     """Short name of an effect by its key: of a group with the branch, the first of which is 1."""
     effect, _, position = key.removesuffix("]").partition("[")
     return name_of_effect(effect, library) + (f" of branch {int(position) + 1}" if position else "")
@@ -343,6 +362,15 @@ def doubts(one, witnesses=()):
         (against, f"contradicted by {_listed(against)}"),
     )
     return tuple(text for holds, text in reasons if holds)
+
+
+def _gap(verdict):
+    """Where a group erred before, which has no map of its errors."""
+    place = verdict.get("gap_at")
+    if place is None:
+        return []
+    share = f"{100 * place['share']:.0f} %"
+    return [f"The largest part of the gap, {share}, sat {where(place)}."]
 
 
 def _remainder(verdict):

@@ -114,10 +114,12 @@ def of_slow_test(basis, values):
         return [silent("slow test", quantity, "no slow test with both directions")]
     gap = min(known, key=lambda pair: pair[0])[1]
     ohm = sum(float(np.exp(values[name])) for name in ("log_r0", "log_r1", "log_r2"))
-    drop = gap.current_ampere * ohm
+    drop, over = gap.drop_volt(ohm), f"the model's {1e3 * ohm:.3g} mΩ"
+    if drop == gap.step_volt:
+        over = f"{1e3 * drop / gap.current_ampere:.3g} mΩ that it shows at once, leads and contacts"
     words = (
         f"half the gap of the slow branches, {1e3 * gap.half_gap_volt:.1f} mV, less the drop of "
-        f"{gap.current_ampere:.3g} A over the model's {1e3 * ohm:.3g} mΩ"
+        f"{gap.current_ampere:.3g} A over {over}"
     )
     return [
         Measured(

@@ -8,17 +8,25 @@ from cellwright.records.conditions import SAME_CELSIUS, stated_or_reference
 
 
 class SlowGap(NamedTuple):
-    """Half the gap of the branches of a slow test [V] and its current [A]; NaN where unknown."""
+    """Half the gap of the branches of a slow test [V] and its current [A]; NaN where unknown.
+
+    step_volt : of it what comes at once with the current, over leads and contacts too [V].
+    """
 
     half_gap_volt: float = np.nan
     current_ampere: float = np.nan
+    step_volt: float = 0.0
+
+    def drop_volt(self, resistance_ohm):
+        """What is no hysteresis of it [V]: the drop over a resistance, and what comes at once."""
+        return max(self.current_ampere * resistance_ohm, self.step_volt)
 
 
 def slow_gap(curve):
     """Half the gap of a slow test with a full discharge and a full charge.
 
     curve : dict of a basis' OCV: branches, soc, half_gap_volt, discharge_current_ampere,
-        charge_current_ampere.
+        charge_current_ampere, step_volt.
 
     Returns gap: SlowGap, median over SoC 20–80 %; NaN of a single branch.
     """
@@ -27,7 +35,8 @@ def slow_gap(curve):
     if not inside.any():
         return SlowGap()
     current = (curve["charge_current_ampere"] - curve["discharge_current_ampere"]) / 2
-    return SlowGap(float(np.median(gap[inside])), float(current))
+    step = np.nan_to_num(curve.get("step_volt") or 0.0)
+    return SlowGap(float(np.median(gap[inside])), float(current), float(step))
 
 
 def half_gap(curve):
@@ -46,9 +55,11 @@ def largest_hysteresis(basis, celsius, knots):
     """Largest hysteresis at each SoC [V] that the slow test nearest in temperature allows.
 
     Between the branches lie hysteresis and twice the drop over the resistance, so that half the
-    distance is the most that hysteresis can be. Hysteresis grows in the cold: a slow test that was
-    warmer by more than 2.5 K bounds nothing. A knot takes the widest gap within 2 % of SoC, with
-    3 mV for the reading of the branches; beyond what both branches reach, the gap at the end.
+    distance is the most that hysteresis can be; what comes at once with the current is none, and is
+    taken off where it is most of the distance, as over leads. Hysteresis grows in the cold: a slow
+    test that was warmer by more than 2.5 K bounds nothing. A knot takes the widest gap within 2 %
+    of SoC, with 3 mV for the reading of the branches; beyond what both branches reach, the gap at
+    the end.
 
     basis : dict, from `records.basis`.
     celsius : temperature of the condition [degC].
@@ -71,11 +82,15 @@ def largest_hysteresis(basis, celsius, knots):
         return None, "not bounded: no slow test both ways at this temperature or below"
     _, curve = min(found, key=lambda one: one[0])
     soc, gap = half_gap(curve)
+    whole_volt, _, step_volt = slow_gap(curve)
+    leads_volt = step_volt if step_volt > whole_volt / 2 else 0.0
+    gap = gap - leads_volt
     # As `identification.regression` trusts a slow branch: to 2 % of SoC and 3 mV.
     shifts = np.linspace(-0.02, 0.02, 9)
     near = [np.interp(np.asarray(knots) + shift, soc, gap) for shift in shifts]
     most = np.maximum(np.max(near, axis=0), 0.0) + 3e-3
-    words = f"at most half the gap of {curve['test']}, {1e3 * most.min():.0f}"
+    less = f" less the {1e3 * leads_volt:.0f} mV that come at once" if leads_volt else ""
+    words = f"at most half the gap of {curve['test']}{less}, {1e3 * most.min():.0f}"
     return most, f"{words} to {1e3 * most.max():.0f} mV"
 
 
@@ -91,6 +106,6 @@ def shows_hysteresis(gap, resistance_ohm):
     Source: W. Dreyer et al., Nature Materials 9 (2010) 448: the gap of LFP stays at vanishing
     current.
     """
-    unexplained_volt = gap.half_gap_volt - gap.current_ampere * resistance_ohm
+    unexplained_volt = gap.half_gap_volt - gap.drop_volt(resistance_ohm)
     # An error of the OCV swallows 5 mV, and the resistance is no better known than by half.
     return bool(unexplained_volt > max(5e-3, 0.5 * gap.half_gap_volt))

@@ -8,6 +8,9 @@ import numpy as np
 from cellwright.numerics.turns import turning_points
 from cellwright.protocols.half_cycles import weighted_median
 
+CELL_SECOND = 120.0  # between two rows: in more the cell relaxes, and a step is no resistance
+AT_ONCE_SECOND = 10.0  # in more a cell's own relaxation is in it, not leads and contacts alone
+
 
 class Leg(NamedTuple):
     """From one turning point of the net charge to the next, and its slow steady current in it.
@@ -16,7 +19,7 @@ class Leg(NamedTuple):
     capacity_ampere_hour : between them [Ah]. current_ampere : of the slow part, signed [A].
     rows : rows of the slow part. end_volt : voltage at its last row [V].
     step_in_volt, step_out_volt : jump of the voltage as the slow current starts from rest and
-    as it stops [V]; NaN where no row at rest lies next to it.
+    as it stops [V]; NaN where no row at rest lies next to it. at_once_volt : both, within 10 s.
     conditioned : True if the leg was completed in another file than its slow part.
     """
 
@@ -29,6 +32,7 @@ class Leg(NamedTuple):
     end_volt: float
     step_in_volt: float
     step_out_volt: float
+    at_once_volt: tuple
     conditioned: bool
 
 
@@ -61,6 +65,8 @@ def _leg(first, last, time, current, voltage, charge, files):
     rows = (first + flowing)[steady & (files[first + flowing] == share.argmax())]
     # Relative to the slow current itself: an offset of the sensor is no small part of it.
     at_rest = np.abs(current) < 0.05 * slow
+    ends, about = ((rows[0], rows[0] - 1), (rows[-1], rows[-1] + 1)), (time, voltage, at_rest)
+    step_in, step_out = (_jump(*end, *about, within=CELL_SECOND) for end in ends)
     return Leg(
         sign=sign,
         first_row=int(first),
@@ -69,8 +75,9 @@ def _leg(first, last, time, current, voltage, charge, files):
         current_ampere=float(sign * slow),
         rows=rows,
         end_volt=float(voltage[rows[-1]]),
-        step_in_volt=_jump(rows[0], rows[0] - 1, time, voltage, at_rest),
-        step_out_volt=_jump(rows[-1], rows[-1] + 1, time, voltage, at_rest),
+        step_in_volt=step_in,
+        step_out_volt=step_out,
+        at_once_volt=tuple(_jump(*end, *about, within=AT_ONCE_SECOND) for end in ends),
         conditioned=bool(files[last] != share.argmax()),
     )
 
@@ -86,10 +93,9 @@ def _steady_current(amperes, moved):
     return weighted_median(amperes[inside], moved[inside])
 
 
-def _jump(row, neighbour, time, voltage, at_rest):
+def _jump(row, neighbour, time, voltage, at_rest, *, within):
     """Size of the voltage step between a row under current and a row at rest next to it."""
     adjacent = 0 <= neighbour < len(time) and at_rest[neighbour]
-    # Further apart the cell relaxes between the two, and the step is no longer its resistance.
-    if not adjacent or abs(time[row] - time[neighbour]) > 120:
+    if not adjacent or abs(time[row] - time[neighbour]) > within:
         return np.nan
     return float(abs(voltage[row] - voltage[neighbour]))

@@ -178,6 +178,7 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
         discharge_current_ampere=_usual(points.current_ampere[after["discharge"]]),
         charge_current_ampere=_usual(points.current_ampere[after["charge"]]),
         joined_by=joined_by,
+        step_volt=np.nan,
         measured_soc=(float(soc[measured].min()), float(soc[measured].max())),
         moved_volt=float(max(*moved, np.abs(table - extended).max())),
         note=_note(points, scale, used, joined_by, soc[measured], starts_full),

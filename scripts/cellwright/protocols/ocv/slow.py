@@ -121,6 +121,8 @@ class OcvCurve(NamedTuple):
     branches : "both", "discharge" or "charge", or "rests" (`ocv.rests`).
     discharge_current_ampere, charge_current_ampere : signed [A]. joined_by : "mean", "equilibrium"
     or "single".
+    step_volt : smallest jump of the voltage, within 10 s, as the slow current starts and stops, a
+    drop over resistances in the cell or outside it; NaN where none was seen [V].
     measured_soc : range in which all that `joined_by` needs was measured; beyond it the curve
     is extended. moved_volt : largest change to a sample or to the table to have them rise [V].
     note : what is odd, or "".
@@ -138,6 +140,7 @@ class OcvCurve(NamedTuple):
     discharge_current_ampere: float
     charge_current_ampere: float
     joined_by: str
+    step_volt: float
     measured_soc: tuple
     moved_volt: float
     note: str
@@ -210,10 +213,18 @@ def slow_ocv(
         discharge_current_ampere=discharge.current_ampere if discharge else np.nan,
         charge_current_ampere=charge.current_ampere if charge else np.nan,
         joined_by=joined_by,
+        step_volt=_step_at_once(discharge, charge),
         measured_soc=(float(soc[measured].min()), float(soc[measured].max())),
         moved_volt=float(max(moved_out, moved_back, np.abs(table - ocv).max())),
         note=_balance(discharge, charge, closed[0], drift) or note,
     )
+
+
+def _step_at_once(*legs):
+    """Smallest jump of the voltage as the slow current of a leg starts and stops [V], or NaN."""
+    begun, ended = np.array([leg.at_once_volt for leg in legs if leg]).T
+    # As a current turns round, a hysteresis may jump too; as it stops, none does.
+    return float(np.nanmin([*begun, *ended])) if np.isfinite(ended).any() else np.nan
 
 
 def slowest_load(*columns, **limits):
