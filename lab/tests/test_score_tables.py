@@ -291,6 +291,25 @@ def test_the_chosen_model_is_scored_and_only_where_it_was_identified(place):
     assert rows["inside_95"].iloc[1] == True  # noqa: E712
 
 
+def test_r0_of_a_model_is_compared_at_its_first_samples(place):
+    """R0 + R1 (1 − exp(−t/τ)) of both, 0.2 s after a step; the deviation is that of R0."""
+    name = {"cell": "a", "ambient_temperature_celsius": 25.0}
+    values = {"r0": 0.021, "r1": 0.01, "tau1": 5.0}
+    found = [
+        {**name, "model": "1RC", "soc": soc, "parameter": one, "value": value, "std": 0.001}
+        for one, value in values.items()
+        for soc in (0.2, 0.8)
+    ]
+    found.append({**name, "model": "1RC", "soc": np.nan, "parameter": "r0_delay", "value": 0.2})
+    true = {"r0": 0.02, "r_0.1s": 0.0205, "r_0.4s": 0.0215, "r_10s": 0.03, "r_total": 0.031}
+    rows = [{**name, "soc": 0.5, "parameter": one, "value": ohm} for one, ohm in true.items()]
+    put_both(place, "models", found, rows)
+    row = one(curves.circuits(place), "r0")
+    assert row["true"] == pytest.approx(0.021)  # 0.2 s lies midway in the logarithm
+    assert row["found"] == pytest.approx(0.021 + 0.01 * -np.expm1(-0.2 / 5.0))
+    assert row["std"] == 0.001
+
+
 def test_a_model_is_not_missed_at_a_temperature_without_tests(place):
     name = {"cell": "a", "parameter": "r0", "soc": 0.5, "value": 0.02}
     true = [{**name, "ambient_temperature_celsius": celsius} for celsius in (0, 25)]

@@ -18,6 +18,7 @@ from virtual_lab.chamber import Chamber
 
 CURVE_SOC = np.linspace(0.0, 1.0, 101)
 MODEL_SOC = np.round(np.arange(0.1, 0.95, 0.1), 2)
+AFTER_SECOND = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # a step of the current
 
 
 class Behavioural(NamedTuple):
@@ -72,7 +73,9 @@ class Behavioural(NamedTuple):
         }
 
     def _resistance_rows(self, name, celsius):
-        resistances = fast.resistances(self.cell, MODEL_SOC, celsius=celsius)
+        resistances = fast.resistances(
+            self.cell, MODEL_SOC, celsius=celsius, after_second=AFTER_SECOND
+        )
         return [
             {
                 "cell": name,

@@ -4,6 +4,7 @@ from itertools import cycle
 
 import numpy as np
 
+from cellwright.circuits.model_file import std_of_r0
 from cellwright.circuits.temperature import LAW_IN_WORDS
 from cellwright.numerics.statistics import rms
 from figures import style
@@ -47,7 +48,7 @@ def draw_parameters(model):
 
 def _r0(panel, condition, look):
     soc = 100 * _numbers(condition["soc"])
-    _with_spread(panel, soc, condition["r0_ohm"], condition["r0_std_ohm"], look)
+    _with_spread(panel, soc, condition["r0_ohm"], std_of_r0(condition), look)
     panel.set_ylim(bottom=0)
 
 

@@ -35,6 +35,17 @@ def test_every_parameter_at_every_soc_is_a_row():
     assert all(row["ambient_temperature_celsius"] == 25.0 for row in rows)
 
 
+def test_r0_says_when_its_samples_lie_and_what_the_fit_misses_there():
+    fitted = model()
+    entry = fitted["members"][0]["conditions"][0]
+    entry |= {"r0_std_ohm": [3e-4] * 4 + [None], "first_sample_second": 0.2}
+    entry |= {"first_sample_missed_ohm": [-4e-4] * 5}
+    rows = parameter_rows(fitted)
+    assert [row["std"] for row in rows[:5]] == [pytest.approx(5e-4)] * 4 + [None]
+    (delay,) = (row for row in rows if row["parameter"] == "r0_delay")
+    assert (delay["value"], delay["unit"], delay["soc"]) == (0.2, "s", None)
+
+
 def of_every_kind():
     same = [0.01] * 5
     pair = {"r_ohm": same, "tau_second": [60.0] * 5}

@@ -17,7 +17,13 @@ from synthetic import (
     transfer,
 )
 
-from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch, simulate_model
+from cellwright.circuits.circuit import Branch
+from cellwright.circuits.model_file import (
+    condition_entry,
+    ocv_from_slow_branch,
+    simulate_model,
+    std_of_r0,
+)
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.identification.columns import MOST_KEPT, columns_of, ocv_of, on_table
 from cellwright.identification.identify import data_of
@@ -285,6 +291,33 @@ def test_entry_is_plain_and_complete():
     assert entry["branches"][2]["charge_std_ampere_hour"] == [None] * 5
     assert isinstance(entry["r0_ohm"][0], float)
     assert json.loads(json.dumps(entry, allow_nan=False)) == entry
+
+
+def test_what_a_fit_misses_at_the_first_samples_is_part_of_r0():
+    """A third pair, of 1 s, which a circuit of two cannot hold."""
+    fast = Branch("RC", {"r_ohm": 0.01, "tau_second": 1.0})
+    time, current = [0.0], [0.0]
+    legs = [(-2.0, 10.0, 0.2), (0.0, 40.0, 0.2), (-1.0, 550.0, 5.0), (0.0, 900.0, 5.0)]
+    for ampere, seconds, period in 9 * legs:
+        after = np.append(1e-3, np.arange(1, round(seconds / period) + 1) * period)
+        time, current = np.append(time, time[-1] + after), np.append(current, 0 * after + ampere)
+    soc = truth.soc_of(time, current, 0.95)
+    volt = truth.voltage(time, current, soc, extra=[fast])
+    noise = np.random.default_rng(1).normal(0, 1e-4, len(time))
+    condition = fit(data(time, current, volt + noise, soc)).condition
+    second = condition.first_sample_second
+    assert second == pytest.approx(0.2, abs=0.01)
+
+    def then(r0, pairs):
+        return r0 + sum(ohm * -np.expm1(-second / tau) for ohm, tau in pairs)
+
+    true = then(truth.R0, [*zip(truth.R, truth.TAU, strict=True), (0.01, 1.0)])
+    names = ("r_ohm", "tau_second")
+    found = then(condition.r0_ohm, [[b.values[n] for n in names] for b in condition.branches])
+    entry = condition_entry(condition, ambient_temperature_celsius=25.0, tests=[])
+    wrong = np.abs(found - true)
+    assert np.all(wrong < 1.96 * np.array(std_of_r0(entry)))
+    assert np.all(wrong[2:] > 1.96 * condition.r0_std_ohm[2:])  # were the circuit right
 
 
 def test_one_slow_branch_gives_the_true_ocv_back():

@@ -6,10 +6,13 @@ import pytest
 from counted import counted, measured
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
+from cellwright.protocols.ageing import ageing_cycles
 from cellwright.protocols.capacity import capacity
 from cellwright.protocols.half_cycles import turns
 from cellwright.refusal import Refusal
+from cellwright.series.cleaning import clean
 from cellwright.series.steps import segment
 
 
@@ -74,6 +77,31 @@ def test_what_rests_read_may_flow_under_load_too():
     wrong = np.abs(off["capacity_ampere_hour"] - right["capacity_ampere_hour"])
     np.testing.assert_allclose(wrong, 0.008, rtol=0.05)
     assert np.all(wrong < 2 * off["capacity_std_ampere_hour"])
+
+
+@pytest.mark.parametrize("offset", [-0.006, 0.006])
+def test_what_cleaning_took_out_of_rests_may_flow_under_load_too(offset):
+    """6 mA that cleaning proves to be the sensor's, over charges and discharges of two hours."""
+    time, current, voltage, _ = cycle(*(-1.0, 1.0) * 4)
+    chance = np.random.default_rng(1)
+    relaxing = lfilter([0.1 * 0.01], [1.0, -0.9], current)  # 10 mOhm, 100 s
+    logged = {
+        "test_time_second": time,
+        "current_ampere": current + offset + 1e-4 * chance.standard_normal(len(time)),
+        "voltage_volt": voltage + relaxing + 2e-4 * chance.standard_normal(len(time)),
+    }
+    series = clean(logged).columns
+    np.testing.assert_allclose(series["logged_current_ampere"], logged["current_ampere"])
+    data = [series[name] for name in logged] + [series["charge_ampere_hour"]]
+    found = run(data, logged_current_ampere=series["logged_current_ampere"]).rows
+    wrong = np.abs(found["capacity_ampere_hour"] - 2.0)
+    np.testing.assert_allclose(wrong, 0.012, atol=0.002)
+    assert np.all(wrong < 1.96 * found["capacity_std_ampere_hour"])
+    steps = segment(*data, rated_capacity_ampere_hour=2.0)
+    limits = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.0}
+    cycles = ageing_cycles(series, steps, rated_capacity_ampere_hour=2.0, **limits).rows
+    wrong = np.abs(cycles.capacity_ampere_hour - 2.0)
+    assert np.all(wrong < 1.96 * cycles.capacity_std_ampere_hour)
 
 
 def test_repeats_are_averaged_and_rates_kept_apart():

@@ -295,23 +295,31 @@ def rested_volt(cell: Cell, soc: np.ndarray, *, celsius: float) -> np.ndarray:
     )
 
 
-def resistances(cell: Cell, soc: np.ndarray, *, celsius: float) -> dict[str, np.ndarray]:
+def resistances(
+    cell: Cell,
+    soc: np.ndarray,
+    *,
+    celsius: float,
+    after_second: tuple[float, ...] = (PULSE_SECOND,),
+) -> dict[str, np.ndarray]:
     """Resistances [ohm] of a discharge at small current, over the state of charge [1].
 
     Returns
     -------
-    r0: at once; r_10s: after 10 s; r_total: in the long run, without the change of the OCV.
+    r0: at once; r_10s and the like: so long after a step; r_total: in the long run, without the
+    change of the OCV.
     """
     one = parameters.cell_arrays(cell)
     names = ("r", "tau", "r_energy", "tau_energy")
     elements = list(zip(*(one[name] for name in names), one["factor"][1:], strict=True))
     r0 = one["r0"] * arrhenius(one["r0_energy"], celsius) * _table_values(one["factor"][0], soc)
-    totals = {"r0": r0, "r_10s": r0, "r_total": r0}
+    times = {"r0": 0.0} | {f"r_{second:g}s": second for second in after_second}
+    totals = dict.fromkeys([*times, "r_total"], r0)
     for r, tau, of_r, of_tau, factor in elements:
         whole = r * arrhenius(of_r, celsius) * _table_values(factor, soc)
-        share = 1 - np.exp(-PULSE_SECOND / (tau * arrhenius(of_tau, celsius)))
-        totals["r_10s"] = totals["r_10s"] + share * whole
-        totals["r_total"] = totals["r_total"] + whole
+        for name, second in (times | {"r_total": np.inf}).items():
+            share = 1 - np.exp(-second / (tau * arrhenius(of_tau, celsius)))
+            totals[name] = totals[name] + share * whole
     return totals
 
 

@@ -97,13 +97,17 @@ def _filter_capacities(place, true):
 
 
 AFTER_SECOND = {"r0": 0.01, "r_10s": 10.0, "r_total": np.inf}
+FIRST_SAMPLE = "r0_delay"  # row of a model: how long after a step its first fitted samples lie
 MODELLED_KINDS = ("hppc", "pulse_resistance", "drive", "capacity")
 LITTLE_OF_BRANCHES = 0.01
 MODEL_COLUMNS = ["cell", "model", "ambient_temperature_celsius", "soc", "parameter", "value", "std"]
 
 
 def circuits(place: files.Campaign) -> pd.DataFrame:
-    """Resistance of a cell's chosen model 10 ms, 10 s and long after a step of the current.
+    """Resistance of a cell's chosen model at its first samples, 10 s and long after a step.
+
+    Where a model says when its first samples lie, r0 is its resistance then; else after 10 ms. The
+    truth at that time is straight over its logarithm between those that are known.
 
     R(t) = R0 + Σ R_k (1 − exp(−t/τ_k)) on the model's own SoC knots, straight lines between them;
     diffusion in the particles belongs to the voltage of rest there, and not to R. Where the truth
@@ -115,11 +119,12 @@ def circuits(place: files.Campaign) -> pd.DataFrame:
     true = files.with_columns(true, ["current_ampere"]).fillna({"current_ampere": 0.0})
     found = _chosen(place, files.with_columns(files.found(place, "models"), MODEL_COLUMNS))
     knots = {key: _parameter_tables(part) for key, part in found.groupby(CONDITION, dropna=False)}
+    firsts = found[found["parameter"] == FIRST_SAMPLE].set_index(CONDITION)["value"].to_dict()
     tests = missing.temperatures(place, MODELLED_KINDS)
     parts = [
-        _model_resistances(_nearest(knots, cell, celsius), rows, celsius).assign(
-            word=None if missing.is_near(celsius, tests.get(cell, [celsius])) else "untested"
-        )
+        _model_resistances(
+            _nearest(knots, cell, celsius), rows, celsius, _nearest(firsts, cell, celsius)
+        ).assign(word=None if missing.is_near(celsius, tests.get(cell, [celsius])) else "untested")
         for (cell, celsius), rows in true.groupby(CONDITION, dropna=False)
     ]
     quantities = pd.concat(parts).assign(test="").groupby("parameter", sort=False)
@@ -143,20 +148,26 @@ def _parameter_tables(part):
 
 
 def _nearest(knots, cell, celsius):
-    """Parameter tables of a cell at the nearest temperature [°C]; None if none is near enough."""
+    """What is known of a cell at the nearest temperature [°C]; None if none is near enough."""
     near = {abs(key[1] - celsius): key for key in knots if key[0] == cell}
     best = min(near, default=np.inf)
     return knots[near[best]] if best <= missing.TEMPERATURE_TOLERANCE_KELVIN else None
 
 
-def _model_resistances(matrix, rows, celsius):
-    """The truth's rows with the model's resistance at the same SoC, or why there is none."""
+def _model_resistances(matrix, rows, celsius, first_second):
+    """The truth's rows with the model's resistance at the same SoC, or why there is none.
+
+    first_second : time after a step [s] for which r0 is meant, or None.
+    """
+    after = AFTER_SECOND | ({} if first_second is None else {"r0": first_second})
+    rows = _with_first(rows, first_second)
     at = [f"{celsius:g} °C, SoC {soc:.3g}" for soc in rows["soc"]]
     rows = rows.assign(true=rows["value"], at=at, found=np.nan, std=np.nan, reason=None)
     if matrix is None or "r0" not in matrix[0]:
         return rows.assign(reason="no model at this temperature")
     for (name, ampere), mine in rows.groupby(["parameter", "current_ampere"]):
-        options = {"after_second": AFTER_SECOND[name], "current_ampere": ampere}
+        options = {"after_second": after[name], "current_ampere": ampere}
+        options |= {"first_second": first_second or 0.0}
         for column, values in zip(("found", "std"), resistance(*matrix, **options), strict=True):
             read = np.interp(mine["soc"], matrix[0].index, values, left=np.nan, right=np.nan)
             rows.loc[mine.index, column] = read
@@ -164,7 +175,22 @@ def _model_resistances(matrix, rows, celsius):
     return rows.assign(reason=np.where(outside, "SoC outside what was identified", None))
 
 
-def resistance(values, std, *, after_second, current_ampere=0.0):
+def _with_first(rows, first_second):
+    """The truth's rows of scored quantities, r0 as it is so long after a step [s], where known."""
+    known = rows["parameter"].str.extract(r"^r_([\d.]+)s$")[0].astype(float)
+    wanted = rows[rows["parameter"].isin(AFTER_SECOND)].copy()
+    at = ["soc", "current_ampere"]
+    later = rows.assign(second=known)[known.notna()].sort_values("second").groupby(at)
+    for index, row in wanted[wanted["parameter"] == "r0"].iterrows():
+        key = tuple(row[at])
+        curve = later.get_group(key) if first_second and key in later.groups else rows[:0]
+        if len(curve) and curve["second"].iloc[0] <= first_second:
+            seconds = np.log(curve["second"].to_numpy(float))
+            wanted.loc[index, "value"] = np.interp(np.log(first_second), seconds, curve["value"])
+    return wanted
+
+
+def resistance(values, std, *, after_second, current_ampere=0.0, first_second=0.0):
     """Resistance [ohm] of a circuit at a time after a step, and its standard deviation, (knots,).
 
     Parameters
@@ -173,9 +199,10 @@ def resistance(values, std, *, after_second, current_ampere=0.0):
         scale1, … of those that follow the Butler–Volmer equation, V = scale asinh(R I / scale).
     after_second : time [s]; infinite for the whole resistance.
     current_ampere : size of the step [A]; 0 for a small one.
+    first_second : when the model's first samples lie [s]: until then its deviation is that of r0.
 
-    The deviation is not known where more than 1 % comes from the branches, whose deviations are
-    correlated.
+    Later the deviation is not known where more than 1 % comes from the branches, whose deviations
+    are correlated.
     """
     r0 = values["r0"].to_numpy(float)
     names = [name[1:] for name in values if name[0] == "r" and f"tau{name[1:]}" in values]
@@ -190,7 +217,7 @@ def resistance(values, std, *, after_second, current_ampere=0.0):
         x = ohm[kinetic].sum(axis=0) * abs(current_ampere) / scales.mean(axis=1).to_numpy()
         ohm[kinetic] *= np.where(x > 0, np.arcsinh(x) / np.where(x > 0, x, 1.0), 1.0)
     branches = np.sum(ohm * -np.expm1(-after_second / tau), axis=0)
-    alone = branches <= LITTLE_OF_BRANCHES * r0
+    alone = (branches <= LITTLE_OF_BRANCHES * r0) | (after_second <= first_second)
     r0_std = std["r0"].reindex(values.index).to_numpy(float) if "r0" in std else np.nan
     return r0 + branches, np.where(alone, r0_std, np.nan)
 

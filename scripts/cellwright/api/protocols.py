@@ -84,6 +84,7 @@ def capacity(
     half_cycles = capacities(
         *inputs.quantities(columns, inputs.COUNTED),
         inputs.steps(steps),
+        logged_current_ampere=columns.get("logged_current_ampere"),
         surface_temperature_celsius=columns.get("surface_temperature_celsius"),
         whole_swing=whole_swing,
         curve=curve_at(curves, celsius) if curves else None,

@@ -41,6 +41,8 @@ def condition_entry(condition, *, ambient_temperature_celsius, tests):
         "r0_ohm": _plain(condition.r0_ohm),
         "r0_std_ohm": _plain(condition.r0_std_ohm),
         "steady_std_ohm": _plain(condition.steady_std_ohm),
+        "first_sample_second": _plain(condition.first_sample_second),
+        "first_sample_missed_ohm": _plain(condition.first_sample_missed_ohm),
         "branches": [_branch(element) for element in condition.branches],
         "ocv_shift_volt": _plain(condition.ocv_shift_volt),
         "ocv_scale": {"missing": condition.missing, "stretch": condition.stretch},
@@ -49,6 +51,22 @@ def condition_entry(condition, *, ambient_temperature_celsius, tests):
         "samples": condition.samples,
         "tests": list(tests),
     }
+
+
+def std_of_r0(condition):
+    """Standard deviation of a condition's R0 at its knots as a list [ohm], None where not known.
+
+    R0 is what makes the circuit show the cell's resistance at the first sample after a step. So
+    what the fit misses there is part of it; `r0_std_ohm` takes the circuit as right.
+
+    Parameters
+    ----------
+    condition : dict of a model file.
+    """
+    stds = condition.get("r0_std_ohm") or [None] * len(condition["soc"])
+    missed = condition.get("first_sample_missed_ohm") or [0.0] * len(stds)
+    pairs = zip(stds, missed, strict=True)
+    return [std if None in (std, ohm) else float(np.hypot(std, ohm)) for std, ohm in pairs]
 
 
 def std_name(name):

@@ -1,7 +1,7 @@
 """A model file as rows: each parameter over SoC and temperature, for `models.csv`."""
 
 from cellwright.circuits.circuit import KINDS, UNRESOLVED_SECOND
-from cellwright.circuits.model_file import std_name
+from cellwright.circuits.model_file import std_name, std_of_r0
 
 # Parameters of branches: name in the table, without the branch's number or kind, and unit.
 NAMES = {
@@ -32,7 +32,9 @@ def parameter_rows(model):
         sample resolves, hysteresis_m, hysteresis_charge, diffusion_gain, diffusion_tau, ocv_shift;
         steady_resistance, the sum of r0 and all resistances of branches for small currents, of
         members that were identified;
-        without SoC ocv_missing, ocv_stretch and activation_energy, of the condition as a whole.
+        without SoC ocv_missing, ocv_stretch, r0_delay (how long after a step of the current the
+        first fitted samples lie: what relaxes sooner is part of r0) and activation_energy, of the
+        condition as a whole.
         Of a member with companions the circuit that it begins from, and the sizes of its effects.
     """
     conditions = [(m["model"], c) for m in model["members"] for c in m["conditions"]]
@@ -52,9 +54,10 @@ def _rows(member, condition):
             row = {"soc": soc, "parameter": name, "value": value, "std": std, "unit": unit}
             yield about | row | {"at_bound": name in flags or f"{flag} at SoC {soc:.3f}" in flags}
     scale = condition.get("ocv_scale", {})
-    scale_rows = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
-    energy = condition.get("activation_energy_joule_per_mole")
-    for name, value, unit in [*scale_rows, ("activation_energy", energy, "J/mol")]:
+    whole = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
+    whole.append(("r0_delay", condition.get("first_sample_second"), "s"))
+    whole.append(("activation_energy", condition.get("activation_energy_joule_per_mole"), "J/mol"))
+    for name, value, unit in whole:
         row = {"soc": None, "parameter": name, "value": value, "std": None, "unit": unit}
         if value is not None:
             yield about | row | {"at_bound": False}
@@ -62,7 +65,7 @@ def _rows(member, condition):
 
 def _columns(condition):
     """Name, name of the bound, values, deviations and unit of each quantity over SoC."""
-    yield "r0", "R0", condition["r0_ohm"], condition["r0_std_ohm"], "Ohm"
+    yield "r0", "R0", condition["r0_ohm"], std_of_r0(condition), "Ohm"
     number = 0
     for branch in condition["branches"]:
         kind, label = branch.get("kind", "RC"), ""

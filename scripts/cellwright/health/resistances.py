@@ -4,7 +4,7 @@ import numpy as np
 
 from cellwright.circuits.cell import overpotentials
 from cellwright.circuits.circuit import kind_of
-from cellwright.circuits.model_file import circuit_at, member_of
+from cellwright.circuits.model_file import circuit_at, member_of, std_of_r0
 from cellwright.health.summary import reference_resistance
 from cellwright.records.conditions import REFERENCE_CELSIUS, same_temperature, stated_or_reference
 
@@ -18,7 +18,8 @@ DEFINITIONS = {
     "model": "the model in use through that pulse, at its current and delay, without what its "
     "open-circuit voltage, diffusion and hysteresis add the longer the pulse lasts; the rest of "
     "its distance from the measurement is the error of the model",
-    "ohmic": "parameter r0 of the model in use: what is faster than each of its branches",
+    "ohmic": "parameter r0 of the model in use: what is faster than each of its branches and than "
+    "the first samples that it was fitted to (r0_delay); its deviation is over those samples",
     "small": "the model in use at small currents, all that is faster than a sample: where charge "
     "transfer is part of the model this is larger than R0, for it costs less at large currents",
     "spectrum": "ohmic resistance of the circuit fitted to the spectrum nearest in SoC: the lowest "
@@ -115,9 +116,9 @@ def _std_of_r0(member, at):
     """Standard deviation of a member's r0 at a SoC, where it was fitted at that temperature."""
     for condition in member["conditions"]:
         fitted_at = stated_or_reference(condition["ambient_temperature_celsius"])
-        known = [std is not None for std in condition.get("r0_std_ohm") or [None]]
-        if same_temperature(fitted_at, at["ambient_temperature_celsius"]) and all(known):
-            return float(np.interp(at["soc"], condition["soc"], condition["r0_std_ohm"]))
+        stds = std_of_r0(condition)
+        if same_temperature(fitted_at, at["ambient_temperature_celsius"]) and None not in stds:
+            return float(np.interp(at["soc"], condition["soc"], stds))
     return None
 
 

@@ -8,7 +8,9 @@ from cellwright.circuits.circuit import UNRESOLVED_SECOND
 from cellwright.identification.columns import FAST_SECOND
 from cellwright.identification.regression import named
 from cellwright.identification.search import with_time_constants
+from cellwright.numerics.linear import hats
 from cellwright.numerics.statistics import rms
+from cellwright.records.thinning import edge_ampere, edges
 
 ABSENT_SECOND = 2e-4  # a diffusion time that stands for none
 AT_BOUND = 0.02  # of the logarithm of a time constant: as near as the search goes
@@ -29,6 +31,7 @@ class Condition(NamedTuple):
     missing, stretch : the SoC at which the OCV table is read, see `regression.Held`.
     at_bound : names. fit_rmse_volt, samples : of the rows used. steady_std_ohm : (k,) of the sum of
     all resistances, which a steady load tells though it tells none of them apart.
+    first_sample_second, first_sample_missed_ohm : as of `first_samples`.
     """
 
     soc: np.ndarray
@@ -42,6 +45,8 @@ class Condition(NamedTuple):
     fit_rmse_volt: float
     samples: int
     steady_std_ohm: np.ndarray
+    first_sample_second: float
+    first_sample_missed_ohm: np.ndarray
 
 
 def condition_of(shared, member, fit, bounds):
@@ -92,7 +97,53 @@ def condition_of(shared, member, fit, bounds):
         rms(solution.residual_volt),
         len(solution.residual_volt),
         _steady_std(system, covariance),
+        *first_samples(data, solution.residual_volt),
     )
+
+
+def first_samples(data, residual_volt):
+    """When the first fitted rows after steps of the current lie, and what a fit misses there.
+
+    What relaxes before them no fit tells from an ohmic resistance. And a few time constants follow
+    a whole rest: the first rows, which are few, may be missed by more than scatter.
+
+    Parameters
+    ----------
+    data : columns.Data. residual_volt : (n,) of its used rows, measured minus modelled.
+
+    Returns
+    -------
+    second : time after the step [s] of those sampled fast, the tenth percentile of the larger
+        steps; NaN without a step.
+    missed_ohm : (k,) resistance measured there less that of the circuit, by least squares over
+        the steps sampled within twice that time; between knots without steps straight.
+    """
+    ends = np.cumsum([record.used.sum() for record in data.records])[:-1]
+    pairs = zip(data.records, np.split(residual_volt, ends), strict=True)
+    steps = [_first_after_steps(*pair) for pair in pairs]
+    soc, second, ampere, volt = np.concatenate(steps, axis=1)
+    if not len(soc):
+        return np.nan, np.full(len(data.knots), np.nan)
+    first = float(np.percentile(second[np.abs(ampere) >= np.abs(ampere).max() / 2], 10))
+    fast = (second <= 2 * first)[:, None] * np.column_stack([ampere * volt, ampere**2])
+    moved, weight = (hats(soc, data.knots).T @ fast).T
+    seen = weight > 0
+    return first, np.interp(data.knots, data.knots[seen], moved[seen] / weight[seen])
+
+
+def _first_after_steps(record, residual_volt):
+    """SoC, time since the step [s], current step [A] and change of the residual [V], (4, steps)."""
+    time, used = record.test_time_second, np.flatnonzero(record.used)
+    rows = edges(record, step_ampere=edge_ampere(record))
+    after = np.searchsorted(used, rows)
+    rows, after = (column[(after > 0) & (after < len(used))] for column in (rows, after))
+    first, before = used[after], used[after - 1]
+    # As for a pulse: at the row before, or one interval before its first row if that is later.
+    interval = time[np.minimum(rows + 1, len(time) - 1)] - time[rows]
+    begin = np.maximum(time[rows - 1], time[rows] - interval)
+    drive = record.current_ampere * record.resistance_factor
+    changes = drive[first] - drive[before], residual_volt[after] - residual_volt[after - 1]
+    return np.array([record.soc[first], time[first] - begin, *changes])
 
 
 def _steady_std(system, covariance):

@@ -28,7 +28,7 @@ from cellwright.identification.search import (
     system_about,
 )
 from cellwright.numerics.linear import solve
-from cellwright.records.thinning import edges, thin, without_edges
+from cellwright.records.thinning import edge_ampere, edges, thin, without_edges
 from cellwright.refusal import Refusal
 
 GRID_PER_DECADE = 4
@@ -114,16 +114,6 @@ def ready_records(records, *, capacity_ampere_hour):
         along = {}
     thinned = [thin(record, step_ampere=step / 10, **along) for record in records]
     return tuple(without_edges(record, step_ampere=step) for record in thinned)
-
-
-def edge_ampere(record):
-    """Change of a record's current that counts as an edge [A]: a twentieth of its largest.
-
-    Parameters
-    ----------
-    record : Record, which starts from rest: its first row may be an edge too.
-    """
-    return float(np.abs(np.diff(record.current_ampere, prepend=0.0)).max()) / 20
 
 
 def identify(

@@ -25,6 +25,7 @@ from cellwright.protocols.half_cycles import (
 from cellwright.records.anchor import first_rest_second
 from cellwright.refusal import Refusal
 from cellwright.series.edges import edge_variance
+from cellwright.series.rest_current import as_logged
 from cellwright.series.steps import assumed_rating
 from cellwright.settings import Instrument
 
@@ -83,7 +84,8 @@ def ageing_cycles(
     the first cycle of a new cell outside 0.5 … 1.05.
 
     series : dict of (n,) columns of stage `clean`: test_time_second, current_ampere,
-        voltage_volt, charge_ampere_hour; surface_ and ambient_temperature_celsius where recorded.
+        voltage_volt, charge_ampere_hour; logged_current_ampere, surface_ and
+        ambient_temperature_celsius where recorded.
     steps : Steps of the record.
     rated_capacity_ampere_hour : [Ah] or None.
     lower_cutoff_volt, upper_cutoff_volt : [V].
@@ -112,7 +114,7 @@ def ageing_cycles(
     efficiencies = _efficiencies(halves, columns[2], inserts, new=first_cycle == 0)
     time = np.asarray(series["test_time_second"], float)
     unsure = edge_variance(time, columns[0], columns[2])
-    at_rest = reading_at_rest(columns[0], steps)
+    at_rest = reading_at_rest(as_logged(series)["current_ampere"], steps)
     rows = [
         (
             *(cycle, *_numbers(half, efficiency, series, rated)),

@@ -40,6 +40,7 @@ def capacity(
     rated_capacity_ampere_hour,
     lower_cutoff_volt,
     upper_cutoff_volt,
+    logged_current_ampere=None,
     surface_temperature_celsius=None,
     whole_swing=False,
     state_before="",
@@ -72,6 +73,7 @@ def capacity(
     steps : Steps of the record.
     rated_capacity_ampere_hour : [Ah] for the C-rate; None: `assumed_rating` of the record.
     lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None: then no charge is complete.
+    logged_current_ampere : (n,) [A] where cleaning took the sensor's reading out of rests, or None.
     surface_temperature_celsius : (n,) [°C] or None.
     whole_swing : count from turn to turn of the charge.
     state_before : "full" or "empty", as the test before this one in time left the cell; "": not
@@ -109,7 +111,8 @@ def capacity(
     )
     unsure = edge_variance(np.asarray(test_time_second, float), columns[0], columns[2])
     inserts = -1 if upper_cutoff_volt is not None and upper_cutoff_volt < ANODE_VOLT else 1
-    at_rest = reading_at_rest(columns[0], steps)
+    logged = columns[0] if logged_current_ampere is None else logged_current_ampere
+    at_rest = reading_at_rest(logged, steps)
     sheet, complete = (rated_capacity_ampere_hour, ambient_temperature_celsius), []
     for half, partner in zip(halves, _partners(halves, inserts), strict=True):
         if half.fault:

@@ -190,10 +190,14 @@ def unsure_of_edges(half, variance, columns, limits):
     return float(np.sqrt(inside + beyond**2 / 3.0))
 
 
-def reading_at_rest(current_ampere, steps):
-    """Median over a record's rests of what the current reads in each [A], 0 where it has none."""
+def reading_at_rest(logged_current_ampere, steps):
+    """Median over a record's rests of what the current reads in each [A], 0 where it has none.
+
+    logged_current_ampere : (n,) [A], with the readings that cleaning took out of the rests: that no
+        rest counts them says nothing of the loads.
+    """
     rests = zip(steps.first_row, steps.last_row, steps.kind, strict=True)
-    read = [np.median(current_ampere[a : b + 1]) for a, b, kind in rests if kind == "rest"]
+    read = [np.median(logged_current_ampere[a : b + 1]) for a, b, kind in rests if kind == "rest"]
     return float(np.median(read)) if read else 0.0
 
 

@@ -120,6 +120,16 @@ def edges(record, *, step_ampere):
     return np.flatnonzero(_stepped(record, step_ampere)) + 1
 
 
+def edge_ampere(record):
+    """Change of a record's current that counts as an edge [A]: a twentieth of its largest.
+
+    Parameters
+    ----------
+    record : Record, which starts from rest: its first row may be an edge too.
+    """
+    return float(np.abs(np.diff(record.current_ampere, prepend=0.0)).max()) / STEP_PART
+
+
 def _stepped(record, step_ampere):
     """Whether the current has stepped since the row before, (n - 1,) bool."""
     return np.abs(np.diff(record.current_ampere)) > max(step_ampere, _flicker_ampere(record))
