@@ -34,9 +34,12 @@ def slow_gap(curve):
     inside = (soc >= 0.2) & (soc <= 0.8)  # near the ends the gap is resistance
     if not inside.any():
         return SlowGap()
-    current = (curve["charge_current_ampere"] - curve["discharge_current_ampere"]) / 2
-    step = np.nan_to_num(curve.get("step_volt") or 0.0)
-    return SlowGap(float(np.median(gap[inside])), float(current), float(step))
+    charge, discharge, step = (
+        np.nan if curve.get(name) is None else curve[name]
+        for name in ("charge_current_ampere", "discharge_current_ampere", "step_volt")
+    )
+    half = float(np.median(gap[inside]))
+    return SlowGap(half, float(charge - discharge) / 2, float(np.nan_to_num(step)))
 
 
 def half_gap(curve):
