@@ -38,7 +38,8 @@ def lines(folder, before, started) -> list[str]:
     took = [f"Longest:  {'; '.join(slow)}"] if slow else []
     report = Path(folder, "results", "report.html")
     if not report.is_file():
-        return took
+        whole = "snakemake --cores 2 makes it, and results/tables/excluded.csv of what was left out"
+        return [f"Report:   none yet: {whole}", *took]
     after = read(folder)
     return [
         f"Report:   {report.relative_to(folder)} (what lies where: results/README.md)",
