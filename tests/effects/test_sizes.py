@@ -72,7 +72,7 @@ def sizes(effect, values=VALUES, **given):
         ),
         ("capacity_error", {"relative": -0.05}, ["−5 % of capacity", "−0.2 Ah"]),
         ("coulombic_inefficiency", {"lost_share_of_charge": 0.01}, ["1 % of what is charged"]),
-        ("leakage", {"leak_ampere": 0.01}, ["10 mA", "6 % of SoC a day"]),
+        ("leakage", {"leak_ampere": 0.01}, ["at 10 % SoC 10 mA", "at 50 % SoC 10 mA"]),
         ("current_offset", {"offset_ampere": -0.02}, ["−20 mA", "12 % of SoC a day"]),
         ("current_gain", {"gain_relative": 0.01}, ["1 % of reading"]),
         ("voltage_offset", {"offset_volt": 0.005}, ["5 mV"]),
@@ -127,7 +127,8 @@ def test_of_several_covariances_the_larger_deviation_counts():
 
 
 def test_the_models_own_resistance_is_as_unsure_as_it_was_fitted():
-    sizes = {"charge_resistance_excess_relative": 0.5, "change_to_empty": 0, "change_to_full": 0}
+    names = [p.name for p in LIBRARY["resistance_asymmetry"].parameters]
+    sizes = dict.fromkeys(names, 0.0) | {"charge_resistance_excess_relative": 0.5}
     given = {name: {"value": size, "std": 0.0, "unit": "1"} for name, size in sizes.items()}
     fitted = Fitted(("log_r0",), (np.array([[0.01**2]]),))
     found = sizes_as_used(LIBRARY["resistance_asymmetry"], given, VALUES, fitted)

@@ -31,11 +31,13 @@ class Truth(NamedTuple):
     slow_ohm: float = 0.0  # third RC pair, of 1000 s
     thermal: float = 0.0  # core over surface [K/W], 400 s
     delay: float = 0.0  # of the voltage reading [s], steps of 0.5 s
-    leak: float = 0.0  # current that passes the ammeter by [A]
+    leak: float = 0.0  # current that passes the ammeter by, half full [A]
+    leak_to_full: float = 0.0  # its logarithm from empty to full
     offset: float = 0.0  # of the ammeter [A]
     falling: float = 0.0  # logarithm of R0 from full to empty
     asymmetry: float = 0.0  # of R0 on charge, relative
     asymmetry_full: float = 0.0  # more of it where full than half full
+    asymmetry_r1: float = 0.0  # of R1 on charge, relative
     wave: float = 0.0  # of the OCV over its table [V]
     entropy: float = 0.0  # of a wave of the entropic coefficient over SoC [V/K]
     slope_r1: float = 0.0  # logarithm of R1 and R2 from full to empty
@@ -107,8 +109,9 @@ def simulated(current, celsius, soc, truth):
         volts[k] = ohmic + v1 + v2 + v3 + truth.hysteresis * side
         socs[k] = charge
         heat = load * (ohmic + v1 + v2)
-        charge += (load - truth.leak) * FINE_SECOND / 3600 / CAPACITY
-        bent = np.exp(truth.bend_r1 * (0.5 - charge))
+        leak = truth.leak * np.exp(truth.leak_to_full * (charge - 0.5))
+        charge += (load - leak) * FINE_SECOND / 3600 / CAPACITY
+        bent = np.exp(truth.bend_r1 * (0.5 - charge)) * (1 + truth.asymmetry_r1 * (load > 0))
         v1 += a1[k] * (slow * bent * r1 * load - v1)
         v2 += a2[k] * (slow * r2 * load - v2)
         v3 += a3 * (truth.slow_ohm * load - v3)

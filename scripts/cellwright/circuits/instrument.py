@@ -7,7 +7,8 @@ named is zero. A member without blocks is its circuit alone.
     voltage_gain_relative [1], voltage_delay_second [s]: what the instrument reads is off by these.
 `counting` : capacity_relative [1], what the cell's capacity is above the model's;
     capacity_test_relative [1], the same in capacity tests; capacity_relative_per_kelvin [1/K], from
-    25 °C on; leak_ampere [A]; lost_share_of_charge [1], of what is charged.
+    25 °C on; leak_ampere [A], at half charge; log_leak_to_full [1], see `leak_at`;
+    lost_share_of_charge [1], of what is charged.
 `own_heat` : thermal_resistance_kelvin_per_watt [K/W], time_constant_second [s],
     activation_energy_joule_per_mole [J/mol]: the rise of the core over the measured temperature;
     branches_apart, numbers of the branches (the ohmic resistance is 0) that neither make this heat
@@ -59,7 +60,8 @@ def corrected(
         return current_ampere, current_ampere, soc
     reading, counting = member.get("reading", {}), member.get("counting", {})
     offset, gain = (reading.get(f"current_{n}", 0.0) for n in ("offset_ampere", "gain_relative"))
-    lost, leak = (counting.get(name, 0.0) for name in ("lost_share_of_charge", "leak_ampere"))
+    lost = counting.get("lost_share_of_charge", 0.0)
+    leak = leak_at(soc, counting.get("leak_ampere", 0.0), counting.get("log_leak_to_full", 0.0))
     hours = np.diff(test_time_second, prepend=test_time_second[0]) / 3600.0
     read = np.diff(soc, prepend=soc[0]) * capacity_ampere_hour
     charge = through_cell(read, offset=offset * hours, gain_relative=gain)
@@ -92,6 +94,17 @@ def stored(moved, *, lost_share=0.0, leak=0.0):
     side reactions [1]. leak : self-discharge, in the unit of `moved`.
     """
     return np.where(moved > 0, 1.0 - lost_share, 1.0) * moved - leak
+
+
+def leak_at(soc, leak_ampere, log_to_full):
+    """Self-discharge at a SoC, whose logarithm runs straight over the SoC (n,) [A].
+
+    Parameters
+    ----------
+    soc : (n,) [1]. leak_ampere : at half charge [A]. log_to_full : logarithm of the leak of a full
+    cell over that of an empty one [1].
+    """
+    return leak_ampere * np.exp(log_to_full * (np.clip(soc, 0.0, 1.0) - 0.5))
 
 
 def capacity_over_temperature(celsius, relative_per_kelvin):
