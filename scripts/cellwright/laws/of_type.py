@@ -1,6 +1,7 @@
 """Pulse resistance over temperature across cells of one type, each tested at few temperatures."""
 
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,19 @@ from cellwright.settings import Temperature
 TEMPERATURE = Temperature()
 
 
+class CellPoint(NamedTuple):
+    """A `points.Point` with the cell that it is of."""
+
+    member: str
+    quantity: str
+    unit: str
+    temperature_celsius: float
+    value: float
+    std: float
+    family: str
+    soc: float
+
+
 def points_of_type(
     rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate, soc=TEMPERATURE.soc
 ):
@@ -35,8 +49,8 @@ def points_of_type(
 
     Returns
     -------
-    points : list of Point, each with its `member`. notes : list of sentences on temperatures
-        without a pulse of the rate.
+    points : list of CellPoint. notes : list of sentences on temperatures without a pulse of the
+        rate.
     """
     # ASSUME: Which cell of a type was tested at which temperature is chance.
     points, notes, young = [], [], first_check_up(rows)
@@ -52,7 +66,7 @@ def points_of_type(
 def _across_cells(cell, point):
     """A cell's point among those of its type; its own error is no weight."""
     quantity, family = (f"{name}, across cells" for name in (point.quantity, point.family))
-    return point._replace(member=cell, quantity=quantity, family=family, std=np.nan)
+    return CellPoint(cell, *point._replace(quantity=quantity, family=family, std=np.nan))
 
 
 def _one_class(rows, c_rate):

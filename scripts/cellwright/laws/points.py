@@ -15,7 +15,7 @@ class Point(NamedTuple):
     """One quantity at one temperature; `quantity` says what, at which SoC, delay and rate.
 
     std : of the value from its own measurement, NaN where not known. family : quantities that
-    differ in SoC only. soc : NaN where the quantity has none. member : cell of a type.
+    differ in SoC only. soc : NaN where the quantity has none.
     """
 
     quantity: str
@@ -25,7 +25,6 @@ class Point(NamedTuple):
     std: float = np.nan
     family: str = ""
     soc: float = np.nan
-    member: str = ""
 
 
 def capacity_points(rows):
