@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cellwright.health.fleet import Fleet, capacity_from_resistance, mean_over_soc, over_shared_soc
-from cellwright.health.protocols_compared import compared
+from cellwright.health.protocols_compared import LifeOfProtocol, compared
 from cellwright.refusal import Refusal
 
 SOCS = np.linspace(0.05, 0.95, 10)
@@ -151,7 +151,7 @@ def lives_of(**cycles):
     """Lives that lose 10 % over so many cycles, several cells a protocol."""
     grid = np.linspace(0, 1.2, 61)
     return [
-        (f"{name}{k}", name, grid[1:] * length, 1 - 0.1 * grid[1:])
+        LifeOfProtocol(f"{name}{k}", name, grid[1:] * length, 1 - 0.1 * grid[1:])
         for name, lengths in cycles.items()
         for k, length in enumerate(lengths)
     ]
@@ -183,6 +183,6 @@ def test_no_difference_is_invented():
 def test_what_cannot_be_compared_is_refused():
     with pytest.raises(Refusal, match="one protocol only"):
         compared(lives_of(standard=(300, 310)))
-    young = ("n", "new", np.arange(10.0), np.linspace(1, 0.995, 10))
+    young = LifeOfProtocol("n", "new", np.arange(10.0), np.linspace(1, 0.995, 10))
     with pytest.raises(Refusal, match="n has lost"):
         compared([*lives_of(standard=(300,)), young])

@@ -150,12 +150,12 @@ def compare_protocols(lives):
     """
     import numpy as np
 
-    from cellwright.health.protocols_compared import compared
+    from cellwright.health.protocols_compared import LifeOfProtocol, compared
 
     ready = []
     for cell, protocol, fade in lives:
         summary, columns = _pair(fade)
         # Laws instead of points: a scattered discharge must not decide how long a protocol lasts.
         share = np.asarray(columns["law_ampere_hour"], float) / summary["start_ampere_hour"]
-        ready.append((cell, protocol, np.asarray(columns["cycle"], float), share))
+        ready.append(LifeOfProtocol(cell, protocol, np.asarray(columns["cycle"], float), share))
     return results.Result({"rows": compared(ready)})

@@ -1,12 +1,22 @@
 """Ageing protocols compared: does one wear cells out faster, beyond what cells differ by?"""
 
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.health.fade import LEAST_LOSS
 from cellwright.laws.points import grouped
 from cellwright.refusal import Refusal
+
+
+class LifeOfProtocol(NamedTuple):
+    """A life under a protocol: cell, protocol, (n,) cycle and (n,) capacity over the start [1]."""
+
+    cell: str
+    protocol: str
+    cycle: np.ndarray
+    share: np.ndarray
 
 
 def compared(lives):
@@ -21,7 +31,7 @@ def compared(lives):
 
     Parameters
     ----------
-    lives : list of (cell, protocol, (n,) cycle, (n,) capacity over the start [1]), of one type.
+    lives : list of LifeOfProtocol, one type of cells.
 
     Returns
     -------
@@ -34,14 +44,15 @@ def compared(lives):
 
     Source: S. Holm, Scand. J. Statist. 6 (1979) 65; thesis 4.3 (standard, high power, fast charge).
     """
-    arms = grouped(lives, lambda life: life[1])
+    arms = grouped(lives, lambda life: life.protocol)
     if len(arms) < 2:
         raise Refusal(f"one protocol only ({', '.join(arms) or 'none stated'}): nothing to compare")
-    cell, *_, share = min(lives, key=lambda life: 1 - life[-1].min())
-    loss = min(1 - float(share.min()), 0.2)
+    least = min(lives, key=lambda life: 1 - life.share.min())
+    loss = min(1 - float(least.share.min()), 0.2)
     if loss < LEAST_LOSS:
         raise Refusal(
-            f"{cell} has lost {100 * loss:.1f} %; lives are compared from {100 * LEAST_LOSS:g} % on"
+            f"{least.cell} has lost {100 * loss:.1f} %; lives are compared from "
+            f"{100 * LEAST_LOSS:g} % on"
         )
     logs = {name: np.array([_log_cycles(one, loss) for one in arms[name]]) for name in arms}
     squares = sum(np.sum((values - values.mean()) ** 2) for values in logs.values())
@@ -58,15 +69,14 @@ def compared(lives):
 
 def _log_cycles(life, loss):
     """ln of the cycles until a loss: where the course last lies above it."""
-    *_, cycle, share = life
     # Where it last lies above: a rest may lift a life over the loss again.
-    above = np.flatnonzero(share > 1 - loss)
+    above = np.flatnonzero(life.share > 1 - loss)
     last = int(above[-1]) if len(above) else 0
-    if last + 1 >= len(cycle):
-        return float(np.log(cycle[-1]))
-    high, low = share[last], share[last + 1]
+    if last + 1 >= len(life.cycle):
+        return float(np.log(life.cycle[-1]))
+    high, low = life.share[last], life.share[last + 1]
     part = (high - (1 - loss)) / (high - low) if high > low else 1.0
-    at = cycle[last] + part * (cycle[last + 1] - cycle[last])
+    at = life.cycle[last] + part * (life.cycle[last + 1] - life.cycle[last])
     return float(np.log(max(at, 1e-9)))
 
 

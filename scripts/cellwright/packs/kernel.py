@@ -124,8 +124,8 @@ def _step_by_step(plant, state, load, keep, run):
 
 
 def _put(run, k, keep, solved, state, sensed):
-    through, volt, lines = solved
-    current, across = state.current_ampere, lines.resistance_ohm[sensed] * through[sensed]
+    lines, current, volt = solved.network, state.current_ampere, solved.voltage_volt
+    across = lines.resistance_ohm[sensed] * solved.current_ampere[sensed]
     run.voltage_volt[k] = lines.source_volt[sensed] + across
     run.current_ampere[k] = state.total_ampere
     if keep.extremes:

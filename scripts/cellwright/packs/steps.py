@@ -60,6 +60,14 @@ class Step(NamedTuple):
     hold: str
 
 
+class Solved(NamedTuple):
+    """Currents (elements,) [A], cells' voltages (cells,) [V], and the Reduced network."""
+
+    current_ampere: np.ndarray
+    voltage_volt: np.ndarray
+    network: object
+
+
 def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_ampere=0.0):
     """State of a pack at rest: PackState.
 
@@ -166,7 +174,7 @@ def advance(cells, network, state, step, mode, value, *, tolerance_volt):
 
     Returns
     -------
-    solved : as of `newton`. state : PackState.
+    solved : Solved. state : PackState.
 
     Raises
     ------
@@ -178,7 +186,7 @@ def advance(cells, network, state, step, mode, value, *, tolerance_volt):
     solved, after = newton(
         cells, network, state, step, guess, total_of, tolerance_volt=tolerance_volt
     )
-    current = solved[0]
+    current = solved.current_ampere
     through = {"current_ampere": current[: network.cells], "total_ampere": float(current[-1])}
     return solved, after._replace(**through)
 
@@ -193,8 +201,7 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
 
     Returns
     -------
-    solved : currents (elements,) [A], cells' voltages (cells,) [V], the Reduced network.
-    after : PackState, its currents still those of before.
+    solved : Solved. after : PackState, its currents still those of before.
 
     Raises
     ------
@@ -205,7 +212,7 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
     if step.second == 0 and not guess.any() and not slope.all():
         # At rest at an instant: what acts at once decides nothing where it is nothing.
         lines = reduced(network, volt, np.ones(network.cells))
-        return (np.zeros(len(lines.source_volt)), volt, lines), after
+        return Solved(np.zeros(len(lines.source_volt)), volt, lines), after
     for turn in range(MOST_PASSES):
         lines = reduced(network, volt - slope * guess, slope)
         current = currents(network, lines, total_of(lines))
@@ -216,14 +223,14 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
         plain = turn < LINEAR_PASSES and is_linear(cells)
         if plain and np.abs(moved).max() <= SAME_SOC:
             *_, after = respond(cells, state, step, weights, through, after.parameters)
-            return (current, on_line, lines), after
+            return Solved(current, on_line, lines), after
         found = respond(cells, state, step, weights, through)
         if plain:
             (volt, slope, after), guess = found, through
             continue
         off = found[0] - on_line
         if np.abs(off).max() <= tolerance_volt:
-            return (current, on_line, lines), found[2]
+            return Solved(current, on_line, lines), found[2]
         # Cells that turn by turns would do so for ever: in later passes steps are shortened.
         turned = _turned(state, step, guess, through) if turn < MOST_TURNS else np.zeros(1, bool)
         short = 1.0 if turned.any() else _shortened(through - guess, slope, off)
