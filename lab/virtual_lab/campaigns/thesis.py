@@ -8,8 +8,8 @@ import numpy as np
 from virtual_lab import fast, physics, protocols, thesis_cells
 from virtual_lab.campaigns import Cell, Plan, Test, seed_of
 from virtual_lab.campaigns.thesis_packs import (
-    CHAIN,
     PACK,
+    channel_of,
     group_part,
     group_specimens,
     pack_part,
@@ -114,7 +114,7 @@ def _test_of(name, specimen, seed):
         name,
         instrument="parquet",
         specimen=specimen,
-        chain=CHAIN,
+        chain=channel_of(name, seed),
         batch=name,
         seed_of_campaign=seed,
     )
@@ -329,7 +329,7 @@ def _life_test(name, life, seed):
         life,
         steps=steps,
         chamber=room(25.0, swing_kelvin=2.0, duration_second=longest),
-        chain=CHAIN,
+        chain=channel_of(name, seed),
         batch=f"{name}_life",
         seed_of_campaign=seed,
     )
@@ -343,7 +343,7 @@ def _check_up_tests(name, life, cycle, seed):
         ambient_celsius=25.0,
         instrument="parquet",
         specimen=Behavioural(partial(life.at, cycle)),
-        chain=CHAIN,
+        chain=channel_of(name, seed),
         cycle=cycle or None,
         batch=f"{name}_checks",
         seed_of_campaign=seed,

@@ -10,7 +10,7 @@ from virtual_lab.behaviour import Rating
 from virtual_lab.campaigns import Cell, Test, seed_of
 from virtual_lab.chamber import wobbling
 from virtual_lab.instruments import faults
-from virtual_lab.instruments.chain import TYPICAL, Chain
+from virtual_lab.instruments.chain import TYPICAL, Chain, with_drawn_gain
 from virtual_lab.specimens import Behavioural, BehaviouralGroup, SeriesString
 
 KIND = "D"
@@ -56,6 +56,11 @@ DAMAGED = {
     "P26": partial(faults.torn_row, seed=26),
     "P35": partial(faults.damaged, seed=35),
 }
+
+
+def channel_of(cell: str, seed: int, chain: Chain = CHAIN) -> Chain:
+    """The channel that a cell is tested on, the same in all its tests."""
+    return with_drawn_gain(chain, np.random.default_rng(seed_of(f"ammeter of {cell}", seed)))
 
 
 class UsedCell(NamedTuple):
@@ -161,7 +166,7 @@ def _pack_cell_tests(one, number, seed, string):
         ambient_celsius=25.0,
         instrument=instrument,
         specimen=one.specimen,
-        chain=TYPICAL.get(instrument, CHAIN),
+        chain=channel_of(one.name, seed, TYPICAL.get(instrument, CHAIN)),
         chamber=_place(one.name, seed),
         batch=one.name,
         seed_of_campaign=seed,
@@ -261,7 +266,7 @@ def _alone(one, seed):
         ambient_celsius=25.0,
         instrument="parquet",
         specimen=one.specimen,
-        chain=CHAIN,
+        chain=channel_of(one.name, seed),
         batch=one.name,
         seed_of_campaign=seed,
     )

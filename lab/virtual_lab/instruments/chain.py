@@ -49,6 +49,8 @@ class Chain(NamedTuple):
 
 
 CHAIN = Chain()
+# What makers state of their ammeters, as a share of the current.
+STATED_CURRENT_GAIN = 0.0005
 # What public records of real instruments show, by differences of neighbouring samples at steady
 # current: LG HG2 (Digatron), Nissan Leaf (Bitrode), A123 in the form of Plett's toolbox. The
 # Arbin is the thesis' own.
@@ -81,6 +83,12 @@ TYPICAL = {
         clock="steady",
     ),
 }
+
+
+def with_drawn_gain(chain: Chain, random: np.random.Generator) -> Chain:
+    """The chain of one channel, whose ammeter errs by a gain within what its maker states."""
+    gain = float(random.uniform(-STATED_CURRENT_GAIN, STATED_CURRENT_GAIN))
+    return chain._replace(current_gain=gain)
 
 
 EARLY_SECOND = np.array([0.01, 0.03, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0])

@@ -118,15 +118,15 @@ def errors(table, quantity, unit, rows) -> pd.DataFrame:
     table, quantity, unit : what is compared.
     rows : table with columns cell, test, at (where in the test, text), found, true; a blank `found`
         is missing, a blank `true` is extra, where both are blank there is nothing to compare.
-        Optional: std (of found), reach (half width of the 95 % interval over std), reason, and
-        word: the status of a row that cannot be compared, where it is neither missing nor extra;
-        paired: whether a row has a partner at all, so that a blank `true` means "no truth".
+        Optional: std (of found), reason, and word: the status of a row that cannot be compared,
+        where it is neither missing nor extra; paired: whether a row has a partner at all, so that a
+        blank `true` means "no truth".
     """
-    # ASSUME: A stated deviation without a number of repeats is that of a normal distribution.
+    # ASSUME: A stated deviation is that of a normal distribution, of a mean of repeats too: what an
+    # ammeter errs by is common to them all.
     rows = rows.reset_index(drop=True)
     numbers = {name: pd.to_numeric(rows[name], errors="coerce") for name in ("found", "true")}
     std = pd.to_numeric(rows["std"], errors="coerce") if "std" in rows else np.nan
-    reach = rows["reach"].fillna(NORMAL_95) if "reach" in rows else NORMAL_95
     is_found, is_true = numbers["found"].notna(), numbers["true"].notna()
     either = [is_found & is_true, ~is_found & is_true, is_found]
     comparisons = pd.DataFrame(
@@ -149,7 +149,7 @@ def errors(table, quantity, unit, rows) -> pd.DataFrame:
         lonely = comparisons["status"].isin(["missing", "extra"]) & rows["word"].notna()
         comparisons["status"] = comparisons["status"].mask(lonely, rows["word"])
     comparisons["std"] = comparisons["std"].astype(float).where(lambda value: value > 0)
-    inside = (np.abs(comparisons["error"]) <= reach * comparisons["std"]).astype(object)
+    inside = (np.abs(comparisons["error"]) <= NORMAL_95 * comparisons["std"]).astype(object)
     comparisons["inside_95"] = inside.where(
         comparisons["std"].notna() & comparisons["error"].notna(), None
     )

@@ -13,8 +13,6 @@ RATE_TOLERANCE = 0.25  # of the logarithm of the rate
 START_TOLERANCE_SECOND = 5.0
 LATE_SECOND = 0.02
 PEAK_TOLERANCE_VOLT = 0.05
-# What settings state of an instrument; repeats made with one share it (a uniform distribution).
-INSTRUMENT_SHARE = 0.0005
 PEAK_PROMINENCE = 0.05  # of the curve's maximum: the truth lists no smaller peaks
 CYCLE_TOLERANCE = 2.0
 NO_METHOD = "not made"
@@ -27,7 +25,6 @@ class Spec(NamedTuple):
     at : says in words where in the test a row belongs.
     split : columns whose values make quantities of their own ("resistance_ohm, 10 s").
     near : column that partners share within `tolerance`, or of which the logarithm does.
-    repeats : column with the number of repeats that the deviation is the scatter of.
     scope : columns of which the truth knows all or nothing: a row with others is not extra.
     snap : column of which the truth's nearest value is meant (a rate as asked, not as measured).
     beside : further columns of the results that `split` needs.
@@ -41,7 +38,6 @@ class Spec(NamedTuple):
     near: str | None = None
     logarithm: bool = False
     tolerance: float = 0.0
-    repeats: str | None = None
     scope: tuple = ("cell", "test")
     snap: str | None = None
     beside: tuple = ()
@@ -73,7 +69,6 @@ SPECS = {
             "coulombic_efficiency": ("1", ""),
         },
         at=_text("{} at {:.3g}C", "direction", "c_rate"),
-        repeats="repeats",
     ),
     "resistance": Spec(
         keys=("cell", "test", "direction", "delay_second"),
@@ -143,7 +138,7 @@ def compare(place: files.Campaign, table: str) -> pd.DataFrame:
         options = {"keys": spec.scope, "near": spec.snap, "tolerance": RATE_TOLERANCE}
         found = found.assign(**{spec.snap: snapped(found, true, **options)})
     found, true = (one.assign(near=_near_values(spec, one)) for one in (found, true))
-    wanted = [*spec.quantities, *stds, *spec.beside, *([spec.repeats] if spec.repeats else [])]
+    wanted = [*spec.quantities, *stds, *spec.beside]
     found = files.with_columns(found, wanted)
     options = {"near": "near" if spec.near else None, "tolerance": spec.tolerance}
     rows = side_by_side(found, true, keys=list(spec.keys), columns=wanted, **options)
@@ -189,9 +184,6 @@ def _quantities(table, spec, rows):
             continue
         mine = rows.rename(columns={name: "true", f"{name}_found": "found"})
         mine = mine.assign(std=rows[f"{std}_found"] if std else np.nan)
-        if spec.repeats and std:
-            common = INSTRUMENT_SHARE / np.sqrt(3.0) * mine["found"].astype(float).abs()
-            mine = _of_the_mean(mine, mine[f"{spec.repeats}_found"], common)
         for label, part in _parts(spec, name, mine):
             yield errors(table, label, unit or part["unit"].iloc[0], part)
 
@@ -217,27 +209,6 @@ def _label(spec, name, values) -> str:
     if "method" in part:
         return f"{name}, {part['method']}" if part["method"] != NO_METHOD else name
     return f"{part['quantity']}: {part['parameter']}"
-
-
-def _of_the_mean(rows, repeats, common):
-    """Standard deviation and 95 % reach of a mean of few repeats.
-
-    Their scatter becomes less with their number (Student); what is common to all of them, the gain
-    of the instrument, does not.
-
-    common : (n,) standard deviation of that [unit of the quantity].
-    """
-    from scipy.stats import norm, t
-
-    repeats = pd.to_numeric(repeats, errors="coerce")
-    enough = repeats >= 2
-    total = pd.to_numeric(rows["std"], errors="coerce")
-    common = np.minimum(common, total)
-    scatter = np.sqrt(total**2 - common**2) / np.sqrt(repeats)
-    std = np.hypot(scatter, common)
-    student = t.ppf(0.975, np.where(enough, repeats - 1, 1))
-    reach = np.hypot(student * scatter, norm.ppf(0.975) * common) / std
-    return rows.assign(std=std.where(enough), reach=reach)
 
 
 def _one_knee(table):
