@@ -299,6 +299,21 @@ def test_a_scenario_is_laid_out_as_its_own_record_and_bank_would_be(scenario):
         np.testing.assert_array_equal(one, other, err_msg=name)
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_no_filter_knows_the_soc_better_than_the_capacity_that_it_refers_to(method):
+    """What the capacity errs by grows from full on; no voltage tells it."""
+    about = measured(9), stated(), cell_facts(3.0, 4.2)
+    record = laid_out(*about, split_rest_second=120.0, proof=True)
+    settings = Soc(**SETTINGS)._replace(filters=(method,), scenarios=())
+    size = stated()["capacity_ampere_hour"]
+    models = stated(), stated() | {"capacity_std_ampere_hour": 0.02 * size}
+    sure, unsure = (soc_runs(model, record, settings=settings)[1] for model in models)
+    more = np.sqrt(unsure[f"std_{method}_soc"] ** 2 - sure[f"std_{method}_soc"] ** 2)
+    soc = sure[f"estimated_{method}_soc"]
+    np.testing.assert_array_equal(unsure[f"estimated_{method}_soc"], soc)
+    np.testing.assert_allclose(more, 0.02 * np.abs(1 - soc), atol=1e-6)
+
+
 def test_a_test_is_run_by_every_filter_start_and_scenario():
     about = measured(9), stated(), cell_facts(3.0, 4.2)
     record = laid_out(*about, split_rest_second=120.0, proof=True)

@@ -60,6 +60,16 @@ def test_full_cycle_gives_capacity_energy_and_efficiency():
     np.testing.assert_allclose(rows["energy_std_watt_hour"] / rows["energy_watt_hour"], share)
 
 
+def test_rests_beside_a_half_cycle_tell_what_it_moved_between():
+    """The first discharge begins a record; half an hour of rest lies around the others."""
+    rows = run(cycle(-1.0, 1.0, -1.0, loss=0.01)).rows
+    np.testing.assert_allclose(rows["rest_before_volt"], [3.0, 4.0], atol=0.003)
+    np.testing.assert_allclose(rows["rest_after_volt"], [4.0, 3.0], atol=0.003)
+    np.testing.assert_allclose(rows["rested_ampere_hour"], [2.02, 2.0], atol=0.005)
+    short = run(tuple(column[177:] for column in cycle(-1.0))).rows
+    assert np.isnan(short["rested_ampere_hour"]).all()
+
+
 @pytest.mark.parametrize(("others", "largest"), [((), 1.0), ((-2.0, 2.0), 2.0)])
 def test_a_capacity_is_no_surer_than_the_ammeter_over_its_range(others, largest):
     """Off by up to a share of the largest current, anywhere, for as long as the discharge took."""

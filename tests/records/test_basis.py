@@ -255,3 +255,44 @@ def test_a_sure_capacity_of_an_aged_cell_or_of_the_cold_is_no_better_than_an_uns
     others = [row(2.1, cycle=800, test="aged"), row(2.2, celsius=-10.0, test="cold")]
     found = basis("A", [], [*others, unsure], [], rated_capacity_ampere_hour=3.0)
     assert found["capacity_source"] == "discharge of fresh at 1C, ± 0.2 Ah"
+
+
+OPEN_VOLT = curve()["ocv_volt"]
+AMPERE = 1.0
+
+
+def between_rests(slow_ampere_hour, ohm):
+    """A discharge at 1 A of a cell held at 4.025 V until 0.05 A before it, and down to 3.025 V."""
+    full, empty = 4.025 - 0.05 * ohm, 3.025 + AMPERE * ohm
+    charge = (full - empty) * slow_ampere_hour
+    rests = {"rest_before_volt": full, "rest_after_volt": empty}
+    rests |= {"rested_ampere_hour": charge, "rested_std_ampere_hour": 1e-3}
+    return row(charge) | rests | {"capacity_std_ampere_hour": 1e-3}
+
+
+def carried_from_lender(own):
+    slow = row(2.0, 0.05, test="ocv") | {"capacity_std_ampere_hour": 0.0}
+    lender = Lender("R", True, [curve(out=2.0, back=1.99)], [slow, between_rests(2.0, 0.02)])
+    return basis("A", [], [own], [lender])
+
+
+@pytest.mark.parametrize("ohm", [0.01, 0.02, 0.03])
+def test_what_a_worn_cell_keeps_from_a_fast_discharge_its_own_rests_tell(ohm):
+    """One of half or 1.5 times the lender's resistance: its ratio alone would be off by 1 %."""
+    content = carried_from_lender(between_rests(1.6, ohm))
+    assert content["capacity_ampere_hour"] == pytest.approx(1.6, rel=1e-6)
+    assert "by the rests of both" in content["capacity_source"]
+    # As of even odds between none and all of what the rests changed, and of the slow test's loss.
+    change = 1 - (1 - 1.05 * 0.02) / (1 - 1.05 * ohm)
+    parts = [change / 3**0.5, 0.01 / 2.0 / 3**0.5, 1e-3 / 1.6, 1e-3 / 2.0]
+    share = content["capacity_std_ampere_hour"] / 1.6
+    assert share == pytest.approx(np.linalg.norm(parts), rel=0.1)
+
+
+@pytest.mark.parametrize("rest", [np.nan, 3.4])
+def test_rests_that_are_not_there_or_on_a_plateau_tell_nothing(rest):
+    own = between_rests(1.6, 0.03) | {"rest_after_volt": rest}
+    content = carried_from_lender(own)
+    assert content["capacity_ampere_hour"] == pytest.approx(1.6, rel=0.02)
+    assert abs(content["capacity_ampere_hour"] - 1.6) < 1.96 * content["capacity_std_ampere_hour"]
+    assert "rests" not in content["capacity_source"]

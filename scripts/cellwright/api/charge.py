@@ -87,8 +87,8 @@ def ocv_from_load(series, cell, test):
 
     curve = slowest_load(*inputs.quantities(series, inputs.COUNTED), **inputs.cutoffs(cell))
     # The charge of this leg is at its own rate: less than a slow one, and said to be so.
-    _, source = slow_capacity(curve._asdict() | {"test": inputs.test_facts(test).test})
-    words = {"capacity_source": source.replace("slow test", "long load")}
+    slow = slow_capacity(curve._asdict() | {"test": inputs.test_facts(test).test}, [])
+    words = {"capacity_source": slow["capacity_source"].replace("slow test", "long load")}
     return results.Result({"curve": curve, "points": {}}, words, (curve.note,))
 
 

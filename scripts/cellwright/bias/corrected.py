@@ -49,9 +49,9 @@ def borrowed_model(cell, peers):
     reference, others = reference_and_others(cell, peers)
     base = courses_of(reference.model, reference.model["chosen"])
     found = correction(*compared(reference, [cell]), base, compared(reference, others))
-    if all(change.form == "scaling" for change in found.changes):
-        return scaled_model(cell, reference, found)
-    return corrected_model(cell, reference, found)
+    scaled = all(change.form == "scaling" for change in found.changes)
+    model = (scaled_model if scaled else corrected_model)(cell, reference, found)
+    return model | {"capacity_std_ampere_hour": cell.capacity_std_ampere_hour}
 
 
 def reference_and_others(cell, peers):

@@ -23,7 +23,7 @@ class Shown(NamedTuple):
     from full, delay [s] → [ohm]; begin_ohm : the same of its charges from empty; empty where none
     was measured. capacities : list of dict, rows of stage `capacity` with their temperature.
     charges : list of dict, curves of stage `ica_curve`: c_rate, voltage_volt (n,) [V],
-    charge_ampere_hour (n,) [Ah].
+    charge_ampere_hour (n,) [Ah]. capacity_std_ampere_hour : of the capacity, None: not known.
     """
 
     cell: str
@@ -35,6 +35,7 @@ class Shown(NamedTuple):
     begin_ohm: dict = {}  # noqa: RUF012
     capacities: tuple = ()
     charges: tuple = ()
+    capacity_std_ampere_hour: float | None = None
 
 
 def onset_resistances(rows, direction):

@@ -76,8 +76,9 @@ def changed(reference, change, *, cell, capacity, kind, notes, knots=()):
         "kind": kind,
         "members": members,
     }
-    # What was left out of the reference's fit says nothing of this cell.
-    rest = {name: value for name, value in reference.items() if name != "left_out"}
+    # Neither the reference's left-out blocks nor its other capacities say anything of this cell.
+    of_reference = ("left_out", "checkups", "capacity_std_ampere_hour")
+    rest = {name: value for name, value in reference.items() if name not in of_reference}
     return {**rest, **cell_fields, "notes": list(notes)}
 
 

@@ -131,6 +131,22 @@ def estimate_on(plant, start, *, method, noise):
     return _filtered(plant, start, noise._replace(adaptive=method in ("aekf", "dual")))
 
 
+# ASSUME: The SoC scale of a model stands at full: what its capacity errs by grows from there.
+def with_doubt_of_capacity(estimate, share):
+    """The same estimate, its deviation with that of the scale that its SoC stands on.
+
+    The voltages of a model were laid out on the same scale, so no voltage tells an error of it: the
+    capacity is a considered parameter, as of Schmidt, that the filter does not estimate.
+
+    Parameters
+    ----------
+    estimate : Estimate. share : standard deviation of the capacity over the capacity [1].
+
+    Source: S. F. Schmidt, Advances in Control Systems 3 (1966) 293.
+    """
+    return estimate._replace(std=np.hypot(estimate.std, share * np.abs(1.0 - estimate.soc)))
+
+
 def _without_innovations(soc, std):
     return Estimate(soc, std, *[np.full(len(soc), np.nan)] * 6)
 

@@ -5,7 +5,7 @@ import numpy as np
 from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
 from cellwright.circuits.model_file import member_of
 from cellwright.filters.bank import bank_of, hysteresis_of, resistance_factor_of
-from cellwright.filters.estimate import Start, estimate_on
+from cellwright.filters.estimate import Start, estimate_on, with_doubt_of_capacity
 from cellwright.filters.plant import Noise, plant_of, with_tracked
 from cellwright.filters.reference import reference_doubt
 from cellwright.numerics.statistics import rms
@@ -176,13 +176,14 @@ def soc_runs(model, record, *, settings):
         f"filters and their reference know that {sentence}" for sentence in words_of(entry, blocks)
     ]
     noise = noise_of(settings, record.test_time_second)
+    unsure = (model.get("capacity_std_ampere_hour") or 0.0) / model["capacity_ampere_hour"]
     first, *others = _starts(settings, record.soc[0])
     plans = [("nominal", start) for start in (first, *others)]
     plans += [(scenario, first) for scenario in settings.scenarios]
     plants = _plants(("nominal", *settings.scenarios), record, bank, noise, hold, settings)
     rows, columns = [], {}
     for method in settings.filters:
-        runs = _runs(method, plans, record, bank, plants, noise, settings)
+        runs = _runs(method, plans, record, bank, plants, noise, settings, unsure)
         rows += [row for row, _ in runs]
         columns |= _series_of(method, runs[0][1])
     curve = {"soc": bank.soc, "ocv_volt": bank.ocv_volt + bank.shift_volt}
@@ -293,8 +294,8 @@ def _plants(scenarios, record, bank, noise, hold, settings):
     return plants
 
 
-def _runs(method, plans, record, bank, plants, noise, settings):
-    """Row and estimate of one filter for each scenario and start."""
+def _runs(method, plans, record, bank, plants, noise, settings, unsure):
+    """Row and estimate of one filter for each scenario and start; `unsure` of the capacity [1]."""
     tracked = {"track_capacity": method == "dual", "track_ohmic": True}
     plants = {name: with_tracked(p, bank, noise, **tracked) for name, p in plants.items()}
     runs, scored = [], {}
@@ -304,6 +305,7 @@ def _runs(method, plans, record, bank, plants, noise, settings):
         key = (scenario, None if method == "ocv" else first)
         if key not in scored:
             estimated = estimate_on(plants[scenario], start, method=method, noise=noise)
+            estimated = with_doubt_of_capacity(estimated, unsure)
             reference = (disturbed.test_time_second, estimated, disturbed.soc, disturbed.used)
             scored[key] = estimated, scores(*reference)
         estimated, score = scored[key]

@@ -104,6 +104,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         "schema": SCHEMA,
         "cell": cell.cell,
         "capacity_ampere_hour": basis["capacity_ampere_hour"],
+        "capacity_std_ampere_hour": basis.get("capacity_std_ampere_hour"),
         "borrowed_from": basis["borrowed_from"],
         "checkups": capacities_of_checkups(basis),
         "ocv": [condition.ocv for condition in identified],

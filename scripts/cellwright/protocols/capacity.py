@@ -17,7 +17,7 @@ from cellwright.protocols.half_cycles import (
     unsure_of_instrument,
     with_starts,
 )
-from cellwright.records.anchor import first_rest_second
+from cellwright.records.anchor import RELAXED_SECOND, first_rest_second
 from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
 from cellwright.series.edges import edge_variance
@@ -182,6 +182,7 @@ def _measured(half, partner, columns, steps, temperature, inserts):
     current, voltage, charge = columns
     rate, held_row = _rate(current, steps, main_load(half, steps)[0])
     rows = slice(half.first_row, half.last_row + 1)
+    rests = _rests_beside(half, voltage, steps)
     efficiency = np.nan
     if partner is not None:
         out, put_in = (half, partner) if half.sign == -inserts else (partner, half)
@@ -191,6 +192,9 @@ def _measured(half, partner, columns, steps, temperature, inserts):
         "first_row": half.first_row,
         "rate": rate,
         "capacity_ampere_hour": charge_moved(half, charge),
+        "rested_ampere_hour": charge_moved(half, charge) if rests else np.nan,
+        "rest_before_volt": rests[0] if rests else np.nan,
+        "rest_after_volt": rests[1] if rests else np.nan,
         "energy_watt_hour": abs(energy_counted(voltage[rows], charge[rows])[-1]),
         "coulombic_efficiency": efficiency if efficiency <= EFFICIENCY_MAX else np.nan,
         "mean_current_ampere": half.sign * rate,
@@ -203,6 +207,24 @@ def _measured(half, partner, columns, steps, temperature, inserts):
         "constant_current_ampere_hour": abs(charge[held_row] - charge[half.first_row]),
         "missing": half.missing_ampere_hour,
     }
+
+
+def _rests_beside(half, voltage, steps):
+    """Voltages [V] at the end of the rests beside a half cycle; () without ten minutes each."""
+    before, after = half.loads[0] - 1, half.loads[-1] + 1
+    if before < 0 or after >= len(steps.kind):
+        return ()
+    rested = [
+        steps.kind[k] == "rest" and steps.duration_second[k] >= RELAXED_SECOND
+        for k in (before, after)
+    ]
+    return [float(voltage[steps.last_row[k]]) for k in (before, after)] if all(rested) else ()
+
+
+def _scatter(values):
+    """Standard deviation of the finite values, 0 of fewer than two."""
+    known = values[np.isfinite(values)]
+    return known.std(ddof=1) if len(known) > 1 else 0.0
 
 
 def _begin(measured):
@@ -237,10 +259,12 @@ def _row(halves, rated):
     names = [name for name in halves[0] if name != "doubt"]
     columns = {name: np.array([half[name] for half in halves]) for name in names}
     sizes = columns["capacity_ampere_hour"]
-    scatter = sizes.std(ddof=1) if len(sizes) > 1 else 0.0
     edges = np.sqrt(np.mean(columns["edges"] ** 2))
-    parts = [scatter, columns["missing"].mean(), edges, columns["instrument"].mean()]
-    std = float(np.linalg.norm(parts))
+    parts = [columns["missing"].mean(), edges, columns["instrument"].mean()]
+    std, rested_std = (
+        float(np.linalg.norm([_scatter(columns[f"{name}_ampere_hour"]), *parts]))
+        for name in ("capacity", "rested")
+    )
     means = {name: _mean(values) for name, values in columns.items()}
     return {
         "direction": NAMES[halves[0]["sign"]],
@@ -256,5 +280,9 @@ def _row(halves, rated):
         "mean_current_ampere": means["mean_current_ampere"],
         "temperature_mean_celsius": means["temperature_mean_celsius"],
         "constant_current_ampere_hour": means["constant_current_ampere_hour"],
+        "rested_ampere_hour": means["rested_ampere_hour"],
+        "rested_std_ampere_hour": rested_std,
+        "rest_before_volt": means["rest_before_volt"],
+        "rest_after_volt": means["rest_after_volt"],
         "doubt": "; ".join(dict.fromkeys(words for half in halves for words in half["doubt"])),
     }

@@ -49,7 +49,7 @@ def basis(
     1. With slow tests of its own, the cell's SoC refers to the capacity of the one nearest 25 °C,
     the earliest of them. 2. Without, the curves of the reference cell of its type are borrowed (the
     first marked one, else the largest); the capacity is the cell's own, carried from the rate of
-    its test to the slow rate by the reference cell's ratio where that has a test at both rates.
+    its test to the slow rate (`carried`) where the reference cell has a test at both rates.
     3. Without a lender, the curves are those from the rests of its own pulse tests, one for each
     temperature, the slowest; the capacity is that of the one nearest 25 °C, and all of them are put
     on its scale, full at 1; without pulse tests, those of its long loads in the same way.
@@ -69,7 +69,8 @@ def basis(
 
     Returns
     -------
-    basis : dict with cell, capacity_ampere_hour, capacity_source, borrowed_from, ocv.
+    basis : dict with cell, capacity_ampere_hour, capacity_std_ampere_hour (None: nothing tells it),
+        capacity_source, borrowed_from, ocv.
 
     Raises
     ------
@@ -79,8 +80,7 @@ def basis(
     # ASSUME: A cell without a slow test has the open-circuit voltage curve of its reference cell.
     content = {"cell": cell, "borrowed_from": None, "ocv": curves}
     if curves:
-        capacity, source = slow_capacity(min(curves, key=first_choice))
-        return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
+        return content | slow_capacity(min(curves, key=first_choice), capacities)
     lender = reference_of(
         [lender for lender in lenders if lender.curves],
         capacity=lambda lender: max(curve["capacity_ampere_hour"] for curve in lender.curves),
@@ -89,10 +89,8 @@ def basis(
         return content | _from_rests(rests, lower_cutoff_volt)
     if lender:
         content |= {"borrowed_from": lender.cell, "ocv": lender.curves}
-    capacity, source = _own_capacity(
-        capacities, lender, stated_capacity(rated_capacity_ampere_hour, state_of_health)
-    )
-    return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
+    stated = stated_capacity(rated_capacity_ampere_hour, state_of_health)
+    return content | _own_capacity(capacities, lender, stated)
 
 
 def curve_at(curves, celsius):
@@ -149,7 +147,7 @@ def _from_rests(curves, lower_cutoff_volt):
     if not source.startswith("rating") and chosen[0]["branches"] == "rests":
         source += f" (rests of {chosen[0]['test']})"
     scaled = [_on_scale(curve, capacity, lower_cutoff_volt) for curve in chosen]
-    return {"ocv": scaled, "capacity_ampere_hour": capacity, "capacity_source": source}
+    return {"ocv": scaled} | sized(capacity, None, source)
 
 
 def _load(curve):
@@ -178,13 +176,27 @@ def _on_scale(curve, capacity, lower_cutoff_volt):
     }
 
 
-def slow_capacity(curve):
-    """Capacity of a slow test [Ah], without the drift where its directions differ; its source.
+def sized(capacity_ampere_hour, std_ampere_hour, source):
+    """Capacity [Ah], its standard deviation [Ah] (None or NaN: not known) and its source."""
+    std = None if std_ampere_hour is None or np.isnan(std_ampere_hour) else float(std_ampere_hour)
+    return dict(zip(CAPACITY, (capacity_ampere_hour, std, source), strict=True))
+
+
+RESTED = "rested_ampere_hour"
+CAPACITY = ("capacity_ampere_hour", "capacity_std_ampere_hour", "capacity_source")
+
+
+def slow_capacity(curve, capacities):
+    """Capacity of a slow test [Ah], without the drift where its directions differ; as `sized`.
+
+    What its charge lacks at the full end, its discharge may lack at the empty one: as of even odds
+    between none of it and all, that is part of the standard deviation.
 
     Parameters
     ----------
     curve : dict with capacity_ampere_hour, charge_capacity_ampere_hour,
-        closed_capacity_ampere_hour [Ah] and test.
+        closed_capacity_ampere_hour [Ah] and test. capacities : rows of the capacity stage, of which
+        that of the test's discharge tells the standard deviation.
     """
     out, back, closed = (
         curve[f"{name}_ampere_hour"] for name in ("capacity", "charge_capacity", "closed_capacity")
@@ -192,7 +204,10 @@ def slow_capacity(curve):
     source = f"slow test {curve['test']}"
     if closed != out:
         source += f", between {out:.4g} Ah out and {back:.4g} Ah back"
-    return closed, source
+    own = [row for row in capacities if row["test"] == curve["test"]]
+    stds = [row.get(CAPACITY[1]) for row in own if row["direction"] == "discharge"]
+    lost = 0.0 if back is None or np.isnan(back) else abs(closed - back) / np.sqrt(3)
+    return sized(closed, np.hypot(stds[0], lost) if stds else None, source)
 
 
 def _own_capacity(capacities, lender, stated):
@@ -200,23 +215,69 @@ def _own_capacity(capacities, lender, stated):
     if not rows:
         if not stated[0]:
             raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
-        return stated
-    slowest = min(rows, key=lambda row: (*first_choice(row), is_unsure(row), row["c_rate"]))
-    source = capacity_in_words(slowest)
-    ratio = _slow_ratio(slowest, lender) if lender else None
-    if ratio is None:
-        return slowest["capacity_ampere_hour"], source
-    source += f", carried to the slow rate as in {lender.cell} (×{ratio:.4f})"
-    return slowest["capacity_ampere_hour"] * ratio, source
+        return sized(stated[0], None, stated[1])
+    row = min(rows, key=lambda row: (*first_choice(row), is_unsure(row), row["c_rate"]))
+    row = min([other for other in rows if same_condition(row, other)], key=_youngest_rested)
+    source, lent = capacity_in_words(row), lender.capacities if lender else []
+    alike = [other for other in lent if same_condition(row, other)]
+    if not alike:
+        return sized(row["capacity_ampere_hour"], row.get(CAPACITY[1]), source)
+    young = min(lender.curves, key=first_choice)
+    own = carried(row, min(alike, key=_youngest_rested), slow_capacity(young, lent), young)
+    ratio = own[CAPACITY[0]] / row["capacity_ampere_hour"]
+    return own | {
+        CAPACITY[2]: f"{source}, carried to the slow rate as in {lender.cell} (×{ratio:.4f}"
+        f"{own[CAPACITY[2]]})"
+    }
 
 
-# ASSUME: A cell that borrows its OCV loses as much capacity to rate as the lender does.
-def _slow_ratio(row, lender):
-    """Slow capacity of the lender over its capacity at the rate and temperature of `row` [1]."""
-    slow, _ = slow_capacity(min(lender.curves, key=first_choice))
-    alike = [other for other in lender.capacities if same_condition(row, other)]
-    youngest = min(alike, key=lambda row_of_lender: row_of_lender["cycle"] or 0, default=None)
-    return slow / youngest["capacity_ampere_hour"] if youngest else None
+def _youngest_rested(row):
+    """Sort key of tests made alike: age, then one between rests, which tell what it left."""
+    return row["cycle"] or 0, is_unsure(row), not np.isfinite(row.get(RESTED, np.nan))
+
+
+# ASSUME: A cell loses to rate what the cell or the age that it is compared with loses, corrected by
+# what both still hold after their rests, by one curve.
+def carried(row, other, slow, curve):
+    """Slow capacity of a cell from its discharge at a rate, by another's discharge made alike.
+
+    Without more, the ratio of slow to fast capacity is that of the other. But a cell of a higher
+    resistance meets its cut-off earlier, and is held less full: what each moved from rest to rest,
+    over the SoC between these rests, tells its own, where both rested. The rests of both relax
+    alike, so only the ratio of the two counts. Where they claim more than the whole loss to rate
+    (on a plateau), they tell nothing. The standard deviation holds each one's own, and, as of even
+    odds between none of it and all, what the rests changed; without rests the whole loss to rate.
+
+    Parameters
+    ----------
+    row, other : dict, rows of the capacity stage made alike (`same_condition`).
+    slow : dict as of `sized`, slow capacity of the other. curve : dict, OCV of both, or None.
+
+    Returns
+    -------
+    capacity : dict as of `sized`; the source only says whether rests told it.
+    """
+    ratio = slow[CAPACITY[0]] / other[CAPACITY[0]]
+    scales = [_scale_of_rests(one, curve) for one in (row, other)]
+    own = ratio * scales[0] / scales[1]
+    told = abs(own - ratio) < abs(ratio - 1)  # not where any is NaN
+    change = own - ratio if told else ratio - 1
+    sizes = (RESTED, "rested_std_ampere_hour") if told else CAPACITY[:2]
+    pairs = [(row, *sizes), (other, *sizes), (slow, *CAPACITY[:2])]
+    shares = [(one.get(std) or 0.0) / one[size] for one, size, std in pairs]
+    ratio = own if told else ratio
+    size = row[CAPACITY[0]] * ratio
+    std = size * float(np.linalg.norm(np.nan_to_num([*shares, change / ratio / np.sqrt(3)])))
+    return sized(size, std, ", by the rests of both" if told else "")
+
+
+def _scale_of_rests(row, curve):
+    """Charge per SoC between the rests of a row of the capacity stage, over its capacity [1]."""
+    volts = [row.get(f"rest_{side}_volt") for side in ("before", "after")]
+    if None in volts or not curve:
+        return np.nan
+    passed = abs(np.subtract(*np.interp(volts, curve["ocv_volt"], curve["soc"])))
+    return row[RESTED] / max(passed, 1e-9) / row[CAPACITY[0]]
 
 
 def same_condition(row, other):
@@ -256,10 +317,9 @@ def at_cycle(basis, cycle):
     age = cycle or 0.0
     nearest = min(checkups, key=lambda checkup: abs(checkup["cycle"] - age))
     content = basis | {"ocv": nearest.get("ocv") or basis["ocv"]}
-    names = ("capacity_ampere_hour", "capacity_std_ampere_hour", "capacity_source")
     if -SAME_CHECKUP_CYCLES <= age - nearest["cycle"] <= SAME_CHECKUP_CYCLES:
-        return content | {name: nearest[name] for name in names}
-    return content | dict(zip(names, _between(checkups, nearest, age), strict=True))
+        return content | {name: nearest[name] for name in CAPACITY}
+    return content | _between(checkups, nearest, age)
 
 
 def capacities_of_checkups(basis):
@@ -276,7 +336,7 @@ def capacities_of_checkups(basis):
 
 
 def _between(checkups, nearest, age):
-    """Capacity [Ah], its standard deviation [Ah] and source at an age between check-ups."""
+    """Capacity at an age between check-ups, as `sized`."""
     cycles = [checkup["cycle"] for checkup in checkups]
     sizes = [checkup["capacity_ampere_hour"] for checkup in checkups]
     after = int(np.clip(np.searchsorted(cycles, age), 1, len(cycles) - 1))
@@ -289,7 +349,7 @@ def _between(checkups, nearest, age):
         place = f"before the first check-up at {cycles[0]:g}"
     elif age > cycles[-1]:
         place = f"after the last check-up at {cycles[-1]:g}"
-    return size, std, f"cycle {age:g} lies {place}: {size:.4g} ± {std:.2g} Ah"
+    return sized(size, std, f"cycle {age:g} lies {place}: {size:.4g} ± {std:.2g} Ah")
 
 
 def soc_of(series, basis, facts, cell):

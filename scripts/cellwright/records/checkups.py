@@ -4,7 +4,10 @@ import numpy as np
 
 from cellwright.records.anchor import telling_capacity, tells_repeats
 from cellwright.records.basis import (
+    CAPACITY,
     basis,
+    carried,
+    curve_at,
     first_choice,
     same_condition,
     slow_capacity,
@@ -19,11 +22,11 @@ def basis_of_life(cell, curves, capacities, lenders, *, rests=(), shifts=(), **l
     cycle is 0. 2. A later one counts where it can be compared with the first: it has a slow
     test at its temperature, or a discharge at the rate and temperature of one of the first.
     Every other test belongs to the check-up nearest in cycles. 3. The first check-up gives the
-    basis of the cell, as `basis.basis` says. 4. The capacity of a later one is that of its own
-    slow test; else the first one's, times what the same discharge has become since: what a cell
-    loses to rate is then the same at both. 5. Its OCV curves are those of its slow tests, else
-    those of the rests of its pulse tests, else those of the first check-up with their shift since,
-    else those of the check-up before it, as its text says.
+    basis of the cell, as `basis.basis` says. 4. The capacity of a later one is that of its own slow
+    test; else it is carried from the first one by the same discharge since (`basis.carried`).
+    5. Its OCV curves are those of its slow tests, else those of the rests of its pulse tests, else
+    those of the first check-up with their shift since, else those of the check-up before it, as its
+    text says.
 
     Parameters
     ----------
@@ -36,7 +39,7 @@ def basis_of_life(cell, curves, capacities, lenders, *, rests=(), shifts=(), **l
     Returns
     -------
     basis : dict, as of `basis.basis`, with `checkups`: list of dict, by cycle: cycle,
-        capacity_ampere_hour, capacity_std_ampere_hour (None: no repeats tell it), capacity_source,
+        capacity_ampere_hour, capacity_std_ampere_hour (None: nothing tells it), capacity_source,
         ocv, ocv_source. Empty where there are fewer than two check-ups.
 
     Raises
@@ -100,9 +103,7 @@ def _first_checkup(cycle, content, curves, capacities):
     return {
         "cycle": cycle,
         "ambient_temperature_celsius": chosen["ambient_temperature_celsius"],
-        "capacity_ampere_hour": content["capacity_ampere_hour"],
-        "capacity_std_ampere_hour": repeat_std(capacities, content["capacity_ampere_hour"]),
-        "capacity_source": content["capacity_source"],
+        **{name: content[name] for name in CAPACITY},
         "ocv": content["ocv"],
         "ocv_source": "of this check-up" if not content["borrowed_from"] else "borrowed",
     }
@@ -127,13 +128,10 @@ def repeat_std(capacities, size):
 def _later(cycle, group, first_capacities, before, limits):
     """A later check-up from its (curves, capacities, rests, shifts) and those before it."""
     curves, capacities, rests, shifts = group
-    capacity, source = _later_capacity(curves, capacities, first_capacities, before[0])
     content = {
         "cycle": cycle,
         "ambient_temperature_celsius": before[0]["ambient_temperature_celsius"],
-        "capacity_ampere_hour": capacity,
-        "capacity_std_ampere_hour": repeat_std(capacities, capacity),
-        "capacity_source": source,
+        **_later_capacity(curves, capacities, first_capacities, before[0]),
     }
     if curves:
         names = ", ".join(curve["test"] for curve in curves)
@@ -162,16 +160,15 @@ def _shifted(curve, shifts):
     return curve | {"ocv_volt": volt.tolist()}
 
 
-# ASSUME: Of a cell that ages the capacity at a slow rate falls by the same share as at the rate of
-# its check-ups.
 def _later_capacity(curves, capacities, first_capacities, first):
-    """Capacity of a later check-up [Ah] and in words where it is from."""
+    """Capacity of a later check-up, as `basis.sized`: of its slow test, else carried from then."""
     if any(_as_warm(curve, first) for curve in curves):
-        return slow_capacity(min(curves, key=first_choice))
+        return slow_capacity(min(curves, key=first_choice), capacities)
     own = sorted(capacities, key=lambda row: (*first_choice(row), row["c_rate"]))
     pairs = [(row, old) for row in own for old in first_capacities if same_condition(row, old)]
     row, old = pairs[0]
     share = row["capacity_ampere_hour"] / old["capacity_ampere_hour"]
+    found = carried(row, old, first, curve_at(first["ocv"], row["ambient_temperature_celsius"]))
     words = f"{row['direction']} of {row['test']} at {row['c_rate']:.2g}C, {share:.4f} of that of "
-    words += f"{old['test']}, times the capacity then"
-    return share * first["capacity_ampere_hour"], words
+    words += f"{old['test']}, times the capacity then{found['capacity_source']}"
+    return found | {"capacity_source": words}
