@@ -11,9 +11,10 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
     rests : (test, result of `ocv_from_rests`, or of `ocv_from_load`) each.
     shifts : result of `ocv_shifts`, or its rows.
 
-    Returns content: cell, capacity_ampere_hour [Ah], capacity_source, borrowed_from, ocv, the
-    curves over SoC [1], and checkups, the same for each of several check-ups; curves: one row a
-    curve and SoC. Raises Refusal: no capacity test, no slow test and no rating.
+    Returns content: cell, capacity_ampere_hour, capacity_std_ampere_hour [Ah] (None: nothing tells
+    it), capacity_source, borrowed_from, ocv, the curves over SoC [1], and checkups, the same for
+    each of several check-ups; curves: one row a curve and SoC. Raises Refusal: no capacity test, no
+    slow test and no rating.
     Source: docs/state-of-charge.md.
     """
     from cellwright.records.checkups import basis_of_life as basis_of
