@@ -314,6 +314,29 @@ def test_no_filter_knows_the_soc_better_than_the_capacity_that_it_refers_to(meth
     np.testing.assert_allclose(more, 0.02 * np.abs(1 - soc), atol=1e-6)
 
 
+@pytest.mark.parametrize("method", ["ekf", "aekf", "dual"])
+def test_a_filter_knows_that_it_does_not_know_what_flowed_in_a_gap(method):
+    """Ten minutes of a drive are lost between two unlike loads; the count leaves them out."""
+    time, current, voltage, soc = world(9)
+    lost = slice(2000, 2600)
+    rows = np.delete(np.arange(len(time)), lost)
+    current[[1999, 2600]] = -1.0, -3.0
+    missed = (soc[2600] - soc[1999]) * (np.arange(len(time)) >= 2600)
+    charge = (soc - soc[0] - missed) * truth.CAPACITY_AMPERE_HOUR
+    names = ["test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour"]
+    columns = (column[rows] for column in (time, current, voltage, charge))
+    test = measured_test(dict(zip(names, columns, strict=True)), soc=0.95, role="validation")
+    facts = cell_facts(3.0, 4.2)
+    record = laid_out(test, stated(), facts, split_rest_second=120.0, proof=True)
+    settings = Soc(**SETTINGS)._replace(filters=(method,), scenarios=())
+    _, series, _ = soc_runs(stated(), record, settings=settings)
+    error = np.abs(series[f"estimated_{method}_soc"] - soc[rows])
+    std = series[f"std_{method}_soc"]
+    assert std[2000] > 2 * std[1999]
+    assert np.mean(error[2000:] < 1.96 * std[2000:]) > 0.9
+    assert error[-1] < 0.02
+
+
 def test_a_test_is_run_by_every_filter_start_and_scenario():
     about = measured(9), stated(), cell_facts(3.0, 4.2)
     record = laid_out(*about, split_rest_second=120.0, proof=True)

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.series import clean
-from cellwright.series.gaps import NO_LOAD, RAN, RESTED, UNKNOWN, verdicts
+from cellwright.series.doubts import Doubt
+from cellwright.series.gaps import NO_LOAD, OTHER_LOAD, RAN, RESTED, UNKNOWN, verdicts
 
 
 def record(*, gap, ran, slope=0.3, amps=-1.5, noise=2e-4, seed=0):
@@ -48,6 +49,16 @@ def test_unequal_currents_are_no_load_that_went_on():
     time, current, voltage = record(gap=600.0, ran=True)
     current[180:] = 0.0
     assert list(verdicts(time, current, voltage, np.array([180]))) == [NO_LOAD]
+
+
+def test_what_flowed_between_unlike_loads_nobody_knows():
+    """Rows lost in the middle of a drive: what is counted without them is in doubt."""
+    time, current, voltage = record(gap=900.0, ran=True)
+    current[180:] = -3.0
+    assert list(verdicts(time, current, voltage, np.array([180]))) == [OTHER_LOAD]
+    found = clean({"test_time_second": time, "current_ampere": current, "voltage_volt": voltage})
+    assert found.columns["doubt"][180] & Doubt.GAP
+    assert any("unlike loads" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("ran", [True, False])

@@ -5,13 +5,15 @@ import numpy as np
 from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
 from cellwright.circuits.model_file import member_of
 from cellwright.filters.bank import bank_of, hysteresis_of, resistance_factor_of
-from cellwright.filters.estimate import Start, estimate_on, with_doubt_of_capacity
-from cellwright.filters.plant import Noise, plant_of, with_tracked
+from cellwright.filters.estimate import Estimate, Start, estimate_on, with_doubt_of_capacity
+from cellwright.filters.plant import Noise, piece_of, plant_of, with_tracked
 from cellwright.filters.reference import reference_doubt
 from cellwright.numerics.statistics import rms
 from cellwright.records.conditions import at_rest
 from cellwright.records.thinning import rows_of
 from cellwright.refusal import Refusal
+from cellwright.series.steps import silent_before
+from cellwright.settings import Clean
 
 NORMAL_95 = 1.959963985
 LAGS = 20  # of the autocorrelation that is tested
@@ -304,7 +306,7 @@ def _runs(method, plans, record, bank, plants, noise, settings, unsure):
         # A look-up has no start: what it finds in a scenario is the same from all.
         key = (scenario, None if method == "ocv" else first)
         if key not in scored:
-            estimated = estimate_on(plants[scenario], start, method=method, noise=noise)
+            estimated = _through_gaps(plants[scenario], disturbed, start, method, noise)
             estimated = with_doubt_of_capacity(estimated, unsure)
             reference = (disturbed.test_time_second, estimated, disturbed.soc, disturbed.used)
             scored[key] = estimated, scores(*reference)
@@ -314,6 +316,35 @@ def _runs(method, plans, record, bank, plants, noise, settings, unsure):
         reason = _reason(row, size, disturbed, noise)
         runs.append((row | {"reason": reason}, estimated))
     return runs
+
+
+LEAST_SILENT_SOC = 0.01  # that may have flowed in a gap beside what is counted
+
+
+# ASSUME: In a gap between two loads of one direction anything may have flowed between what is
+# counted and the larger of the two.
+def _silent_loads(record, capacity):
+    """Rows after gaps under load, the SoC counted over each, and its standard deviation [1]."""
+    time, current = record.test_time_second, record.current_ampere
+    counted, sides = np.diff(record.soc), (current[:-1], current[1:])
+    most = np.maximum(*np.abs(sides)) * np.diff(time) / 3600.0 / capacity
+    std = (most - np.abs(counted)) / np.sqrt(3)
+    unknown = silent_before(time, Clean().gap_second)[1:] & (sides[0] * sides[1] > 0)
+    gaps = np.flatnonzero(unknown & (std > LEAST_SILENT_SOC))
+    return [(int(k) + 1, float(counted[k]), float(std[k])) for k in gaps]
+
+
+def _through_gaps(plant, record, start, method, noise):
+    """Estimate over a record; after each gap under load a filter starts anew, less sure."""
+    first, found = 0, []
+    silent = _silent_loads(record, plant.capacity_ampere_hour)
+    for row, counted, std in [*silent, (len(record.soc), 0.0, 0.0)]:
+        piece = piece_of(plant, slice(first, row)) if silent else plant
+        found.append(estimate_on(piece, start, method=method, noise=noise))
+        first, soc = row, float(np.clip(found[-1].soc[-1] + counted, 0.0, 1.0))
+        soc_std = float(np.hypot(found[-1].std[-1], std))
+        start = start._replace(soc=soc, soc_std=soc_std, c_rate=1.0)
+    return Estimate(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
 
 
 def _reason(row, bank, record, noise):

@@ -259,6 +259,23 @@ def with_tracked(plant, bank, noise, *, track_capacity, track_ohmic):
     return plant._replace(**_places(bank, noise, track_capacity, track_ohmic))
 
 
+OF_SAMPLES = ("step_second", "charge_ampere_hour", "passed_ampere_hour", "current_ampere")
+OF_SAMPLES += ("between_ampere", "voltage_volt", "edge_variance")
+
+
+def piece_of(plant, rows):
+    """The plant of some of its samples alone, before the first of which nothing flows.
+
+    Parameters
+    ----------
+    plant : Plant. rows : slice.
+    """
+    columns = {name: getattr(plant, name)[rows].copy() for name in OF_SAMPLES}
+    for name in OF_SAMPLES[:3]:
+        columns[name][:1] = 0.0
+    return plant._replace(**columns, drives=np.ascontiguousarray(plant.drives[..., rows]))
+
+
 def _variances(bank, levels, noise):
     """White, fast (seconds) and slow (minutes) variance of the voltage [V²]."""
     at_once = float(levels @ [e.direct for e in bank.elements])

@@ -12,7 +12,7 @@ import numpy as np
 from cellwright.formats.fields import NET, SERIES
 from cellwright.numerics.statistics import robust_std
 from cellwright.numerics.turns import turning_points
-from cellwright.series.gaps import UNKNOWN
+from cellwright.series.gaps import OTHER_LOAD, UNKNOWN
 from cellwright.series.rest_current import near_zero_ampere
 
 LOAD_SHARE = 0.2  # of the largest current: a step of so much must move the voltage
@@ -111,7 +111,7 @@ def doubts(
     found[_all_if_many(jumps)] |= Doubt.CLOCK
     counter = columns.get(NET)
     counted = np.zeros(len(time), bool) if counter is None else np.isfinite(counter)
-    unknown = gaps[silent == UNKNOWN]
+    unknown = gaps[np.isin(silent, (UNKNOWN, OTHER_LOAD))]
     found[unknown[~counted[unknown]]] |= Doubt.GAP
     apart = np.zeros(len(time), bool)
     apart[np.r_[gaps, jumps].astype(int)] = True

@@ -5,6 +5,7 @@ import numpy as np
 from cellwright.numerics.statistics import robust_std
 
 RAN, RESTED, UNKNOWN, NO_LOAD = "load went on", "cell rested", "not known", "no load"
+OTHER_LOAD = "another load"  # of the same direction on the other side: anything may have flowed
 SAME_CURRENT = 0.1  # of the current: as much on both sides of a gap is the same load
 SHORTEST_WINDOW = 60.0  # s of rows at each side, by which the voltage's slope is told
 LEAST_ROWS = 4
@@ -33,8 +34,9 @@ def verdicts(
 
     Returns
     -------
-    array of RAN, RESTED, UNKNOWN where the slopes cannot tell (a plateau, few rows), NO_LOAD where
-    the current is not the same on both sides, nor the voltage held.
+    array of RAN, RESTED, UNKNOWN where the slopes cannot tell (a plateau, few rows), OTHER_LOAD
+    where the load is not the same on both sides, but of one direction and at another voltage,
+    NO_LOAD else.
     """
     found = [_verdict(time, current, voltage, int(row)) for row in gaps]
     return np.array(found, dtype=f"U{len(RAN)}")
@@ -43,7 +45,11 @@ def verdicts(
 def _verdict(time, current, voltage, row):
     before, after = current[row - 1], current[row]
     if not abs(after) > 0 or abs(after - before) > SAME_CURRENT * abs(after):
-        return RAN if _held_on(current, voltage, row) else NO_LOAD
+        if _held_on(current, voltage, row):
+            return RAN
+        # More current at the same voltage: of a hold, after a rest.
+        other = before * after > 0 and abs(voltage[row] - voltage[row - 1]) > FLOOR_VOLT
+        return OTHER_LOAD if other else NO_LOAD
     length = time[row] - time[row - 1]
     slopes, noises = [], []
     for side in (-1, 1):
@@ -98,6 +104,7 @@ def in_words(time: np.ndarray, current: np.ndarray, gaps: np.ndarray, found: np.
         RAN: "the voltage went on as under load: the charge is counted",
         RESTED: "the voltage came back: the cell rested, no charge is counted",
         UNKNOWN: "the voltage does not tell whether the load went on: the charge is counted as if",
+        OTHER_LOAD: "it begins and ends under unlike loads: without a counter no charge is counted",
     }
     out = []
     moved = np.sum(np.abs(current[1:]) * np.diff(time)) / 3600
