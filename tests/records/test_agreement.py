@@ -138,6 +138,14 @@ def test_a_current_that_goes_with_an_aged_cells_capacity_is_not_compared():
     assert doubts(rows) == ["", "", ""]
 
 
+@pytest.mark.parametrize(("ampere", "in_doubt"), [(0.1, False), (0.1006, False), (0.102, True)])
+def test_a_slow_current_that_the_check_ups_of_all_other_ages_agree_on(ampere, in_doubt):
+    rows = [set_to(f"cu{k}", 0.1, cycle=100 * k) for k in range(3)]
+    said = doubts([*rows, set_to("odd", ampere, cycle=300)])
+    assert said[:3] == ["", "", ""]
+    assert ("in 3 other tests 0.1 A" in said[3]) == in_doubt
+
+
 def test_two_ammeters_may_differ_by_their_offset_at_a_slow_rate():
     assert doubts([set_to("a", 0.143), set_to("b", 0.153)]) == ["", ""]
 
@@ -154,6 +162,19 @@ def test_a_current_that_nobody_sets_beside_round_ones_is_told():
     assert said[2] == (
         "its current of 2.34 A (0.78C) is no round one, as those of 2 other tests of the cell are"
     )
+
+
+@pytest.mark.parametrize(
+    ("volt", "ampere", "in_doubt"), [(3.6, 3.0, True), (3.9, 3.0, False), (3.6, 1.0, False)]
+)
+def test_no_cell_rests_lower_at_a_higher_soc(volt, ampere, in_doubt):
+    """A gain of the voltage; a pulse out of a running load (1 A, a step of 3 A) is not at rest."""
+    rests = [(0.9, volt), (0.8, 3.95), (0.7, 3.85), (0.2, 3.5)]
+    rows = [pulse(f"soc{100 * soc:.0f}", 3.0, soc, voltage_before_volt=v) for soc, v in rests]
+    rows[0]["current_ampere"] = -ampere
+    said = doubts(rows, "resistance")
+    assert ("rests at 3.950 V at 80% SoC; and 1 more" in said[0]) == in_doubt
+    assert said[1:] == ["", "", ""]
 
 
 def test_where_a_cells_currents_are_not_round_none_is_odd():

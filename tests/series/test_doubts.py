@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cellwright.series.cleaning import clean
-from cellwright.series.doubts import Doubt, beyond_cutoffs, in_words
+from cellwright.series.doubts import Doubt, beyond_cutoffs, drawn_beyond, in_words
 
 RATED, OHM = 3.0, 0.04
 
@@ -88,6 +88,13 @@ def test_a_current_in_another_unit(columns, factor):
 
 def test_a_voltage_that_rests_beyond_its_cutoff(columns):
     assert flags(columns, cutoffs_volt=(2.5, 4.0)) == Doubt.BEYOND
+
+
+@pytest.mark.parametrize(("ampere", "drawn"), [(-0.3, True), (-1.5, False)])
+def test_no_tester_draws_slowly_on_below_the_cutoff(ampere, drawn):
+    current, volt = np.full(60, ampere), np.linspace(3.0, 2.2, 60)
+    assert drawn_beyond(current, volt, 2.5, RATED) == drawn
+    assert not drawn_beyond(current, volt + 0.25, 2.5, RATED)
 
 
 def test_first_rows_may_still_be_raised_by_a_charge_before_the_record():

@@ -14,9 +14,9 @@ BEYOND_VOLT = 0.03  # a tester ends a load within its own sampling and lead drop
 DRIFT_SHARE = 0.02  # within which any tester holds a current; its noise is less in the median
 LEAST_DRIFT_ROWS = 32
 UNFINISHED_C_RATE = 0.1  # a hold that a record ends in above it was not finished
-# ASSUME: A good cell gives half of its rating up to 1.2C from 10 °C on, up to C/20 from −20 °C on.
+# ASSUME: A good cell gives half of its rating up to 1.2C from 10 °C on, up to C/10 from −20 °C on.
 COLD_CELSIUS, FAST_C_RATE = 10.0, 1.2
-COLDEST_CELSIUS, SLOW_C_RATE = -20.0, 1 / 20
+COLDEST_CELSIUS, SLOW_C_RATE = -20.0, 1 / 10
 THERMOMETER_KELVIN = 10.0  # between a thermometer at the start and the stated temperature
 
 

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from cellwright.records.anchor import UNRELAXED_VOLT
 from cellwright.records.conditions import (
     AT_REST_C_RATE,
     ROUND_SHARE,
@@ -27,6 +28,7 @@ ANY_SOC_FACTOR = 2.0  # the first sample of a pulse hardly hangs on the SoC, but
 LEAST_SOC, DELAY_FACTOR = 0.1, 2.0  # the latter also by which a decade of delay adds at most
 SIGMAS = 2.0
 LEAST_TESTS = 2  # that show which currents a laboratory sets
+LEAST_REPEATS, REPEATED_SHARE = 3, 0.01  # ages at which it sets one current, and reads it so alike
 
 
 def with_disagreements(rows, *, quantity):
@@ -155,7 +157,32 @@ def _unusual_currents(rows, tests):
         cell: {test: sum(map(_is_round, own)) >= len(own) / 2 for test, own in of_cell.items()}
         for cell, of_cell in tests.items()
     }
-    return [_unusual(row, round_ones.get(row["cell"], {})) for row in rows]
+    return [
+        _unusual(row, round_ones.get(row["cell"], {}))
+        or _unlike_repeats(row, tests.get(row["cell"], {}))
+        for row in rows
+    ]
+
+
+def _unlike_repeats(row, tests):
+    """In words, that a capacity's current is not the one that several other tests agree on."""
+    if "delay_second" in row or not _ampere(row) > 0:
+        return ""
+    here, direction = _ampere(row), row["direction"]
+    others = [
+        one
+        for test, own in tests.items()
+        for one in own
+        if test != row["test"] and one["direction"] == direction and same_rate(_ampere(one), here)
+    ]
+    # Of one age they show one setting; over ages, that it does not go with the capacity.
+    if len({one["cycle"] or 0 for one in others}) < LEAST_REPEATS:
+        return ""
+    usual = float(np.median([_ampere(one) for one in others]))
+    off = [abs(size - usual) > REPEATED_SHARE * usual for size in (here, *map(_ampere, others))]
+    if not off[0] or any(off[1:]):
+        return ""
+    return f"its current is {here:.4g} A, in {len(others)} other tests {usual:.4g} A"
 
 
 def _unusual(row, round_ones):
@@ -243,6 +270,8 @@ def _resistances(row, other):
     socs = row["soc"], other["soc"]
     if _is_number(*socs) and min(socs) < LEAST_SOC:
         return ""
+    if wrong := _rests(row, other):
+        return wrong
     near = _is_number(*socs) and abs(socs[0] - socs[1]) <= SAME_SOC
     stated = _is_number(_celsius(row), _celsius(other))
     if not near and (row["delay_second"] > 0 or row["direction"] != "discharge" or not stated):
@@ -257,6 +286,24 @@ def _resistances(row, other):
         return ""
     place = f" at {socs[1]:.0%} SoC" if _is_number(socs[1]) else ""
     return f"{other['test']} gives {1e3 * there:.3g} mΩ{place}"
+
+
+def _rests(row, other):
+    """What the rest before another pulse says against that before one, "" where nothing.
+
+    At a higher SoC a cell rests no lower, whatever its hysteresis. Two pulses of one share of the
+    rating for their current begin at rest.
+    """
+    names = ("soc", "voltage_before_volt", "c_rate", "current_ampere")
+    known = [[one.get(name) for name in names] for one in (row, other)]
+    if not _is_number(*known[0], *known[1]) or 0 in (known[0][2], known[1][2]):
+        return ""
+    sizes = [abs(current) / rate for _, _, rate, current in known]
+    (low, low_volt, *_), (high, high_volt, *_) = sorted(known)
+    at_rest = abs(sizes[0] / sizes[1] - 1) <= ROUND_SHARE
+    if not at_rest or high - low <= SAME_SOC or low_volt - high_volt <= UNRELAXED_VOLT:
+        return ""
+    return f"{other['test']} rests at {known[1][1]:.3f} V at {known[1][0]:.0%} SoC"
 
 
 COMPARING = {

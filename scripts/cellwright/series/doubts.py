@@ -25,6 +25,7 @@ SUDDEN = 5.0  # times the largest step of the rows around: no curve bends so
 ANSWER_SHARE = 0.25  # of what the cell's other steps show: less is no answer
 SILENT_VOLT = 0.001  # within a digit or two of common voltmeters nothing has answered
 LONGEST_EDGE = 10.0  # s between the two rows of a step: in more the cell relaxes
+SLOW_C_RATE, DRAWN_VOLT = 0.1, 0.1  # a slow load on beyond the cut-off by more is no overshoot
 REST_VOLT = 0.03  # a tester's overshoot and its voltmeter's offset
 SHORTEST_REST = 60.0  # s
 RELAXED_SECOND = 600.0  # of load before a rest, by which its direction is told
@@ -127,9 +128,11 @@ def doubts(
     found[against_rest(time, current, voltage, apart)] |= Doubt.AT_REST
     found[_unlike_across_gaps(current, voltage, gaps, counted)] |= Doubt.GAP
     beyond = beyond_cutoffs(current, voltage, cutoffs_volt)
-    # Drawn too far a cell may rest too low for a while; above full nothing rests.
+    # Drawn too far a cell may rest too low for a while; above full nothing rests, and no tester
+    # draws slowly on beyond the cut-off that it was set to.
     above = cutoffs_volt[1] is not None and np.any(voltage[beyond] > cutoffs_volt[1])
-    found[slice(None) if above else beyond] |= Doubt.BEYOND
+    drawn = drawn_beyond(current, voltage, cutoffs_volt[0], rated_capacity_ampere_hour)
+    found[slice(None) if above or drawn else beyond] |= Doubt.BEYOND
     if rated := rated_capacity_ampere_hour:
         charge = columns["charge_ampere_hour"]
         # What was bridged over gaps is no measured charge.
@@ -155,6 +158,14 @@ def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:
     )
     above = voltage > high + REST_VOLT
     return np.flatnonzero((above & not_charged) | ((voltage < low - REST_VOLT) & rest))
+
+
+def drawn_beyond(current, voltage, lower_cutoff_volt, rated_capacity_ampere_hour) -> bool:
+    """Whether a slow discharge runs on below the lower cut-off, which no overpotential explains."""
+    if lower_cutoff_volt is None or not rated_capacity_ampere_hour:
+        return False
+    slow = (current < 0) & (current >= -SLOW_C_RATE * rated_capacity_ampere_hour)
+    return int(np.sum(slow & (voltage < lower_cutoff_volt - DRAWN_VOLT))) >= MANY
 
 
 def _all_if_many(rows):
