@@ -10,10 +10,9 @@ from cellwright.filters.plant import Noise, piece_of, plant_of, with_tracked
 from cellwright.filters.reference import reference_doubt
 from cellwright.numerics.statistics import rms
 from cellwright.records.conditions import at_rest
+from cellwright.records.filled import silent_loads
 from cellwright.records.thinning import rows_of
 from cellwright.refusal import Refusal
-from cellwright.series.steps import silent_before
-from cellwright.settings import Clean
 
 NORMAL_95 = 1.959963985
 LAGS = 20  # of the autocorrelation that is tested
@@ -318,26 +317,10 @@ def _runs(method, plans, record, bank, plants, noise, settings, unsure):
     return runs
 
 
-LEAST_SILENT_SOC = 0.01  # that may have flowed in a gap beside what is counted
-
-
-# ASSUME: In a gap between two loads of one direction anything may have flowed between what is
-# counted and the larger of the two.
-def _silent_loads(record, capacity):
-    """Rows after gaps under load, the SoC counted over each, and its standard deviation [1]."""
-    time, current = record.test_time_second, record.current_ampere
-    counted, sides = np.diff(record.soc), (current[:-1], current[1:])
-    most = np.maximum(*np.abs(sides)) * np.diff(time) / 3600.0 / capacity
-    std = (most - np.abs(counted)) / np.sqrt(3)
-    unknown = silent_before(time, Clean().gap_second)[1:] & (sides[0] * sides[1] > 0)
-    gaps = np.flatnonzero(unknown & (std > LEAST_SILENT_SOC))
-    return [(int(k) + 1, float(counted[k]), float(std[k])) for k in gaps]
-
-
 def _through_gaps(plant, record, start, method, noise):
     """Estimate over a record; after each gap under load a filter starts anew, less sure."""
     first, found = 0, []
-    silent = _silent_loads(record, plant.capacity_ampere_hour)
+    silent = silent_loads(record, capacity_ampere_hour=plant.capacity_ampere_hour)
     for row, counted, std in [*silent, (len(record.soc), 0.0, 0.0)]:
         piece = piece_of(plant, slice(first, row)) if silent else plant
         found.append(estimate_on(piece, start, method=method, noise=noise))

@@ -4,6 +4,8 @@ import numpy as np
 
 from cellwright.records.thinning import edges, row_fields
 from cellwright.series.edges import STEP_SHARE, shares_before
+from cellwright.series.steps import silent_before
+from cellwright.settings import Clean
 
 
 def with_edges(record, *, capacity_ampere_hour, uncounted=None):
@@ -86,6 +88,31 @@ def bridged(record, *, capacity_ampere_hour):
         "used": np.zeros(4 * len(gaps), bool),
     }
     return _inserted(record, np.repeat(gaps + 1, 4), filled)
+
+
+# ASSUME: In a gap between two loads of one direction anything may have flowed between what is
+# counted and the larger of the two.
+def silent_loads(record, *, capacity_ampere_hour):
+    """Gaps of a record between two loads of one direction, in which nobody knows what flowed.
+
+    Parameters
+    ----------
+    record : Record, whose SoC is counted. capacity_ampere_hour : what it refers to [Ah].
+
+    Returns
+    -------
+    gaps : list of (row after the gap, SoC counted over it, its standard deviation [1]).
+    """
+    time, current = record.test_time_second, record.current_ampere
+    counted, sides = np.diff(record.soc), (current[:-1], current[1:])
+    most = np.maximum(*np.abs(sides)) * np.diff(time) / 3600.0 / capacity_ampere_hour
+    std = (most - np.abs(counted)) / np.sqrt(3)
+    unknown = silent_before(time, Clean().gap_second)[1:] & (sides[0] * sides[1] > 0)
+    gaps = np.flatnonzero(unknown & (std > LEAST_SILENT_SOC))
+    return [(int(k) + 1, float(counted[k]), float(std[k])) for k in gaps]
+
+
+LEAST_SILENT_SOC = 0.01
 
 
 def _inserted(record, before, filled):
