@@ -98,7 +98,7 @@ def cell_shows(basis_path, model_path, paths, references) -> Shown:
         begin_ohm=onset_resistances(_rows(onset), "charge"),
         capacities=tuple(_rows(capacity)),
         charges=tuple(_charge(path, columns) for path, columns in pairs if len(columns["c_rate"])),
-        capacity_std_ampere_hour=basis["capacity_std_ampere_hour"],
+        capacity_std_ampere_hour=basis.get("capacity_std_ampere_hour"),
     )
 
 

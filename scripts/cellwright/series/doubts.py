@@ -25,7 +25,8 @@ SUDDEN = 5.0  # times the largest step of the rows around: no curve bends so
 ANSWER_SHARE = 0.25  # of what the cell's other steps show: less is no answer
 SILENT_VOLT = 0.001  # within a digit or two of common voltmeters nothing has answered
 LONGEST_EDGE = 10.0  # s between the two rows of a step: in more the cell relaxes
-SLOW_C_RATE, DRAWN_VOLT = 0.1, 0.1  # a slow load on beyond the cut-off by more is no overshoot
+# A slow load on beyond the cut-off by more is no overshoot, in more rows no spike.
+SLOW_C_RATE, DRAWN_VOLT, DRAWN_ROWS = 0.1, 0.1, 3
 REST_VOLT = 0.03  # a tester's overshoot and its voltmeter's offset
 SHORTEST_REST = 60.0  # s
 RELAXED_SECOND = 600.0  # of load before a rest, by which its direction is told
@@ -165,7 +166,7 @@ def drawn_beyond(current, voltage, lower_cutoff_volt, rated_capacity_ampere_hour
     if lower_cutoff_volt is None or not rated_capacity_ampere_hour:
         return False
     slow = (current < 0) & (current >= -SLOW_C_RATE * rated_capacity_ampere_hour)
-    return int(np.sum(slow & (voltage < lower_cutoff_volt - DRAWN_VOLT))) >= MANY
+    return int(np.sum(slow & (voltage < lower_cutoff_volt - DRAWN_VOLT))) >= DRAWN_ROWS
 
 
 def _all_if_many(rows):
