@@ -122,6 +122,14 @@ def r0_of(model):
     return model["members"][0]["conditions"][0]["r0_ohm"]
 
 
+def test_the_capacities_of_the_reference_are_not_those_of_the_cell():
+    aged = {"checkups": [{"cycle": 0}, {"cycle": 300}], "capacity_std_ampere_hour": 0.5}
+    reference = bare("L", model=truth.model("L") | aged)
+    model = borrowed_model(BARE._replace(capacity_std_ampere_hour=0.02), [reference])
+    assert not model.get("checkups")
+    assert model["capacity_std_ampere_hour"] == 0.02
+
+
 def test_the_reference_is_the_first_marked_cell_else_the_largest():
     small, large = (
         bare("S", capacity_ampere_hour=1.9),
