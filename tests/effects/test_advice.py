@@ -35,6 +35,14 @@ def test_a_tie_is_asked_first():
     assert "rest_48h" in menu["test"]
 
 
+def test_a_tie_that_no_test_tells_apart_better_than_the_records_do_is_not_asked(monkeypatch):
+    """Both predict as well because neither is right, and not for want of a test."""
+    monkeypatch.setattr(advice, "DOUBLED", 1e9)
+    (menu, sentence, _), result = asked(Truth(leak=0.06))
+    assert result.word == "ambiguous"
+    assert (menu, sentence) == ({}, None)
+
+
 @pytest.mark.slow
 def test_a_name_without_proof_gets_the_test_that_proves_it(monkeypatch):
     """Unless the records on hand say nearly as much already."""

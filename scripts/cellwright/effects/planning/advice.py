@@ -13,9 +13,9 @@ DOUBLED = 2.0  # what a test makes of the chi-square on hand: explanations told 
 def advised(found, result, library, untestable, place):
     """Menu of next tests and advice of one, for the most urgent open question.
 
-    1. A tie: what tells the effects apart.
-    2. A name that the records that judge do not show by themselves: the test that would prove it,
-       where one of the menu at least doubles what they say.
+    1. A tie: what tells the effects apart, where one of the menu at least doubles what the records
+       say. Where none does, the model follows neither well enough, and 4 is asked.
+    2. A name that the records that judge do not show by themselves: the same of its proof.
     3. What the vocabulary has no name for, or of an unknown what is in its model and has no name
        because the records do not tell its size: the test that shows it.
     4. A gap that is larger than anyone would accept: what tells the two nearest explanations of it
@@ -41,7 +41,9 @@ def advised(found, result, library, untestable, place):
     tied = next((one for one in result.names if one.tied), None)
     if tied is not None:
         state, name = tied.trial.state, tied.effect.id
-        return _advice_of(next_test(case, state, name, tied.tied, library=library))
+        advice = next_test(case, state, name, tied.tied, library=library)
+        if _doubles(advice):
+            return _advice_of(advice)
     asked = next((one for one in result.names if not is_proven(found, one)), None)
     if asked is not None:
         advice = next_test(case, result.last, asked.effect.id, library=library, proof=True)
