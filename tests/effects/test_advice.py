@@ -7,6 +7,7 @@ from small_plant import HEALTHY, Truth, searched
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.planning import advice
 from cellwright.effects.planning.advice import advised
+from cellwright.effects.verdict import NO_SIZE
 
 PLACE = {
     "file": "judge_1",
@@ -32,6 +33,14 @@ def test_a_tie_is_asked_first():
     assert result.word == "ambiguous"
     assert sentence.startswith("To tell ")
     assert "rest_48h" in menu["test"]
+
+
+def test_a_tie_that_no_test_tells_apart_better_than_the_records_do_is_not_asked(monkeypatch):
+    """Both predict as well because neither is right, and not for want of a test."""
+    monkeypatch.setattr(advice, "DOUBLED", 1e9)
+    (menu, sentence, _), result = asked(Truth(leak=0.06))
+    assert result.word == "ambiguous"
+    assert (menu, sentence) == ({}, None)
 
 
 @pytest.mark.slow
@@ -62,6 +71,16 @@ def test_an_unknown_always_has_advice():
     (_, sentence, _), result = asked(Truth(ripple=0.008), place=PLACE)
     assert result.word == "unknown"
     assert sentence.startswith("To ")
+
+
+def test_of_an_unknown_whose_model_holds_what_has_no_sure_size_the_test_that_tells_it_is_asked():
+    found, result, _ = searched(Truth(hysteresis=0.012))
+    (named,) = result.names
+    unsized = result._replace(word="unknown", names=(), unnamed=((named, NO_SIZE),), adequate=False)
+    effect = named.effect
+    (menu, sentence, test) = advised(found, unsized, LIBRARY, (), PLACE)
+    assert sentence == f"To see by how much {effect.sentence}: {effect.shows}."
+    assert (menu, test) == ({}, None)
 
 
 def test_at_one_temperature_resistance_over_temperature_is_asked():

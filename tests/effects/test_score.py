@@ -17,11 +17,15 @@ def linear():
     return columns, measured, np.diag([0.0, 0.1, 1.0, 10.0, 0.0]), np.arange(ROWS) % BLOCKS
 
 
-def test_left_out_blocks_are_those_of_a_refit_without_them(linear):
+@pytest.mark.parametrize("beside", [0.0, 0.01, -3.0])
+def test_left_out_blocks_are_those_of_a_refit_without_them(linear, beside):
+    """Also where the fit of all blocks ended beside its minimum."""
     columns, measured, prior, block = linear
     precision = columns.T @ columns + prior
-    whitened = measured - columns @ np.linalg.solve(precision, columns.T @ measured)
-    found = score.left_out_squares(columns, whitened, precision, block, BLOCKS)
+    at = np.linalg.solve(precision, columns.T @ measured) + beside
+    whitened = measured - columns @ at
+    slope = columns.T @ whitened - prior @ at
+    found = score.left_out_squares(columns, whitened, precision, slope, block, BLOCKS)
     for k in range(BLOCKS):
         kept = block != k
         refitted = np.linalg.solve(
@@ -43,7 +47,8 @@ def test_what_one_block_alone_tells_is_predicted_to_be_absent():
     columns = np.where(np.arange(20) >= 10, 1.0, 0.0)[:, None]
     block, precision = np.repeat([0, 1], 10), np.array([[10.0]])
     vague = np.array([1e-4]), np.array([7.0])
-    found = score.left_out_squares(columns, np.zeros(20), precision, block, 2, vague=vague)
+    nothing, still = np.zeros(20), np.zeros(1)
+    found = score.left_out_squares(columns, nothing, precision, still, block, 2, vague=vague)
     assert found == pytest.approx([0.0, 49.0], rel=1e-3)
 
 

@@ -62,6 +62,15 @@ def test_every_effect_can_be_said(effect):
     assert "nan" not in text
 
 
+def test_an_unknown_says_what_its_model_holds_without_a_name_and_what_that_leaves():
+    held = {"small": ["polarisation_soc"], "against": {"polarisation_soc": "its size is unsure"}}
+    text = said("unknown", with_small_rmse_volt=0.0121, **held)
+    name = "polarisation over state of charge (its size is unsure)"
+    assert f"In the model without a name: {name}; with it 12.1 mV are left." in text
+    assert "no effect of the vocabulary can be named for it" in text
+    assert "are left." not in said("ambiguous", effects=[step()], with_small_rmse_volt=0.01, **held)
+
+
 def test_all_that_a_verdict_may_hold_is_said_with_its_numbers_and_no_gap():
     """Place, remainder, floors, declared values at their limit, answers: each with its number."""
     declared = [

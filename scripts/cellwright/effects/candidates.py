@@ -292,8 +292,9 @@ def densities_of(state, blocks):
     """
     solution = state.solution.inside
     count = len(blocks.record)
-    about = solution.white, solution.whitened, solution.precision, blocks.fitted, count
-    left_out = left_out_squares(*about, vague=_vague(state.effects, solution))
+    fitted = solution.white, solution.whitened, solution.precision, solution.slope
+    vague = _vague(state.effects, solution)
+    left_out = left_out_squares(*fitted, blocks.fitted, count, vague=vague)
     seen = mean_squares(state.validation_white, blocks.judging, count)
     return densities(np.where(blocks.judges, seen, left_out))
 

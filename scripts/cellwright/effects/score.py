@@ -81,16 +81,18 @@ def blocks_of(fitted, judging, *, channels=1):
     return Blocks(*(np.tile(one, channels) for one in numbers), record, band, judges)
 
 
-def left_out_squares(white, whitened, precision, block, blocks, *, vague=None):
+def left_out_squares(white, whitened, precision, slope, block, blocks, *, vague=None):
     """Mean square error of each block as predicted by the fit without it, in closed form (b,).
 
-    The error of a block's rows is w + X (P − X'X)⁻¹ X'w with its whitened residual w, derivatives
-    X and the precision P of the fit: no fit is repeated.
+    The error of a block's rows is w + X (P − X'X)⁻¹ (X'w − s) with its whitened residual w,
+    derivatives X, and the precision P and slope s of the fit: no fit is repeated. The slope, next
+    to nothing to the whole fit, is much to a parameter of which the other blocks tell little.
 
     Parameters
     ----------
     white : (n, k) whitened derivatives. whitened : (n,) residual. precision : (k, k) of the
-    posterior. block : (n,) number of each row's block, -1: in none. blocks : how many there are.
+    posterior. slope : (k,) of the cost where the fit ended, see `least_squares.Solution`. block :
+    (n,) number of each row's block, -1: in none. blocks : how many there are.
     vague : (precision (k,), distance (k,)) of parameters without a prior from where they are
     absent: what no other block tells of is predicted to be absent.
 
@@ -108,7 +110,7 @@ def left_out_squares(white, whitened, precision, block, blocks, *, vague=None):
     columns = np.ascontiguousarray(white[order]) / size
     rest, edges = whitened[order], np.searchsorted(block[order], np.arange(blocks + 1))
     whole = precision / np.outer(size, size) + np.diag(known / size**2)
-    pull = known * away / size
+    pull = (known * away - slope) / size
     grams, moments, sums = [], [], []
     for begin, end in pairwise(edges.tolist()):
         mine, w = columns[begin:end], rest[begin:end]

@@ -115,12 +115,14 @@ def verdict_of(name, found, result, place, deviations, *, next_test=None, not_te
     Returns
     -------
     verdict : dict, as in the contract; `partial` holds effects that explain part of an "unknown"
-    gap, `small` keys of those that are in the model without a name.
+    gap, `small` keys of those that are in the model without a name, `with_small_rmse_volt` what it
+    errs by with them on the records that judge.
     """
     entries = [_entry(found, one, result, deviations) for one in result.names]
     settled = result.word in ("named", "ambiguous")
     first, last = found.first, result.last
-    unnamed = [one.effect for one, _ in result.unnamed] if result.names else []
+    nameless = result.unnamed if result.word != "none" else ()
+    nameless = [one.effect.key for one, _ in nameless if one.effect.id not in OUTSIDE]
     return {
         "cell": name,
         "verdict": result.word,
@@ -139,7 +141,8 @@ def verdict_of(name, found, result, place, deviations, *, next_test=None, not_te
         "next_test": next_test,
         "not_testable": list(not_testable),
         "against": {one.effect.key: why for one, why in result.unnamed},
-        "small": [effect.key for effect in unnamed if effect.id not in OUTSIDE],
+        "small": nameless,
+        "with_small_rmse_volt": found.last.validation_rmse_volt if nameless else None,
         "outside": [_outside(one, deviations) for one in shown_outside(found, result)],
     }
 

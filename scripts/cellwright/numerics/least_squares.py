@@ -63,7 +63,8 @@ class Solution(NamedTuple):
     priors. cost : with them. columns : (n, k) derivatives at (or near) the solution, not whitened.
     white : the same whitened. gram : (k, k) their products. precision : (k, k) of the posterior,
     priors included. at_bound : names of the parameters on a bound.
-    names : of the columns. whitened : (n,) residual, whitened.
+    names : of the columns. whitened : (n,) residual, whitened. slope : (k,) minus half the
+    derivative of the cost there: zero at the very minimum, where no fit ends exactly.
     """
 
     values: dict
@@ -78,6 +79,7 @@ class Solution(NamedTuple):
     at_bound: tuple
     names: tuple
     whitened: np.ndarray
+    slope: np.ndarray
 
     @property
     def inside(self):
@@ -89,6 +91,7 @@ class Solution(NamedTuple):
             gram=self.gram[np.ix_(off, off)],
             precision=self.precision[np.ix_(off, off)],
             names=tuple(self.names[k] for k in off),
+            slope=self.slope[off],
         )
 
 
@@ -125,10 +128,9 @@ def fit(
         if at_renewed:
             _renew(problem, state, columns, white, at_renewed)
         gram = _products(white, gram, at_renewed)
-        at = np.array([state.values[name] for name in names])
-        gradient = white.T @ state.whitened + pull - prior @ at
+        slope = _slope(problem, state, white, prior, pull)
         next_state, damping = _damped_step(
-            problem, state, gradient, gram + prior, prior, pull, damping
+            problem, state, slope, gram + prior, prior, pull, damping
         )
         fell, state = state.cost - next_state.cost, next_state
         if fell < settled:
@@ -142,7 +144,8 @@ def fit(
     outcome = (state.values, state.prediction, residual, state.chi_square, state.cost)
     gram = _products(white, gram, [])
     shapes = columns, white, gram, gram + prior
-    return Solution(*outcome, *shapes, bound, tuple(names), state.whitened)
+    slope = _slope(problem, state, white, prior, pull)
+    return Solution(*outcome, *shapes, bound, tuple(names), state.whitened, slope)
 
 
 def derivatives(problem, values, prediction, names=None):
@@ -236,7 +239,13 @@ def _products(white, gram, renewed):
     return gram
 
 
-def _damped_step(problem, state, gradient, precision, prior, pull, damping):
+def _slope(problem, state, white, prior, pull):
+    """Minus half the derivative (k,) of the cost by the free parameters."""
+    at = np.array([state.values[free.name] for free in problem.free])
+    return white.T @ state.whitened + pull - prior @ at
+
+
+def _damped_step(problem, state, slope, precision, prior, pull, damping):
     """State after a damped step that lowers the cost, and the damping; else the state as it was."""
     scale = np.diag(np.diag(precision) + 1e-9)
     names = [f.name for f in problem.free]
@@ -245,7 +254,7 @@ def _damped_step(problem, state, gradient, precision, prior, pull, damping):
     at = np.array([state.values[name] for name in names])
     for _ in range(5):
         minimum = bounded_minimum if problem.exact else clipped_minimum
-        move = minimum(precision + damping * scale, gradient, lower - at, upper - at)
+        move = minimum(precision + damping * scale, slope, lower - at, upper - at)
         if not np.isfinite(move).all():
             return state, damping
         # Snapped, for a bound that is missed by rounding is not seen as one.

@@ -3,7 +3,7 @@
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.planning.planner import next_test
 from cellwright.effects.story.places import where
-from cellwright.effects.verdict import is_proven, shown_outside
+from cellwright.effects.verdict import NO_SIZE, is_proven, shown_outside
 
 REST_HOUR = 1  # before and after the loads of a test that is repeated
 NEAR = 0.25  # share of the squared gap that an explanation near enough to be tested takes
@@ -13,10 +13,11 @@ DOUBLED = 2.0  # what a test makes of the chi-square on hand: explanations told 
 def advised(found, result, library, untestable, place):
     """Menu of next tests and advice of one, for the most urgent open question.
 
-    1. A tie: what tells the effects apart.
-    2. A name that the records that judge do not show by themselves: the test that would prove it,
-       where one of the menu at least doubles what they say.
-    3. What the vocabulary has no name for: the test that shows it.
+    1. A tie: what tells the effects apart, where one of the menu at least doubles what the records
+       say. Where none does, the model follows neither well enough, and 4 is asked.
+    2. A name that the records that judge do not show by themselves: the same of its proof.
+    3. What the vocabulary has no name for, or of an unknown what is in its model and has no name
+       because the records do not tell its size: the test that shows it.
     4. A gap that is larger than anyone would accept: what tells the two nearest explanations of it
        apart, or would prove the only one, where they take a quarter of the gap and a test of the
        menu at least doubles what the records on hand say. Else the test in which most of the gap
@@ -40,7 +41,9 @@ def advised(found, result, library, untestable, place):
     tied = next((one for one in result.names if one.tied), None)
     if tied is not None:
         state, name = tied.trial.state, tied.effect.id
-        return _advice_of(next_test(case, state, name, tied.tied, library=library))
+        advice = next_test(case, state, name, tied.tied, library=library)
+        if _doubles(advice):
+            return _advice_of(advice)
     asked = next((one for one in result.names if not is_proven(found, one)), None)
     if asked is not None:
         advice = next_test(case, result.last, asked.effect.id, library=library, proof=True)
@@ -48,6 +51,10 @@ def advised(found, result, library, untestable, place):
             return _advice_of(advice)
     for one in shown_outside(found, result):
         return {}, f"To see whether {one.effect.sentence}: {one.effect.shows}.", None
+    unsized = [one for one, why in result.unnamed if why == NO_SIZE]
+    if result.word == "unknown" and unsized:
+        effect = max(unsized, key=lambda one: one.trial.gain.total).effect
+        return {}, f"To see by how much {effect.sentence}: {effect.shows}.", None
     if not result.adequate:
         return _of_gap(case, result, found.rounds[-1], library, place)
     unseen = (name for name in untestable if library[name].asked_if_unseen)

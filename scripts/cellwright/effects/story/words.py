@@ -230,7 +230,14 @@ def _nameless(verdict, library):
     known = verdict.get("against") or {}
     small = verdict.get("small") or []
     listed = [f"{name_of_key(one, library)} ({known[one]})" for one in small]
-    return [f"Without a name: {_listed(listed)}."] if listed and verdict["effects"] else []
+    if not listed:
+        return []
+    volt = verdict.get("with_small_rmse_volt")
+    told = volt is not None and verdict["verdict"] == "unknown"
+    left = (
+        f"; with {'them' if len(listed) > 1 else 'it'} {millivolt(volt)} are left" if told else ""
+    )
+    return [f"In the model without a name: {_listed(listed)}{left}."]
 
 
 def name_of_key(key, library=KNOWN):
@@ -279,7 +286,8 @@ def _unknown(verdict, library, phrases):
         f"{millivolt(both['before'])}, and {_floor(verdict)}"
     )
     if not verdict["partial"]:
-        return [("gap", f"{text}; {phrases.none} explains it.")]
+        found = "can be named for it" if verdict.get("small") else "explains it"
+        return [("gap", f"{text}; {phrases.none} {found}.")]
     names, many = _listed(_name(one, library) for one in verdict["partial"]), verdict["partial"]
     known = verdict.get("remainder")
     left = f": {millivolt(known['excess_volt'])} are left beyond that" if known else ""
