@@ -129,7 +129,8 @@ def _span(rows, column, scale, unit) -> str:
     if not known:
         return "not known"
     ends = dict.fromkeys(f"{one:.3g}" for one in (min(known), max(known)))
-    return f"{' to '.join(ends)} {unit} ({len(known)} known)"
+    of_all = f" ({len(known)} of {len(rows)} known)" if len(known) < len(rows) else ""
+    return f"{' to '.join(ends)} {unit}{of_all}"
 
 
 def _row(row, kind, reasons, scored, effects, definitions) -> list:

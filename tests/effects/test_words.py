@@ -99,7 +99,8 @@ def test_what_is_unknown_has_no_name():
     assert "no effect of the vocabulary explains it" in said("unknown")
     rest = {"excess_volt": 0.0062, "adequate": False}
     text = said("unknown", partial=[step("slow_diffusion")], remainder=rest)
-    part = "Slow diffusion explains a part of it: 6.2 mV are left beyond that, too much for a name."
+    part = "Slow diffusion explains a part of it: 6.2 mV are left beyond that, "
+    part += "each part of the records counted alike, too much for a name."
     assert text.startswith("Something is missing")
     assert part in text
 

@@ -49,7 +49,10 @@ def identify_without(
     # Other members would cost as much time and are not used.
     members = [inputs.model(whole)["chosen"]]
     facts = inputs.cell_facts(cell)
-    return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
+    found = _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
+    # The same sentences stand in the notes of the model of all temperatures, with other numbers.
+    notes = [f"fitted without the tests at {celsius:g} °C: {note}" for note in found.notes]
+    return found._replace(notes=tuple(notes))
 
 
 def compare_temperature_laws(

@@ -62,8 +62,10 @@ def with_disagreements(rows, *, quantity):
 
 
 def _joined(row, words, unusual):
-    more = [f"and {len(words) - 1} more tests against it"] * (len(words) > 1)
-    return "; ".join(filter(None, [row.get("doubt"), *words[:1], *more, unusual]))
+    others = f"{len(words) - 1} more test{'s' if len(words) > 2 else ''}"
+    more = [f"and {others} against it"] * (len(words) > 1)
+    against = " ".join([*words[:1], *more])
+    return "; ".join(filter(None, [row.get("doubt"), against, unusual]))
 
 
 def _key(row):

@@ -272,6 +272,10 @@ def _floor(verdict):
     return f"noise and declared tolerances may leave {' to '.join(ends)} in a record"
 
 
+# By samples, as errors count, long rests would hide what a short load shows.
+EACH = ", each part of the records counted alike"
+
+
 def _unknown(verdict, library, phrases):
     both = verdict["validation_rmse_volt"]
     text = (
@@ -282,7 +286,7 @@ def _unknown(verdict, library, phrases):
         return [("gap", f"{text}; {phrases.none} explains it.")]
     names, many = _listed(_name(one, library) for one in verdict["partial"]), verdict["partial"]
     known = verdict.get("remainder")
-    left = f": {millivolt(known['excess_volt'])} are left beyond that" if known else ""
+    left = f": {millivolt(known['excess_volt'])} are left beyond that{EACH}" if known else ""
     explain = "explain" if len(many) > 1 else "explains"
     text += f". {names[0].upper()}{names[1:]} {explain} a part of it{left}, too much for a name."
     return [("gap", text)]
@@ -382,7 +386,7 @@ def _remainder(verdict):
     if not left:
         return parts
     left = millivolt(left["excess_volt"])
-    return [*parts, f"Left beyond what noise and declared tolerances allow: {left}."]
+    return [*parts, f"Left beyond what noise and declared tolerances allow: {left}{EACH}."]
 
 
 def _worsened(verdict):
