@@ -244,7 +244,10 @@ def _unsure(rows) -> list:
     for row in rows:
         for reason in row["doubts"].split("; ") if row["sure"] == "False" else ():
             names.setdefault(reason, []).append(_name(row))
-    return [f"{', '.join(effects)}: {reason}" for reason, effects in names.items()]
+    reasons = {}
+    for reason, effects in names.items():
+        reasons.setdefault(", ".join(effects), []).append(reason)
+    return [f"{effects}: {', and '.join(found)}" for effects, found in reasons.items()]
 
 
 def _name(row):
