@@ -26,7 +26,7 @@ def draw_resistance(tests):
             _pulses(panel, at_delay, style.temperature_style(ambient_celsius(about)))
         name = "first sample" if delay == 0 else f"{delay:g} s into the pulse"
         panel.set(xlabel="SoC [%]", ylabel="resistance [mΩ]", title=f"Resistance, {name}")
-        panel.set_ylim(bottom=0)
+        panel.set_ylim(0, 1.04 * panel.get_ylim()[1])  # no marker at the frame
     style.legend_once(axes[0, 0])
     return figure
 
