@@ -37,6 +37,11 @@ def lines(folder, before, started) -> list[str]:
     slow = snakemake_state.slowest(folder, started, count=3)
     took = [f"Longest:  {'; '.join(slow)}"] if slow else []
     report = Path(folder, "results", "report.html")
+    # Of campaigns of real cells each has its own.
+    made = sorted(Path(folder, "real").glob("*/results/report.html"))
+    made = [path.relative_to(folder) for path in made if path.stat().st_mtime >= started]
+    if made:
+        return [*(f"Report:   {path}" for path in made), *took]
     if not report.is_file():
         whole = "snakemake --cores 2 makes it, and results/tables/excluded.csv of what was left out"
         return [f"Report:   none yet: {whole}", *took]
