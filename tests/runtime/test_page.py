@@ -134,7 +134,20 @@ def test_every_figure_and_table_names_the_artefact_that_makes_it_again(job):
     assert {"results/figures/A", "results/summary.csv", "results/tables/capacity.csv"} <= made
     shown = re.findall(r'<(?:figure|div class="table") id="[^"/]*/([^"]*)"', html)
     # Of the tables only that of the tests is a sheet, which nothing makes.
-    assert len(commands) == len(shown) - shown.count("tests")
+    assert len(commands) == len(shown) - shown.count("table-tests")
+
+
+def test_every_address_is_of_one_place(job):
+    """A chapter, a figure and a table may be of one subject, such as capacity."""
+    capacity = Path("results/figures/A/capacity.svg")
+    capacity.write_text(Path("results/figures/A/validation_udds.svg").read_text())
+    job.params.figures["A"].append(str(capacity))
+    html = unpacked(page.render(job))
+    found = re.findall(r' id="([^"]+)"', html)
+    assert len(found) == len(set(found))
+    assert {"cell-A/capacity", "cell-A/table-capacity", "cell-A/chapter-capacity"} <= set(found)
+    inside = set(re.findall(r'href="#([^"]*/[^"]*)"', html))
+    assert inside <= set(found)
 
 
 def test_a_group_tells_its_missing_effect_as_a_story_with_a_verdict_on_top(job, saved):
