@@ -414,7 +414,9 @@ def rows(columns: dict) -> list[dict]:
 
 
 def read_about(path) -> dict:
-    """Provenance, reason, origin, notes and facts that an artefact carries."""
+    """Provenance, reason, origin, notes and facts that an artefact carries; a table, beside it."""
+    if Path(path).suffix == ".csv":
+        return json.loads(Path(f"{path}.provenance.json").read_text(encoding="utf-8"))
     if Path(path).suffix == ".json":
         return _read_json(path)["provenance"]
     if Path(path).suffix == ".fmu":

@@ -84,7 +84,10 @@ def _cells(summary) -> str:
 def _left_out(rows) -> str:
     if not rows:
         return "nothing"
-    what = [" ".join(filter(None, (row["cell"], row["test"]))) or row["file"] for row in rows]
+    what = [
+        " ".join(filter(None, (row["cell"], row["test"]))) or row["file"] or row["stage"]
+        for row in rows
+    ]
     return f"{len(rows)} (results/tables/excluded.csv): {_names(list(dict.fromkeys(what)))}"
 
 

@@ -65,8 +65,8 @@ def rows_of_cell(columns, cell) -> list[dict]:
 
 
 def excluded(paths, files) -> "DataFrame":
-    """Refused files and analyses, one row each, at the stage that refused them, and what others
-    left out of a record.
+    """Refused files and analyses, one row each, at the stage that refused them, what others left
+    out of a record, and tables (.csv) that could not be made.
 
     A step of several outputs refuses all of them for one reason: it has one row.
     """
@@ -80,7 +80,9 @@ def excluded(paths, files) -> "DataFrame":
         if about["reason"] is not None:
             reasons = [about["reason"]] if about["origin"] == path else []
         wildcards = about["wildcards"]
-        name, test = wildcards.get("cell") or wildcards.get("group"), wildcards.get("test", "")
+        name, test = wildcards.get("cell") or wildcards.get("group", ""), wildcards.get("test", "")
+        if Path(path).suffix == ".csv":  # of all cells
+            reasons = [f"{Path(path).name} could not be made: {reason}" for reason in reasons]
         file = ";".join(files.get(f"{name}/{test}", []))
         step = about["rule"], about["step"]
         rows += [(name, test, file, stage_of(path), reason, *step) for reason in reasons]

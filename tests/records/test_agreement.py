@@ -171,3 +171,6 @@ def test_a_first_sample_that_comes_later_is_larger_within_reason(ohm, in_doubt):
     early = row | {"test": "pulses", "actual_delay_second": 0.1, "resistance_ohm": 0.03}
     late = row | {"test": "capacity", "actual_delay_second": 1.0, "resistance_ohm": ohm}
     assert bool(doubts([early, late], "resistance")[1]) == in_doubt
+    # A sample with the time of the step itself is the earliest there is.
+    at_once = early | {"actual_delay_second": 0.0}
+    assert len(doubts([at_once, at_once | {"test": "again"}, late], "resistance")) == 3

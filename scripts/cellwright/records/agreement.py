@@ -235,6 +235,10 @@ def _is_number(*values):
     return all(value is not None and value == value for value in values)
 
 
+# A first sample may have the time of the step itself: no clock of a cycler tells less apart.
+LEAST_DELAY_SECOND = 0.01
+
+
 def _resistances(row, other):
     """What another pulse resistance says against one, at the same delay.
 
@@ -252,7 +256,8 @@ def _resistances(row, other):
     here, there = row["resistance_ohm"], other["resistance_ohm"]
     spread = SIGMAS * (row["resistance_std_ohm"] + other["resistance_std_ohm"])
     factor = RESISTANCE_FACTOR if near else ANY_SOC_FACTOR
-    later = np.log10(row["actual_delay_second"] / other["actual_delay_second"])
+    delays = (max(one["actual_delay_second"], LEAST_DELAY_SECOND) for one in (row, other))
+    later = np.subtract(*np.log10(list(delays)))
     if (here - there) * later > 0:
         factor *= DELAY_FACTOR ** abs(later)
     if max(here, there) - spread <= factor * min(here, there):
