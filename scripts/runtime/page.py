@@ -132,6 +132,7 @@ def render(job) -> str:
     return environment.get_template(Path(inputs.template).name).render(
         title=params.title,
         excluded=excluded,
+        exclusions=_exclusions(excluded),
         checks=checks,
         doubted=[row for row in summary if row.get("doubt")],
         overview=overview,
@@ -182,6 +183,19 @@ class Numbers:
     def __call__(self, what) -> str:
         self.last[what] = self.last.get(what, 0) + 1
         return f"{what} {self.stem}{self.last[what]}"
+
+
+def _exclusions(rows) -> list[dict]:
+    """What was left out, each reason once with the cells and tests that it is of."""
+    of_reason = {}
+    for row in rows:
+        of_reason.setdefault((row["test"], row["stage"], row["reason"]), []).append(row)
+    return [
+        {"of": overview_page.links(row["cell"] for row in same if row["cell"])}
+        | {"test": test, "stage": stage, "reason": reason}
+        | {"file": "; ".join(dict.fromkeys(row["file"] for row in same if row["file"]))}
+        for (test, stage, reason), same in of_reason.items()
+    ]
 
 
 def _yaml(path):

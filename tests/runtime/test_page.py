@@ -169,3 +169,11 @@ def test_a_group_tells_its_missing_effect_as_a_story_with_a_verdict_on_top(job, 
     for said in ("The gap, before and after", "What it changes for you", "capacity of branch 1"):
         assert said in text
     assert "in branch currents (each times its cell's resistance)" in text
+
+
+def test_what_is_left_out_of_many_cells_for_one_reason_is_one_line():
+    row = {"test": "", "file": "", "stage": "models", "reason": "no pulses"}
+    rows = [row | {"cell": cell} for cell in "AB"] + [row | {"cell": "", "reason": "<odd>"}]
+    first, second = page._exclusions(rows)
+    assert first["of"] == '<a href="#cell-A">A</a>, <a href="#cell-B">B</a>'
+    assert (first["reason"], second["of"], second["reason"]) == ("no pulses", "", "<odd>")
