@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from cellwright.laws.points import level_means
+from cellwright.records.conditions import SAME_CELSIUS
 from figures import style
 
 STEP_COLOURS = {
@@ -27,12 +29,13 @@ def draw_overview(cells, capacity, resistance, validation):
     for cell, kind in cells.items():
         types.setdefault(kind, []).append(cell)
     types = types or {"": []}
-    heights = [0.95 + 0.2 * min(len(members), NAMED_CELLS) for members in types.values()]
-    settings = {"height": sum(heights), "height_ratios": heights}
-    figure, axes = style.subplots(len(types), 3, **settings)
     half = [r for r in resistance if abs(_number(r["soc"]) - 0.5) < 0.06]
     after_10_s = [r for r in half if _number(r["delay_second"]) == 10]
     chosen_rows = [row for row in validation if row["chosen"] == "True"]
+    levels = _temperatures([*capacity, *after_10_s, *validation])
+    heights = [0.95 + 0.2 * min(len(members), NAMED_CELLS) for members in types.values()]
+    height = max(sum(heights), 0.4 + 0.16 * len(levels))  # a legend has a line a temperature
+    figure, axes = style.subplots(len(types), 3, height=height, height_ratios=heights)
     for row, (kind, members) in zip(axes, types.items(), strict=True):
         height_of = {cell: len(members) - index for index, cell in enumerate(members)}
         for panel, (rows, name, scale, marked_by) in zip(
@@ -53,7 +56,9 @@ def draw_overview(cells, capacity, resistance, validation):
         row[0].set(title=": ".join(filter(None, (kind, "capacity [Ah]"))))
         row[1].set(title="Resistance [mΩ]")
         row[2].set(title="Model error [mV]")
-    _temperature_legend(axes[0, 2], [*capacity, *after_10_s, *validation])
+    for celsius in levels:
+        axes[0, 2].plot([], [], "o", **style.temperature_style(celsius))
+    style.legend_once(axes[0, 2], fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
     return figure
 
 
@@ -71,17 +76,18 @@ def _dots(axes, height_of, rows, name, scale, marker_by):
     for (marker, colour), at in drawn.items():
         heights = [height for _, height in at]
         axes.plot(list(at.values()), heights, marker, color=colour, alpha=0.8)
-    axes.set_xlim(left=0)
+    axes.set_xlim(0, 1.04 * np.nanmax(values, initial=0.0) or None)  # no dot at the frame
     if not drawn:  # a scale without a point on it would be no cell's
         axes.set_xticks([], [])
         axes.annotate("none known", (0.5, 0.5), xycoords="axes fraction", ha="center", fontsize=8)
 
 
-def _temperature_legend(axes, rows):
-    # NaN has no place of its own in an order: tests of no stated temperature come last.
-    for celsius in np.unique([_number(row["ambient_temperature_celsius"]) for row in rows]):
-        axes.plot([], [], "o", **style.temperature_style(None if np.isnan(celsius) else celsius))
-    style.legend_once(axes, fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
+def _temperatures(rows):
+    """Temperatures [°C] that differ by more than chambers do, coldest first; not stated last."""
+    celsius = [_number(row["ambient_temperature_celsius"]) for row in rows]
+    stated = [one for one in celsius if np.isfinite(one)]
+    levels = {round(one) for one in level_means(stated, apart=SAME_CELSIUS).values()}
+    return [*sorted(levels), *([None] if len(stated) < len(celsius) else [])]
 
 
 def _number(text) -> float:

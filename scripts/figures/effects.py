@@ -53,9 +53,12 @@ def draw_residual_map(columns):
     }
     # One bad bin at the edge of SoC would else turn all others pale.
     top = max(np.nanpercentile(np.concatenate(list(sizes.values())), TOP_PERCENTILE), 1e-3)
-    figure, axes = style.subplots(1, 2, height=1.4 + 0.2 * len(names), sharey=True)
+    # Where nothing was found both are one and the same.
+    found = not np.array_equal(sizes["before"], sizes["after"], equal_nan=True)
+    shown_models = list(sizes.items())[: 1 + found]
+    figure, axes = style.subplots(1, len(shown_models), height=1.4 + 0.2 * len(names), sharey=True)
     look = {"vmin": 0, "vmax": top, "cmap": "YlOrRd", "linewidth": 0}
-    for panel, (model, left) in zip(axes[0], sizes.items(), strict=True):
+    for panel, (model, left) in zip(axes[0], shown_models, strict=True):
         shown = panel.pcolormesh(100 * edges, np.arange(len(names) + 1), left, **look)
         panel.set(title=MODELS[model], xlabel="state of charge [%]")
         panel.grid(visible=False)

@@ -83,22 +83,21 @@ def draw_resistance_growth(growth):
 
     `growth` are columns of stage `resistance_growth`.
     """
-    figure, axes = style.subplots(1, 2, height=3.4)
     shown = (growth["direction"] == "discharge") & (growth["delay_second"] == 0)
     cycles = np.unique(growth["cycle"][shown])
+    if len(cycles) < 2:
+        return style.message("Pulses of one check-up: how resistance grows takes two.")
+    figure, axes = style.subplots(1, 2, height=3.4)
     for place, cycle in enumerate(cycles):
         rows = shown & (growth["cycle"] == cycle)
         soc = 100 * growth["soc"][rows]
         look = {"color": style.SERIES[place % len(style.SERIES)], "label": f"cycle {cycle:.0f}"}
         axes[0, 0].plot(soc, 1e3 * growth["resistance_ohm"][rows], "o-", ms=3, **look)
-        if len(cycles) > 1:
-            axes[0, 1].plot(soc, growth["factor"][rows], "o-", ms=3, **look)
+        axes[0, 1].plot(soc, growth["factor"][rows], "o-", ms=3, **look)
     axes[0, 0].set(xlabel="state of charge [%]", ylabel="resistance, first sample [mΩ]")
     axes[0, 1].set(xlabel="state of charge [%]", ylabel="over that of the first check-up")
     axes[0, 0].set_title("At each check-up", loc="left")
     axes[0, 1].set_title("Growth", loc="left")
-    if len(cycles) < 2:
-        style.hide(axes[:, 1])
     style.legend_once(axes[0, 0])
     return figure
 

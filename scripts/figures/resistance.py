@@ -3,6 +3,7 @@
 import numpy as np
 
 from cellwright.laws.surface import FORMS
+from cellwright.protocols.resistance import PROMPT_SECOND
 from figures import style
 from figures.style import ambient_celsius, rows_where
 
@@ -19,14 +20,21 @@ def draw_resistance(tests):
     # Data sheets state resistance at 10 s; the first sample is near the ohmic part.
     later = sorted(delays[1:], key=lambda delay: abs(delay - WANTED_DELAY_SECOND))
     shown = [delays[0], *later[:1]]
+    prompt = any(
+        ((c["delay_second"] == 0) & (c["actual_delay_second"] <= PROMPT_SECOND)).any()
+        for c, _ in tests
+    )
     figure, axes = style.subplots(1, len(shown), height=3.2, sharex=True)
     for panel, delay in zip(axes[0], shown, strict=True):
         for columns, about in tests:
-            at_delay = rows_where(columns, columns["delay_second"] == delay)
+            rows = columns["delay_second"] == delay
+            if delay == 0 and prompt:  # what polarises for seconds is no first sample beside it
+                rows &= columns["actual_delay_second"] <= PROMPT_SECOND
+            at_delay = rows_where(columns, rows)
             _pulses(panel, at_delay, style.temperature_style(ambient_celsius(about)))
         name = "first sample" if delay == 0 else f"{delay:g} s into the pulse"
         panel.set(xlabel="SoC [%]", ylabel="resistance [mΩ]", title=f"Resistance, {name}")
-        panel.set_ylim(bottom=0)
+        panel.set_ylim(0, 1.04 * panel.get_ylim()[1])  # no marker at the frame
     style.legend_once(axes[0, 0])
     return figure
 

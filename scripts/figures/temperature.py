@@ -11,6 +11,8 @@ from figures.style import evenly_spread
 ACROSS = 3  # panels beside each other
 MOST_LEVELS = 5  # states of charge drawn of each family, evenly chosen
 MARGIN = 1.35  # factor above the highest and below the lowest point
+SHOWN = {"Ohm": ("mΩ", 1e3)}  # unit of a panel, and how many of it are one of the table's
+NAMES = {"quadratic": "quadratic", "arrhenius": "Arrhenius", "arrhenius_t": "Arrhenius, factor T"}
 ARRHENIUS_FIGURE = {"arrhenius": ("-", "o"), "quadratic": ("--", "x")}  # line, marker
 
 
@@ -24,11 +26,12 @@ def draw_temperature_laws(points, laws):
     for panel, quantity in zip(axes, quantities, strict=True):
         of_quantity = points["quantity"] == quantity
         celsius, value = points["temperature_celsius"][of_quantity], points["value"][of_quantity]
-        panel.plot(celsius, value, "o", color=style.MEASURED, label="measured")
+        unit, title = points["unit"][of_quantity][0], quantity.replace(", ", "\n", 1)
+        unit, scale = SHOWN.get(unit, (unit, 1.0))
+        panel.plot(celsius, scale * value, "o", color=style.MEASURED, label="measured")
         for colour, law in zip(style.SERIES, LAWS, strict=False):
             law_rows = [r for r in laws if r["quantity"] == quantity and r["law"] == law]
-            _law(panel, celsius, law_rows, law, colour)
-        unit, title = points["unit"][of_quantity][0], quantity.replace(", ", "\n", 1)
+            _law(panel, celsius, law_rows, law, colour, scale)
         panel.set(xlabel="temperature [°C]", ylabel=f"[{unit}]", title=title)
         style.legend_once(panel)
     return figure
@@ -47,18 +50,18 @@ def _shown(points):
     return [quantity for _, quantity in nearest.values()]
 
 
-def _law(axes, celsius, rows, law, colour):
+def _law(axes, celsius, rows, law, colour, scale):
     """A law over the tested temperatures, dotted beyond them and where a resistance's rises."""
     if not rows:
         return
     values, tested = [row["value"] for row in rows], (celsius.min(), celsius.max())
     valid = rows[0]["valid_from_celsius"], rows[0]["valid_to_celsius"]
     note = turn_in_words(values, valid, tested) or ("chosen" if rows[0]["chosen"] else "")
-    label = f"{law} ({note})" if note else law
+    label = f"{NAMES[law]} ({note})" if note else NAMES[law]
     for start, stop, sound in drawn_pieces(tested, valid):
         grid, line = np.linspace(start, stop, 60), "-" if sound else ":"
         shown = label if start == tested[0] else None
-        axes.plot(grid, LAWS[law](grid, *values), line, color=colour, label=shown)
+        axes.plot(grid, scale * LAWS[law](grid, *values), line, color=colour, label=shown)
 
 
 def draw_arrhenius(points, laws):

@@ -12,7 +12,9 @@ with artefact.Job(snakemake, output.ingest) as reading:
     reading.note(*found.notes)
     reading.save(found.columns, instrument=found.instrument)
 with artefact.Job(snakemake, output.clean, output.flags, after=reading) as cleaning:
-    found = cw.clean(cleaning.load(output.ingest), params.clean, cell=params.cell)
+    # A group has another rating and other cut-offs than its first cell, whose facts it is given.
+    cell = None if params.channels else params.cell
+    found = cw.clean(cleaning.load(output.ingest), params.clean, cell=cell)
     cleaning.note(*found.notes)
     cleaning.save(found.columns, output.clean)
     cleaning.save(found.actions, output.flags)

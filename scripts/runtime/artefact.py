@@ -13,7 +13,7 @@ import sys
 import traceback
 import zipfile
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 
 import numpy as np
@@ -265,7 +265,11 @@ class Job:
             self.note(*beyond)
             facts["left_out"] = [*facts.get("left_out", []), *beyond]
         about = self.about() | {"facts": plain(facts)}
-        if said := doubt_of(content):
+        # What a table says of the tests behind it is already known by their names.
+        parts = ((of.partition(" ")[2], said) for of, said in about["doubts"].items())
+        named = (f"{test}: {said}" if test else said for test, said in parts)
+        said = reduce(lambda text, one: text.replace(one, ""), named, doubt_of(content))
+        if said := said.strip("; "):
             wildcards = dict(self.snakemake.wildcards.items())
             owner = wildcards.get("cell") or wildcards.get("group", "")
             about["doubts"] = about["doubts"] | {f"{owner} {wildcards.get('test', '')}": said}
@@ -410,7 +414,9 @@ def rows(columns: dict) -> list[dict]:
 
 
 def read_about(path) -> dict:
-    """Provenance, reason, origin, notes and facts that an artefact carries."""
+    """Provenance, reason, origin, notes and facts that an artefact carries; a table, beside it."""
+    if Path(path).suffix == ".csv":
+        return json.loads(Path(f"{path}.provenance.json").read_text(encoding="utf-8"))
     if Path(path).suffix == ".json":
         return _read_json(path)["provenance"]
     if Path(path).suffix == ".fmu":

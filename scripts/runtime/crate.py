@@ -5,10 +5,12 @@ RO-Crate 1.0: Leo et al., Recording provenance of workflow runs with RO-Crate, P
 The root of the crate is `results/`; raw files lie outside and stand in it by name and SHA-256.
 """
 
+import hashlib
 import re
 from pathlib import Path
+from urllib.parse import quote
 
-from runtime import lineage
+from runtime import lineage, provenance
 
 PROFILES = [
     *(f"https://w3id.org/ro/wfrun/{name}/0.5" for name in ("process", "workflow", "provenance")),
@@ -41,9 +43,9 @@ def crate(digests, rules, about) -> dict:
     Parameters
     ----------
     digests : SHA-256 of files of the results, by their path from the campaign's folder
-    rules : of each rule, what a job of it does in words and the script that it runs
-    about : title, published (date), license, authors, citations, workflow (its files below the
-        root), snakemake (version), command
+    rules : of each rule, what a job of it does in words and its script's path in the repository
+    about : title, published (date), license, authors, citations, snakemake (version), command;
+        ended, function of a file's path: when its job ended, None where that is not known
     """
     jobs, files, raw = {}, {}, {}
     ahead = sorted(digests.items())
@@ -56,7 +58,8 @@ def crate(digests, rules, about) -> dict:
         if made is None:
             continue
         key = (made["rule"], *sorted(made["wildcards"].items()))
-        job = jobs.setdefault(key, {"about": made, "inputs": {}, "outputs": []})
+        job = jobs.setdefault(key, {"about": made, "inputs": {}, "outputs": [], "ended": None})
+        job["ended"] = job["ended"] or about["ended"](path)
         job["inputs"] |= made["inputs"]
         job["outputs"].append(_id(path))
         for source, digest in made["inputs"].items():
@@ -68,16 +71,17 @@ def crate(digests, rules, about) -> dict:
     main = files.pop(MAIN)
     codes = {key[0]: job["about"]["code"] for key, job in sorted(jobs.items())}
     used = list(codes)
+    tools = {rule: _tool_id(rule, rules.get(rule, {})) for rule in used}
     graph = [
         _descriptor(),
         _root(about, files, jobs),
         *(_profile(identity) for identity in PROFILES),
-        main | _workflow(used, about),
+        main | _workflow(tools, about),
         _engine(about),
-        *(_tool(rule, code, rules.get(rule, {})) for rule, code in codes.items()),
-        *(_step(rule, place) for place, rule in enumerate(used)),
+        *(_tool(rule, tools[rule], code, rules.get(rule, {})) for rule, code in codes.items()),
+        *(_step(rule, tools[rule], place) for place, rule in enumerate(used)),
         *_run(about, jobs, files, raw),
-        *(action for key, job in sorted(jobs.items()) for action in _actions(key, job)),
+        *(_action(key, job, tools[key[0]], about) for key, job in sorted(jobs.items())),
         *files.values(),
         *raw.values(),
         *_people(about),
@@ -134,7 +138,7 @@ def _root(about, files, jobs) -> dict:
         "hasPart": _of([MAIN, *files]),
     }
     if about["authors"]:
-        root["author"] = _of(f"#{name}" for name in about["authors"])
+        root["author"] = _of(map(_person_id, about["authors"]))
     if about["citations"]:
         root["citation"] = _of(about["citations"])
     return root
@@ -145,14 +149,14 @@ def _profile(identity) -> dict:
     return {"@id": identity, "@type": "CreativeWork", "name": name, "version": version}
 
 
-def _workflow(rules, about) -> dict:
+def _workflow(tools, about) -> dict:
     return {
         "@type": ["File", "SoftwareSourceCode", "ComputationalWorkflow", "HowTo"],
         "name": "Cellwright",
         "version": about["version"],
         "programmingLanguage": {"@id": LANGUAGE},
-        "hasPart": _of(f"#rule/{rule}" for rule in rules),
-        "step": _of(f"#step/{rule}" for rule in rules),
+        "hasPart": _of(tools.values()),
+        "step": _of(f"#step/{rule}" for rule in tools),
         "license": {"@id": MIT},
     }
 
@@ -168,9 +172,19 @@ def _engine(about) -> dict:
     }
 
 
-def _tool(rule, code, words) -> dict:
-    """The script of a rule, as what its jobs run; its version is the hash of its code."""
-    tool = {"@id": f"#rule/{rule}", "@type": "SoftwareApplication", "name": rule}
+def _tool_id(rule, words) -> str:
+    """A tool's name anywhere: the SWHID (ISO/IEC 18670) of its script, by content and by path."""
+    script = words.get("script")
+    if not script:
+        return f"#rule/{rule}"
+    content = (provenance.SCRIPTS.parent / script).read_bytes()
+    digest = hashlib.sha1(b"blob %d\0" % len(content) + content, usedforsecurity=False)
+    return f"swh:1:cnt:{digest.hexdigest()};path=/{script}"
+
+
+def _tool(rule, identity, code, words) -> dict:
+    """The script of a rule, as what its jobs run; its version is the hash of all its code."""
+    tool = {"@id": identity, "@type": "SoftwareApplication", "name": rule}
     tool["softwareVersion"] = code
     tool["description"] = re.sub(
         r"\{(?:wildcards\.)?(\w+)[^}]*\}", r"<\1>", words.get("does", rule)
@@ -178,8 +192,8 @@ def _tool(rule, code, words) -> dict:
     return tool
 
 
-def _step(rule, place) -> dict:
-    work = {"@id": f"#rule/{rule}"}
+def _step(rule, tool, place) -> dict:
+    work = {"@id": tool}
     return {
         "@id": f"#step/{rule}",
         "@type": "HowToStep",
@@ -215,6 +229,7 @@ def _run(about, jobs, files, raw) -> list[dict]:
             "instrument": {"@id": MAIN},
             "object": _of(sorted(raw)),
             "result": _of(sorted(made & set(files))),
+            **_agent(about),
         },
         {
             "@id": "#engine",
@@ -224,6 +239,7 @@ def _run(about, jobs, files, raw) -> list[dict]:
             "object": _of(steps),
             "result": {"@id": RUN},
             "endTime": about["published"],
+            **_agent(about),
         },
         *controls,
     ]
@@ -234,7 +250,17 @@ def _job_id(key) -> str:
     return "/".join(["#job", rule, *(value for _, value in wildcards)])
 
 
-def _actions(key, job) -> list[dict]:
+def _agent(about) -> dict:
+    """Who ran it, as far as the campaign states it: its authors."""
+    return {"agent": _of(map(_person_id, about["authors"]))} if about["authors"] else {}
+
+
+def _person_id(name) -> str:
+    """A blank is no part of an identity."""
+    return f"#{quote(name)}"
+
+
+def _action(key, job, tool, about) -> dict:
     """A job: what it ran, what it read, what it made; a refusal is no failure of the job."""
     made = job["about"]
     action = {
@@ -242,18 +268,20 @@ def _actions(key, job) -> list[dict]:
         "@type": "CreateAction",
         "name": " ".join([key[0], *(value for _, value in key[1:])]),
         "description": f"code {made['code']}, environment {made['environment_lock']}",
-        "instrument": {"@id": f"#rule/{key[0]}"},
+        "instrument": {"@id": tool},
         "object": _of(map(_id, sorted(job["inputs"]))),
         "result": _of(sorted(job["outputs"])),
         "actionStatus": "http://schema.org/CompletedActionStatus",
     }
-    if made["reason"]:
-        action["disambiguatingDescription"] = made["reason"]
-    return [action]
+    action |= {"endTime": job["ended"]} if job["ended"] else {}
+    action |= {"disambiguatingDescription": made["reason"]} if made["reason"] else {}
+    return action | _agent(about)
 
 
 def _people(about) -> list[dict]:
-    people = [{"@id": f"#{name}", "@type": "Person", "name": name} for name in about["authors"]]
+    people = [
+        {"@id": _person_id(name), "@type": "Person", "name": name} for name in about["authors"]
+    ]
     people += [
         {"@id": source, "@type": "CreativeWork", "name": source} for source in about["citations"]
     ]

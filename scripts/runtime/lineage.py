@@ -31,11 +31,11 @@ def about_of(path) -> dict | None:
     at, beside = Path(path), Path(f"{path}.provenance.json")
     if "results" not in at.parts or not at.is_file():
         return None
-    if at.suffix == ".csv":
-        return json.loads(beside.read_text(encoding="utf-8")) if beside.is_file() else None
+    if at.suffix == ".csv" and not beside.is_file():
+        return None
     if at.suffix == ".json":
         return json.loads(at.read_text(encoding="utf-8")).get("provenance")
-    return artefact.read_about(path) if at.suffix in (".parquet", ".fmu") else None
+    return artefact.read_about(path) if at.suffix in (".parquet", ".fmu", ".csv") else None
 
 
 def links_to(path, wanted=lambda path: True) -> list[Link]:

@@ -59,12 +59,17 @@ def found(inputs) -> dict:
     Passed
         With the first reason, where no method found anything.
     """
-    loaded = {name: artefact.load_first([path]) for name, path in inputs.items()}
-    if all(content is None for content in loaded.values()):
-        artefact.load(next(iter(dict(inputs.items()).values())))
-    life, course = loaded.pop("life", None), loaded.pop("course", None)
-    told = {name: artefact.rows(content) for name, content in loaded.items() if content is not None}
-    return told if life is None else told | {"fade": (artefact.rows(life)[0], course)}
+    paths = dict(inputs.items())
+    loaded = {name: next(iter(artefact.load_all([path])), None) for name, path in paths.items()}
+    if not any(loaded.values()):
+        artefact.load(next(iter(paths.values())))
+    course = loaded.pop("course", None)
+    told = {
+        name: [{"doubt": tables.doubt_in_words(about)} | row for row in artefact.rows(content)]
+        for name, (content, about) in filter(lambda one: one[1] is not None, loaded.items())
+    }
+    life = told.pop("life", None)
+    return told if life is None else told | {"fade": (life[0], course[0])}
 
 
 def with_sheet(check_ups, sheet) -> list[dict]:

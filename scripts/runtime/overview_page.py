@@ -60,11 +60,12 @@ def section(cells, summary, tables, checks) -> dict:
         name = row["cell"]
         parts = [told[one].get(name, []) for one in about]
         rows.append(_row(row, types.get(name, ""), reasons.get(name, []), *parts))
-    first = [
-        {"link": link(row["cell"]), "why": "; ".join(text for _, text, _ in reasons[row["cell"]])}
-        for row in order
-        if row["cell"] in reasons
-    ]
+    of_why = {}
+    for row in order:
+        if row["cell"] in reasons:
+            why = "; ".join(text for _, text, _ in reasons[row["cell"]])
+            of_why.setdefault(why, []).append(row["cell"])
+    first = [{"link": links(cells), "why": why} for why, cells in of_why.items()]
     return {
         "types": sorted(set(types.values()) - {""}),
         "first": first[:FIRST],
@@ -76,6 +77,11 @@ def section(cells, summary, tables, checks) -> dict:
         ),
         "marks": [{"type": types.get(r["cell"], ""), "look": r["cell"] in reasons} for r in order],
     }
+
+
+def links(cells) -> Markup:
+    """Links to the pages of cells of which one thing is said, all in a line."""
+    return Markup(", ").join(map(link, cells))
 
 
 def reasons_by_cell(summary, excluded, checks, types) -> dict:
@@ -129,7 +135,8 @@ def _span(rows, column, scale, unit) -> str:
     if not known:
         return "not known"
     ends = dict.fromkeys(f"{one:.3g}" for one in (min(known), max(known)))
-    return f"{' to '.join(ends)} {unit} ({len(known)} known)"
+    of_all = f" ({len(known)} of {len(rows)} known)" if len(known) < len(rows) else ""
+    return f"{' to '.join(ends)} {unit}{of_all}"
 
 
 def _row(row, kind, reasons, scored, effects, definitions) -> list:

@@ -3,7 +3,9 @@
 from cellwright.packs.wiring import described, rows_below, wiring_of
 from runtime.page_tables import link, plain_table
 
-SWAPPED = "swapped channels?"  # in the sentence of such a finding
+# In the sentences of a simulation that its reader must know: of swapped cells, and of cells that
+# are simulated at a temperature that they were not tested at.
+GRAVE = ("swapped channels?", "simulated as at the one temperature")
 TABLES = (
     "packs",
     "pack_findings",
@@ -60,8 +62,9 @@ def warnings(checks, abouts) -> list[str]:
     series pack the simulation itself tells swapped cells.
     """
     found = [row["sentence"] for row in checks.to_dict("records") if row["found"] == "True"]
-    # Strings have no row of checks of their own: their simulation finds swapped cells.
-    notes = [note for about in abouts for note in about["notes"] if SWAPPED in note]
+    # Strings have no row of checks of their own: their simulation finds what is to be known.
+    said = (note for about in abouts for note in about["notes"])
+    notes = [note for note in said if any(words in note for words in GRAVE)]
     return list(dict.fromkeys([*found, *notes]))
 
 

@@ -17,11 +17,14 @@ from markupsafe import Markup, escape
 
 from cellwright.effects.story.places import largest_before
 from cellwright.effects.story.words import KNOWN, name_of_effect, name_of_key, sentences_by_part
+from cellwright.laws.points import level_means
+from cellwright.records.conditions import SAME_CELSIUS
 from runtime import (
     artefact,
     closer_look,
     health_page,
     laboratory_page,
+    laws_page,
     overview_page,
     pack_page,
     sheets,
@@ -129,6 +132,7 @@ def render(job) -> str:
     return environment.get_template(Path(inputs.template).name).render(
         title=params.title,
         excluded=excluded,
+        exclusions=_exclusions(excluded),
         checks=checks,
         doubted=[row for row in summary if row.get("doubt")],
         overview=overview,
@@ -179,6 +183,19 @@ class Numbers:
     def __call__(self, what) -> str:
         self.last[what] = self.last.get(what, 0) + 1
         return f"{what} {self.stem}{self.last[what]}"
+
+
+def _exclusions(rows) -> list[dict]:
+    """What was left out, each reason once with the cells and tests that it is of."""
+    of_reason = {}
+    for row in rows:
+        of_reason.setdefault((row["test"], row["stage"], row["reason"]), []).append(row)
+    return [
+        {"of": overview_page.links(row["cell"] for row in same if row["cell"])}
+        | {"test": test, "stage": stage, "reason": reason}
+        | {"file": "; ".join(dict.fromkeys(row["file"] for row in same if row["file"]))}
+        for (test, stage, reason), same in of_reason.items()
+    ]
 
 
 def _yaml(path):
@@ -241,7 +258,10 @@ def _unsure(rows) -> list:
     for row in rows:
         for reason in row["doubts"].split("; ") if row["sure"] == "False" else ():
             names.setdefault(reason, []).append(_name(row))
-    return [f"{', '.join(effects)}: {reason}" for reason, effects in names.items()]
+    reasons = {}
+    for reason, effects in names.items():
+        reasons.setdefault(", ".join(effects), []).append(reason)
+    return [f"{effects}: {', and '.join(found)}" for effects, found in reasons.items()]
 
 
 def _name(row):
@@ -376,7 +396,9 @@ def _chapters(tables, pictures, layout) -> list[dict]:
     for one in layout["chapters"]:
         shown = {
             place: [
-                table_of(name, tables[name], layout["specs"][name])
+                laws_page.table(tables[name])
+                if name == "temperature"
+                else table_of(name, tables[name], layout["specs"][name])
                 for name in one.get(place, ())
                 if len(tables[name])
             ]
@@ -392,7 +414,7 @@ def _chapters(tables, pictures, layout) -> list[dict]:
                 undrawn.setdefault(picture.reason, []).append(picture.title)
         own = [(kind, picture) for kind, picture in own if not picture.reason]
         about = {"id": one["id"], "title": one["title"], "figures": own, "undrawn": undrawn}
-        chapters.append(about | shown)
+        chapters.append(about | {place: list(filter(None, shown[place])) for place in shown})
     return chapters
 
 
@@ -404,16 +426,22 @@ def _choice(rows):
     """Table of the errors of each member by temperature and the reason of the choice, or None."""
     if not len(rows):
         return None
-    celsius = rows["ambient_temperature_celsius"].unique().tolist()
-    lines = []
+    # Members with effects go by the temperature that was measured, others by the sheet's.
+    stated, lines = rows["ambient_temperature_celsius"], []
+    levels = level_means(map(float, filter(None, stated)), apart=SAME_CELSIUS)
+    rows = rows.assign(at=[levels[float(one)] if one else one for one in stated])
+    celsius = dict(zip(rows["at"][::-1], stated[::-1], strict=True))  # of each level the first
+    celsius = {at: celsius[at] for at in rows["at"]}
     for model, part in rows.groupby("model", sort=False):
-        errors = [
-            f"{milli(one['left_out_rmse_volt'])} ({milli(one['fit_rmse_volt'])})"
+        found = {
+            one["at"]: f"{milli(one['left_out_rmse_volt'])} ({milli(one['fit_rmse_volt'])})"
             for one in _rows(part)
-        ]
+        }
+        errors = [found.get(at, "") for at in celsius]
         mark = "chosen" if part["chosen"].iloc[0] == "True" else ""
         lines.append([Cell(model, mark=mark), *errors, part["reason"].iloc[0]])
-    columns = ["model", *(f"{number(one)} °C [mV]" for one in celsius), "why, or why not"]
+    heads = (f"{number(one)} °C [mV]" if one else "[mV]" for one in celsius.values())
+    columns = ["model", *heads, "why, or why not"]
     read = (
         "RMS error of blocks left out of the fit at each temperature; in brackets of the finished "
         "model through the records it was fitted to, SoC 5–95 %. Tests for validation took no "
@@ -437,11 +465,14 @@ def _tests(rows, abouts):
     lines = []
     for row in rows:
         why = list(reasons.get(row["test"], ()))
-        told = ["" if row[name] is None else row[name] for name in names]
+        told = row | {"soc": None if row["soc"] is None else 100 * row["soc"]}
+        told = ["" if told[name] is None else told[name] for name in names]
         values = [f"{value:g}" if isinstance(value, float) else str(value) for value in told]
-        note = "; ".join(filter(None, [row["note"], *why]))
-        lines.append([*values, Cell(note, mark="wrong" if why else "")])
-    columns = ["test", "kind", "chamber [°C]", "cycle", "SoC at start", "role", "note"]
+        lines.append([*values, row["note"] or "", Cell("; ".join(why), mark="wrong")])
+    columns = ["test", "kind", "chamber [°C]", "cycle", "SoC at start [%]", "role", "note"]
+    columns += ["could not be used"]
+    if not any(line[-1].text for line in lines):
+        columns, lines = columns[:-1], [line[:-1] for line in lines]
     read = "As tests.tsv states them; in red why a test, or a part of it, could not be used."
     return plain_table("tests", "Tests", read, columns, lines) if rows else None
 
@@ -451,16 +482,18 @@ def _tables_of_story(verdicts, witnesses) -> dict:
     found = {"named": None, "witnesses": None}
     if verdicts:
         found |= {name: verdicts[0][name] for name in ("next_test", "in_one_line")}
+    if any(one["effect"] for one in verdicts):
         sure = {"True": "sure", "False": "unsure: {}"}
         lines = [
             [
-                _name(one) if one["effect"] else f"({one['verdict']})",
+                _name(one),
                 sure.get(one["sure"], "–").format(one["doubts"]),
                 ", ".join(_as_good(one)),
                 f"{milli(one['rmse_before_volt'])} → {milli(one['rmse_after_volt'])}",
                 f"{milli(one['validation_before_volt'])} → {milli(one['validation_after_volt'])}",
             ]
             for one in verdicts
+            if one["effect"]
         ]
         columns = ["effect", "how sure", "as good", "tests fitted [mV]", "tests not fitted [mV]"]
         read = "RMS error of the model without the effect → with it, beside all others."
@@ -501,7 +534,15 @@ def _notes(abouts) -> list[dict]:
     ]
     for note, test in texts:
         notes.setdefault(note, set()).add(test)
-    return [{"text": text, "tests": sorted(tests - {""})} for text, tests in notes.items()]
+    alike = {}
+    for text, tests in notes.items():
+        # What is said of many quantities, tests or models in the same words is said once.
+        of, said, words = text.partition(": ")
+        alike.setdefault((words if said else text, *sorted(tests - {""})), []).append(of)
+    return [
+        {"text": f"{'; '.join(of)}: {words}" if of != [words] else words, "tests": tests}
+        for (words, *tests), of in alike.items()
+    ]
 
 
 def _owner(about):

@@ -184,8 +184,8 @@ def figure_of(path, captions) -> tuple[str, Figure]:
 
 def _reason(svg: str) -> str:
     """Why a figure could not be drawn, as the artefact carries it; "" where it was."""
-    about = re.search(r"<desc>(\{.*?\})</desc>", svg, flags=re.S)
-    return (json.loads(unescape(about[1])).get("reason") or "") if about else ""
+    about = re.search(r"<(desc|dc:description)>(\{.*?\})</\1>", svg, flags=re.S)
+    return (json.loads(unescape(about[2])).get("reason") or "") if about else ""
 
 
 def as_url(svg: str) -> str:

@@ -37,6 +37,11 @@ def lines(folder, before, started) -> list[str]:
     slow = snakemake_state.slowest(folder, started, count=3)
     took = [f"Longest:  {'; '.join(slow)}"] if slow else []
     report = Path(folder, "results", "report.html")
+    # Of campaigns of real cells each has its own.
+    made = sorted(Path(folder, "real").glob("*/results/report.html"))
+    made = [path.relative_to(folder) for path in made if path.stat().st_mtime >= started]
+    if made:
+        return [*(f"Report:   {path}" for path in made), *took]
     if not report.is_file():
         whole = "snakemake --cores 2 makes it, and results/tables/excluded.csv of what was left out"
         return [f"Report:   none yet: {whole}", *took]
@@ -79,7 +84,10 @@ def _cells(summary) -> str:
 def _left_out(rows) -> str:
     if not rows:
         return "nothing"
-    what = [" ".join(filter(None, (row["cell"], row["test"]))) or row["file"] for row in rows]
+    what = [
+        " ".join(filter(None, (row["cell"], row["test"]))) or row["file"] or row["stage"]
+        for row in rows
+    ]
     return f"{len(rows)} (results/tables/excluded.csv): {_names(list(dict.fromkeys(what)))}"
 
 

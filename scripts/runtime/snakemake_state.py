@@ -1,9 +1,11 @@
 """Snakemake in a campaign: stale locks, what it does otherwise than here is needed, slow rules."""
 
+import base64
 import json
 import shutil
 import socket
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 
 import psutil
@@ -119,6 +121,16 @@ def slowest(folder, since, *, count=5) -> list[str]:
         f"longest {max(took):.1f} s"
         for rule, took in ranked
     ]
+
+
+def ended(folder, output) -> str | None:
+    """When the job of an output ended, ISO 8601 in UTC; None where Snakemake keeps no record."""
+    name = base64.urlsafe_b64encode(str(output).encode()).decode()
+    path = Path(folder, ".snakemake", "metadata", name)
+    record = _record(path) if path.is_file() else None
+    if not record or record.get("endtime") is None:
+        return None
+    return datetime.fromtimestamp(record["endtime"], UTC).isoformat(timespec="seconds")
 
 
 def _record(path):

@@ -44,9 +44,10 @@ def rows_of(paths, tests) -> list[dict]:
 def doubt_in_words(about) -> str:
     """What speaks against the records behind an artefact; others than its own are named."""
     wildcards = about["wildcards"]
-    own = f"{wildcards.get('cell') or wildcards.get('group')} {wildcards.get('test')}"
+    own = f"{wildcards.get('cell') or wildcards.get('group')} {wildcards.get('test', '')}"
     doubts = about.get("doubts", {})
-    return "; ".join(said if of == own else f"{of}: {said}" for of, said in doubts.items())
+    words = (said if of == own else f"{of.strip()}: {said}" for of, said in doubts.items())
+    return "; ".join(words)
 
 
 def rows_of_cell(columns, cell) -> list[dict]:
@@ -64,8 +65,8 @@ def rows_of_cell(columns, cell) -> list[dict]:
 
 
 def excluded(paths, files) -> "DataFrame":
-    """Refused files and analyses, one row each, at the stage that refused them, and what others
-    left out of a record.
+    """Refused files and analyses, one row each, at the stage that refused them, what others left
+    out of a record, and tables (.csv) that could not be made.
 
     A step of several outputs refuses all of them for one reason: it has one row.
     """
@@ -79,7 +80,9 @@ def excluded(paths, files) -> "DataFrame":
         if about["reason"] is not None:
             reasons = [about["reason"]] if about["origin"] == path else []
         wildcards = about["wildcards"]
-        name, test = wildcards.get("cell") or wildcards.get("group"), wildcards.get("test", "")
+        name, test = wildcards.get("cell") or wildcards.get("group", ""), wildcards.get("test", "")
+        if Path(path).suffix == ".csv":  # of all cells
+            reasons = [f"{Path(path).name} could not be made: {reason}" for reason in reasons]
         file = ";".join(files.get(f"{name}/{test}", []))
         step = about["rule"], about["step"]
         rows += [(name, test, file, stage_of(path), reason, *step) for reason in reasons]
@@ -221,7 +224,7 @@ def summary(cells, tables, models, log=print) -> "DataFrame":
 def _summary_row(facts, of_cell, model) -> dict:
     rated, scored = facts["rated_capacity_ampere_hour"], of_cell["validation"]
     # What models count in goes first: SoC of all tables refers to it.
-    counted = slowest_capacity(_known(of_cell["capacity"])) or {}
+    counted = slowest_capacity(_known(of_cell["capacity"])) or _first_check_up(of_cell)
     capacity = model.get("capacity_ampere_hour") or counted.get("capacity_ampere_hour")
     notes = model.get("notes", [])
     if capacity is None and facts.get("state_of_health"):
@@ -232,6 +235,8 @@ def _summary_row(facts, of_cell, model) -> dict:
         fresh, said = None, f"{capacity:g} Ah over a rating of {rated:g} Ah is beyond all numbers"
         notes = [*notes, f"no state of health: {said}"]
     spread = _std_of(of_cell["capacity"], counted, capacity)
+    if counted.get("of_check_up"):
+        notes = [*notes, f"capacity: of the {counted['direction']} at the first check-up"]
     missing, filtered = of_cell["missing_effect"], of_cell["soc"]
     scored = scored[scored["chosen"].eq(True)]
     pulses = of_cell["resistance"][of_cell["resistance"]["soc"].notna()]
@@ -284,6 +289,14 @@ def resistances(cells, tables, models, verdicts, note=print) -> "DataFrame":
     return DataFrame(rows, dtype=object)
 
 
+def _first_check_up(of_cell) -> dict:
+    """Capacity of the first check-up, of a cell whose tests are no complete cycles; or empty."""
+    rows = _known(of_cell.get("checkups", of_cell["capacity"]))
+    rows = [row for row in rows if row.get("capacity_ampere_hour")]
+    first = min(rows, key=lambda row: row["cycle"] or 0, default=None)
+    return {"of_check_up": True} | first if first else {}
+
+
 def _std_of(rows, counted, capacity) -> float | None:
     """Standard deviation of a cell's capacity [Ah]: of the test that it is from.
 
@@ -307,7 +320,8 @@ def _doubts(of_cell) -> str:
             continue
         rows = of_cell[table][of_cell[table]["doubt"].notna()]
         for test, words in zip(rows["test"], rows["doubt"], strict=True):
-            said.setdefault(words, {})[test] = None
+            for part in words.split("; "):
+                said.setdefault(part, {})[test] = None
     return "; ".join(f"{', '.join(tests)}: {words}" for words, tests in said.items())
 
 

@@ -5,8 +5,9 @@ from pathlib import Path
 from runtime import artefact, results_check, tables
 
 inputs, output, params = snakemake.input, snakemake.output, snakemake.params
-with artefact.Job(snakemake, output.excluded, inputs=inputs.stages) as job:
-    job.save(tables.excluded(inputs.stages, params.files))
+asked = [*inputs.stages, *inputs.tables]
+with artefact.Job(snakemake, output.excluded, inputs=asked) as job:
+    job.save(tables.excluded(asked, params.files))
 sources = [*inputs.tables, output.excluded]
 with artefact.Job(snakemake, output.summary, inputs=[*sources, *inputs.models]) as job:
     frames = tables.load_frames(sources)

@@ -225,7 +225,7 @@ def test_an_effect_of_a_group_is_told_by_its_parameters():
         "branch": {"value": 2, "std": None, "unit": "1"},
     }
     (found,) = sizes_as_used(effect, parameters)
-    assert found.text == "excess 0.0081 ± 0.0002 Ohm"
+    assert found.text == "excess 8.1 ± 0.2 mΩ"
 
 
 @pytest.mark.parametrize(("step", "std", "sized"), [(0.08, 0.05, False), (0.3, 0.05, True)])

@@ -104,11 +104,20 @@ def test_an_error_that_does_not_fall_is_not_said_to_fall():
     assert "does not fall: 4.0 mV before, 5.0 mV after" in text
 
 
+def test_a_fall_that_is_not_an_effects_own_is_not_said_to_be():
+    both, own = {"before": 0.005, "after": 0.004}, {"before": 0.0039, "after": 0.004}
+    one = step() | {"validation_rmse_volt": own}
+    text = said("named", effects=[one], validation_rmse_volt=both)
+    assert "falls from 5.0 mV to 4.0 mV, but by what was fitted beside this effect" in text
+    assert "it takes the error" not in text
+
+
 def test_what_is_unknown_has_no_name():
     assert "no effect of the vocabulary explains it" in said("unknown")
     rest = {"excess_volt": 0.0062, "adequate": False}
     text = said("unknown", partial=[step("slow_diffusion")], remainder=rest)
-    part = "Slow diffusion explains a part of it: 6.2 mV are left beyond that, too much for a name."
+    part = "Slow diffusion explains a part of it: 6.2 mV are left beyond that, "
+    part += "each part of the records counted alike, too much for a name."
     assert text.startswith("Something is missing")
     assert part in text
 

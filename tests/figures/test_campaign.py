@@ -38,5 +38,9 @@ def test_overview_has_a_line_for_every_cell():
     np.testing.assert_allclose(np.concatenate(drawn(ohm)), [[30.0, 2]])
     np.testing.assert_allclose(np.concatenate(drawn(error)), [[4.0, 2]])
     assert labels(error) == ["25 °C", "temperature not stated"]
+    assert size.get_xlim()[1] > 2.0, "no dot lies on the frame"
+    near = [sizes[0] | {"ambient_temperature_celsius": f"{at}"} for at in (20.0, 20.4, 22.0, 30)]
+    *_, error = panels(campaign.draw_overview(kind, near, [], []))
+    assert labels(error) == ["21 °C", "30 °C"], "a chamber's wobble is no other temperature"
     empty = panels(campaign.draw_overview({}, [], [], []))
     assert [len(panel.get_xticks()) for panel in empty] == [0, 0, 0]

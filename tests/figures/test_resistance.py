@@ -11,6 +11,7 @@ def test_resistance_at_the_first_sample_and_near_ten_seconds():
     delays = np.array([0.0, 1.0, 9.0, 60.0])
     columns = {
         "delay_second": delays,
+        "actual_delay_second": delays,
         "direction": np.array(["discharge"] * 4),
         "c_rate": np.ones(4),
         "soc": np.full(4, 0.5),
@@ -25,6 +26,23 @@ def test_resistance_at_the_first_sample_and_near_ten_seconds():
         len(panels(resistance.draw_resistance([({k: v[:1] for k, v in columns.items()}, about())])))
         == 1
     )
+
+
+def test_a_first_sample_after_seconds_does_not_stand_beside_one_that_is_prompt():
+    columns = {
+        "delay_second": np.zeros(2),
+        "actual_delay_second": np.array([0.1, 5.8]),
+        "direction": np.array(["discharge"] * 2),
+        "c_rate": np.ones(2),
+        "soc": np.full(2, 0.5),
+        "resistance_ohm": np.array([0.007, 0.018]),
+        "resistance_std_ohm": np.full(2, 1e-4),
+    }
+    (first,) = panels(resistance.draw_resistance([(columns, about())]))
+    np.testing.assert_allclose(np.concatenate(drawn(first)), [[50, 7]])
+    late = {name: values[1:] for name, values in columns.items()}
+    (first,) = panels(resistance.draw_resistance([(late, about())]))
+    np.testing.assert_allclose(np.concatenate(drawn(first)), [[50, 18]])
 
 
 def test_a_surface_shows_the_chosen_form_and_every_forms_error_left_out():

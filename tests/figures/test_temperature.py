@@ -19,13 +19,13 @@ def test_temperature_draws_the_laws_over_the_points_and_dots_what_was_not_tested
     }
     laws = law("R", "quadratic", 0.0, -0.0375, 3.0) + law("R", "arrhenius", 2.0, 1e4, chosen=True)
     first, second, *empty = panels(temperature.draw_temperature_laws(points, laws))
-    assert labels(first) == ["measured", "quadratic", "arrhenius (chosen)"]
-    np.testing.assert_allclose(drawn(first)[0], np.column_stack([celsius, [3.0, 2.0, 1.5]]))
-    np.testing.assert_allclose(drawn(first)[2][0], [0.0, 3.0])
+    assert labels(first) == ["measured", "quadratic", "Arrhenius (chosen)"]
+    np.testing.assert_allclose(drawn(first)[0], np.column_stack([celsius, [3e3, 2e3, 1.5e3]]))
+    np.testing.assert_allclose(drawn(first)[2][0], [0.0, 3e3])
     assert [line.get_linestyle() for line in first.get_lines()[1:4]] == [":", "-", ":"]
     assert [line.get_xdata()[-1] for line in first.get_lines()[1:4]] == [0, 40, 45]
     assert labels(second) == ["measured"]
-    assert (first.get_ylabel(), second.get_ylabel()) == ("[Ohm]", "[Ah]")
+    assert (first.get_ylabel(), second.get_ylabel()) == ("[mΩ]", "[Ah]")
     assert [panel.axison for panel in empty] == [False]
 
 

@@ -36,7 +36,7 @@ def test_a_change_stands_beside_both_intervals_with_its_reason(tmp_path):
     assert table.read_text().splitlines()[1].startswith("summary,A,soh,0.95,0.9,3.54,")
     text = page.read_text()
     assert 'class="worst">3.54</td>' in text
-    assert 'id="comparison/summary"' in text
+    assert 'id="comparison/table-summary"' in text
     assert "file raw/a.csv; code of basis" in text
 
 

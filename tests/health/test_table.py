@@ -18,9 +18,10 @@ def test_methods_stand_side_by_side():
     ]
     mode = {"lli": 0.1, "lam_negative": 0.02, "lam_positive": np.nan}
     mode |= {"lli_std": 0.025, "lam_negative_std": 0.01, "lam_positive_std": np.nan}
+    against = {"doubt": "hangs on the window"}
     modes = [
-        mode | {"cycle": 0.0, "capacity_ampere_hour": 3.1},
-        mode | {"cycle": 150.0, "capacity_ampere_hour": 2.635},
+        mode | against | {"cycle": 0.0, "capacity_ampere_hour": 3.1},
+        mode | against | {"cycle": 150.0, "capacity_ampere_hour": 2.635},
         dict.fromkeys(mode, np.nan) | {"cycle": 300.0, "capacity_ampere_hour": 2.2},
     ]
     rows = cw.state_of_health(check_ups, (summary, columns), modes).rows
@@ -33,6 +34,9 @@ def test_methods_stand_side_by_side():
     found = by_method["degradation modes"][150.0]
     assert (found["lli"], found["lli_std"]) == (0.1, 0.025)
     assert 300.0 not in by_method["degradation modes"]
+    doubts = {method: {row["doubt"] for row in of.values()} for method, of in by_method.items()}
+    assert doubts["degradation modes"] == {"hangs on the window"}
+    assert doubts["check-up"] == doubts["ageing cycles"] == {""}
     assert by_method["check-up"][150.0]["remaining_cycles"] == pytest.approx(50, abs=3)
     assert by_method["ageing cycles"][300.0]["remaining_cycles"] == 0
 

@@ -155,3 +155,9 @@ def test_quantities_need_enough_temperatures():
     points += [Point("Q", "Ah", celsius, 1.0) for celsius in (0, 25, 25)]
     assert {point.quantity for point in with_enough_temperatures(points)} == {"R"}
     assert len(with_enough_temperatures(points, temperatures=2)) == 6
+
+
+def test_a_point_has_the_doubts_of_its_tests_by_name():
+    rows = [pulse(0.45, 0.002) | {"test": "t", "doubt": "drifts"}, pulse(0.55, 0.003)]
+    points, _ = resistance_points(rows, delay_second=(10.0,), soc=(0.5,))
+    assert [point.doubt for point in points] == ["t: drifts"]

@@ -210,3 +210,19 @@ def test_rows_hold_all_laws_of_each_quantity_and_say_what_is_missing():
 def test_no_quantity_at_all_is_refused():
     with pytest.raises(Refusal, match="no quantity is known at three temperatures"):
         law_rows([])
+
+
+def test_a_law_that_errs_more_than_the_mean_of_its_points_is_not_offered():
+    value = [0.05, 0.9, 0.02, 0.85, 0.03, 0.8]
+    points = [Point("share", "1", at, v) for at, v in zip(CELSIUS, value, strict=True)]
+    points += [Point("Q", "Ah", celsius, 2.0 + celsius / 100) for celsius in CELSIUS]
+    rows, reasons = law_rows(points)
+    assert {row["quantity"] for row in rows if row["chosen"]} == {"Q"}
+    assert any(reason.startswith("share: no law is offered") for reason in reasons)
+
+
+def test_a_law_has_the_doubts_of_its_own_points_alone():
+    points = [Point("R", "Ohm", at, 2.0 - at / 50, doubt="a: drifts") for at in (0.0, 25.0, 40.0)]
+    points += [Point("Q", "Ah", celsius, 2.0 + celsius / 100) for celsius in CELSIUS]
+    rows, _ = law_rows(points)
+    assert {(row["quantity"], row["doubt"]) for row in rows} == {("R", "a: drifts"), ("Q", "")}

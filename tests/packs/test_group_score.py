@@ -67,6 +67,12 @@ def test_the_truth_has_no_error_and_currents_sum_to_the_total():
     assert scored.notes == ()
 
 
+def test_a_cell_that_is_simulated_at_a_temperature_it_was_not_tested_at_is_told():
+    (said,) = [note for note in score(record(), celsius=10.0).notes if "no test tells" in note]
+    assert "resistance of A, B follows temperature" in said
+    assert "tested at, not 10 °C" in said
+
+
 def test_each_cell_runs_as_its_chosen_member():
     entry = MODELS[0]["members"][0]["conditions"][0]
     kinetic = {"kind": "kinetic", "r_ohm": [0.01] * 5, "tau_second": [1.0] * 5}
@@ -106,6 +112,10 @@ def test_cells_of_one_temperature_share_an_activation_energy():
     several = models[1]["members"][0] | {"conditions": 2 * models[1]["members"][0]["conditions"]}
     own = [models[0], models[1] | {"members": [several]}]
     assert of_one_activation_energy(own) == (own, [])
+    lent, (words,) = of_one_activation_energy([MODELS[0], own[1]])
+    energy = lent[0]["members"][0]["conditions"][0]["activation_energy_joule_per_mole"]
+    assert (energy, lent[1]) == (50e3, own[1])
+    assert "no test tells" in words
 
 
 DISCHARGE = np.where((TIME < 100) | (TIME >= 4600), 0.0, -2.6)

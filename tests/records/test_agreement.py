@@ -33,7 +33,7 @@ def test_of_three_the_odd_one_out_is():
     rows = [capacity("a", 3.0, 0.5), capacity("b", 3.01, 0.5), capacity("odd", 2.6, 0.5)]
     said = doubts(rows)
     assert said[:2] == ["", ""]
-    assert "the same rate; and 1 more tests against it" in said[2]
+    assert "the same rate and 1 more test against it" in said[2]
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_no_older_cell_gives_more_at_one_rate():
     said = doubts(rows)
     assert said[0] == said[2] == said[3] == ""
     assert said[1] == (
-        "cu200 gives 4.2 Ah at cycle 200: no older cell gives more; and 1 more tests against it"
+        "cu200 gives 4.2 Ah at cycle 200: no older cell gives more and 1 more test against it"
     )
     rows[1] |= {"c_rate": 0.8}  # as a current that reads too low says
     assert doubts(rows) == said
@@ -192,3 +192,6 @@ def test_a_first_sample_that_comes_later_is_larger_within_reason(ohm, in_doubt):
     early = row | {"test": "pulses", "actual_delay_second": 0.1, "resistance_ohm": 0.03}
     late = row | {"test": "capacity", "actual_delay_second": 1.0, "resistance_ohm": ohm}
     assert bool(doubts([early, late], "resistance")[1]) == in_doubt
+    # A sample with the time of the step itself is the earliest there is.
+    at_once = early | {"actual_delay_second": 0.0}
+    assert len(doubts([at_once, at_once | {"test": "again"}, late], "resistance")) == 3

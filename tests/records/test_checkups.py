@@ -122,6 +122,8 @@ def test_ocv_of_a_check_up_is_its_own_else_carried_over():
     assert sources[1] == "rests of hppc_200"
     assert sources[2] == "carried over from cycle 200; its shift since is not known"
     assert at_cycle(content, 400)["ocv"][0]["ocv_volt"][1] == pytest.approx(3.62)
+    sources = [checkup["ocv_source"] for checkup in life(rows)["checkups"]]
+    assert sources[1:] == ["none, nor at any check-up before it"] * 2
 
 
 def test_soc_refers_to_the_capacity_of_the_check_up():

@@ -122,7 +122,7 @@ def test_the_activation_energy_is_found_between_temperatures():
     tests = [made(f"t{c}", celsius=c, factor=factor) for c, factor in kelvins.items()]
     _, activation_energy = activation(*tests)
     np.testing.assert_allclose(activation_energy[0], 35e3, rtol=0.05)
-    assert "0 °C 3" in activation_energy[1]
+    assert "35 at 0 °C" in activation_energy[1]
 
 
 @pytest.mark.slow

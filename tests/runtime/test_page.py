@@ -9,6 +9,7 @@ import pandas as pd
 from report_text import PACKED, unpacked
 
 from cellwright.refusal import Refusal
+from figures import style
 from runtime import artefact, page
 
 
@@ -79,7 +80,8 @@ def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
     chapters = [{"id": "model", "title": "Model", "tables": ["soc"], "figures": ["validation"]}]
     layout = {"captions": {"validation": {"title": "V", "read": "r"}}, "chapters": chapters}
     found = page._page("A", job.params, tables, list(abouts.values()), layout, {})
-    assert [row[-1].text for row in found["tests"].rows] == ["<b>odd</b>; time & <i>space</i>", ""]
+    last = [[cell.text for cell in row[-2:]] for row in found["tests"].rows]
+    assert last == [["<b>odd</b>", "time & <i>space</i>"], ["", ""]]
     assert found["notes"] == [{"text": "sign found from the data", "tests": ["bad", "good"]}]
     assert found["facts"] == {"cell": "A", "chemistry": "NMC"}
     (chapter,) = found["chapters"]
@@ -87,15 +89,39 @@ def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
     assert (kind, picture.title, chapter["tables"]) == ("validation", "V: udds", [])
 
 
+def test_what_is_said_of_many_in_the_same_words_is_said_once():
+    notes = ["a, quadratic: no scatter", "b, quadratic: no scatter", "c: other", "alone"]
+    abouts = [{"notes": notes, "wildcards": {"test": "x"}}]
+    texts = [note["text"] for note in page._notes(abouts)]
+    assert texts == ["a, quadratic; b, quadratic: no scatter", "c: other", "alone"]
+
+
+def test_errors_of_a_temperature_stand_in_one_column_however_it_was_told():
+    names = ["model", "ambient_temperature_celsius", "left_out_rmse_volt", "fit_rmse_volt"]
+    rows = [("2RC", "20", ".002", ".001"), ("2RC", "", ".004", ".003")]
+    rows += [("2RC+effects", "20.44", ".001", ""), ("1RC", "20", ".005", ".004")]
+    frame = pd.DataFrame(rows, columns=names, dtype=str).assign(chosen="False", reason="why")
+    found = page._choice(frame)
+    assert found.columns == ["model", "20 °C [mV]", "[mV]", "why, or why not"]
+    texts = [[cell.text for cell in row] for row in found.rows]
+    assert texts[0] == ["2RC", "2.00 (1.00)", "4.00 (3.00)", "why"]
+    assert texts[1:] == [["2RC+effects", "1.00 (–)", "", "why"], ["1RC", "5.00 (4.00)", "", "why"]]
+
+
 def test_figures_without_a_drawing_are_told_in_one_line(snakemake):
     files = ["figures/A/validation_udds.svg", "figures/A/validation_us06.svg"]
     with artefact.Job(snakemake(*files, wildcards={"cell": "A"})):
         raise Refusal("no OCV <curve>")
+    with artefact.Job(snakemake("figures/A/validation_none.svg", wildcards={"cell": "A"})) as job:
+        style.save(style.message("Nothing to draw."), job)
     captions = {"validation": {"title": "V", "read": "r"}}
-    pictures = [page.figure_of(path, captions) for path in files]
+    pictures = [
+        page.figure_of(path, captions) for path in [*files, "figures/A/validation_none.svg"]
+    ]
     layout = {"chapters": [{"id": "m", "title": "M", "figures": ["validation"]}]}
     (chapter,) = page._chapters({}, pictures, layout)
     assert chapter["figures"] == []
+    assert chapter["undrawn"].pop("Nothing to draw.") == ["V: none"]
     assert chapter["undrawn"] == {"no OCV <curve>": ["V: udds", "V: us06"]}
 
 
@@ -108,7 +134,20 @@ def test_every_figure_and_table_names_the_artefact_that_makes_it_again(job):
     assert {"results/figures/A", "results/summary.csv", "results/tables/capacity.csv"} <= made
     shown = re.findall(r'<(?:figure|div class="table") id="[^"/]*/([^"]*)"', html)
     # Of the tables only that of the tests is a sheet, which nothing makes.
-    assert len(commands) == len(shown) - shown.count("tests")
+    assert len(commands) == len(shown) - shown.count("table-tests")
+
+
+def test_every_address_is_of_one_place(job):
+    """A chapter, a figure and a table may be of one subject, such as capacity."""
+    capacity = Path("results/figures/A/capacity.svg")
+    capacity.write_text(Path("results/figures/A/validation_udds.svg").read_text())
+    job.params.figures["A"].append(str(capacity))
+    html = unpacked(page.render(job))
+    found = re.findall(r' id="([^"]+)"', html)
+    assert len(found) == len(set(found))
+    assert {"cell-A/capacity", "cell-A/table-capacity", "cell-A/chapter-capacity"} <= set(found)
+    inside = set(re.findall(r'href="#([^"]*/[^"]*)"', html))
+    assert inside <= set(found)
 
 
 def test_a_group_tells_its_missing_effect_as_a_story_with_a_verdict_on_top(job, saved):
@@ -130,3 +169,11 @@ def test_a_group_tells_its_missing_effect_as_a_story_with_a_verdict_on_top(job, 
     for said in ("The gap, before and after", "What it changes for you", "capacity of branch 1"):
         assert said in text
     assert "in branch currents (each times its cell's resistance)" in text
+
+
+def test_what_is_left_out_of_many_cells_for_one_reason_is_one_line():
+    row = {"test": "", "file": "", "stage": "models", "reason": "no pulses"}
+    rows = [row | {"cell": cell} for cell in "AB"] + [row | {"cell": "", "reason": "<odd>"}]
+    first, second = page._exclusions(rows)
+    assert first["of"] == '<a href="#cell-A">A</a>, <a href="#cell-B">B</a>'
+    assert (first["reason"], second["of"], second["reason"]) == ("no pulses", "", "<odd>")

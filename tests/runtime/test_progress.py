@@ -115,3 +115,10 @@ def test_the_end_names_the_report_exclusions_failed_checks_and_doubts(tmp_path):
     wanted = ("results/report.html", "2, 1 with a model", "doubts about B", "2 (results/tables")
     for words in (*wanted, "B t1", "1 of 2 failed", "no cell gains charge"):
         assert words in said
+
+
+def test_a_run_of_real_cells_names_the_reports_that_it_made(tmp_path):
+    report = tmp_path / "real/leaf/results/report.html"
+    report.parent.mkdir(parents=True)
+    report.write_text("")
+    assert run_end.lines(tmp_path, {}, 0.0) == ["Report:   real/leaf/results/report.html"]

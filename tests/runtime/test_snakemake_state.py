@@ -1,5 +1,6 @@
 """What a run took by rule, and how parameters are compared with those of the run before."""
 
+import base64
 import json
 import sys
 from functools import partial
@@ -43,3 +44,12 @@ def test_parameters_are_compared_as_before_and_pandas_is_not_imported_for_them(m
     monkeypatch.delitem(sys.modules, "pandas")
     assert serialize(records, {"a": (1,)}) == "{'a': (1,)}"
     assert "pandas" not in sys.modules
+
+
+def test_the_end_of_a_job_is_known_where_snakemake_keeps_its_record(tmp_path):
+    records = tmp_path / ".snakemake/metadata"
+    records.mkdir(parents=True)
+    name = base64.urlsafe_b64encode(b"results/a.csv").decode()
+    (records / name).write_text(json.dumps({"endtime": 0.0}))
+    assert snakemake_state.ended(tmp_path, "results/a.csv") == "1970-01-01T00:00:00+00:00"
+    assert snakemake_state.ended(tmp_path, "results/b.csv") is None

@@ -56,6 +56,14 @@ def test_two_steps_of_one_job_that_refuse_for_one_reason_are_two_rows(snakemake)
     ]
 
 
+def test_a_table_that_could_not_be_made_is_told_as_what_is_left_out(snakemake):
+    with artefact.Job(snakemake("results/tables/resistance.csv", wildcards={"table": "x"})):
+        raise ZeroDivisionError("float division by zero")
+    (row,) = tables.excluded(["results/tables/resistance.csv"], {}).to_dict("records")
+    assert (row["cell"], row["test"], row["file"], row["stage"]) == ("", "", "", "tables")
+    assert row["reason"].startswith("resistance.csv could not be made: Cellwright itself failed")
+
+
 def test_what_a_record_lacks_is_excluded_too(saved):
     said = ["3 of 50 discharges left out (cycles 4, 9, 20): cycle 4: it ends at 3.5 V"]
     (row,) = tables.excluded([saved(GOOD, [ROW], left_out=said)], {}).to_dict("records")

@@ -7,6 +7,7 @@ import re
 import shutil
 import sys
 from contextlib import chdir
+from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
@@ -157,7 +158,12 @@ def test_the_crate_says_which_job_made_each_file_of_what(first):
     assert workflow["version"]
     assert workflow["encodingFormat"] == "text/plain"
     assert {"@id": "#job/capacity/A/capacity"} in entities["./"]["mentions"]
-    assert entities["#rule/capacity"]["softwareVersion"] in job["description"]
+    tool = entities[job["instrument"]["@id"]]
+    assert tool["@id"].startswith("swh:1:cnt:")
+    assert tool["@id"].endswith(";path=/scripts/protocols/capacity.py")
+    assert tool["softwareVersion"] in job["description"]
+    assert datetime.fromisoformat(job["endTime"])
+    assert "agent" not in job, "the campaign does not state its authors"
 
 
 def manifest_of(folder):

@@ -128,7 +128,14 @@ rule crate:
         "logs/crate.log",
     params:
         about=crate_facts,
-        rules=lambda w: {rule.name: {"does": rule.message or rule.name} for rule in workflow.rules},
+        rules=lambda w: {
+            rule.name: {
+                "does": rule.message or rule.name,
+                "script": "/".join(["scripts", *Path(str(rule.script)).parts[-2:]]),
+            }
+            for rule in workflow.rules
+            if rule.script
+        },
     message:
         "The run for other people's tools: results/ro-crate-metadata.json."
     script:

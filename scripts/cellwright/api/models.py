@@ -47,9 +47,14 @@ def identify_without(
     # Its OCV at that temperature goes too: it would tell what is to be predicted.
     rest = without(inputs.basis(basis), inputs.tests(tests), celsius=celsius)
     # Other members would cost as much time and are not used.
-    members = [inputs.model(whole)["chosen"]]
+    content = inputs.model(whole)
+    members = [content["chosen"]]
     facts = inputs.cell_facts(cell)
-    return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
+    found = _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
+    # Told apart from the notes of the model of all temperatures, where numbers differ.
+    of_all, without_it = set(content["notes"]), f"fitted without the tests at {celsius:g} °C"
+    notes = (note if note in of_all else f"{without_it}: {note}" for note in found.notes)
+    return found._replace(notes=tuple(notes))
 
 
 def compare_temperature_laws(

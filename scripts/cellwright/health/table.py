@@ -27,7 +27,7 @@ def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
     """
     trusted = [row for row in peaks if DISAGREE not in row["reason"]]
     rows = [
-        _row(row["cycle"], row["capacity_ampere_hour"], row["soh"], method, row["soh_std"])
+        _row(row["cycle"], row["capacity_ampere_hour"], row["soh"], method, row["soh_std"], row)
         for method, found in ((CHECK_UP, check_ups), (PEAKS, trusted))
         for row in found
         if np.isfinite(row["capacity_ampere_hour"])
@@ -42,10 +42,12 @@ def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
     return sorted(rows, key=lambda row: METHODS.index(row["method"]))
 
 
-def _row(cycle, capacity, soh, method, soh_std):
+def _row(cycle, capacity, soh, method, soh_std, found):
+    """A row; `found` is what it is from, whose doubt it shares."""
     about = {"cycle": cycle, "capacity_ampere_hour": capacity, "soh": soh}
     lacking = dict.fromkeys(("knee_cycle", "remaining_cycles", *LOST, *LOST_STD), np.nan)
-    return about | {"method": method, "soh_std": soh_std} | lacking
+    doubt = {"doubt": found.get("doubt") or ""}
+    return about | {"method": method, "soh_std": soh_std} | lacking | doubt
 
 
 def _of_cycles(life, course, wanted):
@@ -65,13 +67,14 @@ def _of_cycles(life, course, wanted):
         spread = float(np.std(near))
         # The share's error: of the capacity, and of what it is a share of.
         std = float(np.hypot(spread / start, size / start * start_std / start))
-        rows.append(_row(float(at), size, size / start, CYCLES, std))
-    end = _row(life["last_cycle"], life["soh"] * start, life["soh"], CYCLES, life["soh_std"])
+        rows.append(_row(float(at), size, size / start, CYCLES, std, life))
+    last, soh = life["last_cycle"], life["soh"]
+    end = _row(last, soh * start, soh, CYCLES, life["soh_std"], life)
     return [*rows, end]
 
 
 def _of_modes(row, fresh):
     """A row of degradation modes; its state of health over the first one by the same method."""
     size = row["capacity_ampere_hour"]
-    own = _row(row["cycle"], size, size / fresh["capacity_ampere_hour"], MODES, np.nan)
+    own = _row(row["cycle"], size, size / fresh["capacity_ampere_hour"], MODES, np.nan, row)
     return own | {name: row[name] for name in (*LOST, *LOST_STD)}

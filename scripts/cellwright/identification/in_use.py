@@ -262,7 +262,10 @@ def proved(model, rows, tests, cell, *, split_rest_second):
         row | {"chosen": row["model"] == taken, "reason": texts.get(row["model"], row["reason"])}
         for row in rows
     ]
-    about = {"choice": f"{model['choice']}. {verdict}", "notes": [*model["notes"], *notes]}
+    before = model["choice"]
+    if not wins:  # what the blocks alone said would read as the choice
+        before = before.replace(f"{name} chosen", f"{name} best by blocks", 1)
+    about = {"choice": f"{before}. {verdict}", "notes": [*model["notes"], *notes]}
     return model | {"chosen": taken} | about, rows
 
 

@@ -32,6 +32,7 @@ class CellPoint(NamedTuple):
     std: float
     family: str
     soc: float
+    doubt: str
 
 
 def points_of_type(

@@ -15,7 +15,8 @@ class Point(NamedTuple):
     """One quantity at one temperature; `quantity` says what, at which SoC, delay and rate.
 
     std : of the value from its own measurement, NaN where not known. family : quantities that
-    differ in SoC only. soc : NaN where the quantity has none.
+    differ in SoC only. soc : NaN where the quantity has none. doubt : what speaks against the
+    tests that it is from, each by its name.
     """
 
     quantity: str
@@ -25,6 +26,20 @@ class Point(NamedTuple):
     std: float = np.nan
     family: str = ""
     soc: float = np.nan
+    doubt: str = ""
+
+
+def joined_doubts(doubts):
+    """Doubts in one text, each once; "" where there are none."""
+    return "; ".join(dict.fromkeys(filter(None, doubts)))
+
+
+def _doubt(row):
+    """What speaks against a row of a test, with the test's name where it has one."""
+    words, test = row.get("doubt"), row.get("test")
+    if not isinstance(words, str):
+        return ""
+    return f"{test}: {words}" if words and test else words
 
 
 def capacity_points(rows):
@@ -43,7 +58,8 @@ def capacity_points(rows):
             continue
         rate = _rate_seen(row["c_rate"], rates)
         celsius, value = row["ambient_temperature_celsius"], row["capacity_ampere_hour"]
-        points.append(Point(f"capacity at {rate:.2g}C", "Ah", celsius, value, family="capacity"))
+        quantity, doubt = f"capacity at {rate:.2g}C", _doubt(row)
+        points.append(Point(quantity, "Ah", celsius, value, family="capacity", doubt=doubt))
     return points
 
 
@@ -93,7 +109,8 @@ def impedance_points(rows):
             soc, celsius = level[row["soc"]], row["ambient_temperature_celsius"]
             quantity = f"{what} at {100 * soc:.0f} % SoC, {how}"
             value, std = row[column], row[f"{column}_std"]
-            points.append(Point(quantity, "Ohm", celsius, value, std, f"{what}, {how}", soc))
+            family, doubt = f"{what}, {how}", _doubt(row)
+            points.append(Point(quantity, "Ohm", celsius, value, std, family, soc, doubt))
         vague = len(with_soc) - len(determined)
         count = f"{vague} of {len(with_soc)} spectra"
         notes += [f"{what}, {how}: {count} do not determine it"] if vague else []
@@ -141,6 +158,7 @@ def mean_per_temperature(points):
         run[0]._replace(
             value=float(np.mean([point.value for point in run])),
             std=float(np.sqrt(np.sum([point.std**2 for point in run])) / len(run)),
+            doubt=joined_doubts(point.doubt for point in run),
         )
         for run in runs.values()
     ]
@@ -223,8 +241,8 @@ def resistance_points(
         what, when = resistance_name(direction, delay)
         quantity, family = f"{what} at {100 * level:.0f} % SoC, {when}", f"{what}, {when}"
         points += [
-            Point(quantity, "Ohm", celsius, *chosen[celsius], family, level)
-            for celsius in sorted(chosen)
+            Point(quantity, "Ohm", celsius, ohm, std, family, level, doubt)
+            for celsius, (ohm, std, doubt) in sorted(chosen.items())
         ]
         notes += [f"{quantity}: {note}"] if note else []
     return points, notes
@@ -261,14 +279,14 @@ def _by_distance(rates, c_rate):
 
 
 def _resistance_over_temperature(rows, level):
-    """Temperature → (resistance, std) [ohm] where pulses lie near a state of charge."""
+    """Temperature → (resistance, std, doubt) [ohm] where pulses lie near a state of charge."""
     groups = grouped(rows, lambda row: row["ambient_temperature_celsius"])
     resistances = {celsius: _interpolated(pulses, level) for celsius, pulses in groups.items()}
     return {celsius: value for celsius, value in resistances.items() if value is not None}
 
 
 def _at_one_rate(courses, c_rate):
-    """Temperature → (resistance, std) [ohm] at one rate, and a note on what is left out."""
+    """Temperature → (resistance, std, doubt) [ohm] at one rate, and a note on what is left out."""
     if not courses:
         return {}, ""
     everywhere = sorted({celsius for course in courses.values() for celsius in course})
@@ -292,7 +310,7 @@ def without_rate(rate, temperatures):
 
 
 def _interpolated(rows, level):
-    """Resistance and its std [ohm] at a SoC, between the pulses on either side of it."""
+    """Resistance, its std [ohm] and its doubt at a SoC, between the pulses on either side of it."""
     rows = sorted(rows, key=lambda row: row["soc"])
     # Over 12 % of SoC resistance is straight enough; one pulse alone stands for 5 %.
     below = [row for row in rows if level - 0.12 <= row["soc"] <= level]
@@ -306,11 +324,15 @@ def _interpolated(rows, level):
             [part * row[name] for name in RESISTANCE]
             for part, row in ((1 - share, low), (share, high))
         )
-        return float(ohm + more), float(np.hypot(std, other))
+        return (
+            float(ohm + more),
+            float(np.hypot(std, other)),
+            joined_doubts(map(_doubt, (low, high))),
+        )
     nearest = min(rows, key=lambda row: abs(row["soc"] - level))
     if abs(nearest["soc"] - level) > 0.05:
         return None
-    return tuple(nearest[name] for name in RESISTANCE)
+    return *(nearest[name] for name in RESISTANCE), _doubt(nearest)
 
 
 RESISTANCE = ("resistance_ohm", "resistance_std_ohm")
@@ -334,10 +356,11 @@ def fast_charge_points(rows):
     )
     rates, points = [], []
     for row in charges:
+        celsius, doubt = row["ambient_temperature_celsius"], _doubt(row)
         # The set current shows at warm temperatures; in the cold the voltage cuts it at once.
         rate = _rate_seen(row["c_rate"], rates, or_less=True)
         points += [
-            Point(f"{name} at up to {rate:.2g}C", unit, row["ambient_temperature_celsius"], value)
+            Point(f"{name} at up to {rate:.2g}C", unit, celsius, value, doubt=doubt)
             for name, unit, value in _quantities(row)
             if value > 0
         ]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import grouped
+from cellwright.laws.points import grouped, joined_doubts
 from cellwright.numerics.lines import (
     REFERENCE_KELVIN,
     ZERO_CELSIUS_KELVIN,
@@ -290,7 +290,15 @@ def law_rows(points):
             reasons.append(f"{quantity}: {refusal}")
             continue
         reasons += [f"{quantity}, {law.law} law: {law.reason}" for law in laws if law.reason]
-        rows += [row for law in laws for row in rows_of(quantity, law)]
+        best = next(law for law in laws if law.chosen)
+        if best.r_squared < 0:
+            laws = [law._replace(chosen=False) for law in laws]
+            reasons.append(
+                f"{quantity}: no law is offered; the best, {best.law}, errs more than the mean of "
+                f"the points (R² {best.r_squared:.2g})"
+            )
+        against = {"doubt": joined_doubts(point.doubt for point in quantity_points)}
+        rows += [row | against for law in laws for row in rows_of(quantity, law)]
         # Of a family one sentence says what ends its quadratics, not one a SoC.
         quadratics.setdefault(quantity_points[0].family or quantity, []).append(laws[0])
     if not rows:

@@ -13,7 +13,7 @@ from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.uncertainty.bands import DRAWS, WITHIN_90_PERCENT, band_of
 from cellwright.packs.uncertainty.draws import draw_cells, is_known, wire_factors
 from cellwright.packs.wiring import by_member, cells_of, charge_of, described, member_currents
-from cellwright.records.conditions import at_rest_in_record, stated_or_reference
+from cellwright.records.conditions import at_rest_in_record, same_temperature, stated_or_reference
 from cellwright.records.record import group_record, stated_soc
 from cellwright.refusal import Refusal
 
@@ -56,7 +56,7 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
     record, notes = _to_score(test, branches, wiring), checks.beyond_calibration(models)
     # Before tables are made: they follow each model's own energy.
     models, words = of_one_activation_energy(models)
-    notes += words
+    notes += [*words, *_blind_to_temperature(models, record)]
     record = record._replace(member_current_ampere=_measured(record, branches, notes))
     # A logged temperature is better than one that follows from heat.
     warms = None if thermal is None or _was_logged(test, record) else thermal
@@ -105,11 +105,12 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
 
 
 def of_one_activation_energy(models):
-    """Models of a pack's cells, of one activation energy where each saw one chamber temperature.
+    """Models of a pack's cells, those that saw one chamber temperature with a shared energy.
 
     A cell that was tested at one chamber temperature tells its energy from its own warming by a few
     kelvin, within 10 kJ/mol or so. Two cells of one type with energies 20 kJ/mol apart would share
-    a current in quite another way 10 K above the chamber; of their mean little is wrong.
+    a current in quite another way 10 K above the chamber; of their mean little is wrong. What cells
+    that were tested at several temperatures tell serves one that tells nothing.
 
     Parameters
     ----------
@@ -120,8 +121,18 @@ def of_one_activation_energy(models):
     models : list of model dicts, with the mean of the energies of their chosen members. words :
         list of str, what was done.
     """
-    # ASSUME: Cells of a pack that were each tested at one temperature have one activation energy.
+    # ASSUME: Cells of a pack that were each tested at one temperature have one activation energy; a
+    # cell that tells none has that of the pack's cells that were tested at several.
     entries = [member_of(model)["conditions"] for model in models]
+    told = [c[ENERGY] for entry in entries if len(entry) > 1 for c in entry if c.get(ENERGY)]
+    lacking = [len(entry) == 1 and not entry[0].get(ENERGY) for entry in entries]
+    if told and any(lacking):
+        mean = float(np.mean(told))
+        names = ", ".join(m["cell"] for m, one in zip(models, lacking, strict=True) if one)
+        words = f"{names}: no test tells how its resistance follows temperature; taken as "
+        words += f"{mean / 1e3:.0f} kJ/mol, the mean of the group's cells that tell it"
+        pairs = zip(models, lacking, strict=True)
+        return [_with_energy(model, mean) if one else model for model, one in pairs], [words]
     single = [c[0] for c in entries if len(c) == 1 and c[0].get(ENERGY)]
     energies = [condition[ENERGY] for condition in single]
     if len(models) < 2 or len(single) < len(models) or np.ptp(energies) == 0:
@@ -132,6 +143,22 @@ def of_one_activation_energy(models):
         f"from its own warming ({min(energies) / 1e3:.0f} to {max(energies) / 1e3:.0f})"
     )
     return [_with_energy(model, mean) for model in models], [words]
+
+
+def _blind_to_temperature(models, record):
+    """Cells whose resistance stays that of one temperature in a test at another, in words."""
+    celsius, blind = float(np.mean(record.celsius)), []
+    for model in models:
+        known, *more = member_of(model)["conditions"]
+        at = known["ambient_temperature_celsius"]
+        if not more and not known.get(ENERGY) and not same_temperature(at, celsius):
+            blind.append(model["cell"])
+    if not blind:
+        return []
+    return [
+        f"{record.test}: no test tells how the resistance of {', '.join(blind)} follows "
+        f"temperature: simulated as at the one temperature it was tested at, not {celsius:.0f} °C"
+    ]
 
 
 def _with_energy(model, joule_per_mole):

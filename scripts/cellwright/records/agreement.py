@@ -64,8 +64,10 @@ def with_disagreements(rows, *, quantity):
 
 
 def _joined(row, words, unusual):
-    more = [f"and {len(words) - 1} more tests against it"] * (len(words) > 1)
-    return "; ".join(filter(None, [row.get("doubt"), *words[:1], *more, unusual]))
+    others = f"{len(words) - 1} more test{'s' if len(words) > 2 else ''}"
+    more = [f"and {others} against it"] * (len(words) > 1)
+    against = " ".join([*words[:1], *more])
+    return "; ".join(filter(None, [row.get("doubt"), against, unusual]))
 
 
 def _key(row):
@@ -260,6 +262,10 @@ def _is_number(*values):
     return all(value is not None and value == value for value in values)
 
 
+# A first sample may have the time of the step itself: no clock of a cycler tells less apart.
+LEAST_DELAY_SECOND = 0.01
+
+
 def _resistances(row, other):
     """What another pulse resistance says against one, at the same delay.
 
@@ -279,7 +285,8 @@ def _resistances(row, other):
     here, there = row["resistance_ohm"], other["resistance_ohm"]
     spread = SIGMAS * (row["resistance_std_ohm"] + other["resistance_std_ohm"])
     factor = RESISTANCE_FACTOR if near else ANY_SOC_FACTOR
-    later = np.log10(row["actual_delay_second"] / other["actual_delay_second"])
+    delays = (max(one["actual_delay_second"], LEAST_DELAY_SECOND) for one in (row, other))
+    later = np.subtract(*np.log10(list(delays)))
     if (here - there) * later > 0:
         factor *= DELAY_FACTOR ** abs(later)
     if max(here, there) - spread <= factor * min(here, there):

@@ -146,6 +146,8 @@ def _later(cycle, group, first_capacities, before, limits):
         words += f"± {1e3 * std:.1f} mV"
         shifted = [_shifted(curve, shifts) for curve in before[0]["ocv"]]
         return content | {"ocv": shifted, "ocv_source": words}
+    if not before[-1]["ocv"]:
+        return content | {"ocv": [], "ocv_source": "none, nor at any check-up before it"}
     # ASSUME: A check-up without any of these has the OCV over SoC of the one before it.
     words = f"carried over from cycle {before[-1]['cycle']:g}; its shift since is not known"
     return content | {"ocv": before[-1]["ocv"], "ocv_source": words}

@@ -11,6 +11,9 @@ LEAST_DEVIATION = 1e-3  # of the value: none that is smaller is written
 SIZED = 2.0  # standard deviations from where an effect is absent: 95 %
 
 
+SHOWN = {"Ohm": ("mΩ", 1e3), "V": ("mV", 1e3), "J/mol": ("kJ/mol", 1e-3)}
+
+
 class Size(NamedTuple):
     """One size: `name` in words, `value` ± `std` in `unit`; std is NaN where none is stated."""
 
@@ -21,11 +24,12 @@ class Size(NamedTuple):
 
     @property
     def text(self):
-        """In words: name, value, deviation, unit."""
-        number = f"{self.value:.3g}"
+        """In words: name, value, deviation, and a unit that people write."""
+        unit, scale = SHOWN.get(self.unit, (self.unit, 1.0))
+        number = f"{scale * self.value:.3g}"
         if np.isfinite(self.std) and self.std > LEAST_DEVIATION * abs(self.value):
-            number += f" ± {float(f'{self.std:.1g}'):g}"
-        return f"{self.name} {number} {self.unit}".strip().replace("-", "−")
+            number += f" ± {float(f'{scale * self.std:.1g}'):g}"
+        return f"{self.name} {number} {unit}".strip().replace("-", "−")
 
 
 class Fitted(NamedTuple):

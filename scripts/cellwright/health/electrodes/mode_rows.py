@@ -106,8 +106,11 @@ def notes(found, fitting, *, given):
     given : whether the user gave both half cells.
     """
     pair = fitting[0][0]
-    names = f"{pair.negative.name} ({pair.negative.source}) and {pair.positive.name} "
-    words = [f"half cells: {names}({pair.positive.source})"]
+    names = (
+        one.name if one.name == one.source else f"{one.name} ({one.source})"
+        for one in (pair.negative, pair.positive)
+    )
+    words = [f"half cells: {' and '.join(names)}"]
     if not given:
         words.append(
             "half cells of the chemistry's published curves, chosen by misfit, not measured on "
