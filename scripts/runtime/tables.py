@@ -225,7 +225,8 @@ def _summary_row(facts, of_cell, model) -> dict:
     rated, scored = facts["rated_capacity_ampere_hour"], of_cell["validation"]
     # What models count in goes first: SoC of all tables refers to it.
     counted = slowest_capacity(_known(of_cell["capacity"])) or _first_check_up(of_cell)
-    capacity = model.get("capacity_ampere_hour") or counted.get("capacity_ampere_hour")
+    of = model if model.get("capacity_ampere_hour") else counted
+    capacity, spread = (of.get(f"capacity_{name}ampere_hour") for name in ("", "std_"))
     notes = model.get("notes", [])
     if capacity is None and facts.get("state_of_health"):
         capacity, source = stated_capacity(rated, facts["state_of_health"])
@@ -234,7 +235,6 @@ def _summary_row(facts, of_cell, model) -> dict:
     if fresh is not None and not isfinite(fresh):
         fresh, said = None, f"{capacity:g} Ah over a rating of {rated:g} Ah is beyond all numbers"
         notes = [*notes, f"no state of health: {said}"]
-    spread = _std_of(of_cell["capacity"], counted, capacity)
     if counted.get("of_check_up"):
         notes = [*notes, f"capacity: of the {counted['direction']} at the first check-up"]
     missing, filtered = of_cell["missing_effect"], of_cell["soc"]
@@ -295,21 +295,6 @@ def _first_check_up(of_cell) -> dict:
     rows = [row for row in rows if row.get("capacity_ampere_hour")]
     first = min(rows, key=lambda row: row["cycle"] or 0, default=None)
     return {"of_check_up": True} | first if first else {}
-
-
-def _std_of(rows, counted, capacity) -> float | None:
-    """Standard deviation of a cell's capacity [Ah]: of the test that it is from.
-
-    A model may count in a slow test's own capacity, which is no row: then that of the slowest row,
-    where the two are one within a percent.
-    """
-    if not capacity or not counted:
-        return None
-    alike = rows[(rows["capacity_ampere_hour"] / capacity - 1).abs() < 1e-6]
-    if len(alike):
-        return _known(alike)[0].get("capacity_std_ampere_hour")
-    same = abs(counted["capacity_ampere_hour"] / capacity - 1) < 0.01
-    return counted.get("capacity_std_ampere_hour") if same else None
 
 
 def _doubts(of_cell) -> str:
