@@ -173,7 +173,7 @@ def test_no_cell_rests_lower_at_a_higher_soc(volt, ampere, in_doubt):
     rows = [pulse(f"soc{100 * soc:.0f}", 3.0, soc, voltage_before_volt=v) for soc, v in rests]
     rows[0]["current_ampere"] = -ampere
     said = doubts(rows, "resistance")
-    assert ("rests at 3.950 V at 80% SoC; and 1 more" in said[0]) == in_doubt
+    assert ("rests at 3.950 V at 80% SoC and 1 more test" in said[0]) == in_doubt
     assert said[1:] == ["", "", ""]
 
 
