@@ -169,13 +169,17 @@ class Tab:
         self.call("Input.dispatchKeyEvent", type="keyDown", **what)
         self.call("Input.dispatchKeyEvent", type="keyUp", key=key)
 
-    def picture(self, file, *, whole=False, of=""):
-        """Save what is seen, the whole page, or the first element of a selector, as PNG."""
+    def picture(self, file, *, whole=False, of="", height=None):
+        """Save what is seen, the whole page, or the first element of a selector, as PNG.
+
+        height : most of the element [pixel], from its top; None: all of it.
+        """
         options = {"captureBeyondViewport": whole or bool(of)}
         if of:
             corner = "x: b.x + scrollX, y: b.y + scrollY, width: b.width, height: b.height"
             element = f"document.querySelector({json.dumps(of)})"
             box = self.evaluate(f"(b => ({{{corner}}}))({element}.getBoundingClientRect())")
+            box["height"] = min(box["height"], height or box["height"])
             options["clip"] = box | {"scale": 1}
         if whole:
             box = self.call("Page.getLayoutMetrics")["cssContentSize"]

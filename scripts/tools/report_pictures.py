@@ -1,9 +1,12 @@
 """Pictures of a report for the documentation, by a browser without a window.
 
-    ./run python scripts/tools/report_pictures.py results/report.html docs/pictures --cell C2
+    ./run python scripts/tools/report_pictures.py results/report.html docs/pictures --cell C5
+    ./run python scripts/tools/report_pictures.py real/a123/results/report.html docs/pictures \
+        --cell A123 --effect 492
 
-writes report.png (the first screen), report-cell.png (a cell's page, folded) and report-effect.png
-(of that cell the figure of the missing effect: the gap before and after, on tests not fitted).
+writes report.png (the first screen) and report-cell.png (a cell's page, folded); with --effect
+report-effect.png alone (of that cell the figure of the missing effect, so many pixels from its top:
+the gap before and after, on tests not fitted).
 """
 
 import argparse
@@ -24,18 +27,24 @@ def main():
     reader.add_argument("report", type=Path)
     reader.add_argument("folder", type=Path)
     reader.add_argument("--cell", help="whose page is shown", required=True)
+    about = "pixels from the top of its figure of the missing effect, the one picture then"
+    reader.add_argument("--effect", type=int, help=about)
     asked = reader.parse_args()
     if not browser.found():
         reader.error(f"found no browser, wanted one of {', '.join(browser.NAMES)}")
     with browser.opened() as tab:
         tab.size(*SCREEN)
-        for name, place in (("report", "overview"), ("report-cell", f"cell-{asked.cell}")):
+        pages = (("report", "overview"), ("report-cell", f"cell-{asked.cell}"))
+        for name, place in () if asked.effect else pages:
             tab.go(asked.report, place)
             tab.picture(asked.folder / f"{name}.png")
+        if not asked.effect:
+            return
         figure = f"cell-{asked.cell}/effect_validation"
         tab.go(asked.report, figure)
         tab.wait(f"document.getElementById({figure!r}).querySelector('img').complete")
-        tab.picture(asked.folder / "report-effect.png", of=f'[id="{figure}"] .scroll')
+        wanted = {"of": f'[id="{figure}"] .scroll', "height": asked.effect}
+        tab.picture(asked.folder / "report-effect.png", **wanted)
 
 
 if __name__ == "__main__":
