@@ -131,7 +131,7 @@ rule crate:
         rules=lambda w: {
             rule.name: {
                 "does": rule.message or rule.name,
-                "script": "/".join(["scripts", *Path(str(rule.script)).parts[-2:]]),
+                "script": Path("scripts", *Path(str(rule.script)).parts[-2:]).as_posix(),
             }
             for rule in workflow.rules
             if rule.script
