@@ -7,6 +7,8 @@ from cellwright.series.edges import STEP_SHARE, shares_before
 from cellwright.series.steps import silent_before
 from cellwright.settings import Clean
 
+LEAST_SILENT_SOC = 0.01  # standard deviation of what a gap may have moved; less is no doubt
+
 
 def with_edges(record, *, capacity_ampere_hour, uncounted=None):
     """The record with two rows at each step of the current that its rows do not show.
@@ -110,9 +112,6 @@ def silent_loads(record, *, capacity_ampere_hour):
     unknown = silent_before(time, Clean().gap_second)[1:] & (sides[0] * sides[1] > 0)
     gaps = np.flatnonzero(unknown & (std > LEAST_SILENT_SOC))
     return [(int(k) + 1, float(counted[k]), float(std[k])) for k in gaps]
-
-
-LEAST_SILENT_SOC = 0.01
 
 
 def _inserted(record, before, filled):

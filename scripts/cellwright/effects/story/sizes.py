@@ -5,13 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.base import LOGARITHMS
+from cellwright.effects.witnesses.statement import UNITS
 
 STEP_STDS = 0.01  # of a parameter's deviation, by which a slope is read
 LEAST_DEVIATION = 1e-3  # of the value: none that is smaller is written
 SIZED = 2.0  # standard deviations from where an effect is absent: 95 %
-
-
-SHOWN = {"Ohm": ("mΩ", 1e3), "V": ("mV", 1e3), "J/mol": ("kJ/mol", 1e-3)}
+SHOWN = {unit: UNITS[unit] for unit in ("Ohm", "V", "J/mol")}  # of a size as fitted
 
 
 class Size(NamedTuple):
@@ -25,7 +24,7 @@ class Size(NamedTuple):
     @property
     def text(self):
         """In words: name, value, deviation, and a unit that people write."""
-        unit, scale = SHOWN.get(self.unit, (self.unit, 1.0))
+        scale, unit = SHOWN.get(self.unit, (1.0, self.unit))
         number = f"{scale * self.value:.3g}"
         if np.isfinite(self.std) and self.std > LEAST_DEVIATION * abs(self.value):
             number += f" ± {float(f'{scale * self.std:.1g}'):g}"
