@@ -33,12 +33,15 @@ Both have these methods and values:
 
 from typing import NamedTuple
 
+import numpy as np
+
 from cellwright.effects.candidates import (
     CHORD_STEPS,
     State,
     Trial,
     compared,
     frees_of,
+    most_telling,
     polished,
     residual_with_all,
     scores_to_refit,
@@ -141,6 +144,27 @@ class Found(NamedTuple):
         model = _refitted(self.case, self.possible, self.model._replace(effects=kept), self.filters)
         return _state(self.case, self.possible, model, self.filters)
 
+    def gain_elsewhere(self, one):
+        """What an effect gains where the block that tells most of it is not fitted, in all others.
+
+        Not in closed form: a knee that an effect has taken up bends everything else with it.
+
+        Parameters
+        ----------
+        one : Beside. Returns score.Difference.
+        """
+        blocks = self.filters.blocks
+        telling = most_telling(self.last, one.effect, blocks)
+        fitted = blocks.fitted != telling
+        ends = []
+        for state, gone in ((self.last, None), (one.before, one.effect)):
+            effects = tuple(effect for effect in self.model.effects if effect is not gone)
+            model = self.model._replace(effects=effects, solution=state.solution)
+            model = _refitted(self.case, self.possible, model, self.filters, fitted=fitted)
+            state = _state(self.case, self.possible, model, self.filters)
+            ends.append(np.delete(self.case.densities(state, self.filters), telling))
+        return difference(*ends, np.delete(blocks.record, telling))
+
 
 class _Model(NamedTuple):
     """The model so far: free parameters without effects, effects in order of addition, its fit."""
@@ -211,10 +235,13 @@ def _state(case, possible, model, filters):
     return case.state(in_order(model.effects, possible), model.solution, filters)
 
 
-def _refitted(case, possible, model, filters):
-    """The model fitted with new derivatives."""
+def _refitted(case, possible, model, filters, *, fitted=None):
+    """The model fitted with new derivatives, to all rows or those alone that are `fitted` (n,)."""
     effects = in_order(model.effects, possible)
     problem = case.problem(effects, _free_of(case, model), filters)
+    if fitted is not None:
+        whiten = problem.whiten
+        problem = problem._replace(whiten=lambda rows: (whiten(rows).T * fitted).T)
     solution = fit(problem, model.solution.values, steps=POLISH_STEPS, settled=case.settled)
     return model._replace(solution=solution)
 

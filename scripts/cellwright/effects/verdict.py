@@ -14,6 +14,7 @@ RIGHT_ALONE, RIGHT_BESIDE = 0.9, 0.6
 UNEVEN = "the parts of the records do not agree on it"
 SMALL = "it takes too little off the error for anyone to act on"
 NO_SIZE = "its size is too near to none for anyone to act on, or at its limit"
+ONE_PART = "it hangs on one part of a record; fitted without that, no other shows it"
 NO_NAME = "the vocabulary has no name for it"
 
 
@@ -90,7 +91,9 @@ def _against(found, one, fitted, values):
         return SMALL
     if not has_size(one.effect, last.solution, values or last.solution.values, fitted):
         return NO_SIZE
-    return NO_NAME if one.effect.id in OUTSIDE else ""
+    if one.effect.id in OUTSIDE:
+        return NO_NAME
+    return "" if found.gain_elsewhere(one).z >= case.gates.joins else ONE_PART
 
 
 def gap_closed(before_volt, after_volt, floor_volt):
