@@ -145,24 +145,23 @@ class Found(NamedTuple):
         return _state(self.case, self.possible, model, self.filters)
 
     def gain_elsewhere(self, one):
-        """What an effect gains where the block that tells most of it is not fitted, in all others.
+        """What an effect gains elsewhere, over a model without it that the block that tells most of
+        the effect does not bend: score.Difference of the other blocks.
 
-        Not in closed form: a knee that an effect has taken up bends everything else with it.
+        Not in closed form: what an effect takes up, a knee, bends all of a model that lacks it.
 
         Parameters
         ----------
-        one : Beside. Returns score.Difference.
+        one : Beside.
         """
         blocks = self.filters.blocks
         telling = most_telling(self.last, one.effect, blocks)
-        fitted = blocks.fitted != telling
-        ends = []
-        for state, gone in ((self.last, None), (one.before, one.effect)):
-            effects = tuple(effect for effect in self.model.effects if effect is not gone)
-            model = self.model._replace(effects=effects, solution=state.solution)
-            model = _refitted(self.case, self.possible, model, self.filters, fitted=fitted)
-            state = _state(self.case, self.possible, model, self.filters)
-            ends.append(np.delete(self.case.densities(state, self.filters), telling))
+        others = tuple(effect for effect in self.model.effects if effect is not one.effect)
+        unbent = self.model._replace(effects=others, solution=one.before.solution)
+        rows = blocks.fitted != telling
+        unbent = _refitted(self.case, self.possible, unbent, self.filters, fitted=rows)
+        states = self.last, _state(self.case, self.possible, unbent, self.filters)
+        ends = [np.delete(self.case.densities(s, self.filters), telling) for s in states]
         return difference(*ends, np.delete(blocks.record, telling))
 
 

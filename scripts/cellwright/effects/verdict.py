@@ -14,7 +14,7 @@ RIGHT_ALONE, RIGHT_BESIDE = 0.9, 0.6
 UNEVEN = "the parts of the records do not agree on it"
 SMALL = "it takes too little off the error for anyone to act on"
 NO_SIZE = "its size is too near to none for anyone to act on, or at its limit"
-ONE_PART = "it hangs on one part of a record; fitted without that, no other shows it"
+ONE_PART = "only one part of a record asks for it; others are predicted as well without both"
 NO_NAME = "the vocabulary has no name for it"
 
 
@@ -93,7 +93,7 @@ def _against(found, one, fitted, values):
         return NO_SIZE
     if one.effect.id in OUTSIDE:
         return NO_NAME
-    return "" if found.gain_elsewhere(one).z >= case.gates.joins else ONE_PART
+    return "" if found.gain_elsewhere(one).rank_z >= case.gates.joins else ONE_PART
 
 
 def gap_closed(before_volt, after_volt, floor_volt):
