@@ -337,10 +337,15 @@ def _vague(effects, solution):
 def scores_to_refit(scores, ends, most):
     """Scores of the best so many effects, each in all its forms: no form takes another's place.
 
+    Further those beside which resistances and time constants have to be fitted again: beside misfit
+    the score of a regression is none of theirs (of slow diffusion in an iron-phosphate cell it was
+    below zero, and the fit took a third off the error).
+
     ends : State by key of effects that were tried by another noise: each in its best form, for
         another noise does not make another form the better one.
     """
-    keys = list(dict.fromkeys(score.candidate.effect.key for score in scores))[:most]
+    restart = {s.candidate.effect.key: s.candidate.effect.needs_restart for s in scores}
+    keys = [key for n, (key, needed) in enumerate(restart.items()) if n < most or needed]
     chosen = []
     for score in scores:
         effect, end = score.candidate.effect, ends.get(score.candidate.effect.key)

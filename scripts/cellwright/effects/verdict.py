@@ -43,8 +43,9 @@ def outcome(found, fitted, values=None):
     """Outcome of a search.
 
     1. A name is an effect of the vocabulary whose gain is `counts` standard errors by its ranks,
-       beside all others; which takes off the error of either side what somebody acts on; and whose
-       size is told and acted on, see `has_size`.
+       beside all others; which takes off the error of either side what somebody acts on; whose
+       size is told and acted on, see `has_size`; and which not a single block asks for, see
+       `search.Found.gain_elsewhere`.
     2. Unknown is what is left beyond `unknown_volt`, if nothing has a name, or if the names leave
        more than `unknown_share` of what was left without them.
 
@@ -93,7 +94,7 @@ def _against(found, one, fitted, values):
         return NO_SIZE
     if one.effect.id in OUTSIDE:
         return NO_NAME
-    return "" if found.gain_elsewhere(one).rank_z >= case.gates.joins else ONE_PART
+    return "" if found.gain_elsewhere(one).rank_z >= case.gates.elsewhere else ONE_PART
 
 
 def gap_closed(before_volt, after_volt, floor_volt):
