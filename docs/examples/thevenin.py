@@ -14,6 +14,7 @@ import numpy as np
 import pybamm
 
 TINY_AMPERE = 1e-6  # smooths |I| at zero
+TINY_OHM = 1e-9  # over which a capacitance is divided
 
 
 def load(path, *, member: str | None = None, celsius: float) -> dict:
@@ -109,6 +110,19 @@ def _rc(tables, one):
     return r, c
 
 
+def _rc_two_way(tables, one):
+    def r(_celsius, current, soc):
+        charge, discharge = (
+            _table(tables, one[f"r_{way}_ohm"], soc) for way in ("charge", "discharge")
+        )
+        return (current < 0) * charge + (current >= 0) * discharge + TINY_OHM
+
+    def c(celsius, current, soc):
+        return _table(tables, one["tau_second"], soc) / r(celsius, current, soc)
+
+    return r, c
+
+
 def _kinetic(tables, one):
     """R(I) = scale·asinh(r·I/scale)/I, smooth at zero."""
 
@@ -136,4 +150,4 @@ def _hysteresis(tables, one):
     return r, c
 
 
-ELEMENTS = {"RC": _rc, "kinetic": _kinetic, "hysteresis": _hysteresis}
+ELEMENTS = {"RC": _rc, "RC_two_way": _rc_two_way, "kinetic": _kinetic, "hysteresis": _hysteresis}

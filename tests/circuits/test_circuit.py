@@ -23,6 +23,7 @@ EXAMPLES = {
     "R": {"r_ohm": 0.02},
     "R_two_way": {"r_charge_ohm": 0.02, "r_discharge_ohm": 0.03},
     "RC": {"r_ohm": 0.01, "tau_second": 40.0},
+    "RC_two_way": {"r_charge_ohm": 0.02, "r_discharge_ohm": 0.01, "tau_second": 40.0},
     "kinetic": {"r_ohm": 0.03, "tau_second": 2.0, "scale_volt": 0.05},
     "charge_transfer": {"r_ohm": 0.03, "exchange_ampere": 0.8, "charge_coefficient": 0.35},
     "warburg": {"r_ohm": 0.02, "tau_second": 300.0},
@@ -58,6 +59,9 @@ CLOSED = {
         (r_charge_ohm if i > 0 else r_discharge_ohm) * i + 0 * t
     ),
     "RC": lambda i, t, r_ohm, tau_second: -r_ohm * i * np.expm1(-t / tau_second),
+    "RC_two_way": lambda i, t, r_charge_ohm, r_discharge_ohm, tau_second: (
+        (r_charge_ohm if i > 0 else r_discharge_ohm) * -i * np.expm1(-t / tau_second)
+    ),
     "kinetic": lambda i, t, r_ohm, tau_second, scale_volt: (
         -scale_volt * np.arcsinh(r_ohm * i / scale_volt) * np.expm1(-t / tau_second)
     ),
@@ -142,10 +146,15 @@ def test_constant_current_is_the_closed_form(name, current, hold):
 @every_circuit
 def test_the_other_way_round_is_the_negative(name, current, steps, hold):
     """A two-way resistor or a charge transfer turns into the one with its ways exchanged."""
-    ways = dict(zip(EXAMPLES["R_two_way"], [*EXAMPLES["R_two_way"].values()][::-1], strict=True))
+    swapped = {
+        kind: EXAMPLES[kind]
+        | {"r_charge_ohm": EXAMPLES[kind]["r_discharge_ohm"]}
+        | {"r_discharge_ohm": EXAMPLES[kind]["r_charge_ohm"]}
+        for kind in ("R_two_way", "RC_two_way")
+    }
     transfer = EXAMPLES["charge_transfer"]
     transfer = transfer | {"charge_coefficient": 1.0 - transfer["charge_coefficient"]}
-    swapped = {"R_two_way": ways, "charge_transfer": transfer}
+    swapped["charge_transfer"] = transfer
     circuit = CIRCUITS[name]
     mirror = [Branch(b.kind, swapped.get(b.kind, b.parameters)) for b in circuit]
     time = np.concatenate([[0.0], np.cumsum(steps)])
@@ -242,6 +251,9 @@ OF_BOOKS = {
     "R": lambda s, r_ohm: r_ohm,
     "R_two_way": lambda s, r_charge_ohm, r_discharge_ohm: (r_charge_ohm + r_discharge_ohm) / 2,
     "RC": lambda s, r_ohm, tau_second: r_ohm / (1 + s * tau_second),
+    "RC_two_way": lambda s, r_charge_ohm, r_discharge_ohm, tau_second: (
+        (r_charge_ohm + r_discharge_ohm) / 2 / (1 + s * tau_second)
+    ),
     "kinetic": lambda s, r_ohm, tau_second, scale_volt: r_ohm / (1 + s * tau_second),
     "charge_transfer": lambda s, r_ohm, exchange_ampere, charge_coefficient: r_ohm,
     "warburg": lambda s, r_ohm, tau_second: r_ohm * sheet(s * tau_second),

@@ -73,7 +73,7 @@ def _diffusion():
         ({"test_time_second": [], "current_ampere": []}, "holds no sample"),
         (
             {"circuit": (Branch("CPE", {"q": 1.0}),)},
-            "branch kind 'CPE' is unknown; known are R, R_two_way, RC, ",
+            "branch kind 'CPE' is unknown; known are R, R_two_way, RC, RC_two_way, ",
         ),
         ({"circuit": (Branch("RC", {"r_ohm": 1.0}),)}, "it takes r_ohm, tau_second"),
         ({"circuit": rc_circuit(0.1, [0.1], [0.0])}, "time constant is zero"),

@@ -69,7 +69,7 @@ def test_what_is_kept_of_other_values_changes_nothing(stack, name):
             anew = stack._replace(responses={}, courses={})
             fields = base.fields_of(small.CELL, anew, changed, effects)
             for one, other in zip(kept, fields, strict=True):
-                np.testing.assert_array_equal(one, other)
+                np.testing.assert_equal(one, other)
 
 
 @pytest.mark.parametrize("every", [1.0, 7.0])

@@ -129,6 +129,7 @@ def test_every_effect_gives_the_same_voltage_as_a_member(effect, celsius, hold):
         ("hysteresis_one_state", {"hysteresis_one_state.small_loops_close": 1.0}),
         ("resistance_asymmetry", {"resistance_asymmetry.charge_resistance_excess_relative": -0.4}),
         ("resistance_asymmetry", {"resistance_asymmetry.change_to_empty": 0.7}),
+        ("resistance_asymmetry", {"resistance_asymmetry.in_quicker_pair": 1.0}),
         ("leakage", {"leakage.log_leak_to_full": 2.0}),
         ("time_skew", {"time_skew.voltage_delay_second": -0.4}),
         ("time_skew", {"time_skew.voltage_delay_second": 1.7}),

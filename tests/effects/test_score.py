@@ -25,14 +25,15 @@ def test_left_out_blocks_are_those_of_a_refit_without_them(linear, beside):
     at = np.linalg.solve(precision, columns.T @ measured) + beside
     whitened = measured - columns @ at
     slope = columns.T @ whitened - prior @ at
-    found = score.left_out_squares(columns, whitened, precision, slope, block, BLOCKS)
+    found = score.left_out(columns, whitened, precision, slope, block, BLOCKS)
     for k in range(BLOCKS):
         kept = block != k
         refitted = np.linalg.solve(
             columns[kept].T @ columns[kept] + prior, columns[kept].T @ measured[kept]
         )
         error = measured[~kept] - columns[~kept] @ refitted
-        assert found[k] == pytest.approx(np.mean(error**2), rel=1e-6)
+        assert found.squares[k] == pytest.approx(np.mean(error**2), rel=1e-6)
+        assert at - found.change[k] == pytest.approx(refitted, rel=1e-6)
 
 
 def test_a_block_holds_all_channels_of_its_rows():
@@ -48,8 +49,8 @@ def test_what_one_block_alone_tells_is_predicted_to_be_absent():
     block, precision = np.repeat([0, 1], 10), np.array([[10.0]])
     vague = np.array([1e-4]), np.array([7.0])
     nothing, still = np.zeros(20), np.zeros(1)
-    found = score.left_out_squares(columns, nothing, precision, still, block, 2, vague=vague)
-    assert found == pytest.approx([0.0, 49.0], rel=1e-3)
+    found = score.left_out(columns, nothing, precision, still, block, 2, vague=vague)
+    assert found.squares == pytest.approx([0.0, 49.0], rel=1e-3)
 
 
 def test_blocks_are_a_records_tenths_of_the_soc_with_five_rows():

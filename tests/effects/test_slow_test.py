@@ -132,6 +132,18 @@ def test_a_hysteresis_that_drives_alone_would_leave_to_the_ocv_shows_in_the_slow
     assert not without["effects"]
 
 
+def test_an_offset_of_the_current_that_the_slow_test_had_not_is_told():
+    slow, *_ = made_tests(HEALTHY)
+    _, *others = made_tests(Truth(offset=0.06))
+    verdict = of_case("A", prepared([slow, *others]), LIBRARY).verdict
+    (entry,) = verdict["effects"]
+    assert entry["effect"] == "current_offset"
+    assert entry["parameters"]["in_slow_test"]["value"] == 0.0
+    size = entry["parameters"]["offset_ampere"]
+    assert size["value"] == pytest.approx(0.06, abs=max(3 * size["std"], 0.003))
+    assert verdict["gap_closed"] > 0.9
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("noise_ampere", [0.0, 0.002 * CAPACITY])
 def test_noise_is_no_step_and_edges_stay_where_a_long_test_is_thinned(monkeypatch, noise_ampere):
@@ -188,7 +200,7 @@ def test_an_offset_of_the_current_moves_the_start_as_well():
     stack = stacked([charged(0.5, 90)], capacity_ampere_hour=CAPACITY)
     values = beginning.first_values(CELL, stack)
     offset = LIBRARY["current_offset"]
-    wrong = values | {offset.names[0]: 0.05}
+    wrong = values | neutral(offset) | {offset.names[0]: 0.05}
     soc = base.fields_of(CELL, stack, values).soc
     moved = base.fields_of(CELL, stack, wrong, (offset,)).soc
     assert moved[90] == pytest.approx(soc[90], abs=1e-12)

@@ -280,11 +280,9 @@ def test_no_trial_ends_dearer_than_the_model_without_it():
     assert max(ends) <= 1e-6 * steps[0].before.solution.cost
 
 
-TAKEN_UP = "a course over SoC takes up the knee of one record, and all others are predicted better"
-
-
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason=TAKEN_UP)
 def test_a_knee_gives_a_healthy_cell_no_name():
+    """A course over SoC takes it up, and all others are predicted better: fitted without the knee
+    they show none."""
     made = with_dip(case_of(HEALTHY), 0.1, shape=lambda soc: np.exp(-(soc - soc.min()) / 0.04))
     assert names_of(search(made)[1]) == []

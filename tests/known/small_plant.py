@@ -37,6 +37,7 @@ class Truth(NamedTuple):
     falling: float = 0.0  # logarithm of R0 from full to empty
     asymmetry: float = 0.0  # of R0 on charge, relative
     asymmetry_full: float = 0.0  # more of it where full than half full
+    asymmetry_r1: float = 0.0  # of R1 on charge, relative
     wave: float = 0.0  # of the OCV over its table [V]
     entropy: float = 0.0  # of a wave of the entropic coefficient over SoC [V/K]
     slope_r1: float = 0.0  # logarithm of R1 and R2 from full to empty
@@ -110,7 +111,7 @@ def simulated(current, celsius, soc, truth):
         heat = load * (ohmic + v1 + v2)
         leak = truth.leak * np.exp(truth.leak_to_full * (charge - 0.5))
         charge += (load - leak) * FINE_SECOND / 3600 / CAPACITY
-        bent = np.exp(truth.bend_r1 * (0.5 - charge))
+        bent = np.exp(truth.bend_r1 * (0.5 - charge)) * (1 + truth.asymmetry_r1 * (load > 0))
         v1 += a1[k] * (slow * bent * r1 * load - v1)
         v2 += a2[k] * (slow * r2 * load - v2)
         v3 += a3 * (truth.slow_ohm * load - v3)

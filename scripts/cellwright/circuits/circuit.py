@@ -117,7 +117,7 @@ def _ohmic(current, *, r_ohm, **_parameters):
     return r_ohm * current
 
 
-def _one_way(current, *, r_charge_ohm, r_discharge_ohm):
+def _one_way(current, *, r_charge_ohm, r_discharge_ohm, **_parameters):
     return np.where(current.real > 0, r_charge_ohm, r_discharge_ohm) * current
 
 
@@ -163,6 +163,10 @@ KINDS = {
     # RC pair (thesis 2.7–2.13). A state of the low-pass of (2.5), f' = α·f + I, is one with
     # r_ohm = −g/(1 − α), of either sign, and tau_second = −Δt/ln α.
     "RC": Kind(("r_ohm", "tau_second"), _ohmic, _one_lag),
+    # RC pair whose resistance differs by the direction of the current.
+    "RC_two_way": Kind(
+        *(("r_charge_ohm", "r_discharge_ohm", "tau_second"), _one_way, _one_lag), linear=False
+    ),
     # Charge transfer by the Butler–Volmer equation with equal transfer coefficients, then an RC's
     # lag: resistance r_ohm at small currents; scale_volt is 2RT/F for one electrode.
     "kinetic": Kind(("r_ohm", "tau_second", "scale_volt"), _kinetic, _one_lag, linear=False),

@@ -22,7 +22,7 @@ from cellwright.refusal import Refusal
 SCHEMA = "cellwright-pybamm/1"
 DIVIDED = {"r_ohm", "m_volt"}  # parameters that a capacitance is made by
 # Of the kinds that are not linear, these are PyBaMM's elements with parameters over the current.
-OVER_CURRENT = ("R_two_way", "kinetic", "hysteresis")
+OVER_CURRENT = ("R_two_way", "RC_two_way", "kinetic", "hysteresis")
 SAME_SOC = 1e-9
 NO_ELEMENT = {
     "switch": "none of its elements remembers at rest which way the last current ran",

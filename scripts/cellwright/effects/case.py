@@ -32,12 +32,13 @@ class Gates(NamedTuple):
     one is among the first eight. rounds : effects that may join a model. visible_chi_square : an
     effect of plausible size whose chi-square there stays below this cannot be tested. joins,
     counts, apart : standard errors of the gain in predictive density from which an effect joins the
-    model, by its ranks from which it may have a name, and up to which two are tied. material_volt :
-    what a name takes off the error beyond the floor of either side. unknown_volt, unknown_share :
-    what is left without a name, of the plain model's excess, and is told as unknown.
-    most_slow_volt, most_slow_second : slow noise that is believed; more would swallow hysteresis
-    and slow diffusion. steep_volt : samples that `Tolerance.steep_soc` alone moves by more count in
-    no rms error.
+    model, by its ranks from which it may have a name, and up to which two are tied. elsewhere : by
+    its ranks, of what a name gains where the block that tells most of it is not fitted.
+    material_volt : what a name takes off the error beyond the floor of either side. unknown_volt,
+    unknown_share : what is left without a name, of the plain model's excess, and is told as
+    unknown. most_slow_volt, most_slow_second : slow noise that is believed; more would swallow
+    hysteresis and slow diffusion. steep_volt : samples that `Tolerance.steep_soc` alone moves by
+    more count in no rms error.
     """
 
     refits: int = 8
@@ -46,6 +47,7 @@ class Gates(NamedTuple):
     joins: float = 2.0  # 95 %
     counts: float = 3.0  # 99.7 %: of all that joins, what somebody is told
     apart: float = 1.645  # 95 %, one-sided
+    elsewhere: float = 2.0  # 95 %
     material_volt: float = SEARCH.material_volt
     unknown_volt: float = SEARCH.unknown_volt
     unknown_share: float = 0.5  # policy: no significance tells the right law from the nearest one

@@ -149,14 +149,16 @@ def _condition(searched, tables, celsius):
     """Resistances, branches and OCV of the model of a search at one temperature."""
     values, std = searched.document["values"], searched.document.get("std", {})
     out, back = (_probed(searched, celsius, sign) for sign in (-1.0, 1.0))
-    r0, excess = np.minimum(out.r0, back.r0) + values.get(base.LEAD, 0.0), out.r0 - back.r0
-    branches = [
-        _branch("RC", std.get(f"log_r{n}"), r_ohm=r, tau_second=tau, tau_std=std.get(f"log_tau{n}"))
-        for n, r, tau in zip((1, 2), out.slow_ohm, out.slow_second, strict=True)
-    ]
-    if np.any(excess != 0.0):
-        ways = {"r_charge_ohm": np.maximum(-excess, 0.0), "r_discharge_ohm": np.maximum(excess, 0)}
-        branches.append(_branch("R_two_way", None, **ways))
+    r0, ways = _by_direction(out.r0, back.r0)
+    r0 = r0 + values.get(base.LEAD, 0.0)
+    branches = [_branch("R_two_way", None, **ways)] if ways else []
+    pairs = []
+    for n, *ohms, tau in zip((1, 2), out.slow_ohm, back.slow_ohm, out.slow_second, strict=True):
+        r, ways = _by_direction(*ohms)
+        stds = {"tau_std": std.get(f"log_tau{n}")}
+        pairs.append(_branch("RC", std.get(f"log_r{n}"), r_ohm=r, tau_second=tau, **stds))
+        branches += [_branch("RC_two_way", None, tau_second=tau, **stds, **ways)] if ways else []
+    branches = [*pairs, *branches]
     capacity = _probed(searched, celsius, -1.0, ("current", *PROBED)).capacity
     for effect in (e for e in searched.effects if e.circuit):
         r0, kind, parameters = effect.circuit(effect.sizes_of(values), r0, capacity, KNOTS)
@@ -173,6 +175,13 @@ def _condition(searched, tables, celsius):
         "activation_energy_joule_per_mole": _energy(searched, celsius),
         "at_bound": [],
     }
+
+
+def _by_direction(discharge_ohm, charge_ohm):
+    """The smaller of two resistances, and by name what either direction has beyond it [ohm]."""
+    least = np.minimum(discharge_ohm, charge_ohm)
+    more = {"r_charge_ohm": charge_ohm - least, "r_discharge_ohm": discharge_ohm - least}
+    return least, more if any(map(np.any, more.values())) else {}
 
 
 def _probed(searched, celsius, sign, stages=PROBED):

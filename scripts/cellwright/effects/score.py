@@ -81,8 +81,31 @@ def blocks_of(fitted, judging, *, channels=1):
     return Blocks(*(np.tile(one, channels) for one in numbers), record, band, judges)
 
 
-def left_out_squares(white, whitened, precision, slope, block, blocks, *, vague=None):
-    """Mean square error of each block as predicted by the fit without it, in closed form (b,).
+class LeftOut(NamedTuple):
+    """Fits without each block, in closed form.
+
+    change : (b, k) by how much a parameter is smaller without the block. grams : (b, k, k) products
+    of the block's derivatives. moments : (b, k) of these with its residual. sums : (b,) of the
+    residual's squares. rows : (b,) of the block.
+    """
+
+    change: np.ndarray
+    grams: np.ndarray
+    moments: np.ndarray
+    sums: np.ndarray
+    rows: np.ndarray
+
+    @property
+    def squares(self):
+        """Mean square error of each block as predicted by the fit without it (b,), NaN of none."""
+        grown = 2 * np.sum(self.change * self.moments, axis=1)
+        grown += np.einsum("bk,bkj,bj->b", self.change, self.grams, self.change)
+        whole = np.maximum(self.sums + grown, 0.0)
+        return np.divide(whole, self.rows, out=np.full(len(whole), np.nan), where=self.rows > 0)
+
+
+def left_out(white, whitened, precision, slope, block, blocks, *, vague=None):
+    """Fits without each block, in closed form: LeftOut.
 
     The error of a block's rows is w + X (P − X'X)⁻¹ (X'w − s) with its whitened residual w,
     derivatives X, and the precision P and slope s of the fit: no fit is repeated. The slope, next
@@ -95,10 +118,6 @@ def left_out_squares(white, whitened, precision, slope, block, blocks, *, vague=
     (n,) number of each row's block, -1: in none. blocks : how many there are.
     vague : (precision (k,), distance (k,)) of parameters without a prior from where they are
     absent: what no other block tells of is predicted to be absent.
-
-    Returns
-    -------
-    squares : (b,), NaN for a block without rows.
 
     Source: R. Cook, S. Weisberg, Residuals and Influence in Regression (1982), 3.6 (deletion of
     groups of rows).
@@ -121,15 +140,8 @@ def left_out_squares(white, whitened, precision, slope, block, blocks, *, vague=
     # Rounding alone, for a parameter that one block tells all of.
     left = whole - grams + 1e-9 * np.eye(len(size))
     change = np.linalg.solve(left, (moments + pull)[:, :, None])[:, :, 0]
-    grown = 2 * np.sum(change * moments, axis=1)
-    grown += np.einsum("bk,bkj,bj->b", change, grams, change)
-    rows = np.diff(edges).astype(float)
-    return np.divide(
-        np.maximum(np.array(sums) + grown, 0.0),
-        rows,
-        out=np.full(blocks, np.nan),
-        where=rows > 0,
-    )
+    units = change / size, grams * np.outer(size, size), moments * size
+    return LeftOut(*units, np.array(sums), np.diff(edges).astype(float))
 
 
 def mean_squares(whitened, block, blocks):

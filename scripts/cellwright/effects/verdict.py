@@ -14,6 +14,7 @@ RIGHT_ALONE, RIGHT_BESIDE = 0.9, 0.6
 UNEVEN = "the parts of the records do not agree on it"
 SMALL = "it takes too little off the error for anyone to act on"
 NO_SIZE = "its size is too near to none for anyone to act on, or at its limit"
+ONE_PART = "only one part of a record asks for it; others are predicted as well without both"
 NO_NAME = "the vocabulary has no name for it"
 
 
@@ -42,8 +43,9 @@ def outcome(found, fitted, values=None):
     """Outcome of a search.
 
     1. A name is an effect of the vocabulary whose gain is `counts` standard errors by its ranks,
-       beside all others; which takes off the error of either side what somebody acts on; and whose
-       size is told and acted on, see `has_size`.
+       beside all others; which takes off the error of either side what somebody acts on; whose
+       size is told and acted on, see `has_size`; and which not a single block asks for, see
+       `search.Found.gain_elsewhere`.
     2. Unknown is what is left beyond `unknown_volt`, if nothing has a name, or if the names leave
        more than `unknown_share` of what was left without them.
 
@@ -90,7 +92,9 @@ def _against(found, one, fitted, values):
         return SMALL
     if not has_size(one.effect, last.solution, values or last.solution.values, fitted):
         return NO_SIZE
-    return NO_NAME if one.effect.id in OUTSIDE else ""
+    if one.effect.id in OUTSIDE:
+        return NO_NAME
+    return "" if found.gain_elsewhere(one).rank_z >= case.gates.elsewhere else ONE_PART
 
 
 def gap_closed(before_volt, after_volt, floor_volt):

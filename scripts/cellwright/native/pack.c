@@ -149,16 +149,15 @@ static void respond(const pack *p, const states *s, int64_t c, double step, doub
         ROW(s->now, q)[c] =
             ROW(s->base, q)[c] + ROW(s->rise, q)[c] * (q ? at.inside : at.share);
     double r0 = ROW(s->now, R0(p))[c], sum = 0.0, rises = 0.0, lead = 0.0, lead_rises = 0.0;
-    if (p->two_way)
-        r0 += ROW(s->now, WAYS(p) + (current > 0.0 ? 0 : 1))[c];
+    const int64_t kinetic = p->pairs, way = kinetic + p->kinetics, lead_from = way + p->ways;
     for (int64_t j = 0; j < p->lags; j++) {
         const double gain = ROW(s->gain, j)[c], tau = ROW(s->before, TAU(p) + j)[c];
         const double new_share = tau > 0.0 ? on * ROW(s->after, j)[c] : 1.0;
         const double all = tau > 0.0 ? on * gain : 1.0, old_share = all - new_share;
         const double u = ROW(s->memory, j)[c];
         double was, is, was_rise, is_rise;
-        if (j >= p->pairs && j < p->pairs + p->kinetics) {
-            const int64_t k = j - p->pairs;
+        if (j >= kinetic && j < way) {
+            const int64_t k = j - kinetic;
             const double r = ROW(s->before, KINETIC(p) + k)[c], v = ROW(s->before, SCALE(p) + k)[c];
             const double rn = ROW(s->now, KINETIC(p) + k)[c], vn = ROW(s->now, SCALE(p) + k)[c];
             was = old_share != 0.0 ? v * asinh(r * begin / v) : 0.0;
@@ -166,16 +165,18 @@ static void respond(const pack *p, const states *s, int64_t c, double step, doub
             is = vn * asinh(rn * current / vn);
             is_rise = rn / sqrt(1.0 + (rn * current / vn) * (rn * current / vn));
         } else {
-            const int64_t q = j < p->pairs ? PAIR(p) + j : GAIN(p) + j - p->pairs - p->kinetics;
-            was_rise = ROW(s->before, q)[c];
-            is_rise = ROW(s->now, q)[c];
+            const int64_t up = CHARGING(p) + j - way, down = DISCHARGING(p) + j - way;
+            const int64_t one_way = j < kinetic ? PAIR(p) + j : GAIN(p) + j - lead_from;
+            const int64_t two_way = j >= way && j < lead_from;
+            was_rise = ROW(s->before, two_way ? (begin > 0.0 ? up : down) : one_way)[c];
+            is_rise = ROW(s->now, two_way ? (current > 0.0 ? up : down) : one_way)[c];
             was = was_rise * begin;
             is = is_rise * current;
         }
         const double next = u - all * u + old_share * was + new_share * is;
         const double rise = old_share * was_rise + new_share * is_rise;
         ROW(s->next, j)[c] = next;
-        if (j < p->pairs + p->kinetics) {
+        if (j < lead_from) {
             sum += next;
             rises += rise;
         } else {
@@ -336,7 +337,7 @@ INLINE void extremes(const pack *p, const states *s, const double *volt, double 
 }
 
 /* A pack through n steps. sizes: cells, groups, points, temperatures, pairs, kinetics, hystereses,
- * surfaces, two_way, linear, moving, bare, hold (1: first order, 0: zero order), rows to keep
+ * surfaces, ways, linear, moving, bare, hold (1: first order, 0: zero order), rows to keep
  * (every how many, 0: none), extremes (1) or none, sensed element. Per quantity: address of its
  * table, doubles from cell to cell, 1 where it is linear in 1/T and not its logarithm. work: first
  * rows of (cells,) (soc, memory, quantities of the last sample), to begin with and at the end, then
@@ -352,8 +353,8 @@ WIDE int64_t pack_steps(int64_t n, const double *step, const double *mode, const
                         double tolerance, double same_soc, double *work, double *flow, double *current,
                         double *cell_volt, double *soc, double *volt, double *out,
                         double *totals, double *fault) {
-    const int64_t *z = sizes, lags = z[4] + z[5] + z[7], quantities = 3 + 2 * z[8] + 2 * z[4]
-                                  + 3 * z[5] + 2 * z[7] + 2 * z[6];
+    const int64_t *z = sizes, lags = z[4] + z[5] + z[8] + z[7], quantities = 3 + 2 * z[4]
+                                  + 3 * z[5] + 3 * z[8] + 2 * z[7] + 2 * z[6];
     const pack whole = {z[0], z[1], z[2], z[3], z[4], z[5], z[6], z[7], z[8], quantities, lags,
                         z[9], z[10], z[11], address, stride, straight, inverse, inverse_here,
                         per_second, share, connection, first, member, contact, link,

@@ -27,11 +27,11 @@ enum { SOLVED, NO_RESISTANCE, NOT_SOLVED, NO_POWER };
 #define SMALLEST 1e-9
 #define SAME_KIND 1e4 /* see packs/steps.py */
 
-/* What does not change in a run. Quantities lie in the order ocv, shift, r0, to charge, to
- * discharge, then r of pairs, r and scale of kinetics, gains of the surface, goals and charges of
- * hysteresis, time constants of pairs, kinetics and surface; of absent ones nothing. */
+/* What does not change in a run. Quantities lie in the order ocv, shift, r0, r of pairs, r and scale
+ * of kinetics, r to charge and to discharge of ways, gains of the surface, goals and charges of
+ * hysteresis, time constants of pairs, kinetics, ways and surface; of absent ones nothing. */
 typedef struct {
-    int64_t cells, groups, points, temperatures, pairs, kinetics, hystereses, surfaces, two_way;
+    int64_t cells, groups, points, temperatures, pairs, kinetics, hystereses, surfaces, ways;
     int64_t quantities, lags, linear, moving, bare;
     const int64_t *address, *stride, *straight;
     const double *inverse, *inverse_here, *per_second, *share; /* per_second: SoC per ampere and second */
@@ -42,7 +42,7 @@ typedef struct {
 
 /* Rows of (cells,): states, what is looked up, weights of the lags over the step, and the step. */
 typedef struct {
-    double *soc, *current, *memory;    /* memory: pairs, kinetics, surfaces, hystereses */
+    double *soc, *current, *memory;    /* memory: pairs, kinetics, ways, surfaces, hystereses */
     double *before;                    /* quantities at the last sample */
     double *left, *base, *rise, *now;  /* interval, quantities at its left end, over it, now */
     double *gain, *after;              /* (lags,) */
@@ -53,11 +53,12 @@ typedef struct {
 
 #define ROW(block, k) ((block) + (k) * p->cells)
 #define R0(p) (2)
-#define WAYS(p) (3)
-#define PAIR(p) (3 + 2 * (p)->two_way)
+#define PAIR(p) (3)
 #define KINETIC(p) (PAIR(p) + (p)->pairs)
 #define SCALE(p) (KINETIC(p) + (p)->kinetics)
-#define GAIN(p) (SCALE(p) + (p)->kinetics)
+#define CHARGING(p) (SCALE(p) + (p)->kinetics)
+#define DISCHARGING(p) (CHARGING(p) + (p)->ways)
+#define GAIN(p) (DISCHARGING(p) + (p)->ways)
 #define GOAL(p) (GAIN(p) + (p)->surfaces)
 #define CHARGE(p) (GOAL(p) + (p)->hystereses)
 #define TAU(p) (CHARGE(p) + (p)->hystereses)

@@ -29,10 +29,11 @@ class PackCells(NamedTuple):
     temperature_celsius : (temperatures,) rising [degC]; one where the tables know one.
     ocv_volt : one entry; at the counted SoC. ocv_shift_volt : one entry; what of it belongs to the
     counted SoC where diffusion takes the OCV at another.
-    r0_ohm : one entry. two_way_ohm : none, or resistances to charge and to discharge.
-    r_ohm, tau_second : RC pairs and Warburg elements.
+    r0_ohm : one entry. r_ohm, tau_second : RC pairs and Warburg elements.
     kinetic_r_ohm, kinetic_tau_second, kinetic_scale_volt : with arcsinh over the current; a time
     constant of 0 acts at once.
+    charge_ohm, discharge_ohm, way_tau_second : resistances that differ by the direction of the
+    current; a time constant of 0 acts at once.
     hysteresis_volt, hysteresis_ampere_hour : goal, and the charge after which 1/e is left.
     soc_per_ampere, soc_tau_second : lags by which the surface's SoC leads the mean.
     """
@@ -45,12 +46,14 @@ class PackCells(NamedTuple):
     ocv_volt: np.ndarray
     ocv_shift_volt: np.ndarray
     r0_ohm: np.ndarray
-    two_way_ohm: np.ndarray
     r_ohm: np.ndarray
     tau_second: np.ndarray
     kinetic_r_ohm: np.ndarray
     kinetic_tau_second: np.ndarray
     kinetic_scale_volt: np.ndarray
+    charge_ohm: np.ndarray
+    discharge_ohm: np.ndarray
+    way_tau_second: np.ndarray
     hysteresis_volt: np.ndarray
     hysteresis_ampere_hour: np.ndarray
     soc_per_ampere: np.ndarray
@@ -60,7 +63,7 @@ class PackCells(NamedTuple):
 TABLES = PackCells._fields[5:]
 # What an entry holds that a cell does not have: elements without effect, constants above zero.
 FILL = {"tau_second": 1.0, "kinetic_tau_second": 1.0, "kinetic_scale_volt": 1.0}
-FILL |= {"hysteresis_ampere_hour": 1.0, "soc_tau_second": 1.0}
+FILL |= {"way_tau_second": 1.0, "hysteresis_ampere_hour": 1.0, "soc_tau_second": 1.0}
 
 
 def pack_cells(models, *, temperature_celsius=None, member=None, points=POINTS):
@@ -229,8 +232,9 @@ def _ohmic(found, p, _capacity, _stretch):
 
 
 def _two_way(found, p, _capacity, _stretch):
-    up, down = found["two_way_ohm"] or [0.0, 0.0]
-    found["two_way_ohm"] = [up + p["r_charge_ohm"], down + p["r_discharge_ohm"]]
+    found["charge_ohm"].append(p["r_charge_ohm"])
+    found["discharge_ohm"].append(p["r_discharge_ohm"])
+    found["way_tau_second"].append(p.get("tau_second", np.zeros(len(p["r_charge_ohm"]))))
 
 
 def _pair(found, p, _capacity, _stretch, modes=((1.0, 1.0),)):
@@ -276,6 +280,7 @@ _ADD = {
     "R": _ohmic,
     "R_two_way": _two_way,
     "RC": _pair,
+    "RC_two_way": _two_way,
     "warburg": partial(_pair, modes=PLANE_MODES),
     "warburg_sphere": partial(_pair, modes=SPHERE_MODES),
     "kinetic": _kinetic,

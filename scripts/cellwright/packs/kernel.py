@@ -20,13 +20,13 @@ from cellwright.packs.steps import (
 
 # Quantities of a cell in the order of native/pack.c, and which of them are linear in 1/T.
 ORDER = (
-    *("ocv_volt", "ocv_shift_volt", "r0_ohm", "two_way_ohm", "r_ohm", "kinetic_r_ohm"),
-    *("kinetic_scale_volt", "soc_per_ampere", "hysteresis_volt", "hysteresis_ampere_hour"),
-    *("tau_second", "kinetic_tau_second", "soc_tau_second"),
+    *("ocv_volt", "ocv_shift_volt", "r0_ohm", "r_ohm", "kinetic_r_ohm", "kinetic_scale_volt"),
+    *("charge_ohm", "discharge_ohm", "soc_per_ampere", "hysteresis_volt", "hysteresis_ampere_hour"),
+    *("tau_second", "kinetic_tau_second", "way_tau_second", "soc_tau_second"),
 )
 STRAIGHT = ("ocv_volt", "ocv_shift_volt")
-MEMORY = ("relaxed_volt", "kinetic_volt", "surface_soc", "hysteresis_volt")
-TIMES = ("tau_second", "kinetic_tau_second", "soc_tau_second")
+MEMORY = ("relaxed_volt", "kinetic_volt", "way_volt", "surface_soc", "hysteresis_volt")
+TIMES = ("tau_second", "kinetic_tau_second", "way_tau_second", "soc_tau_second")
 NO_RESISTANCE, NOT_SOLVED = 1, 2  # outcomes of native/pack.c
 
 
@@ -204,7 +204,7 @@ def kernel_sizes(cells, network, hold, sensed, keep):
     )
     sizes = [network.cells, len(network.connection), cells.ocv_volt.shape[-1]]
     sizes += [len(cells.temperature_celsius), entries["r_ohm"], entries["kinetic_r_ohm"]]
-    sizes += [entries["hysteresis_volt"], entries["soc_per_ampere"], entries["two_way_ohm"] // 2]
+    sizes += [entries["hysteresis_volt"], entries["soc_per_ampere"], entries["charge_ohm"]]
     sizes += [is_linear(cells), moving, not cells.r0_ohm.min() > 0]
     return np.array([*sizes, hold == "first_order", *keep, sensed % elements], np.int64)
 

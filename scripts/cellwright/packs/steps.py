@@ -32,7 +32,8 @@ class PackState(NamedTuple):
     """A pack at one moment: what its cells remember; (cells,), of several elements (cells, e).
 
     parameters : looked up at the moment, name → (cells, e). relaxed_volt : of RC pairs.
-    kinetic_volt, hysteresis_volt : [V]. surface_soc : parts of what the surface leads by [1].
+    kinetic_volt, way_volt, hysteresis_volt : [V].
+    surface_soc : parts of what the surface leads by [1].
     total_ampere : through the pack [A]. heat_watt : own heat of each cell, 0 where none warms [W].
     """
 
@@ -41,6 +42,7 @@ class PackState(NamedTuple):
     total_ampere: float
     relaxed_volt: np.ndarray
     kinetic_volt: np.ndarray
+    way_volt: np.ndarray
     hysteresis_volt: np.ndarray
     surface_soc: np.ndarray
     temperature_celsius: np.ndarray
@@ -104,6 +106,7 @@ def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_a
         total_ampere=0.0,
         relaxed_volt=np.zeros_like(parameters["r_ohm"]),
         kinetic_volt=np.zeros_like(parameters["kinetic_r_ohm"]),
+        way_volt=np.zeros_like(parameters["charge_ohm"]),
         hysteresis_volt=direction[:, None] * parameters["hysteresis_volt"],
         surface_soc=np.zeros_like(parameters["soc_per_ampere"]),
         temperature_celsius=celsius,
@@ -279,7 +282,7 @@ def no_power(watt):
 
 def is_linear(cells):
     """Whether all cells are resistors and RC pairs: linear but for what SoC does to them."""
-    more = (cells.two_way_ohm, cells.kinetic_r_ohm, cells.hysteresis_volt, cells.soc_per_ampere)
+    more = (cells.charge_ohm, cells.kinetic_r_ohm, cells.hysteresis_volt, cells.soc_per_ampere)
     return not any(table.size for table in more)
 
 
@@ -305,7 +308,7 @@ def _shortened(direction, slope, off):
 def _weights(state, step):
     """Weights of the lags over the step, by name of the time constant: (decay, before, after)."""
     found = {}
-    for name in ("tau_second", "kinetic_tau_second", "soc_tau_second"):
+    for name in ("tau_second", "kinetic_tau_second", "way_tau_second", "soc_tau_second"):
         tau = state.parameters[name]
         at_once = tau <= 0
         # A time constant of 0 acts at once: nothing decays, all is of the input at the end.
@@ -345,30 +348,31 @@ def respond(cells, state, step, weights, current, parameters=None):
 
     relaxed, slope = lagged(state.relaxed_volt, ohmic("r_ohm"), "tau_second")
     kinetic, kinetic_slope = lagged(state.kinetic_volt, _arcsinh, "kinetic_tau_second")
+    ways, ways_slope = lagged(state.way_volt, _one_way, "way_tau_second")
     surface, surface_slope = lagged(state.surface_soc, ohmic("soc_per_ampere"), "soc_tau_second")
     hysteresis, hysteresis_slope = _by_charge(state.hysteresis_volt, before, mean, step.second)
-    at_once, at_once_slope = _at_once(now, current)
     ahead = soc + surface.sum(axis=1)
     volt, rise = (v[:, 0] for v in _entries(cells, "ocv_volt", ahead, celsius))
     # With diffusion the OCV is that of the surface; what belongs to the counted SoC stays there.
     if surface.size:
         volt = volt + now["ocv_shift_volt"][:, 0]
         volt = volt - _entries(cells, "ocv_shift_volt", ahead, celsius)[0][:, 0]
-    parts = [relaxed, kinetic, hysteresis]
-    slopes = [slope, kinetic_slope, hysteresis_slope]
+    parts = [relaxed, kinetic, ways, hysteresis]
+    slopes = [slope, kinetic_slope, ways_slope, hysteresis_slope]
     # Where an OCV falls its slope would lead Newton's method away: none is on the safe side.
     ocv_slope = np.maximum(rise, 0.0) * (per_ampere + surface_slope.sum(axis=1))
     after = state._replace(
         soc=soc,
         relaxed_volt=relaxed,
         kinetic_volt=kinetic,
+        way_volt=ways,
         hysteresis_volt=hysteresis,
         surface_soc=surface,
         parameters=now,
     )
     return (
-        volt + at_once + sum(part.sum(axis=1) for part in parts),
-        ocv_slope + at_once_slope + sum(part.sum(axis=1) for part in slopes),
+        volt + now["r0_ohm"][:, 0] * current + sum(part.sum(axis=1) for part in parts),
+        ocv_slope + now["r0_ohm"][:, 0] + sum(part.sum(axis=1) for part in slopes),
         after,
     )
 
@@ -379,11 +383,9 @@ def _arcsinh(p, current):
     return scale * np.arcsinh(r * current / scale), r / np.hypot(1.0, r * current / scale)
 
 
-def _at_once(p, current):
-    """Voltage of the resistances that act at once, and its slope."""
-    r = p["r0_ohm"][:, 0]
-    if p["two_way_ohm"].size:
-        r = r + np.where(current > 0, *p["two_way_ohm"].T)
+def _one_way(p, current):
+    """Drive of resistances that differ by the direction of the current, and its slope."""
+    r = np.where(current > 0, p["charge_ohm"], p["discharge_ohm"])
     return r * current, r
 
 

@@ -62,11 +62,13 @@ class Shared(NamedTuple):
 class GroupGates(NamedTuple):
     """When an effect of a branch counts; meanings as those of a cell's gates.
 
-    material_volt : none, for of a branch the size counts, in its own unit [V]. unknown_volt : error
-    of the branch currents, times their cells' ohmic resistance, beyond the floor, up to which there
-    is no unknown effect [V]. most_slow_volt : largest slow noise of a branch current, times its
-    cell's ohmic resistance [V]. shared_slow_volt : slow error of the model's voltage that all
-    branches share, and that must not move their currents [V].
+    elsewhere : the other parts must only not contradict: what an offset of a branch's sensor
+    changes is little beside what healthy branches may differ by. material_volt : none, for of a
+    branch the size counts, in its own unit [V]. unknown_volt : error of the branch currents, times
+    their cells' ohmic resistance, beyond the floor, up to which there is no unknown effect [V].
+    most_slow_volt : largest slow noise of a branch current, times its cell's ohmic resistance [V].
+    shared_slow_volt : slow error of the model's voltage that all branches share, and that must not
+    move their currents [V].
     """
 
     refits: int = 6
@@ -74,6 +76,7 @@ class GroupGates(NamedTuple):
     joins: float = 2.0
     counts: float = 3.0
     apart: float = 1.645
+    elsewhere: float = 0.0
     material_volt: float = 0.0
     unknown_volt: float = CHOSEN.gates.unknown_volt
     unknown_share: float = 0.5

@@ -70,14 +70,16 @@ def _excesses(p):
 
 def _asymmetry(fields, stack, p):
     """On a charge the resistance is larger by an excess that runs straight from half charge."""
-    excess = kept_response(
-        stack,
-        (fields.soc,),
-        (_asymmetry, *p.values()),
-        lambda: np.interp(fields.soc, (0.0, 0.5, 1.0), _excesses(p)),
-    )
-    more = np.maximum(1.0 + excess, LEAST_ON_CHARGE)
-    return fields._replace(r0=fields.r0 * np.where(fields.current > 0, more, 1.0))
+    columns, key = (fields.soc, fields.current), (_asymmetry, *p.values())
+    more = kept_response(stack, columns, key, lambda: _by_direction(fields, p))
+    if p["in_quicker_pair"]:
+        return slowed(stack, fields, (more, 1.0))
+    return fields._replace(r0=fields.r0 * more)
+
+
+def _by_direction(fields, p):
+    excess = np.interp(fields.soc, (0.0, 0.5, 1.0), _excesses(p))
+    return np.where(fields.current > 0, np.maximum(1.0 + excess, LEAST_ON_CHARGE), 1.0)
 
 
 def _lead(fields, stack, p):
@@ -113,9 +115,12 @@ EFFECTS = (
                 Parameter(f"change_to_{end}", "1", 0.0, -2.0, 2.0, **CHANGE_OF_EXCESS)
                 for end in ("empty", "full")
             ),
+            # 0: of the ohmic resistance, 1: of the quicker pair. Tried, not fitted.
+            Parameter("in_quicker_pair", "1", 0.0, 0.0, 1.0, step=0.0, shape=True),
         ),
         stage="resistance",
         act=_asymmetry,
+        starts=({"in_quicker_pair": 0.0}, {"in_quicker_pair": 1.0}),
         needs=("both_directions",),
         shows="pulses of the same size in both directions",
         quantity="charge_over_discharge",

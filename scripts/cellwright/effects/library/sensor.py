@@ -13,7 +13,7 @@ from cellwright.effects.library.vocabulary import (
 
 
 def _current_offset(fields, stack, p):
-    offset = p["offset_ampere"]
+    offset = p["offset_ampere"] * (1.0 if p["in_slow_test"] else since_slow_test(stack))
     return fields._replace(
         current=through_cell(fields.current, offset=offset),
         held=through_cell(fields.held, offset=offset * (1.0 - stack.fresh)),
@@ -54,9 +54,13 @@ EFFECTS = (
                 step=1e-3,
                 plausible=0.02,
             ),
+            # 1: the slow test was read with it, too; it may be older, or of another channel. Tried,
+            # not fitted.
+            Parameter("in_slow_test", "1", 1.0, 0.0, 1.0, step=0.0, shape=True),
         ),
         stage="current",
         act=_current_offset,
+        starts=({"in_slow_test": 1.0}, {"in_slow_test": 0.0}),
         blocks=numbers_of("reading", offset_ampere="current_offset_ampere"),
         shows="the logged current at commanded open circuit",
         ties=(

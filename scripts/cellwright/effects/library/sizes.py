@@ -42,11 +42,17 @@ def energy(effect, p, values):
 
 
 def resistance_by_direction(effect, p, values):
-    """Ohmic resistance on discharge, and on charge at three states of charge."""
-    below = fields_with(effect, p, values, current=-1.0).r0[0]
-    ohm = 1e3 * fields_with(effect, p, values, soc=THIRDS, current=1.0).r0
-    first, *others = zip(at_thirds(), ohm, strict=True)
-    sizes = [("R0 on discharge", 1e3 * below), (f"on charge {first[0]}", first[1]), *others]
+    """The resistance that differs, on discharge, and on charge at three states of charge."""
+    quicker = p["in_quicker_pair"]
+
+    def ohm(current, soc):
+        fields = fields_with(effect, p, values, soc=soc, current=current)
+        return 1e3 * (fields.slow_ohm[0] if quicker else fields.r0)
+
+    below, above = ohm(-1.0, 0.5)[0], ohm(1.0, THIRDS)
+    first, *others = zip(at_thirds(), above, strict=True)
+    name = "the quicker pair" if quicker else "R0"
+    sizes = [(f"{name} on discharge", below), (f"on charge {first[0]}", first[1]), *others]
     return [(name, one, "mΩ") for name, one in sizes]
 
 

@@ -127,10 +127,9 @@ def resistance_of(cells, celsius=None):
 
     At a temperature [degC]; None: the middle one of the tables.
     """
-    parts = [getattr(cells, name).sum(axis=2) for name in ("r0_ohm", "r_ohm", "kinetic_r_ohm")]
     # Of resistances that differ by direction that of the discharge.
-    if cells.two_way_ohm.shape[2]:
-        parts.append(cells.two_way_ohm[:, :, -1])
+    names = ("r0_ohm", "r_ohm", "kinetic_r_ohm", "discharge_ohm")
+    parts = [getattr(cells, name).sum(axis=2) for name in names]
     known = cells.temperature_celsius
     at = known[len(known) // 2] if celsius is None else celsius
     over = np.sum([part.mean(axis=-1) for part in parts], axis=0)

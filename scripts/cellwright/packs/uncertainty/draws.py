@@ -11,7 +11,7 @@ from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
 SEED = 17  # of all draws
-RESISTANCES = ("r0_ohm", "two_way_ohm", "r_ohm", "kinetic_r_ohm")
+RESISTANCES = ("r0_ohm", "r_ohm", "kinetic_r_ohm", "charge_ohm", "discharge_ohm")
 POINTS = 101  # of SoC, on which an error of the OCV is drawn
 
 
