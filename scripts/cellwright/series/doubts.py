@@ -12,8 +12,8 @@ import numpy as np
 from cellwright.formats.fields import NET, SERIES
 from cellwright.numerics.statistics import robust_std
 from cellwright.numerics.turns import turning_points
-from cellwright.series.gaps import OTHER_LOAD, UNKNOWN
-from cellwright.series.rest_current import near_zero_ampere
+from cellwright.series.gaps import OTHER_LOAD, UNKNOWN, load_went_on
+from cellwright.series.rest_current import near_zero_ampere, stretches
 from cellwright.series.spikes import rows_around
 
 LOAD_SHARE = 0.2  # of the largest current: a step of so much must move the voltage
@@ -316,15 +316,19 @@ def unanswered_specks(current, voltage, apart, resistance) -> np.ndarray:
 def against_rest(time, current, voltage, apart) -> np.ndarray:
     """Rows of rests in which the voltage goes on as the load before moved it.
 
-    After a discharge a resting cell's voltage rises, after a charge it falls.
+    After a discharge a resting cell's voltage rises, after a charge it falls; and where the load
+    comes back it is not by as much further on as if it had never gone.
     """
     zero = near_zero_ampere(current)
-    rest = np.abs(current) <= zero
-    turns = np.flatnonzero(np.diff(np.r_[False, rest, False].astype(np.int8)))
     parts = np.flatnonzero(apart)
     found = []
-    for first, stop in zip(turns[::2], turns[1::2], strict=True):
+    for first, stop in zip(*stretches(np.abs(current) <= zero), strict=True):
         # Beyond a gap it is another rest: what came between them is not in the record.
+        cut = np.searchsorted(parts, first)
+        whole = cut == len(parts) or parts[cut] > stop
+        if whole and load_went_on(time, current, voltage, first, stop):
+            found.append(np.arange(first, stop))
+            continue
         cut = np.searchsorted(parts, first + 1)
         stop = min(stop, parts[cut]) if cut < len(parts) else stop
         if first < 5 or stop - first < 5 or time[stop - 1] - time[first] < SHORTEST_REST:
