@@ -165,6 +165,35 @@ def test_a_current_that_nobody_sets_beside_round_ones_is_told():
 
 
 @pytest.mark.parametrize(
+    ("ampere", "others", "in_doubt"),
+    [
+        (4.5, (3.0, 1.5, 6.0), False),
+        (4.507, (3.0, 1.5, 6.0), False),
+        (4.44, (3.0, 1.5, 6.0), True),  # a coarse rounding of 4.5 A
+        (4.44, (3.0, 1.5), False),
+        (4.44, (2.975, 1.5, 6.0), False),  # a tester that is off by 0.8 %
+        (0.99, (3.0, 1.5, 6.0), False),  # 0.33C
+    ],
+)
+def test_a_tester_comes_as_near_to_a_round_current_in_one_test_as_in_others(
+    ampere, others, in_doubt
+):
+    rows = [pulse(f"other {size}", size) for size in others]
+    said = doubts([*rows, pulse("odd", ampere)], "resistance")
+    assert not any(said[:-1])
+    assert ("is no round one" in said[-1]) == in_doubt
+
+
+@pytest.mark.parametrize(("ampere", "in_doubt"), [(0.0652, True), (0.06, False), (0.3, False)])
+def test_check_ups_at_one_slow_current_and_one_at_another(ampere, in_doubt):
+    """What two thirds of a C/30 are nobody sets; a C/50 and a C/10 may have been meant."""
+    rows = [set_to(f"cu{k}", 0.1, cycle=100 * k) for k in range(3)]
+    said = doubts([*rows, set_to("odd", ampere, cycle=300)])
+    assert not any(said[:3])
+    assert ("in 3 other tests 0.1 A" in said[3]) == in_doubt
+
+
+@pytest.mark.parametrize(
     ("volt", "ampere", "in_doubt"), [(3.6, 3.0, True), (3.9, 3.0, False), (3.6, 1.0, False)]
 )
 def test_no_cell_rests_lower_at_a_higher_soc(volt, ampere, in_doubt):

@@ -72,6 +72,26 @@ def test_a_load_that_reads_zero(columns):
     assert np.all(found[310:390] & Doubt.AT_REST)
 
 
+@pytest.mark.parametrize("rows", [6, 15, 60])
+def test_a_load_that_reads_zero_where_no_step_shows_the_resistance(columns, rows):
+    """Over a block of zeros the voltage goes on as far as the slopes beside it say."""
+    load = {name: c[100:600].copy() for name, c in without_counter(columns).items()}
+    assert not flags(load)
+    load["current_ampere"][200 : 200 + rows] = 0.0
+    found = doubt_of(load) & Doubt.AT_REST
+    assert np.flatnonzero(found).tolist() == list(range(200, 200 + rows))
+
+
+@pytest.mark.parametrize("rows", [6, 15, 60])
+def test_a_load_that_pauses_is_a_rest(columns, rows):
+    load = {name: c[100:600] for name, c in without_counter(columns).items()}
+    rest = load["voltage_volt"][199] + 1.5 * OHM + 0.02 * (1 - np.exp(-np.arange(rows) / 30))
+    pauses = {"current_ampere": np.zeros(rows), "voltage_volt": rest}
+    columns = {n: np.insert(load[n], 200, values) for n, values in pauses.items()}
+    columns["test_time_second"] = 10.0 * np.arange(500 + rows)
+    assert not flags(columns)
+
+
 def test_single_rows_of_the_current_that_drop_out(columns):
     columns = without_counter(columns)
     rows = [150, 350, 1000]

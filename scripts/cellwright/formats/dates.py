@@ -24,7 +24,7 @@ PARTS = {
 }
 LIMITS = {"month": (1, 12), "hour": (0, 23), "minute": (0, 59), "second": (0, 60)}
 ROWS = 1 << 16  # that are taken at once
-DAY_SECOND, POINT = 86400, ord(".")
+DAY_SECOND, POINT, DIGITS = 86400, ord("."), b"0123456789"
 MOST_PACES = 10  # intervals between rows that may lie over midnight; a clock begun anew is off more
 ZONED = "ISO 8601"  # with a letter T and, mostly, a zone: told by pyarrow, not by places
 
@@ -108,20 +108,23 @@ def _dates(texts, form):
     # Names of months and of halves of the day are letters: only `strptime` knows them.
     letters = "%p" in form or "%b" in form
     numbers = None if letters else _by_places(texts, re.compile(pattern))
-    return _by_strptime(texts, form) if numbers is None else _since_1970(numbers, form)
+    if numbers is None:
+        return _by_strptime(texts, form)
+    seconds = _since_1970(numbers, form)
+    return seconds if seconds is None else np.broadcast_to(seconds, len(texts))
 
 
 def _since_1970(numbers, form):
     if any(np.any((numbers[k] < a) | (numbers[k] > b)) for k, (a, b) in LIMITS.items()):
         return None
     year = numbers["year"] + (np.where(numbers["year"] < 69, 2000, 1900) if "%y" in form else 0)
-    month = (12 * (year - 1970) + numbers["month"] - 1).astype("datetime64[M]")
+    month = np.asarray(12 * (year - 1970) + numbers["month"] - 1).astype("datetime64[M]")
     days, last = (m.astype("datetime64[D]").astype(np.int64) for m in (month, month + 1))
     if np.any((numbers["day"] < 1) | (numbers["day"] > last - days)):
         return None
     seconds = (days + numbers["day"] - 1) * DAY_SECOND + numbers["hour"] * 3600
     seconds += numbers["minute"] * 60 + numbers["second"]
-    return seconds.astype(float) + numbers["fraction"]
+    return np.asarray(seconds, float) + numbers["fraction"]
 
 
 def _by_places(texts, pattern):
@@ -142,37 +145,40 @@ def _by_places(texts, pattern):
             return None
         letters = np.frombuffer(data, np.uint8)
         if len(rows) == len(lengths):
-            written = letters[ends[0] : ends[-1]].reshape(len(rows), length)
-        else:
-            written = letters[ends[rows][:, None] + np.arange(length)]
-        numbers = _of_one_length(written, pattern)
+            return _of_one_length(letters[ends[0] : ends[-1]].reshape(len(rows), length), pattern)
+        numbers = _of_one_length(letters[ends[rows][:, None] + np.arange(length)], pattern)
         if numbers is None:
             return None
         for name, values in numbers.items():
-            found.setdefault(name, np.zeros(len(lengths), values.dtype))[rows] = values
+            kind = np.asarray(values).dtype
+            found.setdefault(name, np.zeros(len(lengths), kind))[rows] = values
     return found
 
 
 def _of_one_length(written, pattern):
-    """Numbers of texts (n, length) of bytes that differ by their digits alone."""
+    """Numbers of texts (n, length) of bytes that differ by their digits alone.
+
+    A number is one for all, or one of each (n,).
+    """
     first = bytes(written[0])
     parts = pattern.fullmatch(first.decode("latin-1"))
     if not parts:
         return None
-    digit = np.frombuffer(first, np.uint8) - np.uint8(48) < 10
-    same = written[:, ~digit] == written[0, ~digit]
-    if not same.all() or np.any(written[:, digit] - np.uint8(48) > 9):
+    places = np.ascontiguousarray(written.T)
+    varies = np.flatnonzero([not np.all(shown == shown[0]) for shown in places])
+    digits = {place: places[place].astype(np.int64) - 48 for place in varies}
+    if any(first[k] not in DIGITS or d.min() < 0 or d.max() > 9 for k, d in digits.items()):
         return None
     found = {}
     for name in parts.groupdict():
         begin, end = parts.span(name)
-        number, decimals = np.zeros(len(written), np.int64), -1
+        number, decimals = 0, -1
         if end - begin > 15:  # digits that a floating-point number may not hold
             return None
         for place in range(begin, end):
-            point = written[0, place] == POINT
+            point = first[place] == POINT
             if not point:
-                number = 10 * number + (written[:, place] - np.uint8(48))
+                number = 10 * number + digits.get(place, first[place] - 48)
             decimals += point or decimals >= 0
         # A whole number over a power of ten is rounded once, as the text itself would be.
         found[name] = number / 10.0**decimals if decimals > 0 else number
@@ -202,7 +208,7 @@ def _clocks(texts):
     numbers = _by_places(texts, re.compile(CLOCK))
     if numbers is not None:
         whole = numbers["day"] * 86400 + numbers["hour"] * 3600 + numbers["minute"] * 60
-        return (whole + numbers["second"]).astype(float)
+        return np.broadcast_to(np.asarray(whole + numbers["second"], float), len(texts))
     parts = pc.extract_regex(texts, CLOCK)
     day, hour, minute, second = (
         pc.cast(_or_zero(pc.struct_field(parts, name)), pa.float64()).to_numpy(zero_copy_only=False)

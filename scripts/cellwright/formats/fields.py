@@ -51,8 +51,12 @@ def _without_resets(counter: np.ndarray) -> np.ndarray:
     magnitude = np.abs(counter)
     step = np.diff(magnitude, prepend=magnitude[:1])
     # A counter that falls to less than half began again from zero: what it shows was counted since.
-    reset = (step < 0) & (magnitude < 0.5 * (magnitude - step))
-    return magnitude[:1] + np.cumsum(np.where(reset, magnitude, step))
+    falls = np.flatnonzero(step < 0)
+    reset = falls[magnitude[falls] < 0.5 * (magnitude[falls] - step[falls])]
+    step[reset] = magnitude[reset]
+    total = np.cumsum(step, out=step)
+    total += magnitude[0] if len(magnitude) else 0.0
+    return total
 
 
 SERIES = ("test_time_second", "current_ampere", "voltage_volt")
@@ -150,9 +154,10 @@ def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarr
         return columns, 0
     current = columns["current_ampere"]
     charge, discharge = _without_resets(charge), _without_resets(discharge)
-    moves = [np.diff(counter, prepend=np.nan) for counter in (charge, discharge)]
-    if np.nanmin(current, initial=0.0) >= 0 and all(np.nansum(move) > 0 for move in moves):
-        columns["current_ampere"] = current = current * _directions(*moves)
+    if np.nanmin(current, initial=0.0) >= 0:
+        moves = [np.diff(counter, prepend=np.nan) for counter in (charge, discharge)]
+        if all(np.nansum(move) > 0 for move in moves):
+            columns["current_ampere"] = current * _directions(*moves)
     columns[NET] = charge - discharge
     share = counted_share(columns)
     return columns, int(np.sign(share)) if abs(share) > CLEAR_SIGN else 0

@@ -132,15 +132,20 @@ SAME_SECOND = 2.0  # s within which a clock and dates of whole seconds agree
 def _dates_in_seconds(columns):
     """Columns whose dates are seconds since 1970, and whose clock is no date."""
     columns, unix = dict(columns), "unix_time_second"
-    if np.nanmedian(columns["test_time_second"]) > LONGEST_RECORD:
+    if _median_beyond(columns["test_time_second"], LONGEST_RECORD):
         columns.setdefault(unix, columns["test_time_second"])
     # Milliseconds, and what other software counts: micro- and nanoseconds.
-    while unix in columns and np.nanmedian(columns[unix]) > LATEST_DATE:
+    while unix in columns and _median_beyond(columns[unix], LATEST_DATE):
         columns[unix] = columns[unix] / 1e3
-    if np.nanmedian(columns["test_time_second"]) > LONGEST_RECORD:
+    if _median_beyond(columns["test_time_second"], LONGEST_RECORD):
         known = columns[unix][np.isfinite(columns[unix])]
         columns["test_time_second"] = columns[unix] - known[0]
     return columns
+
+
+def _median_beyond(values, limit):
+    """Whether the median of the numbers among values exceeds a limit."""
+    return bool(np.any(values > limit) and np.nanmedian(values) > limit)
 
 
 def clock_of_steps(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:

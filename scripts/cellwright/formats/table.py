@@ -198,7 +198,7 @@ def _parsed(data, begin, layout, labels, texts, words=()):
     types = {place[label]: pa.float64() for label in labels}
     types |= {place[label]: pa.string() for label in texts}
     odd, rows = [], 0
-    pieces = {name: _Pieces(kind) for name, kind in types.items()}
+    kept = {name: _Texts() if kind == pa.string() else _Numbers() for name, kind in types.items()}
     reader = tables.open_csv(
         stream_from(data, begin),
         tables.ReadOptions(
@@ -220,11 +220,9 @@ def _parsed(data, begin, layout, labels, texts, words=()):
     for block in reader:
         rows += block.num_rows
         for name in types:
-            pieces[name].add(block.column(name))
-    # One column after the other: what is joined is let go.
-    columns = {label: np.concatenate(pieces.pop(place[label]).all()) for label in labels if rows}
-    for label in texts:
-        columns[label] = pa.chunked_array(pieces.pop(place[label]).all(), pa.string())
+            kept[name].add(block.column(name))
+    columns = {label: kept[place[label]].all() for label in labels if rows}
+    columns |= {label: kept[place[label]].all() for label in texts}
     return columns, odd, rows
 
 
@@ -253,35 +251,51 @@ def refuse_channels(columns: Mapping, labels: Sequence[str]) -> None:
             )
 
 
-class _Pieces:
-    """A column in pieces of a million rows, put together from the blocks that a text is read in.
+class _Numbers:
+    """A column of numbers that grows by the blocks a text is read in, without a copy of it all."""
 
-    Thousands of small blocks that are kept until the end take twice the memory of what is in them.
-    """
+    def __init__(self):
+        self.values, self.rows = np.empty(0), 0
 
-    def __init__(self, kind):
-        import pyarrow as pa
+    def add(self, block):
+        """Put a block of the column (a pyarrow array) behind the others."""
+        stop = self.rows + len(block)
+        if stop > len(self.values):
+            self.values.resize(stop + min(stop, PIECE_ROWS), refcheck=False)
+        self.values[self.rows : stop] = block.to_numpy(zero_copy_only=False)
+        self.rows = stop
 
-        self.join = pa.concat_arrays if kind == pa.string() else np.concatenate
+    def all(self):
+        """All numbers, NaN where there is none."""
+        self.values.resize(self.rows, refcheck=False)
+        return self.values
+
+
+class _Texts:
+    """A column of texts in pieces of a million rows: thousands of blocks take twice the memory."""
+
+    def __init__(self):
         self.pieces, self.blocks, self.rows = [], [], 0
 
     def add(self, block):
         """Keep a block of the column (a pyarrow array)."""
-        numbers = self.join is np.concatenate
-        self.blocks.append(block.to_numpy(zero_copy_only=False) if numbers else block)
+        self.blocks.append(block)
         self.rows += len(block)
         if self.rows >= PIECE_ROWS:
             self._close()
 
     def _close(self):
-        if self.blocks:
-            self.pieces.append(self.join(self.blocks))
+        import pyarrow as pa
+
+        self.pieces += [pa.concat_arrays(self.blocks)] if self.blocks else []
         self.blocks, self.rows = [], 0
 
     def all(self):
-        """The pieces, which are no longer kept."""
+        """All texts, as a chunked array."""
+        import pyarrow as pa
+
         self._close()
-        return self.pieces
+        return pa.chunked_array(self.pieces, pa.string())
 
 
 def _is_cut_off(row, rows):

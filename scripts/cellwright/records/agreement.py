@@ -11,9 +11,11 @@ import numpy as np
 from cellwright.records.anchor import UNRELAXED_VOLT
 from cellwright.records.conditions import (
     AT_REST_C_RATE,
+    LEAST_ROUND_RATE,
     ROUND_SHARE,
     checkups_of,
     is_round_rate,
+    off_round,
     same_rate,
     same_temperature,
 )
@@ -28,6 +30,7 @@ ANY_SOC_FACTOR = 2.0  # the first sample of a pulse hardly hangs on the SoC, but
 LEAST_SOC, DELAY_FACTOR = 0.1, 2.0  # the latter also by which a decade of delay adds at most
 SIGMAS = 2.0
 LEAST_TESTS = 2  # that show which currents a laboratory sets
+FINEST_SHARE = 0.003  # by which a tester of class 0.1 % of its range is off a third of that range
 LEAST_REPEATS, REPEATED_SHARE = 3, 0.01  # ages at which it sets one current, and reads it so alike
 
 
@@ -155,15 +158,44 @@ def _unusual_currents(rows, tests):
 
     A gain, a clipping or a rounding of the current makes another of what was set.
     """
-    round_ones = {
-        cell: {test: sum(map(_is_round, own)) >= len(own) / 2 for test, own in of_cell.items()}
+    alone = {
+        (cell, test)
         for cell, of_cell in tests.items()
+        for test in _alone_not_round({test: _off_round(own) for test, own in of_cell.items()})
     }
     return [
-        _unusual(row, round_ones.get(row["cell"], {}))
-        or _unlike_repeats(row, tests.get(row["cell"], {}))
+        _unusual(row, len(tests[row["cell"]]) - 1)
+        if _key(row) in alone
+        else _unlike_repeats(row, tests.get(row["cell"], {}))
         for row in rows
     ]
+
+
+def _off_round(own):
+    """Whether the rows of a test are of round currents, and the share by which they are off them.
+
+    NaN where all are so slow that what the ammeter reads at rest makes another rate of them.
+    """
+    offs = [
+        off_round(row["c_rate"], _ampere(row)) for row in own if row["c_rate"] >= LEAST_ROUND_RATE
+    ]
+    are_round = sum(is_round_rate(row["c_rate"], _ampere(row)) for row in own) >= len(own) / 2
+    return are_round, float(np.median(offs)) if offs else np.nan
+
+
+def _alone_not_round(found):
+    """Tests (test → `_off_round`) whose current alone is no round one, or not as near to it.
+
+    How near a tester comes to what it is set to the others show: twice their largest share is none.
+    """
+    for test, (are_round, off) in found.items():
+        others = [other for name, other in found.items() if name != test]
+        if len(others) < LEAST_TESTS or not all(round_too for round_too, _ in others):
+            continue
+        known = [share for _, share in others if share == share]
+        finer = max(FINEST_SHARE, 2 * max(known, default=np.inf))
+        if not are_round or (len(known) >= LEAST_REPEATS and off > finer):
+            yield test
 
 
 def _unlike_repeats(row, tests):
@@ -175,8 +207,12 @@ def _unlike_repeats(row, tests):
         one
         for test, own in tests.items()
         for one in own
-        if test != row["test"] and one["direction"] == direction and same_rate(_ampere(one), here)
+        if test != row["test"] and one["direction"] == direction
     ]
+    alike = [one for one in others if same_rate(_ampere(one), here)]
+    # Another rate may have been meant, but then a round one.
+    if alike or off_round(row["c_rate"], here) <= ROUND_SHARE:
+        others = alike
     # Of one age they show one setting; over ages, that it does not go with the capacity.
     if len({one["cycle"] or 0 for one in others}) < LEAST_REPEATS:
         return ""
@@ -187,16 +223,9 @@ def _unlike_repeats(row, tests):
     return f"its current is {here:.4g} A, in {len(others)} other tests {usual:.4g} A"
 
 
-def _unusual(row, round_ones):
-    others = [is_round for test, is_round in round_ones.items() if test != row["test"]]
-    if round_ones.get(row["test"], True) or len(others) < LEAST_TESTS or not all(others):
-        return ""
+def _unusual(row, others):
     size = f"its current of {_ampere(row):.4g} A ({row['c_rate']:.3g}C)"
-    return f"{size} is no round one, as those of {len(others)} other tests of the cell are"
-
-
-def _is_round(row):
-    return is_round_rate(row["c_rate"], _ampere(row))
+    return f"{size} is no round one, as those of {others} other tests of the cell are"
 
 
 def _celsius(row):

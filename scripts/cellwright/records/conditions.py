@@ -69,11 +69,13 @@ def same_rate(first, second):
     return (ratio <= SAME_RATE) & (ratio >= 1.0 / SAME_RATE)
 
 
-# Rates [1/h] that laboratories choose; slower ones lie closer than a reading at rest can tell.
+# Rates [1/h] that laboratories choose; below C/10 they lie closer than a reading at rest can tell.
 ROUND_RATES = np.array(
-    [0.1, 1 / 8, 0.2, 1 / 4, 0.3, 1 / 3, 0.4, 0.5, 0.6, 2 / 3, 0.7, 3 / 4, 0.8, 0.9, 1, 1.2, 1.25]
-    + [1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 10]
+    [0.01, 1 / 50, 1 / 40, 1 / 30, 1 / 25, 1 / 20, 1 / 15, 1 / 12, 0.1, 1 / 8, 0.15, 0.2, 1 / 4]
+    + [0.3, 0.33, 1 / 3, 0.4, 0.5, 0.6, 2 / 3, 0.67, 0.7, 3 / 4, 0.8, 0.9, 1, 1.2, 1.25, 1.5, 2]
+    + [2.5, 3, 4, 5, 6, 7, 8, 10]
 )
+LEAST_ROUND_RATE = 0.1
 ROUND_AMPERE = np.array([1, 1.2, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 7.5, 8, 9, 10])
 ROUND_SHARE = 0.02  # within which any tester holds the current that it is set to
 
@@ -85,11 +87,21 @@ def is_round_rate(rate, current_ampere):
     ----------
     rate : above zero [1/h]. current_ampere : above zero [A].
     """
-    slow = rate < ROUND_RATES[0]
-    off = np.abs(rate - ROUND_RATES) <= ROUND_SHARE * ROUND_RATES + AT_REST_C_RATE
+    slow = rate < LEAST_ROUND_RATE
+    near = np.abs(rate - ROUND_RATES) <= ROUND_SHARE * ROUND_RATES + AT_REST_C_RATE
+    return bool(slow or np.any(near) or off_round(rate, current_ampere) <= ROUND_SHARE)
+
+
+def off_round(rate, current_ampere):
+    """Share by which a current is off the nearest that laboratories choose, as rate or in ampere.
+
+    Parameters
+    ----------
+    rate : above zero [1/h]. current_ampere : above zero [A].
+    """
     leading = current_ampere / 10 ** np.floor(np.log10(current_ampere))
-    in_ampere = np.abs(leading / ROUND_AMPERE - 1) <= ROUND_SHARE
-    return bool(slow or np.any(off) or np.any(in_ampere))
+    pairs = (rate, ROUND_RATES), (leading, ROUND_AMPERE)
+    return float(min(np.min(np.abs(size / chosen - 1)) for size, chosen in pairs))
 
 
 # ASSUME: A test without a stated temperature was made at 25 °C.

@@ -19,7 +19,13 @@ from cellwright.series.gaps import RAN, RESTED, in_words
 from cellwright.series.gaps import verdicts as gap_verdicts
 from cellwright.series.repeated import repeated_rows
 from cellwright.series.rest_current import RestReading, rest_reading
-from cellwright.series.spikes import burst_rows, spike_free, spikes_under_load, without_bursts
+from cellwright.series.spikes import (
+    burst_rows,
+    rows_around,
+    spike_free,
+    spikes_under_load,
+    without_bursts,
+)
 from cellwright.series.steps import silent_before
 from cellwright.settings import Clean
 
@@ -71,37 +77,36 @@ def flag(
     """
     time, current, voltage = (columns[name] for name in SERIES)
     flags = _unreadable(time, current, voltage)
+    rows = _kept(flags)
+    kept = [_of_rows(column, rows) for column in (time, current, voltage)]
     # A change by a hundredth of the largest current is a step: it explains one of the voltage.
-    step = 0.01 * float(np.max(np.abs(current[flags == 0]), initial=0.0))
+    step = 0.01 * float(np.max(np.abs(kept[1]), initial=0.0))
     for kind, detector in (
-        (Flag.REPEAT, lambda rows: _twice(time[rows], current[rows], voltage[rows])),
-        (Flag.REPEAT, lambda rows: _repeats(time[rows], current[rows], step)),
-        (Flag.OUT_OF_PLACE, lambda rows: _out_of_place(time[rows])),
-        (Flag.CLOCK, lambda rows: _clock_jumps(time[rows], rows)),
-        (Flag.GAP, lambda rows: silent_before(rebased(time[rows], flags[rows]), gap_second)),
-        (Flag.SPIKE, lambda rows: np.union1d(
-            spike_rows(
-                current[rows], voltage[rows], limit_volt=spike_limit_volt, current_step_ampere=step
-            ),
-            spikes_under_load(
-                time[rows], current[rows], voltage[rows], limit_volt=spike_limit_volt
-            ),
+        (Flag.REPEAT, lambda rows, t, i, v: _twice(t, i, v)),
+        (Flag.REPEAT, lambda rows, t, i, v: _repeats(t, i, step)),
+        (Flag.OUT_OF_PLACE, lambda rows, t, i, v: _out_of_place(t)),
+        (Flag.CLOCK, lambda rows, t, i, v: _clock_jumps(t, rows)),
+        (Flag.GAP, lambda rows, t, i, v: silent_before(rebased(t, flags[rows]), gap_second)),
+        (Flag.SPIKE, lambda rows, t, i, v: np.union1d(
+            spike_rows(i, v, limit_volt=spike_limit_volt, current_step_ampere=step),
+            spikes_under_load(t, i, v, limit_volt=spike_limit_volt),
         )),
-        (Flag.BURST, lambda rows: burst_rows(
-            current[rows], voltage[rows], limit_volt=spike_limit_volt, current_step_ampere=step
+        (Flag.BURST, lambda rows, t, i, v: burst_rows(
+            i, v, limit_volt=spike_limit_volt, current_step_ampere=step
         )),
-        (Flag.LOST, lambda rows: _lost_rows(rebased(time[rows], flags[rows]), rows, flags)),
+        (Flag.LOST, lambda rows, t, i, v: _lost_rows(rebased(t, flags[rows]), rows, flags)),
     ):  # fmt: skip
         # Each looks among the rows that are kept so far.
-        rows = _kept(flags)
-        flags[rows[detector(rows)]] |= kind
+        found = rows[detector(rows, *kept)]
+        flags[found] |= kind
+        if kind & REMOVED and len(found):
+            rows = _kept(flags)
+            kept = [_of_rows(column, rows) for column in (time, current, voltage)]
     if "file_index" in columns:
         # What the cell did before a file begins is not in the record.
-        rows = _kept(flags)
         flags[rows[1:][np.diff(columns["file_index"][rows]) != 0]] |= Flag.GAP
     for name in filter(_is_thermometer, columns):
-        rows = _kept(flags)
-        blank = rows[~np.isfinite(_blanked(name, columns[name][rows]))]
+        blank = rows[~np.isfinite(_blanked(name, _of_rows(columns[name], rows)))]
         flags[blank if len(blank) <= BLANK_SHARE * len(rows) else slice(0)] |= Flag.NO_VALUE
     return flags
 
@@ -114,6 +119,11 @@ def counts(flags: np.ndarray) -> dict[str, int]:
 def _kept(flags: np.ndarray) -> np.ndarray:
     """Rows that no flag so far removes."""
     return np.flatnonzero((flags & REMOVED) == 0)
+
+
+def _of_rows(column: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Values of ascending rows; the column itself, not a copy, where these are all."""
+    return column if len(rows) == len(column) else column[rows]
 
 
 def _unreadable(*columns: np.ndarray) -> np.ndarray:
@@ -178,22 +188,15 @@ def _lost_rows(time: np.ndarray, rows: np.ndarray, flags: np.ndarray) -> np.ndar
 
     Neither a gap nor rows that were removed here are such.
     """
-    from scipy import ndimage
-
     interval = np.diff(time)
-    around = np.ones(2 * PACE_ROWS + 1, bool)
-    around[PACE_ROWS] = False
-    slow, fast = (
-        extreme(interval, footprint=around, mode="nearest")
-        for extreme in (ndimage.maximum_filter, ndimage.minimum_filter)
-    )
+    long = np.flatnonzero(interval[1:] > 1.4 * interval[:-1]) + 1
+    around = np.delete(rows_around(long, 2 * PACE_ROWS + 1, len(interval)), PACE_ROWS, axis=1)
+    slow, fast = (extreme(interval[around], axis=1) for extreme in (np.max, np.min))
     even = (slow <= (1 + OTHER_PACE) * fast) & (fast > 0)
-    times = np.divide(interval, slow, out=np.ones_like(interval), where=even)
-    found = (times > 1.5) & (np.abs(times - np.rint(times)) <= OTHER_PACE)
-    found &= (np.diff(rows) == 1) & ((flags[rows[1:]] & Flag.GAP) == 0)
-    return (
-        np.flatnonzero(found) + 1 if found.sum() <= SINGLE_SHARE * len(time) else np.empty(0, int)
-    )
+    long, times = long[even], interval[long[even]] / slow[even]
+    found = long[(times > 1.5) & (np.abs(times - np.rint(times)) <= OTHER_PACE)]
+    found = found[(rows[found + 1] - rows[found] == 1) & ((flags[rows[found + 1]] & Flag.GAP) == 0)]
+    return found + 1 if len(found) <= SINGLE_SHARE * len(time) else np.empty(0, int)
 
 
 def _is_thermometer(name: str) -> bool:
@@ -403,12 +406,13 @@ def remove(
     columns : mapping of arrays, as given to `flag`
     flags : array of int, from `flag`
 
-    Returns Cleaned. Raises Refusal: fewer than two rows are left.
+    Returns Cleaned, whose columns are the given arrays where nothing was removed or repaired.
+    Raises Refusal: fewer than two rows are left.
     """
     kept = _kept(flags)
     if kept.size < 2:
         raise Refusal(f"{kept.size} of {flags.size} rows are left after cleaning")
-    clean = {name: _blanked(name, column[kept]) for name, column in columns.items()}
+    clean = {name: _blanked(name, _of_rows(column, kept)) for name, column in columns.items()}
     marks = flags[kept]
     clean["test_time_second"] = rebased(clean["test_time_second"], marks)
     spikes = np.flatnonzero(marks & Flag.SPIKE)

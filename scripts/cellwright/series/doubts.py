@@ -12,8 +12,9 @@ import numpy as np
 from cellwright.formats.fields import NET, SERIES
 from cellwright.numerics.statistics import robust_std
 from cellwright.numerics.turns import turning_points
-from cellwright.series.gaps import OTHER_LOAD, UNKNOWN
-from cellwright.series.rest_current import near_zero_ampere
+from cellwright.series.gaps import OTHER_LOAD, UNKNOWN, load_went_on
+from cellwright.series.rest_current import near_zero_ampere, stretches
+from cellwright.series.spikes import rows_around
 
 LOAD_SHARE = 0.2  # of the largest current: a step of so much must move the voltage
 SAME_SHARE = 0.02  # of the largest current: within so much it is the same
@@ -148,17 +149,13 @@ def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:
 
     At rest beyond either; above the upper one also under a discharge, which lowers it.
     """
-    from scipy import ndimage
-
     low, high = (np.nan if limit is None else limit for limit in cutoffs)
-    zero = near_zero_ampere(current)
+    rows = np.flatnonzero((voltage > high + REST_VOLT) | (voltage < low - REST_VOLT))
     # Right after a load the voltage is still its own, and before the first row there may be one.
-    rest, not_charged = (
-        ndimage.minimum_filter1d(np.r_[np.zeros(5, np.int8), rows], 11, mode="nearest")[5:] == 1
-        for rows in (np.abs(current) <= zero, current <= zero)
-    )
-    above = voltage > high + REST_VOLT
-    return np.flatnonzero((above & not_charged) | ((voltage < low - REST_VOLT) & rest))
+    rows = rows[rows >= 5]
+    near, above = current[rows_around(rows, 11, len(current))], voltage[rows] > high + REST_VOLT
+    near = np.where(above[:, None], near, np.abs(near))
+    return rows[np.all(near <= near_zero_ampere(current), axis=1)]
 
 
 def drawn_beyond(current, voltage, lower_cutoff_volt, rated_capacity_ampere_hour) -> bool:
@@ -199,16 +196,17 @@ def against_counter(time, current, counter, apart) -> np.ndarray:
     known = np.isfinite(counter)
     if known.sum() < 2:
         return np.zeros(len(time), bool)
-    step = np.diff(np.interp(np.arange(len(time)), np.flatnonzero(known), counter[known]))
-    step = np.where(apart[1:], 0.0, step)
+    if not known.all():
+        counter = np.interp(np.arange(len(time)), np.flatnonzero(known), counter[known])
+    step = np.where(apart[1:], 0.0, np.diff(counter))
     if not np.any(step):
         return np.zeros(len(time), bool)
     digit = counter_digit(step)
-    travelled = np.cumsum(np.abs(moved))
+    way = np.abs(moved)
     span = float(np.ptp(np.cumsum(moved)))
-    window = np.floor(travelled / max(WINDOW_SHARE * span, 20 * digit, 1e-12)).astype(int)
-    first = np.flatnonzero(np.diff(window, prepend=-1))
-    sums = [np.add.reduceat(values, first) for values in (moved, step, np.abs(moved), size * hour)]
+    window = np.floor(np.cumsum(way) / max(WINDOW_SHARE * span, 20 * digit, 1e-12))
+    first = np.flatnonzero(np.diff(window, prepend=-1.0))
+    sums = [np.add.reduceat(values, first) for values in (moved, step, way, size * hour)]
     by_current, by_counter, travel, guessed = sums
     allowed = COUNTER_SHARE * np.maximum(travel, np.abs(by_counter)) + 0.5 * guessed + 2 * digit
     off = np.abs(by_current - by_counter) > allowed
@@ -218,8 +216,14 @@ def against_counter(time, current, counter, apart) -> np.ndarray:
 def counter_digit(steps) -> float:
     """Resolution of a counter by its steps [Ah]: a power of ten from 1 to 1e-9."""
     powers = 10.0 ** -np.arange(10)
-    shown = (d for d in powers if np.all(np.abs(steps / d - np.rint(steps / d)) < 1e-3))
+    # A digit that some of the steps lack is none of all.
+    some = steps[:: max(len(steps) // 1000, 1)]
+    shown = (d for d in powers[:-1] if all(np.all(_whole(part / d)) for part in (some, steps)))
     return float(next(shown, powers[-1]))
+
+
+def _whole(values):
+    return np.abs(values - np.rint(values)) < 1e-3
 
 
 def steps_alone(time, current, voltage, apart, resistance=np.nan) -> np.ndarray:
@@ -229,21 +233,21 @@ def steps_alone(time, current, voltage, apart, resistance=np.nan) -> np.ndarray:
     by those of three rows at each side, and by their pace where rows lie farther apart; what the
     current's small changes there make of it, by the cell's resistance [ohm] where known, is none.
     """
-    from scipy import ndimage
-
     if len(time) < 8:
         return np.empty(0, int)
-    step, interval = np.abs(np.diff(voltage)), np.maximum(np.diff(time), 1e-9)
-    around = np.array([1, 1, 1, 0, 1, 1, 1], bool)
-    usual = ndimage.maximum_filter(step, footprint=around, mode="nearest")
-    pace = ndimage.maximum_filter(step / interval, footprint=around, mode="nearest") * interval
-    largest = float(np.max(np.abs(current)))
-    changes = np.abs(np.diff(current)) > SAME_SHARE * largest
-    disturbed = ndimage.maximum_filter1d((changes | apart[1:]).astype(np.int8), 7, mode="nearest")
+    step = np.abs(np.diff(voltage))
+    beside = SUDDEN * np.maximum(step[:-2], step[2:])
+    rows = np.flatnonzero(step[1:-1] > np.maximum(FLOOR_VOLT, beside)) + 1
+    near = rows_around(rows, 7, len(step))
+    around = near[:, [0, 1, 2, 4, 5, 6]]
+    interval, change = np.maximum(np.diff(time), 1e-9), np.abs(np.diff(current))
+    usual = np.max(step[around], axis=1)
+    pace = np.max(step[around] / interval[around], axis=1) * interval[rows]
+    changes = change[near] > SAME_SHARE * float(np.max(np.abs(current)))
+    disturbed = np.any(changes | apart[1:][near], axis=1)
     limit = np.maximum(FLOOR_VOLT, SUDDEN * np.maximum(usual, pace))
-    explained = ndimage.maximum_filter1d(np.abs(np.diff(current)), 3, mode="nearest")
-    limit += 3 * np.nan_to_num(resistance) * explained
-    return np.flatnonzero((step > limit) & (disturbed == 0)) + 1
+    limit += 3 * np.nan_to_num(resistance) * np.max(change[near[:, 2:5]], axis=1)
+    return rows[(step[rows] > limit) & ~disturbed] + 1
 
 
 def unanswered(time, current, voltage, apart) -> tuple[np.ndarray, float]:
@@ -290,10 +294,10 @@ def unanswered_specks(current, voltage, apart, resistance) -> np.ndarray:
     Drop-outs and spikes of the current's channel. Where the cell's resistance is not known, a
     voltage that stays within its own scatter is no answer.
     """
-    rows = np.arange(3, len(current) - 3)
+    large = np.abs(np.diff(current)) > LOAD_SHARE * float(np.max(np.abs(current)))
+    rows = np.flatnonzero(large[2:-3] & large[3:-2]) + 3
     before, after = current[rows] - current[rows - 1], current[rows] - current[rows + 1]
-    largest = float(np.max(np.abs(current)))
-    alone = np.minimum(np.abs(before), np.abs(after)) > LOAD_SHARE * largest
+    alone = np.ones(len(rows), bool)
     for side in (-2, 2):
         alone &= np.abs(current[rows + side] - current[rows + side // 2]) < 0.1 * np.abs(before)
     alone &= np.abs(before - after) < 0.1 * np.abs(before)
@@ -312,21 +316,26 @@ def unanswered_specks(current, voltage, apart, resistance) -> np.ndarray:
 def against_rest(time, current, voltage, apart) -> np.ndarray:
     """Rows of rests in which the voltage goes on as the load before moved it.
 
-    After a discharge a resting cell's voltage rises, after a charge it falls.
+    After a discharge a resting cell's voltage rises, after a charge it falls; and where the load
+    comes back it is not by as much further on as if it had never gone.
     """
-    rest = np.abs(current) <= near_zero_ampere(current)
-    turns = np.flatnonzero(np.diff(np.r_[False, rest, False].astype(np.int8)))
+    zero = near_zero_ampere(current)
     parts = np.flatnonzero(apart)
     found = []
-    for first, stop in zip(turns[::2], turns[1::2], strict=True):
+    for first, stop in zip(*stretches(np.abs(current) <= zero), strict=True):
         # Beyond a gap it is another rest: what came between them is not in the record.
+        cut = np.searchsorted(parts, first)
+        whole = cut == len(parts) or parts[cut] > stop
+        if whole and load_went_on(time, current, voltage, first, stop):
+            found.append(np.arange(first, stop))
+            continue
         cut = np.searchsorted(parts, first + 1)
         stop = min(stop, parts[cut]) if cut < len(parts) else stop
         if first < 5 or stop - first < 5 or time[stop - 1] - time[first] < SHORTEST_REST:
             continue
         before = current[first - 5 : first]
         sign = np.sign(before[-1])
-        if np.any(np.sign(before) != sign) or abs(before.mean()) < 5 * near_zero_ampere(current):
+        if np.any(np.sign(before) != sign) or abs(before.mean()) < 5 * zero:
             continue
         # What a drive did in the ten minutes before is what the cell relaxes from.
         since = np.searchsorted(time, time[first] - RELAXED_SECOND)

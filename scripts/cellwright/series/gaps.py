@@ -42,6 +42,27 @@ def verdicts(
     return np.array(found, dtype=f"U{len(RAN)}")
 
 
+def load_went_on(time, current, voltage, first, stop) -> bool:
+    """Whether over rows of no current between two of one load the voltage moved as under it.
+
+    Parameters
+    ----------
+    time, current, voltage : (n,) arrays [s], [A], [V]. first, stop : first of these rows, and the
+        row after the last.
+    """
+    if first < LEAST_ROWS or stop > len(time) - LEAST_ROWS:
+        return False
+    before, after = current[first - 1], current[stop]
+    moved = (voltage[stop] - voltage[first - 1]) * np.sign(after)
+    if abs(after - before) > SAME_CURRENT * abs(after) or not moved > FLOOR_VOLT:
+        return False
+    window = max(time[stop] - time[first - 1], SHORTEST_WINDOW)
+    begin = np.searchsorted(time, time[first - 1] - window)
+    end = np.searchsorted(time, time[stop] + window, side="right")
+    beside = np.r_[begin:first, stop:end]
+    return _verdict(*(c[beside] for c in (time, current, voltage)), first - begin) == RAN
+
+
 def _verdict(time, current, voltage, row):
     before, after = current[row - 1], current[row]
     if not abs(after) > 0 or abs(after - before) > SAME_CURRENT * abs(after):

@@ -48,15 +48,21 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Assembled:
         parts.append(part)
         notes.append(note)
     sizes = [part["test_time_second"].size for part in parts]
-    unknown = [np.full(size, np.nan) for size in sizes]
-    joined = {
-        name: np.concatenate([p.get(name, nan) for p, nan in zip(parts, unknown, strict=True)])
-        for name in names
-    }
-    if "doubt" in joined:  # of a file without one there is none
-        joined["doubt"] = np.nan_to_num(joined["doubt"]).astype(np.int16)
+    joined = first
+    if others or len(names) > len(first):
+        joined = {name: _joined(name, parts, sizes) for name in names}
+        if "doubt" in joined:  # of a file without one there is none
+            joined["doubt"] = np.nan_to_num(joined["doubt"]).astype(np.int16)
     joined["file_index"] = np.repeat(np.arange(len(parts)), sizes)
     return Assembled(joined, tuple(notes))
+
+
+def _joined(name, parts, sizes):
+    """A column of all files (n,), NaN in the rows of those that lack it."""
+    known = [
+        p[name] if name in p else np.full(k, np.nan) for p, k in zip(parts, sizes, strict=True)
+    ]
+    return np.concatenate(known)
 
 
 def _without_repeats(series):
@@ -131,12 +137,14 @@ def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     """
     if NET not in columns:
         return dict(columns)
-    counter, current = columns[NET], np.abs(columns["current_ampere"])
-    possible = np.maximum(current[1:], current[:-1]) * np.abs(np.diff(columns["test_time_second"]))
-    possible = 2 * possible / 3600 + 1e-3 * np.nanmax(np.abs(counter))
-    moved = np.diff(counter)
-    reset = (np.abs(moved) > 5 * possible) & (np.abs(counter[1:]) < possible)
-    moved = np.where(reset, counter[1:], moved)
+    time, current, counter = (columns[name] for name in (*SERIES[:2], NET))
+    current = np.abs(current)
+    moved, least = np.diff(counter), 1e-3 * np.nanmax(np.abs(counter))
+    far = np.flatnonzero(np.abs(moved) > 5 * least) + 1
+    interval = np.abs(time[far] - time[far - 1])
+    possible = 2 * (np.maximum(current[far], current[far - 1]) * interval) / 3600 + least
+    reset = far[(np.abs(moved[far - 1]) > 5 * possible) & (np.abs(counter[far]) < possible)]
+    moved[reset - 1] = counter[reset]
     return {**columns, NET: counter[0] + np.concatenate([[0.0], np.cumsum(moved)])}
 
 
@@ -177,8 +185,9 @@ def current_sign(
 
     Returns Sign.
     """
-    good = _readings(test_time_second, current_ampere, voltage_volt)
-    time, current, voltage = (x[good] for x in (test_time_second, current_ampere, voltage_volt))
+    readings = test_time_second, current_ampere, voltage_volt
+    good = _readings(*readings)
+    time, current, voltage = readings if good.all() else (x[good] for x in readings)
     if time.size < 2 or not np.any(current):
         return Sign(0, 0.0, NO_CURRENT)
     step, trend = _step_vote(time, current, voltage), _trend_vote(time, current, voltage)
@@ -367,17 +376,18 @@ def _held_against_energy(columns):
         return columns
     kept = {name: values for name, values in columns.items() if name != ENERGY}
     time, current, voltage = (columns[name] for name in SERIES)
-    good = np.flatnonzero(_readings(time, current, voltage) & np.isfinite(energy))
-    time, power = time[good], (current * voltage)[good]
-    moved = np.diff(energy[good])
-    if len(good) < 2 or not np.any(moved):
+    good = _readings(time, current, voltage) & np.isfinite(energy)
+    good = slice(None) if good.all() else np.flatnonzero(good)
+    time, power, energy = time[good], (current * voltage)[good], energy[good]
+    moved = np.diff(energy)
+    if len(time) < 2 or not np.any(moved):
         return kept
     # Whichever sign the file gives its current, energy and charge run together.
     power = power * (np.sign(np.sum((power[1:] + power[:-1]) * np.diff(time) * moved)) or 1.0)
     apart = np.r_[False, np.diff(time) < 0]
     apart[silent_before(time, CLEAN.gap_second)] = True
-    found = np.zeros(len(energy), np.int16)
-    found[good[against_counter(time, power, energy[good], apart)]] = Doubt.ENERGY
+    found = np.zeros(len(current), np.int16)
+    found[good] = np.where(against_counter(time, power, energy, apart), Doubt.ENERGY, 0)
     return kept | {"doubt": found} if found.any() else kept
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 UNUSUAL = 15.0  # times the median of what is left nearby: ten standard deviations
 NEARBY = 31  # rows
+PIECE_ROWS = 1 << 16  # whose neighbours are looked at together
 MARK_SHARE = 0.35  # by which the neighbours may differ from minus a half of the spike
 SAME_PACE = 0.5  # of an interval: rows of another pace have other bends
 LEAST_BENDS = 20  # bends of the current that tell a resistance
@@ -31,22 +32,38 @@ def bend(values: np.ndarray) -> np.ndarray:
     return bent
 
 
-def bends_alike(time, current, voltage):
-    """Rows (n,) whose neighbours lie at one pace, and how the voltage's bends follow the current's.
+def rows_around(rows, width, length):
+    """Rows (k, width) around each of (k,), an odd number; beyond a record's ends the end's own."""
+    return np.clip(rows[:, None] + np.arange(width) - width // 2, 0, length - 1)
 
-    Returns mask (n,), resistance [ohm]: NaN where too few changes of the current tell it.
+
+def usual_nearby(values, rows):
+    """Median of the values (n,) nearby each row (k,)."""
+    parts = np.array_split(rows, len(rows) // PIECE_ROWS + 1)
+    return np.concatenate(
+        [np.median(values[rows_around(part, NEARBY, len(values))], axis=1) for part in parts]
+    )
+
+
+def of_one_pace(time, rows):
+    """Those of the rows, none at an end, whose neighbours lie at one pace."""
+    before, after = time[rows] - time[rows - 1], time[rows + 1] - time[rows]
+    return rows[np.abs(after - before) <= SAME_PACE * np.minimum(after, before)]
+
+
+def resistance_of_bends(time, current, voltage):
+    """Resistance [ohm] by which the voltage's bends follow the current's, where rows have one pace.
+
+    NaN where too few changes of the current tell it.
     """
-    before, after = np.diff(time)[:-1], np.diff(time)[1:]
-    alike = np.zeros(len(time), bool)
-    alike[1:-1] = np.abs(after - before) <= SAME_PACE * np.minimum(after, before)
-    bend_current = bend(current)
-    large = alike & (np.abs(bend_current) > LARGE_BEND * np.max(np.abs(current), initial=0.0))
-    if np.count_nonzero(large) < LEAST_BENDS:
-        return alike, np.nan
+    bend_current, least = bend(current), LARGE_BEND * np.max(np.abs(current), initial=0.0)
+    large = of_one_pace(time, np.flatnonzero(np.abs(bend_current) > least))
+    if len(large) < LEAST_BENDS:
+        return np.nan
     ratio = bend(voltage)[large] / bend_current[large]
     resistance = float(np.median(ratio))
     follows = np.mean(np.abs(ratio - resistance) <= FOLLOWING * resistance)
-    return alike, resistance if resistance > 0 and follows >= FOLLOWING_SHARE else np.nan
+    return resistance if resistance > 0 and follows >= FOLLOWING_SHARE else np.nan
 
 
 def spikes_under_load(time, current, voltage, *, limit_volt) -> np.ndarray:
@@ -60,24 +77,23 @@ def spikes_under_load(time, current, voltage, *, limit_volt) -> np.ndarray:
     -------
     rows; none where too few changes of the current tell how the voltage follows them.
     """
-    from scipy import ndimage
-
     if len(time) < NEARBY:
         return np.empty(0, int)
-    alike, resistance = bends_alike(time, current, voltage)
+    resistance = resistance_of_bends(time, current, voltage)
     if not np.isfinite(resistance):
         return np.empty(0, int)
     left = bend(voltage) - resistance * bend(current)
-    usual = ndimage.median_filter(np.abs(left), NEARBY, mode="nearest")
-    step = ndimage.maximum_filter1d(np.abs(np.diff(current, prepend=current[0])), 5, mode="nearest")
-    limit = np.maximum(UNDER_LOAD * limit_volt, UNUSUAL * usual)
-    limit = np.maximum(limit, MADE_SHARE * resistance * step)
+    size = np.abs(left)
+    rows = np.flatnonzero(size > UNDER_LOAD * limit_volt)
+    rows = of_one_pace(time, rows[(rows > 2) & (rows < len(time) - 3)])
+    marks = np.stack([left[rows + side] + 0.5 * left[rows] for side in (-1, 1)])
+    rows = rows[np.all(np.abs(marks) < MARK_SHARE * size[rows], axis=0)]
+    change = np.abs(np.diff(current, prepend=current[0]))
+    step = np.max(change[rows_around(rows, 5, len(change))], axis=1)
+    limit = np.maximum(UNUSUAL * usual_nearby(size, rows), MADE_SHARE * resistance * step)
     # Where the whole load comes or goes an empty or cold cell answers by any multiple.
     gentle = step < LOAD_SHARE * np.max(np.abs(current))
-    rows = np.flatnonzero((np.abs(left) > limit) & alike & gentle)
-    rows = rows[(rows > 2) & (rows < len(time) - 3)]
-    marks = np.stack([left[rows + side] + 0.5 * left[rows] for side in (-1, 1)])
-    return rows[np.all(np.abs(marks) < MARK_SHARE * np.abs(left[rows]), axis=0)]
+    return rows[(size[rows] > limit) & gentle]
 
 
 def spike_free(time, current, voltage, rows) -> np.ndarray:
@@ -85,7 +101,9 @@ def spike_free(time, current, voltage, rows) -> np.ndarray:
 
     Where the current changes from row to row, its own change there is added by the resistance.
     """
-    resistance = np.nan_to_num(bends_alike(time, current, voltage)[1]) if len(rows) else 0.0
+    if not len(rows):
+        return voltage
+    resistance = np.nan_to_num(resistance_of_bends(time, current, voltage))
     around = rows[:, None] + np.array([-2, -1, 1, 2])
     repaired = voltage.copy()
     moved = current[rows] - current[around].mean(axis=1)
@@ -104,15 +122,12 @@ def burst_rows(current, voltage, *, limit_volt, current_step_ampere) -> np.ndarr
     current, voltage : (n,) [A], [V]. limit_volt : least bend [V]. current_step_ampere : a change of
         the current by as much is a step [A].
     """
-    from scipy import ndimage
-
     bent = np.abs(bend(voltage))
-    # Beside a burst the bend is half of its first sample.
-    large = np.flatnonzero(bent > limit_volt / 2)
     if not np.any(bent > limit_volt):
         return np.empty(0, int)
-    usual = ndimage.median_filter(bent, NEARBY, mode="nearest")
-    large = large[bent[large] > UNUSUAL * usual[large]]
+    # Beside a burst the bend is half of its first sample.
+    large = np.flatnonzero(bent > limit_volt / 2)
+    large = large[bent[large] > UNUSUAL * usual_nearby(bent, large)]
     found = [np.empty(0, int)]
     for rows in np.split(large, np.flatnonzero(np.diff(large) > QUIET_ROWS) + 1):
         # The first and the last bend stand beside the burst.
@@ -130,5 +145,7 @@ def burst_rows(current, voltage, *, limit_volt, current_step_ampere) -> np.ndarr
 
 def without_bursts(voltage, corrupt) -> np.ndarray:
     """The voltage [V] with its corrupt rows (mask) on the line between those beside them."""
+    if not corrupt.any():
+        return voltage
     rows = np.arange(len(voltage))
     return np.where(corrupt, np.interp(rows, rows[~corrupt], voltage[~corrupt]), voltage)

@@ -53,9 +53,11 @@ def silent_before(time, gap_second):
     A slow sampling rate is no gap: the interval must exceed five times both its neighbours.
     """
     interval = np.diff(time)
+    long = np.flatnonzero(interval > gap_second)
     around = np.pad(interval, 1)
-    neighbour = np.maximum(around[:-2], around[2:])
-    return np.append(False, (interval > gap_second) & (interval > 5 * neighbour))
+    silent = np.zeros(len(time), bool)
+    silent[long[interval[long] > 5 * np.maximum(around[long], around[long + 2])] + 1] = True
+    return silent
 
 
 def rest_rows(time, current, *, threshold, rated):
