@@ -173,7 +173,10 @@ def _when(definitions):
 def _range_of(scored):
     """The range of errors over the tests of the model in use [mV], where there are several."""
     rms = [1e3 * float(r["rmse_volt"]) for r in scored if r["chosen"] == "True" and r["rmse_volt"]]
-    return f"({min(rms):.2g}–{max(rms):.2g})" if len(rms) > 1 else ""
+    if len(rms) < 2:
+        return ""
+    low, high = (float(f"{one:.2g}") for one in (min(rms), max(rms)))
+    return f"({low:g}–{high:g})"
 
 
 def _effects(row, effects):
