@@ -14,7 +14,7 @@ RIGHT_ALONE, RIGHT_BESIDE = 0.9, 0.6
 UNEVEN = "the parts of the records do not agree on it"
 SMALL = "it takes too little off the error for anyone to act on"
 NO_SIZE = "its size is too near to none for anyone to act on, or at its limit"
-ONE_PART = "only one part of a record asks for it; others are predicted as well without both"
+ONE_PART = "only one part of a record asks for it: a model without both predicts all others as well"
 NO_NAME = "the vocabulary has no name for it"
 
 
