@@ -353,8 +353,7 @@ WIDE int64_t pack_steps(int64_t n, const double *step, const double *mode, const
                         double tolerance, double same_soc, double *work, double *flow, double *current,
                         double *cell_volt, double *soc, double *volt, double *out,
                         double *totals, double *fault) {
-    const int64_t *z = sizes, lags = z[4] + z[5] + z[8] + z[7], quantities = 3 + 2 * z[4]
-                                  + 3 * z[5] + 3 * z[8] + 2 * z[7] + 2 * z[6];
+    const int64_t *z = sizes, lags = lags_of(z), quantities = quantities_of(z);
     const pack whole = {z[0], z[1], z[2], z[3], z[4], z[5], z[6], z[7], z[8], quantities, lags,
                         z[9], z[10], z[11], address, stride, straight, inverse, inverse_here,
                         per_second, share, connection, first, member, contact, link,

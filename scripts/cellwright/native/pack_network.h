@@ -40,6 +40,12 @@ typedef struct {
     double tolerance, same_soc;
 } pack;
 
+/* Lags and quantities of a cell, by the array `sizes` of pack_steps. */
+INLINE int64_t lags_of(const int64_t *z) { return z[4] + z[5] + z[8] + z[7]; }
+INLINE int64_t quantities_of(const int64_t *z) {
+    return 3 + 2 * z[4] + 3 * z[5] + 3 * z[8] + 2 * z[7] + 2 * z[6];
+}
+
 /* Rows of (cells,): states, what is looked up, weights of the lags over the step, and the step. */
 typedef struct {
     double *soc, *current, *memory;    /* memory: pairs, kinetics, ways, surfaces, hystereses */

@@ -72,9 +72,9 @@ static int take(battery *b, const tables *t, char *why) {
     if (!cells || !groups || z[2] < 2 || !kinds || z[SENSED] >= z[0] + z[1]) return 0;
     b->cells = cells;
     b->temperatures = kinds;
-    b->lags = (size_t)(z[4] + z[5] + z[7]);
+    b->lags = (size_t)lags_of(z);
     b->memory = b->lags + (size_t)z[6];
-    b->quantities = (size_t)(3 + 2 * z[8] + 2 * z[4] + 3 * z[5] + 2 * z[7] + 2 * z[6]);
+    b->quantities = (size_t)quantities_of(z);
     b->kept = (1 + b->memory + b->quantities) * cells;
     size_t members, numbers;
     const double *member = array_of(t, "member", &members);
