@@ -17,7 +17,7 @@ from cellwright.numerics.lags import lag_fresh
 from cellwright.numerics.least_squares import Free
 from cellwright.settings import MissingEffect
 
-STAGES = ("current", "counting", "resistance", "ocv", "overpotential", "reading")
+STAGES = ("current", "counting", "resistance", "diffusion", "ocv", "overpotential", "reading")
 OCV_KNOTS = 16
 OCV_NAMES = tuple(f"ocv[{k}]" for k in range(OCV_KNOTS))
 TAU_SECOND = {"tau1": (2.0, 40.0), "tau2": (40.0, 600.0)}
@@ -42,8 +42,9 @@ class Fields(NamedTuple):
     passed since the row before, + on charge [Ah]. capacity : [Ah]. soc : [1].
     celsius : inside the cell [degC]. r0, r1, r2 : [ohm]. tau1, tau2 : [s]. slow : factors of r1
     and of r2, tau_factor : of tau1 and of tau2, both apart from these so that what follows from
-    them is kept while these move [1]. ocv : [V].
-    ohmic : voltage that follows the current at once [V]. volt : of the terminals [V].
+    them is kept while these move [1]. lead : by which the state of charge at the surface of the
+    particles, where the OCV is, is ahead of that within, 0.0 or (n,) [1]. ocv : [V].
+    ohmic : voltage that follows the current at once [V]. volt : of the terminals, so far [V].
     """
 
     current: np.ndarray
@@ -61,7 +62,8 @@ class Fields(NamedTuple):
     tau_factor: np.ndarray | float
     ocv: np.ndarray
     ohmic: np.ndarray
-    volt: np.ndarray
+    volt: np.ndarray | float
+    lead: np.ndarray | float = 0.0
 
     @property
     def slow_ohm(self):
@@ -143,11 +145,14 @@ def fields_of(cell, stack, values, effects=()):
         return _counted(stack, values, through("counting", fields._replace(moved=moved)))
 
     course = _course(cell, stack, values, staged["current"] + staged["counting"], counted)
-    fields = through("resistance", course.fields)
-    fields = fields._replace(ocv=_open_circuit(cell, values, fields.soc, course))
-    fields = through("ocv", fields)
+    fields = through("diffusion", through("resistance", course.fields))
+    within = fields.soc
+    surface = within if np.ndim(fields.lead) == 0 else within + fields.lead
+    fields = fields._replace(ocv=_open_circuit(cell, values, surface, course), soc=surface)
+    fields = through("ocv", fields)._replace(soc=within)
     ohmic = (fields.r0 + values.get(LEAD, 0.0)) * fields.current
-    fields = fields._replace(ohmic=ohmic, volt=fields.ocv + slow_volt(stack, fields))
+    volt = fields.volt + fields.ocv + slow_volt(stack, fields)
+    fields = fields._replace(ohmic=ohmic, volt=volt)
     fields = through("overpotential", fields)
     template = values.get("known", 1.0) * stack.template_volt
     fields = fields._replace(volt=fields.volt + fields.ohmic + template)
@@ -224,7 +229,7 @@ def _begun(cell, stack, values, counting=None):
         counts = counting.held, counting.moved, counting.capacity, counting.soc
     return Fields(
         *(stack.current_ampere, *counts, stack.celsius),
-        *(r0, r1, r2, tau1, tau2, slow, stack.tau_course, NONE, NONE, NONE),
+        *(r0, r1, r2, tau1, tau2, slow, stack.tau_course, NONE, NONE, 0.0),
     )
 
 

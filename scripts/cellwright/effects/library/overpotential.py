@@ -12,7 +12,8 @@ from cellwright.numerics.lags import lag_fresh
 
 # Kinds of branch of slow diffusion: an RC pair; a layer of finite length; a sphere (time constant:
 # length² over diffusivity).
-DIFFUSION_KINDS = ("RC", "warburg", "warburg_sphere")
+DIFFUSION_KINDS = ("RC", "warburg", "warburg_sphere", "diffusion")
+USUAL_SLOPE_VOLT = 1.0  # of an OCV over SoC, at which a lead of the surface is told as a resistance
 # Of hysteresis: one state, which every turn moves; stops, between which small loops close.
 HYSTERESIS_KINDS = ("hysteresis", "preisach")
 SMALL_RATE = 0.02  # of the capacity per hour: a current that charge transfer answers in proportion
@@ -22,11 +23,14 @@ KINETIC_SOC = (0.02, 0.98)  # beyond them an exchange current stays as it is
 def _slow_diffusion_branch(p, r0_ohm, capacity_ampere_hour, soc):
     """Resistance and time constant are those at half charge; both go with one over D(SoC)."""
     slower = np.exp(-p["log_diffusivity_to_full"] * (np.clip(soc, 0.0, 1.0) - 0.5))
-    parameters = {
-        "r_ohm": p["resistance_ohm"] * slower,
-        "tau_second": p["time_constant_second"] * slower,
-    }
-    return r0_ohm, DIFFUSION_KINDS[int(p["finite_length"])], parameters
+    kind, size = DIFFUSION_KINDS[int(p["finite_length"])], p["resistance_ohm"] * slower
+    of_kind = {"soc_per_ampere": size / USUAL_SLOPE_VOLT} if _leads(p) else {"r_ohm": size}
+    return r0_ohm, kind, of_kind | {"tau_second": p["time_constant_second"] * slower}
+
+
+def _leads(p):
+    """Whether diffusion moves the SoC at which the OCV is, and not a voltage."""
+    return KINDS[DIFFUSION_KINDS[int(p["finite_length"])]].output == "soc"
 
 
 def _slow_diffusion(fields, stack, p):
@@ -35,17 +39,20 @@ def _slow_diffusion(fields, stack, p):
     dx/dt = R·I/τ − x/τ(z): what flows in does not depend on the diffusivity D, what evens out
     does, so that R(z)/τ(z) is one number.
     """
-    columns, names = (fields.soc, fields.current), [n for n in p if n != "resistance_ohm"]
+    columns, names = (fields.soc, fields.current, fields.tau_factor), [n for n in p if n != "resistance_ohm"]
     sizes = (_slow_diffusion, *(p[name] for name in names))
     of_one_ohm = kept_response(stack, columns, sizes, lambda: _diffusion_volt(fields, stack, p))
-    return fields._replace(volt=fields.volt + p["resistance_ohm"] * of_one_ohm)
+    volt = p["resistance_ohm"] * of_one_ohm
+    if _leads(p):
+        return fields._replace(lead=fields.lead + volt / USUAL_SLOPE_VOLT)
+    return fields._replace(volt=fields.volt + volt)
 
 
 def _diffusion_volt(fields, stack, p):
     """Voltage of slow diffusion with a resistance of one ohm (n,) [V]."""
-    faster = np.exp(p["log_diffusivity_to_full"] * (np.clip(fields.soc, 0.0, 1.0) - 0.5))
+    faster = np.exp(p["log_diffusivity_to_full"] * (np.clip(fields.soc, 0.0, 1.0) - 0.5)) / fields.tau_factor
     kind, start = KINDS[DIFFUSION_KINDS[int(p["finite_length"])]], np.zeros(len(fields.soc))
-    lags = kind.lags(r_ohm=1.0, tau_second=p["time_constant_second"])
+    lags = kind.lags(tau_second=p["time_constant_second"])
     drive = fields.current / faster
     clock = stack.step_second * faster
     volts = (
@@ -201,9 +208,9 @@ EFFECTS = (
                 prior_std=1.15,
             ),
             # Number of the kind in DIFFUSION_KINDS. Tried, not fitted.
-            Parameter("finite_length", "1", 0.0, 0.0, 2.0, step=0.0, shape=True),
+            Parameter("finite_length", "1", 0.0, 0.0, 3.0, step=0.0, shape=True),
         ),
-        stage="overpotential",
+        stage="diffusion",
         act=_slow_diffusion,
         circuit=_slow_diffusion_branch,
         starts=tuple(
@@ -212,6 +219,7 @@ EFFECTS = (
                 (0.0, (800.0, 2500.0, 8000.0)),
                 (1.0, (300.0, 1200.0, 5000.0)),
                 (2.0, (2000.0, 8000.0, 30000.0)),
+                (3.0, (2000.0, 8000.0, 30000.0)),
             )
             for second in seconds
         ),
