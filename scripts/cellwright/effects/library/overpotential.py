@@ -12,7 +12,7 @@ from cellwright.numerics.lags import lag_fresh
 
 # Kinds of branch of slow diffusion: an RC pair; a layer of finite length; a sphere (time constant:
 # length² over diffusivity).
-DIFFUSION_KINDS = ("RC", "warburg", "warburg_sphere", "diffusion")
+DIFFUSION_KINDS = ("RC", "warburg", "diffusion")
 USUAL_SLOPE_VOLT = 1.0  # of an OCV over SoC, at which a lead of the surface is told as a resistance
 # Of hysteresis: one state, which every turn moves; stops, between which small loops close.
 HYSTERESIS_KINDS = ("hysteresis", "preisach")
@@ -208,7 +208,7 @@ EFFECTS = (
                 prior_std=1.15,
             ),
             # Number of the kind in DIFFUSION_KINDS. Tried, not fitted.
-            Parameter("finite_length", "1", 0.0, 0.0, 3.0, step=0.0, shape=True),
+            Parameter("finite_length", "1", 0.0, 0.0, 2.0, step=0.0, shape=True),
         ),
         stage="diffusion",
         act=_slow_diffusion,
@@ -219,7 +219,6 @@ EFFECTS = (
                 (0.0, (800.0, 2500.0, 8000.0)),
                 (1.0, (300.0, 1200.0, 5000.0)),
                 (2.0, (2000.0, 8000.0, 30000.0)),
-                (3.0, (2000.0, 8000.0, 30000.0)),
             )
             for second in seconds
         ),
