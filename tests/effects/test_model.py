@@ -30,6 +30,7 @@ from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
 CAPACITY = 2.0
+TO_FULL = "log_diffusivity_to_full"
 SOC = np.linspace(0.0, 1.0, 201)
 OCV = 3.3 + 0.8 * SOC + 0.05 * np.sin(6 * SOC)
 CELL = base.Cell(CAPACITY, OCV)
@@ -125,6 +126,8 @@ def test_every_effect_gives_the_same_voltage_as_a_member(effect, celsius, hold):
     ("effect", "changed"),
     [
         ("slow_diffusion", {"slow_diffusion.finite_length": 1.0}),
+        ("slow_diffusion", {"slow_diffusion.finite_length": 2.0}),
+        ("slow_diffusion", {f"slow_diffusion.{n}": 2.0 for n in ("finite_length", TO_FULL)}),
         ("slow_diffusion", {"slow_diffusion.log_diffusivity_to_full": 1.2}),
         ("hysteresis_one_state", {"hysteresis_one_state.small_loops_close": 1.0}),
         ("resistance_asymmetry", {"resistance_asymmetry.charge_resistance_excess_relative": -0.4}),
@@ -151,6 +154,9 @@ def test_several_effects_at_once():
     assert largest(effect_model(*several), 10.0) < 2e-4
     several = ["resistance_temperature", "self_heating", "slow_diffusion"]
     assert largest(effect_model(*several), 10.0) < 3e-4
+    particles = {"slow_diffusion.finite_length": 2.0}
+    several = ["resistance_temperature", "entropic_ocv", "ocv_edge", "slow_diffusion"]
+    assert largest(effect_model(*several, **particles), 10.0) < 3e-4
 
 
 # What a look-up over SoC and temperature cannot hold: a sum of resistances of which only some

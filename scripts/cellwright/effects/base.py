@@ -146,10 +146,8 @@ def fields_of(cell, stack, values, effects=()):
 
     course = _course(cell, stack, values, staged["current"] + staged["counting"], counted)
     fields = through("diffusion", through("resistance", course.fields))
-    within = fields.soc
-    surface = within if np.ndim(fields.lead) == 0 else within + fields.lead
-    fields = fields._replace(ocv=_open_circuit(cell, values, surface, course), soc=surface)
-    fields = through("ocv", fields)._replace(soc=within)
+    ocv = _open_circuit(cell, values, fields.soc, course)
+    fields = through("ocv", fields._replace(ocv=_at_surface(cell, stack, fields, ocv)))
     ohmic = (fields.r0 + values.get(LEAD, 0.0)) * fields.current
     volt = fields.volt + fields.ocv + slow_volt(stack, fields)
     fields = fields._replace(ohmic=ohmic, volt=volt)
@@ -258,6 +256,15 @@ def _open_circuit(cell, values, soc, course):
         _make_room(kept)
         kept[key] = cell.ocv_volt, _looked_up(cell, knots, soc)
     return kept[key][1]
+
+
+def _at_surface(cell, stack, fields, ocv_volt):
+    """OCV with that of the table at the particles' surface; its errors stay as they are [V]."""
+    if np.ndim(fields.lead) == 0:
+        return ocv_volt
+    columns = fields.soc, cell.ocv_volt
+    within = kept_response(stack, columns, (_at_surface,), lambda: cell.ocv_at(fields.soc))
+    return ocv_volt + cell.ocv_at(fields.soc + fields.lead) - within
 
 
 def _looked_up(cell, knots, soc):

@@ -5,15 +5,16 @@ import numpy as np
 from cellwright.circuits.circuit import KINDS
 from cellwright.effects.base import kept_response
 from cellwright.effects.library.quantities import fields_with
-from cellwright.effects.library.sizes import with_minutes
+from cellwright.effects.library.sizes import MINUTE_SECOND
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.numerics.hysteresis import preisach
 from cellwright.numerics.lags import lag_fresh
 
-# Kinds of branch of slow diffusion: an RC pair; a layer of finite length; a sphere (time constant:
-# length² over diffusivity).
+# Kinds of branch of slow diffusion: an RC pair; a layer of finite length; the particles of an
+# electrode, spheres at whose surface the OCV is (time constants: length² over diffusivity).
 DIFFUSION_KINDS = ("RC", "warburg", "diffusion")
-USUAL_SLOPE_VOLT = 1.0  # of an OCV over SoC, at which a lead of the surface is told as a resistance
+# Slope of an OCV over SoC at which the surface's lead costs what the parameter tells in ohms.
+USUAL_SLOPE_VOLT = 1.0
 # Of hysteresis: one state, which every turn moves; stops, between which small loops close.
 HYSTERESIS_KINDS = ("hysteresis", "preisach")
 SMALL_RATE = 0.02  # of the capacity per hour: a current that charge transfer answers in proportion
@@ -37,10 +38,14 @@ def _slow_diffusion(fields, stack, p):
     """Lags whose clock runs with the diffusivity at the SoC, driven by the current as it is.
 
     dx/dt = R·I/τ − x/τ(z): what flows in does not depend on the diffusivity D, what evens out
-    does, so that R(z)/τ(z) is one number.
+    does, so that R(z)/τ(z) is one number. In the cold it slows down as all time constants do.
+    Of particles x is what their surface is ahead of the mean by, and its OCV the cell's: near
+    empty, where the OCV is steep, a load ends earlier than any resistance would end it.
+
+    Source: the sphere's response is Crank's (see `circuits.circuit.SPHERE_MODES`).
     """
-    columns, names = (fields.soc, fields.current, fields.tau_factor), [n for n in p if n != "resistance_ohm"]
-    sizes = (_slow_diffusion, *(p[name] for name in names))
+    columns = fields.soc, fields.current, fields.tau_factor
+    sizes = (_slow_diffusion, *(size for name, size in p.items() if name != "resistance_ohm"))
     of_one_ohm = kept_response(stack, columns, sizes, lambda: _diffusion_volt(fields, stack, p))
     volt = p["resistance_ohm"] * of_one_ohm
     if _leads(p):
@@ -50,7 +55,8 @@ def _slow_diffusion(fields, stack, p):
 
 def _diffusion_volt(fields, stack, p):
     """Voltage of slow diffusion with a resistance of one ohm (n,) [V]."""
-    faster = np.exp(p["log_diffusivity_to_full"] * (np.clip(fields.soc, 0.0, 1.0) - 0.5)) / fields.tau_factor
+    faster = np.exp(p["log_diffusivity_to_full"] * (np.clip(fields.soc, 0.0, 1.0) - 0.5))
+    faster = faster / fields.tau_factor
     kind, start = KINDS[DIFFUSION_KINDS[int(p["finite_length"])]], np.zeros(len(fields.soc))
     lags = kind.lags(tau_second=p["time_constant_second"])
     drive = fields.current / faster
@@ -60,6 +66,14 @@ def _diffusion_volt(fields, stack, p):
         for lag in lags
     )
     return sum(volts)
+
+
+def _diffusion_sizes(effect, p, values):
+    minutes = [("time constant", p["time_constant_second"] / MINUTE_SECOND, "min")]
+    if _leads(p):
+        lead = 100 * p["resistance_ohm"] / USUAL_SLOPE_VOLT
+        return [("surface of the particles ahead by", lead, "% of SoC for each ampere"), *minutes]
+    return [("", 1e3 * p["resistance_ohm"], "mΩ"), *minutes]
 
 
 def _charge_transfer_branch(p, r0_ohm, capacity_ampere_hour, soc):
@@ -151,8 +165,8 @@ def _amplitude(largest_volt):
     return Parameter(*("amplitude_volt", "V", 0.0, 0.0, largest_volt), step=1e-3, plausible=0.02)
 
 
-# A third RC pair and a finite-length Warburg element are one class: no protocol of eleven tells
-# them apart (missing-effect study). The one that fits better is taken.
+# A third RC pair, a finite-length Warburg element and diffusion in particles are one class: the one
+# that fits better is taken. The first two no protocol of eleven tells apart (missing-effect study).
 EFFECTS = (
     Effect(
         id="hysteresis_instant",
@@ -228,7 +242,7 @@ EFFECTS = (
         slow_gap="resistance",
         quantity="slow_resistance",
         short="slow diffusion",
-        sizes_in_words=with_minutes("resistance_ohm", "mΩ", factor=1e3),
+        sizes_in_words=_diffusion_sizes,
         consequence="rests of minutes end before the open-circuit voltage is reached",
     ),
     Effect(

@@ -29,7 +29,7 @@ def fields_with(
 
     Returns
     -------
-    fields : base.Fields, (n,) each; `volt` is the effect's own where it is one of overpotential.
+    fields : base.Fields, (n,) each; `volt` is the effect's own.
     """
     soc, celsius, current = (np.array(v, float) for v in np.broadcast_arrays(soc, celsius, current))
     soc, celsius, current = (np.atleast_1d(v) for v in (soc, celsius, current))
@@ -107,10 +107,15 @@ def _large_over_small(effect, p, values, at):
 
 
 def _slow_resistance(effect, p, values, at):
-    """Voltage that relaxes between 10 min and the end of a rest, per ampere of its load [ohm]."""
+    """Voltage that relaxes between 10 min and the end of a rest, per ampere of its load [ohm].
+
+    NaN where diffusion moves the SoC of the OCV: then it goes with the slope of the OCV.
+    """
     load, rest = (int(np.ceil(second / STEP_SECOND)) for second in at)
     current = np.append(np.full(load + 1, -1.0), np.zeros(rest))
     fields = fields_with(effect, p, values, current=current, step=STEP_SECOND)
+    if np.any(fields.lead):
+        return np.nan
     pairs = slow_volt(_stack(current, fields.celsius, STEP_SECOND), fields)
     volt = fields.volt + pairs
     return float(volt[-1] - volt[load + int(EARLIER_SECOND / STEP_SECOND)])

@@ -17,6 +17,8 @@ from cellwright.effects.witnesses.statement import (
 )
 from cellwright.effects.witnesses.voltages import of_entropy, of_moved_ocv, of_rests, of_slow_test
 
+NO_ONE_SIZE = "of what the verdict names it has no one size at all states of charge"
+
 
 def measured_of(tables, basis, model, *, ambient):
     """All that independent measurements of a cell tell, before any verdict is looked at.
@@ -103,6 +105,9 @@ def _of_named(one, effect, entry, values):
         blank = (np.nan, np.nan, one.unit, np.nan, False)
         return Witness(one.name, effect.id, True, SILENT, *blank, one.reason)
     value, doubt = implied(effect, entry, values, one.at)
+    if not np.isfinite(value):
+        blank = (one.value, value, one.unit, np.nan, False)
+        return Witness(one.name, effect.id, True, SILENT, *blank, f"{one.words}: {NO_ONE_SIZE}")
     stated = np.isfinite([one.std, doubt]).all()
     std = float(np.hypot(one.std, doubt)) if stated else np.nan
     agrees = same(one.value, value, std, neutral=one.neutral)
