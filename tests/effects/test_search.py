@@ -9,6 +9,7 @@ from small_plant import HEALTHY, Truth, case, entropic, names_of
 from cellwright.effects.case import Gates
 from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.overpotential import USUAL_SLOPE_VOLT
 from cellwright.numerics.least_squares import stds
 
 # Of a course over SoC the size is its whole change from 50 to 90 % of SoC.
@@ -103,6 +104,21 @@ def test_a_quicker_pair_that_a_charge_meets_larger_is_told_apart_from_the_ohmic_
     assert one.effect.id == "resistance_asymmetry"
     assert quicker == 1.0
     assert excess == pytest.approx(0.8, abs=0.15)
+
+
+@pytest.mark.slow
+def test_diffusion_in_particles_is_told_by_their_surface():
+    particle = 4000.0
+    result = outcome(Truth(particle=particle), every=2.0)
+    (one,) = result.names
+    p = one.effect.sizes_of(result.last.solution.values)
+    assert one.effect.id == "slow_diffusion"
+    assert result.adequate
+    assert p["finite_length"] == 2.0
+    assert p["time_constant_second"] == pytest.approx(particle, rel=0.25)
+    # Of a sphere at constant current the surface is ahead by R²/(15·D) times the rate.
+    lead = particle / (15 * 3600 * small_plant.CAPACITY)
+    assert p["resistance_ohm"] / USUAL_SLOPE_VOLT == pytest.approx(lead, rel=0.15)
 
 
 @pytest.mark.slow

@@ -29,6 +29,7 @@ class Truth(NamedTuple):
     following: float = 0.0  # power of their factor over temperature that is in time constants
     hysteresis: float = 0.0  # sign of the last load [V]
     slow_ohm: float = 0.0  # third RC pair, of 1000 s
+    particle: float = 0.0  # radius squared over diffusivity of all particles; 0: no gradient [s]
     thermal: float = 0.0  # core over surface [K/W], 400 s
     delay: float = 0.0  # of the voltage reading [s], steps of 0.5 s
     leak: float = 0.0  # current that passes the ammeter by, half full [A]
@@ -85,6 +86,20 @@ def drifted(second, truth):
     return 1 + truth.drift * course
 
 
+SHELLS = 50
+EDGES = np.linspace(0.0, 1.0, SHELLS + 1)  # over the radius
+SHELL = np.diff(EDGES**3) / 3  # volumes
+
+
+def evened(shells, load, truth):
+    """Filling of a particle's shells after a step, and at its surface: finite volumes [1]."""
+    inflow = load / (3600 * CAPACITY) * truth.particle / 3  # gradient at the surface
+    between = np.diff(shells) * SHELLS * EDGES[1:-1] ** 2
+    change = np.diff(np.r_[0.0, between, inflow]) / SHELL
+    shells = shells + FINE_SECOND / truth.particle * change
+    return shells, shells[-1] + inflow / (2 * SHELLS)
+
+
 def simulated(current, celsius, soc, truth):
     """Voltage [V] on fine steps under the true current [A]; rest before."""
     r0, r1, r2 = 0.026, 0.011, 0.013
@@ -92,6 +107,7 @@ def simulated(current, celsius, soc, truth):
     v1 = v2 = v3 = rise = 0.0
     side, charge = float(soc > 0.9), soc
     volts, socs = np.empty(len(current)), np.empty(len(current))
+    leads, shells = np.zeros(len(current)), np.full(SHELLS, soc)
     kelvin = celsius + KELVIN
     outside = np.exp(truth.activation / GAS * (1 / kelvin - 1 / (25 + KELVIN)))
     late = outside**truth.following
@@ -111,6 +127,9 @@ def simulated(current, celsius, soc, truth):
         heat = load * (ohmic + v1 + v2)
         leak = truth.leak * np.exp(truth.leak_to_full * (charge - 0.5))
         charge += (load - leak) * FINE_SECOND / 3600 / CAPACITY
+        if truth.particle:
+            shells, surface = evened(shells, load, truth)
+            leads[k] = surface - charge
         bent = np.exp(truth.bend_r1 * (0.5 - charge)) * (1 + truth.asymmetry_r1 * (load > 0))
         v1 += a1[k] * (slow * bent * r1 * load - v1)
         v2 += a2[k] * (slow * r2 * load - v2)
@@ -118,7 +137,7 @@ def simulated(current, celsius, soc, truth):
         rise += ah * (truth.thermal * heat - rise)
     wave = truth.wave * np.cos(np.pi * socs) + truth.ripple * np.sin(300 * socs)
     warmed = entropic(socs, truth) * (celsius - 25)
-    return volts + ocv(socs) + 4e-4 * np.sin(5 * socs + 1) + wave + warmed
+    return volts + ocv(socs + leads) + 4e-4 * np.sin(5 * socs + 1) + wave + warmed
 
 
 def measured(test, rows, celsius, soc, truth=None, *, seed, kind="drive", every=ROW_SECOND):
