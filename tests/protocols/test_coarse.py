@@ -44,6 +44,10 @@ def test_another_current_that_stands_still_is_as_coarse_as_its_levels_lie_apart(
     assert coarsest_digit_ampere(read, RATED) == pytest.approx(2.25046)
 
 
+def test_a_current_that_stands_still_to_a_millionth_is_round_only_to_a_tester_s_error():
+    assert coarsest_digit_ampere(of_levels(0, -0.8663277), 2.6) == pytest.approx(0.8663277)
+
+
 def test_levels_of_a_made_hold_that_repeats_are_no_digit():
     read = of_levels(0, -1.5, 0.089245, 0.119882, 0.167325, 0.263989, 0.553996, 1.5)
     assert coarsest_digit_ampere(read, 3.0) == 0.0

@@ -126,7 +126,11 @@ def capacity(
         row["instrument"] = unsure_of_instrument(
             half, test_time_second, columns[0], current_accuracy_share, at_rest
         )
-        row["digit"] = unsure_of_digit(half, test_time_second, columns[0], digit)
+        of_digit = [
+            0.0 if one is None else unsure_of_digit(one, test_time_second, columns[0], digit)
+            for one in (half, partner)
+        ]
+        row["digit"], row["digit_of_cycle"] = of_digit[0], max(of_digit)
         row["doubt"] = doubts_of(half, partner, row, columns, steps, limits, doubt, sheet)
         row["missing"] = float(np.hypot(row["missing"], row["off"]))
         complete.append(row)

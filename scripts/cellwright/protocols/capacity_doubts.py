@@ -26,7 +26,7 @@ def doubts_of(half, partner, row, columns, steps, limits, doubt, sheet):
     Parameters
     ----------
     half : HalfCycle. partner : the complete other half of its cycle, or None. row : what was
-        measured of it, with `off` and `digit`, see `imbalance` and `coarse.unsure_of_digit`.
+        measured of it, with `off` and `digit_of_cycle`, see `imbalance`, `coarse`.
         columns, steps, limits : as of `half_cycles`.
     doubt : (n,) flags of `series.doubts.Doubt`, or None. sheet : rating [Ah] and temperature
         [degC] as stated, or None each.
@@ -143,10 +143,9 @@ def _of_balance(half, partner, off):
 
 def _of_digit(row):
     """That the current is read too coarsely, in words: its error is up to √3 of its deviation."""
-    share = np.sqrt(3.0) * row["digit"] / row["capacity_ampere_hour"]
-    return [f"its current is read so coarsely that {share:.1%} may be missing"] * bool(
-        share > BALANCE_SHARE
-    )
+    share = np.sqrt(3.0) * row["digit_of_cycle"] / row["capacity_ampere_hour"]
+    said = f"the current of its cycle is read so coarsely that {share:.1%} may be missing"
+    return [said] if share > BALANCE_SHARE else []
 
 
 def _of_efficiency(efficiency):

@@ -7,6 +7,7 @@ from cellwright.records.agreement import FINEST_SHARE
 from cellwright.records.conditions import off_round
 
 SET_LEVELS = 4  # that one test sets its current to; more are those of a reading
+EXACT_SHARE = 1e-4  # by which the best testers are off what they are set to
 WRITTEN_SHARE = 1e-5  # of the largest current: no tester holds one so well that it never shows
 
 
@@ -16,8 +17,8 @@ def coarsest_digit_ampere(current_ampere, rated_ampere_hour):
 
     A current that scatters shows its digit, as does one that falls while the voltage is held: its
     levels are whole multiples of it. Of one that stands still the nearest two levels bound it, zero
-    being one. But levels that a laboratory sets (rounded by less than a tester's own error) tell
-    nothing, and of those written with few decimals the last one is the digit.
+    being one. But levels that a laboratory sets (but for a tester's own error) tell nothing, and of
+    those written with few decimals the last one is the digit.
 
     current_ampere : (n,) [A]. rated_ampere_hour : for the rates that are round [Ah].
     """
@@ -31,11 +32,13 @@ def coarsest_digit_ampere(current_ampere, rated_ampere_hour):
     digit = float(gaps[gaps > 5e-7 * largest].min(initial=np.inf))
     if len(loads) > SET_LEVELS:
         return digit if _are_multiples(loads, digit) else 0.0
-    if all(off_round(size / rated_ampere_hour, size) <= FINEST_SHARE for size in loads):
-        return 0.0
     decimals = 10.0 ** -np.arange(-np.floor(np.log10(largest)), 9)
     last = next((one for one in decimals if _are_multiples(loads, one)), 0.0)
-    return float(last if last >= WRITTEN_SHARE * largest else digit)
+    as_written = last >= WRITTEN_SHARE * largest
+    near = FINEST_SHARE if as_written else EXACT_SHARE
+    if all(off_round(size / rated_ampere_hour, size) <= near for size in loads):
+        return 0.0
+    return float(last if as_written else digit)
 
 
 def _are_multiples(levels, digit):
