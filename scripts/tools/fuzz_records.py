@@ -78,7 +78,8 @@ def verdict(outcome, clean, others, benign=False):
     number, true = untold[0]
     found = f"{number.value:.5g} ± {number.std:.2g}, clean {true.value:.5g}"
     words = f"{number.quantity} {number.where}: {found}"
-    fresh = [note for note in outcome.notes if note not in clean.notes]
+    known = set(map(without_numbers, clean.notes))
+    fresh = [note for note in outcome.notes if without_numbers(note) not in known]
     return ("elsewhere", f"{words} | {fresh[0]}") if fresh else ("silent", words)
 
 

@@ -71,7 +71,10 @@ def _outcome(data, record):
         facts = {"cell": record.cell["cell"]} | {n: record.test.get(n) for n in names}
         tables[name] = [facts | row for row in _rows(found)]
         notes += said
-    return Outcome(tables, tuple(notes), "" if tables else "; ".join(refused))
+    if not tables:
+        return Outcome({}, tuple(notes), "; ".join(refused))
+    # What is refused beside what is published stands in excluded.csv, with its reason.
+    return Outcome(tables, (*notes, *refused))
 
 
 def _capacities(columns, steps, record):

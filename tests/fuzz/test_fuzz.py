@@ -49,5 +49,14 @@ def test_a_wrong_number_says_so(record, clean, kind):
     assert changed  # else this kind would test nothing
 
 
+def test_what_a_coarse_digit_hides_lies_in_the_interval(record, clean):
+    for seed in range(4):
+        changed = KINDS["coarse rounding"](record, np.random.default_rng(seed))
+        numbers = numbers_of(outcome_of(changed))
+        assert all(number.doubt for number, _ in wrong_numbers(numbers, clean))
+        stds = [[n.std for n in of if n.quantity == "capacity"] for of in (numbers, clean)]
+        assert min(stds[0]) > 5 * max(stds[1])
+
+
 def test_the_record_itself_is_one(record):
     assert np.ptp(record.columns[CURRENT]) > 0

@@ -50,6 +50,28 @@ def test_known_resistance_at_every_delay(level):
     assert np.allclose(rows["c_rate"], abs(level) / 3)
 
 
+def test_a_current_read_coarsely_says_so_and_its_interval_holds_what_it_hides():
+    time, current, voltage = pulse(level=-5.2)
+    rows = measure(time, np.round(current / 0.731817) * 0.731817, voltage).rows
+    off = np.abs(rows["resistance_ohm"] - truth(rows["actual_delay_second"]))
+    assert np.all(off <= 2 * rows["resistance_std_ohm"])
+    assert np.all(np.char.find(rows["doubt"], "read so coarsely") >= 0)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_step_whose_current_does_not_step_is_refused_and_divides_by_nothing():
+    time, current, voltage = pulse(level=-5.0)
+    steps = segment(time, current, voltage, 0 * time, rated_capacity_ampere_hour=3.0)
+    about = {"rated_capacity_ampere_hour": 3.0, "delay_second": (0, 1)}
+    with pytest.raises(Refusal, match="current does not step into the pulse"):
+        pulse_resistance(time, 0 * current, voltage, 0 * time, steps, **about)
+    # Back at what was before it within the pulse: no ratio there, the others stay.
+    row = int(np.flatnonzero(current)[40])
+    current[row] = 0.0
+    found = pulse_resistance(time, current, voltage, 0 * time, steps, **about)
+    assert np.allclose(found.rows["resistance_ohm"], truth(np.array([0.1, 1])), rtol=1e-3)
+
+
 def test_c_rates_under_ampere_are_told_by_their_roundness_and_their_answer():
     time, current, voltage = pulse(level=-7.5)  # 1.5C of 5 Ah
     (said,) = set(measure(time, current / 5, voltage, rated=5.0).rows["doubt"])

@@ -8,6 +8,7 @@ from cellwright.records.basis import Lender, basis, soc_of, soc_or_unknown
 from cellwright.refusal import Refusal
 
 SOC = np.linspace(0, 1, 201)
+GAP = 0.006  # V, at 1 V a SoC between 3 and 4 V: a discharge ends 0.3 % before empty
 
 
 def curve(celsius=25.0, out=2.0, back=None, test="ocv", cycle=None, closed=None):
@@ -20,6 +21,8 @@ def curve(celsius=25.0, out=2.0, back=None, test="ocv", cycle=None, closed=None)
         "closed_capacity_ampere_hour": closed or out,
         "soc": SOC.tolist(),
         "ocv_volt": (3 + SOC + 0.001 * (25 if celsius is None else celsius)).tolist(),
+        "discharge_volt": (3 + SOC - GAP / 2).tolist(),
+        "charge_volt": (3 + SOC + GAP / 2).tolist(),
     }
 
 
@@ -56,6 +59,25 @@ def test_slow_directions_that_part_are_closed(back, closed):
     assert content["capacity_ampere_hour"] == (closed or 2.0)
     said = "slow test ocv, between 2 Ah out and "
     assert content["capacity_source"].startswith(said) == (closed is not None)
+
+
+@pytest.mark.parametrize(
+    ("back", "rest_volt", "unexplained"),
+    [
+        (1.97, 4.010, 0.0),  # rests 1.5 % below full, and returned 1.5 % less
+        (1.97, 4.020, 0.02),  # 0.5 % below full: 1 % are left
+        (1.97, np.nan, 0.03),
+        (2.03, 4.010, 0.03),  # it returned more: no end explains that
+    ],
+)
+def test_what_a_slow_test_may_lack_at_its_ends(back, rest_volt, unexplained):
+    rows = [
+        row(2.0, test="ocv") | {"capacity_std_ampere_hour": 0.001},
+        row(back, test="ocv", direction="charge") | {"rest_after_volt": rest_volt},
+    ]
+    found = basis("A", [curve(out=2.0, back=back)], rows, [])["capacity_std_ampere_hour"]
+    terms = [0.001, unexplained / 3**0.5, GAP * 2.0 / 3**0.5]
+    assert found == pytest.approx(np.linalg.norm(terms), rel=0.02)
 
 
 @pytest.mark.parametrize("back", [None, np.nan])
@@ -282,9 +304,9 @@ def test_what_a_worn_cell_keeps_from_a_fast_discharge_its_own_rests_tell(ohm):
     content = carried_from_lender(between_rests(1.6, ohm))
     assert content["capacity_ampere_hour"] == pytest.approx(1.6, rel=1e-6)
     assert "by the rests of both" in content["capacity_source"]
-    # As of even odds between none and all of what the rests changed, and of the slow test's loss.
+    # As of even odds between none and all of what the rests changed, and of the slow test's ends.
     change = 1 - (1 - 1.05 * 0.02) / (1 - 1.05 * ohm)
-    parts = [change / 3**0.5, 0.01 / 2.0 / 3**0.5, 1e-3 / 1.6, 1e-3 / 2.0]
+    parts = [change / 3**0.5, 0.01 / 2.0 / 3**0.5, GAP / 3**0.5, 1e-3 / 1.6, 1e-3 / 2.0]
     share = content["capacity_std_ampere_hour"] / 1.6
     assert share == pytest.approx(np.linalg.norm(parts), rel=0.1)
 

@@ -58,11 +58,7 @@ def least_digit(values):
     Source: W. R. Bennett, Bell System Technical Journal 27 (1948), 446 (noise of a quantised
     signal).
     """
-    read = np.asarray(values, float)
-    levels, rows = np.unique(read[np.isfinite(read)], return_counts=True)
-    repeated = rows > 1
-    if rows[repeated].sum() >= REPEATED_SHARE * rows.sum():
-        levels = levels[repeated]
+    levels, repeated = read_levels(values)
     gaps = np.diff(levels)
     # Two levels that differ by less are one, written as float32.
     gaps = gaps[gaps > 5e-7 * np.abs(levels).max(initial=0.0)]
@@ -72,9 +68,25 @@ def least_digit(values):
         # Levels farther apart tell nothing of the digit.
         multiples = gaps[gaps <= 10.5 * digit] / digit
         if np.mean(np.abs(multiples - np.round(multiples)) <= 0.25) >= REPEATED_SHARE:
-            by_steps = not repeated.any() and np.all(np.round(multiples) == 1.0)
+            by_steps = not repeated and np.all(np.round(multiples) == 1.0)
             return 0.0 if by_steps and len(multiples) > 1 else digit
     return 0.0
+
+
+def read_levels(values):
+    """Levels that a channel reads, rising, without repairs of cleaning; whether any is repeated.
+
+    Levels read once beside many that are repeated are repairs.
+
+    Parameters
+    ----------
+    values : (n,) of one channel, in any unit; not finite ones are passed over.
+    """
+    read = np.asarray(values, float)
+    levels, rows = np.unique(read[np.isfinite(read)], return_counts=True)
+    repeated = rows > 1
+    few = rows[repeated].sum() >= REPEATED_SHARE * rows.sum()
+    return levels[repeated] if few else levels, bool(repeated.any())
 
 
 def least_digit_ampere(current_ampere):

@@ -8,6 +8,7 @@ import numpy as np
 
 from cellwright.protocols import Found
 from cellwright.protocols.capacity import ANODE_VOLT, EFFICIENCY_MAX
+from cellwright.protocols.coarse import coarsest_digit_ampere, unsure_of_digit
 from cellwright.protocols.half_cycles import (
     NAMES,
     TURN_SHARE,
@@ -114,7 +115,8 @@ def ageing_cycles(
     efficiencies = _efficiencies(halves, columns[2], inserts, new=first_cycle == 0)
     time = np.asarray(series["test_time_second"], float)
     unsure = edge_variance(time, columns[0], columns[2])
-    at_rest = reading_at_rest(as_logged(series)["current_ampere"], steps)
+    logged = as_logged(series)["current_ampere"]
+    at_rest, digit = reading_at_rest(logged, steps), coarsest_digit_ampere(logged, rated)
     rows = [
         (
             *(cycle, *_numbers(half, efficiency, series, rated)),
@@ -123,6 +125,7 @@ def ageing_cycles(
                     half.missing_ampere_hour,
                     unsure_of_edges(half, unsure, columns, limits),
                     unsure_of_instrument(half, time, columns[0], current_accuracy_share, at_rest),
+                    unsure_of_digit(half, time, columns[0], digit),
                 ]
             ),
         )

@@ -4,6 +4,7 @@ import numpy as np
 
 from cellwright.protocols import Found
 from cellwright.protocols.capacity_doubts import doubts_of, imbalance
+from cellwright.protocols.coarse import coarsest_digit_ampere, unsure_of_digit
 from cellwright.protocols.half_cycles import (
     NAMES,
     TURN_SHARE,
@@ -61,8 +62,9 @@ def capacity(
     deviation (thesis, ch. 4.3).
 
     What an unsure start may lack, the charge of steps of current between two rows, what both halves
-    of a cycle differ by (`imbalance`) and what the instrument's stated accuracy leaves open
-    (`unsure_of_instrument`) are part of the standard deviation. Coulombic
+    of a cycle differ by (`imbalance`), what the instrument's stated accuracy leaves open
+    (`unsure_of_instrument`) and what its least digit does (`unsure_of_digit`) are part of the
+    standard deviation. Coulombic
     efficiency is the discharge over the charge before it, or else the one after it; NaN where there
     is none, or where it exceeds 1.05: such a charge did not return the discharge. Of a negative
     electrode against lithium (upper cut-off below 2 V) it is the charge over the discharge before
@@ -113,6 +115,7 @@ def capacity(
     inserts = -1 if upper_cutoff_volt is not None and upper_cutoff_volt < ANODE_VOLT else 1
     logged = columns[0] if logged_current_ampere is None else logged_current_ampere
     at_rest = reading_at_rest(logged, steps)
+    digit = coarsest_digit_ampere(logged, rated)
     sheet, complete = (rated_capacity_ampere_hour, ambient_temperature_celsius), []
     for half, partner in zip(halves, _partners(halves, inserts), strict=True):
         if half.fault:
@@ -123,6 +126,11 @@ def capacity(
         row["instrument"] = unsure_of_instrument(
             half, test_time_second, columns[0], current_accuracy_share, at_rest
         )
+        of_digit = [
+            0.0 if one is None else unsure_of_digit(one, test_time_second, columns[0], digit)
+            for one in (half, partner)
+        ]
+        row["digit"], row["digit_of_cycle"] = of_digit[0], max(of_digit)
         row["doubt"] = doubts_of(half, partner, row, columns, steps, limits, doubt, sheet)
         row["missing"] = float(np.hypot(row["missing"], row["off"]))
         complete.append(row)
@@ -253,14 +261,14 @@ def _repeats_joined(complete, rated):
 def _row(halves, rated):
     """One row of stage `capacity`: means over the repeats, standard deviation of the capacity.
 
-    It is that of the repeats, of what their starts may lack, of steps of current between two rows
-    and of the instrument.
+    It is that of the repeats, of what their starts may lack, of steps of current between two rows,
+    of the instrument and of its digit.
     """
     names = [name for name in halves[0] if name != "doubt"]
     columns = {name: np.array([half[name] for half in halves]) for name in names}
     sizes = columns["capacity_ampere_hour"]
     edges = np.sqrt(np.mean(columns["edges"] ** 2))
-    parts = [columns["missing"].mean(), edges, columns["instrument"].mean()]
+    parts = [edges, *(columns[name].mean() for name in ("missing", "instrument", "digit"))]
     std, rested_std = (
         float(np.linalg.norm([_scatter(columns[f"{name}_ampere_hour"]), *parts]))
         for name in ("capacity", "rested")

@@ -26,7 +26,8 @@ def doubts_of(half, partner, row, columns, steps, limits, doubt, sheet):
     Parameters
     ----------
     half : HalfCycle. partner : the complete other half of its cycle, or None. row : what was
-        measured of it, with `off`, see `imbalance`. columns, steps, limits : as of `half_cycles`.
+        measured of it, with `off` and `digit_of_cycle`, see `imbalance`, `coarse`.
+        columns, steps, limits : as of `half_cycles`.
     doubt : (n,) flags of `series.doubts.Doubt`, or None. sheet : rating [Ah] and temperature
         [degC] as stated, or None each.
     """
@@ -35,6 +36,7 @@ def doubts_of(half, partner, row, columns, steps, limits, doubt, sheet):
         *([] if partner is None else _of_partner(partner, doubt)),
         *[half.words] * _begins_unsure(half),
         *_of_balance(half, partner, row["off"]),
+        *_of_digit(row),
         *_of_efficiency(row["coulombic_efficiency"]),
         *_of_sheet(row, *sheet),
     ]
@@ -137,6 +139,13 @@ def _of_balance(half, partner, off):
         return []
     other = f"the {NAMES[-half.sign]} of its cycle moves {partner.moved_ampere_hour:.4g} Ah"
     return [f"{other}: {off:.2g} Ah further from it than their ends explain"]
+
+
+def _of_digit(row):
+    """That the current is read too coarsely, in words: its error is up to √3 of its deviation."""
+    share = np.sqrt(3.0) * row["digit_of_cycle"] / row["capacity_ampere_hour"]
+    said = f"the current of its cycle is read so coarsely that {share:.1%} may be missing"
+    return [said] if share > BALANCE_SHARE else []
 
 
 def _of_efficiency(efficiency):

@@ -9,6 +9,7 @@ import numpy as np
 from cellwright.numerics.noise import least_digit
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols import Found, counted, not_elsewhere
+from cellwright.protocols.coarse import coarsest_digit_ampere
 from cellwright.protocols.drift import Drift, drift_of_rest
 from cellwright.refusal import Refusal
 from cellwright.series.doubts import WORDS, Doubt, in_words, unlike_size
@@ -72,7 +73,7 @@ def pulse_resistance(
     actual_delay_second says so. 4. Any other delay is interpolated linearly between the two
     samples around it; beyond the last sample by up to half a sampling step, or 2 %, it is the
     last sample's. 5. The standard deviation holds the noise of voltage and current (robust, from
-    the differences between successive samples), the resolution of the voltage, the doubt of d_k and
+    the differences between successive samples), their least digits, the doubt of d_k and
     the stated accuracy of the ammeter as a gain, not the drift of the open-circuit voltage.
 
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A], [V], positive on charge.
@@ -100,14 +101,19 @@ def pulse_resistance(
     chosen, rated = _chosen(steps), rated_capacity_ampere_hour
     if not len(chosen):
         raise Refusal("the record has no pulse, nor a constant-current load that begins from rest")
-    noise = _noise(voltage, steps, resolution=True), _noise(current, steps, resolution=False)
+    digits = least_digit(voltage), coarsest_digit_ampere(current, rated)
+    noise = _noise(voltage, steps, digits[0]), _noise(current, steps, digits[1])
     rows, reasons = [], Counter()
     chosen = not_elsewhere(chosen, elsewhere, "pulse", reasons)
     least = np.sqrt(2) * noise[0]
-    pulses = [_pulse(time, current, voltage, steps, step, least) for step in chosen]
+    pulses = []
+    for step in chosen:
+        try:
+            pulses.append(_pulse(time, current, voltage, steps, step, least, rated))
+        except Refusal as refusal:
+            reasons[str(refusal)] += len(delay_second)
     for pulse, delay in product(pulses, delay_second):
         try:
-            _check_step(pulse, rated)
             value = _at(pulse, float(delay))
         except Refusal as refusal:
             reasons[str(refusal)] += 1
@@ -115,13 +121,21 @@ def pulse_resistance(
         row = _row(pulse, value, delay, soc, voltage, noise, rated)
         gain = current_accuracy_share / np.sqrt(3.0) * row["resistance_ohm"]
         row["resistance_std_ohm"] = np.hypot(row["resistance_std_ohm"], gain)
-        row["doubt"] = in_words(doubt, slice(pulse.before, pulse.before + 2 + len(pulse.delay)))
+        said = in_words(doubt, slice(pulse.before, pulse.before + 2 + len(pulse.delay)))
+        row["doubt"] = "; ".join(filter(None, [said, _too_coarse(digits[1], pulse.step)]))
         rows.append(row)
     if not rows:
         raise Refusal(f"no pulse gives a resistance: {'; '.join(counted(reasons))}")
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     columns["doubt"] = np.array(_doubts(columns, rated, against_soc), dtype=str)
     return Found(columns, counted(reasons))
+
+
+def _too_coarse(digit_ampere, step_ampere):
+    """In words, that two readings may be off by more than a tester's current is."""
+    share = digit_ampere / abs(step_ampere)
+    words = f"its current is read so coarsely that it may be {share:.0%} off"
+    return words if share > ROUND_SHARE else ""
 
 
 def _doubts(columns, rated, against_soc):
@@ -170,15 +184,18 @@ def _chosen(steps):
     return np.flatnonzero(np.isin(steps.kind, ("CC", "CCCV")) & from_rest & follows)
 
 
-def _pulse(time, current, voltage, steps, step, least_volt):
+def _pulse(time, current, voltage, steps, step, least_volt, rated):
     """One pulse from its step: delay [s] and ratio [ohm] of its samples from arrival on.
 
-    A relaxation that moves the voltage by less than `least_volt` over all of it is none.
+    A relaxation that moves the voltage by less than `least_volt` over all of it is none. A sample
+    whose current is that before the pulse has no ratio, NaN. Raises Refusal: the current does not
+    step.
     """
     first, last = int(steps.first_row[step]), int(steps.last_row[step])
     end = constant_current_end(first, last, steps.cv_first_row[step])
     level = float(np.median(current[first:end]))
     rise = level - current[first - 1]
+    _check_step(level, rise, rated)
     gone = (current[first : last + 1] - current[first - 1]) / rise
     # From nine tenths of the step on a sample belongs to the pulse, not to its rise.
     arrival = first + int(np.argmax(gone >= 0.9))
@@ -193,7 +210,8 @@ def _pulse(time, current, voltage, steps, step, least_volt):
     if abs(drift.moved_volt(delay[-1])) <= least_volt:
         drift = Drift()
     moved = voltage[rows] - voltage[before] - drift.moved_volt(delay)
-    ratio = moved / (current[rows] - current[first - 1])
+    change = current[rows] - current[first - 1]
+    ratio = np.divide(moved, change, out=np.full(len(rows), np.nan), where=change != 0)
     # A ratio to a current that has moved on is no resistance at this delay.
     steady = np.abs(gone[rows - first] - 1) <= 0.1
     return _Pulse(before, start, level, rise, delay, ratio, steady, drift)
@@ -213,11 +231,10 @@ def _before(time, voltage, steps, step, first, arrived):
     return int(unmoved[-1]) if len(unmoved) else first - 1
 
 
-def _check_step(pulse, rated):
+def _check_step(level, rise, rated):
     """Refuses a pulse whose current differs from that before it by less than any edge does."""
-    before = pulse.level - pulse.step
-    least = max(EDGE_C_RATE[0] * rated, EDGE_SHARE * max(abs(before), abs(pulse.level)))
-    if abs(pulse.step) < least:
+    least = max(EDGE_C_RATE[0] * rated, EDGE_SHARE * max(abs(level - rise), abs(level)))
+    if abs(rise) < least:
         raise Refusal("current does not step into the pulse")
 
 
@@ -249,8 +266,8 @@ def _positive(delay, resistance):
     return float(delay), float(resistance)
 
 
-def _noise(values, steps, *, resolution):
-    """Standard deviation of one sample, from differences within rests and pulses."""
+def _noise(values, steps, digit):
+    """Standard deviation of one sample, from differences within rests and pulses, and its digit."""
     # A drive's own changes are no noise.
     kept = np.isin(steps.kind, ("rest", "pulse"))
     spans = zip(steps.first_row[kept], steps.last_row[kept] + 1, strict=True)
@@ -258,8 +275,7 @@ def _noise(values, steps, *, resolution):
     if not len(change):
         return 0.0
     spread = robust_std(change - np.median(change)) / np.sqrt(2)
-    grain = least_digit(values) / np.sqrt(12) if resolution else 0.0
-    return float(np.hypot(spread, grain))
+    return float(np.hypot(spread, digit / np.sqrt(12)))
 
 
 def _row(pulse, value, delay, soc, voltage, noise, rated):

@@ -189,14 +189,15 @@ CAPACITY = ("capacity_ampere_hour", "capacity_std_ampere_hour", "capacity_source
 def slow_capacity(curve, capacities):
     """Capacity of a slow test [Ah], without the drift where its directions differ; as `sized`.
 
-    What its charge lacks at the full end, its discharge may lack at the empty one: as of even odds
-    between none of it and all, that is part of the standard deviation.
+    When empty it rests between the discharge's last voltage and the charge's first: what that gap
+    moves along the discharge, the discharge may lack. The charge lacks what its rest is below full;
+    what else it returns less than was taken, no end explains. Each is, as of even odds between none
+    of it and all, part of the standard deviation.
 
     Parameters
     ----------
-    curve : dict with capacity_ampere_hour, charge_capacity_ampere_hour,
-        closed_capacity_ampere_hour [Ah] and test. capacities : rows of the capacity stage, of which
-        that of the test's discharge tells the standard deviation.
+    curve : dict as of `OcvCurve`, and test. capacities : rows of the capacity stage, of which that
+        of the test's discharge tells the standard deviation, that of its charge the rest after it.
     """
     out, back, closed = (
         curve[f"{name}_ampere_hour"] for name in ("capacity", "charge_capacity", "closed_capacity")
@@ -204,10 +205,26 @@ def slow_capacity(curve, capacities):
     source = f"slow test {curve['test']}"
     if closed != out:
         source += f", between {out:.4g} Ah out and {back:.4g} Ah back"
-    own = [row for row in capacities if row["test"] == curve["test"]]
-    stds = [row.get(CAPACITY[1]) for row in own if row["direction"] == "discharge"]
-    lost = 0.0 if back is None or np.isnan(back) else abs(closed - back) / np.sqrt(3)
-    return sized(closed, np.hypot(stds[0], lost) if stds else None, source)
+    own = {row["direction"]: row for row in capacities if row["test"] == curve["test"]}
+    std = own.get("discharge", {}).get(CAPACITY[1], np.nan)
+    rest_volt = own.get("charge", {}).get("rest_after_volt", np.nan)
+    lost = 0.0 if back is None or np.isnan(back) else closed - back
+    if closed == out and lost:
+        below_full, beyond_empty = _soc_lacking(curve, rest_volt)
+        lost -= min(max(lost, 0.0), below_full * out)
+        lost = np.hypot(lost, beyond_empty * out)
+    return sized(closed, np.hypot(std, lost / np.sqrt(3)), source)
+
+
+def _soc_lacking(curve, rest_volt):
+    """SoC [1] by which a slow test's charge ends below full, and its discharge may above empty.
+
+    rest_volt : at which the cell rests after the charge [V], NaN where not known: none is told.
+    """
+    soc, discharge_volt = (np.asarray(curve[name], float) for name in ("soc", "discharge_volt"))
+    below_full = 1.0 - np.interp(rest_volt, curve["ocv_volt"], soc)
+    beyond_empty = np.interp(curve["charge_volt"][0], discharge_volt, soc)
+    return np.nan_to_num(below_full), beyond_empty
 
 
 def _own_capacity(capacities, lender, stated):

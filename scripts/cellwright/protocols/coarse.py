@@ -1,0 +1,61 @@
+"""How coarsely the current of a record was read, and what charge that leaves open."""
+
+import numpy as np
+
+from cellwright.numerics.noise import least_digit_ampere, read_levels
+from cellwright.records.agreement import FINEST_SHARE
+from cellwright.records.conditions import off_round
+
+SET_LEVELS = 4  # that one test sets its current to; more are those of a reading
+EXACT_SHARE = 1e-4  # by which the best testers are off what they are set to
+WRITTEN_SHARE = 1e-5  # of the largest current: no tester holds one so well that it never shows
+
+
+# ASSUME: A current that stands at one reading, no round one, is as coarse as its levels lie apart.
+def coarsest_digit_ampere(current_ampere, rated_ampere_hour):
+    """Largest least digit [A] that a record's readings leave room for; 0 where they tell none.
+
+    A current that scatters shows its digit, as does one that falls while the voltage is held: its
+    levels are whole multiples of it. Of one that stands still the nearest two levels bound it, zero
+    being one. But levels that a laboratory sets (but for a tester's own error) tell nothing, and of
+    those written with few decimals the last one is the digit.
+
+    current_ampere : (n,) [A]. rated_ampere_hour : for the rates that are round [Ah].
+    """
+    read = np.append(current_ampere, [0.0, 0.0])
+    levels, largest = read_levels(read)[0], float(np.nanmax(np.abs(read)))
+    if not largest or (digit := least_digit_ampere(current_ampere)):
+        return digit if largest else 0.0
+    loads = np.unique(np.abs(levels[levels != 0.0]))
+    gaps = np.diff(levels)
+    # Two levels that differ by less are one, written as float32.
+    digit = float(gaps[gaps > 5e-7 * largest].min(initial=np.inf))
+    if len(loads) > SET_LEVELS:
+        return digit if _are_multiples(loads, digit) else 0.0
+    decimals = 10.0 ** -np.arange(-np.floor(np.log10(largest)), 9)
+    last = next((one for one in decimals if _are_multiples(loads, one)), 0.0)
+    as_written = last >= WRITTEN_SHARE * largest
+    near = FINEST_SHARE if as_written else EXACT_SHARE
+    if all(off_round(size / rated_ampere_hour, size) <= near for size in loads):
+        return 0.0
+    return float(last if as_written else digit)
+
+
+def _are_multiples(levels, digit):
+    return np.allclose(levels / digit, np.rint(levels / digit), 0.0, 1e-3)
+
+
+def unsure_of_digit(half, test_time_second, current_ampere, digit_ampere):
+    """Standard deviation [Ah] of what a half cycle moves by the least digit of its current.
+
+    While the reading stays at one level its error is one, anywhere within a digit (a uniform
+    distribution); that of another level is another.
+
+    half : HalfCycle. test_time_second, current_ampere : (n,) [s], [A]. digit_ampere : [A].
+    """
+    rows = slice(half.first_row, half.last_row + 1)
+    time, current = test_time_second[rows], current_ampere[rows]
+    first = np.flatnonzero(np.diff(current, prepend=np.inf))
+    hours = np.diff(np.append(time[first], time[-1])) / 3600.0
+    loaded = current[first] != 0.0
+    return float(digit_ampere * np.linalg.norm(hours[loaded]) / np.sqrt(12.0))
