@@ -220,10 +220,27 @@ def test_every_cut_gives_right_values_or_a_refusal(maker):
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())
 def test_a_byte_that_is_another_changes_one_row_or_is_refused(maker, data):
+    content_, first = rows_of(maker)
+    place = data.draw(st.integers(first, len(content_) - 1))
+    changes_one_row_or_is_refused(content_, place, bytes([data.draw(st.integers(0, 255))]))
+
+
+@pytest.mark.parametrize("maker", SAMPLES)
+def test_a_quotation_mark_that_opens_a_cell_loses_no_rows_unsaid(maker):
+    content_, first = rows_of(maker)
+    begins = [first + found.end() for found in re.finditer(rb"[,;\t\n]", content_[first:-1])]
+    for place in begins[:: max(len(begins) // 40, 1)]:
+        changes_one_row_or_is_refused(content_, place, b'"')
+
+
+def rows_of(maker):
+    """A sample, and the place at which its rows begin or a little later."""
     content_ = SAMPLES[maker].encode()
     first = content_.index(b"\n", content_.index(b"3.6")) if maker != "pec" else len(content_) // 2
-    place = data.draw(st.integers(first, len(content_) - 1))
-    byte = bytes([data.draw(st.integers(0, 255))])
+    return content_, first
+
+
+def changes_one_row_or_is_refused(content_, place, byte):
     whole = read(content_).columns
     try:
         changed = read(content_[:place] + byte + content_[place + 1 :]).columns

@@ -4,6 +4,7 @@ import codecs
 import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from itertools import chain
 from typing import NamedTuple
 
@@ -148,8 +149,8 @@ def read_table(
     Raises
     ------
     Refusal
-        No row, another row with another number of fields, other text where a number belongs, or
-        words in most of its rows.
+        No row, another row with another number of fields, other text where a number belongs,
+        words in most of its rows, or a quotation mark that makes one cell of many lines.
     """
     import pyarrow as pa
 
@@ -166,6 +167,7 @@ def read_table(
             columns, odd, rows = _parsed(plain, begin, layout, labels, texts, [w for _, w in words])
         except pa.ArrowInvalid as fault:
             raise _fault(data, layout, labels, str(fault)) from None
+    _refuse_open_quotation(data, begin, layout)
     blank = [row.number for row in odd if not row.text.strip()]
     odd = [row for row in odd if row.text.strip()]
     before = rows + sum(number < row.number for row in odd[:1] for number in blank)
@@ -327,12 +329,34 @@ def _fault(data, layout: Layout, labels: Sequence[str], otherwise: str) -> Refus
     return Refusal(f"not a readable table: {otherwise}")
 
 
+def _refuse_open_quotation(data, begin, layout):
+    """Refuse a cell that goes on over lines: its rows are lost, also where no column shows it."""
+    blocks = iter(partial(stream_from(data, begin).read, BLOCK), b"")
+    if sum(block.count(b'"') for block in blocks) % 2 == 0:
+        return
+    rows, line = _reader(data, layout), 0
+    try:
+        for _ in rows:
+            if rows.line_num > line + 1:
+                break
+            line = rows.line_num
+        else:
+            return
+    except csv.Error:  # the cell is longer than the library's longest
+        pass
+    where = f"line {layout.first_line + line}"
+    raise Refusal(f"{where}: a quotation mark opens a cell that goes on over the lines below it")
+
+
 def _rows_of(data, layout):
     """Number of each line below the labels, and its cells; slow."""
+    yield from enumerate(_reader(data, layout), layout.first_line)
+
+
+def _reader(data, layout):
     lines = (decoded(x) for x in _lines(stream_from(data, offset_of(data, layout.first_line))))
     # The module of the library stops at a NUL.
-    rows = csv.reader((x.replace("\0", "\ufffd") for x in lines), delimiter=layout.delimiter)
-    yield from enumerate(rows, layout.first_line)
+    return csv.reader((x.replace("\0", "\ufffd") for x in lines), delimiter=layout.delimiter)
 
 
 def _words(data, layout, labels):
