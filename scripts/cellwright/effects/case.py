@@ -44,7 +44,7 @@ class Gates(NamedTuple):
     refits: int = 8
     rounds: int = 6
     visible_chi_square: float = 25.0  # five standard deviations of one parameter
-    joins: float = 2.0  # 95 %
+    joins: float = 1.645  # 95 %, one-sided
     counts: float = 3.0  # 99.7 %: of all that joins, what somebody is told
     apart: float = 1.645  # 95 %, one-sided
     elsewhere: float = 2.0  # 95 %

@@ -1,7 +1,7 @@
 """The search: a model without effects, then round by round the effect by which it predicts best.
 
 1. Forward: of the effects that the score test shows the best are fitted; that with the largest
-   gain in predictive density (`score`) joins the model, if the gain is two standard errors or more.
+   gain in predictive density (`score`) joins the model, if the gain is surely above none.
 2. Backward: all are refitted together, and without each; the least that gains less goes again.
 
 What joins need not be a name: that is decided of all together in the end (`verdict`). An effect
