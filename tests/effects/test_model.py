@@ -127,7 +127,8 @@ def test_every_effect_gives_the_same_voltage_as_a_member(effect, celsius, hold):
     [
         ("slow_diffusion", {"slow_diffusion.finite_length": 1.0}),
         ("slow_diffusion", {"slow_diffusion.finite_length": 2.0}),
-        ("slow_diffusion", {f"slow_diffusion.{n}": 2.0 for n in ("finite_length", TO_FULL)}),
+        ("slow_diffusion", {"slow_diffusion.finite_length": 3.0}),
+        ("slow_diffusion", {f"slow_diffusion.{TO_FULL}": 2.0, "slow_diffusion.finite_length": 3.0}),
         ("slow_diffusion", {"slow_diffusion.log_diffusivity_to_full": 1.2}),
         ("hysteresis_one_state", {"hysteresis_one_state.small_loops_close": 1.0}),
         ("resistance_asymmetry", {"resistance_asymmetry.charge_resistance_excess_relative": -0.4}),
@@ -154,7 +155,7 @@ def test_several_effects_at_once():
     assert largest(effect_model(*several), 10.0) < 2e-4
     several = ["resistance_temperature", "self_heating", "slow_diffusion"]
     assert largest(effect_model(*several), 10.0) < 3e-4
-    particles = {"slow_diffusion.finite_length": 2.0}
+    particles = {"slow_diffusion.finite_length": 3.0}
     several = ["resistance_temperature", "entropic_ocv", "ocv_edge", "slow_diffusion"]
     assert largest(effect_model(*several, **particles), 10.0) < 3e-4
 

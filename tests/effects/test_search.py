@@ -114,7 +114,7 @@ def test_diffusion_in_particles_is_told_by_their_surface():
     p = one.effect.sizes_of(result.last.solution.values)
     assert one.effect.id == "slow_diffusion"
     assert result.adequate
-    assert p["finite_length"] == 2.0
+    assert p["finite_length"] == 3.0
     assert p["time_constant_second"] == pytest.approx(particle, rel=0.25)
     # Of a sphere at constant current the surface is ahead by R²/(15·D) times the rate.
     lead = particle / (15 * 3600 * small_plant.CAPACITY)

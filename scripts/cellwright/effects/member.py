@@ -162,7 +162,7 @@ def _condition(searched, tables, celsius):
     capacity = _probed(searched, celsius, -1.0, ("current", *PROBED)).capacity
     for effect in (e for e in searched.effects if e.circuit):
         r0, kind, parameters = effect.circuit(effect.sizes_of(values), r0, capacity, KNOTS)
-        if effect.stage == "diffusion":
+        if kind == "diffusion":  # of particles, which even out slower in the cold
             parameters = {name: one * out.tau_factor for name, one in parameters.items()}
         branches.append(_branch(kind, None, **parameters))
     shift = out.ocv - continued_ocv_at(tables, KNOTS, celsius)

@@ -10,9 +10,9 @@ from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.numerics.hysteresis import preisach
 from cellwright.numerics.lags import lag_fresh
 
-# Kinds of branch of slow diffusion: an RC pair; a layer of finite length; the particles of an
-# electrode, spheres at whose surface the OCV is (time constants: length² over diffusivity).
-DIFFUSION_KINDS = ("RC", "warburg", "diffusion")
+# Kinds of branch of slow diffusion: an RC pair; a layer of finite length; a sphere; the particles of
+# an electrode, spheres at whose surface the OCV is (time constants: length² over diffusivity).
+DIFFUSION_KINDS = ("RC", "warburg", "warburg_sphere", "diffusion")
 # Slope of an OCV over SoC at which the surface's lead costs what the parameter tells in ohms.
 USUAL_SLOPE_VOLT = 1.0
 # Of hysteresis: one state, which every turn moves; stops, between which small loops close.
@@ -38,9 +38,9 @@ def _slow_diffusion(fields, stack, p):
     """Lags whose clock runs with the diffusivity at the SoC, driven by the current as it is.
 
     dx/dt = R·I/τ − x/τ(z): what flows in does not depend on the diffusivity D, what evens out
-    does, so that R(z)/τ(z) is one number. In the cold it slows down as all time constants do.
-    Of particles x is what their surface is ahead of the mean by, and its OCV the cell's: near
-    empty, where the OCV is steep, a load ends earlier than any resistance would end it.
+    does, so that R(z)/τ(z) is one number. Of particles x is what their surface is ahead of the mean
+    by, and its OCV the cell's: near empty, where the OCV is steep, a load ends earlier than any
+    resistance would end it. In the cold they even out slower, as all time constants grow.
 
     Source: the sphere's response is Crank's (see `circuits.circuit.SPHERE_MODES`).
     """
@@ -56,7 +56,8 @@ def _slow_diffusion(fields, stack, p):
 def _diffusion_volt(fields, stack, p):
     """Voltage of slow diffusion with a resistance of one ohm (n,) [V]."""
     faster = np.exp(p["log_diffusivity_to_full"] * (np.clip(fields.soc, 0.0, 1.0) - 0.5))
-    faster = faster / fields.tau_factor
+    if _leads(p):
+        faster = faster / fields.tau_factor
     kind, start = KINDS[DIFFUSION_KINDS[int(p["finite_length"])]], np.zeros(len(fields.soc))
     lags = kind.lags(tau_second=p["time_constant_second"])
     drive = fields.current / faster
@@ -165,8 +166,8 @@ def _amplitude(largest_volt):
     return Parameter(*("amplitude_volt", "V", 0.0, 0.0, largest_volt), step=1e-3, plausible=0.02)
 
 
-# A third RC pair, a finite-length Warburg element and diffusion in particles are one class: the one
-# that fits better is taken. The first two no protocol of eleven tells apart (missing-effect study).
+# A third RC pair, Warburg elements and diffusion in particles are one class: the one that fits better
+# is taken. The first two no protocol of eleven tells apart (missing-effect study).
 EFFECTS = (
     Effect(
         id="hysteresis_instant",
@@ -222,7 +223,7 @@ EFFECTS = (
                 prior_std=1.15,
             ),
             # Number of the kind in DIFFUSION_KINDS. Tried, not fitted.
-            Parameter("finite_length", "1", 0.0, 0.0, 2.0, step=0.0, shape=True),
+            Parameter("finite_length", "1", 0.0, 0.0, 3.0, step=0.0, shape=True),
         ),
         stage="diffusion",
         act=_slow_diffusion,
@@ -233,6 +234,7 @@ EFFECTS = (
                 (0.0, (800.0, 2500.0, 8000.0)),
                 (1.0, (300.0, 1200.0, 5000.0)),
                 (2.0, (2000.0, 8000.0, 30000.0)),
+                (3.0, (2000.0, 8000.0, 30000.0)),
             )
             for second in seconds
         ),
