@@ -10,8 +10,8 @@ from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.numerics.hysteresis import preisach
 from cellwright.numerics.lags import lag_fresh
 
-# Kinds of branch of slow diffusion: an RC pair; a layer of finite length; a sphere; the particles of
-# an electrode, spheres at whose surface the OCV is (time constants: length² over diffusivity).
+# Kinds of branch of slow diffusion: an RC pair; a layer of finite length; a sphere; particles of an
+# electrode, spheres at whose surface the OCV is (time constants: length² over diffusivity).
 DIFFUSION_KINDS = ("RC", "warburg", "warburg_sphere", "diffusion")
 # Slope of an OCV over SoC at which the surface's lead costs what the parameter tells in ohms.
 USUAL_SLOPE_VOLT = 1.0
@@ -166,7 +166,7 @@ def _amplitude(largest_volt):
     return Parameter(*("amplitude_volt", "V", 0.0, 0.0, largest_volt), step=1e-3, plausible=0.02)
 
 
-# A third RC pair, Warburg elements and diffusion in particles are one class: the one that fits better
+# A third RC pair, Warburg elements and diffusion in particles are one class: the one that fits best
 # is taken. The first two no protocol of eleven tells apart (missing-effect study).
 EFFECTS = (
     Effect(
