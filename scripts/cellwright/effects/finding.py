@@ -25,7 +25,7 @@ from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
 from cellwright.effects.story.words import paragraph
-from cellwright.effects.verdict import least_small, outcome, verdict_of
+from cellwright.effects.verdict import outcome, verdict_of
 from cellwright.numerics.least_squares import covariances, fit, stds
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
@@ -229,18 +229,6 @@ def searched(case, library):
     """
     # Rivals first of their stage: the heat of the core is that of the resistances in the end.
     found = search(case, OUTSIDE | library)
-    ends = _concluded(found)
-    fewer, again = found, ends
-    while again[1].word == "unknown" and (one := least_small(*again)):
-        fewer = again[0].without(one)
-        again = _concluded(fewer)
-        if again[1].word != "unknown":
-            return again
-    return ends
-
-
-def _concluded(found):
-    """A search with its Outcome and Fitted."""
     fitted = _fitted(found)
     known = about_fit(found.case) | found.last.solution.values
     return found, outcome(found, fitted, known), fitted

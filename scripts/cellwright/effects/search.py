@@ -144,21 +144,6 @@ class Found(NamedTuple):
         model = _refitted(self.case, self.possible, self.model._replace(effects=kept), self.filters)
         return _state(self.case, self.possible, model, self.filters)
 
-    def without(self, one):
-        """Found with the model less one of its effects, all others refitted and asked anew.
-
-        Parameters
-        ----------
-        one : Beside.
-        """
-        others = tuple(effect for effect in self.model.effects if effect is not one.effect)
-        model = self.model._replace(effects=others, solution=one.before.solution)
-        how = self.case, self.possible
-        model, beside, _ = _needed(*how, _refitted(*how, model, self.filters), self.filters)
-        last = _state(*how, model, self.filters)
-        beside = _with_ties(*how, model, beside, self.rounds, self.filters)
-        return self._replace(model=model, last=last, beside=beside)
-
     def gain_elsewhere(self, one):
         """What an effect gains elsewhere, over a model without it that the block that tells most of
         the effect does not bend: score.Difference of the other blocks.

@@ -2,8 +2,6 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
 from cellwright.effects.floor import fallen_volt, fallen_where_judged_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.score import difference
@@ -97,13 +95,6 @@ def _against(found, one, fitted, values):
     if one.effect.id in OUTSIDE:
         return NO_NAME
     return "" if found.gain_elsewhere(one).rank_z >= case.gates.elsewhere else ONE_PART
-
-
-def least_small(found, result, _fitted=None):
-    """Beside of the effect in a model that takes least off the error, of those too small; None."""
-    small = [one for one, why in result.unnamed if why == SMALL]
-    fall = [fallen_volt(one.before, found.last, found.floor) for one in small]
-    return small[int(np.argmin(fall))] if small else None
 
 
 def gap_closed(before_volt, after_volt, floor_volt):
