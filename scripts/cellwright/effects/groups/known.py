@@ -73,7 +73,7 @@ class GroupGates(NamedTuple):
 
     refits: int = 6
     rounds: int = 3
-    joins: float = 1.645
+    joins: float = 2.0
     counts: float = 3.0
     apart: float = 1.645
     elsewhere: float = 0.0
