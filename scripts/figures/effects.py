@@ -7,11 +7,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from cellwright.effects.case import Gates
+from cellwright.effects.groups.known import GroupGates
 from cellwright.numerics.statistics import rms
 from figures import style
 from figures.style import rows_where
 
-GATES = Gates()  # those of a group have the same limits
+GATES, GROUP_GATES = Gates(), GroupGates()
 RATES = {
     "rest": "rest",
     "discharge_low": "discharge, slow",
@@ -112,10 +113,10 @@ def _separate_tests(panel, tests):
             panel.axhline(k, color=style.QUIET, linewidth=0.6)
 
 
-def draw_ranking(columns):
+def draw_ranking(columns, gates=GATES):
     """Effects that were tried: how surely the model predicts better with each.
 
-    `columns` are those of `missing_effect/<cell>/ranking`.
+    `columns` are those of `missing_effect/<cell>/ranking`; gates : what an effect has to reach.
     """
     rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     if not rows:
@@ -127,12 +128,12 @@ def draw_ranking(columns):
     figure, axes = style.subplots(len(rounds), 1, height=height, height_ratios=ratios, sharex=True)
     for panel, number in zip(axes[:, 0], rounds, strict=True):
         in_round = sorted((r for r in rows if r["round"] == number), key=lambda r: -r["gain"])
-        _round(panel, in_round)
+        _round(panel, in_round, gates)
         panel.set(title=_round_title(number, in_round))
     ends = [row["z"] for row in rows]
-    axes[0, 0].set_xlim(min(0.0, *ends) - 1.0, 1.3 * max(*ends, GATES.joins) + 1.0)
+    axes[0, 0].set_xlim(min(0.0, *ends) - 1.0, 1.3 * max(*ends, gates.joins) + 1.0)
     axes[-1, 0].set(xlabel="gain in predictive density over its standard error [1]")
-    _ranking_legend(figure)
+    _ranking_legend(figure, gates)
     return figure
 
 
@@ -142,7 +143,7 @@ def draw_group_ranking(ranking):
         return draw_ranking(ranking)
     pairs = zip(ranking["effect"], ranking["branch"], strict=True)
     names = [f"{effect.removeprefix('branch_')} of branch {branch}" for effect, branch in pairs]
-    return draw_ranking(ranking | {"effect": np.array(names, object)})
+    return draw_ranking(ranking | {"effect": np.array(names, object)}, GROUP_GATES)
 
 
 def _round_title(number, rows):
@@ -155,17 +156,17 @@ def _in_words(effect):
     return effect.replace("_", " ")
 
 
-def _round(panel, rows):
+def _round(panel, rows, gates):
     for position, row in enumerate(rows):
         hatch = None if row["in_range"] else HATCH
         panel.barh(
             position, row["z"], height=0.7, color=_colour(row), hatch=hatch, edgecolor="white"
         )
         where = {"xytext": (3, 0), "textcoords": "offset points", "va": "center"}
-        spot = max(row["z"], GATES.joins), position
+        spot = max(row["z"], gates.joins), position
         text = f"gain {row['gain']:.1f}, by ranks {row['rank_z']:.1f}".replace("-", "−")
         panel.annotate(text, spot, **where, fontsize=7)
-    panel.axvline(GATES.joins, color=style.ERROR, lw=0.9, ls="--")
+    panel.axvline(gates.joins, color=style.ERROR, lw=0.9, ls="--")
     panel.axvline(0.0, color=style.QUIET, lw=0.8)
     style.name_bars(panel, [_in_words(row["effect"]) for row in rows], fontsize=8)
 
@@ -178,10 +179,10 @@ def _colour(row):
     return TIED if row["tied"] else OTHER
 
 
-def _ranking_legend(figure):
+def _ranking_legend(figure, gates):
     keys = [Patch(facecolor=c, edgecolor="white", label=text) for c, text in LABELS.items()]
     keys[-1].set_hatch(HATCH)
-    label = f"needed: {GATES.joins:g} standard errors; for a name {GATES.counts:g} by ranks"
+    label = f"needed: {gates.joins:g} standard errors; for a name {gates.counts:g} by ranks"
     gate = Line2D([], [], color=style.ERROR, lw=0.9, ls="--", label=label)
     figure.legend(handles=[*keys, gate], loc="outside lower center", ncols=2, fontsize=7.5)
 

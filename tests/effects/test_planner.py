@@ -42,9 +42,10 @@ def test_a_slow_cycle_separates_hysteresis_from_diffusion_better_than_a_drive(us
 
 
 def test_so_it_does_where_diffusion_is_the_truth(usual):
+    """That in particles is told by any further drive as well: it goes with the OCV's slope."""
     advice = asked(usual, "slow_diffusion", "hysteresis_one_state")
     assert advice.test in ("c20_both", "cccv_4")
-    assert after(advice, "c20_both") - advice.now > 3 * (after(advice, "drive_warm") - advice.now)
+    assert after(advice, "c20_both") > 1.3 * advice.now
 
 
 def test_another_temperature_is_no_advice_for_what_does_not_depend_on_it(usual):
