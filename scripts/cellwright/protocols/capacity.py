@@ -126,11 +126,7 @@ def capacity(
         row["instrument"] = unsure_of_instrument(
             half, test_time_second, columns[0], current_accuracy_share, at_rest
         )
-        of_digit = [
-            0.0 if one is None else unsure_of_digit(one, test_time_second, columns[0], digit)
-            for one in (half, partner)
-        ]
-        row["digit"], row["digit_of_cycle"] = of_digit[0], max(of_digit)
+        row |= _of_digit(half, partner, test_time_second, columns[0], digit)
         row["doubt"] = doubts_of(half, partner, row, columns, steps, limits, doubt, sheet)
         row["missing"] = float(np.hypot(row["missing"], row["off"]))
         complete.append(row)
@@ -243,6 +239,13 @@ def _mean(values):
     """Mean of the finite values; NaN where there are none."""
     measured = values[np.isfinite(values)]
     return float(measured.mean()) if len(measured) else np.nan
+
+
+def _of_digit(half, partner, test_time_second, current_ampere, digit_ampere):
+    """What the current's digit leaves open of a half cycle, and at most of either half [Ah]."""
+    halves = [one for one in (half, partner) if one is not None]
+    stds = [unsure_of_digit(one, test_time_second, current_ampere, digit_ampere) for one in halves]
+    return {"digit": stds[0], "digit_of_cycle": max(stds)}
 
 
 def _repeats_joined(complete, rated):

@@ -47,10 +47,10 @@ def _slow_diffusion(fields, stack, p):
     columns = fields.soc, fields.current, fields.tau_factor
     sizes = (_slow_diffusion, *(size for name, size in p.items() if name != "resistance_ohm"))
     of_one_ohm = kept_response(stack, columns, sizes, lambda: _diffusion_volt(fields, stack, p))
-    volt = p["resistance_ohm"] * of_one_ohm
+    at_usual_slope_volt = p["resistance_ohm"] * of_one_ohm
     if _leads(p):
-        return fields._replace(lead=fields.lead + volt / USUAL_SLOPE_VOLT)
-    return fields._replace(volt=fields.volt + volt)
+        return fields._replace(lead=fields.lead + at_usual_slope_volt / USUAL_SLOPE_VOLT)
+    return fields._replace(volt=fields.volt + at_usual_slope_volt)
 
 
 def _diffusion_volt(fields, stack, p):
@@ -70,6 +70,7 @@ def _diffusion_volt(fields, stack, p):
 
 
 def _diffusion_sizes(effect, p, values):
+    """By how much the particles' surface is ahead, or a resistance; and the time constant."""
     minutes = [("time constant", p["time_constant_second"] / MINUTE_SECOND, "min")]
     if _leads(p):
         lead = 100 * p["resistance_ohm"] / USUAL_SLOPE_VOLT
