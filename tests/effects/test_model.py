@@ -155,9 +155,29 @@ def test_several_effects_at_once():
     assert largest(effect_model(*several), 10.0) < 2e-4
     several = ["resistance_temperature", "self_heating", "slow_diffusion"]
     assert largest(effect_model(*several), 10.0) < 3e-4
+    several = ["resistance_temperature", "charge_transfer_nonlinearity"]
+    assert max(largest(effect_model(*several), celsius) for celsius in CELSIUS) < 3e-4
     particles = {"slow_diffusion.finite_length": 3.0}
     several = ["resistance_temperature", "entropic_ocv", "ocv_edge", "slow_diffusion"]
     assert largest(effect_model(*several, **particles), 10.0) < 3e-4
+
+
+def test_an_exchange_current_falls_in_the_cold_as_its_resistance_grows():
+    """Their product is the thermal voltage: in the cold charge transfer bends sooner."""
+    given = effect_model("resistance_temperature", "charge_transfer_nonlinearity")
+    stack, _ = records(given, -15.0)
+    effects = [LIBRARY[name] for name in given["effects"]]
+    values = given["values"] | {"soc0[0]": 0.95}
+    fields = base.fields_of(CELL, stack, values, in_order(effects, LIBRARY))
+    kinetics = LIBRARY["charge_transfer_nonlinearity"].sizes_of(values)
+    warm_ampere = 1.0 / kinetics["per_exchange_current_per_ampere"]
+    colder = fields.r0 / np.exp(PLAIN["log_r0"])
+    assert colder.min() > 2.0
+    ampere = warm_ampere / colder * (stack.celsius + 273.15) / 298.15
+    share, half = kinetics["share_of_resistance"], stack.current_ampere / (2.0 * ampere)
+    volt = fields.r0 * (1.0 - share) * stack.current_ampere
+    volt += fields.r0 * share * 2.0 * ampere * np.arcsinh(half)
+    np.testing.assert_allclose(fields.ohmic, volt, atol=1e-9)
 
 
 # What a look-up over SoC and temperature cannot hold: a sum of resistances of which only some

@@ -5,10 +5,12 @@ import pytest
 from small_plant import HEALTHY, Truth, case, names_of, searched
 
 from cellwright.effects import search
+from cellwright.effects.case import Gates
 from cellwright.effects.finding import ranking_of
 from cellwright.effects.floor import fallen_volt
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.score import Difference
 from cellwright.effects.story.sizes import Fitted, has_size
 from cellwright.effects.verdict import outcome
 from cellwright.numerics.least_squares import fit
@@ -65,6 +67,33 @@ def test_what_is_too_small_to_act_on_joins_without_a_name_and_hides_nothing():
     assert [one.effect.id for one, _ in result.unnamed] == [SMALL]
     energy = result.last.solution.values[f"{SMALL}.activation_energy_joule_per_mole"]
     assert energy == pytest.approx(1.0e3, abs=0.6e3)
+
+
+def test_what_is_needed_of_all_that_were_tried_joins_together():
+    """From a round in which each was tried alone: both true effects, and none of the others."""
+    found = searched(BOTH)[0]
+    first, made = found.rounds[0], found.case
+    model = search._Model(made.begun()[0], (), first.before.solution)
+    joined, together = search._together(made, found.possible, model, first, first.filters)
+    assert {trial.effect.id for trial in joined} == {TRUE, SMALL}
+    assert {effect.id for effect in together.effects} == {TRUE, SMALL}
+    assert len(first.trials) > 2
+
+
+def test_of_effects_that_no_test_tells_apart_one_is_fitted_beside_others():
+    pairs = (("voltage_gain", "ocv_shift"), ("ocv_shift", "voltage_offset"))
+    for pair in pairs:
+        assert search._exactly_tied(*(LIBRARY[name] for name in pair))
+    assert not search._exactly_tied(LIBRARY[TRUE], LIBRARY[SMALL])
+
+
+@pytest.mark.parametrize(
+    ("gain", "joins"),
+    [((5.0, 1.7, 0.0), True), ((5.0, 0.5, 3.1), True), ((5.0, 1.5, 2.9), False)],
+)
+def test_an_effect_joins_by_its_sum_or_by_what_would_let_it_be_a_name(gain, joins):
+    assert search.joins(Difference(*gain), Gates()) is joins
+    assert not search.joins(Difference(-1.0, *gain[1:]), Gates())
 
 
 def test_nothing_joins_a_model_that_leaves_nothing_anyone_would_act_on():

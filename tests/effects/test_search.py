@@ -170,7 +170,7 @@ def test_a_healthy_cell_lacks_nothing():
     assert result.word == "none"
     assert len(rounds) == 1
     assert result.excess_volt < 0.5e-3
-    assert rounds[0].chosen is None
+    assert rounds[0].joined == ()
     assert result.last.solution.values["log_r0"] == pytest.approx(-3.65, abs=0.03)
 
 

@@ -8,7 +8,7 @@ import pytest
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.library.resistance import DIFFUSION_OHM
-from cellwright.effects.story.sizes import Fitted, has_size, sizes_as_used
+from cellwright.effects.story.sizes import Fitted, Size, has_size, sizes_as_used
 
 POLARISATION = LIBRARY["polarisation_soc"]
 VALUES = {"log_r0": np.log(0.020), "log_r1": np.log(0.010), "log_r2": np.log(0.005)}
@@ -241,3 +241,8 @@ def test_a_course_whose_told_resistances_are_the_same_within_their_intervals_is_
     fitted = Fitted(names, (np.diag([std**2, 1e-6, 1e-6]),))
     solution = SimpleNamespace(values=values, at_bound=())
     assert has_size(effect, solution, values, fitted) is sized
+
+
+def test_a_size_without_a_deviation_is_told_without_one_as_a_file_has_it_too():
+    for std in (np.nan, None):
+        assert Size("time constant", 21.5, std, "min").text == "time constant 21.5 min"

@@ -270,7 +270,7 @@ def test_no_trial_ends_dearer_than_the_model_without_it():
         shape=lambda soc: np.exp(-(soc - soc.min()) / 0.04),
     )
     steps = search(knee)[0].rounds
-    assert steps[0].chosen.effect.id == "resistance_temperature"
+    assert [one.effect.id for one in steps[0].joined] == ["resistance_temperature"]
     trials = [(step, trial) for step in steps for trial in step.trials]
     ends = [
         trial.state.solution.cost - step.before.solution.cost

@@ -43,7 +43,8 @@ class Fields(NamedTuple):
     celsius : inside the cell [degC]. r0, r1, r2 : [ohm]. tau1, tau2 : [s]. slow : factors of r1
     and of r2, tau_factor : of tau1 and of tau2, both apart from these so that what follows from
     them is kept while these move [1]. lead : by which the state of charge at the surface of the
-    particles, where the OCV is, is ahead of that within, 0.0 or (n,) [1]. ocv : [V].
+    particles, where the OCV is, is ahead of that within, 0.0 or (n,) [1]. exchange_factor : of the
+    exchange current, by temperature [1]. ocv : [V].
     ohmic : voltage that follows the current at once [V]. volt : of the terminals, so far [V].
     """
 
@@ -64,6 +65,7 @@ class Fields(NamedTuple):
     ohmic: np.ndarray
     volt: np.ndarray | float
     lead: np.ndarray | float = 0.0
+    exchange_factor: np.ndarray | float = 1.0
 
     @property
     def slow_ohm(self):

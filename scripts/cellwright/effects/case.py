@@ -29,11 +29,12 @@ class Gates(NamedTuple):
     """When an effect counts.
 
     refits : effects of a round that are fitted in full, the best of the score test first; the right
-    one is among the first eight. rounds : effects that may join a model. visible_chi_square : an
-    effect of plausible size whose chi-square there stays below this cannot be tested. joins,
-    counts, apart : standard errors of the gain in predictive density from which an effect joins the
-    model, by its ranks from which it may have a name, and up to which two are tied. elsewhere : by
-    its ranks, of what a name gains where the block that tells most of it is not fitted.
+    one is among the first eight. rounds : effects that may join a model one by one.
+    visible_chi_square : an effect of plausible size whose chi-square there stays below this cannot
+    be tested. joins, counts, apart : standard errors of the gain in predictive density from which
+    an effect joins the model, by its ranks from which it joins as well and may have a name, and up
+    to which two are tied. elsewhere : by its ranks, of what a name gains where the block that tells
+    most of it is not fitted.
     material_volt : what a name takes off the error beyond the floor of either side. unknown_volt,
     unknown_share : what is left without a name, of the plain model's excess, and is told as
     unknown. most_slow_volt, most_slow_second : slow noise that is believed; more would swallow

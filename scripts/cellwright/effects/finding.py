@@ -19,7 +19,7 @@ from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import STEPS_OF_HOLD, prepared
 from cellwright.effects.records import parts_of
 from cellwright.effects.score import BANDS
-from cellwright.effects.search import search
+from cellwright.effects.search import joins, search
 from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
@@ -325,7 +325,7 @@ def ranking_of(found, result):
 
 def _against(found, step, trial, result):
     """Why a trial is no name, in words; empty for one that is."""
-    chosen = trial is step.chosen
+    chosen = any(trial is one for one in step.joined)
     unnamed = [why for one, why in result.unnamed if one.effect is trial.effect]
     if chosen and any(one.effect is trial.effect for one in result.names):
         return ""
@@ -335,9 +335,9 @@ def _against(found, step, trial, result):
         return NEEDLESS
     if trial.effect.key in step.denied:
         return "a measurement contradicts it"
-    if trial.gain.z < found.case.gates.joins:
+    if not joins(trial.gain, found.case.gates):
         return "it does not predict surely better"
-    return "another explains more" if step.chosen else "nothing is left that anyone would act on"
+    return "another explains more" if step.joined else "nothing is left that anyone would act on"
 
 
 def _last_against(ranking, named):
@@ -355,7 +355,7 @@ def _ranked(trial, step, result):
     tied = {
         key
         for one in result.names
-        if step.chosen and one.effect is step.chosen.effect
+        if any(one.effect is joined.effect for joined in step.joined)
         for key in one.tied
     }
     return row | {
@@ -367,7 +367,7 @@ def _ranked(trial, step, result):
         "rmse_volt": trial.state.rmse_volt,
         "validation_rmse_volt": trial.state.validation_rmse_volt,
         "in_range": not set(names) & set(solution.at_bound),
-        "chosen": trial is step.chosen,
+        "chosen": any(trial is one for one in step.joined),
         "tied": effect.key in tied,
     }
 

@@ -164,6 +164,8 @@ def _condition(searched, tables, celsius):
         r0, kind, parameters = effect.circuit(effect.sizes_of(values), r0, capacity, KNOTS)
         if kind == "diffusion":  # of particles, which even out slower in the cold
             parameters = {name: one * out.tau_factor for name, one in parameters.items()}
+        if kind == "charge_transfer":
+            parameters["exchange_ampere"] = parameters["exchange_ampere"] * out.exchange_factor
         branches.append(_branch(kind, None, **parameters))
     shift = out.ocv - continued_ocv_at(tables, KNOTS, celsius)
     return {

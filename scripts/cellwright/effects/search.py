@@ -3,6 +3,9 @@
 1. Forward: of the effects that the score test shows the best are fitted; that with the largest
    gain in predictive density (`score`) joins the model, if the gain is surely above none.
 2. Backward: all are refitted together, and without each; the least that gains less goes again.
+3. Where none joins and much is left, all that the last round tried are fitted together, and go
+   backward: of effects that need each other (a course over SoC and slow diffusion) none gains by
+   itself. If they predict surely better the search goes on from there.
 
 What joins need not be a name: that is decided of all together in the end (`verdict`). An effect
 that is real and too small to be named belongs in the model as well, or it would be in the sizes of
@@ -53,7 +56,8 @@ from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.score import difference
 from cellwright.numerics.least_squares import fit
 
-POLISH_STEPS, NOISE_STEPS = 4, 3
+POLISH_STEPS, NOISE_STEPS, TOGETHER_STEPS = 4, 3, 12
+MOST_ROUNDS = 12  # which no search has reached
 SHARPENED = 2  # how often at most a round is repeated with another noise
 
 
@@ -62,7 +66,8 @@ class Round(NamedTuple):
 
     before : State without the choice. filters : whitening of both sides and blocks, by which
     `before` and the trials were fitted and compared. floor : floor.Floor. scores : list of Score,
-    best first. trials : list of Trial, best first. chosen : Trial that joins the model, or None.
+    best first. trials : list of Trial, best first. joined : tuple of Trial that join the model, one
+    or, where none does by itself, some together.
     hidden : keys of effects that these records cannot show. dropped : keys of effects that gain
     too little once all are refitted together. denied : keys of effects that a measurement outside
     the fit contradicts.
@@ -73,7 +78,7 @@ class Round(NamedTuple):
     floor: object
     scores: list
     trials: list
-    chosen: Trial | None
+    joined: tuple
     hidden: tuple
     dropped: tuple = ()
     denied: frozenset = frozenset()
@@ -165,6 +170,19 @@ class Found(NamedTuple):
         return difference(*ends, np.delete(blocks.record, telling))
 
 
+def joins(gain, gates):
+    """Whether a gain lets an effect join a model: surely above none, by its sum or by its ranks.
+
+    Of a few blocks that lose much the standard error is their own, and the sum is never sure; what
+    the ranks of all blocks would let be a name joins as well.
+
+    Parameters
+    ----------
+    gain : score.Difference. gates : case.Gates.
+    """
+    return gain.total > 0.0 and (gain.z >= gates.joins or gain.rank_z >= gates.counts)
+
+
 class _Model(NamedTuple):
     """The model so far: free parameters without effects, effects in order of addition, its fit."""
 
@@ -183,20 +201,24 @@ def search(case, library):
     possible = case.possible(library)
     free, values, filters = case.begun()
     solution = fit(case.problem((), free, filters), values, settled=case.settled)
-    model, rounds, gone = _Model(free, (), solution), [], set()
+    model, rounds, gone, together = _Model(free, (), solution), [], set(), False
     while True:
         step, filters = _round(case, possible, model, gone, filters, rounds)
         rounds.append(step)
         model = model._replace(solution=step.before.solution)
-        little = left_volt(step.before, step.floor) <= case.gates.material_volt
-        if little or len(rounds) > case.gates.rounds:
+        left = left_volt(step.before, step.floor)
+        if left <= case.gates.material_volt or len(rounds) > MOST_ROUNDS:
             break  # nothing that is left could be material
-        taken, dropped = _taken(case, possible, model, step, filters)
+        joined, taken, dropped = _taken(case, possible, model, step, filters)
         gone |= set(dropped)
-        rounds[-1] = step._replace(dropped=tuple(dropped), chosen=taken and taken[0])
-        if taken is None:
+        if not joined and not together and left > case.gates.unknown_volt:
+            together = True
+            joined, taken = _together(case, possible, model, step, filters)
+            gone = set()  # beside others they may gain
+        rounds[-1] = step._replace(dropped=tuple(dropped), joined=joined)
+        if not joined:
             break
-        model = taken[1]
+        model = taken
     model, beside, _ = _needed(case, possible, model, filters)
     last = _state(case, possible, model, filters)
     beside = _with_ties(case, possible, model, beside, rounds, filters)
@@ -204,11 +226,11 @@ def search(case, library):
 
 
 def _taken(case, possible, model, step, filters):
-    """The Trial of a round that joins, the model with it; or None. And keys of what gains too
+    """Trials of a round that join (one or none), the model with them, and keys of what gains too
     little once all are refitted."""
     dropped = []
-    for trial in step.allowed:
-        if trial.gain.z < case.gates.joins or trial.gain.total <= 0.0:
+    for trial in step.allowed if len(model.effects) < case.gates.rounds else ():
+        if not joins(trial.gain, case.gates):
             continue
         effects = (*model.effects, trial.effect)
         begun = model._replace(effects=effects, solution=trial.state.solution)
@@ -216,9 +238,41 @@ def _taken(case, possible, model, step, filters):
         known = {trial.effect.key: step.before}
         needed, _, without = _needed(case, possible, refitted, filters, known)
         if trial.effect in needed.effects:
-            return (trial, needed), [*dropped, *without]
+            return (trial,), needed, [*dropped, *without]
         dropped.append(trial.effect.key)
-    return None, dropped
+    return (), model, dropped
+
+
+def _together(case, possible, model, step, filters):
+    """Trials of a round that join together, and the model with them; else none, and the model.
+
+    They are those that are needed once all are fitted, if that model predicts surely better.
+    """
+    trials = []
+    for trial in step.allowed:
+        tied = any(_exactly_tied(trial.effect, other.effect) for other in trials)
+        if trial.effect.id not in OUTSIDE and not tied:
+            trials.append(trial)
+    if len(trials) < 2:
+        return (), model
+    sizes = {name: t.state.solution.values[name] for t in trials for name in t.effect.names}
+    solution = model.solution._replace(values=model.solution.values | sizes)
+    effects = (*model.effects, *(trial.effect for trial in trials))
+    begun = model._replace(effects=effects, solution=solution)
+    whole = _refitted(case, possible, begun, filters, steps=TOGETHER_STEPS)
+    needed, _, _ = _needed(case, possible, whole, filters, closely=False)
+    needed = _refitted(case, possible, needed, filters)
+    ends = (_state(case, possible, needed, filters), step.before)
+    gain = difference(*(case.densities(end, filters) for end in ends), filters.blocks.record)
+    if not joins(gain, case.gates):
+        return (), model
+    return tuple(t for t in trials if t.effect in needed.effects), needed
+
+
+def _exactly_tied(one, other):
+    """Whether no test tells two effects apart; fitted together they have no sizes."""
+    pairs = ((one, other), (other, one))
+    return any(tie.exact and tie.partner == b.id for a, b in pairs for tie in a.ties)
 
 
 def _free_of(case, model):
@@ -234,48 +288,52 @@ def _state(case, possible, model, filters):
     return case.state(in_order(model.effects, possible), model.solution, filters)
 
 
-def _refitted(case, possible, model, filters, *, fitted=None):
+def _refitted(case, possible, model, filters, *, fitted=None, steps=POLISH_STEPS):
     """The model fitted with new derivatives, to all rows or those alone that are `fitted` (n,)."""
     effects = in_order(model.effects, possible)
     problem = case.problem(effects, _free_of(case, model), filters)
     if fitted is not None:
         whiten = problem.whiten
         problem = problem._replace(whiten=lambda rows: (whiten(rows).T * fitted).T)
-    solution = fit(problem, model.solution.values, steps=POLISH_STEPS, settled=case.settled)
+    solution = fit(problem, model.solution.values, steps=steps, settled=case.settled)
     return model._replace(solution=solution)
 
 
-def _needed(case, possible, model, filters, known=None):
+def _needed(case, possible, model, filters, known=None, *, closely=True):
     """The model without effects that gain too little beside all others; Beside of each that is
     left; keys of the others. The least goes first, and the rest is asked anew.
 
     known : State without an effect, by its key, of those that were fitted already.
+    closely : fit again with new derivatives what kept ones may have misled.
     """
     dropped = []
     while model.effects:
-        beside = _beside(case, possible, model, filters, known or {})
-        least = min(beside, key=lambda one: one.trial.gain.z)
-        if least.trial.gain.z >= case.gates.joins:
+        beside = _beside(case, possible, model, filters, known or {}, closely=closely)
+        needless = [one for one in beside if not joins(one.trial.gain, case.gates)]
+        if not needless:
             return model, beside, dropped
+        least = min(needless, key=lambda one: one.trial.gain.z)
         dropped.append(least.effect.key)
         others = tuple(effect for effect in model.effects if effect is not least.effect)
         model, known = model._replace(effects=others, solution=least.before.solution), None
     return model, (), dropped
 
 
-def _beside(case, possible, model, filters, known):
+def _beside(case, possible, model, filters, known, *, closely):
     """Beside of each effect of a model: refitted without it."""
     whole = _state(case, possible, model, filters)
     with_all, record = case.densities(whole, filters), filters.blocks.record
     found = []
     for effect in model.effects:
-        before = known.get(effect.key) or _without(case, possible, model, effect, whole, filters)
+        before = known.get(effect.key)
+        if before is None:
+            before = _without(case, possible, model, effect, whole, filters, closely=closely)
         gain = difference(with_all, case.densities(before, filters), record)
         found.append(Beside(Trial(effect, 0.0, whole, gain), before))
     return tuple(found)
 
 
-def _without(case, possible, model, effect, whole, filters):
+def _without(case, possible, model, effect, whole, filters, *, closely):
     """State of a model without one of its effects; its derivatives are kept where they hold."""
     others = model._replace(effects=tuple(one for one in model.effects if one is not effect))
     solution = whole.solution
@@ -288,7 +346,7 @@ def _without(case, possible, model, effect, whole, filters):
         return _state(case, possible, _refitted(case, possible, others, filters), filters)
     fitted = fit(problem, solution.values, **columns, steps=CHORD_STEPS)
     state = case.state(effects, fitted, filters)
-    if case.misled(whole, Trial(effect, 0.0, state)):
+    if closely and case.misled(whole, Trial(effect, 0.0, state)):
         others = others._replace(solution=fitted)
         return _state(case, possible, _refitted(case, possible, others, filters), filters)
     return state
@@ -304,10 +362,13 @@ def _with_ties(case, possible, model, beside, rounds, filters):
     inside, record = {effect.key for effect in model.effects}, filters.blocks.record
     known = []
     for one in beside:
-        step = next(s for s in rounds if s.chosen and s.chosen.effect is one.effect)
+        at_last = ((s, t) for s in reversed(rounds) for t in s.joined if t.effect is one.effect)
+        step, joined = next(at_last)
         rivals = [t for t in step.allowed if t.effect.key not in inside and not t.at_limit]
         rivals = [t for t in rivals if t.effect.id not in OUTSIDE]
-        rivals = [t for t in rivals if t.gain.z >= case.gates.joins and _near(step, t, case.gates)]
+        rivals = [
+            t for t in rivals if t.gain.z >= case.gates.joins and _near(step, joined, t, case.gates)
+        ]
         both = (one.trial.state, one.before) if rivals else ()
         with_all, without = [case.densities(s, filters) for s in both] or (None, None)
         tied = []
@@ -327,9 +388,9 @@ def _with_ties(case, possible, model, beside, rounds, filters):
     return tuple(known)
 
 
-def _near(step, rival, gates):
-    """Whether a rival may be tied with the choice of a round: it was not surely worse there."""
-    apart = difference(step.chosen.density, rival.density, step.filters.blocks.record)
+def _near(step, joined, rival, gates):
+    """Whether a rival may be tied with what joined in a round: it was not surely worse there."""
+    apart = difference(joined.density, rival.density, step.filters.blocks.record)
     return apart.z < gates.counts
 
 
@@ -375,4 +436,4 @@ def _tested(case, possible, effects, free, solution, filters, candidates, earlie
     ]
     trials = compared(case, before, trials, filters)
     trials = polished(case, free, before, trials, filters)
-    return Round(before, filters, None, scores, trials, None, hidden)
+    return Round(before, filters, None, scores, trials, (), hidden)

@@ -12,10 +12,17 @@ FINEST_SECOND = 1.0  # width of the first bins, doubled until the rows are few e
 DIGITS = 2.5  # of the current's reading: it flickers by one, with noise of its own size by two
 BACK_ROWS, FLICKERS = 3, 10  # by so many rows a flicker is taken back, and so often it is seen
 WORTH = 0.8  # of the width of a bin, below which the sampling of a record is worth averaging
+# Between wider bins some stretches keep the finest. The first of them is not compared: the quick
+# polarisation there is from a current that was averaged.
+STRETCH_SECOND, SETTLING_SECOND = 90.0, 30.0
+SHARP_BINS = 2.0  # of the finest, up to which bins tell an edge of the current
 
 
 def averaged(record, *, width_second):
     """Means of a record over bins of time, where it is sampled faster than the bins are wide.
+
+    Wide bins show no edge: an ohmic resistance that nothing tells vanishes, or takes up what the
+    model lacks. So stretches of `STRETCH_SECOND` keep the finest bins, every third row one of them.
 
     A mean is of what is linear between rows, such as current and voltage of a circuit, and over
     time: a row counts for half the way to either neighbour, so that three rows of a pulse of 15 ms
@@ -38,7 +45,10 @@ def averaged(record, *, width_second):
     steps = np.diff(time)
     if not len(steps) or np.median(steps) >= WORTH * width_second:
         return record
-    _, bins = np.unique(np.floor(time / width_second), return_inverse=True)
+    width, settling = _bin_widths(time - time[0], width_second)
+    # Bins of either width begin at multiples of theirs, and none goes on where the width changes.
+    number = np.floor(time / width) + 0.5 * (width < width_second)
+    bins = np.cumsum(np.diff(number, prepend=number[0]) != 0)
     count = np.bincount(bins)
     # A row stands for half the way to either neighbour, at most for a bin.
     around = np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]])
@@ -53,7 +63,21 @@ def averaged(record, *, width_second):
         return np.bincount(bins, column * stands_for) / in_bin
 
     columns = {name: np.asarray(getattr(record, name)) for name in row_fields(record)}
+    columns["used"] = columns["used"] & ~settling
     return record._replace(**{name: mean(column) for name, column in columns.items()})
+
+
+def _bin_widths(age_second, width_second):
+    """Width of the bin of each row (n,) [s], and whether its stretch of fine ones has just begun.
+
+    Of bins that still tell an edge all are of one width.
+    """
+    if width_second <= SHARP_BINS * FINEST_SECOND:
+        return np.full(len(age_second), width_second), np.zeros(len(age_second), bool)
+    cycle_second = 2.0 * STRETCH_SECOND * width_second / FINEST_SECOND
+    into = (age_second + cycle_second / 2.0) % cycle_second
+    fine = into < STRETCH_SECOND
+    return np.where(fine, FINEST_SECOND, width_second), fine & (into < SETTLING_SECOND)
 
 
 def averaged_to(records, *, most_rows=20_000, thinned=()):

@@ -100,7 +100,8 @@ def _charge_transfer_branch(p, r0_ohm, capacity_ampere_hour, soc):
 
 def _charge_transfer(fields, stack, p):
     """R0 and the share only scale the voltage of charge transfer, which is kept for one ohm."""
-    columns, share = (fields.soc, fields.current), p["share_of_resistance"]
+    columns = fields.soc, fields.current, fields.exchange_factor
+    share = p["share_of_resistance"]
     sizes = (_charge_transfer, *(size for name, size in p.items() if name != "share_of_resistance"))
     of_one_ohm = kept_response(stack, columns, sizes, lambda: _transfer_volt(fields, p))
     return fields._replace(ohmic=fields.r0 * ((1.0 - share) * fields.current + share * of_one_ohm))
@@ -110,6 +111,7 @@ def _transfer_volt(fields, p):
     """Voltage of charge transfer with a resistance of one ohm at half charge (n,) [V]."""
     alone = p | {"share_of_resistance": 1.0}
     _, kind, parameters = _charge_transfer_branch(alone, 1.0, None, fields.soc)
+    parameters["exchange_ampere"] = parameters["exchange_ampere"] * fields.exchange_factor
     return KINDS[kind].drive(fields.current, **parameters)
 
 

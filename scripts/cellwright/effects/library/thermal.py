@@ -17,6 +17,7 @@ from cellwright.effects.library.sizes import (
     with_minutes,
 )
 from cellwright.effects.library.vocabulary import Effect, Parameter, Tie, numbers_of
+from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS
 
 # ASSUME: Resistances of a cell that warms itself fall with 30 kJ/mol. What data of one chamber
@@ -34,17 +35,20 @@ def _resistance(fields, stack, p):
 
     The ohmic resistance holds electrolyte (low energy) and charge transfer (high energy): their
     sum has an apparent energy that grows as it gets colder. A pair's capacitance hardly changes
-    with temperature, so that its time constant grows as its resistance does.
+    with temperature, so that its time constant grows as its resistance does. An exchange current
+    falls as charge transfer's resistance grows: their product is the thermal voltage.
     """
     celsius, key = (fields.celsius,), (_resistance, *p.values())
-    ohmic, slow, tau_factor = kept_response(
+    ohmic, exchange, slow, tau_factor = kept_response(
         stack, celsius, key, lambda: _resistance_factors(fields, p)
     )
-    return slowed(stack, fields._replace(r0=fields.r0 * ohmic), (slow, slow), tau_factor=tau_factor)
+    fields = fields._replace(r0=fields.r0 * ohmic, exchange_factor=exchange)
+    return slowed(stack, fields, (slow, slow), tau_factor=tau_factor)
 
 
 def _resistance_factors(fields, p):
-    """Factors of the ohmic resistance, of the polarisation and of its time constants (n,) [1]."""
+    """Factors of the ohmic resistance, of exchange currents, of the polarisation and of its time
+    constants (n,) [1]."""
     about = fields.celsius, REFERENCE_CELSIUS
     cold = np.log(resistance_factor(*about, 1.0))
     cold = cold / np.log(resistance_factor(COLD_CELSIUS, REFERENCE_CELSIUS, 1.0))
@@ -52,7 +56,9 @@ def _resistance_factors(fields, p):
     energy = p["activation_energy_joule_per_mole"] * bend
     ohmic = resistance_factor(*about, energy)
     slow = ohmic * resistance_factor(*about, p["polarisation_excess_joule_per_mole"])
-    return ohmic, slow, slow ** p["time_constant_exponent"]
+    kelvin = fields.celsius + ZERO_CELSIUS_KELVIN
+    exchange = kelvin / (REFERENCE_CELSIUS + ZERO_CELSIUS_KELVIN) / ohmic
+    return ohmic, exchange, slow, slow ** p["time_constant_exponent"]
 
 
 def _self_heating(fields, stack, p):

@@ -14,7 +14,8 @@ SHOWN = {unit: UNITS[unit] for unit in ("Ohm", "V", "J/mol")}  # of a size as fi
 
 
 class Size(NamedTuple):
-    """One size: `name` in words, `value` ± `std` in `unit`; std is NaN where none is stated."""
+    """One size: `name` in words, `value` ± `std` in `unit`; std is NaN, as read from a file None,
+    where none is stated."""
 
     name: str
     value: float
@@ -26,7 +27,8 @@ class Size(NamedTuple):
         """In words: name, value, deviation, and a unit that people write."""
         scale, unit = SHOWN.get(self.unit, (1.0, self.unit))
         number = f"{scale * self.value:.3g}"
-        if np.isfinite(self.std) and self.std > LEAST_DEVIATION * abs(self.value):
+        stated = self.std is not None and np.isfinite(self.std)
+        if stated and self.std > LEAST_DEVIATION * abs(self.value):
             number += f" ± {float(f'{scale * self.std:.1g}'):g}"
         return f"{self.name} {number} {unit}".strip().replace("-", "−")
 
