@@ -37,6 +37,7 @@ FROM_FULL = 0.5  # of the capacity: a record that moves so much reaches full onc
 ENERGY_JOULE_PER_MOLE = 30e3  # usual of a cell's resistances
 STEP_C_RATE = 0.2  # of the current from row to row, at which a resistance shows
 STANDARD_CELSIUS = 25.0
+WHOLE_BRANCH = 0.5  # of the SoC that a branch covers at least
 SLOW = "ocv"  # kind of the test that tells the open-circuit voltage
 LABELS = {
     "test_time_second": "Test Time / s",
@@ -67,7 +68,8 @@ def make(campaign, out, *, cells=(), effects=PLANTED, millivolts=(6.0,), seed: i
 
     Raises
     ------
-    ValueError : a cell without tests to fit and to judge, or a start that is not known.
+    ValueError : a cell without tests to fit and to judge, a start that is not known, or no step of
+    the current.
     """
     campaign, out = Path(campaign), Path(out)
     texts = {"sep": "\t", "dtype": {"cell": str, "test": str}, "keep_default_na": False}
@@ -175,7 +177,7 @@ def _healthy(cell, records, seed) -> Setup:
     chemistry = cell["chemistry"] if cell["chemistry"] in electrodes.CHEMISTRIES else CHEMISTRY
     usual = electrodes.usual_rating(chemistry, RATING.capacity_ampere_hour)
     window = electrodes.window(chemistry, usual)
-    ocv = _measured_ocv(*slow[1:]) if slow else electrodes.open_circuit_volt(chemistry, window, SOC)
+    ocv = _measured_ocv(slow[1]) if slow else electrodes.open_circuit_volt(chemistry, window, SOC)
     scale = _measured_ohm(records) / plain.cell.r0_ohm
     pairs = tuple(scale * ohm for ohm in plain.cell.pair_r_ohm)
     return plain.with_cell(
@@ -188,7 +190,7 @@ def _healthy(cell, records, seed) -> Setup:
     )
 
 
-def _measured_ocv(series, file) -> np.ndarray:
+def _measured_ocv(series) -> np.ndarray:
     """Mean of both branches of a slow test [V] at each `SOC`, or the only one."""
     charge = series["charge_ampere_hour"].to_numpy(float)
     soc = 1.0 + (charge - charge.max()) / np.ptp(charge)
@@ -198,7 +200,7 @@ def _measured_ocv(series, file) -> np.ndarray:
         rows = sign * ampere > 0
         band = np.round(100 * soc[rows]).astype(int)
         count = np.bincount(band, minlength=101)
-        if (count > 0).mean() > FROM_FULL:
+        if (count > 0).mean() > WHOLE_BRANCH:
             mean = np.bincount(band, volt[rows], 101)[count > 0] / count[count > 0]
             branches.append(np.interp(SOC, np.flatnonzero(count) / 100, mean))
     return np.mean(branches, axis=0)
@@ -213,6 +215,8 @@ def _measured_ohm(records) -> float:
     volt = volt[np.diff(second, prepend=second[0] - 1.0) > 0]
     step = np.diff(ampere)
     sharp = np.abs(step) > STEP_C_RATE * RATING.capacity_ampere_hour
+    if not sharp.any():
+        raise ValueError(f"no step of the current by {STEP_C_RATE:g}C tells the cell's resistance")
     return float(np.median(np.diff(volt)[sharp] / step[sharp]))
 
 

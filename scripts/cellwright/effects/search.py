@@ -57,7 +57,7 @@ from cellwright.effects.score import difference
 from cellwright.numerics.least_squares import fit
 
 POLISH_STEPS, NOISE_STEPS, TOGETHER_STEPS = 4, 3, 12
-MOST_ROUNDS = 12  # which no search has reached
+MOST_ROUNDS = 12  # twice the effects that join one by one: before some join together, and after
 SHARPENED = 2  # how often at most a round is repeated with another noise
 
 
@@ -208,7 +208,7 @@ def search(case, library):
         model = model._replace(solution=step.before.solution)
         left = left_volt(step.before, step.floor)
         if left <= case.gates.material_volt or len(rounds) > MOST_ROUNDS:
-            break  # nothing that is left could be material
+            break  # what is left could not be material, or too much was tried
         joined, taken, dropped = _taken(case, possible, model, step, filters)
         gone |= set(dropped)
         if not joined and not together and left > case.gates.unknown_volt:
