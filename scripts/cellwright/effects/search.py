@@ -301,30 +301,35 @@ def _refitted(case, possible, model, filters, *, fitted=None, steps=POLISH_STEPS
 
 def _needed(case, possible, model, filters, known=None, *, closely=True):
     """The model without effects that gain too little beside all others; Beside of each that is
-    left; keys of the others. The least goes first, and the rest is asked anew.
+    left; keys of the others. The least goes first, and those that gain too little are asked anew;
+    without it the others gain more, if anything, and are asked again when all of these are.
 
     known : State without an effect, by its key, of those that were fitted already.
     closely : fit again with new derivatives what kept ones may have misled.
     """
-    dropped = []
-    while model.effects:
-        beside = _beside(case, possible, model, filters, known or {}, closely=closely)
+    dropped, asked = [], model.effects
+    while asked:
+        beside = _beside(case, possible, model, asked, filters, known or {}, closely=closely)
         needless = [one for one in beside if not joins(one.trial.gain, case.gates)]
-        if not needless:
+        if not needless and asked == model.effects:
             return model, beside, dropped
-        least = min(needless, key=lambda one: one.trial.gain.z)
-        dropped.append(least.effect.key)
-        others = tuple(effect for effect in model.effects if effect is not least.effect)
-        model, known = model._replace(effects=others, solution=least.before.solution), None
+        asked = ()
+        if needless:
+            least = min(needless, key=lambda one: one.trial.gain.z)
+            dropped.append(least.effect.key)
+            others = tuple(effect for effect in model.effects if effect is not least.effect)
+            model, known = model._replace(effects=others, solution=least.before.solution), None
+            asked = tuple(one.effect for one in needless if one is not least)
+        asked = asked or model.effects
     return model, (), dropped
 
 
-def _beside(case, possible, model, filters, known, *, closely):
-    """Beside of each effect of a model: refitted without it."""
+def _beside(case, possible, model, asked, filters, known, *, closely):
+    """Beside of each effect of a model that is asked for: refitted without it."""
     whole = _state(case, possible, model, filters)
     with_all, record = case.densities(whole, filters), filters.blocks.record
     found = []
-    for effect in model.effects:
+    for effect in asked:
         before = known.get(effect.key)
         if before is None:
             before = _without(case, possible, model, effect, whole, filters, closely=closely)

@@ -17,6 +17,8 @@ import numpy as np
 
 STEPS = 12
 SETTLED = 0.02  # a fall of the cost below this ends the search
+LEAST_DAMPING = 0.1  # of the diagonal, where a step without damping failed: less hardly changes it
+AS_FORESEEN = 0.1  # of a step's fall: the derivatives that foresaw it so closely still hold
 
 
 class Free(NamedTuple):
@@ -129,13 +131,13 @@ def fit(
             _renew(problem, state, columns, white, at_renewed)
         gram = _products(white, gram, at_renewed)
         slope = _slope(problem, state, white, prior, pull)
-        next_state, damping = _damped_step(
-            problem, state, slope, gram + prior, prior, pull, damping
+        next_state, damping, foreseen = _damped_step(
+            problem, state, slope, gram + prior, (prior, pull), damping, settled
         )
         fell, state = state.cost - next_state.cost, next_state
         if fell < settled:
             break
-        if not chord:
+        if not chord and abs(fell - foreseen) > AS_FORESEEN * fell:
             columns = derivatives(problem, state.values, state.prediction)
             white, gram = problem.whiten(columns), None
     free = [f for f in problem.free if f.lower < f.upper]
@@ -245,8 +247,13 @@ def _slope(problem, state, white, prior, pull):
     return white.T @ state.whitened + pull - prior @ at
 
 
-def _damped_step(problem, state, slope, precision, prior, pull, damping):
-    """State after a damped step that lowers the cost, and the damping; else the state as it was."""
+def _damped_step(problem, state, slope, precision, known, damping, settled):
+    """State after a damped step that lowers the cost, the damping, and by how much the cost would
+    have fallen were it quadratic; else the state as it was.
+
+    known : prior precision and its product with the means, see `priors`. settled : where the cost
+    would not fall by so much, the step is not tried.
+    """
     scale = np.diag(np.diag(precision) + 1e-9)
     names = [f.name for f in problem.free]
     lower = np.array([f.lower for f in problem.free])
@@ -255,16 +262,17 @@ def _damped_step(problem, state, slope, precision, prior, pull, damping):
     for _ in range(5):
         minimum = bounded_minimum if problem.exact else clipped_minimum
         move = minimum(precision + damping * scale, slope, lower - at, upper - at)
-        if not np.isfinite(move).all():
-            return state, damping
+        foreseen = float(move @ (2.0 * slope - precision @ move))
+        if not foreseen >= settled:  # nor where it is no number
+            break
         # Snapped, for a bound that is missed by rounding is not seen as one.
         on = np.where(move <= lower - at, lower, np.where(move >= upper - at, upper, at + move))
         values = state.values | dict(zip(names, on.tolist(), strict=True))
-        trial = _evaluated(problem, values, prior, pull)
+        trial = _evaluated(problem, values, *known)
         if np.isfinite(trial.cost) and trial.cost <= state.cost:
-            return trial, max(damping / 10, 1e-9)
-        damping = max(damping * 30, 1e-4)
-    return state, damping
+            return trial, max(damping / 10, 1e-9), foreseen
+        damping = max(damping * 30, LEAST_DAMPING)
+    return state, damping, foreseen
 
 
 def clipped_minimum(precision, moment, lower, upper):
