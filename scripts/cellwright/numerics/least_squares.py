@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-STEPS = 12
+STEPS = 30
 SETTLED = 0.02  # a fall of the cost below this ends the search
 LEAST_DAMPING = 0.1  # of the diagonal, where a step without damping failed: less hardly changes it
 AS_FORESEEN = 0.1  # of a step's fall: the derivatives that foresaw it so closely still hold
@@ -44,9 +44,6 @@ class Problem(NamedTuple):
     None, about zero. apart : function (values) → list of (names, owner): parameters of one step
     that each move rows of their own, and for each row the number of that which moves it. Their
     derivatives are made together, across a bound if need be. None: there are none.
-    exact : True: each step is the exact minimum of its quadratic within the bounds
-    (`bounded_minimum`), for problems with bounds on most parameters; False: a parameter that a step
-    takes beyond a bound stays on it (`clipped_minimum`).
     """
 
     predict: Callable
@@ -55,7 +52,6 @@ class Problem(NamedTuple):
     free: tuple
     coupling: np.ndarray | None = None
     apart: Callable | None = None
-    exact: bool = False
 
 
 class Solution(NamedTuple):
@@ -110,7 +106,8 @@ def fit(
         at each step (a chord method: near the solution the others hardly change).
     white : (n, j) those derivatives whitened, or None: they are whitened here. gram : (j, j) their
         products, or None: they are made.
-    steps : at most so many. settled : a fall of the cost below it ends the walk.
+    steps : at most so many; one whose fall its derivatives foresaw is not counted where they would
+        have been made anew. settled : where a step would not lower the cost by so much the walk ends.
 
     Returns
     -------
@@ -126,7 +123,7 @@ def fit(
     if at_renewed:
         gram = None if gram is None else _widened(_widened(gram, len(names)).T, len(names))
         columns, white = (_widened(rows, len(names)) for rows in (columns, white))
-    for _ in range(steps):
+    while steps:
         if at_renewed:
             _renew(problem, state, columns, white, at_renewed)
         gram = _products(white, gram, at_renewed)
@@ -137,7 +134,10 @@ def fit(
         fell, state = state.cost - next_state.cost, next_state
         if fell < settled:
             break
-        if not chord and abs(fell - foreseen) > AS_FORESEEN * fell:
+        if chord:
+            steps -= 1
+        elif abs(fell - foreseen) > AS_FORESEEN * fell:
+            steps -= 1
             columns = derivatives(problem, state.values, state.prediction)
             white, gram = problem.whiten(columns), None
     free = [f for f in problem.free if f.lower < f.upper]
@@ -260,8 +260,7 @@ def _damped_step(problem, state, slope, precision, known, damping, settled):
     upper = np.array([f.upper for f in problem.free])
     at = np.array([state.values[name] for name in names])
     for _ in range(5):
-        minimum = bounded_minimum if problem.exact else clipped_minimum
-        move = minimum(precision + damping * scale, slope, lower - at, upper - at)
+        move = bounded_minimum(precision + damping * scale, slope, lower - at, upper - at)
         foreseen = float(move @ (2.0 * slope - precision @ move))
         if not foreseen >= settled:  # nor where it is no number
             break
@@ -273,27 +272,6 @@ def _damped_step(problem, state, slope, precision, known, damping, settled):
             return trial, max(damping / 10, 1e-9), foreseen
         damping = max(damping * 30, LEAST_DAMPING)
     return state, damping, foreseen
-
-
-def clipped_minimum(precision, moment, lower, upper):
-    """Approximate minimum between bounds: what exceeds a bound is held there, the rest solved anew.
-
-    Parameters
-    ----------
-    precision, moment, lower, upper : as in `bounded_minimum`.
-
-    Returns
-    -------
-    x : (k,).
-    """
-    x, held = np.zeros(len(moment)), np.zeros(len(moment), bool)
-    while True:
-        slope = moment - precision[:, held] @ x[held]
-        x[~held] = np.linalg.solve(precision[np.ix_(~held, ~held)], slope[~held])
-        beyond = ~held & ((x < lower) | (x > upper))
-        if not beyond.any():
-            return x
-        x, held = np.clip(x, lower, upper), held | beyond
 
 
 def bounded_minimum(precision, moment, lower, upper, start=None):
