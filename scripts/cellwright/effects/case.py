@@ -330,12 +330,15 @@ def extra_volt_of(case, values):
 def filters_of(case, spread, extra, *, misfit_volt=0.0):
     """Filters of both stacks for a noise.
 
-    extra : see `extra_volt_of`. misfit_volt : (n,) or 0, see `Filters`. The variance of a row grows
-    by its square over ν + 1: least squares reweighted by the t of the score, block by block (K.
-    Lange, R. Little, J. Taylor, J. Am. Stat. Assoc. 84 (1989) 881).
+    extra : see `extra_volt_of`. misfit_volt : (n,) or 0, see `Filters`. Least squares reweighted by
+    the t of the score, block by block, its scale the usual misfit, that of half of the rows: by a
+    scale of the noise, of a real cell each block but those that are followed best would be far out
+    and without weight, and which these are is chance (K. Lange, R. Little, J. Taylor, J. Am. Stat.
+    Assoc. 84 (1989) 881, who fit the scale as well).
     """
     misfit = np.broadcast_to(misfit_volt, len(extra[0]))
-    further = np.sqrt(np.square(extra[0]) + np.square(misfit) / (NU + 1.0))
+    usual = max(spread.volt, float(np.median(misfit)))
+    further = np.hypot(extra[0], misfit * spread.volt / usual / np.sqrt(NU + 1.0))
     return Filters(
         spread,
         extra,
