@@ -106,8 +106,8 @@ def fit(
         at each step (a chord method: near the solution the others hardly change).
     white : (n, j) those derivatives whitened, or None: they are whitened here. gram : (j, j) their
         products, or None: they are made.
-    steps : at most so many; one whose fall its derivatives foresaw is not counted where they would
-        have been made anew. settled : where a step would not lower the cost by so much the walk ends.
+    steps : at most so many; of derivatives that are made anew, those after which that was needed.
+    settled : where a step would not lower the cost by so much the walk ends.
 
     Returns
     -------
