@@ -6,6 +6,7 @@ from small_plant import CELL, HEALTHY, NOISE_VOLT, case
 
 from cellwright.effects import base
 from cellwright.effects.candidates import State
+from cellwright.effects.case import filters_of
 from cellwright.effects.floor import excess_volt, floor_of, misfit_of
 from cellwright.numerics.least_squares import fit
 
@@ -92,3 +93,17 @@ def test_misfit_is_what_the_best_model_leaves_of_a_block_beyond_the_noise():
     assert np.allclose(misfit[block == 0], 0.0)
     assert np.allclose(misfit[block == 1], np.sqrt(8) * 1e-3)
     assert np.allclose(misfit[block < 0], 0.0)
+
+
+def test_a_block_loses_weight_by_how_far_it_is_beyond_the_usual_misfit():
+    """Whatever that is: a cell that no model follows to 10 mV has no block that is far out."""
+    made = case(HEALTHY)
+    _, _, filters = made.begun()
+    far = made.fit.file == 0
+    scales = []
+    for usual in (5e-3, 50e-3):
+        misfit = np.where(far, 20 * usual, usual)
+        weighed = filters_of(made, filters.noise, filters.extra_volt, misfit_volt=misfit)
+        scales.append(weighed.fit.scale)
+    assert np.allclose(*scales)
+    assert scales[0][far].max() < 0.5 * np.median(scales[0][~far])

@@ -86,6 +86,40 @@ def test_what_is_not_on_a_bound_follows_what_is_in_the_same_step():
     assert solution.at_bound == ("a",)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_from_any_corner_of_its_bounds_a_fit_ends_at_the_same_minimum(seed):
+    """Twelve parameters that follow each other, most of them on a bound in the end."""
+    random = np.random.default_rng(seed)
+    names = tuple(f"p{k}" for k in range(12))
+    matrix = random.normal(size=(80, 12)) @ random.normal(size=(12, 12))
+    rows = matrix @ random.normal(size=12)
+    lower, upper = np.full(12, -0.4), np.full(12, 0.4)
+
+    def predict(values):
+        return matrix @ np.array([values[name] for name in names])
+
+    free = tuple(Free(name, 0.1, lower=-0.4, upper=0.4) for name in names)
+    problem = Problem(predict, rows, np.array, free)
+    exact = lsq_linear(matrix, rows, (lower, upper), tol=1e-13)
+    corners = [dict(zip(names, random.choice([-0.4, 0.4], 12), strict=True)) for _ in range(4)]
+    for corner in corners:
+        solution = fit(problem, corner)
+        assert solution.cost + rows @ rows == pytest.approx(2 * exact.cost + rows @ rows, rel=1e-6)
+        assert np.sum(np.abs(exact.x) > 0.4 - 1e-6) == len(solution.at_bound) > 2
+
+
+def test_derivatives_that_foresaw_a_step_are_not_made_anew():
+    asked = []
+
+    def predict(values):
+        asked.append(values)
+        return MATRIX @ np.array([values[name] for name in NAMES])
+
+    fit(linear()._replace(predict=predict), ZERO)
+    # The start, three derivatives and one step; where that would end is foreseen.
+    assert len(asked) == 5
+
+
 def test_a_derivative_stays_below_the_upper_bound():
     free = (Free("a", 0.1, upper=0.05), *(Free(name, 0.1) for name in NAMES[1:]))
     problem = linear(free)
