@@ -44,6 +44,9 @@ class Problem(NamedTuple):
     None, about zero. apart : function (values) → list of (names, owner): parameters of one step
     that each move rows of their own, and for each row the number of that which moves it. Their
     derivatives are made together, across a bound if need be. None: there are none.
+    exact : True: each step is the exact minimum of its quadratic within the bounds
+    (`bounded_minimum`), for problems with bounds on most parameters; False: a parameter that a step
+    takes beyond a bound stays on it (`clipped_minimum`).
     """
 
     predict: Callable
@@ -52,6 +55,7 @@ class Problem(NamedTuple):
     free: tuple
     coupling: np.ndarray | None = None
     apart: Callable | None = None
+    exact: bool = False
 
 
 class Solution(NamedTuple):
@@ -260,7 +264,8 @@ def _damped_step(problem, state, slope, precision, known, damping, settled):
     upper = np.array([f.upper for f in problem.free])
     at = np.array([state.values[name] for name in names])
     for _ in range(5):
-        move = bounded_minimum(precision + damping * scale, slope, lower - at, upper - at)
+        minimum = bounded_minimum if problem.exact else clipped_minimum
+        move = minimum(precision + damping * scale, slope, lower - at, upper - at)
         foreseen = float(move @ (2.0 * slope - precision @ move))
         if not foreseen >= settled:  # nor where it is no number
             break
@@ -272,6 +277,27 @@ def _damped_step(problem, state, slope, precision, known, damping, settled):
             return trial, max(damping / 10, 1e-9), foreseen
         damping = max(damping * 30, LEAST_DAMPING)
     return state, damping, foreseen
+
+
+def clipped_minimum(precision, moment, lower, upper):
+    """Approximate minimum between bounds: what exceeds a bound is held there, the rest solved anew.
+
+    Parameters
+    ----------
+    precision, moment, lower, upper : as in `bounded_minimum`.
+
+    Returns
+    -------
+    x : (k,).
+    """
+    x, held = np.zeros(len(moment)), np.zeros(len(moment), bool)
+    while True:
+        slope = moment - precision[:, held] @ x[held]
+        x[~held] = np.linalg.solve(precision[np.ix_(~held, ~held)], slope[~held])
+        beyond = ~held & ((x < lower) | (x > upper))
+        if not beyond.any():
+            return x
+        x, held = np.clip(x, lower, upper), held | beyond
 
 
 def bounded_minimum(precision, moment, lower, upper, start=None):
