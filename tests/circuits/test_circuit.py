@@ -380,4 +380,4 @@ def test_charge_transfer_is_the_law_at_any_current(charge):
     size = {"r_ohm": 0.02, "exchange_ampere": 2.0, "charge_coefficient": charge}
     volt = KINDS["charge_transfer"].drive(2.0 * over_exchange, **size)
     expected = [0.04 * butler_volmer(one, charge) for one in over_exchange]
-    np.testing.assert_allclose(volt, expected, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(volt, expected, rtol=1e-8, atol=1e-12)

@@ -19,7 +19,7 @@ from cellwright.refusal import Refusal
 
 MODES = 5
 UNRESOLVED_SECOND = 1e-3  # of a lag that is over before the next sample
-TRANSFER_STEPS = 2  # of Halley's method: to a millionth up to a thousand times the exchange current
+TRANSFER_STEPS = 3  # of Halley's method, to rounding up to a hundred times the exchange current
 
 
 class Branch(NamedTuple):
