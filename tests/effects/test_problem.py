@@ -99,7 +99,7 @@ def test_from_any_corner_of_its_bounds_a_fit_ends_at_the_same_minimum(seed):
         return matrix @ np.array([values[name] for name in names])
 
     free = tuple(Free(name, 0.1, lower=-0.4, upper=0.4) for name in names)
-    problem = Problem(predict, rows, np.array, free, exact=True)
+    problem = Problem(predict, rows, np.array, free)
     exact = lsq_linear(matrix, rows, (lower, upper), tol=1e-13)
     corners = [dict(zip(names, random.choice([-0.4, 0.4], 12), strict=True)) for _ in range(4)]
     for corner in corners:

@@ -19,7 +19,7 @@ from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import STEPS_OF_HOLD, prepared
 from cellwright.effects.records import parts_of
 from cellwright.effects.score import BANDS
-from cellwright.effects.search import joins, search
+from cellwright.effects.search import free_of, joins, search
 from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
@@ -239,9 +239,7 @@ def _otherwise(found):
     case, last = found.case, found.last
     if case.otherwise is None or not last.effects:
         return None
-    free = found.model.plain
-    for effect in found.model.effects:
-        free = case.with_effect(free, effect)
+    free = free_of(case, found.model)
     problem = case.otherwise.problem(last.effects, free, found.filters)
     return fit(problem, last.solution.values, steps=STEPS_OF_HOLD)
 

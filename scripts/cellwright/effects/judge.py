@@ -120,28 +120,39 @@ def unfitted(case):
         ends = sorted((stated, values[name]))
         limits = ends[0] - FAR_STDS * std, ends[1] + FAR_STDS * std
         starts.append(Free(name, SOC_STEP, stated, tolerance.soc, *limits))
-    limits = _declared_limits(case)
     free = base.frees(stack, values, tolerance, case.log_std, starts)
+    capacity = _capacity_of(case, next(one for one in free if one.name == "capacity"))
+    limits = _declared_limits(case, capacity)
+    free = [capacity if one.name == "capacity" else one for one in free]
     return values, tuple(one._replace(**limits.get(one.name, {})) for one in free)
 
 
-def _declared_limits(case):
+def _capacity_of(case, capacity):
+    """The capacity's parameter, a Free; what all records contradict is not known beforehand.
+
+    There it is known as finely as it was looked for (`first_capacity`): the declared one would have
+    the OCV, at its own tolerance, take up what is wrong.
+    """
+    if not case.first_capacity:
+        return capacity
+    return capacity._replace(prior=case.first_capacity, std=beginning.FINER_CAPACITY)
+
+
+def _declared_limits(case, capacity):
     """Bounds of what was declared with a tolerance, capacity and OCV, by parameter's name.
 
     Without them whatever the model lacks ends there: beside misfit of tens of millivolts their
-    priors weigh nothing. A capacity that all records contradict (`first_capacity`) is no tolerance.
-    Nor are those of a slow test whose two branches are not fitted beside the others: an OCV of one
-    branch, of rests, or of another cell may hold half a hysteresis, and its scale of the SoC, too.
+    priors weigh nothing. Nor is it a tolerance where the slow test's two branches are not fitted
+    beside the others: an OCV of one branch, of rests, or of another cell may hold half a
+    hysteresis, and its scale of the SoC, too.
     """
     if not case.holds_declared:
         return {}
-    far = FAR_STDS * case.tolerance.capacity
-    far += beginning.FINER_CAPACITY if case.first_capacity else 0.0  # how finely it was looked for
-    ends = sorted((0.0, case.first_capacity))
     farthest = FAR_STDS * base.ocv_stds(case.cell, case.tolerance)
     knots = zip(base.OCV_NAMES, farthest.tolist(), strict=True)
     limits = {name: {"lower": -most, "upper": most} for name, most in knots}
-    return limits | {"capacity": {"lower": ends[0] - far, "upper": ends[1] + far}}
+    ends = (capacity.prior - FAR_STDS * capacity.std, capacity.prior + FAR_STDS * capacity.std)
+    return limits | {"capacity": dict(zip(("lower", "upper"), ends, strict=True))}
 
 
 def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):

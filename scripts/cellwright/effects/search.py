@@ -54,10 +54,12 @@ from cellwright.effects.floor import left_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.score import difference
-from cellwright.numerics.least_squares import fit
+from cellwright.numerics.least_squares import TWO_STDS, fit, level
 
 POLISH_STEPS, NOISE_STEPS, TOGETHER_STEPS = 4, 3, 12
 MOST_ROUNDS = 12  # twice the effects that join one by one: before some join together, and after
+EVEN_STD = 0.95 / 4  # of an even distribution's width: two deviations hold 95 %
+LEVELLED = 3  # how often at most a delay's interval is looked for
 SHARPENED = 2  # how often at most a round is repeated with another noise
 
 
@@ -184,11 +186,15 @@ def joins(gain, gates):
 
 
 class _Model(NamedTuple):
-    """The model so far: free parameters without effects, effects in order of addition, its fit."""
+    """The model so far: free parameters without effects, effects in order of addition, its fit.
+
+    level : parameters of effects, Free, of which readings tell an interval alone: see `_levelled`.
+    """
 
     plain: tuple
     effects: tuple
     solution: object
+    level: tuple = ()
 
 
 def search(case, library):
@@ -218,7 +224,7 @@ def search(case, library):
         rounds[-1] = step._replace(dropped=tuple(dropped), joined=joined)
         if not joined:
             break
-        model = taken
+        model = _levelled(case, possible, taken, filters)
     model, beside, _ = _needed(case, possible, model, filters)
     last = _state(case, possible, model, filters)
     beside = _with_ties(case, possible, model, beside, rounds, filters)
@@ -269,18 +275,42 @@ def _together(case, possible, model, step, filters):
     return tuple(t for t in trials if t.effect in needed.effects), needed
 
 
+def _levelled(case, possible, model, filters):
+    """The model with each delay of which the readings tell an interval alone in its middle.
+
+    There it is as sure as the normal distribution that has as wide a 95 % interval. A fit that
+    stood in a step of the likelihood falls by it, and the interval is looked for again.
+    """
+    for name in (e.names[0] for e in model.effects if e.hold_imitates):
+        others = tuple(one for one in model.level if one.name != name)
+        for _ in range(LEVELLED):
+            free, before = free_of(case, model._replace(level=others)), model.solution
+            problem = case.problem(in_order(model.effects, possible), free, filters)
+            ends = None if name in before.at_bound else level(problem, before, name)
+            if ends is None:
+                break
+            known = {"prior": sum(ends) / 2, "std": EVEN_STD * (ends[1] - ends[0])}
+            one = next(one for one in free if one.name == name)._replace(**known)
+            solution = before._replace(values=before.values | {name: one.prior})
+            model = model._replace(level=(*others, one), solution=solution)
+            model = _refitted(case, possible, model, filters)
+            if before.chi_square - model.solution.chi_square < TWO_STDS:
+                break
+    return model
+
+
 def _exactly_tied(one, other):
     """Whether no test tells two effects apart; fitted together they have no sizes."""
     pairs = ((one, other), (other, one))
     return any(tie.exact and tie.partner == b.id for a, b in pairs for tie in a.ties)
 
 
-def _free_of(case, model):
-    """Free parameters of a model."""
-    free = model.plain
+def free_of(case, model):
+    """Free parameters of a model, tuple of least_squares.Free."""
+    free, known = model.plain, {one.name: one for one in model.level}
     for effect in model.effects:
         free = case.with_effect(free, effect)
-    return free
+    return tuple(known.get(one.name, one) for one in free)
 
 
 def _state(case, possible, model, filters):
@@ -291,7 +321,7 @@ def _state(case, possible, model, filters):
 def _refitted(case, possible, model, filters, *, fitted=None, steps=POLISH_STEPS):
     """The model fitted with new derivatives, to all rows or those alone that are `fitted` (n,)."""
     effects = in_order(model.effects, possible)
-    problem = case.problem(effects, _free_of(case, model), filters)
+    problem = case.problem(effects, free_of(case, model), filters)
     if fitted is not None:
         whiten = problem.whiten
         problem = problem._replace(whiten=lambda rows: (whiten(rows).T * fitted).T)
@@ -346,7 +376,7 @@ def _without(case, possible, model, effect, whole, filters, *, closely):
     kept = [k for k, name in enumerate(solution.names) if name not in gone]
     columns = {"columns": solution.columns[:, kept], "white": solution.white[:, kept]}
     effects = in_order(others.effects, possible)
-    problem = case.problem(effects, _free_of(case, others), filters)
+    problem = case.problem(effects, free_of(case, others), filters)
     if not case.keeps_derivatives:
         return _state(case, possible, _refitted(case, possible, others, filters), filters)
     fitted = fit(problem, solution.values, **columns, steps=CHORD_STEPS)
@@ -403,7 +433,7 @@ def _round(case, possible, model, gone, filters, earlier):
     """The next Round, without a choice, and its filters; repeated while its trials ask for others
     (`sharper`)."""
     effects, solution = in_order(model.effects, possible), model.solution
-    free = _free_of(case, model)
+    free = free_of(case, model)
     further = {
         key: effect for key, effect in possible.items() if effect not in effects and key not in gone
     }

@@ -19,6 +19,8 @@ STEPS = 30
 SETTLED = 0.02  # a fall of the cost below this ends the search
 LEAST_DAMPING = 0.1  # of the diagonal, where a step without damping failed: less hardly changes it
 AS_FORESEEN = 0.1  # of a step's fall: the derivatives that foresaw it so closely still hold
+TWO_STDS = 4.0  # standard deviations: so much the cost rises there
+LEVEL_STEPS = 4  # of a fit beside a parameter that is held, with derivatives that are kept
 
 
 class Free(NamedTuple):
@@ -44,9 +46,6 @@ class Problem(NamedTuple):
     None, about zero. apart : function (values) → list of (names, owner): parameters of one step
     that each move rows of their own, and for each row the number of that which moves it. Their
     derivatives are made together, across a bound if need be. None: there are none.
-    exact : True: each step is the exact minimum of its quadratic within the bounds
-    (`bounded_minimum`), for problems with bounds on most parameters; False: a parameter that a step
-    takes beyond a bound stays on it (`clipped_minimum`).
     """
 
     predict: Callable
@@ -55,7 +54,6 @@ class Problem(NamedTuple):
     free: tuple
     coupling: np.ndarray | None = None
     apart: Callable | None = None
-    exact: bool = False
 
 
 class Solution(NamedTuple):
@@ -264,8 +262,7 @@ def _damped_step(problem, state, slope, precision, known, damping, settled):
     upper = np.array([f.upper for f in problem.free])
     at = np.array([state.values[name] for name in names])
     for _ in range(5):
-        minimum = bounded_minimum if problem.exact else clipped_minimum
-        move = minimum(precision + damping * scale, slope, lower - at, upper - at)
+        move = bounded_minimum(precision + damping * scale, slope, lower - at, upper - at)
         foreseen = float(move @ (2.0 * slope - precision @ move))
         if not foreseen >= settled:  # nor where it is no number
             break
@@ -277,27 +274,6 @@ def _damped_step(problem, state, slope, precision, known, damping, settled):
             return trial, max(damping / 10, 1e-9), foreseen
         damping = max(damping * 30, LEAST_DAMPING)
     return state, damping, foreseen
-
-
-def clipped_minimum(precision, moment, lower, upper):
-    """Approximate minimum between bounds: what exceeds a bound is held there, the rest solved anew.
-
-    Parameters
-    ----------
-    precision, moment, lower, upper : as in `bounded_minimum`.
-
-    Returns
-    -------
-    x : (k,).
-    """
-    x, held = np.zeros(len(moment)), np.zeros(len(moment), bool)
-    while True:
-        slope = moment - precision[:, held] @ x[held]
-        x[~held] = np.linalg.solve(precision[np.ix_(~held, ~held)], slope[~held])
-        beyond = ~held & ((x < lower) | (x > upper))
-        if not beyond.any():
-            return x
-        x, held = np.clip(x, lower, upper), held | beyond
 
 
 def bounded_minimum(precision, moment, lower, upper, start=None):
@@ -362,6 +338,45 @@ def stds(solution, blocks=None):
     variances = np.max([np.diag(one) for one in covariances(solution, blocks)], axis=0)
     pairs = zip(solution.names, variances, strict=True)
     return {name: float(np.sqrt(max(v, 0.0))) for name, v in pairs}
+
+
+def level(problem, solution, name):
+    """Interval of a parameter over which the cost is level, the others fitted, or None: it bends.
+
+    A clock of even rows that hold their current shows a delay in whole rows: beside resistances
+    that make up for it any within one row fits as well, which no curvature at one value tells.
+
+    Parameters
+    ----------
+    problem : Problem. solution : Solution of it. name : of a free parameter that is on no bound.
+
+    Returns
+    -------
+    interval : (lower, upper), beyond which the cost rises by that of two standard deviations, as
+        finely as the step of the parameter.
+    """
+    free, at = next(one for one in problem.free if one.name == name), solution.values[name]
+
+    def rise(value):
+        fixed = free._replace(lower=value, upper=value)
+        others = problem._replace(free=tuple(fixed if f is free else f for f in problem.free))
+        begun = solution.values | {name: value}
+        known = {"columns": solution.columns, "white": solution.white, "gram": solution.gram}
+        return fit(others, begun, **known, steps=LEVEL_STEPS).cost - solution.cost
+
+    ends = []
+    for bound, step in ((free.lower, -free.step), (free.upper, free.step)):
+        inside, beyond = at, float(np.clip(at + step, free.lower, free.upper))
+        while beyond != bound and rise(beyond) <= TWO_STDS:
+            inside, beyond = beyond, float(np.clip(at + 2 * (beyond - at), free.lower, free.upper))
+        while abs(beyond - inside) > free.step:
+            middle = (inside + beyond) / 2
+            inside, beyond = (middle, beyond) if rise(middle) <= TWO_STDS else (inside, middle)
+        ends.append(inside)
+    # Half way to its ends a parabola has risen by a quarter.
+    between = np.interp([0.25, 0.75], [0.0, 1.0], ends).tolist()
+    bends = ends[0] == ends[1] or max(map(rise, between)) > TWO_STDS / 8
+    return None if bends else tuple(ends)
 
 
 def covariances(solution, blocks=None):

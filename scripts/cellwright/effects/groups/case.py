@@ -118,7 +118,6 @@ class GroupCase(NamedTuple):
             filters.fit.apply,
             free,
             group_coupling(free, self.cells, self.spread, self.shared),
-            exact=True,
         )
 
     def candidates(self, effects, solution, possible, further):
