@@ -229,7 +229,8 @@ def test_what_was_declared_is_held_within_three_deviations():
         assert (free[name].lower, free[name].upper) == (-FAR_STDS * std, FAR_STDS * std)
     gross = unfitted(made._replace(first_capacity=-0.1))[1]
     capacity = next(one for one in gross if one.name == "capacity")
-    wide = limit + beginning.FINER_CAPACITY
+    assert (capacity.prior, capacity.std) == (-0.1, beginning.FINER_CAPACITY)
+    wide = FAR_STDS * beginning.FINER_CAPACITY
     assert (capacity.lower, capacity.upper) == pytest.approx((-0.1 - wide, wide))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from cellwright.numerics.least_squares import Free, Problem, derivatives, fit, stds
+from cellwright.numerics.least_squares import Free, Problem, derivatives, fit, level, stds
 
 RANDOM = np.random.default_rng(7)
 MATRIX = RANDOM.normal(size=(200, 3))
@@ -118,6 +118,23 @@ def test_derivatives_that_foresaw_a_step_are_not_made_anew():
     fit(linear()._replace(predict=predict), ZERO)
     # The start, three derivatives and one step; where that would end is foreseen.
     assert len(asked) == 5
+
+
+def test_a_delay_that_counts_in_whole_rows_is_level_within_one():
+    """Beside a gain that makes up for what it does within the row; a straight line is not level."""
+    x = np.linspace(1.0, 2.0, 50)
+
+    def predict(values):
+        return values["gain"] * (2.0 + values["delay"]) * x + 5.0 * np.ceil(values["delay"])
+
+    free = Free("gain", 0.01, 1.0, 10.0), Free("delay", 0.05, 0.0, np.inf, -3.0, 3.0)
+    problem = Problem(predict, predict({"gain": 1.0, "delay": 1.3}), lambda rows: rows / 0.01, free)
+    solution = fit(problem, {"gain": 0.9, "delay": 1.6})
+    lower, upper = level(problem, solution, "delay")
+    assert 1.0 < lower < 1.05
+    assert 1.95 < upper <= 2.0
+    straight = linear()
+    assert level(straight, fit(straight, ZERO), "a") is None
 
 
 def test_a_derivative_stays_below_the_upper_bound():

@@ -154,6 +154,17 @@ def test_its_size_is_recovered(effect):
     assert std < 0.2 * abs(size)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("every", "delay", "row"), [(0.5, 0.5, 0), (1.0, 0.5, 0), (0.5, 1.5, 2)])
+def test_of_a_delay_even_rows_that_hold_their_current_tell_the_row(every, delay, row):
+    """Any delay within that row predicts as well beside resistances that make up for it."""
+    result = outcome(Truth(delay=delay), every=every)
+    assert names_of(result) == ["time_skew"]
+    solution, (name,) = result.last.solution, result.names[0].effect.names
+    assert solution.values[name] == pytest.approx((row + 0.5) * every, abs=0.06)
+    assert stds(solution)[name] == pytest.approx(every * 0.95 / 4, rel=0.25)
+
+
 @pytest.mark.parametrize("effect", slow_but(QUICK, HIDDEN))
 def test_the_floor_is_the_noise_and_what_tolerances_leave(effect):
     """Of the plain model, whose parameters are known the less the more it lacks."""

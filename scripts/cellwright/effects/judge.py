@@ -151,8 +151,8 @@ def _declared_limits(case, capacity):
     farthest = FAR_STDS * base.ocv_stds(case.cell, case.tolerance)
     knots = zip(base.OCV_NAMES, farthest.tolist(), strict=True)
     limits = {name: {"lower": -most, "upper": most} for name, most in knots}
-    ends = (capacity.prior - FAR_STDS * capacity.std, capacity.prior + FAR_STDS * capacity.std)
-    return limits | {"capacity": dict(zip(("lower", "upper"), ends, strict=True))}
+    (lower, upper), far = sorted((0.0, capacity.prior)), FAR_STDS * capacity.std
+    return limits | {"capacity": {"lower": lower - far, "upper": upper + far}}
 
 
 def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):

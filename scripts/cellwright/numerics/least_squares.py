@@ -353,7 +353,7 @@ def level(problem, solution, name):
     Returns
     -------
     interval : (lower, upper), beyond which the cost rises by that of two standard deviations, as
-        finely as the step of the parameter.
+        finely as a tenth of the step of the parameter.
     """
     free, at = next(one for one in problem.free if one.name == name), solution.values[name]
 
@@ -369,7 +369,7 @@ def level(problem, solution, name):
         inside, beyond = at, float(np.clip(at + step, free.lower, free.upper))
         while beyond != bound and rise(beyond) <= TWO_STDS:
             inside, beyond = beyond, float(np.clip(at + 2 * (beyond - at), free.lower, free.upper))
-        while abs(beyond - inside) > free.step:
+        while abs(beyond - inside) > free.step / 10:
             middle = (inside + beyond) / 2
             inside, beyond = (middle, beyond) if rise(middle) <= TWO_STDS else (inside, middle)
         ends.append(inside)

@@ -131,7 +131,8 @@ def _deviations(effect, own, values, sizes, fitted):
     stds = np.sqrt(np.max([np.diag(one) for one in fitted.covariances], axis=0))
     at, changes = [], []
     for k in np.flatnonzero(stds > 0):
-        parameter, step = fitted.names[k].removeprefix(f"{effect.id}."), STEP_STDS * stds[k]
+        parameter = fitted.names[k].removeprefix(f"{effect.id}.")
+        step = STEP_STDS * (stds[k] if np.isfinite(stds[k]) else 1.0)
         if parameter in own:
             moved = own | {parameter: own[parameter] + step}, values
         elif parameter in values and (parameter in LOGARITHMS or "." in parameter):
