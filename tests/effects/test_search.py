@@ -143,7 +143,8 @@ def test_a_charge_that_meets_more_the_fuller_the_cell_asks_for_no_second_name():
     assert deviations[1] > 0.2
 
 
-@pytest.mark.parametrize("effect", slow_but(QUICK, HIDDEN))
+# Of a time shift even rows tell the row alone: see below.
+@pytest.mark.parametrize("effect", slow_but(QUICK, [e for e in HIDDEN if e != "time_skew"]))
 def test_its_size_is_recovered(effect):
     _, names, size = HIDDEN[effect]
     solution = searched(effect)[0].last.solution
