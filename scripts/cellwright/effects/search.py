@@ -224,7 +224,7 @@ def search(case, library):
         rounds[-1] = step._replace(dropped=tuple(dropped), joined=joined)
         if not joined:
             break
-        model = _levelled(case, possible, taken, filters)
+        model = _levelled(case, possible, taken, joined, filters)
     model, beside, _ = _needed(case, possible, model, filters)
     last = _state(case, possible, model, filters)
     beside = _with_ties(case, possible, model, beside, rounds, filters)
@@ -275,13 +275,14 @@ def _together(case, possible, model, step, filters):
     return tuple(t for t in trials if t.effect in needed.effects), needed
 
 
-def _levelled(case, possible, model, filters):
-    """The model with each delay of which the readings tell an interval alone in its middle.
+def _levelled(case, possible, model, joined, filters):
+    """The model with each delay that joined, and of which the readings tell an interval alone, in
+    its middle.
 
     There it is as sure as the normal distribution that has as wide a 95 % interval. A fit that
     stood in a step of the likelihood falls by it, and the interval is looked for again.
     """
-    for name in (e.names[0] for e in model.effects if e.hold_imitates):
+    for name in (one.effect.names[0] for one in joined if one.effect.hold_imitates):
         others = tuple(one for one in model.level if one.name != name)
         for _ in range(LEVELLED):
             free, before = free_of(case, model._replace(level=others)), model.solution
