@@ -243,6 +243,17 @@ def test_a_course_whose_told_resistances_are_the_same_within_their_intervals_is_
     assert has_size(effect, solution, values, fitted) is sized
 
 
+@pytest.mark.parametrize(("unsure", "sized"), [(0.1, True), (3.5, False)])
+def test_what_differs_from_a_resistance_that_is_not_known_differs_by_nothing(unsure, sized):
+    """A charge that meets two thirds less of a quicker pair of 0.05 ± 0.2 mΩ."""
+    effect = LIBRARY["resistance_asymmetry"]
+    given = {"charge_resistance_excess_relative": -0.64, "in_quicker_pair": 1.0}
+    own = {f"{effect.id}.{p.name}": given.get(p.name, p.neutral) for p in effect.parameters}
+    values = VALUES | {"log_r1": np.log(5e-5)} | own
+    fitted = Fitted(("log_r1", effect.names[0]), (np.diag([unsure**2, 0.05**2]),))
+    assert has_size(effect, SimpleNamespace(values=values, at_bound=()), values, fitted) is sized
+
+
 def test_a_size_without_a_deviation_is_told_without_one_as_a_file_has_it_too():
     for std in (np.nan, None):
         assert Size("time constant", 21.5, std, "min").text == "time constant 21.5 min"
