@@ -106,7 +106,8 @@ def has_size(effect, solution, values, fitted):
         p.name: {"value": own[p.name], "std": stds.get(n), "at_bound": n in solution.at_bound}
         for p, n in zip(effect.parameters, effect.names, strict=True)
     }
-    words, absent = effect.sizes_in_words, {p.name: p.neutral for p in effect.parameters}
+    # The same form without its sizes: a time constant is told, too, and is none.
+    words, absent = effect.sizes_in_words, own | {p.name: p.neutral for p, _ in free}
 
     def change(effect, p, values):
         ends = words(effect, p, values), words(effect, absent, values)
@@ -118,13 +119,9 @@ def has_size(effect, solution, values, fitted):
         sizes_as_used(effect._replace(sizes_in_words=one), parameters, values, fitted)
         for one in (words, change)
     )
-    # A time constant is told, too, and is no size: it stays where the sizes are none.
-    shapes = own | {p.name: p.neutral for p, _ in free}
     return any(
-        size.value != shaped and abs(moved.value) > SIZED * np.maximum(size.std, moved.std)
-        for size, moved, (_, shaped, _) in zip(
-            told, changes, words(effect, shapes, values), strict=True
-        )
+        abs(moved.value) > SIZED * np.maximum(size.std, moved.std)
+        for size, moved in zip(told, changes, strict=True)
     )
 
 
