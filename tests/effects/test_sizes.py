@@ -254,6 +254,15 @@ def test_what_differs_from_a_resistance_that_is_not_known_differs_by_nothing(uns
     assert has_size(effect, SimpleNamespace(values=values, at_bound=()), values, fitted) is sized
 
 
+def test_an_energy_counts_whole_though_its_share_of_the_polarisation_is_fitted_beside_it():
+    effect = LIBRARY["resistance_temperature"]
+    given = {"activation_energy_joule_per_mole": 1.5e3, "polarisation_excess_joule_per_mole": 3e4}
+    own = {f"{effect.id}.{p.name}": given.get(p.name, p.neutral) for p in effect.parameters}
+    fitted = Fitted(effect.names[:2], (np.diag([1e3**2, 1e2**2]),))
+    values = VALUES | own
+    assert has_size(effect, SimpleNamespace(values=values, at_bound=()), values, fitted)
+
+
 def test_a_size_without_a_deviation_is_told_without_one_as_a_file_has_it_too():
     for std in (np.nan, None):
         assert Size("time constant", 21.5, std, "min").text == "time constant 21.5 min"

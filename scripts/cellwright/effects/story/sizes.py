@@ -106,8 +106,9 @@ def has_size(effect, solution, values, fitted):
         p.name: {"value": own[p.name], "std": stds.get(n), "at_bound": n in solution.at_bound}
         for p, n in zip(effect.parameters, effect.names, strict=True)
     }
-    # The same form without its sizes: a time constant is told, too, and is none.
-    words, absent = effect.sizes_in_words, own | {p.name: p.neutral for p, _ in free}
+    words = effect.sizes_in_words
+    # The same form of it, which no fit moves: a quicker pair is not held against R0.
+    absent = {p.name: p.neutral if p.step else own[p.name] for p in effect.parameters}
 
     def change(effect, p, values):
         ends = words(effect, p, values), words(effect, absent, values)
@@ -119,9 +120,11 @@ def has_size(effect, solution, values, fitted):
         sizes_as_used(effect._replace(sizes_in_words=one), parameters, values, fitted)
         for one in (words, change)
     )
+    # A time constant is told, too, and is no size: it stays where the sizes are none.
+    shaped = words(effect, own | {p.name: p.neutral for p, _ in free}, values)
     return any(
-        abs(moved.value) > SIZED * np.maximum(size.std, moved.std)
-        for size, moved in zip(told, changes, strict=True)
+        size.value != at and abs(moved.value) > SIZED * np.maximum(size.std, moved.std)
+        for size, moved, (_, at, _) in zip(told, changes, shaped, strict=True)
     )
 
 
