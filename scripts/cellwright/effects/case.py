@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, ties
-from cellwright.effects.candidates import State, candidates, densities_of, frees_of, screened
-from cellwright.effects.floor import excess_volt, floor_of, misfit_of
-from cellwright.effects.judge import rests_of, started, tolerated, unfitted
-from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.columns import frees_of
+from cellwright.effects.floor import excess_volt, floor_of
+from cellwright.effects.judge import rests_of, started, tolerated, unfitted, unsure_of
 from cellwright.effects.records import lacking
-from cellwright.effects.score import NU, blocks_of, rms_of_blocks
+from cellwright.effects.score import blocks_of, rms_of_blocks
+from cellwright.effects.state import State
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import SETTLED, Problem, stds
 from cellwright.numerics.statistics import rms
@@ -28,8 +28,6 @@ SEARCH = MissingEffect()  # the schema's defaults
 class Gates(NamedTuple):
     """When an effect counts.
 
-    refits : effects of a round that are fitted in full, the best of the score test first; the right
-    one is among the first eight. rounds : effects that may join a model one by one.
     visible_chi_square : an effect of plausible size whose chi-square there stays below this cannot
     be tested. joins, counts, apart : standard errors of the gain in predictive density from which
     an effect joins the model, by its ranks from which it joins as well and may have a name, and up
@@ -42,8 +40,6 @@ class Gates(NamedTuple):
     more count in no rms error.
     """
 
-    refits: int = 8
-    rounds: int = 6
     visible_chi_square: float = 25.0  # five standard deviations of one parameter
     joins: float = 1.645  # 95 %, one-sided
     counts: float = 3.0  # 99.7 %: of all that joins, what somebody is told
@@ -59,16 +55,13 @@ class Gates(NamedTuple):
 
 STEADY_C_RATE = 0.02
 MOST_WHITE = 1.5  # times the scatter of neighbouring rows
-FAR_LOG = 0.2  # change of a log resistance or time constant up to which derivatives are kept
-FAR_SOC = 0.003  # and of the SoC of any row
 
 
 class Filters(NamedTuple):
     """Whitening of both stacks by one noise, and which of their rows an rms error counts.
 
     noise : noise.Noise. extra_volt : see `extra_volt_of`. Rows on a steep end of the OCV, where a
-    little charge is many millivolts, do not count. misfit_volt : (n,) of each row fitted, what the
-    best model leaves of its block beyond the noise; zero as long as nobody would act on it.
+    little charge is many millivolts, do not count.
     blocks : score.Blocks, by the SoC as it is counted before the search.
     """
 
@@ -78,7 +71,6 @@ class Filters(NamedTuple):
     validation: noise.Whitening
     fit_rows: np.ndarray
     validation_rows: np.ndarray
-    misfit_volt: np.ndarray
     blocks: object
 
 
@@ -100,7 +92,6 @@ class Case(NamedTuple):
     gates: Gates = Gates()
     gap: SlowGap = SlowGap()
     settled: float = SETTLED
-    keeps_derivatives: bool = True
     start: dict | None = None
     log_std: dict | None = None
     otherwise: object = None
@@ -133,16 +124,16 @@ class Case(NamedTuple):
         """The fit of a model with these effects to the records of role fit."""
         return problem_of(self, effects, free, filters)
 
-    def candidates(self, effects, solution, possible, further):
-        """What each further effect would change: list of candidates.Candidate."""
+    def predict(self, side, values, effects):
+        """Voltage over the records of a side, "fit" or "validation" (n,) [V]."""
+        stack = self.fit if side == "fit" else self.validation
+        return base.voltage(self.cell, stack, values, effects)
 
-        def predict(values, effect):
-            together = in_order((*effects, effect), possible)
-            return base.voltage(self.cell, self.fit, values, together)
+    def without_starts(self, columns, state, filters):
+        """Whitened columns (m, k) of the records that judge, less what is unsure of each record."""
+        return without_unsure(self, columns, state, filters)
 
-        return candidates(predict, solution.prediction, solution.values, further)
-
-    def filters_for(self, residual, filters, earlier):
+    def filters_for(self, residual, filters, first):
         """Filters by the noise of the residual with all candidates in the model."""
         limits = {
             name: getattr(self.gates, name) for name in ("most_slow_volt", "most_slow_second")
@@ -152,40 +143,17 @@ class Case(NamedTuple):
         # What a reading scatters by, neighbouring rows show; more of it is misfit of the model.
         read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
         spread = spread._replace(white_volt=min(spread.white_volt, MOST_WHITE * read))
-        return filters_of(self, spread, filters.extra_volt, misfit_volt=filters.misfit_volt)
-
-    def sharper(self, trials, filters):
-        """Filters by the misfit that no trial removes; None where it is as it was.
-
-        A knee that no effect bends as the cell does would else, by the square of its error, decide
-        resistances, capacity and OCV everywhere. Nobody acts on changes up to `unknown_volt`.
-        """
-        residuals = [trial.state.solution.residual for trial in trials]
-        about = filters.blocks.fitted, len(filters.blocks.record)
-        misfit = misfit_of(residuals, *about, noise_volt=filters.noise.volt)
-        if np.abs(misfit - filters.misfit_volt).max() <= self.gates.unknown_volt:
-            return None
-        return filters_of(self, filters.noise, filters.extra_volt, misfit_volt=misfit)
-
-    def screened(self, lined_up, before, free, possible, filters):
-        """Scores, best first, and keys of effects that the records cannot show."""
-        return screened(self, lined_up, before, possible, filters)
+        return filters_of(self, spread, filters.extra_volt)
 
     def state(self, effects, solution, filters):
         """State of a fitted model: its errors on the records that judge."""
         return state_of(self, effects, solution, filters)
 
-    def floor(self, before, free, residual, filters, earlier):
+    def floor(self, state, free, residual, filters):
         """Error that readings and stated tolerances leave, of the plain model: floor.Floor."""
-        if earlier:
-            return earlier[0].floor
         read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
         read = min(read, filters.noise.white_volt)
-        return floor_of(self, before, free, filters.validation_rows, read)
-
-    def densities(self, state, filters):
-        """Log predictive density of each block by a fitted model (b,)."""
-        return densities_of(state, filters.blocks)
+        return floor_of(self, state, free, filters.validation_rows, read)
 
     def excess(self, state, floor, filters):
         """Error beyond the floor by side, each block once [V]: dict."""
@@ -207,38 +175,24 @@ class Case(NamedTuple):
             for side, (residual, block, rows, chosen) in sides.items()
         }
 
-    def misled(self, before, trial):
-        """Whether resistances, time constants or the SoC moved too far for kept derivatives."""
-        ends = before, trial.state
-        then, now = (state.solution.values for state in ends)
-        if max(abs(now[name] - then[name]) for name in base.LOGARITHMS) > FAR_LOG:
-            return True
-        soc = [
-            base.fields_of(self.cell, self.fit, state.solution.values, state.effects).soc
-            for state in ends
-        ]
-        return np.abs(np.subtract(*soc)).max() > FAR_SOC
-
-    def denied(self, trials):
-        """Keys of trials that a measurement outside the fit contradicts.
+    def denied(self, state):
+        """Keys of effects of a fitted model that a measurement outside the fit contradicts.
 
         The current logged at rest decides between an offset and a leak. A gap between the branches
         of the slow test that no resistance explains is hysteresis, and no slow diffusion.
         """
-        by_log = (t for t in trials if t.effect.in_rest_log is not None)
-        against = [t for t in by_log if _by_rest_log(self, t) is (not t.effect.in_rest_log)]
-        slow = (t for t in trials if t.effect.slow_gap == "resistance")
-        against += [t for t in slow if _in_place_of_hysteresis(self, t)]
-        return {t.effect.key for t in against}
+        by_log = (e for e in state.effects if e.in_rest_log is not None)
+        against = [e for e in by_log if _by_rest_log(self, e, state) is (not e.in_rest_log)]
+        slow = (e for e in state.effects if e.slow_gap == "resistance")
+        against += [e for e in slow if _in_place_of_hysteresis(self, e, state)]
+        return {effect.key for effect in against}
 
-    def ties(self, trial, tied, denied, library):
+    def ties(self, effect, state, tied, denied, library):
         """The ties of an effect with their structural partners, without those that are denied."""
-        values = trial.state.solution.values
-        effect = trial.effect
-        tied = ties.with_partners(effect.id, tied, library, values)
+        tied = ties.with_partners(effect.id, tied, library, state.solution.values)
         ampere_hour = self.cell.capacity_ampere_hour
         tied = (*tied, *ties.at_one_temperature(effect, self.fit, ampere_hour))
-        if effect.in_rest_log is not None and _by_rest_log(self, trial) is not None:
+        if effect.in_rest_log is not None and _by_rest_log(self, effect, state) is not None:
             denied = denied | {e.id for e in library.values() if e.in_rest_log is not None}
         return tuple(name for name in tied if name not in denied)
 
@@ -248,20 +202,20 @@ def not_excited(case, effect):
     return lacking(effect, case.fit, case.cell.capacity_ampere_hour)
 
 
-def _by_rest_log(case, trial):
-    """Whether the log at rest shows the size of a trial; None where it does not decide."""
-    name = trial.effect.names[0]
-    size, std = trial.state.solution.values[name], stds(trial.state.solution)[name]
+def _by_rest_log(case, effect, state):
+    """Whether the log at rest shows the size of an effect; None where it does not decide."""
+    name = effect.names[0]
+    size, std = state.solution.values[name], stds(state.solution)[name]
     rest = ties.rest_current(case.fit, capacity_ampere_hour=case.cell.capacity_ampere_hour)
     return ties.is_in_rest_log(rest, size_ampere=size, std_ampere=std)
 
 
-def _in_place_of_hysteresis(case, trial):
+def _in_place_of_hysteresis(case, effect, state):
     """Whether a resistance is fitted to a gap that is hysteresis by the slow test's branches."""
-    values = trial.state.solution.values
+    values = state.solution.values
     ohm = sum(np.exp(values[name]) for name in ("log_r0", "log_r1", "log_r2"))
-    modelled = any(effect.slow_gap == "hysteresis" for effect in trial.state.effects)
-    ohm = ohm + values[trial.effect.names[0]]
+    modelled = any(other.slow_gap == "hysteresis" for other in state.effects)
+    ohm = ohm + values[effect.names[0]]
     return not modelled and shows_hysteresis(case.gap, ohm)
 
 
@@ -317,6 +271,34 @@ def state_of(case, effects, solution, filters):
     )
 
 
+def chi_square_of(case, values, effects, filters):
+    """Chi-square of the fitted records by a model [1]."""
+    volt = base.voltage(case.cell, case.fit, values, effects)
+    white = filters.fit.apply(case.fit.voltage_volt - volt)
+    return float(white @ white)
+
+
+def without_unsure(case, columns, state, filters):
+    """Whitened columns (m, k) of the records that judge, less what is unsure of each record.
+
+    That is the SoC at its start, and its temperature where no sensor told it: see
+    `judge.unsure_of`.
+    """
+    stack, values, effects = case.validation, state.values, state.effects
+    prediction = base.voltage(case.cell, stack, values, effects)
+    about = case.cell, stack, values, effects, case.tolerance
+    changes, stds = unsure_of(*about, prediction)
+    changes = filters.validation.apply(changes)
+    shared = {k for k, test in enumerate(stack.tests) if test in case.fit.tests}
+    columns = columns.copy()
+    for k in set(range(len(stack.first))) - shared:
+        rows = stack.file == k
+        mine = changes[rows]
+        precision = mine.T @ mine + np.diag(stds[k] ** -2.0)
+        columns[rows] -= mine @ np.linalg.solve(precision, mine.T @ columns[rows])
+    return columns
+
+
 def extra_volt_of(case, values):
     """Error of each row of both stacks beyond noise [V]: on a steep OCV, or not compared."""
     extra = []
@@ -327,26 +309,15 @@ def extra_volt_of(case, values):
     return tuple(extra)
 
 
-def filters_of(case, spread, extra, *, misfit_volt=0.0):
-    """Filters of both stacks for a noise.
-
-    extra : see `extra_volt_of`. misfit_volt : (n,) or 0, see `Filters`. Least squares reweighted by
-    the t of the score, block by block, its scale the usual misfit, that of half of the rows: by a
-    scale of the noise, of a real cell each block but those that are followed best would be far out
-    and without weight, and which these are is chance (K. Lange, R. Little, J. Taylor, J. Am. Stat.
-    Assoc. 84 (1989) 881, who fit the scale as well).
-    """
-    misfit = np.broadcast_to(misfit_volt, len(extra[0]))
-    usual = max(spread.volt, float(np.median(misfit)))
-    further = np.hypot(extra[0], misfit * spread.volt / usual / np.sqrt(NU + 1.0))
+def filters_of(case, spread, extra):
+    """Filters of both stacks for a noise; extra : see `extra_volt_of`."""
     return Filters(
         spread,
         extra,
-        noise.whitening(spread, case.fit, extra_volt=further),
+        noise.whitening(spread, case.fit, extra_volt=extra[0]),
         noise.whitening(spread, case.validation, extra_volt=extra[1]),
         extra[0] <= case.gates.steep_volt,
         extra[1] <= case.gates.steep_volt,
-        misfit,
         _blocks(case),
     )
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.candidates import frees_of
+from cellwright.effects.columns import frees_of
 from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case, with_simulated
@@ -19,7 +19,7 @@ from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import STEPS_OF_HOLD, prepared
 from cellwright.effects.records import parts_of
 from cellwright.effects.score import BANDS
-from cellwright.effects.search import free_of, joins, search
+from cellwright.effects.search import joins, search
 from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
@@ -166,13 +166,12 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     without blocks, which only a choice between models asks for.
     """
     found, result, fitted = searched(case, library)
-    case, rounds, deviations = found.case, found.rounds, fitted.stds
+    case, deviations = found.case, fitted.stds
     first, last = found.first, found.last
     residuals = _map(case, first, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {one.effect.id for one in result.names}
-    hidden = set.intersection(*(set(step.hidden) for step in rounds)) - named
-    hidden |= {name for name, effect in library.items() if effect.invisible}
+    hidden = set(found.hidden) - named | {name for name, effect in library.items() if effect.invisible}
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     place = worst(residuals, result.floor.validation_volt)
     open_place = None if result.adequate else place
@@ -181,7 +180,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict = verdict_of(name, found, result, place, deviations, **further)
     verdict["base"] = base_name
     if base_name != "plain":
-        verdict["as_given_rmse_volt"] = as_given(case, rounds[0].filters)
+        verdict["as_given_rmse_volt"] = as_given(case, found.filters)
     verdict |= {"next_test_id": test, "worsened": worsened(residuals)}
     # The model holds all that predicts surely better, named or not; whether it is used is for tests
     # left out to decide. What the vocabulary has no word for has no place in a model file.
@@ -200,7 +199,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict["paragraph"] = paragraph(verdict, library)
     if state.effects and split_rest_second is not None:
         rest = {"split_rest_second": split_rest_second}
-        model["folds"] = folds(case, state, rounds[-1].noise, **rest)
+        model["folds"] = folds(case, state, found.filters.noise, **rest)
         if base_name == "own":
             model["blocks"] = judged_blocks(case, state, model["folds"], **rest)
     return Finding(
@@ -209,7 +208,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
         residuals,
         _evidence(found, result),
         _series(case, first, result.last, found.filters),
-        confounding(shown(case, library, plain, spread=rounds[0].noise)),
+        confounding(shown(case, library, plain, spread=found.filters.noise)),
         menu,
         model,
         tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
@@ -239,8 +238,7 @@ def _otherwise(found):
     case, last = found.case, found.last
     if case.otherwise is None or not last.effects:
         return None
-    free = free_of(case, found.model)
-    problem = case.otherwise.problem(last.effects, free, found.filters)
+    problem = case.otherwise.problem(last.effects, found.model.free, found.filters)
     return fit(problem, last.solution.values, steps=STEPS_OF_HOLD)
 
 
@@ -266,16 +264,10 @@ def _fitted(found):
     assumed = unsure_by_temperature(case, state, found.filters.fit)
     if (other := _otherwise(found)) is not None:
         assumed = assumed + _unsure_by_hold(names, solution, other)
-    further = [t.state.solution for t in found.rounds[-1].trials if t.gain.total > 0]
-    changes = [_change_to(names, solution, one) for one in further]
-    assumed = assumed + sum(np.outer(c, c) for c in changes) / max(len(further), 1)
+    changes = found.spaces[-1].changes_by_another(last.solution.names)
+    changes = [np.array([change[name] for name in names]) for change in changes]
+    assumed = assumed + sum(np.outer(c, c) for c in changes) / max(len(changes), 1)
     return Fitted(names, tuple(one + assumed for one in spreads))
-
-
-def _change_to(names, solution, other):
-    """Change (p,) of parameters to another solution; zero of those that it has not."""
-    shared = set(other.names)
-    return np.array([other.values[n] - solution.values[n] if n in shared else 0.0 for n in names])
 
 
 def _unsure_by_hold(names, here, there):
@@ -305,37 +297,67 @@ def _map_of(case, stack, role, before, after):
 
 
 def ranking_of(found, result):
-    """Every candidate that was refitted, round by round, as dict of columns.
+    """What every effect would gain: first beside the plain model, then beside all of the last one.
+
+    The gain of an effect that is in a model is that over an exact fit without it; of the others
+    that by the space about the model.
 
     Parameters
     ----------
     found : search.Found. result : verdict.Outcome of it.
+
+    Returns
+    -------
+    columns : dict of lists, a row an effect and round.
     """
-    rows = [
-        {"round": number}
-        | _ranked(trial, step, result)
-        | {"against": _against(found, step, trial, result)}
-        for number, step in enumerate(found.rounds, 1)
-        for trial in step.trials
-    ]
+    rows = [_ranked(found, result, 1, *one) for one in found.spaces[0].gains()]
+    if found.beside:
+        rows += [_ranked(found, result, 2, *one) for one in found.spaces[-1].gains()]
+        rows += [_inside(found, result, one) for one in found.beside]
     return {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
 
 
-def _against(found, step, trial, result):
-    """Why a trial is no name, in words; empty for one that is."""
-    chosen = any(trial is one for one in step.joined)
-    unnamed = [why for one, why in result.unnamed if one.effect is trial.effect]
-    if chosen and any(one.effect is trial.effect for one in result.names):
+def _inside(found, result, one):
+    """Row of an effect that is in the last model."""
+    sizes = one.effect.sizes_of(one.state.solution.values)
+    in_range = not set(one.effect.names) & set(one.state.solution.at_bound)
+    about = one.gain, next(iter(sizes.values())), in_range, one.gain.total
+    errors = {name: getattr(one.state, name) for name in ("rmse_volt", "validation_rmse_volt")}
+    return _ranked(found, result, 2, one.effect, *about) | errors
+
+
+def _ranked(found, result, number, effect, gain, size, in_range, chi_square):
+    """Row of an effect beside a model. size : its leading one [unit of its parameter]."""
+    inside = {one.effect.key for one in found.beside}
+    fitted = found.models.get((effect.key,)) if number == 1 else None
+    row = {"round": number, "effect": effect.id}
+    if effect.position is not None:
+        row |= {"branch": effect.position + 1, "value": size}
+    return row | {
+        "parameters_counted": len(frees_of(effect)),
+        "score_chi_square": chi_square,
+        "gain": gain.total,
+        "z": gain.z,
+        "rank_z": gain.rank_z,
+        "rmse_volt": fitted.state.rmse_volt if fitted else None,
+        "validation_rmse_volt": fitted.state.validation_rmse_volt if fitted else None,
+        "in_range": in_range,
+        "chosen": effect.key in inside,
+        "tied": any(effect.key in one.tied for one in result.names),
+        "against": _against(found, result, effect, gain),
+    }
+
+
+def _against(found, result, effect, gain):
+    """Why an effect is no name, in words; empty for one that is."""
+    if any(one.effect.key == effect.key for one in result.names):
         return ""
-    if chosen and unnamed:
-        return unnamed[0]
-    if chosen or trial.effect.key in step.dropped:
-        return NEEDLESS
-    if trial.effect.key in step.denied:
+    unnamed = {one.effect.key: why for one, why in result.unnamed}
+    if effect.key in unnamed:
+        return unnamed[effect.key]
+    if effect.key in found.denied:
         return "a measurement contradicts it"
-    if not joins(trial.gain, found.case.gates):
-        return "it does not predict surely better"
-    return "another explains more" if step.joined else "nothing is left that anyone would act on"
+    return NEEDLESS if joins(gain, found.case.gates) else "it does not predict surely better"
 
 
 def _last_against(ranking, named):
@@ -344,37 +366,11 @@ def _last_against(ranking, named):
     return {effect: words for effect, words in pairs if effect not in named and words}
 
 
-def _ranked(trial, step, result):
-    effect, solution = trial.effect, trial.state.solution
-    names = [free.name for free in frees_of(effect)]
-    row = {"effect": effect.id}
-    if effect.position is not None:
-        row |= {"branch": effect.position + 1, "value": solution.values[effect.names[0]]}
-    tied = {
-        key
-        for one in result.names
-        if any(one.effect is joined.effect for joined in step.joined)
-        for key in one.tied
-    }
-    return row | {
-        "parameters_counted": len(names),
-        "score_chi_square": trial.score,
-        "gain": trial.gain.total,
-        "z": trial.gain.z,
-        "rank_z": trial.gain.rank_z,
-        "rmse_volt": trial.state.rmse_volt,
-        "validation_rmse_volt": trial.state.validation_rmse_volt,
-        "in_range": not set(names) & set(solution.at_bound),
-        "chosen": any(trial is one for one in step.joined),
-        "tied": effect.key in tied,
-    }
-
-
 def _evidence(found, result):
     """Of each name: what it changes of each block, and what was missing there without it."""
     blocks, parts = found.filters.blocks, []
     for one in result.names:
-        ends = one.before, one.trial.state
+        ends = one.before, one.state
         for role, stack, block, residuals in (
             ("fit", found.case.fit, blocks.fitted, [s.solution.residual for s in ends]),
             ("validation", found.case.validation, blocks.judging, [s.validation for s in ends]),

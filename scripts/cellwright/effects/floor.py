@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.score import mean_squares
 from cellwright.numerics.least_squares import inverse
 
 
@@ -30,7 +29,7 @@ def floor_of(case, state, free, rows, read_volt):
 
     Parameters
     ----------
-    case : case.Case. state : candidates.State of the plain model. free : tuple of Free, of its fit.
+    case : case.Case. state : state.State of the plain model. free : tuple of Free, of its fit.
     rows : (m,) bool, rows that count. read_volt : noise of a single reading [V].
 
     Returns
@@ -92,24 +91,7 @@ def left_volt(state, floor):
 
     Parameters
     ----------
-    state : candidates.State. floor : Floor.
+    state : state.State. floor : Floor.
     """
     fit = excess_volt(state.rmse_volt, floor.fit_volt)
     return max(fit, excess_volt(state.validation_rmse_volt, floor.validation_volt))
-
-
-def misfit_of(residuals, block, blocks, *, noise_volt):
-    """What the best of some models leaves of each block beyond the noise.
-
-    Parameters
-    ----------
-    residuals : sequence of (n,), one a model [V]. block : (n,) number of each row's block, -1: in
-    none. blocks : how many there are. noise_volt : [V].
-
-    Returns
-    -------
-    misfit : (n,) root mean square over the block of each row; 0 in none [V].
-    """
-    left = np.min([mean_squares(residual, block, blocks) for residual in residuals], axis=0)
-    beyond = np.sqrt(np.maximum(np.nan_to_num(left) - noise_volt**2, 0.0))
-    return np.append(beyond, 0.0)[block]

@@ -232,7 +232,7 @@ def unsure_by_temperature(case, state, whitening):
 
     Parameters
     ----------
-    case : case.Case. state : candidates.State of the model. whitening : noise.Whitening of its fit.
+    case : case.Case. state : state.State of the model. whitening : noise.Whitening of its fit.
 
     Returns
     -------

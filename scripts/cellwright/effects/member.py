@@ -14,13 +14,12 @@ from cellwright.circuits.instrument import FOLLOWS, words_of
 from cellwright.circuits.model_file import std_name
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, continued_ocv_at
 from cellwright.effects import base
-from cellwright.effects.candidates import frees_of
+from cellwright.effects.columns import frees_of
 from cellwright.effects.case import extra_volt_of, filters_of, problem_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import NEAR_END, stacked
-from cellwright.effects.search import POLISH_STEPS
 from cellwright.identification.choice import FOLDS, score_of
 from cellwright.identification.in_use import (
     Judged,
@@ -35,6 +34,7 @@ from cellwright.records.conditions import AT_REST_C_RATE, same_temperature
 from cellwright.records.record import cell_temperature, record_of
 from cellwright.refusal import Refusal
 
+STEPS_OF_FOLD = 4  # of its fit, each with new derivatives of the effects
 NAME = "2RC+effects"
 KNOTS = np.linspace(0.0, 1.0, 61)  # four to each of the OCV's error, and to every course's bend
 PLAIN_PAIRS = 2  # branches of the plain circuit, the first ones
@@ -266,7 +266,7 @@ def folds(case, state, noise, *, split_rest_second):
 
     Parameters
     ----------
-    case : case.Case. state : candidates.State, the model with its effects. noise : noise.Noise.
+    case : case.Case. state : state.State, the model with its effects. noise : noise.Noise.
     split_rest_second : shortest rest that ends a block [s].
 
     Returns
@@ -290,7 +290,7 @@ def folds(case, state, noise, *, split_rest_second):
         problem = problem_of(part, state.effects, free, filters)
         start = state.solution
         solution = fit(
-            problem, start.values, columns=start.columns, renew=renew, steps=POLISH_STEPS
+            problem, start.values, columns=start.columns, renew=renew, steps=STEPS_OF_FOLD
         )
         blocks_of_fold = [span for number, span in enumerate(spans) if number % count == fold]
         values_of_fold = {name: float(value) for name, value in solution.values.items()}

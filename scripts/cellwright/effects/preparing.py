@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, beginning
-from cellwright.effects.candidates import chi_square_of
-from cellwright.effects.case import Case
+from cellwright.effects.case import Case, chi_square_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import SLOW_TEST
 from cellwright.effects.records import stacked
@@ -17,7 +16,7 @@ from cellwright.protocols.ocv.slow import mean_of_branches, rising
 from cellwright.records.conditions import REFERENCE_CELSIUS, of_first_checkup
 from cellwright.records.record import laid_out_to_fit
 from cellwright.records.repeats import counted_once
-from cellwright.records.thinning import STEP_PART, averaged_to, driven, largest_ampere, thin
+from cellwright.records.thinning import STEP_PART, averaged_to, driven, largest_ampere, thin, without_unsettled
 from cellwright.refusal import Refusal
 
 MEASURED_SOC = 0.1, 0.9  # of a slow test; towards its ends the OCV is joined to what rests show
@@ -29,6 +28,9 @@ GROWTHS = 0.1, 0.2, 0.4  # of the time since a step, to the next row of a steady
 NOISES = 20.0  # usual changes of a steady reading: no noise steps by so much, heavy tails or not
 EDGE_PART = 200.0  # a change of this part of a record's largest ends a steady stretch
 RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured
+# ASSUME: After a tenth of a second the double layer has its charge and the tester its current; of
+# what is quicker the search's circuit, whose pairs take seconds, holds nothing.
+SETTLED_SECOND = 0.1
 HOLDS = ("zero_order", "first_order")
 STEPS_OF_HOLD = 6  # of the fit by which the hold is chosen
 
@@ -78,6 +80,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     caveats = (*_stand_in(tests, judging), *_of_rests(curve, judging))
     capacity = basis["capacity_ampere_hour"]
     sides = tuple(_thinned(side, capacity) for side in (fitted, judging))
+    sides = tuple([_settled(record) for record in side] for side in sides)
     measured = base.Cell(capacity, np.interp(GRID, curve["soc"], _between_branches(curve)))
     about = tolerance, gates, slow_gap(curve)
     cases = [
@@ -193,6 +196,14 @@ def _thinned(records, capacity_ampere_hour):
 
     ways = [partial(sparse, growth=growth) for growth in GROWTHS]
     return averaged_to(records, thinned=ways)
+
+
+def _settled(record):
+    """Record without rows that a step of its current is too near for; a drive steps all the time."""
+    if driven(record.current_ampere):
+        return record
+    step = _least_step_ampere(record)
+    return without_unsettled(record, step_ampere=step, settled_second=SETTLED_SECOND)
 
 
 def _least_step_ampere(record):

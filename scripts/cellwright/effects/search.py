@@ -1,155 +1,169 @@
-"""The search: a model without effects, then round by round the effect by which it predicts best.
+"""The search for what a model lacks: the set of effects by which it predicts best.
 
-1. Forward: of the effects that the score test shows the best are fitted; that with the largest
-   gain in predictive density (`score`) joins the model, if the gain is surely above none.
-2. Backward: all are refitted together, and without each; the least that gains less goes again.
-3. Where none joins and much is left, all that the last round tried are fitted together, and go
-   backward: of effects that need each other (a course over SoC and slow diffusion) none gains by
-   itself. If they predict surely better the search goes on from there.
+1. The plain model is fitted. Noise and the scale of the score, by which all models are compared,
+   are made there, and once more at the first model with effects; then they are frozen.
+2. About the best model so far a space of further ones is made (`space`). Moves in it lead to the
+   set that predicts best (`moves`).
+3. That set and its rivals, three at most, are fitted exactly. About the best of all fitted so far
+   the next space is made, until no set is better.
+4. Each effect of the model is held against exact fits without it, and with others in its place.
+   What is not worth its price goes.
 
-What joins need not be a name: that is decided of all together in the end (`verdict`). An effect
-that is real and too small to be named belongs in the model as well, or it would be in the sizes of
-others; and so does what the vocabulary has no name for.
+What is in the model need not be a name: that is decided in the end (`verdict`). An effect that is
+real and too small to be named belongs in the model as well, or it would be in the sizes of others;
+and so does what the vocabulary has no name for.
 
 What is searched is a case: a cell (`case.Case`) or a parallel group (`groups.case.GroupCase`).
 Both have these methods and values:
 
 `possible(library)` : dict of Effect by key that its records excite.
-`begun()` : free parameters of the healthy model, its first values, and filters of a first noise.
+`begun()` : free parameters of the plain model, its first values, and filters of a first noise.
 `with_effect(free, effect)` : free parameters beside those of an effect.
 `problem(effects, free, filters)` : the fit of a model with effects, `least_squares.Problem`.
-`candidates(effects, solution, possible, further)` : what each further effect would change,
-    list of `candidates.Candidate`.
-`filters_for(residual, filters, earlier)` : whitening by the noise of a residual (`.noise`, `.fit`),
-    and the blocks of the records (`.blocks`).
-`sharper(trials, filters)` : the same where the trials show another noise, or misfit that
-    none of them removes, else None.
-`screened(candidates, before, free, possible, filters)` : scores, best first; keys of hidden ones.
-`state(effects, solution, filters)` : a fit and its errors on the records that judge, `State`.
-`densities(state, filters)` : log predictive density of each block by a fitted model.
-`floor(before, free, residual, filters, earlier)` : what no effect can explain, `floor.Floor`.
-`denied(trials)`, `ties(trial, tied, denied, possible)` : by measurements outside the fit.
-`gates`, `misled(before, trial)` : limits; whether kept derivatives were too far off.
-`settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether they serve a refit to
-    another noise.
+`predict(side, values, effects)` : prediction of the records of a side, "fit" or "validation".
+`without_starts(columns, state, filters)` : whitened columns of the records that judge, less what
+    their starts leave unsure.
+`filters_for(residual, filters, first)` : whitening by the noise of a residual (`.noise`, `.fit`,
+    `.validation`), and the blocks of the records (`.blocks`).
+`state(effects, solution, filters)` : a fit and its errors on both sides, `state.State`.
+`floor(state, free, residual, filters)` : what no effect can explain, `floor.Floor`.
+`denied(state)`, `ties(effect, state, tied, denied, possible)` : by measurements outside the fit.
+`gates`, `settled` : limits, and the fall of the cost that ends a fit.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects.candidates import (
-    CHORD_STEPS,
-    State,
-    Trial,
-    compared,
-    frees_of,
-    most_telling,
-    polished,
-    residual_with_all,
-    scores_to_refit,
-    tried,
-)
-from cellwright.effects.floor import left_volt
+from cellwright.effects.columns import candidates
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.moves import PRICE, best_model, rivals
 from cellwright.effects.score import difference
-from cellwright.numerics.least_squares import TWO_STDS, fit, level
+from cellwright.effects.space import space_of
+from cellwright.effects.state import State, Yardstick, most_telling, squares_of
+from cellwright.numerics.least_squares import STEPS, TWO_STDS, fit, level
 
-POLISH_STEPS, NOISE_STEPS, TOGETHER_STEPS = 4, 3, 12
-MOST_ROUNDS = 12  # twice the effects that join one by one: before some join together, and after
+EXACT = 3  # models that are fitted exactly from one space
+MOST_SPACES = 6
+LEAST_GAIN = 0.05  # nats by which a model must be better for another space
+ROUGHLY = 0.5  # of the usual misfit: a fall of the cost that ends a fit on trial
+TIED = 3  # effects that are fitted exactly in the place of one
+SHARE_OF_TIE = 0.5  # of the gain of an effect that another must have in its place
 EVEN_STD = 0.95 / 4  # of an even distribution's width: two deviations hold 95 %
 LEVELLED = 3  # how often at most a delay's interval is looked for
-SHARPENED = 2  # how often at most a round is repeated with another noise
 
 
-class Round(NamedTuple):
-    """One round of the search: the model before it, the trials, and the choice.
+class Model(NamedTuple):
+    """A model that was fitted.
 
-    before : State without the choice. filters : whitening of both sides and blocks, by which
-    `before` and the trials were fitted and compared. floor : floor.Floor. scores : list of Score,
-    best first. trials : list of Trial, best first. joined : tuple of Trial that join the model, one
-    or, where none does by itself, some together.
-    hidden : keys of effects that these records cannot show. dropped : keys of effects that gain
-    too little once all are refitted together. denied : keys of effects that a measurement outside
-    the fit contradicts.
+    free : tuple of Free, of its fit. state : State. squares : (b,) see `state.squares_of`.
     """
 
-    before: State
-    filters: object
-    floor: object
-    scores: list
-    trials: list
-    joined: tuple
-    hidden: tuple
-    dropped: tuple = ()
-    denied: frozenset = frozenset()
+    free: tuple
+    state: State
+    squares: np.ndarray
 
     @property
-    def noise(self):
-        """Noise of the readings: noise.Noise, of a group a tuple of them, one a channel."""
-        return self.filters.noise
+    def effects(self):
+        """Its effects, in the order in which they act."""
+        return self.state.effects
 
     @property
-    def allowed(self):
-        """Trials that no measurement contradicts, the best of each effect."""
-        kept = {}
-        for trial in self.trials:
-            if trial.effect.key not in self.denied:
-                kept.setdefault(trial.effect.key, trial)
-        return list(kept.values())
+    def keys(self):
+        """Keys of its effects, sorted."""
+        return tuple(sorted(effect.key for effect in self.effects))
+
+
+def worth(model, yardstick):
+    """Sum of the densities of a model, less the price of its effects [nats]."""
+    return float(yardstick.density(model.squares).sum()) - PRICE * len(model.effects)
 
 
 class Beside(NamedTuple):
     """An effect of a model beside all others in it.
 
-    trial : Trial of the whole model, its gain that of this effect. before : State refitted without
-    it. tied : keys of effects that predict as well in its place.
+    state : State of the whole model. before : State refitted without the effect. gain :
+    score.Difference of the two. tied : keys of effects that predict as well in its place.
     """
 
-    trial: Trial
+    effect: object
+    state: State
     before: State
+    gain: object
     tied: tuple = ()
-
-    @property
-    def effect(self):
-        """The Effect."""
-        return self.trial.effect
 
 
 class Found(NamedTuple):
     """What a search ends with.
 
-    case, possible : what was searched, and its effects by key. rounds : list of Round; the last one
-    chose nothing. model, last : with all effects, and its State. beside : tuple of Beside, of each
-    effect in it, in order of addition. filters : of the last round.
+    case, possible : what was searched, and its effects by key. yardstick : state.Yardstick.
+    plain, model : Model without effects, and with all that predict better. models : dict of every
+    Model that was fitted, by its keys. beside : tuple of Beside, of each effect of the model, that
+    with the largest gain first. spaces : space.Space about the plain model, and about the last.
+    floor : floor.Floor. denied : keys of effects that a measurement outside the fit contradicts.
     """
 
     case: object
     possible: dict
-    rounds: list
-    model: object
-    last: State
+    yardstick: object
+    plain: Model
+    model: Model
+    models: dict
     beside: tuple
-    filters: object
+    spaces: tuple
+    floor: object
+    denied: frozenset
 
     @property
     def first(self):
         """State of the model without effects."""
-        return self.rounds[0].before
+        return self.plain.state
 
     @property
-    def floor(self):
-        """What no effect can explain: floor.Floor."""
-        return self.rounds[0].floor
+    def last(self):
+        """State of the model with all effects."""
+        return self.model.state
+
+    @property
+    def filters(self):
+        """Whitening and blocks by which all models were compared."""
+        return self.yardstick.filters
+
+    @property
+    def hidden(self):
+        """Keys of effects that these records cannot show at a plausible size."""
+        space = self.spaces[0]
+        shown = {t.effect.key for t, seen in zip(space.terms, space.visible, strict=True) if seen}
+        return tuple(dict.fromkeys(t.effect.key for t in space.terms if t.effect.key not in shown))
+
+    def nearest(self, most):
+        """Models with one effect more that promise most beside the last one, fitted: list of Model.
+
+        Parameters
+        ----------
+        most : how many are fitted.
+        """
+        space, about = self.spaces[-1], self._about
+        gains = [one for one in space.gains() if one[1].total > 0 and one[0].id not in OUTSIDE]
+        models = []
+        for effect, *_ in sorted(gains, key=lambda one: -one[1].total)[:most]:
+            term = space.term_of(effect, space.inside)
+            values = space.values_of(space.inside | {term}, self.last.solution.values)
+            models.append(_fitted(about, (*self.model.effects, effect), values, roughly=True))
+        return models
+
+    @property
+    def _about(self):
+        return _About(self.case, self.possible, self.plain.free, self.yardstick)
 
     def with_only(self, effects):
         """State of the model refitted with some of its effects alone."""
         kept = tuple(effect for effect in self.model.effects if effect in effects)
-        if kept == self.model.effects:
-            return self.last
-        model = _refitted(self.case, self.possible, self.model._replace(effects=kept), self.filters)
-        return _state(self.case, self.possible, model, self.filters)
+        keys = tuple(sorted(effect.key for effect in kept))
+        if keys in self.models:
+            return self.models[keys].state
+        return _fitted(self._about, kept, self.last.solution.values).state
 
     def gain_elsewhere(self, one):
         """What an effect gains elsewhere, over a model without it that the block that tells most of
@@ -161,22 +175,31 @@ class Found(NamedTuple):
         ----------
         one : Beside.
         """
-        blocks = self.filters.blocks
+        blocks = self.yardstick.blocks
         telling = most_telling(self.last, one.effect, blocks)
-        others = tuple(effect for effect in self.model.effects if effect is not one.effect)
-        unbent = self.model._replace(effects=others, solution=one.before.solution)
         rows = blocks.fitted != telling
-        unbent = _refitted(self.case, self.possible, unbent, self.filters, fitted=rows)
-        states = self.last, _state(self.case, self.possible, unbent, self.filters)
-        ends = [np.delete(self.case.densities(s, self.filters), telling) for s in states]
+        unbent = _fitted(self._about, one.before.effects, one.before.solution.values, rows=rows)
+        ends = [self.yardstick.density(model.squares) for model in (self.model, unbent)]
+        ends = [np.delete(density, telling) for density in ends]
         return difference(*ends, np.delete(blocks.record, telling))
 
 
+class _About(NamedTuple):
+    """What every fit of a search needs. free : of the plain model. level : Free of delays of which
+    the readings tell an interval alone, see `_levelled`."""
+
+    case: object
+    possible: dict
+    free: tuple
+    yardstick: object
+    level: tuple = ()
+
+
 def joins(gain, gates):
-    """Whether a gain lets an effect join a model: surely above none, by its sum or by its ranks.
+    """Whether a gain is surely above none, by its sum or by its ranks.
 
     Of a few blocks that lose much the standard error is their own, and the sum is never sure; what
-    the ranks of all blocks would let be a name joins as well.
+    the ranks of all blocks would let be a name counts as well.
 
     Parameters
     ----------
@@ -185,20 +208,8 @@ def joins(gain, gates):
     return gain.total > 0.0 and (gain.z >= gates.joins or gain.rank_z >= gates.counts)
 
 
-class _Model(NamedTuple):
-    """The model so far: free parameters without effects, effects in order of addition, its fit.
-
-    level : parameters of effects, Free, of which readings tell an interval alone: see `_levelled`.
-    """
-
-    plain: tuple
-    effects: tuple
-    solution: object
-    level: tuple = ()
-
-
 def search(case, library):
-    """Found by the search, until no effect predicts surely better.
+    """Found by the search, until no set of effects predicts better.
 
     Parameters
     ----------
@@ -206,270 +217,238 @@ def search(case, library):
     """
     possible = case.possible(library)
     free, values, filters = case.begun()
-    solution = fit(case.problem((), free, filters), values, settled=case.settled)
-    model, rounds, gone, together = _Model(free, (), solution), [], set(), False
-    while True:
-        step, filters = _round(case, possible, model, gone, filters, rounds)
-        rounds.append(step)
-        model = model._replace(solution=step.before.solution)
-        left = left_volt(step.before, step.floor)
-        if left <= case.gates.material_volt or len(rounds) > MOST_ROUNDS:
-            break  # what is left could not be material, or too much was tried
-        joined, taken, dropped = _taken(case, possible, model, step, filters)
-        gone |= set(dropped)
-        if not joined and not together and left > case.gates.unknown_volt:
-            together = True
-            joined, taken = _together(case, possible, model, step, filters)
-            gone = set()  # beside others they may gain
-        rounds[-1] = step._replace(dropped=tuple(dropped), joined=joined)
-        if not joined:
-            break
-        model = _levelled(case, possible, taken, joined, filters)
-    model, beside, _ = _needed(case, possible, model, filters)
-    last = _state(case, possible, model, filters)
-    beside = _with_ties(case, possible, model, beside, rounds, filters)
-    return Found(case, possible, rounds, model, last, beside, filters)
+    about = _About(case, possible, free, Yardstick(filters))
+    plain = _fitted(about, (), values)
+    for again in (True, False):
+        about, residual = _renewed(about, plain, first=again)
+    plain = _fitted(about, (), plain.state.solution.values)
+    about, models, first, denied = _climbed(about._replace(yardstick=about.yardstick.finer(plain.squares)), plain)
+    floor = case.floor(models[()].state, free, residual, about.yardstick.filters)
+    about, best = _levelled(about, _best(about, models))
+    models[best.keys] = best
+    best = _needed(about, best, models)
+    last = _space(about, best, denied)
+    beside = _beside(about, best, models, last, denied)
+    found = case, possible, about.yardstick, models[()], best, models, beside
+    return Found(*found, (first, last), floor, frozenset(denied))
 
 
-def _taken(case, possible, model, step, filters):
-    """Trials of a round that join (one or none), the model with them, and keys of what gains too
-    little once all are refitted."""
-    dropped = []
-    for trial in step.allowed if len(model.effects) < case.gates.rounds else ():
-        if not joins(trial.gain, case.gates):
-            continue
-        effects = (*model.effects, trial.effect)
-        begun = model._replace(effects=effects, solution=trial.state.solution)
-        refitted = _refitted(case, possible, begun, filters)
-        known = {trial.effect.key: step.before}
-        needed, _, without = _needed(case, possible, refitted, filters, known)
-        if trial.effect in needed.effects:
-            return (trial,), needed, [*dropped, *without]
-        dropped.append(trial.effect.key)
-    return (), model, dropped
+def _best(about, models):
+    """The model that predicts best of those that were fitted."""
+    return max(models.values(), key=lambda model: worth(model, about.yardstick))
 
 
-def _together(case, possible, model, step, filters):
-    """Trials of a round that join together, and the model with them; else none, and the model.
+def _climbed(about, plain):
+    """The search with its last yardstick; all models fitted by it; the space about the plain one;
+    keys of effects that a measurement contradicts.
 
-    They are those that are needed once all are fitted, if that model predicts surely better.
+    About the plain model little is linear: the second space is made at the best of the first models
+    with effects, better or not.
     """
-    trials = []
-    for trial in step.allowed:
-        tied = any(_exactly_tied(trial.effect, other.effect) for other in trials)
-        if trial.effect.id not in OUTSIDE and not tied:
-            trials.append(trial)
-    if len(trials) < 2:
-        return (), model
-    sizes = {name: t.state.solution.values[name] for t in trials for name in t.effect.names}
-    solution = model.solution._replace(values=model.solution.values | sizes)
-    effects = (*model.effects, *(trial.effect for trial in trials))
-    begun = model._replace(effects=effects, solution=solution)
-    whole = _refitted(case, possible, begun, filters, steps=TOGETHER_STEPS)
-    needed, _, _ = _needed(case, possible, whole, filters, closely=False)
-    needed = _refitted(case, possible, needed, filters)
-    ends = (_state(case, possible, needed, filters), step.before)
-    gain = difference(*(case.densities(end, filters) for end in ends), filters.blocks.record)
-    if not joins(gain, case.gates):
-        return (), model
-    return tuple(t for t in trials if t.effect in needed.effects), needed
+    models, denied, best, first, frozen = {(): plain}, set(), plain, None, False
+    for _ in range(MOST_SPACES):
+        space = _space(about, best, denied)
+        first = first or space
+        for chosen in _proposed(space, about.case.gates, denied, models, best):
+            effects = [space.terms[k].effect for k in chosen]
+            values = space.values_of(chosen, best.state.solution.values)
+            model = _fitted(about, effects, values, roughly=True)
+            if not frozen:
+                about, _ = _renewed(about, model)
+                plain = _fitted(about, (), plain.state.solution.values)
+                model = _fitted(about, effects, model.state.solution.values, roughly=True)
+                about = about._replace(yardstick=about.yardstick.finer(model.squares))
+                models, best, frozen = {(): plain}, plain, True
+            against = about.case.denied(model.state)
+            denied |= against
+            known = models.get(model.keys)
+            if not against and (known is None or worth(model, about.yardstick) > worth(known, about.yardstick)):
+                models[model.keys] = model
+        ahead = _best(about, {k: m for k, m in models.items() if k} or models) if best is plain else _best(about, models)
+        if ahead is best or (best is not plain and worth(ahead, about.yardstick) <= worth(best, about.yardstick) + LEAST_GAIN):
+            break
+        best = _fitted(about, ahead.effects, ahead.state.solution.values)
+        models[best.keys] = best
+        about = about._replace(yardstick=about.yardstick.finer(best.squares))
+    return about, models, first, denied
 
 
-def _levelled(case, possible, model, joined, filters):
-    """The model with each delay that joined, and of which the readings tell an interval alone, in
+def _proposed(space, gates, denied, models, best):
+    """Models of a space that are worth an exact fit: the best by moves, and its rivals."""
+    known = {"barred": denied, "fitted": models}
+    begun = dict.fromkeys((space.inside, frozenset()))
+    reached = best_model(space, begun, gates, barred=denied, fitted=set(models) - {best.keys})
+    wanted = [] if space.keys(reached) in models else [reached]
+    return [*wanted, *rivals(space, reached, gates, **known)[: EXACT - len(wanted)]]
+
+
+def _space(about, model, denied):
+    further = [e for e in about.possible.values() if e not in model.effects and e.key not in denied]
+    return space_of(about.case, about.yardstick, model.state, model.free, about.possible, further)
+
+
+def _fitted(about, effects, values, *, rows=None, roughly=False):
+    """Model of some effects, fitted from some values.
+
+    rows : (n,) bool, those that are fitted; None: all. roughly : for a first comparison.
+    """
+    case, yardstick = about.case, about.yardstick
+    effects, free = in_order(effects, about.possible), about.free
+    for effect in effects:
+        free = case.with_effect(free, effect)
+    level = {one.name: one for one in about.level}
+    free = tuple(level.get(one.name, one) for one in free)
+    problem = case.problem(effects, free, yardstick.filters)
+    if rows is not None:
+        whiten = problem.whiten
+        problem = problem._replace(whiten=lambda columns: (whiten(columns).T * rows).T)
+    # Nobody acts on a fall of the cost that is small beside the usual misfit.
+    scale = yardstick.scale if np.isfinite(yardstick.scale) else 1.0
+    settled = (ROUGHLY if roughly else case.settled) * scale
+    solution = fit(problem, values, steps=STEPS, settled=settled)
+    state = case.state(effects, solution, yardstick.filters)
+    return Model(free, state, squares_of(state, yardstick.blocks))
+
+
+def _renewed(about, model, *, first=False):
+    """The search with noise and scale by what all effects together leave about a model, and what
+    they leave (n,)."""
+    case, solution = about.case, model.state.solution
+
+    def predict(values, effect):
+        return case.predict("fit", values, in_order((*model.effects, effect), about.possible))
+
+    further = [effect for effect in about.possible.values() if effect not in model.effects]
+    lined_up = candidates(predict, solution.prediction, solution.values, further)
+    residual = _residual_with_all(solution, lined_up, about.yardstick.filters.fit)
+    filters = case.filters_for(residual, about.yardstick.filters, first)
+    return about._replace(yardstick=Yardstick(filters)), residual
+
+
+def _residual_with_all(solution, lined_up, whitening):
+    """Residual (n,), not whitened, with all candidates in the model, by ridge regression on what
+    each would change."""
+    if not lined_up:
+        return solution.residual
+    solution = solution.inside
+    many = np.concatenate([c.columns for c in lined_up], axis=1)
+    both = np.concatenate([solution.white, whitening.apply(many)], axis=1)
+    gram = both.T @ both
+    ridge = np.diag(1e-6 * np.diag(gram) + 1e-12)
+    k = len(solution.precision)
+    ridge[:k, :k] = solution.precision - gram[:k, :k]
+    # Scaled to one on the diagonal: columns of a millivolt beside some of hundreds of volts (a leak
+    # that an iron-phosphate cell's steep end turns into voltage) are else singular to rounding.
+    size = np.sqrt(np.maximum(np.diag(gram + ridge), 1e-300))
+    moment = both.T @ whitening.apply(solution.residual)
+    scaled = (gram + ridge) / np.outer(size, size)
+    # Least norm: where little of the records has weight, columns may be one and the same.
+    change = np.linalg.lstsq(scaled, moment / size, rcond=None)[0] / size
+    return solution.residual - np.concatenate([solution.columns, many], axis=1) @ change
+
+
+def _needed(about, model, models):
+    """The model without effects that are not worth their price once all are fitted exactly."""
+    while model.effects:
+        values = model.state.solution.values
+        for effect in model.effects:
+            others = tuple(one for one in model.effects if one is not effect)
+            keys = tuple(sorted(one.key for one in others))
+            if keys not in models:
+                models[keys] = _fitted(about, others, values, roughly=True)
+        ahead = _best(about, models)
+        if worth(ahead, about.yardstick) <= worth(model, about.yardstick):
+            break
+        model = _fitted(about, ahead.effects, ahead.state.solution.values)
+        models[model.keys] = model
+    return model
+
+
+def _beside(about, model, models, space, denied):
+    """Beside of each effect of a model, that with the largest gain first."""
+    gates, found = about.case.gates, []
+    for number, effect in enumerate(model.effects):
+        keys = tuple(key for key in model.keys if key != effect.key)
+        before = models[keys]
+        gain = about.yardstick.difference(model.squares, before.squares)
+        tied = ()
+        if gain.rank_z >= gates.counts and effect.id not in OUTSIDE:
+            tied = _tied(about, model, before, number, models, space)
+        tied = about.case.ties(effect, model.state, tied, denied, about.possible)
+        found.append(Beside(effect, model.state, before.state, gain, tied))
+    return tuple(sorted(found, key=lambda one: -one.gain.total))
+
+
+def _tied(about, model, before, number, models, space):
+    """Keys of effects that predict as well in the place of one of a model, by exact fits.
+
+    One is tied if its own gain would let it join, and the two are less apart than `apart` standard
+    errors. What has no name ties with none: it stands for whatever the vocabulary lacks, and has to
+    predict better.
+    """
+    gates, yardstick = about.case.gates, about.yardstick
+    rest = space.inside - {number}
+    least = SHARE_OF_TIE * space.difference(space.inside, rest).total
+    near = [rest | {k} for k in space.further(rest) if k != number]
+    near = [
+        one
+        for one in near
+        if not {space.terms[k].effect.id for k in one - rest} & OUTSIDE.keys()
+        and space.difference(space.inside, one).z < gates.apart
+        and space.difference(one, rest).total >= least
+    ]
+    near = sorted(near, key=lambda one: -space.density(one).sum())
+    of_effect = {}
+    for one in near:
+        of_effect.setdefault(space.keys(one), one)
+    tied = []
+    for keys, one in list(of_effect.items())[:TIED]:
+        if keys not in models:
+            effects = [space.terms[k].effect for k in one]
+            values = space.values_of(one, model.state.solution.values)
+            models[keys] = _fitted(about, effects, values, roughly=True)
+    for keys, there in models.items():
+        (*others,) = set(keys) - set(before.keys)
+        if len(others) != 1 or set(before.keys) - set(keys) or keys == model.keys:
+            continue
+        if about.possible[others[0]].id in OUTSIDE:
+            continue
+        apart = yardstick.difference(model.squares, there.squares).z
+        shown = yardstick.difference(there.squares, before.squares).z >= gates.joins
+        tied += others if shown and apart < gates.apart else []
+    return tuple(tied)
+
+
+def _levelled(about, model):
+    """The search and the model with each delay, of which the readings tell an interval alone, in
     its middle.
 
     There it is as sure as the normal distribution that has as wide a 95 % interval. A fit that
     stood in a step of the likelihood falls by it, and the interval is looked for again.
     """
-    for name in (one.effect.names[0] for one in joined if one.effect.hold_imitates):
-        others = tuple(one for one in model.level if one.name != name)
+    for name in (one.names[0] for one in model.effects if one.hold_imitates):
+        others = tuple(one for one in about.level if one.name != name)
         for _ in range(LEVELLED):
-            free, before = free_of(case, model._replace(level=others)), model.solution
-            problem = case.problem(in_order(model.effects, possible), free, filters)
+            before, free = model.state.solution, _unlevelled(model.free, about, name)
+            problem = about.case.problem(model.effects, free, about.yardstick.filters)
             ends = None if name in before.at_bound else level(problem, before, name)
             if ends is None:
                 break
             known = {"prior": sum(ends) / 2, "std": EVEN_STD * (ends[1] - ends[0])}
             one = next(one for one in free if one.name == name)._replace(**known)
-            solution = before._replace(values=before.values | {name: one.prior})
-            model = model._replace(level=(*others, one), solution=solution)
-            model = _refitted(case, possible, model, filters)
-            if before.chi_square - model.solution.chi_square < TWO_STDS:
+            about = about._replace(level=(*others, one))
+            values = before.values | {name: one.prior}
+            model = _fitted(about, model.effects, values)
+            if before.chi_square - model.state.solution.chi_square < TWO_STDS:
                 break
-    return model
+    return about, model
 
 
-def _exactly_tied(one, other):
-    """Whether no test tells two effects apart; fitted together they have no sizes."""
-    pairs = ((one, other), (other, one))
-    return any(tie.exact and tie.partner == b.id for a, b in pairs for tie in a.ties)
+def _unlevelled(free, about, name):
+    """Free parameters with that of a delay as its effect has it."""
+    plain = {f.name: f for f in about.case.with_effect((), _effect_of(about, name))}
+    return tuple(plain.get(one.name, one) for one in free)
 
 
-def free_of(case, model):
-    """Free parameters of a model, tuple of least_squares.Free."""
-    free, known = model.plain, {one.name: one for one in model.level}
-    for effect in model.effects:
-        free = case.with_effect(free, effect)
-    return tuple(known.get(one.name, one) for one in free)
-
-
-def _state(case, possible, model, filters):
-    """State of a fitted model."""
-    return case.state(in_order(model.effects, possible), model.solution, filters)
-
-
-def _refitted(case, possible, model, filters, *, fitted=None, steps=POLISH_STEPS):
-    """The model fitted with new derivatives, to all rows or those alone that are `fitted` (n,)."""
-    effects = in_order(model.effects, possible)
-    problem = case.problem(effects, free_of(case, model), filters)
-    if fitted is not None:
-        whiten = problem.whiten
-        problem = problem._replace(whiten=lambda rows: (whiten(rows).T * fitted).T)
-    solution = fit(problem, model.solution.values, steps=steps, settled=case.settled)
-    return model._replace(solution=solution)
-
-
-def _needed(case, possible, model, filters, known=None, *, closely=True):
-    """The model without effects that gain too little beside all others; Beside of each that is
-    left; keys of the others. The least goes first, and those that gain too little are asked anew;
-    without it the others gain more, if anything, and are asked again when all of these are.
-
-    known : State without an effect, by its key, of those that were fitted already.
-    closely : fit again with new derivatives what kept ones may have misled.
-    """
-    dropped, asked = [], model.effects
-    while asked:
-        beside = _beside(case, possible, model, asked, filters, known or {}, closely=closely)
-        needless = [one for one in beside if not joins(one.trial.gain, case.gates)]
-        if not needless and asked == model.effects:
-            return model, beside, dropped
-        asked = ()
-        if needless:
-            least = min(needless, key=lambda one: one.trial.gain.z)
-            dropped.append(least.effect.key)
-            others = tuple(effect for effect in model.effects if effect is not least.effect)
-            model, known = model._replace(effects=others, solution=least.before.solution), None
-            asked = tuple(one.effect for one in needless if one is not least)
-        asked = asked or model.effects
-    return model, (), dropped
-
-
-def _beside(case, possible, model, asked, filters, known, *, closely):
-    """Beside of each effect of a model that is asked for: refitted without it."""
-    whole = _state(case, possible, model, filters)
-    with_all, record = case.densities(whole, filters), filters.blocks.record
-    found = []
-    for effect in asked:
-        before = known.get(effect.key)
-        if before is None:
-            before = _without(case, possible, model, effect, whole, filters, closely=closely)
-        gain = difference(with_all, case.densities(before, filters), record)
-        found.append(Beside(Trial(effect, 0.0, whole, gain), before))
-    return tuple(found)
-
-
-def _without(case, possible, model, effect, whole, filters, *, closely):
-    """State of a model without one of its effects; its derivatives are kept where they hold."""
-    others = model._replace(effects=tuple(one for one in model.effects if one is not effect))
-    solution = whole.solution
-    gone = {free.name for free in frees_of(effect)}
-    kept = [k for k, name in enumerate(solution.names) if name not in gone]
-    columns = {"columns": solution.columns[:, kept], "white": solution.white[:, kept]}
-    effects = in_order(others.effects, possible)
-    problem = case.problem(effects, free_of(case, others), filters)
-    if not case.keeps_derivatives:
-        return _state(case, possible, _refitted(case, possible, others, filters), filters)
-    fitted = fit(problem, solution.values, **columns, steps=CHORD_STEPS)
-    state = case.state(effects, fitted, filters)
-    if closely and case.misled(whole, Trial(effect, 0.0, state)):
-        others = others._replace(solution=fitted)
-        return _state(case, possible, _refitted(case, possible, others, filters), filters)
-    return state
-
-
-def _with_ties(case, possible, model, beside, rounds, filters):
-    """Beside of each effect, with what predicts as well in its place.
-
-    A rival is refitted in its place. It is tied if its own gain would let it join, and the two are
-    less apart than `apart` standard errors. A rival without a name ties with none: it stands for
-    whatever the vocabulary lacks, and has to predict better.
-    """
-    inside, record = {effect.key for effect in model.effects}, filters.blocks.record
-    known = []
-    for one in beside:
-        at_last = ((s, t) for s in reversed(rounds) for t in s.joined if t.effect is one.effect)
-        step, joined = next(at_last)
-        rivals = [t for t in step.allowed if t.effect.key not in inside and not t.at_limit]
-        rivals = [t for t in rivals if t.effect.id not in OUTSIDE]
-        rivals = [
-            t for t in rivals if t.gain.z >= case.gates.joins and _near(step, joined, t, case.gates)
-        ]
-        both = (one.trial.state, one.before) if rivals else ()
-        with_all, without = [case.densities(s, filters) for s in both] or (None, None)
-        tied = []
-        for rival in rivals:
-            names = {name: rival.state.solution.values[name] for name in rival.effect.names}
-            values = one.before.solution.values | names
-            others = (other for other in model.effects if other is not one.effect)
-            begun = model.solution._replace(values=values)
-            begun = model._replace(effects=(*others, rival.effect), solution=begun)
-            fitted = _refitted(case, possible, begun, filters)
-            there = case.densities(_state(case, possible, fitted, filters), filters)
-            apart = difference(with_all, there, record).z
-            shown = difference(there, without, record).z >= case.gates.joins
-            tied += [rival.effect.key] if shown and apart < case.gates.apart else []
-        tied = case.ties(one.trial, tuple(tied), step.denied, possible)
-        known.append(one._replace(tied=tied))
-    return tuple(known)
-
-
-def _near(step, joined, rival, gates):
-    """Whether a rival may be tied with what joined in a round: it was not surely worse there."""
-    apart = difference(joined.density, rival.density, step.filters.blocks.record)
-    return apart.z < gates.counts
-
-
-def _round(case, possible, model, gone, filters, earlier):
-    """The next Round, without a choice, and its filters; repeated while its trials ask for others
-    (`sharper`)."""
-    effects, solution = in_order(model.effects, possible), model.solution
-    free = free_of(case, model)
-    further = {
-        key: effect for key, effect in possible.items() if effect not in effects and key not in gone
-    }
-    candidates = case.candidates(effects, solution, possible, tuple(further.values()))
-    residual = residual_with_all(solution, candidates, filters.fit)
-    filters = case.filters_for(residual, filters, earlier)
-    trials, sharper = (), filters
-    for again in range(SHARPENED, -1, -1):
-        filters = sharper
-        step = _tested(case, possible, effects, free, solution, filters, candidates, trials)
-        solution, trials = step.before.solution, step.trials
-        sharper = case.sharper(trials, filters) if trials and again else None
-        if sharper is None:
-            break
-    floor = case.floor(step.before, free, residual, filters, earlier)
-    denied = frozenset(case.denied(step.trials))
-    return step._replace(floor=floor, denied=denied), filters
-
-
-def _tested(case, possible, effects, free, solution, filters, candidates, earlier):
-    """A Round without a choice: refit to the noise, screen, try the best.
-
-    earlier : Trials of the same round with another noise; a trial begins where it ended there.
-    """
-    problem = case.problem(effects, free, filters)
-    columns = solution.columns if case.keeps_derivatives else None
-    steps = {"steps": NOISE_STEPS, "settled": case.settled}
-    solution = fit(problem, solution.values, columns=columns, **steps)
-    before = case.state(effects, solution, filters)
-    scores, hidden = case.screened(candidates, before, free, possible, filters)
-    ends = {trial.effect.key: trial.state for trial in reversed(earlier)}
-    trials = [
-        tried(case, possible, free, before, score, filters, ends.get(score.candidate.effect.key))
-        for score in scores_to_refit(scores, ends, case.gates.refits)
-    ]
-    trials = compared(case, before, trials, filters)
-    trials = polished(case, free, before, trials, filters)
-    return Round(before, filters, None, scores, trials, (), hidden)
+def _effect_of(about, name):
+    return next(effect for effect in about.possible.values() if name in effect.names)

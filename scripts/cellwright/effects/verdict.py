@@ -5,6 +5,7 @@ from typing import NamedTuple
 from cellwright.effects.floor import fallen_volt, fallen_where_judged_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.score import difference
+from cellwright.effects.state import squares_of
 from cellwright.effects.story.sizes import has_size
 
 # ASSUME: Cells are as those of three sets by other simulators (docs/missing-effect-benchmark.md):
@@ -86,7 +87,7 @@ def _left(found, state):
 def _against(found, one, fitted, values):
     """Why an effect that is in a model has no name, in words; "": it has one."""
     case, last = found.case, found.last
-    if one.trial.gain.rank_z < case.gates.counts:
+    if one.gain.rank_z < case.gates.counts:
         return UNEVEN
     if fallen_volt(one.before, last, found.floor) < case.gates.material_volt:
         return SMALL
@@ -158,7 +159,7 @@ def shown_outside(found, result):
 
 def _errors(one):
     """Errors of a model without and with one of its effects, on both kinds of records."""
-    ends = one.before, one.trial.state
+    ends = one.before, one.state
     return {
         side: dict(zip(("before", "after"), (getattr(s, side) for s in ends), strict=True))
         for side in ("rmse_volt", "validation_rmse_volt")
@@ -167,7 +168,7 @@ def _errors(one):
 
 def _entry(found, one, result, deviations):
     """Entry of one effect in a verdict: sizes, errors without and with it beside the others."""
-    solution, errors = one.trial.state.solution, _errors(one)
+    solution, errors = one.state.solution, _errors(one)
     both = errors["validation_rmse_volt"]
     return {
         "effect": one.effect.id,
@@ -184,26 +185,26 @@ def _entry(found, one, result, deviations):
         **errors,
         "gap_closed": gap_closed(both["before"], both["after"], result.floor.validation_volt),
         "proof": "proven" if is_proven(found, one) else "unproven",
-        "gain": one.trial.gain._asdict(),
+        "gain": one.gain._asdict(),
         "probability": RIGHT_ALONE if len(result.names) == 1 else RIGHT_BESIDE,
     }
 
 
 def is_proven(found, one):
     """Whether the records that judge show an effect by themselves: surely, and in its size."""
-    case, filters = found.case, found.filters
-    judges = filters.blocks.judges
-    states = one.before, one.trial.state
-    ends = (case.densities(state, filters)[judges] for state in reversed(states))
+    case, blocks = found.case, found.yardstick.blocks
+    judges, states = blocks.judges, (one.before, one.state)
+    ends = (squares_of(state, blocks) for state in reversed(states))
+    ends = (found.yardstick.density(squares)[judges] for squares in ends)
     return (
         fallen_where_judged_volt(*states, found.floor) >= case.gates.material_volt
-        and difference(*ends, filters.blocks.record[judges]).z >= case.gates.joins
+        and difference(*ends, blocks.record[judges]).z >= case.gates.joins
     )
 
 
 def _outside(one, deviations):
     """What the vocabulary has no name for: its size, and errors without and with it."""
     (p, *_), (name, *_) = one.effect.parameters, one.effect.names
-    value = float(one.trial.state.solution.values[name])
+    value = float(one.state.solution.values[name])
     size = {"value": value, "std": deviations[name]}
     return {"effect": one.effect.id, "parameter": p.name, "unit": p.unit} | size | _errors(one)

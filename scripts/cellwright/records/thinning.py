@@ -238,6 +238,29 @@ def without_edges(record, *, step_ampere):
     return record._replace(used=record.used & ~alone)
 
 
+def without_unsettled(record, *, step_ampere, settled_second):
+    """Record whose rows within so short a time after a step of the current are not used.
+
+    There the voltage is on its way: the double layer still takes part of the current, and the
+    tester sets it. A first row that no other follows as closely stays: it stands for the time until
+    the next one.
+
+    Parameters
+    ----------
+    record : Record. step_ampere : change of current between samples that counts as a step [A].
+    settled_second : from a step until its rows are used [s].
+    """
+    time = record.test_time_second
+    steps = np.diff(time)
+    stepped = np.append(False, _stepped(record, step_ampere))
+    since = time - time[np.maximum.accumulate(np.where(stepped, np.arange(len(time)), 0))]
+    near = np.append(np.inf, steps) < settled_second
+    near |= np.append(steps, np.inf) < settled_second
+    after = np.logical_or.accumulate(stepped)
+    unsettled = after & near & (since < settled_second)
+    return record._replace(used=record.used & ~unsettled)
+
+
 def driven(current_ampere):
     """Whether a record is a drive: at least half of its current steps follow one another directly.
 

@@ -16,7 +16,7 @@ def judged_blocks(case, state, folds, *, split_rest_second):
 
     Parameters
     ----------
-    case : case.Case of a given model, `case.given_case`. state : candidates.State, the model with
+    case : case.Case of a given model, `case.given_case`. state : state.State, the model with
         its effects. folds : list of dict, see `member.folds`.
     split_rest_second : shortest rest that ends a block [s].
 

@@ -353,7 +353,7 @@ def document(case, state):
 
     Parameters
     ----------
-    case : case.GroupCase. state : candidates.State.
+    case : case.GroupCase. state : state.State.
 
     Returns
     -------

@@ -1,11 +1,11 @@
 """Which question of a verdict the next test is to answer."""
 
-from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.planning.planner import next_test
 from cellwright.effects.story.places import where
 from cellwright.effects.verdict import NO_SIZE, is_proven, shown_outside
 
 REST_HOUR = 1  # before and after the loads of a test that is repeated
+NEARER = 3  # effects that are fitted beside what a search has found
 NEAR = 0.25  # share of the squared gap that an explanation near enough to be tested takes
 DOUBLED = 2.0  # what a test makes of the chi-square on hand: explanations told apart are both wrong
 
@@ -40,7 +40,7 @@ def advised(found, result, library, untestable, place):
     case = found.case
     tied = next((one for one in result.names if one.tied), None)
     if tied is not None:
-        state, name = tied.trial.state, tied.effect.id
+        state, name = tied.state, tied.effect.id
         advice = next_test(case, state, name, tied.tied, library=library)
         if _doubles(advice):
             return _advice_of(advice)
@@ -53,10 +53,10 @@ def advised(found, result, library, untestable, place):
         return {}, f"To see whether {one.effect.sentence}: {one.effect.shows}.", None
     unsized = [one for one, why in result.unnamed if why == NO_SIZE]
     if result.word == "unknown" and unsized:
-        effect = max(unsized, key=lambda one: one.trial.gain.total).effect
+        effect = max(unsized, key=lambda one: one.gain.total).effect
         return {}, f"To see by how much {effect.sentence}: {effect.shows}.", None
     if not result.adequate:
-        return _of_gap(case, result, found.rounds[-1], library, place)
+        return _of_gap(found, result, library, place)
     unseen = (name for name in untestable if library[name].asked_if_unseen)
     name = next(unseen, None) if result.word == "none" else None
     if name is None:
@@ -69,15 +69,13 @@ def _advice_of(advice):
     return advice.table, advice.sentence, None if advice.test == "check" else advice.test
 
 
-def _of_gap(case, result, step, library, place):
-    """Advice on what is left after the last round: on its nearest explanations, or on its place."""
-    near = [t for t in step.trials if _near(case, step.before, t, result.floor)]
-    near = {t.effect.id: t for t in sorted(near, key=lambda t: t.gain.total)}
-    near = sorted(near.values(), key=lambda t: -t.gain.total)[:2]
+def _of_gap(found, result, library, place):
+    """Advice on what is left after the search: on its nearest explanations, or on its place."""
+    case, near = found.case, found.nearest(NEARER)
+    near = [one for one in near if _near(found.last, one.state, result.floor)][:2]
     if near:
-        state, name = near[0].state, near[0].effect.id
-        rivals = tuple(t.effect.id for t in near[1:])
-        advice = next_test(case, state, name, rivals, library=library, proof=not rivals)
+        state, (name, *rivals) = near[0].state, [_added(found, one) for one in near]
+        advice = next_test(case, state, name, tuple(rivals), library=library, proof=not rivals)
         if _doubles(advice):
             sentence = f"{advice.sentence[:-1]}. Neither explains all that is left."
             return advice.table, sentence, advice.test
@@ -98,11 +96,14 @@ def _doubles(advice):
     return max(advice.table["chi_square"]) >= DOUBLED * advice.now
 
 
-def _near(case, before, trial, floor):
-    """Whether an effect that was tried explains a fair part of a gap, without being chosen."""
-    if trial.gain.total <= 0.0 or trial.effect.id in OUTSIDE:
-        return False
-    after = trial.state
+def _added(found, model):
+    """Id of the effect that a model has beside those of the search's own."""
+    inside = {effect.key for effect in found.model.effects}
+    return next(effect.id for effect in model.effects if effect.key not in inside)
+
+
+def _near(before, after, floor):
+    """Whether a model takes a fair part of what another leaves."""
     sides = (
         (before.rmse_volt, after.rmse_volt, floor.fit_volt),
         (before.validation_rmse_volt, after.validation_rmse_volt, floor.validation_volt),

@@ -256,7 +256,7 @@ def next_test(
 
     Parameters
     ----------
-    case : case.Case. state : candidates.State, with the effect in it or not; or sensitivity.Model.
+    case : case.Case. state : state.State, with the effect in it or not; or sensitivity.Model.
     effect : id; where the state holds it at its estimated size, else at a plausible one.
     alternatives : ids as good; without any, the effect is weighed against the model without it.
     library : dict of Effect by id. spread : noise.Noise. rating : Rating; without one, as the

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.candidates import candidates
+from cellwright.effects.columns import candidates
 from cellwright.numerics.least_squares import Free
 from cellwright.numerics.noise import FIRST, whitening
 

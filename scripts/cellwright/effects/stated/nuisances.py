@@ -15,7 +15,7 @@ def declared_values_at_limit(case, state, parts):
 
     Parameters
     ----------
-    case : case.Case. state : candidates.State of the model. parts : (n,) number of the part of
+    case : case.Case. state : state.State of the model. parts : (n,) number of the part of
         each row of the fit, see `records.parts_of`.
 
     Returns

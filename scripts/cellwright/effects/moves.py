@@ -1,0 +1,119 @@
+"""Moves between the models of a space: add, drop, swap, and pairs where nothing else helps.
+
+Each raises the sum of the predictive densities, less a price for every effect: what it must be
+worth to be told apart from the effects that could stand in its place.
+"""
+
+PRICE = 1.0  # nats an effect
+SHORTLIST = 5  # moves whose densities are made in full, the best by tenths of the blocks
+ADDED, SWAPPED, PAIRED = 12, 8, 8  # terms that are tried, the most promising first
+LEAST_OF_SWAP = 1.0  # nats: two that differ by less are the same to anyone
+PAIR_Z = 2.0
+MOST_MOVES = 40
+
+
+def worth(space, chosen):
+    """Sum of the densities of a model of a space, less the price of its effects."""
+    return float(space.density(chosen).sum()) - PRICE * len(chosen)
+
+
+def best_model(space, begun, gates, *, barred=(), fitted=()):
+    """The model that moves from some others lead to: frozenset of numbers of terms.
+
+    Parameters
+    ----------
+    space : space.Space. begun : models to set out from. gates : case.Gates.
+    barred : keys of effects that no model may have. fitted : models, as tuples of keys, that were
+    fitted already and are not asked for again.
+    """
+    ends = [_walked(space, frozenset(model), gates, set(barred), set(fitted)) for model in begun]
+    return max(ends, key=lambda model: worth(space, model))
+
+
+def _walked(space, model, gates, barred, fitted):
+    for _ in range(MOST_MOVES):
+        now = worth(space, model)
+        offers = _single(space, model, barred)
+        chosen = _best(space, model, now, offers, gates.joins, fitted)
+        if chosen is None:
+            chosen = _best(space, model, now, _pairs(space, model, barred), PAIR_Z, fitted)
+        if chosen is None:
+            return model
+        model = chosen
+    return model
+
+
+def _single(space, model, barred):
+    """Models one move away, with the least that each must gain: dict."""
+    added = space.further(model, barred)[:ADDED]
+    offers = {model | {k}: 0.0 for k in added if _together(space, model, k)}
+    for k in model:
+        rest = model - {k}
+        offers[rest] = 0.0
+        for other in space.further(rest, barred)[:SWAPPED]:
+            if other != k and _together(space, rest, other):
+                offers[rest | {other}] = LEAST_OF_SWAP
+    return offers
+
+
+def _pairs(space, model, barred):
+    """Models with two effects more, with the least that each must gain: dict."""
+    added = [k for k in space.further(model, barred)[:PAIRED] if _together(space, model, k)]
+    return {
+        model | {one, other}: 0.0
+        for n, one in enumerate(added)
+        for other in added[n + 1 :]
+        if _together(space, model | {one}, other)
+    }
+
+
+def _together(space, model, term):
+    """Whether a term can be beside those of a model: not the same effect, and none that no test
+    tells from it."""
+    one = space.terms[term].effect
+    others = [space.terms[k].effect for k in model]
+    return not any(one.key == other.key or _exactly_tied(one, other) for other in others)
+
+
+def _exactly_tied(one, other):
+    pairs = ((one, other), (other, one))
+    return any(tie.exact and tie.partner == b.id for a, b in pairs for tie in a.ties)
+
+
+def _best(space, model, now, offers, least_z, fitted):
+    """The offer that gains most, or None; one that only adds must be surely better, too."""
+    offers = {m: least for m, least in offers.items() if space.keys(m) not in fitted}
+    order = sorted(offers, key=lambda m: space.roughly(m) - PRICE * len(m), reverse=True)
+    best, most = None, now
+    for offer in order[:SHORTLIST]:
+        value = worth(space, offer)
+        adds = offer > model
+        if value <= max(most, now + offers[offer]):
+            continue
+        if adds and space.difference(offer, model).z < least_z:
+            continue
+        best, most = offer, value
+    return best
+
+
+def rivals(space, model, gates, *, barred=(), fitted=()):
+    """Models with one effect swapped or left out that are not surely worse, the best first: list.
+
+    Parameters
+    ----------
+    space, gates, barred, fitted : as in `best_model`. model : numbers of terms.
+    """
+    found, value = {}, worth(space, model)
+    for k in model:
+        rest = model - {k}
+        swapped = [j for j in space.further(rest, barred)[:ADDED] if _together(space, rest, j)]
+        for one in (rest, *(rest | {j} for j in swapped)):
+            keys = space.keys(one)
+            if one == model or keys in fitted:
+                continue
+            apart = space.difference(model, one).z
+            if apart >= gates.apart and worth(space, one) < value - LEAST_OF_SWAP:
+                continue
+            if keys not in found or worth(space, found[keys]) < worth(space, one):
+                found[keys] = one
+    return sorted(found.values(), key=lambda one: worth(space, one), reverse=True)

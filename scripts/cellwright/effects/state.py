@@ -1,0 +1,113 @@
+"""A fitted model and its errors, and how well it predicts each block."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects.score import densities, difference, left_out, mean_squares
+from cellwright.numerics.least_squares import inverse
+
+
+class State(NamedTuple):
+    """A fitted model: its effects, and its errors on the records fitted and those that judge.
+
+    values : of the validation records, with their own starts. validation : residual (m,), errors of
+    the starts taken out. validation_white : the same whitened. rmse_volt, validation_rmse_volt : of
+    a cell's voltage, of a group's branch currents times their cells' ohmic resistance [V].
+    """
+
+    effects: tuple
+    solution: object
+    values: dict
+    validation: np.ndarray
+    validation_white: np.ndarray
+    rmse_volt: float
+    validation_rmse_volt: float
+
+    @property
+    def worst_volt(self):
+        """The larger of both rms errors [V]."""
+        return max(self.rmse_volt, self.validation_rmse_volt)
+
+
+class Yardstick(NamedTuple):
+    """By what all models of a search are compared.
+
+    filters : whitening of both sides by the noise, and the blocks. scale : mean square by which
+    the best model so far errs in half of the blocks that it was fitted to, each left out, in units
+    of the noise, 1 or more: nobody acts on what is small beside that.
+    """
+
+    filters: object
+    scale: float = np.inf
+
+    @property
+    def blocks(self):
+        """Blocks of both sides: score.Blocks."""
+        return self.filters.blocks
+
+    def finer(self, squares):
+        """The yardstick with the scale of a model by its squares, if that is less."""
+        usual = float(np.median(squares[~self.blocks.judges]))
+        return self._replace(scale=min(self.scale, max(1.0, usual)))
+
+    def density(self, squares):
+        """Log predictive density (b,) of each block by the mean squares of its errors (b,)."""
+        return densities(squares / self.scale)
+
+    def difference(self, better, worse):
+        """How much better a model predicts than another, by their squares: score.Difference."""
+        return difference(self.density(better), self.density(worse), self.blocks.record)
+
+
+def squares_of(state, blocks):
+    """Mean square (b,) of the whitened errors of each block by a fitted model.
+
+    A block of the records fitted is predicted by the fit without it.
+
+    Parameters
+    ----------
+    state : State. blocks : score.Blocks.
+    """
+    seen = mean_squares(state.validation_white, blocks.judging, len(blocks.record))
+    return np.where(blocks.judges, seen, _left_out(state, blocks).squares)
+
+
+def most_telling(state, effect, blocks):
+    """Number of the block of the records fitted without which the sizes of an effect move most.
+
+    Parameters
+    ----------
+    state : State of a model with the effect. effect : Effect. blocks : score.Blocks.
+
+    Source: Cook's distance of a subset of the parameters: R. Cook, S. Weisberg, Residuals and
+    Influence in Regression (1982), 3.5.
+    """
+    solution = state.solution.inside
+    mine = [k for k, name in enumerate(solution.names) if name in effect.names]
+    change = _left_out(state, blocks).change[:, mine]
+    covariance = inverse(solution.precision)[np.ix_(mine, mine)]
+    return int(np.argmax(np.einsum("bk,kj,bj->b", change, inverse(covariance), change)))
+
+
+def _left_out(state, blocks):
+    """Fits without each block, score.LeftOut, of a state's parameters that are on no bound."""
+    solution = state.solution.inside
+    fitted = solution.white, solution.whitened, solution.precision, solution.slope
+    vague = _vague(state.effects, solution)
+    return left_out(*fitted, blocks.fitted, len(blocks.record), vague=vague)
+
+
+def _vague(effects, solution):
+    """Precision of parameters that have no prior, by their bounds, and their distance from absent.
+
+    Without it what a single block tells of would not be predicted there at all.
+    """
+    known, away = np.zeros(len(solution.names)), np.zeros(len(solution.names))
+    place = {name: k for k, name in enumerate(solution.names)}
+    for effect in effects:
+        for p, name in zip(effect.parameters, effect.names, strict=True):
+            if name in place and not np.isfinite(p.prior_std):
+                known[place[name]] = (p.plausible or p.upper - p.lower) ** -2.0
+                away[place[name]] = solution.values[name] - p.neutral
+    return known, away

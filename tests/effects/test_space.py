@@ -1,0 +1,106 @@
+"""A space of models: where all is linear, what it says of a set is what fits of that set say."""
+
+import numpy as np
+import pytest
+from linear_space import Linear, effect, random_columns
+from small_plant import Truth, searched
+
+from cellwright.effects.moves import worth
+from cellwright.effects.score import densities
+from cellwright.effects.space import block_products
+
+COLUMNS = random_columns("one", "two", "three")
+SIZES = {"one": 0.8, "two": -0.5}
+
+
+@pytest.mark.parametrize("inside", [(), ("one",), ("one", "three")])
+@pytest.mark.parametrize("chosen", [(), ("one",), ("two",), ("one", "two"), ("two", "three")])
+def test_a_block_left_out_is_predicted_as_by_a_fit_without_it(inside, chosen):
+    """Whatever the model has about which the space was made: taken out, kept or joined."""
+    linear = Linear(COLUMNS, SIZES, inside=inside)
+    model = linear.terms(*chosen)
+    by_hand = linear.squares(chosen)
+    np.testing.assert_allclose(linear.space.squares(model), by_hand, rtol=1e-6)
+    by_hand = densities(by_hand)
+    np.testing.assert_allclose(linear.space.density(model), by_hand, atol=1e-6)
+
+
+def test_tenths_of_the_blocks_give_the_same_order():
+    linear = Linear(COLUMNS, SIZES)
+    sets = [(), ("three",), ("two",), ("one",), ("one", "two")]
+    sums = [linear.space.roughly(linear.terms(*names)) for names in sets]
+    exact = [linear.space.density(linear.terms(*names)).sum() for names in sets]
+    assert np.argsort(sums).tolist() == np.argsort(exact).tolist()
+    np.testing.assert_allclose(sums, exact, rtol=0.1)
+
+
+def test_a_size_ends_on_its_bound_and_is_no_more_fitted():
+    effects = {name: effect(name) for name in COLUMNS} | {"two": effect("two", lower=-0.2)}
+    linear = Linear(COLUMNS, SIZES, effects=effects)
+    at = linear.space.values_of(linear.terms("two"), {})
+    assert at["two.size"] == -0.2
+    free = Linear(COLUMNS, SIZES)
+    inside, bounded = (
+        one.space.density(one.terms("two")).sum() for one in (free, linear)
+    )
+    assert bounded < inside
+    held = linear.y - linear.columns["two"] * -0.2
+    fits = ~linear.judges[linear.block] & (linear.block != 0)
+    X = linear.plain[fits]
+    b = np.linalg.solve(X.T @ X + 0.3 * np.eye(3), X.T @ held[fits])
+    mine = linear.block == 0
+    square = np.mean((held[mine] - linear.plain[mine] @ b) ** 2)
+    assert linear.space.squares(linear.terms("two"))[0] == pytest.approx(square, rel=1e-6)
+
+
+def test_terms_that_promise_most_come_first_and_each_effect_once():
+    linear = Linear(COLUMNS, SIZES)
+    order = linear.space.further(frozenset())
+    assert [linear.space.terms[k].effect.id for k in order] == ["one", "two", "three"]
+    beside = linear.space.further(linear.terms("one"), barred={"three"})
+    assert [linear.space.terms[k].effect.id for k in beside] == ["two"]
+
+
+def test_what_a_plausible_size_would_not_show_takes_no_part():
+    effects = {name: effect(name, size=1e-3) for name in COLUMNS}
+    linear = Linear(COLUMNS, SIZES, effects=effects)
+    assert not any(linear.space.visible)
+    assert linear.space.further(frozenset()) == []
+
+
+def test_gains_are_those_over_the_model_as_it_is():
+    linear = Linear(COLUMNS, SIZES, inside=("one",))
+    gains = {one.id: (gain, size) for one, gain, size, *_ in linear.space.gains()}
+    assert set(gains) == {"two", "three"}
+    gain, size = gains["two"]
+    own = linear.space.difference(linear.terms("one", "two"), linear.terms("one"))
+    assert gain == own
+    assert size == pytest.approx(-0.5, abs=0.15)
+    changes = linear.space.changes_by_another(("a", "b", "c", "one.size"))
+    both = linear.fitted(("one", "two"), ~linear.judges[linear.block])
+    alone = linear.fitted(("one",), ~linear.judges[linear.block])
+    found = np.array([changes[0][name] for name in ("a", "b", "c", "one.size")])
+    np.testing.assert_allclose(found, both[:4] - alone, atol=1e-6)
+
+
+def test_products_of_rows_by_block_and_of_those_in_none():
+    random = np.random.default_rng(1)
+    columns, block = random.normal(size=(60, 4)), random.integers(-1, 5, 60)
+    products, loose, rows = block_products(columns, block, 6)
+    for k in range(6):
+        mine = columns[block == k]
+        np.testing.assert_allclose(products[k], mine.T @ mine, atol=1e-12)
+        assert rows[k] == len(mine)
+    np.testing.assert_allclose(loose, columns[block == -1].T @ columns[block == -1])
+
+
+def test_about_a_fitted_model_the_space_says_what_the_fit_says():
+    found = searched(Truth(hysteresis=0.012))[0]
+    space = found.spaces[-1]
+    assert space.keys(space.inside) == found.model.keys
+    exact = found.model.density
+    np.testing.assert_allclose(space.density(space.inside), exact, atol=0.02)
+    assert worth(space, space.inside) == pytest.approx(found.model.worth, abs=0.1)
+    assert len(exact) == len(found.yardstick.blocks.record)
+
+
