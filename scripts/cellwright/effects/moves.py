@@ -97,23 +97,25 @@ def _best(space, model, now, offers, least_z, fitted):
 
 
 def rivals(space, model, gates, *, barred=(), fitted=()):
-    """Models with one effect swapped or left out that are not surely worse, the best first: list.
+    """Models beside one that are worth an exact fit, the best first: list.
+
+    Those with one effect swapped or left out that are not surely worse. About the plain model
+    little is linear, and what is no line in its sizes is worth more than its columns promise: there
+    also single effects that the model has not.
 
     Parameters
     ----------
     space, gates, barred, fitted : as in `best_model`. model : numbers of terms.
     """
-    found, value = {}, worth(space, model)
-    for k in model:
-        rest = model - {k}
-        swapped = [j for j in space.further(rest, barred)[:ADDED] if _together(space, rest, j)]
-        for one in (rest, *(rest | {j} for j in swapped)):
-            keys = space.keys(one)
-            if one == model or keys in fitted:
-                continue
-            apart = space.difference(model, one).z
-            if apart >= gates.apart and worth(space, one) < value - LEAST_OF_SWAP:
-                continue
-            if keys not in found or worth(space, found[keys]) < worth(space, one):
-                found[keys] = one
-    return sorted(found.values(), key=lambda one: worth(space, one), reverse=True)
+    value, mine, offers = worth(space, model), set(space.keys(model)), []
+    if not space.inside:
+        offers += [frozenset({k}) for k in space.further(space.inside, {*barred, *mine})]
+    for one in _single(space, model, barred):
+        near = value - worth(space, one) < LEAST_OF_SWAP
+        if not one > model and one and (near or space.difference(model, one).z < gates.apart):
+            offers.append(one)
+    best = {}
+    for one in sorted(offers, key=lambda one: worth(space, one), reverse=True):
+        if space.keys(one) not in fitted and set(space.keys(one)) != mine:
+            best.setdefault(space.keys(one), one)
+    return list(best.values())

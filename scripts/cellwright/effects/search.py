@@ -275,11 +275,11 @@ def _climbed(about, plain):
 
 def _proposed(space, gates, denied, models, best):
     """Models of a space that are worth an exact fit: the best by moves, and its rivals."""
-    known = {"barred": denied, "fitted": models}
     begun = dict.fromkeys((space.inside, frozenset()))
     reached = best_model(space, begun, gates, barred=denied, fitted=set(models) - {best.keys})
     wanted = [] if space.keys(reached) in models else [reached]
-    return [*wanted, *rivals(space, reached, gates, **known)[: EXACT - len(wanted)]]
+    further = rivals(space, reached, gates, barred=denied, fitted=models)
+    return [*wanted, *further[: EXACT - len(wanted)]]
 
 
 def _space(about, model, denied):
