@@ -90,7 +90,8 @@ class Case(NamedTuple):
     Case with the other hold of the current, or None. first_capacity : where a fit begins, relative
     to the measured one [1]. holds_declared : whether both branches of the slow test that tells
     the OCV are among the records fitted, so that it and the capacity stay within their tolerances.
-    The methods are those that `search` needs.
+    healthy : effects, each its id and parameters by name, whose courses the stacks have of healthy
+    cells. The methods are those that `search` needs.
     """
 
     cell: base.Cell
@@ -106,6 +107,7 @@ class Case(NamedTuple):
     otherwise: object = None
     first_capacity: float = 0.0
     holds_declared: bool = False
+    healthy: tuple = ()
 
     @property
     def steady_ampere(self):

@@ -50,15 +50,34 @@ def _resistance_factors(fields, p):
     """Factors of the ohmic resistance, of exchange currents, of the polarisation and of its time
     constants (n,) [1]."""
     about = fields.celsius, REFERENCE_CELSIUS
-    cold = np.log(resistance_factor(*about, 1.0))
-    cold = cold / np.log(resistance_factor(COLD_CELSIUS, REFERENCE_CELSIUS, 1.0))
-    bend = 1.0 + p["growth_towards_cold"] * cold
+    bend = 1.0 + p["growth_towards_cold"] * _cold(fields.celsius)
     energy = p["activation_energy_joule_per_mole"] * bend
     ohmic = resistance_factor(*about, energy)
     slow = ohmic * resistance_factor(*about, p["polarisation_excess_joule_per_mole"])
     kelvin = fields.celsius + ZERO_CELSIUS_KELVIN
     exchange = kelvin / (REFERENCE_CELSIUS + ZERO_CELSIUS_KELVIN) / ohmic
     return ohmic, exchange, slow, slow ** p["time_constant_exponent"]
+
+
+def _cold(celsius):
+    """How far a temperature lies towards `COLD_CELSIUS`, where it is 1, from the reference [1]."""
+    ends = (resistance_factor(c, REFERENCE_CELSIUS, 1.0) for c in (celsius, COLD_CELSIUS))
+    at, cold = map(np.log, ends)
+    return at / cold
+
+
+def without_growth(p, celsius):
+    """Parameters of a resistance over temperature, its energy the mean one between temperatures.
+
+    Two temperatures tell no growth of the energy, and what is fitted for one goes astray beyond.
+
+    Parameters
+    ----------
+    p : dict of its parameters by name. celsius : lowest and highest temperature [degC].
+    """
+    growth = p["growth_towards_cold"] * sum(map(_cold, celsius))
+    energy = float(p["activation_energy_joule_per_mole"] * (1.0 + growth))
+    return p | {"activation_energy_joule_per_mole": energy, "growth_towards_cold": 0.0}
 
 
 def _self_heating(fields, stack, p):
@@ -143,12 +162,12 @@ EFFECTS = (
         shows="the same drive at two temperatures, 15 K apart",
         asked_if_unseen=True,
         in_healthy_cells=True,
-        activation_energy="activation_energy_joule_per_mole",
         bent_over_temperature=True,
         quantity="activation_energy",
         short="resistance over temperature",
         sizes_in_words=energy,
         sizes_need_model=True,
+        of_branch=True,
         consequence="power in the cold and warm is not that at the model's temperature",
     ),
     Effect(
@@ -203,6 +222,7 @@ EFFECTS = (
         quantity="ocv_per_kelvin",
         short="an OCV that moves with temperature",
         sizes_in_words=_ocv_per_kelvin,
+        of_branch=True,
         consequence="a voltage at rest means another state of charge in the cold",
     ),
     Effect(
@@ -223,6 +243,7 @@ EFFECTS = (
         quantity="capacity_per_kelvin",
         short="capacity over temperature",
         sizes_in_words=_change_of_capacity,
+        of_branch=True,
         consequence="the state of charge moves faster in the cold than counted",
     ),
 )
