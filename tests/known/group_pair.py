@@ -5,7 +5,8 @@ from functools import cache
 import group_plant
 import numpy as np
 
-from cellwright.effects.groups.branch import BESIDE, ENERGY, WARMED, Branch
+from cellwright.effects.groups.branch import Branch
+from cellwright.effects.library.thermal import BESIDE, ENERGY, WARMED
 from cellwright.records.record import record_of
 
 TABLE = np.array([group_plant.ocv(soc) for soc in np.linspace(0.0, 1.0, 401).tolist()])

@@ -182,7 +182,7 @@ def joins(gain, gates):
     ----------
     gain : score.Difference. gates : case.Gates.
     """
-    return gain.total > 0.0 and (gain.z >= gates.joins or gain.rank_z >= gates.counts)
+    return gain.total > gates.price and (gain.z >= gates.joins or gain.rank_z >= gates.counts)
 
 
 class _Model(NamedTuple):
@@ -341,7 +341,7 @@ def _needed(case, possible, model, filters, known=None, *, closely=True):
     dropped, asked = [], model.effects
     while asked:
         beside = _beside(case, possible, model, asked, filters, known or {}, closely=closely)
-        needless = [one for one in beside if not joins(one.trial.gain, case.gates)]
+        needless = [one for one in beside if not _stays(one, case.gates)]
         if not needless and asked == model.effects:
             return model, beside, dropped
         asked = ()
@@ -353,6 +353,16 @@ def _needed(case, possible, model, filters, known=None, *, closely=True):
             asked = tuple(one.effect for one in needless if one is not least)
         asked = asked or model.effects
     return model, (), dropped
+
+
+def _stays(one, gates):
+    """Whether an effect is needed beside all others: it would join, or the cost would rise.
+
+    Its twins may imitate it in the density and be far from as good a model together; what remains
+    has to be surely no worse.
+    """
+    costs = (state.solution.cost for state in (one.before, one.trial.state))
+    return joins(one.trial.gain, gates) or bool(np.subtract(*costs) > gates.goes)
 
 
 def _beside(case, possible, model, asked, filters, known, *, closely):

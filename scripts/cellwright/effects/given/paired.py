@@ -19,7 +19,7 @@ from cellwright.effects.candidates import frees_of, neutral
 from cellwright.effects.case import STEADY_C_RATE, extra_volt_of, filters_of, problem_of, state_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.library.thermal import without_growth
+from cellwright.effects.library.thermal import WARMED, without_growth
 from cellwright.effects.records import lacking
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST, read_volt
@@ -31,7 +31,7 @@ NEXT_ROWS = np.arange(-1, 3)
 FITTED = (*base.LOGARITHMS, "soc0[")  # first letters of the parameters fitted to a reference
 ROLES = ("fit", "validation")
 APART_KELVIN = 5.0  # between records; below it they are at one temperature
-WARMED, TOLD_BY = "resistance_temperature", 3  # temperatures that tell whether its energy grows
+TOLD_BY = 3  # temperatures: whether the energy of resistances grows in the cold
 CLEARLY = 0.5  # of the difference in proportion, below which that by the clock decides
 
 

@@ -17,17 +17,13 @@ from cellwright.effects.base import OCV_KNOTS, STAGES, kept_response
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.overpotential import DIFFUSION_KINDS
 from cellwright.effects.library.quantities import MIDDLE_SOC, plain_fields, rows_at
+from cellwright.effects.library.thermal import BESIDE, ENERGY, WARMED
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
 SMOOTH_SOC = 0.01
 USUAL_C_RATE = 0.5  # of the current at which courses over SoC are taken
-LEAST_C_RATE = 0.01  # below it a resistance is that of this current: of none it has no secant
-WARMED, ENERGY = "resistance_temperature", "activation_energy_joule_per_mole"
-DIFFUSION = "slow_diffusion"
-# What is beside the cell's own energy moves no time constant: of a cell never tested over
-# temperature nothing is known there.
-BESIDE = {p.name: p.neutral for p in LIBRARY[WARMED].parameters} | {"time_constant_exponent": 0.0}
+SECANT_C_RATE = 0.01  # below it a resistance is that of this current: of none it has no secant
 
 
 class Branch(NamedTuple):
@@ -35,11 +31,10 @@ class Branch(NamedTuple):
 
     cell : name. capacity_ampere_hour : [Ah]. ocv_volt : (p,) on an even SoC grid from 0 to 1 [V].
     r_ohm : (3,) ohmic and of the two RC pairs at 25 degC and half charge [ohm]. tau_second : (2,)
-    [s]. effects : of the cell, each its id and its parameters
-    by name, in the order in which they act. courses : (4, p) on the grid:
-    how much the OCV rises with temperature [V/K], and the three resistances over those at half
-    charge [1]; None: 0 and 1. wire_ohm : stated resistance of the connection [ohm].
-    own : known from tests of this very cell, not of its type.
+    [s]. effects : of the cell, each its id and its parameters by name, in the order in which they
+    act. courses : (4, p) on the grid: how much the OCV rises with temperature [V/K], and the three
+    resistances over those at half charge [1]; None: 0 and 1. wire_ohm : stated resistance of the
+    connection [ohm]. own : known from tests of this very cell, not of its type.
     """
 
     cell: str
@@ -118,7 +113,9 @@ def _with_effects(effects, *, soc, celsius, current, ampere_hour):
     capacity = {"capacity_ampere_hour": ampere_hour}
     fields = plain_fields(capacity, soc=soc, celsius=celsius, current=current)
     rows = rows_at(fields.current, fields.celsius)
-    for effect, p in ((LIBRARY[key], p) for key, p in effects if key != DIFFUSION):
+    for effect, p in ((LIBRARY[key], p) for key, p in effects):
+        if effect.stage == "diffusion":  # it is not over at once: the group steps its lags
+            continue
         fields = effect.act(fields, rows, p)
         if effect.stage != "overpotential":  # kinetics follow from R0, which is known by then
             fields = fields._replace(ohmic=fields.r0 * fields.current)
@@ -150,7 +147,7 @@ def conditions(branch, stack, share, warmer, energy):
 
 def _conditions(branch, stack, share, warmer, energy):
     ampere_hour, inside = branch.capacity_ampere_hour, stack.celsius + warmer
-    least, current = LEAST_C_RATE * ampere_hour, share * stack.current_ampere
+    least, current = SECANT_C_RATE * ampere_hour, share * stack.current_ampere
     effects = ((WARMED, BESIDE | {ENERGY: energy}), *branch.effects)
     current = np.where(np.abs(current) < least, -least, current)
     middle = {"soc": MIDDLE_SOC, "ampere_hour": ampere_hour}
@@ -175,7 +172,7 @@ class Diffusion(NamedTuple):
 
 def diffusion_of(branch):
     """Slow diffusion of a branch: Diffusion, of no lag where it has none."""
-    p = dict(branch.effects).get(DIFFUSION)
+    p = next((p for key, p in branch.effects if LIBRARY[key].stage == "diffusion"), None)
     if p is None:
         return Diffusion(np.zeros(0), np.zeros(0))
     kind = KINDS[DIFFUSION_KINDS[int(p["finite_length"])]]

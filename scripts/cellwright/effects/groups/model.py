@@ -11,13 +11,13 @@ import numpy as np
 from cellwright.circuits.cell import held_on_grid, ocv_and_slope
 from cellwright.effects.base import OCV_KNOTS
 from cellwright.effects.groups.branch import (
-    WARMED,
     Branch,
     conditions,
     diffusion_of,
     smooth_shares,
 )
 from cellwright.effects.library.groups import GROUP_LIBRARY
+from cellwright.effects.library.thermal import WARMED
 from cellwright.native import array, count, function
 from cellwright.numerics.lags import lag_step, lag_weights
 from cellwright.numerics.least_squares import Free
@@ -197,33 +197,34 @@ def _compiled(kernel, fields, stack, rows):
     return results
 
 
-class _State(NamedTuple):
-    """Branches at a row: soc : (b,) [1]. volts : (b, LAGS) of each lag [V]. ohmic : (b,) [ohm].
-    source : (b,) behind it [V]. drive : (b, LAGS) what each lag tends to [V]."""
-
-    soc: np.ndarray
-    volts: np.ndarray
-    ohmic: np.ndarray
-    source: np.ndarray
-    drive: np.ndarray | None = None
-
-
 def _twin(fields, stack, rows):
     cells, count_rows, _ = rows.shape
     current, voltage = np.empty((count_rows, cells)), np.empty(count_rows)
-    soc, tables = np.empty((count_rows, cells)), _tables(fields)
-    total = stack.current_ampere
-    held, state = total if stack.hold == "first_order" else np.roll(total, 1), None
+    soc, total = np.empty((count_rows, cells)), stack.current_ampere
+    held = total if stack.hold == "first_order" else np.roll(total, 1)
+    tau, tables = np.where(fields.tau > 0.0, fields.tau, 1.0), _tables(fields)
+    leads = np.array([diffusion_of(cell).leads for cell in fields.cells])
+    leading = leads[:, None] & (np.arange(LAGS) >= PAIRS)
+    z = volts = drive = None
     for k in range(count_rows):
+        row = rows[:, k]
         if stack.fresh[k]:
             z, volts = fields.soc[stack.file[k]], np.zeros((cells, LAGS))
         else:
-            step = stack.step_second[k], held[k]
-            z, volts = _moved(fields, tables, rows[:, k], state, current[k - 1], *step)
-        state = _state(fields, tables, rows[:, k], z, volts)
-        voltage[k], current[k] = _shared(state.source, state.ohmic + fields.wire, total[k])
-        state = state._replace(drive=_lag_ohms(fields, tables, rows[:, k], z) * current[k][:, None])
-        soc[k] = z
+            begin = current[k - 1]
+            charge = stack.step_second[k] / (3600.0 * fields.capacity) * row[:, 4] / 2.0
+            foreseen = z + charge * begin
+            clocks = stack.step_second[k] * _rates(fields, row, foreseen, leads)
+            weights = lag_weights(clocks, tau, hold="first_order")
+            volts = lag_step(weights, volts, drive, 0.0)
+            ohms, source, slope = _looked_up(fields, tables, row, foreseen, volts, leads)
+            after = weights[2] * ohms[:, 1:]
+            behind = (after * np.where(leading, slope[:, None], 1.0)).sum(axis=1) + slope * charge
+            end = _shared(source, ohms[:, 0] + fields.wire + behind, held[k])[1]
+            z, volts = z + charge * (begin + end), volts + after * end[:, None]
+        ohms, source, _ = _looked_up(fields, tables, row, z, volts, leads)
+        voltage[k], current[k] = _shared(source, ohms[:, 0] + fields.wire, total[k])
+        drive, soc[k] = ohms[:, 1:] * current[k][:, None], z
     return current, voltage, soc
 
 
@@ -234,58 +235,26 @@ def _shared(source, ohm, total):
     return volt, (volt - source) / ohm
 
 
-def _leads(fields):
-    return np.array([diffusion_of(cell).leads for cell in fields.cells])
-
-
-def _speed(fields, row, soc):
-    """How fast slow diffusion evens out at a SoC, over half charge (b,) [1]."""
+def _rates(fields, row, soc, leads):
+    """How fast time runs for each lag at a SoC and a row (b, LAGS) [1]."""
     to_full = np.array([diffusion_of(cell).log_diffusivity_to_full for cell in fields.cells])
-    return np.exp(to_full * (np.clip(soc, 0.0, 1.0) - 0.5)) * np.where(_leads(fields), row[:, 3], 1)
+    slowest = np.exp(to_full * (np.clip(soc, 0.0, 1.0) - 0.5)) * np.where(leads, row[:, 3], 1.0)
+    return np.stack([row[:, 3]] * PAIRS + [slowest] * (LAGS - PAIRS), axis=1)
 
 
-def _courses(tables, soc):
-    """Rise of the OCV with temperature [V/K], and courses of the resistances at a SoC: (4, b)."""
+def _looked_up(fields, tables, row, soc, volts, leads):
+    """Of branches at a SoC, a row and voltages of their lags (b, LAGS): resistances, ohmic and of
+    each lag (b, 1 + LAGS) [ohm], voltage behind the ohmic one (b,) [V], slope of the OCV (b,) [V].
+    """
     each = zip(tables, soc, strict=True)
-    return np.array([[held_on_grid(course, z) for course in table[1:]] for table, z in each]).T
-
-
-def _lag_ohms(fields, tables, row, soc):
-    """Resistance of each lag at a SoC and a row (b, LAGS) [ohm]."""
-    pairs = fields.r[:, 1 : 1 + PAIRS] * row[:, 1:3] * _courses(tables, soc)[2:].T
-    slowest = fields.r[:, 1 + PAIRS :] / _speed(fields, row, soc)[:, None]
-    return np.concatenate([pairs, slowest], axis=1)
-
-
-def _open_circuit(fields, tables, row, soc, volts):
-    """OCV and its slope at a SoC, slow diffusion's lead or voltage with it, two of (b,) [V]."""
-    slowest, leads = volts[:, PAIRS:].sum(axis=1), _leads(fields)
+    entropic, *courses = np.array([[held_on_grid(t, z) for t in of[1:]] for of, z in each]).T
+    ohms = fields.r.copy()
+    ohms[:, : 1 + PAIRS] *= row[:, : 1 + PAIRS] * np.transpose(courses)
+    ohms[:, 1 + PAIRS :] /= _rates(fields, row, soc, leads)[:, PAIRS:]
+    slowest = volts[:, PAIRS:].sum(axis=1)
     ocv, slope = ocv_and_slope(fields.ocv, soc + np.where(leads, slowest, 0.0))
-    entropic = _courses(tables, soc)[0] * row[:, 5]
-    return ocv + entropic + np.where(leads, 0.0, slowest), np.maximum(slope, 0.0)
-
-
-def _state(fields, tables, row, soc, volts):
-    ohmic = fields.r[:, 0] * row[:, 0] * _courses(tables, soc)[1]
-    ocv, _ = _open_circuit(fields, tables, row, soc, volts)
-    return _State(soc, volts, ohmic, ocv + volts[:, :PAIRS].sum(axis=1))
-
-
-def _moved(fields, tables, row, state, begin, step_second, total):
-    """SoC and voltages of the lags at the end of a step under a total."""
-    charge = step_second / (3600.0 * fields.capacity) * row[:, 4] / 2.0
-    soc = state.soc + charge * begin
-    rates = np.stack([row[:, 3]] * PAIRS + [_speed(fields, row, soc)] * (LAGS - PAIRS), axis=1)
-    tau = np.where(fields.tau > 0.0, fields.tau, 1.0)
-    weights = lag_weights(step_second * rates, tau, hold="first_order")
-    ohms = _lag_ohms(fields, tables, row, soc) * weights[2]
-    volts = lag_step(weights, state.volts, state.drive, 0.0)
-    _, slope = _open_circuit(fields, tables, row, soc, volts)
-    behind = ohms[:, PAIRS:].sum(axis=1) * np.where(_leads(fields), slope, 1.0)
-    behind += ohms[:, :PAIRS].sum(axis=1) + slope * charge
-    here = _state(fields, tables, row, soc, volts)
-    end = _shared(here.source, here.ohmic + fields.wire + behind, total)[1]
-    return state.soc + charge * (begin + end), volts + ohms * end[:, None]
+    source = ocv + entropic * row[:, 5] + volts[:, :PAIRS].sum(axis=1)
+    return ohms, source + np.where(leads, 0.0, slowest), np.maximum(slope, 0.0)
 
 
 LOG_STEP, SOC_STEP, VOLT_STEP = 5e-3, 1e-3, 1e-3

@@ -27,6 +27,7 @@ OWN_HEAT_JOULE_PER_MOLE = 30e3
 # docs/temperature.md and docs/missing-effect.md have 13 to 37 kJ/mol.
 OWN_HEAT_RELATIVE = 0.4
 COLD_CELSIUS = -20.0
+WARMED, ENERGY = "resistance_temperature", "activation_energy_joule_per_mole"
 MIDDLE_ENTROPY = "coefficient_volt_per_kelvin"  # at half charge
 
 
@@ -51,7 +52,7 @@ def _resistance_factors(fields, p):
     constants (n,) [1]."""
     about = fields.celsius, REFERENCE_CELSIUS
     bend = 1.0 + p["growth_towards_cold"] * _cold(fields.celsius)
-    energy = p["activation_energy_joule_per_mole"] * bend
+    energy = p[ENERGY] * bend
     ohmic = resistance_factor(*about, energy)
     slow = ohmic * resistance_factor(*about, p["polarisation_excess_joule_per_mole"])
     kelvin = fields.celsius + ZERO_CELSIUS_KELVIN
@@ -76,8 +77,8 @@ def without_growth(p, celsius):
     p : dict of its parameters by name. celsius : lowest and highest temperature [degC].
     """
     growth = p["growth_towards_cold"] * sum(map(_cold, celsius))
-    energy = float(p["activation_energy_joule_per_mole"] * (1.0 + growth))
-    return p | {"activation_energy_joule_per_mole": energy, "growth_towards_cold": 0.0}
+    energy = float(p[ENERGY] * (1.0 + growth))
+    return p | {ENERGY: energy, "growth_towards_cold": 0.0}
 
 
 def _self_heating(fields, stack, p):
@@ -90,7 +91,7 @@ def _self_heating(fields, stack, p):
 
 
 def _own_heat_block(p, blocks):
-    energy = {"activation_energy_joule_per_mole": OWN_HEAT_JOULE_PER_MOLE}
+    energy = {ENERGY: OWN_HEAT_JOULE_PER_MOLE}
     return blocks | {"own_heat": p | energy}
 
 
@@ -134,11 +135,11 @@ def _change_of_capacity(effect, p, values):
 
 EFFECTS = (
     Effect(
-        id="resistance_temperature",
+        id=WARMED,
         sentence="resistances change with temperature",
         parameters=(
             Parameter(
-                *("activation_energy_joule_per_mole", "J/mol", 0.0, -2e4, 1.2e5),
+                *(ENERGY, "J/mol", 0.0, -2e4, 1.2e5),
                 step=1e3,
                 plausible=2e4,
             ),
@@ -247,3 +248,8 @@ EFFECTS = (
         consequence="the state of charge moves faster in the cold than counted",
     ),
 )
+# A change of the energy that moves no time constant: of a cell never tested over temperature
+# nothing is known there.
+BESIDE = {p.name: p.neutral for one in EFFECTS if one.id == WARMED for p in one.parameters} | {
+    "time_constant_exponent": 0.0
+}
