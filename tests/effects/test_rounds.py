@@ -99,21 +99,26 @@ def test_an_effect_joins_by_its_sum_or_by_what_would_let_it_be_a_name(gain, join
     assert not search.joins(Difference(-1.0, *gain[1:]), Gates())
 
 
-def test_of_a_branch_a_gain_has_a_price():
-    """A bound taken off what healthy branches may differ by gains little, and surely."""
-    freed, shown = Difference(0.04, 4.7, 4.9), Difference(5.1, 11.2, 5.0)
-    assert [search.joins(gain, GroupGates()) for gain in (freed, shown)] == [False, True]
+def costing(cost):
+    return SimpleNamespace(solution=SimpleNamespace(cost=cost))
 
 
 @pytest.mark.parametrize(("rise", "stays"), [(10.0, False), (702.0, True)])
 def test_a_branchs_effect_that_others_imitate_stays_where_the_fit_needs_it(rise, stays):
-    def state(cost):
-        return SimpleNamespace(solution=SimpleNamespace(cost=cost))
+    """Of a cell the density alone decides."""
+    trial = SimpleNamespace(gain=Difference(0.17, 0.4, 0.3), state=costing(100.0))
+    one = SimpleNamespace(trial=trial, before=costing(100.0 + rise))
+    assert [search._stays(one, gates) for gates in (GroupGates(), Gates())] == [stays, False]
 
-    trial = SimpleNamespace(gain=Difference(0.17, 0.4, 0.3), state=state(100.0))
-    one = SimpleNamespace(trial=trial, before=state(100.0 + rise))
-    assert search._stays(one, GroupGates()) is stays
-    assert not search._stays(one, Gates())  # of a cell the density alone decides
+
+def test_of_a_branchs_effects_that_predict_alike_the_cheapest_fit_comes_first():
+    densities = np.array([[1.0, -1.0, 1.0, -1.0], [-1.0, 1.0, -1.0, 1.0], [-9.0, -9.0, -9.1, -9.0]])
+    pairs = zip(densities, (30.0, 10.0, 0.0), strict=True)
+    trials = [SimpleNamespace(density=density, state=costing(cost)) for density, cost in pairs]
+    filters = SimpleNamespace(blocks=SimpleNamespace(record=np.zeros(4, int)))
+    step = SimpleNamespace(allowed=trials, filters=filters)
+    assert search._in_turn(step, GroupGates()) == [trials[1], trials[0], trials[2]]
+    assert search._in_turn(step, Gates()) == trials
 
 
 def test_nothing_joins_a_model_that_leaves_nothing_anyone_would_act_on():

@@ -31,8 +31,8 @@ class Gates(NamedTuple):
     refits : effects of a round that are fitted in full, the best of the score test first; the right
     one is among the first eight. rounds : effects that may join a model one by one.
     visible_chi_square : an effect of plausible size whose chi-square there stays below this cannot
-    be tested. price : that an effect has to gain in predictive density [nat]. goes : rise of the
-    cost up to which an effect that others imitate may go again. joins, counts, apart : standard
+    be tested. price : fall of the cost that an effect has to bring, too; None: the density alone
+    decides. joins, counts, apart : standard
     errors of the gain in predictive density from which an effect joins the model, by its ranks from
     which it joins as well and may have a name, and up to which two are tied. elsewhere : by its
     ranks, of what a name gains where the block that tells most of it is not fitted.
@@ -48,8 +48,7 @@ class Gates(NamedTuple):
     visible_chi_square: float = 25.0  # five standard deviations of one parameter
     joins: float = 1.645  # 95 %, one-sided
     counts: float = 3.0  # 99.7 %: of all that joins, what somebody is told
-    price: float = 0.0
-    goes: float = np.inf
+    price: float | None = None
     apart: float = 1.645  # 95 %, one-sided
     elsewhere: float = 2.0  # 95 %
     material_volt: float = SEARCH.material_volt

@@ -19,7 +19,7 @@ from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import STEPS_OF_HOLD, prepared
 from cellwright.effects.records import parts_of
 from cellwright.effects.score import BANDS
-from cellwright.effects.search import free_of, joins, search
+from cellwright.effects.search import free_of, joins, pays, search
 from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
@@ -338,6 +338,8 @@ def _against(found, step, trial, result):
         return "a measurement contradicts it"
     if not joins(trial.gain, found.case.gates):
         return "it does not predict surely better"
+    if not pays(step.before, trial.state, found.case.gates):
+        return "the fit is hardly better with it"
     return "another explains more" if step.joined else "nothing is left that anyone would act on"
 
 

@@ -182,7 +182,7 @@ def joins(gain, gates):
     ----------
     gain : score.Difference. gates : case.Gates.
     """
-    return gain.total > gates.price and (gain.z >= gates.joins or gain.rank_z >= gates.counts)
+    return gain.total > 0.0 and (gain.z >= gates.joins or gain.rank_z >= gates.counts)
 
 
 class _Model(NamedTuple):
@@ -235,8 +235,9 @@ def _taken(case, possible, model, step, filters):
     """Trials of a round that join (one or none), the model with them, and keys of what gains too
     little once all are refitted."""
     dropped = []
-    for trial in step.allowed if len(model.effects) < case.gates.rounds else ():
-        if not joins(trial.gain, case.gates):
+    trials = _in_turn(step, case.gates) if len(model.effects) < case.gates.rounds else ()
+    for trial in trials:
+        if not joins(trial.gain, case.gates) or not pays(step.before, trial.state, case.gates):
             continue
         effects = (*model.effects, trial.effect)
         begun = model._replace(effects=effects, solution=trial.state.solution)
@@ -355,14 +356,35 @@ def _needed(case, possible, model, filters, known=None, *, closely=True):
     return model, (), dropped
 
 
-def _stays(one, gates):
-    """Whether an effect is needed beside all others: it would join, or the cost would rise.
+def pays(without, with_it, gates):
+    """Whether an effect lowers the cost of the fit by its price; of a cell none is asked.
 
-    Its twins may imitate it in the density and be far from as good a model together; what remains
-    has to be surely no worse.
+    without, with_it : State of either model.
     """
-    costs = (state.solution.cost for state in (one.before, one.trial.state))
-    return joins(one.trial.gain, gates) or bool(np.subtract(*costs) > gates.goes)
+    fall = without.solution.cost - with_it.solution.cost
+    return gates.price is None or fall > gates.price
+
+
+def _stays(one, gates):
+    """Whether an effect is needed beside all others.
+
+    Where it has a price the cost decides: its twins together may imitate it in the density and be
+    far from as good a model, and what remains has to be surely no worse.
+    """
+    if gates.price is None:
+        return joins(one.trial.gain, gates)
+    return pays(one.before, one.trial.state, gates)
+
+
+def _in_turn(step, gates):
+    """Trials of a round, best first; those that predict as well by the cost, where it counts."""
+    if gates.price is None or not step.allowed:
+        return step.allowed
+    (best, *others), record = step.allowed, step.filters.blocks.record
+    worse = [difference(best.density, t.density, record).z >= gates.apart for t in others]
+    alike = [best, *(t for t, surely in zip(others, worse, strict=True) if not surely)]
+    behind = [t for t, surely in zip(others, worse, strict=True) if surely]
+    return [*sorted(alike, key=lambda t: t.state.solution.cost), *behind]
 
 
 def _beside(case, possible, model, asked, filters, known, *, closely):
