@@ -16,7 +16,8 @@ from cellwright.circuits.cell import (
 from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.model_file import simulate_model
 from cellwright.effects import base
-from cellwright.effects.groups.model import Branch, group_fields, group_names, group_run
+from cellwright.effects.groups.branch import Branch
+from cellwright.effects.groups.model import group_fields, group_names, group_run
 from cellwright.effects.records import group_stacked, stacked
 from cellwright.filters.bank import bank_of
 from cellwright.numerics.lags import HOLDS, mean_over_steps

@@ -7,7 +7,8 @@ import pytest
 from group_pair import CELLS, TABLE, record
 from quick import slow_but
 
-from cellwright.effects.groups.finding import branch_of, group_finding
+from cellwright.effects.groups.branch import branch_of
+from cellwright.effects.groups.finding import group_finding
 from cellwright.effects.groups.model import fields_of, group_run
 from cellwright.effects.records import group_stacked
 from cellwright.refusal import Refusal

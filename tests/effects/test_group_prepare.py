@@ -106,5 +106,5 @@ def test_cells_never_warmed_are_held_to_no_activation_energy():
         free = group_frees(cells, 1, Spread(), Shared(), sensors=True)
         return next(parameter.std for parameter in free if parameter.name == "energy")
 
-    cold = [cell._replace(activation_joule_per_mole=0.0) for cell in CELLS]
+    cold = [cell._replace(effects=()) for cell in CELLS]
     assert spread_of(cold) == Shared().type_activation_joule_per_mole > spread_of(CELLS)

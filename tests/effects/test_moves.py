@@ -5,7 +5,7 @@ from linear_space import BLOCKS, ROWS, Linear, effect, random_columns
 
 from cellwright.effects.case import Gates
 from cellwright.effects.library.vocabulary import Tie
-from cellwright.effects.moves import best_model, rivals, worth
+from cellwright.effects.moves import best_model, rivals
 
 GATES = Gates()
 COLUMNS = random_columns("one", "two", "three", "four")
@@ -40,8 +40,8 @@ def test_two_that_help_only_together_join_as_a_pair():
     own = random.normal(size=BLOCKS * ROWS)
     columns = {"up": shared + own, "down": -shared + own}
     linear = Linear(columns, {"up": 0.5, "down": 0.5})
-    alone = [worth(linear.space, linear.terms(name)) for name in columns]
-    assert max(alone) < worth(linear.space, frozenset())
+    alone = [linear.space.worth(linear.terms(name)) for name in columns]
+    assert max(alone) < linear.space.worth(frozenset())
     assert reached(linear) == {"up", "down"}
 
 
@@ -61,6 +61,13 @@ def test_what_is_barred_or_was_fitted_is_not_reached_again():
 def test_an_imitation_is_a_rival_and_noise_is_none():
     columns = random_columns("one", "three")
     columns["like_one"] = columns["one"] + 0.05 * random_columns("own", seed=9)["own"]
-    linear = Linear(columns, {"one": 0.8})
+    linear = Linear(columns, {"one": 0.8}, inside=("one",))
     found = rivals(linear.space, linear.terms("one"), GATES)
     assert [linear.names(model) for model in found] == [{"like_one"}]
+
+
+def test_about_the_plain_model_single_effects_are_fitted_too():
+    """What is no line in its sizes is worth more than its columns promise."""
+    linear = Linear(COLUMNS, {"one": 0.8})
+    found = rivals(linear.space, linear.terms("one"), GATES)
+    assert {name for model in found for name in linear.names(model)} == {"two", "three", "four"}

@@ -1,5 +1,7 @@
 """Rounds: an effect that another makes needless is taken out, and what has no name in the end."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from small_plant import HEALTHY, Truth, case, names_of, searched
@@ -8,6 +10,7 @@ from cellwright.effects import search
 from cellwright.effects.case import Gates
 from cellwright.effects.finding import ranking_of
 from cellwright.effects.floor import fallen_volt
+from cellwright.effects.groups.known import GroupGates
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.score import Difference
@@ -94,6 +97,28 @@ def test_of_effects_that_no_test_tells_apart_one_is_fitted_beside_others():
 def test_an_effect_joins_by_its_sum_or_by_what_would_let_it_be_a_name(gain, joins):
     assert search.joins(Difference(*gain), Gates()) is joins
     assert not search.joins(Difference(-1.0, *gain[1:]), Gates())
+
+
+def costing(cost):
+    return SimpleNamespace(solution=SimpleNamespace(cost=cost))
+
+
+@pytest.mark.parametrize(("rise", "stays"), [(10.0, False), (702.0, True)])
+def test_a_branchs_effect_that_others_imitate_stays_where_the_fit_needs_it(rise, stays):
+    """Of a cell the density alone decides."""
+    trial = SimpleNamespace(gain=Difference(0.17, 0.4, 0.3), state=costing(100.0))
+    one = SimpleNamespace(trial=trial, before=costing(100.0 + rise))
+    assert [search._stays(one, gates) for gates in (GroupGates(), Gates())] == [stays, False]
+
+
+def test_of_a_branchs_effects_that_predict_alike_the_cheapest_fit_comes_first():
+    densities = np.array([[1.0, -1.0, 1.0, -1.0], [-1.0, 1.0, -1.0, 1.0], [-9.0, -9.0, -9.1, -9.0]])
+    pairs = zip(densities, (30.0, 10.0, 0.0), strict=True)
+    trials = [SimpleNamespace(density=density, state=costing(cost)) for density, cost in pairs]
+    filters = SimpleNamespace(blocks=SimpleNamespace(record=np.zeros(4, int)))
+    step = SimpleNamespace(allowed=trials, filters=filters)
+    assert search._in_turn(step, GroupGates()) == [trials[1], trials[0], trials[2]]
+    assert search._in_turn(step, Gates()) == trials
 
 
 def test_nothing_joins_a_model_that_leaves_nothing_anyone_would_act_on():

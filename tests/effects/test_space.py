@@ -5,8 +5,8 @@ import pytest
 from linear_space import Linear, effect, random_columns
 from small_plant import Truth, searched
 
-from cellwright.effects.moves import worth
 from cellwright.effects.score import densities
+from cellwright.effects.search import worth
 from cellwright.effects.space import block_products
 
 COLUMNS = random_columns("one", "two", "three")
@@ -29,7 +29,7 @@ def test_tenths_of_the_blocks_give_the_same_order():
     linear = Linear(COLUMNS, SIZES)
     sets = [(), ("three",), ("two",), ("one",), ("one", "two")]
     sums = [linear.space.roughly(linear.terms(*names)) for names in sets]
-    exact = [linear.space.density(linear.terms(*names)).sum() for names in sets]
+    exact = [linear.space.worth(linear.terms(*names)) for names in sets]
     assert np.argsort(sums).tolist() == np.argsort(exact).tolist()
     np.testing.assert_allclose(sums, exact, rtol=0.1)
 
@@ -98,9 +98,9 @@ def test_about_a_fitted_model_the_space_says_what_the_fit_says():
     found = searched(Truth(hysteresis=0.012))[0]
     space = found.spaces[-1]
     assert space.keys(space.inside) == found.model.keys
-    exact = found.model.density
+    exact = found.yardstick.density(found.model.squares)
     np.testing.assert_allclose(space.density(space.inside), exact, atol=0.02)
-    assert worth(space, space.inside) == pytest.approx(found.model.worth, abs=0.1)
+    assert space.worth(space.inside) == pytest.approx(worth(found.model, found.yardstick), abs=0.5)
     assert len(exact) == len(found.yardstick.blocks.record)
 
 

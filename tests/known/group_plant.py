@@ -2,6 +2,7 @@
 linear system in time, integrated in fine steps of held currents; none of the product's code."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,26 +22,28 @@ def load(seed, hours=0.5):
     return np.concatenate([rest, pulses, tail])
 
 
-def plant(total, r0, r1, tau1, r2, tau2, capacity, soc):
-    """Branch currents (n, b) and voltage (n,) under a total held between samples."""
-    cells = [[z, 0.0, 0.0] for z in soc]  # SoC and both relaxations of each branch
+def plant(total, r0, pairs, capacity, soc):
+    """Branch currents (n, b) and voltage (n,) under a total held between samples.
+
+    pairs : of each branch a list of (resistance, time constant).
+    """
+    cells = [[z, *[0.0] * len(of)] for z, of in zip(soc, pairs, strict=True)]
     rates = [FINE / 3600.0 / q for q in capacity]
-    gone = [1.0 - math.exp(-FINE / tau) for tau in (tau1, tau2)]
-    first, second = [(gone[0], r * gone[0]) for r in r1], [(gone[1], r * gone[1]) for r in r2]
+    gone = [[(1.0 - math.exp(-FINE / tau), r) for r, tau in of] for of in pairs]
     flow = [1.0 / r for r in r0]
     all_flow = sum(flow)
     current, volt = np.empty((len(total), len(r0))), np.empty(len(total))
     for k, ampere in enumerate(total.tolist()):
         for sub in range(round(SECOND / FINE)):
-            source = [ocv(z) + u + v for z, u, v in cells]
+            source = [ocv(cell[0]) + sum(cell[1:]) for cell in cells]
             common = (ampere + sum(s * g for s, g in zip(source, flow, strict=True))) / all_flow
             branch = [(common - s) * g for s, g in zip(source, flow, strict=True)]
             if sub == 0:
                 current[k], volt[k] = branch, common
             for b, cell in enumerate(cells):
                 cell[0] += branch[b] * rates[b]
-                cell[1] += first[b][1] * branch[b] - first[b][0] * cell[1]
-                cell[2] += second[b][1] * branch[b] - second[b][0] * cell[2]
+                for j, (share, r) in enumerate(gone[b]):
+                    cell[1 + j] += share * (r * branch[b] - cell[1 + j])
     return current, volt
 
 
@@ -50,9 +53,19 @@ CAPACITY, R0, R1, R2 = (
 WIRE, TAU1, TAU2, ENERGY = 0.002, 8.0, 120.0, 30e3
 
 
-def resistance_factor(celsius):
+class Whole(NamedTuple):
+    """What a cell has beyond constant pairs of one activation energy: that of the pairs above it
+    [J/mol], the exponent of their time constants, slow diffusion [ohm], [s]."""
+
+    excess: float = 0.0
+    exponent: float = 0.0
+    slow_ohm: float = 0.0
+    slow_second: float = 1500.0
+
+
+def resistance_factor(celsius, energy=ENERGY):
     """Factor on the cells' resistances."""
-    return np.exp(ENERGY / 8.314462618 * (1.0 / (celsius + 273.15) - 1.0 / 298.15))
+    return np.exp(energy / 8.314462618 * (1.0 / (celsius + 273.15) - 1.0 / 298.15))
 
 
 def measured(
@@ -67,18 +80,21 @@ def measured(
     offset=0.0,
     gain=0.0,
     branch=1,
+    whole=None,
 ):
     """Time [s], total [A], voltage [V], branch currents [A] of a pair with one faulty branch."""
     faulty = np.arange(2) == branch
-    factor = resistance_factor(celsius + warmer * faulty) * (1.0 + resistance * faulty)
+    whole = whole or Whole()
+    inside, more = celsius + warmer * faulty, 1.0 + resistance * faulty
+    slower = resistance_factor(inside, ENERGY + whole.excess)
+    second = slower**whole.exponent
+    pairs = [R1 * slower * more, TAU1 * second, R2 * slower * more, TAU2 * second]
+    pairs += [whole.slow_ohm * more, whole.slow_second * np.ones(2)]
     total = load(seed)
     current, volt = plant(
         total,
-        (R0 * factor + WIRE + wire * faulty).tolist(),
-        (R1 * factor).tolist(),
-        TAU1,
-        (R2 * factor).tolist(),
-        TAU2,
+        (R0 * resistance_factor(inside) * more + WIRE + wire * faulty).tolist(),
+        np.reshape(np.transpose(pairs), (2, 3, 2)).tolist(),
         (CAPACITY * (1.0 + capacity * faulty)).tolist(),
         (0.9 + soc * faulty).tolist(),
     )

@@ -91,7 +91,7 @@ class Linear:
                 lower[term.columns], upper[term.columns] = parameter.lower, parameter.upper
         blocks = Blocks(None, None, np.zeros(BLOCKS, int), np.arange(BLOCKS), self.judges)
         about = Products(products, rows, loose, self.judges)
-        limits, yardstick = (lower, upper), Yardstick(Filters(blocks))
+        limits, yardstick = (lower, upper), Yardstick(Filters(blocks), scale=1.0)
         return Space(tuple(terms), about, (precision, pull), limits, taken_out, yardstick, 25.0)
 
     def terms(self, *names):

@@ -29,10 +29,11 @@ class Gates(NamedTuple):
     """When an effect counts.
 
     visible_chi_square : an effect of plausible size whose chi-square there stays below this cannot
-    be tested. joins, counts, apart : standard errors of the gain in predictive density from which
-    an effect joins the model, by its ranks from which it joins as well and may have a name, and up
-    to which two are tied. elsewhere : by its ranks, of what a name gains where the block that tells
-    most of it is not fitted.
+    be tested. price : fall of the cost that an effect has to bring, too; None: the density alone
+    decides. joins, counts, apart : standard
+    errors of the gain in predictive density from which an effect joins the model, by its ranks from
+    which it joins as well and may have a name, and up to which two are tied. elsewhere : by its
+    ranks, of what a name gains where the block that tells most of it is not fitted.
     material_volt : what a name takes off the error beyond the floor of either side. unknown_volt,
     unknown_share : what is left without a name, of the plain model's excess, and is told as
     unknown. most_slow_volt, most_slow_second : slow noise that is believed; more would swallow
@@ -43,6 +44,7 @@ class Gates(NamedTuple):
     visible_chi_square: float = 25.0  # five standard deviations of one parameter
     joins: float = 1.645  # 95 %, one-sided
     counts: float = 3.0  # 99.7 %: of all that joins, what somebody is told
+    price: float | None = None
     apart: float = 1.645  # 95 %, one-sided
     elsewhere: float = 2.0  # 95 %
     material_volt: float = SEARCH.material_volt
@@ -82,7 +84,8 @@ class Case(NamedTuple):
     Case with the other hold of the current, or None. first_capacity : where a fit begins, relative
     to the measured one [1]. holds_declared : whether both branches of the slow test that tells
     the OCV are among the records fitted, so that it and the capacity stay within their tolerances.
-    The methods are those that `search` needs.
+    healthy : effects, each its id and parameters by name, whose courses the stacks have of healthy
+    cells. The methods are those that `search` needs.
     """
 
     cell: base.Cell
@@ -97,6 +100,7 @@ class Case(NamedTuple):
     otherwise: object = None
     first_capacity: float = 0.0
     holds_declared: bool = False
+    healthy: tuple = ()
 
     @property
     def steady_ampere(self):

@@ -185,13 +185,16 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     # The model holds all that predicts surely better, named or not; whether it is used is for tests
     # left out to decide. What the vocabulary has no word for has no place in a model file.
     kept = [one.effect for one in found.beside if one.effect.id not in OUTSIDE]
-    state = first if result.word == "none" else found.with_only(kept)
+    whole = found.with_only(kept)
+    state = first if result.word == "none" else whole
     declared = state if result.word in KEPT else first
     verdict["nuisances"] = declared_values_at_limit(case, declared, parts_of(case.fit))
     ranking = ranking_of(found, result)
     verdict["against"] = _last_against(ranking, named) | verdict["against"]
     plain = Model(first.solution.values, first.effects)
     model = model_of(case, state)
+    if whole.effects and whole is not state:
+        model["joined"] = {name: float(value) for name, value in whole.solution.values.items()}
     values = about_fit(case) | last.solution.values
     for entry in (*verdict["effects"], *verdict["partial"]):
         sizes = sizes_as_used(library[entry["effect"]], entry["parameters"], values, fitted)
@@ -440,7 +443,8 @@ def about_fit(case):
 def model_of(case, state):
     """A fitted model with its effects: all that `base.voltage` needs, with standard deviations.
 
-    Also `about_fit`. start_soc : SoC at the start of each of the records fitted.
+    Also `about_fit`. start_soc : SoC at the start of each of the records fitted. healthy : effects
+    that are in the plain model already, id and parameters, as healthy cells of the type have them.
     """
     stack = case.fit
     return about_fit(case) | {
@@ -452,4 +456,5 @@ def model_of(case, state):
         "std": stds(state.solution, parts_of(case.fit)),
         "start_soc": base.starts_of(case.cell, stack, state.solution.values, state.effects),
         "effects": [effect.id for effect in state.effects],
+        "healthy": [[key, dict(p)] for key, p in case.healthy],
     }

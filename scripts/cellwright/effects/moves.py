@@ -4,17 +4,11 @@ Each raises the sum of the predictive densities, less a price for every effect: 
 worth to be told apart from the effects that could stand in its place.
 """
 
-PRICE = 1.0  # nats an effect
 SHORTLIST = 5  # moves whose densities are made in full, the best by tenths of the blocks
 ADDED, SWAPPED, PAIRED = 12, 8, 8  # terms that are tried, the most promising first
 LEAST_OF_SWAP = 1.0  # nats: two that differ by less are the same to anyone
 PAIR_Z = 2.0
 MOST_MOVES = 40
-
-
-def worth(space, chosen):
-    """Sum of the densities of a model of a space, less the price of its effects."""
-    return float(space.density(chosen).sum()) - PRICE * len(chosen)
 
 
 def best_model(space, begun, gates, *, barred=(), fitted=()):
@@ -27,12 +21,12 @@ def best_model(space, begun, gates, *, barred=(), fitted=()):
     fitted already and are not asked for again.
     """
     ends = [_walked(space, frozenset(model), gates, set(barred), set(fitted)) for model in begun]
-    return max(ends, key=lambda model: worth(space, model))
+    return max(ends, key=lambda model: space.worth(model))
 
 
 def _walked(space, model, gates, barred, fitted):
     for _ in range(MOST_MOVES):
-        now = worth(space, model)
+        now = space.worth(model)
         offers = _single(space, model, barred)
         chosen = _best(space, model, now, offers, gates.joins, fitted)
         if chosen is None:
@@ -83,10 +77,10 @@ def _exactly_tied(one, other):
 def _best(space, model, now, offers, least_z, fitted):
     """The offer that gains most, or None; one that only adds must be surely better, too."""
     offers = {m: least for m, least in offers.items() if space.keys(m) not in fitted}
-    order = sorted(offers, key=lambda m: space.roughly(m) - PRICE * len(m), reverse=True)
+    order = sorted(offers, key=lambda m: space.roughly(m), reverse=True)
     best, most = None, now
     for offer in order[:SHORTLIST]:
-        value = worth(space, offer)
+        value = space.worth(offer)
         adds = offer > model
         if value <= max(most, now + offers[offer]):
             continue
@@ -107,15 +101,15 @@ def rivals(space, model, gates, *, barred=(), fitted=()):
     ----------
     space, gates, barred, fitted : as in `best_model`. model : numbers of terms.
     """
-    value, mine, offers = worth(space, model), set(space.keys(model)), []
+    value, mine, offers = space.worth(model), set(space.keys(model)), []
     if not space.inside:
         offers += [frozenset({k}) for k in space.further(space.inside, {*barred, *mine})]
     for one in _single(space, model, barred):
-        near = value - worth(space, one) < LEAST_OF_SWAP
+        near = value - space.worth(one) < LEAST_OF_SWAP
         if not one > model and one and (near or space.difference(model, one).z < gates.apart):
             offers.append(one)
     best = {}
-    for one in sorted(offers, key=lambda one: worth(space, one), reverse=True):
+    for one in sorted(offers, key=lambda one: space.worth(one), reverse=True):
         if space.keys(one) not in fitted and set(space.keys(one)) != mine:
             best.setdefault(space.keys(one), one)
     return list(best.values())

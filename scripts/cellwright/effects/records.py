@@ -277,7 +277,7 @@ def group_stacked(records, *, branches, hold="zero_order"):
         _check_group(record, branches)
     logged = all(record.branch_current_ampere is not None for record in records)
     currents = _joined(records, "branch_current_ampere") if logged else None
-    return Stack(**_rows(records, hold), branch_current_ampere=currents)
+    return Stack(**_rows(records, hold), branch_current_ampere=currents, responses={})
 
 
 def _check_group(record, branches):

@@ -38,7 +38,7 @@ import numpy as np
 from cellwright.effects.columns import candidates
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.moves import PRICE, best_model, rivals
+from cellwright.effects.moves import best_model, rivals
 from cellwright.effects.score import difference
 from cellwright.effects.space import space_of
 from cellwright.effects.state import State, Yardstick, most_telling, squares_of
@@ -76,8 +76,9 @@ class Model(NamedTuple):
 
 
 def worth(model, yardstick):
-    """Sum of the densities of a model, less the price of its effects [nats]."""
-    return float(yardstick.density(model.squares).sum()) - PRICE * len(model.effects)
+    """What a model is worth, see `state.Yardstick.worth`."""
+    density, cost = yardstick.density(model.squares), model.state.solution.cost
+    return yardstick.worth(density, cost, len(model.effects))
 
 
 class Beside(NamedTuple):
@@ -217,7 +218,10 @@ def search(case, library):
     """
     possible = case.possible(library)
     free, values, filters = case.begun()
-    about = _About(case, possible, free, Yardstick(filters))
+    yardstick = Yardstick(filters)
+    if case.gates.price is not None:
+        yardstick = yardstick._replace(price=case.gates.price / 2.0, by_cost=True)
+    about = _About(case, possible, free, yardstick)
     plain = _fitted(about, (), values)
     for again in (True, False):
         about, residual = _renewed(about, plain, first=again)
@@ -322,7 +326,8 @@ def _renewed(about, model, *, first=False):
     lined_up = candidates(predict, solution.prediction, solution.values, further)
     residual = _residual_with_all(solution, lined_up, about.yardstick.filters.fit)
     filters = case.filters_for(residual, about.yardstick.filters, first)
-    return about._replace(yardstick=Yardstick(filters)), residual
+    yardstick = about.yardstick._replace(filters=filters, scale=np.inf)
+    return about._replace(yardstick=yardstick), residual
 
 
 def _residual_with_all(solution, lined_up, whitening):

@@ -22,7 +22,7 @@ import numpy as np
 
 from cellwright.effects.columns import candidates, sizes_of
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.score import densities, difference
+from cellwright.effects.score import difference
 from cellwright.numerics.least_squares import bounded_minimum
 
 RIDGE = 1e-9  # of a column's own square, against rounding
@@ -72,7 +72,7 @@ class Space:
         self.terms, self.record = terms, yardstick.blocks.record
         self.inside = frozenset(k for k, one in enumerate(terms) if one.candidate is None)
         self._taken_out, self._rows = taken_out, products.rows
-        self._scale = yardstick.scale
+        self._yardstick = yardstick
         precision, self._pull = priors
         fitted = products.blocks[~products.judges].sum(axis=0) + products.loose
         count = len(self._pull)
@@ -133,16 +133,26 @@ class Space:
         """Log predictive density (b,) of each block by a model."""
         key = frozenset(chosen)
         if key not in self._densities:
-            self._densities[key] = densities(self.squares(key) / self._scale)
+            self._densities[key] = self._yardstick.density(self.squares(key))
         return self._densities[key]
 
+    def worth(self, chosen):
+        """What a model is worth [nats], see `state.Yardstick.worth`; of two of this space."""
+        return self._yardstick.worth(self.density(chosen), self._cost(chosen), len(chosen))
+
     def roughly(self, chosen):
-        """Sum of the densities of a model, as an order of many needs it."""
+        """The same as an order of many needs it."""
         key = frozenset(chosen)
         if key not in self._sums:
-            squares = self.squares(key, by_part=True)
-            self._sums[key] = float(densities(squares / self._scale).sum())
+            squares = None if self._yardstick.by_cost else self.squares(key, by_part=True)
+            density = () if squares is None else self._yardstick.density(squares)
+            self._sums[key] = self._yardstick.worth(density, self._cost(key), len(key))
         return self._sums[key]
+
+    def _cost(self, chosen):
+        """Cost of the fit of a model, beyond a constant of the space."""
+        at, x = self._minimum(chosen)[0], -self._minimum(chosen)[0][: len(self._pull)]
+        return float(at @ self._fitted @ at + x @ self._prior @ x - 2.0 * self._pull @ x)
 
     def difference(self, better, worse):
         """How much better a model predicts than another: score.Difference."""

@@ -7,6 +7,8 @@ import numpy as np
 from cellwright.effects.score import densities, difference, left_out, mean_squares
 from cellwright.numerics.least_squares import inverse
 
+PRICE = 1.0  # nats an effect
+
 
 class State(NamedTuple):
     """A fitted model: its effects, and its errors on the records fitted and those that judge.
@@ -35,11 +37,15 @@ class Yardstick(NamedTuple):
 
     filters : whitening of both sides by the noise, and the blocks. scale : mean square by which
     the best model so far errs in half of the blocks that it was fitted to, each left out, in units
-    of the noise, 1 or more: nobody acts on what is small beside that.
+    of the noise, 1 or more: nobody acts on what is small beside that. price : what an effect must
+    be worth to be told from those that could stand in its place [nats]. by_cost : what a model is
+    worth is its cost, and not how well it predicts: where all parameters are known closely.
     """
 
     filters: object
     scale: float = np.inf
+    price: float = PRICE
+    by_cost: bool = False
 
     @property
     def blocks(self):
@@ -54,6 +60,17 @@ class Yardstick(NamedTuple):
     def density(self, squares):
         """Log predictive density (b,) of each block by the mean squares of its errors (b,)."""
         return densities(squares / self.scale)
+
+    def worth(self, density, cost, effects):
+        """What a model is worth [nats]: densities (b,) of its blocks, or half its cost, less the
+        price of its effects.
+
+        Parameters
+        ----------
+        density : (b,). cost : of its fit. effects : how many it has.
+        """
+        value = -cost / 2.0 if self.by_cost else float(np.sum(density))
+        return value - self.price * effects
 
     def difference(self, better, worse):
         """How much better a model predicts than another, by their squares: score.Difference."""

@@ -19,6 +19,7 @@ from cellwright.effects.columns import frees_of, neutral
 from cellwright.effects.case import STEADY_C_RATE, extra_volt_of, filters_of, problem_of, state_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.thermal import WARMED, without_growth
 from cellwright.effects.records import lacking
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST, read_volt
@@ -29,6 +30,8 @@ from cellwright.refusal import Refusal
 NEXT_ROWS = np.arange(-1, 3)
 FITTED = (*base.LOGARITHMS, "soc0[")  # first letters of the parameters fitted to a reference
 ROLES = ("fit", "validation")
+APART_KELVIN = 5.0  # between records; below it they are at one temperature
+TOLD_BY = 3  # temperatures: whether the energy of resistances grows in the cold
 CLEARLY = 0.5  # of the difference in proportion, below which that by the clock decides
 
 
@@ -286,7 +289,12 @@ def paired(case, references, pairing=None):
         unknown_volt=float(np.hypot(case.gates.unknown_volt, healthy)),
     )
     tolerance = case.tolerance._replace(known=known)
-    with_template = case._replace(**stacks, gates=gates, tolerance=tolerance, otherwise=None)
+    settled = {
+        "gates": gates,
+        "tolerance": tolerance,
+        "healthy": _healthy_effects(case, states.values()),
+    }
+    with_template = case._replace(**stacks, **settled, otherwise=None)
     sizes = {role: rms(stacks[role].template_volt) for role in ROLES}
     spread = {role: _scatter_volt(rows[role]) for role in ROLES}
     read = _read_volt(case, rows["fit"])
@@ -438,6 +446,34 @@ def _with_courses(case, stack, states):
     ohmic, quicker, slower, tau = np.exp(np.mean(logs, axis=0))
     slow = {"slow_courses": (quicker, slower), "tau_course": tau}
     return stack._replace(ohmic_course=ohmic, **slow, courses={})
+
+
+def _healthy_effects(case, states):
+    """Effects that all references were fitted with, id and mean parameters by name.
+
+    The logarithms of their courses go in proportion with nearly all of these: this is, but for
+    that, the geometric mean of `_with_courses`.
+    """
+    shared = set.intersection(*({effect.id for effect in state.effects} for state in states))
+    sizes = {}
+    for state in states:
+        for effect in state.effects:
+            sizes.setdefault(effect.id, []).append(effect.sizes_of(state.solution.values))
+    means = {
+        key: {name: float(np.mean([p[name] for p in each])) for name in each[0]}
+        for key, each in sizes.items()
+        if key in shared
+    }
+    temperatures = _temperatures(case.fit)
+    if WARMED in means and len(temperatures) < TOLD_BY:
+        means[WARMED] = without_growth(means[WARMED], (temperatures[0], temperatures[-1]))
+    return tuple(means.items())
+
+
+def _temperatures(stack):
+    """Temperatures of records, of those less than `APART_KELVIN` apart the lowest (t,) [degC]."""
+    means = np.sort(np.bincount(stack.file, stack.celsius) / np.bincount(stack.file))
+    return means[np.diff(means, prepend=-np.inf) > APART_KELVIN]
 
 
 def healthy_state(case, courses=None):

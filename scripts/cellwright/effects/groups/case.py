@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects.candidates import Score, State, candidates, densities_of, frees_of
+from cellwright.effects.columns import frees_of
 from cellwright.effects.floor import Floor, excess_volt
 from cellwright.effects.groups.known import GroupGates, Shared, Spread
 from cellwright.effects.groups.model import (
@@ -20,15 +20,13 @@ from cellwright.effects.groups.model import (
     group_run,
 )
 from cellwright.effects.judge import FAR_STDS, READ_VOLT
-from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.score import blocks_of, rms_of_blocks
+from cellwright.effects.state import State
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import (
     Problem,
-    bounded_minimum,
     derivatives,
     inverse,
-    priors,
 )
 from cellwright.numerics.statistics import rms, robust_std
 from cellwright.records.conditions import low_current
@@ -39,8 +37,6 @@ SOC_STEP = 1e-3
 SLOW_SECOND = (30.0, 100.0, 300.0)
 FIRST_NOISE_VOLT = 2e-3
 FIRST_NOISE_SHARE = 2e-3  # of the largest branch current
-SHARPER = 0.8  # fall of the slow noise for which a round is repeated
-VISIBLE = 25.0  # fall of chi-square by an effect of plausible size
 
 
 class Channels(NamedTuple):
@@ -79,7 +75,6 @@ class GroupCase(NamedTuple):
     shared: Shared = Shared()
     gates: GroupGates = GroupGates()
     settled: float = 1.0
-    keeps_derivatives: bool = False
 
     @property
     def sensors(self):
@@ -120,36 +115,30 @@ class GroupCase(NamedTuple):
             group_coupling(free, self.cells, self.spread, self.shared),
         )
 
-    def candidates(self, effects, solution, possible, further):
-        """What each further effect would change: list of candidates.Candidate."""
+    def predict(self, side, values, effects):
+        """Rows of `rows_of` of a side, "fit" or "validation", by the model (m,) [V, A]."""
+        return predicted(self, self.fit if side == "fit" else self.validation, values, effects)
 
-        def predict(values, effect):
-            together = in_order((*effects, effect), possible)
-            return predicted(self, self.fit, values, together)
+    def without_starts(self, columns, state, filters):
+        """Whitened columns (m, k) of the records that judge, less what moves with the group's SoC
+        at their starts."""
+        stack, values = self.validation, state.values
+        starts = [f"soc0[{k}]" for k in range(len(stack.first))]
+        moved = values | {name: values[name] + SOC_STEP for name in starts}
+        change = self.predict("validation", moved, state.effects)
+        change = change - self.predict("validation", values, state.effects)
+        white, files = filters.validation.apply(change / SOC_STEP), self.files_of(stack)
+        columns = columns.copy()
+        for k in range(len(starts)):
+            rows = files == k
+            mine = white[rows]
+            share = (mine @ columns[rows]) / (mine @ mine + self.shared.soc**-2.0)
+            columns[rows] -= np.outer(mine, share)
+        return columns
 
-        every = candidates(predict, solution.prediction, solution.values, further)
-        return [candidate for candidate in every if np.any(candidate.columns)]
-
-    def filters_for(self, residual, filters, earlier):
+    def filters_for(self, residual, filters, first):
         """Filters by the noise of a residual; with more effects the noise does not grow."""
-        return _filters(self, noises_of(self, residual, filters.noise if earlier else None))
-
-    def sharper(self, trials, filters):
-        """Filters by the residual of the best trial where its slow noise is 20 % less, else None.
-
-        The noise is first taken from a linear extrapolation, which fails for a strong effect.
-        """
-        noises = noises_of(self, trials[0].state.solution.residual, filters.noise)
-        pairs = zip(noises, filters.noise, strict=True)
-        alike = all(new.slow_volt > SHARPER * old.slow_volt for new, old in pairs)
-        return None if alike else _filters(self, noises)
-
-    def screened(self, lined_up, before, free, possible, filters):
-        """Scores, best first, and keys of effects that do not show at a plausible size."""
-        problem = self.problem(before.effects, free, filters)
-        scores = _bounded_scores(self, problem, before.solution, lined_up)
-        hidden = tuple(s.candidate.effect.key for s in scores if s.visible < VISIBLE)
-        return sorted(scores, key=lambda s: -s.chi_square), hidden
+        return _filters(self, noises_of(self, residual, None if first else filters.noise))
 
     def state(self, effects, solution, filters):
         """State of a fitted model: its errors on the records that judge, starts profiled out."""
@@ -165,18 +154,12 @@ class GroupCase(NamedTuple):
         """Number of the record of each row of `rows_of` (m,)."""
         return np.tile(stack.file, 1 + len(self.cells) * self.sensors)
 
-    def floor(self, before, free, residual, filters, earlier):
+    def floor(self, state, free, residual, filters):
         """Error that readings and the spread of healthy cells leave: floor.Floor.
 
         In the measure of `error_volt`, of the model without effects.
         """
-        if earlier:
-            return earlier[0].floor
-        return _floor(self, before, free, filters)
-
-    def densities(self, state, filters):
-        """Log predictive density of each block, all channels in it, by a fitted model (b,)."""
-        return densities_of(state, filters.blocks)
+        return _floor(self, state, free, filters)
 
     def excess(self, state, floor, filters):
         """Error beyond the floor by side, each block once, in the measure of `error_volt`: dict."""
@@ -192,15 +175,11 @@ class GroupCase(NamedTuple):
             found[side] = excess_volt(whole, getattr(floor, f"{side}_volt"))
         return found
 
-    def misled(self, before, trial):
-        """True: the best trials are always refitted with derivatives at their own optimum."""
-        return True
-
-    def denied(self, trials):
+    def denied(self, state):
         """No keys: no measurement outside the fit contradicts an effect of a branch."""
         return set()
 
-    def ties(self, trial, tied, denied, library):
+    def ties(self, effect, state, tied, denied, library):
         """Keys that predict as well in its place: those of the fit alone."""
         return tied
 
@@ -224,35 +203,6 @@ def _counted_soc(case, stack):
     moved = np.cumsum(before * stack.step_second / 3600.0 / rating)
     starts = np.mean(stack.soc_at_start, axis=1)
     return (starts - moved[stack.first])[stack.file] + moved
-
-
-def _bounded_scores(case, problem, solution, lined_up):
-    """Score of each candidate: the fall of the quadratic cost at its minimum within all bounds."""
-    prior, pull = priors(problem)
-    names = [f.name for f in problem.free]
-    at = np.array([solution.values[name] for name in names])
-    residual = problem.whiten(solution.residual)
-    moment = solution.white.T @ residual + pull + (solution.precision - prior) @ at
-    healthy = bounded_minimum(solution.precision, moment, *_limits(problem.free), at)
-    without = 0.5 * healthy @ solution.precision @ healthy - moment @ healthy
-    scores = []
-    for candidate in lined_up:
-        effect, column = candidate.effect, problem.whiten(candidate.columns[:, 0])
-        mixed = solution.white.T @ column
-        precision = np.block([[solution.precision, mixed[:, None]], [mixed[None], column @ column]])
-        moments = np.append(moment, column @ residual + mixed @ at)
-        limits = _limits(case.with_effect(problem.free, effect))
-        x = bounded_minimum(precision, moments, *limits, np.append(healthy, 0.0))
-        fall = 2 * (without - (0.5 * x @ precision @ x - moments @ x))
-        values = solution.values | dict(zip((*names, *effect.names), x.tolist(), strict=True))
-        information = column @ column - mixed @ np.linalg.solve(solution.precision, mixed)
-        visible = float(information * effect.parameters[0].plausible ** 2)
-        scores.append(Score(candidate, float(fall), x[-1:], information, visible, values))
-    return scores
-
-
-def _limits(free):
-    return np.array([f.lower for f in free]), np.array([f.upper for f in free])
 
 
 def rows_of(case, stack):

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects.base import OCV_KNOTS
 from cellwright.effects.finding import KEPT, ranking_of
+from cellwright.effects.groups.branch import branch_of, smooth_ocv
 from cellwright.effects.groups.case import (
     GroupCase,
     error_volt,
@@ -14,13 +14,7 @@ from cellwright.effects.groups.case import (
     run_of,
 )
 from cellwright.effects.groups.known import GroupGates, Shared, Spread
-from cellwright.effects.groups.model import (
-    Branch,
-    document,
-    smooth_ocv,
-    smooth_shares,
-)
-from cellwright.effects.library import LIBRARY
+from cellwright.effects.groups.model import document
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import group_stacked, parts_of
 from cellwright.effects.search import search
@@ -85,41 +79,6 @@ def group_finding(
         series=_series(case, found.first, result.last),
         model=document(case, kept),
     )
-
-
-def branch_of(cell, model, *, wire_ohm=0.0, own=True):
-    """Branch of a group from the model of its cell (`story.result.Finding.model`).
-
-    Parameters
-    ----------
-    cell : name. model : dict with capacity_ampere_hour, ocv_volt on an even SoC grid, values.
-    wire_ohm : stated resistance of its connection [ohm].
-    own : the model is of this very cell, not of its type.
-
-    Returns
-    -------
-    branch : Branch. Of the effects in the model only resistance over temperature is kept.
-    """
-    # ASSUME: What a cell's model has beside the plain circuit and its resistance over temperature
-    # is alike in all cells of a group, so that it moves no current from one branch to another.
-    values, ocv = model["values"], np.asarray(model["ocv_volt"], float)
-    error = smooth_shares(len(ocv), OCV_KNOTS) @ [values[f"ocv[{k}]"] for k in range(OCV_KNOTS)]
-    return Branch(
-        cell,
-        model["capacity_ampere_hour"] * (1.0 + values["capacity"]),
-        ocv + error,
-        tuple(float(np.exp(values[f"log_r{k}"])) for k in range(3)),
-        tuple(float(np.exp(values[f"log_tau{k}"])) for k in (1, 2)),
-        _activation_energy(values),
-        wire_ohm,
-        own,
-    )
-
-
-def _activation_energy(values):
-    """Activation energy of the resistances of a cell's model [J/mol]; 0: none in it."""
-    effects = (effect for effect in LIBRARY.values() if effect.activation_energy)
-    return sum(values.get(f"{e.key}.{e.activation_energy}", 0.0) for e in effects)
 
 
 def _case(cells, records, initial_soc, settings, hold):
@@ -320,9 +279,8 @@ def group_verdict(group, found, result, deviations, library):
     if result.word == "unknown" and not result.names and not case.sensors:
         result = result._replace(word="none", adequate=True)
     # Ids of effects that at a plausible size would show in some branch.
-    step = found.rounds[0]
-    effects = [score.candidate.effect for score in step.scores]
-    visible = {effect.id for effect in effects if effect.key not in step.hidden}
+    shown = set(found.possible) - set(found.hidden)
+    visible = {found.possible[key].id for key in shown}
     verdict = verdict_of(
         *(group, found, result, _located(case, result.last), deviations),
         next_test=_next_test(found, result.names, library),
@@ -371,7 +329,7 @@ def _alternatives(found, one):
     chosen = one.effect.id
     names = {found.possible[key].id for key in one.tied}
     if not found.case.sensors:
-        names |= {score.candidate.effect.id for score in found.rounds[0].scores}
+        names |= {effect.id for effect in found.possible.values()}
     if not _two_temperatures(found.case):
         names |= {tie.partner for tie in one.effect.ties if tie.one_temperature}
     return sorted(names - {chosen})

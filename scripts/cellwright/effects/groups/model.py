@@ -1,74 +1,51 @@
 """The model of cells in parallel that is searched, its free parameters, and its document.
 
-Every branch is the plain cell (OCV, ohmic resistance, two RC pairs) behind a wire; resistances
-of the cells move with temperature, those of the wires do not. Kirchhoff's laws share the current.
+Every branch is its cell (OCV, ohmic resistance, two RC pairs, slow diffusion, with what moves them:
+see `branch`) behind a wire, which no temperature moves. Kirchhoff's laws share the current.
 """
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline, make_smoothing_spline
 
-from cellwright.circuits.cell import ocv_and_slope, ocv_on_grid
-from cellwright.circuits.temperature import resistance_factor
+from cellwright.circuits.cell import held_on_grid, ocv_and_slope
 from cellwright.effects.base import OCV_KNOTS
+from cellwright.effects.groups.branch import (
+    Branch,
+    conditions,
+    diffusion_of,
+    smooth_shares,
+)
 from cellwright.effects.library.groups import GROUP_LIBRARY
+from cellwright.effects.library.thermal import WARMED
 from cellwright.native import array, count, function
 from cellwright.numerics.lags import lag_step, lag_weights
 from cellwright.numerics.least_squares import Free
 from cellwright.packs.network import star
-from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
 LEAST_OHM = 1e-6
-SMOOTH_SOC = 0.01
-FINE_KNOTS = 41  # of the error that the OCV of all branches branch_ampere
-
-
-class Branch(NamedTuple):
-    """One branch as it is known before the search.
-
-    cell : name. capacity_ampere_hour : [Ah]. ocv_volt : (p,) on an even SoC grid from 0 to 1 [V].
-    r_ohm : (3,) ohmic and of the two RC pairs at 25 degC [ohm]. tau_second : (2,) [s].
-    activation_joule_per_mole : of the three. wire_ohm : stated resistance of the connection [ohm].
-    own : known from tests of this very cell, not of its type.
-    """
-
-    cell: str
-    capacity_ampere_hour: float
-    ocv_volt: np.ndarray
-    r_ohm: tuple
-    tau_second: tuple
-    activation_joule_per_mole: float = 0.0
-    wire_ohm: float = 0.0
-    own: bool = False
-
-
-def smooth_ocv(ocv_volt):
-    """An OCV table (p,) on an even grid without what is shorter than `SMOOTH_SOC` of SoC [V].
-
-    Cells at slightly different SoC are pulled apart by every wiggle of a measured table.
-    Source: cubic smoothing spline, its bandwidth after B. W. Silverman, Ann. Stat. 12 (1984) 898.
-    """
-    grid = np.linspace(0.0, 1.0, len(ocv_volt))
-    return make_smoothing_spline(grid, ocv_volt, lam=len(grid) * SMOOTH_SOC**4)(grid)
+PAIRS, LAGS = 2, 8  # of a branch: both pairs, and with those of slow diffusion at most
+FINE_KNOTS = 41  # of the error that the OCVs of all branches share
 
 
 class GroupFields(NamedTuple):
     """Quantities of a group that is simulated, which effects of its branches change.
 
-    capacity : (b,) [Ah]. ocv : (b, p) [V]. r : (b, 3) [ohm]. tau : (b, 2) [s]. wire : (b,) [ohm].
-    energy : (b,) [J/mol]. soc : (f, b) at the start of each record [1]. warmer : (b,) above the
-    measured temperature [K]. offset : (b,) [A] and gain : (b,) [1] of the branch's sensor.
+    cells : tuple of Branch, for what nothing changes. capacity : (b,) [Ah]. ocv : (b, p) [V].
+    r : (b, 1 + LAGS) ohmic, of both pairs, and of the lags of slow diffusion [ohm]. tau : (b, LAGS)
+    of each lag, 0 after the last [s]. wire : (b,) [ohm]. energy : beside the cells' own [J/mol].
+    soc : (f, b) at the start of each record [1]. warmer : (b,) above the measured temperature [K].
+    offset : (b,) [A] and gain : (b,) [1] of the branch's sensor.
     """
 
+    cells: tuple
     capacity: np.ndarray
     ocv: np.ndarray
     r: np.ndarray
     tau: np.ndarray
     wire: np.ndarray
-    energy: np.ndarray
+    energy: float
     soc: np.ndarray
     warmer: np.ndarray
     offset: np.ndarray
@@ -88,7 +65,8 @@ class GroupRun(NamedTuple):
     soc: np.ndarray
 
 
-COMMON = ("log_r0", "log_r1", "log_r2", "log_tau1", "log_tau2", "capacity", "energy")
+LOG_OHMS = ("log_r0", "log_r1", "log_r2", "log_diffusion")
+COMMON = (*LOG_OHMS, "log_tau1", "log_tau2", "capacity", "energy")
 OF_BRANCH = (
     "capacity",
     "log_r0",
@@ -128,18 +106,28 @@ def group_fields(cells, soc_at_start, values, effects=()):
     def of_branch(name):
         return np.array([values[f"{b}.{name}"] for b in branches])
 
-    slow = np.exp(of_branch("log_slow")[:, None] + [[values["log_r1"], values["log_r2"]]])
+    slow = np.exp(of_branch("log_slow")[:, None] + [values[name] for name in LOG_OHMS[1:]])
     factor = np.concatenate([np.exp(of_branch("log_r0") + values["log_r0"])[:, None], slow], axis=1)
-    tau = np.exp(of_branch("log_tau")[:, None] + [[values["log_tau1"], values["log_tau2"]]])
+    faster = np.exp(of_branch("log_tau")[:, None] + [[values["log_tau1"], values["log_tau2"]]])
+    r, tau = np.zeros((len(cells), 1 + LAGS)), np.zeros((len(cells), LAGS))
+    for b, cell in enumerate(cells):
+        slowest, pairs = diffusion_of(cell), 1 + PAIRS
+        lags = pairs + len(slowest.r_ohm)
+        r[b, :pairs], tau[b, :PAIRS] = cell.r_ohm * factor[b, :pairs], cell.tau_second * faster[b]
+        r[b, pairs:lags], tau[b, PAIRS : lags - 1] = (
+            slowest.r_ohm * factor[b, -1],
+            slowest.tau_second,
+        )
     capacity = np.array([c.capacity_ampere_hour for c in cells])
     shift = np.array([values[f"soc0[{k}]"] for k in range(len(soc_at_start))])
     fields = GroupFields(
+        cells=cells,
         capacity=capacity * (1.0 + values["capacity"]) * (1.0 + of_branch("capacity")),
         ocv=np.array([c.ocv_volt for c in cells]) + _ocv_errors(cells, values),
-        r=np.array([c.r_ohm for c in cells]) * factor,
-        tau=np.array([c.tau_second for c in cells]) * tau,
+        r=r,
+        tau=tau,
         wire=np.array([c.wire_ohm for c in cells]) + of_branch("wire"),
-        energy=np.array([c.activation_joule_per_mole for c in cells]) + values["energy"],
+        energy=values["energy"],
         soc=np.asarray(soc_at_start, float) + shift[:, None] + of_branch("soc"),
         warmer=of_branch("celsius"),
         offset=of_branch("offset"),
@@ -155,16 +143,6 @@ def _ocv_errors(cells, values):
     points = len(cells[0].ocv_volt)
     common = smooth_shares(points, FINE_KNOTS) @ [values[f"fine[{k}]"] for k in range(FINE_KNOTS)]
     return common + np.array(knots) @ smooth_shares(points, OCV_KNOTS).T
-
-
-@cache
-def smooth_shares(points, knots):
-    """Share of each knot of an OCV error at each point of an even SoC grid: (points, knots).
-
-    Smooth between knots: cells in parallel are pulled apart by the slopes of their OCV.
-    """
-    spline = CubicSpline(np.linspace(0.0, 1.0, knots), np.eye(knots))
-    return spline(np.linspace(0.0, 1.0, points))
 
 
 def group_run(fields, stack):
@@ -187,43 +165,66 @@ def group_run(fields, stack):
     """
     if np.any(fields.r[:, 0] + fields.wire < LEAST_OHM) or np.any(fields.capacity <= 0):
         raise Refusal("a branch of the group has no resistance or no capacity")
-    inside = stack.celsius[:, None] + fields.warmer
-    factor = resistance_factor(inside, REFERENCE_CELSIUS, fields.energy)
-    kernel = function("group_run", *[count] * 4, *[array] * 13)
+    rating = sum(cell.capacity_ampere_hour for cell in fields.cells)
+    shares = [cell.capacity_ampere_hour / rating for cell in fields.cells]
+    about = zip(fields.cells, shares, fields.warmer.tolist(), strict=True)
+    rows = np.array([conditions(c, stack, s, k, fields.energy) for c, s, k in about])
+    kernel = function("group_run", *[count] * 4, *[array] * 16)
     current, voltage, soc = (
-        _twin(fields, stack, factor) if kernel is None else _compiled(kernel, fields, stack, factor)
+        _twin(fields, stack, rows) if kernel is None else _compiled(kernel, fields, stack, rows)
     )
     return GroupRun(voltage, current * (1.0 + fields.gain) + fields.offset, soc)
 
 
-def _compiled(kernel, fields, stack, factor):
-    rows, cells = factor.shape
-    results = np.empty((rows, cells)), np.empty(rows), np.empty((rows, cells))
-    given = (stack.step_second, stack.fresh, stack.current_ampere, fields.ocv, fields.r)
-    given += (fields.tau, fields.wire, 3600.0 * fields.capacity, factor, fields.soc)
+def _tables(fields):
+    """OCV, its rise with temperature and courses of three resistances over SoC: (b, 5, p)."""
+    constant = np.array([0.0, 1.0, 1.0, 1.0])[:, None] * np.ones(fields.ocv.shape[1])
+    courses = [constant if cell.courses is None else cell.courses for cell in fields.cells]
+    return np.concatenate([fields.ocv[:, None], courses], axis=1)
+
+
+def _compiled(kernel, fields, stack, rows):
+    cells, count_rows, _ = rows.shape
+    results = np.empty((count_rows, cells)), np.empty(count_rows), np.empty((count_rows, cells))
+    slowest = [diffusion_of(cell) for cell in fields.cells]
+    given = (stack.step_second, stack.fresh, stack.current_ampere, _tables(fields))
+    given += ([cell.courses is not None for cell in fields.cells], fields.r, fields.tau)
+    given += ([d.leads for d in slowest], [d.log_diffusivity_to_full for d in slowest])
+    given += (fields.wire, 3600.0 * fields.capacity, rows, fields.soc)
     given = [np.ascontiguousarray(values, float) for values in given]
     first_order = stack.hold == "first_order"
-    kernel(rows, cells, fields.ocv.shape[1], first_order, *given, *results)
+    kernel(count_rows, cells, fields.ocv.shape[1], first_order, *given, *results)
     return results
 
 
-def _twin(fields, stack, factor):
-    rows, cells = factor.shape
-    current, voltage, soc = np.empty((rows, cells)), np.empty(rows), np.empty((rows, cells))
-    lags = lag_weights(stack.step_second[:, None, None], fields.tau, hold="first_order")
-    charge = stack.step_second[:, None] / (3600.0 * fields.capacity) / 2.0
-    total = stack.current_ampere
+def _twin(fields, stack, rows):
+    cells, count_rows, _ = rows.shape
+    current, voltage = np.empty((count_rows, cells)), np.empty(count_rows)
+    soc, total = np.empty((count_rows, cells)), stack.current_ampere
     held = total if stack.hold == "first_order" else np.roll(total, 1)
-    for k in range(rows):
-        ohm = factor[k][:, None] * fields.r
+    tau, tables = np.where(fields.tau > 0.0, fields.tau, 1.0), _tables(fields)
+    leads = np.array([diffusion_of(cell).leads for cell in fields.cells])
+    leading = leads[:, None] & (np.arange(LAGS) >= PAIRS)
+    z = volts = drive = None
+    for k in range(count_rows):
+        row = rows[:, k]
         if stack.fresh[k]:
-            z, pair = fields.soc[stack.file[k]], np.zeros((cells, 2))
+            z, volts = fields.soc[stack.file[k]], np.zeros((cells, LAGS))
         else:
-            weights = [weight[k] for weight in lags]
-            z, pair = _moved(fields, ohm, z, pair, current[k - 1], charge[k], weights, held[k])
-        source = ocv_on_grid(fields.ocv, z) + pair.sum(axis=1)
-        voltage[k], current[k] = _shared(source, ohm[:, 0] + fields.wire, total[k])
-        soc[k] = z
+            begin = current[k - 1]
+            charge = stack.step_second[k] / (3600.0 * fields.capacity) * row[:, 4] / 2.0
+            foreseen = z + charge * begin
+            clocks = stack.step_second[k] * _rates(fields, row, foreseen, leads)
+            weights = lag_weights(clocks, tau, hold="first_order")
+            volts = lag_step(weights, volts, drive, 0.0)
+            ohms, source, slope = _looked_up(fields, tables, row, foreseen, volts, leads)
+            after = weights[2] * ohms[:, 1:]
+            behind = (after * np.where(leading, slope[:, None], 1.0)).sum(axis=1) + slope * charge
+            end = _shared(source, ohms[:, 0] + fields.wire + behind, held[k])[1]
+            z, volts = z + charge * (begin + end), volts + after * end[:, None]
+        ohms, source, _ = _looked_up(fields, tables, row, z, volts, leads)
+        voltage[k], current[k] = _shared(source, ohms[:, 0] + fields.wire, total[k])
+        drive, soc[k] = ohms[:, 1:] * current[k][:, None], z
     return current, voltage, soc
 
 
@@ -234,14 +235,26 @@ def _shared(source, ohm, total):
     return volt, (volt - source) / ohm
 
 
-def _moved(fields, ohm, soc, pair, begin, charge, weights, total):
-    """SoC and pair voltages at the end of a step under a total."""
-    ocv, slope = ocv_and_slope(fields.ocv, soc + charge * begin)
-    at_begin, pairs = ohm[:, 1:] * begin[:, None], ohm[:, 1:]
-    source = ocv + lag_step(weights, pair, at_begin, 0.0).sum(axis=1)
-    behind = ohm[:, 0] + fields.wire + np.maximum(slope, 0.0) * charge
-    end = _shared(source, behind + (pairs * weights[2]).sum(axis=1), total)[1]
-    return soc + charge * (begin + end), lag_step(weights, pair, at_begin, pairs * end[:, None])
+def _rates(fields, row, soc, leads):
+    """How fast time runs for each lag at a SoC and a row (b, LAGS) [1]."""
+    to_full = np.array([diffusion_of(cell).log_diffusivity_to_full for cell in fields.cells])
+    slowest = np.exp(to_full * (np.clip(soc, 0.0, 1.0) - 0.5)) * np.where(leads, row[:, 3], 1.0)
+    return np.stack([row[:, 3]] * PAIRS + [slowest] * (LAGS - PAIRS), axis=1)
+
+
+def _looked_up(fields, tables, row, soc, volts, leads):
+    """Of branches at a SoC, a row and voltages of their lags (b, LAGS): resistances, ohmic and of
+    each lag (b, 1 + LAGS) [ohm], voltage behind the ohmic one (b,) [V], slope of the OCV (b,) [V].
+    """
+    each = zip(tables, soc, strict=True)
+    entropic, *courses = np.array([[held_on_grid(t, z) for t in of[1:]] for of, z in each]).T
+    ohms = fields.r.copy()
+    ohms[:, : 1 + PAIRS] *= row[:, : 1 + PAIRS] * np.transpose(courses)
+    ohms[:, 1 + PAIRS :] /= _rates(fields, row, soc, leads)[:, PAIRS:]
+    slowest = volts[:, PAIRS:].sum(axis=1)
+    ocv, slope = ocv_and_slope(fields.ocv, soc + np.where(leads, slowest, 0.0))
+    source = ocv + entropic * row[:, 5] + volts[:, :PAIRS].sum(axis=1)
+    return ohms, source + np.where(leads, 0.0, slowest), np.maximum(slope, 0.0)
 
 
 LOG_STEP, SOC_STEP, VOLT_STEP = 5e-3, 1e-3, 1e-3
@@ -257,6 +270,7 @@ STEPS = {
     "gain": 1e-3,
 }
 OWN_KNOT = 0.1
+TABLES = ("ocv_volt", "courses")  # of a Branch, arrays
 
 
 def group_frees(cells, files, spread, shared, *, sensors):
@@ -299,13 +313,13 @@ def _ocv_volt(cell, spread):
 def _common_frees(cells, shared, far):
     tested = all(cell.own for cell in cells)
     # The activation energy of a cell never tested over temperature is not known.
-    warmed = tested and all(cell.activation_joule_per_mole for cell in cells)
+    warmed = tested and all(WARMED in dict(cell.effects) for cell in cells)
     resistance = shared.resistance if tested else shared.type_resistance
     time = shared.time_constant if tested else shared.type_time_constant
     energy = shared.activation_joule_per_mole if warmed else shared.type_activation_joule_per_mole
     capacity = shared.capacity if tested else shared.type_capacity
     return [
-        *(_bounded(name, LOG_STEP, resistance, far) for name in ("log_r0", "log_r1", "log_r2")),
+        *(_bounded(name, LOG_STEP, resistance, far) for name in LOG_OHMS),
         *(_bounded(name, 4 * LOG_STEP, time, far) for name in ("log_tau1", "log_tau2")),
         _bounded("capacity", LOG_STEP, capacity, far),
         _bounded("energy", 500.0, energy, far),
@@ -362,7 +376,11 @@ def document(case, state):
     """
     return {
         "branches": [
-            cell._asdict() | {"ocv_volt": np.asarray(cell.ocv_volt).tolist()} for cell in case.cells
+            {
+                name: np.asarray(v).tolist() if name in TABLES else v
+                for name, v in cell._asdict().items()
+            }
+            for cell in case.cells
         ],
         "values": {name: float(value) for name, value in state.solution.values.items()},
         "effects": [{"effect": e.id, "branch": e.position + 1} for e in state.effects],
@@ -382,9 +400,9 @@ def fields_of(model, library=GROUP_LIBRARY):
     -------
     fields : GroupFields.
     """
-    cells = [
-        Branch(**{**branch, "ocv_volt": np.asarray(branch["ocv_volt"], float)})
+    cells = tuple(
+        Branch(**{n: np.asarray(v, float) if n in TABLES and v else v for n, v in branch.items()})
         for branch in model["branches"]
-    ]
+    )
     effects = [at_branch(library[e["effect"]], e["branch"] - 1) for e in model["effects"]]
     return group_fields(cells, np.asarray(model["initial_soc"], float), model["values"], effects)

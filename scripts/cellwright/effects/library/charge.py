@@ -121,6 +121,7 @@ EFFECTS = (
         quantity="capacity_change",
         short="a capacity other than tested",
         sizes_in_words=_change_of_capacity,
+        of_branch=True,
         consequence="counted state of charge is wrong in proportion to the charge that passed",
     ),
 )

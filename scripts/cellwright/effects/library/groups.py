@@ -15,7 +15,7 @@ def _of_branch(name, change):
 
     def act(fields, stack, p):
         changed, branch = np.array(getattr(fields, name)), (..., p["branch"])
-        if name == "r":  # (b, 3); all others have the branch last
+        if name == "r":  # (b, 1 + lags); all others have the branch last
             branch = branch[::-1]
         (size,) = (value for parameter, value in p.items() if parameter != "branch")
         changed[branch] = change(changed[branch], size)

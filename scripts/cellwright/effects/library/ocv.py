@@ -43,6 +43,7 @@ EFFECTS = (
         quantity="ocv_change",
         short="a shifted OCV",
         sizes_in_words=ocv(THIRDS, at_thirds()),
+        of_branch=True,
         consequence="voltage at rest is looked up in a curve that is no longer the cell's",
     ),
     Effect(
@@ -55,6 +56,7 @@ EFFECTS = (
         shows="a slow discharge and charge (C/20) to both limits",
         short="an OCV that differs near empty or full",
         sizes_in_words=ocv([0.0, 1.0], ("when empty", "when full")),
+        of_branch=True,
         consequence="the end of discharge or charge comes sooner or later than predicted",
     ),
 )

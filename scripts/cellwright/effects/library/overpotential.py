@@ -248,6 +248,7 @@ EFFECTS = (
         quantity="slow_resistance",
         short="slow diffusion",
         sizes_in_words=_diffusion_sizes,
+        of_branch=True,
         consequence="rests of minutes end before the open-circuit voltage is reached",
     ),
     Effect(
@@ -289,6 +290,7 @@ EFFECTS = (
         short="charge-transfer kinetics",
         sizes_in_words=_resistance_at_rates,
         sizes_need_model=True,
+        of_branch=True,
         consequence="resistance from small pulses overstates what large loads cost",
     ),
 )

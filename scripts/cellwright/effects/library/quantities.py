@@ -31,19 +31,26 @@ def fields_with(
     -------
     fields : base.Fields, (n,) each; `volt` is the effect's own.
     """
-    soc, celsius, current = (np.array(v, float) for v in np.broadcast_arrays(soc, celsius, current))
-    soc, celsius, current = (np.atleast_1d(v) for v in (soc, celsius, current))
+    fields = plain_fields(values, soc=soc, celsius=celsius, current=current)
+    rows = rows_at(fields.current, fields.celsius, step)
+    return fields if effect is None else effect.act(fields, rows, p)
+
+
+def plain_fields(values, *, soc, celsius, current):
+    """Fields of the plain model at given conditions, see `fields_with`."""
+    given = np.broadcast_arrays(soc, celsius, current)
+    soc, celsius, current = (np.atleast_1d(np.array(v, float)) for v in given)
     one, none = np.ones(len(soc)), np.zeros(len(soc))
     r0, r1, tau1, r2, tau2 = (float(np.exp(values.get(name, 0.0))) for name in LOGARITHMS)
     capacity = values.get("capacity_ampere_hour", 1.0)
-    fields = Fields(
+    return Fields(
         *(current, current, none, capacity * one, soc, celsius, r0 * one, r1 * one, r2 * one),
         *(tau1, tau2, (one, one), 1.0, none, r0 * current, none),
     )
-    return fields if effect is None else effect.act(fields, _stack(current, celsius, step), p)
 
 
-def _stack(current, celsius, step):
+def rows_at(current, celsius, step=None):
+    """Stack of rows with currents (n,) [A] at temperatures (n,) [degC], see `fields_with`."""
     none = np.zeros(len(current))
     fresh = np.append(1.0, none[1:])
     steps = none if step is None else np.where(fresh > 0, 0.0, step)
@@ -116,7 +123,7 @@ def _slow_resistance(effect, p, values, at):
     fields = fields_with(effect, p, values, current=current, step=STEP_SECOND)
     if np.any(fields.lead):
         return np.nan
-    pairs = slow_volt(_stack(current, fields.celsius, STEP_SECOND), fields)
+    pairs = slow_volt(rows_at(current, fields.celsius, STEP_SECOND), fields)
     volt = fields.volt + pairs
     return float(volt[-1] - volt[load + int(EARLIER_SECOND / STEP_SECOND)])
 

@@ -127,6 +127,7 @@ EFFECTS = (
         short="a resistance that differs between charge and discharge",
         sizes_in_words=resistance_by_direction,
         sizes_need_model=True,
+        of_branch=True,
         consequence="voltage limits on charge and discharge are reached at other currents",
     ),
     Effect(
@@ -142,6 +143,7 @@ EFFECTS = (
         short="resistance over state of charge",
         sizes_in_words=over_soc("R0", lambda fields: fields.r0),
         sizes_need_model=True,
+        of_branch=True,
         consequence="power near empty and full is not what the middle says",
     ),
     Effect(
@@ -161,6 +163,7 @@ EFFECTS = (
         short="polarisation over state of charge",
         sizes_in_words=over_soc("what relaxes", lambda fields: sum(fields.slow_ohm), DIFFUSION_OHM),
         sizes_need_model=True,
+        of_branch=True,
         consequence="the voltage under lasting load is not what the middle says",
     ),
     Effect(

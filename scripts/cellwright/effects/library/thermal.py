@@ -27,6 +27,7 @@ OWN_HEAT_JOULE_PER_MOLE = 30e3
 # docs/temperature.md and docs/missing-effect.md have 13 to 37 kJ/mol.
 OWN_HEAT_RELATIVE = 0.4
 COLD_CELSIUS = -20.0
+WARMED, ENERGY = "resistance_temperature", "activation_energy_joule_per_mole"
 MIDDLE_ENTROPY = "coefficient_volt_per_kelvin"  # at half charge
 
 
@@ -50,15 +51,34 @@ def _resistance_factors(fields, p):
     """Factors of the ohmic resistance, of exchange currents, of the polarisation and of its time
     constants (n,) [1]."""
     about = fields.celsius, REFERENCE_CELSIUS
-    cold = np.log(resistance_factor(*about, 1.0))
-    cold = cold / np.log(resistance_factor(COLD_CELSIUS, REFERENCE_CELSIUS, 1.0))
-    bend = 1.0 + p["growth_towards_cold"] * cold
-    energy = p["activation_energy_joule_per_mole"] * bend
+    bend = 1.0 + p["growth_towards_cold"] * _cold(fields.celsius)
+    energy = p[ENERGY] * bend
     ohmic = resistance_factor(*about, energy)
     slow = ohmic * resistance_factor(*about, p["polarisation_excess_joule_per_mole"])
     kelvin = fields.celsius + ZERO_CELSIUS_KELVIN
     exchange = kelvin / (REFERENCE_CELSIUS + ZERO_CELSIUS_KELVIN) / ohmic
     return ohmic, exchange, slow, slow ** p["time_constant_exponent"]
+
+
+def _cold(celsius):
+    """How far a temperature lies towards `COLD_CELSIUS`, where it is 1, from the reference [1]."""
+    ends = (resistance_factor(c, REFERENCE_CELSIUS, 1.0) for c in (celsius, COLD_CELSIUS))
+    at, cold = map(np.log, ends)
+    return at / cold
+
+
+def without_growth(p, celsius):
+    """Parameters of a resistance over temperature, its energy the mean one between temperatures.
+
+    Two temperatures tell no growth of the energy, and what is fitted for one goes astray beyond.
+
+    Parameters
+    ----------
+    p : dict of its parameters by name. celsius : lowest and highest temperature [degC].
+    """
+    growth = p["growth_towards_cold"] * sum(map(_cold, celsius))
+    energy = float(p[ENERGY] * (1.0 + growth))
+    return p | {ENERGY: energy, "growth_towards_cold": 0.0}
 
 
 def _self_heating(fields, stack, p):
@@ -71,7 +91,7 @@ def _self_heating(fields, stack, p):
 
 
 def _own_heat_block(p, blocks):
-    energy = {"activation_energy_joule_per_mole": OWN_HEAT_JOULE_PER_MOLE}
+    energy = {ENERGY: OWN_HEAT_JOULE_PER_MOLE}
     return blocks | {"own_heat": p | energy}
 
 
@@ -115,11 +135,11 @@ def _change_of_capacity(effect, p, values):
 
 EFFECTS = (
     Effect(
-        id="resistance_temperature",
+        id=WARMED,
         sentence="resistances change with temperature",
         parameters=(
             Parameter(
-                *("activation_energy_joule_per_mole", "J/mol", 0.0, -2e4, 1.2e5),
+                *(ENERGY, "J/mol", 0.0, -2e4, 1.2e5),
                 step=1e3,
                 plausible=2e4,
             ),
@@ -143,12 +163,12 @@ EFFECTS = (
         shows="the same drive at two temperatures, 15 K apart",
         asked_if_unseen=True,
         in_healthy_cells=True,
-        activation_energy="activation_energy_joule_per_mole",
         bent_over_temperature=True,
         quantity="activation_energy",
         short="resistance over temperature",
         sizes_in_words=energy,
         sizes_need_model=True,
+        of_branch=True,
         consequence="power in the cold and warm is not that at the model's temperature",
     ),
     Effect(
@@ -203,6 +223,7 @@ EFFECTS = (
         quantity="ocv_per_kelvin",
         short="an OCV that moves with temperature",
         sizes_in_words=_ocv_per_kelvin,
+        of_branch=True,
         consequence="a voltage at rest means another state of charge in the cold",
     ),
     Effect(
@@ -223,6 +244,12 @@ EFFECTS = (
         quantity="capacity_per_kelvin",
         short="capacity over temperature",
         sizes_in_words=_change_of_capacity,
+        of_branch=True,
         consequence="the state of charge moves faster in the cold than counted",
     ),
 )
+# A change of the energy that moves no time constant: of a cell never tested over temperature
+# nothing is known there.
+BESIDE = {p.name: p.neutral for one in EFFECTS if one.id == WARMED for p in one.parameters} | {
+    "time_constant_exponent": 0.0
+}

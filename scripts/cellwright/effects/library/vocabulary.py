@@ -86,8 +86,8 @@ class Effect(NamedTuple):
     place there. bent_over_temperature : it moves the OCV or time constants with temperature, which
     a look-up takes straight in 1/T: conditions of a model file may not lie far apart.
     warms_core : its size tells how much warmer the core is than was measured. in_healthy_cells :
-    the resistances of any healthy cell follow it. activation_energy : name of its parameter that is
-    the activation energy of the resistances, which a cell keeps in a parallel group; "": none.
+    the resistances of any healthy cell follow it. of_branch : it is the cell's own and follows from
+    charge, temperature and current: the cell keeps it in a parallel group.
 
     Of a parallel group. position : number of its branch, from 0; of a cell's effect None.
     replaces : names of the parameters of a healthy branch whose place it takes.
@@ -119,7 +119,7 @@ class Effect(NamedTuple):
     bent_over_temperature: bool = False
     warms_core: bool = False
     in_healthy_cells: bool = False
-    activation_energy: str = ""
+    of_branch: bool = False
     position: int | None = None
     replaces: tuple = ()
 
