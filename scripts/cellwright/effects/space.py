@@ -64,8 +64,8 @@ class Space:
     """Models about a fitted one, by the products of its columns.
 
     terms : tuple of Term, those of its own effects first; inside : numbers of these. A model is a
-    set of numbers of terms. visible : per term, whether its plausible size would show, once all
-    parameters have followed. The last column is the residual.
+    set of numbers of terms. visible : per term, whether its plausible size would show beside the
+    plain model. The last column is the residual.
     """
 
     def __init__(self, terms, products, priors, limits, taken_out, yardstick, least_visible):
@@ -286,8 +286,9 @@ class Space:
         return own - mixed @ root @ mixed.T + RIDGE * np.eye(len(columns))
 
     def _chi_squares(self):
-        """Chi-square of each term at its plausible size, infinite of those of the model: list."""
-        free = self._minimum(self.inside)[1]
+        """Chi-square of each term at its plausible size, once the plain model's parameters have
+        followed; infinite of those of the model: list."""
+        free = np.intersect1d(self._minimum(self.inside)[1], self._plain)
         root = np.linalg.inv(self._fitted[np.ix_(free, free)] + self._prior[np.ix_(free, free)])
         seen = []
         for k, term in enumerate(self.terms):
