@@ -5,7 +5,7 @@ import pytest
 import small_cells as small
 
 from cellwright.effects import base
-from cellwright.effects.candidates import neutral
+from cellwright.effects.columns import neutral
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import stacked
 from cellwright.numerics import lags

@@ -1,13 +1,12 @@
-"""Error that no missing effect has made: noise, tolerances, and misfit of single blocks."""
+"""Error that no missing effect has made: noise and tolerances."""
 
 import numpy as np
 import pytest
 from small_plant import CELL, HEALTHY, NOISE_VOLT, case
 
 from cellwright.effects import base
-from cellwright.effects.candidates import State
-from cellwright.effects.case import filters_of
-from cellwright.effects.floor import excess_volt, floor_of, misfit_of
+from cellwright.effects.floor import excess_volt, floor_of
+from cellwright.effects.state import State
 from cellwright.numerics.least_squares import fit
 
 
@@ -83,27 +82,3 @@ def test_a_wider_tolerance_raises_the_floor_and_the_noise_is_its_least():
     free, state, filters = fitted(wide)
     loose = floor_of(wide, state, free, filters.validation_rows, NOISE_VOLT)
     assert NOISE_VOLT < tight.validation_volt < loose.validation_volt
-
-
-def test_misfit_is_what_the_best_model_leaves_of_a_block_beyond_the_noise():
-    block = np.repeat([0, 1, -1], [50, 70, 3])
-    near, far = np.full(len(block), 3e-3), np.full(len(block), 5e-3)
-    far[block == 0] = 1e-3
-    misfit = misfit_of([near, far], block, 2, noise_volt=1e-3)
-    assert np.allclose(misfit[block == 0], 0.0)
-    assert np.allclose(misfit[block == 1], np.sqrt(8) * 1e-3)
-    assert np.allclose(misfit[block < 0], 0.0)
-
-
-def test_a_block_loses_weight_by_how_far_it_is_beyond_the_usual_misfit():
-    """Whatever that is: a cell that no model follows to 10 mV has no block that is far out."""
-    made = case(HEALTHY)
-    _, _, filters = made.begun()
-    far = made.fit.file == 0
-    scales = []
-    for usual in (5e-3, 50e-3):
-        misfit = np.where(far, 20 * usual, usual)
-        weighed = filters_of(made, filters.noise, filters.extra_volt, misfit_volt=misfit)
-        scales.append(weighed.fit.scale)
-    assert np.allclose(*scales)
-    assert scales[0][far].max() < 0.5 * np.median(scales[0][~far])

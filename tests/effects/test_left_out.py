@@ -15,7 +15,7 @@ REST_SECOND = 60.0
 @pytest.fixture(scope="module")
 def searched():
     found, result, _ = small_plant.searched(TRUTH)
-    return case(TRUTH), result.last, found.rounds[-1].noise
+    return case(TRUTH), result.last, found.filters.noise
 
 
 def test_every_row_is_left_out_once(searched):

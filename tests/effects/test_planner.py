@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import small_cells as small
 
-from cellwright.effects.candidates import neutral
+from cellwright.effects.columns import neutral
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.planning import planner
 from cellwright.effects.planning.planner import next_test

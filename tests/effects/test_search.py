@@ -41,11 +41,11 @@ EVERY = {"time_skew": 0.5}  # a delay is seen at edges that are sampled as finel
 
 
 def searched(effect, without=()):
-    """(Outcome, rounds) of a search."""
+    """(Outcome, Found) of a search."""
     truth = HIDDEN[effect][0] if effect in HIDDEN else HEALTHY
     every = EVERY.get(effect, 2.0)
     found, result, _ = small_plant.searched(truth, without=without, every=every)
-    return result, found.rounds
+    return result, found
 
 
 def outcome(truth, **options):
@@ -178,11 +178,10 @@ def test_the_floor_is_the_noise_and_what_tolerances_leave(effect):
 
 
 def test_a_healthy_cell_lacks_nothing():
-    result, rounds = searched("none")
+    result, found = searched("none")
     assert result.word == "none"
-    assert len(rounds) == 1
+    assert found.model.effects == ()
     assert result.excess_volt < 0.5e-3
-    assert rounds[0].joined == ()
     assert result.last.solution.values["log_r0"] == pytest.approx(-3.65, abs=0.03)
 
 

@@ -8,7 +8,7 @@ from small_plant import CAPACITY, CELL, HEALTHY, Truth, case, drive, measured, o
 
 import cellwright as cw
 from cellwright.effects import base, beginning, preparing
-from cellwright.effects.candidates import neutral
+from cellwright.effects.columns import neutral
 from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.preparing import MEASURED_SOC

@@ -40,9 +40,7 @@ def test_a_size_ends_on_its_bound_and_is_no_more_fitted():
     at = linear.space.values_of(linear.terms("two"), {})
     assert at["two.size"] == -0.2
     free = Linear(COLUMNS, SIZES)
-    inside, bounded = (
-        one.space.density(one.terms("two")).sum() for one in (free, linear)
-    )
+    inside, bounded = (one.space.density(one.terms("two")).sum() for one in (free, linear))
     assert bounded < inside
     held = linear.y - linear.columns["two"] * -0.2
     fits = ~linear.judges[linear.block] & (linear.block != 0)
@@ -102,5 +100,3 @@ def test_about_a_fitted_model_the_space_says_what_the_fit_says():
     np.testing.assert_allclose(space.density(space.inside), exact, atol=0.02)
     assert space.worth(space.inside) == pytest.approx(worth(found.model, found.yardstick), abs=0.5)
     assert len(exact) == len(found.yardstick.blocks.record)
-
-

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.columns import frees_of
 from cellwright.effects.case import Gates, not_excited
+from cellwright.effects.columns import frees_of
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case, with_simulated
 from cellwright.effects.given.judged import as_given, judged_blocks
@@ -171,7 +171,9 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     residuals = _map(case, first, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {one.effect.id for one in result.names}
-    hidden = set(found.hidden) - named | {name for name, effect in library.items() if effect.invisible}
+    hidden = set(found.hidden) - named | {
+        name for name, effect in library.items() if effect.invisible
+    }
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     place = worst(residuals, result.floor.validation_volt)
     open_place = None if result.adequate else place

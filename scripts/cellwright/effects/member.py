@@ -14,8 +14,8 @@ from cellwright.circuits.instrument import FOLLOWS, words_of
 from cellwright.circuits.model_file import std_name
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, continued_ocv_at
 from cellwright.effects import base
-from cellwright.effects.columns import frees_of
 from cellwright.effects.case import extra_volt_of, filters_of, problem_of
+from cellwright.effects.columns import frees_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order

@@ -16,7 +16,14 @@ from cellwright.protocols.ocv.slow import mean_of_branches, rising
 from cellwright.records.conditions import REFERENCE_CELSIUS, of_first_checkup
 from cellwright.records.record import laid_out_to_fit
 from cellwright.records.repeats import counted_once
-from cellwright.records.thinning import STEP_PART, averaged_to, driven, largest_ampere, thin, without_unsettled
+from cellwright.records.thinning import (
+    STEP_PART,
+    averaged_to,
+    driven,
+    largest_ampere,
+    thin,
+    without_unsettled,
+)
 from cellwright.refusal import Refusal
 
 MEASURED_SOC = 0.1, 0.9  # of a slow test; towards its ends the OCV is joined to what rests show
@@ -199,7 +206,7 @@ def _thinned(records, capacity_ampere_hour):
 
 
 def _settled(record):
-    """Record without rows that a step of its current is too near for; a drive steps all the time."""
+    """Record without the rows just after a step of its current; a drive steps all the time."""
     if driven(record.current_ampere):
         return record
     step = _least_step_ampere(record)

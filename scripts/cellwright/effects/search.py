@@ -226,7 +226,9 @@ def search(case, library):
     for again in (True, False):
         about, residual = _renewed(about, plain, first=again)
     plain = _fitted(about, (), plain.state.solution.values)
-    about, models, first, denied = _climbed(about._replace(yardstick=about.yardstick.finer(plain.squares)), plain)
+    about, models, first, denied = _climbed(
+        about._replace(yardstick=about.yardstick.finer(plain.squares)), plain
+    )
     floor = case.floor(models[()].state, free, residual, about.yardstick.filters)
     about, best = _levelled(about, _best(about, models))
     models[best.keys] = best
@@ -266,10 +268,19 @@ def _climbed(about, plain):
             against = about.case.denied(model.state)
             denied |= against
             known = models.get(model.keys)
-            if not against and (known is None or worth(model, about.yardstick) > worth(known, about.yardstick)):
+            if not against and (
+                known is None or worth(model, about.yardstick) > worth(known, about.yardstick)
+            ):
                 models[model.keys] = model
-        ahead = _best(about, {k: m for k, m in models.items() if k} or models) if best is plain else _best(about, models)
-        if ahead is best or (best is not plain and worth(ahead, about.yardstick) <= worth(best, about.yardstick) + LEAST_GAIN):
+        ahead = (
+            _best(about, {k: m for k, m in models.items() if k} or models)
+            if best is plain
+            else _best(about, models)
+        )
+        if ahead is best or (
+            best is not plain
+            and worth(ahead, about.yardstick) <= worth(best, about.yardstick) + LEAST_GAIN
+        ):
             break
         best = _fitted(about, ahead.effects, ahead.state.solution.values)
         models[best.keys] = best

@@ -16,6 +16,7 @@ Source: R. Cook, S. Weisberg, Residuals and Influence in Regression (1982), 3.6 
 of rows).
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -102,7 +103,9 @@ class Space:
         """
         own = [*self._plain, *(k for term in self.inside for k in self.terms[term].columns)]
         slope = self._fitted[own, -1] + self._pull[own]
-        outward = (self._lower[own] >= 0.0) & (slope < 0.0) | (self._upper[own] <= 0.0) & (slope > 0.0)
+        outward = (self._lower[own] >= 0.0) & (slope < 0.0) | (self._upper[own] <= 0.0) & (
+            slope > 0.0
+        )
         self._pull[own] -= np.where(outward, 0.0, slope)
 
     def squares(self, chosen, *, by_part=False):
@@ -317,8 +320,14 @@ def space_of(case, yardstick, state, free, possible, further):
     """
     effects, solution, filters = state.effects, state.solution, yardstick.filters
     ends = {"fit": solution.values, "validation": state.values}
-    at = {"fit": solution.prediction, "validation": case.predict("validation", state.values, effects)}
-    lined_up = {side: _candidates(case, side, ends[side], at[side], effects, possible, further) for side in ends}
+    at = {
+        "fit": solution.prediction,
+        "validation": case.predict("validation", state.values, effects),
+    }
+    lined_up = {
+        side: _candidates(case, side, ends[side], at[side], effects, possible, further)
+        for side in ends
+    }
     terms, count = [], len(solution.names)
     for effect in effects:
         own = [k for k, name in enumerate(solution.names) if name in effect.names]
@@ -327,19 +336,37 @@ def space_of(case, yardstick, state, free, possible, further):
         terms.append(Term(one.effect, one, np.arange(count, count + len(one.sizes))))
         count += len(one.sizes)
     taken_out = {k: count + k for k in range(len(effects))}
-    without = {side: [case.predict(side, ends[side], tuple(e for e in effects if e is not effect)) - at[side] for effect in effects] for side in ends}
-    changes = {side: [*(one.columns for one in lined_up[side]), *(change[:, None] for change in without[side])] for side in ends}
+    without = {
+        side: [
+            case.predict(side, ends[side], tuple(e for e in effects if e is not effect)) - at[side]
+            for effect in effects
+        ]
+        for side in ends
+    }
+    changes = {
+        side: [
+            *(one.columns for one in lined_up[side]),
+            *(change[:, None] for change in without[side]),
+        ]
+        for side in ends
+    }
     fit_side = [solution.white, *_whitened(filters.fit, changes["fit"]), solution.whitened[:, None]]
     derivatives = _derivatives(case, state, at["validation"], free)
-    judging = filters.validation.apply(np.concatenate([derivatives, *changes["validation"]], axis=1))
+    judging = filters.validation.apply(
+        np.concatenate([derivatives, *changes["validation"]], axis=1)
+    )
     judging = case.without_starts(judging, state, filters)
     judging = np.concatenate([judging, state.validation_white[:, None]], axis=1)
     blocks = yardstick.blocks
-    fitted, loose, rows = block_products(np.concatenate(fit_side, axis=1), blocks.fitted, len(blocks.record))
+    fitted, loose, rows = block_products(
+        np.concatenate(fit_side, axis=1), blocks.fitted, len(blocks.record)
+    )
     judged, _, judging_rows = block_products(judging, blocks.judging, len(blocks.record))
     products = Products(fitted + judged, rows + judging_rows, loose, blocks.judges)
     priors, limits = _priors(solution, free, terms, count)
-    return Space(tuple(terms), products, priors, limits, taken_out, yardstick, case.gates.visible_chi_square)
+    return Space(
+        tuple(terms), products, priors, limits, taken_out, yardstick, case.gates.visible_chi_square
+    )
 
 
 def _candidates(case, side, values, prediction, effects, possible, further):
@@ -386,7 +413,11 @@ def _priors(solution, free, terms, count):
         inside = term.candidate is None
         of_effect = dict(zip(term.effect.names, term.effect.parameters, strict=True))
         names = solution.names if inside else ()
-        sizes = [of_effect[names[k]] for k in term.columns] if inside else [p for p, _ in sizes_of(term.effect)]
+        sizes = (
+            [of_effect[names[k]] for k in term.columns]
+            if inside
+            else [p for p, _ in sizes_of(term.effect)]
+        )
         for k, p in zip(term.columns, sizes, strict=True):
             if not np.isfinite(p.prior_std):
                 vague = (p.plausible or p.upper - p.lower) ** -2.0
@@ -410,6 +441,6 @@ def block_products(columns, block, blocks):
     order = np.argsort(block, kind="stable")
     sorted_columns = np.ascontiguousarray(columns[order])
     edges = np.searchsorted(block[order], np.arange(-1, blocks + 1))
-    parts = [sorted_columns[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    parts = [sorted_columns[begin:end] for begin, end in pairwise(edges.tolist())]
     loose, *inside = (part.T @ part for part in parts)
     return np.array(inside), loose, np.diff(edges)[1:]

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, beginning
-from cellwright.effects.columns import frees_of, neutral
 from cellwright.effects.case import STEADY_C_RATE, extra_volt_of, filters_of, problem_of, state_of
+from cellwright.effects.columns import frees_of, neutral
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.thermal import WARMED, without_growth

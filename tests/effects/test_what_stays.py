@@ -1,6 +1,4 @@
-"""Rounds: an effect that another makes needless is taken out, and what has no name in the end."""
-
-from types import SimpleNamespace
+"""What stays in a model once all are fitted exactly, and what has no name in the end."""
 
 import numpy as np
 import pytest
@@ -10,13 +8,11 @@ from cellwright.effects import search
 from cellwright.effects.case import Gates
 from cellwright.effects.finding import ranking_of
 from cellwright.effects.floor import fallen_volt
-from cellwright.effects.groups.known import GroupGates
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.score import Difference
+from cellwright.effects.state import Yardstick
 from cellwright.effects.story.sizes import Fitted, has_size
 from cellwright.effects.verdict import outcome
-from cellwright.numerics.least_squares import fit
 
 HYSTERESIS = Truth(hysteresis=0.012)
 RIVAL, TRUE = "charge_transfer_nonlinearity", "hysteresis_instant"
@@ -26,21 +22,19 @@ BOTH = Truth(hysteresis=0.012, activation=2.5e4)
 
 def kept(truth, *names):
     """Names that stay in a model fitted with all of them, and those that are taken out of it."""
-    made, filters = case(truth), searched(truth)[0].rounds[0].filters
-    plain, values, _ = made.begun()
-    effects, free = tuple(LIBRARY[name] for name in names), plain
+    made, found = case(truth), searched(truth)[0]
+    about = search._About(made, LIBRARY, made.begun()[0], found.yardstick)
+    effects, values = tuple(LIBRARY[name] for name in names), dict(found.first.solution.values)
     for effect in effects:
-        free, start = made.with_effect(free, effect), effect.starts[0]
+        start = effect.starts[0]
         values |= {f"{effect.id}.{p.name}": start.get(p.name, p.neutral) for p in effect.parameters}
-    solution = fit(made.problem(in_order(effects, LIBRARY), free, filters), values)
-    model = search._Model(plain, effects, solution)
-    model, beside, dropped = search._needed(made, LIBRARY, model, filters)
+    models = {(): found.plain}
+    whole = search._fitted(about, effects, values)
+    model = search._needed(about, whole, models | {whole.keys: whole})
     # The fit that is handed on is one of just these effects.
-    fitted = {name for name in model.solution.names if name.rpartition(".")[0]}
-    assert {name.partition(".")[0] for name in fitted} == {effect.id for effect in model.effects}
-    # Of each that stays it is told what it does beside the others.
-    assert [one.effect.id for one in beside] == [effect.id for effect in model.effects]
-    return {effect.id for effect in model.effects}, set(dropped)
+    fitted = {name for name in model.state.solution.names if name.rpartition(".")[0]}
+    assert {name.partition(".")[0] for name in fitted} == set(model.keys)
+    return set(model.keys), set(names) - set(model.keys)
 
 
 def test_a_wrong_name_is_taken_out_once_the_true_one_is_in():
@@ -72,24 +66,6 @@ def test_what_is_too_small_to_act_on_joins_without_a_name_and_hides_nothing():
     assert energy == pytest.approx(1.0e3, abs=0.6e3)
 
 
-def test_what_is_needed_of_all_that_were_tried_joins_together():
-    """From a round in which each was tried alone: both true effects, and none of the others."""
-    found = searched(BOTH)[0]
-    first, made = found.rounds[0], found.case
-    model = search._Model(made.begun()[0], (), first.before.solution)
-    joined, together = search._together(made, found.possible, model, first, first.filters)
-    assert {trial.effect.id for trial in joined} == {TRUE, SMALL}
-    assert {effect.id for effect in together.effects} == {TRUE, SMALL}
-    assert len(first.trials) > 2
-
-
-def test_of_effects_that_no_test_tells_apart_one_is_fitted_beside_others():
-    pairs = (("voltage_gain", "ocv_shift"), ("ocv_shift", "voltage_offset"))
-    for pair in pairs:
-        assert search._exactly_tied(*(LIBRARY[name] for name in pair))
-    assert not search._exactly_tied(LIBRARY[TRUE], LIBRARY[SMALL])
-
-
 @pytest.mark.parametrize(
     ("gain", "joins"),
     [((5.0, 1.7, 0.0), True), ((5.0, 0.5, 3.1), True), ((5.0, 1.5, 2.9), False)],
@@ -97,28 +73,6 @@ def test_of_effects_that_no_test_tells_apart_one_is_fitted_beside_others():
 def test_an_effect_joins_by_its_sum_or_by_what_would_let_it_be_a_name(gain, joins):
     assert search.joins(Difference(*gain), Gates()) is joins
     assert not search.joins(Difference(-1.0, *gain[1:]), Gates())
-
-
-def costing(cost):
-    return SimpleNamespace(solution=SimpleNamespace(cost=cost))
-
-
-@pytest.mark.parametrize(("rise", "stays"), [(10.0, False), (702.0, True)])
-def test_a_branchs_effect_that_others_imitate_stays_where_the_fit_needs_it(rise, stays):
-    """Of a cell the density alone decides."""
-    trial = SimpleNamespace(gain=Difference(0.17, 0.4, 0.3), state=costing(100.0))
-    one = SimpleNamespace(trial=trial, before=costing(100.0 + rise))
-    assert [search._stays(one, gates) for gates in (GroupGates(), Gates())] == [stays, False]
-
-
-def test_of_a_branchs_effects_that_predict_alike_the_cheapest_fit_comes_first():
-    densities = np.array([[1.0, -1.0, 1.0, -1.0], [-1.0, 1.0, -1.0, 1.0], [-9.0, -9.0, -9.1, -9.0]])
-    pairs = zip(densities, (30.0, 10.0, 0.0), strict=True)
-    trials = [SimpleNamespace(density=density, state=costing(cost)) for density, cost in pairs]
-    filters = SimpleNamespace(blocks=SimpleNamespace(record=np.zeros(4, int)))
-    step = SimpleNamespace(allowed=trials, filters=filters)
-    assert search._in_turn(step, GroupGates()) == [trials[1], trials[0], trials[2]]
-    assert search._in_turn(step, Gates()) == trials
 
 
 def test_nothing_joins_a_model_that_leaves_nothing_anyone_would_act_on():
@@ -134,12 +88,11 @@ def test_an_effect_whose_size_is_at_its_limit_is_no_name():
     amplitude = hysteresis.parameters[0]
     small = hysteresis._replace(parameters=(amplitude._replace(upper=0.006),))
     found = search.search(case(HYSTERESIS), {TRUE: small})
-    (trial,) = found.rounds[0].trials
-    assert trial.at_limit
+    assert found.last.solution.values[f"{TRUE}.amplitude_volt"] == 0.006
     result = outcome(found, fitted_to(1e-4))
     assert result.word == "unknown"
     ranking = ranking_of(found, result)
-    assert "at its limit" in ranking["against"][0]
+    assert "at its limit" in ranking["against"][-1]
 
 
 @pytest.mark.parametrize(("deviation", "sized"), [(0.005, True), (0.007, False), (np.inf, False)])
@@ -166,3 +119,12 @@ def test_what_counts_is_the_fall_of_the_error_beyond_the_floor(left_volt, falls_
     )
     assert fallen_volt(before, after, floor) == pytest.approx(falls_volt, abs=1e-9)
     assert fallen_volt(after, before, floor) <= 0.0
+
+
+def test_where_a_branch_has_a_price_the_cost_decides():
+    """Its twins together may imitate it in the density, and be far from as good a model."""
+    by_cost = Yardstick(None, price=32.0, by_cost=True)
+    with_it, without = by_cost.worth((), 1000.0, 1), by_cost.worth((), 1100.0, 0)
+    assert with_it > without
+    assert by_cost.worth((), 1050.0, 1) < without
+    assert Yardstick(None).worth([-3.0, -2.0], 0.0, 2) == -7.0
