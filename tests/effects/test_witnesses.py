@@ -365,6 +365,28 @@ def test_capacity_before_and_after():
     assert says({"capacity": capacities(0.0, 1.0)}, "check-ups", one) == "silent"
 
 
+def test_capacity_from_date_to_date():
+    """Forty days apart 6 % are lost: of a cell that loses 9 % in sixty days what is expected."""
+    about = MODEL | {"aged_day": 60.0}
+    one = entry("ageing_between_tests", 0.005, capacity_loss_relative=0.09)
+
+    def dated(times, rate=1.0):
+        both = capacities(0.0, 1.0, (25.0,)), capacities(0.0, rate, (25.0,), times=times)
+        dates = "2024-01-01", "2024-02-10 00:00"
+        return [row | {"started": date} for (row,), date in zip(both, dates, strict=True)]
+
+    def by_date(rows):
+        measured = measured_of({"capacity": rows}, BASIS, about, ambient={})
+        found = witnesses(verdict(one), about, measured, LIBRARY)
+        return next(w for w in found if w.name == "capacities by date")
+
+    heard = by_date(dated(0.94))
+    assert (heard.says, heard.measured) == ("agrees", pytest.approx(-0.06))
+    assert heard.implied == pytest.approx(0.91 ** (40 / 60) - 1)
+    assert by_date(dated(0.999)).says == "contradicts"
+    assert by_date(dated(0.94, rate=0.5)).says == "silent", "another rate"
+
+
 def test_moved_ocv_before_and_after():
     one = entry("ocv_shift", wave_1_volt=0.02)
     soc = np.array(slow_test(0.0)["ocv"][0]["soc"])

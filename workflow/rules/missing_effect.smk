@@ -196,6 +196,13 @@ rule missing_effect_group:
         "../../scripts/missing_effect/missing_effect_group.py"
 
 
+def dated_facts(wildcards):
+    """What tables say of each test of a cell, and when it began, where the sheet has that."""
+    facts = facts_of_own_tests(wildcards)
+    dates = {f"{row['cell']}/{row['test']}": row["started"] for row in TESTS_OF[wildcards.cell]}
+    return {key: one | {"started": dates[key]} for key, one in facts.items()}
+
+
 rule witnesses:
     input:
         verdict="results/missing_effect/{cell}/verdict.json",
@@ -214,7 +221,7 @@ rule witnesses:
     wildcard_constraints:
         cell=either(ASKED),
     params:
-        tests=facts_of_own_tests,
+        tests=dated_facts,
         ambient_celsius=lambda w: {
             row["test"]: row["ambient_temperature_celsius"] for row in TESTS_OF[w.cell]
         },

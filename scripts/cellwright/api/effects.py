@@ -107,7 +107,8 @@ def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=No
     verdict, model : of `missing_effect`.
     tables : rows or DataFrames by name, what is absent was not measured: resistance, eis,
         relaxation, capacity and ocv_entropic, with the test's temperature, SoC and cycle beside
-        each row; `series`, that of `missing_effect`.
+        each row, and of capacities `started`, its date, where it is known; `series`, that of
+        `missing_effect`.
     ambient_celsius : chamber's temperature by test [°C].
     library : effects by id, None: all of `effects.library.LIBRARY`.
 

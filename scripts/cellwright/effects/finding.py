@@ -432,13 +432,17 @@ def _series(case, before, after, filters):
 
 
 def about_fit(case):
-    """Capacity [Ah], and lowest and highest mean temperature of the records fitted [degC]: dict."""
+    """Capacity [Ah], lowest and highest mean temperature of the records fitted [degC]: dict.
+
+    Also, where the dates are known, the time between the first and the last test [d].
+    """
     stack = case.fit
     means = np.bincount(stack.file, stack.celsius) / np.bincount(stack.file)
-    return {
+    known = {
         "fitted_celsius": [float(means.min()), float(means.max())],
         "capacity_ampere_hour": case.cell.capacity_ampere_hour,
     }
+    return known if stack.age is None else known | {"aged_day": stack.aged_day}
 
 
 def model_of(case, state):

@@ -17,7 +17,15 @@ EARLIER_SECOND = 600.0  # of a rest: what relaxes later is slow, as the plain mo
 
 
 def fields_with(
-    effect, p, values, *, soc=MIDDLE_SOC, celsius=REFERENCE_CELSIUS, current=-1.0, step=None
+    effect,
+    p,
+    values,
+    *,
+    soc=MIDDLE_SOC,
+    celsius=REFERENCE_CELSIUS,
+    current=-1.0,
+    step=None,
+    age=None,
 ):
     """Fields of the plain model with one effect, at given conditions.
 
@@ -25,7 +33,7 @@ def fields_with(
     ----------
     effect : Effect or None. p : dict of its parameters by name. values : dict of the plain model.
     soc : (n,) or scalar [1]. celsius : [degC]. current : [A]. step : time between rows [s], None:
-        rows do not hang together.
+        rows do not hang together. age : (n,), see `records.Stack`, None: that of the model.
 
     Returns
     -------
@@ -40,7 +48,12 @@ def fields_with(
         *(current, current, none, capacity * one, soc, celsius, r0 * one, r1 * one, r2 * one),
         *(tau1, tau2, (one, one), 1.0, none, r0 * current, none),
     )
-    return fields if effect is None else effect.act(fields, _stack(current, celsius, step), p)
+    if effect is None:
+        return fields
+    stack = _stack(current, celsius, step)
+    if age is not None:  # each row is of a record of its own
+        stack = stack._replace(file=np.arange(len(soc)), age=np.asarray(age, float))
+    return effect.act(fields, stack, p)
 
 
 def _stack(current, celsius, step):
@@ -159,6 +172,15 @@ def _capacity_change(effect, p, values, at):
     return float(now / before - 1.0)
 
 
+def _capacity_over_days(effect, p, values, at):
+    """Change of the capacity in so many days between tests [1]; NaN where no dates were known."""
+    if not values.get("aged_day"):
+        return np.nan
+    ages, pair = [0.0, at[0] / values["aged_day"]], [MIDDLE_SOC, MIDDLE_SOC]
+    before, later = fields_with(effect, p, values, soc=pair, age=ages).capacity
+    return float(later / before - 1.0)
+
+
 def _ocv_change(effect, p, values, at):
     """RMS change of the OCV within a range of SoC [V]."""
     soc = np.linspace(*at, 41)
@@ -179,5 +201,6 @@ QUANTITIES = {
     "ocv_per_kelvin": _ocv_per_kelvin,
     "capacity_per_kelvin": _capacity_per_kelvin,
     "capacity_change": _capacity_change,
+    "capacity_over_days": _capacity_over_days,
     "ocv_change": _ocv_change,
 }

@@ -50,7 +50,7 @@ def measured_of(tables, basis, model, *, ambient):
 
 def values_of(model):
     """Parameters of a model by name, with its capacity and the temperatures of its fit."""
-    known = ("capacity_ampere_hour", "fitted_celsius")
+    known = ("capacity_ampere_hour", "fitted_celsius", "aged_day")
     return model.get("values", {}) | {name: model[name] for name in known if name in model}
 
 
