@@ -13,6 +13,8 @@ with artefact.Job(snakemake) as job:
         references=search_inputs.references(
             params.references, inputs.lent_basis, inputs.lent_series
         ),
+        measurements=search_inputs.measurements(inputs, params.tests),
+        ambient_celsius=params.ambient_celsius,
         split_rest_second=params.split_rest_second,
     )
     job.note(*found.notes)

@@ -1,12 +1,11 @@
 """Which independent measurements of a cell agree with its verdict, contradict it, or are silent."""
 
 import cellwright as cw
-from runtime import artefact, tables
+from runtime import artefact, search_inputs
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
-    stages = ("eis", "resistance", "relaxation", "capacity", "ocv_entropic")
-    known = {stage: tables.rows_of(getattr(inputs, stage), params.tests) for stage in stages}
+    known = search_inputs.measurements(inputs, params.tests)
     found = cw.witnesses(
         job.load(inputs.verdict),
         job.load(inputs.model),

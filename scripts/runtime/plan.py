@@ -9,7 +9,7 @@ from cellwright.records.conditions import SAME_CHECKUP_CYCLES
 
 ALL_ROLES = ("fit", "validation", "split")
 # Of the sheets' rows what analyses need: a note edited later re-runs none of them.
-FACTS_OF_TEST = ("kind", "ambient_temperature_celsius", "cycle", "soc", "role")
+FACTS_OF_TEST = ("kind", "ambient_temperature_celsius", "cycle", "soc", "role", "started")
 FACTS_OF_CELL = (
     *("cell", "rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt"),
     "state_of_health",

@@ -4,7 +4,9 @@ from cellwright.effects.finding import Reference
 from cellwright.effects.groups.finding import KnownCell
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
-from runtime import artefact, facts, raw_files
+from runtime import artefact, facts, raw_files, tables
+
+MEASUREMENTS = ("eis", "resistance", "relaxation", "capacity", "ocv_entropic")
 
 
 def known_cells(branches, lenders, paths) -> list[KnownCell]:
@@ -31,6 +33,17 @@ def references(rows, basis_paths, series_paths) -> list[Reference]:
         for cell in (CellFacts(**row) for row in rows)
         if cell.cell in bases
     ]
+
+
+def measurements(inputs, facts_of_tests) -> dict:
+    """Rows of each kind of measurement of a cell by itself, with what the sheet says of its test.
+
+    Parameters
+    ----------
+    inputs : of a job, with the artefacts of `MEASUREMENTS` by name.
+    facts_of_tests : as of `tables.rows_of`.
+    """
+    return {stage: tables.rows_of(getattr(inputs, stage), facts_of_tests) for stage in MEASUREMENTS}
 
 
 def simulated(files, tests) -> tuple[dict, list[str]]:

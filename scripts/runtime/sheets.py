@@ -6,6 +6,7 @@ import math
 import os
 import posixpath
 import re
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +24,11 @@ LONGEST_NUMBER = 100  # characters: a double has 17 digits
 WORKBOOK = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 OTHERS = (".xlsx", ".xls", ".ods", ".csv", ".txt", ".tsv.txt")
 AS_TABS = "text with tabs (in the spreadsheet: save as text, tab delimited, UTF-8) called"
+# A note that begins with when its test was started, and how such a date may be written. The month
+# is taken as first, as most cyclers write it, unless a day above 12 in any note contradicts that.
+STARTED_NOTE = re.compile(r"started ([0-9][0-9/.:\- ]*[0-9](?: ?[AP]M)?)", re.IGNORECASE)
+CLOCKS = (" %I:%M:%S %p", " %H:%M:%S", " %H:%M", "")
+DATES = ("%Y-%m-%d", "%m/%d/%Y", "%d/%m/%Y", "%d.%m.%Y")
 COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
@@ -236,7 +242,8 @@ def read(folder, schemas, overrides=None, *, alone=False) -> Campaign:
     if faults:
         count = "one fault" if len(faults) == 1 else f"{len(faults)} faults"
         raise CampaignError("\n".join([f"{count} in the campaign's sheets and config:", *faults]))
-    return Campaign(config, cells.rows, tests.rows, groups.rows, check_ups.rows)
+    dated = _with_dates_of_notes(tests.rows)
+    return Campaign(config, cells.rows, dated, groups.rows, check_ups.rows)
 
 
 def type_name(facts) -> str:
@@ -352,7 +359,42 @@ def _tests(tests, cells, groups):
             wanted = f"a {'group' if group else 'cell'} of {sheet_name} (kind {row['kind']})"
             yield fault(f"{place}, cell", row["cell"], wanted, owners)
         yield from _files(row, place)
+        if row["started"] is not None and _date(row["started"]) is None:
+            yield fault(f"{place}, started", row["started"], "a day and a time that exist")
     yield from _validated_by_what_was_fitted(tests)
+
+
+def _date(text):
+    """A date as ISO 8601 has it, None where there is no such day or time."""
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:
+        return None
+
+
+def _with_dates_of_notes(rows):
+    """Rows of tests.tsv; of those without `started`, the date that their note begins with.
+
+    All notes are read in one way, for 3/11 and 4/11 are two days in November or two months.
+    """
+    noted = {k: STARTED_NOTE.match(row["note"] or "") for k, row in enumerate(rows)}
+    noted = {k: said[1] for k, said in noted.items() if said and rows[k]["started"] is None}
+    read = ({k: _in_format(text, form) for k, text in noted.items()} for form in DATES)
+    dates = next((dates for dates in read if None not in dates.values()), {})
+    return [
+        row | {"started": dates[k].isoformat(" ")} if k in dates else row
+        for k, row in enumerate(rows)
+    ]
+
+
+def _in_format(text, date):
+    """A date that is written in this order, with any clock or none; None: it is not."""
+    for clock in CLOCKS:
+        try:
+            return datetime.strptime(text, date + clock)
+        except ValueError:
+            continue
+    return None
 
 
 def _files(row, place):

@@ -167,6 +167,7 @@ def _verdict_row(verdict, effect) -> dict:
         "validation_before_volt": proof.get("before"),
         "validation_after_volt": proof.get("after"),
         "gap_closed": effect.get("gap_closed"),
+        "contradicted": ";".join(one["effect"] for one in verdict.get("contradicted", [])),
         "floor_volt": verdict["floor_volt"],
         "next_test": verdict["next_test"],
     }

@@ -7,7 +7,8 @@ import small_cells as small
 from cellwright.effects import base
 from cellwright.effects.columns import neutral
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.records import stacked
+from cellwright.effects.records import DAY_SECOND as DAY
+from cellwright.effects.records import ages_of, stacked
 from cellwright.numerics import lags
 
 
@@ -18,9 +19,10 @@ def values_for(stack, **changes):
 
 @pytest.fixture(scope="module")
 def stack():
-    """Two records with loads, charges and rests, at two temperatures."""
+    """Two records with loads, charges and rests, at two temperatures, a month apart."""
     both = [small.drive(seconds=2400, celsius=12.0), small.capacity_test(31.0)]
-    return stacked(both, capacity_ampere_hour=small.CAPACITY)
+    both = [one._replace(started_second=30 * DAY * k) for k, one in enumerate(both)]
+    return stacked(both, capacity_ampere_hour=small.CAPACITY, ages=ages_of(both))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0], ids=["held", "mixed", "linear"])

@@ -9,6 +9,7 @@ from small_cells import CELL
 from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.model_file import simulate_model
 from cellwright.effects import base
+from cellwright.effects import finding as module
 from cellwright.effects.case import Case
 from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
@@ -16,7 +17,7 @@ from cellwright.effects.library.sizes import as_is
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.member import NAME, effect_member
 from cellwright.effects.records import stacked
-from cellwright.effects.witnesses.collected import witnesses
+from cellwright.effects.witnesses.collected import Others, witnesses
 from cellwright.effects.witnesses.statement import Measured
 from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
@@ -133,3 +134,24 @@ def test_one_without_a_place_in_a_model_file_is_refused_by_name():
     homeless = NEW._replace(circuit=None)
     with pytest.raises(Refusal, match="'film_kinetics' has no place in a model file"):
         effect_member(finding().model, family(), [25.0], {NEW.id: homeless})
+
+
+def test_one_that_another_measurement_contradicts_is_no_name(monkeypatch):
+    # A quantity that reads the first parameter as it is, here the resistance of the film.
+    film = NEW._replace(quantity="half_gap")
+    read = Measured("impedance", film.quantity, "resistance of a film", (), 0.0, 0.001, "Ohm")
+    monkeypatch.setattr(module, "measured_of", lambda *_, **__: [read])
+    case = Case(CELL, measured(1), measured(2))
+    verdict = module.of_case(
+        "cell", case, WITH_NEW | {NEW.id: film}, others=Others({}, {}, {})
+    ).verdict
+    assert NEW.id not in [entry["effect"] for entry in verdict["effects"] + verdict["partial"]]
+    assert NEW.id not in verdict["small"]
+    assert verdict["against"][NEW.id] == "another measurement of the cell contradicts it"
+    (one,) = verdict["contradicted"]
+    assert (one["effect"], one["measured"]) == (NEW.id, 0.0)
+    said = f"Not named, although the drives ask for it: {NEW.short}, "
+    assert said in verdict["paragraph"]
+    assert "contradicts it: 0 ± 1 mΩ (impedance: resistance of a film)" in verdict["paragraph"]
+    # Without it as much is missing as before: the word is by what is left.
+    assert verdict["verdict"] in ("unknown", "named", "ambiguous")

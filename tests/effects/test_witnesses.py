@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.witnesses.collected import measured_of, witnesses
-from cellwright.effects.witnesses.statement import same
+from cellwright.effects.witnesses.collected import contradicted, measured_of, witnesses
+from cellwright.effects.witnesses.statement import Measured, same
 
 CAPACITY = 4.0
 VALUES = {"log_r0": np.log(0.020), "log_r1": np.log(0.010), "log_r2": np.log(0.005)}
@@ -332,6 +332,37 @@ def test_entropic_coefficient():
     assert says({}, "entropic coefficient", one) == "silent"
 
 
+def ruled_out(measured, **size):
+    """Effects that a slope of the OCV over temperature, ± .003 mV/K, rules out."""
+    one = entry("entropic_ocv", 1e-4, coefficient_volt_per_kelvin=size.get("searched", 4e-4))
+    read = Measured(
+        *("entropic coefficient", "ocv_per_kelvin", "slope of the OCV", (0.3, 0.7)),
+        *(measured, size.get("std", 3e-6), "V/K"),
+    )
+    return contradicted([one], MODEL, [read], LIBRARY)
+
+
+def test_a_measurement_that_shows_nothing_rules_an_effect_out_and_says_both_numbers():
+    (one,) = ruled_out(4e-6)
+    assert (one["effect"], one["measurement"]) == ("entropic_ocv", "entropic coefficient")
+    assert (one["measured"], one["measured_std"], one["unit"]) == (4e-6, 3e-6, "V/K")
+    assert one["searched"] == pytest.approx(4e-4, rel=1e-3)
+    assert one["searched_std"] == pytest.approx(1e-4, rel=1e-3)
+
+
+def test_one_on_the_other_side_rules_it_out_as_well():
+    assert ruled_out(-3e-4)
+
+
+def test_another_size_of_the_effect_leaves_it_its_name():
+    assert not ruled_out(1e-4)
+
+
+@pytest.mark.parametrize("std", [np.nan, 0.0, 3e-4], ids=["not stated", "none", "too unsure"])
+def test_a_measurement_that_is_not_surely_off_rules_nothing_out(std):
+    assert not ruled_out(4e-6, std=std)
+
+
 def capacities(per_kelvin, rate=0.05, celsius=(0.0, 10.0, 25.0, 40.0), cycle=None, times=1.0):
     return [
         {
@@ -363,6 +394,28 @@ def test_capacity_before_and_after():
     assert says(aged(0.95), "check-ups", one) == "agrees"
     assert says(aged(0.999), "check-ups", one) == "contradicts"
     assert says({"capacity": capacities(0.0, 1.0)}, "check-ups", one) == "silent"
+
+
+def test_capacity_from_date_to_date():
+    """Forty days apart 6 % are lost: of a cell that loses 9 % in sixty days what is expected."""
+    about = MODEL | {"aged_day": 60.0}
+    one = entry("ageing_between_tests", 0.005, capacity_loss_relative=0.09)
+
+    def dated(times, rate=1.0):
+        both = capacities(0.0, 1.0, (25.0,)), capacities(0.0, rate, (25.0,), times=times)
+        dates = "2024-01-01", "2024-02-10 00:00"
+        return [row | {"started": date} for (row,), date in zip(both, dates, strict=True)]
+
+    def by_date(rows):
+        measured = measured_of({"capacity": rows}, BASIS, about, ambient={})
+        found = witnesses(verdict(one), about, measured, LIBRARY)
+        return next(w for w in found if w.name == "capacities by date")
+
+    heard = by_date(dated(0.94))
+    assert (heard.says, heard.measured) == ("agrees", pytest.approx(-0.06))
+    assert heard.implied == pytest.approx(0.91 ** (40 / 60) - 1)
+    assert by_date(dated(0.999)).says == "contradicts"
+    assert by_date(dated(0.94, rate=0.5)).says == "silent", "another rate"
 
 
 def test_moved_ocv_before_and_after():

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from cellwright.records import facts
 from cellwright.records.blocks import blocks, blocks_of_used, cut_of, fit_mask, parts
 from cellwright.records.filled import bridged, with_edges
-from cellwright.records.record import checked, record_of
+from cellwright.records.record import checked, record_of, started_second
 from cellwright.refusal import Refusal
 
 TIME = np.arange(3000.0)
@@ -185,3 +186,12 @@ def test_records_are_cut_into_parts_only_where_none_of_the_cell_has_a_rest():
     assert cut_of([[("capacity", time, pulse)]], **rest) is blocks
     numbers = blocks_of_used(drives, cut=blocks, **rest)
     assert [np.unique(block).tolist() for block in numbers] == [[0], [1]]
+
+
+def test_a_test_began_when_the_sheet_says_else_by_the_dates_in_its_file():
+    series = {"test_time_second": np.array([0.0, 60.0]), "unix_time_second": [np.nan, 86460.0]}
+    stated = facts.TestFacts("t", "drive", started="1970-01-03 00:00")
+    assert started_second(stated, series) == 2 * 86400.0
+    assert started_second(facts.TestFacts("t", "drive"), series) == 86400.0
+    del series["unix_time_second"]
+    assert started_second(facts.TestFacts("t", "drive"), series) is None

@@ -20,6 +20,7 @@ def cell(name):
 
 def a_test(name, test, kind, *, role="fit", celsius=25.0, cycle=None):
     facts = {"ambient_temperature_celsius": celsius, "cycle": cycle, "soc": None, "note": "x"}
+    facts |= {"started": None}
     return {"cell": name, "test": test, "kind": kind, "role": role} | facts
 
 

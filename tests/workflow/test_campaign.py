@@ -446,3 +446,32 @@ def test_sheets_of_a_thousand_cells_are_read_whole(folder):
     write(folder, "cells.tsv", CELLS + "".join(cells))
     write(folder, "tests.tsv", HEAD + "".join(rows))
     assert len(read(folder).tests) == 12000
+
+
+DATED = "cell\ttest\tkind\tfile\tstarted\tnote\n"
+
+
+def dates(folder, *rows):
+    """Dates of tests as the sheet is read; a row is (started, note)."""
+    lines = [f"A\tt{k}\thppc\traw/{k}.csv\t{one}\t{note}\n" for k, (one, note) in enumerate(rows)]
+    write(folder, "tests.tsv", DATED + "".join(lines))
+    return [row["started"] for row in read(folder).tests]
+
+
+def test_a_test_has_the_date_of_its_column_else_of_its_note(folder):
+    stated = "2017-03-18 02:17"
+    noted = "started 3/9/2017 5:59:23 PM; discharge, then charge"
+    rows = (stated, noted), ("", noted), ("", "restarted 3/9/2017"), ("2017-03-20", "")
+    assert dates(folder, *rows) == [stated, "2017-03-09 17:59:23", None, "2017-03-20"]
+
+
+def test_the_notes_of_a_sheet_have_one_order_of_day_and_month(folder):
+    first, second = ("", "started 3/9/2017"), ("", "started 18/9/2017, with a new fixture")
+    assert dates(folder, first, second) == ["2017-09-03 00:00:00", "2017-09-18 00:00:00"]
+
+
+@pytest.mark.parametrize("wrong", ["2017-13-01", "9.3.2017", "2017-03-09 25:00"])
+def test_a_date_that_is_none_is_a_fault(folder, wrong):
+    write(folder, "tests.tsv", DATED + f"A\tt\thppc\traw/a.csv\t{wrong}\t\n")
+    (fault,) = faults(folder)
+    assert fault.startswith(f"config/tests.tsv, row 1 (line 2), started: found '{wrong}', wanted")

@@ -85,12 +85,37 @@ WITNESSES, RESIDUAL_MAPS = (
 )
 
 
+def dated_facts(wildcards):
+    """What tables say of each test of a cell, and when it began, where the sheet has that."""
+    facts = facts_of_own_tests(wildcards)
+    dates = {f"{row['cell']}/{row['test']}": row["started"] for row in TESTS_OF[wildcards.cell]}
+    return {key: one | {"started": dates[key]} for key, one in facts.items()}
+
+
+# What is measured of a cell without any fit of its drives: it may rule an effect out, and says of
+# the verdict in the end whether it agrees.
+OTHER_MEASUREMENTS = {
+    "eis": PLAN.own_fitted("eis", "eis"),
+    "resistance": PLAN.own_fitted("resistance", *PULSE_KINDS),
+    "relaxation": PLAN.own_fitted("relaxation", *RELAXATION_KINDS),
+    "capacity": PLAN.own_fitted("capacity", *CAPACITY_KINDS),
+    "ocv_entropic": where(STEPPED, "results/stages/ocv_entropic/{}.parquet"),
+}
+FACTS_OF_MEASUREMENTS = {
+    "tests": dated_facts,
+    "ambient_celsius": lambda w: {
+        row["test"]: row["ambient_temperature_celsius"] for row in TESTS_OF[w.cell]
+    },
+}
+
+
 rule effect_search:
     input:
         basis="results/stages/basis/{cell}.json",
         series=own(searched_series),
         lent_basis=paths_of(references, "results/stages/basis/{}.json"),
         lent_series=gathered(references, searched_series),
+        **OTHER_MEASUREMENTS,
     output:
         verdict="results/missing_effect/{cell}/verdict.json",
         ranking="results/missing_effect/{cell}/ranking.parquet",
@@ -111,6 +136,7 @@ rule effect_search:
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
         references=PLAN.facts_of_cells(references),
+        **FACTS_OF_MEASUREMENTS,
     message:
         "Search for an effect that the model of {wildcards.cell} lacks."
     script:
@@ -202,11 +228,7 @@ rule witnesses:
         model="results/missing_effect/{cell}/model.json",
         series="results/missing_effect/{cell}/series.parquet",
         basis="results/stages/basis/{cell}.json",
-        eis=PLAN.own_fitted("eis", "eis"),
-        resistance=PLAN.own_fitted("resistance", *PULSE_KINDS),
-        relaxation=PLAN.own_fitted("relaxation", *RELAXATION_KINDS),
-        capacity=PLAN.own_fitted("capacity", *CAPACITY_KINDS),
-        ocv_entropic=where(STEPPED, "results/stages/ocv_entropic/{}.parquet"),
+        **OTHER_MEASUREMENTS,
     output:
         "results/missing_effect/{cell}/witnesses.parquet",
     log:
@@ -214,10 +236,7 @@ rule witnesses:
     wildcard_constraints:
         cell=either(ASKED),
     params:
-        tests=facts_of_own_tests,
-        ambient_celsius=lambda w: {
-            row["test"]: row["ambient_temperature_celsius"] for row in TESTS_OF[w.cell]
-        },
+        **FACTS_OF_MEASUREMENTS,
     message:
         "What other measurements of {wildcards.cell} say of its verdict."
     script:

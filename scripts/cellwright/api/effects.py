@@ -16,6 +16,8 @@ def missing_effect(
     model=None,
     simulated=None,
     library=None,
+    measurements=None,
+    ambient_celsius=None,
     split_rest_second=MODELS.split_rest_second,
     **changes,
 ):
@@ -31,6 +33,9 @@ def missing_effect(
         clock, or the result of `read_simulated`: what does that one lack? Tests without a simulated
         voltage take no part; one whose simulation does not fit is left out with a note.
     library : effects by id that are tried, None: all of `effects.library.LIBRARY`.
+    measurements, ambient_celsius : other measurements of the cell, as `tables` and
+        `ambient_celsius` of `witnesses` without `series`: an effect that one of them contradicts is
+        not named. None: there are none.
 
     Returns ranking, residual_map, evidence, series, confounding, menu; content: model, and verdict,
     the document of docs/missing-effect.md. Raises Refusal: no OCV, no test to fit, or none for
@@ -38,10 +43,14 @@ def missing_effect(
     """
     from cellwright.effects.finding import missing_effect as searched
     from cellwright.effects.given.external import Simulated
+    from cellwright.effects.witnesses.collected import Others
 
     curves = None if simulated is None else {k: Simulated(*v) for k, v in simulated.items()}
     searched_in, chosen = _searched_in(cell, basis, tests, library, references, model)
     settings = _search(settings, split_rest_second, changes)
+    if measurements is not None:
+        rows = {name: inputs.rows(table) for name, table in measurements.items()}
+        chosen["others"] = Others(rows, searched_in[1], ambient_celsius or {})
     return _missing_effect(searched(*searched_in, settings=settings, simulated=curves, **chosen))
 
 
@@ -107,7 +116,8 @@ def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=No
     verdict, model : of `missing_effect`.
     tables : rows or DataFrames by name, what is absent was not measured: resistance, eis,
         relaxation, capacity and ocv_entropic, with the test's temperature, SoC and cycle beside
-        each row; `series`, that of `missing_effect`.
+        each row, and of capacities `started`, its date, where it is known; `series`, that of
+        `missing_effect`.
     ambient_celsius : chamber's temperature by test [°C].
     library : effects by id, None: all of `effects.library.LIBRARY`.
 

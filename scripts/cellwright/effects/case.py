@@ -196,6 +196,7 @@ class Case(NamedTuple):
         tied = ties.with_partners(effect.id, tied, library, state.solution.values)
         ampere_hour = self.cell.capacity_ampere_hour
         tied = (*tied, *ties.at_one_temperature(effect, self.fit, ampere_hour))
+        tied = (*tied, *ties.in_order_of_temperature(effect, self.fit))
         if effect.in_rest_log is not None and _by_rest_log(self, effect, state) is not None:
             denied = denied | {e.id for e in library.values() if e.in_rest_log is not None}
         return tuple(name for name in tied if name not in denied)

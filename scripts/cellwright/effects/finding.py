@@ -25,7 +25,8 @@ from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
 from cellwright.effects.story.words import paragraph
-from cellwright.effects.verdict import outcome, verdict_of
+from cellwright.effects.verdict import CONTRADICTED, outcome, sizes_of_names, verdict_of
+from cellwright.effects.witnesses.collected import contradicted, measured_of
 from cellwright.numerics.least_squares import covariances, fit, stds
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
@@ -43,7 +44,16 @@ class Reference(NamedTuple):
 
 
 def missing_effect(
-    cell, basis, tests, library, *, settings, references=(), model=None, simulated=None
+    cell,
+    basis,
+    tests,
+    library,
+    *,
+    settings,
+    references=(),
+    model=None,
+    simulated=None,
+    others=None,
 ):
     """Verdict on a cell: which effect a model of it lacks, with ranking, residuals and next test.
 
@@ -60,6 +70,7 @@ def missing_effect(
     references : sequence of Reference, of the base `plain`. Where one or more ran the same
     protocol, and the plain model fails them by far more than noise, the cell is compared with them
     (paired mode).
+    others : witnesses.collected.Others, measurements that may rule names out; None: there are none.
 
     Returns
     -------
@@ -74,7 +85,7 @@ def missing_effect(
     task = task_of(cell, basis, tests, settings=settings, **bases)
     # A plain or own model is one to choose: it is fitted again without blocks. External is none.
     split = None if task.base_name == "external" else settings["split_rest_second"]
-    names = {"split_rest_second": split, "base_name": task.base_name}
+    names = {"split_rest_second": split, "base_name": task.base_name, "others": others}
     finding = of_case(cell.cell, task.case, library, **names)
     text = "\n".join([finding.verdict["paragraph"], *task.caveats])
     verdict = finding.verdict | {"references": list(task.references), "paragraph": text}
@@ -158,14 +169,17 @@ def settings_of(settings):
     return gates, base.Tolerance(**tolerances)
 
 
-def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
+def of_case(name, case, library, *, split_rest_second=None, base_name="plain", others=None):
     """Finding of a case that is prepared already; else as `missing_effect`.
 
     base_name : "plain", "own" or "external", for the words.
     split_rest_second : shortest rest that ends a block [s]; None: the model is not fitted again
     without blocks, which only a choice between models asks for.
+    others : as of `missing_effect`.
     """
-    found, result, fitted = searched(case, library)
+    found, result, fitted, ruled_out = uncontradicted(case, library, others)
+    known = library
+    library = {name: effect for name, effect in library.items() if name not in ruled_out}
     case, deviations = found.case, fitted.stds
     first, last = found.first, found.last
     residuals = _map(case, first, result.last)
@@ -193,6 +207,8 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     verdict["nuisances"] = declared_values_at_limit(case, declared, parts_of(case.fit))
     ranking = ranking_of(found, result)
     verdict["against"] = _last_against(ranking, named) | verdict["against"]
+    verdict["against"] |= dict.fromkeys(ruled_out, CONTRADICTED)
+    verdict["contradicted"] = list(ruled_out.values())
     plain = Model(first.solution.values, first.effects)
     model = model_of(case, state)
     if whole.effects and whole is not state:
@@ -201,7 +217,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     for entry in (*verdict["effects"], *verdict["partial"]):
         sizes = sizes_as_used(library[entry["effect"]], entry["parameters"], values, fitted)
         entry["sizes"] = [size._asdict() for size in sizes]
-    verdict["paragraph"] = paragraph(verdict, library)
+    verdict["paragraph"] = paragraph(verdict, known)
     if state.effects and split_rest_second is not None:
         rest = {"split_rest_second": split_rest_second}
         model["folds"] = folds(case, state, found.filters.noise, **rest)
@@ -236,6 +252,34 @@ def searched(case, library):
     fitted = _fitted(found)
     known = about_fit(found.case) | found.last.solution.values
     return found, outcome(found, fitted, known), fitted
+
+
+def uncontradicted(case, library, others):
+    """As `searched`, and what other measurements rule out: dict id → row of `contradicted`.
+
+    What a measurement of the cell rules out explains nothing: the records are searched once more
+    without it, so that neither the model nor the sizes of other effects hold any of it.
+
+    Parameters
+    ----------
+    case : case.Case. library : dict of Effect by id. others : witnesses.collected.Others, or None.
+    """
+    ruled_out, left = {}, library
+    while True:
+        found, result, fitted = searched(case, left)
+        if others is None:
+            break
+        model = model_of(found.case, found.last)
+        series = _series(found.case, found.first, found.last, found.filters)
+        tables = others.tables | {"series": series}
+        measured = measured_of(tables, others.basis, model, ambient=others.ambient)
+        names = sizes_of_names(result, fitted.stds)
+        more = {one["effect"]: one for one in contradicted(names, model, measured, library)}
+        if not more:
+            break
+        ruled_out |= more
+        left = {name: effect for name, effect in left.items() if name not in ruled_out}
+    return found, result, fitted, ruled_out
 
 
 def _otherwise(found):
@@ -433,13 +477,17 @@ def _series(case, before, after, filters):
 
 
 def about_fit(case):
-    """Capacity [Ah], and lowest and highest mean temperature of the records fitted [degC]: dict."""
+    """Capacity [Ah], lowest and highest mean temperature of the records fitted [degC]: dict.
+
+    Also, where the dates are known, the time between the first and the last test [d].
+    """
     stack = case.fit
     means = np.bincount(stack.file, stack.celsius) / np.bincount(stack.file)
-    return {
+    known = {
         "fitted_celsius": [float(means.min()), float(means.max())],
         "capacity_ampere_hour": case.cell.capacity_ampere_hour,
     }
+    return known if stack.age is None else known | {"aged_day": stack.aged_day}
 
 
 def model_of(case, state):

@@ -9,7 +9,7 @@ from cellwright.effects import base, beginning
 from cellwright.effects.case import Case, chi_square_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import SLOW_TEST
-from cellwright.effects.records import stacked
+from cellwright.effects.records import ages_of, stacked
 from cellwright.numerics.least_squares import fit
 from cellwright.protocols.ocv.gap import slow_gap
 from cellwright.protocols.ocv.slow import mean_of_branches, rising
@@ -90,10 +90,9 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     sides = tuple([_settled(record) for record in side] for side in sides)
     measured = base.Cell(capacity, np.interp(GRID, curve["soc"], _between_branches(curve)))
     about = tolerance, gates, slow_gap(curve)
-    cases = [
-        Case(measured, *(stacked(s, capacity_ampere_hour=capacity, hold=h) for s in sides), *about)
-        for h in HOLDS
-    ]
+    ages = ages_of([*sides[0], *sides[1]], reference=curve["test"])
+    laid = {"capacity_ampere_hour": capacity, "ages": ages}
+    cases = [Case(measured, *(stacked(s, hold=h, **laid) for s in sides), *about) for h in HOLDS]
     begin = beginning.first_capacity(measured, cases[0].fit)
     slow = any(record.kind == SLOW_TEST for record in sides[0])
     held = slow and curve["branches"] == "both"

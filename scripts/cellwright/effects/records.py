@@ -25,6 +25,9 @@ BOTH_SHARE = 0.02
 EDGES = 20
 SAMPLING_SECOND = 2.0
 PARTS = 4  # of each record
+DAY_SECOND = 86400.0
+AGED_DAY = 7.0  # between the first and the last test, from which they may see different ages
+AGE_SHARE = 0.25  # of that time, which the records fitted must span
 
 
 class Stack(NamedTuple):
@@ -57,6 +60,9 @@ class Stack(NamedTuple):
     least_digit_ampere, least_digit_volt : (f,) of the readings [A], [V].
     ohmic_course, slow_courses : (n,) resistance of a given model at each row over its mean, ohmic,
     and two of (n,) of the RC pairs, or None. tau_course : (n,) the same of their time constants.
+    age : (f,) date of each record, from that of the test to which the model's capacity and
+    resistances belong, over the time between the first and the last test of the search [1], None
+    where a date is not known. aged_day : that time [d].
     anchor_row : (f,) row of each record whose SoC is known, the end of a full charge say; None
     where that is the first row of all. anchor_rise : (f,) its SoC over that at the start, as it was
     counted first [1].
@@ -92,6 +98,8 @@ class Stack(NamedTuple):
     anchor_row: np.ndarray | None = None
     anchor_rise: np.ndarray | None = None
     late_second: np.ndarray | None = None
+    age: np.ndarray | None = None
+    aged_day: float = 0.0
 
     def with_courses(self, ohmic, slow):
         """The same rows with courses of resistances (n,) or None: ohmic, and of either RC pair."""
@@ -103,7 +111,7 @@ class Stack(NamedTuple):
         return np.isin(self.file, files)
 
 
-def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
+def stacked(records, *, capacity_ampere_hour, hold="zero_order", ages=None):
     """Stack of the records of a cell, one after the other.
 
     Parameters
@@ -113,6 +121,7 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     hold : in a drive, "zero_order": between two rows the current of the earlier one flows;
         "first_order": it moves on a straight line. Where it only steps between steady stretches,
         it is held at a step and moves on a straight line elsewhere.
+    ages : Ages of all records of the search, or None.
 
     Returns
     -------
@@ -154,7 +163,47 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         least_digit_volt=np.array([record.least_digit_volt for record in records]),
         anchor_row=None if np.all(anchors == rows["first"]) else anchors,
         anchor_rise=moved[anchors] - moved[rows["first"]],
+        age=None if ages is None else np.array([ages.of(record) for record in records]),
+        aged_day=0.0 if ages is None else ages.day,
     )
+
+
+class Ages(NamedTuple):
+    """Dates between which the tests of a search were made, and that which its model belongs to.
+
+    first_second, last_second, reference_second : since 1970 [s].
+    """
+
+    first_second: float
+    last_second: float
+    reference_second: float
+
+    @property
+    def day(self):
+        """Time between the first and the last test [d]."""
+        return (self.last_second - self.first_second) / DAY_SECOND
+
+    def of(self, record):
+        """Age of a record: its date from that of the model, over the time between all tests [1]."""
+        return (record.started_second - self.reference_second) / (DAY_SECOND * self.day)
+
+
+def ages_of(records, *, reference=None):
+    """Ages of the records of a search, fitted and judging: Ages, or None.
+
+    None where a date is not known, or where all tests were made within `AGED_DAY`: no cell ages by
+    what shows in a few days. The model belongs to the date of the reference, whose capacity and
+    OCV it has, else to the mean date.
+
+    Parameters
+    ----------
+    records : sequence of Record. reference : name of the test that the OCV is from, or None.
+    """
+    dates = [record.started_second for record in records]
+    if not dates or None in dates or max(dates) - min(dates) < AGED_DAY * DAY_SECOND:
+        return None
+    known = [d for d, record in zip(dates, records, strict=True) if record.test == reference]
+    return Ages(min(dates), max(dates), known[0] if known else float(np.mean(dates)))
 
 
 def _anchor_row(record):
@@ -348,6 +397,10 @@ def _edges(stack, capacity):
     return sharp.sum() >= EDGES
 
 
+def _age(stack, capacity):
+    return stack.age is not None and np.ptp(stack.age) >= AGE_SHARE
+
+
 FACTORS = {
     "temperature": (_temperature, f"mean temperatures of the records {KELVIN:g} K apart"),
     "both_directions": (_both, "charge and discharge within the records"),
@@ -355,6 +408,7 @@ FACTORS = {
     "rates": (_rates, f"loads that differ by a factor of {RATE_RATIO:g}"),
     "long_rest": (_long_rest, f"a rest of {REST_SECOND / 60:g} min"),
     "edges": (_edges, f"{EDGES} sharp steps of the current, sampled every {SAMPLING_SECOND:g} s"),
+    "age": (_age, f"dates of all tests, the first and the last {AGED_DAY:g} days apart"),
 }
 
 

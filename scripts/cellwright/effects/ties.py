@@ -14,6 +14,7 @@ DECIDED = 9.0  # chi-square between the two explanations of a current logged at 
 FITTING = 9.0  # chi-square up to which the better of them fits
 SLACK = 0.15  # share of its size by which a fit of an imperfect model may miss an offset
 FINEST_C_RATE = 1e-7  # no log resolves less
+ONE_ORDER = 0.95  # correlation of dates and temperatures of records, from which they are one
 WARMED_KELVIN = 1.0  # a smaller change of the logged temperature within a record moves nothing
 
 
@@ -68,6 +69,25 @@ def at_one_temperature(effect, stack, capacity_ampere_hour):
         return ()
     warmed = max(np.ptp(stack.celsius[stack.part([k])]) for k in range(len(stack.first)))
     return tuple(hidden) if warmed >= WARMED_KELVIN else ()
+
+
+def in_order_of_temperature(effect, stack):
+    """Partners of an effect where the tests were made in the order of their temperatures: ids.
+
+    What a cell loses from test to test is then as well what it lacks from one temperature to the
+    next.
+
+    Parameters
+    ----------
+    effect : Effect that was chosen. stack : records.Stack fitted.
+    """
+    means = np.bincount(stack.file, stack.celsius) / np.bincount(stack.file)
+    if stack.age is None or min(np.ptp(means), np.ptp(stack.age)) == 0.0:
+        return ()
+    if abs(np.corrcoef(means, stack.age)[0, 1]) < ONE_ORDER:
+        return ()
+    pairs = [(name, tie.partner) for name, tie in structural_ties() if tie.one_order]
+    return tuple(b if a == effect.id else a for a, b in pairs if effect.id in (a, b))
 
 
 def needs_another_temperature(*effects):

@@ -17,6 +17,7 @@ SMALL = "it takes too little off the error for anyone to act on"
 NO_SIZE = "its size is too near to none for anyone to act on, or at its limit"
 ONE_PART = "only one part of a record asks for it: a model without both predicts all others as well"
 NO_NAME = "the vocabulary has no name for it"
+CONTRADICTED = "another measurement of the cell contradicts it"
 
 
 class Outcome(NamedTuple):
@@ -173,21 +174,41 @@ def _entry(found, one, result, deviations):
     return {
         "effect": one.effect.id,
         "alternatives": list(one.tied),
-        "parameters": {
-            p.name: {
-                "value": float(solution.values[name]),
-                "std": deviations.get(name),
-                "unit": p.unit,
-                "at_bound": name in solution.at_bound,
-            }
-            for p, name in zip(one.effect.parameters, one.effect.names, strict=True)
-        },
+        "parameters": _parameters(one.effect, solution, deviations),
         **errors,
         "gap_closed": gap_closed(both["before"], both["after"], result.floor.validation_volt),
         "proof": "proven" if is_proven(found, one) else "unproven",
         "gain": one.gain._asdict(),
         "probability": RIGHT_ALONE if len(result.names) == 1 else RIGHT_BESIDE,
     }
+
+
+def _parameters(effect, solution, deviations):
+    return {
+        p.name: {
+            "value": float(solution.values[name]),
+            "std": deviations.get(name),
+            "unit": p.unit,
+            "at_bound": name in solution.at_bound,
+        }
+        for p, name in zip(effect.parameters, effect.names, strict=True)
+    }
+
+
+def sizes_of_names(result, deviations):
+    """Names of an outcome with their parameters, as entries of a verdict have them: list of dict.
+
+    Parameters
+    ----------
+    result : Outcome. deviations : of the parameters of its last model, by name.
+    """
+    return [
+        {
+            "effect": one.effect.id,
+            "parameters": _parameters(one.effect, one.state.solution, deviations),
+        }
+        for one in result.names
+    ]
 
 
 def is_proven(found, one):

@@ -45,6 +45,7 @@ class TestFacts(NamedTuple):
     cycle : cycles before the test, None where not stated.
     soc : state of charge at which it was done [1], None where not stated.
     role : "fit", "validation" or "split".
+    started : when it began, local date and time as ISO 8601, None where not stated.
     """
 
     test: str
@@ -53,6 +54,7 @@ class TestFacts(NamedTuple):
     cycle: float | None = None
     soc: float | None = None
     role: str = "fit"
+    started: str | None = None
 
 
 class BranchFacts(NamedTuple):

@@ -1,5 +1,6 @@
 """Tests of cells and of parallel groups laid out on the SoC scale, with the rows that are used."""
 
+from datetime import UTC, datetime
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,7 @@ class Record(NamedTuple):
     anchor_second : time of the row whose SoC is known, from which all others are counted [s]; None
         for the first.
     least_digit_ampere, least_digit_volt : of the readings, see `noise.least_digit` [A], [V].
+    started_second : when it began, since 1970 by the laboratory's clock [s]; None: not known.
 
     Of a group alone, whose members and cells count as in its wiring and whose `celsius` is that
     around them; it has no SoC of its own:
@@ -69,6 +71,7 @@ class Record(NamedTuple):
     anchor_second: float | None = None
     least_digit_ampere: float = 0.0
     least_digit_volt: float = 0.0
+    started_second: float | None = None
     initial_soc: np.ndarray | None = None
     member_current_ampere: np.ndarray | None = None
     cell_voltage_volt: np.ndarray | None = None
@@ -216,8 +219,31 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
         )._replace(
             simulated_volt=columns.get("simulated_voltage_volt"),
             anchor_second=float(time[anchored.row]),
+            started_second=started_second(facts, columns),
         )
     )
+
+
+def started_second(facts, series):
+    """When a test began, since 1970 by the laboratory's clock [s]: as stated, else by its dates.
+
+    Parameters
+    ----------
+    facts : TestFacts. series : dict of (n,) columns.
+
+    Returns
+    -------
+    second : [s], None where neither the sheet nor the file has a date.
+    """
+    if facts.started is not None:
+        # No zone is stated, and only differences are used: taken as if the clock were that of UTC.
+        return datetime.fromisoformat(facts.started).replace(tzinfo=UTC).timestamp()
+    dates = np.asarray(series.get("unix_time_second", ()), float)
+    known = np.flatnonzero(np.isfinite(dates))
+    if not len(known):
+        return None
+    elapsed = series["test_time_second"][known[0]] - series["test_time_second"][0]
+    return float(dates[known[0]] - elapsed)
 
 
 def laid_out_to_fit(test, basis, cell, **settings):

@@ -5,6 +5,7 @@ last: its heat is that of the resistances as all other effects leave them.
 """
 
 from cellwright.effects.library import (
+    ageing,
     charge,
     groups,
     ocv,
@@ -15,7 +16,7 @@ from cellwright.effects.library import (
     thermal,
 )
 
-MODULES = (resistance, thermal, overpotential, charge, ocv, sensor)
+MODULES = (resistance, thermal, overpotential, charge, ageing, ocv, sensor)
 LIBRARY = {effect.id: effect for module in MODULES for effect in module.EFFECTS}
 
 

@@ -17,7 +17,15 @@ EARLIER_SECOND = 600.0  # of a rest: what relaxes later is slow, as the plain mo
 
 
 def fields_with(
-    effect, p, values, *, soc=MIDDLE_SOC, celsius=REFERENCE_CELSIUS, current=-1.0, step=None
+    effect,
+    p,
+    values,
+    *,
+    soc=MIDDLE_SOC,
+    celsius=REFERENCE_CELSIUS,
+    current=-1.0,
+    step=None,
+    age=None,
 ):
     """Fields of the plain model with one effect, at given conditions.
 
@@ -25,7 +33,7 @@ def fields_with(
     ----------
     effect : Effect or None. p : dict of its parameters by name. values : dict of the plain model.
     soc : (n,) or scalar [1]. celsius : [degC]. current : [A]. step : time between rows [s], None:
-        rows do not hang together.
+        rows do not hang together. age : (n,), see `records.Stack`, None: that of the model.
 
     Returns
     -------
@@ -33,6 +41,8 @@ def fields_with(
     """
     fields = plain_fields(values, soc=soc, celsius=celsius, current=current)
     rows = rows_at(fields.current, fields.celsius, step)
+    if age is not None:  # each row is of a record of its own
+        rows = rows._replace(file=np.arange(len(fields.soc)), age=np.asarray(age, float))
     return fields if effect is None else effect.act(fields, rows, p)
 
 
@@ -166,6 +176,15 @@ def _capacity_change(effect, p, values, at):
     return float(now / before - 1.0)
 
 
+def _capacity_over_days(effect, p, values, at):
+    """Change of the capacity in so many days between tests [1]; NaN where no dates were known."""
+    if not values.get("aged_day"):
+        return np.nan
+    ages, pair = [0.0, at[0] / values["aged_day"]], [MIDDLE_SOC, MIDDLE_SOC]
+    before, later = fields_with(effect, p, values, soc=pair, age=ages).capacity
+    return float(later / before - 1.0)
+
+
 def _ocv_change(effect, p, values, at):
     """RMS change of the OCV within a range of SoC [V]."""
     soc = np.linspace(*at, 41)
@@ -186,5 +205,6 @@ QUANTITIES = {
     "ocv_per_kelvin": _ocv_per_kelvin,
     "capacity_per_kelvin": _capacity_per_kelvin,
     "capacity_change": _capacity_change,
+    "capacity_over_days": _capacity_over_days,
     "ocv_change": _ocv_change,
 }

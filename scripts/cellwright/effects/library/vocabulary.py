@@ -38,8 +38,9 @@ class Tie(NamedTuple):
     partner : id of an effect, or the parameter that takes its place, in words. check : what does
     separate them, for people. always : no fit weighs one against the other. exact : no test of the
     cell by this instrument ever does. same_size : both have one size, so that the bounds of one
-    rule out the other. one_temperature : they are one as long as all records are at one
-    temperature; where each is tried, tests at another are what tells them apart.
+    rule out the other. one_order : they are one where the tests were made in the order of their
+    temperatures. one_temperature : they are one as long as all records are at one temperature;
+    where each is tried, tests at another are what tells them apart.
     """
 
     partner: str
@@ -48,6 +49,7 @@ class Tie(NamedTuple):
     exact: bool = False
     same_size: bool = False
     one_temperature: bool = False
+    one_order: bool = False
 
 
 class Effect(NamedTuple):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 from cellwright.effects.library import known_effects
 from cellwright.effects.story.places import millivolt, near, where
 from cellwright.effects.story.sizes import Size, sizes_as_used
+from cellwright.effects.witnesses.statement import in_words
 
 # Answers of a search that are no effect.
 ANSWERS = {"none": "nothing missing", "unknown": "something unknown"}
@@ -210,6 +211,7 @@ def sentences_by_part(verdict, library):
         *opening(verdict, library, phrases),
         *_of("gap", [*_worsened(verdict), *_as_given(verdict)]),
         *_of("names", _nameless(verdict, library)),
+        *_of("names", _contradicted(verdict, library)),
         *_of("left", [*_gap(verdict), *_remainder(verdict), *_outside(verdict)]),
         *_of("sure", _declared_values_at_limit(verdict.get("nuisances") or [])),
         *_of("sure", [BLIND] if phrases is BLIND_GROUP else []),
@@ -238,6 +240,19 @@ def _nameless(verdict, library):
         f"; with {'them' if len(listed) > 1 else 'it'} {millivolt(volt)} are left" if told else ""
     )
     return [f"In the model without a name: {_listed(listed)}{left}."]
+
+
+def _contradicted(verdict, library):
+    """What the records ask for and another measurement of the cell rules out: both numbers."""
+    for one in verdict.get("contradicted") or []:
+        name, unit = name_of_effect(one["effect"], library), one["unit"]
+        searched = in_words(one["searched"], unit, one["searched_std"])
+        measured = in_words(one["measured"], unit, one["measured_std"])
+        yield (
+            f"Not named, although the drives ask for it: {name}, {searched} by the search. "
+            f"Another measurement of this cell contradicts it: {measured} "
+            f"({one['measurement']}: {one['quantity']})."
+        )
 
 
 def name_of_key(key, library=KNOWN):

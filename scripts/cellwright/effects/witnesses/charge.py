@@ -1,5 +1,8 @@
 """What capacities, logged currents at rest and thermometers tell."""
 
+from datetime import datetime
+from itertools import permutations
+
 import numpy as np
 
 from cellwright.effects.ties import REST_SECOND
@@ -23,7 +26,7 @@ from cellwright.records.conditions import (
 
 SLOW_C_RATE = 0.1  # up to which the polarisation ends a discharge at nearly the OCV
 WARM_KELVIN = 3.0  # of rise, from which it is held against the heat
-DAY_HOUR = 24.0
+DAY_HOUR, DAY_SECOND = 24.0, 86400.0
 # What passes the ammeter at rest, and what passes it by.
 AT_REST = ("current_at_rest", "no_current_at_rest")
 SURFACE = "core_rise"  # no sensor tells the core's temperature
@@ -31,18 +34,19 @@ TAU_SECOND = np.geomspace(60.0, 6000.0, 9)
 
 
 def of_capacities(rows):
-    """What the capacities of tests tell: over temperature, and from check-up to check-up.
+    """What capacities tell: over temperature, from check-up to check-up, and from date to date.
 
     Parameters
     ----------
-    rows : list of dict, of the table of capacities of one cell.
+    rows : list of dict, of the table of capacities of one cell; `started`, the date of the test,
+        where it is known.
 
     Returns
     -------
-    measured : list of Measured, two.
+    measured : list of Measured, three.
     """
     rows = [row for row in rows if row["direction"] == "discharge"]
-    return [_over_temperature(rows), _capacity_change(rows)]
+    return [_over_temperature(rows), _capacity_change(rows), _over_days(rows)]
 
 
 def _over_temperature(rows):
@@ -88,11 +92,35 @@ def _capacity_change(rows):
     )
 
 
+def _over_days(rows):
+    """Change of the capacity between the first and the last dated discharge that compare."""
+    quantity, name = "capacity_over_days", "capacities by date"
+    dated = [(datetime.fromisoformat(row["started"]), row) for row in rows if row.get("started")]
+    pairs = [
+        ((later - first).total_seconds() / DAY_SECOND, before, after)
+        for (first, before), (later, after) in permutations(dated, 2)
+        if first < later and _alike(before, after)
+    ]
+    if not pairs:
+        reason = "no two dated discharges at one rate and temperature"
+        return silent(name, quantity, reason)
+    days, before, after = max(pairs, key=lambda pair: pair[0])
+    share = after["capacity_ampere_hour"] / before["capacity_ampere_hour"] - 1.0
+    words = f"change of the capacity in {days:.0f} days at {before['c_rate']:.2g}C"
+    return Measured(
+        *(name, quantity, words, (days,), float(share), np.nan, "share", 0.0),
+        material=bool(abs(share) > LEAST_SHARE),
+    )
+
+
 def _comparable(row, other):
-    return (
-        cycle_of(row) < cycle_of(other)
-        and same_rate(row["c_rate"], other["c_rate"])
-        and same_temperature(celsius_of(row), celsius_of(other))
+    return cycle_of(row) < cycle_of(other) and _alike(row, other)
+
+
+def _alike(row, other):
+    """Whether two discharges are at one rate and one temperature."""
+    return same_rate(row["c_rate"], other["c_rate"]) and same_temperature(
+        celsius_of(row), celsius_of(other)
     )
 
 

@@ -1,5 +1,7 @@
 """All witnesses of one verdict: of what it names, and of what it does not name and they show."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from cellwright.effects.library.quantities import QUANTITIES
@@ -12,12 +14,55 @@ from cellwright.effects.witnesses.statement import (
     SILENT,
     Witness,
     in_words,
+    rules_out,
     same,
     size_of,
 )
 from cellwright.effects.witnesses.voltages import of_entropy, of_moved_ocv, of_rests, of_slow_test
 
 NO_ONE_SIZE = "of what the verdict names it has no one size at all states of charge"
+
+
+class Others(NamedTuple):
+    """Other measurements of a cell than the records that are searched.
+
+    tables, basis, ambient : as of `measured_of`, without `series`.
+    """
+
+    tables: dict
+    basis: dict
+    ambient: dict
+
+
+def contradicted(entries, model, measured, library):
+    """Effects of a search that another measurement of the cell rules out, see `rules_out`.
+
+    Parameters
+    ----------
+    entries : of effects, each with `effect` (id) and `parameters` as in a verdict.
+    model : dict, as a search leaves it. measured : list of Measured. library : dict of Effect.
+
+    Returns
+    -------
+    found : list of dict, one an effect: effect, measurement, quantity in words, measured,
+        measured_std, searched, searched_std and unit.
+    """
+    values, found = values_of(model), {}
+    for entry in entries:
+        effect = library[entry["effect"]]
+        for one in measured:
+            if effect.quantity != one.quantity or one.reason or effect.id in found:
+                continue
+            value, std = implied(effect, entry, values, one.at)
+            if rules_out(one, value, std):
+                numbers = {"measured": one.value, "measured_std": one.std}
+                numbers |= {"searched": value, "searched_std": std, "unit": one.unit}
+                about = {"effect": effect.id, "measurement": one.name, "quantity": one.words}
+                found[effect.id] = about | {
+                    name: number if isinstance(number, str) else float(number)
+                    for name, number in numbers.items()
+                }
+    return list(found.values())
 
 
 def measured_of(tables, basis, model, *, ambient):
@@ -50,7 +95,7 @@ def measured_of(tables, basis, model, *, ambient):
 
 def values_of(model):
     """Parameters of a model by name, with its capacity and the temperatures of its fit."""
-    known = ("capacity_ampere_hour", "fitted_celsius")
+    known = ("capacity_ampere_hour", "fitted_celsius", "aged_day")
     return model.get("values", {}) | {name: model[name] for name in known if name in model}
 
 

@@ -84,6 +84,28 @@ def same(measured, implied, std, *, neutral=0.0):
     return bool(1 / FACTOR <= ours / theirs <= FACTOR)
 
 
+def rules_out(measured, value, std):
+    """Whether a measurement rules an effect out, and not only the size that a search found for it.
+
+    1. Measurement and search both state how sure they are, and they differ by more than two
+       combined standard deviations.
+    2. The measurement by itself, within two of its deviations, is what it would be without the
+       effect, or on the other side of that. A measurement that shows the effect with another size
+       leaves it its name.
+
+    Parameters
+    ----------
+    measured : Measured. value, std : of the same quantity by the search; std NaN where not stated.
+    """
+    if not np.isfinite([measured.std, value, std]).all() or not measured.std > 0:
+        return False
+    if abs(measured.value - value) <= DEVIATIONS * np.hypot(measured.std, std):
+        return False
+    along = size_of(measured.value, measured.neutral) * size_of(value, measured.neutral) > 0
+    absent = abs(measured.value - measured.neutral) <= DEVIATIONS * measured.std
+    return bool(absent or not along)
+
+
 def size_of(value, neutral):
     """Signed distance from the value without an effect; of a factor the logarithm."""
     return float(np.log(max(value, 1e-9))) if neutral == 1.0 else value - neutral
