@@ -111,7 +111,7 @@ def verdicts(documents, witnesses=(), own=None, external=None) -> list[dict]:
             named = verdict["effects"] or verdict.get("partial", [])
             names = {effect["effect"]} if verdict["effects"] else {one["effect"] for one in named}
             said = [row for row in mine if row["named"] and row["effect"] in names]
-            row = _verdict_row(verdict, effect) | {"in_one_line": line}
+            row = _verdict_row(verdict, effect) | _errors_of(verdict, own) | {"in_one_line": line}
             rows.append(row | _sure(effect, said) | _counts([*said, *others]))
     return rows
 
@@ -170,6 +170,17 @@ def _verdict_row(verdict, effect) -> dict:
         "contradicted": ";".join(one["effect"] for one in verdict.get("contradicted", [])),
         "floor_volt": verdict["floor_volt"],
         "next_test": verdict["next_test"],
+    }
+
+
+def _errors_of(verdict, own) -> dict:
+    """Errors on tests for proof: of the names, of the whole model, and of the model in use."""
+    kinds = {"names": verdict, "model": verdict, "member": (own or {}).get(verdict["cell"])}
+    return {
+        f"validation_{kind}_volt": ((of or {}).get("errors", {}).get(kind) or {}).get(
+            "validation_volt"
+        )
+        for kind, of in kinds.items()
     }
 
 

@@ -188,6 +188,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     hidden = set(found.hidden) - named | {
         name for name, effect in library.items() if effect.invisible
     }
+    hidden &= library.keys()
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     place = worst(residuals, result.floor.validation_volt)
     open_place = None if result.adequate else place
@@ -196,7 +197,9 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     verdict = verdict_of(name, found, result, place, deviations, **further)
     verdict["base"] = base_name
     if base_name != "plain":
-        verdict["as_given_rmse_volt"] = as_given(case, found.filters)
+        given = as_given(case, found.filters)
+        verdict["as_given_rmse_volt"] = given
+        verdict["errors"]["member"] = {f"{side}_volt": volt for side, volt in given.items()}
     verdict |= {"next_test_id": test, "worsened": worsened(residuals)}
     # The model holds all that predicts surely better, named or not; whether it is used is for tests
     # left out to decide. What the vocabulary has no word for has no place in a model file.

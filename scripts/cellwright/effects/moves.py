@@ -8,33 +8,42 @@ SHORTLIST = 5  # moves whose densities are made in full, the best by tenths of t
 ADDED, SWAPPED, PAIRED = 12, 8, 8  # terms that are tried, the most promising first
 LEAST_OF_SWAP = 1.0  # nats: two that differ by less are the same to anyone
 PAIR_Z = 2.0
+MANY = 99
 MOST_MOVES = 40
 
 
-def best_model(space, begun, gates, *, barred=(), fitted=()):
+def best_model(space, begun, gates, *, most=MANY, barred=(), fitted=()):
     """The model that moves from some others lead to: frozenset of numbers of terms.
 
     Parameters
     ----------
     space : space.Space. begun : models to set out from. gates : case.Gates.
+    most : effects that a model may have beyond the fitted one: farther off its columns hold less.
     barred : keys of effects that no model may have. fitted : models, as tuples of keys, that were
     fitted already and are not asked for again.
     """
-    ends = [_walked(space, frozenset(model), gates, set(barred), set(fitted)) for model in begun]
+    about = gates, most, set(barred), set(fitted)
+    ends = [_walked(space, frozenset(model), *about) for model in begun]
     return max(ends, key=lambda model: space.worth(model))
 
 
-def _walked(space, model, gates, barred, fitted):
+def _walked(space, model, gates, most, barred, fitted):
     for _ in range(MOST_MOVES):
         now = space.worth(model)
-        offers = _single(space, model, barred)
+        offers = _near(space, _single(space, model, barred), most)
         chosen = _best(space, model, now, offers, gates.joins, fitted)
         if chosen is None:
-            chosen = _best(space, model, now, _pairs(space, model, barred), PAIR_Z, fitted)
+            offers = _near(space, _pairs(space, model, barred), most)
+            chosen = _best(space, model, now, offers, PAIR_Z, fitted)
         if chosen is None:
             return model
         model = chosen
     return model
+
+
+def _near(space, offers, most):
+    """Offers with at most so many effects beyond the fitted model."""
+    return {one: least for one, least in offers.items() if len(one - space.inside) <= most}
 
 
 def _single(space, model, barred):

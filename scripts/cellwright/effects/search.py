@@ -38,14 +38,15 @@ import numpy as np
 from cellwright.effects.columns import candidates
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.moves import best_model, rivals
+from cellwright.effects.moves import MANY, best_model, rivals
 from cellwright.effects.score import difference
 from cellwright.effects.space import space_of
 from cellwright.effects.state import State, Yardstick, most_telling, squares_of
 from cellwright.numerics.least_squares import STEPS, TWO_STDS, fit, level
 
 EXACT = 3  # models that are fitted exactly from one space
-MOST_SPACES = 6
+NEAR = 2  # effects beyond the fitted model, up to which its columns are believed
+MOST_SPACES = 8
 LEAST_GAIN = 0.05  # nats by which a model must be better for another space
 ROUGHLY = 0.5  # of the usual misfit: a fall of the cost that ends a fit on trial
 TIED = 3  # effects that are fitted exactly in the place of one
@@ -289,12 +290,16 @@ def _climbed(about, plain):
 
 
 def _proposed(space, gates, denied, models, best):
-    """Models of a space that are worth an exact fit: the best by moves, and its rivals."""
-    begun = dict.fromkeys((space.inside, frozenset()))
-    reached = best_model(space, begun, gates, barred=denied, fitted=set(models) - {best.keys})
-    wanted = [] if space.keys(reached) in models else [reached]
-    further = rivals(space, reached, gates, barred=denied, fitted=models)
-    return [*wanted, *further[: EXACT - len(wanted)]]
+    """Models of a space that are worth an exact fit.
+
+    The best by moves near the fitted model, whose columns hold there; the best of all; and rivals.
+    """
+    begun, known = dict.fromkeys((space.inside, frozenset())), set(models) - {best.keys}
+    about = {"barred": denied, "fitted": known}
+    ends = [best_model(space, begun, gates, most=most, **about) for most in (NEAR, MANY)]
+    wanted = {space.keys(one): one for one in ends if space.keys(one) not in models}
+    further = rivals(space, ends[0], gates, barred=denied, fitted={*models, *wanted})
+    return [*wanted.values(), *further[: EXACT - len(wanted)]]
 
 
 def _space(about, model, denied):

@@ -25,16 +25,17 @@ class Outcome(NamedTuple):
 
     word : "none", "named", "ambiguous" or "unknown". names : tuple of search.Beside, effects with a
     name, in order of addition. unnamed : tuple of (Beside, why), effects in the model without one.
-    last : State at the end, of all effects of the model; of "unknown" of those with a name alone,
-    without any that of the plain model. floor : floor.Floor. closed : share of the gap that it
-    closes on the validation records. excess_volt : error that it leaves beyond the floor, of the
-    side, fit or proof, where it is larger. adequate : nobody would act on that.
+    last : State at the end, of all effects of the model; of "none" that of the plain model. alone :
+    State with those that have a name alone. floor : floor.Floor. closed : share of the gap that it
+    closes on the validation records. excess_volt : error that is left beyond the floor, of "unknown"
+    by the names alone, of the side, fit or proof, where it is larger. adequate : nobody would act on that.
     """
 
     word: str
     names: tuple
     unnamed: tuple
     last: object
+    alone: object
     floor: object
     closed: float | None
     excess_volt: float
@@ -70,13 +71,13 @@ def outcome(found, fitted, values=None):
         word = "none" if left <= gates.unknown_volt else "unknown"
     elif left > max(gates.unknown_volt, gates.unknown_share * was):
         word = "unknown"
-    # An unknown tells what its names alone leave; with names enough, what the whole model leaves.
-    last = alone if word in ("none", "unknown") else found.last
-    left = _left(found, last)
+    # What a whole model leaves is told of names that are enough; an unknown is what they leave.
+    last = found.first if word == "none" else found.last
+    left = _left(found, alone if word == "unknown" else last)
     first, floor = found.first.validation_rmse_volt, found.floor.validation_volt
     closed = gap_closed(first, last.validation_rmse_volt, floor) if names else None
     adequate = left <= gates.unknown_volt
-    about = tuple(names), tuple(unnamed), last, found.floor, closed, left, adequate
+    about = tuple(names), tuple(unnamed), last, alone, found.floor, closed, left, adequate
     return Outcome(word, *about)
 
 
@@ -121,8 +122,8 @@ def verdict_of(name, found, result, place, deviations, *, next_test=None, not_te
     Returns
     -------
     verdict : dict, as in the contract; `partial` holds effects that explain part of an "unknown"
-    gap, `small` keys of those that are in the model without a name, `with_small_rmse_volt` what it
-    errs by with them on the records that judge.
+    gap, `small` keys of those that are in the model without a name. `errors` : of the plain model,
+    of its names alone, and of the whole model, by the records fitted and by those that judge [V].
     """
     entries = [_entry(found, one, result, deviations) for one in result.names]
     settled = result.word in ("named", "ambiguous")
@@ -143,12 +144,15 @@ def verdict_of(name, found, result, place, deviations, *, next_test=None, not_te
             "before": first.validation_rmse_volt,
             "after": last.validation_rmse_volt,
         },
+        "errors": {
+            name: {"fit_volt": state.rmse_volt, "validation_volt": state.validation_rmse_volt}
+            for name, state in (("plain", first), ("names", result.alone), ("model", found.last))
+        },
         "gap_closed": result.closed,
         "next_test": next_test,
         "not_testable": list(not_testable),
         "against": {one.effect.key: why for one, why in result.unnamed},
         "small": nameless,
-        "with_small_rmse_volt": found.last.validation_rmse_volt if nameless else None,
         "outside": [_outside(one, deviations) for one in shown_outside(found, result)],
     }
 

@@ -210,7 +210,7 @@ def sentences_by_part(verdict, library):
     parts = [
         *opening(verdict, library, phrases),
         *_of("gap", [*_worsened(verdict), *_as_given(verdict)]),
-        *_of("names", _nameless(verdict, library)),
+        *_of("names", [*_nameless(verdict, library), *_errors(verdict)]),
         *_of("names", _contradicted(verdict, library)),
         *_of("left", [*_gap(verdict), *_remainder(verdict), *_outside(verdict)]),
         *_of("sure", _declared_values_at_limit(verdict.get("nuisances") or [])),
@@ -234,12 +234,21 @@ def _nameless(verdict, library):
     listed = [f"{name_of_key(one, library)} ({known[one]})" for one in small]
     if not listed:
         return []
-    volt = verdict.get("with_small_rmse_volt")
-    told = volt is not None and verdict["verdict"] == "unknown"
-    left = (
-        f"; with {'them' if len(listed) > 1 else 'it'} {millivolt(volt)} are left" if told else ""
+    return [f"In the model without a name: {_listed(listed)}."]
+
+
+def _errors(verdict):
+    """Errors of all models beside each other, where the names are not the whole model."""
+    errors = verdict.get("errors")
+    if not errors or not verdict.get("small"):
+        return
+    known = (
+        ("plain", "the plain model"),
+        ("names", "with its names"),
+        ("model", "with all of this"),
     )
-    return [f"In the model without a name: {_listed(listed)}{left}."]
+    told = [f"{millivolt(errors[key]['validation_volt'])} {words}" for key, words in known]
+    yield f"On the records that were not fitted: {', '.join(told)}."
 
 
 def _contradicted(verdict, library):
