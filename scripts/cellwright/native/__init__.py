@@ -1,6 +1,6 @@
 """Compiled kernels: the C sources beside this file, built once on this machine, loaded by ctypes.
 
-`./run` builds them as it installs (`build`); else, or where a source has changed, the first use does.
+`./run` builds them as it installs (`build`); where a source has changed since, its first use does.
 
 Every kernel has a twin in numpy that says the same in more time; where no C compiler is, or
 CELLWRIGHT_NATIVE=0, `function` gives None and the caller takes the twin. Fast-math is off: kernel
