@@ -118,8 +118,13 @@ def renew(measured: pd.DataFrame, reason: str, path=RECORDED, *, code: str = "")
     recorded = read(path)
     line = line_of_renewal(reason, recorded, measured, of=path.stem, code=code)
     write(renewed(recorded, measured), path)
+    note_renewal(line, of=path.stem)
+
+
+def note_renewal(line: str, *, of: str):
+    """Put a line at the end of the renewals; of each table the last few stay."""
     lines = [*_renewals(), line]
-    of_table = [other for other in lines if other.startswith(f"* {path.stem}: ")]
+    of_table = [other for other in lines if other.startswith(f"* {of}: ")]
     lines = [other for other in lines if other not in of_table[:-RENEWALS_KEPT]]
     RENEWALS.write_text(HEAD + "".join(lines), encoding="utf-8")
 

@@ -11,6 +11,9 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).resolve().parents[2] / "tests" / "artefacts"
+# No plugins of other packages, which take a second to load, nor those that end each run with rounds
+# of garbage collection: a job holds hundreds of thousands of objects.
+QUICK = ("--disable-plugin-autoload", "-p", "no:unraisableexception", "-p", "no:threadexception")
 MOST_ROWS = 3  # of one cell and test that a law names; it counts the others
 
 
@@ -108,6 +111,7 @@ def outcomes(folder) -> list[dict]:
     collector = _Collector()
     # The settings of the folder in which a run is started do not count, and no cache is left in it.
     settings = ["-q", "-p", "no:cacheprovider", "--rootdir", str(TESTS), "-c", "/dev/null"]
+    settings += QUICK
     with contextlib.redirect_stdout(io.StringIO()):
         ended = pytest.main(
             [*settings, "--import-mode=importlib", "--results", str(folder), str(TESTS)],

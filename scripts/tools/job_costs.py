@@ -3,24 +3,24 @@
     ./run python scripts/tools/job_costs.py TABLE SNAKEMAKE_ARGUMENTS...
     ./run python scripts/tools/job_costs.py costs.csv --directory CAMPAIGN --cores 1
 
-Each Python process of a job writes, as it ends, its CPU time (user and system) and the highest
-memory that the kernel saw (VmHWM, Linux). Nothing is sampled, so that jobs of half a second count.
-TABLE then has one row a rule: jobs, CPU of all of them, of the longest one, and the highest peak.
-Rows of a TABLE that is there already stay where the run started no job of their rule, and where it
-did the larger values are kept, so that several campaigns add up to one table.
-workflow/job_costs.csv, from which jobs ask for memory and time, is such a table (docs/scaling.md).
+Each script of a job, in a process of its own or forked by the warm executor, writes as it ends its
+CPU time (user and system) and the highest memory that the kernel saw (VmHWM, Linux). Nothing is
+sampled, so that jobs of half a second count; a forked one begins with the packages of all jobs.
+TABLE then has one row a rule: jobs, CPU of all of them and of the longest one in units of a
+calibration made before and after (real_cells/calibration.py), and the highest peak. Rows of a TABLE
+that the same code wrote stay where the run started no job of their rule, and where it did the
+larger values are kept, so that several campaigns add up to one table.
 """
 
-import csv
 import os
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-MEASURED = ("jobs", "cpu_second", "longest_cpu_second", "peak_megabyte")
-# Which part of a cell's work a rule belongs to is decided, not measured (runtime/job_requests.py).
-COLUMNS = ("rule", "part", *MEASURED)
+from real_cells import campaigns, costs
+from real_cells.calibration import calibration_second
+
 # Python imports a module of this name as it starts. Snakemake copies the script of a job to
 # .snakemake/scripts/tmp<letters>.<script>.py.
 AT_END = """
@@ -28,13 +28,17 @@ import atexit, sys
 
 def note():
     import os, time
+    folder, _, name = sys.argv[0].rpartition("/")
+    if not folder.endswith("/.snakemake/scripts"):
+        return
     with open("/proc/self/status") as file:
         peak = next(line for line in file if line.startswith("VmHWM")).split()[1]
-    rule = sys.argv[0].rpartition("/")[2].split(".", 1)[1].removesuffix(".py")
+    rule = name.split(".", 1)[1].removesuffix(".py")
     with open(os.environ["JOB_COSTS"], "a") as file:
         file.write(f"{rule}\\t{time.process_time()}\\t{peak}\\n")
 
-if any("/.snakemake/scripts/" in word for word in sys.orig_argv):
+starts = "/.snakemake/scripts/", "snakemake_executor_plugin_warm/server.py"
+if any(start in word for word in sys.orig_argv for start in starts):
     atexit.register(note)
 """
 
@@ -53,41 +57,17 @@ def measured(arguments) -> tuple[list[tuple[str, float, float]], int]:
     return [(rule, float(cpu), int(kilobyte) / 1000) for rule, cpu, kilobyte in lines], status
 
 
-def merged(before, jobs) -> list[dict]:
-    """Rows of the table: those from before, and of each rule that ran the larger values."""
-    rows = {row["rule"]: {name: float(row[name]) for name in MEASURED} for row in before}
-    parts = {row["rule"]: row["part"] for row in before}
-    ran = {}
-    for rule, cpu, peak in jobs:
-        ran.setdefault(rule, []).append((cpu, peak))
-    for rule, costs in ran.items():
-        cpu, peak = zip(*costs, strict=True)
-        new = dict(zip(MEASURED, (len(costs), sum(cpu), max(cpu), max(peak)), strict=True))
-        old = rows.get(rule, new)
-        rows[rule] = {name: max(new[name], old[name]) for name in MEASURED}
-    return [
-        {"rule": rule, "part": parts.get(rule, "")} | _rounded(rows[rule]) for rule in sorted(rows)
-    ]
-
-
-def _rounded(row):
-    whole = {name: round(row[name]) for name in ("jobs", "peak_megabyte")}
-    return {name: whole.get(name, round(row[name], 1)) for name in MEASURED}
-
-
 def main(table, *arguments):
     """Run Snakemake and write the table; returns the run's exit status, of failed jobs too."""
-    table = Path(table)
-    before = []
-    if table.exists():
-        with open(table, encoding="utf-8", newline="") as file:
-            before = list(csv.DictReader(file))
+    before, code = calibration_second(), campaigns.code_hash()
     jobs, status = measured(arguments)
-    rows = merged(before, jobs)
-    with open(table, "w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    unit = (before * calibration_second()) ** 0.5
+    known = costs.read(table, code=code)
+    new = costs.of_jobs(jobs, unit)
+    both = {rule: cost.or_more(known.get(rule, cost)) for rule, cost in new.items()}
+    costs.write(known | both, table, code=code)
+    print(f"{table}: {len(jobs)} jobs, {sum(cost.cpu_units for cost in new.values()):.0f} units of")
+    print(f"  {unit:.2f} s of CPU (the calibration), {before:.2f} s of them before the run")
     return status
 
 

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import brentq
 
+from cellwright.circuits import circuit
 from cellwright.circuits.cell import overpotentials, sensitivities, simulate
 from cellwright.circuits.circuit import (
     KINDS,
@@ -15,6 +16,7 @@ from cellwright.circuits.circuit import (
     Branch,
     rc_circuit,
 )
+from cellwright.circuits.circuit import butler_volmer as butler_volmer_of
 from cellwright.numerics.hysteresis import WIDTHS, preisach
 from cellwright.numerics.lags import HOLDS
 
@@ -381,3 +383,21 @@ def test_charge_transfer_is_the_law_at_any_current(charge):
     volt = KINDS["charge_transfer"].drive(2.0 * over_exchange, **size)
     expected = [0.04 * butler_volmer(one, charge) for one in over_exchange]
     np.testing.assert_allclose(volt, expected, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize("charge", [0.2, 0.35, 0.5, 0.8])
+def test_the_kernel_of_charge_transfer_is_its_twin_and_the_law_itself(monkeypatch, charge):
+    """From a billionth of the exchange current to a thousand of it; rows that fill no register."""
+    size = np.geomspace(1e-9, 1e3, 101)
+    current = np.concatenate([-size, [0.0], size])
+    compiled = butler_volmer_of(current, charge)
+    monkeypatch.setattr(circuit, "function", lambda *_, **__: None)
+    np.testing.assert_allclose(compiled, butler_volmer_of(current, charge), rtol=1e-12, atol=0)
+    within = np.abs(current) <= 100.0
+    exact = [butler_volmer(i, charge) for i in current[within]]
+    np.testing.assert_allclose(compiled[within], exact, rtol=1e-12, atol=1e-12)
+
+
+def test_a_current_that_is_no_number_has_no_overpotential():
+    found = butler_volmer_of(np.array([1.0, np.nan, -1.0, 2.0, 3.0]), 0.4)
+    assert np.isnan(found).tolist() == [False, True, False, False, False]

@@ -89,6 +89,12 @@ def test_beyond_its_ends_a_table_goes_straight_on_by_its_last_half_percent():
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
 
 
+def test_an_ocv_without_its_slope_is_the_same_number():
+    soc = np.append(np.linspace(-0.5, 1.5, 4001), np.nan)
+    np.testing.assert_array_equal(ocv_on_grid(TABLE, soc), ocv_and_slope(TABLE, soc)[0])
+    assert ocv_on_grid(TABLE, 0.437) == ocv_and_slope(TABLE, 0.437)[0]
+
+
 @pytest.mark.parametrize("points", [2, 3, 201])
 def test_a_soc_that_is_no_number_has_no_value(points):
     """NaN, beside numbers that keep theirs; nothing is raised and no interval is left."""

@@ -69,6 +69,23 @@ def test_a_rest_is_read_as_rests_of_fitted_records_were(seed):
     assert far == alone
 
 
+def test_starts_hang_on_first_rests_alone_and_a_record_without_one_begins_as_stated():
+    """Whatever is measured later, whether the whole record rests or begins under load."""
+    records = [drive(seed=3), drive(test="rest", seed=5, seconds=60)]
+    stack = stacked(records, capacity_ampere_hour=CAPACITY)
+    values = PLAIN | {"soc0[0]": TRUE, "soc0[1]": TRUE + 0.01}
+    stack = stack._replace(voltage_volt=base.voltage(CELL, stack, values))
+    found = started(CELL, stack, PLAIN, (), TOLERANCE)
+    assert found["soc0[1]"] > found["soc0[0]"] + 0.005
+    later = (stack.second > 59.0) & (stack.file == 0)
+    other = stack._replace(voltage_volt=stack.voltage_volt + 0.5 * later)
+    assert started(CELL, other, PLAIN, (), TOLERANCE) == found
+    at_once = stack.current_ampere - 1.0
+    at_once = stack._replace(current_ampere=at_once, voltage_volt=stack.voltage_volt + 0.02)
+    begun = started(CELL, at_once, PLAIN, (), TOLERANCE)
+    assert [begun[f"soc0[{k}]"] for k in range(2)] == pytest.approx(stack.soc_at_start.tolist())
+
+
 def test_the_rests_of_fitted_records_are_those_before_their_first_load():
     stack = laid(volt=2e-3)
     values = PLAIN | {"soc0[0]": TRUE}

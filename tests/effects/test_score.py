@@ -36,6 +36,33 @@ def test_left_out_blocks_are_those_of_a_refit_without_them(linear, beside):
         assert at - found.change[k] == pytest.approx(refitted, rel=1e-6)
 
 
+def left_out_row_by_row(white, whitened, precision, slope, block, blocks):
+    """The same by its formula, a block at a time: (change, grams, moments, sums)."""
+    least = 1e-9 * np.diag(np.diag(precision))
+    found = []
+    for k in range(blocks):
+        mine, w = white[block == k], whitened[block == k]
+        gram, moment = mine.T @ mine, mine.T @ w
+        change = np.linalg.solve(precision - gram + least, moment - slope)
+        found.append((change, gram, moment, w @ w))
+    return [np.array(each) for each in zip(*found, strict=True)]
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_blocks_left_out_are_those_of_the_formula_also_without_rows(linear, order):
+    """Rows of no block and blocks of no row, derivatives in either layout."""
+    columns, measured, prior, block = linear
+    block = np.where(np.arange(ROWS) % 7 == 0, -1, 2 * block)  # odd ones have no rows
+    columns = np.asarray(columns * np.geomspace(1e-3, 1e3, PARAMETERS), order=order)
+    given = columns, measured, columns.T @ columns + prior, 0.1 * np.arange(PARAMETERS), block
+    found = score.left_out(*given, 2 * BLOCKS)
+    for one, other in zip(found, left_out_row_by_row(*given, 2 * BLOCKS), strict=False):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * np.abs(other).max())
+    assert found.rows[1::2].max() == 0
+    assert np.isnan(found.squares[1::2]).all()
+    assert np.isfinite(found.squares[::2]).all()
+
+
 def test_a_block_holds_all_channels_of_its_rows():
     side = np.zeros(12, int), np.repeat([0.05, 0.55], 6), np.ones(12, bool)
     blocks = score.blocks_of(side, side, channels=2)

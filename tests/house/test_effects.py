@@ -3,7 +3,7 @@
 import ast
 from collections import defaultdict
 
-from tree import SCRIPTS, modules, name, parsed
+from tree import SCRIPTS, modules, name, nodes
 
 FILES_OF_AN_EFFECT = 3
 # The laboratory and what examines the product make and score effects: they have names of their own.
@@ -20,14 +20,13 @@ HOMONYMS = {
 
 def words_of(path):
     """Names in a module, and its strings but for docstrings."""
-    tree = parsed(path)
     documented = (ast.Module, ast.ClassDef, ast.FunctionDef)
     docs = {
         id(node.body[0].value)
-        for node in ast.walk(tree)
+        for node in nodes(path)
         if isinstance(node, documented) and ast.get_docstring(node) is not None
     }
-    for node in ast.walk(tree):
+    for node in nodes(path):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docs:
             yield node.value
         for field in ("id", "attr", "name", "arg"):

@@ -7,7 +7,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 
-from tree import SCIENCE, SCRIPTS, functions, held_by_every, imports, modules, name, parsed
+from tree import SCIENCE, SCRIPTS, functions, held_by_every, imports, modules, name, nodes, parsed
 
 import cellwright
 
@@ -131,7 +131,7 @@ def test_no_file_plot_log_or_clock(path):
     packages, opened = OF_THE_INTERFACE.get(path.relative_to(SCIENCE).parts[0], (set(), set()))
     banned = IMPURE - packages - OF_OTHERS.get(path.relative_to(SCIENCE).as_posix(), set())
     impure = {imported for imported in imports(path) if imported.split(".")[0] in banned}
-    calls = [node for node in ast.walk(parsed(path)) if isinstance(node, ast.Call)]
+    calls = [node for node in nodes(path) if isinstance(node, ast.Call)]
     names = {called_name(call) for call in calls}
     assert not impure, f"{name(path)} imports {sorted(impure)}"
     written = {"write_bytes"} if path.relative_to(SCIENCE).as_posix() in OF_OTHERS else set()
@@ -167,7 +167,7 @@ OF_THEIR_OWN = {
 @every_module
 def test_no_global_no_hidden_randomness_no_caught_everything(path):
     checked = ast.Global | ast.Assert | ast.ExceptHandler | ast.Call
-    for node in (node for node in ast.walk(parsed(path)) if isinstance(node, checked)):
+    for node in (node for node in nodes(path) if isinstance(node, checked)):
         where = f"{name(path)}:{node.lineno}"
         assert not isinstance(node, ast.Global), f"{where}: global"
         assert not isinstance(node, ast.Assert), f"{where}: assert; raise Refusal instead"
@@ -181,7 +181,7 @@ def test_no_global_no_hidden_randomness_no_caught_everything(path):
 @held_by_every(modules(SCRIPTS))
 def test_zero_degrees_and_an_empty_cell_are_no_blanks(path):
     """`celsius or 25.0` takes 0 °C for a blank; `stated_or_reference` does not."""
-    for node in ast.walk(parsed(path)):
+    for node in nodes(path):
         if not isinstance(node, ast.BoolOp) or not isinstance(node.op, ast.Or):
             continue
         *asked, last = node.values
@@ -247,11 +247,12 @@ def test_what_is_taken_from_a_module_of_ours_exists(path):
             continue
         assert hasattr(import_module(holder), taken) or find_spec(imported), f"no {imported}"
     for scope in [parsed(path), *functions(path)]:
-        for called, module in whole_modules(scope).items():
-            for node in ast.walk(scope):
-                if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == called:
-                    where = f"{name(path)}:{node.lineno}"
-                    assert hasattr(module, node.attr), f"{where}: no {called}.{node.attr}"
+        of_ours = whole_modules(scope)
+        for node in ast.walk(scope) if of_ours else ():
+            called = getattr(node.value, "id", "") if isinstance(node, ast.Attribute) else ""
+            if called in of_ours:
+                where = f"{name(path)}:{node.lineno}"
+                assert hasattr(of_ours[called], node.attr), f"{where}: no {called}.{node.attr}"
 
 
 def whole_modules(scope) -> dict:
@@ -270,7 +271,7 @@ def whole_modules(scope) -> dict:
                 value = import_module(f"{node.module}.{alias.name}")
             if isinstance(value, ModuleType):
                 imported[alias.asname or alias.name] = value
-    nodes = list(ast.walk(scope)) if imported else []
-    bound = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
-    bound |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+    within = list(ast.walk(scope)) if imported else []
+    bound = {n.id for n in within if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+    bound |= {node.arg for node in within if isinstance(node, ast.arg)}
     return {called: value for called, value in imported.items() if called not in bound}

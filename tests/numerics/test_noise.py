@@ -184,3 +184,15 @@ def test_the_loads_of_a_protocol_are_no_digit_of_its_current():
     assert least_digit_ampere(steady) == pytest.approx(0.001)
     record = record_of(np.arange(200.0), loads, np.full(200, 3.7), 0.5)
     assert record.least_digit_ampere == 0.0
+
+
+@pytest.mark.parametrize("columns", [1, 7, 8, 11, 12, 13, 33])
+def test_columns_abreast_are_whitened_as_each_alone(monkeypatch, columns):
+    random = np.random.default_rng(8)
+    rows, gains = random.normal(size=(700, columns)), random.uniform(0.05, 0.95, (2, 700))
+    gains[0, ::150] = 0.0  # where a record begins
+    white = noise.Whitening(*gains, np.full(700, 0.7))
+    together = white.apply(rows)
+    np.testing.assert_array_equal(together, np.column_stack([white.apply(x) for x in rows.T]))
+    monkeypatch.setattr(noise, "function", lambda *_, **__: None)
+    np.testing.assert_allclose(together, white.apply(rows), rtol=0, atol=1e-12)

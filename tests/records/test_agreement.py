@@ -1,7 +1,11 @@
 """Tests of one cell held against each other."""
 
+import time
+
+import numpy as np
 import pytest
 
+from cellwright.records import agreement
 from cellwright.records.agreement import with_disagreements
 
 
@@ -224,3 +228,90 @@ def test_a_first_sample_that_comes_later_is_larger_within_reason(ohm, in_doubt):
     # A sample with the time of the step itself is the earliest there is.
     at_once = early | {"actual_delay_second": 0.0}
     assert len(doubts([at_once, at_once | {"test": "again"}, late], "resistance")) == 3
+
+
+def pair_by_pair(rows, quantity):
+    """The same from its definition: each two rows of different tests held against each other."""
+    against = [{} for _ in rows]
+    were_set = agreement._were_set(rows)
+    for members in agreement._comparable(rows):
+        group = [rows[number] for number in members]
+        compared = agreement._columns(group, were_set[members])
+        for k, first in enumerate(members):
+            for j in range(k + 1, len(members)):
+                if rows[first]["test"] == rows[members[j]]["test"]:
+                    continue
+                here, there = compared.at(k), compared.at(j)
+                said = [broken_rule(*pair, quantity) for pair in ((here, there), (there, here))]
+                if agreement.CURRENTS in said:
+                    said = [rule if rule is agreement.CURRENTS else None for rule in said]
+                if any(said):
+                    against[first][members[j]], against[members[j]][first] = said
+    words = []
+    for row, found in zip(rows, against, strict=True):
+        kept = [(o, rule) for o, rule in found.items() if len(against[o]) <= len(found)]
+        first = kept[0][1].words(row, rows[kept[0][0]]) if kept and kept[0][1] else ""
+        words.append((first, len(kept)))
+    return words
+
+
+def broken_rule(here, there, quantity):
+    same_age = here.age == there.age
+    with np.errstate(all="ignore"):
+        if same_age and agreement.CURRENTS.broken(here, there):
+            return agreement.CURRENTS
+        for rule in agreement.RULES[quantity]:
+            alike = abs(here.reference_celsius - there.reference_celsius) <= 2.5
+            if rule.same_age == same_age and alike and rule.broken(here, there):
+                return rule
+    return None
+
+
+def some_pulses(random, count, tests):
+    """Pulses of tests at two temperatures, some of them with a wrong current or resistance."""
+    names = [f"t{k}" for k in random.integers(0, tests, count)]
+    return [
+        pulse(
+            name,
+            random.choice([3.0, 3.0, 3.2, 1.5]) * random.uniform(0.99, 1.01),
+            random.choice([0.03, 0.5, 0.52, 0.9, np.nan]),
+            direction=random.choice(["charge", "discharge"]),
+            ambient_temperature_celsius=random.choice([None, 25.0, 0.0]),
+            cycle=random.choice([None, 3, 200]) if name == "t0" else int(name[1:]) % 3 * 100,
+            resistance_ohm=0.03 * np.exp(0.3 * random.normal()),
+            voltage_before_volt=random.uniform(3.3, 3.9),
+        )
+        for name in names
+    ]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_held_against_all_at_once_are_those_of_each_pair(seed):
+    random = np.random.default_rng(seed)
+    pulses = some_pulses(random, 40, 6)
+    sizes = random.uniform(2.2, 3.0, 30), random.choice([0.5, 1.0, 1.04, 2.0], 30)
+    tests = [
+        capacity(f"t{k % 9}", size, rate, cycle=k % 9 // 3 * 100, mean_current_ampere=-3.0 * rate)
+        for k, (size, rate) in enumerate(zip(*sizes, strict=True))
+    ]
+    for rows, quantity in ((pulses, "resistance"), (tests, "capacity")):
+        wanted, said = pair_by_pair(rows, quantity), doubts(rows, quantity)
+        assert any(words for words, _ in wanted)
+        for (words, many), doubt in zip(wanted, said, strict=True):
+            assert doubt.startswith(words)
+            assert ("against it" in doubt) == (many > 1)
+            assert many < 2 or f"and {many - 1} more test" in doubt
+
+
+def test_thousands_of_pulses_take_seconds_and_the_odd_test_is_found():
+    """Their pairs one by one take minutes."""
+    rows = [
+        pulse(f"t{k // 40}", 3.0, 0.1 + 0.8 * (k % 40) / 40, delay_second=10.0) for k in range(2000)
+    ]
+    for row in rows[400:440]:
+        row["resistance_ohm"] *= 2.0
+    start = time.process_time()
+    said = doubts(rows, "resistance")
+    assert time.process_time() - start < 10.0
+    assert all("t0 gives 30 mΩ" in doubt for doubt in said[400:440])
+    assert not any(said[:400] + said[440:])

@@ -144,6 +144,24 @@ def test_installs_once_recovers_from_a_kill_and_waits_for_another(clone):
     assert run(clone, "sh", "-c", "exit 7", HOME="").returncode == 7
 
 
+@pytest.mark.parametrize(
+    ("build", "said"),
+    [("return True", ""), ("return False", "numpy"), ("raise OSError('no space')", "numpy")],
+)
+def test_kernels_are_compiled_by_the_install_and_without_them_all_goes_on(
+    clone, quick, build, said
+):
+    native = clone / "scripts" / "cellwright" / "native"
+    native.mkdir(parents=True)
+    (native.parent / "__init__.py").write_text("")
+    (native / "__init__.py").write_text(f"def build():\n    print('built')\n    {build}\n")
+    first, second = (run(clone, "echo", "ran", path=quick, HOME="") for _ in range(2))
+    assert (first.returncode, first.stdout) == (0, "built\nran\n")
+    assert (second.returncode, second.stdout, second.stderr) == (0, "ran\n", "")
+    assert ("no compiled kernels" in first.stderr) == bool(said)
+    assert said in first.stderr
+
+
 @pytest.mark.slow
 def test_a_home_keeps_the_environment(clone, tmp_path, quick):
     home = tmp_path / "home"

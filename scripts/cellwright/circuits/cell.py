@@ -68,8 +68,12 @@ def ocv_and_slope(ocv_volt, soc):
 
 
 def ocv_on_grid(ocv_volt, soc):
-    """OCV as `ocv_and_slope` has it, without the slope [V]."""
-    return ocv_and_slope(ocv_volt, soc)[0]
+    """OCV as `ocv_and_slope` has it, without the slope, a third of its time [V]."""
+    if ocv_volt.ndim > 1:
+        return ocv_and_slope(ocv_volt, soc)[0]
+    below, share = place(soc, len(ocv_volt))
+    volt = ocv_volt[below]
+    return volt + share * (ocv_volt[below + 1] - volt)
 
 
 def usual_slope(ocv_volt, soc):

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.native import array, count, function, real
 from cellwright.records.conditions import at_rest_in_record
 from cellwright.refusal import Refusal
 
@@ -129,16 +130,37 @@ def _transfer(current, *, r_ohm, exchange_ampere, charge_coefficient):
     scale_volt, over_exchange = exchange_ampere * r_ohm, current / exchange_ampere
     if np.all(np.equal(charge_coefficient, 0.5)):
         return 2.0 * scale_volt * np.arcsinh(over_exchange / 2.0)
+    return scale_volt * butler_volmer(over_exchange, charge_coefficient)
+
+
+def butler_volmer(over_exchange, charge_coefficient):
+    """Overpotential x of i = exp(a·x) − exp((a − 1)·x), over the thermal voltage [1].
+
+    Parameters
+    ----------
+    over_exchange : i, (n,) current over the exchange current; complex for a derivative [1].
+    charge_coefficient : a, scalar or (n,) transfer coefficient of charge, above 0 and below 1 [1].
+    """
+    kernel = function("transfer", count, count, real, array, array)
+    one_for_all = np.ndim(charge_coefficient) == 0 and np.ndim(over_exchange) == 1
+    if not kernel or not one_for_all or np.iscomplexobj(over_exchange + charge_coefficient):
+        return _butler_volmer_twin(over_exchange, charge_coefficient)
+    over_exchange = np.ascontiguousarray(over_exchange, float)
+    x = np.empty(len(over_exchange))
+    kernel(len(x), TRANSFER_STEPS, float(charge_coefficient), over_exchange, x)
+    return x
+
+
+def _butler_volmer_twin(over_exchange, charge_coefficient):
     sign = np.where(over_exchange.real < 0, -1.0, 1.0)
     own, size = 0.5 + sign * (charge_coefficient - 0.5), sign * over_exchange
-    # i = exp(a·x) − exp(−(1 − a)·x). From what it is where it is small, i, and where the first
-    # exponential rules, ln(1 + i)/a.
+    # From what it is where i is small, i, and where the first exponential rules, ln(1 + i)/a.
     x = np.log1p(size * (own + size) / (1.0 + size)) / own
     for _ in range(TRANSFER_STEPS):
         up, down = np.exp(own * x), np.exp((own - 1.0) * x)
         error, slope = up - down - size, own * up + (1.0 - own) * down
         x = x - error / (slope - 0.5 * error * (own**2 * up - (1.0 - own) ** 2 * down) / slope)
-    return scale_volt * sign * x
+    return sign * x
 
 
 def _last_sign(current, *, m_volt):

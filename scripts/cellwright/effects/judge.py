@@ -79,12 +79,16 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
     }
     values = values | base.stated_starts(stack) | shared_starts
     loaded = _loaded(cell, stack)
+    rests_of_files = [_first_rest(stack, k, loaded) for k in range(len(stack.first))]
+    # Only these rows are looked at: to simulate whole records for them takes three times as long.
+    ends = [rows[-1] + 1 if len(rows) else 0 for rows in rests_of_files]
+    stack, moved_up = stack.first_rows(ends)
     for _ in range(PASSES):
         earlier = values
         error = stack.voltage_volt - base.voltage(cell, stack, values, effects)
         for k in range(len(stack.first)):
             name, stated = f"soc0[{k}]", stack.soc_at_start[k]
-            rest = _first_rest(stack, k, loaded)
+            rest = rests_of_files[k] - moved_up[k]
             beyond = error[rest] - _error_near(values[name], rests)
             soc = _start_soc(cell, values[name], stated, beyond, tolerance)
             values = values | {name: shared_starts.get(name, soc)}

@@ -28,6 +28,7 @@ PARTS = 4  # of each record
 DAY_SECOND = 86400.0
 AGED_DAY = 7.0  # between the first and the last test, from which they may see different ages
 AGE_SHARE = 0.25  # of that time, which the records fitted must span
+MOST_EARLY_SECOND = 4.0  # by which an effect (`time_skew`) may read a voltage before its time
 
 
 class Stack(NamedTuple):
@@ -105,6 +106,45 @@ class Stack(NamedTuple):
         """The same rows with courses of resistances (n,) or None: ohmic, and of either RC pair."""
         slow = None if slow is None else (slow, slow)
         return self._replace(ohmic_course=ohmic, slow_courses=slow, courses={})
+
+    def first_rows(self, ends):
+        """The first rows of each record: enough to simulate those before `ends` as the whole does.
+
+        Every effect is causal but for a voltage that is read early and for the row from which a
+        record's charge is counted; rows up to these are kept as well.
+
+        Parameters
+        ----------
+        ends : (f,) of each record, the row behind the last one that is wanted.
+
+        Returns
+        -------
+        stack : Stack of these rows. moved_up : (f,) by how many rows each record begins earlier.
+        """
+        ends = np.maximum(ends, self.first + 1)
+        if self.anchor_row is not None:
+            ends = np.maximum(ends, self.anchor_row + 1)
+        pieces = []
+        for begin, end, behind in zip(
+            self.first, ends, [*self.first[1:], len(self.file)], strict=True
+        ):
+            early = self.second[end - 1] + MOST_EARLY_SECOND
+            later = begin + int(np.searchsorted(self.second[begin:behind], early, side="right"))
+            pieces.append(np.arange(begin, min(later + 1, behind)))
+        rows = np.concatenate(pieces)
+        first = np.cumsum([0, *map(len, pieces[:-1])])
+        moved_up = self.first - first
+        columns = {
+            name: column[rows]
+            for name, column in self._asdict().items()
+            if isinstance(column, np.ndarray) and len(column) == len(self.file)
+        }
+        columns |= {"first": first, "responses": {}, "courses": {}}
+        if self.slow_courses is not None:
+            columns["slow_courses"] = tuple(course[rows] for course in self.slow_courses)
+        if self.anchor_row is not None:
+            columns["anchor_row"] = self.anchor_row - moved_up
+        return self._replace(**columns), moved_up
 
     def part(self, files):
         """The rows of some of the records, by their numbers, as a mask (n,)."""

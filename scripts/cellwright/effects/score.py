@@ -99,7 +99,7 @@ class LeftOut(NamedTuple):
     def squares(self):
         """Mean square error of each block as predicted by the fit without it (b,), NaN of none."""
         grown = 2 * np.sum(self.change * self.moments, axis=1)
-        grown += np.einsum("bk,bkj,bj->b", self.change, self.grams, self.change)
+        grown += np.sum((self.change[:, None, :] @ self.grams)[:, 0] * self.change, axis=1)
         whole = np.maximum(self.sums + grown, 0.0)
         return np.divide(whole, self.rows, out=np.full(len(whole), np.nan), where=self.rows > 0)
 
@@ -126,22 +126,24 @@ def left_out(white, whitened, precision, slope, block, blocks, *, vague=None):
     size = np.sqrt(np.maximum(np.diag(precision) + known, 1e-300))
     order = np.argsort(block, kind="stable")
     order = order[block[order] >= 0]
-    columns = np.ascontiguousarray(white[order]) / size
+    # A row a parameter, each in one piece of memory, as `Whitening.apply` lays them.
+    columns = np.take(white.T, order, axis=1)
     rest, edges = whitened[order], np.searchsorted(block[order], np.arange(blocks + 1))
-    whole = precision / np.outer(size, size) + np.diag(known / size**2)
-    pull = (known * away - slope) / size
-    grams, moments, sums = [], [], []
-    for begin, end in pairwise(edges.tolist()):
-        mine, w = columns[begin:end], rest[begin:end]
-        grams.append(mine.T @ mine)
-        moments.append(mine.T @ w)
-        sums.append(w @ w)
-    grams, moments = np.array(grams), np.array(moments)
+    units = np.outer(size, size)
+    whole, pull = precision / units + np.diag(known / size**2), (known * away - slope) / size
+    grams, moments = np.zeros((blocks, *precision.shape)), np.zeros((blocks, len(size)))
+    sums, rows = np.zeros(blocks), np.diff(edges)
+    for number, (begin, end) in enumerate(pairwise(edges.tolist())):
+        if begin < end:
+            mine, w = columns[:, begin:end], rest[begin:end]
+            grams[number], moments[number], sums[number] = mine @ mine.T, mine @ w, w @ w
     # Rounding alone, for a parameter that one block tells all of.
-    left = whole - grams + 1e-9 * np.eye(len(size))
-    change = np.linalg.solve(left, (moments + pull)[:, :, None])[:, :, 0]
-    units = change / size, grams * np.outer(size, size), moments * size
-    return LeftOut(*units, np.array(sums), np.diff(edges).astype(float))
+    whole = whole + 1e-9 * np.eye(len(size))
+    change, filled = np.empty_like(moments), rows > 0
+    right = (moments[filled] / size + pull)[:, :, None]
+    change[filled] = np.linalg.solve(whole - grams[filled] / units, right)[:, :, 0]
+    change[~filled] = np.linalg.solve(whole, pull)
+    return LeftOut(change / size, grams, moments, sums, rows.astype(float))
 
 
 def mean_squares(whitened, block, blocks):

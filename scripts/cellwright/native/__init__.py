@@ -1,5 +1,7 @@
 """Compiled kernels: the C sources beside this file, built once on this machine, loaded by ctypes.
 
+`./run` builds them as it installs (`build`); where a source has changed since, its first use does.
+
 Every kernel has a twin in numpy that says the same in more time; where no C compiler is, or
 CELLWRIGHT_NATIVE=0, `function` gives None and the caller takes the twin. Fast-math is off: kernel
 and twin agree to rounding. This room alone touches files and processes, to build what it loads.
@@ -75,6 +77,11 @@ def function(name, *types, result=None):
     kernel = library[name]
     kernel.argtypes, kernel.restype = types, result
     return kernel
+
+
+def build():
+    """Compile the kernels of this version where they are not yet: whether they serve now."""
+    return _library() is not None
 
 
 @cache

@@ -4,7 +4,8 @@ A gain of the current or of the clock shows in no record by itself. Two tests of
 alike at one age and temperature, show it.
 """
 
-from itertools import combinations
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,11 +14,12 @@ from cellwright.records.conditions import (
     AT_REST_C_RATE,
     LEAST_ROUND_RATE,
     ROUND_SHARE,
+    SAME_CELSIUS,
     checkups_of,
     is_round_rate,
     off_round,
     same_rate,
-    same_temperature,
+    stated_or_reference,
 )
 
 REPEAT_SHARE = 0.03  # by which one cell's capacity at one rate repeats, over testers and days
@@ -28,10 +30,59 @@ WARMED_KELVIN = 5.0  # by its own load: a warmer cell gives more
 SAME_SOC, RESISTANCE_FACTOR = 0.05, 1.5  # kinetics, direction and rests change a resistance by less
 ANY_SOC_FACTOR = 2.0  # the first sample of a pulse hardly hangs on the SoC, but near empty
 LEAST_SOC, DELAY_FACTOR = 0.1, 2.0  # the latter also by which a decade of delay adds at most
+# A first sample may have the time of the step itself: no clock of a cycler tells less apart.
+LEAST_DELAY_SECOND = 0.01
 SIGMAS = 2.0
 LEAST_TESTS = 2  # that show which currents a laboratory sets
 FINEST_SHARE = 0.003  # by which a tester of class 0.1 % of its range is off a third of that range
 LEAST_REPEATS, REPEATED_SHARE = 3, 0.01  # ages at which it sets one current, and reads it so alike
+
+
+class Compared(NamedTuple):
+    """What is compared of the rows of one cell, direction and delay: each (n,), or of one row.
+
+    NaN where not known. test : its number. age : first cycle of its check-up. reference_celsius :
+    as stated, 25 where it is not [degC]. ampere : size of the current that was set [A]; was_set :
+    whether it was, see `_were_set`. charging : bool. spread_square : variance of a capacity [Ah²].
+    log_delay : decades of the true delay in seconds. All others as in the table.
+    """
+
+    test: np.ndarray
+    age: np.ndarray
+    cycle: np.ndarray
+    celsius: np.ndarray
+    reference_celsius: np.ndarray
+    ampere: np.ndarray
+    was_set: np.ndarray
+    charging: np.ndarray
+    c_rate: np.ndarray
+    current_ampere: np.ndarray
+    capacity_ampere_hour: np.ndarray
+    spread_square: np.ndarray
+    temperature_mean_celsius: np.ndarray
+    soc: np.ndarray
+    delay_second: np.ndarray
+    log_delay: np.ndarray
+    resistance_ohm: np.ndarray
+    resistance_std_ohm: np.ndarray
+    voltage_before_volt: np.ndarray
+
+    def at(self, rows):
+        """One row by its number, or some by a slice."""
+        return Compared(*(column[rows] for column in self))
+
+
+class Rule(NamedTuple):
+    """What two rows of different tests must not do.
+
+    same_age : whether it holds for tests of one age, or of two. broken : function (Compared of one
+    row, Compared of others) → (n,) bool, whether these speak against that one. words : function
+    (row, other) → str.
+    """
+
+    same_age: bool
+    broken: Callable
+    words: Callable
 
 
 def with_disagreements(rows, *, quantity):
@@ -46,31 +97,99 @@ def with_disagreements(rows, *, quantity):
     -------
     rows, new ones where their `doubt` has grown.
     """
-    against, currents = [{} for _ in rows], _currents_of_tests(rows)
-    for first, second, same_age, same_celsius in _pairs(rows):
-        pair = (rows[first], rows[second]), (rows[second], rows[first])
-        said = [_currents(*one, currents) if same_age else "" for one in pair]
-        comparing = COMPARING.get((quantity, same_age))
-        if comparing and same_celsius and not any(said):
-            said = [comparing(*one) for one in pair]
-        if any(said):
-            against[first][second], against[second][first] = said
-    # What more tests speak against is in doubt, not each of them; of two alone both are.
-    said = [
-        [words for other, words in found.items() if len(against[other]) <= len(found)]
-        for found in against
-    ]
+    currents, said = _currents_of_tests(rows), [("", 0)] * len(rows)
+    were_set = _were_set(rows)
+    for members in _comparable(rows):
+        group = [rows[number] for number in members]
+        compared = _columns(group, were_set[members])
+        for number, against in zip(members, _against(group, compared, quantity), strict=True):
+            said[number] = against
     return [
-        row | {"doubt": _joined(row, words, unusual)}
-        for row, words, unusual in zip(rows, said, _unusual_currents(rows, currents), strict=True)
+        row | {"doubt": _joined(row, *against, unusual)}
+        for row, against, unusual in zip(rows, said, _unusual_currents(rows, currents), strict=True)
     ]
 
 
-def _joined(row, words, unusual):
-    others = f"{len(words) - 1} more test{'s' if len(words) > 2 else ''}"
-    more = [f"and {others} against it"] * (len(words) > 1)
-    against = " ".join([*words[:1], *more])
+def _joined(row, words, tests, unusual):
+    """Doubt of a row: its own, that of so many tests against it, in the words of one of them."""
+    others = f"{tests - 1} more test{'s' if tests > 2 else ''}"
+    more = [f"and {others} against it"] * (tests > 1)
+    against = " ".join([*[words] * (tests > 0), *more])
     return "; ".join(filter(None, [row.get("doubt"), against, unusual]))
+
+
+def _against(group, compared, quantity):
+    """Of each row the words of the first other one against it, and how many there are.
+
+    What more tests speak against is in doubt, not each of them; of two alone both are.
+    """
+    rules = CURRENTS, *RULES.get(quantity, ())
+    pairs = [_broken_with_later(compared, number, rules) for number in range(len(group))]
+    first, second, forth, back = np.concatenate(pairs, axis=1)
+    row, other, rule = np.r_[first, second], np.r_[second, first], np.r_[forth, back]
+    many = np.bincount(row, minlength=len(group))
+    kept = np.flatnonzero(many[other] <= many[row])
+    kept = kept[np.lexsort((other[kept], row[kept]))]
+    rows, begins, sizes = np.unique(row[kept], return_index=True, return_counts=True)
+    said = [("", 0)] * len(group)
+    for k, one, tests in zip(rows, kept[begins], sizes, strict=True):
+        # Where rules are not quite even-handed one of two may have nothing to say.
+        words = rules[rule[one]].words(group[k], group[other[one]]) if rule[one] >= 0 else ""
+        said[k] = words, int(tests)
+    return said
+
+
+def _broken_with_later(compared, number, rules):
+    """Rules that a row and later ones break: its number, theirs, rule against it, and them (4, p).
+
+    A rule is its number, −1 where none. One row is held against all at once: of thousands of pulses
+    there are millions of pairs.
+    """
+    here, there = compared.at(number), compared.at(slice(number + 1, None))
+    others, same_age = there.test != here.test, there.age == here.age
+    alike = np.abs(there.reference_celsius - here.reference_celsius) <= SAME_CELSIUS
+    with np.errstate(all="ignore"):
+        pair = (here, there), (there, here)
+        set_apart = np.array([CURRENTS.broken(*one) & same_age & others for one in pair])
+        asked = others & alike & ~set_apart.any(axis=0)
+        broken = np.where(set_apart, 0, -1)
+        # The first rule that is broken is the one that is told.
+        for k, rule in reversed(list(enumerate(rules))[1:]):
+            of_age = asked & (same_age == rule.same_age)
+            if of_age.any():
+                broken[np.array([rule.broken(*one) for one in pair]) & of_age] = k
+    found = np.flatnonzero((broken >= 0).any(axis=0))
+    return np.stack([np.full(len(found), number), found + number + 1, *broken[:, found]])
+
+
+def _columns(group, were_set):
+    """Compared of the rows of one cell, direction and delay."""
+
+    def column(name):
+        return np.array([_number(row.get(name)) for row in group])
+
+    numbers = {test: number for number, test in enumerate(dict.fromkeys(r["test"] for r in group))}
+    return Compared(
+        test=np.array([numbers[row["test"]] for row in group]),
+        age=np.array(checkups_of([row["cycle"] for row in group])),
+        cycle=np.nan_to_num(column("cycle")),
+        celsius=column("ambient_temperature_celsius"),
+        reference_celsius=np.array([stated_or_reference(_celsius(row)) for row in group]),
+        ampere=np.array([_ampere(row) for row in group]),
+        was_set=were_set,
+        charging=np.array([row["direction"] == "charge" for row in group]),
+        spread_square=np.nan_to_num(column("capacity_std_ampere_hour")) ** 2,
+        log_delay=np.log10(np.maximum(column("actual_delay_second"), LEAST_DELAY_SECOND)),
+        **{name: column(name) for name in SHARED},
+    )
+
+
+MADE = {"test", "age", "cycle", "celsius", "reference_celsius", "ampere", "was_set", "charging"}
+SHARED = [name for name in Compared._fields if name not in MADE | {"spread_square", "log_delay"}]
+
+
+def _number(value):
+    return float("nan") if value is None else float(value)
 
 
 def _key(row):
@@ -85,22 +204,14 @@ def _cycled(rows):
     return {key for key, found in cycles.items() if len(found) > 1}
 
 
-def _pairs(rows):
-    """Numbers of two rows of one cell, direction and delay; whether of one age, one temperature.
-
-    They are of different tests, neither of them one of many cycles.
-    """
+def _comparable(rows):
+    """Numbers of the rows of each cell, direction and delay, without tests of many cycles."""
     cells, cycled = {}, _cycled(rows)
     for number, row in enumerate(rows):
         if _key(row) not in cycled:
             kind = (row["cell"], row["direction"], row.get("delay_second"))
             cells.setdefault(kind, []).append(number)
-    for members in cells.values():
-        ages = checkups_of([rows[k]["cycle"] for k in members])
-        for (first, age), (second, other) in combinations(zip(members, ages, strict=True), 2):
-            celsius = (_celsius(rows[k]) for k in (first, second))
-            if rows[first]["test"] != rows[second]["test"]:
-                yield first, second, age == other, same_temperature(*celsius)
+    return list(cells.values())
 
 
 def _ampere(row):
@@ -118,39 +229,41 @@ def _currents_of_tests(rows):
     return found
 
 
-# ASSUME: A laboratory sets two tests of one age to one current, or to two that are 5:4 apart.
-def _currents(row, other, tests):
-    """What the current of another test says against that of one, "" where nothing.
+def _were_set(rows):
+    """Whether the current of each row is a capacity's, its test's only pulse, or two pulses' (n,).
 
-    Not of a single pulse among others of its test, which a limit may have cut short.
+    A single pulse among others of its test a limit may have cut short.
     """
-    here, there = _ampere(row), _ampere(other)
-    if not (here > 0 and there > 0 and same_rate(here, there)):
-        return ""
-    rates = row["c_rate"], other["c_rate"]
+    found, pulses = np.array([_ampere(row) > 0 for row in rows], bool), {}
+    for number in np.flatnonzero(found):
+        row = rows[number]
+        if "delay_second" in row:
+            kind = (*_key(row), row["direction"], row["delay_second"])
+            pulses.setdefault(kind, []).append(number)
+    for numbers in pulses.values():
+        sizes = np.array([_ampere(rows[number]) for number in numbers])
+        if len(numbers) > 1:
+            found[numbers] = [
+                np.sum(np.abs(sizes - size) <= ROUND_SHARE * size) > 1 for size in sizes
+            ]
+    return found
+
+
+# ASSUME: A laboratory sets two tests of one age to one current, or to two that are 5:4 apart.
+def _set_apart(here, there):
+    """Two currents that were set to be one and are not."""
+    rates = here.c_rate / there.c_rate
+    alike = same_rate(here.ampere, there.ampere)
+    alike = alike & (np.abs(here.ampere / there.ampere / rates - 1) <= ROUND_SHARE)
     # Both read zero within their offset; what only a part of the current steps by was not set.
-    zero = 2 * AT_REST_C_RATE * max(here / rates[0], there / rates[1])
-    alike = abs(here / there / (rates[0] / rates[1]) - 1) <= ROUND_SHARE
-    if not alike or abs(here - there) <= ROUND_SHARE * max(here, there) + zero:
-        return ""
-    if not all(_was_set(one, tests[one["cell"]][one["test"]]) for one in (row, other)):
-        return ""
+    zero = 2 * AT_REST_C_RATE * np.maximum(here.ampere / here.c_rate, there.ampere / there.c_rate)
+    off = ROUND_SHARE * np.maximum(here.ampere, there.ampere) + zero
+    return alike & (np.abs(here.ampere - there.ampere) > off) & here.was_set & there.was_set
+
+
+def _set_apart_in_words(row, other):
+    here, there = _ampere(row), _ampere(other)
     return f"its current is {here:.4g} A, in {other['test']} {there:.4g} A: set to be the same?"
-
-
-def _was_set(row, own):
-    """Whether the current of a row is a capacity's, of its test's only pulse, or of two of them."""
-    if "delay_second" not in row:
-        return True
-    alike = [
-        one
-        for one in own
-        if (one["direction"], one["delay_second"]) == (row["direction"], row["delay_second"])
-    ]
-    size = _ampere(row)
-    return len(alike) == 1 or (
-        sum(abs(_ampere(one) - size) <= ROUND_SHARE * size for one in alike) > 1
-    )
 
 
 def _unusual_currents(rows, tests):
@@ -163,10 +276,11 @@ def _unusual_currents(rows, tests):
         for cell, of_cell in tests.items()
         for test in _alone_not_round({test: _off_round(own) for test, own in of_cell.items()})
     }
+    repeats = {cell: _repeats(of_cell) for cell, of_cell in tests.items()}
     return [
         _unusual(row, len(tests[row["cell"]]) - 1)
         if _key(row) in alone
-        else _unlike_repeats(row, tests.get(row["cell"], {}))
+        else _unlike_repeats(row, repeats.get(row["cell"], {}).get(row["direction"]))
         for row in rows
     ]
 
@@ -198,29 +312,49 @@ def _alone_not_round(found):
             yield test
 
 
-def _unlike_repeats(row, tests):
-    """In words, that a capacity's current is not the one that several other tests agree on."""
+def _unlike_repeats(row, others):
+    """In words, that a capacity's current is not the one that several other tests agree on.
+
+    others : Repeats of the cell's capacities in this direction.
+    """
     if "delay_second" in row or not _ampere(row) > 0:
         return ""
-    here, direction = _ampere(row), row["direction"]
-    others = [
-        one
-        for test, own in tests.items()
-        for one in own
-        if test != row["test"] and one["direction"] == direction
-    ]
-    alike = [one for one in others if same_rate(_ampere(one), here)]
+    here = _ampere(row)
+    elsewhere = others.test != others.numbers[row["test"]]
+    alike = elsewhere & same_rate(others.ampere, here)
     # Another rate may have been meant, but then a round one.
-    if alike or off_round(row["c_rate"], here) <= ROUND_SHARE:
-        others = alike
+    if alike.any() or off_round(row["c_rate"], here) <= ROUND_SHARE:
+        elsewhere = alike
     # Of one age they show one setting; over ages, that it does not go with the capacity.
-    if len({one["cycle"] or 0 for one in others}) < LEAST_REPEATS:
+    if len(np.unique(others.cycle[elsewhere])) < LEAST_REPEATS:
         return ""
-    usual = float(np.median([_ampere(one) for one in others]))
-    off = [abs(size - usual) > REPEATED_SHARE * usual for size in (here, *map(_ampere, others))]
-    if not off[0] or any(off[1:]):
+    amperes = others.ampere[elsewhere]
+    usual = float(np.median(amperes))
+    off = np.abs(np.append(here, amperes) - usual) > REPEATED_SHARE * usual
+    if not off[0] or off[1:].any():
         return ""
-    return f"its current is {here:.4g} A, in {len(others)} other tests {usual:.4g} A"
+    return f"its current is {here:.4g} A, in {len(amperes)} other tests {usual:.4g} A"
+
+
+class Repeats(NamedTuple):
+    """Currents [A], cycles and tests (n,) of one cell's rows in one direction; numbers of tests."""
+
+    ampere: np.ndarray
+    cycle: np.ndarray
+    test: np.ndarray
+    numbers: dict
+
+
+def _repeats(tests):
+    """Repeats of each direction of a cell, from the rows of its tests."""
+    rows = [row for own in tests.values() for row in own]
+    numbers, found = {test: number for number, test in enumerate(tests)}, {}
+    for direction in dict.fromkeys(row["direction"] for row in rows):
+        own = [row for row in rows if row["direction"] == direction]
+        columns = ([_ampere(r) for r in own], [r["cycle"] or 0 for r in own])
+        test = np.array([numbers[row["test"]] for row in own])
+        found[direction] = Repeats(*map(np.array, columns), test, numbers)
+    return found
 
 
 def _unusual(row, others):
@@ -232,118 +366,139 @@ def _celsius(row):
     return row["ambient_temperature_celsius"]
 
 
-def _capacities(row, other):
-    """What another complete capacity of one direction says against one, "" where nothing.
-
-    What a charge takes hangs on how far the discharge before it emptied the cell.
-    """
-    here, there = row["capacity_ampere_hour"], other["capacity_ampere_hour"]
-    spread = _spread(row, other)
-    rates, warm = (row["c_rate"], other["c_rate"]), _warm(row) and _warm(other)
-    where = f"{other['test']} gives {there:.4g} Ah at {other['c_rate']:.3g}C"
-    if same_rate(*rates):
-        if row["direction"] == "charge":
-            return ""
-        apart = abs(here - there) > REPEAT_SHARE * max(here, there) + spread
-        return f"{where}, the same rate" if apart else ""
-    pair = (row, other) if rates[0] < rates[1] else (other, row)
-    slow, fast = (one["capacity_ampere_hour"] for one in pair)
-    if not _warmed(*pair[::-1]) and fast > (1 + SLOWER_SHARE) * slow + spread:
-        return f"{where}: a slower load gives no less than a faster one"
-    if warm and max(rates) <= FASTEST_C_RATE and fast < LEAST_SHARE * slow - spread:
-        return f"{where}: no good cell loses so much to its rate"
-    return ""
-
-
-def _ages(row, other):
-    """What the capacity at another age says against one: no older cell gives more, nor faster."""
-    younger, older = sorted((row, other), key=lambda one: one["cycle"] or 0)
-    sizes = [one["capacity_ampere_hour"] for one in (younger, older)]
-    more = sizes[1] > (1 + REPEAT_SHARE) * sizes[0] + _spread(row, other)
-    # A wrong current is a wrong rate too.
-    slower = older["c_rate"] < younger["c_rate"] and not same_rate(
-        older["c_rate"], younger["c_rate"]
-    )
-    if not more or slower or _warmed(older, younger):
-        return ""
-    there = f"{other['capacity_ampere_hour']:.4g} Ah at cycle {other['cycle'] or 0:g}"
-    return f"{other['test']} gives {there}: no older cell gives more"
-
-
-def _spread(row, other):
-    """How far two capacities may lie apart by their standard deviations [Ah]."""
-    stds = [one["capacity_std_ampere_hour"] for one in (row, other)]
-    return SIGMAS * sum(std**2 for std in stds if std is not None and std == std) ** 0.5
-
-
-def _warmed(row, other):
-    """Whether a cell was warmer by its own load than in another test."""
-    here, there = (one["temperature_mean_celsius"] for one in (row, other))
-    return _is_number(here, there) and here > there + WARMED_KELVIN
-
-
-def _warm(row):
-    celsius = _celsius(row)
-    return not _is_number(celsius) or celsius >= COLDEST_CELSIUS
-
-
 def _is_number(*values):
     return all(value is not None and value == value for value in values)
 
 
-# A first sample may have the time of the step itself: no clock of a cycler tells less apart.
-LEAST_DELAY_SECOND = 0.01
+def _apart(here, there, share):
+    """Whether capacities lie apart by more than a share and their standard deviations."""
+    first, second = here.capacity_ampere_hour, there.capacity_ampere_hour
+    return np.abs(first - second) > share * np.maximum(first, second) + _spread(here, there)
 
 
-def _resistances(row, other):
-    """What another pulse resistance says against one, at the same delay.
+def _spread(here, there):
+    """How far two capacities may lie apart by their standard deviations [Ah]."""
+    return SIGMAS * (here.spread_square + there.spread_square) ** 0.5
 
-    At the same SoC any two are alike, the first samples of discharges at any SoC. Near empty a few
-    per cent of SoC are another resistance. Of first samples that come at other delays the later one
-    is the larger: it adds at most as much again a decade.
+
+def _repeats_apart(here, there):
+    """Two capacities at one rate; what a charge takes hangs on the discharge before it."""
+    return same_rate(here.c_rate, there.c_rate) & ~here.charging & _apart(here, there, REPEAT_SHARE)
+
+
+def _slow_and_fast(here, there, name):
+    """A column of that of two tests which was slower, and of the other."""
+    slower, one, other = here.c_rate < there.c_rate, getattr(here, name), getattr(there, name)
+    return np.where(slower, one, other), np.where(slower, other, one)
+
+
+def _slower_gives_less(here, there):
+    slow, fast = _slow_and_fast(here, there, "capacity_ampere_hour")
+    cool, warm = _slow_and_fast(here, there, "temperature_mean_celsius")
+    more = fast > (1 + SLOWER_SHARE) * slow + _spread(here, there)
+    # By its own load a cell may be so much warmer that it gives more.
+    return more & ~same_rate(here.c_rate, there.c_rate) & ~(warm > cool + WARMED_KELVIN)
+
+
+def _lost_to_rate(here, there):
+    slow, fast = _slow_and_fast(here, there, "capacity_ampere_hour")
+    warm = ~(here.celsius < COLDEST_CELSIUS) & ~(there.celsius < COLDEST_CELSIUS)
+    usual = np.maximum(here.c_rate, there.c_rate) <= FASTEST_C_RATE
+    little = fast < LEAST_SHARE * slow - _spread(here, there)
+    return warm & usual & little & ~same_rate(here.c_rate, there.c_rate)
+
+
+def _older_gives_more(here, there):
+    """No older cell gives more, nor faster; a wrong current is a wrong rate too."""
+    here_older = here.cycle > there.cycle
+
+    def of_ages(name):
+        one, other = getattr(here, name), getattr(there, name)
+        return np.where(here_older, other, one), np.where(here_older, one, other)
+
+    young, old = of_ages("capacity_ampere_hour")
+    rate, old_rate = of_ages("c_rate")
+    cool, warm = of_ages("temperature_mean_celsius")
+    more = old > (1 + REPEAT_SHARE) * young + _spread(here, there)
+    slower = (old_rate < rate) & ~same_rate(old_rate, rate)
+    return more & ~slower & ~(warm > cool + WARMED_KELVIN)
+
+
+def _gives(other):
+    return f"{other['test']} gives {other['capacity_ampere_hour']:.4g} Ah"
+
+
+def _at_rate(other):
+    return f"{_gives(other)} at {other['c_rate']:.3g}C"
+
+
+def _near_empty(here, there):
+    """Where a few per cent of SoC are another resistance."""
+    return np.minimum(here.soc, there.soc) < LEAST_SOC
+
+
+def _resistances_apart(here, there):
+    """Resistances of two pulses at the same delay.
+
+    At the same SoC any two are alike, the first samples of discharges at any SoC. Of first samples
+    that come at other delays the later one is the larger: it adds at most as much again a decade.
     """
-    socs = row["soc"], other["soc"]
-    if _is_number(*socs) and min(socs) < LEAST_SOC:
-        return ""
-    if wrong := _rests(row, other):
-        return wrong
-    near = _is_number(*socs) and abs(socs[0] - socs[1]) <= SAME_SOC
-    stated = _is_number(_celsius(row), _celsius(other))
-    if not near and (row["delay_second"] > 0 or row["direction"] != "discharge" or not stated):
-        return ""
-    here, there = row["resistance_ohm"], other["resistance_ohm"]
-    spread = SIGMAS * (row["resistance_std_ohm"] + other["resistance_std_ohm"])
-    factor = RESISTANCE_FACTOR if near else ANY_SOC_FACTOR
-    delays = (max(one["actual_delay_second"], LEAST_DELAY_SECOND) for one in (row, other))
-    later = np.subtract(*np.log10(list(delays)))
-    if (here - there) * later > 0:
-        factor *= DELAY_FACTOR ** abs(later)
-    if max(here, there) - spread <= factor * min(here, there):
-        return ""
-    place = f" at {socs[1]:.0%} SoC" if _is_number(socs[1]) else ""
-    return f"{other['test']} gives {1e3 * there:.3g} mΩ{place}"
+    near = np.abs(here.soc - there.soc) <= SAME_SOC
+    stated = (here.celsius == here.celsius) & (there.celsius == there.celsius)
+    anywhere = ~(here.delay_second > 0) & ~here.charging & stated
+    first, second = here.resistance_ohm, there.resistance_ohm
+    later = here.log_delay - there.log_delay
+    factor = np.where(near, RESISTANCE_FACTOR, ANY_SOC_FACTOR)
+    factor = factor * DELAY_FACTOR ** np.where((first - second) * later > 0, np.abs(later), 0.0)
+    least, most = np.minimum(first, second), np.maximum(first, second)
+    spread = SIGMAS * (here.resistance_std_ohm + there.resistance_std_ohm)
+    return (near | anywhere) & ~_near_empty(here, there) & ~(most - spread <= factor * least)
 
 
-def _rests(row, other):
-    """What the rest before another pulse says against that before one, "" where nothing.
+def _resistance_in_words(_row, other):
+    place = f" at {other['soc']:.0%} SoC" if _is_number(other["soc"]) else ""
+    return f"{other['test']} gives {1e3 * other['resistance_ohm']:.3g} mΩ{place}"
 
-    At a higher SoC a cell rests no lower, whatever its hysteresis. Two pulses of one share of the
-    rating for their current begin at rest.
+
+def _rests_lower(here, there):
+    """At a higher SoC a cell rests no lower, whatever its hysteresis.
+
+    Two pulses of one share of the rating for their current begin at rest.
     """
-    names = ("soc", "voltage_before_volt", "c_rate", "current_ampere")
-    known = [[one.get(name) for name in names] for one in (row, other)]
-    if not _is_number(*known[0], *known[1]) or 0 in (known[0][2], known[1][2]):
-        return ""
-    sizes = [abs(current) / rate for _, _, rate, current in known]
-    (low, low_volt, *_), (high, high_volt, *_) = sorted(known)
-    at_rest = abs(sizes[0] / sizes[1] - 1) <= ROUND_SHARE
-    if not at_rest or high - low <= SAME_SOC or low_volt - high_volt <= UNRELAXED_VOLT:
-        return ""
-    return f"{other['test']} rests at {known[1][1]:.3f} V at {known[1][0]:.0%} SoC"
+    sizes = [np.abs(one.current_ampere) / one.c_rate for one in (here, there)]
+    at_rest = (np.abs(sizes[0] / sizes[1] - 1) <= ROUND_SHARE) & (here.c_rate * there.c_rate != 0)
+    higher = np.where(here.soc > there.soc, 1.0, -1.0)
+    above = higher * (here.voltage_before_volt - there.voltage_before_volt)
+    apart = np.abs(here.soc - there.soc) > SAME_SOC
+    return at_rest & apart & (-above > UNRELAXED_VOLT) & ~_near_empty(here, there)
 
 
-COMPARING = {
-    ("capacity", True): _capacities,
-    ("capacity", False): _ages,
-    ("resistance", True): _resistances,
+def _rest_in_words(_row, other):
+    volt, soc = other["voltage_before_volt"], other["soc"]
+    return f"{other['test']} rests at {volt:.3f} V at {soc:.0%} SoC"
+
+
+CURRENTS = Rule(True, _set_apart, _set_apart_in_words)  # whatever the temperature
+RULES = {  # of tests at one temperature, in the order in which they are told
+    "capacity": (
+        Rule(True, _repeats_apart, lambda _row, other: f"{_at_rate(other)}, the same rate"),
+        Rule(
+            *(True, _slower_gives_less),
+            lambda _row, other: f"{_at_rate(other)}: a slower load gives no less than a faster one",
+        ),
+        Rule(
+            *(True, _lost_to_rate),
+            lambda _row, other: f"{_at_rate(other)}: no good cell loses so much to its rate",
+        ),
+        Rule(
+            *(False, _older_gives_more),
+            lambda _row, other: (
+                f"{_gives(other)} at cycle {other['cycle'] or 0:g}: no older cell gives more"
+            ),
+        ),
+    ),
+    "resistance": (
+        Rule(True, _rests_lower, _rest_in_words),
+        Rule(True, _resistances_apart, _resistance_in_words),
+    ),
 }

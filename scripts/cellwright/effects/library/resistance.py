@@ -23,7 +23,11 @@ def _course(soc, steps):
 
     steps : dict of the changes of the logarithm by name, see `course_parameters`.
     """
-    return np.exp(np.interp(soc, KNOTS, at_knots(steps)))
+    return np.exp(_log_course(soc, steps))
+
+
+def _log_course(soc, steps):
+    return np.interp(soc, KNOTS, at_knots(steps))
 
 
 def at_knots(steps):
@@ -53,12 +57,14 @@ def _polarisation_soc(fields, stack, p):
     """One course, which either pair may follow more: charge transfer and diffusion differ."""
     quicker = p[QUICKER]
     steps = {name: size for name, size in p.items() if name != QUICKER}
-    course = _kept_course(fields, stack, steps)
     if quicker == 0.0:
+        course = _kept_course(fields, stack, steps)
         return slowed(stack, fields, (course, course))
-    powers = 1.0 + quicker, 1.0 - quicker
-    key = _polarisation_soc, quicker
-    both = kept_response(stack, (course,), key, lambda: tuple(course**power for power in powers))
+    key = _log_course, *steps.values()
+    log = kept_response(stack, (fields.soc,), key, lambda: _log_course(fields.soc, steps))
+    # A power of the course, by its logarithm: half of the time.
+    powers, key = (1.0 + quicker, 1.0 - quicker), (_polarisation_soc, quicker)
+    both = kept_response(stack, (log,), key, lambda: tuple(np.exp(one * log) for one in powers))
     return slowed(stack, fields, both)
 
 
