@@ -44,23 +44,20 @@ def test_what_comes_at_once_with_the_current_is_no_hysteresis():
     assert not shows_hysteresis(SlowGap(0.261, 2.17, step_volt=0.243), 0.0044)
 
 
-def trial(name, *effects, ohm=0.05):
+def fitted(*effects, ohm=0.05):
     logs = {f"log_{part}": np.log(0.01) for part in ("r0", "r1", "r2")}
     values = logs | {"slow_diffusion.resistance_ohm": ohm}
-    state = SimpleNamespace(
-        solution=SimpleNamespace(values=values),
-        effects=[LIBRARY[effect_id] for effect_id in (*effects, name)],
-    )
-    return SimpleNamespace(effect=LIBRARY[name], state=state)
+    effects = [LIBRARY[effect_id] for effect_id in effects]
+    return SimpleNamespace(solution=SimpleNamespace(values=values), effects=effects)
 
 
-def denied(gap, *trials):
-    return Case(None, None, None, gap=gap).denied(trials)
+def denied(gap, state):
+    return Case(None, None, None, gap=gap).denied(state)
 
 
 def test_slow_diffusion_does_not_stand_in_for_hysteresis():
     gap = SlowGap(0.02, 0.12)
-    assert denied(gap, trial("slow_diffusion"), trial("polarisation_soc")) == {"slow_diffusion"}
-    assert not denied(gap, trial("slow_diffusion", ohm=0.12))
-    assert not denied(gap, trial("slow_diffusion", "hysteresis_one_state"))
-    assert not denied(SlowGap(), trial("slow_diffusion"))
+    assert denied(gap, fitted("slow_diffusion", "polarisation_soc")) == {"slow_diffusion"}
+    assert not denied(gap, fitted("slow_diffusion", ohm=0.12))
+    assert not denied(gap, fitted("slow_diffusion", "hysteresis_one_state"))
+    assert not denied(SlowGap(), fitted("slow_diffusion"))

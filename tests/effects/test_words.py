@@ -64,11 +64,15 @@ def test_every_effect_can_be_said(effect):
 
 def test_an_unknown_says_what_its_model_holds_without_a_name_and_what_that_leaves():
     held = {"small": ["polarisation_soc"], "against": {"polarisation_soc": "its size is unsure"}}
-    text = said("unknown", with_small_rmse_volt=0.0121, **held)
+    volts = {"plain": 0.0421, "names": 0.0421, "model": 0.0121}
+    errors = {name: {"fit_volt": 0.01, "validation_volt": volt} for name, volt in volts.items()}
+    text = said("unknown", errors=errors, **held)
     name = "polarisation over state of charge (its size is unsure)"
-    assert f"In the model without a name: {name}; with it 12.1 mV are left." in text
+    assert f"In the model without a name: {name}." in text
+    told = "42.1 mV the plain model, 42.1 mV with its names, 12.1 mV with all of this"
+    assert f"On the records that were not fitted: {told}." in text
     assert "no effect of the vocabulary can be named for it" in text
-    assert "are left." not in said("ambiguous", effects=[step()], with_small_rmse_volt=0.01, **held)
+    assert "not fitted:" not in said("named", effects=[step()], errors=errors)
 
 
 def test_all_that_a_verdict_may_hold_is_said_with_its_numbers_and_no_gap():

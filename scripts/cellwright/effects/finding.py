@@ -366,6 +366,7 @@ def ranking_of(found, result):
     if found.beside:
         rows += [_ranked(found, result, 2, *one) for one in found.spaces[-1].gains()]
         rows += [_inside(found, result, one) for one in found.beside]
+    rows.sort(key=lambda row: (row["round"], -row["gain"]))
     return {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
 
 

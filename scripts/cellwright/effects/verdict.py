@@ -27,8 +27,9 @@ class Outcome(NamedTuple):
     name, in order of addition. unnamed : tuple of (Beside, why), effects in the model without one.
     last : State at the end, of all effects of the model; of "none" that of the plain model. alone :
     State with those that have a name alone. floor : floor.Floor. closed : share of the gap that it
-    closes on the validation records. excess_volt : error that is left beyond the floor, of "unknown"
-    by the names alone, of the side, fit or proof, where it is larger. adequate : nobody would act on that.
+    closes on the validation records. excess_volt : error that is left beyond the floor, of
+    "unknown" by the names alone, of the side, fit or proof, where it is larger. adequate : nobody
+    would act on that.
     """
 
     word: str
