@@ -5,6 +5,7 @@ import pytest
 from linear_space import Linear, effect, random_columns
 from small_plant import Truth, searched
 
+from cellwright.effects import space
 from cellwright.effects.score import densities
 from cellwright.effects.search import worth
 from cellwright.effects.space import block_products
@@ -94,9 +95,23 @@ def test_products_of_rows_by_block_and_of_those_in_none():
 
 def test_about_a_fitted_model_the_space_says_what_the_fit_says():
     found = searched(Truth(hysteresis=0.012))[0]
-    space = found.spaces[-1]
-    assert space.keys(space.inside) == found.model.keys
+    last = found.spaces[-1]
+    assert last.keys(last.inside) == found.model.keys
     exact = found.yardstick.density(found.model.squares)
-    np.testing.assert_allclose(space.density(space.inside), exact, atol=0.02)
-    assert space.worth(space.inside) == pytest.approx(worth(found.model, found.yardstick), abs=0.5)
+    np.testing.assert_allclose(last.density(last.inside), exact, atol=0.02)
+    assert last.worth(last.inside) == pytest.approx(worth(found.model, found.yardstick), abs=0.5)
     assert len(exact) == len(found.yardstick.blocks.record)
+
+
+def test_the_kernel_of_squares_says_what_its_twin_says(monkeypatch):
+    random = np.random.default_rng(4)
+    columns = random.normal(size=(7, 30, 9))
+    products = np.einsum("bri,brj->bij", columns, columns)
+    used, factors = np.array([5, 0, 8, 3]), random.normal(size=(7, 4))
+    squares = space.squares_of_blocks(products, used, factors)
+    monkeypatch.setattr(space, "function", lambda *types: None)
+    np.testing.assert_allclose(
+        squares, space.squares_of_blocks(products, used, factors), rtol=1e-12
+    )
+    by_hand = np.sum(np.einsum("brk,bk->br", columns[:, :, used], factors) ** 2, axis=1)
+    np.testing.assert_allclose(squares, by_hand, rtol=1e-12)

@@ -36,6 +36,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.columns import candidates
+from cellwright.effects.floor import left_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.moves import MANY, best_model, rivals
@@ -46,8 +47,7 @@ from cellwright.numerics.least_squares import STEPS, TWO_STDS, fit, level
 
 EXACT = 3  # models that are fitted exactly from one space
 NEAR = 2  # effects beyond the fitted model, up to which its columns are believed
-MOST_SPACES = 8
-LEAST_GAIN = 0.05  # nats by which a model must be better for another space
+MOST_SPACES = 6
 ROUGHLY = 0.5  # of the usual misfit: a fall of the cost that ends a fit on trial
 TIED = 3  # effects that are fitted exactly in the place of one
 SHARE_OF_TIE = 0.5  # of the gain of an effect that another must have in its place
@@ -227,17 +227,15 @@ def search(case, library):
     for again in (True, False):
         about, residual = _renewed(about, plain, first=again)
     plain = _fitted(about, (), plain.state.solution.values)
-    about, models, first, denied = _climbed(
-        about._replace(yardstick=about.yardstick.finer(plain.squares)), plain
-    )
-    floor = case.floor(models[()].state, free, residual, about.yardstick.filters)
+    climb = _climbed(_Climb(_by_scale_of(about, plain), plain, residual))
+    about, models = climb.about, climb.models
     about, best = _levelled(about, _best(about, models))
     models[best.keys] = best
     best = _needed(about, best, models)
-    last = _space(about, best, denied)
-    beside = _beside(about, best, models, last, denied)
+    last = _space(about, best, climb.denied)
+    beside = _beside(about, best, models, last, climb.denied)
     found = case, possible, about.yardstick, models[()], best, models, beside
-    return Found(*found, (first, last), floor, frozenset(denied))
+    return Found(*found, (climb.first, last), climb.floor, frozenset(climb.denied))
 
 
 def _best(about, models):
@@ -245,48 +243,79 @@ def _best(about, models):
     return max(models.values(), key=lambda model: worth(model, about.yardstick))
 
 
-def _climbed(about, plain):
-    """The search with its last yardstick; all models fitted by it; the space about the plain one;
-    keys of effects that a measurement contradicts.
+def _by_scale_of(about, model):
+    return about._replace(yardstick=about.yardstick.finer(model.squares))
 
-    About the plain model little is linear: the second space is made at the best of the first models
-    with effects, better or not.
+
+class _Climb:
+    """A search on its way: every model that was fitted, by its keys, and the spaces made.
+
+    first : space.Space about the plain model. made : keys of the models about which one was made.
     """
-    models, denied, best, first, frozen = {(): plain}, set(), plain, None, False
-    for _ in range(MOST_SPACES):
-        space = _space(about, best, denied)
-        first = first or space
-        for chosen in _proposed(space, about.case.gates, denied, models, best):
+
+    def __init__(self, about, plain, residual):
+        self.about, self.residual = about, residual
+        self.models, self.made, self.denied, self.first = {(): plain}, [], set(), None
+        self.floor = self._floor(plain)
+
+    def _floor(self, plain):
+        filters = self.about.yardstick.filters
+        return self.about.case.floor(plain.state, plain.free, self.residual, filters)
+
+    def next_model(self):
+        """The model about which the next space is made: the best one about which none was; None
+        where the best of all was asked already and leaves nothing that anyone would act on.
+
+        About the plain model little is linear, and about a poor one not much: after it the best
+        model with effects is asked, better or not.
+        """
+        best = _best(self.about, self.models)
+        others = {keys: m for keys, m in self.models.items() if keys not in self.made}
+        if not others:
+            return None
+        adequate = left_volt(best.state, self.floor) <= self.about.case.gates.unknown_volt
+        if best.keys in self.made and adequate and len(self.made) > 1:
+            return None
+        return _best(self.about, others)
+
+    def add(self, model):
+        """Keep a model, unless a measurement contradicts one of its effects."""
+        against = self.about.case.denied(model.state)
+        self.denied |= against
+        known, yardstick = self.models.get(model.keys), self.about.yardstick
+        if not against and (known is None or worth(model, yardstick) > worth(known, yardstick)):
+            self.models[model.keys] = model
+
+    def freeze(self, model):
+        """Make the noise anew at the first model with effects, by which all are compared; the model
+        fitted by it."""
+        self.about, self.residual = _renewed(self.about, model)
+        plain = self.models[()]
+        plain = _fitted(self.about, (), plain.state.solution.values)
+        model = _fitted(self.about, model.effects, model.state.solution.values, roughly=True)
+        self.about = _by_scale_of(self.about, model)
+        self.models, self.floor = {(): plain}, self._floor(plain)
+        return model
+
+
+def _climbed(climb):
+    """The search once no further space leads to a better model, or as many were made as may be."""
+    while len(climb.made) < MOST_SPACES and (start := climb.next_model()) is not None:
+        if start.effects:
+            start = _fitted(climb.about, start.effects, start.state.solution.values)
+            climb.models[start.keys] = start
+            climb.about = _by_scale_of(climb.about, start)
+        climb.made.append(start.keys)
+        space = _space(climb.about, start, climb.denied)
+        climb.first = climb.first or space
+        frozen = len(climb.made) > 1
+        for chosen in _proposed(space, climb.about.case.gates, climb.denied, climb.models, start):
             effects = [space.terms[k].effect for k in chosen]
-            values = space.values_of(chosen, best.state.solution.values)
-            model = _fitted(about, effects, values, roughly=True)
-            if not frozen:
-                about, _ = _renewed(about, model)
-                plain = _fitted(about, (), plain.state.solution.values)
-                model = _fitted(about, effects, model.state.solution.values, roughly=True)
-                about = about._replace(yardstick=about.yardstick.finer(model.squares))
-                models, best, frozen = {(): plain}, plain, True
-            against = about.case.denied(model.state)
-            denied |= against
-            known = models.get(model.keys)
-            if not against and (
-                known is None or worth(model, about.yardstick) > worth(known, about.yardstick)
-            ):
-                models[model.keys] = model
-        ahead = (
-            _best(about, {k: m for k, m in models.items() if k} or models)
-            if best is plain
-            else _best(about, models)
-        )
-        if ahead is best or (
-            best is not plain
-            and worth(ahead, about.yardstick) <= worth(best, about.yardstick) + LEAST_GAIN
-        ):
-            break
-        best = _fitted(about, ahead.effects, ahead.state.solution.values)
-        models[best.keys] = best
-        about = about._replace(yardstick=about.yardstick.finer(best.squares))
-    return about, models, first, denied
+            values = space.values_of(chosen, start.state.solution.values)
+            model = _fitted(climb.about, effects, values, roughly=True)
+            climb.add(model if frozen else climb.freeze(model))
+            frozen = True
+    return climb
 
 
 def _proposed(space, gates, denied, models, best):

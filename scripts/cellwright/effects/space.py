@@ -24,6 +24,7 @@ import numpy as np
 from cellwright.effects.columns import candidates, sizes_of
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.score import difference
+from cellwright.native import array, count, function, integers
 from cellwright.numerics.least_squares import bounded_minimum
 
 RIDGE = 1e-9  # of a column's own square, against rounding
@@ -80,7 +81,7 @@ class Space:
         size = np.ones(len(fitted))
         size[:count] = np.sqrt(np.maximum(np.diag(fitted)[:count] + np.diag(precision), 1e-300))
         self._size = size
-        self._blocks = products.blocks / np.multiply.outer(size, size)
+        self._blocks = np.ascontiguousarray(products.blocks / np.multiply.outer(size, size))
         self._fitted = fitted / np.multiply.outer(size, size)
         self._prior = precision / np.multiply.outer(size, size)[:count, :count]
         self._pull = self._pull / size[:count]
@@ -108,29 +109,34 @@ class Space:
         )
         self._pull[own] -= np.where(outward, 0.0, slope)
 
-    def squares(self, chosen, *, by_part=False):
-        """Mean square (b,) of the errors of each block, one that was fitted left out of the fit.
-
-        by_part : fitted blocks are left out a tenth of them at a time, which takes a tenth.
-        """
+    def squares(self, chosen):
+        """Mean square (b,) of the errors of each block, one that was fitted left out of the fit."""
         at, free = self._minimum(chosen)
         used = np.concatenate([free, np.setdiff1d(np.flatnonzero(at), free)])
         blocks = self._blocks[:, used[:, None], used]
-        whole = self._fitted[np.ix_(free, free)] + self._prior[np.ix_(free, free)]
         own = blocks[:, : len(free), : len(free)]
         slopes = blocks @ at[used]
-        asked = slopes[:, : len(free)]
+        asked, fits = slopes[:, : len(free)], self._fits
         moved = np.zeros_like(asked)
-        if by_part:
-            of_parts = np.array([asked[self._part == k].sum(axis=0) for k in range(PARTS)])
-            left = whole - self._parts[:, free[:, None], free]
-            moved[self._fits] = _solved(left, -of_parts)[self._part[self._fits]]
-        else:
-            moved[self._fits] = _solved(whole - own[self._fits], -asked[self._fits])
+        moved[fits] = _solved(self._curvature(free) - own[fits], -asked[fits])
         # (a − d)' G (a − d) of the columns' factors a and their change d without the block.
         grown = (own @ moved[:, :, None])[:, :, 0] - 2.0 * asked
-        whole_squares = slopes @ at[used] + np.sum(grown * moved, axis=1)
-        return np.maximum(whole_squares, 0.0) / self._rows
+        squares = slopes @ at[used] + np.sum(grown * moved, axis=1)
+        return np.maximum(squares, 0.0) / self._rows
+
+    def _rough_squares(self, chosen):
+        """The same with a tenth of the fitted blocks left out at a time."""
+        at, free = self._minimum(chosen)
+        used = np.concatenate([free, np.setdiff1d(np.flatnonzero(at), free)])
+        left = self._curvature(free) - self._parts[:, free[:, None], free]
+        moved = _solved(left, -(self._parts[:, free] @ at))
+        factors = np.tile(at[used], (len(self._rows), 1))
+        factors[self._fits, : len(free)] -= moved[self._part[self._fits]]
+        return np.maximum(squares_of_blocks(self._blocks, used, factors), 0.0) / self._rows
+
+    def _curvature(self, free):
+        """Products of the free columns over all blocks fitted, with the priors (k, k)."""
+        return self._fitted[np.ix_(free, free)] + self._prior[np.ix_(free, free)]
 
     def density(self, chosen):
         """Log predictive density (b,) of each block by a model."""
@@ -147,7 +153,7 @@ class Space:
         """The same as an order of many needs it."""
         key = frozenset(chosen)
         if key not in self._sums:
-            squares = None if self._yardstick.by_cost else self.squares(key, by_part=True)
+            squares = None if self._yardstick.by_cost else self._rough_squares(key)
             density = () if squares is None else self._yardstick.density(squares)
             self._sums[key] = self._yardstick.worth(density, self._cost(key), len(key))
         return self._sums[key]
@@ -184,7 +190,7 @@ class Space:
     def _falls(self, chosen, barred):
         """Fall of chi-square that each further term promises beside some: dict by number."""
         at, free = self._minimum(chosen)
-        root = np.linalg.inv(self._fitted[np.ix_(free, free)] + self._prior[np.ix_(free, free)])
+        root = np.linalg.inv(self._curvature(free))
         slopes, falls = self._fitted @ at, {}
         for k, term in enumerate(self.terms):
             if k in self.inside or term.effect.key in barred or not self.visible[k]:
@@ -270,7 +276,7 @@ class Space:
         at = np.zeros(len(self._size))
         at[-1] = 1.0
         at[[self._taken_out[k] for k in self.inside - chosen]] = -1.0
-        whole = self._fitted[np.ix_(kept, kept)] + self._prior[np.ix_(kept, kept)]
+        whole = self._curvature(kept)
         whole[np.diag_indices(len(kept))] += RIDGE
         moment = self._fitted[kept] @ at + self._pull[kept]
         lower, upper = self._lower[kept], self._upper[kept]
@@ -292,7 +298,7 @@ class Space:
         """Chi-square of each term at its plausible size, once the plain model's parameters have
         followed; infinite of those of the model: list."""
         free = np.intersect1d(self._minimum(self.inside)[1], self._plain)
-        root = np.linalg.inv(self._fitted[np.ix_(free, free)] + self._prior[np.ix_(free, free)])
+        root = np.linalg.inv(self._curvature(free))
         seen = []
         for k, term in enumerate(self.terms):
             if k in self.inside:
@@ -428,6 +434,22 @@ def _priors(solution, free, terms, count):
             if not inside:
                 lower[k], upper[k] = p.lower - p.neutral, p.upper - p.neutral
     return (precision, pull), (lower, upper)
+
+
+def squares_of_blocks(products, used, factors):
+    """Squares (b,) of combinations of columns by block, from the products of the columns.
+
+    Parameters
+    ----------
+    products : (b, j, j). used : (u,) numbers of the columns. factors : (b, u).
+    """
+    kernel = function("block_squares", count, count, count, array, integers, array, array)
+    if kernel is None:
+        return np.einsum("bij,bi,bj->b", products[:, used[:, None], used], factors, factors)
+    squares = np.empty(len(products))
+    shape = len(products), products.shape[1], len(used)
+    kernel(*shape, products, used.astype(np.int64), np.ascontiguousarray(factors), squares)
+    return squares
 
 
 def block_products(columns, block, blocks):
