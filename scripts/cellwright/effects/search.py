@@ -45,7 +45,7 @@ from cellwright.effects.space import space_of
 from cellwright.effects.state import State, Yardstick, most_telling, squares_of
 from cellwright.numerics.least_squares import STEPS, TWO_STDS, fit, level
 
-EXACT = 3  # models that are fitted exactly from one space
+EXACT = 4  # models that are fitted exactly from one space
 NEAR = 2  # effects beyond the fitted model, up to which its columns are believed
 MOST_SPACES = 6
 ROUGHLY = 0.5  # of the usual misfit: a fall of the cost that ends a fit on trial
