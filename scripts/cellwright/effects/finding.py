@@ -19,7 +19,7 @@ from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import STEPS_OF_HOLD, prepared
 from cellwright.effects.records import parts_of
 from cellwright.effects.score import BANDS
-from cellwright.effects.search import joins, search
+from cellwright.effects.search import joins, resumed, search
 from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
@@ -251,7 +251,11 @@ def searched(case, library):
     found : search.Found. result : verdict.Outcome. fitted : Fitted, of its last model.
     """
     # Rivals first of their stage: the heat of the core is that of the resistances in the end.
-    found = search(case, OUTSIDE | library)
+    return _told(search(case, OUTSIDE | library))
+
+
+def _told(found):
+    """What was found, its Outcome, and how sure the parameters of its last model are."""
     fitted = _fitted(found)
     known = about_fit(found.case) | found.last.solution.values
     return found, outcome(found, fitted, known), fitted
@@ -260,18 +264,16 @@ def searched(case, library):
 def uncontradicted(case, library, others):
     """As `searched`, and what other measurements rule out: dict id → row of `contradicted`.
 
-    What a measurement of the cell rules out explains nothing: the records are searched once more
-    without it, so that neither the model nor the sizes of other effects hold any of it.
+    What a measurement of the cell rules out explains nothing: the search goes on without it, so
+    that neither the model nor the sizes of other effects hold any of it.
 
     Parameters
     ----------
     case : case.Case. library : dict of Effect by id. others : witnesses.collected.Others, or None.
     """
-    ruled_out, left = {}, library
-    while True:
-        found, result, fitted = searched(case, left)
-        if others is None:
-            break
+    found, result, fitted = searched(case, library)
+    ruled_out = {}
+    while others is not None:
         model = model_of(found.case, found.last)
         series = _series(found.case, found.first, found.last, found.filters)
         tables = others.tables | {"series": series}
@@ -281,7 +283,7 @@ def uncontradicted(case, library, others):
         if not more:
             break
         ruled_out |= more
-        left = {name: effect for name, effect in left.items() if name not in ruled_out}
+        found, result, fitted = _told(resumed(found, ruled_out))
     return found, result, fitted, ruled_out
 
 

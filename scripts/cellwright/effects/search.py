@@ -82,16 +82,24 @@ def worth(model, yardstick):
     return yardstick.worth(density, cost, len(model.effects))
 
 
+def _light(model):
+    """A model without its derivatives, which are most of its memory."""
+    solution = model.state.solution._replace(columns=None, white=None)
+    return model._replace(state=model.state._replace(solution=solution))
+
+
 class Beside(NamedTuple):
     """An effect of a model beside all others in it.
 
-    state : State of the whole model. before : State refitted without the effect. gain :
-    score.Difference of the two. tied : keys of effects that predict as well in its place.
+    state : State of the whole model. before : State refitted without the effect. squares : two of
+    (b,), of both, see `state.squares_of`. gain : score.Difference of the two. tied : keys of
+    effects that predict as well in its place.
     """
 
     effect: object
     state: State
     before: State
+    squares: tuple
     gain: object
     tied: tuple = ()
 
@@ -163,7 +171,7 @@ class Found(NamedTuple):
         """State of the model refitted with some of its effects alone."""
         kept = tuple(effect for effect in self.model.effects if effect in effects)
         keys = tuple(sorted(effect.key for effect in kept))
-        if keys in self.models:
+        if keys in self.models and self.models[keys].state.solution.white is not None:
             return self.models[keys].state
         return _fitted(self._about, kept, self.last.solution.values).state
 
@@ -227,14 +235,39 @@ def search(case, library):
     for again in (True, False):
         about, residual = _renewed(about, plain, first=again)
     plain = _fitted(about, (), plain.state.solution.values)
-    climb = _climbed(_Climb(_by_scale_of(about, plain), plain, residual))
+    climb = _Climb(_by_scale_of(about, plain), plain)
+    climb.floor = climb.floor_of(residual)
+    return _found(_climbed(climb))
+
+
+def resumed(found, ruled_out):
+    """Found by the search without some effects, from the models that it has fitted without them.
+
+    Parameters
+    ----------
+    found : Found. ruled_out : keys of the effects.
+    """
+    possible = {key: e for key, e in found.possible.items() if key not in ruled_out}
+    about = _About(found.case, possible, found.plain.free, found.yardstick)
+    climb = _Climb(about, found.plain)
+    climb.first, climb.made, climb.floor = found.spaces[0], [()], found.floor
+    climb.denied = set(found.denied) | set(ruled_out)
+    climb.models = {k: m for k, m in found.models.items() if not climb.denied & set(k)}
+    return _found(_climbed(climb))
+
+
+def _found(climb):
+    """What a search has come to once no set of effects predicts better."""
     about, models = climb.about, climb.models
-    about, best = _levelled(about, _best(about, models))
+    best = _best(about, models)
+    if best.effects:
+        best = _fitted(about, best.effects, best.state.solution.values)
+    about, best = _levelled(about, best)
     models[best.keys] = best
     best = _needed(about, best, models)
     last = _space(about, best, climb.denied)
     beside = _beside(about, best, models, last, climb.denied)
-    found = case, possible, about.yardstick, models[()], best, models, beside
+    found = about.case, about.possible, about.yardstick, models[()], best, models, beside
     return Found(*found, (climb.first, last), climb.floor, frozenset(climb.denied))
 
 
@@ -253,14 +286,14 @@ class _Climb:
     first : space.Space about the plain model. made : keys of the models about which one was made.
     """
 
-    def __init__(self, about, plain, residual):
-        self.about, self.residual = about, residual
-        self.models, self.made, self.denied, self.first = {(): plain}, [], set(), None
-        self.floor = self._floor(plain)
+    def __init__(self, about, plain):
+        self.about, self.models = about, {(): plain}
+        self.made, self.denied, self.first, self.floor = [], set(), None, None
 
-    def _floor(self, plain):
-        filters = self.about.yardstick.filters
-        return self.about.case.floor(plain.state, plain.free, self.residual, filters)
+    def floor_of(self, residual):
+        """What no effect can explain, by what all effects together leave (n,)."""
+        plain, filters = self.models[()], self.about.yardstick.filters
+        return self.about.case.floor(plain.state, plain.free, residual, filters)
 
     def next_model(self):
         """The model about which the next space is made: the best one about which none was; None
@@ -284,17 +317,18 @@ class _Climb:
         self.denied |= against
         known, yardstick = self.models.get(model.keys), self.about.yardstick
         if not against and (known is None or worth(model, yardstick) > worth(known, yardstick)):
-            self.models[model.keys] = model
+            self.models[model.keys] = _light(model)
 
     def freeze(self, model):
         """Make the noise anew at the first model with effects, by which all are compared; the model
         fitted by it."""
-        self.about, self.residual = _renewed(self.about, model)
+        self.about, residual = _renewed(self.about, model)
         plain = self.models[()]
         plain = _fitted(self.about, (), plain.state.solution.values)
         model = _fitted(self.about, model.effects, model.state.solution.values, roughly=True)
         self.about = _by_scale_of(self.about, model)
-        self.models, self.floor = {(): plain}, self._floor(plain)
+        self.models = {(): plain}
+        self.floor = self.floor_of(residual)
         return model
 
 
@@ -303,7 +337,7 @@ def _climbed(climb):
     while len(climb.made) < MOST_SPACES and (start := climb.next_model()) is not None:
         if start.effects:
             start = _fitted(climb.about, start.effects, start.state.solution.values)
-            climb.models[start.keys] = start
+            climb.models[start.keys] = _light(start)
             climb.about = _by_scale_of(climb.about, start)
         climb.made.append(start.keys)
         space = _space(climb.about, start, climb.denied)
@@ -405,7 +439,7 @@ def _needed(about, model, models):
             others = tuple(one for one in model.effects if one is not effect)
             keys = tuple(sorted(one.key for one in others))
             if keys not in models:
-                models[keys] = _fitted(about, others, values, roughly=True)
+                models[keys] = _light(_fitted(about, others, values, roughly=True))
         ahead = _best(about, models)
         if worth(ahead, about.yardstick) <= worth(model, about.yardstick):
             break
@@ -425,7 +459,8 @@ def _beside(about, model, models, space, denied):
         if gain.rank_z >= gates.counts and effect.id not in OUTSIDE:
             tied = _tied(about, model, before, number, models, space)
         tied = about.case.ties(effect, model.state, tied, denied, about.possible)
-        found.append(Beside(effect, model.state, before.state, gain, tied))
+        squares = model.squares, before.squares
+        found.append(Beside(effect, model.state, before.state, squares, gain, tied))
     return tuple(sorted(found, key=lambda one: -one.gain.total))
 
 
@@ -456,7 +491,7 @@ def _tied(about, model, before, number, models, space):
         if keys not in models:
             effects = [space.terms[k].effect for k in one]
             values = space.values_of(one, model.state.solution.values)
-            models[keys] = _fitted(about, effects, values, roughly=True)
+            models[keys] = _light(_fitted(about, effects, values, roughly=True))
     for keys, there in models.items():
         (*others,) = set(keys) - set(before.keys)
         if len(others) != 1 or set(before.keys) - set(keys) or keys == model.keys:

@@ -5,7 +5,6 @@ from typing import NamedTuple
 from cellwright.effects.floor import fallen_volt, fallen_where_judged_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.score import difference
-from cellwright.effects.state import squares_of
 from cellwright.effects.story.sizes import has_size
 
 # ASSUME: Cells are as those of three sets by other simulators (docs/missing-effect-benchmark.md):
@@ -220,8 +219,7 @@ def is_proven(found, one):
     """Whether the records that judge show an effect by themselves: surely, and in its size."""
     case, blocks = found.case, found.yardstick.blocks
     judges, states = blocks.judges, (one.before, one.state)
-    ends = (squares_of(state, blocks) for state in reversed(states))
-    ends = (found.yardstick.density(squares)[judges] for squares in ends)
+    ends = (found.yardstick.density(squares)[judges] for squares in one.squares)
     return (
         fallen_where_judged_volt(*states, found.floor) >= case.gates.material_volt
         and difference(*ends, blocks.record[judges]).z >= case.gates.joins
