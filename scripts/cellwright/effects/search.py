@@ -48,6 +48,7 @@ from cellwright.numerics.least_squares import STEPS, TWO_STDS, fit, level
 EXACT = 4  # models that are fitted exactly from one space
 NEAR = 2  # effects beyond the fitted model, up to which its columns are believed
 MOST_SPACES = 6
+MUCH = 0.25  # of the plain model's error, beyond which the next best models are searched, too
 ROUGHLY = 0.5  # of the usual misfit: a fall of the cost that ends a fit on trial
 TIED = 3  # effects that are fitted exactly in the place of one
 SHARE_OF_TIE = 0.5  # of the gain of an effect that another must have in its place
@@ -297,7 +298,7 @@ class _Climb:
 
     def next_model(self):
         """The model about which the next space is made: the best one about which none was; None
-        where the best of all was asked already and leaves nothing that anyone would act on.
+        where the best of all was asked already and leaves little.
 
         About the plain model little is linear, and about a poor one not much: after it the best
         model with effects is asked, better or not.
@@ -306,10 +307,15 @@ class _Climb:
         others = {keys: m for keys, m in self.models.items() if keys not in self.made}
         if not others:
             return None
-        adequate = left_volt(best.state, self.floor) <= self.about.case.gates.unknown_volt
-        if best.keys in self.made and adequate and len(self.made) > 1:
+        if best.keys in self.made and len(self.made) > 1 and not self._leaves_much(best):
             return None
         return _best(self.about, others)
+
+    def _leaves_much(self, model):
+        """Whether a model leaves more than anyone would accept, and a fair part of the plain one's
+        error: another way up may lead further."""
+        was, now = (left_volt(one.state, self.floor) for one in (self.models[()], model))
+        return now > max(self.about.case.gates.unknown_volt, MUCH * was)
 
     def add(self, model):
         """Keep a model, unless a measurement contradicts one of its effects."""
