@@ -55,7 +55,7 @@ def test_effects_that_no_test_tells_apart_are_never_both_in_a_model():
 def test_what_is_barred_or_was_fitted_is_not_reached_again():
     linear = Linear(COLUMNS, {"one": 0.8})
     assert reached(linear, barred={"one"}) == set()
-    assert reached(linear, fitted={("one",)}) != {"one"}
+    assert reached(linear, fitted={(("one", ()),)}) != {"one"}
 
 
 def test_an_imitation_is_a_rival_and_noise_is_none():

@@ -43,7 +43,7 @@ def test_a_drift_that_ends_is_no_name_either(drift):
     (told,) = verdict["outside"]
     assert np.sign(told["value"]) == np.sign(drift)
     after = told["validation_rmse_volt"]["after"]
-    assert after < 0.5 * told["validation_rmse_volt"]["before"]
+    assert after < 0.7 * told["validation_rmse_volt"]["before"]
 
 
 @pytest.mark.slow

@@ -155,8 +155,16 @@ def test_its_size_is_recovered(effect):
     assert std < 0.2 * abs(size)
 
 
+THREE_ROWS = pytest.mark.xfail(
+    strict=True, reason="of a delay of three rows no start is near enough: it has no name"
+)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("every", "delay", "row"), [(0.5, 0.5, 0), (1.0, 0.5, 0), (0.5, 1.5, 2)])
+@pytest.mark.parametrize(
+    ("every", "delay", "row"),
+    [(0.5, 0.5, 0), (1.0, 0.5, 0), pytest.param(0.5, 1.5, 2, marks=THREE_ROWS)],
+)
 def test_of_a_delay_even_rows_that_hold_their_current_tell_the_row(every, delay, row):
     """Any delay within that row predicts as well beside resistances that make up for it."""
     result = outcome(Truth(delay=delay), every=every)

@@ -19,7 +19,7 @@ def best_model(space, begun, gates, *, most=MANY, barred=(), fitted=()):
     ----------
     space : space.Space. begun : models to set out from. gates : case.Gates.
     most : effects that a model may have beyond the fitted one: farther off its columns hold less.
-    barred : keys of effects that no model may have. fitted : models, as tuples of keys, that were
+    barred : keys of effects that no model may have. fitted : models, by their labels, that were
     fitted already and are not asked for again.
     """
     about = gates, most, set(barred), set(fitted)
@@ -85,7 +85,7 @@ def _exactly_tied(one, other):
 
 def _best(space, model, now, offers, least_z, fitted):
     """The offer that gains most, or None; one that only adds must be surely better, too."""
-    offers = {m: least for m, least in offers.items() if space.keys(m) not in fitted}
+    offers = {m: least for m, least in offers.items() if space.label(m) not in fitted}
     order = sorted(offers, key=lambda m: space.roughly(m), reverse=True)
     best, most = None, now
     for offer in order[:SHORTLIST]:
@@ -119,6 +119,27 @@ def rivals(space, model, gates, *, barred=(), fitted=()):
             offers.append(one)
     best = {}
     for one in sorted(offers, key=lambda one: space.worth(one), reverse=True):
-        if space.keys(one) not in fitted and set(space.keys(one)) != mine:
-            best.setdefault(space.keys(one), one)
+        if space.label(one) not in fitted and one != model:
+            best.setdefault(space.label(one), one)
     return list(best.values())
+
+
+def other_forms(space, model, *, barred=(), fitted=()):
+    """Models with one further effect in another of its forms: list.
+
+    Beside misfit no column tells one form from another (a third pair from diffusion in particles):
+    resistances and time constants have to be fitted again with each.
+
+    Parameters
+    ----------
+    space, barred, fitted : as in `best_model`. model : numbers of terms.
+    """
+    found = []
+    for k in sorted(model - space.inside):
+        rest = model - {k}
+        for j in space.further(rest, barred):
+            one = rest | {j}
+            alike = space.terms[j].effect.key == space.terms[k].effect.key
+            if alike and space.label(one) not in {*fitted, space.label(model)}:
+                found.append(one)
+    return found

@@ -39,7 +39,7 @@ from cellwright.effects.columns import candidates
 from cellwright.effects.floor import left_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.moves import MANY, best_model, rivals
+from cellwright.effects.moves import MANY, best_model, other_forms, rivals
 from cellwright.effects.score import difference
 from cellwright.effects.space import space_of
 from cellwright.effects.state import State, Yardstick, most_telling, squares_of
@@ -285,11 +285,13 @@ class _Climb:
     """A search on its way: every model that was fitted, by its keys, and the spaces made.
 
     first : space.Space about the plain model. made : keys of the models about which one was made.
+    tried : labels of the models that were fitted, keys and forms.
     """
 
     def __init__(self, about, plain):
         self.about, self.models = about, {(): plain}
         self.made, self.denied, self.first, self.floor = [], set(), None, None
+        self.tried = set()
 
     def floor_of(self, residual):
         """What no effect can explain, by what all effects together leave (n,)."""
@@ -349,7 +351,9 @@ def _climbed(climb):
         space = _space(climb.about, start, climb.denied)
         climb.first = climb.first or space
         frozen = len(climb.made) > 1
-        for chosen in _proposed(space, climb.about.case.gates, climb.denied, climb.models, start):
+        climb.tried.add(space.label(space.inside))
+        for chosen in _proposed(space, climb.about.case.gates, climb.denied, climb.tried):
+            climb.tried.add(space.label(chosen))
             effects = [space.terms[k].effect for k in chosen]
             values = space.values_of(chosen, start.state.solution.values)
             model = _fitted(climb.about, effects, values, roughly=True)
@@ -358,17 +362,23 @@ def _climbed(climb):
     return climb
 
 
-def _proposed(space, gates, denied, models, best):
+def _proposed(space, gates, denied, tried):
     """Models of a space that are worth an exact fit.
 
-    The best by moves near the fitted model, whose columns hold there; the best of all; and rivals.
+    The best by moves near the fitted model, whose columns hold there, also with its new effects in
+    their other forms; the best of all; and rivals. tried : labels of the models that were fitted.
     """
-    begun, known = dict.fromkeys((space.inside, frozenset())), set(models) - {best.keys}
-    about = {"barred": denied, "fitted": known}
+    begun = dict.fromkeys((space.inside, frozenset()))
+    about = {"barred": denied, "fitted": tried - {space.label(space.inside)}}
     ends = [best_model(space, begun, gates, most=most, **about) for most in (NEAR, MANY)]
-    wanted = {space.keys(one): one for one in ends if space.keys(one) not in models}
-    further = rivals(space, ends[0], gates, barred=denied, fitted={*models, *wanted})
-    return [*wanted.values(), *further[: EXACT - len(wanted)]]
+    wanted = {space.label(one): one for one in ends if space.label(one) not in tried}
+    further = rivals(space, ends[0], gates, barred=denied, fitted={*tried, *wanted})
+    first = [*wanted.values(), *further][:1]
+    forms = [
+        one for model in first for one in other_forms(space, model, barred=denied, fitted=tried)
+    ]
+    models = [*wanted.values(), *further][:EXACT]
+    return [*models, *(one for one in forms if one not in models)]
 
 
 def _space(about, model, denied):

@@ -35,18 +35,13 @@ class Term(NamedTuple):
     """One way in which an effect is in a model.
 
     candidate : columns.Candidate of a further effect; None: as the fitted model has it.
-    columns : (k,) numbers of its columns.
+    columns : (k,) numbers of its columns. form : values of the parameters that no fit moves.
     """
 
     effect: object
     candidate: object
     columns: np.ndarray
-
-    @property
-    def form(self):
-        """Values of the parameters of a further effect that no fit moves: its form."""
-        pairs = zip(self.effect.parameters, self.effect.names, strict=True)
-        return tuple(self.candidate.start[name] for p, name in pairs if not p.step)
+    form: tuple = ()
 
 
 class Products(NamedTuple):
@@ -66,8 +61,8 @@ class Space:
     """Models about a fitted one, by the products of its columns.
 
     terms : tuple of Term, those of its own effects first; inside : numbers of these. A model is a
-    set of numbers of terms. visible : per term, whether its plausible size would show beside the
-    plain model. The last column is the residual.
+    set of numbers of terms. visible : per term, whether its effect would show at a plausible size,
+    in one of its forms, beside the plain model. The last column is the residual.
     """
 
     def __init__(self, terms, products, priors, limits, taken_out, yardstick, least_visible):
@@ -94,7 +89,9 @@ class Space:
         self._plain = [k for k in range(count) if k not in of_terms]
         self._hold_still()
         self._densities, self._sums, self._least = {}, {}, {}
-        self.visible = [chi_square >= least_visible for chi_square in self._chi_squares()]
+        seen = zip(terms, self._chi_squares(), strict=True)
+        shown = {one.effect.key for one, chi_square in seen if chi_square >= least_visible}
+        self.visible = [one.effect.key in shown for one in terms]
 
     def _hold_still(self):
         """Take from the slopes what the fit of the model has left of them.
@@ -170,6 +167,10 @@ class Space:
     def keys(self, chosen):
         """Keys of the effects of a model, sorted: tuple."""
         return tuple(sorted(self.terms[k].effect.key for k in chosen))
+
+    def label(self, chosen):
+        """Keys and forms of the effects of a model, sorted: tuple of (key, form)."""
+        return tuple(sorted((self.terms[k].effect.key, self.terms[k].form) for k in chosen))
 
     def further(self, chosen, barred=()):
         """Terms that may join a model, those that promise the largest fall of chi-square first; of
@@ -337,9 +338,10 @@ def space_of(case, yardstick, state, free, possible, further):
     terms, count = [], len(solution.names)
     for effect in effects:
         own = [k for k, name in enumerate(solution.names) if name in effect.names]
-        terms.append(Term(effect, None, np.array(own, int)))
+        terms.append(Term(effect, None, np.array(own, int), _form(effect, solution.values)))
     for one in lined_up["fit"]:
-        terms.append(Term(one.effect, one, np.arange(count, count + len(one.sizes))))
+        columns = np.arange(count, count + len(one.sizes))
+        terms.append(Term(one.effect, one, columns, _form(one.effect, one.start)))
         count += len(one.sizes)
     taken_out = {k: count + k for k in range(len(effects))}
     without = {
@@ -373,6 +375,12 @@ def space_of(case, yardstick, state, free, possible, further):
     return Space(
         tuple(terms), products, priors, limits, taken_out, yardstick, case.gates.visible_chi_square
     )
+
+
+def _form(effect, values):
+    """Values of the parameters of an effect that no fit moves: tuple."""
+    pairs = zip(effect.parameters, effect.names, strict=True)
+    return tuple(values[name] for p, name in pairs if not p.step)
 
 
 def _candidates(case, side, values, prediction, effects, possible, further):
