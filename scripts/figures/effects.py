@@ -29,9 +29,9 @@ TOP_PERCENTILE = 97  # of the residuals, at which the colours end
 NO_TRIAL = "No effect was fitted: there was nothing left to explain, or none that these data show."
 CHOSEN, TIED, OTHER, OUT_OF_RANGE = style.SERIES[0], style.SERIES[7], "#c9d6e2", "#d5d8dc"
 LABELS = {
-    CHOSEN: "added to the model",
-    TIED: "as good as that one",
-    OTHER: "not added",
+    CHOSEN: "in the last model",
+    TIED: "as good as a name",
+    OTHER: "not in it",
     OUT_OF_RANGE: "a parameter at the end of its physical range",
 }
 HATCH = "////"
@@ -129,7 +129,7 @@ def draw_ranking(columns, gates=GATES):
     for panel, number in zip(axes[:, 0], rounds, strict=True):
         in_round = sorted((r for r in rows if r["round"] == number), key=lambda r: -r["gain"])
         _round(panel, in_round, gates)
-        panel.set(title=_round_title(number, in_round))
+        panel.set(title=_panel_title(number, in_round))
     ends = [row["z"] for row in rows]
     axes[0, 0].set_xlim(min(0.0, *ends) - 1.0, 1.3 * max(*ends, gates.joins) + 1.0)
     axes[-1, 0].set(xlabel="gain in predictive density over its standard error [1]")
@@ -146,10 +146,11 @@ def draw_group_ranking(ranking):
     return draw_ranking(ranking | {"effect": np.array(names, object)}, GROUP_GATES)
 
 
-def _round_title(number, rows):
-    added = next((_in_words(row["effect"]) for row in rows if row["chosen"]), None)
-    nothing = "nothing more to add" if number > 1 else "nothing to add"
-    return f"Round {number}: " + (f"added “{added}”" if added else nothing)
+def _panel_title(number, rows):
+    many = sum(row["chosen"] for row in rows)
+    if number == 1:
+        return "Each beside the plain model"
+    return f"Each beside the other effects of the last model ({many} in it)"
 
 
 def _in_words(effect):

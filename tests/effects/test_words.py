@@ -75,6 +75,14 @@ def test_an_unknown_says_what_its_model_holds_without_a_name_and_what_that_leave
     assert "not fitted:" not in said("named", effects=[step()], errors=errors)
 
 
+def test_what_names_alone_take_off_is_told_apart_from_what_the_whole_model_does():
+    held = {"small": ["polarisation_soc"], "against": {"polarisation_soc": "its size is unsure"}}
+    volts = {"plain": 0.0081, "names": 0.0063, "model": 0.0019}
+    errors = {name: {"fit_volt": 0.01, "validation_volt": volt} for name, volt in volts.items()}
+    text = said("named", effects=[step()], errors=errors, **held)
+    assert "from 8.1 mV to 6.3 mV (1.9 mV with what is in the model without a name)" in text
+
+
 def test_all_that_a_verdict_may_hold_is_said_with_its_numbers_and_no_gap():
     """Place, remainder, floors, declared values at their limit, answers: each with its number."""
     declared = [

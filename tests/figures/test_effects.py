@@ -81,8 +81,8 @@ def test_the_ranking_is_sorted_marks_what_is_needed_and_greys_what_is_out_of_ran
     assert names == ["slow diffusion", "ocv edge", "leakage"]
     assert [bar.get_width() for bar in first.patches] == [5.0, 4.5, 4.0]
     assert [bar.get_hatch() for bar in first.patches] == [None, None, effects.HATCH]
-    assert title(first) == "Round 1: added “slow diffusion”"
-    assert title(second) == "Round 2: nothing more to add"
+    assert title(first) == "Each beside the plain model"
+    assert title(second) == "Each beside the other effects of the last model (0 in it)"
     assert first.get_lines()[0].get_xdata()[0] == 1.645
     assert "gain −1.5, by ranks −1.0" in [text.get_text() for text in second.texts]
     assert "1.645 standard errors" in figure.legends[0].get_texts()[-1].get_text()

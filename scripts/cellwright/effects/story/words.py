@@ -238,9 +238,9 @@ def _nameless(verdict, library):
 
 
 def _errors(verdict):
-    """Errors of all models beside each other, where the names are not the whole model."""
+    """Errors of an unknown's models beside each other, where the names are not the whole model."""
     errors = verdict.get("errors")
-    if not errors or not verdict.get("small"):
+    if verdict["verdict"] != "unknown" or not errors or not verdict.get("small"):
         return
     known = (
         ("plain", "the plain model"),
@@ -328,7 +328,8 @@ def _named(verdict, library, phrases):
     both, named = verdict["validation_rmse_volt"], verdict["effects"]
     names = _listed(_name(one, library) for one in named)
     after = millivolt(both["after"])
-    by_names = millivolt(named[-1]["validation_rmse_volt"]["after"]) if named else after
+    alone = (verdict.get("errors") or {}).get("names")
+    by_names = millivolt(alone["validation_volt"]) if alone else after
     if verdict.get("small") and by_names != after:
         after = f"{by_names} ({after} with what is in the model without a name)"
     change = (
