@@ -29,8 +29,8 @@ def kept(truth, *names):
         start = effect.starts[0]
         values |= {f"{effect.id}.{p.name}": start.get(p.name, p.neutral) for p in effect.parameters}
     models = {(): found.plain}
-    whole = search._fitted(about, effects, values)
-    model = search._needed(about, whole, models | {whole.keys: whole})
+    whole = search._fit_model(about, effects, values)
+    model = search._drop_worthless(about, whole, models | {whole.keys: whole})
     # The fit that is handed on is one of just these effects.
     fitted = {name for name in model.state.solution.names if name.rpartition(".")[0]}
     assert {name.partition(".")[0] for name in fitted} == set(model.keys)

@@ -19,7 +19,7 @@ from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import STEPS_OF_HOLD, prepared
 from cellwright.effects.records import parts_of
 from cellwright.effects.score import BANDS
-from cellwright.effects.search import joins, resumed, search
+from cellwright.effects.search import joins, resume_without, search
 from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
@@ -177,7 +177,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     without blocks, which only a choice between models asks for.
     others : as of `missing_effect`.
     """
-    found, result, fitted, ruled_out = uncontradicted(case, library, others)
+    found, result, fitted, ruled_out = search_uncontradicted(case, library, others)
     known = library
     library = {name: effect for name, effect in library.items() if name not in ruled_out}
     case, deviations = found.case, fitted.stds
@@ -251,17 +251,17 @@ def searched(case, library):
     found : search.Found. result : verdict.Outcome. fitted : Fitted, of its last model.
     """
     # Rivals first of their stage: the heat of the core is that of the resistances in the end.
-    return _told(search(case, OUTSIDE | library))
+    return _with_outcome(search(case, OUTSIDE | library))
 
 
-def _told(found):
+def _with_outcome(found):
     """What was found, its Outcome, and how sure the parameters of its last model are."""
     fitted = _fitted(found)
     known = about_fit(found.case) | found.last.solution.values
     return found, outcome(found, fitted, known), fitted
 
 
-def uncontradicted(case, library, others):
+def search_uncontradicted(case, library, others):
     """As `searched`, and what other measurements rule out: dict id → row of `contradicted`.
 
     What a measurement of the cell rules out explains nothing: the search goes on without it, so
@@ -283,7 +283,7 @@ def uncontradicted(case, library, others):
         if not more:
             break
         ruled_out |= more
-        found, result, fitted = _told(resumed(found, ruled_out))
+        found, result, fitted = _with_outcome(resume_without(found, ruled_out))
     return found, result, fitted, ruled_out
 
 
@@ -373,10 +373,10 @@ def ranking_of(found, result):
 
 
 def _inside(found, result, one):
-    """Row of an effect that is in the last model."""
+    """Row of an effect that is in the last model; no first step towards it is asked."""
     sizes = one.effect.sizes_of(one.state.solution.values)
     in_range = not set(one.effect.names) & set(one.state.solution.at_bound)
-    about = one.gain, next(iter(sizes.values())), in_range, one.gain.total
+    about = one.gain, next(iter(sizes.values())), in_range, None
     errors = {name: getattr(one.state, name) for name in ("rmse_volt", "validation_rmse_volt")}
     return _ranked(found, result, 2, one.effect, *about) | errors
 

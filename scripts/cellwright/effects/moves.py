@@ -7,8 +7,8 @@ worth to be told apart from the effects that could stand in its place.
 SHORTLIST = 5  # moves whose densities are made in full, the best by tenths of the blocks
 ADDED, SWAPPED, PAIRED = 12, 8, 8  # terms that are tried, the most promising first
 LEAST_OF_SWAP = 1.0  # nats: two that differ by less are the same to anyone
-PAIR_Z = 2.0
-MANY = 99
+PAIR_Z = 2.0  # standard errors of the gain of two that join at once: they are looked for among many
+MANY = 99  # effects, more than any library has: no limit
 MOST_MOVES = 40
 
 
@@ -23,11 +23,11 @@ def best_model(space, begun, gates, *, most=MANY, barred=(), fitted=()):
     fitted already and are not asked for again.
     """
     about = gates, most, set(barred), set(fitted)
-    ends = [_walked(space, frozenset(model), *about) for model in begun]
-    return max(ends, key=lambda model: space.worth(model))
+    ends = [_walk(space, frozenset(model), *about) for model in begun]
+    return max(ends, key=space.worth)
 
 
-def _walked(space, model, gates, most, barred, fitted):
+def _walk(space, model, gates, most, barred, fitted):
     for _ in range(MOST_MOVES):
         now = space.worth(model)
         offers = _near(space, _single(space, model, barred), most)
@@ -86,7 +86,7 @@ def _exactly_tied(one, other):
 def _best(space, model, now, offers, least_z, fitted):
     """The offer that gains most, or None; one that only adds must be surely better, too."""
     offers = {m: least for m, least in offers.items() if space.label(m) not in fitted}
-    order = sorted(offers, key=lambda m: space.roughly(m), reverse=True)
+    order = sorted(offers, key=space.roughly, reverse=True)
     best, most = None, now
     for offer in order[:SHORTLIST]:
         value = space.worth(offer)
@@ -118,7 +118,7 @@ def rivals(space, model, gates, *, barred=(), fitted=()):
         if not one > model and one and (near or space.difference(model, one).z < gates.apart):
             offers.append(one)
     best = {}
-    for one in sorted(offers, key=lambda one: space.worth(one), reverse=True):
+    for one in sorted(offers, key=space.worth, reverse=True):
         if space.label(one) not in fitted and one != model:
             best.setdefault(space.label(one), one)
     return list(best.values())

@@ -35,13 +35,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects.columns import candidates
 from cellwright.effects.floor import left_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.moves import MANY, best_model, other_forms, rivals
 from cellwright.effects.score import difference
-from cellwright.effects.space import space_of
+from cellwright.effects.space import candidates_beside, space_of
 from cellwright.effects.state import State, Yardstick, most_telling, squares_of
 from cellwright.numerics.least_squares import STEPS, TWO_STDS, fit, level
 
@@ -113,6 +112,7 @@ class Found(NamedTuple):
     Model that was fitted, by its keys. beside : tuple of Beside, of each effect of the model, that
     with the largest gain first. spaces : space.Space about the plain model, and about the last.
     floor : floor.Floor. denied : keys of effects that a measurement outside the fit contradicts.
+    level : Free of delays of which the readings tell an interval alone, see `_centre_delays`.
     """
 
     case: object
@@ -125,6 +125,7 @@ class Found(NamedTuple):
     spaces: tuple
     floor: object
     denied: frozenset
+    level: tuple = ()
 
     @property
     def first(self):
@@ -161,12 +162,12 @@ class Found(NamedTuple):
         for effect, *_ in sorted(gains, key=lambda one: -one[1].total)[:most]:
             term = space.term_of(effect, space.inside)
             values = space.values_of(space.inside | {term}, self.last.solution.values)
-            models.append(_fitted(about, (*self.model.effects, effect), values, roughly=True))
+            models.append(_fit_model(about, (*self.model.effects, effect), values, roughly=True))
         return models
 
     @property
     def _about(self):
-        return _About(self.case, self.possible, self.plain.free, self.yardstick)
+        return _About(self.case, self.possible, self.plain.free, self.yardstick, self.level)
 
     def with_only(self, effects):
         """State of the model refitted with some of its effects alone."""
@@ -174,7 +175,7 @@ class Found(NamedTuple):
         keys = tuple(sorted(effect.key for effect in kept))
         if keys in self.models and self.models[keys].state.solution.white is not None:
             return self.models[keys].state
-        return _fitted(self._about, kept, self.last.solution.values).state
+        return _fit_model(self._about, kept, self.last.solution.values).state
 
     def gain_elsewhere(self, one):
         """What an effect gains elsewhere, over a model without it that the block that tells most of
@@ -189,7 +190,7 @@ class Found(NamedTuple):
         blocks = self.yardstick.blocks
         telling = most_telling(self.last, one.effect, blocks)
         rows = blocks.fitted != telling
-        unbent = _fitted(self._about, one.before.effects, one.before.solution.values, rows=rows)
+        unbent = _fit_model(self._about, one.before.effects, one.before.solution.values, rows=rows)
         ends = [self.yardstick.density(model.squares) for model in (self.model, unbent)]
         ends = [np.delete(density, telling) for density in ends]
         return difference(*ends, np.delete(blocks.record, telling))
@@ -197,7 +198,7 @@ class Found(NamedTuple):
 
 class _About(NamedTuple):
     """What every fit of a search needs. free : of the plain model. level : Free of delays of which
-    the readings tell an interval alone, see `_levelled`."""
+    the readings tell an interval alone, see `_centre_delays`."""
 
     case: object
     possible: dict
@@ -232,16 +233,16 @@ def search(case, library):
     if case.gates.price is not None:
         yardstick = yardstick._replace(price=case.gates.price / 2.0, by_cost=True)
     about = _About(case, possible, free, yardstick)
-    plain = _fitted(about, (), values)
+    plain = _fit_model(about, (), values)
     for again in (True, False):
-        about, residual = _renewed(about, plain, first=again)
-    plain = _fitted(about, (), plain.state.solution.values)
+        about, residual = _estimate_noise(about, plain, first=again)
+    plain = _fit_model(about, (), plain.state.solution.values)
     climb = _Climb(_by_scale_of(about, plain), plain)
     climb.floor = climb.floor_of(residual)
-    return _found(_climbed(climb))
+    return _conclude(_climb(climb))
 
 
-def resumed(found, ruled_out):
+def resume_without(found, ruled_out):
     """Found by the search without some effects, from the models that it has fitted without them.
 
     Parameters
@@ -254,22 +255,23 @@ def resumed(found, ruled_out):
     climb.first, climb.made, climb.floor = found.spaces[0], [()], found.floor
     climb.denied = set(found.denied) | set(ruled_out)
     climb.models = {k: m for k, m in found.models.items() if not climb.denied & set(k)}
-    return _found(_climbed(climb))
+    return _conclude(_climb(climb))
 
 
-def _found(climb):
+def _conclude(climb):
     """What a search has come to once no set of effects predicts better."""
     about, models = climb.about, climb.models
     best = _best(about, models)
     if best.effects:
-        best = _fitted(about, best.effects, best.state.solution.values)
-    about, best = _levelled(about, best)
+        best = _fit_model(about, best.effects, best.state.solution.values)
+    about, best = _centre_delays(about, best)
     models[best.keys] = best
-    best = _needed(about, best, models)
-    last = _space(about, best, climb.denied)
-    beside = _beside(about, best, models, last, climb.denied)
+    best = _drop_worthless(about, best, models)
+    last = _space_about(about, best, climb.denied)
+    beside = _compare_each(about, best, models, last, climb.denied)
     found = about.case, about.possible, about.yardstick, models[()], best, models, beside
-    return Found(*found, (climb.first, last), climb.floor, frozenset(climb.denied))
+    spaces, denied = (climb.first, last), frozenset(climb.denied)
+    return Found(*found, spaces, climb.floor, denied, about.level)
 
 
 def _best(about, models):
@@ -278,6 +280,7 @@ def _best(about, models):
 
 
 def _by_scale_of(about, model):
+    """The search with the scale of a model, where that is less."""
     return about._replace(yardstick=about.yardstick.finer(model.squares))
 
 
@@ -330,39 +333,39 @@ class _Climb:
     def freeze(self, model):
         """Make the noise anew at the first model with effects, by which all are compared; the model
         fitted by it."""
-        self.about, residual = _renewed(self.about, model)
+        self.about, residual = _estimate_noise(self.about, model)
         plain = self.models[()]
-        plain = _fitted(self.about, (), plain.state.solution.values)
-        model = _fitted(self.about, model.effects, model.state.solution.values, roughly=True)
+        plain = _fit_model(self.about, (), plain.state.solution.values)
+        model = _fit_model(self.about, model.effects, model.state.solution.values, roughly=True)
         self.about = _by_scale_of(self.about, model)
         self.models = {(): plain}
         self.floor = self.floor_of(residual)
         return model
 
 
-def _climbed(climb):
+def _climb(climb):
     """The search once no further space leads to a better model, or as many were made as may be."""
     while len(climb.made) < MOST_SPACES and (start := climb.next_model()) is not None:
         if start.effects:
-            start = _fitted(climb.about, start.effects, start.state.solution.values)
+            start = _fit_model(climb.about, start.effects, start.state.solution.values)
             climb.models[start.keys] = _light(start)
             climb.about = _by_scale_of(climb.about, start)
         climb.made.append(start.keys)
-        space = _space(climb.about, start, climb.denied)
+        space = _space_about(climb.about, start, climb.denied)
         climb.first = climb.first or space
         frozen = len(climb.made) > 1
         climb.tried.add(space.label(space.inside))
-        for chosen in _proposed(space, climb.about.case.gates, climb.denied, climb.tried):
+        for chosen in _propose(space, climb.about.case.gates, climb.denied, climb.tried):
             climb.tried.add(space.label(chosen))
             effects = [space.terms[k].effect for k in chosen]
             values = space.values_of(chosen, start.state.solution.values)
-            model = _fitted(climb.about, effects, values, roughly=True)
+            model = _fit_model(climb.about, effects, values, roughly=True)
             climb.add(model if frozen else climb.freeze(model))
             frozen = True
     return climb
 
 
-def _proposed(space, gates, denied, tried):
+def _propose(space, gates, denied, tried):
     """Models of a space that are worth an exact fit.
 
     The best by moves near the fitted model, whose columns hold there, also with its new effects in
@@ -381,12 +384,13 @@ def _proposed(space, gates, denied, tried):
     return [*models, *(one for one in forms if one not in models)]
 
 
-def _space(about, model, denied):
+def _space_about(about, model, denied):
+    """Space about a fitted model, of all effects that no measurement contradicts."""
     further = [e for e in about.possible.values() if e not in model.effects and e.key not in denied]
     return space_of(about.case, about.yardstick, model.state, model.free, about.possible, further)
 
 
-def _fitted(about, effects, values, *, rows=None, roughly=False):
+def _fit_model(about, effects, values, *, rows=None, roughly=False):
     """Model of some effects, fitted from some values.
 
     rows : (n,) bool, those that are fitted; None: all. roughly : for a first comparison.
@@ -409,16 +413,13 @@ def _fitted(about, effects, values, *, rows=None, roughly=False):
     return Model(free, state, squares_of(state, yardstick.blocks))
 
 
-def _renewed(about, model, *, first=False):
-    """The search with noise and scale by what all effects together leave about a model, and what
-    they leave (n,)."""
+def _estimate_noise(about, model, *, first=False):
+    """The search with its noise by what all effects together leave about a model, without a scale,
+    and what they leave (n,)."""
     case, solution = about.case, model.state.solution
-
-    def predict(values, effect):
-        return case.predict("fit", values, in_order((*model.effects, effect), about.possible))
-
     further = [effect for effect in about.possible.values() if effect not in model.effects]
-    lined_up = candidates(predict, solution.prediction, solution.values, further)
+    of_fit = "fit", solution.values, solution.prediction
+    lined_up = candidates_beside(case, *of_fit, model.effects, about.possible, further)
     residual = _residual_with_all(solution, lined_up, about.yardstick.filters.fit)
     filters = case.filters_for(residual, about.yardstick.filters, first)
     yardstick = about.yardstick._replace(filters=filters, scale=np.inf)
@@ -447,7 +448,7 @@ def _residual_with_all(solution, lined_up, whitening):
     return solution.residual - np.concatenate([solution.columns, many], axis=1) @ change
 
 
-def _needed(about, model, models):
+def _drop_worthless(about, model, models):
     """The model without effects that are not worth their price once all are fitted exactly."""
     while model.effects:
         values = model.state.solution.values
@@ -455,16 +456,16 @@ def _needed(about, model, models):
             others = tuple(one for one in model.effects if one is not effect)
             keys = tuple(sorted(one.key for one in others))
             if keys not in models:
-                models[keys] = _light(_fitted(about, others, values, roughly=True))
+                models[keys] = _light(_fit_model(about, others, values, roughly=True))
         ahead = _best(about, models)
         if worth(ahead, about.yardstick) <= worth(model, about.yardstick):
             break
-        model = _fitted(about, ahead.effects, ahead.state.solution.values)
+        model = _fit_model(about, ahead.effects, ahead.state.solution.values)
         models[model.keys] = model
     return model
 
 
-def _beside(about, model, models, space, denied):
+def _compare_each(about, model, models, space, denied):
     """Beside of each effect of a model, that with the largest gain first."""
     gates, found = about.case.gates, []
     for number, effect in enumerate(model.effects):
@@ -473,14 +474,14 @@ def _beside(about, model, models, space, denied):
         gain = about.yardstick.difference(model.squares, before.squares)
         tied = ()
         if gain.rank_z >= gates.counts and effect.id not in OUTSIDE:
-            tied = _tied(about, model, before, number, models, space)
+            tied = _tied_rivals(about, model, before, number, models, space)
         tied = about.case.ties(effect, model.state, tied, denied, about.possible)
         squares = model.squares, before.squares
         found.append(Beside(effect, model.state, before.state, squares, gain, tied))
     return tuple(sorted(found, key=lambda one: -one.gain.total))
 
 
-def _tied(about, model, before, number, models, space):
+def _tied_rivals(about, model, before, number, models, space):
     """Keys of effects that predict as well in the place of one of a model, by exact fits.
 
     One is tied if its own gain would let it join, and the two are less apart than `apart` standard
@@ -507,7 +508,7 @@ def _tied(about, model, before, number, models, space):
         if keys not in models:
             effects = [space.terms[k].effect for k in one]
             values = space.values_of(one, model.state.solution.values)
-            models[keys] = _light(_fitted(about, effects, values, roughly=True))
+            models[keys] = _light(_fit_model(about, effects, values, roughly=True))
     for keys, there in models.items():
         (*others,) = set(keys) - set(before.keys)
         if len(others) != 1 or set(before.keys) - set(keys) or keys == model.keys:
@@ -520,7 +521,7 @@ def _tied(about, model, before, number, models, space):
     return tuple(tied)
 
 
-def _levelled(about, model):
+def _centre_delays(about, model):
     """The search and the model with each delay, of which the readings tell an interval alone, in
     its middle.
 
@@ -530,7 +531,7 @@ def _levelled(about, model):
     for name in (one.names[0] for one in model.effects if one.hold_imitates):
         others = tuple(one for one in about.level if one.name != name)
         for _ in range(LEVELLED):
-            before, free = model.state.solution, _unlevelled(model.free, about, name)
+            before, free = model.state.solution, _with_own_delay(model.free, about, name)
             problem = about.case.problem(model.effects, free, about.yardstick.filters)
             ends = None if name in before.at_bound else level(problem, before, name)
             if ends is None:
@@ -539,13 +540,13 @@ def _levelled(about, model):
             one = next(one for one in free if one.name == name)._replace(**known)
             about = about._replace(level=(*others, one))
             values = before.values | {name: one.prior}
-            model = _fitted(about, model.effects, values)
+            model = _fit_model(about, model.effects, values)
             if before.chi_square - model.state.solution.chi_square < TWO_STDS:
                 break
     return about, model
 
 
-def _unlevelled(free, about, name):
+def _with_own_delay(free, about, name):
     """Free parameters with that of a delay as its effect has it."""
     plain = {f.name: f for f in about.case.with_effect((), _effect_of(about, name))}
     return tuple(plain.get(one.name, one) for one in free)

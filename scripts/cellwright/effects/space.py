@@ -25,7 +25,7 @@ from cellwright.effects.columns import candidates, sizes_of
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.score import difference
 from cellwright.native import array, count, function, integers
-from cellwright.numerics.least_squares import bounded_minimum
+from cellwright.numerics.least_squares import Problem, bounded_minimum, derivatives
 
 RIDGE = 1e-9  # of a column's own square, against rounding
 PARTS = 10  # of the blocks, each left out at once where only an order is asked for
@@ -332,7 +332,7 @@ def space_of(case, yardstick, state, free, possible, further):
         "validation": case.predict("validation", state.values, effects),
     }
     lined_up = {
-        side: _candidates(case, side, ends[side], at[side], effects, possible, further)
+        side: candidates_beside(case, side, ends[side], at[side], effects, possible, further)
         for side in ends
     }
     terms, count = [], len(solution.names)
@@ -359,10 +359,8 @@ def space_of(case, yardstick, state, free, possible, further):
         for side in ends
     }
     fit_side = [solution.white, *_whitened(filters.fit, changes["fit"]), solution.whitened[:, None]]
-    derivatives = _derivatives(case, state, at["validation"], free)
-    judging = filters.validation.apply(
-        np.concatenate([derivatives, *changes["validation"]], axis=1)
-    )
+    moved = _derivatives(case, state, at["validation"], free)
+    judging = filters.validation.apply(np.concatenate([moved, *changes["validation"]], axis=1))
     judging = case.without_starts(judging, state, filters)
     judging = np.concatenate([judging, state.validation_white[:, None]], axis=1)
     blocks = yardstick.blocks
@@ -383,7 +381,15 @@ def _form(effect, values):
     return tuple(values[name] for p, name in pairs if not p.step)
 
 
-def _candidates(case, side, values, prediction, effects, possible, further):
+def candidates_beside(case, side, values, prediction, effects, possible, further):
+    """Candidates of further effects beside those of a model: list of columns.Candidate.
+
+    Parameters
+    ----------
+    case, effects, possible, further : as of `space_of`. side : "fit" or "validation". values : dict
+    of the model there. prediction : (n,) by it.
+    """
+
     def predict(moved, effect):
         return case.predict(side, moved, in_order((*effects, effect), possible))
 
@@ -397,16 +403,15 @@ def _whitened(whitening, changes):
 def _derivatives(case, state, prediction, free):
     """Derivatives (m, k) of the records that judge by the free parameters; none by the starts of
     the others, for they have starts of their own."""
-    columns = []
-    for one in free:
-        if one.name.startswith("soc0["):
-            columns.append(np.zeros(len(prediction)))
-            continue
-        value = state.values[one.name]
-        step = one.step if value + one.step <= one.upper else -one.step
-        moved = case.predict("validation", state.values | {one.name: value + step}, state.effects)
-        columns.append((moved - prediction) / step)
-    return np.stack(columns, axis=1)
+
+    def predict(values):
+        return case.predict("validation", values, state.effects)
+
+    shared = [k for k, one in enumerate(free) if not one.name.startswith("soc0[")]
+    problem = Problem(predict, None, None, tuple(free[k] for k in shared))
+    columns = np.zeros((len(prediction), len(free)))
+    columns[:, shared] = derivatives(problem, state.values, prediction)
+    return columns
 
 
 def _priors(solution, free, terms, count):
