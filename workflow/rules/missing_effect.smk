@@ -111,11 +111,11 @@ FACTS_OF_MEASUREMENTS = {
 
 rule effect_search:
     input:
+        **OTHER_MEASUREMENTS,
         basis="results/stages/basis/{cell}.json",
         series=own(searched_series),
         lent_basis=paths_of(references, "results/stages/basis/{}.json"),
         lent_series=gathered(references, searched_series),
-        **OTHER_MEASUREMENTS,
     output:
         verdict="results/missing_effect/{cell}/verdict.json",
         ranking="results/missing_effect/{cell}/ranking.parquet",
@@ -132,11 +132,11 @@ rule effect_search:
     # The longest jobs: begun as soon as they can be, so that none is left over at the end.
     priority: 1
     params:
+        **FACTS_OF_MEASUREMENTS,
         settings=of_analysis("missing_effect"),
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
         references=PLAN.facts_of_cells(references),
-        **FACTS_OF_MEASUREMENTS,
     message:
         "Search for an effect that the model of {wildcards.cell} lacks."
     script:
@@ -224,11 +224,11 @@ rule missing_effect_group:
 
 rule witnesses:
     input:
+        **OTHER_MEASUREMENTS,
         verdict="results/missing_effect/{cell}/verdict.json",
         model="results/missing_effect/{cell}/model.json",
         series="results/missing_effect/{cell}/series.parquet",
         basis="results/stages/basis/{cell}.json",
-        **OTHER_MEASUREMENTS,
     output:
         "results/missing_effect/{cell}/witnesses.parquet",
     log:
