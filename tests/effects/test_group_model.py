@@ -7,7 +7,6 @@ from group_pair import CELLS, record
 from cellwright.effects.groups import model
 from cellwright.effects.groups.model import group_fields, group_names, group_run
 from cellwright.effects.records import group_stacked
-from cellwright.numerics.least_squares import bounded_minimum
 
 HOLDS = pytest.mark.parametrize("hold", ["zero_order", "first_order"])
 
@@ -41,16 +40,3 @@ def test_another_integration_says_the_same():
     simulated = group_run(group_fields(CELLS, np.full((1, 2), 0.9), values), stack)
     assert np.std(simulated.voltage - measured.voltage_volt) < 1.1e-3
     assert np.std(simulated.current - measured.branch_current_ampere) < 3e-3
-
-
-def test_the_minimum_within_bounds_meets_its_conditions():
-    random = np.random.default_rng(3)
-    root = random.normal(size=(30, 30))
-    precision, moment = root @ root.T + np.eye(30), 20 * random.normal(size=30)
-    low, up = np.full(30, -0.3), np.full(30, 0.2)
-    x = bounded_minimum(precision, moment, low, up, np.zeros(30))
-    slope = precision @ x - moment
-    inside = (x > low) & (x < up)
-    assert slope[inside] == pytest.approx(0.0, abs=1e-6)
-    assert (slope[x <= low] >= -1e-3).all()
-    assert (slope[x >= up] <= 1e-3).all()

@@ -103,15 +103,26 @@ def test_about_a_fitted_model_the_space_says_what_the_fit_says():
     assert len(exact) == len(found.yardstick.blocks.record)
 
 
-def test_the_kernel_of_squares_says_what_its_twin_says(monkeypatch):
+def test_blocks_left_out_in_the_kernel_are_what_its_twin_and_fits_without_them_say(monkeypatch):
+    """Three parts of two blocks, and one block that no fit saw; five columns used, three free."""
     random = np.random.default_rng(4)
     columns = random.normal(size=(7, 30, 9))
     products = np.einsum("bri,brj->bij", columns, columns)
-    used, factors = np.array([5, 0, 8, 3]), random.normal(size=(7, 4))
-    squares = space.squares_of_blocks(products, used, factors)
+    part = np.array([0, 1, 2, 0, 1, 2, -1])
+    of_parts = np.array([products[part == k].sum(axis=0) for k in range(3)])
+    free, rest = np.array([5, 0, 3]), np.array([8, 2])
+    used, whole = np.concatenate([free, rest]), of_parts.sum(axis=0)
+
+    def fitted(grams):
+        """Residual: both other columns less what the free ones explain of them."""
+        pull = grams[np.ix_(free, rest)].sum(axis=1)
+        return np.append(-np.linalg.solve(grams[np.ix_(free, free)], pull), [1.0, 1.0])
+
+    fit = used, 3, fitted(whole), np.ascontiguousarray(whole[np.ix_(free, free)]), of_parts, part
+    squares = space.squares_left_out(products, *fit)
     monkeypatch.setattr(space, "function", lambda *types: None)
-    np.testing.assert_allclose(
-        squares, space.squares_of_blocks(products, used, factors), rtol=1e-12
-    )
-    by_hand = np.sum(np.einsum("brk,bk->br", columns[:, :, used], factors) ** 2, axis=1)
-    np.testing.assert_allclose(squares, by_hand, rtol=1e-12)
+    np.testing.assert_allclose(squares, space.squares_left_out(products, *fit), rtol=1e-12)
+    for block, own in enumerate(part):
+        without = fitted(whole - of_parts[own] if own >= 0 else whole)
+        error = columns[block][:, used] @ without
+        assert squares[block] == pytest.approx(error @ error, rel=1e-10)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cellwright.numerics.least_squares import best_logarithms, inverse
+from cellwright.numerics import least_squares
+from cellwright.numerics.least_squares import best_logarithms, bounded_minimum, inverse
 from cellwright.numerics.lines import residuals
 
 TIME = np.linspace(0.0, 10.0, 60)
@@ -55,3 +56,20 @@ def test_deviations_do_not_hang_on_the_units_of_parameters():
 def test_what_nothing_tells_of_takes_no_other_parameter_with_it():
     covariance = inverse(np.array([[4.0, 0.0], [0.0, 0.0]]))
     np.testing.assert_allclose(covariance, [[0.25, 0.0], [0.0, 0.0]])
+
+
+@pytest.mark.parametrize("exchanges", [12, 0], ids=["at once", "one by one"])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_minimum_within_bounds_meets_its_conditions(monkeypatch, exchanges, seed):
+    monkeypatch.setattr(least_squares, "EXCHANGES", exchanges)
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(30, 30))
+    precision, moment = root @ root.T + np.eye(30), 20 * random.normal(size=30)
+    low, up = np.full(30, -0.3), np.full(30, 0.2)
+    x = bounded_minimum(precision, moment, low, up)
+    slope = precision @ x - moment
+    inside = (x > low) & (x < up)
+    assert 5 < inside.sum() < 25
+    assert slope[inside] == pytest.approx(0.0, abs=1e-6)
+    assert (slope[x <= low] >= -1e-3).all()
+    assert (slope[x >= up] <= 1e-3).all()

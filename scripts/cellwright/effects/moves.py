@@ -4,7 +4,8 @@ Each raises the sum of the predictive densities, less a price for every effect: 
 worth to be told apart from the effects that could stand in its place.
 """
 
-SHORTLIST = 5  # moves whose densities are made in full, the best by tenths of the blocks
+SHORTLIST = 5  # moves that are asked by all blocks, the best by tenths of them
+NEIGHBOURS = 12  # rivals that are asked, the same way
 ADDED, SWAPPED, PAIRED = 12, 8, 8  # terms that are tried, the most promising first
 LEAST_OF_SWAP = 1.0  # nats: two that differ by less are the same to anyone
 PAIR_Z = 2.0  # standard errors of the gain of two that join at once: they are looked for among many
@@ -84,19 +85,14 @@ def _exactly_tied(one, other):
 
 
 def _best(space, model, now, offers, least_z, fitted):
-    """The offer that gains most, or None; one that only adds must be surely better, too."""
+    """The offer that gains most by tenths of the blocks, of those that gain by all blocks, or None;
+    one that only adds must be surely better, too."""
     offers = {m: least for m, least in offers.items() if space.label(m) not in fitted}
-    order = sorted(offers, key=space.roughly, reverse=True)
-    best, most = None, now
-    for offer in order[:SHORTLIST]:
-        value = space.worth(offer)
-        adds = offer > model
-        if value <= max(most, now + offers[offer]):
-            continue
-        if adds and space.difference(offer, model).z < least_z:
-            continue
-        best, most = offer, value
-    return best
+    for offer in sorted(offers, key=space.roughly, reverse=True)[:SHORTLIST]:
+        gains = space.worth(offer) > now + offers[offer]
+        if gains and not (offer > model and space.difference(offer, model).z < least_z):
+            return offer
+    return None
 
 
 def rivals(space, model, gates, *, barred=(), fitted=()):
@@ -113,7 +109,8 @@ def rivals(space, model, gates, *, barred=(), fitted=()):
     value, mine, offers = space.worth(model), set(space.keys(model)), []
     if not space.inside:
         offers += [frozenset({k}) for k in space.further(space.inside, {*barred, *mine})]
-    for one in _single(space, model, barred):
+    singles = sorted(_single(space, model, barred), key=space.roughly, reverse=True)
+    for one in singles[:NEIGHBOURS]:
         near = value - space.worth(one) < LEAST_OF_SWAP
         if not one > model and one and (near or space.difference(model, one).z < gates.apart):
             offers.append(one)

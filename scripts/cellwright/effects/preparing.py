@@ -20,7 +20,9 @@ from cellwright.records.thinning import (
     STEP_PART,
     averaged_to,
     driven,
+    edge_ampere,
     largest_ampere,
+    rows_of,
     thin,
     without_unsettled,
 )
@@ -32,6 +34,7 @@ KINDS = ("capacity", "hppc", "pulse_resistance", "drive")  # and the slow test o
 JUDGING = ("validation", "split")  # roles of tests that judge
 GRID = np.linspace(0.0, 1.0, 1001)
 GROWTHS = 0.1, 0.2, 0.4  # of the time since a step, to the next row of a steady stretch
+MOST_ROWS = 13_000  # of either side: twice as many take twice as long and name the same
 NOISES = 20.0  # usual changes of a steady reading: no noise steps by so much, heavy tails or not
 EDGE_PART = 200.0  # a change of this part of a record's largest ends a steady stretch
 RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured
@@ -201,15 +204,29 @@ def _thinned(records, capacity_ampere_hour):
         return thin(record, step_ampere=_least_step_ampere(record), **about)
 
     ways = [partial(sparse, growth=growth) for growth in GROWTHS]
-    return averaged_to(records, thinned=ways)
+    return averaged_to(records, most_rows=MOST_ROWS, thinned=ways)
 
 
 def _settled(record):
-    """Record without the rows just after a step of its current; a drive steps all the time."""
+    """Record without the rows just after a step of its current; a drive steps all the time.
+
+    Nor has it rows before its first step where that follows at once: they were sampled in the edge,
+    beside a current that is logged as none, and tell no voltage of a rest.
+    """
     if driven(record.current_ampere):
         return record
+    record = _from_first_load(record)
     step = _least_step_ampere(record)
     return without_unsettled(record, step_ampere=step, settled_second=SETTLED_SECOND)
+
+
+def _from_first_load(record):
+    """Record that begins with its first load where it rests less than `SETTLED_SECOND` before."""
+    time, loaded = record.test_time_second, np.abs(record.current_ampere) > edge_ampere(record)
+    first = int(np.argmax(loaded))
+    if not loaded.any() or first == 0 or time[first] - time[0] >= SETTLED_SECOND:
+        return record
+    return rows_of(record, slice(first, None))
 
 
 def _least_step_ampere(record):

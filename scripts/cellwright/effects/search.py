@@ -48,7 +48,8 @@ EXACT = 4  # models that are fitted exactly from one space
 NEAR = 2  # effects beyond the fitted model, up to which its columns are believed
 MOST_SPACES = 6
 MUCH = 0.25  # of the plain model's error, beyond which the next best models are searched, too
-ROUGHLY = 0.5  # of the usual misfit: a fall of the cost that ends a fit on trial
+# Nats that a step of a fit must be worth, on trial and in earnest: an effect's price is one.
+ROUGHLY, CLOSELY = 0.02, 0.005
 TIED = 3  # effects that are fitted exactly in the place of one
 SHARE_OF_TIE = 0.5  # of the gain of an effect that another must have in its place
 EVEN_STD = 0.95 / 4  # of an even distribution's width: two deviations hold 95 %
@@ -405,10 +406,8 @@ def _fit_model(about, effects, values, *, rows=None, roughly=False):
     if rows is not None:
         whiten = problem.whiten
         problem = problem._replace(whiten=lambda columns: (whiten(columns).T * rows).T)
-    # Nobody acts on a fall of the cost that is small beside the usual misfit.
-    scale = yardstick.scale if np.isfinite(yardstick.scale) else 1.0
-    settled = (ROUGHLY if roughly else case.settled) * scale
-    solution = fit(problem, values, steps=STEPS, settled=settled)
+    settled = (ROUGHLY if roughly else CLOSELY) * yardstick.cost_of_nat
+    solution = fit(problem, values, steps=STEPS, settled=max(settled, case.settled))
     state = case.state(effects, solution, yardstick.filters)
     return Model(free, state, squares_of(state, yardstick.blocks))
 

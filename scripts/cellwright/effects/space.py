@@ -28,6 +28,7 @@ from cellwright.native import array, count, function, integers
 from cellwright.numerics.least_squares import Problem, bounded_minimum, derivatives
 
 RIDGE = 1e-9  # of a column's own square, against rounding
+_KERNEL = (array, integers, array, array, array, integers, array, integers, array, array)
 PARTS = 10  # of the blocks, each left out at once where only an order is asked for
 
 
@@ -79,11 +80,12 @@ class Space:
         self._blocks = np.ascontiguousarray(products.blocks / np.multiply.outer(size, size))
         self._fitted = fitted / np.multiply.outer(size, size)
         self._prior = precision / np.multiply.outer(size, size)[:count, :count]
+        self._whole = self._fitted[:count, :count] + self._prior
         self._pull = self._pull / size[:count]
         self._lower, self._upper = (one * size[:count] for one in limits)
-        self._fits = np.flatnonzero(~products.judges)
+        fits = np.flatnonzero(~products.judges)
         self._part = np.full(len(products.judges), -1)
-        self._part[self._fits] = np.arange(len(self._fits)) % PARTS
+        self._part[fits] = np.arange(len(fits)) % PARTS
         self._parts = np.array([self._blocks[self._part == k].sum(axis=0) for k in range(PARTS)])
         of_terms = {k for one in terms for k in one.columns}
         self._plain = [k for k in range(count) if k not in of_terms]
@@ -108,32 +110,19 @@ class Space:
 
     def squares(self, chosen):
         """Mean square (b,) of the errors of each block, one that was fitted left out of the fit."""
-        at, free = self._minimum(chosen)
-        used = np.concatenate([free, np.setdiff1d(np.flatnonzero(at), free)])
-        blocks = self._blocks[:, used[:, None], used]
-        own = blocks[:, : len(free), : len(free)]
-        slopes = blocks @ at[used]
-        asked, fits = slopes[:, : len(free)], self._fits
-        moved = np.zeros_like(asked)
-        moved[fits] = _solved(self._curvature(free) - own[fits], -asked[fits])
-        # (a − d)' G (a − d) of the columns' factors a and their change d without the block.
-        grown = (own @ moved[:, :, None])[:, :, 0] - 2.0 * asked
-        squares = slopes @ at[used] + np.sum(grown * moved, axis=1)
-        return np.maximum(squares, 0.0) / self._rows
+        each = np.where(self._part < 0, -1, np.arange(len(self._part)))
+        return self._squares(chosen, self._blocks, each)
 
-    def _rough_squares(self, chosen):
-        """The same with a tenth of the fitted blocks left out at a time."""
+    def _squares(self, chosen, of_parts, part):
         at, free = self._minimum(chosen)
-        used = np.concatenate([free, np.setdiff1d(np.flatnonzero(at), free)])
-        left = self._curvature(free) - self._parts[:, free[:, None], free]
-        moved = _solved(left, -(self._parts[:, free] @ at))
-        factors = np.tile(at[used], (len(self._rows), 1))
-        factors[self._fits, : len(free)] -= moved[self._part[self._fits]]
-        return np.maximum(squares_of_blocks(self._blocks, used, factors), 0.0) / self._rows
+        others = np.flatnonzero(at)
+        used = np.concatenate([free, others[~np.isin(others, free)]])
+        fit = used, len(free), at[used], self._curvature(free)
+        return np.maximum(squares_left_out(self._blocks, *fit, of_parts, part), 0.0) / self._rows
 
     def _curvature(self, free):
         """Products of the free columns over all blocks fitted, with the priors (k, k)."""
-        return self._fitted[np.ix_(free, free)] + self._prior[np.ix_(free, free)]
+        return self._whole[free[:, None], free]
 
     def density(self, chosen):
         """Log predictive density (b,) of each block by a model."""
@@ -150,8 +139,10 @@ class Space:
         """The same as an order of many needs it."""
         key = frozenset(chosen)
         if key not in self._sums:
-            squares = None if self._yardstick.by_cost else self._rough_squares(key)
-            density = () if squares is None else self._yardstick.density(squares)
+            density = ()
+            if not self._yardstick.by_cost:
+                tenths = self._squares(key, self._parts, self._part)
+                density = self._yardstick.density(tenths)
             self._sums[key] = self._yardstick.worth(density, self._cost(key), len(key))
         return self._sums[key]
 
@@ -191,14 +182,18 @@ class Space:
     def _falls(self, chosen, barred):
         """Fall of chi-square that each further term promises beside some: dict by number."""
         at, free = self._minimum(chosen)
-        root = np.linalg.inv(self._curvature(free))
+        terms = [
+            k
+            for k, term in enumerate(self.terms)
+            if k not in self.inside and term.effect.key not in barred and self.visible[k]
+        ]
+        alone = self._alone(free)
         slopes, falls = self._fitted @ at, {}
-        for k, term in enumerate(self.terms):
-            if k in self.inside or term.effect.key in barred or not self.visible[k]:
-                continue
-            own, slope = self._alone(term.columns, free, root), slopes[term.columns]
-            x = np.linalg.solve(own, slope)
-            x = np.clip(x, self._lower[term.columns], self._upper[term.columns])
+        for k in terms:
+            columns = self.terms[k].columns
+            own, slope = alone[np.ix_(columns, columns)], slopes[columns]
+            x = slope / own[0] if len(own) == 1 else np.linalg.solve(own, slope)
+            x = np.clip(x, self._lower[columns], self._upper[columns])
             falls[k] = float(2.0 * x @ slope - x @ own @ x)
         return falls
 
@@ -281,39 +276,29 @@ class Space:
         whole[np.diag_indices(len(kept))] += RIDGE
         moment = self._fitted[kept] @ at + self._pull[kept]
         lower, upper = self._lower[kept], self._upper[kept]
-        x = np.linalg.solve(whole, moment)
-        on = np.zeros(len(kept), bool)
-        if np.any((x < lower) | (x > upper)):
-            x = bounded_minimum(whole, moment, lower, upper)
-            on = (x <= lower) | (x >= upper)
+        x = bounded_minimum(whole, moment, lower, upper)
         at[kept] = -x
-        return at, kept[~on]
+        return at, kept[(x > lower) & (x < upper)]
 
-    def _alone(self, columns, free, root):
-        """Products (k, k) of columns once the free ones have followed; root : inverse of theirs."""
-        mixed = self._fitted[np.ix_(columns, free)]
-        own = self._fitted[np.ix_(columns, columns)] + self._prior[np.ix_(columns, columns)]
-        return own - mixed @ root @ mixed.T + RIDGE * np.eye(len(columns))
+    def _alone(self, free):
+        """Products (k, k) of all columns with a factor once the free ones have followed."""
+        mixed = self._fitted[free, : len(self._pull)]
+        own = self._whole + RIDGE * np.eye(len(self._whole))
+        return own - mixed.T @ np.linalg.solve(self._curvature(free), mixed)
 
     def _chi_squares(self):
         """Chi-square of each term at its plausible size, once the plain model's parameters have
         followed; infinite of those of the model: list."""
         free = np.intersect1d(self._minimum(self.inside)[1], self._plain)
-        root = np.linalg.inv(self._curvature(free))
-        seen = []
+        alone, seen = np.diag(self._alone(free)), []
         for k, term in enumerate(self.terms):
             if k in self.inside:
                 seen.append(np.inf)
                 continue
             plausible = [p.plausible for p, _ in sizes_of(term.effect)]
             sizes = np.array(plausible) * self._size[term.columns]
-            seen.append(float(np.max(sizes**2 * np.diag(self._alone(term.columns, free, root)))))
+            seen.append(float(np.max(sizes**2 * alone[term.columns])))
         return seen
-
-
-def _solved(matrices, moments):
-    """Solutions (b, k) of systems (b, k, k) for moments (b, k)."""
-    return np.linalg.solve(matrices, moments[:, :, None])[:, :, 0]
 
 
 def space_of(case, yardstick, state, free, possible, further):
@@ -449,20 +434,32 @@ def _priors(solution, free, terms, count):
     return (precision, pull), (lower, upper)
 
 
-def squares_of_blocks(products, used, factors):
-    """Squares (b,) of combinations of columns by block, from the products of the columns.
+def squares_left_out(blocks, used, free, factors, whole, of_parts, part):
+    """Squares (b,) of a fit's errors by block, each by the fit without the part that holds it.
 
     Parameters
     ----------
-    products : (b, j, j). used : (u,) numbers of the columns. factors : (b, u).
+    blocks : (b, j, j) products of columns by block. used : (u,) numbers of the columns that make up
+    the residual, those with a free factor first. free : how many these are. factors : (u,) of the
+    fit. whole : (free, free) its normal equations. of_parts : (p, j, j) products by part.
+    part : (b,) number of the part of each block, -1: of none, and predicted by the whole fit.
     """
-    kernel = function("block_squares", count, count, count, array, integers, array, array)
-    if kernel is None:
-        return np.einsum("bij,bi,bj->b", products[:, used[:, None], used], factors, factors)
-    squares = np.empty(len(products))
-    shape = len(products), products.shape[1], len(used)
-    kernel(*shape, products, used.astype(np.int64), np.ascontiguousarray(factors), squares)
-    return squares
+    kernel = function("squares_left_out", *[count] * 4, *_KERNEL)
+    if kernel is not None:
+        squares, parts = np.empty(len(blocks)), len(of_parts)
+        scratch = np.empty((parts, len(used))), np.zeros(parts, np.int64), np.empty_like(whole)
+        shape = len(blocks), blocks.shape[1], len(used), free
+        kernel(*shape, blocks, used, factors, whole, of_parts, part, *scratch, squares)
+        return squares
+    asked = np.unique(part[part >= 0])
+    without = of_parts[np.ix_(asked, used, used)]
+    left = whole - without[:, :free, :free]
+    change = np.zeros((len(blocks), len(used)))
+    inside = part >= 0
+    moved = np.linalg.solve(left, -(without[:, :free] @ factors)[:, :, None])[:, :, 0]
+    change[inside, :free] = moved[np.searchsorted(asked, part[inside])]
+    mine = factors - change
+    return np.einsum("bij,bi,bj->b", blocks[:, used[:, None], used], mine, mine)
 
 
 def block_products(columns, block, blocks):

@@ -52,6 +52,14 @@ class Yardstick(NamedTuple):
         """Blocks of both sides: score.Blocks."""
         return self.filters.blocks
 
+    @property
+    def cost_of_nat(self):
+        """Fall of a fit's cost that is worth a nat where it lies in blocks that err as usual."""
+        if self.by_cost:
+            return 2.0
+        fitted = np.sum(self.blocks.fitted >= 0) / max(np.sum(~self.blocks.judges), 1)
+        return 2.0 * fitted * (self.scale if np.isfinite(self.scale) else 1.0)
+
     def finer(self, squares):
         """The yardstick with the scale of a model by its squares, if that is less."""
         usual = float(np.median(squares[~self.blocks.judges]))

@@ -20,6 +20,7 @@ SETTLED = 0.02  # a fall of the cost below this ends the search
 LEAST_DAMPING = 0.1  # of the diagonal, where a step without damping failed: less hardly changes it
 AS_FORESEEN = 0.1  # of a step's fall: the derivatives that foresaw it so closely still hold
 TWO_STDS = 4.0  # standard deviations: so much the cost rises there
+EXCHANGES = 12  # of the bounds that are held, after which they are met one by one
 LEVEL_STEPS = 4  # of a fit beside a parameter that is held, with derivatives that are kept
 
 
@@ -276,21 +277,45 @@ def _damped_step(problem, state, slope, precision, known, damping, settled):
     return state, damping, foreseen
 
 
-def bounded_minimum(precision, moment, lower, upper, start=None):
-    """Minimum of x'Px/2 − m'x between bounds, by the primal active-set method.
+def bounded_minimum(precision, moment, lower, upper):
+    """Minimum of x'Px/2 − m'x between bounds, by active sets: of all bounds at once, which takes
+    two or three solutions, or one by one where that goes round in circles.
 
     Parameters
     ----------
     precision : (k, k) positive definite P. moment : (k,) m. lower, upper : (k,).
-    start : (k,) where the walk begins, zero by default.
 
     Returns
     -------
     x : (k,).
 
-    Source: J. Nocedal, S. Wright, Numerical Optimization, 2nd ed., 2006, algorithm 16.3.
+    Source: M. Hintermüller, K. Ito, K. Kunisch, SIAM J. Optim. 13 (2002) 865, algorithm 1;
+    J. Nocedal, S. Wright, Numerical Optimization, 2nd ed., 2006, algorithm 16.3.
     """
-    x = np.clip(np.zeros(len(moment)) if start is None else start, lower, upper)
+    x = _bounded_at_once(precision, moment, lower, upper)
+    return _bounded_one_by_one(precision, moment, lower, upper) if x is None else x
+
+
+def _bounded_at_once(precision, moment, lower, upper):
+    """The minimum, each bound held that is overstepped, each left that pulls inward; or None."""
+    low = high = np.zeros(len(moment), bool)
+    for _ in range(EXCHANGES):
+        free = np.flatnonzero(~(low | high))
+        x = np.where(low, lower, np.where(high, upper, 0.0))
+        rest = moment[free] - precision[free] @ x
+        x[free] = np.linalg.solve(precision[free[:, None], free], rest)
+        slope = precision @ x - moment
+        before = low, high
+        low = (x < lower) | (low & (slope > 0.0))
+        high = (x > upper) | (high & (slope < 0.0))
+        if np.array_equal(low, before[0]) and np.array_equal(high, before[1]):
+            return x
+    return None
+
+
+def _bounded_one_by_one(precision, moment, lower, upper):
+    """The minimum, from zero or the bound nearest to it, one bound met or left at a time."""
+    x = np.clip(np.zeros(len(moment)), lower, upper)
     held = (x <= lower) | (x >= upper)
     for _ in range(5 * len(x)):
         slope = precision @ x - moment

@@ -15,7 +15,6 @@ WORTH = 0.8  # of the width of a bin, below which the sampling of a record is wo
 # Between wider bins some stretches keep the finest. The first of them is not compared: the quick
 # polarisation there is from a current that was averaged.
 STRETCH_SECOND, SETTLING_SECOND = 90.0, 30.0
-SHARP_BINS = 2.0  # of the finest, up to which bins tell an edge of the current
 
 
 def averaged(record, *, width_second):
@@ -68,11 +67,8 @@ def averaged(record, *, width_second):
 
 
 def _bin_widths(age_second, width_second):
-    """Width of the bin of each row (n,) [s], and whether its stretch of fine ones has just begun.
-
-    Of bins that still tell an edge all are of one width.
-    """
-    if width_second <= SHARP_BINS * FINEST_SECOND:
+    """Width of the bin of each row (n,) [s], and whether its stretch of fine ones has begun."""
+    if width_second <= FINEST_SECOND:
         return np.full(len(age_second), width_second), np.zeros(len(age_second), bool)
     cycle_second = 2.0 * STRETCH_SECOND * width_second / FINEST_SECOND
     into = (age_second + cycle_second / 2.0) % cycle_second
