@@ -49,6 +49,18 @@ def test_a_rule_may_cost_a_quarter_more_than_recorded(changes, more, other):
         assert all(wanted in line and line.startswith("search") for line in lines)
 
 
+@pytest.mark.parametrize(("slower", "dear"), [(1.4, 1), (1.6, 12)])
+def test_a_rule_is_held_against_the_others_of_its_run(slower, dear):
+    """On a machine 1.4 times slower than its calibration says one rule of twelve doubles."""
+    rules = [f"rule_{k}" for k in range(12)]
+    old = {rule: Cost(1, 10.0, 10.0, 100.0) for rule in rules}
+    new = {rule: Cost(1, 10.0 * slower, 10.0, 100.0) for rule in rules}
+    new["rule_3"] = Cost(1, 20.0 * slower, 20.0, 100.0)
+    more, _ = costs.compare(old, new)
+    assert len(more) == dear
+    assert any(line.startswith("rule_3") for line in more)
+
+
 def test_rules_of_milliseconds_may_vary_and_new_ones_are_told():
     dear = {"capacity": OLD["capacity"]._replace(cpu_units=1.4), "new": Cost(1, 9.0, 9.0, 99.0)}
     assert costs.compare(OLD, dear) == ([], ["new: not recorded yet"])
