@@ -1,8 +1,8 @@
 """What the demo's rules cost: CPU over the calibration and peak memory, held against a record.
 
-`units` are CPU seconds over those of `calibration.calibration_second`. On a machine that others use,
-too, that takes half as long again from one minute to the next: what most rules cost more by, up to
-half, is the machine's, and a rule is held against the others of its run.
+`units` are CPU seconds over those of `calibration.calibration_second`. On a machine that others
+use, too, that takes half as long again from one minute to the next: what most rules cost more by,
+up to half, is the machine's, and a rule is held against the others of its run.
 """
 
 import csv

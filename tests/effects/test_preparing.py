@@ -1,4 +1,4 @@
-"""Rows that tell neither a rest nor a settled voltage, at the start of a record and in its edges."""
+"""A row that was sampled in the edge of a record's first load tells no rest."""
 
 import numpy as np
 import pytest
