@@ -113,7 +113,12 @@ def family():
     values |= {f"ocv[{k}]": 0.0 for k in range(16)}
     grid = np.linspace(0.0, 1.0, len(CELL.ocv_volt))
     plain = {"capacity_ampere_hour": CAPACITY, "ocv_soc": grid.tolist(), "values": values}
-    plain |= {"ocv_volt": CELL.ocv_volt.tolist(), "hold": "zero_order", "effects": []}
+    plain |= {
+        "ocv_volt": CELL.ocv_volt.tolist(),
+        "hold": "zero_order",
+        "effects": [],
+        "start_shift_soc": 0.0,
+    }
     table = {"soc": grid.tolist(), "ocv_volt": plain["ocv_volt"]}
     model = {"cell": "A", "capacity_ampere_hour": CAPACITY, "kind": "drive", "notes": []}
     model |= {"ocv": [table | {"ambient_temperature_celsius": 25.0}], "chosen": "2RC"}

@@ -67,6 +67,7 @@ def effect_model(*effects, hold="zero_order", **changed):
         "values": {name: float(value) for name, value in values.items()},
         "std": {"log_r0": 0.01},
         "effects": list(effects),
+        "start_shift_soc": 0.0,
     }
 
 
@@ -269,9 +270,10 @@ def folds_of(given, *changes):
     ]
 
 
-def searched(given, folds):
+def searched(given, folds, shift_soc=0.0):
     """What a search would say that fitted both tests."""
     starts = {"start_soc": {f"D{celsius:g}": 0.95 for celsius in CELSIUS}}
+    starts |= {"start_shift_soc": shift_soc}
     return given | starts | {"folds": [fold | starts for fold in folds]}
 
 
@@ -346,6 +348,10 @@ def test_a_record_begins_at_the_soc_that_was_found_with_the_rest_of_it():
     unknown = searched(given, []) | {"start_soc": {}}
     _, judged = with_effects(model, unknown, tests, conditions)
     assert judged.fit_rmse_volt.min() > 5e-3
+    # What every record begins above the counted SoC is in the member, also for one it never saw.
+    for known in (searched(given, folds_of(given), 0.01), unknown | {"start_shift_soc": 0.01}):
+        _, judged = with_effects(model, known, tests, conditions)
+        assert judged.fit_rmse_volt.max() < 3e-4
 
 
 def test_without_effects_the_family_is_judged_alone():

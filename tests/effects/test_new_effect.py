@@ -125,7 +125,8 @@ def test_a_model_file_holds_it_and_simulates_as_the_search_did():
     stack = measured(1)
     volt = base.voltage(CELL, stack, searched["values"], (NEW,))
     moved = np.cumsum(stack.held_ampere * stack.step_second) / 3600.0 / CELL.capacity_ampere_hour
-    soc = searched["values"]["soc0[0]"] + moved
+    # The member counts from what was stated, as the scale of the search lies beside it.
+    soc = searched["values"]["soc0[0]"] - searched["start_shift_soc"] + moved
     run = simulate_model(model, NAME, stack.second, stack.current_ampere, soc, stack.celsius)
     assert np.abs(run.voltage_volt - volt).max() < 1e-4
 

@@ -13,7 +13,7 @@ from cellwright.effects.given.judged import as_given, judged_blocks
 from cellwright.effects.given.paired import Pairing, paired
 from cellwright.effects.judge import joined, residual_map, unsure_by_temperature, worst
 from cellwright.effects.library.outside import OUTSIDE
-from cellwright.effects.member import folds
+from cellwright.effects.member import folds, shift_of_starts
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import STEPS_OF_HOLD, prepared
@@ -499,10 +499,12 @@ def about_fit(case):
 def model_of(case, state):
     """A fitted model with its effects: all that `base.voltage` needs, with standard deviations.
 
-    Also `about_fit`. start_soc : SoC at the start of each of the records fitted. healthy : effects
-    that are in the plain model already, id and parameters, as healthy cells of the type have them.
+    Also `about_fit`. start_soc : SoC at the start of each of the records fitted. start_shift_soc :
+    by how much these usually lie above what was stated. healthy : effects that are in the plain
+    model already, id and parameters, as healthy cells of the type have them.
     """
     stack = case.fit
+    starts = base.starts_of(case.cell, stack, state.solution.values, state.effects)
     return about_fit(case) | {
         "ocv_soc": np.linspace(0.0, 1.0, len(case.cell.ocv_volt)).tolist(),
         "ocv_volt": np.asarray(case.cell.ocv_volt).tolist(),
@@ -510,7 +512,8 @@ def model_of(case, state):
         "tests": list(case.fit.tests),
         "values": {name: float(value) for name, value in state.solution.values.items()},
         "std": stds(state.solution, parts_of(case.fit)),
-        "start_soc": base.starts_of(case.cell, stack, state.solution.values, state.effects),
+        "start_soc": starts,
+        "start_shift_soc": shift_of_starts(stack, starts),
         "effects": [effect.id for effect in state.effects],
         "healthy": [[key, dict(p)] for key, p in case.healthy],
     }

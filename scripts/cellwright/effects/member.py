@@ -18,7 +18,7 @@ from cellwright.effects.case import extra_volt_of, filters_of, problem_of
 from cellwright.effects.columns import frees_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.library.vocabulary import SLOW_TEST, in_order
 from cellwright.effects.records import NEAR_END, stacked
 from cellwright.identification.choice import FOLDS, score_of
 from cellwright.identification.in_use import (
@@ -48,8 +48,8 @@ def effect_member(effect_model, model, celsius, library=LIBRARY, *, courses=None
     Parameters
     ----------
     effect_model : dict, see `story.result.Finding`: capacity_ampere_hour, ocv_soc, ocv_volt, hold,
-        values, std
-        and effects (ids).
+        values, std, effects (ids), and start_shift_soc, by which its scale of the SoC lies above
+        the counted one.
     model : dict of schema cellwright-model/2, whose capacity and OCV tables it stands beside.
     celsius : temperatures at which it has conditions [degC].
     library : dict of Effect by id, which has the effects of that model.
@@ -189,7 +189,7 @@ def _by_direction(discharge_ohm, charge_ohm):
 
 
 def _probed(searched, celsius, sign, stages=PROBED):
-    """Fields of the model of a search at every knot of SoC, at C/1000 of the sign given.
+    """Fields of the model of a search at every knot of counted SoC, at C/1000 of the sign given.
 
     stages : of the effects that act.
     """
@@ -200,7 +200,8 @@ def _probed(searched, celsius, sign, stages=PROBED):
     stack = stacked(rows, capacity_ampere_hour=capacity, hold=document["hold"])
     ohmic, slow = searched.courses(celsius)
     stack = stack.with_courses(ohmic, slow)
-    starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(KNOTS)}
+    shift = document["start_shift_soc"]
+    starts = {f"soc0[{k}]": float(soc) + shift for k, soc in enumerate(KNOTS)}
     acting = [effect for effect in searched.effects if effect.stage in stages]
     return base.fields_of(cell, stack, document["values"] | starts, acting)
 
@@ -271,8 +272,8 @@ def folds(case, state, noise, *, split_rest_second):
 
     Returns
     -------
-    folds : list of dict: values and start_soc, as in the model; blocks, list of [test, from, until]
-        in seconds of the test. Empty where the records fitted are one block.
+    folds : list of dict: values, start_soc and start_shift_soc, as in the model; blocks, list of
+        [test, from, until] in seconds of the test. Empty where the records fitted are one block.
     """
     numbers, spans = blocks_of_case(case, split_rest_second)
     count = min(FOLDS, len(spans))
@@ -295,8 +296,25 @@ def folds(case, state, noise, *, split_rest_second):
         blocks_of_fold = [span for number, span in enumerate(spans) if number % count == fold]
         values_of_fold = {name: float(value) for name, value in solution.values.items()}
         starts = base.starts_of(case.cell, case.fit, solution.values, state.effects)
-        folds.append({"values": values_of_fold, "start_soc": starts, "blocks": blocks_of_fold})
+        shift = shift_of_starts(case.fit, starts)
+        of_starts = {"start_soc": starts, "start_shift_soc": shift}
+        folds.append({"values": values_of_fold, **of_starts, "blocks": blocks_of_fold})
     return folds
+
+
+def shift_of_starts(stack, starts):
+    """By how much the records of a fit usually begin above the SoC that is stated or counted [1].
+
+    A cell that was charged by CC-CV rests a little below the full end of its slow test, and so do
+    all its records: to whoever uses the model that is how its scale lies beside the counted one.
+
+    Parameters
+    ----------
+    stack : records.Stack of the fit. starts : SoC at the start of each test, see `starts_of`.
+    """
+    rows = zip(stack.tests, stack.kinds, stack.soc_at_start.tolist(), strict=True)
+    above = [starts[test] - stated for test, kind, stated in rows if kind != SLOW_TEST]
+    return float(np.median(above)) if above else 0.0
 
 
 def blocks_of_case(case, rest_second):
@@ -364,7 +382,8 @@ def with_effects(model, effect_model, tests, conditions):
 
     Every block of the records fitted is predicted by the effects' model fitted without that block;
     a record that took no part in the search's fit by the model as it is. A record begins at the SoC
-    that was fitted with the rest of it, as the family's members have its error in their OCV.
+    that was fitted with the rest of it, as the family's members have its error in their OCV; what
+    all records have of that is in the member.
 
     Parameters
     ----------
@@ -412,8 +431,9 @@ def _errors(fitted_record, models, fits):
     record = fitted_record.record
     soc, errors = record.soc, []
     for model, effect_model in zip(models, fits, strict=True):
-        start = effect_model["start_soc"].get(record.test, soc[0])
-        moved = record._replace(soc=soc + (start - soc[0]))
+        start = effect_model["start_soc"].get(record.test)
+        fitted = soc[0] if start is None else start - effect_model["start_shift_soc"]
+        moved = record._replace(soc=soc + (fitted - soc[0]))
         errors.append(errors_of(model, NAME, fitted_record._replace(record=moved)))
     return np.array(errors)
 

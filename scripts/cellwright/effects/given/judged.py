@@ -4,7 +4,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.given.case import at_starts
-from cellwright.effects.member import blocks_of_case
+from cellwright.effects.member import blocks_of_case, shift_of_starts
 from cellwright.numerics.statistics import rms
 
 
@@ -12,7 +12,7 @@ def judged_blocks(case, state, folds, *, split_rest_second):
     """How far the given model errs in each block of the records fitted, with effects and without.
 
     Every voltage begins at the SoC that counting gives at the start of its record, as in use: a
-    start that was fitted to the record is no part of the model.
+    start that was fitted to the record is no part of the model, but what all of them have is.
 
     Parameters
     ----------
@@ -32,13 +32,21 @@ def judged_blocks(case, state, folds, *, split_rest_second):
     numbers, spans = blocks_of_case(case, split_rest_second)
     stack, effects = case.fit, state.effects
     whole, *each = (
-        base.voltage(case.cell, stack, at_starts(values, stack), effects)
+        base.voltage(case.cell, stack, _from_counted(case, values, effects), effects)
         for values in (state.solution.values, *(fold["values"] for fold in folds))
     )
     held_out = np.array(each)[numbers % len(folds), np.arange(len(numbers))]
     volts = {"member": given_volt(case, stack), "with_effects": whole, "left_out": held_out}
     squares = {name: (stack.voltage_volt - volt) ** 2 for name, volt in volts.items()}
     return [_block(stack, span, numbers == k, squares) for k, span in enumerate(spans)]
+
+
+def _from_counted(case, values, effects):
+    """Values with every start as counted and as far beside it as those of a fit usually are."""
+    counted = base.stated_starts(case.fit)
+    starts = base.starts_of(case.cell, case.fit, values, effects)
+    shift = shift_of_starts(case.fit, starts)
+    return values | {name: soc + shift for name, soc in counted.items()}
 
 
 def as_given(case, filters):

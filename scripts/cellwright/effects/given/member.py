@@ -92,7 +92,9 @@ def own_member(effect_model, model, library=LIBRARY):
     if not effect_model["blocks"]:
         raise Refusal("the records fitted are one block: effects cannot be judged without it")
     celsius = _temperatures(origin, effect_model)
-    bare = effect_model | {"values": given["values"], "std": {}, "effects": []}
+    # The member as given stands on the counted scale.
+    plain = {"values": given["values"], "std": {}, "effects": [], "start_shift_soc": 0.0}
+    bare = effect_model | plain
     with_effects, without = (
         effect_member(found, model, celsius, library, courses=courses)
         for found in (effect_model, bare)
