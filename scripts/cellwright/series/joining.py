@@ -1,7 +1,7 @@
 """The readings of one test as one series: files joined, clock and counter continued, sign found.
 
-Cellwright counts charge positive, cyclers disagree. A cell's voltage rises when current is pushed
-in: at once, through its resistance, and slowly, through its state of charge. Both are looked at.
+Cellwright counts charge positive, cyclers disagree: what a file does not tell, its voltage does
+(`sign`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,9 +12,10 @@ import numpy as np
 from cellwright.formats import SIGN_RULE, Reading
 from cellwright.formats.fields import ENERGY, NET, SERIES, counted_share
 from cellwright.refusal import Refusal
-from cellwright.series.cleaning import CLEAN, NO_READING
+from cellwright.series.cleaning import CLEAN
 from cellwright.series.doubts import Doubt, against_counter
 from cellwright.series.repeated import repeated_rows
+from cellwright.series.sign import MAGNITUDES, NO_CURRENT, OPPOSED, Sign, current_sign, is_reading
 from cellwright.series.steps import silent_before
 
 
@@ -150,129 +151,6 @@ def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndar
 
 HOUR = 3600.0  # s
 CONVENTIONS = {"charge_positive": 1, "discharge_positive": -1}
-NO_CURRENT = "no current flows"
-MAGNITUDES = "the current never changes its sign while the voltage shows charge and discharge"
-LONGEST_STEP = 300.0  # [s] beyond it the state of charge, not the resistance, moved the voltage
-
-
-OPPOSED = "voltage and current contradict each other"
-
-
-class Sign(NamedTuple):
-    """Sign of the current according to the data, and how clear it is."""
-
-    sign: int  # +1 charge positive, -1 discharge positive, 0 the data cannot tell
-    evidence: float  # -1 … 1: how far steps and trends agree on it
-    reason: str
-
-
-def current_sign(
-    test_time_second: np.ndarray,
-    current_ampere: np.ndarray,
-    voltage_volt: np.ndarray,
-) -> Sign:
-    """Sign of the current, from steps and trends of the voltage that follow the current.
-
-    1. Steps: where the current changes by more than a tenth of its largest change, the voltage
-       must change in the same direction (its channel may lag by one or two samples). Votes weigh
-       by ΔI·ΔV.
-    2. Trend: over each long stretch of steady current the voltage must move in the direction of
-       the current. Votes weigh by ampere-hours.
-    3. Where both can be asked they must agree: a record of magnitudes, with charge and discharge
-       both positive, does not pass.
-
-    test_time_second, current_ampere, voltage_volt : arrays [s], [A], [V]
-
-    Returns Sign.
-    """
-    readings = test_time_second, current_ampere, voltage_volt
-    good = _readings(*readings)
-    time, current, voltage = readings if good.all() else (x[good] for x in readings)
-    if time.size < 2 or not np.any(current):
-        return Sign(0, 0.0, NO_CURRENT)
-    step, trend = _step_vote(time, current, voltage), _trend_vote(time, current, voltage)
-    # Apart from noise around zero the current is never negative: the instrument may log its size.
-    unsigned = current.min() > -0.02 * current.max()
-    if unsigned and abs(step if np.isnan(trend) else trend) < 0.7:
-        return Sign(0, 0.0, MAGNITUDES)
-    return _verdict(step, trend)
-
-
-def _verdict(step: float, trend: float) -> Sign:
-    """The sign that step vote and trend vote (-1 … 1) agree on; a vote of NaN does not count."""
-    vote_text = f"steps {step:+.2f}, trend {trend:+.2f}".replace("+nan", "none")
-    if np.isnan(step) and np.isnan(trend):
-        return Sign(0, 0.0, "the current neither steps nor moves the voltage")
-    evidence = _agreed(step, trend)
-    alone = np.isnan(step) or np.isnan(trend)  # then it has to be clearer
-    if abs(evidence) < (0.9 if alone else 0.8):
-        return Sign(0, evidence, f"{OPPOSED} ({vote_text})")
-    return Sign(int(np.sign(evidence)), evidence, vote_text)
-
-
-def _agreed(step: float, trend: float) -> float:
-    """Mean of step vote and trend vote (-1 … 1); 0 where they differ in sign.
-
-    Where the tester sets the voltage (holds, dithers), it does not follow the steps of the current:
-    where the step vote is unclear, a unanimous trend alone decides.
-    """
-    if np.isnan(step) or np.isnan(trend):
-        return float(np.nansum([step, trend]))
-    if abs(step) < 0.5 and abs(trend) > 0.9:
-        return trend
-    return 0.5 * (step + trend) if step * trend > 0 else 0.0
-
-
-def _step_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> float:
-    """Σ ΔI·ΔV over Σ |ΔI·ΔV| (-1 … 1) at the steps of the current, at the best lag of channels."""
-    change, moved = np.diff(current), np.diff(voltage)
-    least = max(0.1 * np.abs(change).max(), 0.05 * np.abs(current).max())
-    rows = np.flatnonzero(np.abs(change) > least)
-    rows = rows[np.diff(time)[rows] < LONGEST_STEP]
-    # Samples by which the voltage's channel may lag that of the current.
-    sums = np.array([_lagged(change, moved, rows, lag) for lag in (0, -1, 1, 2)])
-    best = np.argmax(np.abs(sums[:, 0]) * (1, 0.5, 0.5, 0.5))  # no lag, unless one fits far better
-    agreed, total = sums[best]
-    return float(agreed / total) if total > 0 else np.nan
-
-
-def _lagged(change: np.ndarray, moved: np.ndarray, rows: np.ndarray, lag: int) -> tuple:
-    """Σ ΔI·ΔV and Σ |ΔI·ΔV| [AV] with the voltage `lag` samples behind the current."""
-    paired = rows[(rows + lag >= 0) & (rows + lag < moved.size)]
-    product = change[paired] * moved[paired + lag]
-    return product.sum(), np.abs(product).sum()
-
-
-def _trend_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> float:
-    """Share of the charge (-1 … 1) of long steady currents that the voltage moves along with.
-
-    NaN where such stretches carry less than half of the charge: a drive cycle has no trend.
-    """
-    start, end = _stretches(time, current)
-    charge = current[start] * (time[end] - time[start])
-    moved = voltage[end] - voltage[start]
-    interval = np.diff(time)
-    flowed = 0.5 * np.abs(current[1:] + current[:-1]) * np.abs(interval)
-    # In less than 100 s the resistance's relaxation hides the state of charge.
-    long = (time[end] - time[start] > 100.0) & (moved != 0)
-    weight = np.abs(charge[long]).sum()
-    if weight <= 0.4 * flowed[interval < LONGEST_STEP].sum():  # half, less the fifth left out below
-        return np.nan
-    return float(np.sum(charge[long] * np.sign(moved[long])) / weight)
-
-
-def _stretches(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and last rows of the stretches of steady current, past the first fifth's relaxation."""
-    steps = np.abs(np.diff(current)) > 0.05 * np.abs(current).max()
-    breaks = np.flatnonzero(steps | (np.diff(time) > LONGEST_STEP)) + 1
-    first = np.concatenate([[0], breaks])
-    length = np.diff(np.concatenate([first, [time.size]]))
-    level = np.repeat(current[first + np.minimum(2, length - 1)], length)
-    # A hold's taper is no step, but no steady current either: a stretch ends where it begins.
-    steady = np.abs(current - level) < 0.1 * np.abs(level)
-    end = np.maximum.reduceat(np.where(steady, np.arange(time.size), 0), first)
-    end = np.maximum(end, first)
-    return first + (end - first) // 5, end
 
 
 def charge_positive(
@@ -376,7 +254,7 @@ def _held_against_energy(columns):
         return columns
     kept = {name: values for name, values in columns.items() if name != ENERGY}
     time, current, voltage = (columns[name] for name in SERIES)
-    good = _readings(time, current, voltage) & np.isfinite(energy)
+    good = is_reading(time, current, voltage) & np.isfinite(energy)
     good = slice(None) if good.all() else np.flatnonzero(good)
     time, power, energy = time[good], (current * voltage)[good], energy[good]
     moved = np.diff(energy)
@@ -389,12 +267,6 @@ def _held_against_energy(columns):
     found = np.zeros(len(current), np.int16)
     found[good] = np.where(against_counter(time, power, energy, apart), Doubt.ENERGY, 0)
     return kept | {"doubt": found} if found.any() else kept
-
-
-def _readings(time, current, voltage):
-    """Rows that are readings, not marks for none."""
-    good = np.isfinite(time) & (np.abs(current) < NO_READING)
-    return good & (np.abs(voltage) < NO_READING)
 
 
 def _notes(reading, index, files):
