@@ -52,7 +52,7 @@ def test_steps_are_taken_as_result_or_as_table():
 def test_a_missing_column_is_named():
     with pytest.raises(cw.Refusal, match="no column voltage_volt; there are test_time_second"):
         cw.clean({"test_time_second": [0.0, 1.0], "current_ampere": [0.0, 0.0]})
-    with pytest.raises(cw.Refusal, match="charge_ampere_hour; `clean` adds it"):
+    with pytest.raises(cw.Refusal, match="charge_ampere_hour; `clean` makes it"):
         cw.segment(record(), CELL)
 
 

@@ -37,6 +37,13 @@ def test_a_fade_is_found_from_columns_and_from_a_frame():
     assert row["soh"] == pytest.approx(found.summary["soh"], abs=0.005)
 
 
+def test_a_fade_of_capacities_says_what_it_wants():
+    """Results of `capacity` look like cycles, and are of tests far apart."""
+    row = {"direction": ["discharge"], "c_rate": [1.0], "capacity_ampere_hour": [2.9]}
+    with pytest.raises(cw.Refusal, match=r"start_time_second.*; `ageing_cycles` makes it"):
+        cw.fade([({"test": "capacity_25C", "kind": "capacity"}, row, None)], CELL)
+
+
 def test_temperature_is_taken_out_of_a_fade():
     """Of a room that goes up and down by 3 K within the twelve cycles of a day."""
     columns = cycles_of(4e-4, warmer=lambda cycle: 3 * np.sin(2 * np.pi * cycle / 12))

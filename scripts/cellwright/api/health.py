@@ -22,7 +22,7 @@ def fade(records, cell, settings=None, **changes):
     ready = []
     for test, cycles, temperature in records:
         facts = inputs.test_facts(test)
-        columns = inputs.columns(getattr(cycles, "rows", cycles))
+        columns = inputs.columns(getattr(cycles, "rows", cycles), *lives.COLUMNS)
         pair = _pair(temperature, "cycles")
         # A room that warms by a few kelvin over a year looks like a cell that ages more slowly.
         shift = {} if pair is None else lives.temperature_shift(*pair)

@@ -16,6 +16,10 @@ MODEL = ("cell", "capacity_ampere_hour", "ocv", "members", "chosen")
 BASIS = ("capacity_ampere_hour", "ocv")
 
 
+# Steps of the method that make a column which others lack.
+MADE_BY = {"charge_ampere_hour": "clean", "start_time_second": "ageing_cycles"}
+
+
 def columns(series, *needed) -> dict:
     """Columns by name, (n,) arrays, of a DataFrame, a mapping, or a result with columns.
 
@@ -26,8 +30,10 @@ def columns(series, *needed) -> dict:
     arrays = {str(name): np.asarray(values) for name, values in _by_name(series).items()}
     lacking = [name for name in needed if name not in arrays]
     if lacking:
-        hint = "; `clean` adds it" if lacking == ["charge_ampere_hour"] else ""
-        raise Refusal(f"no column {', '.join(lacking)}{hint}; there are {', '.join(arrays)}")
+        made = [f"; `{MADE_BY[name]}` makes it" for name in lacking if name in MADE_BY][:1]
+        raise Refusal(
+            f"no column {', '.join(lacking)}{''.join(made)}; there are {', '.join(arrays)}"
+        )
     sizes = {name: len(values) for name, values in arrays.items() if values.ndim}
     if len(set(sizes.values())) > 1:
         raise Refusal(f"columns of different lengths: {sizes}")
