@@ -4,7 +4,7 @@
    are made there, and once more at the first model with effects; then they are frozen.
 2. About the best model so far a space of further ones is made (`space`). Moves in it lead to the
    set that predicts best (`moves`).
-3. That set and its rivals, three at most, are fitted exactly. About the best of all fitted so far
+3. That set and its rivals, four at most, are fitted exactly. About the best of all fitted so far
    the next space is made, until no set is better.
 4. Each effect of the model is held against exact fits without it, and with others in its place.
    What is not worth its price goes.
