@@ -1,5 +1,7 @@
 """What stays in a model once all are fitted exactly, and what has no name in the end."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from small_plant import HEALTHY, Truth, case, names_of, searched
@@ -10,6 +12,7 @@ from cellwright.effects.finding import ranking_of
 from cellwright.effects.floor import fallen_volt
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.score import Difference
+from cellwright.effects.search import Model, _About, _best
 from cellwright.effects.state import Yardstick
 from cellwright.effects.story.sizes import Fitted, has_size
 from cellwright.effects.verdict import outcome
@@ -128,3 +131,23 @@ def test_where_a_branch_has_a_price_the_cost_decides():
     assert with_it > without
     assert by_cost.worth((), 1050.0, 1) < without
     assert Yardstick(None).worth([-3.0, -2.0], 0.0, 2) == -7.0
+
+
+def test_a_model_that_errs_more_on_what_judges_than_the_plain_one_is_not_the_best():
+    """It follows nine blocks closely and misses one by half a volt, as behind an empty end."""
+
+    def model(volt, squares):
+        state = SimpleNamespace(
+            effects=(), solution=SimpleNamespace(cost=0.0), validation_rmse_volt=volt
+        )
+        return Model((), state, np.array(squares, float))
+
+    plain = model(0.06, [40.0] * 10)
+    misses = model(0.16, [4.0] * 9 + [900.0])
+    follows = model(0.05, [20.0] * 10)
+    models = {(): plain, ("misses",): misses, ("follows",): follows}
+    about = _About(None, {}, (), Yardstick(None, scale=1.0))
+    assert _best(about, models) is misses
+    about = about._replace(most_volt=0.061)
+    assert _best(about, models) is follows
+    assert _best(about, {("misses",): misses}) is misses  # where there is no other

@@ -199,13 +199,15 @@ class Found(NamedTuple):
 
 class _About(NamedTuple):
     """What every fit of a search needs. free : of the plain model. level : Free of delays of which
-    the readings tell an interval alone, see `_centre_delays`."""
+    the readings tell an interval alone, see `_centre_delays`. most_volt : by which a model may err
+    on the records that judge, see `_best`."""
 
     case: object
     possible: dict
     free: tuple
     yardstick: object
     level: tuple = ()
+    most_volt: float = np.inf
 
 
 def joins(gain, gates):
@@ -238,6 +240,8 @@ def search(case, library):
     for again in (True, False):
         about, residual = _estimate_noise(about, plain, first=again)
     plain = _fit_model(about, (), plain.state.solution.values)
+    most_volt = plain.state.validation_rmse_volt + case.gates.material_volt
+    about = about._replace(most_volt=most_volt)
     climb = _Climb(_by_scale_of(about, plain), plain)
     climb.floor = climb.floor_of(residual)
     return _conclude(_climb(climb))
@@ -251,7 +255,8 @@ def resume_without(found, ruled_out):
     found : Found. ruled_out : keys of the effects.
     """
     possible = {key: e for key, e in found.possible.items() if key not in ruled_out}
-    about = _About(found.case, possible, found.plain.free, found.yardstick)
+    most_volt = found.first.validation_rmse_volt + found.case.gates.material_volt
+    about = _About(found.case, possible, found.plain.free, found.yardstick, (), most_volt)
     climb = _Climb(about, found.plain)
     climb.first, climb.made, climb.floor = found.spaces[0], [()], found.floor
     climb.denied = set(found.denied) | set(ruled_out)
@@ -276,8 +281,17 @@ def _conclude(climb):
 
 
 def _best(about, models):
-    """The model that predicts best of those that were fitted."""
-    return max(models.values(), key=lambda model: worth(model, about.yardstick))
+    """The model that predicts best of those that were fitted.
+
+    None that errs more on the records that judge than the plain one, by what anyone acts on: of few
+    blocks that it misses by half a volt, such as behind an empty end, the score makes little.
+    """
+    fair = [m for m in models.values() if m.state.validation_rmse_volt <= about.most_volt]
+    return _most_worth(about, fair or models.values())
+
+
+def _most_worth(about, models):
+    return max(models, key=lambda model: worth(model, about.yardstick))
 
 
 def _by_scale_of(about, model):
@@ -315,7 +329,7 @@ class _Climb:
             return None
         if best.keys in self.made and len(self.made) > 1 and not self._leaves_much(best):
             return None
-        return _best(self.about, others)
+        return _most_worth(self.about, others.values())
 
     def _leaves_much(self, model):
         """Whether a model leaves more than anyone would accept, and a fair part of the plain one's
