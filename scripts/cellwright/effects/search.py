@@ -414,14 +414,17 @@ def _fit_model(about, effects, values, *, rows=None, roughly=False):
     effects, free = in_order(effects, about.possible), about.free
     for effect in effects:
         free = case.with_effect(free, effect)
-    level = {one.name: one for one in about.level}
-    free = tuple(level.get(one.name, one) for one in free)
+    known = {one.name: one for one in about.level}
+    free = tuple(known.get(one.name, one) for one in free)
     problem = case.problem(effects, free, yardstick.filters)
     if rows is not None:
         whiten = problem.whiten
         problem = problem._replace(whiten=lambda columns: (whiten(columns).T * rows).T)
     settled = (ROUGHLY if roughly else CLOSELY) * yardstick.cost_of_nat
-    solution = fit(problem, values, steps=STEPS, settled=max(settled, case.settled))
+    # Of a delay even rows tell an interval over which the cost is level: that takes its minimum.
+    delayed = any(effect.hold_imitates for effect in effects)
+    settled = case.settled if delayed else max(settled, case.settled)
+    solution = fit(problem, values, steps=STEPS, settled=settled)
     state = case.state(effects, solution, yardstick.filters)
     return Model(free, state, squares_of(state, yardstick.blocks))
 
