@@ -305,8 +305,8 @@ def folds(case, state, noise, *, split_rest_second):
 def shift_of_starts(stack, starts):
     """By how much the records of a fit usually begin above the SoC that is stated or counted [1].
 
-    A cell that was charged by CC-CV rests a little below the full end of its slow test, and so do
-    all its records: to whoever uses the model that is how its scale lies beside the counted one.
+    A cell that was charged by CC-CV rests a little below the full end of its slow test, and all its
+    records begin there. Whoever uses the model counts from full: its scale is moved by so much.
 
     Parameters
     ----------
@@ -382,8 +382,8 @@ def with_effects(model, effect_model, tests, conditions):
 
     Every block of the records fitted is predicted by the effects' model fitted without that block;
     a record that took no part in the search's fit by the model as it is. A record begins at the SoC
-    that was fitted with the rest of it, as the family's members have its error in their OCV; what
-    all records have of that is in the member.
+    that was fitted with the rest of it, as the family's members have its error in their OCV. The
+    member's own scale holds what the starts of all records have in common.
 
     Parameters
     ----------

@@ -199,8 +199,8 @@ class Found(NamedTuple):
 
 class _About(NamedTuple):
     """What every fit of a search needs. free : of the plain model. level : Free of delays of which
-    the readings tell an interval alone, see `_centre_delays`. most_volt : by which a model may err
-    on the records that judge, see `_best`."""
+    the readings tell an interval alone, see `_centre_delays`. most_volt : the largest
+    error of a model on the records that judge, see `_best`."""
 
     case: object
     possible: dict
@@ -283,14 +283,16 @@ def _conclude(climb):
 def _best(about, models):
     """The model that predicts best of those that were fitted.
 
-    None that errs more on the records that judge than the plain one, by what anyone acts on: of few
-    blocks that it misses by half a volt, such as behind an empty end, the score makes little.
+    A model that errs more than the plain one on the records that judge, by more than anyone would
+    accept (`material_volt`), is not taken: the score has heavy tails, and a few blocks that are
+    missed by half a volt, below an empty end, hardly lower it.
     """
     fair = [m for m in models.values() if m.state.validation_rmse_volt <= about.most_volt]
     return _most_worth(about, fair or models.values())
 
 
 def _most_worth(about, models):
+    """The model of the largest worth, however it errs."""
     return max(models, key=lambda model: worth(model, about.yardstick))
 
 

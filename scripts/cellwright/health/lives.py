@@ -9,8 +9,11 @@ from cellwright.numerics.statistics import robust_std
 from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 
-COLUMNS = ("cycle", "direction", "start_time_second", "capacity_ampere_hour", "energy_watt_hour")
-COLUMNS += ("coulombic_efficiency", "c_rate")  # of stage `ageing_cycles`, that a life is made of
+# Columns of stage `ageing_cycles` that a life is made of.
+COLUMNS = (
+    *("cycle", "direction", "start_time_second", "c_rate"),
+    *("capacity_ampere_hour", "energy_watt_hour", "coulombic_efficiency"),
+)
 NEIGHBOURS = 4  # discharges on each side of which the median tells what one should be
 
 

@@ -11,8 +11,9 @@ from cellwright.numerics.statistics import rms
 def judged_blocks(case, state, folds, *, split_rest_second):
     """How far the given model errs in each block of the records fitted, with effects and without.
 
-    Every voltage begins at the SoC that counting gives at the start of its record, as in use: a
-    start that was fitted to the record is no part of the model, but what all of them have is.
+    Every voltage begins at the SoC that counting gives at the start of its record, as in use. A
+    start that was fitted to one record is no part of the model; by how much the fitted starts of
+    all records usually lie beside the counted ones is.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ def judged_blocks(case, state, folds, *, split_rest_second):
 
 
 def _from_counted(case, values, effects):
-    """Values with every start as counted and as far beside it as those of a fit usually are."""
+    """Values with every start as counted, moved by the usual distance of the fitted starts."""
     counted = base.stated_starts(case.fit)
     starts = base.starts_of(case.cell, case.fit, values, effects)
     shift = shift_of_starts(case.fit, starts)
