@@ -14,7 +14,7 @@ with artefact.Job(snakemake, output.ingest) as reading:
 with artefact.Job(snakemake, output.clean, output.flags, after=reading) as cleaning:
     # A group has another rating and other cut-offs than its first cell, whose facts it is given.
     cell = None if params.channels else params.cell
-    found = cw.clean(cleaning.load(output.ingest), params.clean, cell=cell)
+    found = cw.clean(cleaning.load(output.ingest), params.clean, cell=cell, test=params.test)
     cleaning.note(*found.notes)
     cleaning.save(found.columns, output.clean)
     cleaning.save(found.actions, output.flags)

@@ -11,7 +11,7 @@ with artefact.Job(snakemake, output.spectrum) as reading:
     found = cw.read(file, **how, largest_megabyte=largest)
     reading.save(found.columns, instrument=found.instrument[0])
 with artefact.Job(snakemake, *output[1:], after=reading) as job:
-    found = cw.impedance(job.load(output.spectrum), params.settings)
+    found = cw.impedance(job.load(output.spectrum), params.settings, cell=params.cell)
     job.note(*found.notes)
     job.save(found.rows, output.fit)
     job.save(found.curve, output.curve)

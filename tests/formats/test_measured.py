@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cellwright import formats
-from cellwright.formats.physics import clock_to_counter_ratio
+from cellwright.formats.physics import charge_by_clock_and_counter, unit_by_pace
 
 
 def reading(path):
@@ -67,7 +67,8 @@ def test_panasonic_ohmic_resistance(shared, file, milliohm):
 def test_clock_and_counter_agree(shared, file):
     columns = reading(shared / "campaigns" / file).columns
     names = ("test_time_second", "current_ampere", "net_capacity_ampere_hour")
-    assert clock_to_counter_ratio(*(columns[n] for n in names)) == pytest.approx(1, abs=0.01)
+    expected, seen = charge_by_clock_and_counter(*(columns[n] for n in names))
+    assert expected / seen == pytest.approx(1, abs=0.01)
 
 
 def test_leaf_with_and_without_header(shared):
@@ -78,3 +79,16 @@ def test_leaf_with_and_without_header(shared):
         assert (
             2.9 < found.columns["voltage_volt"].min() < found.columns["voltage_volt"].max() < 4.25
         )
+
+
+@pytest.mark.parametrize(
+    ("apart", "unit"),
+    [
+        *((1.0, "s"), (0.1, "s"), (60.0, "s"), (10.0, "s"), (0.001, "s"), (1000.0, "s")),
+        *((1 / 3600, "h"), (10 / 3600, "h"), (20 / 86400, "d"), (1 / 86400, "d"), (1 / 60, "")),
+        *((0.37, "s"), (7.0, "s")),
+    ],
+)
+def test_the_unit_of_a_clock_without_one_is_told_by_its_pace(apart, unit):
+    clock = np.round(np.arange(200) * apart, 9)
+    assert unit_by_pace(clock) == unit

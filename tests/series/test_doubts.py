@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cellwright.refusal import Refusal
 from cellwright.series.cleaning import clean
 from cellwright.series.doubts import Doubt, beyond_cutoffs, drawn_beyond, in_words
 
@@ -129,3 +130,46 @@ def test_flags_are_said_in_words_of_the_rows_they_touch():
     doubt = np.array([0, Doubt.CLOCK, 0, Doubt.SIGN | Doubt.CLOCK])
     assert in_words(doubt, slice(0, 1)) == in_words(None) == ""
     assert in_words(doubt).count(";") == 1
+
+
+@pytest.mark.parametrize(
+    ("stated", "told"), [(25.0, False), (20.0, False), (-20.0, True), (None, False)]
+)
+def test_a_chamber_that_the_thermometer_never_comes_near_is_told(columns, stated, told):
+    columns["surface_temperature_celsius"] = np.linspace(27.0, 31.0, len(columns["voltage_volt"]))
+    found = flags(columns, ambient_temperature_celsius=stated)
+    assert (Doubt.CHAMBER in found) == told
+
+
+def test_a_thermometer_that_shows_zero_for_a_stretch_shows_nothing(columns):
+    celsius = np.full(len(columns["voltage_volt"]), 27.8)
+    celsius[200:500] = 0.0
+    columns["surface_temperature_celsius"] = celsius
+    cleaned = clean(columns).columns
+    assert np.nanmean(cleaned["surface_temperature_celsius"]) == pytest.approx(27.8)
+    assert in_words(cleaned["doubt"], slice(100, 600)).endswith("for a while (60% of the rows)")
+    assert not in_words(cleaned["doubt"], slice(0, 190))
+
+
+def test_a_cell_that_cools_through_zero_keeps_its_temperature(columns):
+    rows = len(columns["voltage_volt"])
+    columns["surface_temperature_celsius"] = np.round(np.linspace(20.0, -20.0, rows))
+    assert np.isfinite(clean(columns).columns["surface_temperature_celsius"]).all()
+    assert not flags(columns, ambient_temperature_celsius=-20.0)
+
+
+def test_a_thermometer_read_every_few_rows_is_in_no_doubt(columns):
+    celsius = np.full(len(columns["voltage_volt"]), np.nan)
+    celsius[::30] = 25.0
+    columns["surface_temperature_celsius"] = celsius
+    assert not flags(columns)
+
+
+@pytest.mark.parametrize(("factor", "said"), [(60, "minutes"), (3600, "hours"), (86400, "days")])
+def test_a_clock_in_another_unit_is_told_by_rating_and_cut_offs(columns, factor, said):
+    slower = without_counter(columns) | {"test_time_second": columns["test_time_second"] / factor}
+    low, high = columns["voltage_volt"].min(), columns["voltage_volt"].max()
+    about = {"rated_capacity_ampere_hour": 2.5, "cutoffs_volt": (low, high)}
+    with pytest.raises(Refusal, match=f"{said} read as seconds"):
+        clean(slower, **about)
+    assert not flags(columns, **about)

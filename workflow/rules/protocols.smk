@@ -203,6 +203,7 @@ rule impedance:
         largest_megabyte=config["files"]["largest_megabyte"],
         settings=config["impedance"],
         test=test_facts,
+        cell=cell_facts,
     message:
         "Read the spectrum {wildcards.cell} {wildcards.test} and fit {params.settings[circuit]} to it."
     script:

@@ -168,8 +168,12 @@ def cutoffs(cell) -> dict:
 def ratings(cell) -> dict:
     """Rated capacity [Ah] and limits of a cell's voltage [V] as keywords."""
     # Blank in the sheet is None: each step says itself what it can do without.
-    rated = cell_facts(cell).rated_capacity_ampere_hour
-    return {"rated_capacity_ampere_hour": rated, **cutoffs(cell)}
+    return {"rated_capacity_ampere_hour": rating(cell), **cutoffs(cell)}
+
+
+def rating(cell) -> float | None:
+    """Rated capacity of a cell [Ah], None where not stated."""
+    return cell_facts(cell).rated_capacity_ampere_hour
 
 
 def measured(test, series, needed=NAMES):

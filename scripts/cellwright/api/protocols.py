@@ -304,12 +304,13 @@ def ica_life(series, steps, cycles, *, prominence=ICA.prominence, most=30):
     return results.Result({"rows": rows, "curves": curves}, notes=tuple(notes))
 
 
-def impedance(spectrum, settings=None, **changes):
+def impedance(spectrum, settings=None, *, cell=None, **changes):
     """One spectrum analysed: Kramers-Kronig test, circuit fit, distribution of relaxation times.
 
     spectrum : DataFrame or columns: frequency_hertz [Hz], impedance_real_ohm and
         impedance_imaginary_ohm [ohm], (n,) each.
-    settings : `settings.Impedance`.
+    settings : `settings.Impedance`. cell : its rating is held against the impedance; None: it is
+        not.
 
     Raises Refusal: an unknown circuit, too few points, or none that can be trusted.
     Source: thesis 3.2; docs/impedance.md.
@@ -323,6 +324,7 @@ def impedance(spectrum, settings=None, **changes):
         # The imaginary part has its sign: capacitive arcs are negative.
         columns[names[1]] + 1j * columns[names[2]],
         temperature_celsius=columns.get("surface_temperature_celsius"),
+        rated_capacity_ampere_hour=None if cell is None else inputs.rating(cell),
         **inputs.settings_of(Impedance, settings, changes)._asdict(),
     )
     # The row is the table of the step; curves of fit, test and distribution stand beside it.

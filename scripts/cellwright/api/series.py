@@ -42,10 +42,8 @@ def read(
     # Files are joined in the order given: their clocks often begin anew, so they cannot be sorted.
     parts = source if isinstance(source, list) else [source]
     files = [_named_bytes(part, name, largest_megabyte) for part in parts]
-    readings = [
-        formats.read(data, name=called, instrument=instrument, largest_megabyte=largest_megabyte)
-        for called, data in files
-    ]
+    how = {"instrument": instrument, "largest_megabyte": largest_megabyte}
+    readings = formats.read_together(files, **how)
     about = {"kind": kind, "instrument": [reading.instrument for reading in readings]}
     if kind == "series":
         joined = assemble(readings, stated_sign=current_sign)
@@ -90,15 +88,17 @@ def _named_bytes(part, name, largest_megabyte):
     return str(part), gate.content_at(part, largest_megabyte=largest_megabyte)
 
 
-def clean(series, settings=None, *, cell=None, **changes):
+def clean(series, settings=None, *, cell=None, test=None, **changes):
     """A series without corrupt samples and with its charge [Ah], and the list of flagged samples.
 
     series : without charge_ampere_hour; further columns are kept. settings : `settings.Clean`.
     cell : its rating and cut-offs are held against what the record shows; None: they are not.
+    test : its ambient_temperature_celsius is held against the record's own thermometer.
 
     Returns columns, with charge_ampere_hour [Ah] and, where rows contradict each other, doubt,
     flags of `series.doubts.Doubt`; actions: one a flag. Raises Refusal: fewer than
-    two samples are left. Source: thesis ch. 5.2 and table 5.1; docs/cleaning.md.
+    two samples are left, or the charge is off the rating by the factor of a unit.
+    Source: thesis ch. 5.2 and table 5.1; docs/cleaning.md.
     """
     from cellwright.series.cleaning import clean as cleaned
 
@@ -106,7 +106,9 @@ def clean(series, settings=None, *, cell=None, **changes):
     known = {} if cell is None else inputs.ratings(cell)
     rated, limits = known.get("rated_capacity_ampere_hour"), (known.get(n) for n in inputs.CUTOFFS)
     columns = inputs.columns(series, *inputs.NAMES)
+    celsius = None if test is None else inputs.test_facts(test).ambient_temperature_celsius
     about = {"rated_capacity_ampere_hour": rated, "cutoffs_volt": tuple(limits)}
+    about["ambient_temperature_celsius"] = celsius
     cleaning = cleaned(columns, **about, **options._asdict())
     tables = {"columns": cleaning.columns, "actions": cleaning.actions}
     return results.Result(tables, notes=tuple(cleaning.notes))

@@ -4,6 +4,7 @@ The caller hands the bytes: nothing here opens a file. The sign of the current i
 series.joining turns it.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +51,7 @@ class Reading(NamedTuple):
     kind: str  # "series" or "impedance"
     notes: tuple[str, ...] = ()  # what was left out of the file, in sentences
     sign: int = 0  # 1 or -1: the current's, as the file's own counters or letters tell it
+    dates: tuple[str, ...] = ()  # formats in which its dates can be read, the one taken first
 
 
 def read(
@@ -58,6 +60,7 @@ def read(
     name: str,
     instrument: str | None = None,
     largest_megabyte: float | None = None,
+    date_format: str | None = None,
 ) -> Reading:
     """Read one file of an instrument.
 
@@ -72,6 +75,8 @@ def read(
         Reader to use; blank or None: found from the content.
     largest_megabyte : float, optional
         To which the file may unpack [MB]; None: the default of `settings.Files`.
+    date_format : str, optional
+        One of those that a `Reading` found: the one in which the file's dates are written.
 
     Returns
     -------
@@ -89,9 +94,43 @@ def read(
     try:
         content = _admitted(data, largest_megabyte)
         reader = _known(instrument) if instrument else detect(content)
-        return _checked(reader, *_read(reader, content))
+        return _checked(reader, *_read(reader, content, date_format))
     except Refusal as reason:
         raise Refusal(f"{name}: {reason}") from None
+
+
+def read_together(files, **how) -> list[Reading]:
+    """Read the files of one test: day first or month first is one decision for all of them.
+
+    files : (name for messages, data) each, in time order. how : as of `read`.
+
+    12/03 and 13/03 are two days in March: the format is taken that all files can have, in which
+    they follow one another, and soonest.
+    """
+    readings = [read(data, name=name, **how) for name, data in files]
+    dated = [reading.dates for reading in readings if reading.dates]
+    common = [form for form in dated[0] if all(form in forms for forms in dated)] if dated else []
+    first = {forms[0] for forms in dated}
+    if len(dated) < 2 or not common or max(map(len, dated)) < 2 or first == {*common}:
+        return readings
+    ways = [
+        readings
+        if first == {form}
+        else [
+            read(data, name=name, date_format=form if reading.dates else None, **how)
+            for (name, data), reading in zip(files, readings, strict=True)
+        ]
+        for form in common
+    ]
+    return min(ways, key=_apart)
+
+
+def _apart(readings):
+    """Whether files begin before the one before them ends, and seconds from first to last date."""
+    dates = [r.columns["unix_time_second"] for r in readings if "unix_time_second" in r.columns]
+    ends = [(np.nanmin(unix), np.nanmax(unix)) for unix in dates]
+    behind = any(after[0] < before[1] - 2.0 for before, after in pairwise(ends))
+    return behind, ends[-1][1] - ends[0][0]
 
 
 def read_simulated(
@@ -172,17 +211,20 @@ def _known(instrument: str) -> str:
     return instrument
 
 
-def _read(reader: str, data: bytes | Content):
-    """Columns of a file by the reader of a name, notes, and the sign that letters give it."""
+def _read(reader: str, data: bytes | Content, date_format):
+    """Columns of a file by the reader of a name, notes, sign by its letters, formats of dates."""
     if reader in MODULES:
         found = MODULES[reader].read(data if reader in IN_BLOCKS else whole_of(data))
         return (*found, 0) if isinstance(found, tuple) else (found, (), 0)
-    return text_table.read(TABLES.get(reader, makers.GENERIC), data)
+    form = TABLES.get(reader, makers.GENERIC)
+    return text_table.read(form._replace(dates=(date_format,)) if date_format else form, data)
 
 
-def _checked(instrument: str, columns: dict[str, np.ndarray], notes, sign: int) -> Reading:
+def _checked(
+    instrument: str, columns: dict[str, np.ndarray], notes, sign: int, dates=()
+) -> Reading:
     if "frequency_hertz" in columns:
         return Reading(checked_impedance(columns), instrument, "impedance", tuple(notes))
     columns, counted = with_net_counter(columns)
     series, more = checked_series(columns)
-    return Reading(series, instrument, "series", (*notes, *more), sign or counted)
+    return Reading(series, instrument, "series", (*notes, *more), sign or counted, dates)

@@ -21,6 +21,7 @@ from cellwright.formats.fields import (
     Field,
     converted,
     known_fields,
+    refuse_repeated,
     require,
 )
 from cellwright.formats.table import is_written, layout_of, line_of, read_table, unread
@@ -169,6 +170,7 @@ def _read(data, meaning, checked):
 
 def _preferred(labels, meaning):
     """Known fields, one for each column of the house: of several quantities the preferred one."""
+    refuse_repeated(list(labels), meaning)
     ranks = {base: rank for rank, base in enumerate(MEANING)}
     best = {}
     for label in dict.fromkeys(labels):

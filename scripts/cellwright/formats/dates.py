@@ -30,23 +30,38 @@ ZONED = "ISO 8601"  # with a letter T and, mostly, a zone: told by pyarrow, not 
 
 
 def unix_time_second(texts, formats: Sequence[str], elapsed_second=np.nan) -> np.ndarray | None:
-    """Seconds since 1970 of date texts (pyarrow strings) in the first format that fits all.
+    """Seconds since 1970 of date texts (pyarrow strings), as `date_readings` reads them first."""
+    return next(iter(date_readings(texts, formats, elapsed_second).values()), None)
 
-    The instrument's local time is taken as it stands: only differences are used. None where no
+
+def date_readings(texts, formats: Sequence[str], elapsed_second=np.nan) -> dict[str, np.ndarray]:
+    """Seconds since 1970 of date texts (pyarrow strings) by format: the first that fits all texts.
+
+    The instrument's local time is taken as it stands: only differences are used. Empty where no
     format fits, for a date that cannot be read is no date. 3/11 and 4/11 are two days in November
     or two months: where the clock says how long the record is [s], the format fits best that says
-    so too.
+    so too. Where days and months can still be exchanged, the second format is that way round.
     """
-    fitting = []
+    fitting, fits = {}, []
     for form in formats:
+        if fits and form != _exchanged(fits[0]):
+            continue
         seconds = _in_format(texts, form)
         if seconds is None:
             continue
-        apart = abs(np.ptp(seconds) - elapsed_second)
-        if not apart > DAY_SECOND:
-            return seconds
-        fitting.append((apart, len(fitting), seconds))
-    return min(fitting)[2] if fitting else None
+        fitting[form] = seconds
+        if not abs(np.ptp(seconds) - elapsed_second) > DAY_SECOND:
+            fits.append(form)
+            if _exchanged(form) not in formats:
+                break
+    if not fits:
+        fits = sorted(fitting, key=lambda f: abs(np.ptp(fitting[f]) - elapsed_second))[:1]
+    return {form: fitting[form] for form in fits}
+
+
+def _exchanged(form):
+    """The format with day and month exchanged."""
+    return form.translate(str.maketrans("md", "dm"))
 
 
 def _in_format(texts, form):

@@ -1,5 +1,6 @@
 """What a file's columns mean: labels and unit strings as the house's columns and units."""
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -65,6 +66,7 @@ NET = "net_capacity_ampere_hour"
 # ASSUME: Counters that run with the current in nine tenths of what was moved tell its sign.
 CLEAR_SIGN = 0.9
 PIECE_ROWS = 1 << 15
+REPEATED = re.compile(r"(?<=[)\]\w])\.\d{1,2}$")
 COUNTERS = ("charge_counter", "discharge_counter")
 ENERGIES = ("charge_energy_counter", "discharge_energy_counter")
 ENERGY = "net_energy_watt_hour"  # as the instrument counts it: a witness, which no result holds
@@ -79,10 +81,27 @@ class Field(NamedTuple):
     unit: str  # as the file writes it
 
 
+def refuse_repeated(labels: Sequence[str], meaning: Callable[[str], Field | None]) -> None:
+    """Refuse a file in which two columns that `meaning` knows have one label.
+
+    `Voltage (V).1` is what pandas makes of the second one.
+    """
+    for label in dict.fromkeys(labels):
+        first = REPEATED.sub("", label)
+        same = labels.count(label) > 1 or (first != label and first in labels)
+        if same and (meaning(label) or meaning(first)):
+            places = [k + 1 for k, one in enumerate(labels) if REPEATED.sub("", one) == first]
+            raise Refusal(
+                f"columns {', '.join(map(str, places))} have one label, {first!r}: two channels "
+                "side by side? Keep one channel a file, and one label a column"
+            )
+
+
 def known_fields(labels: Iterable[str], meaning: Callable[[str], Field | None]) -> list[Field]:
     """Fields that `meaning` knows among the labels; a column found twice is refused."""
     labels = list(labels)
     refuse_columns(len(labels))
+    refuse_repeated(labels, meaning)
     fields = [field for label in dict.fromkeys(labels) if (field := meaning(label))]
     columns = [field.column for field in fields]
     for field in fields:

@@ -7,11 +7,13 @@ unit: as text here, or, where the pattern has a group `unit`, as the label itsel
 from cellwright.formats.dates import ZONED
 from cellwright.formats.fields import ENERGIES, NET, SERIES
 from cellwright.formats.text_table import (
+    COUNTER,
     MINUS,
     STEP_CHARGE,
     STEP_ENERGY,
     STEP_TIME,
     UNIX,
+    WORKING,
     Format,
 )
 
@@ -92,7 +94,10 @@ MAKERS = (
         columns={
             r"time/(?P<unit>s)": (TIME, "time", None),
             r"(?:<i>|i)/(?P<unit>[mµu]?a)": (AMPERE, "current", None),
-            r"(?:ecell|ewe|<ewe>)/(?P<unit>m?v)": (VOLT, "voltage", None),
+            # Of three electrodes the cell is the difference of both against the reference.
+            r"(?:ecell|<?ewe-ece>?)/(?P<unit>m?v)": (VOLT, "voltage", None),
+            r"(?:ewe|<ewe>)/(?P<unit>m?v)": (WORKING, "voltage", None),
+            r"(?:ece|<ece>)/(?P<unit>m?v)": (COUNTER, "voltage", None),
             r"\(q-qo\)/(?P<unit>m?a\.h)": (NET, "charge", None),
             r"q charge/(?P<unit>m?a\.h)": ("charge_counter", "charge", None),
             r"q discharge/(?P<unit>m?a\.h)": ("discharge_counter", "charge", None),
@@ -240,9 +245,14 @@ CLOCKS = r"time|zeit|temps|tiempo|tempo|时间"
 WHOLE_CLOCKS = r"(?:test|total|elapsed|run)[ _]?time|(?:test|lauf|prüf)zeit|(?:总|测试)时间"
 CURRENTS = r"current|amps|strom(?:stärke)?|courant|intensité|corriente|corrente|电流"
 VOLTAGES = r"voltage|potential|volts|spannung|tension|tensión|voltaje|tensione|电压"
-CHARGING = "chg|charge|charging|laden|ladung|充电"
-DISCHARGING = "d(?:is)?chg|discharge|discharging|entladen|entladung|放电"
-DATES = r"date(?:[ _/-]?time)?|datum(?:[ /_-]?(?:zeit|uhrzeit))?|time[ _]?stamp|zeitstempel"
+CHARGING = "chg|charge|charging|laden|ladung|(?:恒流|恒压|恒功率|恒阻|倍率)*充电"
+DISCHARGING = (
+    "d(?:is)?chg|discharge|discharging|entladen|entladung|(?:恒流|恒压|恒功率|恒阻|倍率)*放电"
+)
+DATES = (
+    r"date(?:[ _/-]?time)?|datum(?:[ /_-]?(?:zeit|uhrzeit))?|time[ _]?stamp|zeitstempel"
+    r"|绝对时间|系统时间|日期"
+)
 # Tables of nobody in particular, tried where no maker is recognised: names of time, current and
 # voltage, or of frequency and impedance, in one line. Of several the one that stands first here.
 GENERIC = Format(
@@ -297,7 +307,7 @@ GENERIC = Format(
     signs={
         rf"(?:c[cvp]){{0,2}}[ _-]*(?:{CHARGING}|c)": 1.0,
         rf"(?:c[cvp]){{0,2}}[ _-]*(?:{DISCHARGING}|d)": -1.0,
-        r"rest|pause|ruhe|ocv|r|p|idle|静置": 0.0,
+        r"rest|pause|ruhe|ocv|r|p|idle|静置|搁置": 0.0,
     },
     date=DATES,
     dates=(*ISO_DATES, ZONED, "%d.%m.%Y %H:%M:%S", *US_DATES, "%Y/%m/%d %H:%M:%S"),

@@ -2,17 +2,19 @@
 
 import numpy as np
 
-from cellwright.formats.fields import IMPEDANCE, SERIES
+from cellwright.formats.fields import IMPEDANCE, NET, SERIES, UNITS
 from cellwright.refusal import Refusal
 
-# Ratios of the clock times current to the instrument's own counter that only a wrong unit explains.
+# Times by which clock × current may differ from the instrument's counter by a wrong unit alone, and
+# what is then wrong: of the clock, the current, the counter.
 SUSPICIONS = {
-    1000.0: "milliseconds read as seconds, or milliampere as ampere",
-    3600.0: "seconds read as hours",
-    60.0: "seconds read as minutes",
-    1 / 1000: "seconds read as milliseconds, ampere as milliampere, or a counter in mAh as Ah",
-    1 / 60: "minutes read as seconds",
-    1 / 3600: "hours read as seconds, or a counter in ampere-seconds as ampere-hours",
+    1000.0: ("ms read as s", "mA read as A", "Ah under a label in mAh"),
+    3600.0: ("s read as h", "", ""),
+    60.0: ("s read as min", "", ""),
+    1 / 1000: ("s read as ms", "A read as mA", "mAh under a label in Ah"),
+    1 / 60: ("min read as s", "", ""),
+    1 / 3600: ("h read as s", "", "ampere-seconds read as ampere-hours"),
+    1 / 86400: ("days read as s", "", ""),
 }
 
 
@@ -32,6 +34,7 @@ def checked_series(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray
     """
     _refuse_empty(columns, SERIES)
     time, current, voltage = (columns[name] for name in SERIES)
+    _refuse_channels_by_rows(current, voltage)
     if np.nanmin(time) == np.nanmax(time):
         raise Refusal(f"time never moves: all {time.size} rows say {np.nanmin(time):g} s")
     _refuse_voltage(voltage)
@@ -39,8 +42,8 @@ def checked_series(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray
     columns, notes = clock_by_dates(columns)
     notes = [*said, *notes]
     time = columns["test_time_second"]
-    if "net_capacity_ampere_hour" in columns:
-        _refuse_clock(time, current, columns["net_capacity_ampere_hour"])
+    if NET in columns:
+        _refuse_clock(columns)
     return _without_impossible_channels(_without_dead_channel(columns), notes), notes
 
 
@@ -83,6 +86,16 @@ def _refuse_empty(columns: dict[str, np.ndarray], required: tuple[str, ...]) -> 
             raise Refusal(f"column {name} holds no number in any of its {rows} rows")
 
 
+def _refuse_channels_by_rows(current, voltage):
+    """Refuse rows of which each holds a current or a voltage, but hardly one both."""
+    alone = np.isfinite(current) ^ np.isfinite(voltage)
+    if 2 * np.count_nonzero(alone) > len(alone):
+        raise Refusal(
+            f"current and voltage stand in rows of their own ({np.count_nonzero(alone)} of "
+            f"{len(alone)} rows hold one of them): export one row for each time, with both"
+        )
+
+
 def _refuse_voltage(voltage: np.ndarray) -> None:
     """Refuse a voltage that no cell has; wide limits, for a wrong unit or a dead channel."""
     lowest, highest = 0.01, 1000.0
@@ -96,19 +109,28 @@ def _refuse_voltage(voltage: np.ndarray) -> None:
         raise Refusal(f"voltages around {middle:g} V are no cell's: millivolt and volt confused?")
 
 
-def _refuse_clock(time: np.ndarray, current: np.ndarray, counter: np.ndarray) -> None:
-    """Refuse a record whose charge by clock and current contradicts its counter."""
-    ratio = clock_to_counter_ratio(time, current, counter)
-    for suspicion, meaning in SUSPICIONS.items():
-        if abs(ratio / suspicion - 1) < 0.1:
+def _refuse_clock(columns) -> None:
+    """Refuse a record whose charge by clock and current contradicts its counter by a unit.
+
+    Dates that run with the clock leave the current and the counter.
+    """
+    time, current, counter = (columns[name] for name in (*SERIES[:2], NET))
+    expected, seen = charge_by_clock_and_counter(time, current, counter)
+    unix = columns.get("unix_time_second")
+    dated = unix is not None and abs(np.nanmedian(date_slopes(time, unix)) - 1) <= SAME_CLOCK
+    for factor, wrong in SUSPICIONS.items():
+        if abs(expected / seen / factor - 1) < 0.1:
+            names = ("time", "current", "charge counter")[int(dated) :]
+            which = [f"the {n} ({w})" for n, w in zip(names, wrong[int(dated) :], strict=True) if w]
             raise Refusal(
-                f"time × current gives {ratio:.4g} times the charge that the instrument counted: "
-                f"{meaning}?"
+                f"time × current moves {expected:.4g} Ah, the file's own charge counter "
+                f"{seen:.4g} Ah, {factor:.4g} times apart: the unit is wrong of "
+                f"{' or of '.join(which) or 'one of them'}? Correct the label of that column"
             )
 
 
-def clock_to_counter_ratio(time: np.ndarray, current: np.ndarray, counter: np.ndarray) -> float:
-    """∫|I|dt [As] over the counter's own travel [Ah × 3600]; NaN where either did not move.
+def charge_by_clock_and_counter(time, current, counter) -> tuple[float, float]:
+    """∫|I|dt and the counter's own travel [Ah]; NaN where either did not move.
 
     Only intervals in which the current is steady count: there the trapezoid is right whatever the
     sampling. Gaps and resets are left out by the same condition on the clock.
@@ -120,7 +142,8 @@ def clock_to_counter_ratio(time: np.ndarray, current: np.ndarray, counter: np.nd
     expected, seen = np.nansum((mean * step)[steady]) / 3600, np.nansum(np.abs(moved[steady]))
     # A counter shown with few digits has to move by many of its steps before it can be a judge.
     resolution = np.min(np.abs(moved[moved != 0]), initial=np.inf)
-    return float(expected / seen) if seen > 20 * resolution and expected > 0 else np.nan
+    told = seen > 20 * resolution and expected > 0
+    return (float(expected), float(seen)) if told else (np.nan, np.nan)
 
 
 # No record begins 30 years after its clock did, and none holds a date beyond the year 5000.
@@ -181,6 +204,7 @@ def clock_of_steps(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray
 
 
 # Seconds of dates a unit of the clock that only a wrong unit explains.
+CLOCKS = UNITS["time"]
 CLOCK_FACTORS = {1e-3: "milliseconds", 60.0: "minutes", 3600.0: "hours"}
 SAME_CLOCK = 0.01
 MOST_SLOPES = 4096
@@ -201,6 +225,38 @@ def clock_by_dates(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray
             note = f"the clock counts {unit}, as its dates prove, not seconds: converted"
             return columns | {"test_time_second": time * factor}, [note]
     return columns, []
+
+
+# Seconds between rows that people set, each by its first digits, and by how much one may be off.
+SET_PACES, PACE_SHARE = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 5.0, 6.0), 2e-3
+LIKE_USUAL = 0.01  # by which intervals of one pace differ: digits that the time is written with
+
+
+def unit_by_pace(time: np.ndarray) -> str:
+    """Unit of a clock whose label has none, by the interval between most of its rows.
+
+    Rows are logged each second, or ten, or minute. An interval of 1.1574e-5 is a second of a clock
+    that counts days, and no number of seconds that anybody sets.
+
+    Returns "s" where the interval is a usual number of seconds, or of none of the units; else the
+    one of "min", "h", "d" in which it is; "" where several fit.
+    """
+    interval = np.diff(time)
+    interval = interval[interval > 0]
+    if not len(interval):
+        return "s"
+    usual = np.median(interval)
+    alike = interval[np.abs(interval - usual) <= LIKE_USUAL * usual]
+    if 2 * len(alike) < len(interval):
+        return "s"
+    fits = [unit for unit in ("s", "min", "h", "d") if _is_set(np.mean(alike) * CLOCKS[unit])]
+    return "s" if "s" in fits or not fits else fits[0] if len(fits) == 1 else ""
+
+
+def _is_set(second):
+    """Whether an interval is one that people set rows to lie apart by."""
+    digits = second / 10.0 ** np.floor(np.log10(second) + PACE_SHARE)
+    return bool(np.any(np.abs(digits / np.array(SET_PACES) - 1.0) <= PACE_SHARE))
 
 
 def date_slopes(time: np.ndarray, unix: np.ndarray) -> np.ndarray:

@@ -52,8 +52,7 @@ def decoded(data: bytes) -> str:
     Western texts, such as that of a degree, hardly ever all are. The sign for a degree Celsius
     that is one letter in Chinese texts is written as two.
     """
-    pairs = all(len(run) % 2 == 0 for run in HIGH.findall(data))
-    for code in ("utf-8-sig", "gb18030") if pairs else ("utf-8-sig",):
+    for code in ("utf-8-sig", "gb18030") if _are_pairs(data) else ("utf-8-sig",):
         try:
             return data.decode(code).replace("\N{DEGREE CELSIUS}", "°C")
         except UnicodeDecodeError:
@@ -90,7 +89,7 @@ def layout_of(data: bytes | Content, *, header_line: int = 1, units_lines: int =
     first_line = header_line + 1 + units_lines
     rows = first_rows(data, first_line)
     layout = Layout(labels, delimiter, first_line, decimal_point_of(rows, delimiter))
-    return _with_trailing_delimiter(rows, layout)
+    return with_trailing_delimiter(rows, layout)
 
 
 def unquoted(label: str) -> str:
@@ -119,12 +118,25 @@ def decimal_point_of(rows: Sequence[str], delimiter: str) -> str:
     return "," if commas > points else "."
 
 
-def _with_trailing_delimiter(rows: Sequence[str], layout: Layout) -> Layout:
-    """The layout with one more, nameless field where rows end in a delimiter, the header not."""
-    row = rows[0].split(layout.delimiter) if rows else []
-    if len(row) == len(layout.labels) + 1 and not row[-1].strip():
-        return layout._replace(labels=(*layout.labels, ""))
-    return layout
+def with_trailing_delimiter(rows: Sequence[str], layout: Layout) -> Layout:
+    """The layout with one more, nameless field where rows end in a delimiter, the labels not.
+
+    Raises
+    ------
+    Refusal
+        The first row has a value more than there are labels: which of them has none is not said,
+        and each value might stand under another's label.
+    """
+    row = next(csv.reader(rows[:1], delimiter=layout.delimiter), [])
+    if len(row) != len(layout.labels) + 1:
+        return layout
+    if row[-1].strip():
+        some = ", ".join(map(repr, layout.labels[:3]))
+        raise Refusal(
+            f"rows have {len(row)} values and only {len(layout.labels)} labels ({some}, …); the "
+            f"first row begins with {row[0]!r}, a row number? Give every column a label"
+        )
+    return layout._replace(labels=(*layout.labels, ""))
 
 
 def read_table(
@@ -156,12 +168,13 @@ def read_table(
 
     begin = offset_of(data, layout.first_line)
     plain, words = data, {}
-    if not _is_utf_8(head_of(data)[: 1 << 20]):
-        plain = with_lines_changed(data, begin, _ascii)
+    if not _is_utf_8(head := head_of(data)[: 1 << 20]):
+        # pyarrow knows no other text than UTF-8; only texts are worth their decoding.
+        plain = with_lines_changed(data, begin, _in_utf_8(head) if texts else _ascii)
     try:
         columns, odd, rows = _parsed(plain, begin, layout, labels, texts)
     except pa.ArrowInvalid:
-        # pyarrow knows no other text than UTF-8, and cannot say which row is cut off in one.
+        # pyarrow cannot say which row is cut off in a text that is none of UTF-8.
         plain, words = with_lines_changed(data, begin, _ascii), _words(data, layout, labels)
         try:
             columns, odd, rows = _parsed(plain, begin, layout, labels, texts, [w for _, w in words])
@@ -184,6 +197,21 @@ def _is_utf_8(head):
     except UnicodeDecodeError:
         return False
     return True
+
+
+def _in_utf_8(head):
+    """Function, bytes → bytes: lines in the encoding of a file's head as UTF-8."""
+    try:
+        head[: head.rfind(b"\n") + 1].decode("gb18030")
+        code = "gb18030" if _are_pairs(head) else "latin-1"
+    except UnicodeDecodeError:
+        code = "latin-1"
+    return lambda data: data.decode(code, "replace").encode()
+
+
+def _are_pairs(data):
+    """Whether bytes above 0x7f stand in pairs, as those of Chinese letters do."""
+    return all(len(run) % 2 == 0 for run in HIGH.findall(data))
 
 
 def _ascii(data):

@@ -14,7 +14,7 @@ from cellwright.formats.content import (
     whole_of,
     with_lines_changed,
 )
-from cellwright.formats.dates import clock_second, over_midnight, unix_time_second
+from cellwright.formats.dates import clock_second, date_readings, over_midnight
 from cellwright.formats.fields import (
     ENERGY,
     IMPEDANCE,
@@ -24,9 +24,10 @@ from cellwright.formats.fields import (
     Field,
     converted,
     known_fields,
+    refuse_repeated,
     require,
 )
-from cellwright.formats.physics import SAME_CLOCK, date_slopes
+from cellwright.formats.physics import SAME_CLOCK, date_slopes, unit_by_pace
 from cellwright.formats.table import (
     CHANNEL,
     DELIMITERS,
@@ -41,7 +42,9 @@ from cellwright.formats.table import (
     read_table,
     refuse_channels,
     unquoted,
+    with_trailing_delimiter,
 )
+from cellwright.formats.workbook import EXCEL_EPOCH_DAY
 from cellwright.refusal import Refusal
 
 HEAD = 1 << 17  # byte within which the labels of a table must stand
@@ -53,6 +56,8 @@ MINUS, IMAGINARY = "minus_impedance_imaginary_ohm", "impedance_imaginary_ohm"
 POLAR = {"impedance_ohm": "impedance_real_ohm", "phase_degree": IMAGINARY}
 PARTS = (*IMPEDANCE, MINUS, *POLAR)
 STEP_CHARGE, STEP_ENERGY = "step_capacity_ampere_hour", "step_energy_watt_hour"
+# Electrodes of a cell against a third one; its own voltage is their difference.
+WORKING, COUNTER = "working_electrode_volt", "counter_electrode_volt"
 # Columns whose meaning the others of a table tell.
 UNTOLD = (STEP_TIME, STEP_CHARGE, STEP_ENERGY, MINUS, *POLAR)
 SPELT = {
@@ -74,6 +79,7 @@ SAME_UNIT = {
 }  # fmt: skip
 CLOCK = "clock"  # unit of a time that is written as [days d] hours:minutes:seconds
 NOT_SAID = "not said"
+EXCEL_DAYS = (36526.0, 73050.0)  # of the years 2000 to 2099
 CLOCKED = re.compile(r"^\s*(?:\d+\s*d\s+)?\d+:\d+:\d")
 # Factors between a clock whose unit is not said and its dates [s].
 CLOCK_UNITS = {1.0: "s", 60.0: "min", 3600.0: "h"}
@@ -161,7 +167,16 @@ def labels_seen(head: str) -> list[str]:
     return []
 
 
-def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], list[str], int]:
+class Read(NamedTuple):
+    """What a table of text holds."""
+
+    columns: dict[str, np.ndarray]  # as of `formats.read`
+    notes: list[str]
+    sign: int = 0  # 1 where letters make the current positive on charge, else 0
+    dates: tuple[str, ...] = ()  # formats in which its dates can be read, the one taken first
+
+
+def read(form: Format, data: bytes | Content) -> Read:
     """Columns of a table in the house's names and units, and notes on what was left out.
 
     Parameters
@@ -171,9 +186,7 @@ def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], li
 
     Returns
     -------
-    columns : as of `formats.read`; the current is positive on charge where letters say so.
-    notes : sentences.
-    sign : 1 where letters make the current positive on charge, else 0.
+    Read; the current is positive on charge where letters say so.
 
     Raises
     ------
@@ -190,35 +203,42 @@ def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], li
         parts = [f._replace(column=f.column.removeprefix("minus_")) for f in parts]
         require(parts, IMPEDANCE, SPELT, layout.labels)
         found = read_table(data, layout, [field.label for field in fields])
-        return _spectrum(converted(found.columns, fields)), list(found.notes), 0
+        return Read(_spectrum(converted(found.columns, fields)), list(found.notes))
     fields = [f for f in fields if f.column not in PARTS]
     date = next((x for x in layout.labels if _is(form.date, x)), None)
     fields, date = _timed(fields, date, lambda label: is_written(data, layout, label))
+    fields, counter, notes = _of_electrodes(fields)
     require(fields, SERIES, SPELT, layout.labels)
     written = [f for f in fields if f.quantity == "time" and is_written(data, layout, f.label)]
-    bare = [
-        f"{f.label} in {f.unit}"
-        for f in fields
-        if f.column in SERIES and f not in written and _is_bare(form, f)
-    ]
-    notes = []
-    if bare:
-        notes.append(f"labels without a unit are taken as it is usual: {', '.join(bare)}")
     state = next((x for x in layout.labels if _is(form.state, x)), None)
     channels = [label for label in layout.labels if _is(form.channel, label)]
     texts = [*(f.label for f in written), *filter(None, (state, date)), *channels]
-    others = [field for field in fields if field not in written]
+    others = [field for field in fields if field not in written] + counter
     found, more = read_table(data, layout, [field.label for field in others], texts=texts)
     refuse_channels(found, channels)
-    unix = _dates_beside(form, found, date, others) if date else None
+    dates = _dates_beside(form, found, date, others) if date else {}
+    unix = next(iter(dates.values()), None)
     for place, field in enumerate(others):
         if field.quantity == "time" and field.unit == NOT_SAID:
             said = _unit_by_dates(form, field, found[field.label], unix)
             others[place] = field._replace(unit=said)
+        elif field.column == TIME and _is_bare(form, field):
+            others[place], told = _unit_by_pace(field, found[field.label], unix)
+            notes += told
+    bare = [
+        f"{f.label} in {f.unit}"
+        for f in others
+        if f.column in SERIES and _is_bare(form, f) and (f.column != TIME or f.unit == "s")
+    ]
+    if bare:
+        notes.append(f"labels without a unit are taken as it is usual: {', '.join(bare)}")
     columns = converted(found, others)
+    if counter:
+        columns["voltage_volt"] = columns["voltage_volt"] - columns.pop(COUNTER, 0.0)
     for field in written:
         columns[field.column], seen = _seconds(form, field, found[field.label])
-        unix = seen if unix is None else unix
+        dates = dates or seen
+        unix = next(iter(dates.values()), None)
     columns |= {} if unix is None else {"unix_time_second": unix}
     if state and not form.header and np.nanmin(columns["current_ampere"]) < 0:
         notes.append(f"column {state!r} is not needed: the current has its own sign")
@@ -229,7 +249,8 @@ def read(form: Format, data: bytes | Content) -> tuple[dict[str, np.ndarray], li
     if not filled.all():  # rows of nothing but delimiters, as spreadsheets leave them at the end
         columns = {name: values[filled] for name, values in columns.items()}
     notes += more
-    return _with_counters(_without_dead(columns, notes)), notes, int(state is not None)
+    columns = _with_counters(_without_dead(_without_still_counters(columns, notes), notes))
+    return Read(columns, notes, int(state is not None), tuple(dates))
 
 
 def _table(form, data):
@@ -260,11 +281,10 @@ def _table(form, data):
     labels = labels[:width] if form.short_rows else labels
     if not form.header and (units := _units_below(labels, filled, delimiter)):
         labels, first, rows = units, first + 1, rows[1:]
-    if width == len(labels) + 1:
-        labels = (*labels, "")
-    elif width == len(labels) - 1 and not labels[-1]:
+    if width == len(labels) - 1 and not labels[-1]:
         labels = labels[:-1]
-    return data, Layout(labels, delimiter, first, decimal_point_of(rows, delimiter))
+    layout = Layout(labels, delimiter, first, decimal_point_of(rows, delimiter))
+    return data, with_trailing_delimiter(rows, layout)
 
 
 def _header_line(form, head):
@@ -300,6 +320,23 @@ def _timed(fields, date, is_text):
             named[TIME] = clock._replace(column=TIME)
             date = None if date == clock.label else date
     return list(named.values()), date
+
+
+def _of_electrodes(fields):
+    """Fields with the voltage of the cell, those of the counter electrode to take off it, a note.
+
+    What is measured of one electrode alone is no cell's voltage; without another it is taken for
+    one, for so do the files of cells with two electrodes name it.
+    """
+    named = {field.column: field for field in fields}
+    working, counter = (named.pop(name, None) for name in (WORKING, COUNTER))
+    if working is None or "voltage_volt" in named:
+        return list(named.values()), [], []
+    named["voltage_volt"] = working._replace(column="voltage_volt")
+    if counter is None:
+        return list(named.values()), [], []
+    note = f"the cell's voltage is {working.label} less {counter.label}: a third electrode is used"
+    return list(named.values()), [counter], [note]
 
 
 def _width(row, delimiter):
@@ -351,6 +388,7 @@ def fields_of(form: Format, labels) -> list[Field]:
     Refusal
         Two labels of one pattern.
     """
+    refuse_repeated(list(labels), lambda label: meaning_of(form, label))
     places = list(form.columns)
     found = {label: field for label in labels if (field := meaning_of(form, label))}
     ranks = {
@@ -375,19 +413,20 @@ def _is_bare(form, field):
 
 
 def _seconds(form, field, texts):
-    """Elapsed time [s] of a clock or of dates, and of dates the seconds since 1970."""
+    """Elapsed time [s] of a clock or of dates, and of dates the seconds since 1970 by format."""
     example = next((text for text in texts[:20].to_pylist() if text), "")
     if CLOCKED.match(example):
-        return over_midnight(clock_second(texts)), None
-    dates = unix_time_second(texts, form.dates, 0.0)
-    if dates is None:
+        return over_midnight(clock_second(texts)), {}
+    dates = date_readings(texts, form.dates, 0.0)
+    if not dates:
         raise Refusal(f"column {field.label!r}: found {example!r}, a time is wanted")
-    known = np.isfinite(dates)
-    return dates - (dates[known][0] if known.any() else np.nan), dates
+    first = next(iter(dates.values()))
+    known = np.isfinite(first)
+    return first - (first[known][0] if known.any() else np.nan), dates
 
 
 def _dates_beside(form, found, date, fields):
-    """Seconds since 1970 of a column of dates, the clock beside it telling days from months."""
+    """Seconds since 1970 of a column of dates by format; the clock tells days from months."""
     spans = [
         np.ptp(values[np.isfinite(values)]) * UNITS["time"][field.unit]
         for field in fields
@@ -395,7 +434,7 @@ def _dates_beside(form, found, date, fields):
         and field.unit in UNITS["time"]
         and np.isfinite(values := found[field.label]).any()
     ]
-    return unix_time_second(found[date], form.dates, max(spans, default=np.nan))
+    return date_readings(found[date], form.dates, max(spans, default=np.nan))
 
 
 def _unit_by_dates(form, field, values, unix):
@@ -411,6 +450,30 @@ def _unit_by_dates(form, field, values, unix):
         f"column {field.label!r} of a {form.title} file does not say its unit, and no dates tell "
         "it: export it with a unit, such as seconds"
     )
+
+
+def _unit_by_pace(field, values, unix):
+    """A clock without a unit with the one that its rows' intervals show, and a note where not s.
+
+    Dates beside it know better, see `physics.clock_by_dates`.
+    """
+    unit = "s" if unix is not None else unit_by_pace(values)
+    if not unit:
+        raise Refusal(
+            f"column {field.label!r} does not say its unit, and its rows lie "
+            f"{np.nanmedian(np.diff(values)):.4g} apart, which is no usual number of seconds: "
+            f"export it in seconds, or write the unit, such as {field.label} (h)"
+        )
+    if unit == "s":
+        return field, []
+    apart = np.nanmedian(np.diff(values))
+    said = (
+        f"column {field.label!r} does not say its unit: its rows lie {apart:.4g} apart, "
+        f"{apart * UNITS['time'][unit]:.3g} s if it counts {unit}, and so it is read"
+    )
+    if unit == "d" and EXCEL_DAYS[0] <= np.nanmin(values) and np.nanmax(values) < EXCEL_DAYS[1]:
+        values -= EXCEL_EPOCH_DAY  # dates, as Excel numbers days: seconds since 1970 then
+    return field._replace(unit=unit), [said]
 
 
 def _signed(form, current, letters):
@@ -431,6 +494,16 @@ def _signed(form, current, letters):
         signs[rows] = sign or 0.0
     # ASSUME: A current in a resting step keeps the sign it is written with: it is an offset.
     return np.where(signs == 0, current, np.abs(current) * signs)
+
+
+def _without_still_counters(columns, notes):
+    """Columns without a counter of charge that shows one number in all rows, under a current."""
+    kept = dict(columns)
+    for name in {STEP_CHARGE, NET} & columns.keys():
+        if np.any(columns["current_ampere"]) and np.nanmin(kept[name]) == np.nanmax(kept[name]):
+            notes.append(f"{name} is {kept[name][0]:g} in all rows: not counted, and left out")
+            del kept[name]
+    return kept
 
 
 def _with_counters(columns):

@@ -12,13 +12,14 @@ import numpy as np
 from cellwright.formats.fields import NET, SERIES
 from cellwright.formats.physics import COLDEST, HOTTEST
 from cellwright.refusal import Refusal
-from cellwright.series.doubts import counter_digit, doubts
+from cellwright.series.doubts import Doubt, counter_digit, doubts
 from cellwright.series.doubts import sentences as doubts_in_words
 from cellwright.series.edges import OTHER_PACE, begun_at_last_row, step_rows
 from cellwright.series.gaps import RAN, RESTED, in_words
 from cellwright.series.gaps import verdicts as gap_verdicts
 from cellwright.series.repeated import repeated_rows
-from cellwright.series.rest_current import RestReading, rest_reading
+from cellwright.series.rest_current import RestReading, rest_reading, stretches
+from cellwright.series.scale import refuse_other_unit
 from cellwright.series.spikes import (
     burst_rows,
     rows_around,
@@ -35,6 +36,7 @@ NO_READING = 1e30  # instruments write ±3.4e38 for "no reading"
 MOST_GAPS_TOLD = 5  # in notes, which people read
 PACE_ROWS = 3  # intervals at each side of one that is a multiple of them: single rows are missing
 SINGLE_SHARE = 0.05  # of the rows: what happens more often is how an instrument samples
+CONTACT_KELVIN = 5.0  # from row to row
 BLANK_SHARE = 0.01  # likewise of rows without a temperature: some log it every few rows
 
 
@@ -197,6 +199,28 @@ def _lost_rows(time: np.ndarray, rows: np.ndarray, flags: np.ndarray) -> np.ndar
     found = long[(times > 1.5) & (np.abs(times - np.rint(times)) <= OTHER_PACE)]
     found = found[(rows[found + 1] - rows[found] == 1) & ((flags[rows[found + 1]] & Flag.GAP) == 0)]
     return found + 1 if len(found) <= SINGLE_SHARE * len(time) else np.empty(0, int)
+
+
+def without_zeros(columns: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
+    """Columns whose thermometers show nothing where they jump to exactly 0 °C and back.
+
+    An input that loses contact reads so; a cell's temperature goes through zero by small steps.
+    """
+    changed = {}
+    for name in filter(_is_thermometer, columns):
+        zero = columns[name] == 0
+        # A change of the temperature by so much from one row to the next is a contact's.
+        edges = np.abs(np.diff(columns[name])) > CONTACT_KELVIN
+        if zero.any() and not zero.all() and edges.any():
+            first, stop = stretches(zero)
+            begun = np.r_[True, edges][first] | (first == 0)
+            ended = np.r_[edges, True][stop - 1] | (stop == len(zero))
+            lost = (begun & ended) & ~((first == 0) & (stop == len(zero)))
+            blank = np.zeros(len(zero), bool)
+            for one, end in zip(first[lost], stop[lost], strict=True):
+                blank[one:end] = True
+            changed[name] = np.where(blank, np.nan, columns[name])
+    return {**columns, **changed} if changed else columns
 
 
 def _is_thermometer(name: str) -> bool:
@@ -383,12 +407,17 @@ def clean(
     *,
     rated_capacity_ampere_hour: float | None = None,
     cutoffs_volt: tuple = (None, None),
+    ambient_temperature_celsius: float | None = None,
     **settings: float,
 ) -> Cleaned:
     """Flag a series and remove what is flagged; settings as for `flag`, the rest for `remove`."""
-    flags = flag(columns, **settings)
-    known = {"rated_capacity_ampere_hour": rated_capacity_ampere_hour, "cutoffs_volt": cutoffs_volt}
-    return remove(columns, flags, **known)
+    columns = without_zeros(columns)
+    known = {
+        "rated_capacity_ampere_hour": rated_capacity_ampere_hour,
+        "cutoffs_volt": cutoffs_volt,
+        "ambient_temperature_celsius": ambient_temperature_celsius,
+    }
+    return remove(columns, flag(columns, **settings), **known)
 
 
 def remove(
@@ -397,6 +426,7 @@ def remove(
     *,
     rated_capacity_ampere_hour: float | None = None,
     cutoffs_volt: tuple = (None, None),
+    ambient_temperature_celsius: float | None = None,
 ) -> Cleaned:
     """Remove and repair what is flagged, and add charge_ampere_hour and, where any, doubt.
 
@@ -441,7 +471,10 @@ def remove(
         silent=silent,
         rated_capacity_ampere_hour=rated_capacity_ampere_hour,
         cutoffs_volt=cutoffs_volt,
+        ambient_temperature_celsius=ambient_temperature_celsius,
     )
+    if not np.any(doubt & Doubt.CLOCK):
+        refuse_other_unit(clean, rated_capacity_ampere_hour, cutoffs_volt)
     if doubt.any():
         clean["doubt"] = doubt
         notes += doubts_in_words(clean["test_time_second"], doubt)

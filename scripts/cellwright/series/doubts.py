@@ -31,6 +31,8 @@ SLOW_C_RATE, DRAWN_VOLT, DRAWN_ROWS = 0.1, 0.1, 3
 REST_VOLT = 0.03  # a tester's overshoot and its voltmeter's offset
 SHORTEST_REST = 60.0  # s
 RELAXED_SECOND = 600.0  # of load before a rest, by which its direction is told
+THERMOMETER_KELVIN = 10.0  # by which a cell at rest is no warmer or colder than its chamber
+BLANK_INTERVALS = 20  # between a thermometer's readings: in more of them it showed nothing
 MANY = 10  # places at which a channel fails: it is then trusted nowhere
 # ASSUME: Of the rating a cell gives so much; sheets hold nominal, minimal and typical capacities.
 RATING_SHARE = (0.5, 1.15)
@@ -51,6 +53,8 @@ class Doubt(IntFlag):
     SIGN = 128
     BEYOND = 256
     ENERGY = 512
+    CHAMBER = 1024
+    THERMOMETER = 2048
 
 
 WORDS = {
@@ -64,6 +68,9 @@ WORDS = {
     Doubt.SIZE: "charge or resistance are those of a cell of another size than the rating",
     Doubt.BEYOND: "its voltage lies beyond its stated cut-offs, where no charge drives it",
     Doubt.SIGN: "its voltage contradicts the sign of its current",
+    Doubt.CHAMBER: f"its thermometer never comes within {THERMOMETER_KELVIN:g} K of the stated "
+    "temperature: one of the two is wrong",
+    Doubt.THERMOMETER: "its thermometer shows nothing for a while",
 }
 
 
@@ -71,8 +78,13 @@ def in_words(doubt: np.ndarray | None, rows=slice(None)) -> str:
     """What is in doubt in these rows of a `doubt` column, in words; "" where nothing is."""
     if doubt is None:
         return ""
-    flags = int(np.bitwise_or.reduce(np.asarray(doubt, int)[rows], initial=0))
-    return "; ".join(words for flag, words in WORDS.items() if flags & flag)
+    doubt = np.asarray(doubt, int)[rows]
+    flags = int(np.bitwise_or.reduce(doubt, initial=0))
+    said = {flag: words for flag, words in WORDS.items() if flags & flag}
+    if Doubt.THERMOMETER in said:
+        share = np.mean((doubt & Doubt.THERMOMETER) > 0)
+        said[Doubt.THERMOMETER] += f" ({share:.0%} of the rows)"
+    return "; ".join(said.values())
 
 
 def sentences(time: np.ndarray, doubt: np.ndarray) -> list[str]:
@@ -93,6 +105,7 @@ def doubts(
     silent: np.ndarray,
     rated_capacity_ampere_hour: float | None = None,
     cutoffs_volt: tuple = (None, None),
+    ambient_temperature_celsius: float | None = None,
 ) -> np.ndarray:
     """Doubts of each row of a clean series.
 
@@ -103,7 +116,8 @@ def doubts(
     jumps : rows before which the clock was set anew. gaps : rows with a gap before them; silent :
         what the cell did in each, see `gaps.verdicts`.
     rated_capacity_ampere_hour : [Ah] or None: the size is not looked at then. cutoffs_volt : lower
-        and upper [V], None where not stated.
+        and upper [V], None where not stated. ambient_temperature_celsius : of the chamber, as the
+        sheet states it [°C], or None.
 
     Returns
     -------
@@ -111,6 +125,11 @@ def doubts(
     """
     time, current, voltage = (columns[name] for name in SERIES)
     found = np.asarray(columns.get("doubt", np.zeros(len(time))), np.int16).copy()
+    surface = columns.get("surface_temperature_celsius")
+    if surface is not None:
+        found[blank_stretches(time, surface)] |= Doubt.THERMOMETER
+        if off_stated(surface, ambient_temperature_celsius):
+            found |= Doubt.CHAMBER
     found[_all_if_many(jumps)] |= Doubt.CLOCK
     counter = columns.get(NET)
     counted = np.zeros(len(time), bool) if counter is None else np.isfinite(counter)
@@ -142,6 +161,36 @@ def doubts(
         if unlike_size(resistance, rated) or (not bridged and unlike_charge(charge, rated)):
             found |= Doubt.SIZE
     return found
+
+
+def off_stated(surface_celsius, ambient_celsius) -> bool:
+    """Whether a cell is never near the temperature that is stated of its chamber.
+
+    A load warms it, but before the load, and in its rests, it comes near.
+    surface_celsius : (n,) [°C], NaN where not known. ambient_celsius : [°C] or None.
+    """
+    known = surface_celsius[np.isfinite(surface_celsius)]
+    if ambient_celsius is None or not len(known):
+        return False
+    return bool(np.min(np.abs(known - ambient_celsius)) > THERMOMETER_KELVIN)
+
+
+def blank_stretches(time, celsius) -> np.ndarray:
+    """Rows (n,) in which a thermometer shows nothing for longer than between its readings.
+
+    Some instruments log a temperature every few rows: there nothing is missing.
+    """
+    known = np.flatnonzero(np.isfinite(celsius))
+    blank = np.ones(len(time), bool)
+    if len(known) < 2:
+        return blank & bool(len(known))
+    interval = np.diff(time[known])
+    longest = BLANK_INTERVALS * max(np.median(interval), np.median(np.diff(time)))
+    blank[: known[0]] = time[known[0]] - time[0] > longest
+    blank[known[-1] + 1 :] = time[-1] - time[known[-1]] > longest
+    blank[known[0] : known[-1]] = np.repeat(interval > longest, np.diff(known))
+    blank[known] = False
+    return blank
 
 
 def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:

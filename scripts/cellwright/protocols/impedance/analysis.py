@@ -25,6 +25,7 @@ from cellwright.protocols.impedance.fit import (
 )
 from cellwright.protocols.impedance.trust import DRIFT_TOLERANCE, trusted_points
 from cellwright.refusal import Refusal
+from cellwright.series.doubts import unlike_size
 from cellwright.settings import Impedance
 
 IMPEDANCE = Impedance()
@@ -279,6 +280,7 @@ def analyse(
     impedance_ohm,
     *,
     temperature_celsius=None,
+    rated_capacity_ampere_hour=None,
     circuit=THESIS,
     candidates=(),
     choose=IMPEDANCE.choose,
@@ -290,6 +292,7 @@ def analyse(
 
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
     temperature_celsius : (n,) of the cell during the spectrum [°C], where it was recorded.
+    rated_capacity_ampere_hour : [Ah], which the impedance is held against; None: it is not.
     circuit : as in `fit_circuit`. constraints : on its parameters, see `parse_constraints`.
     candidates : circuits to compare with it.
     choose : "circuit" keeps `circuit`; "bic" or "cross_validation" take the best candidate.
@@ -318,6 +321,8 @@ def analyse(
         fit = widened(fit, len(points[0]))
     distribution = relaxation_times(*points)
     row = _row(fit, frequency, impedance, trusted, preferred) | _temperature(temperature_celsius)
+    size = _of_size(impedance, rated_capacity_ampere_hour)
+    row["doubt"] = "; ".join(filter(None, [size, row["doubt"]]))
     return Analysis(
         row=row,
         curve=_curve(fit, frequency, impedance, trusted),
@@ -360,6 +365,15 @@ def doubt_of(fit, kramers_kronig_rms):
         return ""
     left = f"{fit.rms_relative_residual:.1%} RMS, {ratio:.2g} times what its own noise leaves"
     return f"the circuit misses the spectrum by {left}: deviations widened"
+
+
+def _of_size(impedance, rated):
+    """That a cell of this rating [Ah] has no such impedance (n,) [Ω], in words; "" where it may."""
+    least = float(np.min(np.abs(impedance)))
+    if not rated or not unlike_size(least, rated):
+        return ""
+    unit = "milliohm read as ohm" if least * rated > 1.0 else "ohm read as milliohm"
+    return f"no cell of {rated:g} Ah has {least:.3g} ohm at its least: {unit}?"
 
 
 def _temperature(celsius):

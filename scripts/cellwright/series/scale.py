@@ -1,0 +1,40 @@
+"""Whether what a record moves is off a cell's rating by the factor of a wrong unit."""
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+from cellwright.series.doubts import RATING_SHARE
+
+# What a charge is too small by where the time or the current is read in another unit than its own.
+FACTORS = {
+    60.0: "minutes read as seconds",
+    1000.0: "ampere read as milliampere, or seconds as milliseconds",
+    3600.0: "hours read as seconds",
+    86400.0: "days read as seconds",
+}
+NEAR_SHARE = 0.05  # of the window between the cut-offs, within which an end of it was reached
+
+
+def refuse_other_unit(columns, rated_capacity_ampere_hour, cutoffs_volt) -> None:
+    """Refuse a record that goes from full to empty and moves its rating over the factor of a unit.
+
+    columns : voltage_volt [V], charge_ampere_hour [Ah]. rated_capacity_ampere_hour : [Ah] or None.
+    cutoffs_volt : lower and upper [V], None where not stated.
+    """
+    lower, upper = cutoffs_volt
+    if not rated_capacity_ampere_hour or lower is None or upper is None:
+        return
+    voltage, charge = columns["voltage_volt"], columns["charge_ampere_hour"]
+    near = NEAR_SHARE * (upper - lower)
+    if not (voltage.max() >= upper - near and voltage.min() <= lower + near):
+        return
+    moved = float(np.ptp(charge))
+    least, most = RATING_SHARE
+    for factor, meaning in FACTORS.items():
+        if least <= moved * factor / rated_capacity_ampere_hour <= most:
+            raise Refusal(
+                f"the voltage goes from {voltage.max():.3g} to {voltage.min():.3g} V, and time × "
+                f"current moves {moved:.3g} Ah, 1/{factor:g} of about the rating of "
+                f"{rated_capacity_ampere_hour:g} Ah: {meaning}? Write the unit of each column into "
+                "its label, such as Time (h)"
+            )
