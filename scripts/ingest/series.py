@@ -7,7 +7,7 @@ params, output = snakemake.params, snakemake.output
 with artefact.Job(snakemake, output.ingest) as reading:
     said, largest = params.reading, params.largest_megabyte
     files = raw_files.contents(said["file"], said["sha256"], largest)
-    how = {name: said[name] for name in ("instrument", "current_sign")}
+    how = {name: said[name] for name in ("instrument", "current_sign", "columns")}
     found = cw.read(files, **how, **params.channels, largest_megabyte=largest)
     reading.note(*found.notes)
     reading.save(found.columns, instrument=found.instrument)

@@ -7,7 +7,7 @@ params, output = snakemake.params, snakemake.output
 with artefact.Job(snakemake, output.spectrum) as reading:
     said, largest = params.reading, params.largest_megabyte
     file = raw_files.single(said["file"], said["sha256"], largest)
-    how = {"kind": "impedance", "instrument": said["instrument"]}
+    how = {"kind": "impedance", "instrument": said["instrument"], "columns": said["columns"]}
     found = cw.read(file, **how, largest_megabyte=largest)
     reading.save(found.columns, instrument=found.instrument[0])
 with artefact.Job(snakemake, *output[1:], after=reading) as job:

@@ -14,7 +14,8 @@ def raw_files(wildcards):
 def reading(wildcards):
     """How the sheet says that a test's files are to be read."""
     row = TESTS[wildcards.cell, wildcards.test]
-    return {name: row[name] for name in ["file", "sha256", "instrument", "current_sign"]}
+    names = ["file", "sha256", "instrument", "current_sign", "columns"]
+    return {name: row[name] for name in names}
 
 
 def channels_of_group(wildcards):

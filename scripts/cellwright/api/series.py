@@ -15,6 +15,7 @@ def read(
     name=None,
     instrument=None,
     current_sign=None,
+    columns=None,
     members=None,
     cells=None,
     largest_megabyte=FILES.largest_megabyte,
@@ -26,6 +27,7 @@ def read(
     name : of the file in messages, where `source` is bytes.
     instrument : name of its reader; None: recognised from the content.
     current_sign : "charge_positive" or "discharge_positive"; None: determined from the data.
+    columns : what labels hold that nobody can know, as ["Zeit=time h", "T_Zelle=surface degC"].
     members, cells : of a group, how many its wiring has; its numbered channels are held against it.
     largest_megabyte : length of a file, and to which it may unpack [MB].
 
@@ -43,6 +45,7 @@ def read(
     parts = source if isinstance(source, list) else [source]
     files = [_named_bytes(part, name, largest_megabyte) for part in parts]
     how = {"instrument": instrument, "largest_megabyte": largest_megabyte}
+    how["columns"] = columns or ()
     readings = formats.read_together(files, **how)
     about = {"kind": kind, "instrument": [reading.instrument for reading in readings]}
     if kind == "series":

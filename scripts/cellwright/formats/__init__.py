@@ -15,6 +15,7 @@ from cellwright.formats import (
     bare_spectrum,
     bdf,
     bitrode,
+    column_map,
     digatron,
     labview,
     makers,
@@ -61,6 +62,7 @@ def read(
     instrument: str | None = None,
     largest_megabyte: float | None = None,
     date_format: str | None = None,
+    columns=(),
 ) -> Reading:
     """Read one file of an instrument.
 
@@ -77,6 +79,8 @@ def read(
         To which the file may unpack [MB]; None: the default of `settings.Files`.
     date_format : str, optional
         One of those that a `Reading` found: the one in which the file's dates are written.
+    columns : sequence of str
+        What the sheet says of labels, see `column_map`; the file is then read as a table of text.
 
     Returns
     -------
@@ -93,6 +97,8 @@ def read(
     """
     try:
         content = _admitted(data, largest_megabyte)
+        if columns:
+            return _checked(*_read_stated(content, instrument, date_format, columns))
         reader = _known(instrument) if instrument else detect(content)
         return _checked(reader, *_read(reader, content, date_format))
     except Refusal as reason:
@@ -200,7 +206,8 @@ def detect(data: bytes | Content) -> str:
     labels = text_table.labels_seen(text)
     named = (
         f", nor do its columns ({', '.join(map(repr, labels))}) name time, current and voltage, or "
-        "frequency and impedance: rename them, such as Time (s), Current (A), Voltage (V)"
+        "frequency and impedance: say what they hold as `columns` in tests.tsv, "
+        f"{column_map.EXAMPLE}, or rename them, such as Time (s), Current (A), Voltage (V)"
     )
     raise Refusal(f"{looks}{named if labels else ''}; readers: {', '.join(READERS)}")
 
@@ -218,6 +225,25 @@ def _read(reader: str, data: bytes | Content, date_format):
         return (*found, 0) if isinstance(found, tuple) else (found, (), 0)
     form = TABLES.get(reader, makers.GENERIC)
     return text_table.read(form._replace(dates=(date_format,)) if date_format else form, data)
+
+
+def _read_stated(content, instrument, date_format, columns):
+    """Reader and what it reads of a table of text some of whose labels the sheet explains."""
+    if instrument and instrument not in TABLES:
+        raise Refusal(
+            f"columns in tests.tsv serve tables of text alone, not instrument {instrument!r}; "
+            "leave one of the two blank"
+        )
+    form = column_map.with_columns(TABLES.get(instrument, makers.GENERIC), columns)
+    form = form._replace(dates=(date_format,)) if date_format else form
+    found, labels = text_table.read(form, content), text_table.labels_of(form, content)
+    missing = [x for x in column_map.labels_stated(columns) if x not in labels]
+    if missing:
+        raise Refusal(
+            f"columns in tests.tsv names {', '.join(map(repr, missing))}; the file's labels are "
+            f"{', '.join(map(repr, labels))}"
+        )
+    return form.name, *found
 
 
 def _checked(

@@ -263,7 +263,8 @@ def _table(form, data):
     if not number:  # where every label stands between quotation marks
         number = _header_line(form, head.replace('"', ""))
     if not number:
-        raise Refusal(f"a file of {form.title} without the line of its columns' names")
+        seen = ", ".join(map(repr, labels_seen(head))) or "none"
+        raise Refusal(f"{form.title}: no line names its columns; labels found: {seen}")
     header = line_of(data, number)
     first = number + 1 + form.units_lines
     quoted = header.startswith('"') and header.endswith('"') and header.count('"') == 2
@@ -285,6 +286,11 @@ def _table(form, data):
         labels = labels[:-1]
     layout = Layout(labels, delimiter, first, decimal_point_of(rows, delimiter))
     return data, with_trailing_delimiter(rows, layout)
+
+
+def labels_of(form: Format, data: bytes | Content) -> list[str]:
+    """Labels of a table of this maker, as they stand in the file."""
+    return [label for label in _table(form, data)[1].labels if label]
 
 
 def _header_line(form, head):
