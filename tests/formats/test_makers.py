@@ -240,7 +240,7 @@ def test_a_spectrum_of_nobody_in_particular(form):
 
 def test_a_spectrum_that_is_inverted_or_is_several_is_refused():
     inverted = pd.DataFrame(PLAIN | {"Z'' (Ohm)": -OHM.imag})
-    with pytest.raises(Refusal, match="seems to hold -Im"):
+    with pytest.raises(Refusal, match="the column holds -Im"):
         read(inverted.to_csv(index=False))
     one = pd.DataFrame(SPECTRA["minus"])
     with pytest.raises(Refusal, match="more than once through its range"):
@@ -471,3 +471,28 @@ def test_units_that_no_label_says_are_taken_and_told():
     assert reading.notes == (
         "labels without a unit are taken as it is usual: time in s, current in A, voltage in V",
     )
+
+
+@pytest.mark.parametrize(
+    ("label", "sign", "said"),
+    [
+        ("-Im(Z)/Ohm", -1, "holds Im\\(Z\\) under a label of -Im"),
+        ("Im(Z)/Ohm", 1, "holds -Im\\(Z\\)"),
+    ],
+)
+def test_a_spectrum_of_the_wrong_sign_is_blamed_on_what_its_label_says(label, sign, said):
+    rows = "".join(f"{10.0**k},{0.02:g},{sign * 0.01 * 0.5**k:g}\n" for k in range(5))
+    with pytest.raises(Refusal, match=said):
+        read(f"freq/Hz,Re(Z)/Ohm,{label}\n{rows}")
+
+
+@pytest.mark.parametrize(("unit", "note"), [(1.0, "in Ah"), (1e3, "in mAh"), (7.7, "left out")])
+@pytest.mark.parametrize("label", ["Capacity", "Q"])
+def test_a_counter_without_a_unit_is_one_where_it_counts_what_the_current_moves(label, unit, note):
+    rows = "".join(f"{60 * k},-3,{4 - 0.01 * k:g},{unit * 0.05 * k:.6f}\n" for k in range(60))
+    reading = read(f"Time (s),Current (A),Voltage (V),{label}\n{rows}")
+    assert any(note in told for told in reading.notes)
+    if note == "left out":
+        assert "net_capacity_ampere_hour" not in reading.columns
+    else:
+        assert reading.columns["net_capacity_ampere_hour"][-1] == pytest.approx(-0.05 * 59)

@@ -48,6 +48,23 @@ def test_files_out_of_order_are_refused():
         join([part(unix=1e9), part(unix=1e9 - 100)])
 
 
+@pytest.mark.parametrize(
+    ("ends", "said", "pause"),
+    [
+        ("2025-10-26T02:50:00", "the clock being set back by an hour", 3200.0),
+        ("2025-11-02T01:50:00", "the clock being set back by an hour", 3200.0),
+        ("2025-10-27T02:50:00", "two clocks wrote them", 1.0),
+        ("2025-10-26T12:50:00", "two clocks wrote them", 1.0),
+        ("2025-07-06T02:50:00", "two clocks wrote them", 1.0),
+    ],
+)
+def test_dates_that_go_back_by_less_than_an_hour(ends, said, pause):
+    end = np.datetime64(ends).astype("datetime64[s]").astype(float)
+    joined = join([part(rows=1001, unix=end - 1000), part(unix=end - 400)])
+    assert said in joined.notes[0]
+    assert np.diff(joined.columns["test_time_second"])[1000] == pytest.approx(pause)
+
+
 @pytest.mark.parametrize("second", [0.0, 10 / 3600])
 def test_counter_goes_on_over_files(second):
     joined = join([part(counter=0.0), part(counter=second)]).columns["net_capacity_ampere_hour"]

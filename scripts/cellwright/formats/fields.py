@@ -62,6 +62,7 @@ def _without_resets(counter: np.ndarray) -> np.ndarray:
 
 SERIES = ("test_time_second", "current_ampere", "voltage_volt")
 IMPEDANCE = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")
+MINUS = "minus_impedance_imaginary_ohm"
 NET = "net_capacity_ampere_hour"
 # ASSUME: Counters that run with the current in nine tenths of what was moved tell its sign.
 CLEAR_SIGN = 0.9

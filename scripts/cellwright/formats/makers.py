@@ -5,10 +5,9 @@ unit: as text here, or, where the pattern has a group `unit`, as the label itsel
 """
 
 from cellwright.formats.dates import ZONED
-from cellwright.formats.fields import ENERGIES, NET, SERIES
+from cellwright.formats.fields import ENERGIES, MINUS, NET, SERIES
 from cellwright.formats.text_table import (
     COUNTER,
-    MINUS,
     STEP_CHARGE,
     STEP_ENERGY,
     STEP_TIME,
@@ -253,6 +252,9 @@ DATES = (
     r"date(?:[ _/-]?time)?|datum(?:[ /_-]?(?:zeit|uhrzeit))?|time[ _]?stamp|zeitstempel"
     r"|绝对时间|系统时间|日期"
 )
+TEMPERATURE = r"temp(?:erature|eratur|érature)?"
+ON_CELL = r"(?:(?:volume-averaged )?cell|battery|batt|surface|zell(?:e|en)?)"
+AROUND = r"(?:environment|chamber|ambient|umgebungs?|kammer)"
 # Tables of nobody in particular, tried where no maker is recognised: names of time, current and
 # voltage, or of frequency and impedance, in one line. Of several the one that stands first here.
 GENERIC = Format(
@@ -270,24 +272,24 @@ GENERIC = Format(
         # Symbols: a small t is a time, a capital one a temperature.
         rf"(?-i:t){HOURS}": (TIME, "time", "s"),
         rf"<?i>?{AMPERES}": (AMPERE, "current", "A"),
-        rf"(?:cell[ _]voltage|ecell|ewe|[uv]){VOLTS}": (VOLT, "voltage", "V"),
-        rf"charge[ _]capacity{CHARGE}": ("charge_counter", "charge", "Ah"),
-        rf"discharge[ _]capacity{CHARGE}": ("discharge_counter", "charge", "Ah"),
+        rf"(?:(?:cell|battery|terminal)[ _]voltage|ecell|ewe|[uv]){VOLTS}": (VOLT, "voltage", "V"),
+        rf"(?:charge|chg\.?)[ _]cap(?:acity|\.)?{CHARGE}": ("charge_counter", "charge", "Ah"),
+        rf"d(?:is)?ch(?:ar)?g(?:e|\.)?[ _]cap(?:acity|\.)?{CHARGE}": (
+            "discharge_counter",
+            "charge",
+            "Ah",
+        ),
+        rf"net[ _]capacity{CHARGE}": (NET, "charge", "Ah"),
         rf"charge[ _]energy{ENERGIES}": (PUT_IN, "energy", "Wh"),
         rf"discharge[ _]energy{ENERGIES}": (TAKEN_OUT, "energy", "Wh"),
         rf"(?:capacity|kapazität|capacité|capacidad|容量){CHARGE}": (STEP_CHARGE, "charge", None),
+        rf"(?:cap\.?|q|charge|ladung){CHARGE}": (STEP_CHARGE, "charge", None),
+        r"(?P<unit>m?ah)": (STEP_CHARGE, "charge", None),
         r"step(?:[ _](?:index|number|id))?|schritt": ("step_index", "count", "1"),
         r"cycle(?:[ _](?:index|number))?|zyklus": ("cycle_count", "count", "1"),
-        rf"(?:(?:cell[ _])?temp(?:erature|eratur|érature)?|(?-i:T)){DEGREES}": (
-            SURFACE,
-            "temperature",
-            "degC",
-        ),
-        rf"(?:environment|chamber)[ _]temp(?:erature)?{DEGREES}": (
-            AMBIENT,
-            "temperature",
-            "degC",
-        ),
+        rf"(?:{ON_CELL}[ _])?{TEMPERATURE}{DEGREES}": (SURFACE, "temperature", "degC"),
+        rf"(?-i:T){DEGREES}": (SURFACE, "temperature", "degC"),
+        rf"{AROUND}[ _]?{TEMPERATURE}{DEGREES}": (AMBIENT, "temperature", "degC"),
         rf"freq(?:uency|uenz)?{UNIT.format('m?hz|khz')}": ("frequency_hertz", "frequency", "Hz"),
         rf"(?:z'|z_?re(?:al)?|re\(z\)|z real){OHMS}": ("impedance_real_ohm", "impedance", "ohm"),
         rf"(?:z''|z\"|z_?im(?:ag|g)?|im\(z\)|z imag){OHMS}": (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.formats.fields import IMPEDANCE, NET, SERIES, UNITS
+from cellwright.formats.fields import IMPEDANCE, MINUS, NET, SERIES, UNITS
 from cellwright.refusal import Refusal
 
 # Times by which clock × current may differ from the instrument's counter by a wrong unit alone, and
@@ -50,12 +50,18 @@ def checked_series(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray
 def checked_impedance(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The columns of an impedance spectrum, if they can be one.
 
+    minus_impedance_imaginary_ohm, as a file may label it, becomes impedance_imaginary_ohm.
+
     Raises
     ------
     Refusal
         Fewer than two rows, a column without numbers, a frequency that is not above zero or
         never moves, a cell that would be inductive at its lowest frequencies.
     """
+    columns = dict(columns)
+    labelled_minus = MINUS in columns
+    if labelled_minus:
+        columns[IMPEDANCE[2]] = -columns.pop(MINUS)
     _refuse_empty(columns, IMPEDANCE)
     frequency, _, imaginary = (columns[name] for name in IMPEDANCE)
     if not (np.nanmin(frequency) > 0 and np.nanmin(frequency) < np.nanmax(frequency)):
@@ -70,9 +76,12 @@ def checked_impedance(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         )
     slow = frequency <= np.nanmedian(frequency)
     if np.nanmedian(imaginary[slow]) > 0:
+        holds = "Im(Z) under a label of -Im(Z)" if labelled_minus else "-Im(Z)"
         raise Refusal(
-            "imaginary impedance is positive at low frequencies, where a cell's is negative: "
-            "the file seems to hold -Im(Z); label the column so, such as -Z'' (Ohm), or negate it"
+            "imaginary impedance is positive at low frequencies, where a cell's is negative: the "
+            f"column holds {holds}, "
+            "or this is no cell but a shunt, a lead or a coil; correct its label: Z'' (Ohm) is "
+            "negative where a cell is capacitive, -Z'' (Ohm) positive"
         )
     return columns
 

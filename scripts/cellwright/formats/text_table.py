@@ -18,6 +18,7 @@ from cellwright.formats.dates import clock_second, date_readings, over_midnight
 from cellwright.formats.fields import (
     ENERGY,
     IMPEDANCE,
+    MINUS,
     NET,
     SERIES,
     UNITS,
@@ -27,7 +28,12 @@ from cellwright.formats.fields import (
     refuse_repeated,
     require,
 )
-from cellwright.formats.physics import SAME_CLOCK, date_slopes, unit_by_pace
+from cellwright.formats.physics import (
+    SAME_CLOCK,
+    charge_by_clock_and_counter,
+    date_slopes,
+    unit_by_pace,
+)
 from cellwright.formats.table import (
     CHANNEL,
     DELIMITERS,
@@ -51,7 +57,7 @@ HEAD = 1 << 17  # byte within which the labels of a table must stand
 MOST_LABELS = 12  # that a message names
 MOST_LINES = 500  # among which the labels of a table of nobody in particular stand
 TIME, STEP_TIME, UNIX = "test_time_second", "step_time_second", "unix_time_second"
-MINUS, IMAGINARY = "minus_impedance_imaginary_ohm", "impedance_imaginary_ohm"
+IMAGINARY = "impedance_imaginary_ohm"
 # Impedance as it may be written instead of its real and imaginary part.
 POLAR = {"impedance_ohm": "impedance_real_ohm", "phase_degree": IMAGINARY}
 PARTS = (*IMPEDANCE, MINUS, *POLAR)
@@ -82,6 +88,7 @@ NOT_SAID = "not said"
 EXCEL_DAYS = (36526.0, 73050.0)  # of the years 2000 to 2099
 CLOCKED = re.compile(r"^\s*(?:\d+\s*d\s+)?\d+:\d+:\d")
 # Factors between a clock whose unit is not said and its dates [s].
+SAME_CHARGE = 0.1  # by which a counter of another unit is never off
 CLOCK_UNITS = {1.0: "s", 60.0: "min", 3600.0: "h"}
 
 
@@ -232,6 +239,8 @@ def read(form: Format, data: bytes | Content) -> Read:
     ]
     if bare:
         notes.append(f"labels without a unit are taken as it is usual: {', '.join(bare)}")
+    unproved = [f for f in others if f.quantity == "charge" and f.unit == NOT_SAID]
+    others = [f._replace(unit="Ah") if f in unproved else f for f in others]
     columns = converted(found, others)
     if counter:
         columns["voltage_volt"] = columns["voltage_volt"] - columns.pop(COUNTER, 0.0)
@@ -250,6 +259,7 @@ def read(form: Format, data: bytes | Content) -> Read:
         columns = {name: values[filled] for name, values in columns.items()}
     notes += more
     columns = _with_counters(_without_dead(_without_still_counters(columns, notes), notes))
+    columns = _with_unit_of_counter(columns, unproved, notes) if unproved else columns
     return Read(columns, notes, int(state is not None), tuple(dates))
 
 
@@ -512,6 +522,25 @@ def _without_still_counters(columns, notes):
     return kept
 
 
+def _with_unit_of_counter(columns, fields, notes):
+    """Columns whose counter, of no stated unit, counts Ah or mAh as time and current tell.
+
+    One that counts neither is left out: it is no witness.
+    """
+    if NET not in columns:
+        return columns
+    moved, counted = charge_by_clock_and_counter(*(columns[n] for n in (*SERIES[:2], NET)))
+    for unit, factor in (("Ah", 1.0), ("mAh", 1e-3)):
+        if abs(moved / (factor * counted) - 1) < SAME_CHARGE:
+            notes.append(f"{fields[0].label} in {unit}, as time × current moves")
+            return columns | {NET: factor * columns[NET]}
+    notes.append(
+        f"{fields[0].label} does not say its unit, and counts {counted:.4g} where time × current "
+        f"moves {moved:.4g} Ah: left out"
+    )
+    return {name: values for name, values in columns.items() if name != NET}
+
+
 def _with_counters(columns):
     """Columns with the net counter that one of unknown scope is: what it counts, its falls tell."""
     energy = columns.pop(STEP_ENERGY, None)
@@ -536,8 +565,6 @@ def _net(magnitude, current):
 
 
 def _spectrum(columns):
-    minus = columns.pop(MINUS, None)
-    columns |= {} if minus is None else {IMAGINARY: -minus}
     size, phase = (columns.pop(name, None) for name in POLAR)
     if "impedance_real_ohm" not in columns:
         turned = size * np.exp(1j * np.radians(phase))

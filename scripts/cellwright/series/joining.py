@@ -108,14 +108,18 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
     interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     if "unix_time_second" in before and "unix_time_second" in after:
         pause = after["unix_time_second"][0] - before["unix_time_second"][-1]
-        back = before["unix_time_second"][0] < after["unix_time_second"][0]
-        if back and -HOUR - 2.0 <= pause < -2.0:
-            # ASSUME: Local dates that go back by less than an hour, and not behind the beginning
-            # of the file before, do so where summer time ends.
-            shift = end + max(pause + HOUR, interval) - start
-            return shift, (
-                f"file {number} begins {-pause:g} s before file {number - 1} ends, by their dates: "
-                f"taken as {pause + HOUR:g} s after it, the clock being set back by an hour"
+        # ASSUME: Local dates that go back by less than an hour, and not behind the beginning of
+        # the file before, do so where summer time ends, or another clock wrote them.
+        if before["unix_time_second"][0] < after["unix_time_second"][0] and -HOUR - 2 <= pause < -2:
+            overlap = f"file {number} begins {-pause:g} s before file {number - 1} ends, by dates"
+            if _summer_time_ends(before["unix_time_second"][-1]):
+                shift = end + max(pause + HOUR, interval) - start
+                return shift, (
+                    f"{overlap}: taken as {pause + HOUR:g} s after it, the clock being set back by "
+                    "an hour"
+                )
+            return end + interval - start, (
+                f"{overlap}: two clocks wrote them; it is put behind it, the pause is not known"
             )
         if pause < -2.0:  # date stamps of whole seconds may be wrong by one at either end
             raise Refusal(
@@ -129,6 +133,14 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
         return 0.0, f"file {number} follows after {start - end:g} s (its clock goes on)"
     # ASSUME: A file without dates whose clock starts anew follows the one before at once.
     return end + interval - start, f"file {number} put behind file {number - 1}: pause not known"
+
+
+def _summer_time_ends(unix_second) -> bool:
+    """Whether summer time may end at a local date: a Sunday night in spring or autumn."""
+    day, second = divmod(int(unix_second), 86400)
+    month = int((np.datetime64(day, "D").astype("datetime64[M]").astype(int)) % 12) + 1
+    # 1 January 1970 was a Thursday.
+    return (day + 3) % 7 == 6 and second <= 4 * HOUR and month in (3, 4, 9, 10, 11)
 
 
 def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
