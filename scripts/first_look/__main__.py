@@ -29,13 +29,31 @@ def main(arguments=None) -> int:
     two.add_argument("after", help="another, or a later state of the same")
     two.add_argument("--to", default=".", help="folder for comparison.csv and comparison.html")
     options = parser.parse_args(arguments)
+    if options.command == "inspect":
+        return max([_looked_at(file, k > 0) for k, file in enumerate(options.file)])
+    return _printed(_lines(options))
+
+
+def _printed(lines) -> int:
+    """Print lines as they come; 1 where they end in a refusal, which is printed too."""
     try:
-        for line in _lines(options):
+        for line in lines:
             print(line)
     except (Refusal, OSError) as reason:
         print(reason, file=sys.stderr)
         return 1
     return 0
+
+
+def _looked_at(file, follows) -> int:
+    """Print what one of several files holds; a refused one does not take the next ones down."""
+    if follows:
+        print(flush=True)
+    return _printed(_about(file))
+
+
+def _about(file):
+    yield from words.lines_of(one_file.look(file))
 
 
 def _lines(options):
@@ -45,14 +63,10 @@ def _lines(options):
         yield from (f"written: {path}" for path in interchange.convert(options.file, options.to))
     elif options.command == "explain":
         yield from lineage.explain(options.table, options.row)
-    elif options.command == "compare":
+    else:
         changes = compare.compare(options.before, options.after)
         yield from compare.in_words(changes)
         yield from (f"written: {path}" for path in compare.write(changes, options.to))
-    else:
-        for number, file in enumerate(options.file):
-            yield from [""] * (number > 0)
-            yield from words.lines_of(one_file.look(file))
 
 
 if __name__ == "__main__":

@@ -104,6 +104,16 @@ def test_inspect_says_why_a_file_cannot_be_read(tmp_path, capsys):
     assert "notes.txt: of no instrument known here" in capsys.readouterr().err
 
 
+def test_inspect_goes_on_after_a_file_that_is_refused(tmp_path, capsys):
+    bad, good = tmp_path / "notes.txt", tmp_path / "A7_25degC.csv"
+    bad.write_text("nothing here\n")
+    good.write_text(text_of(*RECORDS["capacity"]))
+    assert main(["inspect", str(bad), str(good)]) == 1
+    shown = capsys.readouterr()
+    assert "notes.txt: of no instrument known here" in shown.err
+    assert "A7_25degC.csv: series of" in shown.out
+
+
 def test_init_drafts_sheets_and_overwrites_none(tmp_path, capsys):
     for cell in ("A7", "B2"):
         for kind, celsius in (("capacity", "25degC"), ("ocv", "n10C")):
