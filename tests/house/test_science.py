@@ -121,7 +121,7 @@ BUILDERS = ("native/__init__.py",)
 
 # What the public interface alone may: make DataFrames; and the gate: open a file of a user.
 # Programs and libraries of others that read a path alone get the bytes in a folder of a moment.
-OF_OTHERS = {"formats/outside.py": {"pathlib", "shutil", "subprocess", "tempfile"}}
+OF_OTHERS = {"formats/outside.py": {"logging", "pathlib", "tempfile", "warnings"}}
 OF_ARCHIVES = "formats/container.py"  # opens parts of an archive that is in memory
 OF_THE_INTERFACE = {"api": ({"pandas"}, set()), "gate.py": ({"os"}, {"open"})}
 

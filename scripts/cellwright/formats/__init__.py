@@ -40,7 +40,8 @@ READERS = (*MODULES, *TABLES, makers.GENERIC.name)
 # Readers of texts of any length, which need not be in memory as a whole.
 IN_BLOCKS = {module.NAME for module in (bdf, arbin, bitrode, digatron, plett)}
 # What a format itself says of its current; where it says nothing, the data must tell.
-SIGN_RULE = dict.fromkeys(("bdf", "neware", "biologic", "novonix", "basytec"), "charge_positive")
+POSITIVE_CHARGE = ("bdf", "neware", "neware_binary", "biologic", "novonix", "basytec")
+SIGN_RULE = dict.fromkeys(POSITIVE_CHARGE, "charge_positive")
 HEAD = 1 << 14
 
 

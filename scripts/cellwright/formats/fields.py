@@ -98,6 +98,11 @@ def refuse_repeated(labels: Sequence[str], meaning: Callable[[str], Field | None
             )
 
 
+def probe_column(number: int) -> str:
+    """Column of a thermometer on the cell, of several the one of a number from 1 on."""
+    return f"surface_temperature{f'_{number}' if number > 1 else ''}_celsius"
+
+
 def known_fields(labels: Iterable[str], meaning: Callable[[str], Field | None]) -> list[Field]:
     """Fields that `meaning` knows among the labels; a column found twice is refused."""
     labels = list(labels)
