@@ -9,6 +9,7 @@ with artefact.Job(snakemake, output.spectrum) as reading:
     file = raw_files.single(said["file"], said["sha256"], largest)
     how = {"kind": "impedance", "instrument": said["instrument"], "columns": said["columns"]}
     found = cw.read(file, **how, largest_megabyte=largest)
+    reading.note(*found.notes)
     reading.save(found.columns, instrument=found.instrument[0])
 with artefact.Job(snakemake, *output[1:], after=reading) as job:
     found = cw.impedance(job.load(output.spectrum), params.settings, cell=params.cell)

@@ -1,4 +1,4 @@
-"""Arbin's workbooks: a channel over one sheet or several, dates, and each refusal by name."""
+"""Workbooks, Arbin's and of anybody: one sheet or several, dates, and each refusal by name."""
 
 import io
 import zipfile
@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cellwright import formats
+from cellwright.formats.workbook import _written
 from cellwright.refusal import Refusal
 
 MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
@@ -103,8 +104,70 @@ def with_text():
     return {"Channel_1-008": [LABELS, *rows]}
 
 
+PLAIN = ["Time (s)", "Current (A)", "Voltage (V)"]
+
+
+def plain(first, count):
+    """Rows of a table of nobody in particular: a row a minute."""
+    return [[60.0 * k, 1.0, 3.5 + k / 100] for k in range(first, first + count)]
+
+
+def test_sheets_of_anybody_follow_their_clocks_below_a_title():
+    book = workbook(
+        {
+            "Cell": [["Made by", "any"]],
+            "Late": [["Run 2"], PLAIN, *plain(3, 4)],
+            "Early": [["Run 1"], [], PLAIN, *plain(0, 3), ["", "", ""]],
+        }
+    )
+    found = read(book)
+    assert (found.instrument, found.kind) == ("table", "series")
+    assert found.columns["test_time_second"] == pytest.approx(60.0 * np.arange(7))
+    assert found.columns["voltage_volt"] == pytest.approx(3.5 + np.arange(7) / 100)
+    assert "sheets that are not read: 'Cell'" in found.notes
+
+
+def test_a_spectrum_in_a_sheet():
+    hertz = np.geomspace(1e3, 1, 10)
+    ohm = 0.02 + 0.01 / (1 + 1j * hertz / 50)
+    rows = np.column_stack([hertz, ohm.real, -ohm.imag]).tolist()
+    found = read(workbook({"EIS": [["Freq (Hz)", "Z' (Ohm)", "-Z'' (Ohm)"], *rows]}))
+    assert found.kind == "impedance"
+    np.testing.assert_array_equal(found.columns["impedance_imaginary_ohm"], ohm.imag)
+
+
+def test_cells_are_written_as_a_csv_has_them():
+    from datetime import date, datetime, time, timedelta
+
+    written = {
+        0.1: "0.1",
+        datetime(2024, 3, 1, 12): "2024-03-01 12:00:00",
+        date(2024, 3, 1): "2024-03-01 00:00:00",
+        time(1, 2, 3): "01:02:03",
+        timedelta(hours=30, seconds=5.5): "30:00:5.5",
+        datetime(1899, 12, 31, 6, 0, 5): "30:00:5",  # as a time of more than a day is read
+        " Time\n(s) ": "Time (s)",
+    }
+    assert [_written(cell) for cell in written] == list(written.values())
+
+
 REFUSED = {
-    "other instrument": ({"Test": [LABELS, *readings(0, 4)]}, "its sheets are 'Test'"),
+    "other instrument": ({"Test": [["A", "B", "C"], [1.0, 2.0, 3.0]]}, "its sheets are 'Test'"),
+    "tables of two kinds": (
+        {
+            "A": [PLAIN, *plain(0, 4)],
+            "B": [[*PLAIN, "Step"], *([*row, 1.0] for row in plain(4, 4))],
+        },
+        "sheets 'A', 'B' hold tables of different labels",
+    ),
+    "two at a time": (
+        {"A": [PLAIN, *plain(0, 4)], "B": [PLAIN, *plain(2, 4)]},
+        "sheets 'A', 'B' run at the same time .'B' begins 60 s before 'A' ends.",
+    ),
+    "a word in a sheet": (
+        {"A": [[], PLAIN, *plain(0, 4), [240.0, "12,5 mA", 3.7]]},
+        "sheet 'A', whose rows are called lines: line 7: column 'Current .A.': found '12,5 mA'",
+    ),
     "two channels": (
         {"Channel_1": [LABELS, *readings(0, 4)], "Channel_2": [LABELS, *readings(2, 4)]},
         "sheets 'Channel_1', 'Channel_2' run at the same time .*one channel a file",

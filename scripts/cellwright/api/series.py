@@ -23,7 +23,7 @@ def read(
     """A record from the files of an instrument.
 
     source : a path, bytes, (name, bytes), or a list of them: the files of one test in time order.
-    kind : what the files must hold, "series" or "impedance".
+    kind : what the files must hold, "series" or "impedance"; of a file that holds both, the one.
     name : of the file in messages, where `source` is bytes.
     instrument : name of its reader; None: recognised from the content.
     current_sign : "charge_positive" or "discharge_positive"; None: determined from the data.
@@ -44,9 +44,8 @@ def read(
     # Files are joined in the order given: their clocks often begin anew, so they cannot be sorted.
     parts = source if isinstance(source, list) else [source]
     files = [_named_bytes(part, name, largest_megabyte) for part in parts]
-    how = {"instrument": instrument, "largest_megabyte": largest_megabyte}
-    how["columns"] = columns or ()
-    readings = formats.read_together(files, **how)
+    how = {"instrument": instrument, "kind": kind, "largest_megabyte": largest_megabyte}
+    readings = formats.read_together(files, **how, columns=columns or ())
     about = {"kind": kind, "instrument": [reading.instrument for reading in readings]}
     if kind == "series":
         joined = assemble(readings, stated_sign=current_sign)
@@ -57,7 +56,7 @@ def read(
     if len(readings) != 1 or readings[0].kind != kind:
         found = ", ".join(reading.kind for reading in readings)
         raise Refusal(f"the files hold {found or 'nothing'}, wanted one of {kind}")
-    return results.Result({"columns": readings[0].columns}, about)
+    return results.Result({"columns": readings[0].columns}, about, tuple(readings[0].notes))
 
 
 def read_simulated(source, *, name=None, largest_megabyte=FILES.largest_megabyte):

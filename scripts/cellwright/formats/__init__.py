@@ -22,6 +22,7 @@ from cellwright.formats import (
     matlab,
     outside,
     plett,
+    sheets,
     text_table,
     zahner,
 )
@@ -30,10 +31,11 @@ from cellwright.formats.content import Content, content_of, head_of, whole_of
 from cellwright.formats.fields import with_net_counter
 from cellwright.formats.physics import checked_impedance, checked_series
 from cellwright.formats.table import decoded
+from cellwright.formats.workbook import is_workbook, sheet_names
 from cellwright.refusal import Refusal
 
 TEXTS = (bdf, arbin, bitrode, digatron, labview, plett, bare_spectrum)
-BINARIES = (zahner, matlab, outside.NewareBinary, outside.ArbinDatabase)
+BINARIES = (zahner, matlab, sheets, outside.NewareBinary, outside.ArbinDatabase)
 MODULES = {module.NAME: module for module in (*TEXTS, *BINARIES)}
 TABLES = {form.name: form for form in makers.MAKERS}
 READERS = (*MODULES, *TABLES, makers.GENERIC.name)
@@ -61,6 +63,7 @@ def read(
     *,
     name: str,
     instrument: str | None = None,
+    kind: str | None = None,
     largest_megabyte: float | None = None,
     date_format: str | None = None,
     columns=(),
@@ -76,6 +79,9 @@ def read(
         What messages call the file.
     instrument : str, optional
         Reader to use; blank or None: found from the content.
+    kind : str, optional
+        "series" or "impedance": which is wanted of a file that holds both; None: the one of more
+        rows. A file that holds but one gives that.
     largest_megabyte : float, optional
         To which the file may unpack [MB]; None: the default of `settings.Files`.
     date_format : str, optional
@@ -98,10 +104,13 @@ def read(
     """
     try:
         content = _admitted(data, largest_megabyte)
+        how = How(kind, date_format, tuple(columns))
+        if is_workbook(head_of(content)):
+            return _checked(*_of_workbook(whole_of(content), instrument, how))
         if columns:
-            return _checked(*_read_stated(content, instrument, date_format, columns))
+            return _checked(*_read_stated(content, instrument, how))
         reader = _known(instrument) if instrument else detect(content)
-        return _checked(reader, *_read(reader, content, date_format))
+        return _checked(reader, *_read(reader, content, how))
     except Refusal as reason:
         raise Refusal(f"{name}: {reason}") from None
 
@@ -219,26 +228,77 @@ def _known(instrument: str) -> str:
     return instrument
 
 
-def _read(reader: str, data: bytes | Content, date_format):
+class How(NamedTuple):
+    """What is known of a file before it is read, see `read`."""
+
+    kind: str | None = None
+    date_format: str | None = None
+    columns: tuple[str, ...] = ()
+
+    def form(self, name):
+        """The format of a table of text of this name, with what is known of its dates and labels.
+
+        Raises
+        ------
+        Refusal
+            Labels are stated for a reader of no table of text.
+        """
+        form = TABLES.get(name, makers.GENERIC)
+        if self.columns and name not in ("", None, form.name):
+            raise Refusal(
+                f"columns in tests.tsv serve tables of text alone, not instrument {name!r}; "
+                "leave one of the two blank"
+            )
+        form = form._replace(dates=(self.date_format,)) if self.date_format else form
+        return column_map.with_columns(form, self.columns) if self.columns else form
+
+
+def _of_workbook(data: bytes, instrument: str | None, how: How):
+    """Name of the reader of a workbook's table, its columns, notes, sign and formats of dates."""
+    if how.columns:
+        form = how.form(instrument)
+
+        def stated(text):
+            line = text_table.header_of(form, decoded(text[:HEAD]))
+            return (form.name, line) if line else None
+
+        return sheets.read(data, stated, lambda _, text: _read_stated(text, instrument, how)[1:])
+    if any(name.startswith(arbin.CHANNEL_SHEET) for name in sheet_names(data)):
+        return arbin.NAME, *arbin.read(data), 0
+
+    def known(text):
+        found = _of_sheet(text)
+        return found if instrument in (None, "", sheets.NAME, *(found or ())[:1]) else None
+
+    return sheets.read(data, known, lambda reader, text: _read(reader, text, how))
+
+
+def _of_sheet(text: bytes) -> tuple[str, int] | None:
+    """Name of the reader of a table in a sheet, and the number of the line of its labels."""
+    head = decoded(text[:HEAD])
+    for form in (*makers.MAKERS, makers.GENERIC):
+        line = text_table.header_of(form, head)
+        if line and (form is makers.GENERIC or text_table.recognises(form, head)):
+            return form.name, line
+    own = next((m.NAME for m in (bdf, arbin) if m.recognises(text[:HEAD])), None)
+    return own and (own, 1)
+
+
+def _read(reader: str, data: bytes | Content, how: How):
     """Columns of a file by the reader of a name, notes, sign by its letters, formats of dates."""
+    if reader == sheets.NAME:
+        raise Refusal("this is no Excel workbook (.xlsx): leave `instrument` in tests.tsv blank")
     if reader in MODULES:
         found = MODULES[reader].read(data if reader in IN_BLOCKS else whole_of(data))
         return (*found, 0) if isinstance(found, tuple) else (found, (), 0)
-    form = TABLES.get(reader, makers.GENERIC)
-    return text_table.read(form._replace(dates=(date_format,)) if date_format else form, data)
+    return text_table.read(how.form(reader), data, how.kind)
 
 
-def _read_stated(content, instrument, date_format, columns):
+def _read_stated(content, instrument, how: How):
     """Reader and what it reads of a table of text some of whose labels the sheet explains."""
-    if instrument and instrument not in TABLES:
-        raise Refusal(
-            f"columns in tests.tsv serve tables of text alone, not instrument {instrument!r}; "
-            "leave one of the two blank"
-        )
-    form = column_map.with_columns(TABLES.get(instrument, makers.GENERIC), columns)
-    form = form._replace(dates=(date_format,)) if date_format else form
-    found, labels = text_table.read(form, content), text_table.labels_of(form, content)
-    missing = [x for x in column_map.labels_stated(columns) if x not in labels]
+    form = how.form(instrument)
+    found, labels = text_table.read(form, content, how.kind), text_table.labels_of(form, content)
+    missing = [x for x in column_map.labels_stated(how.columns) if x not in labels]
     if missing:
         raise Refusal(
             f"columns in tests.tsv names {', '.join(map(repr, missing))}; the file's labels are "

@@ -57,9 +57,7 @@ LABEL = re.compile(r"^(?P<base>[^()]+?)\s*(?:\((?P<unit>[^()]*)\))?$")
 
 
 def recognises(head: bytes) -> bool:
-    """A workbook, or at least three of the labels that only Arbin writes in the first line."""
-    if is_workbook(head):
-        return True
+    """At least three of the labels that only Arbin writes in the first line."""
     labels = re.split(f"[{DELIMITERS}]", line_of(head, 1))
     bases = {_base_and_unit(unquoted(label))[0] for label in labels}
     return len(bases & OWN) >= 3 and not bases.isdisjoint({"test time", "current", "voltage"})

@@ -183,13 +183,15 @@ class Read(NamedTuple):
     dates: tuple[str, ...] = ()  # formats in which its dates can be read, the one taken first
 
 
-def read(form: Format, data: bytes | Content) -> Read:
+def read(form: Format, data: bytes | Content, kind: str | None = None) -> Read:
     """Columns of a table in the house's names and units, and notes on what was left out.
 
     Parameters
     ----------
     form : Format
     data : the file, unpacked, in UTF-8, GB 18030 or Latin-1.
+    kind : of a table that holds a series and a spectrum, the one that is wanted: "series" or
+        "impedance"; None: the one of more rows.
 
     Returns
     -------
@@ -203,14 +205,16 @@ def read(form: Format, data: bytes | Content) -> Read:
     """
     data, layout = _table(form, data)
     fields = fields_of(form, layout.labels)
-    if any(field.column == "frequency_hertz" for field in fields):
+    swept = _swept_rows(form, data, layout, fields)
+    if len(swept) and (kind == "impedance" or _is_spectrum(swept, kind)):
         # Not what a spectrum's file says of the voltage and current at each frequency.
         fields = [f for f in fields if f.column in PARTS]
         parts = [f._replace(column=POLAR.get(f.column, f.column)) for f in fields]
         parts = [f._replace(column=f.column.removeprefix("minus_")) for f in parts]
         require(parts, IMPEDANCE, SPELT, layout.labels)
         found = read_table(data, layout, [field.label for field in fields])
-        return Read(_spectrum(converted(found.columns, fields)), list(found.notes))
+        notes = [*found.notes, *_other_rows(swept)]
+        return Read(_spectrum(converted(found.columns, fields)), notes)
     fields = [f for f in fields if f.column not in PARTS]
     date = next((x for x in layout.labels if _is(form.date, x)), None)
     fields, date = _timed(fields, date, lambda label: is_written(data, layout, label))
@@ -255,12 +259,43 @@ def read(form: Format, data: bytes | Content) -> Read:
     if state:
         columns["current_ampere"] = _signed(form, columns["current_ampere"], found[state])
     filled = np.any([np.isfinite(columns[name]) for name in SERIES], axis=0)
+    if swept.any():
+        filled &= ~swept
+        said = f"{swept.sum()} rows of a spectrum are left out: a test of kind eis reads them"
+        more = [*more, said]
     if not filled.all():  # rows of nothing but delimiters, as spreadsheets leave them at the end
         columns = {name: values[filled] for name, values in columns.items()}
     notes += more
     columns = _with_counters(_without_dead(_without_still_counters(columns, notes), notes))
     columns = _with_unit_of_counter(columns, unproved, notes) if unproved else columns
     return Read(columns, notes, int(state is not None), tuple(dates))
+
+
+def _swept_rows(form, data, layout, fields):
+    """Rows (n,) in which a spectrum is swept, empty where the table has no frequency.
+
+    All of them, where the table has no series beside it.
+    """
+    columns = {field.column: field.label for field in fields}
+    label = columns.get("frequency_hertz")
+    if label is None:
+        return np.empty(0, bool)
+    frequency = read_table(data, layout, [label]).columns[label]
+    dated = any(_is(form.date, x) for x in layout.labels)
+    timed = dated or not columns.keys().isdisjoint({TIME, STEP_TIME, UNIX})
+    both = timed and columns.keys() >= set(SERIES[1:])
+    return frequency > 0 if both else np.ones(len(frequency), bool)
+
+
+def _is_spectrum(swept, kind):
+    """Whether rows of a table with a frequency are taken for a spectrum's."""
+    return swept.all() or (kind is None and 2 * np.count_nonzero(swept) >= len(swept))
+
+
+def _other_rows(swept):
+    """A sentence on rows between those of a spectrum that could be a series."""
+    rows = np.count_nonzero(~swept)
+    return [f"{rows} rows without a frequency are left out: tests of other kinds read them"][:rows]
 
 
 def _table(form, data):
