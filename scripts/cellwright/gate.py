@@ -8,6 +8,7 @@ that it costs its own test and no other. `contents` opens files, `joined` counts
 
 import io
 import os
+import re
 import stat
 
 from cellwright.refusal import Refusal
@@ -23,9 +24,10 @@ UNNOTICED = 32 * MEGABYTE  # up to here no job's memory notices what a file unpa
 # A cell's record has tens of columns, that of a pack of a thousand cells some thousands.
 MOST_COLUMNS = 4096
 LONGEST_LINE = 64 * MOST_COLUMNS  # byte, of labels as long as they come
-# Characters that mean something where names of files are written: Snakemake's wildcards, and ends
-# of lines.
-UNFIT = {"{": "a brace", "}": "a brace", "\n": "a line break", "\r": "a line break", "\0": "a NUL"}
+# What means something where names of files are written: Snakemake's wildcards and its variables of
+# paths, and ends of lines.
+UNFIT = {"[{}]": "a brace", "[\n\r]": "a line break", "\0": "a NUL"}
+UNFIT |= {"<[a-z][a-z0-9_]*>": "a word between < and >"}
 KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a pipe (FIFO)"),
@@ -48,7 +50,7 @@ def obstacle(path, within=None, largest_megabyte=None) -> str:
     """
     name = os.fspath(path)
     path = _place(path, within)
-    unfit = next((what for mark, what in UNFIT.items() if mark in name), None)
+    unfit = next((what for mark, what in UNFIT.items() if re.search(mark, name)), None)
     if unfit and (within is not None or "\0" in name):
         return f"has {unfit} in its name; rename it"
     try:
@@ -87,7 +89,9 @@ def contents(path, *, within=None, largest_megabyte=None) -> bytes:
     Raises
     ------
     Refusal
-        There is an `obstacle`, or the file cannot be read. The message names it.
+        There is an `obstacle`, or the file may not be read. The message names it.
+    OSError
+        The disk fails, which says nothing of the file.
     """
     content = content_at(path, within=within, largest_megabyte=largest_megabyte)
     if isinstance(content, bytes):
@@ -107,6 +111,8 @@ def content_at(path, *, within=None, largest_megabyte=None, opener=io.FileIO):
     ------
     Refusal
         As of `contents`.
+    OSError
+        The disk fails, which says nothing of the file.
     """
     reason = obstacle(path, within, largest_megabyte)
     if reason:
@@ -128,7 +134,7 @@ def content_at(path, *, within=None, largest_megabyte=None, opener=io.FileIO):
         with io.BufferedReader(file) as whole:
             # No more than was found: a file that is being written to may have no end.
             return whole.read(about.st_size)
-    except OSError as error:
+    except PermissionError as error:
         raise Refusal(f"{path}: cannot be read: {error.strerror}") from None
 
 

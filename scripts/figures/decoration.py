@@ -243,7 +243,7 @@ def _look(axis, params):
 
 def plain(label: str) -> str:
     """A tick's label without mathematical markup: `$\\mathdefault{10^{-2}}$` is 10⁻²."""
-    if "$" not in label:
+    if not label.startswith("$\\mathdefault{"):  # a name may have any sign in it
         return label
     text = re.sub(r"\\mathdefault\{(.*)\}", r"\1", label.replace("$", ""))
     text = text.replace(r"\times", "×").replace(" ", "").replace("-", "−")

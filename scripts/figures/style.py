@@ -35,6 +35,7 @@ STYLE = {
     "axes.formatter.useoffset": False,
     "grid.color": GRID,
     "text.color": INK,
+    "text.parse_math": False,  # names of a user's are no formulas
     "xtick.color": INK,
     "ytick.color": INK,
     "lines.linewidth": 1.2,

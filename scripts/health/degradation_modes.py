@@ -10,7 +10,7 @@ with artefact.Job(snakemake) as job:
         params.cell,
         params.materials["chemistry"],
         rests=facts.with_columns(snakemake.input.rests),
-        half_cells=user_tables.half_cells(params.materials, snakemake.input.half_cells),
+        half_cells=user_tables.half_cells(params.materials, params.content),
         fresh=facts.fresh_cell(params.fresh, snakemake.input.fresh),
         settings=params.settings,
     )

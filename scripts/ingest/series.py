@@ -6,7 +6,7 @@ from runtime import artefact, raw_files
 params, output = snakemake.params, snakemake.output
 with artefact.Job(snakemake, output.ingest) as reading:
     said, largest = params.reading, params.largest_megabyte
-    files = raw_files.contents(said["file"], said["sha256"], largest)
+    files = raw_files.contents(said["file"], said["sha256"], largest, params.content)
     how = {name: said[name] for name in ("instrument", "current_sign", "columns")}
     found = cw.read(files, **how, **params.channels, largest_megabyte=largest)
     reading.note(*found.notes)

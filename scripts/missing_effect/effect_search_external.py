@@ -6,7 +6,7 @@ from runtime import artefact, facts, search_inputs
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
     tests, basis = facts.tests(inputs.series), job.load(inputs.basis)
-    curves, notes = search_inputs.simulated(params.files, tests)
+    curves, notes = search_inputs.simulated(params.files, tests, params.content)
     found = cw.missing_effect(
         params.cell,
         basis,

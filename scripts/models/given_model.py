@@ -7,7 +7,7 @@ with artefact.Job(snakemake) as job:
     params = snakemake.params
     found = cw.model_of_table(
         snakemake.wildcards.cell,
-        user_tables.read(params.table, params.table, user_tables.MODEL),
+        user_tables.read(params.table, user_tables.MODEL, params.content),
         capacity_ampere_hour=params.capacity_ampere_hour,
         source=params.table,
     )

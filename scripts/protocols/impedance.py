@@ -6,7 +6,7 @@ from runtime import artefact, raw_files
 params, output = snakemake.params, snakemake.output
 with artefact.Job(snakemake, output.spectrum) as reading:
     said, largest = params.reading, params.largest_megabyte
-    file = raw_files.single(said["file"], said["sha256"], largest)
+    file = raw_files.single(said["file"], said["sha256"], largest, params.content)
     how = {"kind": "impedance", "instrument": said["instrument"], "columns": said["columns"]}
     found = cw.read(file, **how, largest_megabyte=largest)
     reading.note(*found.notes)

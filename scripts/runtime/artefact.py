@@ -191,8 +191,14 @@ def plain(value):
 FAILED = "Cellwright itself failed"  # begins the reasons that are no refusals
 
 
+# What may be otherwise when a job is made again.
+PASSING = (OSError, MemoryError)
+
+
 def failure(error: Exception, where="at this step") -> str:
-    """An exception that is no refusal, as a sentence for people."""
+    """An exception that is no refusal, as a sentence for people; one that may pass is raised on."""
+    if isinstance(error, PASSING):
+        raise error
     said = f"{type(error).__name__}: {error}".removesuffix(": ")
     return f"{FAILED} {where} ({said}): a fault of the program, told in full in the step's log"
 
@@ -220,6 +226,8 @@ class Job:
     A refusal inside the block is written as the reason into every output that is not saved yet.
     So is any other exception, as a failure of the program with its traceback in the log: a fault in
     one cell's job must not cost the other cells their report, and the report names it on top.
+    What may have passed by the next run, a fault of the disk or too little memory, fails the job,
+    so that it is made again.
     """
 
     def __init__(self, snakemake, *outputs, inputs=None, after=None):
@@ -238,6 +246,9 @@ class Job:
 
     def __exit__(self, kind, error, trace):
         if error is None or not isinstance(error, Exception):
+            return False
+        if isinstance(error, PASSING):
+            self.log("".join(traceback.format_exception(error)))
             return False
         expected = isinstance(error, Refusal)
         reason = str(error) if expected else failure(error)

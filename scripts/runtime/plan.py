@@ -4,6 +4,7 @@ Rules ask here for paths and facts. A function of a job takes Snakemake's wildca
 parameters of rules may; the others take the name of a cell or group.
 """
 
+from cellwright.health.electrodes.names import half_cell_files
 from cellwright.packs import wiring
 from cellwright.records.conditions import SAME_CHECKUP_CYCLES
 
@@ -16,6 +17,7 @@ FACTS_OF_CELL = (
 )
 # What a reader of a table needs to compare rows; everything else is one look at the sheet away.
 FACTS_IN_TABLES = ("cycle", "ambient_temperature_celsius", "soc")
+ELECTRODES = ("negative", "positive")
 OWNERS = ("cell", "group", "fleet", "owner")
 
 
@@ -129,6 +131,22 @@ class Plan:
         """Cycles at which a cell has tests of these kinds that may be fitted; blank: fresh."""
         # A set: check-ups of two kinds of test are compared by what cycles they have in common.
         return {row["cycle"] or 0 for row in self.rows(cell, *kinds, roles=["fit"])}
+
+    def files_of_tests(self):
+        """Raw files of all tests, as the sheet names them."""
+        return [file for row in self.tests.values() for file in row["file"] or ()]
+
+    def files_of_cells(self):
+        """Files of the user's that are no raw files: simulations, models, half cells."""
+        named = [row["simulated_file"] for row in self.tests.values()]
+        named += [row["model_table"] for row in self.cells.values()]
+        named += [file for name in self.cells for file in self.half_cell_files(name)]
+        return list(dict.fromkeys(filter(None, named)))
+
+    def half_cell_files(self, name):
+        """Files among the half cells of a cell, each once."""
+        names = (self.cells[name][f"{electrode}_half_cell"] for electrode in ELECTRODES)
+        return sorted({file for value in names for file in half_cell_files(value)})
 
     def facts_of(self, name):
         """What analyses need of a cell; of a group, of its first cell."""

@@ -6,12 +6,13 @@ import json
 import os
 import re
 import sys
-import tempfile
 import tomllib
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
+
+from runtime import kept
 
 SCRIPTS = Path(__file__).resolve().parents[1]
 LOCK = SCRIPTS.parent / "environment.lock"
@@ -88,10 +89,10 @@ def codes_of(scripts, folders=None) -> dict[str, str]:
     # Named by what it is of: a file of other sources is never read, so none can be out of date.
     name = f"codes-{_sources_digest()}.json"
     files = [Path(folder) / name for folder in folders or _caches()]
-    known = next(filter(None, map(_kept, files)), {})
+    known = next(filter(None, map(kept.read, files)), {})
     codes = {script: known.get(script) or code_of(script) for script in scripts}
     if not codes.items() <= known.items():
-        any(_keeps(file, known | codes) for file in files)
+        any(kept.write(file, known | codes) for file in files)
     return codes
 
 
@@ -113,28 +114,6 @@ def _sources_digest() -> str:
     for path in sorted(found):
         sources.update(f"{_place(path).as_posix()}\n".encode() + path.read_bytes())
     return sources.hexdigest()[:32]
-
-
-def _kept(file: Path) -> dict:
-    """Hashes that an earlier start has kept; none where there is no file or no whole one."""
-    try:
-        kept = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return kept if isinstance(kept, dict) else {}
-
-
-def _keeps(file: Path, codes: dict) -> bool:
-    """Whether the file could be written; other starts see all of it or nothing."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with tempfile.TemporaryDirectory(dir=file.parent) as folder:
-            whole = Path(folder, file.name)
-            whole.write_text(json.dumps(codes), encoding="utf-8")
-            whole.replace(file)
-    except OSError:
-        return False
-    return True
 
 
 def pieces_of(script: str) -> set[Piece]:
@@ -287,13 +266,16 @@ def record(job, inputs) -> dict:
     inputs give the same block on any machine, and in a workflow that uses this one as a module
     under other names of rules (`params.rule`).
     """
-    laid_on_every_rule = ("code", "contract", "rule")
-    params = {k: value for k, value in job.params.items() if k not in laid_on_every_rule}
+    # Of files of the user's stands what they held when the run was planned, which is what was read.
+    planned = {name_of(path): digest for path, (digest, _) in job.params.get("content", {}).items()}
+    said_elsewhere = ("code", "contract", "rule", "content")
+    params = {k: value for k, value in job.params.items() if k not in said_elsewhere}
+    names = {name_of(path): path for path in sorted(set(map(str, inputs)))}
     return {
         "rule": job.params.get("rule", job.rule),
         "wildcards": dict(job.wildcards.items()),
         "params": json.loads(json.dumps(params, default=str, sort_keys=True)),
-        "inputs": {name_of(path): sha256_of(path) for path in sorted(set(map(str, inputs)))},
+        "inputs": {n: planned.get(n) or sha256_of(path) for n, path in names.items()},
         "code": job.params.get("code"),
         "contract": job.params.get("contract"),
         "environment_lock": sha256_of(LOCK),

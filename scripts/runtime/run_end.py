@@ -14,18 +14,22 @@ COMPARED = {
     "validation_rmse_volt": ("model error", "mV", 1e3),
     "missing_effect": ("missing effect", "", None),
 }
+LEFT_OUT, CHECKED = ("cell", "test", "file", "stage"), ("check", "outcome")
 NAMED = 4
 
 
 def read(folder) -> dict[str, dict]:
-    """The summary of a campaign as it stands, a row by cell; empty before the first run."""
-    rows = _rows(Path(folder, "results", "summary.csv"))
+    """The summary of a campaign as it stands, a row by cell.
+
+    Empty before the first run, and where a file of that name is another program's.
+    """
+    rows = _rows(Path(folder, "results", "summary.csv"), "cell")
     # Without a name what the search said instead: "none" is not "unknown".
     column = "missing_effect"
     return {row["cell"]: row | {column: row.get(column) or row.get("verdict", "")} for row in rows}
 
 
-def lines(folder, before, started) -> list[str]:
+def lines(folder, before, started, written_to=()) -> list[str]:
     """The last lines of a run.
 
     Parameters
@@ -33,9 +37,13 @@ def lines(folder, before, started) -> list[str]:
     folder : of the campaign
     before : its summary before the run, from `read`
     started : start of the run [s since 1970]
+    written_to : files of the user's that have changed since
     """
     slow = snakemake_state.slowest(folder, started, count=3)
     took = [f"Longest:  {'; '.join(slow)}"] if slow else []
+    if written_to:
+        of = "while the run went on; results are of what stood there before: start it again"
+        took.append(f"Files:    {_names(written_to)} changed {of}")
     report = Path(folder, "results", "report.html")
     # Of campaigns of real cells each has its own.
     made = sorted(Path(folder, "real").glob("*/results/report.html"))
@@ -45,12 +53,12 @@ def lines(folder, before, started) -> list[str]:
     if not report.is_file():
         whole = "snakemake --cores 2 makes it, and results/tables/excluded.csv of what was left out"
         return [f"Report:   none yet: {whole}", *took]
-    after = read(folder)
+    after, tables = read(folder), Path(folder, "results", "tables")
     return [
         f"Report:   {report.relative_to(folder)} (what lies where: results/README.md)",
         f"Cells:    {_cells(after)}",
-        f"Left out: {_left_out(_rows(Path(folder, 'results', 'tables', 'excluded.csv')))}",
-        f"Checks:   {_checks(_rows(Path(folder, 'results', 'tables', 'checks.csv')))}",
+        f"Left out: {_left_out(_rows(tables / 'excluded.csv', *LEFT_OUT))}",
+        f"Checks:   {_checks(_rows(tables / 'checks.csv', *CHECKED))}",
         f"Changed:  {changes(before, after)}",
         *took,
     ]
@@ -105,11 +113,20 @@ def _names(names) -> str:
 def _shown(text, unit, scale) -> str:
     if not text:
         return "none"
-    return text if scale is None else f"{float(text) * scale:.4g} {unit}"
+    try:
+        return text if scale is None else f"{float(text) * scale:.4g} {unit}"
+    except ValueError:  # what somebody wrote into the summary before this run
+        return repr(text)
 
 
-def _rows(path) -> list[dict]:
+def _rows(path, *columns) -> list[dict]:
+    """Rows of a table; none where there is no such file, or where it lacks one of the columns."""
     if not path.is_file():
         return []
-    with open(path, encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+    with open(path, encoding="utf-8", errors="replace", newline="") as file:
+        try:
+            rows = list(csv.DictReader(file))
+        except csv.Error:
+            return []
+    # Of a row with fewer cells than there are columns the last ones are None.
+    return [row for row in rows if all(row.get(column) is not None for column in columns)]

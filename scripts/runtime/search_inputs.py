@@ -46,12 +46,13 @@ def measurements(inputs, facts_of_tests) -> dict:
     return {stage: tables.rows_of(getattr(inputs, stage), facts_of_tests) for stage in MEASUREMENTS}
 
 
-def simulated(files, tests) -> tuple[dict, list[str]]:
+def simulated(files, tests, content=None) -> tuple[dict, list[str]]:
     """Simulated voltages by test, and notes on those that could not be read.
 
     Parameters
     ----------
     files : dict test → path relative to the campaign. tests : list of MeasuredTest that there are.
+    content : as of `raw_files.contents`.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def simulated(files, tests) -> tuple[dict, list[str]]:
     # A simulation of a test that could not be read has nothing to be compared with.
     for test in (name for name in files if name in {one.facts.test for one in tests}):
         try:
-            (named,) = raw_files.contents([files[test]], None)
+            (named,) = raw_files.contents([files[test]], None, content=content)
             curves[test] = cw.read_simulated(named)
         except Refusal as refusal:
             notes.append(f"not used: {test}: {refusal}")

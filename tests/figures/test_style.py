@@ -36,6 +36,24 @@ def test_figure_has_the_same_bytes_twice(snakemake):
     assert b"<dc:date>" not in found[0]
 
 
+def test_a_name_is_no_formula(snakemake):
+    """Matplotlib takes what stands between two dollars for one, and fails at a broken one."""
+    name = r"$\int_{$"
+    figure, axes = style.subplots(1, 2)
+    axes[0, 0].plot([1e-3, 1], [1e-5, 2], label=name)
+    axes[0, 0].set(title=name, xlabel=name, xscale="log")
+    axes[0, 0].text(0.5, 0.5, name)
+    axes[0, 1].bar([name, "$b$"], [1, 2])
+    style.legend_once(axes[0, 0])
+    with artefact.Job(snakemake("results/figures/A/x.svg")) as job:
+        style.save(figure, job)
+    drawn = Path("results/figures/A/x.svg").read_text(encoding="utf-8")
+    assert drawn.count(name) == 5
+    assert ">$b$<" in drawn
+    assert "10⁻²" in drawn
+    assert "mathdefault" not in drawn
+
+
 def test_figures_are_made_without_pyplot_so_that_none_piles_up():
     """In a process of its own, for other tests may have imported it."""
     told = "import sys; from figures import style; sys.exit('matplotlib.pyplot' in sys.modules)"

@@ -38,7 +38,8 @@ def campaign(tmp_path):
     (folder / "outside.csv").symlink_to(tmp_path / "secret.csv")
     (folder / "raw").symlink_to(tmp_path)
     (folder / "loop").symlink_to("loop")
-    (folder / "{a}.csv").write_bytes(ROWS)
+    for name in ("{a}.csv", "<results>.csv", "<3 A.csv"):
+        (folder / name).write_bytes(ROWS)
     (folder / "device").symlink_to("/dev/zero")
     os.mkfifo(folder / "pipe")
     with socket.socket(socket.AF_UNIX) as opened:
@@ -48,6 +49,8 @@ def campaign(tmp_path):
 
 SAID = {
     "good.csv": "",
+    "<3 A.csv": "",
+    "<results>.csv": "has a word between < and > in its name; rename it",
     "inside.csv": "",
     "nowhere.csv": "there is no such file in the campaign",
     "good.csv/more": "there is no such file in the campaign",
@@ -89,6 +92,17 @@ def test_the_interface_reads_files_anywhere_but_nothing_else(campaign, name):
     for step in (cw.read, cw.read_simulated, cw.export_model):
         with pytest.raises(Refusal, match=f"{name}: is a .*, wanted a file"):
             step(campaign / name)
+
+
+def test_a_fault_of_the_disk_is_no_fault_of_the_file(campaign, monkeypatch):
+    """Another try may read it: it is not refused for good."""
+
+    def fails(*_):
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(os, "open", fails)
+    with pytest.raises(OSError, match="Input/output error"):
+        gate.contents("good.csv", within=campaign)
 
 
 def test_a_pipe_in_the_place_of_a_file_keeps_nobody_waiting(campaign, monkeypatch):

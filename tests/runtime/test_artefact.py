@@ -74,6 +74,26 @@ def test_internal_error_costs_only_its_own_artefact(snakemake, capsys):
     assert "Traceback" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("passing", [OSError(27, "File too large"), MemoryError()])
+def test_what_may_pass_fails_the_job_so_that_it_is_made_again(snakemake, passing):
+    with pytest.raises(type(passing)), artefact.Job(snakemake(PATH)):
+        raise passing
+    assert not Path(PATH).exists()
+    assert "Traceback" in Path("job.log").read_text()
+    with pytest.raises(type(passing)):
+        artefact.failure(passing)
+
+
+def test_a_disk_that_is_full_when_an_artefact_is_written_fails_the_job(snakemake, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(artefact.pq, "write_table", full)
+    with pytest.raises(OSError, match="No space left"), artefact.Job(snakemake(PATH)) as job:
+        job.save(CURVE)
+    assert not Path(PATH).exists()
+
+
 def test_interrupt_is_not_swallowed(snakemake):
     with pytest.raises(KeyboardInterrupt), artefact.Job(snakemake(PATH)):
         raise KeyboardInterrupt

@@ -101,8 +101,8 @@ def test_the_end_names_the_report_exclusions_failed_checks_and_doubts(tmp_path):
     results = tmp_path / "results"
     rows = [ROW | {"doubt": ""}, ROW | {"cell": "B", "best_model": "", "doubt": "sign"}]
     write(results / "summary.csv", rows)
-    left_out = [{"cell": "B", "test": "t1"}, {"cell": "B", "test": "t1"}]
-    write(results / "tables/excluded.csv", [row | {"file": "raw/b.csv"} for row in left_out])
+    left_out = [{"cell": "B", "test": "t1", "file": "raw/b.csv", "stage": "ingest"}] * 2
+    write(results / "tables/excluded.csv", left_out)
     checks = [("no cell gains charge", "failed"), ("R0 is positive", "passed")]
     write(
         results / "tables/checks.csv",
@@ -115,6 +115,29 @@ def test_the_end_names_the_report_exclusions_failed_checks_and_doubts(tmp_path):
     wanted = ("results/report.html", "2, 1 with a model", "doubts about B", "2 (results/tables")
     for words in (*wanted, "B t1", "1 of 2 failed", "no cell gains charge"):
         assert words in said
+
+
+@pytest.mark.parametrize(
+    "foreign", [b"name,value\nA,2\n", b"cell\n", b"\xff\xfe\0", b"", b"cell,soh\nA,good\nB\n"]
+)
+def test_a_summary_of_another_program_costs_no_run(tmp_path, foreign):
+    (tmp_path / "results").mkdir()
+    summary = tmp_path / "results/summary.csv"
+    summary.write_bytes(foreign)
+    before = run_end.read(tmp_path)
+    write(summary, [ROW])
+    (tmp_path / "results/report.html").write_text("")
+    said = "\n".join(run_end.lines(tmp_path, before, 0.0))
+    changed = (
+        "state of health 'good' → 90 %" if b"good" in foreign else "first run of this campaign"
+    )
+    assert changed in said
+
+
+def test_files_that_changed_in_the_run_are_named_at_its_end(tmp_path):
+    assert "raw/a.csv" not in "".join(run_end.lines(tmp_path, {}, 0.0))
+    said = run_end.lines(tmp_path, {}, 0.0, ["raw/a.csv"])[-1]
+    assert said.startswith("Files:    raw/a.csv changed while the run went on")
 
 
 def test_a_run_of_real_cells_names_the_reports_that_it_made(tmp_path):

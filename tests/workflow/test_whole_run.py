@@ -3,6 +3,7 @@
 import csv
 import html
 import json
+import os
 import re
 import shutil
 import sys
@@ -278,6 +279,17 @@ def test_a_second_run_finds_nothing_to_do(copy):
     assert report_of(copy) == before
 
 
+def test_a_file_replaced_by_an_older_one_is_seen(copy):
+    """As `cp -p` and `rsync -a` leave it; the sheet's checksum says that it is another one."""
+    path = tiny.save(copy, "B", "drive", seed=2)
+    os.utime(path, (1e9, 1e9))
+    target = "results/stages/clean/B/drive.parquet"
+    made = snakemake(copy, target)
+    assert jobs(made.said) == {"series": 1}
+    with pytest.raises(artefact.Passed, match=r"B_drive.csv: SHA-256 is .*, tests.tsv says"):
+        artefact.load(copy / target)
+
+
 def test_a_changed_file_runs_only_what_comes_from_it(copy):
     tiny.restate(copy, tiny.save(copy, "B", "drive", seed=2))
     planned = snakemake(copy, "--dry-run").said
@@ -399,7 +411,7 @@ def test_faults_of_the_sheets_are_told_at_once_before_any_job(tmp_path):
         ("config/tests.tsv, line 1", "'colour'", "one of the columns"),
         ("config/tests.tsv, row 1 (line 2), kind", "'ocvv'", "did you mean 'ocv'"),
         ("config/tests.tsv, row 2 (line 3), ambient_temperature_celsius", "'warm'", "a number"),
-        ("config/tests.tsv, row 18 (line 19), cell and test", "'A capacity'", "each once"),
+        ("config/tests.tsv, row 19 (line 20), cell and test", "'A capacity'", "each once"),
     ]
     for parts in wanted:
         assert any(all(part in line for part in parts) for line in said), (parts, said)

@@ -40,8 +40,11 @@ BAD = {
     "sign": "current_sign says discharge_positive, the voltage shows charge_positive",
     "folder": "raw/folder.csv: is a folder",
     "brace": "raw/brace{{d}}.csv: has a brace in its name; rename it",
+    "pathvariable": "raw/pathvariable<name>.csv: has a word between < and > in its name; rename it",
     "bomb": "raw/bomb.csv.gz: unpacks to more than 100 times its ",
 }
+# Those that hold a good record.
+USABLE = ("checksum", "sign", "brace", "pathvariable")
 
 
 def write(folder: Path) -> Path:
@@ -86,8 +89,9 @@ def _bad(folder):
     frozen = [lines[0], *("0.000," + line.split(",", 1)[1] for line in lines[1:])]
     text = [*lines[:200], lines[200].rsplit(",", 1)[0] + ",3.7oops", *lines[201:]]
     files = {name: raw / f"{name}.csv" for name in BAD} | {"brace": raw / "brace{d}.csv"}
+    files["pathvariable"] = raw / "pathvariable<name>.csv"
     files |= {name: raw / f"{name}.csv.gz" for name in ("truncated", "bomb")}
-    for name, content in {"checksum": good, "sign": good, "brace": good, "empty": ""}.items():
+    for name, content in {**dict.fromkeys(USABLE, good), "empty": ""}.items():
         files[name].write_text(content)
     files["text"].write_text("\n".join(text) + "\n")
     files["frozen"].write_text("\n".join(frozen) + "\n")

@@ -24,14 +24,12 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
     )
 sys.path.insert(0, SCRIPTS)
 
-from cellwright.health.electrodes import names as half_cell_names
 from cellwright.identification.lacking import FIT_ROLES
 from cellwright.records.conditions import in_first_checkup, stated_or_reference
 from runtime import job_environment, job_requests, rule_setup
-from runtime import run_end, settings, sheets, snakemake_state
+from runtime import raw_files, run_end, settings, sheets, snakemake_state
 from runtime.plan import Plan, gathered, near_in_cycles, of_cell, of_rows, of_test, own
 from runtime.plan import paths_of, where
-from runtime.raw_files import readable
 from runtime.wildcard_patterns import either, only_these
 from snakemake_logger_plugin_progress import JOBS
 
@@ -57,6 +55,23 @@ CHOICES = sheets.choices(config, SCHEMAS)
 PLAN = Plan(CAMPAIGN)
 CELLS, TESTS, TESTS_OF = PLAN.cells, PLAN.tests, PLAN.tests_of
 BRANCHES, WIRED, LEAVES = PLAN.branches, PLAN.wired, PLAN.leaves
+# What files of the user's hold, of those that jobs can read: another content makes anew what is
+# read from it, also where the file that replaces another one has an older date.
+LARGEST_MEGABYTE = dict.fromkeys(PLAN.files_of_cells())
+LARGEST_MEGABYTE |= dict.fromkeys(PLAN.files_of_tests(), config["files"]["largest_megabyte"])
+CONTENTS = raw_files.planned(LARGEST_MEGABYTE)
+
+
+def written_to():
+    """Files of the user's that hold something else by now than when the run was planned."""
+    return raw_files.changed(CONTENTS, raw_files.planned(LARGEST_MEGABYTE))
+
+
+def contents_of(files):
+    """Inputs of a job among files of the user's, with what they hold; of others it says itself."""
+    return {file: CONTENTS[file] for file in files if file in CONTENTS}
+
+
 TEST_FACTS = PLAN.facts_in_tables
 tests, artefacts, fitted, everywhere = PLAN.rows, PLAN.artefacts, PLAN.fitted, PLAN.everywhere
 chamber_temperatures = PLAN.chamber_temperatures

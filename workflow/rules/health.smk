@@ -73,11 +73,9 @@ def half_cells_of(cell):
     return {name: CELLS[cell].get(name) for name in names}
 
 
-def half_cell_files(cell):
-    """Files among the half cells of a cell, each once; one that is not there the job refuses."""
-    given = half_cells_of(cell).values()
-    files = {file for name in given for file in half_cell_names.half_cell_files(name)}
-    return sorted(readable(files))
+def half_cell_contents(cell):
+    """What the files of a cell's half cells hold; one that is not there the job refuses."""
+    return contents_of(PLAN.half_cell_files(cell))
 
 
 rule degradation_modes:
@@ -85,7 +83,7 @@ rule degradation_modes:
         own=PLAN.own_fitted("clean", *SLOW_CURVE_KINDS),
         fresh=PLAN.fitted_of(fresh_cells, "clean", *SLOW_CURVE_KINDS),
         rests=PLAN.own_rows("ocv_rest_points", resting),
-        half_cells=own(half_cell_files),
+        half_cells=own(lambda cell: [local(file) for file in half_cell_contents(cell)]),
     output:
         "results/stages/degradation_modes/{cell}.parquet",
     log:
@@ -96,6 +94,7 @@ rule degradation_modes:
         settings=config["degradation_modes"],
         cell=cell_facts,
         materials=own(half_cells_of),
+        content=own(half_cell_contents),
         fresh=PLAN.facts_of_cells(fresh_cells),
     message:
         "Lithium and active material lost by {wildcards.cell}, from slow curves or rests."

@@ -1,14 +1,17 @@
 # Raw files to checked, cleaned and segmented series; a spectrum is read where it is fitted.
 
 
-def raw_files(wildcards):
-    """The files of a test that are there; what is missing the job itself will report.
+def raw_paths(wildcards):
+    """The files of a test that are there, which stay where the laboratory wrote them.
 
-    They stay where the laboratory wrote them, also where artefacts lie in object storage.
+    Also where artefacts lie in object storage.
     """
-    row = TESTS[wildcards.cell, wildcards.test]
-    largest = config["files"]["largest_megabyte"]
-    return [local(file) for file in readable(row["file"], largest)]
+    return [local(file) for file in raw_contents(wildcards)]
+
+
+def raw_contents(wildcards):
+    """What the files of a test hold that are there; what is missing the job itself will report."""
+    return contents_of(TESTS[wildcards.cell, wildcards.test]["file"] or ())
 
 
 def reading(wildcards):
@@ -26,7 +29,7 @@ def channels_of_group(wildcards):
 
 rule series:
     input:
-        raw=raw_files,
+        raw=raw_paths,
     output:
         ingest="results/stages/ingest/{cell}/{test}.parquet",
         clean="results/stages/clean/{cell}/{test}.parquet",
@@ -37,6 +40,7 @@ rule series:
     # Before all else: everything waits for them, the longest searches too.
     priority: 2
     params:
+        content=raw_contents,
         reading=reading,
         channels=channels_of_group,
         largest_megabyte=config["files"]["largest_megabyte"],

@@ -168,17 +168,16 @@ rule effect_search_own:
         "../../scripts/missing_effect/effect_search_own.py"
 
 
-def simulated_files(wildcards):
-    """The simulated files of a cell that are there; what is missing the job itself will report."""
-    files = dict.fromkeys(row["simulated_file"] for row in simulated_tests(wildcards.cell))
-    return [local(file) for file in readable(files)]
+def simulated_contents(wildcards):
+    """What the simulated files of a cell hold; of what is missing the job itself will report."""
+    return contents_of(row["simulated_file"] for row in simulated_tests(wildcards.cell))
 
 
 rule effect_search_external:
     input:
         basis="results/stages/basis/{cell}.json",
         series=PLAN.own_rows("clean", simulated_tests),
-        simulated=simulated_files,
+        simulated=lambda w: [local(file) for file in simulated_contents(w)],
     output:
         verdict="results/missing_effect/{cell}/external/verdict.json",
         ranking="results/missing_effect/{cell}/external/ranking.parquet",
@@ -192,6 +191,7 @@ rule effect_search_external:
         settings=of_analysis("missing_effect"),
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
+        content=simulated_contents,
         files=lambda w: {row["test"]: row["simulated_file"] for row in simulated_tests(w.cell)},
     message:
         "Search for an effect that your simulator of {wildcards.cell} lacks."

@@ -243,13 +243,13 @@ rule thermal:
 
 
 def table_of_model(wildcards):
-    """The file of a cell's model table, where it is there; else the job says that it is not."""
-    return readable([CELLS[wildcards.cell]["model_table"]])
+    """What the file of a cell's model table holds; where it is not there the job says so."""
+    return contents_of([CELLS[wildcards.cell]["model_table"]])
 
 
 rule given_model:
     input:
-        table=table_of_model,
+        table=lambda w: [local(file) for file in table_of_model(w)],
     output:
         "results/stages/given_model/{cell}.json",
     log:
@@ -257,6 +257,7 @@ rule given_model:
     wildcard_constraints:
         cell=either(GIVEN),
     params:
+        content=table_of_model,
         table=PLAN.column("model_table"),
         capacity_ampere_hour=PLAN.column("model_capacity_ampere_hour"),
     message:

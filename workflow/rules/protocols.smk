@@ -187,7 +187,7 @@ rule ica:
 
 rule impedance:
     input:
-        raw=raw_files,
+        raw=raw_paths,
     output:
         spectrum="results/stages/spectrum/{cell}/{test}.parquet",
         fit="results/stages/eis/{cell}/{test}.parquet",
@@ -199,6 +199,7 @@ rule impedance:
     log:
         "logs/impedance/{cell}/{test}.log",
     params:
+        content=raw_contents,
         reading=reading,
         largest_megabyte=config["files"]["largest_megabyte"],
         settings=config["impedance"],
