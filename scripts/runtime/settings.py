@@ -195,11 +195,21 @@ def _validator(schema):
     from jsonschema import Draft202012Validator, validators
 
     types = Draft202012Validator.TYPE_CHECKER.redefine("number", _is_number)
+    whole = types.is_type
+    types = types.redefine("integer", lambda _, value: _fits(value) and whole(value, "integer"))
     return validators.extend(Draft202012Validator, type_checker=types)(schema)
 
 
 def _is_number(checker, value) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and _fits(value)
+
+
+def _fits(value) -> bool:
+    """Whether a number can be computed with: not infinite, and not of hundreds of digits."""
+    try:
+        return not isinstance(value, int | float) or math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 def faults_of(content, schema, place=lambda path: "config") -> list[str]:

@@ -19,6 +19,7 @@ from runtime.settings import fault, wanted
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 QUANTITY = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)+")  # with its unit: thickness_millimetre
+MADE = ("results", "logs", ".snakemake")  # folders of what runs write
 LONGEST_NUMBER = 100  # characters: a double has 17 digits
 # What spreadsheets save by themselves: how such a file begins, and how it is called.
 WORKBOOK = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
@@ -405,6 +406,9 @@ def _files(row, place):
             yield fault(f"{place}, {column}", file, "a path relative to the campaign")
         elif ".." in re.split(r"[/\\]", file):
             yield fault(f"{place}, {column}", file, "a path inside the campaign, without ..")
+        elif re.split(r"[/\\]", posixpath.normpath(file))[0].casefold() in MADE:
+            wanted = "a file of the laboratory's, not one that a run makes"
+            yield fault(f"{place}, {column}", file, f"{wanted}; copy it to another folder")
     for file in sorted({file for file in files if files.count(file) > 1}):
         yield fault(f"{place}, file", file, "each file of a test once")
     if files and sums is not None and len(sums) != len(files):

@@ -118,6 +118,13 @@ BAD_ROWS = [
     ("A\tt2\thppc\t/data/b.csv", "found '/data/b.csv', wanted a path relative to the campaign"),
     ("A\tt2\thppc\tC:\\b.csv", "a path relative to the campaign"),
     ("A\tt2\thppc\traw/../../b.csv", "a path inside the campaign, without .."),
+    ("A\tt2\thppc\tb.csv;results/report.html", "found 'results/report.html', wanted a file of the"),
+    ("A\tt2\thppc\t./logs/../Logs/a.log", "found './logs/../Logs/a.log', wanted a path inside"),
+    (
+        "A\tt2\thppc\t./logs//report.log",
+        "'./logs//report.log'",
+        "not one that a run makes; copy it",
+    ),
     ("A\tt2\thppc", "file: found '', wanted a value"),
     ("\tt2\thppc\tb.csv", "cell: found '', wanted a value"),
     ("A\tt 2\thppc\tb.csv", "test: found 't 2', wanted up to 64 letters, digits, _ and -"),
@@ -171,6 +178,17 @@ def test_a_stated_state_of_health_needs_the_rating_it_refers_to(folder):
     assert "state_of_health: found '80', wanted a number" in faults(folder)[0]
 
 
+@pytest.mark.parametrize("rating", ["1e-308", "0", "1e300"])
+def test_a_rating_that_no_cell_has_is_a_fault(folder, rating):
+    """A current over it would be beyond all numbers."""
+    header = CELLS.split("\n", 1)[0]
+    write(folder, "cells.tsv", f"{header}\trated_capacity_ampere_hour\nA\t2.5\t4.2\t{rating}\n")
+    (line,) = faults(folder)
+    assert (
+        f"rated_capacity_ampere_hour: found {rating!r}, wanted a number from 1e-06 to 1e+06" in line
+    )
+
+
 def test_groups_are_read_and_their_tests_belong_to_them(folder):
     write(folder, "groups.tsv", GROUPS)
     write(folder, "tests.tsv", HEAD + "pair\tt1\tgroup\ta.csv\n")
@@ -219,7 +237,7 @@ def test_groups_nest_and_blank_cells_of_the_sheet_have_their_defaults(folder):
         ("pack\t2\tC", "pack\t2\tpack", "row 2 (line 3), cell: found 'pack', wanted no group that"),
         ("pack\t2\tC", "pack\t2\tA", "row 3 (line 4), cell: found 'A', wanted each once in pack"),
         ("pack\t1\tpair", "pack\t1\tpear", "did you mean 'pair'?"),
-        ("\t1e-4", "\t-1e-4", "link_resistance_ohm: found '-1e-4', wanted a number at least 0"),
+        ("\t1e-4", "\t-1e-4", "link_resistance_ohm: found '-1e-4', wanted a number from 0 to 1000"),
         ("A\n", "A\t\t\tyes\n", "row 4 (line 5), sense: found 'yes', wanted one sense point"),
         ("pack\t2\tC\tseries\n", "", "row 1 (line 2), group: found 'pack', wanted two or more"),
         ("pair\t2", "pair\t3", "row 4 (line 5), position: found 3, wanted positions of pair"),
@@ -375,6 +393,13 @@ BAD_CONFIG = [
         "found '20', wanted a whole number at least",
     ),
     ("segment:\n  rest_c_rate: .nan", "found nan, wanted a number above 0"),
+    # Numbers of so many digits that nothing can be computed with them.
+    ("segment:\n  rest_c_rate: " + "9" * 401, "line 2, segment.rest_c_rate: found 999", "a number"),
+    (
+        "pack_decisions:\n  draws: " + "9" * 401,
+        "draws: found 999",
+        "wanted a whole number at least",
+    ),
     ("segment: 3", "segment: found 3, wanted keys with values below it"),
     ("strict: true\nstrict: false", "line 2", "each key once (also line 1)"),
     ("strict: [", "config/config.yaml, line", "wanted YAML"),

@@ -4,6 +4,7 @@ The caller hands the bytes: nothing here opens a file. The sign of the current i
 series.joining turns it.
 """
 
+import re
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -27,7 +28,7 @@ from cellwright.formats import (
     zahner,
 )
 from cellwright.formats.container import sight
-from cellwright.formats.content import Content, content_of, head_of, whole_of
+from cellwright.formats.content import Content, content_of, head_of, whole_of, with_lines_changed
 from cellwright.formats.fields import with_net_counter
 from cellwright.formats.physics import checked_impedance, checked_series
 from cellwright.formats.table import decoded
@@ -45,6 +46,8 @@ IN_BLOCKS = {module.NAME for module in (bdf, arbin, bitrode, digatron, plett)}
 POSITIVE_CHARGE = ("bdf", "neware", "neware_binary", "biologic", "novonix", "basytec")
 SIGN_RULE = dict.fromkeys(POSITIVE_CHARGE, "charge_positive")
 HEAD = 1 << 14
+# Line ends the wrong way round, of which the second half then begins the next line.
+TURNED_ENDS, AT_BEGIN = re.compile(rb"[^\r\n]*\n\r(?!\n)"), re.compile(rb"(?m)^\r")
 
 
 class Reading(NamedTuple):
@@ -186,7 +189,11 @@ def _admitted(data, largest_megabyte):
     if head.startswith(bdf.PARQUET):
         bdf.refuse_large(whole_of(content), largest_megabyte)
     elif b"\0" not in head[:HEAD]:  # a text
-        gate.refuse_wide(head)
+        # A document may stand on one line, as one of a program to another does.
+        if not bdf.JSON_BEGIN.match(head):
+            gate.refuse_wide(head)
+        if TURNED_ENDS.match(head):
+            return with_lines_changed(content, 0, lambda lines: AT_BEGIN.sub(b"", lines))
     return content
 
 

@@ -17,6 +17,7 @@ from cellwright.formats.fields import (
     Field,
     converted,
     known_fields,
+    label_of,
     require,
 )
 from cellwright.formats.table import (
@@ -139,7 +140,7 @@ def meaning(label: str) -> Field | None:
 
 
 def _base_and_unit(label: str) -> tuple[str, str | None]:
-    parts = LABEL.match(label.strip().lstrip("\ufeff"))
+    parts = LABEL.match(label_of(label.strip().lstrip("\ufeff")))
     if not parts:
         return "", None
     return parts["base"].replace("_", " ").strip().lower(), parts["unit"]

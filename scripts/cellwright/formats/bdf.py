@@ -21,6 +21,7 @@ from cellwright.formats.fields import (
     Field,
     converted,
     known_fields,
+    label_of,
     refuse_repeated,
     require,
 )
@@ -32,6 +33,7 @@ SIMULATED = "Simulated Voltage / V"
 DOUBLE_BYTE = 8
 EXAMPLE_ROWS = 100
 PARQUET, ARROW, JSON = b"PAR1", b"ARROW1", (b"{", b"[")
+JSON_BEGIN = re.compile(rb'\s*(?:\{\s*"|\[\s*\{)')
 SURFACE = "surface_temperature_celsius"
 # Quantities that the house uses. Of several that say the same thing, as the format means it, the
 # first one of this list is read, and the others are named as not read.
@@ -90,6 +92,7 @@ SHORT = {"s": "s", "ms": "ms", "min": "min", "h": "h", "a": "A", "ma": "mA", "v"
 SHORT |= {"ah": "Ah", "mah": "mAh", "degc": "degC", "c": "degC", "k": "K", "1": "1"}
 SHORT_UNIT = re.compile(rf"^(?P<base>.+)_(?P<word>{'|'.join(SHORT)})$", re.I)
 BARE = ("step id", "step index", "step count", "cycle count")  # counts, which need no unit
+TICKS = {"s": 1, "ms": 1e3, "us": 1e6, "ns": 1e9}  # of a timestamp, in a second
 COUNTS = ("cycle_count", "step_count", "step_index")
 KEY = re.compile(rb'"((?:[^"\\]|\\.)*)"\s*:')
 # A step of program lasts some rows; a counter of rows grows from each row to the next.
@@ -309,8 +312,9 @@ def _numbers(field: Field, column) -> np.ndarray:
     if _is_number(column.type):
         return column.cast(pa.float64(), safe=False).to_numpy().astype(float)
     if pa.types.is_timestamp(column.type) and field.quantity == "time":
-        seconds = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy() / 1e9
-        return seconds / UNITS["time"][field.unit]
+        # In their own unit: nanoseconds end with the year 2262.
+        ticks = column.cast(pa.int64()).to_numpy() / TICKS[column.type.unit]
+        return ticks / UNITS["time"][field.unit]
     example = next((value for value in column.to_pylist() if value is not None), None)
     raise Refusal(
         f"column {field.label!r} holds {column.type}, such as {example!r}; numbers are wanted"
@@ -334,13 +338,26 @@ def _document(data):
     try:
         text = data.decode("utf-8-sig")
         try:
-            return json.loads(text)
+            return json.loads(text, object_pairs_hook=_object)
         except json.JSONDecodeError as fault:
             if not fault.msg.startswith("Extra data"):
                 raise
-            return [json.loads(line) for line in text.splitlines() if line.strip()]
+            lines = filter(str.strip, text.splitlines())
+            return [json.loads(line, object_pairs_hook=_object) for line in lines]
+    except Refusal:
+        raise
     except (ValueError, RecursionError) as fault:
         raise Refusal(f"the JSON document is cut off or damaged: {fault}") from None
+
+
+def _object(pairs):
+    """An object of a document, each key once, of letters that can be written."""
+    # Half of a letter, as \ud800 is one, is in no text that anything can hold.
+    named = {key.encode("utf-8", "replace").decode(): value for key, value in pairs}
+    if len(named) < len(pairs):
+        twice = next(key for key, _ in pairs if sum(key == other for other, _ in pairs) > 1)
+        raise Refusal(f"the JSON document has the key {twice!r} twice in one object; one is wanted")
+    return named
 
 
 def _columns_of_json(document):
@@ -356,13 +373,18 @@ def _columns_of_json(document):
 def _numbers_of_json(label, values):
     wrong = next((k for k, v in enumerate(values) if not _is_json_number(v)), None)
     if wrong is not None:
-        found = f"found {values[wrong]!r}, a number is wanted"
+        found = f"found {repr(values[wrong])[:40]}, a number is wanted"
         raise Refusal(f"row {wrong + 1} of data: column {label!r}: {found}")
     return np.array([np.nan if value is None else value for value in values], float)
 
 
 def _is_json_number(value):
-    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+    if isinstance(value, bool) or not isinstance(value, int | float | None):
+        return False
+    try:
+        return value is None or isinstance(float(value), float)
+    except OverflowError:  # hundreds of digits
+        return False
 
 
 def _checked(fields: list[Field]) -> list[Field]:
@@ -373,12 +395,12 @@ def _checked(fields: list[Field]) -> list[Field]:
 
 def _meaning(label: str) -> Field | None:
     base, unit = _base_and_unit(label)
-    numbered = re.fullmatch(r"(branch|cell) (\d+) (current|voltage|temperature)", base)
+    numbered = re.fullmatch(r"(branch|cell) (\d{1,4}) (current|voltage|temperature)", base)
     if numbered and numbered[3] in OF_GROUP[numbered[1]]:
         owner, number, quantity = numbered.groups()
         column = f"{owner}_{int(number)}_{quantity}_{OF_GROUP[owner][quantity]}"
         return Field(label, column, quantity, unit)
-    probe = re.fullmatch(r"temperature t(\d+)", base)
+    probe = re.fullmatch(r"temperature t(\d{1,4})", base)
     if probe and probe[1] != "1":
         return Field(label, f"surface_temperature_{probe[1]}_celsius", "temperature", unit)
     return Field(label, *MEANING[base], unit) if base in MEANING else None
@@ -386,6 +408,7 @@ def _meaning(label: str) -> Field | None:
 
 def _base_and_unit(label: str) -> tuple[str, str]:
     """Quantity, as the ontology calls it, and unit of a label in any of its spellings."""
+    label = label_of(label)
     base, slash, unit = label.rpartition(" / ")
     if slash:
         base, unit = base.strip().lower(), unit.strip()

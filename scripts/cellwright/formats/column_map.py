@@ -5,7 +5,7 @@
 
 import re
 
-from cellwright.formats.fields import NET, UNITS
+from cellwright.formats.fields import NET, UNITS, label_of
 from cellwright.formats.text_table import SAME_UNIT, STEP_CHARGE, Format
 from cellwright.refusal import Refusal
 
@@ -44,7 +44,7 @@ def with_columns(form: Format, columns) -> Format:
 
 def labels_stated(columns) -> list[str]:
     """Labels that the sheet's `columns` names."""
-    return [text.rpartition("=")[0].strip() for text in columns]
+    return [label_of(text.rpartition("=")[0]) for text in columns]
 
 
 def _stated(text):
@@ -65,4 +65,4 @@ def _stated(text):
             f"{known}"
         )
     # The group says that the unit is stated.
-    return f"(?P<unit>){re.escape(label.strip())}", (column, kind, unit)
+    return f"(?P<unit>){re.escape(label_of(label))}", (column, kind, unit)

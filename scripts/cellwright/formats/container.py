@@ -16,8 +16,9 @@ PIECE = 1 << 12  # byte of Zstandard that are unpacked at once: to 130 MB at mos
 CELL_BYTE = 32  # that a cell of a sheet takes in memory, also a blank one
 # Of a sheet: numbers of rows, columns of cells that hold something, cells that do not say theirs.
 ROW = re.compile(rb"""\br\s*=\s*["'][A-Za-z]{0,3}(\d{1,7})""")
-CELL = re.compile(rb"""<(?:\w+:)?c\s[^>]*?\br\s*=\s*["']([A-Za-z]{1,3})\d[^>]*(?<!/)>""")
-UNPLACED = re.compile(rb"<(?:\w+:)?c(?=[\s/>])(?![^>]*\br\s*=)")
+# No part of one crosses the beginning of the next tag, or ends at every place where it could.
+CELL = re.compile(rb"""<(?:\w+:)?c\s(?=[^<>]*+(?<!/)>)[^<>]*?\br\s*=\s*["']([A-Za-z]{1,3})\d""")
+UNPLACED = re.compile(rb"<(?:\w+:)?c(?=[\s/>])(?![^<>]*\br\s*=)")
 LONGEST_ROW = 1 << 22  # byte: of 4096 cells, each of 1000
 
 

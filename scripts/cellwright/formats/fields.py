@@ -68,6 +68,9 @@ NET = "net_capacity_ampere_hour"
 CLEAR_SIGN = 0.9
 PIECE_ROWS = 1 << 15
 REPEATED = re.compile(r"(?<=[)\]\w])\.\d{1,2}$")
+
+
+LONGEST_LABEL = 200
 COUNTERS = ("charge_counter", "discharge_counter")
 ENERGIES = ("charge_energy_counter", "discharge_energy_counter")
 ENERGY = "net_energy_watt_hour"  # as the instrument counts it: a witness, which no result holds
@@ -101,6 +104,14 @@ def refuse_repeated(labels: Sequence[str], meaning: Callable[[str], Field | None
 def probe_column(number: int) -> str:
     """Column of a thermometer on the cell, of several the one of a number from 1 on."""
     return f"surface_temperature{f'_{number}' if number > 1 else ''}_celsius"
+
+
+def label_of(text: str) -> str:
+    """A label without blanks around it, each between its words once, of 200 letters at most.
+
+    Patterns try each of many blanks as the end of a name: thousands of them took hours.
+    """
+    return " ".join(text.split())[:LONGEST_LABEL]
 
 
 def known_fields(labels: Iterable[str], meaning: Callable[[str], Field | None]) -> list[Field]:

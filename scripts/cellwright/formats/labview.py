@@ -10,7 +10,7 @@ import re
 import numpy as np
 
 from cellwright.formats.dates import unix_time_second
-from cellwright.formats.fields import SERIES, Field, converted, known_fields, require
+from cellwright.formats.fields import SERIES, Field, converted, known_fields, label_of, require
 from cellwright.formats.table import Layout, line_of, read_table
 from cellwright.refusal import Refusal
 
@@ -117,7 +117,7 @@ def _meaning(label: str) -> Field | None:
 
 
 def _meaning_of(label: str) -> tuple[str, str | None]:
-    parts = LABEL.match(label.strip())
+    parts = LABEL.match(label_of(label))
     return (parts["base"].lower(), parts["unit"]) if parts else ("", None)
 
 

@@ -196,7 +196,7 @@ MAKERS = (
         "zplot",
         "ZPlot, ZPlotW or Autolab impedance text",
         mark=r'^ZPLOT2 ASCII|^"ZPlotW Data File|^"Z60W Data File',
-        header=r"^\s*\"?\s*Freq\s?\(Hz\)",
+        header=r"^[ \t]*\"?[ \t]*Freq\s?\(Hz\)",
         labels=("freq", "ampl", "bias", "time", "z'", "z''", "gd", "err", "range"),
         rows_are=r"^\s*[\d.]+(?:E[+-]\d+)?[,\t]",
         columns=SPECTRUM,

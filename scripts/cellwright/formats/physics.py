@@ -155,8 +155,10 @@ def charge_by_clock_and_counter(time, current, counter) -> tuple[float, float]:
     return (float(expected), float(seen)) if told else (np.nan, np.nan)
 
 
-# No record begins 30 years after its clock did, and none holds a date beyond the year 5000.
-LONGEST_RECORD, LATEST_DATE = 1e9, 1e11  # s
+# No record begins 30 years after its clock did, and none holds a date beyond the year 5000, or one
+# in milliseconds before 1990.
+LONGEST_RECORD, LATEST_DATE, FIRST_DATE = 1e9, 1e11, 6.3e8  # s
+YEAR_SECOND = 31_556_952
 EDGE_SHARE = 0.01  # of the largest current: a change by more is a step, as in `cleaning.flag`
 SAME_SECOND = 2.0  # s within which a clock and dates of whole seconds agree
 
@@ -168,7 +170,12 @@ def _dates_in_seconds(columns):
         columns.setdefault(unix, columns["test_time_second"])
     # Milliseconds, and what other software counts: micro- and nanoseconds.
     while unix in columns and _median_beyond(columns[unix], LATEST_DATE):
-        columns[unix] = columns[unix] / 1e3
+        found, columns[unix] = columns[unix], columns[unix] / 1e3
+        if not _median_beyond(columns[unix], FIRST_DATE):
+            year = 1970 + np.nanmedian(found) / YEAR_SECOND
+            raise Refusal(
+                f"its dates lie about the year {year:.0f}: a placeholder? leave that column out"
+            )
     if _median_beyond(columns["test_time_second"], LONGEST_RECORD):
         known = columns[unix][np.isfinite(columns[unix])]
         columns["test_time_second"] = columns[unix] - known[0]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.formats.content import BLOCK, Content, head_of, stream_from, with_lines_changed
+from cellwright.formats.fields import label_of
 from cellwright.gate import refuse_columns
 from cellwright.refusal import Refusal
 
@@ -93,8 +94,8 @@ def layout_of(data: bytes | Content, *, header_line: int = 1, units_lines: int =
 
 
 def unquoted(label: str) -> str:
-    """A label without blanks and quotation marks around it."""
-    return label.strip().strip('"').strip()
+    """A label without blanks and quotation marks around it, as `fields.label_of` has it."""
+    return label_of(label.strip().strip('"'))
 
 
 def first_rows(data: bytes | Content, first_line: int) -> list[str]:

@@ -25,6 +25,7 @@ from cellwright.formats.fields import (
     Field,
     converted,
     known_fields,
+    label_of,
     refuse_repeated,
     require,
 )
@@ -417,13 +418,13 @@ def _change_of(form, header, quoted):
 
 
 def _is(pattern, label):
-    return bool(pattern) and re.fullmatch(pattern, label, re.I) is not None
+    return bool(pattern) and re.fullmatch(pattern, label_of(label), re.I) is not None
 
 
 def meaning_of(form: Format, label: str) -> Field | None:
     """What a label means in tables of this maker; None where it is not known."""
     for pattern, (column, quantity, unit) in form.columns.items():
-        parts = re.fullmatch(pattern, label.strip(), re.I)
+        parts = re.fullmatch(pattern, label_of(label), re.I)
         if parts:
             said = parts.groupdict().get("unit")
             said = SAME_UNIT.get(said.lower(), said) if said else unit or NOT_SAID
@@ -443,7 +444,7 @@ def fields_of(form: Format, labels) -> list[Field]:
     places = list(form.columns)
     found = {label: field for label in labels if (field := meaning_of(form, label))}
     ranks = {
-        label: next(k for k, x in enumerate(places) if re.fullmatch(x, label.strip(), re.I))
+        label: next(k for k, x in enumerate(places) if re.fullmatch(x, label_of(label), re.I))
         for label in found
     }
     first = {}
@@ -458,7 +459,7 @@ def _is_bare(form, field):
     """Whether the unit of a column is taken, for neither its label nor its maker says it."""
     if not form.units_taken:
         return False
-    patterns = (re.fullmatch(pattern, field.label.strip(), re.I) for pattern in form.columns)
+    patterns = (re.fullmatch(pattern, label_of(field.label), re.I) for pattern in form.columns)
     parts = next(filter(None, patterns), None)
     return parts is not None and parts.groupdict().get("unit") is None
 
