@@ -5,7 +5,13 @@ import pytest
 
 from cellwright.refusal import Refusal
 from cellwright.series.cleaning import clean
-from cellwright.series.doubts import Doubt, beyond_cutoffs, drawn_beyond, in_words
+from cellwright.series.doubts import (
+    Doubt,
+    beyond_cutoffs,
+    drawn_beyond,
+    in_words,
+    is_negative_electrode,
+)
 
 RATED, OHM = 3.0, 0.04
 
@@ -173,3 +179,25 @@ def test_a_clock_in_another_unit_is_told_by_rating_and_cut_offs(columns, factor,
     with pytest.raises(Refusal, match=f"{said} read as seconds"):
         clean(slower, **about)
     assert not flags(columns, **about)
+
+
+@pytest.mark.parametrize("limits", [(0.005, 1.5), (0.005, 2.0), (0.01, 3.0)])
+def test_a_half_cell_begins_above_its_cutoff_but_rests_there_no_second_time(limits):
+    """Nothing was ever inserted: it begins at its open circuit, above any limit of its cycles."""
+    high, still = limits[1], np.zeros(40)
+    current = np.r_[still, np.full(40, -1.0), still, np.full(40, 1.0), still]
+    down, up = np.linspace(high, limits[0], 40), np.linspace(limits[0], high, 40)
+    voltage = np.r_[still + high + 0.5, down, still + limits[0], up, still + high - 0.02]
+    assert not len(beyond_cutoffs(current, voltage, limits))
+    voltage[-20:] = high + 0.5
+    assert np.all(beyond_cutoffs(current, voltage, limits) >= 180)
+    assert len(beyond_cutoffs(current, voltage, limits))
+
+
+@pytest.mark.parametrize(
+    ("limits", "is_one"),
+    [((0.005, 1.5), True), ((0.005, 2.0), True), ((0.01, 2.5), True), ((0.0, 3.0), True)]
+    + [((1.5, 2.8), False), ((2.5, 4.2), False), ((0.0, 3.95), False), ((None, 4.2), False)],
+)
+def test_a_negative_electrode_against_a_metal_is_told_by_its_window(limits, is_one):
+    assert is_negative_electrode(limits) is is_one

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.numerics.relaxing import still_to_go_volt
 from cellwright.records.anchor import RELAXED_SECOND, REST_VOLT, STATED_SOC, soc_range_of_rest
 from cellwright.records.filled import STEP_SHARE
 
@@ -11,7 +12,9 @@ def reference_doubt(record, curve):
 
     A rest is ten minutes and more within 5 % of the largest current: an offset of the reading is
     none of the cell. Its last voltage tells a range of SoC (`anchor.soc_range_of_rest`); as with a
-    stated SoC, 5 % beyond it contradict.
+    stated SoC, 5 % beyond it contradict. By as much as it goes on to relax, by its own slope
+    (`relaxing.still_to_go_volt`, and twice its deviation), it may be off: ten minutes in the cold
+    are no equilibrium.
 
     Parameters
     ----------
@@ -27,11 +30,16 @@ def reference_doubt(record, curve):
     idle = size <= STEP_SHARE * size.max(initial=0.0)
     bounds = np.flatnonzero(np.diff(idle.astype(int), prepend=0, append=0))
     pairs = zip(bounds[::2], bounds[1::2] - 1, strict=True)
-    ends = [last for first, last in pairs if time[last] - time[first] >= RELAXED_SECOND]
+    rests = [(a, b) for a, b in pairs if time[b] - time[a] >= RELAXED_SECOND]
     off, words = np.nan, ""
-    for row in ends:
+    for first, row in rests:
         soc, volt = record.soc[row], record.voltage_volt[row]
-        low, high = soc_range_of_rest(volt, curve, error_volt=REST_VOLT)
+        rows = slice(first, row + 1)
+        ahead, std = still_to_go_volt(
+            time[rows], record.voltage_volt[rows], time[max(first - 1, 0)]
+        )
+        error = REST_VOLT + abs(ahead) + 2 * std
+        low, high = soc_range_of_rest(volt, curve, error_volt=error)
         beyond = max(low - soc, soc - high, 0.0)
         far = beyond if beyond > STATED_SOC else 0.0
         if far and far > np.nan_to_num(off):

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 LEAST_ROWS = 3  # of a line and its scatter
+SETTLED_SECOND = 36_000.0  # by which a rest has come to its end: the OCV that slow tests show
 
 
 class Drift(NamedTuple):
@@ -33,6 +34,17 @@ class Drift(NamedTuple):
 
 
 # ASSUME: A relaxation that many time constants make goes with the logarithm of the time at rest.
+def still_to_go_volt(time, voltage, begin_second):
+    """Voltage [V] by which a rest is from its end, and the standard deviation of that.
+
+    Its own slope against the logarithm of time, taken on to ten hours at rest. Parameters as of
+    `drift_of_rest`.
+    """
+    drift = drift_of_rest(time, voltage, begin_second)
+    decades = np.log(max(SETTLED_SECOND / drift.rested_second, 1.0))
+    return float(drift.volt * decades), float(drift.std_volt * decades)
+
+
 def drift_of_rest(time, voltage, begin_second):
     """Drift of a rest at its end, by a line over the logarithm of the time in its second half.
 

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.protocols import Found
-from cellwright.protocols.capacity import ANODE_VOLT, EFFICIENCY_MAX
+from cellwright.protocols.balance import FORMATION_SHARE, inserting_sign
+from cellwright.protocols.capacity import EFFICIENCY_MAX
 from cellwright.protocols.coarse import coarsest_digit_ampere, unsure_of_digit
 from cellwright.protocols.half_cycles import (
     NAMES,
@@ -23,7 +24,7 @@ from cellwright.protocols.half_cycles import (
     weighted_median,
     with_starts,
 )
-from cellwright.records.anchor import first_rest_second
+from cellwright.records.anchor import first_rest
 from cellwright.refusal import Refusal
 from cellwright.series.edges import edge_variance
 from cellwright.series.rest_current import as_logged
@@ -32,7 +33,7 @@ from cellwright.settings import Instrument
 
 INSTRUMENT = Instrument()
 EFFICIENCY_LEAST = 0.8
-FORMATION_LEAST = 0.5  # of formation: silicon and hard carbon keep so much of the first charge
+FORMATION_LEAST = 1.0 - FORMATION_SHARE
 EXAMPLES = 5  # cycles named in a sentence
 
 
@@ -104,14 +105,16 @@ def ageing_cycles(
         raise Refusal("a cut-off is not stated, so which cycles are complete cannot be told")
     columns, limits = columns_of(series), (lower_cutoff_volt, upper_cutoff_volt)
     rated = rated_capacity_ampere_hour or assumed_rating(columns[0], columns[2])
-    known = Before(state_before, soc_at_start, rest_second=first_rest_second(steps))
+    known = Before(
+        state_before, soc_at_start, rest=first_rest(steps, series["test_time_second"], columns[1])
+    )
     halves = half_cycles(columns, steps, limits, least_ampere_hour=TURN_SHARE * rated)
     halves = [half._replace(last_row=_last_row(half, steps)) for half in halves]
     halves = with_starts(halves, columns, limits, known)
     discharges = np.cumsum([half.sign < 0 and bool(half.loads) for half in halves])
     cycles = [first_cycle + n + (h.sign > 0) for n, h in zip(discharges, halves, strict=True)]
     left_out, by_rest = (_by_reason(halves, cycles, faulty=faulty) for faulty in (True, False))
-    inserts = -1 if upper_cutoff_volt < ANODE_VOLT else 1
+    inserts = inserting_sign((lower_cutoff_volt, upper_cutoff_volt))
     efficiencies = _efficiencies(halves, columns[2], inserts, new=first_cycle == 0)
     time = np.asarray(series["test_time_second"], float)
     unsure = edge_variance(time, columns[0], columns[2])

@@ -1,9 +1,12 @@
 """Capacity by direction and rate, from complete discharges and charges only."""
 
+from functools import partial
+
 import numpy as np
 
 from cellwright.protocols import Found
-from cellwright.protocols.capacity_doubts import doubts_of, imbalance
+from cellwright.protocols.balance import balance_of, inserting_sign, unsure_of_count
+from cellwright.protocols.capacity_doubts import doubts_of, mode_in_words
 from cellwright.protocols.coarse import coarsest_digit_ampere, unsure_of_digit
 from cellwright.protocols.half_cycles import (
     NAMES,
@@ -18,7 +21,7 @@ from cellwright.protocols.half_cycles import (
     unsure_of_instrument,
     with_starts,
 )
-from cellwright.records.anchor import RELAXED_SECOND, first_rest_second
+from cellwright.records.anchor import RELAXED_SECOND, first_rest
 from cellwright.records.conditions import same_rate
 from cellwright.refusal import Refusal
 from cellwright.series.edges import edge_variance
@@ -26,8 +29,6 @@ from cellwright.series.steps import assumed_rating, constant_current_end
 from cellwright.settings import Instrument
 
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
-# Every negative electrode lies below 2 V against lithium, and no full cell's window ends there.
-ANODE_VOLT = 2.0
 INSTRUMENT = Instrument()
 
 
@@ -62,13 +63,13 @@ def capacity(
     deviation (thesis, ch. 4.3).
 
     What an unsure start may lack, the charge of steps of current between two rows, what both halves
-    of a cycle differ by (`imbalance`), what the instrument's stated accuracy leaves open
-    (`unsure_of_instrument`) and what its least digit does (`unsure_of_digit`) are part of the
-    standard deviation. Coulombic
-    efficiency is the discharge over the charge before it, or else the one after it; NaN where there
-    is none, or where it exceeds 1.05: such a charge did not return the discharge. Of a negative
-    electrode against lithium (upper cut-off below 2 V) it is the charge over the discharge before
-    it, which inserts.
+    of a cycle differ by beyond what its ends explain (`balance`), what the instrument's stated
+    accuracy leaves open (`unsure_of_instrument`) and what its least digit does (`unsure_of_digit`)
+    are part of the standard deviation. Coulombic efficiency is the discharge over the charge before
+    it, or else the one after it; NaN where there is none, or where it exceeds 1.05: such a charge
+    did not return the discharge. Its standard deviation holds what the two ends of the cycle leave
+    open. Of a negative electrode against a metal (`is_negative_electrode`) it is the charge over
+    the discharge before it, which inserts.
 
     test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah],
         positive on charge.
@@ -90,15 +91,17 @@ def capacity(
     means over the repeats, and capacity_std_ampere_hour;
     constant_current_ampere_hour is the part before the voltage was held; doubt says in words what
     speaks against the number, "" where nothing does. A sentence for each half cycle that is
-    incomplete or of unsure start. Raises Refusal: nothing in the record is complete; the reasons
-    are named.
+    incomplete, of unsure start or at a constant power or resistance. Raises Refusal: nothing in the
+    record is complete; the reasons are named.
     """
     columns = tuple(
         np.asarray(column, float) for column in (current_ampere, voltage_volt, charge_ampere_hour)
     )
     rated = rated_capacity_ampere_hour or assumed_rating(columns[0], columns[2])
     limits = (lower_cutoff_volt, upper_cutoff_volt)
-    known = Before(state_before, soc_at_start, curve, first_rest_second(steps))
+    known = Before(
+        state_before, soc_at_start, curve, first_rest(steps, test_time_second, columns[1])
+    )
     # A drive has no rate: where it crosses the cut-off no capacity of a rate ends.
     halves = half_cycles(
         columns, steps, limits, least_ampere_hour=TURN_SHARE * rated, dynamic=False
@@ -111,17 +114,33 @@ def capacity(
         for half in halves
         if half.fault or half.words
     )
+    modes = tuple(
+        f"{NAMES[half.sign]} from {test_time_second[half.first_row]:.0f} s: {words}"
+        for half in halves
+        if not half.fault and (words := mode_in_words(half, columns, steps, limits))
+    )
     unsure = edge_variance(np.asarray(test_time_second, float), columns[0], columns[2])
-    inserts = -1 if upper_cutoff_volt is not None and upper_cutoff_volt < ANODE_VOLT else 1
+    inserts = inserting_sign(limits)
     logged = columns[0] if logged_current_ampere is None else logged_current_ampere
     at_rest = reading_at_rest(logged, steps)
     digit = coarsest_digit_ampere(logged, rated)
+    time = np.asarray(test_time_second, float)
+    balance = partial(balance_of, columns=columns, time=time, steps=steps, limits=limits)
+    counted = partial(
+        unsure_of_count,
+        columns=columns,
+        test_time_second=time,
+        variance=unsure,
+        limits=limits,
+        share=current_accuracy_share,
+        rest_ampere=at_rest,
+    )
     sheet, complete = (rated_capacity_ampere_hour, ambient_temperature_celsius), []
     for half, partner in zip(halves, _partners(halves, inserts), strict=True):
         if half.fault:
             continue
         row = _measured(half, partner, columns, steps, surface_temperature_celsius, inserts)
-        row["off"] = 0.0 if partner is None else imbalance(half, partner, columns, steps, limits)
+        row |= _of_balance(half, partner, balance, counted, inserts)
         row["edges"] = unsure_of_edges(half, unsure, columns, limits)
         row["instrument"] = unsure_of_instrument(
             half, test_time_second, columns[0], current_accuracy_share, at_rest
@@ -132,7 +151,7 @@ def capacity(
         complete.append(row)
     if not complete:
         raise Refusal(f"no complete discharge or charge: {'; '.join(left_out) or 'none begins'}")
-    return Found(_repeats_joined(complete, rated), left_out)
+    return Found(_repeats_joined(complete, rated), (*left_out, *modes))
 
 
 def _counted(half, current, steps, whole):
@@ -167,14 +186,18 @@ def _partners(halves, inserts):
     """Complete other half of the cycle of each half cycle, or None.
 
     A cycle is a charge and the discharge after it, or else a discharge and the charge after it;
-    with `inserts` −1 the other way round.
+    with `inserts` −1 the other way round. Where the half cycle between two of one direction was not
+    logged there is none.
     """
     padded = [None, *halves, None]
     sides = [
         side if half.sign == -inserts else side[::-1]
         for half, *side in zip(halves, padded[:-2], padded[2:], strict=True)
     ]
-    return [next((half for half in side if half and not half.fault), None) for side in sides]
+    return [
+        next((one for one in side if one and not one.fault and one.sign != half.sign), None)
+        for half, side in zip(halves, sides, strict=True)
+    ]
 
 
 def _measured(half, partner, columns, steps, temperature, inserts):
@@ -213,6 +236,21 @@ def _measured(half, partner, columns, steps, temperature, inserts):
     }
 
 
+def _of_balance(half, partner, balance_with, unsure_of, inserts):
+    """What the balance of its cycle leaves unexplained [Ah], and the deviation of its efficiency.
+
+    balance_with, unsure_of : `balance_of` and `unsure_of_count` of the record's half cycles.
+    """
+    if partner is None:
+        return {"off": 0.0, "efficiency_std": np.nan}
+    unsure = unsure_of([half, partner])
+    balance = balance_with(half, partner, unsure_ampere_hour=unsure, inserts=inserts)
+    off = balance.off_ampere_hour
+    put_in = half if half.sign == inserts else partner
+    std = np.linalg.norm([balance.ends_ampere_hour, off, unsure]) / put_in.moved_ampere_hour
+    return {"off": off, "efficiency_std": float(std)}
+
+
 def _rests_beside(half, voltage, steps):
     """Voltages [V] at the end of the rests beside a half cycle; () without ten minutes each."""
     before, after = half.loads[0] - 1, half.loads[-1] + 1
@@ -229,6 +267,16 @@ def _scatter(values):
     """Standard deviation of the finite values, 0 of fewer than two."""
     known = values[np.isfinite(values)]
     return known.std(ddof=1) if len(known) > 1 else 0.0
+
+
+def _efficiency_std(columns):
+    """Standard deviation of the mean efficiency: of its repeats, and of what no repeat tells."""
+    known = np.isfinite(columns["coulombic_efficiency"])
+    if not known.any():
+        return np.nan
+    return float(
+        np.hypot(_scatter(columns["coulombic_efficiency"]), columns["efficiency_std"][known].mean())
+    )
 
 
 def _begin(measured):
@@ -285,6 +333,7 @@ def _row(halves, rated):
         "energy_watt_hour": means["energy_watt_hour"],
         "energy_std_watt_hour": std / sizes.mean() * means["energy_watt_hour"],
         "coulombic_efficiency": means["coulombic_efficiency"],
+        "coulombic_efficiency_std": _efficiency_std(columns),
         # Of a new cell that of formation, which no mean may hide.
         "first_coulombic_efficiency": min(halves, key=_begin)["coulombic_efficiency"],
         "repeats": len(sizes),

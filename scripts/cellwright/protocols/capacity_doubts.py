@@ -1,18 +1,18 @@
 """What speaks against a capacity: its own rows, the other half of its cycle, the sheet.
 
-Each function gives sentences; none changes a number, but `imbalance`, which is part of its doubt.
+Each function gives sentences; none changes a number.
 """
 
 import numpy as np
 
+from cellwright.protocols.balance import LOST_SHARE
 from cellwright.protocols.half_cycles import NAMES, NEAR_VOLT, main_load
 from cellwright.series.doubts import RATING_SHARE, in_words
-from cellwright.series.steps import constant_current_end
+from cellwright.series.steps import LEAST_HELD_ROWS, constant_current_end, held_quantity
 
-BALANCE_SHARE = 0.01  # of a cycle's charge that does not come back: side reactions, gain of ranges
+COARSE_SHARE = LOST_SHARE  # of a charge: less that a start or a digit hides is not told
 BEYOND_VOLT = 0.03  # a tester ends a load within its own sampling and lead drop of the cut-off
 DRIFT_SHARE = 0.02  # within which any tester holds a current; its noise is less in the median
-LEAST_DRIFT_ROWS = 32
 UNFINISHED_C_RATE = 0.1  # a hold that a record ends in above it was not finished
 # ASSUME: A good cell gives half of its rating up to 1.2C from 10 °C on, up to C/10 from −20 °C on.
 COLD_CELSIUS, FAST_C_RATE = 10.0, 1.2
@@ -26,7 +26,7 @@ def doubts_of(half, partner, row, columns, steps, limits, doubt, sheet):
     Parameters
     ----------
     half : HalfCycle. partner : the complete other half of its cycle, or None. row : what was
-        measured of it, with `off` and `digit_of_cycle`, see `imbalance`, `coarse`.
+        measured of it, with `off` and `digit_of_cycle`, see `balance`, `coarse`.
         columns, steps, limits : as of `half_cycles`.
     doubt : (n,) flags of `series.doubts.Doubt`, or None. sheet : rating [Ah] and temperature
         [degC] as stated, or None each.
@@ -37,46 +37,14 @@ def doubts_of(half, partner, row, columns, steps, limits, doubt, sheet):
         *[half.words] * _begins_unsure(half),
         *_of_balance(half, partner, row["off"]),
         *_of_digit(row),
-        *_of_efficiency(row["coulombic_efficiency"]),
         *_of_sheet(row, *sheet),
     ]
 
 
-def imbalance(half, partner, columns, steps, limits):
-    """Charge [Ah] by which the two halves of a cycle differ beyond what their ends explain.
-
-    The first begins and the second ends at a rest. Where these rest at the same voltage no charge
-    is left over between them; voltage between them explains charge at twice the cell's mean slope,
-    which no common open-circuit curve exceeds near full or empty. A rest that still moves moves as
-    far again. 0 where another half lies between them, or a cut-off is not stated.
-    """
-    first, second = sorted((half, partner), key=lambda one: one.first_row)
-    between = second.first_row > first.turn_row + _rows_of_rest(first, steps)
-    if between or None in limits:
-        return 0.0
-    _, voltage, charge = columns
-    after = [k for k in (second.loads[-1] + 1,) if k < len(steps.kind) and steps.kind[k] == "rest"]
-    last = int(steps.last_row[after[0]]) if after else second.last_row
-    middle = (last + int(steps.first_row[after[0]])) // 2 if after else last
-    moves = abs(float(voltage[last] - voltage[middle]))
-    apart = abs(float(voltage[first.first_row] - voltage[last])) + moves + NEAR_VOLT
-    larger = max(first.moved_ampere_hour, second.moved_ampere_hour)
-    explained = larger * (BALANCE_SHARE + 2 * apart / (limits[1] - limits[0]))
-    left_over = abs(float(charge[second.last_row] - charge[first.first_row]))
-    return max(left_over - explained, 0.0)
-
-
 def _begins_unsure(half):
     """Whether what a start may lack is more than a cycle's charge differs by anyway."""
-    unsure = half.missing_ampere_hour > BALANCE_SHARE * half.moved_ampere_hour
+    unsure = half.missing_ampere_hour > COARSE_SHARE * half.moved_ampere_hour
     return bool(half.words and (half.under_load or unsure))
-
-
-def _rows_of_rest(half, steps):
-    """Rows of the rest after the turn of a half cycle, 0 where none follows."""
-    after = int(np.searchsorted(steps.last_row, half.turn_row)) + 1
-    rests = after < len(steps.kind) and steps.kind[after] == "rest"
-    return int(steps.last_row[after] - steps.first_row[after] + 1) if rests else 0
 
 
 def _of_its_rows(half, columns, steps, limits, doubt):
@@ -87,8 +55,8 @@ def _of_its_rows(half, columns, steps, limits, doubt):
     limit, end = limits[half.sign > 0], float(voltage[half.last_row - 1])
     if half.sign * (end - limit) > BEYOND_VOLT:
         said.append(f"its load goes on to {end:.3f} V, beyond the stated cut-off of {limit:g} V")
-    reached = half.sign * (voltage - (np.nan if limit is None else limit)) > -NEAR_VOLT
-    if drift := _drift(current, reached, steps, main_load(half, steps)[0]):
+    rows = _constant_rows(half, columns, steps, limit)
+    if (drift := _drift(np.abs(current[rows]))) and not held_quantity(current[rows], voltage[rows]):
         said.append(
             f"its current drifts from {drift[0]:.4g} to {drift[1]:.4g} A: a tester holds it"
         )
@@ -100,20 +68,36 @@ def _of_its_rows(half, columns, steps, limits, doubt):
     return [words for words in said if words]
 
 
-def _drift(current, reached, steps, step):
-    """First and last level of a constant current [A] that moves by more than 2 %; else None.
+def mode_in_words(half, columns, steps, limits):
+    """What a tester held instead of the current, in words; "" where it held the current.
 
-    reached : (n,) rows at or beyond the cut-off: there a voltage is held, whatever came after it.
+    half : HalfCycle. columns, steps, limits : as of `half_cycles`.
     """
+    rows = _constant_rows(half, columns, steps, limits[half.sign > 0])
+    current, voltage = (column[rows] for column in columns[:2])
+    held = held_quantity(current, voltage) if _drift(np.abs(current)) else ()
+    return "at a constant {} of {:.4g} {}".format(*held) if held else ""
+
+
+def _constant_rows(half, columns, steps, limit):
+    """Rows of a half cycle's main load between its edges, before a voltage is held: a slice.
+
+    At or beyond the cut-off [V] a voltage is held, whatever came after it.
+    """
+    voltage, step = columns[1], main_load(half, steps)[0]
     first, last = int(steps.first_row[step]), int(steps.last_row[step])
     end = constant_current_end(first, last, steps.cv_first_row[step])
-    end = first + int(np.argmax(np.append(reached[first:end], True)))
-    size = np.abs(current[first + 1 : end - 1])  # first and last row may hold the edges
-    if len(size) < LEAST_DRIFT_ROWS:
+    beyond = half.sign * (voltage[first:end] - (np.nan if limit is None else limit))
+    end = first + int(np.argmax(np.append(beyond > -NEAR_VOLT, True)))
+    return slice(first + 1, max(end - 1, first + 1))  # first and last row may hold the edges
+
+
+def _drift(size):
+    """First and last level of what is held (n,) that moves by more than 2 %; else None."""
+    if len(size) < LEAST_HELD_ROWS:
         return None
-    begun, ended = (
-        float(np.median(part)) for part in (size[: len(size) // 8], size[-len(size) // 8 :])
-    )
+    eighth = len(size) // 8
+    begun, ended = float(np.median(size[:eighth])), float(np.median(size[-eighth:]))
     return (begun, ended) if abs(ended - begun) > DRIFT_SHARE * max(begun, ended) else None
 
 
@@ -138,21 +122,15 @@ def _of_balance(half, partner, off):
     if not off > 0:
         return []
     other = f"the {NAMES[-half.sign]} of its cycle moves {partner.moved_ampere_hour:.4g} Ah"
-    return [f"{other}: {off:.2g} Ah further from it than their ends explain"]
+    size = f"{off:.2g} Ah ({off / half.moved_ampere_hour:.1%})"
+    return [f"{other}: {size} further from it than their ends explain"]
 
 
 def _of_digit(row):
     """That the current is read too coarsely, in words: its error is up to √3 of its deviation."""
     share = np.sqrt(3.0) * row["digit_of_cycle"] / row["capacity_ampere_hour"]
     said = f"the current of its cycle is read so coarsely that {share:.1%} may be missing"
-    return [said] if share > BALANCE_SHARE else []
-
-
-def _of_efficiency(efficiency):
-    """That more came out of a cycle than went in, in words."""
-    if not efficiency > 1.0 + BALANCE_SHARE:
-        return []
-    return [f"its cycle gives back {efficiency:.3f} of what went in: no way back to the same end"]
+    return [said] if share > COARSE_SHARE else []
 
 
 def _of_sheet(row, rated, celsius):

@@ -11,7 +11,7 @@ from cellwright.protocols.half_cycles import (
     half_cycles,
     starts_of,
 )
-from cellwright.records.anchor import first_rest_second
+from cellwright.records.anchor import first_rest
 from cellwright.refusal import Refusal
 from cellwright.settings import FastCharge
 
@@ -59,7 +59,8 @@ def fast_charge(
     if not any(sizes):
         raise Refusal("no charge of at least 2 % of the capacity is in the record")
     best = int(np.argmax(sizes))
-    known = Before(soc_at_start=soc_at_start, rest_second=first_rest_second(steps))
+    rest = first_rest(steps, series["test_time_second"], columns[1])
+    known = Before(soc_at_start=soc_at_start, rest=rest)
     empty = not starts_of(halves, columns, limits, known)[best].fault
     rows = slice(halves[best].first_row, halves[best].turn_row + 1)
     minute = (series["test_time_second"][rows] - series["test_time_second"][rows][0]) / 60

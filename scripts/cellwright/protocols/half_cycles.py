@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.turns import turning_points
-from cellwright.records.anchor import STATED_SOC, contradiction
+from cellwright.records.anchor import STATED_SOC, FirstRest, contradiction
 
 NEAR_VOLT = 0.010  # a limit counts as reached this near to it: sampling and lead drop
 TURN_SHARE = 0.02  # of the rating: a smaller return of charge (regeneration, dither) is no turn
@@ -61,14 +61,14 @@ class Before(NamedTuple):
 
     state_before : "full" or "empty", as the test before it in time left the cell; "": not known.
     soc_at_start : of the first row, as the sheet states it [1], or None. curve : open-circuit
-    voltage of the cell that it is held against, see `anchor.contradiction`, or None. rest_second :
-    how long the record rests at its start [s].
+    voltage of the cell that it is held against, see `anchor.contradiction`, or None. rest : how
+    the record rests at its start.
     """
 
     state_before: str = ""
     soc_at_start: float | None = None
     curve: dict | None = None
-    rest_second: float = 0.0
+    rest: FirstRest = FirstRest()
 
 
 def columns_of(series):
@@ -332,8 +332,7 @@ def _by_return(half, after):
 def _rest_contradicts(half, columns, limits, known):
     """Why the first rest contradicts the stated SoC, "" where it does not."""
     rest = np.nan if half.under_load else float(columns[1][half.first_row])
-    second = known.rest_second
-    return contradiction(known.soc_at_start, rest, limits, known.curve, rest_second=second)
+    return contradiction(known.soc_at_start, rest, limits, known.curve, rest=known.rest)
 
 
 # ASSUME: A cell that the sheet states full or empty was so by its protocol, without a doubt.

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.noise import least_digit
+from cellwright.numerics.relaxing import Drift, drift_of_rest
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols import Found, counted, not_elsewhere
 from cellwright.protocols.coarse import coarsest_digit_ampere
-from cellwright.protocols.drift import Drift, drift_of_rest
 from cellwright.refusal import Refusal
 from cellwright.series.doubts import WORDS, Doubt, in_words, unlike_size
 from cellwright.series.steps import (

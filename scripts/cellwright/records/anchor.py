@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.relaxing import still_to_go_volt
 from cellwright.records.conditions import AT_REST_C_RATE, SAME_CHECKUP_CYCLES, low_current
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
@@ -23,13 +24,31 @@ EMPTY_REACHES = 0.6  # of the window: an emptied LFP cell relaxes towards its pl
 STATED_SOC = 0.05  # beyond what the rest allows, by which a stated SoC contradicts it
 
 
-def contradiction(soc_at_start, rest_volt, limits, curve=None, *, rest_second=0.0):
+class FirstRest(NamedTuple):
+    """How long a record rests at its start [s], and by how much it goes on to relax then [V]."""
+
+    second: float = 0.0
+    to_go_volt: float = 0.0
+
+
+NO_REST = FirstRest()
+
+
+def first_rest_of(time, voltage):
+    """FirstRest of the rows of a record's first rest: (n,) [s], [V]; (n,) may be 0."""
+    if not len(time):
+        return FirstRest()
+    ahead, std = still_to_go_volt(time, voltage, float(time[0]))
+    return FirstRest(float(time[-1] - time[0]), abs(ahead) + 2 * std)
+
+
+def contradiction(soc_at_start, rest_volt, limits, curve=None, *, rest=NO_REST):
     """Why a record's first rest contradicts the stated state of charge, "" where it does not.
 
     With an open-circuit voltage it tells a range of SoC: where the curve lies within 20 mV (of a
-    rest of less than ten minutes, 100 mV), and half of what is between charge and discharge, of the
-    rest. The stated one may be 5 % beyond. Without, only a cell that is full below the middle of
-    its window, or empty in its highest two fifths.
+    rest of less than ten minutes, 100 mV), what it goes on to relax, and half of what is between
+    charge and discharge, of the rest. The stated one may be 5 % beyond. Without, only a cell that
+    is full below the middle of its window, or empty in its highest two fifths.
 
     Parameters
     ----------
@@ -37,13 +56,13 @@ def contradiction(soc_at_start, rest_volt, limits, curve=None, *, rest_second=0.
         contradiction.
     limits : lower and upper cut-off [V] or None. curve : mapping with soc [1], ocv_volt [V] and
         half_gap_volt [V, NaN or absent where not known], (m,) each; None: there is none.
-    rest_second : how long the record rests at its start [s]; what was before is not known.
+    rest : FirstRest of the record; what was before it is not known.
     """
     if np.isnan(rest_volt):
         return ""
     if curve is not None:
-        error = REST_VOLT if rest_second >= RELAXED_SECOND else UNRELAXED_VOLT
-        low, high = soc_range_of_rest(rest_volt, curve, error_volt=error)
+        error = REST_VOLT if rest.second >= RELAXED_SECOND else UNRELAXED_VOLT
+        low, high = soc_range_of_rest(rest_volt, curve, error_volt=error + rest.to_go_volt)
         if low - STATED_SOC <= soc_at_start <= high + STATED_SOC:
             return ""
         tells = f"{low:.2f} to {high:.2f} by the OCV"
@@ -144,9 +163,9 @@ def soc_series(
         return _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate)
     if not 0 <= soc_at_start <= 1:
         raise Refusal(f"stated SoC at the start is {soc_at_start}; allowed is 0 to 1")
-    rest, second = _first_rest(rate, voltage_volt, test_time_second)
+    volt, rest = _first_rest(rate, voltage_volt, test_time_second)
     limits = lower_cutoff_volt, upper_cutoff_volt
-    wrong = contradiction(soc_at_start, rest, limits, curve, rest_second=second)
+    wrong = contradiction(soc_at_start, volt, limits, curve, rest=rest)
     if not wrong:
         return Anchored(float(soc_at_start) + counted - counted[0], AS_STATED)
     found = _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate)
@@ -154,14 +173,15 @@ def soc_series(
 
 
 def _first_rest(rate, voltage_volt, test_time_second):
-    """Voltage at the end of the rest that a record begins with [V], NaN of none, and its length."""
+    """Voltage at the end of the rest that a record begins with [V], NaN of none; its FirstRest."""
     idle = low_current(rate, 1.0)
     if not idle[0]:
-        return np.nan, 0.0
-    last = len(idle) - 1 if idle.all() else int(np.argmin(idle)) - 1
-    known = test_time_second is not None
-    second = float(test_time_second[last] - test_time_second[0]) if known else 0.0
-    return float(voltage_volt[last]), second
+        return np.nan, FirstRest()
+    stop = len(idle) if idle.all() else int(np.argmin(idle))
+    if test_time_second is None:
+        return float(voltage_volt[stop - 1]), FirstRest()
+    time, voltage = (np.asarray(c, float)[:stop] for c in (test_time_second, voltage_volt))
+    return float(voltage[-1]), first_rest_of(time, voltage)
 
 
 def _by_record(counted, rate, voltage_volt, upper_cutoff_volt, curve, full_c_rate):
@@ -344,8 +364,7 @@ def rest_scale(
     share = 1.0 if ends_empty or not nominal else float(np.ptp(charge)) / nominal
     wrong = ""
     if soc_at_start is not None:
-        second = first_rest_second(steps)
-        wrong = contradiction(soc_at_start, first, (lower_cutoff_volt, upper), rest_second=second)
+        wrong = contradiction(soc_at_start, first, (lower_cutoff_volt, upper))
     if soc_at_start is not None and not wrong:
         soc, at_charge = soc_at_start, charge[0]
         words = f"SoC {soc:g} is stated at its start"
@@ -366,9 +385,11 @@ def rest_scale(
     return Scale(float(full), capacity, first, source, words)
 
 
-def first_rest_second(steps):
-    """How long a record rests before its first load [s], 0 where it begins with one."""
-    return float(steps.duration_second[0]) if len(steps.kind) and steps.kind[0] == "rest" else 0.0
+def first_rest(steps, time, voltage):
+    """FirstRest of a record of these Steps and columns (n,) [s], [V]."""
+    rests = len(steps.kind) and steps.kind[0] == "rest"
+    stop = int(steps.last_row[0]) + 1 if rests else 0
+    return first_rest_of(np.asarray(time, float)[:stop], np.asarray(voltage, float)[:stop])
 
 
 def _refuse_stated(soc, charge, words, nominal, source):

@@ -36,6 +36,9 @@ BLANK_INTERVALS = 20  # between a thermometer's readings: in more of them it sho
 MANY = 10  # places at which a channel fails: it is then trusted nowhere
 # ASSUME: Of the rating a cell gives so much; sheets hold nominal, minimal and typical capacities.
 RATING_SHARE = (0.5, 1.15)
+# ASSUME: No full cell ends below 2 V; none that ends below 3 V is discharged below 0.5 V. Negative
+# electrodes are cycled so against a metal: lithium, sodium, potassium.
+HALF_CELL_VOLT, HALF_CELL_LIMITS_VOLT = 2.0, (0.5, 3.0)
 # Voltage [V] that one rated capacity an hour makes at once: from power cells to cold energy cells.
 OHMIC_VOLT = (0.004, 10.0)
 
@@ -196,15 +199,25 @@ def blank_stretches(time, celsius) -> np.ndarray:
 def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:
     """Rows at which the voltage lies beyond a stated cut-off [V], as that of no cell does.
 
-    At rest beyond either; above the upper one also under a discharge, which lowers it.
+    At rest beyond either; above the upper one also under a discharge, which lowers it. A negative
+    electrode against a metal begins above the upper one, for nothing was ever inserted.
     """
     low, high = (np.nan if limit is None else limit for limit in cutoffs)
     rows = np.flatnonzero((voltage > high + REST_VOLT) | (voltage < low - REST_VOLT))
     # Right after a load the voltage is still its own, and before the first row there may be one.
     rows = rows[rows >= 5]
+    if is_negative_electrode(cutoffs):
+        rows = rows[np.logical_or.accumulate(voltage <= high)[rows]]
     near, above = current[rows_around(rows, 11, len(current))], voltage[rows] > high + REST_VOLT
     near = np.where(above[:, None], near, np.abs(near))
     return rows[np.all(near <= near_zero_ampere(current), axis=1)]
+
+
+def is_negative_electrode(cutoffs) -> bool:
+    """Whether lower and upper cut-off [V], None where not stated, are those of a half cell."""
+    low, high = (np.nan if limit is None else limit for limit in cutoffs)
+    below = low < HALF_CELL_LIMITS_VOLT[0] and high <= HALF_CELL_LIMITS_VOLT[1]
+    return bool(below or high < HALF_CELL_VOLT)
 
 
 def drawn_beyond(current, voltage, lower_cutoff_volt, rated_capacity_ampere_hour) -> bool:

@@ -20,6 +20,7 @@ SEGMENT = Segment()
 EDGE_C_RATE = (0.01, 0.03)  # a step of current within six sigma of its noise is none; bounds
 EDGE_SHARE = 0.05  # nor is one below this share of the current itself
 SPECK_C_RATE = 0.05  # one or two samples off by less than this between equal levels are noise
+HELD_SHARE, LEAST_HELD_ROWS = 0.005, 32  # so well a tester holds a power or a resistance
 STEADY_SHARE = 0.10  # a steady current stays so near to its median, …
 STEADY_C_RATE = 0.02  # … or so near in C, if that is more
 
@@ -246,26 +247,47 @@ def run_kinds(record, stretches, dynamic, tolerance, pulse_max_second, rated):
 
 def _load_kind(record, first, last, tolerance, slack):
     """Kind of one load run, and its first row of held voltage (−1: none)."""
-    size = np.abs(record.current[first : last + 1])
+    size, voltage = np.abs(record.current[first : last + 1]), record.voltage[first : last + 1]
     level = np.median(size)
-    if np.median(size[-3:]) >= 0.9 * level and _steady(size, slack):
+    if np.median(size[-3:]) >= 0.9 * level and _steady(size, voltage, slack):
         return "CC", -1
-    voltage = record.voltage[first : last + 1]
     away = np.flatnonzero(np.abs(voltage - np.median(voltage[-3:])) > tolerance)
     hold = away[-1] + 1 if len(away) else 0
     if hold >= len(size) or size[hold:].max() < 1.1 * size[-1]:
-        return ("CC" if _steady(size, slack) else "dynamic"), -1
-    before = size[np.argmax(size >= (1 - STEADY_SHARE) * level) : hold]
+        return ("CC" if _steady(size, voltage, slack) else "dynamic"), -1
+    before = slice(np.argmax(size >= (1 - STEADY_SHARE) * level), hold)
     if hold <= max(2, 0.02 * len(size)):
         return "CV", first + hold
-    return ("CCCV", first + hold) if _steady(before, slack) else ("dynamic", -1)
+    one_load = _steady(size[before], voltage[before], slack)
+    return ("CCCV", first + hold) if one_load else ("dynamic", -1)
 
 
-def _steady(size, slack):
-    """Whether currents (k,) [A] stay near their median, 15 % for rise and overshoot aside."""
+def _steady(size, voltage, slack):
+    """Whether currents (k,) [A] stay near their median, 15 % for rise and overshoot aside.
+
+    Or whether their power or resistance was held, at voltages (k,) [V].
+    """
     level = np.median(size)
     near = np.abs(size - level) <= np.maximum(STEADY_SHARE * level, slack)
-    return np.mean(near) >= 0.85
+    return np.mean(near) >= 0.85 or bool(held_quantity(size[1:-1], voltage[1:-1]))
+
+
+# ASSUME: A current that moves so that current times voltage (or voltage over current) stays within
+# 0.5 % all the way was not held: power (or resistance) was.
+def held_quantity(current, voltage):
+    """Power or resistance that was held, over eight parts of (n,) [A], [V]: (name, level, unit).
+
+    Returns () where neither was, or of fewer than 32 rows.
+    """
+    size = np.abs(current)
+    if len(size) < LEAST_HELD_ROWS or not size.all():
+        return ()
+    found = ("power", size * voltage, "W"), ("resistance", voltage / size, "Ohm")
+    for name, values, unit in found:
+        levels = np.array([np.median(part) for part in np.array_split(values, 8)])
+        if np.ptp(levels) <= HELD_SHARE * abs(levels.mean()):
+            return name, float(levels.mean()), unit
+    return ()
 
 
 def _on_load(stretches):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.drift import drift_of_rest
+from cellwright.numerics.relaxing import drift_of_rest
 from cellwright.protocols.half_cycles import TURN_SHARE
 from cellwright.protocols.ica.charge import USUAL_SHARE, constant_rows
 from cellwright.series.steps import constant_current_end
