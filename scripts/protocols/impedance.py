@@ -8,11 +8,12 @@ with artefact.Job(snakemake, output.spectrum) as reading:
     said, largest = params.reading, params.largest_megabyte
     file = raw_files.single(said["file"], said["sha256"], largest, params.content)
     how = {"kind": "impedance", "instrument": said["instrument"], "columns": said["columns"]}
-    found = cw.read(file, **how, largest_megabyte=largest)
-    reading.note(*found.notes)
-    reading.save(found.columns, instrument=found.instrument[0])
+    read = cw.read(file, **how, largest_megabyte=largest)
+    reading.note(*read.notes)
+    reading.save(read.columns, instrument=read.instrument[0])
 with artefact.Job(snakemake, *output[1:], after=reading) as job:
-    found = cw.impedance(job.load(output.spectrum), params.settings, cell=params.cell)
+    spectrum = job.load(output.spectrum)
+    found = cw.impedance(spectrum, params.settings, cell=params.cell, doubt=read.doubt)
     job.note(*found.notes)
     job.save(found.rows, output.fit)
     job.save(found.curve, output.curve)

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import cellwright as cw
 from cellwright import formats
 from cellwright.refusal import Refusal
 
@@ -446,3 +447,102 @@ def test_a_counter_without_a_unit_is_one_where_it_counts_what_the_current_moves(
         assert "net_capacity_ampere_hour" not in reading.columns
     else:
         assert reading.columns["net_capacity_ampere_hour"][-1] == pytest.approx(-0.05 * 59)
+
+
+def test_maccor_in_milliampere():
+    text = MACCOR.format(clock="Test (Sec)", t0=0, t1=1800, t2=3600, t3=5400)
+    milli = text.replace("Amp-hr\tWatt-hr\tAmps", "mAmp-hr\tmWatt-hr\tmAmps")
+    columns, wanted = (read(each).columns for each in (milli, text))
+    for name in ("current_ampere", "net_capacity_ampere_hour"):
+        np.testing.assert_allclose(columns[name], wanted[name] / 1e3, rtol=1e-12)
+    np.testing.assert_array_equal(columns["voltage_volt"], wanted["voltage_volt"])
+
+
+GAMRY = """EXPLAIN
+TAG\tEISPOT
+ZCURVE\tTABLE
+\tPt\tTime\tFreq\tZreal\tZimag\tZsig
+\t#\ts\tHz\tohm\tohm\tV
+"""
+
+
+def gamry(hertz):
+    ohm = 0.02 + 0.01 / (1 + 1j * hertz / 50)
+    rows = zip(range(len(hertz)), *(x.tolist() for x in (hertz, ohm.real, ohm.imag)), strict=True)
+    return GAMRY + "".join(f"\t{k}\t{k}\t{f!r}\t{re!r}\t{im!r}\t1\n" for k, f, re, im in rows), ohm
+
+
+@pytest.mark.parametrize("behind", ["", "\n", "ENDED\tLABEL\tby hand\tx\nNOTES\t1\n\ta note\n"])
+def test_of_a_sweep_that_was_broken_off_the_good_points_are_read_with_a_doubt(behind):
+    text, ohm = gamry(np.geomspace(1e3, 1, 10).round(3))
+    whole = read(text)
+    assert (whole.doubt, whole.notes) == ("", ("columns that are not read: Pt, Time, Zsig",))
+    found = read(text + "EXPERIMENTABORTED\tTOGGLE\tT\tExperiment Aborted\n" + behind)
+    np.testing.assert_array_equal(found.columns["impedance_real_ohm"], ohm.real)
+    assert found.doubt == ("the sweep was broken off, as its file says: its points end at 1 Hz")
+    assert found.doubt in found.notes
+    row = cw.impedance(found.columns, doubt=found.doubt).rows[0]
+    assert row["doubt"].startswith(found.doubt)
+
+
+BT_LAB = {
+    "tab": "mode\tox/red\terror\tNs\ttime/s\tEcell/V\tI/mA\n",
+    "comma": "mode,ox/red,error,Ns,time/s,Ecell/V,I/mA\n",
+    "semicolon": "mode;ox/red;error;Ns;time/s;Ecell/V;I/mA\n",
+    "stamped": "TimeStamp,mode,ox_red,error,Ns,time/s,Ecell/V,I/mA\n",
+    "head": "BT-Lab ASCII FILE\nNb header lines : 3\nmode,ox/red,Ns,x,time/s,Ecell/V,I/mA\n",
+}
+
+
+@pytest.mark.parametrize("form", BT_LAB)
+def test_bt_lab_by_any_delimiter(form):
+    labels = BT_LAB[form]
+    delimiter = next(x for x in "\t;," if x in labels.splitlines()[-1])
+    rows = [[1, 0, 0, 2, 10.0 * k, 3.5 + k / 100, 250.0] for k in range(6)]
+    if form == "stamped":
+        rows = [[f"2024-03-01 12:00:{10 * k:02}.000", *row] for k, row in enumerate(rows)]
+    reading = read(labels + "".join(delimiter.join(map(str, row)) + "\n" for row in rows))
+    assert reading.instrument == "biologic"
+    np.testing.assert_array_equal(reading.columns["current_ampere"], 0.25)
+    np.testing.assert_array_equal(reading.columns["test_time_second"], 10.0 * np.arange(6))
+    if form == "stamped":
+        assert np.ptp(reading.columns["unix_time_second"]) == 50
+
+
+EC_LAB = (
+    "EC-Lab ASCII FILE\nNb header lines : 3\ntime/s\tEwe/V\tI/mA\tfreq/Hz\tRe(Z)/Ohm\t-Im(Z)/Ohm\n"
+)
+
+
+def ec_lab(swept):
+    """A charge of 30 rows and `swept` points of a spectrum after it."""
+    hertz = np.geomspace(1e3, 1, swept)
+    ohm = 0.02 + 0.01 / (1 + 1j * hertz / 50)
+    rows = [[10.0 * k, 3.5 + k / 100, 250.0, 0, 0, 0] for k in range(30)]
+    rows += [
+        [300.0 + k, 3.7, 0.0, *x]
+        for k, x in enumerate(zip(hertz, ohm.real, -ohm.imag, strict=True))
+    ]
+    return EC_LAB + "".join("\t".join(map(str, row)) + "\n" for row in rows), ohm
+
+
+@pytest.mark.parametrize("swept", [12, 60])
+def test_a_series_and_a_spectrum_in_one_file_are_each_read_by_kind(swept):
+    text, ohm = ec_lab(swept)
+    series, spectrum, either = (
+        formats.read(text.encode(), name="f", kind=kind) for kind in ("series", "impedance", None)
+    )
+    np.testing.assert_array_equal(series.columns["test_time_second"], 10.0 * np.arange(30))
+    assert f"{swept} rows of a spectrum are left out" in series.notes[-1]
+    np.testing.assert_allclose(spectrum.columns["impedance_imaginary_ohm"], ohm.imag)
+    assert "30 rows without a frequency are left out" in spectrum.notes[-1]
+    assert either.kind == ("series" if swept < 30 else "impedance")
+
+
+def test_a_table_whose_frequency_is_never_above_zero_is_a_series():
+    text, _ = ec_lab(0)
+    for kind in ("series", None):
+        reading = formats.read(text.encode(), name="f", kind=kind)
+        assert len(reading.columns["current_ampere"]) == 30
+    with pytest.raises(Refusal, match="0 row"):
+        formats.read(text.encode(), name="f", kind="impedance")

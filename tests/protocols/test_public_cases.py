@@ -30,6 +30,9 @@ REFUSED = {
     "s06_voltage_twice": "columns 3, 4 have one label, 'Voltage",
     "s09_one_channel_a_row": "rows of their own",
     "s11_row_numbers_without_a_label": "only [34] labels",
+    "n05_neware_workbook": "",
+    "q01_pybamm_output": "",
+    "r02_cycling_and_spectrum_one_file": "61 rows of a spectrum are left out",
 }
 
 
@@ -101,3 +104,11 @@ def test_files_of_opposite_signs_are_refused_by_number(shared):
     row = next(pd.read_csv(folder / "config/tests.tsv", sep="\t").itertuples())
     with pytest.raises(Refusal, match="file 2 shows discharge_positive"):
         measured(folder, row)
+
+
+def test_the_spectrum_in_a_file_of_cycling_is_that_of_its_rows(shared):
+    folder = shared / "cases/files/r02_cycling_and_spectrum_one_file"
+    wanted = json.loads((folder / "expected.json").read_text())["R02/e"]
+    row = cw.impedance(cw.read(folder / "raw/R02e.mpt.gz", kind="impedance")).rows[0]
+    for name in ("r_ohmic", "r_charge_transfer"):
+        assert 1e3 * row[f"{name}_ohm"] == pytest.approx(wanted[f"{name}_mohm"], rel=0.005)

@@ -304,13 +304,13 @@ def ica_life(series, steps, cycles, *, prominence=ICA.prominence, most=30):
     return results.Result({"rows": rows, "curves": curves}, notes=tuple(notes))
 
 
-def impedance(spectrum, settings=None, *, cell=None, **changes):
+def impedance(spectrum, settings=None, *, cell=None, doubt="", **changes):
     """One spectrum analysed: Kramers-Kronig test, circuit fit, distribution of relaxation times.
 
     spectrum : DataFrame or columns: frequency_hertz [Hz], impedance_real_ohm and
         impedance_imaginary_ohm [ohm], (n,) each.
     settings : `settings.Impedance`. cell : its rating is held against the impedance; None: it is
-        not.
+        not. doubt : what its file says against it, as `read` gives it.
 
     Raises Refusal: an unknown circuit, too few points, or none that can be trusted.
     Source: thesis 3.2; docs/impedance.md.
@@ -329,7 +329,9 @@ def impedance(spectrum, settings=None, *, cell=None, **changes):
     )
     # The row is the table of the step; curves of fit, test and distribution stand beside it.
     found = analysis._asdict()
-    tables = {"rows": [found.pop("row")], **found}
+    row = found.pop("row")
+    row["doubt"] = "; ".join(filter(None, (doubt, row["doubt"])))
+    tables = {"rows": [row], **found}
     return results.Result(tables, notes=tables.pop("notes"))
 
 

@@ -33,9 +33,9 @@ def read(
 
     Returns of a series test_time_second [s], current_ampere [A], positive on charge, voltage_volt
     [V], file_index [1] and other columns; of a spectrum frequency_hertz [Hz], impedance_real_ohm,
-    impedance_imaginary_ohm [ohm]. Raises Refusal: no such file, a pipe or device, no reader for it,
-    a broken or too long file, a sign that cannot be known, or channels of more branches or cells
-    than a group has.
+    impedance_imaginary_ohm [ohm], and doubt, what its file says against it. Raises Refusal: no such
+    file, a pipe or device, no reader for it, a broken or too long file, a sign that cannot be
+    known, or channels of more branches or cells than a group has.
     """
     from cellwright import formats
     from cellwright.records.channels import refuse_beyond
@@ -56,6 +56,7 @@ def read(
     if len(readings) != 1 or readings[0].kind != kind:
         found = ", ".join(reading.kind for reading in readings)
         raise Refusal(f"the files hold {found or 'nothing'}, wanted one of {kind}")
+    about["doubt"] = readings[0].doubt
     return results.Result({"columns": readings[0].columns}, about, tuple(readings[0].notes))
 
 

@@ -59,6 +59,7 @@ class Reading(NamedTuple):
     notes: tuple[str, ...] = ()  # what was left out of the file, in sentences
     sign: int = 0  # 1 or -1: the current's, as the file's own counters or letters tell it
     dates: tuple[str, ...] = ()  # formats in which its dates can be read, the one taken first
+    doubt: str = ""  # what the file says against its own numbers
 
 
 def read(
@@ -318,7 +319,9 @@ def _checked(
     instrument: str, columns: dict[str, np.ndarray], notes, sign: int, dates=()
 ) -> Reading:
     if "frequency_hertz" in columns:
-        return Reading(checked_impedance(columns), instrument, "impedance", tuple(notes))
+        doubt = next((note for note in notes if note.startswith(text_table.ABORTED)), "")
+        checked = checked_impedance(columns)
+        return Reading(checked, instrument, "impedance", tuple(notes), doubt=doubt)
     columns, counted = with_net_counter(columns)
     series, more = checked_series(columns)
     return Reading(series, instrument, "series", (*notes, *more), sign or counted, dates)

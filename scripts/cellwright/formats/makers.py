@@ -49,6 +49,10 @@ MAKERS = (
             r"test(?: time)? \((?P<unit>sec|min|hr?)\)": (TIME, "time", None),
             r"amps|current(?: \[(?P<unit>m?A)\])?": (AMPERE, "current", "A"),
             r"volts|voltage(?: \[(?P<unit>m?V)\])?": (VOLT, "voltage", "V"),
+            r"(?P<unit>ma)mps": (AMPERE, "current", None),
+            r"(?P<unit>mv)olts": (VOLT, "voltage", None),
+            r"mamp-hr": (STEP_CHARGE, "charge", "mAh"),
+            r"mwatt-hr": (STEP_ENERGY, "energy", "mWh"),
             r"amp-hr|cap\. \[(?P<unit>m?Ah)\]|capacity": (
                 STEP_CHARGE,
                 "charge",
@@ -88,8 +92,9 @@ MAKERS = (
     Format(
         "biologic",
         "BioLogic text (EC-Lab, BT-Lab)",
-        mark=r"^(?:EC|BT)-Lab ASCII FILE|^mode\tox/red\t|^freq/Hz\tRe\(Z\)",
-        header=r"^(?=[^\n]*(?:time/s|freq/Hz)\t)[^\n:]*\t",
+        mark=r"^(?:EC|BT)-Lab ASCII FILE|^(?:TimeStamp[\t,;])?mode[\t,;]ox[/_]red[\t,;]"
+        r"|^freq/Hz\tRe\(Z\)",
+        header=r"^(?=[^\n]*(?:time/s|freq/Hz)[\t,;])[^\n:]*[\t,;]",
         columns={
             r"time/(?P<unit>s)": (TIME, "time", None),
             r"(?:<i>|i)/(?P<unit>[mµu]?a)": (AMPERE, "current", None),
@@ -108,7 +113,8 @@ MAKERS = (
             r"re\(z\)/(?P<unit>ohm)": ("impedance_real_ohm", "impedance", None),
             r"-im\(z\)/(?P<unit>ohm)": (MINUS, "impedance", None),
         },
-        dates=("%m/%d/%Y %H:%M:%S",),
+        date=r"timestamp",
+        dates=("%m/%d/%Y %H:%M:%S", *ISO_DATES),
     ),
     Format(
         "novonix",
@@ -191,6 +197,8 @@ MAKERS = (
         units_lines=1,
         columns=SPECTRUM,
         delimiter="\t",
+        end=r"^[A-Za-z]",
+        aborted=r"^EXPERIMENTABORTED\b",
     ),
     Format(
         "zplot",

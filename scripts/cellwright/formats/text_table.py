@@ -87,6 +87,7 @@ SAME_UNIT = {
 CLOCK = "clock"  # unit of a time that is written as [days d] hours:minutes:seconds
 NOT_SAID = "not said"
 EXCEL_DAYS = (36526.0, 73050.0)  # of the years 2000 to 2099
+ABORTED = "the sweep was broken off"  # begins a note that stands as a doubt at its numbers
 CLOCKED = re.compile(r"^\s*(?:\d+\s*d\s+)?\d+:\d+:\d")
 # Factors between a clock whose unit is not said and its dates [s].
 SAME_CHARGE = 0.1  # by which a counter of another unit is never off
@@ -110,6 +111,7 @@ class Format(NamedTuple):
     rows_begin, rows_are : bytes with which each row begins that is a reading, of files that have
         other rows between them; or the pattern of a row.
     end : pattern of the first line below the table.
+    aborted : pattern of a line that says, anywhere, that a sweep was broken off.
     short_rows : rows end before the last labels do, of which the maker writes no values.
     state, signs : pattern of the column of letters, and pattern of a letter → sign of a current
         that is written as a magnitude. One that is not among them goes with a current of zero.
@@ -130,6 +132,7 @@ class Format(NamedTuple):
     rows_begin: bytes = b""
     rows_are: str = ""
     end: str = ""
+    aborted: str = ""
     short_rows: bool = False
     state: str = ""
     signs: Mapping[str, float] = {}
@@ -204,6 +207,7 @@ def read(form: Format, data: bytes | Content, kind: str | None = None) -> Read:
         No labels, a column that is missing or said twice, a row that is damaged, text where a
         number belongs, a clock whose unit nothing says, a current under a letter without a sign.
     """
+    raw = whole_of(data) if form.aborted else b""
     data, layout = _table(form, data)
     fields = fields_of(form, layout.labels)
     swept = _swept_rows(form, data, layout, fields)
@@ -215,7 +219,11 @@ def read(form: Format, data: bytes | Content, kind: str | None = None) -> Read:
         require(parts, IMPEDANCE, SPELT, layout.labels)
         found = read_table(data, layout, [field.label for field in fields])
         notes = [*found.notes, *_other_rows(swept)]
-        return Read(_spectrum(converted(found.columns, fields)), notes)
+        spectrum = _spectrum(converted(found.columns, fields))
+        if form.aborted and re.search(form.aborted.encode(), raw, re.M):
+            lowest = np.nanmin(spectrum["frequency_hertz"], initial=np.inf)
+            notes.append(f"{ABORTED}, as its file says: its points end at {lowest:.4g} Hz")
+        return Read(spectrum, notes)
     fields = [f for f in fields if f.column not in PARTS]
     date = next((x for x in layout.labels if _is(form.date, x)), None)
     fields, date = _timed(fields, date, lambda label: is_written(data, layout, label))
@@ -277,7 +285,7 @@ def _swept_rows(form, data, layout, fields):
 
     All of them, where the table has no series beside it.
     """
-    columns = {field.column: field.label for field in fields}
+    columns = {field.column: field.label for field in _of_electrodes(fields)[0]}
     label = columns.get("frequency_hertz")
     if label is None:
         return np.empty(0, bool)
