@@ -6,8 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright import formats
+from cellwright.formats.fields import SERIES
 from cellwright.refusal import Refusal
 from cellwright.series import Flag, assemble, clean, counts, flag, remove
+from cellwright.series.sign import current_sign
 
 
 def record(rows=500):
@@ -98,6 +100,22 @@ def test_dead_sample_and_mark_in_another_channel():
     surface = clean(columns).columns["surface_temperature_celsius"]
     assert np.isnan(surface[7])
     assert surface.size == 499
+
+
+@pytest.mark.parametrize("rows", [[120], [120, 121, 122], [0, 1], [498, 499], [52, 53, 215]])
+def test_zeros_of_the_potential_are_no_readings_wherever_they_stand(rows):
+    columns = record()
+    columns["voltage_volt"][rows] = 0.0
+    assert flagged(columns, Flag.SENTINEL) == rows
+    truth = current_sign(*(record()[name] for name in SERIES))
+    found = current_sign(*(columns[name] for name in SERIES))
+    assert (found.sign, found.evidence) == (truth.sign, pytest.approx(truth.evidence, abs=0.02))
+
+
+def test_a_cell_that_is_emptied_to_zero_volt_shows_what_it_has():
+    columns = record()
+    columns["voltage_volt"] = np.concatenate([np.linspace(2.0, 0.0, 490), np.zeros(10)])
+    assert not flagged(columns, Flag.SENTINEL)
 
 
 def doubled(columns, row):

@@ -32,6 +32,7 @@ from cellwright.settings import Clean
 
 CLEAN = Clean()
 
+LEAST_VOLT = 1.0  # V beside which exactly 0 V is no reading
 NO_READING = 1e30  # instruments write ±3.4e38 for "no reading"
 MOST_GAPS_TOLD = 5  # in notes, which people read
 PACE_ROWS = 3  # intervals at each side of one that is a multiple of them: single rows are missing
@@ -134,11 +135,24 @@ def _unreadable(*columns: np.ndarray) -> np.ndarray:
     for column in columns:
         flags[~np.isfinite(column)] |= Flag.NAN
         flags[np.isfinite(column) & (np.abs(column) > NO_READING)] |= Flag.SENTINEL
-    # Of exactly 0 V between rows of more than 1 V the instrument measured nothing.
-    volt = np.abs(columns[2])
-    dead = (volt == 0) & (np.roll(volt, 1) > 1) & (np.roll(volt, -1) > 1)
-    flags[dead] |= Flag.SENTINEL
+    flags[unmeasured(columns[2])] |= Flag.SENTINEL
     return flags
+
+
+def unmeasured(voltage: np.ndarray) -> np.ndarray:
+    """Rows (n,) of exactly 0 V, one or many, where the instrument measured no voltage.
+
+    The nearest other readings, of which there is one at least, are above 1 V: no cell jumps there.
+    """
+    dead = voltage == 0
+    rows = np.flatnonzero(dead)
+    others = np.flatnonzero(np.isfinite(voltage) & ~dead)
+    if not len(rows) or not len(others):
+        return dead & False
+    place = np.searchsorted(others, rows)
+    sides = others[np.maximum(place - 1, 0)], others[np.minimum(place, len(others) - 1)]
+    dead[rows] = np.all([np.abs(voltage[side]) > LEAST_VOLT for side in sides], axis=0)
+    return dead
 
 
 def _twice(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.series.cleaning import NO_READING
+from cellwright.series.cleaning import NO_READING, unmeasured
 
 NO_CURRENT = "no current flows"
 MAGNITUDES = "the current never changes its sign while the voltage shows charge and discharge"
@@ -78,7 +78,7 @@ def current_sign(
 def is_reading(time, current, voltage):
     """Rows that are readings, not marks for none."""
     good = np.isfinite(time) & (np.abs(current) < NO_READING)
-    return good & (np.abs(voltage) < NO_READING)
+    return good & (np.abs(voltage) < NO_READING) & ~unmeasured(voltage)
 
 
 def _evidence_of_cell(time, current, voltage):
