@@ -21,8 +21,11 @@ RIGHT = {
     "i01_second_export_holds_first": "file 2 holds all rows of file 1",
     "j01_summer_time_ends_between_files": "the clock being set back by an hour",
     "n02_biologic_three_electrodes": "not read: mode, ox/red",
+    "n05_neware_workbook": "",
     "o01_day_first_files": "file 2 follows after 1820 s (dates)",
+    "q01_pybamm_output": "",
     "q06_excel_day_fraction": "20 s if it counts d",
+    "r02_cycling_and_spectrum_one_file": "61 rows of a spectrum are left out",
     "s01_chinese_neware_gbk": "",
 }
 REFUSED = {
@@ -30,9 +33,6 @@ REFUSED = {
     "s06_voltage_twice": "columns 3, 4 have one label, 'Voltage",
     "s09_one_channel_a_row": "rows of their own",
     "s11_row_numbers_without_a_label": "only [34] labels",
-    "n05_neware_workbook": "",
-    "q01_pybamm_output": "",
-    "r02_cycling_and_spectrum_one_file": "61 rows of a spectrum are left out",
 }
 
 
