@@ -281,9 +281,7 @@ class Job:
         named = (f"{test}: {said}" if test else said for test, said in parts)
         said = reduce(lambda text, one: text.replace(one, ""), named, doubt_of(content))
         if said := said.strip("; "):
-            wildcards = dict(self.snakemake.wildcards.items())
-            owner = wildcards.get("cell") or wildcards.get("group", "")
-            about["doubts"] = about["doubts"] | {f"{owner} {wildcards.get('test', '')}": said}
+            about["doubts"] = about["doubts"] | {owner_of(about): said}
         self.made[path] = write(path, content, about)
         self.saved.add(path)
 
@@ -303,14 +301,15 @@ class Job:
     def about(self, reason=None, origin=None) -> dict:
         """Provenance, reason, origin, notes, doubts and facts that an artefact of this job carries.
 
-        Doubts are those of the records behind it, of whatever it reads.
+        Doubts are those of whatever lies behind it; `moved_by` names the tests whose doubts move
+        its numbers, see `behind`.
         """
         return provenance.record(self.snakemake, self.inputs) | {
             "step": self.step,
             "reason": reason,
             "origin": origin,
             "notes": self.notes,
-            "doubts": doubts_behind(self.inputs),
+            **behind(self.inputs),
             "facts": {},
         }
 
@@ -327,13 +326,40 @@ def doubt_of(content) -> str:
     return "; ".join(dict.fromkeys(str(words) for words in values if words))
 
 
-def doubts_behind(paths) -> dict:
-    """What speaks against the records that artefacts stand on: words by "cell test"."""
-    found = {}
+def owner_of(about) -> str:
+    """Key of a doubt: "cell test", or "group test", of the artefact that these facts are of."""
+    wildcards = about.get("wildcards", {})
+    owner = wildcards.get("cell") or wildcards.get("group", "")
+    return f"{owner} {wildcards.get('test', '')}"
+
+
+# Stages of one test that are the record itself, whose numbers are then fitted.
+OF_RECORDS = ("ingest", "clean", "segment", "repeats")
+
+
+def behind(paths) -> dict:
+    """What stands behind a job's artefacts, by what it reads.
+
+    doubts : words by "cell test", of everything. records : tests that its numbers are fitted to or
+    counted from, also through a model. moved_by : those, and tests of which it reads a number (a
+    capacity, a resistance): a doubt moves what is made of that number, and nothing further on. What
+    came in time before a test (stage `course`) moves nothing of it.
+    """
+    doubts, records, numbers = {}, set(), set()
     for path in sorted(set(map(str, paths))):
-        if "results" in Path(path).parts and Path(path).suffix in (".parquet", ".json"):
-            found |= read_about(path).get("doubts", {})
-    return found
+        if "results" not in Path(path).parts or Path(path).suffix not in (".parquet", ".json"):
+            continue
+        about, stage = read_about(path), contract.stage_of(path)
+        doubts |= about.get("doubts", {})
+        if about.get("wildcards", {}).get("test"):
+            (records if stage in OF_RECORDS else numbers).add(owner_of(about))
+        elif stage != "course":
+            records |= set(about.get("records", ()))
+    return {
+        "doubts": doubts,
+        "records": sorted(records),
+        "moved_by": sorted(records | numbers),
+    }
 
 
 def load(path) -> dict:

@@ -23,7 +23,7 @@ OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "s
 def rows_of(paths, tests) -> list[dict]:
     """Rows of all artefacts with content, each with its cell, test and facts of the sheet.
 
-    A row that has no `doubt` of its own has that of the records behind it.
+    A row that has no `doubt` of its own has that of the tests that move it.
     """
     table_rows = []
     for columns, about in artefact.load_all(paths):
@@ -42,11 +42,17 @@ def rows_of(paths, tests) -> list[dict]:
 
 
 def doubt_in_words(about) -> str:
-    """What speaks against the records behind an artefact; others than its own are named."""
-    wildcards = about["wildcards"]
-    own = f"{wildcards.get('cell') or wildcards.get('group')} {wildcards.get('test', '')}"
-    doubts = about.get("doubts", {})
-    words = (said if of == own else f"{of.strip()}: {said}" for of, said in doubts.items())
+    """What speaks against the numbers of an artefact: its own doubts, and those that move it.
+
+    Doubts of other tests, which it does not stand on, are in the cell's row of the summary.
+    """
+    own, doubts = artefact.owner_of(about), about.get("doubts", {})
+    moving = {own, *about.get("moved_by", doubts)}
+    words = (
+        said if of == own else f"{of.strip()}: {said}"
+        for of, said in doubts.items()
+        if of in moving
+    )
     return "; ".join(words)
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from cellwright.refusal import Refusal
 from cellwright_fmu.unit import archive
-from runtime import artefact, contract
+from runtime import artefact, contract, tables
 
 CURVE = {name: np.array([1.0, 2.0]) for name in contract.stages()["ica_curve"]["columns"]}
 PATH = "results/stages/ica_curve/A/t.parquet"
@@ -319,3 +319,40 @@ def test_an_internal_error_in_a_step_costs_no_other_step(snakemake, capsys):
     assert artefact.read_about(SECOND)["reason"] is None
     assert artefact.read_about(THIRD)["reason"].startswith(artefact.FAILED)
     assert "Traceback" in capsys.readouterr().err
+
+
+def made(path, test=None, **about):
+    """An artefact of cell A with these facts beside it."""
+    wildcards = {"cell": "A"} | ({"test": test} if test else {})
+    artefact.write(path, {"soc": np.array([1.0])}, {"wildcards": wildcards} | about)
+    return path
+
+
+def test_a_doubt_moves_what_is_fitted_to_its_record_or_made_of_its_number_and_nothing_further(
+    snakemake,
+):
+    """A spectrum and a capacity in doubt move no row of a model; a pulse test that it is fitted to
+    does, and so does one of its capacity tests what is read off it."""
+    stages = "results/stages"
+    doubts = [{"doubts": {f"A {test}": f"{test} is wrong"}} for test in ("pulses", "size", "eis")]
+    clean = made(f"{stages}/clean/A/pulses.parquet", "pulses", **doubts[0])
+    size = made(f"{stages}/capacity/A/size.parquet", "size", **doubts[1])
+    spectrum = made(f"{stages}/eis/A/eis.parquet", "eis", **doubts[2])
+    before = made(f"{stages}/course/A.parquet", **doubts[1], records=["A size"])
+
+    def behind(*paths):
+        about = artefact.behind(paths)
+        return about, tables.doubt_in_words({"wildcards": {"cell": "A", "test": "drive"}} | about)
+
+    about, words = behind(size, spectrum)
+    assert set(words.split("; ")) == {"A size: size is wrong", "A eis: eis is wrong"}
+    basis = made(f"{stages}/basis/A.json", **about)
+    about, words = behind(basis, clean)
+    assert words == "A pulses: pulses is wrong"
+    assert len(about["doubts"]) == 3  # all are known, by lineage
+    model = made("results/models/A.json", **about)
+    assert behind(model)[1] == "A pulses: pulses is wrong"
+    assert behind(before)[1] == ""
+    score = made(f"{stages}/validation/A/drive.parquet", "drive", **behind(model)[0])
+    shown = tables.doubt_in_words(artefact.read_about(score))
+    assert shown == "A pulses: pulses is wrong"
