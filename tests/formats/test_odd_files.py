@@ -2,15 +2,20 @@
 
 import io
 import json
+import struct
 import time
+import tracemalloc
+import zlib
 
 import numpy as np
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
+from scipy import sparse
+from scipy.io import savemat
 
 from cellwright import formats
-from cellwright.formats import container
+from cellwright.formats import arrow_size, container
 from cellwright.refusal import Refusal
 
 ROWS = 200
@@ -161,3 +166,93 @@ def test_tags_without_an_end_are_looked_through_once(sheet):
 def test_cells_of_a_sheet_are_counted():
     sheet = b'<row r="2"><c r="B2" s="1"><v>1</v></c><x:c t="n" r="AA2"/><c r = \'C3\' ></c></row>'
     assert container._extent(sheet, (0, 0))[0] == (3, 3)
+
+
+def matlab(kind, shape, further=b""):
+    """An array of a class in a .mat, with what follows its name."""
+    sizes = struct.pack(f"<II{len(shape)}i", 5, 4 * len(shape), *shape)
+    body = struct.pack("<IIII", 6, 8, kind, 0) + sizes + struct.pack("<II", 1, 1) + b"a" + bytes(7)
+    return struct.pack("<II", 14, len(body + further)) + body + further
+
+
+def matlab_file(*arrays):
+    return b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\x01IM" + b"".join(arrays)
+
+
+FIELDS = struct.pack("<HHI", 5, 4, 8) + struct.pack("<II", 1, 0)
+MANY = (250_000_000, 1)
+PACKED = zlib.compress(matlab(1, MANY))
+FALSE = {
+    "cells": matlab(1, MANY),
+    "a structure": matlab(2, MANY, FIELDS),
+    "numbers": matlab(6, MANY),
+    "cells in cells": matlab(1, (1, 1), matlab(1, MANY)),
+    "packed": struct.pack("<II", 15, len(PACKED)) + PACKED,
+}
+
+
+@pytest.mark.parametrize("what", FALSE)
+def test_dimensions_that_no_bytes_stand_behind_take_no_memory(what):
+    """192 bytes took 2 GB: room for all members is made before they are read."""
+    tracemalloc.start()
+    assert "an array of 250000000 × 1 members takes" in refused(matlab_file(FALSE[what]))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e7
+
+
+def test_arrays_of_a_kind_that_there_is_not_reach_no_library():
+    """SciPy reads beyond its table of kinds, which ends the process."""
+    numbers = struct.pack("<IId", 161, 8, 1.0)
+    assert "an element of kind 161" in refused(matlab_file(matlab(6, (1, 1), numbers)))
+    assert "without its 1 elements of data" in refused(matlab_file(matlab(6, (1, 1))))
+    deep = matlab(6, (1, 1), struct.pack("<IId", 9, 8, 1.0))
+    for _ in range(40):
+        deep = matlab(1, (1, 1), deep)
+    assert "arrays in arrays, more than 32 deep" in refused(matlab_file(deep))
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_structures_of_any_members_are_read(packed):
+    others = {
+        "names": np.array(["a", "bcd"], dtype=object),
+        "inner": {"more": {"zeros": np.zeros((3, 4)), "nothing": np.zeros((0, 5))}},
+        "complex": np.array([[1 + 2j]]),
+        "text": "hello",
+        "switches": np.ones((2, 2), bool),
+        "sparse": sparse.csc_array(np.eye(3)),
+    }
+    columns = {"time": TIME, "current": CURRENT, "voltage": VOLTAGE}
+    file = io.BytesIO()
+    savemat(file, {"meas": columns | others}, do_compression=packed)
+    whole(file.getvalue())
+
+
+@pytest.mark.parametrize("codec", ["zstd", "lz4", None])
+def test_pages_of_an_arrow_file_are_counted_before_they_are_unpacked(codec):
+    """74 kB of zeros took 4.8 GB."""
+    rows = 5_000_000 if codec else ROWS
+    zeros = np.zeros(rows)
+    table = pa.table(
+        dict.fromkeys(NAMES, zeros) | {"x": pa.array(["a"] * rows).dictionary_encode()}
+    )
+    file = io.BytesIO()
+    options = pa.ipc.IpcWriteOptions(compression=codec)
+    with pa.ipc.new_file(file, table.schema, options=options) as writer:
+        writer.write_table(table, max_chunksize=rows // 2)
+    data = file.getvalue()
+    # Numbers as they stand in the file and as they are read, and a code for each text.
+    assert arrow_size.unpacked_byte(data, 3) == pytest.approx(rows * (2 * 3 * 8 + 4), rel=0.02)
+    if codec:
+        assert "unpacks to more than 100 times its" in refused(data)
+
+
+def test_damaged_arrow_files_are_refused():
+    data, rng = arrow([TIME, CURRENT, VOLTAGE], NAMES, "arrow"), np.random.default_rng(1)
+    for _ in range(300):
+        damaged = bytearray(data)
+        damaged[rng.integers(len(data))] = rng.integers(256)
+        try:
+            formats.read(bytes(damaged[: rng.integers(8, 2 * len(data))]), name="x")
+        except Refusal:
+            continue

@@ -187,7 +187,7 @@ def _admitted(data, largest_megabyte):
     """The unpacked content, of a size and shape that readers can stand."""
     content = content_of(data, largest_megabyte)
     head = head_of(content)
-    if head.startswith(bdf.PARQUET):
+    if head.startswith((bdf.PARQUET, bdf.ARROW)):
         bdf.refuse_large(whole_of(content), largest_megabyte)
     elif b"\0" not in head[:HEAD]:  # a text
         # A document may stand on one line, as one of a program to another does.

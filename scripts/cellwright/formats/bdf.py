@@ -10,6 +10,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from cellwright import gate
+from cellwright.formats.arrow_size import unpacked_byte
 from cellwright.formats.content import Content, head_of, whole_of
 from cellwright.formats.dates import clock_second
 from cellwright.formats.fields import (
@@ -220,10 +221,17 @@ def _checked_simulated(fields: list[Field]) -> list[Field]:
 
 
 def refuse_large(data: bytes, largest_megabyte: float | None = None) -> None:
-    """Refuse a Parquet file whose known columns take more memory than they may.
+    """Refuse a Parquet or Arrow file whose known columns take more memory than they may.
 
     Its pages may be repetitions of one value: neither the file nor they are long.
     """
+    if data.startswith(ARROW):
+        with _refused("Arrow"):
+            names = _arrow_file(data).schema.names
+            held = unpacked_byte(data, sum(map(bool, map(_simulated_meaning, names))))
+        gate.refuse_columns(len(names))
+        gate.refuse_unpacked(held, len(data), largest_megabyte)
+        return
     about = _opened(data)
     gate.refuse_columns(len(about.schema_arrow.names))
     known = [name for name in about.schema_arrow.names if _simulated_meaning(name)]
@@ -281,11 +289,15 @@ def _example(file, label):
     return f"{example}; numbers are wanted"
 
 
-def _of_arrow(data):
+def _arrow_file(data):
     import pyarrow as pa
 
+    return pa.ipc.open_file(pa.BufferReader(data))
+
+
+def _of_arrow(data):
     with _refused("Arrow"):
-        table = pa.ipc.open_file(pa.BufferReader(data)).read_all()
+        table = _arrow_file(data).read_all()
         # A damaged file may promise more numbers than it holds.
         table.validate(full=True)
         labels = table.column_names
@@ -301,6 +313,8 @@ def _refused(kind):
 
     try:
         yield
+    except MemoryError:  # of the machine: what a file claims is known before
+        raise
     except (pa.ArrowException, OSError, ValueError) as fault:
         raise Refusal(f"the {kind} file is cut off or damaged: {fault}") from None
 

@@ -3,6 +3,7 @@
 import re
 
 from cellwright import gate
+from cellwright.formats import matlab_elements
 from cellwright.refusal import Refusal
 
 GZIP = b"\x1f\x8b"
@@ -11,7 +12,6 @@ UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 ZIP = b"PK\x03\x04"
 MATLAB = b"MATLAB 5.0 MAT-file"
 ARCHIVES = {b"xl/": "Excel workbook", b"[Content_Types]": "Excel workbook", b".ndc": "ndax archive"}
-COMPRESSED = 15  # type of an element of a .mat that is compressed
 PIECE = 1 << 12  # byte of Zstandard that are unpacked at once: to 130 MB at most
 CELL_BYTE = 32  # that a cell of a sheet takes in memory, also a blank one
 # Of a sheet: numbers of rows, columns of cells that hold something, cells that do not say theirs.
@@ -45,7 +45,7 @@ def unpacked(data: bytes, largest_megabyte=None) -> bytes:
     if data.startswith(ZIP):
         _refuse_large_archive(data, largest_megabyte)
     if data.startswith(MATLAB):
-        _refuse_large_matlab(data, largest_megabyte)
+        matlab_elements.refuse_damaged(data, largest_megabyte)
     return _utf_8(data) if data.startswith(UTF_16) else data
 
 
@@ -150,27 +150,6 @@ def _column(letters):
     for letter in letters.upper():
         number = 26 * number + letter - 64
     return number
-
-
-def _refuse_large_matlab(data, largest_megabyte):
-    """Refuse a .mat by what its compressed elements unpack to, one behind the other."""
-    import zlib
-
-    order = "little" if data[126:128] == b"IM" else "big"
-    place, total = 128, 0
-    while place + 8 <= len(data):
-        kind, size = (int.from_bytes(data[place + k : place + k + 4], order) for k in (0, 4))
-        place += 8
-        if kind == COMPRESSED:
-            element, rest = zlib.decompressobj(), data[place : place + size]
-            while rest and not element.eof:
-                try:
-                    total += len(element.decompress(rest, gate.CHUNK))
-                except zlib.error as fault:
-                    raise Refusal(f"the MATLAB file is cut off or damaged: {fault}") from None
-                gate.refuse_unpacked(total, len(data), largest_megabyte)
-                rest = element.unconsumed_tail
-        place += size
 
 
 # First bytes, and what a file that begins so is. Order matters where one begins like another.

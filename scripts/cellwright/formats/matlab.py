@@ -16,8 +16,8 @@ from cellwright.refusal import Refusal
 
 NAME = "matlab"
 # How the parser fails on damaged bytes.
-FAULTS = (ArithmeticError, LookupError, OSError, TypeError, ValueError, MemoryError, EOFError)
-FAULTS = (*FAULTS, NotImplementedError, zlib.error)
+FAULTS = (ArithmeticError, LookupError, NameError, OSError, TypeError, ValueError, EOFError)
+FAULTS = (*FAULTS, RuntimeError, zlib.error)
 MARK = b"MATLAB 5.0 MAT-file"
 
 
