@@ -12,6 +12,7 @@ import fcntl
 import hashlib
 import os
 import shutil
+import signal
 import subprocess
 import tempfile
 import warnings
@@ -104,9 +105,9 @@ def library_file(kind, compiler, flags, sources, included=()):
     digest = hashlib.sha256(repr((flags, os.uname().machine, os.uname().sysname)).encode())
     for source in (*sources, *included):
         digest.update(source.read_bytes())
-    for home in _homes():
+    for home, others in _homes():
         path = home / f"{kind}-{digest.hexdigest()[:16]}.so"
-        if path.exists() or _built(compiler, path, flags, sources):
+        if _is_own(home, others) and (_serves(path) or _built(compiler, path, flags, sources)):
             return path
     return None
 
@@ -122,10 +123,37 @@ def _found(command):
 
 
 def _homes():
-    """Where the library may lie: the user's cache, else a folder that ends with the machine."""
+    """Where the library may lie: the user's cache, else a folder that ends with the machine.
+
+    And what others may be allowed there [mode]: in the one that anybody could have made, nothing.
+    """
     cached = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    yield Path(cached) / "cellwright"
-    yield Path(tempfile.gettempdir()) / f"cellwright-{os.getuid()}"
+    yield Path(cached) / "cellwright", 0o077
+    yield Path(tempfile.gettempdir()) / f"cellwright-{os.getuid()}", 0
+
+
+def _is_own(folder, others):
+    """Whether a folder is this user's, with no more than that allowed to others.
+
+    What lies in it is loaded into the process: whoever can write there runs what they like.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        about = os.stat(folder)
+    except OSError:  # a folder that cannot be made, of which the next one takes the place
+        return False
+    if about.st_uid == os.getuid() and not about.st_mode & 0o077 & ~others:
+        return True
+    found = f"user {about.st_uid}'s, with mode {about.st_mode & 0o777:o}"
+    wanted = f"this user's ({os.getuid()}), with mode {0o700 | others:o} at most"
+    said = f"no kernels are kept in {folder}: it is {found}, wanted {wanted}"
+    warnings.warn(said, RuntimeWarning, stacklevel=2)
+    return False
+
+
+def _serves(path):
+    """Whether a library is there, and this user's own."""
+    return path.exists() and os.stat(path).st_uid == os.getuid()
 
 
 def _built(compiler, path, flags, sources):
@@ -135,7 +163,6 @@ def _built(compiler, path, flags, sources):
     slower: said once, in the compiler's words.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         with _alone(path):
             _compiled(compiler.split(), path, flags, sources)
     except (OSError, subprocess.SubprocessError) as error:
@@ -158,7 +185,7 @@ def _alone(path):
 
 def _compiled(compiler, path, flags, sources):
     """All sources at once, then the library of them, where another process has not built it."""
-    if path.exists():
+    if _serves(path):
         return
     of_parts = [flag for flag in flags if flag != "-shared"]
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
@@ -171,13 +198,20 @@ def _compiled(compiler, path, flags, sources):
 
 
 def _finished(commands):
-    """Run commands side by side; CalledProcessError with the words of the first that fails."""
-    running = [subprocess.Popen(command, stderr=subprocess.PIPE) for command in commands]
+    """Run commands side by side; CalledProcessError with the words of the first that fails.
+
+    However long they take on a busy machine: the twins would take longer. None is left behind, nor
+    what it has started, as a compiler does its passes.
+    """
+    running = []
     try:
-        said = [process.communicate(timeout=120)[1] for process in running]
+        for command in commands:
+            running.append(subprocess.Popen(command, stderr=subprocess.PIPE, process_group=0))
+        said = [process.communicate()[1] for process in running]
     finally:
-        for process in running:
-            process.kill()
+        for process in (one for one in running if one.poll() is None):
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
     for process, words in zip(running, said, strict=True):
         if process.returncode:
             raise subprocess.CalledProcessError(process.returncode, process.args, stderr=words)
