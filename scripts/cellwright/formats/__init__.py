@@ -17,6 +17,7 @@ from cellwright.formats import (
     bdf,
     bitrode,
     column_map,
+    columnar,
     digatron,
     labview,
     makers,
@@ -31,7 +32,7 @@ from cellwright.formats.container import sight
 from cellwright.formats.content import Content, content_of, head_of, whole_of, with_lines_changed
 from cellwright.formats.fields import with_net_counter
 from cellwright.formats.physics import checked_impedance, checked_series
-from cellwright.formats.table import decoded
+from cellwright.formats.table import decoded, unread
 from cellwright.formats.workbook import is_workbook, sheet_names
 from cellwright.refusal import Refusal
 
@@ -113,8 +114,11 @@ def read(
             return _checked(*_of_workbook(whole_of(content), instrument, how))
         if columns:
             return _checked(*_read_stated(content, instrument, how))
-        reader = _known(instrument) if instrument else detect(content)
-        return _checked(reader, *_read(reader, content, how))
+        reader, more = _known(instrument) if instrument else detect(content), []
+        if columnar.is_columnar(head_of(content)) and instrument != bdf.NAME:
+            reader, content, more = _by_labels(reader, whole_of(content), largest_megabyte)
+        found, notes, *rest = _read(reader, content, how)
+        return _checked(reader, found, [*notes, *more], *rest)
     except Refusal as reason:
         raise Refusal(f"{name}: {reason}") from None
 
@@ -259,6 +263,18 @@ class How(NamedTuple):
             )
         form = form._replace(dates=(self.date_format,)) if self.date_format else form
         return column_map.with_columns(form, self.columns) if self.columns else form
+
+
+def _by_labels(reader: str, data: bytes, largest_megabyte: float | None):
+    """Reader of Parquet or Arrow, its content, and notes: a csv where its labels are a table's.
+
+    As it is where they are BDF's own, or nobody's.
+    """
+    labels, form = columnar.labels_of(data), makers.GENERIC
+    if bdf.makes_table(labels) or not text_table.header_of(form, "\t".join(labels)):
+        return reader, data, []
+    kept = [label for label in dict.fromkeys(labels) if text_table.is_known(form, label)]
+    return form.name, columnar.as_csv(data, kept, largest_megabyte), unread(labels, kept)
 
 
 def _of_workbook(data: bytes, instrument: str | None, how: How):

@@ -116,6 +116,12 @@ def recognises(head: bytes) -> bool:
     return any(column in SPELT for column in own) or "test_time_second" in short
 
 
+def makes_table(labels) -> bool:
+    """Whether labels of the format, in any spelling, name all that a series or a spectrum needs."""
+    named = {field.column for field in map(_meaning, labels) if field}
+    return named.issuperset(SERIES) or named.issuperset(IMPEDANCE)
+
+
 def read(data: bytes | Content) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """Columns of a BDF file, a spectrum where it has a frequency, else a series; and notes.
 
@@ -226,13 +232,13 @@ def refuse_large(data: bytes, largest_megabyte: float | None = None) -> None:
     Its pages may be repetitions of one value: neither the file nor they are long.
     """
     if data.startswith(ARROW):
-        with _refused("Arrow"):
+        with refused_at("Arrow"):
             names = _arrow_file(data).schema.names
             held = unpacked_byte(data, sum(map(bool, map(_simulated_meaning, names))))
         gate.refuse_columns(len(names))
         gate.refuse_unpacked(held, len(data), largest_megabyte)
         return
-    about = _opened(data)
+    about = opened(data)
     gate.refuse_columns(len(about.schema_arrow.names))
     known = [name for name in about.schema_arrow.names if _simulated_meaning(name)]
     groups = [about.metadata.row_group(k) for k in range(about.metadata.num_row_groups)]
@@ -250,25 +256,26 @@ def _columns_of(data: bytes):
     return _of_arrow(data) if data.startswith(ARROW) else _of_json(data)
 
 
-def _opened(data):
+def opened(data: bytes):
+    """A Parquet file of pyarrow's, refused where it is damaged."""
     import pyarrow as pa
     from pyarrow import parquet
 
-    with _refused("Parquet"):
+    with refused_at("Parquet"):
         return parquet.ParquetFile(pa.BufferReader(data))
 
 
 def _of_parquet(data):
     import pyarrow as pa
 
-    file = _opened(data)
+    file = opened(data)
 
     def numbers(fields):
         for field in fields:  # before they are read: texts may be of any length
             kind = file.schema_arrow.field(field.label).type
             if not (_is_number(kind) or (pa.types.is_timestamp(kind) and field.quantity == "time")):
                 raise Refusal(f"column {field.label!r} holds {kind}{_example(file, field.label)}")
-        with _refused("Parquet"):
+        with refused_at("Parquet"):
             found = file.read([field.label for field in fields])
         return {field.label: _numbers(field, found[field.label]) for field in fields}
 
@@ -296,7 +303,7 @@ def _arrow_file(data):
 
 
 def _of_arrow(data):
-    with _refused("Arrow"):
+    with refused_at("Arrow"):
         table = _arrow_file(data).read_all()
         # A damaged file may promise more numbers than it holds.
         table.validate(full=True)
@@ -307,13 +314,13 @@ def _of_arrow(data):
 
 
 @contextmanager
-def _refused(kind):
+def refused_at(kind):
     """Refuse a file of a kind at which pyarrow fails; its names may be no text any more."""
     import pyarrow as pa
 
     try:
         yield
-    except MemoryError:  # of the machine: what a file claims is known before
+    except (MemoryError, Refusal):  # of the machine; what a file claims is known before
         raise
     except (pa.ArrowException, OSError, ValueError) as fault:
         raise Refusal(f"the {kind} file is cut off or damaged: {fault}") from None

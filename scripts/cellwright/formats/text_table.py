@@ -440,6 +440,12 @@ def meaning_of(form: Format, label: str) -> Field | None:
     return None
 
 
+def is_known(form: Format, label: str) -> bool:
+    """Whether a column of a label is read from tables of this maker, as a number or as a text."""
+    texts = (form.date, form.state, form.channel)
+    return meaning_of(form, label) is not None or any(_is(text, label) for text in texts)
+
+
 def fields_of(form: Format, labels) -> list[Field]:
     """Known fields among the labels: of several for one column those of the pattern that is first.
 
