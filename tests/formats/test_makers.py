@@ -362,6 +362,22 @@ SIGNED = np.array([0.0, *[1.0] * 11, *[-1.0] * 11])
 
 
 @pytest.mark.parametrize("sign", [1, -1])
+def test_a_counter_of_discharge_that_falls_on_charge_is_net_and_tells_the_sign(sign):
+    table = {"Time [s]": 60.0 * np.arange(len(SIGNED)), "Current [A]": sign * SIGNED}
+    table |= {
+        "Terminal voltage [V]": 3.7 + 0 * SIGNED,
+        "Discharge capacity [A.h]": DISCHARGE - CHARGE,
+    }
+    reading = read(pd.DataFrame(table).to_csv(index=False))
+    assert reading.sign == sign
+    np.testing.assert_allclose(reading.columns["net_capacity_ampere_hour"], CHARGE - DISCHARGE)
+    table["Discharge capacity [A.h]"] = DISCHARGE  # stands still on charge: no net counter
+    reading = read(pd.DataFrame(table).to_csv(index=False))
+    assert reading.sign == 0
+    assert "net_capacity_ampere_hour" not in reading.columns
+
+
+@pytest.mark.parametrize("sign", [1, -1])
 def test_counters_tell_the_sign_of_the_current(sign):
     reading = read(with_counters(sign * SIGNED, CHARGE, DISCHARGE))
     assert reading.sign == sign

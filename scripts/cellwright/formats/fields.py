@@ -66,6 +66,7 @@ MINUS = "minus_impedance_imaginary_ohm"
 NET = "net_capacity_ampere_hour"
 # ASSUME: Counters that run with the current in nine tenths of what was moved tell its sign.
 CLEAR_SIGN = 0.9
+BACK_SHARE = 0.05  # of its travel that a net counter goes back, at least
 PIECE_ROWS = 1 << 15
 REPEATED = re.compile(r"(?<=[)\]\w])\.\d{1,2}$")
 
@@ -187,7 +188,7 @@ def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarr
         columns[ENERGY] = _without_resets(put_in) - _without_resets(taken_out)
     charge, discharge = (columns.pop(name, None) for name in COUNTERS)
     if charge is None or discharge is None:
-        return columns, 0
+        return _with_lone_counter(columns, charge, discharge)
     current = columns["current_ampere"]
     charge, discharge = _without_resets(charge), _without_resets(discharge)
     if np.nanmin(current, initial=0.0) >= 0:
@@ -195,8 +196,32 @@ def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarr
         if all(np.nansum(move) > 0 for move in moves):
             columns["current_ampere"] = current * _directions(*moves)
     columns[NET] = charge - discharge
+    return columns, _sign_of(columns)
+
+
+def _sign_of(columns):
+    """1 or -1: which way the current runs with the net counter; 0 where that is not clear."""
     share = counted_share(columns)
-    return columns, int(np.sign(share)) if abs(share) > CLEAR_SIGN else 0
+    return int(np.sign(share)) if abs(share) > CLEAR_SIGN else 0
+
+
+def _with_lone_counter(columns, charge, discharge):
+    """Columns with the net counter that one of charge, or of discharge, alone may be; the sign.
+
+    It is one where it goes back row by row; one that stands still in the other direction is none,
+    and is left out. PyBaMM's discharge capacity falls while the cell is charged.
+    """
+    lone, sign = (discharge, -1.0) if charge is None else (charge, 1.0)
+    if lone is None or NET in columns:
+        return columns, 0
+    moved = np.diff(lone)
+    falls = np.flatnonzero(moved < 0)
+    # What begins anew falls in one row to less than half.
+    gradual = falls[np.abs(lone[falls + 1]) > 0.5 * np.abs(lone[falls])]
+    if -np.nansum(moved[gradual]) < BACK_SHARE * np.nansum(np.abs(moved)) or not len(gradual):
+        return columns, 0
+    columns[NET] = sign * lone
+    return columns, _sign_of(columns)
 
 
 def _directions(charged, discharged):
