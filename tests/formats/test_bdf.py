@@ -166,7 +166,8 @@ def test_the_surface_comes_before_an_unnamed_channel():
     reading = with_columns(both)
     assert reading.columns["surface_temperature_celsius"].tolist() == [25] * 3
     assert reading.columns["surface_temperature_2_celsius"].tolist() == [30] * 3
-    assert reading.notes == ("columns that are not read: Temperature T1 / degC",)
+    assert reading.columns["surface_temperature_1_celsius"].tolist() == [40] * 3
+    assert reading.notes == ()
 
 
 SCOPES = ("", "Schedule ", "Cycle ", "Step ")

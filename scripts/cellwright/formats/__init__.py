@@ -26,6 +26,7 @@ from cellwright.formats import (
     plett,
     sheets,
     text_table,
+    thermometers,
     zahner,
 )
 from cellwright.formats.container import sight
@@ -334,10 +335,14 @@ def _read_stated(content, instrument, how: How):
 def _checked(
     instrument: str, columns: dict[str, np.ndarray], notes, sign: int, dates=()
 ) -> Reading:
+    columns, blank = thermometers.without_blank(columns)
+    notes = [*notes, *blank]
     if "frequency_hertz" in columns:
         doubt = next((note for note in notes if note.startswith(text_table.ABORTED)), "")
         checked = checked_impedance(columns)
         return Reading(checked, instrument, "impedance", tuple(notes), doubt=doubt)
     columns, counted = with_net_counter(columns)
     series, more = checked_series(columns)
-    return Reading(series, instrument, "series", (*notes, *more), sign or counted, dates)
+    series, probed = thermometers.living(series)
+    told = (*notes, *more, *probed)
+    return Reading(series, instrument, "series", told, sign or counted, dates)

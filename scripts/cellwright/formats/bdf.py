@@ -183,10 +183,13 @@ def _preferred(labels, meaning):
     refuse_repeated(list(labels), meaning)
     ranks = {base: rank for rank, base in enumerate(MEANING)}
     best = {}
+    surface = any(_base_and_unit(label)[0] == "surface temperature" for label in labels)
     for label in dict.fromkeys(labels):
         field = meaning(label)
         if field is None:
             continue
+        if surface and _base_and_unit(label)[0] == "temperature t1":
+            field = field._replace(column="surface_temperature_1_celsius")
         rank = ranks.get(_base_and_unit(label)[0], -1)
         first = best.setdefault(field.column, (rank, []))
         if rank < first[0]:

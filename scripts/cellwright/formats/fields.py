@@ -152,14 +152,15 @@ def require(
 def converted(values: Mapping[str, np.ndarray], fields: Sequence[Field]) -> dict[str, np.ndarray]:
     """Columns in the house's names and units, from values by label.
 
-    Optional columns without a single number are left out.
+    Optional columns without a single number are left out, but for thermometers, which are named.
     """
     columns = {}
     for field in fields:
         column = in_house_unit(
             values[field.label], quantity=field.quantity, unit=field.unit, label=field.label
         )
-        if field.column in SERIES + IMPEDANCE or np.isfinite(column).any():
+        wanted = field.column in SERIES + IMPEDANCE or field.quantity == "temperature"
+        if wanted or np.isfinite(column).any():
             columns[field.column] = _counted(column) if field.quantity == "count" else column
     return columns
 

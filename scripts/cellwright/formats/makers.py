@@ -5,7 +5,7 @@ unit: as text here, or, where the pattern has a group `unit`, as the label itsel
 """
 
 from cellwright.formats.dates import ZONED
-from cellwright.formats.fields import ENERGIES, MINUS, NET, SERIES
+from cellwright.formats.fields import ENERGIES, MINUS, NET, SERIES, probe_column
 from cellwright.formats.text_table import (
     COUNTER,
     STEP_CHARGE,
@@ -297,6 +297,14 @@ GENERIC = Format(
         r"cycle(?:[ _](?:index|number))?|zyklus": ("cycle_count", "count", "1"),
         rf"(?:{ON_CELL}[ _])?{TEMPERATURE}{DEGREES}": (SURFACE, "temperature", "degC"),
         rf"(?-i:T){DEGREES}": (SURFACE, "temperature", "degC"),
+        **{
+            rf"(?:{ON_CELL}[ _])?(?:{TEMPERATURE}|(?-i:T))[ _]?{k}{DEGREES}": (
+                probe_column(k),
+                "temperature",
+                "degC",
+            )
+            for k in range(1, 10)
+        },
         rf"{AROUND}[ _]?{TEMPERATURE}{DEGREES}": (AMBIENT, "temperature", "degC"),
         rf"freq(?:uency|uenz)?{UNIT.format('m?hz|khz')}": ("frequency_hertz", "frequency", "Hz"),
         rf"(?:z'|z_?re(?:al)?|re\(z\)|z real){OHMS}": ("impedance_real_ohm", "impedance", "ohm"),

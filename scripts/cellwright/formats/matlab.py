@@ -11,6 +11,7 @@ from cellwright.formats.fields import (
     require,
 )
 from cellwright.formats.makers import GENERIC
+from cellwright.formats.table import unread
 from cellwright.formats.text_table import UNTOLD, fields_of, meaning_of
 from cellwright.refusal import Refusal
 
@@ -43,7 +44,7 @@ def read(data: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
     require(fields, SERIES, dict.fromkeys(SERIES, "an array"))
     columns = converted({f.label: np.asarray(arrays[f.label], float) for f in fields}, fields)
     note = "arrays do not say their units: seconds, ampere and volt are taken where no name does"
-    return columns, [note]
+    return columns, [note, *unread(arrays, [field.label for field in fields])]
 
 
 def _loaded(data):

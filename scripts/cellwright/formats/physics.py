@@ -44,7 +44,7 @@ def checked_series(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray
     time = columns["test_time_second"]
     if NET in columns:
         _refuse_clock(columns)
-    return _without_impossible_channels(_without_dead_channel(columns), notes), notes
+    return _without_impossible_channels(_without_dead_channel(columns, notes), notes), notes
 
 
 def checked_impedance(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -304,10 +304,11 @@ def _without_impossible_channels(columns, notes):
     return kept
 
 
-def _without_dead_channel(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _without_dead_channel(columns: dict[str, np.ndarray], notes) -> dict[str, np.ndarray]:
     """The columns without a chamber channel that reads 0 degC beside a warm cell: unconnected."""
     chamber = columns.get("ambient_temperature_celsius", np.ones(1))
     surface = columns.get("surface_temperature_celsius", np.zeros(1))
     if np.any(chamber) or abs(np.nanmedian(surface)) < 10:
         return columns
+    notes.append("ambient_temperature_celsius shows 0 °C in all rows: not connected, and left out")
     return {name: c for name, c in columns.items() if name != "ambient_temperature_celsius"}

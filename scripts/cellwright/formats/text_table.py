@@ -630,7 +630,7 @@ def _without_dead(columns, notes):
     """
     for name in [name for name in columns if name.endswith("temperature_celsius")]:
         shown = columns[name][np.isfinite(columns[name])]
-        if not np.any(shown):
+        if len(shown) and not np.any(shown):
             notes.append(f"{name} shows 0 °C in all rows: not connected, and left out")
             del columns[name]
     return columns
