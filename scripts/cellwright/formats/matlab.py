@@ -33,9 +33,13 @@ def read(data: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
     Raises
     ------
     Refusal
-        The file is cut off or damaged, or holds no arrays of such names, or several sets of them.
+        The file is cut off or damaged, holds no arrays of such names or several sets of them, or
+        a table, which MATLAB alone can read.
     """
-    sets = {name: arrays for name, arrays in _sets(_loaded(data)).items() if _is_series(arrays)}
+    content = _loaded(data)
+    sets = {name: arrays for name, arrays in _sets(content).items() if _is_series(arrays)}
+    if not sets:
+        _refuse_objects(content)
     if len(sets) != 1:
         found = ", ".join(sets) if sets else "none"
         raise Refusal(f"one set of arrays of time, current and voltage is wanted; found: {found}")
@@ -54,6 +58,25 @@ def _loaded(data):
         return loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=False)
     except FAULTS as fault:
         raise Refusal(f"the MATLAB file is cut off or damaged: {fault}") from None
+
+
+def _refuse_objects(content):
+    """Refuse a file whose variables are objects, such as tables: only MATLAB knows their layout."""
+    from scipy.io.matlab import MatlabOpaque
+
+    # Of each: its name, the system that made it, its class.
+    objects = [value.item() for value in content.values() if isinstance(value, MatlabOpaque)]
+    for name, _, kind, *_ in objects:
+        name, kind = (x.decode("latin-1") if isinstance(x, bytes) else x for x in (name, kind))
+        way = {
+            "table": f"writetable({name}, 'file.csv'), or as a structure of arrays, "
+            f"s = table2struct({name}, 'ToScalar', true)",
+            "timetable": f"writetimetable({name}, 'file.csv')",
+        }.get(kind, "such as with writetable")
+        raise Refusal(
+            f"variable {name!r} is a {kind} of MATLAB, which MATLAB alone can read: save its "
+            f"columns there as csv, {way}"
+        )
 
 
 def _sets(content):
