@@ -136,6 +136,29 @@ def test_a_spectrum_in_a_sheet():
     np.testing.assert_array_equal(found.columns["impedance_imaginary_ohm"], ohm.imag)
 
 
+def test_neware_s_older_export_by_the_clocks_of_its_steps():
+    """BTS 7: a sheet of details, each step with a clock of its own, and dates."""
+    labels = ["Record Index", "Status", "Step", "Current(mA)", "Voltage(V)", "CapaCity(mAh)"]
+    labels += ["Relative Time(h:min:s.ms)", "Absolute Time"]
+    rows, second = [], 0
+    for step, (state, current) in enumerate([("Rest", 0), ("CC_Chg", 600), ("CC_DChg", -600)], 1):
+        for k in range(1, 6):
+            second += 60
+            date = f"2024-03-01 23:{50 + second // 60:02}:00" if second < 600 else (
+                f"2024-03-02 00:{second // 60 - 10:02}:00"
+            )  # fmt: skip
+            volt, counted = 3.5 + step / 10 + k / 1000, abs(current) * k / 60
+            rows.append(
+                [len(rows) + 1, state, step, current, volt, counted, f"0:0{k}:00.000", date]
+            )
+    found = read(workbook({"Info": [["any"]], "Detail_1": [labels, *rows]}))
+    columns = found.columns
+    assert np.ptp(columns["test_time_second"]) == 14 * 60
+    assert np.ptp(columns["unix_time_second"]) == 14 * 60
+    np.testing.assert_allclose(columns["current_ampere"], np.repeat([0, 0.6, -0.6], 5))
+    assert columns["net_capacity_ampere_hour"][[9, 14]] == pytest.approx([0.05, 0.0])
+
+
 def test_cells_are_written_as_a_csv_has_them():
     from datetime import date, datetime, time, timedelta
 

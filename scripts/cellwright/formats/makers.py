@@ -258,7 +258,7 @@ DISCHARGING = (
 )
 DATES = (
     r"date(?:[ _/-]?time)?|datum(?:[ /_-]?(?:zeit|uhrzeit))?|time[ _]?stamp|zeitstempel"
-    r"|绝对时间|系统时间|日期"
+    r"|absolute[ _]time|绝对时间|系统时间|日期"
 )
 TEMPERATURE = r"temp(?:erature|eratur|érature)?"
 ON_CELL = r"(?:(?:volume-averaged )?cell|battery|batt|surface|zell(?:e|en)?)"
@@ -273,7 +273,11 @@ GENERIC = Format(
     columns={
         rf"(?:{WHOLE_CLOCKS}){HOURS}(?:\(?h+:m\S*\)?)?": (TIME, "time", "s"),
         rf"(?:{CLOCKS}){HOURS}(?:\(?h+:m\S*\)?)?": (TIME, "time", "s"),
-        rf"(?:step[ _]?time|schrittzeit|步骤?时间){HOURS}": (STEP_TIME, "time", "s"),
+        rf"(?:(?:step|relative)[ _]?time|schrittzeit|步骤?时间){HOURS}(?:\(?h+:m\S*\)?)?": (
+            STEP_TIME,
+            "time",
+            "s",
+        ),
         rf"(?:unix[ _]?time|epoch|time[ _]?stamp){HOURS}": (UNIX, "time", "s"),
         rf"(?:{CURRENTS}){AMPERES}": (AMPERE, "current", "A"),
         rf"(?:{VOLTAGES}){VOLTS}": (VOLT, "voltage", "V"),

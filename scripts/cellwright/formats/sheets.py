@@ -14,14 +14,14 @@ NAME = "workbook"
 recognises = is_workbook
 
 
-def read(data: bytes, known, read_text):
+def read(data: bytes, known, read_one):
     """Name of the reader of a workbook's table, its columns, notes, sign, formats of its dates.
 
     Parameters
     ----------
     data : the workbook.
     known : function, csv → (name of its reader, number of the line of its labels), or None.
-    read_text : function, name of a reader and csv → columns, notes, sign and so on.
+    read_one : function, name of a reader and csv → columns, notes, sign and so on.
 
     Raises
     ------
@@ -46,12 +46,12 @@ def read(data: bytes, known, read_text):
     reader = next(iter(found.values()))[0]
     order = list(found)
     if len(found) > 1:
-        parts = {sheet: _of_sheet(sheet, read_text, reader, texts[sheet])[0] for sheet in found}
+        parts = {sheet: _of_sheet(sheet, read_one, reader, texts[sheet])[0] for sheet in found}
         order = _in_order(parts)
     first, *others = order
     rows = [row for sheet in others for row in lines[sheet][found[sheet][1] :]]
     joined = b"\n".join([*lines[first], *rows])
-    columns, notes, *rest = _of_sheet(first, read_text, reader, joined)
+    columns, notes, *rest = _of_sheet(first, read_one, reader, joined)
     left = [sheet for sheet in texts if sheet not in found]
     notes = [*notes, f"sheets that are not read: {_named(left)}"] if left else list(notes)
     return reader, columns, notes, *rest
@@ -61,10 +61,10 @@ def _named(sheets):
     return ", ".join(map(repr, sheets)) or "none"
 
 
-def _of_sheet(sheet, read_text, reader, text):
+def _of_sheet(sheet, read_one, reader, text):
     """What is read of a sheet; its refusals name it, their lines are its rows."""
     try:
-        return read_text(reader, text)
+        return read_one(reader, text)
     except Refusal as reason:
         raise Refusal(f"sheet {sheet!r}, whose rows are called lines: {reason}") from None
 
