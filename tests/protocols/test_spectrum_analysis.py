@@ -127,6 +127,28 @@ def test_a_circuit_that_misses_is_told_and_evidence_finds_the_better():
     assert chosen.notes == ()
 
 
+@pytest.mark.parametrize(
+    ("arcs", "moved"),
+    [([0.5, 0.9, 6e-3, 500.0, 0.9], []), ([1.0, 0.9, 3e-3, 30.0, 0.9], ["charge transfer"])]
+    + [([2.0, 0.8, 5e-3, 20.0, 0.9], ["charge transfer"])],
+)
+def test_a_misfit_is_a_doubt_of_the_resistances_that_it_moves_and_says_by_how_much(arcs, moved):
+    """One arc and a tail for two arcs, 2 mΩ in front and 6 mΩ of the slower one."""
+    spectrum = noisy(circuit_impedance(TWO_ARCS, FREQUENCY, [2e-3, *arcs, 6e-3]))
+    row = analyse(FREQUENCY, spectrum, candidates=(TWO_ARCS,)).row
+    assert row["rms_relative_residual"] > 2 * row["kramers_kronig_residual"]
+    true = {"ohmic resistance": 2.0, "charge transfer": 6.0}
+    for words, milliohm in true.items():
+        name = f"r_{words.removesuffix(' resistance').replace(' ', '_')}_ohm"
+        held = abs(row[name] - 1e-3 * milliohm) <= 2 * row[f"{name}_std"]
+        assert held == (words not in moved)
+        told = row["doubt"].partition(f"{words} is ")[2].partition(" mΩ")[0]
+        assert bool(told) is (words in moved)
+        assert not told or float(told) == pytest.approx(milliohm, rel=0.03)
+    # Nothing to compare with: that it misses is all that is known.
+    assert "no circuit tried comes closer" in analyse(FREQUENCY, spectrum).row["doubt"]
+
+
 def test_an_arc_outside_the_frequencies_is_told():
     fast = np.geomspace(5, 1e3, 40)
     cold = (3e-3, 1.7e-2, 12.0, 0.62, 3000.0)  # its top lies at 2 Hz

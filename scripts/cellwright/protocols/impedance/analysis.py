@@ -346,7 +346,7 @@ def _row(fit, frequency, impedance, trusted, preferred):
         **contract(fit),
         "rms_relative_residual": fit.rms_relative_residual,
         "kramers_kronig_residual": trusted.rms,
-        "doubt": doubt_of(fit, trusted.rms),
+        "doubt": doubt_of(fit, trusted.rms, preferred.fit),
         "r_zero_crossing_ohm": zero_crossing(frequency, impedance),
         "characteristic_frequency_hertz": top,
         "arc_in_range": bool(used.min() <= top <= used.max()),
@@ -358,12 +358,39 @@ def _row(fit, frequency, impedance, trusted, preferred):
     }
 
 
-def doubt_of(fit, kramers_kronig_rms):
-    """What stands against a circuit's parameters, in words; "" where nothing does."""
-    ratio = misses(fit, kramers_kronig_rms)
-    if not ratio:
+# What people compare of spectra of any circuit; the rest is the circuit's own.
+TOLD = {"r_ohmic_ohm": "ohmic resistance", "r_charge_transfer_ohm": "charge transfer"}
+
+
+def doubt_of(fit, kramers_kronig_rms, closest):
+    """What stands against a circuit's resistances, in words; "" where nothing does.
+
+    Where it misses the spectrum the circuit that comes closest says by how much each of them moves:
+    within two of its widened deviations that is no doubt. Where none comes closer nothing tells.
+
+    fit : CircuitFit with its widened deviations. kramers_kronig_rms : of the test [1]. closest :
+    CircuitFit of the preferred circuit.
+    """
+    if not misses(fit, kramers_kronig_rms):
         return ""
-    left = f"{fit.rms_relative_residual:.1%} RMS, {ratio:.2g} times what its own noise leaves"
+    if not closest.rms_relative_residual < fit.rms_relative_residual:
+        return f"{_missed(fit, kramers_kronig_rms)}, and no circuit tried comes closer"
+    here, there, moved = contract(fit), contract(closest), []
+    for name, words in TOLD.items():
+        off, within = there[name] - here[name], 2 * here[f"{name}_std"]
+        if np.isfinite(off) and not abs(off) <= within:
+            moved.append(f"{words} is {1e3 * there[name]:.3g} mΩ ({off / here[name]:+.0%})")
+    if not moved:
+        return ""
+    left = f"{fit.rms_relative_residual:.1%} RMS, {closest.circuit} by"
+    closer = f"{left} {closest.rms_relative_residual:.1%}: with that one"
+    return f"the circuit misses the spectrum by {closer} {' and '.join(moved)}"
+
+
+def _missed(fit, kramers_kronig_rms):
+    """By how much a circuit misses a spectrum, in words."""
+    times = misses(fit, kramers_kronig_rms)
+    left = f"{fit.rms_relative_residual:.1%} RMS, {times:.2g} times what its own noise leaves"
     return f"the circuit misses the spectrum by {left}: deviations widened"
 
 
@@ -453,8 +480,8 @@ def _notes(row, fit, trusted, used):
             f"circuit {fit.circuit} misses the spectrum by {fit.rms_relative_residual:.1%} RMS: "
             f"its parameters do not describe this cell; {row['preferred_circuit']} comes closest"
         )
-    elif row["doubt"]:
-        yield f"{fit.circuit}: {row['doubt']}"
+    elif misses(fit, trusted.rms):
+        yield f"{fit.circuit}: {_missed(fit, trusted.rms)}"
     if fit.at_bound:
         yield f"not determined, at the limit of the search: {', '.join(fit.at_bound)}"
     for arc in arcs(fit.circuit):
