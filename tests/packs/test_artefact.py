@@ -193,6 +193,38 @@ def test_the_long_table_holds_every_value_of_the_models():
     assert {row["std"] for row in rows if row["parameter"] == "r0"} == {1e-4}
 
 
+ENTRY = ("cells", 0)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "said"),
+    [
+        (("wiring",), None, "wiring is None, wanted keys with values"),
+        (("wiring", "members"), [1], "members of group 'p'\\[0\\] is 1, wanted keys"),
+        (("cells",), "A", "cells is 'A', wanted a list"),
+        (ENTRY, {}, "cells\\[0\\] lacks cell, model, initial_soc"),
+        ((*ENTRY, "model"), [], "model of A is \\[\\], wanted keys"),
+        ((*ENTRY, "model"), {}, "model of A lacks cell, capacity_ampere_hour"),
+        ((*ENTRY, "initial_soc"), float("nan"), "initial_soc is nan, wanted a number of 0 or more"),
+        (
+            (*ENTRY, "initial_soc"),
+            1.5,
+            "is 1.5, wanted a number of 0 or more, 1 at most",
+        ),
+        ((*ENTRY, "thermal"), {"mass": 1}, "thermal lacks heat_capacity_joule_per_kelvin"),
+    ],
+)
+def test_a_broken_document_is_refused_where_it_is_broken(path, value, said):
+    document = written(pack_document(parallel("A", "B"), cells()))
+    *above, last = path
+    place = document
+    for step in above:
+        place = place[step]
+    place[last] = value
+    with pytest.raises(Refusal, match=said):
+        read_pack(document)
+
+
 def test_refusals_name_what_was_found():
     with pytest.raises(Refusal, match="no model of C"):
         pack_document(parallel("A", "C"), cells())
@@ -213,7 +245,7 @@ def test_refusals_name_what_was_found():
         read_pack(document | {"wiring": tree | {"members": []}})
     empty = dict(document["cells"][0], model=dict(document["cells"][0]["model"]))
     empty["model"]["capacity_ampere_hour"] = 0.0
-    with pytest.raises(Refusal, match="capacity of A is 0"):
+    with pytest.raises(Refusal, match="model of A: capacity_ampere_hour is 0"):
         read_pack(document | {"cells": [empty, document["cells"][1]]})
 
 

@@ -198,15 +198,18 @@ def model(document, *, cell=None):
     """Content of a model: of a result, a document, or the path of results/models/<cell>.json.
 
     Of a document that holds the models of a group that of `cell`. Anything else than a model is
-    refused with what it is.
+    refused with what it is, and a model that cannot be simulated with what is wrong in it.
     """
+    from cellwright.circuits.model_check import refuse_unusable
     from cellwright.circuits.model_file import model_of
 
     found = content(document)
     if cell is not None and isinstance(found, Mapping):
         found = model_of(found, cell)
     wanted = "a model: a result of `identify` or `finish_model`, or its results/models/<cell>.json"
-    return _with_fields(document, found, MODEL, wanted)
+    found = _with_fields(document, found, MODEL, wanted)
+    refuse_unusable(found)
+    return found
 
 
 def models(documents) -> list:

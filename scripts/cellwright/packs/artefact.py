@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.model_check import each, needs, refuse_beyond, refuse_unusable
 from cellwright.circuits.model_file import capacity_of
 from cellwright.circuits.parameters import parameter_rows
 from cellwright.packs.cells import member_in_pack
@@ -20,6 +21,7 @@ from cellwright.refusal import Refusal
 SCHEMA = "cellwright-pack/1"
 # Of a model file what a simulation needs; the rest tells how the model came about.
 OF_MODEL = ("schema", "cell", "capacity_ampere_hour", "borrowed_from", "kind", "ocv", "fitted")
+HEAT = (1e-9, 1e12)  # least and largest of both, J/K and K/W
 OF_CELL = Thermal._fields[:2]  # heat capacity, and resistance to the ambient
 CELL_SCORES = (
     *("test", "role", "kind", "ambient_temperature_celsius", "model", "rmse_volt"),
@@ -209,14 +211,16 @@ def wiring_of_tree(tree):
     ------
     Refusal : a connection or ends of another name, no members, a resistance below zero or none.
     """
+    needs("wiring", tree, "group", "members")
     allowed = {"connection": ("parallel", "series"), "terminals": ("same_end", "opposite_ends")}
     for key, names in allowed.items():
         if tree.get(key) not in names:
             found = f"{key} {tree.get(key)!r} of group {tree.get('group')!r}"
             raise Refusal(f"{found}, wanted {' or '.join(names)}")
-    members = tree.get("members")
+    members = tree["members"]
     if not members:
         raise Refusal(f"group {tree.get('group')!r} has no members")
+    list(each(f"members of group {tree['group']!r}", members))  # refuses what is no list of such
     inner = tuple(m["cell"] if "cell" in m else wiring_of_tree(m) for m in members)
     ohms = [tuple(_ohm(m, key) for m in members) for key in ("contact_ohm", "link_ohm")]
     ends = tree["terminals"], tree.get("sense")
@@ -242,21 +246,28 @@ def read_pack(document):
     Raises
     ------
     Refusal : another schema, what `wiring_of_tree` refuses, cells that are not those of the
-        wiring, or a capacity that is not positive.
+        wiring, or what `model_check.refuse_unusable` refuses of their models.
     """
     found = document.get("schema") if isinstance(document, dict) else type(document).__name__
     if found != SCHEMA:
         raise Refusal(f"schema is {found!r}, wanted {SCHEMA}")
+    needs("pack", document, "wiring", "cells")
     wiring = wiring_of_tree(document["wiring"])
+    for place, entry in each("pack: cells", document["cells"]):
+        needs(place, entry, "cell", "model", "initial_soc")
+        if entry["initial_soc"] is not None:
+            refuse_beyond(f"{place}.initial_soc", entry["initial_soc"], 0.0, 1.0)
+        if entry.get("thermal"):
+            needs(f"{place}.thermal", entry["thermal"], *OF_CELL)
+            for name in OF_CELL:
+                refuse_beyond(f"{place}.thermal.{name}", entry["thermal"][name], *HEAT)
     entries = {entry["cell"]: entry for entry in document["cells"]}
     names = cells_of(wiring)
     if sorted(names) != sorted(entries) or len(names) != len(document["cells"]):
         given = ", ".join(entry["cell"] for entry in document["cells"])
         raise Refusal(f"cells are {given}, wanted those of the wiring, each once: {names}")
     for name in names:
-        size = entries[name]["model"].get("capacity_ampere_hour")
-        if not (isinstance(size, int | float) and size > 0):
-            raise Refusal(f"capacity of {name} is {size!r} Ah, wanted a positive one")
+        refuse_unusable(entries[name]["model"], name)
     thermal = (entries[name].get("thermal") for name in names)
     return PackModel(
         wiring=wiring,
