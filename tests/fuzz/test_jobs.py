@@ -11,7 +11,7 @@ import pytest
 from fuzz.kinds import BENIGN, KINDS
 from fuzz.published import file_of, outcome_of
 from fuzz.records import HERE, entries, record_of
-from runtime import artefact, settings
+from runtime import artefact, raw_files, settings
 
 SEEDS = {"words for numbers": 1, "cut mid-line": 2, "offset": 3, "mA under A": 4, "a NUL": 5}
 SEEDS |= {"clock begins anew": 6, "block twice": 7, "current zero in a block": 8, "unchanged": 9}
@@ -59,11 +59,13 @@ def test_artefacts_hold_what_the_functions_publish(record, kind, tmp_path, monke
     steps = ("ingest", "clean", "flags", "segment")
     paths = {name: f"results/stages/{name}/C1/t.parquet" for name in steps}
     reading = {"file": ["record.csv"], "sha256": None, "instrument": None, "current_sign": None}
+    reading["columns"] = None
     test = {name: value for name, value in changed.test.items() if name != "test"}
     facts = {"cell": changed.cell, "test": test}
     names = {"cell": "C1", "test": "t"}
     params = {"reading": reading, "channels": {}, "clean": chosen["clean"]}
     params |= {"segment": chosen["segment"], "largest_megabyte": 100.0} | facts
+    params["content"] = raw_files.planned({"record.csv": 100.0})
     run("ingest/series.py", "series", {"raw": "record.csv"}, paths, params, names)
     made = "results/stages/capacity/C1/t.parquet"
     inputs = {"series": paths["clean"], "steps": paths["segment"], "course": [], "curves": []}

@@ -134,8 +134,6 @@ def test_the_package_asks_for_what_it_imports(packaged):
         n.module.split(".")[0] for n in nodes if isinstance(n, ast.ImportFrom) and n.module
     }
     foreign = imported - set(sys.stdlib_module_names) - {"cellwright"}
-    optional = PROJECT["project"]["optional-dependencies"].values()
-    asked = [*asked, *(one for extra in optional for one in extra)]
     known = {re.match(r"[\w-]+", one)[0].replace("-", "_") for one in asked}
     assert {"numpy", "scipy"} <= foreign <= known
 

@@ -67,7 +67,7 @@ def _range_of(name):
     return next(found, (-math.inf, math.inf))
 
 
-def each(place, entries, least=1):
+def each(place, entries, *, least=1):
     """Place and entry of each of a list of mappings; refused where it is no such list."""
     if not isinstance(entries, list | tuple) or len(entries) < least:
         raise Refusal(f"{place} is {_shown(entries)}, wanted a list of {least} entries or more")

@@ -3,7 +3,7 @@
 import re
 
 from cellwright import gate
-from cellwright.formats import matlab_elements
+from cellwright.formats.matlab_elements import refuse_damaged
 from cellwright.refusal import Refusal
 
 GZIP = b"\x1f\x8b"
@@ -45,7 +45,7 @@ def unpacked(data: bytes, largest_megabyte=None) -> bytes:
     if data.startswith(ZIP):
         _refuse_large_archive(data, largest_megabyte)
     if data.startswith(MATLAB):
-        matlab_elements.refuse_damaged(data, largest_megabyte)
+        refuse_damaged(data, largest_megabyte)
     return _utf_8(data) if data.startswith(UTF_16) else data
 
 
