@@ -265,6 +265,26 @@ def test_nothing_to_run_is_told(clone):
     assert "./run snakemake --cores 2" in result.stderr
 
 
+@pytest.mark.parametrize("asked", [["--directory", "typo"], ["--directory=typo"], ["-d", "typo"]])
+def test_a_folder_that_is_not_there_is_told_before_anything_else(clone, asked):
+    """Snakemake would make it, and begin an empty campaign in it."""
+    found = run(clone, "snakemake", "--cores", "2", *asked)
+    assert found.returncode == 1
+    assert "--directory typo: there is no such folder, wanted that of a campaign" in found.stderr
+    assert "first start" not in found.stderr
+
+
+@pytest.mark.slow
+def test_a_folder_is_told_of_only_where_it_is_not_there(installed, quick):
+    program = installed / "snakemake"
+    program.write_text('#!/bin/sh\necho "ran $*"\n')
+    program.chmod(0o755)
+    path = f"{installed}:{quick}"
+    for asked in (["-d", str(installed)], ["-s", "other", "-d", "typo"], ["--cores", "2"]):
+        found = run(installed, "snakemake", *asked, path=path, HOME="")
+        assert found.stdout == f"ran {' '.join(asked)}\n", found.stderr
+
+
 @pytest.mark.slow
 def test_the_laboratory_has_an_environment_of_its_own(installed, quick):
     clone, wheels = installed, installed.parent / "wheels"
