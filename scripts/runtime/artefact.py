@@ -343,7 +343,8 @@ def behind(paths) -> dict:
     doubts : words by "cell test", of everything. records : tests that its numbers are fitted to or
     counted from, also through a model. moved_by : those, and tests of which it reads a number (a
     capacity, a resistance): a doubt moves what is made of that number, and nothing further on. What
-    came in time before a test (stage `course`) moves nothing of it.
+    came in time before a test (stage `course`) moves nothing of it; nor do the slow tests and
+    spectra that a search for effects holds beside the records that a model is fitted to.
     """
     doubts, records, numbers = {}, set(), set()
     for path in sorted(set(map(str, paths))):
@@ -353,7 +354,7 @@ def behind(paths) -> dict:
         doubts |= about.get("doubts", {})
         if about.get("wildcards", {}).get("test"):
             (records if stage in OF_RECORDS else numbers).add(owner_of(about))
-        elif stage != "course":
+        elif stage not in ("course", "missing_effect"):
             records |= set(about.get("records", ()))
     return {
         "doubts": doubts,

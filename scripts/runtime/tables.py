@@ -33,25 +33,30 @@ def rows_of(paths, tests) -> list[dict]:
             f"{wildcards.get('cell') or wildcards.get('group')}/{wildcards.get('test')}",
             facts_without_test,
         )
-        behind = {"doubt": doubt_in_words(about)}
-        table_rows += [wildcards | facts | behind | row for row in artefact.rows(columns)]
+        rows = artefact.rows(columns)
+        own = {row["test"] for row in rows if row.get("test")}
+        table_rows += [
+            wildcards | facts | {"doubt": doubt_in_words(about, own - {row.get("test")})} | row
+            for row in rows
+        ]
     # Stages that share a table may have columns that the others lack: not known there.
     # In the order in which they are first seen, so that the same results give the same table.
     names = dict.fromkeys(name for row in table_rows for name in row)
     return [dict.fromkeys(names) | row for row in table_rows]
 
 
-def doubt_in_words(about) -> str:
+def doubt_in_words(about, of_other_rows=frozenset()) -> str:
     """What speaks against the numbers of an artefact: its own doubts, and those that move it.
 
     Doubts of other tests, which it does not stand on, are in the cell's row of the summary.
+    of_other_rows : tests of which the artefact has rows, but not this one.
     """
     own, doubts = artefact.owner_of(about), about.get("doubts", {})
     moving = {own, *about.get("moved_by", doubts)}
     words = (
         said if of == own else f"{of.strip()}: {said}"
         for of, said in doubts.items()
-        if of in moving
+        if of in moving and of.partition(" ")[2] not in of_other_rows
     )
     return "; ".join(words)
 

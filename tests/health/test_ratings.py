@@ -180,3 +180,24 @@ def test_growth_has_the_check_ups_and_the_temperature_of_the_ratings():
     growth = resistance_growth([*warm, *cold], sizes)
     assert {row["cycle"] for row in growth} == {row["cycle"] for row in rows} == {0, 300}
     assert {row["resistance_ohm"] for row in growth if row["cycle"] == 0} == {0.031}
+
+
+def test_a_rating_is_in_doubt_for_what_it_is_from_and_compared_with_alone():
+    """Of three check-ups the second one's capacity is in doubt; a C/20 test of the first one, that
+    no rating is from, is in doubt as well."""
+    sizes = [capacity(0, 2.0), capacity(300, 1.9) | {"doubt": "odd"}, capacity(600, 1.8)]
+    slow = capacity(0, 2.1) | {"c_rate": 0.05, "test": "slow", "doubt": "wrong"}
+    rows, _ = check_ups([*sizes, slow], [], **LIMITS)
+    odd = f"{sizes[1]['test']}: odd"
+    assert [row["doubt"] for row in rows] == ["", odd, ""]
+    sizes[0]["doubt"] = "far off"
+    rows, _ = check_ups([*sizes, slow], [], **LIMITS)
+    far = f"{sizes[0]['test']}: far off"
+    assert [row["doubt"] for row in rows] == [far, f"{odd}; {far}", far]
+
+
+def test_growth_is_in_doubt_for_its_pulse_and_the_first_ones():
+    fresh, aged = pulses(0, 0.02), [row | {"doubt": "coarse"} for row in pulses(300, 0.03)]
+    found = resistance_growth([*fresh, *aged])
+    told = {(row["cycle"], row["doubt"]) for row in found}
+    assert told == {(0, ""), (300, f"{aged[0]['test']}: coarse")}

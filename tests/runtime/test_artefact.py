@@ -356,3 +356,6 @@ def test_a_doubt_moves_what_is_fitted_to_its_record_or_made_of_its_number_and_no
     score = made(f"{stages}/validation/A/drive.parquet", "drive", **behind(model)[0])
     shown = tables.doubt_in_words(artefact.read_about(score))
     assert shown == "A pulses: pulses is wrong"
+    assert tables.doubt_in_words(artefact.read_about(score), {"pulses"}) == ""
+    searched = made("results/missing_effect/A/own/model.json", doubts={}, records=["A eis"])
+    assert artefact.behind([searched])["records"] == []

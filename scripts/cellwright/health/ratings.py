@@ -3,7 +3,13 @@
 import numpy as np
 
 from cellwright.health.fleet import mean_over_soc
-from cellwright.laws.points import grouped, grouped_alike, pulses_of_kind
+from cellwright.laws.points import (
+    doubt_of_test,
+    grouped,
+    grouped_alike,
+    joined_doubts,
+    pulses_of_kind,
+)
 from cellwright.records.conditions import checkups_of, same_rate, same_temperature
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
@@ -80,6 +86,7 @@ def check_ups(
             | _efficiency(tests, counted.get(cycle))
             | _power(pulses, lower_cutoff_volt, upper_cutoff_volt)
             | {"throughput_ampere_hour": _throughput(throughputs, cycle)}
+            | {"doubt": _doubts_of([counted.get(cycle), *pulses])}
         )
     notes += _as_stated(rows[0], doubts, rated_capacity_ampere_hour, state_of_health)
     found = []
@@ -87,8 +94,14 @@ def check_ups(
         reason = doubts.get(row["cycle"], "")
         soh, reason = _soh(row, rows[0], rated_capacity_ampere_hour, reason)
         changes = {new: float(row[name] / rows[0][name] - 1) for name, new in CHANGES.items()}
-        found.append(row | soh | changes | {"reason": reason})
+        doubt = joined_doubts([row["doubt"], rows[0]["doubt"]])
+        found.append(row | soh | changes | {"reason": reason, "doubt": doubt})
     return found, notes
+
+
+def _doubts_of(rows):
+    """What speaks against rows of tests (None: no such row), each with its test, in words."""
+    return joined_doubts(doubt_of_test(row) for row in rows if row)
 
 
 def _cycle(row):
@@ -313,14 +326,15 @@ def resistance_growth(resistances, capacities=()):
     for kind in sorted({(row["direction"], row["delay_second"]) for row in rows}, reverse=True):
         courses = [(cycle, _course(pulses, *kind)) for cycle, pulses in by_cycle]
         fresh = courses[0][1]
-        found += [_growth(cycle, row, fresh) for cycle, course in courses for row in course]
+        unsure = _doubts_of(fresh)
+        found += [_growth(cycle, row, fresh, unsure) for cycle, course in courses for row in course]
     if not found:
         raise Refusal("no pulse of any check-up has a known state of charge")
     return found
 
 
-def _growth(cycle, row, fresh):
-    """One pulse beside the first check-up's resistance at its SoC."""
+def _growth(cycle, row, fresh, unsure):
+    """One pulse beside the first check-up's resistance at its SoC, of which `unsure` is said."""
     socs = [other["soc"] for other in fresh]
     factor, std = np.nan, np.nan
     if fresh and socs[0] - 0.02 <= row["soc"] <= socs[-1] + 0.02:
@@ -336,4 +350,5 @@ def _growth(cycle, row, fresh):
         "resistance_ohm": row["resistance_ohm"],
         "factor": float(factor),
         "factor_std": float(std),
+        "doubt": joined_doubts([_doubts_of([row]), unsure]),
     }

@@ -34,7 +34,7 @@ def joined_doubts(doubts):
     return "; ".join(dict.fromkeys(filter(None, doubts)))
 
 
-def _doubt(row):
+def doubt_of_test(row):
     """What speaks against a row of a test, with the test's name where it has one."""
     words, test = row.get("doubt"), row.get("test")
     if not isinstance(words, str):
@@ -58,7 +58,7 @@ def capacity_points(rows):
             continue
         rate = _rate_seen(row["c_rate"], rates)
         celsius, value = row["ambient_temperature_celsius"], row["capacity_ampere_hour"]
-        quantity, doubt = f"capacity at {rate:.2g}C", _doubt(row)
+        quantity, doubt = f"capacity at {rate:.2g}C", doubt_of_test(row)
         points.append(Point(quantity, "Ah", celsius, value, family="capacity", doubt=doubt))
     return points
 
@@ -109,7 +109,7 @@ def impedance_points(rows):
             soc, celsius = level[row["soc"]], row["ambient_temperature_celsius"]
             quantity = f"{what} at {100 * soc:.0f} % SoC, {how}"
             value, std = row[column], row[f"{column}_std"]
-            family, doubt = f"{what}, {how}", _doubt(row)
+            family, doubt = f"{what}, {how}", doubt_of_test(row)
             points.append(Point(quantity, "Ohm", celsius, value, std, family, soc, doubt))
         vague = len(with_soc) - len(determined)
         count = f"{vague} of {len(with_soc)} spectra"
@@ -327,12 +327,12 @@ def _interpolated(rows, level):
         return (
             float(ohm + more),
             float(np.hypot(std, other)),
-            joined_doubts(map(_doubt, (low, high))),
+            joined_doubts(map(doubt_of_test, (low, high))),
         )
     nearest = min(rows, key=lambda row: abs(row["soc"] - level))
     if abs(nearest["soc"] - level) > 0.05:
         return None
-    return *(nearest[name] for name in RESISTANCE), _doubt(nearest)
+    return *(nearest[name] for name in RESISTANCE), doubt_of_test(nearest)
 
 
 RESISTANCE = ("resistance_ohm", "resistance_std_ohm")
@@ -356,7 +356,7 @@ def fast_charge_points(rows):
     )
     rates, points = [], []
     for row in charges:
-        celsius, doubt = row["ambient_temperature_celsius"], _doubt(row)
+        celsius, doubt = row["ambient_temperature_celsius"], doubt_of_test(row)
         # The set current shows at warm temperatures; in the cold the voltage cuts it at once.
         rate = _rate_seen(row["c_rate"], rates, or_less=True)
         points += [
