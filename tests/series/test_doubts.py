@@ -201,3 +201,13 @@ def test_a_half_cell_begins_above_its_cutoff_but_rests_there_no_second_time(limi
 )
 def test_a_negative_electrode_against_a_metal_is_told_by_its_window(limits, is_one):
     assert is_negative_electrode(limits) is is_one
+
+
+def test_a_load_in_the_cold_that_reaches_both_cut_offs_is_no_wrong_unit():
+    """1C for a minute from full to the lower cut-off: a 60th of the rating, as of minutes in s."""
+    time = np.arange(2400.0)
+    current = np.where((time >= 600) & (time < 660), -3.0, 0.0)
+    voltage = 4.18 + 0.55 * current + 0.98 / 3600 / RATED * np.cumsum(current)
+    cold = {"test_time_second": time, "current_ampere": current, "voltage_volt": voltage}
+    about = {"rated_capacity_ampere_hour": RATED, "cutoffs_volt": (2.5, 4.2)}
+    assert len(clean(cold, **about).columns["voltage_volt"]) == len(time)

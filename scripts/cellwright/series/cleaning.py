@@ -223,17 +223,17 @@ def without_zeros(columns: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]
     changed = {}
     for name in filter(_is_thermometer, columns):
         zero = columns[name] == 0
+        if zero.all():
+            continue
         # A change of the temperature by so much from one row to the next is a contact's.
         edges = np.abs(np.diff(columns[name])) > CONTACT_KELVIN
-        if zero.any() and not zero.all() and edges.any():
-            first, stop = stretches(zero)
-            begun = np.r_[True, edges][first] | (first == 0)
-            ended = np.r_[edges, True][stop - 1] | (stop == len(zero))
-            lost = (begun & ended) & ~((first == 0) & (stop == len(zero)))
-            blank = np.zeros(len(zero), bool)
-            for one, end in zip(first[lost], stop[lost], strict=True):
-                blank[one:end] = True
-            changed[name] = np.where(blank, np.nan, columns[name])
+        first, stop = stretches(zero)
+        lost = np.r_[True, edges][first] & np.r_[edges, True][stop - 1]
+        if lost.any():
+            ends = zip(first[lost], stop[lost], strict=True)
+            blank = np.concatenate([np.arange(*rows) for rows in ends])
+            changed[name] = columns[name].astype(float)
+            changed[name][blank] = np.nan
     return {**columns, **changed} if changed else columns
 
 
@@ -424,14 +424,20 @@ def clean(
     ambient_temperature_celsius: float | None = None,
     **settings: float,
 ) -> Cleaned:
-    """Flag a series and remove what is flagged; settings as for `flag`, the rest for `remove`."""
+    """Flag a series and remove what is flagged; settings as for `flag`, the rest for `remove`.
+
+    Raises Refusal as `remove`, and as `scale.refuse_other_unit`.
+    """
     columns = without_zeros(columns)
     known = {
         "rated_capacity_ampere_hour": rated_capacity_ampere_hour,
         "cutoffs_volt": cutoffs_volt,
         "ambient_temperature_celsius": ambient_temperature_celsius,
     }
-    return remove(columns, flag(columns, **settings), **known)
+    cleaned = remove(columns, flag(columns, **settings), **known)
+    if not np.any(cleaned.columns.get("doubt", 0) & Doubt.CLOCK):
+        refuse_other_unit(cleaned.columns, rated_capacity_ampere_hour, cutoffs_volt)
+    return cleaned
 
 
 def remove(
@@ -487,8 +493,6 @@ def remove(
         cutoffs_volt=cutoffs_volt,
         ambient_temperature_celsius=ambient_temperature_celsius,
     )
-    if not np.any(doubt & Doubt.CLOCK):
-        refuse_other_unit(clean, rated_capacity_ampere_hour, cutoffs_volt)
     if doubt.any():
         clean["doubt"] = doubt
         notes += doubts_in_words(clean["test_time_second"], doubt)

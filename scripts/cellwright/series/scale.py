@@ -4,6 +4,7 @@ import numpy as np
 
 from cellwright.refusal import Refusal
 from cellwright.series.doubts import RATING_SHARE
+from cellwright.series.rest_current import near_zero_ampere
 
 # What a charge is too small by where the time or the current is read in another unit than its own.
 FACTORS = {
@@ -13,20 +14,29 @@ FACTORS = {
     86400.0: "days read as seconds",
 }
 NEAR_SHARE = 0.05  # of the window between the cut-offs, within which an end of it was reached
+RESTS_SHARE = 0.5  # of the window between rests: a load in the cold reaches both cut-offs, no rest
 
 
 def refuse_other_unit(columns, rated_capacity_ampere_hour, cutoffs_volt) -> None:
     """Refuse a record that goes from full to empty and moves its rating over the factor of a unit.
 
-    columns : voltage_volt [V], charge_ampere_hour [Ah]. rated_capacity_ampere_hour : [Ah] or None.
-    cutoffs_volt : lower and upper [V], None where not stated.
+    That it does its rests show: a short load in the cold takes the voltage as far, and it comes
+    back.
+
+    columns : current_ampere [A], voltage_volt [V], charge_ampere_hour [Ah].
+    rated_capacity_ampere_hour : [Ah] or None. cutoffs_volt : lower and upper [V], None where not
+        stated.
     """
     lower, upper = cutoffs_volt
     if not rated_capacity_ampere_hour or lower is None or upper is None:
         return
-    voltage, charge = columns["voltage_volt"], columns["charge_ampere_hour"]
+    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
+    current, voltage, charge = (columns[name] for name in names)
     near = NEAR_SHARE * (upper - lower)
     if not (voltage.max() >= upper - near and voltage.min() <= lower + near):
+        return
+    at_rest = voltage[np.abs(current) <= near_zero_ampere(current)]
+    if not len(at_rest) or np.ptp(at_rest) < RESTS_SHARE * (upper - lower):
         return
     moved = float(np.ptp(charge))
     least, most = RATING_SHARE
