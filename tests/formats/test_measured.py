@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from cellwright import formats
-from cellwright.formats.physics import charge_by_clock_and_counter, unit_by_pace
+from cellwright.formats.physics import charge_by_clock_and_counter
+from cellwright.formats.unsaid_units import unit_by_pace
 
 
 def reading(path):

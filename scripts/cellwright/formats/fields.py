@@ -68,10 +68,8 @@ NET = "net_capacity_ampere_hour"
 CLEAR_SIGN = 0.9
 BACK_SHARE = 0.05  # of its travel that a net counter goes back, at least
 PIECE_ROWS = 1 << 15
-REPEATED = re.compile(r"(?<=[)\]\w])\.\d{1,2}$")
-
-
 LONGEST_LABEL = 200
+REPEATED = re.compile(r"(?<=[)\]\w])\.\d{1,2}$")  # what pandas puts behind a label used before
 COUNTERS = ("charge_counter", "discharge_counter")
 ENERGIES = ("charge_energy_counter", "discharge_energy_counter")
 ENERGY = "net_energy_watt_hour"  # as the instrument counts it: a witness, which no result holds
@@ -89,7 +87,7 @@ class Field(NamedTuple):
 def refuse_repeated(labels: Sequence[str], meaning: Callable[[str], Field | None]) -> None:
     """Refuse a file in which two columns that `meaning` knows have one label.
 
-    `Voltage (V).1` is what pandas makes of the second one.
+    The second of pandas' labels `Voltage (V)` and `Voltage (V).1` is one of them.
     """
     for label in dict.fromkeys(labels):
         first = REPEATED.sub("", label)

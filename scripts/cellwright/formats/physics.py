@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.formats.fields import IMPEDANCE, MINUS, NET, SERIES, UNITS
+from cellwright.formats.fields import IMPEDANCE, MINUS, NET, SERIES
 from cellwright.refusal import Refusal
 
 # Times by which clock × current may differ from the instrument's counter by a wrong unit alone, and
@@ -133,8 +133,8 @@ def _refuse_clock(columns) -> None:
             which = [f"the {n} ({w})" for n, w in zip(names, wrong[int(dated) :], strict=True) if w]
             raise Refusal(
                 f"time × current moves {expected:.4g} Ah, the file's own charge counter "
-                f"{seen:.4g} Ah, {factor:.4g} times apart: the unit is wrong of "
-                f"{' or of '.join(which) or 'one of them'}? Correct the label of that column"
+                f"{seen:.4g} Ah, {factor:.4g} times apart. The unit is wrong for "
+                f"{' or '.join(which) or 'one of them'}: correct the label of that column"
             )
 
 
@@ -220,7 +220,6 @@ def clock_of_steps(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray
 
 
 # Seconds of dates a unit of the clock that only a wrong unit explains.
-CLOCKS = UNITS["time"]
 CLOCK_FACTORS = {1e-3: "milliseconds", 60.0: "minutes", 3600.0: "hours"}
 SAME_CLOCK = 0.01
 MOST_SLOPES = 4096
@@ -241,38 +240,6 @@ def clock_by_dates(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray
             note = f"the clock counts {unit}, as its dates prove, not seconds: converted"
             return columns | {"test_time_second": time * factor}, [note]
     return columns, []
-
-
-# Seconds between rows that people set, each by its first digits, and by how much one may be off.
-SET_PACES, PACE_SHARE = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 5.0, 6.0), 2e-3
-LIKE_USUAL = 0.01  # by which intervals of one pace differ: digits that the time is written with
-
-
-def unit_by_pace(time: np.ndarray) -> str:
-    """Unit of a clock whose label has none, by the interval between most of its rows.
-
-    Rows are logged each second, or ten, or minute. An interval of 1.1574e-5 is a second of a clock
-    that counts days, and no number of seconds that anybody sets.
-
-    Returns "s" where the interval is a usual number of seconds, or of none of the units; else the
-    one of "min", "h", "d" in which it is; "" where several fit.
-    """
-    interval = np.diff(time)
-    interval = interval[interval > 0]
-    if not len(interval):
-        return "s"
-    usual = np.median(interval)
-    alike = interval[np.abs(interval - usual) <= LIKE_USUAL * usual]
-    if 2 * len(alike) < len(interval):
-        return "s"
-    fits = [unit for unit in ("s", "min", "h", "d") if _is_set(np.mean(alike) * CLOCKS[unit])]
-    return "s" if "s" in fits or not fits else fits[0] if len(fits) == 1 else ""
-
-
-def _is_set(second):
-    """Whether an interval is one that people set rows to lie apart by."""
-    digits = second / 10.0 ** np.floor(np.log10(second) + PACE_SHARE)
-    return bool(np.any(np.abs(digits / np.array(SET_PACES) - 1.0) <= PACE_SHARE))
 
 
 def date_slopes(time: np.ndarray, unix: np.ndarray) -> np.ndarray:

@@ -29,12 +29,6 @@ from cellwright.formats.fields import (
     refuse_repeated,
     require,
 )
-from cellwright.formats.physics import (
-    SAME_CLOCK,
-    charge_by_clock_and_counter,
-    date_slopes,
-    unit_by_pace,
-)
 from cellwright.formats.table import (
     CHANNEL,
     DELIMITERS,
@@ -51,7 +45,12 @@ from cellwright.formats.table import (
     unquoted,
     with_trailing_delimiter,
 )
-from cellwright.formats.workbook import EXCEL_EPOCH_DAY
+from cellwright.formats.unsaid_units import (
+    NOT_SAID,
+    told_by_pace,
+    unit_by_dates,
+    with_unit_of_counter,
+)
 from cellwright.refusal import Refusal
 
 HEAD = 1 << 17  # byte within which the labels of a table must stand
@@ -85,13 +84,9 @@ SAME_UNIT = {
     "°": "deg", "rad": "rad", "ms": "ms", "秒": "s",
 }  # fmt: skip
 CLOCK = "clock"  # unit of a time that is written as [days d] hours:minutes:seconds
-NOT_SAID = "not said"
-EXCEL_DAYS = (36526.0, 73050.0)  # of the years 2000 to 2099
+STATES = "charge, discharge and rest, with CC, CV or CCCV before them, in several languages"
 ABORTED = "the sweep was broken off"  # begins a note that stands as a doubt at its numbers
 CLOCKED = re.compile(r"^\s*(?:\d+\s*d\s+)?\d+:\d+:\d")
-# Factors between a clock whose unit is not said and its dates [s].
-SAME_CHARGE = 0.1  # by which a counter of another unit is never off
-CLOCK_UNITS = {1.0: "s", 60.0: "min", 3600.0: "h"}
 
 
 class Format(NamedTuple):
@@ -213,18 +208,24 @@ def read(form: Format, data: bytes | Content, kind: str | None = None) -> Read:
     swept = _swept_rows(form, data, layout, fields)
     if len(swept) and (kind == "impedance" or _is_spectrum(swept, kind)):
         # Not what a spectrum's file says of the voltage and current at each frequency.
-        fields = [f for f in fields if f.column in PARTS]
-        parts = [f._replace(column=POLAR.get(f.column, f.column)) for f in fields]
-        parts = [f._replace(column=f.column.removeprefix("minus_")) for f in parts]
-        require(parts, IMPEDANCE, SPELT, layout.labels)
-        found = read_table(data, layout, [field.label for field in fields])
-        notes = [*found.notes, *_other_rows(swept)]
-        spectrum = _spectrum(converted(found.columns, fields))
-        if form.aborted and re.search(form.aborted.encode(), raw, re.M):
-            lowest = np.nanmin(spectrum["frequency_hertz"], initial=np.inf)
-            notes.append(f"{ABORTED}, as its file says: its points end at {lowest:.4g} Hz")
-        return Read(spectrum, notes)
-    fields = [f for f in fields if f.column not in PARTS]
+        found = _read_spectrum(data, layout, [f for f in fields if f.column in PARTS])
+        aborted = form.aborted and re.search(form.aborted.encode(), raw, re.M)
+        lowest = np.nanmin(found.columns["frequency_hertz"], initial=np.inf)
+        said = [f"{ABORTED}, as its file says: its points end at {lowest:.4g} Hz"] * bool(aborted)
+        return found._replace(notes=[*found.notes, *_other_rows(swept), *said])
+    return _read_series(form, data, layout, [f for f in fields if f.column not in PARTS], swept)
+
+
+def _read_spectrum(data, layout, fields):
+    parts = [f._replace(column=POLAR.get(f.column, f.column)) for f in fields]
+    parts = [f._replace(column=f.column.removeprefix("minus_")) for f in parts]
+    require(parts, IMPEDANCE, SPELT, layout.labels)
+    found = read_table(data, layout, [field.label for field in fields])
+    return Read(_spectrum(converted(found.columns, fields)), list(found.notes))
+
+
+def _read_series(form, data, layout, fields, swept):
+    """Read of a series; swept : (n,) rows that are a spectrum's, or empty."""
     date = next((x for x in layout.labels if _is(form.date, x)), None)
     fields, date = _timed(fields, date, lambda label: is_written(data, layout, label))
     fields, counter, notes = _of_electrodes(fields)
@@ -238,20 +239,8 @@ def read(form: Format, data: bytes | Content, kind: str | None = None) -> Read:
     refuse_channels(found, channels)
     dates = _dates_beside(form, found, date, others) if date else {}
     unix = next(iter(dates.values()), None)
-    for place, field in enumerate(others):
-        if field.quantity == "time" and field.unit == NOT_SAID:
-            said = _unit_by_dates(form, field, found[field.label], unix)
-            others[place] = field._replace(unit=said)
-        elif field.column == TIME and _is_bare(form, field):
-            others[place], told = _unit_by_pace(field, found[field.label], unix)
-            notes += told
-    bare = [
-        f"{f.label} in {f.unit}"
-        for f in others
-        if f.column in SERIES and _is_bare(form, f) and (f.column != TIME or f.unit == "s")
-    ]
-    if bare:
-        notes.append(f"labels without a unit are taken as it is usual: {', '.join(bare)}")
+    others, told = _with_units_of_clocks(form, others, found, unix)
+    notes += told
     unproved = [f for f in others if f.quantity == "charge" and f.unit == NOT_SAID]
     others = [f._replace(unit="Ah") if f in unproved else f for f in others]
     columns = converted(found, others)
@@ -276,7 +265,7 @@ def read(form: Format, data: bytes | Content, kind: str | None = None) -> Read:
         columns = {name: values[filled] for name, values in columns.items()}
     notes += more
     columns = _with_counters(_without_dead(_without_still_counters(columns, notes), notes))
-    columns = _with_unit_of_counter(columns, unproved, notes) if unproved else columns
+    columns = with_unit_of_counter(columns, unproved, notes) if unproved else columns
     return Read(columns, notes, int(state is not None), tuple(dates))
 
 
@@ -478,6 +467,27 @@ def _is_bare(form, field):
     return parts is not None and parts.groupdict().get("unit") is None
 
 
+def _with_units_of_clocks(form, fields, found, unix):
+    """Fields whose clocks have a unit, also where no label says it, and notes on bare labels."""
+    told, notes = [], []
+    for field in fields:
+        if field.quantity == "time" and field.unit == NOT_SAID:
+            unit = unit_by_dates(field, found[field.label], unix, form.title)
+            field = field._replace(unit=unit)
+        elif field.column == TIME and _is_bare(form, field):
+            field, said = told_by_pace(field, found[field.label], unix)
+            notes += said
+        told.append(field)
+    bare = [
+        f"{f.label} in {f.unit}"
+        for f in told
+        if f.column in SERIES and _is_bare(form, f) and (f.column != TIME or f.unit == "s")
+    ]
+    if bare:
+        notes.append(f"labels without a unit are taken as it is usual: {', '.join(bare)}")
+    return told, notes
+
+
 def _seconds(form, field, texts):
     """Elapsed time [s] of a clock or of dates, and of dates the seconds since 1970 by format."""
     example = next((text for text in texts[:20].to_pylist() if text), "")
@@ -503,45 +513,6 @@ def _dates_beside(form, found, date, fields):
     return date_readings(found[date], form.dates, max(spans, default=np.nan))
 
 
-def _unit_by_dates(form, field, values, unix):
-    """Unit of a clock that does not say it, by the dates."""
-    moved = np.ptp(values[np.isfinite(values)]) if np.isfinite(values).any() else 0.0
-    # Dates are written to the second: a minute of them tells the unit to within 2 %.
-    if unix is not None and moved > 0:
-        slope = np.nanmedian(date_slopes(values, unix))
-        for factor, unit in CLOCK_UNITS.items():
-            if abs(slope / factor - 1) <= SAME_CLOCK:
-                return unit
-    raise Refusal(
-        f"column {field.label!r} of a {form.title} file does not say its unit, and no dates tell "
-        "it: export it with a unit, such as seconds"
-    )
-
-
-def _unit_by_pace(field, values, unix):
-    """A clock without a unit with the one that its rows' intervals show, and a note where not s.
-
-    Dates beside it know better, see `physics.clock_by_dates`.
-    """
-    unit = "s" if unix is not None else unit_by_pace(values)
-    if not unit:
-        raise Refusal(
-            f"column {field.label!r} does not say its unit, and its rows lie "
-            f"{np.nanmedian(np.diff(values)):.4g} apart, which is no usual number of seconds: "
-            f"export it in seconds, or write the unit, such as {field.label} (h)"
-        )
-    if unit == "s":
-        return field, []
-    apart = np.nanmedian(np.diff(values))
-    said = (
-        f"column {field.label!r} does not say its unit: its rows lie {apart:.4g} apart, "
-        f"{apart * UNITS['time'][unit]:.3g} s if it counts {unit}, and so it is read"
-    )
-    if unit == "d" and EXCEL_DAYS[0] <= np.nanmin(values) and np.nanmax(values) < EXCEL_DAYS[1]:
-        values -= EXCEL_EPOCH_DAY  # dates, as Excel numbers days: seconds since 1970 then
-    return field._replace(unit=unit), [said]
-
-
 def _signed(form, current, letters):
     """Current [A], positive on charge, from magnitudes and the letters of the steps."""
     coded = letters.combine_chunks().dictionary_encode()
@@ -551,7 +522,8 @@ def _signed(form, current, letters):
         name, rows = written.strip(), codes == code
         sign = next((s for letter, s in form.signs.items() if _is(letter, name)), None)
         if sign is None and np.any(np.abs(current[rows]) > 0):
-            known = ", ".join(form.signs)
+            plain = all(letter.isalnum() for letter in form.signs)
+            known = ", ".join(form.signs) if plain else STATES
             where = int(np.flatnonzero(rows & (np.abs(current) > 0))[0]) + 1
             raise Refusal(
                 f"row {where} of data: a current of {current[where - 1]:g} A in a step of state "
@@ -570,25 +542,6 @@ def _without_still_counters(columns, notes):
             notes.append(f"{name} is {kept[name][0]:g} in all rows: not counted, and left out")
             del kept[name]
     return kept
-
-
-def _with_unit_of_counter(columns, fields, notes):
-    """Columns whose counter, of no stated unit, counts Ah or mAh as time and current tell.
-
-    One that counts neither is left out: it is no witness.
-    """
-    if NET not in columns:
-        return columns
-    moved, counted = charge_by_clock_and_counter(*(columns[n] for n in (*SERIES[:2], NET)))
-    for unit, factor in (("Ah", 1.0), ("mAh", 1e-3)):
-        if abs(moved / (factor * counted) - 1) < SAME_CHARGE:
-            notes.append(f"{fields[0].label} in {unit}, as time × current moves")
-            return columns | {NET: factor * columns[NET]}
-    notes.append(
-        f"{fields[0].label} does not say its unit, and counts {counted:.4g} where time × current "
-        f"moves {moved:.4g} Ah: left out"
-    )
-    return {name: values for name, values in columns.items() if name != NET}
 
 
 def _with_counters(columns):

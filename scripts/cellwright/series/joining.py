@@ -111,7 +111,9 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
         # ASSUME: Local dates that go back by less than an hour, and not behind the beginning of
         # the file before, do so where summer time ends, or another clock wrote them.
         if before["unix_time_second"][0] < after["unix_time_second"][0] and -HOUR - 2 <= pause < -2:
-            overlap = f"file {number} begins {-pause:g} s before file {number - 1} ends, by dates"
+            overlap = (
+                f"by its dates file {number} begins {-pause:g} s before file {number - 1} ends"
+            )
             if _summer_time_ends(before["unix_time_second"][-1]):
                 shift = end + max(pause + HOUR, interval) - start
                 return shift, (
@@ -119,7 +121,8 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
                     "an hour"
                 )
             return end + interval - start, (
-                f"{overlap}: two clocks wrote them; it is put behind it, the pause is not known"
+                f"{overlap}: two clocks wrote them. File {number} is joined directly behind file "
+                f"{number - 1}; the pause between them is not known"
             )
         if pause < -2.0:  # date stamps of whole seconds may be wrong by one at either end
             raise Refusal(
