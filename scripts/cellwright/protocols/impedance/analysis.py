@@ -382,9 +382,9 @@ def doubt_of(fit, kramers_kronig_rms, closest):
             moved.append(f"{words} is {1e3 * there[name]:.3g} mΩ ({off / here[name]:+.0%})")
     if not moved:
         return ""
-    left = f"{fit.rms_relative_residual:.1%} RMS, {closest.circuit} by"
-    closer = f"{left} {closest.rms_relative_residual:.1%}: with that one"
-    return f"the circuit misses the spectrum by {closer} {' and '.join(moved)}"
+    missed, closer = (one.rms_relative_residual for one in (fit, closest))
+    other = f"{closest.circuit} misses it by {closer:.1%}, and in it {' and '.join(moved)}"
+    return f"the circuit misses the spectrum by {missed:.1%} RMS; {other}"
 
 
 def _missed(fit, kramers_kronig_rms):
