@@ -18,7 +18,7 @@ from quick import slow_but
 
 import cellwright as cw
 from cellwright import formats, gate
-from cellwright.formats import container
+from cellwright.formats import container, matlab_elements
 from cellwright.refusal import Refusal
 
 HEADER = b"Test Time / s,Current / A,Voltage / V\n"
@@ -152,7 +152,7 @@ def matlab(megabyte):
     packer = zlib.compressobj(9)
     element = b"".join([*(packer.compress(ZEROS) for _ in range(megabyte)), packer.flush()])
     head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
-    return head + struct.pack("<II", container.COMPRESSED, len(element)) + element
+    return head + struct.pack("<II", matlab_elements.COMPRESSED, len(element)) + element
 
 
 BOMBS = {"gzip": gzipped, "Zstandard": zstandard_of, "archive": archive, "MATLAB": matlab}
