@@ -55,3 +55,19 @@ def test_missing_rows_of_a_logger_of_one_pace_are_no_other_pace():
     current = np.where(time > 195, 1.0, 0.0)
     rows = step_rows(time, current)
     assert not begun_at_last_row(time, current, rows).any()
+
+
+def test_a_load_that_rested_between_two_rows_ended_and_began_within_their_pace():
+    """Ten rows of 1 A each 20 s, an hour without rows, five each 10 s: 0 to 30 s lack at most."""
+    time = np.r_[20.0 * np.arange(10), 3780.0 + 10.0 * np.arange(5)]
+    current, step = np.ones(15), np.diff(time)
+    charge = np.r_[0.0, np.cumsum(np.where(step > 60, 0.0, step))] / 3600
+    variance = edge_variance(time, current, charge)
+    np.testing.assert_allclose(variance[9], (20.0**2 + 10.0**2) / 3 / 3600**2)
+    assert np.count_nonzero(variance) == 1
+
+
+def test_a_counter_of_few_digits_that_has_not_moved_yet_stops_no_load():
+    time = np.arange(200.0)
+    charge = np.floor(time / 3600 / 0.01) * 0.01
+    assert not edge_variance(time, np.ones(200), charge).any()

@@ -82,7 +82,8 @@ def edge_variance(time, current, charge):
     """Variance of the charge that each interval (n − 1,) may hold, its step being anywhere [Ah²].
 
     Zero where nothing steps or where the counted charge tells when: of a step of ΔI within Δt that
-    may lie anywhere the charge is known to ΔI·Δt/√12.
+    may lie anywhere the charge is known to ΔI·Δt/√12. Of a load that rested meanwhile, which
+    counts nothing, the end and the beginning lie anywhere within a row's pace of the rows beside.
 
     Parameters
     ----------
@@ -93,4 +94,20 @@ def edge_variance(time, current, charge):
     rows = rows[np.isnan(shares_before(time, current, charge, rows))]
     held = (current[rows] - current[rows - 1]) * (time[rows] - time[rows - 1]) / 3600.0
     variance[rows - 1] = held**2 / 12.0
+    return variance + _stop_variance(np.diff(time), current, np.diff(charge))
+
+
+def _stop_variance(interval, current, counted):
+    """Variance (n − 1,) where a load rested between two rows and nothing was counted [Ah²].
+
+    It ended within a row's pace after the row before, and began again within one before the next:
+    a uniform distribution from nothing on, for the charge counted is the least that can be.
+    """
+    variance = np.zeros(len(interval))
+    rows = np.flatnonzero((counted == 0) & (current[1:] * current[:-1] > 0))
+    before = interval[np.maximum(rows - 1, 0)]
+    after = interval[np.minimum(rows + 1, len(interval) - 1)]
+    held = np.array([before * current[rows], after * current[rows + 1]]) / 3600.0
+    # Within the pace of its neighbours a counter of few digits has not moved yet.
+    variance[rows] = np.where(interval[rows] > before + after, np.sum(held**2, axis=0) / 3.0, 0.0)
     return variance
