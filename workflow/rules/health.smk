@@ -188,7 +188,12 @@ rule health_from_peaks:
         "../../scripts/health/health_from_peaks.py"
 
 
-AGED = dict.fromkeys(cell for cell in CELLS if tests(cell, "ageing"))
+CYCLED = dict.fromkeys(cell for cell in CELLS if tests(cell, "ageing"))
+# Cycled between check-ups without a record; of fewer than eight no law is told.
+CHECKED_OFTEN = dict.fromkeys(
+    cell for cell in CELLS if cell not in CYCLED and len(PLAN.cycles(cell, *SLOW_KINDS)) >= 8
+)
+AGED = CYCLED | CHECKED_OFTEN
 CHECKED = dict.fromkeys(
     cell for cell in CELLS if tests(cell, *SLOW_KINDS, *PULSE_KINDS, roles=["fit"])
 )
@@ -213,6 +218,26 @@ def inputs_of_health(wildcards):
     return of_cell(cell, **stages)
 
 
+rule fade_of_check_ups:
+    input:
+        check_ups="results/stages/checkups/{cell}.parquet",
+    output:
+        laws="results/stages/fade/{cell}.parquet",
+        course="results/stages/fade_course/{cell}.parquet",
+        life="results/stages/life/{cell}.parquet",
+    log:
+        "logs/fade/{cell}.log",
+    wildcard_constraints:
+        cell=either(CHECKED_OFTEN),
+    params:
+        settings=config["health"],
+        cell=cell_facts,
+    message:
+        "Fade of {wildcards.cell} over its check-ups: law, knee, remaining cycles."
+    script:
+        "../../scripts/health/fade.py"
+
+
 rule fade:
     input:
         cycles=PLAN.own_artefacts("ageing_cycles", "ageing"),
@@ -225,7 +250,7 @@ rule fade:
     log:
         "logs/fade/{cell}.log",
     wildcard_constraints:
-        cell=either(AGED),
+        cell=either(CYCLED),
     params:
         settings=config["health"],
         cell=cell_facts,
@@ -244,7 +269,7 @@ rule check_ups:
     input:
         capacities=own(rated_capacities),
         resistances=PLAN.own_fitted("resistance", *PULSE_KINDS),
-        courses=where(AGED, "results/stages/fade_course/{}.parquet"),
+        courses=where(CYCLED, "results/stages/fade_course/{}.parquet"),
     output:
         rows="results/stages/checkups/{cell}.parquet",
         growth="results/stages/resistance_growth/{cell}.parquet",

@@ -4,12 +4,14 @@ from cellwright.api import inputs, results
 from cellwright.settings import Health
 
 
-def fade(records, cell, settings=None, **changes):
-    """Fade of a cell over its ageing records: law, knee, and cycles that remain.
+def fade(records, cell, settings=None, *, check_ups=(), **changes):
+    """Fade of a cell over its ageing records, or its check-ups: law, knee, and cycles that remain.
 
     records : list of (test, result of `ageing_cycles`, temperature): the last the result of
         `ageing_over_temperature`, a pair (summary, columns of its cycles), or None.
     settings : `settings.Health`.
+    check_ups : result of `check_ups` or its rows: of a cell without ageing records (`records`
+        empty) they are the life.
 
     Returns columns: one row a discharge [Ah], [Wh], [1]; laws: one row a law; summary: knee,
     remaining cycles and state of health at the last cycle. Raises Refusal: too few comparable
@@ -28,8 +30,11 @@ def fade(records, cell, settings=None, **changes):
         shift = {} if pair is None else lives.temperature_shift(*pair)
         about = facts.test, facts.cycle, facts.ambient_temperature_celsius
         ready.append(lives.AgeingRecord(*about, columns, shift))
-    rated = inputs.cell_facts(cell).rated_capacity_ampere_hour
-    life = lives.life_of(ready, rated_capacity_ampere_hour=rated)
+    if ready:
+        rated = inputs.cell_facts(cell).rated_capacity_ampere_hour
+        life = lives.life_of(ready, rated_capacity_ampere_hour=rated)
+    else:
+        life = lives.life_of_check_ups(inputs.entries(getattr(check_ups, "rows", check_ups)))
     columns, laws, summary = analysed(life, **options._asdict())
     return results.Result({"columns": columns, "laws": laws}, {"summary": summary}, life.notes)
 

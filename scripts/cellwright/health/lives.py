@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.health.table import CHECK_UP, CYCLES
 from cellwright.numerics.statistics import robust_std
 from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
@@ -41,7 +42,7 @@ class Life(NamedTuple):
     energy_watt_hour, coulombic_efficiency, energy_efficiency : of the discharge; over the charge
     before it. pause_hour : rest before it beyond what is usual; 0 none, NaN at the start of a
     record that follows another one (length not known). used : whether comparable with the others.
-    reason : why not.
+    reason : why not. source : CYCLES of ageing records, or CHECK_UP where nothing else is known.
     """
 
     test: np.ndarray
@@ -57,6 +58,7 @@ class Life(NamedTuple):
     used: np.ndarray
     reason: np.ndarray
     notes: tuple
+    source: str = CYCLES
 
 
 # ASSUME: Where records overlap on the sheet's cycle numbers these count equivalent full cycles.
@@ -104,6 +106,47 @@ def life_of(records, *, rated_capacity_ampere_hour):
     left = [f"{np.sum(reason == word)} discharges: {word}" for word in np.unique(reason[~used])]
     del joined["c_rate"]
     return Life(**joined, used=used, reason=reason, notes=(*notes, *left))
+
+
+def life_of_check_ups(check_ups):
+    """Life of a cell that was cycled between check-ups without a record, from these alone.
+
+    Each check-up counts: nothing tells which one is unlike its neighbours. What was discharged in
+    between is not known, nor how long the cell rested.
+
+    Parameters
+    ----------
+    check_ups : rows of stage `checkups`, of one rate, direction and temperature each.
+
+    Raises
+    ------
+    Refusal : no check-up has a capacity.
+    """
+    rows = [row for row in check_ups if np.isfinite(row["capacity_ampere_hour"])]
+    if not rows:
+        raise Refusal("no capacity at any check-up")
+    rows = sorted(rows, key=lambda row: row["cycle"])
+    capacity, cycle, energy = (
+        np.array([row[name] for row in rows], float)
+        for name in ("capacity_ampere_hour", "cycle", "energy_watt_hour")
+    )
+    unknown = np.full(len(rows), np.nan)
+    return Life(
+        test=np.full(len(rows), CHECK_UP),
+        cycle=cycle,
+        start_time_second=unknown,
+        throughput_ampere_hour=unknown,
+        capacity_ampere_hour=capacity,
+        at_reference_ampere_hour=capacity,
+        energy_watt_hour=energy,
+        coulombic_efficiency=unknown,
+        energy_efficiency=unknown,
+        pause_hour=np.zeros(len(rows)),
+        used=np.ones(len(rows), bool),
+        reason=np.full(len(rows), ""),
+        notes=(f"no ageing record: the fade is that of {len(rows)} check-ups",),
+        source=CHECK_UP,
+    )
 
 
 def _in_order(records):

@@ -42,6 +42,7 @@ def analysed(
     remaining = remaining_of(fade, drawn, knee, end_of_life=end_of_life, level=level)
     chosen = max(fade.log_evidence, key=fade.log_evidence.get)
     summary = {
+        "source": life.source,
         "cycles": int(life.used.sum()),
         "left_out": int((~life.used).sum()),
         "last_cycle": float(life.cycle[-1]),
@@ -120,7 +121,7 @@ def _columns(life, fade, drawn, level):
     low, middle, high = np.quantile(
         courses(drawn, share), [(1 - level) / 2, 0.5, (1 + level) / 2], axis=0
     )
-    columns = {name: getattr(life, name) for name in life._fields if name != "notes"}
+    columns = {name: getattr(life, name) for name in life._fields[:-2]}
     return columns | {
         "law_ampere_hour": scale * middle,
         "law_lower_ampere_hour": scale * low,

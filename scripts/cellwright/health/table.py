@@ -32,10 +32,10 @@ def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
         for row in found
         if np.isfinite(row["capacity_ampere_hour"])
     ]
-    if life:
+    if life and life["source"] == CYCLES:
         rows += _of_cycles(life, course, [row["cycle"] for row in check_ups])
     by_age = sorted(modes, key=lambda row: row["cycle"])
-    rows += [_of_modes(row, by_age[0]) for row in by_age if any(np.isfinite(row[m]) for m in LOST)]
+    rows += [_of_modes(row) for row in by_age if any(np.isfinite(row[m]) for m in LOST)]
     for row in rows if life else ():
         row["knee_cycle"] = life["knee_cycle"]
         row["remaining_cycles"] = max(life["end_of_life_cycle"] - row["cycle"], 0.0)
@@ -73,8 +73,8 @@ def _of_cycles(life, course, wanted):
     return [*rows, end]
 
 
-def _of_modes(row, fresh):
-    """A row of degradation modes; its state of health over the first one by the same method."""
+def _of_modes(row):
+    """A row of degradation modes; its state of health over the state that its losses refer to."""
     size = row["capacity_ampere_hour"]
-    own = _row(row["cycle"], size, size / fresh["capacity_ampere_hour"], MODES, np.nan, row)
+    own = _row(row["cycle"], size, size / row["fresh_ampere_hour"], MODES, np.nan, row)
     return own | {name: row[name] for name in (*LOST, *LOST_STD)}

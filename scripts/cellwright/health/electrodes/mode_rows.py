@@ -18,7 +18,10 @@ def mode_rows(found, pair, curves):
     found : Modes. pair : Pair. curves : list of SlowCurve; the first is the fresh state.
     """
     half_cells = {f"{electrode}_half_cell": one.name for electrode, one in pair._asdict().items()}
-    facts = half_cells | {"fresh_state": f"{curves[0].cell}/{curves[0].test}"}
+    facts = half_cells | {
+        "fresh_state": f"{curves[0].cell}/{curves[0].test}",
+        "fresh_ampere_hour": float(curves[0].capacity_ampere_hour),
+    }
     own = [k for k, curve in enumerate(curves) if k or curve.cell == curves[-1].cell]
     return [_row(found, k, curves[k]) | _of_blends(found, k, pair) | facts for k in own]
 
