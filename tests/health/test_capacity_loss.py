@@ -104,7 +104,20 @@ def test_a_test_at_another_temperature_than_stated_is_left_out():
     rows = [*THESIS, row(25.0, 40.0, 1.0, measured=5.4), row(29.0, 25.0, 2.0, measured=45.0)]
     losses, notes = capacity_losses(rows)
     assert any("stated 40 °C, the cell was at 5.4 °C" in note for note in notes)
-    assert {loss["temperature_celsius"] for loss in losses} == {20.0, 0.0, -20.0, 25.0}
+    # A fast test that warmed itself gives more than a slow one of a cold cell.
+    assert any("stated 25 °C, the cell was at 45.0 °C" in note for note in notes)
+    assert {loss["temperature_celsius"] for loss in losses} == {20.0, 0.0, -20.0}
+
+
+def test_a_test_slower_than_the_reference_is_no_gain():
+    """LG M50's C/10 charge at 45 °C "lost" −15 % of one at C/3 at 25 °C."""
+    charges = [
+        row(size, celsius, rate) | {"direction": "charge"}
+        for size, celsius, rate in ((4.28, 25, 1 / 3), (4.92, 45, 0.1), (4.59, 45, 1 / 3))
+    ]
+    losses, notes = capacity_losses(charges)
+    assert {round(loss["c_rate"], 3) for loss in losses} == {0.333}
+    assert any("charge at 45 °C and 0.1C is left out" in note for note in notes)
 
 
 def test_the_same_record_under_two_kinds_counts_once():

@@ -18,7 +18,7 @@ def test_methods_stand_side_by_side():
     ]
     mode = {"lli": 0.1, "lam_negative": 0.02, "lam_positive": np.nan}
     mode |= {"lli_std": 0.025, "lam_negative_std": 0.01, "lam_positive_std": np.nan}
-    against = {"doubt": "hangs on the window"}
+    against = {"doubt": "hangs on the window", "fresh_ampere_hour": 3.1}
     modes = [
         mode | against | {"cycle": 0.0, "capacity_ampere_hour": 3.1},
         mode | against | {"cycle": 150.0, "capacity_ampere_hour": 2.635},
@@ -52,3 +52,12 @@ def test_an_estimate_that_the_capacity_contradicts_is_no_state_of_health():
 def test_no_method_at_all_is_refused():
     with pytest.raises(Refusal, match="no state of health"):
         cw.state_of_health()
+
+
+def test_a_cell_of_one_check_up_is_as_worn_as_its_lost_lithium_says():
+    """Its losses refer to a fresh cell of the type: so does its state of health."""
+    lost = {"lli": 0.12, "lam_negative": 0.02, "lam_positive": 0.01}
+    row = lost | {f"{name}_std": 0.01 for name in lost}
+    row |= {"cycle": 0.0, "capacity_ampere_hour": 2.64, "fresh_ampere_hour": 3.0}
+    (found,) = cw.state_of_health(modes=[row]).rows
+    assert found["soh"] == pytest.approx(0.88)

@@ -122,6 +122,23 @@ def test_repeats_are_averaged_and_rates_kept_apart():
     assert np.isfinite(rows["capacity_std_ampere_hour"][:2]).all()
 
 
+@pytest.mark.parametrize(("celsius", "repeats"), [((10, 24, 40), [1, 1, 1]), ((24, 26, 28), [3])])
+def test_cycles_at_temperatures_that_were_chosen_are_no_repeats(celsius, repeats):
+    """A chamber that was set anew between cycles; a cell that its own load warms is no other."""
+    data = cycle(*([-1.0, 1.0] * 3))
+    begins = (np.diff(data[1]) < -0.5) & (data[1][1:] < 0)
+    bounds = np.flatnonzero(begins)
+    warm = np.asarray(celsius, float)[
+        np.clip(np.searchsorted(bounds, range(len(data[0]))) - 1, 0, 2)
+    ]
+    rows = run(data, surface_temperature_celsius=warm).rows
+    discharges = rows["direction"] == "discharge"
+    assert rows["repeats"][discharges].tolist() == repeats
+    if len(repeats) > 1:
+        found = sorted(rows["temperature_mean_celsius"][discharges])
+        np.testing.assert_allclose(found, celsius, atol=0.05)
+
+
 def test_mean_and_spread_of_three():
     """The thesis' capacity: the mean of three; here the cell loses 0.02 Ah from one to the next."""
     data = [cycle(-1.0, 1.0, full=full) for full in (2.0, 1.98, 1.96)]

@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import first_check_up, grouped_alike
+from cellwright.laws.points import first_check_up
 from cellwright.laws.temperature import law_row
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.records.anchor import tells_repeats
-from cellwright.records.conditions import SAME_CELSIUS, same_rate, same_temperature
+from cellwright.records.conditions import SAME_CELSIUS, grouped_alike, same_rate, same_temperature
 from cellwright.refusal import Refusal
 from cellwright.settings import CapacityLoss
 
@@ -33,20 +33,19 @@ class ReachedCapacity(NamedTuple):
 
 # ASSUME: What is reached at a temperature is what its constant current moves to the cut-off; what
 # a held voltage adds is reached slowly.
-def comparable_capacities(
-    rows, *, mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin, slow_c_rate=CAPACITY_LOSS.slow_c_rate
-):
+def comparable_capacities(rows, *, mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin):
     """Comparable capacities of one cell [Ah], repeats averaged, and what was left out.
 
     1. Only the earliest check-up: age must not pass for temperature. 2. A row whose cell was
-    colder on average than the chamber is said to be by more than `mismatch_kelvin`, or in a slow
-    test warmer by as much, was not made at that temperature, and is left out. 3. Temperatures
-    and rates are one as `conditions` has it; rows of one record under two kinds count once.
+    colder or warmer on average than the chamber is said to be by more than `mismatch_kelvin` was
+    not made at that temperature, and is left out: a cell of a fast test that warms itself gives
+    more than one of a slow test in the cold. 3. Temperatures and rates are one as `conditions`
+    has it; rows of one record under two kinds count once.
 
     Parameters
     ----------
     rows : list of dict, of stage `capacity` with test, cycle and ambient_temperature_celsius.
-    mismatch_kelvin : [K]. slow_c_rate : [1/h].
+    mismatch_kelvin : [K].
 
     Returns
     -------
@@ -56,8 +55,7 @@ def comparable_capacities(
     kept, left_out, seen = [], [], set()
     for row in sorted(first_check_up(rows), key=lambda r: r["ambient_temperature_celsius"]):
         stated, measured = row["ambient_temperature_celsius"], row["temperature_mean_celsius"]
-        warmer, slow = measured - stated, row["c_rate"] <= slow_c_rate
-        if warmer < -mismatch_kelvin or (warmer > mismatch_kelvin and slow):
+        if abs(measured - stated) > mismatch_kelvin:
             where = f"stated {stated:g} °C, the cell was at {measured:.1f} °C"
             left_out.append(f"{row['test']}, {row['direction']}: {where}")
             continue
@@ -238,9 +236,7 @@ def capacity_losses(
 
     Source: thesis 3.3 (C/30 at 20, 0 and −20 °C: 31.001, 30.975, 28.820 Ah).
     """
-    points, notes = comparable_capacities(
-        rows, mismatch_kelvin=mismatch_kelvin, slow_c_rate=slow_c_rate
-    )
+    points, notes = comparable_capacities(rows, mismatch_kelvin=mismatch_kelvin)
     losses, measured = [], "; ".join(notes)
     for name in ("discharge", "charge"):
         same_direction = [point for point in points if point.direction == name]
@@ -250,6 +246,8 @@ def capacity_losses(
         able = [point for point in same_direction if point.c_rate <= slow_c_rate] or same_direction
         near = min(able, key=lambda p: abs(p.temperature_celsius - reference_celsius))
         reference = slowest(able, name, near.temperature_celsius)[0]
+        same_direction, slower = _no_slower(same_direction, reference)
+        notes += slower
         share, reason = repeatability(
             same_direction, reference, assumed_share=assumed_share, slow_c_rate=slow_c_rate
         )
@@ -263,6 +261,24 @@ def capacity_losses(
         reason = measured or "too few were measured"
         raise Refusal(f"fewer than two comparable capacities: {reason}")
     return _with_residual_charge(losses), notes
+
+
+def _no_slower(points, reference):
+    """Points at the reference's rate and faster, and a sentence on each slower one.
+
+    What a slower test moves beyond the reference is its rate's, not its temperature's.
+    """
+    kept, slower = [], []
+    for point in points:
+        if point.c_rate < reference.c_rate and not same_rate(point.c_rate, reference.c_rate):
+            slower.append(
+                f"{point.direction} at {point.temperature_celsius:g} °C and {point.c_rate:.2g}C is "
+                f"left out: the slowest at {reference.temperature_celsius:g} °C, which it would be "
+                f"held against, has {reference.c_rate:.2g}C"
+            )
+        else:
+            kept.append(point)
+    return kept, slower
 
 
 def _of_direction(points, reference, repeat_ampere_hour, slow):

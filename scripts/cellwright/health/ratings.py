@@ -6,11 +6,10 @@ from cellwright.health.fleet import mean_over_soc
 from cellwright.laws.points import (
     doubt_of_test,
     grouped,
-    grouped_alike,
     joined_doubts,
     pulses_of_kind,
 )
-from cellwright.records.conditions import checkups_of, same_rate, same_temperature
+from cellwright.records.conditions import checkups_of, grouped_alike, same_rate, same_temperature
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
 

@@ -172,21 +172,6 @@ def grouped(items, key):
     return groups
 
 
-def grouped_alike(items, alike):
-    """Lists of items, each in the first list whose first member is `alike` to it, else a new one.
-
-    For what is compared with a tolerance: `alike(first, item)` need not be an equivalence.
-    """
-    groups = []
-    for item in items:
-        group = next((group for group in groups if alike(group[0], item)), None)
-        if group is None:
-            groups.append([item])
-        else:
-            group.append(item)
-    return groups
-
-
 def with_enough_temperatures(points, *, temperatures=3):
     """Points of the quantities that are known at so many temperatures or more."""
     tested = {}

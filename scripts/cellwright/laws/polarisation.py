@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import first_check_up, grouped, grouped_alike
+from cellwright.laws.points import first_check_up, grouped
 from cellwright.laws.temperature import Law, fit_laws, left_out_rmse, rows_of
 from cellwright.numerics.lines import fit_line
 from cellwright.numerics.statistics import r_squared
+from cellwright.records.conditions import grouped_alike
 from cellwright.refusal import Refusal
 
 

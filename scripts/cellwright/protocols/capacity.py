@@ -22,7 +22,7 @@ from cellwright.protocols.half_cycles import (
     with_starts,
 )
 from cellwright.records.anchor import RELAXED_SECOND, first_rest
-from cellwright.records.conditions import same_rate
+from cellwright.records.conditions import SAME_CELSIUS, grouped_alike, same_rate
 from cellwright.refusal import Refusal
 from cellwright.series.edges import edge_variance
 from cellwright.series.steps import assumed_rating, constant_current_end
@@ -30,6 +30,9 @@ from cellwright.settings import Instrument
 
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
 INSTRUMENT = Instrument()
+# Temperatures that are chosen to differ stand so far apart: a load warms its cell by less from one
+# repeat to the next.
+OTHER_CELSIUS = 2 * SAME_CELSIUS
 
 
 def capacity(
@@ -59,8 +62,8 @@ def capacity(
     charge from empty to the upper cut-off; what was held there at constant voltage is part of it.
     3. It is counted to where the limit is first reached; with `whole_swing` to the turn itself, so
     that a remainder drawn later, at another temperature, is included (slow OCV tests).
-    4. Discharges, or charges, of one rate (`conditions.same_rate`) are repeats: mean and standard
-    deviation (thesis, ch. 4.3).
+    4. Discharges, or charges, of one rate (`conditions.same_rate`) are repeats, unless their cell
+    was 5 K apart: mean and standard deviation (thesis, ch. 4.3).
 
     What an unsure start may lack, the charge of steps of current between two rows, what both halves
     of a cycle differ by beyond what its ends explain (`balance`), what the instrument's stated
@@ -87,8 +90,8 @@ def capacity(
         states it [°C], or None.
     current_accuracy_share : as of `settings.Instrument`.
 
-    Returns found: Found; rows are columns of stage `capacity`, one entry a direction and rate:
-    means over the repeats, and capacity_std_ampere_hour;
+    Returns found: Found; rows are columns of stage `capacity`, one entry a direction, rate
+    and temperature: means over the repeats, and capacity_std_ampere_hour;
     constant_current_ampere_hour is the part before the voltage was held; doubt says in words what
     speaks against the number, "" where nothing does. A sentence for each half cycle that is
     incomplete, of unsure start or at a constant power or resistance. Raises Refusal: nothing in the
@@ -279,6 +282,14 @@ def _efficiency_std(columns):
     )
 
 
+def _repeated(first, half):
+    """Whether a half cycle repeats another: direction, rate, and no other temperature chosen."""
+    apart = abs(half["temperature_mean_celsius"] - first["temperature_mean_celsius"])
+    alike = first["sign"] == half["sign"] and same_rate(half["rate"], first["rate"])
+    # Where nothing was measured nothing is apart.
+    return alike and not apart > OTHER_CELSIUS
+
+
 def _begin(measured):
     return measured["first_row"]
 
@@ -297,14 +308,9 @@ def _of_digit(half, partner, test_time_second, current_ampere, digit_ampere):
 
 
 def _repeats_joined(complete, rated):
-    """Columns of stage `capacity` with the repeats of each direction and rate as one row."""
-    repeats = []
-    for half in sorted(complete, key=lambda half: (-half["sign"], half["rate"])):
-        first = repeats[-1][0] if repeats else {"sign": 0}
-        if first["sign"] == half["sign"] and same_rate(half["rate"], first["rate"]):
-            repeats[-1].append(half)
-        else:
-            repeats.append([half])
+    """Columns of stage `capacity`: one row for the repeats of a direction, rate and temperature."""
+    ordered = sorted(complete, key=lambda half: (-half["sign"], half["rate"]))
+    repeats = grouped_alike(ordered, _repeated)
     rows = [_row(halves, rated) for halves in repeats]
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 

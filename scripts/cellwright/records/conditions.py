@@ -104,6 +104,21 @@ def off_round(rate, current_ampere):
     return float(min(np.min(np.abs(size / chosen - 1)) for size, chosen in pairs))
 
 
+def grouped_alike(items, alike):
+    """Lists of items, each in the first list whose first member is `alike` to it, else a new one.
+
+    For what is compared with a tolerance: `alike(first, item)` need not be an equivalence.
+    """
+    groups = []
+    for item in items:
+        group = next((group for group in groups if alike(group[0], item)), None)
+        if group is None:
+            groups.append([item])
+        else:
+            group.append(item)
+    return groups
+
+
 # ASSUME: A test without a stated temperature was made at 25 °C.
 def stated_or_reference(celsius):
     """A stated temperature [degC], 25 °C where none is.

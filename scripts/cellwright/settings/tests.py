@@ -147,8 +147,8 @@ class CapacityLoss(NamedTuple):
         nearest this one.
     slow_c_rate [1/h] : What a test at up to this rate does not reach is truly lost (thesis C/30;
         a C/20 with its tolerance).
-    mismatch_kelvin [K] : A test whose cell was this much colder than stated is left out; a slow
-        one also where it was this much warmer.
+    mismatch_kelvin [K] : A test whose cell was on average this much colder or warmer than stated
+        is left out.
     """
 
     reference_celsius: float = 25.0

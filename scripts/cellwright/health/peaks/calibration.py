@@ -6,9 +6,9 @@ from cellwright.health.peaks.alike import named_alike
 from cellwright.health.peaks.estimate import MOST_TERMS, disagreeing, left_out_estimates
 from cellwright.health.peaks.features import IdentifiedPeak, PeakCharge, made_alike
 from cellwright.health.table import DISAGREE
-from cellwright.laws.points import grouped, grouped_alike
+from cellwright.laws.points import grouped
 from cellwright.numerics.statistics import rms
-from cellwright.records.conditions import same_rate, same_temperature
+from cellwright.records.conditions import grouped_alike, same_rate, same_temperature
 from cellwright.refusal import Refusal
 
 

@@ -15,8 +15,11 @@ from cellwright.health.peaks.alignment import align
 from cellwright.health.peaks.features import made_alike
 from cellwright.health.peaks.names import names_of
 from cellwright.health.peaks.sequences import joined_identities
-from cellwright.laws.points import grouped_alike
-from cellwright.records.conditions import REFERENCE_CELSIUS, stated_or_reference
+from cellwright.records.conditions import (
+    REFERENCE_CELSIUS,
+    grouped_alike,
+    stated_or_reference,
+)
 from cellwright.refusal import Refusal
 
 
