@@ -51,6 +51,15 @@ def test_what_lies_outside_the_identified_range_is_counted():
     assert score(FACTS._replace(ambient_temperature_celsius=40.0)).rows[0]["extrapolated"] == 1.0
 
 
+def test_errors_within_and_beyond_what_was_fitted_stand_apart():
+    outside = (truth.KNOTS[0] > SOC) | (truth.KNOTS[-1] < SOC)
+    (row,) = score(voltage_volt=series()["voltage_volt"] + np.where(outside, 0.05, 0.01)).rows
+    assert row["rmse_within_fitted_volt"] == pytest.approx(0.01)
+    assert row["rmse_beyond_fitted_volt"] == pytest.approx(0.05)
+    (row,) = score(FACTS._replace(ambient_temperature_celsius=40.0)).rows
+    assert np.isnan(row["rmse_within_fitted_volt"])
+
+
 def test_an_offset_is_the_error():
     (row,) = score(voltage_volt=series()["voltage_volt"] + 0.01).rows
     values = [row[name] for name in ("rmse_volt", "max_abs_volt", "mean_volt")]

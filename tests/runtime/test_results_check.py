@@ -133,15 +133,47 @@ def test_a_broken_law_is_told_of_its_cell_in_words(tmp_path, table):
 
 
 @pytest.mark.parametrize(
-    ("table", "column"), [("validation", "beyond_"), ("choice", "fit_beyond_")]
+    ("column", "found"),
+    [
+        ("beyond_volt", "model 2RC leaves what was measured by 4 V"),
+        ("fit_beyond_volt", "model 2RC leaves what was measured by 4 V"),
+        ("max_abs_volt", "model 2RC misses the measured voltage by up to 4 V"),
+    ],
 )
-def test_a_chosen_model_at_minus_one_and_a_half_volt_does_not_pass(tmp_path, table, column):
-    for name, error in (("validation", "beyond_"), ("choice", "fit_beyond_")):
-        volt = 4.0 if name == table else 0.02
-        head = f"cell,test,model,rmse_volt,{error}volt,chosen"
-        lines = [head, f"A,t,2RC,0.2,{volt},True", "A,t,1RC,0.2,4.5,False"]
+def test_a_chosen_model_that_is_volts_off_does_not_pass(tmp_path, column, found):
+    for name, errors in (
+        ("validation", ("max_abs_volt", "beyond_volt")),
+        ("choice", ("fit_beyond_volt",)),
+    ):
+        volts = ",".join("4.0" if error == column else "0.02" for error in errors)
+        head = f"cell,test,model,rmse_volt,{','.join(errors)},chosen"
+        others = ",".join(["4.5"] * len(errors))
+        lines = [head, f"A,t,2RC,0.2,{volts},True", f"A,t,1RC,0.2,{others},False"]
         (tmp_path / f"{name}.csv").write_text("\n".join(lines))
     (failed,) = [row for row in results_check.outcomes(tmp_path) if row["outcome"] == "failed"]
     assert failed["check"].startswith("A model half a volt off")
     assert (failed["cell"], failed["test"]) == ("A", "t")
-    assert failed["found"] == "model 2RC leaves what was measured by 4 V"
+    assert failed["found"] == found
+
+
+def table(folder, name, rows):
+    """A folder with one table of rows of text."""
+    folder.mkdir()
+    lines = [",".join(rows[0]), *(",".join(map(str, row.values())) for row in rows)]
+    (folder / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.mark.parametrize(("taken", "ended"), [(2.62, "failed"), (2.95, "passed")])
+def test_a_cell_that_gives_more_than_it_took_is_found_without_an_efficiency(tmp_path, taken, ended):
+    """Panasonic's slow test: 3.00 Ah out, 2.62 Ah in, no partner of a cycle, no efficiency."""
+    about = {"cell": "A", "test": "slow", "cycle": ""}
+    rows = [
+        about | {"direction": name, "capacity_ampere_hour": size, "coulombic_efficiency": ""}
+        for name, size in (("charge", taken), ("discharge", 3.0))
+    ]
+    found = results_check.outcomes(table(tmp_path / "r", "capacity", rows))
+    (row,) = [row for row in found if row["check"].startswith("A cell gives back")]
+    assert row["outcome"] == ended
+    if ended == "failed":
+        assert row["found"] == "gives 3 Ah and takes 2.62 Ah in one test"

@@ -51,6 +51,8 @@ def validate(model, record):
         row = scores(error[scored], record.soc[scored])
         row["beyond_volt"] = beyond_volt(record.voltage_volt, error)
         outside = (run.extrapolated | run.outside_temperature)[scored]
+        parts = {"within": ~outside, "beyond": outside}
+        row |= {f"rmse_{part}_fitted_volt": rms(error[scored][at]) for part, at in parts.items()}
         rows.append(
             {"model": name, **row, "extrapolated": float(outside.mean())}
             | {"chosen": name == model["chosen"]}
