@@ -3,7 +3,7 @@
 import matplotlib
 import numpy as np
 
-from cellwright.laws.temperature import LAWS, drawn_pieces, turn_in_words
+from cellwright.laws.temperature import FORMS, drawn_pieces, turn_in_words
 from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
 from figures import style
 from figures.style import evenly_spread
@@ -13,6 +13,8 @@ MOST_LEVELS = 5  # states of charge drawn of each family, evenly chosen
 MARGIN = 1.35  # factor above the highest and below the lowest point
 SHOWN = {"Ohm": ("mΩ", 1e3)}  # unit of a panel, and how many of it are one of the table's
 NAMES = {"quadratic": "quadratic", "arrhenius": "Arrhenius", "arrhenius_t": "Arrhenius, factor T"}
+NAMES |= {"linear": "linear"}
+COLOURS = dict(zip(NAMES, style.SERIES, strict=False))
 ARRHENIUS_FIGURE = {"arrhenius": ("-", "o"), "quadratic": ("--", "x")}  # line, marker
 
 
@@ -29,7 +31,7 @@ def draw_temperature_laws(points, laws):
         unit, title = points["unit"][of_quantity][0], quantity.replace(", ", "\n", 1)
         unit, scale = SHOWN.get(unit, (unit, 1.0))
         panel.plot(celsius, scale * value, "o", color=style.MEASURED, label="measured")
-        for colour, law in zip(style.SERIES, LAWS, strict=False):
+        for law, colour in COLOURS.items():
             law_rows = [r for r in laws if r["quantity"] == quantity and r["law"] == law]
             _law(panel, celsius, law_rows, law, colour, scale)
         panel.set(xlabel="temperature [°C]", ylabel=f"[{unit}]", title=title)
@@ -61,7 +63,7 @@ def _law(axes, celsius, rows, law, colour, scale):
     for start, stop, sound in drawn_pieces(tested, valid):
         grid, line = np.linspace(start, stop, 60), "-" if sound else ":"
         shown = label if start == tested[0] else None
-        axes.plot(grid, scale * LAWS[law](grid, *values), line, color=colour, label=shown)
+        axes.plot(grid, scale * FORMS[law].function(grid, *values), line, color=colour, label=shown)
 
 
 def draw_arrhenius(points, laws):
@@ -135,11 +137,11 @@ def _level(upper, lower, points, laws, colour):
         valid = rows[0]["valid_from_celsius"], rows[0]["valid_to_celsius"]
         for start, stop, sound in drawn_pieces((celsius.min(), celsius.max()), valid):
             grid = np.linspace(start, stop, 30)
-            ohm = LAWS[law](grid, *values)
+            ohm = FORMS[law].function(grid, *values)
             shown = np.where(ohm > 0, 1e3 * ohm, np.nan)  # a logarithm shows nothing else
             look = {"color": colour, "linestyle": line if sound else ":"}
             upper.plot(_inverse(grid), shown, linewidth=1, **look)
-        percent = 100 * (value / LAWS[law](celsius, *values) - 1)
+        percent = 100 * (value / FORMS[law].function(celsius, *values) - 1)
         lower.plot(_inverse(celsius), percent, marker, color=colour)
 
 

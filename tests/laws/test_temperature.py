@@ -226,3 +226,10 @@ def test_a_law_has_the_doubts_of_its_own_points_alone():
     points += [Point("Q", "Ah", celsius, 2.0 + celsius / 100) for celsius in CELSIUS]
     rows, _ = law_rows(points)
     assert {(row["quantity"], row["doubt"]) for row in rows} == {("R", "a: drifts"), ("Q", "")}
+
+
+def test_a_capacity_has_no_activation_energy():
+    points = [Point("Q", "Ah", c, 2.0 + c / 100, family="capacity") for c in (0, 10, 20, 30)]
+    rows, _ = law_rows(points)
+    assert {row["law"] for row in rows} == {"linear", "quadratic"}
+    assert {row["law"] for row in rows if row["chosen"]} == {"linear"}

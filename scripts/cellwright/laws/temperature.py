@@ -196,6 +196,8 @@ FORMS = {
     "arrhenius": Form(arrhenius_law, *ENERGY),
     "arrhenius_t": Form(conductivity_law, *ENERGY),
 }
+# What a cell gives is no rate of a process: a capacity has no activation energy.
+LAWS_OF_FAMILY = {"capacity": ("linear", "quadratic")}
 LAWS = {name: FORMS[name].function for name in ("quadratic", "arrhenius", "arrhenius_t")}
 
 
@@ -285,6 +287,7 @@ def law_rows(points):
                 unit=quantity_points[0].unit,
                 std=[point.std for point in quantity_points],
                 falling=quantity_points[0].unit == "Ohm",
+                names=LAWS_OF_FAMILY.get(quantity_points[0].family, tuple(LAWS)),
             )
         except Refusal as refusal:
             reasons.append(f"{quantity}: {refusal}")
@@ -300,7 +303,8 @@ def law_rows(points):
         against = {"doubt": joined_doubts(point.doubt for point in quantity_points)}
         rows += [row | against for law in laws for row in rows_of(quantity, law)]
         # Of a family one sentence says what ends its quadratics, not one a SoC.
-        quadratics.setdefault(quantity_points[0].family or quantity, []).append(laws[0])
+        (quadratic,) = (law for law in laws if law.law == "quadratic")
+        quadratics.setdefault(quantity_points[0].family or quantity, []).append(quadratic)
     if not rows:
         raise Refusal("; ".join(reasons) or "no quantity is known at three temperatures")
     return rows, reasons + turn_sentences(quadratics)
