@@ -144,6 +144,14 @@ def test_the_rating_serves_last():
         basis("A", [], [row(1.9, direction="charge")], [])
 
 
+def test_what_nobody_measured_is_as_unsure_as_cells_of_a_rating_differ():
+    """A worn cell holds 0.85 of its rating: within two deviations; a stated health says more."""
+    content = basis("A", [], [], [], rated_capacity_ampere_hour=5.0)
+    assert content["capacity_std_ampere_hour"] == pytest.approx(5.0 * 0.65 / np.sqrt(12))
+    known = basis("A", [], [], [], rated_capacity_ampere_hour=5.0, state_of_health=0.85)
+    assert known["capacity_std_ampere_hour"] == pytest.approx(4.25 * 0.1 / np.sqrt(12))
+
+
 def test_a_stated_state_of_health_makes_the_rating_smaller_where_no_test_tells_the_capacity():
     stated = {"rated_capacity_ampere_hour": 2.0, "state_of_health": 0.7}
     content = basis("A", [], [], [], **stated)

@@ -20,7 +20,7 @@ from cellwright.records.conditions import (
     same_temperature,
     stated_or_reference,
 )
-from cellwright.records.facts import stated_capacity
+from cellwright.records.facts import stated_capacity, stated_std_ampere_hour
 from cellwright.refusal import Refusal
 
 
@@ -86,11 +86,11 @@ def basis(
         capacity=lambda lender: max(curve["capacity_ampere_hour"] for curve in lender.curves),
     )
     if not lender and rests:
-        return content | _from_rests(rests, lower_cutoff_volt)
+        return content | _from_rests(rests, lower_cutoff_volt, state_of_health)
     if lender:
         content |= {"borrowed_from": lender.cell, "ocv": lender.curves}
     stated = stated_capacity(rated_capacity_ampere_hour, state_of_health)
-    return content | _own_capacity(capacities, lender, stated)
+    return content | _own_capacity(capacities, lender, stated, state_of_health)
 
 
 def curve_at(curves, celsius):
@@ -132,7 +132,7 @@ def reference_of(cells, *, capacity):
     return marked[0] if marked else max(cells, key=capacity, default=None)
 
 
-def _from_rests(curves, lower_cutoff_volt):
+def _from_rests(curves, lower_cutoff_volt, state_of_health):
     """Basis from rests, or from long loads: one OCV curve per temperature, the slowest.
 
     All are on the SoC scale of the one nearest 25 °C.
@@ -144,10 +144,12 @@ def _from_rests(curves, lower_cutoff_volt):
         slowest = min(as_warm, key=lambda c: (c["cycle"] or 0, _load(c)))
         chosen += [slowest] if slowest not in chosen else []
     capacity, source = (chosen[0][name] for name in ("capacity_ampere_hour", "capacity_source"))
-    if not source.startswith("rating") and chosen[0]["branches"] == "rests":
+    stated = source.startswith("rating")
+    if not stated and chosen[0]["branches"] == "rests":
         source += f" (rests of {chosen[0]['test']})"
     scaled = [_on_scale(curve, capacity, lower_cutoff_volt) for curve in chosen]
-    return {"ocv": scaled} | sized(capacity, None, source)
+    std = stated_std_ampere_hour(capacity, state_of_health) if stated else None
+    return {"ocv": scaled} | sized(capacity, std, source)
 
 
 def _load(curve):
@@ -227,12 +229,12 @@ def _soc_lacking(curve, rest_volt):
     return np.nan_to_num(below_full), beyond_empty
 
 
-def _own_capacity(capacities, lender, stated):
+def _own_capacity(capacities, lender, stated, state_of_health):
     rows = telling_capacity(capacities)
     if not rows:
         if not stated[0]:
             raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
-        return sized(stated[0], None, stated[1])
+        return sized(stated[0], stated_std_ampere_hour(stated[0], state_of_health), stated[1])
     row = min(rows, key=lambda row: (*first_choice(row), is_unsure(row), row["c_rate"]))
     row = min([other for other in rows if same_condition(row, other)], key=_youngest_rested)
     source, lent = capacity_in_words(row), lender.capacities if lender else []
