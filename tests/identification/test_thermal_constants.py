@@ -71,6 +71,17 @@ def test_several_tests_are_averaged_by_their_deviations():
     assert rows.content["tests"] == ["capacity_25C", "again"]
 
 
+def test_tests_that_contradict_each_other_are_less_sure_than_each_alone():
+    """A test whose surface saw a third less of the heat: each row owns up to the difference."""
+    alone = found_of(warmed(CYCLE, 1)).rows[0]["heat_capacity_std_joule_per_kelvin"]
+    rows = found_of(warmed(CYCLE, 1), warmed(CYCLE, 2, name="again", warms=0.7)).rows
+    sizes = [row["heat_capacity_joule_per_kelvin"] for row in rows]
+    apart = abs(sizes[0] - sizes[1])
+    assert apart > 10 * alone
+    for row in rows:
+        assert 0.5 * apart < row["heat_capacity_std_joule_per_kelvin"] < apart
+
+
 def test_a_test_that_took_no_part_is_met_within_its_noise():
     drive = np.where((HOUR > 0.5) & (HOUR < 2.5), np.where(TIME % 300 < 150, -30.0, 6.0), 0.0)
     found = found_of(warmed(CYCLE), warmed(drive, 5, name="drive", role="validation"))

@@ -24,7 +24,8 @@ def thermal_of(model, cell, tests, *, split_rest_second):
     as well. 2. A test whose temperature its heat does not explain by half, or that tells one of the
     two constants no better than 30 %, is left out, with the reason: pulses on a discharge alone
     do not tell reversible heat from losses. 3. The tests' values are averaged by their
-    deviations and the scatter beyond these; the entropic coefficients are those of the test that
+    deviations and the scatter beyond these, which is part of each test's own deviation too: what
+    one test of a cell errs by, the next may. The entropic coefficients are those of the test that
     knows the resistance best. 4. Tests of role validation are simulated with the result from
     their first temperature on, and scored.
 
@@ -51,8 +52,11 @@ def thermal_of(model, cell, tests, *, split_rest_second):
         why = "; ".join(f"{row['test']}: {row['reason']}" for row in rows)
         why = why or "no test of role fit has a logged surface temperature"
         return UNKNOWN | {"cell": cell.cell, "reason": why}, rows, ()
-    content = UNKNOWN | {"cell": cell.cell} | _averaged([fit for _, fit in fits])
+    averaged, scatter = _averaged([fit for _, fit in fits])
+    content = UNKNOWN | {"cell": cell.cell} | averaged
     content["tests"] = [facts.test for facts, _ in fits]
+    for row in (row for row in rows if row["test"] in content["tests"]):
+        row |= {name: float(np.hypot(row[name], excess)) for name, excess in scatter.items()}
     for test in (t for t in tests if t.facts.role == "validation" and SURFACE in t.series):
         rows.append(_scored(content, model, cell, test, split_rest_second))
     left = [row["test"] for row in rows if row["reason"]]
@@ -144,8 +148,11 @@ def _why_not(fit):
 
 
 def _averaged(fits):
-    """Constants of several tests: means by deviation and scatter, entropic of the best test."""
-    content = {}
+    """Constants of several tests: means by deviation and scatter, entropic of the best test.
+
+    And what the tests scatter by beyond their own deviations, by name of the deviation.
+    """
+    content, scatter = {}, {}
     for name, unit in (("heat_capacity", "joule_per_kelvin"), ("resistance", "kelvin_per_watt")):
         values = np.array([getattr(fit, f"{name}_{unit}") for fit in fits])
         stds = np.array([getattr(fit, f"{name}_std_{unit}") for fit in fits])
@@ -153,6 +160,7 @@ def _averaged(fits):
         if len(fits) > 1:
             line = fit_line(np.ones((len(fits), 1)), values, stds)
             mean, std = line.values[0], line.std[0]
+            scatter[f"{name}_std_{unit}"] = line.excess_std
         content |= {f"{name}_{unit}": float(mean), f"{name}_std_{unit}": float(std)}
     best = min(fits, key=lambda fit: fit.resistance_std_kelvin_per_watt)
     content["ambient_offset_kelvin"] = float(np.mean([fit.ambient_offset_kelvin for fit in fits]))
@@ -162,7 +170,7 @@ def _averaged(fits):
         "volt_per_kelvin": best.entropic_volt_per_kelvin[known].tolist(),
         "std_volt_per_kelvin": best.entropic_std_volt_per_kelvin[known].tolist(),
     }
-    return content
+    return content, scatter
 
 
 def _scored(content, model, cell, test, split_rest_second):
