@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.formats.pieces import all_where, any_where, pieces
+from cellwright.formats.pieces import summed as sums_of
 from cellwright.gate import refuse_columns
 from cellwright.refusal import Refusal
 
@@ -49,14 +51,17 @@ def in_house_unit(values: np.ndarray, *, quantity: str, unit: str, label: str) -
 
 def _without_resets(counter: np.ndarray) -> np.ndarray:
     """The magnitude of a counter, continued over its resets; some instruments count downwards."""
-    magnitude = np.abs(counter)
-    step = np.diff(magnitude, prepend=magnitude[:1])
-    # A counter that falls to less than half began again from zero: what it shows was counted since.
-    falls = np.flatnonzero(step < 0)
-    reset = falls[magnitude[falls] < 0.5 * (magnitude[falls] - step[falls])]
-    step[reset] = magnitude[reset]
-    total = np.cumsum(step, out=step)
-    total += magnitude[0] if len(magnitude) else 0.0
+    total, before, last = np.empty(len(counter)), np.abs(counter[:1]), None
+    first = before
+    for part in pieces(len(counter)):
+        magnitude = np.abs(counter[part])
+        step = np.diff(magnitude, prepend=before)
+        # A counter that falls to less than half began again from zero: it shows what it counted.
+        falls = np.flatnonzero(step < 0)
+        reset = falls[magnitude[falls] < 0.5 * (magnitude[falls] - step[falls])]
+        step[reset] = magnitude[reset]
+        before, last = magnitude[-1:], sums_of(step, last)
+        total[part] = step + first
     return total
 
 
@@ -67,7 +72,6 @@ NET = "net_capacity_ampere_hour"
 # ASSUME: Counters that run with the current in nine tenths of what was moved tell its sign.
 CLEAR_SIGN = 0.9
 BACK_SHARE = 0.05  # of its travel that a net counter goes back, at least
-PIECE_ROWS = 1 << 15
 LONGEST_LABEL = 200
 REPEATED = re.compile(r"(?<=[)\]\w])\.\d{1,2}$")  # what pandas puts behind a label used before
 COUNTERS = ("charge_counter", "discharge_counter")
@@ -158,13 +162,13 @@ def converted(values: Mapping[str, np.ndarray], fields: Sequence[Field]) -> dict
             values[field.label], quantity=field.quantity, unit=field.unit, label=field.label
         )
         wanted = field.column in SERIES + IMPEDANCE or field.quantity == "temperature"
-        if wanted or np.isfinite(column).any():
+        if wanted or any_where(np.isfinite, column):
             columns[field.column] = _counted(column) if field.quantity == "count" else column
     return columns
 
 
 def _counted(column: np.ndarray) -> np.ndarray:
-    whole = np.isfinite(column).all() and (column == np.rint(column)).all()
+    whole = all_where(lambda c: np.isfinite(c) & (c == np.rint(c)), column)
     return column.astype(np.int64) if whole else column
 
 
@@ -184,7 +188,7 @@ def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarr
     columns = dict(columns)
     put_in, taken_out = (columns.pop(name, None) for name in ENERGIES)
     if put_in is not None and taken_out is not None:
-        columns[ENERGY] = _without_resets(put_in) - _without_resets(taken_out)
+        columns[ENERGY] = _difference(_without_resets(put_in), _without_resets(taken_out))
     charge, discharge = (columns.pop(name, None) for name in COUNTERS)
     if charge is None or discharge is None:
         return _with_lone_counter(columns, charge, discharge)
@@ -194,8 +198,13 @@ def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarr
         moves = [np.diff(counter, prepend=np.nan) for counter in (charge, discharge)]
         if all(np.nansum(move) > 0 for move in moves):
             columns["current_ampere"] = current * _directions(*moves)
-    columns[NET] = charge - discharge
+    columns[NET] = _difference(charge, discharge)
     return columns, _sign_of(columns)
+
+
+def _difference(values, others):
+    """Values less others, in the place of the values."""
+    return np.subtract(values, others, out=values)
 
 
 def _sign_of(columns):
@@ -237,9 +246,7 @@ def counted_share(columns: Mapping[str, np.ndarray]) -> float:
     Only rows count between which the current is steady and the clock goes on.
     """
     agreed = total = 0.0
-    # In pieces: columns of millions of rows do not stay in the processor's memory.
-    for first in range(0, len(columns[NET]), PIECE_ROWS):
-        rows = slice(first, first + PIECE_ROWS + 1)
+    for rows in pieces(len(columns[NET]), beside=1):
         time, current, net = (columns[name][rows] for name in (*SERIES[:2], NET))
         interval = np.diff(time)
         steady = (np.abs(np.diff(current)) <= 0.5 * np.abs(current[1:])) & (interval > 0)

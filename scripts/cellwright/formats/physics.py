@@ -3,6 +3,14 @@
 import numpy as np
 
 from cellwright.formats.fields import IMPEDANCE, MINUS, NET, SERIES
+from cellwright.formats.pieces import (
+    all_where,
+    any_where,
+    count_where,
+    median_of,
+    pieces,
+    rows_where,
+)
 from cellwright.refusal import Refusal
 
 # Times by which clock × current may differ from the instrument's counter by a wrong unit alone, and
@@ -91,17 +99,17 @@ def _refuse_empty(columns: dict[str, np.ndarray], required: tuple[str, ...]) -> 
     if rows < 2:
         raise Refusal(f"{rows} row(s) of data; at least two are wanted")
     for name in required:
-        if not np.isfinite(columns[name]).any():
+        if not any_where(np.isfinite, columns[name]):
             raise Refusal(f"column {name} holds no number in any of its {rows} rows")
 
 
 def _refuse_channels_by_rows(current, voltage):
     """Refuse rows of which each holds a current or a voltage, but hardly one both."""
-    alone = np.isfinite(current) ^ np.isfinite(voltage)
-    if 2 * np.count_nonzero(alone) > len(alone):
+    alone = count_where(lambda i, v: np.isfinite(i) ^ np.isfinite(v), current, voltage)
+    if 2 * alone > len(current):
         raise Refusal(
-            f"current and voltage stand in rows of their own ({np.count_nonzero(alone)} of "
-            f"{len(alone)} rows hold one of them): export one row for each time, with both"
+            f"current and voltage stand in rows of their own ({alone} of {len(current)} rows hold "
+            "one of them): export one row for each time, with both"
         )
 
 
@@ -109,13 +117,19 @@ def _refuse_voltage(voltage: np.ndarray) -> None:
     """Refuse a voltage that no cell has; wide limits, for a wrong unit or a dead channel."""
     lowest, highest = 0.01, 1000.0
     # Where most rows lie within, so does their median.
-    if 2 * np.count_nonzero((voltage >= lowest) & (voltage <= highest)) > voltage.size:
+    if _mostly_within(voltage, lowest, highest):
         return
     middle = float(np.nanmedian(np.abs(voltage)))
     if middle == 0:
         raise Refusal("voltage is 0 V in most rows: the sense leads were not connected")
     if not lowest <= middle <= highest:
         raise Refusal(f"voltages around {middle:g} V are no cell's: millivolt and volt confused?")
+
+
+def _mostly_within(values, lowest, highest):
+    """Whether most of values lie within limits, and therefore their median does."""
+    within = count_where(lambda x: (x >= lowest) & (x <= highest), values)
+    return 2 * within > len(values)
 
 
 def _refuse_clock(columns) -> None:
@@ -144,15 +158,24 @@ def charge_by_clock_and_counter(time, current, counter) -> tuple[float, float]:
     Only intervals in which the current is steady count: there the trapezoid is right whatever the
     sampling. Gaps and resets are left out by the same condition on the clock.
     """
-    step, moved = np.diff(time), np.diff(counter)
-    mean = 0.5 * np.abs(current[1:] + current[:-1])
-    typical = np.nanmedian(np.where(step > 0, step, np.nan)) if (step > 0).any() else np.nan
-    steady = (np.abs(np.diff(current)) < 0.05 * mean) & (step > 0) & (step <= 10 * typical)
-    expected, seen = np.nansum((mean * step)[steady]) / 3600, np.nansum(np.abs(moved[steady]))
+    typical = median_of(lambda t: _above_zero(np.diff(t)), time, beside=1)
+    expected = seen = 0.0
+    resolution = np.inf
+    for rows in pieces(len(time), beside=1):
+        step, moved = np.diff(time[rows]), np.abs(np.diff(counter[rows]))
+        mean = 0.5 * np.abs(current[rows][1:] + current[rows][:-1])
+        change = np.abs(np.diff(current[rows]))
+        steady = (change < 0.05 * mean) & (step > 0) & (step <= 10 * typical)
+        expected += np.nansum((mean * step)[steady]) / 3600
+        seen += np.nansum(moved[steady])
+        resolution = np.min(moved[moved != 0], initial=resolution)
     # A counter shown with few digits has to move by many of its steps before it can be a judge.
-    resolution = np.min(np.abs(moved[moved != 0]), initial=np.inf)
     told = seen > 20 * resolution and expected > 0
     return (float(expected), float(seen)) if told else (np.nan, np.nan)
+
+
+def _above_zero(values):
+    return values[values > 0]
 
 
 # No record begins 30 years after its clock did, and none holds a date beyond the year 5000, or one
@@ -184,7 +207,7 @@ def _dates_in_seconds(columns):
 
 def _median_beyond(values, limit):
     """Whether the median of the numbers among values exceeds a limit."""
-    return bool(np.any(values > limit) and np.nanmedian(values) > limit)
+    return bool(any_where(lambda x: x > limit, values) and np.nanmedian(values) > limit)
 
 
 def clock_of_steps(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -197,9 +220,10 @@ def clock_of_steps(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray
     """
     time, current = columns["test_time_second"], columns["current_ampere"]
     step = columns.get("step_count", columns.get("step_index"))
-    interval, falls = np.diff(time), np.flatnonzero(np.diff(time) < 0) + 1
+    falls = rows_where(lambda t: np.diff(t) < 0, time, beside=1) + 1
     if not len(falls) or (step is None and len(falls) < 2):
         return columns, []
+    interval = np.diff(time)
     if step is None:
         edges = np.abs(np.diff(current)) > EDGE_SHARE * np.nanmax(np.abs(current))
         changes = np.intersect1d(falls, np.flatnonzero(edges) + 1)
@@ -231,7 +255,9 @@ def clock_by_dates(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray
     The dates are exact over hours: a factor of 1000, 60 or 3600 to within 1 % is no drift.
     """
     time, unix = columns["test_time_second"], columns.get("unix_time_second")
-    if unix is None or not np.isfinite(unix).all() or np.any(np.diff(unix) < 0):
+    if unix is None or not all_where(np.isfinite, unix):
+        return columns, []
+    if any_where(lambda x: np.diff(x) < 0, unix, beside=1):
         return columns, []
     slopes = date_slopes(time, unix)
     ratio = float(np.nanmedian(slopes)) if np.isfinite(slopes).any() else np.nan
@@ -262,6 +288,8 @@ def _without_impossible_channels(columns, notes):
     """Columns without thermometers whose readings no cell survives, with a note on each."""
     kept = dict(columns)
     for name in [name for name in columns if name.endswith("temperature_celsius")]:
+        if _mostly_within(columns[name], np.nextafter(COLDEST, 0), np.nextafter(HOTTEST, 0)):
+            continue
         middle = float(np.nanmedian(columns[name]))
         if not COLDEST < middle < HOTTEST:
             kelvin = 200 < middle < 273.15 + HOTTEST

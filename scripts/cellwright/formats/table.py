@@ -2,9 +2,9 @@
 
 import codecs
 import csv
+import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from itertools import chain
 from typing import NamedTuple
 
@@ -173,15 +173,17 @@ def read_table(
         # pyarrow knows no other text than UTF-8; only texts are worth their decoding.
         plain = with_lines_changed(data, begin, _in_utf_8(head) if texts else _ascii)
     try:
-        columns, odd, rows = _parsed(plain, begin, layout, labels, texts)
+        columns, odd, rows, marks = _parsed(plain, begin, layout, labels, texts)
     except pa.ArrowInvalid:
         # pyarrow cannot say which row is cut off in a text that is none of UTF-8.
         plain, words = with_lines_changed(data, begin, _ascii), _words(data, layout, labels)
         try:
-            columns, odd, rows = _parsed(plain, begin, layout, labels, texts, [w for _, w in words])
+            taken = [word for _, word in words]
+            columns, odd, rows, marks = _parsed(plain, begin, layout, labels, texts, taken)
         except pa.ArrowInvalid as fault:
             raise _fault(data, layout, labels, str(fault)) from None
-    _refuse_open_quotation(data, begin, layout)
+    if marks % 2:
+        _refuse_open_quotation(data, layout)
     blank = [row.number for row in odd if not row.text.strip()]
     odd = [row for row in odd if row.text.strip()]
     before = rows + sum(number < row.number for row in odd[:1] for number in blank)
@@ -221,7 +223,7 @@ def _ascii(data):
 
 
 def _parsed(data, begin, layout, labels, texts, words=()):
-    """Columns by label, rows that have another number of fields, and the number of good rows."""
+    """Columns by label, rows of another number of fields, numbers of good rows and of quotes."""
     import pyarrow as pa
     from pyarrow import csv as tables
 
@@ -230,8 +232,9 @@ def _parsed(data, begin, layout, labels, texts, words=()):
     types |= {place[label]: pa.string() for label in texts}
     odd, rows = [], 0
     kept = {name: _Texts() if kind == pa.string() else _Numbers() for name, kind in types.items()}
+    stream = _Quoted(stream_from(data, begin))
     reader = tables.open_csv(
-        stream_from(data, begin),
+        stream,
         tables.ReadOptions(
             column_names=[str(k) for k in range(len(layout.labels))],
             block_size=BLOCK,
@@ -254,7 +257,7 @@ def _parsed(data, begin, layout, labels, texts, words=()):
             kept[name].add(block.column(name))
     columns = {label: kept[place[label]].all() for label in labels if rows}
     columns |= {label: kept[place[label]].all() for label in texts}
-    return columns, odd, rows
+    return columns, odd, rows, stream.marks
 
 
 def is_written(data: bytes | Content, layout: Layout, label: str) -> bool:
@@ -282,6 +285,23 @@ def refuse_channels(columns: Mapping, labels: Sequence[str]) -> None:
             )
 
 
+class _Quoted(io.RawIOBase):
+    """A readable of bytes whose quotation marks are counted as they pass."""
+
+    def __init__(self, stream):
+        self.stream, self.marks = stream, 0
+
+    def readable(self):
+        return True
+
+    def read(self, size=-1):
+        """The next bytes, as many as asked for where there are so many."""
+        block = self.stream.read(size)
+        # To find none is four times as fast as to count them.
+        self.marks += block.count(b'"') if b'"' in block else 0
+        return block
+
+
 class _Numbers:
     """A column of numbers that grows by the blocks a text is read in, without a copy of it all."""
 
@@ -292,7 +312,10 @@ class _Numbers:
         """Put a block of the column (a pyarrow array) behind the others."""
         stop = self.rows + len(block)
         if stop > len(self.values):
-            self.values.resize(stop + min(stop, PIECE_ROWS), refcheck=False)
+            # What is not yet written to takes no memory.
+            more = np.empty(2 * stop)
+            more[: self.rows] = self.values[: self.rows]
+            self.values = more
         self.values[self.rows : stop] = block.to_numpy(zero_copy_only=False)
         self.rows = stop
 
@@ -358,11 +381,11 @@ def _fault(data, layout: Layout, labels: Sequence[str], otherwise: str) -> Refus
     return Refusal(f"not a readable table: {otherwise}")
 
 
-def _refuse_open_quotation(data, begin, layout):
-    """Refuse a cell that goes on over lines: its rows are lost, also where no column shows it."""
-    blocks = iter(partial(stream_from(data, begin).read, BLOCK), b"")
-    if sum(block.count(b'"') for block in blocks) % 2 == 0:
-        return
+def _refuse_open_quotation(data, layout):
+    """Refuse a cell that goes on over lines: its rows are lost, also where no column shows it.
+
+    Asked where the number of quotation marks is odd.
+    """
     rows, line = _reader(data, layout), 0
     try:
         for _ in rows:

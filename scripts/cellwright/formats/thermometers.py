@@ -5,6 +5,7 @@ import re
 import numpy as np
 
 from cellwright.formats.fields import probe_column
+from cellwright.formats.pieces import any_where
 
 PROBE = re.compile(r"surface_temperature(?:_(\d+))?_celsius")
 # ASSUME: A thermometer that shows one value throughout is dead where another one on the cell moves
@@ -15,7 +16,7 @@ MOVED_KELVIN, FROM_ZERO_KELVIN = 2.0, 10.0
 def without_blank(columns: dict) -> tuple[dict, list[str]]:
     """Columns without thermometers, also of the chamber, that show no number; a note on each."""
     blank = [n for n in columns if n.endswith("temperature_celsius") or PROBE.fullmatch(n)]
-    blank = [name for name in blank if not np.isfinite(columns[name]).any()]
+    blank = [name for name in blank if not any_where(np.isfinite, columns[name])]
     kept = {name: values for name, values in columns.items() if name not in blank}
     return kept, [f"{name} shows no number in any row: left out" for name in blank]
 

@@ -19,7 +19,12 @@ def robust_std(deviations):
 
     Source: Rousseeuw & Croux, J. Am. Stat. Assoc. 88 (1993) 1273: 1.4826 median |x|.
     """
-    return 1.4826 * float(np.median(np.abs(deviations))) if np.size(deviations) else 0.0
+    return of_median(np.median(np.abs(deviations))) if np.size(deviations) else 0.0
+
+
+def of_median(size):
+    """Standard deviation of normal deviations whose magnitudes have this median, in its unit."""
+    return 1.4826 * float(size)
 
 
 def white_noise_of(values):

@@ -11,6 +11,15 @@ import numpy as np
 
 from cellwright.formats.fields import NET, SERIES
 from cellwright.formats.physics import COLDEST, HOTTEST
+from cellwright.formats.pieces import (
+    any_where,
+    count_where,
+    largest,
+    median_of,
+    pieces,
+    rows_where,
+    step_at,
+)
 from cellwright.refusal import Refusal
 from cellwright.series.doubts import Doubt, counter_digit, doubts
 from cellwright.series.doubts import sentences as doubts_in_words
@@ -83,13 +92,15 @@ def flag(
     rows = _kept(flags)
     kept = [_of_rows(column, rows) for column in (time, current, voltage)]
     # A change by a hundredth of the largest current is a step: it explains one of the voltage.
-    step = 0.01 * float(np.max(np.abs(kept[1]), initial=0.0))
+    step = 0.01 * largest(kept[1])
     for kind, detector in (
         (Flag.REPEAT, lambda rows, t, i, v: _twice(t, i, v)),
         (Flag.REPEAT, lambda rows, t, i, v: _repeats(t, i, step)),
         (Flag.OUT_OF_PLACE, lambda rows, t, i, v: _out_of_place(t)),
         (Flag.CLOCK, lambda rows, t, i, v: _clock_jumps(t, rows)),
-        (Flag.GAP, lambda rows, t, i, v: silent_before(rebased(t, flags[rows]), gap_second)),
+        (Flag.GAP, lambda rows, t, i, v: silent_before(
+            rebased(t, _of_rows(flags, rows)), gap_second
+        )),
         (Flag.SPIKE, lambda rows, t, i, v: np.union1d(
             spike_rows(i, v, limit_volt=spike_limit_volt, current_step_ampere=step),
             spikes_under_load(t, i, v, limit_volt=spike_limit_volt),
@@ -97,7 +108,9 @@ def flag(
         (Flag.BURST, lambda rows, t, i, v: burst_rows(
             i, v, limit_volt=spike_limit_volt, current_step_ampere=step
         )),
-        (Flag.LOST, lambda rows, t, i, v: _lost_rows(rebased(t, flags[rows]), rows, flags)),
+        (Flag.LOST, lambda rows, t, i, v: _lost_rows(
+            rebased(t, _of_rows(flags, rows)), rows, flags
+        )),
     ):  # fmt: skip
         # Each looks among the rows that are kept so far.
         found = rows[detector(rows, *kept)]
@@ -107,21 +120,25 @@ def flag(
             kept = [_of_rows(column, rows) for column in (time, current, voltage)]
     if "file_index" in columns:
         # What the cell did before a file begins is not in the record.
-        flags[rows[1:][np.diff(columns["file_index"][rows]) != 0]] |= Flag.GAP
+        files = _of_rows(columns["file_index"], rows)
+        flags[rows[1:][rows_where(lambda f: np.diff(f) != 0, files, beside=1)]] |= Flag.GAP
     for name in filter(_is_thermometer, columns):
-        blank = rows[~np.isfinite(_blanked(name, _of_rows(columns[name], rows)))]
+        shown = _of_rows(columns[name], rows)
+        blank = rows[rows_where(lambda c, n=name: ~np.isfinite(_blanked(n, c)), shown)]
         flags[blank if len(blank) <= BLANK_SHARE * len(rows) else slice(0)] |= Flag.NO_VALUE
     return flags
 
 
 def counts(flags: np.ndarray) -> dict[str, int]:
     """Number of rows with each flag, by the flag's name in lower case."""
-    return {kind.name.lower(): int(np.count_nonzero(flags & kind)) for kind in Flag}
+    return {kind.name.lower(): count_where(lambda f, kind=kind: f & kind, flags) for kind in Flag}
 
 
 def _kept(flags: np.ndarray) -> np.ndarray:
     """Rows that no flag so far removes."""
-    return np.flatnonzero((flags & REMOVED) == 0)
+    if not any_where(lambda f: f & REMOVED, flags):
+        return np.arange(len(flags))
+    return rows_where(lambda f: (f & REMOVED) == 0, flags)
 
 
 def _of_rows(column: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -133,8 +150,9 @@ def _unreadable(*columns: np.ndarray) -> np.ndarray:
     """Flags (n,) of rows in which time, current or voltage is no reading."""
     flags = np.zeros(columns[0].size, dtype=np.int16)
     for column in columns:
-        flags[~np.isfinite(column)] |= Flag.NAN
-        flags[np.isfinite(column) & (np.abs(column) > NO_READING)] |= Flag.SENTINEL
+        flags[rows_where(lambda c: ~np.isfinite(c), column)] |= Flag.NAN
+        marks = rows_where(lambda c: np.isfinite(c) & (np.abs(c) > NO_READING), column)
+        flags[marks] |= Flag.SENTINEL
     flags[unmeasured(columns[2])] |= Flag.SENTINEL
     return flags
 
@@ -144,15 +162,19 @@ def unmeasured(voltage: np.ndarray) -> np.ndarray:
 
     The nearest other readings, of which there is one at least, are above 1 V: no cell jumps there.
     """
-    dead = voltage == 0
-    rows = np.flatnonzero(dead)
-    others = np.flatnonzero(np.isfinite(voltage) & ~dead)
-    if not len(rows) or not len(others):
-        return dead & False
+    dead = np.zeros(len(voltage), bool)
+    rows = rows_where(lambda v: v == 0, voltage)
+    others = np.flatnonzero(np.isfinite(voltage) & (voltage != 0)) if len(rows) else rows
+    if not len(others):
+        return dead
     place = np.searchsorted(others, rows)
     sides = others[np.maximum(place - 1, 0)], others[np.minimum(place, len(others) - 1)]
     dead[rows] = np.all([np.abs(voltage[side]) > LEAST_VOLT for side in sides], axis=0)
     return dead
+
+
+def _falls(time):
+    return np.diff(time) < 0
 
 
 def _twice(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> np.ndarray:
@@ -160,20 +182,22 @@ def _twice(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> np.nda
 
     Their clock goes back with them; two measurements are never equal in all.
     """
-    if not np.any(np.diff(time) < 0):
+    if not any_where(_falls, time, beside=1):
         return np.zeros(0, int)
     return np.flatnonzero(repeated_rows(dict(zip(SERIES, (time, current, voltage), strict=True))))
 
 
 def _repeats(time: np.ndarray, current: np.ndarray, step: float) -> np.ndarray:
     """Rows that repeat the time of the row before, but for edges, where the current steps."""
-    return np.flatnonzero((np.diff(time) == 0) & ~(np.abs(np.diff(current)) > step)) + 1
+    return 1 + rows_where(
+        lambda t, i: (np.diff(t) == 0) & ~(np.abs(np.diff(i)) > step), time, current, beside=1
+    )
 
 
 def _out_of_place(time: np.ndarray) -> list[int]:
     """Single rows out of order in time: behind the row before, or too far ahead of the next."""
     found = []
-    for row in np.flatnonzero(np.diff(time) < 0) + 1:
+    for row in rows_where(_falls, time, beside=1) + 1:
         resumes = row + 1 >= time.size or time[row + 1] > time[row - 1]
         overshot = row > 1 and time[row - 2] < time[row] < time[row - 1]
         if resumes or overshot:
@@ -186,9 +210,10 @@ def _clock_jumps(time: np.ndarray, rows: np.ndarray) -> list[int]:
 
     Rows without a reading are gone from between, but their time passed: each counts as a step.
     """
-    interval, found = np.diff(time), []
-    if not (interval < 0).any():
+    found = []
+    if not any_where(_falls, time, beside=1):
         return found
+    interval = np.diff(time)
     typical, lost = float(np.median(interval[interval > 0])), 0.0
     beyond = interval - typical * np.diff(rows)
     for row in np.flatnonzero((interval < 0) | (beyond > 4 * typical)) + 1:
@@ -204,12 +229,16 @@ def _lost_rows(time: np.ndarray, rows: np.ndarray, flags: np.ndarray) -> np.ndar
 
     Neither a gap nor rows that were removed here are such.
     """
-    interval = np.diff(time)
-    long = np.flatnonzero(interval[1:] > 1.4 * interval[:-1]) + 1
-    around = np.delete(rows_around(long, 2 * PACE_ROWS + 1, len(interval)), PACE_ROWS, axis=1)
-    slow, fast = (extreme(interval[around], axis=1) for extreme in (np.max, np.min))
+
+    def longer(time):
+        interval = np.diff(time)
+        return interval[1:] > 1.4 * interval[:-1]
+
+    long = rows_where(longer, time, beside=2) + 1
+    around = np.delete(rows_around(long, 2 * PACE_ROWS + 1, len(time) - 1), PACE_ROWS, axis=1)
+    slow, fast = (extreme(step_at(time, around), axis=1) for extreme in (np.max, np.min))
     even = (slow <= (1 + OTHER_PACE) * fast) & (fast > 0)
-    long, times = long[even], interval[long[even]] / slow[even]
+    long, times = long[even], step_at(time, long[even]) / slow[even]
     found = long[(times > 1.5) & (np.abs(times - np.rint(times)) <= OTHER_PACE)]
     found = found[(rows[found + 1] - rows[found] == 1) & ((flags[rows[found + 1]] & Flag.GAP) == 0)]
     return found + 1 if len(found) <= SINGLE_SHARE * len(time) else np.empty(0, int)
@@ -223,7 +252,7 @@ def without_zeros(columns: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]
     changed = {}
     for name in filter(_is_thermometer, columns):
         zero = columns[name] == 0
-        if zero.all():
+        if zero.all() or not zero.any():
             continue
         # A change of the temperature by so much from one row to the next is a contact's.
         edges = np.abs(np.diff(columns[name])) > CONTACT_KELVIN
@@ -243,7 +272,7 @@ def _is_thermometer(name: str) -> bool:
 
 def rebased(time: np.ndarray, flags: np.ndarray) -> np.ndarray:
     """Time [s] in which a row after a jump of the clock follows after the interval before it."""
-    jumps = np.flatnonzero(flags & Flag.CLOCK)
+    jumps = _rows_of(flags, Flag.CLOCK)
     if not jumps.size:
         return time
     interval = np.diff(time, prepend=time[0])
@@ -282,20 +311,25 @@ def spike_rows(
     Thesis ch. 5.2 and table 5.1. Erratum: its test compares signed differences; the two steps of
     a spike have opposite signs, so magnitudes and signs are compared here.
     """
-    step = np.diff(voltage_volt)
-    if step.size < 4:
+    if voltage_volt.size < 5:
         return np.empty(0, dtype=int)
-    rows = np.arange(2, voltage_volt.size - 2)
-    into, out = step[1:-2], step[2:-1]
-    least = np.minimum(np.abs(into), np.abs(out))
-    suspect = rows[(into * out < 0) & (least > limit_volt)]
-    limit = 8.0 * _typical_step(step, suspect)
-    suspect = suspect[least[suspect - 2] > limit]
+
+    def least(into, out):
+        return np.minimum(np.abs(into), np.abs(out))
+
+    def jumps(voltage):
+        into, out = np.diff(voltage)[1:-2], np.diff(voltage)[2:-1]
+        return (into * out < 0) & (least(into, out) > limit_volt)
+
+    suspect = rows_where(jumps, voltage_volt, beside=4) + 2
+    limit = 8.0 * _typical_step(voltage_volt, suspect)
+    size = least(step_at(voltage_volt, suspect - 1), step_at(voltage_volt, suspect))
+    suspect, size = suspect[size > limit], size[size > limit]
     around = suspect[:, None] + np.arange(-2, 3)
     quiet = np.ptp(current_ampere[around], axis=1) < current_step_ampere
     quiet &= ~_answered(current_ampere, voltage_volt, suspect, 0.1 * current_step_ampere)
     neighbours = voltage_volt[around[:, [0, 1, 3, 4]]]
-    smooth = np.ptp(neighbours, axis=1) < 0.5 * least[suspect - 2]
+    smooth = np.ptp(neighbours, axis=1) < 0.5 * size
     return suspect[quiet & smooth]
 
 
@@ -306,15 +340,15 @@ def _answered(
     neighbours = rows[:, None] + np.array([-1, 1])
     out_current = current[rows] - current[neighbours].mean(axis=1)
     out_voltage = voltage[rows] - voltage[neighbours].mean(axis=1)
-    quiet = _typical_step(np.diff(current), rows, quantile=0.25)
+    quiet = _typical_step(current, rows, quantile=0.25)
     limit = np.maximum(3 * quiet, least_ampere)
     return (out_current * out_voltage > 0) & (np.abs(out_current) > limit)
 
 
-def _typical_step(step: np.ndarray, rows: np.ndarray, *, quantile: float = 0.5) -> np.ndarray:
-    """Quantile of the magnitude of the steps within ten samples of each row."""
-    near = np.clip(rows[:, None] + np.arange(-10, 10), 0, step.size - 1)
-    return np.quantile(np.abs(step[near]), quantile, axis=1)
+def _typical_step(values: np.ndarray, rows: np.ndarray, *, quantile: float = 0.5) -> np.ndarray:
+    """Quantile of the magnitude of the values' steps within ten samples of each row."""
+    near = np.clip(rows[:, None] + np.arange(-10, 10), 0, values.size - 2)
+    return np.quantile(np.abs(step_at(values, near)), quantile, axis=1)
 
 
 def net_charge(
@@ -346,51 +380,72 @@ def net_charge(
 
     Returns an array [Ah], 0 in the first row.
     """
-    interval = np.diff(test_time_second) / 3600
-    before, after = current_ampere[:-1] * interval, current_ampere[1:] * interval
-    moved = 0.5 * (before + after)
-    rows = step_rows(test_time_second, current_ampere)
-    begun = rows[begun_at_last_row(test_time_second, current_ampere, rows)]
-    moved[begun - 1] = after[begun - 1]
-    counted = np.full(moved.size, np.nan)
-    if counter_ampere_hour is not None:
-        counted = np.diff(counter_ampere_hour)
-    digits = np.where(interval > 10 * np.median(interval), 5, 20)
-    better = _counter_is_better(before, after, counted, digits)
-    moved[better] = counted[better]
+    time, current, counter = test_time_second, current_ampere, counter_ampere_hour
+    charge = np.zeros(len(time))
+    moved = charge[1:]
+    for part in pieces(len(time), beside=1):
+        before, after = _by_either_current(time[part], current[part])
+        moved[part.start : part.stop - 1] = 0.5 * (before + after)
+    rows = step_rows(time, current)
+    begun = rows[begun_at_last_row(time, current, rows)]
+    moved[begun - 1] = current[begun] * (step_at(time, begun - 1) / 3600)
+    better = _counter_is_better(time, current, counter)
+    moved[better] = step_at(counter, better) if len(better) else 0.0
     if gap_rows is not None and gap_rows.size:
-        across = _across_gaps(before, after, counted, gap_rows - 1)
-        if silent is not None:
-            unseen = ~np.isfinite(counted[gap_rows - 1])
-            ran = 0.5 * (before + after)[gap_rows - 1]
-            across = np.where(unseen & (silent == RAN), ran, across)
-            across = np.where(unseen & (silent == RESTED), 0.0, across)
-        moved[gap_rows - 1] = across
-    return np.concatenate([[0.0], np.cumsum(moved)])
+        moved[gap_rows - 1] = _across_gaps(time, current, counter, gap_rows, silent)
+    np.cumsum(moved, out=moved)
+    return charge
 
 
-def _counter_is_better(
-    before: np.ndarray, after: np.ndarray, counted: np.ndarray, digits: np.ndarray
-) -> np.ndarray:
-    """Intervals in which the counter is more accurate than the trapezoid, and plausible."""
-    if not np.any(counted[np.isfinite(counted)]):
-        return np.zeros(counted.size, dtype=bool)
-    digit = counter_digit(counted[np.isfinite(counted)])
+def _by_either_current(time, current):
+    """Charge [Ah] that the current before, and the one after, would move in each interval."""
+    interval = np.diff(time) / 3600
+    return current[:-1] * interval, current[1:] * interval
+
+
+def _counter_is_better(time, current, counter) -> np.ndarray:
+    """Intervals (k,) in which the counter is more accurate than the trapezoid, and plausible."""
+    known = counter is not None and any_where(_counts, counter, beside=1)
+    if not known:
+        return np.empty(0, int)
+    digit = counter_digit(np.diff, counter, beside=1)
+    long = 10 * median_of(lambda t: np.diff(t) / 3600, time, beside=1)
+
+    def better(time, current, counter):
+        digits = np.where(np.diff(time) / 3600 > long, 5, 20)
+        before, after = _by_either_current(time, current)
+        return _is_better(before, after, np.diff(counter), digits, digit)
+
+    return rows_where(better, time, current, counter, beside=1)
+
+
+def _counts(counter):
+    """Whether a counter moves between rows, both of which hold a number."""
+    step = np.diff(counter)
+    return np.isfinite(step) & (step != 0)
+
+
+def _is_better(before, after, counted, digits, digit):
     unsure = 0.5 * np.abs(after - before) > digits * digit
     slack = digit + 0.02 * np.maximum(np.abs(before), np.abs(after))
     low, high = np.minimum(before, after) - slack, np.maximum(before, after) + slack
     return unsure & (counted >= low) & (counted <= high)
 
 
-def _across_gaps(
-    before: np.ndarray, after: np.ndarray, counted: np.ndarray, gaps: np.ndarray
-) -> np.ndarray:
-    """Charge over each gap [Ah]; `gaps` are numbers of intervals."""
+def _across_gaps(time, current, counter, rows, silent) -> np.ndarray:
+    """Charge over the gap before each of the rows [Ah]; silent : as of `net_charge`."""
+    hour = step_at(time, rows - 1) / 3600
+    before, after = current[rows - 1] * hour, current[rows] * hour
+    counted = np.full(len(rows), np.nan) if counter is None else step_at(counter, rows - 1)
     # ASSUME: In a gap of a record without a counter, a current that is the same on both sides
     # flowed all the time, and otherwise none did.
-    same = np.abs(after[gaps] - before[gaps]) <= 0.1 * np.abs(after[gaps])
-    guess = np.where(same, 0.5 * (before + after)[gaps], 0.0)
-    return np.where(np.isfinite(counted[gaps]), counted[gaps], guess)
+    same = np.abs(after - before) <= 0.1 * np.abs(after)
+    ran = 0.5 * (before + after)
+    across = np.where(same, ran, 0.0)
+    if silent is not None:
+        across = np.where(silent == RAN, ran, across)
+        across = np.where(silent == RESTED, 0.0, across)
+    return np.where(np.isfinite(counted), counted, across)
 
 
 ACTION = {
@@ -463,12 +518,12 @@ def remove(
     if kept.size < 2:
         raise Refusal(f"{kept.size} of {flags.size} rows are left after cleaning")
     clean = {name: _blanked(name, _of_rows(column, kept)) for name, column in columns.items()}
-    marks = flags[kept]
+    marks = _of_rows(flags, kept)
     clean["test_time_second"] = rebased(clean["test_time_second"], marks)
-    spikes = np.flatnonzero(marks & Flag.SPIKE)
+    spikes = _rows_of(marks, Flag.SPIKE)
     clean["voltage_volt"] = spike_free(*(clean[name] for name in SERIES), spikes)
-    clean["voltage_volt"] = without_bursts(clean["voltage_volt"], (marks & Flag.BURST) > 0)
-    gaps = np.flatnonzero(marks & Flag.GAP)
+    clean["voltage_volt"] = without_bursts(clean["voltage_volt"], _rows_of(marks, Flag.BURST))
+    gaps = _rows_of(marks, Flag.GAP)
     silent = gap_verdicts(*(clean[name] for name in SERIES), gaps)
     clean["charge_ampere_hour"] = _charge(clean, gaps, silent)
     rests = rest_reading(clean)
@@ -486,7 +541,7 @@ def remove(
         notes += [f"and {more} more such gaps"] * (more > 0)
     doubt = doubts(
         clean,
-        jumps=np.flatnonzero(marks & Flag.CLOCK),
+        jumps=_rows_of(marks, Flag.CLOCK),
         gaps=gaps,
         silent=silent,
         rated_capacity_ampere_hour=rated_capacity_ampere_hour,
@@ -497,6 +552,11 @@ def remove(
         clean["doubt"] = doubt
         notes += doubts_in_words(clean["test_time_second"], doubt)
     return Cleaned(clean, _actions(columns, flags, kept, rests), tuple(notes))
+
+
+def _rows_of(flags, kind):
+    """Rows that carry a flag."""
+    return rows_where(lambda f: f & kind, flags)
 
 
 def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray, silent) -> np.ndarray:
@@ -518,16 +578,21 @@ def _blanked(name: str, column: np.ndarray) -> np.ndarray:
     if not np.issubdtype(column.dtype, np.floating):
         return column
     lowest, highest = (COLDEST, HOTTEST) if _is_thermometer(name) else (-NO_READING, NO_READING)
-    beyond = (column > highest) | (column < lowest)
-    return np.where(beyond, np.nan, column) if beyond.any() else column
+    beyond = rows_where(lambda c: (c > highest) | (c < lowest), column)
+    if not len(beyond):
+        return column
+    blanked = column.copy()
+    blanked[beyond] = np.nan
+    return blanked
 
 
-def _no_temperature(columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """What is shown in each row instead of a temperature (n,), NaN where nothing is."""
-    shown = np.full(len(columns["test_time_second"]), np.nan)
+def _no_temperature(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> np.ndarray:
+    """What is shown in rows (k,) instead of a temperature, NaN where nothing is."""
+    shown = np.full(len(rows), np.nan)
     for name in filter(_is_thermometer, columns):
-        beyond = ~np.isfinite(_blanked(name, columns[name]))
-        shown[beyond] = columns[name][beyond]
+        values = columns[name][rows]
+        beyond = ~np.isfinite(_blanked(name, values))
+        shown[beyond] = values[beyond]
     return shown
 
 
@@ -537,13 +602,13 @@ def _actions(
     """One line for each flag of each row, and one for each rest whose reading is not counted."""
     time, current, voltage = (columns[name] for name in SERIES)
     timed = Flag.OUT_OF_PLACE | Flag.CLOCK | Flag.GAP | Flag.REPEAT
-    at_fault = np.where(np.abs(current) > NO_READING, current, voltage)
-    values = {Flag.NO_VALUE: _no_temperature(columns)}
-    lines = [
-        (row, kind, values.get(kind, time if kind & timed else at_fault)[row])
-        for kind in Flag
-        for row in np.flatnonzero(flags & kind)
-    ]
+    lines = []
+    for kind in Flag:
+        rows = _rows_of(flags, kind)
+        values = np.where(np.abs(current[rows]) > NO_READING, current[rows], voltage[rows])
+        values = time[rows] if kind & timed else values
+        values = _no_temperature(columns, rows) if kind == Flag.NO_VALUE else values
+        lines += [(row, kind, value) for row, value in zip(rows, values, strict=True)]
     if rests.verdict == "sensor":
         begins = zip(kept[rests.first], rests.mean_ampere, strict=True)
         lines += [(row, Flag.REST_READING, mean) for row, mean in begins]

@@ -10,11 +10,23 @@ from enum import IntFlag
 import numpy as np
 
 from cellwright.formats.fields import NET, SERIES
-from cellwright.numerics.statistics import robust_std
+from cellwright.formats.pieces import (
+    all_where,
+    any_where,
+    column_of,
+    count_where,
+    largest,
+    median_of,
+    pieces,
+    rows_where,
+    step_at,
+    summed,
+)
+from cellwright.numerics.statistics import of_median
 from cellwright.numerics.turns import turning_points
 from cellwright.series.gaps import OTHER_LOAD, UNKNOWN, load_went_on
 from cellwright.series.rest_current import near_zero_ampere, stretches
-from cellwright.series.spikes import rows_around
+from cellwright.series.spikes import bend, bend_at, rows_around
 
 LOAD_SHARE = 0.2  # of the largest current: a step of so much must move the voltage
 SAME_SHARE = 0.02  # of the largest current: within so much it is the same
@@ -94,9 +106,10 @@ def sentences(time: np.ndarray, doubt: np.ndarray) -> list[str]:
     """A sentence on each kind of doubt in a `doubt` column: how often, and from when on [s]."""
     found = []
     for flag, words in WORDS.items():
-        rows = np.flatnonzero(doubt & flag)
-        if len(rows):
-            found.append(f"{words} ({len(rows)} rows, first at {time[rows[0]]:.6g} s)")
+        rows = count_where(lambda d, flag=flag: d & flag, doubt)
+        if rows:
+            first = np.argmax(doubt & flag > 0)
+            found.append(f"{words} ({rows} rows, first at {time[first]:.6g} s)")
     return found
 
 
@@ -172,10 +185,11 @@ def off_stated(surface_celsius, ambient_celsius) -> bool:
     A load warms it, but before the load, and in its rests, it comes near.
     surface_celsius : (n,) [°C], NaN where not known. ambient_celsius : [°C] or None.
     """
-    known = surface_celsius[np.isfinite(surface_celsius)]
-    if ambient_celsius is None or not len(known):
+    if ambient_celsius is None or not any_where(np.isfinite, surface_celsius):
         return False
-    return bool(np.min(np.abs(known - ambient_celsius)) > THERMOMETER_KELVIN)
+    return not any_where(
+        lambda shown: np.abs(shown - ambient_celsius) <= THERMOMETER_KELVIN, surface_celsius
+    )
 
 
 def blank_stretches(time, celsius) -> np.ndarray:
@@ -183,6 +197,8 @@ def blank_stretches(time, celsius) -> np.ndarray:
 
     Some instruments log a temperature every few rows: there nothing is missing.
     """
+    if all_where(np.isfinite, celsius):
+        return np.zeros(len(time), bool)
     known = np.flatnonzero(np.isfinite(celsius))
     blank = np.ones(len(time), bool)
     if len(known) < 2:
@@ -203,14 +219,18 @@ def beyond_cutoffs(current, voltage, cutoffs) -> np.ndarray:
     electrode against a metal begins above the upper one, for nothing was ever inserted.
     """
     low, high = (np.nan if limit is None else limit for limit in cutoffs)
-    rows = np.flatnonzero((voltage > high + REST_VOLT) | (voltage < low - REST_VOLT))
+    rows = rows_where(lambda v: (v > high + REST_VOLT) | (v < low - REST_VOLT), voltage)
     # Right after a load the voltage is still its own, and before the first row there may be one.
     rows = rows[rows >= 5]
     if is_negative_electrode(cutoffs):
         rows = rows[np.logical_or.accumulate(voltage <= high)[rows]]
-    near, above = current[rows_around(rows, 11, len(current))], voltage[rows] > high + REST_VOLT
-    near = np.where(above[:, None], near, np.abs(near))
-    return rows[np.all(near <= near_zero_ampere(current), axis=1)]
+    zero = near_zero_ampere(current)
+
+    def idle(rows):
+        near, above = current[rows_around(rows, 11, len(current))], voltage[rows] > high + REST_VOLT
+        return np.all(np.where(above[:, None], near, np.abs(near)) <= zero, axis=1)
+
+    return rows[column_of(idle, rows, dtype=bool)]
 
 
 def is_negative_electrode(cutoffs) -> bool:
@@ -224,8 +244,9 @@ def drawn_beyond(current, voltage, lower_cutoff_volt, rated_capacity_ampere_hour
     """Whether a slow discharge runs on below the lower cut-off, which no overpotential explains."""
     if lower_cutoff_volt is None or not rated_capacity_ampere_hour:
         return False
-    slow = (current < 0) & (current >= -SLOW_C_RATE * rated_capacity_ampere_hour)
-    return int(np.sum(slow & (voltage < lower_cutoff_volt - DRAWN_VOLT))) >= DRAWN_ROWS
+    slow, low = -SLOW_C_RATE * rated_capacity_ampere_hour, lower_cutoff_volt - DRAWN_VOLT
+    drawn = count_where(lambda i, v: (i < 0) & (i >= slow) & (v < low), current, voltage)
+    return drawn >= DRAWN_ROWS
 
 
 def _all_if_many(rows):
@@ -252,40 +273,81 @@ def against_counter(time, current, counter, apart) -> np.ndarray:
     Compared are stretches that move a twentieth of the charge's span; within an interval in which
     the current steps the trapezoid only guesses, and what it may be off by is allowed for.
     """
-    size = np.abs(np.diff(current))
-    hour = np.where(apart[1:], 0.0, np.diff(time)) / 3600
-    moved = 0.5 * (current[1:] + current[:-1]) * hour
     known = np.isfinite(counter)
-    if known.sum() < 2:
+    if np.count_nonzero(known) < 2:
         return np.zeros(len(time), bool)
     if not known.all():
         counter = np.interp(np.arange(len(time)), np.flatnonzero(known), counter[known])
-    step = np.where(apart[1:], 0.0, np.diff(counter))
-    if not np.any(step):
+    if not any_where(_counted, counter, apart, beside=1):
         return np.zeros(len(time), bool)
-    digit = counter_digit(step)
-    way = np.abs(moved)
-    span = float(np.ptp(np.cumsum(moved)))
-    window = np.floor(np.cumsum(way) / max(WINDOW_SHARE * span, 20 * digit, 1e-12))
-    first = np.flatnonzero(np.diff(window, prepend=-1.0))
-    sums = [np.add.reduceat(values, first) for values in (moved, step, way, size * hour)]
+    digit = counter_digit(_counted, counter, apart, beside=1)
+    last, lowest, highest = None, np.inf, -np.inf
+    for rows in pieces(len(time), beside=1):
+        moved, _ = _moved(time[rows], current[rows], apart[rows])
+        last = summed(moved, last)
+        lowest, highest = min(lowest, moved.min()), max(highest, moved.max())
+    window = max(WINDOW_SHARE * float(highest - lowest), 20 * digit, 1e-12)
+    first, sums = _by_windows(time, current, counter, apart, window)
     by_current, by_counter, travel, guessed = sums
     allowed = COUNTER_SHARE * np.maximum(travel, np.abs(by_counter)) + 0.5 * guessed + 2 * digit
     off = np.abs(by_current - by_counter) > allowed
-    return np.append(False, np.repeat(off, np.diff(np.append(first, len(moved)))))
+    return np.append(False, np.repeat(off, np.diff(np.append(first, len(time) - 1))))
 
 
-def counter_digit(steps) -> float:
-    """Resolution of a counter by its steps [Ah]: a power of ten from 1 to 1e-9."""
+def _moved(time, current, apart):
+    """Charge [Ah] that flowed between rows, none where these are apart, and the hours between."""
+    hour = np.where(apart[1:], 0.0, np.diff(time)) / 3600
+    return 0.5 * (current[1:] + current[:-1]) * hour, hour
+
+
+def _counted(counter, apart):
+    """Steps of a counter between rows, none where these are apart."""
+    return np.where(apart[1:], 0.0, np.diff(counter))
+
+
+def _by_windows(time, current, counter, apart, window):
+    """First intervals (k,) of stretches that move a `window` [Ah] each, and sums over them (4, k).
+
+    Sums: what moved by the current and by the counter, what moved to and fro, and what the steps of
+    the current leave open [Ah].
+    """
+    firsts, stretch, sums, count, last, latest = [], [], [], 0, None, -1.0
+    for rows in pieces(len(time), beside=1):
+        moved, hour = _moved(time[rows], current[rows], apart[rows])
+        step, guessed = _counted(counter[rows], apart[rows]), np.abs(np.diff(current[rows])) * hour
+        travelled = np.abs(moved)
+        values = np.stack([moved, step, travelled, guessed])
+        last = summed(travelled, last)
+        number = np.floor(travelled / window)
+        first = np.flatnonzero(np.diff(number, prepend=latest))
+        latest = number[-1]
+        # The first part of a piece may belong to the last stretch of the piece before.
+        begins = np.union1d(0, first)
+        stretch.append(count + np.arange(len(begins)) - (len(begins) > len(first)))
+        count += len(first)
+        firsts.append(first + rows.start)
+        sums.append(np.add.reduceat(values, begins, axis=1))
+    stretch, sums = np.concatenate(stretch), np.concatenate(sums, axis=1)
+    return np.concatenate(firsts), np.stack([np.bincount(stretch, part) for part in sums])
+
+
+def counter_digit(steps, *columns, beside=0) -> float:
+    """Resolution of a counter [Ah], a power of ten from 1 to 1e-9.
+
+    steps : function of pieces of the columns → steps of the counter [Ah]; NaN where there is none.
+    columns, beside : as of `pieces.rows_where`.
+    """
     powers = 10.0 ** -np.arange(10)
-    # A digit that some of the steps lack is none of all.
-    some = steps[:: max(len(steps) // 1000, 1)]
-    shown = (d for d in powers[:-1] if all(np.all(_whole(part / d)) for part in (some, steps)))
+    shown = (
+        digit
+        for digit in powers[:-1]
+        if all_where(lambda *x, digit=digit: _whole(steps(*x) / digit), *columns, beside=beside)
+    )
     return float(next(shown, powers[-1]))
 
 
 def _whole(values):
-    return np.abs(values - np.rint(values)) < 1e-3
+    return ~(np.abs(values - np.rint(values)) >= 1e-3)
 
 
 def steps_alone(time, current, voltage, apart, resistance=np.nan) -> np.ndarray:
@@ -297,19 +359,22 @@ def steps_alone(time, current, voltage, apart, resistance=np.nan) -> np.ndarray:
     """
     if len(time) < 8:
         return np.empty(0, int)
-    step = np.abs(np.diff(voltage))
-    beside = SUDDEN * np.maximum(step[:-2], step[2:])
-    rows = np.flatnonzero(step[1:-1] > np.maximum(FLOOR_VOLT, beside)) + 1
-    near = rows_around(rows, 7, len(step))
+
+    def sudden(voltage):
+        step = np.abs(np.diff(voltage))
+        return step[1:-1] > np.maximum(FLOOR_VOLT, SUDDEN * np.maximum(step[:-2], step[2:]))
+
+    rows = rows_where(sudden, voltage, beside=3) + 1
+    near = rows_around(rows, 7, len(time) - 1)
     around = near[:, [0, 1, 2, 4, 5, 6]]
-    interval, change = np.maximum(np.diff(time), 1e-9), np.abs(np.diff(current))
-    usual = np.max(step[around], axis=1)
-    pace = np.max(step[around] / interval[around], axis=1) * interval[rows]
-    changes = change[near] > SAME_SHARE * float(np.max(np.abs(current)))
-    disturbed = np.any(changes | apart[1:][near], axis=1)
+    step, change = np.abs(step_at(voltage, around)), np.abs(step_at(current, near))
+    interval = np.maximum(step_at(time, around), 1e-9)
+    usual = np.max(step, axis=1)
+    pace = np.max(step / interval, axis=1) * np.maximum(step_at(time, rows), 1e-9)
+    disturbed = np.any((change > SAME_SHARE * largest(current)) | apart[near + 1], axis=1)
     limit = np.maximum(FLOOR_VOLT, SUDDEN * np.maximum(usual, pace))
-    limit += 3 * np.nan_to_num(resistance) * np.max(change[near[:, 2:5]], axis=1)
-    return rows[(step[rows] > limit) & ~disturbed] + 1
+    limit += 3 * np.nan_to_num(resistance) * np.max(change[:, 2:5], axis=1)
+    return rows[(np.abs(step_at(voltage, rows)) > limit) & ~disturbed] + 1
 
 
 def unanswered(time, current, voltage, apart) -> tuple[np.ndarray, float]:
@@ -320,31 +385,31 @@ def unanswered(time, current, voltage, apart) -> tuple[np.ndarray, float]:
     whose voltage moves beyond its noise, for an empty cell answers by several times as much. NaN
     where no step is answered.
     """
-    change = np.diff(current)
-    largest = float(np.max(np.abs(current)))
-    edges = np.flatnonzero(np.abs(change) > LOAD_SHARE * largest)
-    edges = edges[(edges >= 3) & (edges < len(change) - 3)]
-    around = edges[:, None] + np.array([-2, -1, 1, 2])
-    steady = np.all(np.abs(change[around]) <= 0.1 * np.abs(change[edges])[:, None], axis=1)
-    edges = edges[steady & (np.diff(time)[edges] <= LONGEST_EDGE) & ~apart[edges + 1]]
+    least = LOAD_SHARE * largest(current)
+    edges = rows_where(lambda i: np.abs(np.diff(i)) > least, current, beside=1)
+    edges = edges[(edges >= 3) & (edges < len(current) - 4)]
+    around, change = edges[:, None] + np.array([-2, -1, 1, 2]), step_at(current, edges)
+    steady = np.all(np.abs(step_at(current, around)) <= 0.1 * np.abs(change)[:, None], axis=1)
+    steady &= (step_at(time, edges) <= LONGEST_EDGE) & ~apart[edges + 1]
+    edges, change = edges[steady], change[steady]
     if not len(edges):
         return np.empty(0, int), np.nan
-    sign = np.sign(change[edges])
+    sign = np.sign(change)
     answers = [
         sign * (voltage[edges + after] - voltage[edges - before])
         for after in (1, 2, 3)
         for before in (0, 1)
     ]
     answer = np.max(answers, axis=0)
-    noise = robust_std(np.diff(voltage)) / np.sqrt(2)
+    noise = of_median(median_of(lambda v: np.abs(np.diff(v)), voltage, beside=1)) / np.sqrt(2)
     chance = max(5 * noise, SILENT_VOLT)
     floor = FLOOR_VOLT / 2 + chance
     clear = answer > floor
     if not clear.any():
         return np.empty(0, int), np.nan
-    ratios = (answer / np.abs(change[edges]))[clear]
+    ratios = (answer / np.abs(change))[clear]
     resistance = float(np.quantile(ratios, 0.25, method="lower"))
-    expected = resistance * np.abs(change[edges])
+    expected = resistance * np.abs(change)
     none = max(3 * noise, SILENT_VOLT)
     missing = (expected > 2 * floor) & (answer < np.minimum(ANSWER_SHARE * expected, none))
     return edges[missing] + 1, resistance
@@ -356,8 +421,14 @@ def unanswered_specks(current, voltage, apart, resistance) -> np.ndarray:
     Drop-outs and spikes of the current's channel. Where the cell's resistance is not known, a
     voltage that stays within its own scatter is no answer.
     """
-    large = np.abs(np.diff(current)) > LOAD_SHARE * float(np.max(np.abs(current)))
-    rows = np.flatnonzero(large[2:-3] & large[3:-2]) + 3
+    least = LOAD_SHARE * largest(current)
+
+    def twice(current):
+        large = np.abs(np.diff(current)) > least
+        return large[:-1] & large[1:]
+
+    rows = rows_where(twice, current, beside=2) + 1
+    rows = rows[(rows > 2) & (rows < len(current) - 3)]
     before, after = current[rows] - current[rows - 1], current[rows] - current[rows + 1]
     alone = np.ones(len(rows), bool)
     for side in (-2, 2):
@@ -366,10 +437,10 @@ def unanswered_specks(current, voltage, apart, resistance) -> np.ndarray:
     rows = rows[alone & ~apart[rows] & ~apart[rows + 1]]
     if not len(rows):
         return rows
-    bend = np.abs(voltage[1:-1] - 0.5 * (voltage[:-2] + voltage[2:]))
     # The voltage's channel may lead by one row or lag by two.
-    answer = np.max([bend[rows - 1 + lag] for lag in (-1, 0, 1, 2)], axis=0)
-    chance = max(5 * robust_std(bend), SILENT_VOLT)
+    answer = np.max([np.abs(bend_at(voltage, rows + lag)) for lag in (-1, 0, 1, 2)], axis=0)
+    usual = median_of(lambda v: np.abs(bend(v)), voltage, beside=2)
+    chance = max(5 * of_median(usual), SILENT_VOLT)
     size = np.abs(current[rows] - current[rows - 1])
     expected = np.nan_to_num(resistance * size, nan=np.inf)
     return rows[(expected > 2 * chance) & (answer < np.minimum(ANSWER_SHARE * expected, chance))]
@@ -384,7 +455,8 @@ def against_rest(time, current, voltage, apart) -> np.ndarray:
     zero = near_zero_ampere(current)
     parts = np.flatnonzero(apart)
     found = []
-    for first, stop in zip(*stretches(np.abs(current) <= zero), strict=True):
+    rests = stretches(column_of(lambda i: np.abs(i) <= zero, current, dtype=bool))
+    for first, stop in zip(*rests, strict=True):
         # Beyond a gap it is another rest: what came between them is not in the record.
         cut = np.searchsorted(parts, first)
         whole = cut == len(parts) or parts[cut] > stop

@@ -6,6 +6,8 @@ ends. The first row of a step then lies one interval of that step after its begi
 
 import numpy as np
 
+from cellwright.formats.pieces import largest, rows_where, step_at
+
 STEP_SHARE = 0.05  # of a record's largest current: a change that is a step
 STEADY_SHARE = 0.1  # of the step, by which the current may move beside it: else it is no edge
 # Two intervals of one sampling differ by the clock's digits; what differs by more is another pace,
@@ -24,9 +26,12 @@ def step_rows(time, current):
     ----------
     time, current : (n,) [s], [A].
     """
-    largest = np.abs(current).max(initial=0.0)
-    stepped = np.abs(np.diff(current)) > STEP_SHARE * largest
-    return np.flatnonzero(stepped & (np.diff(time) > 0)) + 1
+    least = STEP_SHARE * largest(current)
+
+    def stepped(time, current):
+        return (np.abs(np.diff(current)) > least) & (np.diff(time) > 0)
+
+    return rows_where(stepped, time, current, beside=1) + 1
 
 
 # ASSUME: Where the interval across an edge has the pace of the rows after it and not of those
@@ -44,13 +49,15 @@ def begun_at_last_row(time, current, rows):
     """
     begun = np.zeros(len(rows), bool)
     inside = rows < len(time) - 1
-    row, interval, step = rows[inside], np.diff(time), np.diff(current)
-    across, after, bar = interval[row - 1], interval[row], STEADY_SHARE * np.abs(step[row - 1])
-    steady = (np.abs(step[row]) <= bar) & ((row < 2) | (np.abs(step[row - 2]) <= bar))
+    row = rows[inside]
+    across, after = step_at(time, row - 1), step_at(time, row)
+    bar, earlier = STEADY_SHARE * np.abs(step_at(current, row - 1)), np.maximum(row - 2, 0)
+    steady = np.abs(step_at(current, row)) <= bar
+    steady &= (row < 2) | (np.abs(step_at(current, earlier)) <= bar)
     as_after = steady & (np.abs(across - after) <= SAME_PACE * after)
     # What the record holds before its first rows is no pace.
     known = row > PACE_ROWS
-    before = [interval[np.maximum(row - 2 - k, 0)] for k in range(PACE_ROWS)]
+    before = [step_at(time, np.maximum(row - 2 - k, 0)) for k in range(PACE_ROWS)]
     changed = np.abs(np.median(before, axis=0) - after) > OTHER_PACE * after
     early = before[0] < (1.0 - OTHER_PACE) * across
     tells = steady & known & (changed | early)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.formats.pieces import sum_of
 from cellwright.numerics.statistics import robust_std
 
 RAN, RESTED, UNKNOWN, NO_LOAD = "load went on", "cell rested", "not known", "no load"
@@ -128,7 +129,9 @@ def in_words(time: np.ndarray, current: np.ndarray, gaps: np.ndarray, found: np.
         OTHER_LOAD: "it begins and ends under unlike loads: without a counter no charge is counted",
     }
     out = []
-    moved = np.sum(np.abs(current[1:]) * np.diff(time)) / 3600
+    if not len(gaps):
+        return out
+    moved = sum_of(lambda t, i: np.abs(i[1:]) * np.diff(t), time, current, beside=1) / 3600
     for row, what in zip(gaps, found, strict=True):
         length = time[row] - time[row - 1]
         charge = abs(current[row]) * length / 3600

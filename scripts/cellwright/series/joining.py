@@ -11,6 +11,15 @@ import numpy as np
 
 from cellwright.formats import SIGN_RULE, Reading
 from cellwright.formats.fields import ENERGY, NET, SERIES, counted_share
+from cellwright.formats.pieces import (
+    any_where,
+    column_of,
+    pieces,
+    rows_where,
+    step_at,
+    sum_of,
+    summed,
+)
 from cellwright.refusal import Refusal
 from cellwright.series.cleaning import CLEAN
 from cellwright.series.doubts import Doubt, against_counter
@@ -154,14 +163,22 @@ def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     if NET not in columns:
         return dict(columns)
     time, current, counter = (columns[name] for name in (*SERIES[:2], NET))
-    current = np.abs(current)
-    moved, least = np.diff(counter), 1e-3 * np.nanmax(np.abs(counter))
-    far = np.flatnonzero(np.abs(moved) > 5 * least) + 1
+    least = 1e-3 * max(np.nanmax(counter), -np.nanmin(counter))
+    far = rows_where(lambda c: np.abs(np.diff(c)) > 5 * least, counter, beside=1) + 1
     interval = np.abs(time[far] - time[far - 1])
-    possible = 2 * (np.maximum(current[far], current[far - 1]) * interval) / 3600 + least
-    reset = far[(np.abs(moved[far - 1]) > 5 * possible) & (np.abs(counter[far]) < possible)]
+    size = np.maximum(np.abs(current[far]), np.abs(current[far - 1]))
+    possible = 2 * (size * interval) / 3600 + least
+    moved = np.abs(step_at(counter, far - 1))
+    reset = far[(moved > 5 * possible) & (np.abs(counter[far]) < possible)]
+    steady = np.zeros(len(counter))
+    moved, last = steady[1:], None
+    for part in pieces(len(counter), beside=1):
+        moved[part.start : part.stop - 1] = np.diff(counter[part])
     moved[reset - 1] = counter[reset]
-    return {**columns, NET: counter[0] + np.concatenate([[0.0], np.cumsum(moved)])}
+    for part in pieces(len(moved)):
+        last = summed(moved[part], last)
+    steady += counter[0]
+    return {**columns, NET: steady}
 
 
 HOUR = 3600.0  # s
@@ -220,10 +237,10 @@ def _turned(columns: Mapping[str, np.ndarray], sign: int) -> dict[str, np.ndarra
     """Columns with all currents times the sign, and the counter rising with charge."""
     turned = dict(columns)
     for name in columns:
-        if name.endswith("current_ampere"):
+        if name.endswith("current_ampere") and sign < 0:
             turned[name] = columns[name] * sign
-    if NET in columns:
-        turned[NET] = columns[NET] * (-1 if counted_share(turned) < 0 else 1)
+    if NET in columns and counted_share(turned) < 0:
+        turned[NET] = columns[NET] * -1
     return turned
 
 
@@ -269,19 +286,27 @@ def _held_against_energy(columns):
         return columns
     kept = {name: values for name, values in columns.items() if name != ENERGY}
     time, current, voltage = (columns[name] for name in SERIES)
-    good = is_reading(time, current, voltage) & np.isfinite(energy)
+    good = is_reading(time, current, voltage)
+    good &= column_of(np.isfinite, energy, dtype=bool)
     good = slice(None) if good.all() else np.flatnonzero(good)
-    time, power, energy = time[good], (current * voltage)[good], energy[good]
-    moved = np.diff(energy)
-    if len(time) < 2 or not np.any(moved):
+    time, energy = time[good], energy[good]
+    if len(time) < 2 or not any_where(np.diff, energy, beside=1):
         return kept
+    power = column_of(np.multiply, current[good], voltage[good])
     # Whichever sign the file gives its current, energy and charge run together.
-    power = power * (np.sign(np.sum((power[1:] + power[:-1]) * np.diff(time) * moved)) or 1.0)
-    apart = np.r_[False, np.diff(time) < 0]
+    if sum_of(_together, time, power, energy, beside=1) < 0:
+        np.negative(power, out=power)
+    apart = np.zeros(len(time), bool)
+    apart[1 + rows_where(lambda t: np.diff(t) < 0, time, beside=1)] = True
     apart[silent_before(time, CLEAN.gap_second)] = True
     found = np.zeros(len(current), np.int16)
     found[good] = np.where(against_counter(time, power, energy, apart), Doubt.ENERGY, 0)
     return kept | {"doubt": found} if found.any() else kept
+
+
+def _together(time, power, energy):
+    """Above zero where the energy rises with the power, below where it falls."""
+    return (power[1:] + power[:-1]) * np.diff(time) * np.diff(energy)
 
 
 def _notes(reading, index, files):

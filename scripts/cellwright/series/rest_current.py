@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.formats.pieces import column_of, largest
+
 SIGMAS = 4.0  # beyond which chance is ruled out, with some tens of rests to look at
 PROMPT_SHARE = 0.5  # of the resistance that a step of load shows: there without delay
 LEAST_CHARGE_SHARE = 0.01  # of the charge that a record moves: a load that the cell relaxes from
@@ -18,13 +20,15 @@ EXCURSION_SECOND = 10.0  # a longer reading beyond what is near zero is a load
 
 def stretches(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First rows of the stretches in which a mask (n,) is true, and the rows after their last."""
-    turns = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(int)))
+    inner = np.flatnonzero(mask[1:] != mask[:-1]) + 1
+    begins, ends = [0][: np.count_nonzero(mask[:1])], [len(mask)][: np.count_nonzero(mask[-1:])]
+    turns = np.concatenate([begins, inner, ends]).astype(int)
     return turns[::2], turns[1::2]
 
 
 def near_zero_ampere(current: np.ndarray) -> float:
     """Reading [A] below which a record's current is near zero: no step, as in `cleaning.flag`."""
-    return 0.01 * float(np.max(np.abs(current), initial=0.0))
+    return 0.01 * largest(current)
 
 
 def relaxing_rests(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray:
@@ -210,8 +214,8 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
     relaxing = relaxing_rests(columns["voltage_volt"], first, stop)
     first, stop = first[relaxing], stop[relaxing]
     means = np.array([current[a:b].mean() for a, b in zip(first, stop, strict=True)])
-    hours, span = time / 3600.0, float(np.ptp(columns["charge_ampere_hour"]))
-    read = [np.trapezoid(current[a:b], hours[a:b]) for a, b in zip(first, stop, strict=True)]
+    span = float(np.ptp(columns["charge_ampere_hour"]))
+    read = [np.trapezoid(current[a:b], time[a:b] / 3600) for a, b in zip(first, stop, strict=True)]
     moved = float(np.sum(read))
     rests = RestReading(first, stop, means, "none", "")
     # A counted SoC is taken to be as sure as 0.3 % of the charge that a record moves.
@@ -226,7 +230,8 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
     )
     done = "counted"
     if verdict == "sensor":
-        under_load = hours[-1] - hours[0] - float(np.sum(hours[stop - 1] - hours[first]))
+        resting = float(np.sum(time[stop - 1] / 3600.0 - time[first] / 3600.0))
+        under_load = time[-1] / 3600.0 - time[0] / 3600.0 - resting
         more = readings.mean() * under_load / span
         done = f"not counted (if it is there under load too, which no rest tells, {more:+.1%} more)"
     return rests._replace(verdict=verdict, note=f"{seen}; {done}: {why}")
@@ -257,7 +262,7 @@ def open_circuit(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.
     time, current : (n,) arrays [s], [A]
     """
     limit = near_zero_ampere(current)
-    first, stop = stretches(np.abs(current) <= limit)
+    first, stop = stretches(column_of(lambda i: np.abs(i) <= limit, current, dtype=bool))
     brief = time[first[1:]] - time[stop[:-1] - 1] <= EXCURSION_SECOND
     small = [np.abs(current[a:b]).max() <= 5 * limit for a, b in zip(stop, first[1:], strict=False)]
     parted = ~(brief & np.array(small, dtype=bool))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.formats.pieces import rows_where
 from cellwright.refusal import Refusal
 from cellwright.series.doubts import RATING_SHARE
 from cellwright.series.rest_current import near_zero_ampere
@@ -35,7 +36,8 @@ def refuse_other_unit(columns, rated_capacity_ampere_hour, cutoffs_volt) -> None
     near = NEAR_SHARE * (upper - lower)
     if not (voltage.max() >= upper - near and voltage.min() <= lower + near):
         return
-    at_rest = voltage[np.abs(current) <= near_zero_ampere(current)]
+    zero = near_zero_ampere(current)
+    at_rest = voltage[rows_where(lambda i: np.abs(i) <= zero, current)]
     if not len(at_rest) or np.ptp(at_rest) < RESTS_SHARE * (upper - lower):
         return
     moved = float(np.ptp(charge))

@@ -13,6 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.formats.pieces import (
+    column_of,
+    largest,
+    pieces,
+    rows_where,
+    step_at,
+    sum_of,
+    summed,
+)
 from cellwright.series.cleaning import NO_READING, unmeasured
 
 NO_CURRENT = "no current flows"
@@ -77,22 +86,36 @@ def current_sign(
 
 def is_reading(time, current, voltage):
     """Rows that are readings, not marks for none."""
-    good = np.isfinite(time) & (np.abs(current) < NO_READING)
-    return good & (np.abs(voltage) < NO_READING) & ~unmeasured(voltage)
+    good = ~unmeasured(voltage)
+    return column_of(
+        lambda t, i, v, g: g & np.isfinite(t) & (np.abs(i) < NO_READING) & (np.abs(v) < NO_READING),
+        *(time, current, voltage, good),
+        dtype=bool,
+    )
 
 
 def _evidence_of_cell(time, current, voltage):
     """How far a cell's model prefers the current as it is, 1, or turned, -1; 0: neither."""
-    interval = np.diff(time)
-    # Over a gap nobody knows what flowed; a clock that goes back counts nothing.
-    interval[(interval < 0) | (interval > GAP_SECOND)] = 0.0
-    charge = np.append(0.0, np.cumsum(0.5 * (current[1:] + current[:-1]) * interval))
-    rows = slice(None, None, max(1, time.size // MOST_ROWS))
-    columns = charge[rows], current[rows], voltage[rows]
+    rows = np.arange(0, time.size, max(1, time.size // MOST_ROWS))
+    columns = _charge_at(rows, time, current), current[rows], voltage[rows]
     as_is = _squares_of_cell(*columns)
     turned = _squares_of_cell(-columns[0], -columns[1], columns[2])
     least = len(columns[0]) * ROUNDED_VOLT**2
     return (turned - as_is) / (turned + as_is + least)
+
+
+def _charge_at(rows, time, current):
+    """Charge [As] that flowed up to ascending rows (k,), the first of which is 0."""
+    found, last = [np.zeros(1)], None
+    for part in pieces(time.size, beside=1):
+        interval = np.diff(time[part])
+        # Over a gap nobody knows what flowed; a clock that goes back counts nothing.
+        interval[(interval < 0) | (interval > GAP_SECOND)] = 0.0
+        charge = 0.5 * (current[part][1:] + current[part][:-1]) * interval
+        last = summed(charge, last)
+        inside = rows[np.searchsorted(rows, part.start + 1) : np.searchsorted(rows, part.stop)]
+        found.append(charge[inside - part.start - 1])
+    return np.concatenate(found)
 
 
 def _squares_of_cell(charge, current, voltage):
@@ -146,21 +169,21 @@ def _agreed(step: float, trend: float) -> float:
 
 def _step_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> float:
     """Σ ΔI·ΔV over Σ |ΔI·ΔV| (-1 … 1) at the steps of the current, at the best lag of channels."""
-    change, moved = np.diff(current), np.diff(voltage)
-    least = max(0.1 * np.abs(change).max(), 0.05 * np.abs(current).max())
-    rows = np.flatnonzero(np.abs(change) > least)
-    rows = rows[np.diff(time)[rows] < LONGEST_STEP]
+    change = max(largest(np.diff(current[part])) for part in pieces(current.size, beside=1))
+    least = max(0.1 * change, 0.05 * largest(current))
+    rows = rows_where(lambda i: np.abs(np.diff(i)) > least, current, beside=1)
+    rows = rows[step_at(time, rows) < LONGEST_STEP]
     # Samples by which the voltage's channel may lag that of the current.
-    sums = np.array([_lagged(change, moved, rows, lag) for lag in (0, -1, 1, 2)])
+    sums = np.array([_lagged(current, voltage, rows, lag) for lag in (0, -1, 1, 2)])
     best = np.argmax(np.abs(sums[:, 0]) * (1, 0.5, 0.5, 0.5))  # no lag, unless one fits far better
     agreed, total = sums[best]
     return float(agreed / total) if total > 0 else np.nan
 
 
-def _lagged(change: np.ndarray, moved: np.ndarray, rows: np.ndarray, lag: int) -> tuple:
+def _lagged(current: np.ndarray, voltage: np.ndarray, rows: np.ndarray, lag: int) -> tuple:
     """Σ ΔI·ΔV and Σ |ΔI·ΔV| [AV] with the voltage `lag` samples behind the current."""
-    paired = rows[(rows + lag >= 0) & (rows + lag < moved.size)]
-    product = change[paired] * moved[paired + lag]
+    paired = rows[(rows + lag >= 0) & (rows + lag < voltage.size - 1)]
+    product = step_at(current, paired) * step_at(voltage, paired + lag)
     return product.sum(), np.abs(product).sum()
 
 
@@ -172,25 +195,40 @@ def _trend_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> f
     start, end = _stretches(time, current)
     charge = current[start] * (time[end] - time[start])
     moved = voltage[end] - voltage[start]
-    interval = np.diff(time)
-    flowed = 0.5 * np.abs(current[1:] + current[:-1]) * np.abs(interval)
     # In less than 100 s the resistance's relaxation hides the state of charge.
     long = (time[end] - time[start] > 100.0) & (moved != 0)
     weight = np.abs(charge[long]).sum()
-    if weight <= 0.4 * flowed[interval < LONGEST_STEP].sum():  # half, less the fifth left out below
+    # Half, less the fifth left out below.
+    if weight <= 0.4 * sum_of(_flowed, time, current, beside=1):
         return np.nan
     return float(np.sum(charge[long] * np.sign(moved[long])) / weight)
 
 
+def _flowed(time, current):
+    """Charge [As] that flowed between rows, but for pauses."""
+    interval = np.diff(time)
+    flowed = 0.5 * np.abs(current[1:] + current[:-1]) * np.abs(interval)
+    return flowed[interval < LONGEST_STEP]
+
+
 def _stretches(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First and last rows of the stretches of steady current, past the first fifth's relaxation."""
-    steps = np.abs(np.diff(current)) > 0.05 * np.abs(current).max()
-    breaks = np.flatnonzero(steps | (np.diff(time) > LONGEST_STEP)) + 1
-    first = np.concatenate([[0], breaks])
-    length = np.diff(np.concatenate([first, [time.size]]))
-    level = np.repeat(current[first + np.minimum(2, length - 1)], length)
+    least = 0.05 * largest(current)
+
+    def breaks(time, current):
+        return (np.abs(np.diff(current)) > least) | (np.diff(time) > LONGEST_STEP)
+
+    first = np.append(0, rows_where(breaks, time, current, beside=1) + 1)
+    length = np.diff(first, append=time.size)
+    level, end = current[first + np.minimum(2, length - 1)], first.copy()
     # A hold's taper is no step, but no steady current either: a stretch ends where it begins.
-    steady = np.abs(current - level) < 0.1 * np.abs(level)
-    end = np.maximum.reduceat(np.where(steady, np.arange(time.size), 0), first)
-    end = np.maximum(end, first)
+    for part in pieces(time.size):
+        inside = slice(
+            np.searchsorted(first, part.start + 1) - 1, np.searchsorted(first, part.stop)
+        )
+        begins = np.maximum(first[inside] - part.start, 0)
+        levels = np.repeat(level[inside], np.diff(begins, append=part.stop - part.start))
+        steady = np.abs(current[part] - levels) < 0.1 * np.abs(levels)
+        rows = np.where(steady, np.arange(part.start, part.stop), 0)
+        end[inside] = np.maximum(end[inside], np.maximum.reduceat(rows, begins))
     return first + (end - first) // 5, end

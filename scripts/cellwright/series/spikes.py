@@ -7,6 +7,8 @@ the mark −½, 1, −½ in what is left of the voltage's.
 
 import numpy as np
 
+from cellwright.formats.pieces import any_where, largest, rows_where, step_at
+
 UNUSUAL = 15.0  # times the median of what is left nearby: ten standard deviations
 NEARBY = 31  # rows
 PIECE_ROWS = 1 << 16  # whose neighbours are looked at together
@@ -26,10 +28,15 @@ MADE_SHARE = 1.2  # of what the current's steps nearby make of the voltage: kine
 
 
 def bend(values: np.ndarray) -> np.ndarray:
-    """By how much each value (n,) differs from the mean of its neighbours; 0 at both ends."""
-    bent = np.zeros(len(values))
-    bent[1:-1] = values[1:-1] - 0.5 * (values[:-2] + values[2:])
-    return bent
+    """By how much values (n,) differ from the mean of their two neighbours (n - 2,)."""
+    return values[1:-1] - 0.5 * (values[:-2] + values[2:])
+
+
+def bend_at(values, rows):
+    """Bend of the values at rows of any shape; 0 at both ends."""
+    inner = np.clip(rows, 1, len(values) - 2)
+    bent = values[inner] - 0.5 * (values[inner - 1] + values[inner + 1])
+    return np.where(inner == rows, bent, 0.0)
 
 
 def rows_around(rows, width, length):
@@ -37,11 +44,11 @@ def rows_around(rows, width, length):
     return np.clip(rows[:, None] + np.arange(width) - width // 2, 0, length - 1)
 
 
-def usual_nearby(values, rows):
-    """Median of the values (n,) nearby each row (k,)."""
+def usual_nearby(values_at, rows, length):
+    """Median of the values nearby each row (k,) of a record of a length; values_at : of rows."""
     parts = np.array_split(rows, len(rows) // PIECE_ROWS + 1)
     return np.concatenate(
-        [np.median(values[rows_around(part, NEARBY, len(values))], axis=1) for part in parts]
+        [np.median(values_at(rows_around(part, NEARBY, length)), axis=1) for part in parts]
     )
 
 
@@ -56,11 +63,12 @@ def resistance_of_bends(time, current, voltage):
 
     NaN where too few changes of the current tell it.
     """
-    bend_current, least = bend(current), LARGE_BEND * np.max(np.abs(current), initial=0.0)
-    large = of_one_pace(time, np.flatnonzero(np.abs(bend_current) > least))
+    least = LARGE_BEND * largest(current)
+    large = rows_where(lambda i: np.abs(bend(i)) > least, current, beside=2) + 1
+    large = of_one_pace(time, large)
     if len(large) < LEAST_BENDS:
         return np.nan
-    ratio = bend(voltage)[large] / bend_current[large]
+    ratio = bend_at(voltage, large) / bend_at(current, large)
     resistance = float(np.median(ratio))
     follows = np.mean(np.abs(ratio - resistance) <= FOLLOWING * resistance)
     return resistance if resistance > 0 and follows >= FOLLOWING_SHARE else np.nan
@@ -82,18 +90,30 @@ def spikes_under_load(time, current, voltage, *, limit_volt) -> np.ndarray:
     resistance = resistance_of_bends(time, current, voltage)
     if not np.isfinite(resistance):
         return np.empty(0, int)
-    left = bend(voltage) - resistance * bend(current)
-    size = np.abs(left)
-    rows = np.flatnonzero(size > UNDER_LOAD * limit_volt)
+
+    def left(rows):
+        return bend_at(voltage, rows) - resistance * bend_at(current, rows)
+
+    def size(rows):
+        return np.abs(left(rows))
+
+    least = UNDER_LOAD * limit_volt
+    rows = 1 + rows_where(
+        lambda i, v: np.abs(bend(v) - resistance * bend(i)) > least,
+        *(current, voltage),
+        beside=2,
+    )
     rows = of_one_pace(time, rows[(rows > 2) & (rows < len(time) - 3)])
-    marks = np.stack([left[rows + side] + 0.5 * left[rows] for side in (-1, 1)])
-    rows = rows[np.all(np.abs(marks) < MARK_SHARE * size[rows], axis=0)]
-    change = np.abs(np.diff(current, prepend=current[0]))
-    step = np.max(change[rows_around(rows, 5, len(change))], axis=1)
-    limit = np.maximum(UNUSUAL * usual_nearby(size, rows), MADE_SHARE * resistance * step)
+    marks = np.stack([left(rows + side) + 0.5 * left(rows) for side in (-1, 1)])
+    rows = rows[np.all(np.abs(marks) < MARK_SHARE * size(rows), axis=0)]
+    before = rows_around(rows, 5, len(current)) - 1
+    change = np.abs(step_at(current, np.maximum(before, 0)))
+    step = np.max(np.where(before < 0, 0.0, change), axis=1)
+    usual = usual_nearby(size, rows, len(time))
+    limit = np.maximum(UNUSUAL * usual, MADE_SHARE * resistance * step)
     # Where the whole load comes or goes an empty or cold cell answers by any multiple.
-    gentle = step < LOAD_SHARE * np.max(np.abs(current))
-    return rows[(size[rows] > limit) & gentle]
+    gentle = step < LOAD_SHARE * largest(current)
+    return rows[(size(rows) > limit) & gentle]
 
 
 def spike_free(time, current, voltage, rows) -> np.ndarray:
@@ -122,30 +142,35 @@ def burst_rows(current, voltage, *, limit_volt, current_step_ampere) -> np.ndarr
     current, voltage : (n,) [A], [V]. limit_volt : least bend [V]. current_step_ampere : a change of
         the current by as much is a step [A].
     """
-    bent = np.abs(bend(voltage))
-    if not np.any(bent > limit_volt):
+    if not any_where(lambda v: np.abs(bend(v)) > limit_volt, voltage, beside=2):
         return np.empty(0, int)
+
+    def bent(rows):
+        return np.abs(bend_at(voltage, rows))
+
     # Beside a burst the bend is half of its first sample.
-    large = np.flatnonzero(bent > limit_volt / 2)
-    large = large[bent[large] > UNUSUAL * usual_nearby(bent, large)]
+    large = 1 + rows_where(lambda v: np.abs(bend(v)) > limit_volt / 2, voltage, beside=2)
+    large = large[bent(large) > UNUSUAL * usual_nearby(bent, large, len(voltage))]
     found = [np.empty(0, int)]
     for rows in np.split(large, np.flatnonzero(np.diff(large) > QUIET_ROWS) + 1):
         # The first and the last bend stand beside the burst.
         first, last = (rows[0], rows[-1]) if len(rows) else (0, 0)
-        if not 2 <= last - first - 1 <= LONGEST_BURST or bent[rows].max() <= limit_volt:
+        if not 2 <= last - first - 1 <= LONGEST_BURST or bent(rows).max() <= limit_volt:
             continue
         beside = np.r_[first - QUIET_ROWS : first + 1, last : last + QUIET_ROWS + 1]
         if beside[0] < 0 or beside[-1] >= len(voltage):
             continue
         quiet = np.ptp(current[beside[0] : beside[-1] + 1]) < current_step_ampere
-        if quiet and np.ptp(voltage[beside]) <= BACK_SHARE * bent[rows].max():
+        if quiet and np.ptp(voltage[beside]) <= BACK_SHARE * bent(rows).max():
             found.append(np.arange(first + 1, last))
     return np.concatenate(found)
 
 
 def without_bursts(voltage, corrupt) -> np.ndarray:
-    """The voltage [V] with its corrupt rows (mask) on the line between those beside them."""
-    if not corrupt.any():
+    """The voltage [V] with its corrupt rows (k,) on the line between those beside them."""
+    if not len(corrupt):
         return voltage
-    rows = np.arange(len(voltage))
-    return np.where(corrupt, np.interp(rows, rows[~corrupt], voltage[~corrupt]), voltage)
+    good = np.delete(np.arange(len(voltage)), corrupt)
+    repaired = voltage.copy()
+    repaired[corrupt] = np.interp(corrupt, good, voltage[good])
+    return repaired

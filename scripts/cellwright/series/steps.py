@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.formats.pieces import rows_where, step_at
 from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.statistics import robust_std
 from cellwright.refusal import Refusal
@@ -53,11 +54,12 @@ def silent_before(time, gap_second):
 
     A slow sampling rate is no gap: the interval must exceed five times both its neighbours.
     """
-    interval = np.diff(time)
-    long = np.flatnonzero(interval > gap_second)
-    around = np.pad(interval, 1)
+    long = rows_where(lambda t: np.diff(t) > gap_second, time, beside=1)
+    before = np.where(long > 0, step_at(time, np.maximum(long - 1, 0)), 0.0)
+    after = step_at(time, np.minimum(long + 1, len(time) - 2))
+    longest = np.maximum(before, np.where(long < len(time) - 2, after, 0.0))
     silent = np.zeros(len(time), bool)
-    silent[long[interval[long] > 5 * np.maximum(around[long], around[long + 2])] + 1] = True
+    silent[long[step_at(time, long) > 5 * longest] + 1] = True
     return silent
 
 
