@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from cellwright.formats.content import Content, head_of, whole_of
-from cellwright.formats.dates import unix_time_second
+from cellwright.formats.dates import Dates, date_readings
 from cellwright.formats.fields import (
     SERIES,
     Field,
@@ -23,6 +23,7 @@ from cellwright.formats.fields import (
 from cellwright.formats.table import (
     CHANNEL,
     DELIMITERS,
+    Words,
     is_number,
     layout_of,
     line_of,
@@ -103,31 +104,46 @@ def _of_text(data):
     require(fields, SERIES, SPELT)
     date = [label for label in layout.labels if _is_date(label)][:1]
     channels = [x for x in layout.labels if re.fullmatch(CHANNEL, x, re.I)]
-    texts = [*date, *channels]
+    texts = dict.fromkeys(channels, Words) | dict.fromkeys(date, _Stamps)
     found, notes = read_table(data, layout, [field.label for field in fields], texts=texts)
     refuse_channels(found, channels)
-    return converted(found, fields) | _unix_time(found[date[0]] if date else None), notes
+    seconds = found.pop(date[0]) if date else None
+    dated = {} if seconds is None else {"unix_time_second": seconds}
+    return converted(found, fields) | dated, notes
 
 
 def _is_date(label):
     return _base_and_unit(label)[0] in ("date time", "datetime")
 
 
-def _unix_time(texts) -> dict[str, np.ndarray]:
-    """Absolute time from the date column: a date text, or seconds since 1970; else nothing."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
+class _Stamps:
+    """Absolute time from the date column, block by block: date texts, or seconds since 1970."""
 
-    if texts is None:
-        return {}
-    if not is_number(texts[0].as_py().strip()):
-        seconds = unix_time_second(texts, DATES)
-    else:
-        try:
-            seconds = np.array(pc.cast(texts, pa.float64()).to_numpy(), float)
-        except pa.ArrowInvalid:
-            seconds = None
-    return {} if seconds is None else {"unix_time_second": seconds}
+    def __init__(self):
+        self.dates, self.numbers = None, []
+
+    def add(self, block):
+        """Read a block of the column (pyarrow strings)."""
+        import pyarrow as pa
+        import pyarrow.compute as pc
+
+        if self.dates is None:
+            self.dates = Dates(() if is_number(block[0].as_py().strip()) else DATES)
+            self.numbers = None if self.dates.seconds else []
+        self.dates.add(block)
+        if self.numbers is not None:
+            try:
+                self.numbers.append(pc.cast(block, pa.float64()).to_numpy(zero_copy_only=False))
+            except pa.ArrowInvalid:
+                self.numbers = None
+
+    def all(self):
+        """Seconds since 1970 (n,), or None where they cannot be read."""
+        if self.dates is None:  # of no row
+            return None
+        if self.numbers:
+            return np.concatenate(self.numbers)
+        return next(iter(date_readings(self.dates.all()).values()), None)
 
 
 def meaning(label: str) -> Field | None:

@@ -12,7 +12,7 @@ import numpy as np
 from cellwright import gate
 from cellwright.formats.arrow_size import unpacked_byte
 from cellwright.formats.content import Content, head_of, whole_of
-from cellwright.formats.dates import clock_second
+from cellwright.formats.dates import Clocks
 from cellwright.formats.fields import (
     COUNTERS,
     IMPEDANCE,
@@ -171,8 +171,8 @@ def _read(data, meaning, checked):
     labels = [field.label for field in fields]
     clock = next((f.label for f in fields if f.column == "test_time_second"), None)
     if clock and is_written(data, layout, clock):  # as 0d 00:10:00.5
-        found, notes = read_table(data, layout, [x for x in labels if x != clock], texts=[clock])
-        found[clock] = clock_second(found[clock])
+        others = [label for label in labels if label != clock]
+        found, notes = read_table(data, layout, others, texts={clock: Clocks})
     else:
         found, notes = read_table(data, layout, labels)
     return converted(found, fields), [*notes], fields

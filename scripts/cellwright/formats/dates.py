@@ -5,12 +5,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cellwright.formats.pieces import any_where
+
 FRACTION = r"(?P<fraction>\.\d+)?"
 # Seconds and their fraction as one.
 CLOCK = (
     r"^\s*(?:(?P<day>\d+)\s*d\s+)?"
     r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+(?:\.\d+)?)\s*$"
 )
+CLOCKED = re.compile(r"^\s*(?:\d+\s*d\s+)?\d+:\d+:\d")
 # Parts of a date, as `strptime` calls them; %p is a letter of its own.
 PARTS = {
     "%Y": r"(?P<year>\d{4})",
@@ -29,13 +32,83 @@ MOST_PACES = 10  # intervals between rows that may lie over midnight; a clock be
 ZONED = "ISO 8601"  # with a letter T and, mostly, a zone: told by pyarrow, not by places
 
 
-def unix_time_second(texts, formats: Sequence[str], elapsed_second=np.nan) -> np.ndarray | None:
+class Dates:
+    """A column of dates that is read block by block: its seconds in the formats that fit so far."""
+
+    def __init__(self, formats: Sequence[str]):
+        self.seconds = {form: [] for form in formats}
+
+    def add(self, block):
+        """Read a block of the column (pyarrow strings)."""
+        for form in [*self.seconds]:
+            # Most formats fail at the first text.
+            found = [_dates(texts, form) for texts in _chunks(block[:1])]
+            if found[0] is not None:
+                found = [_dates(texts, form) for texts in _chunks(block)]
+            if any(seconds is None for seconds in found):
+                del self.seconds[form]
+            else:
+                self.seconds[form] += found
+
+    def all(self):
+        """The column itself, with its seconds since 1970 by format."""
+        self.seconds = {form: _joined(found) for form, found in self.seconds.items()}
+        return self
+
+
+class Clocks:
+    """A column of clocks that is read block by block, as of `clock_second`."""
+
+    def __init__(self):
+        self.seconds = []
+
+    def add(self, block):
+        """Read a block of the column (pyarrow strings)."""
+        self.seconds.append(clock_second(block))
+
+    def all(self):
+        """Seconds (n,)."""
+        return _joined(self.seconds)
+
+
+def _joined(blocks):
+    return np.concatenate(blocks) if blocks else np.empty(0)
+
+
+class Times:
+    """A column of clocks or of dates that is read block by block.
+
+    example : its first text. clock : (n,) seconds as of `clock_second`, or None. dates : `Dates`.
+    """
+
+    def __init__(self, formats: Sequence[str]):
+        self.example, self.clock, self.dates = None, Clocks(), Dates(formats)
+
+    def add(self, block):
+        """Read a block of the column (pyarrow strings)."""
+        if self.example is None:
+            self.example = next(filter(None, block[:20].to_pylist()), "")
+        if CLOCKED.match(self.example):
+            self.clock.add(block)
+        else:
+            self.dates.add(block)
+
+    def all(self):
+        """The column itself."""
+        self.clock = self.clock.all() if self.clock.seconds else None
+        self.dates = self.dates.all()
+        return self
+
+
+def unix_time_second(texts, formats: Sequence[str]) -> np.ndarray | None:
     """Seconds since 1970 of date texts (pyarrow strings), as `date_readings` reads them first."""
-    return next(iter(date_readings(texts, formats, elapsed_second).values()), None)
+    dates = Dates(formats)
+    dates.add(texts)
+    return next(iter(date_readings(dates.all()).values()), None)
 
 
-def date_readings(texts, formats: Sequence[str], elapsed_second=np.nan) -> dict[str, np.ndarray]:
-    """Seconds since 1970 of date texts (pyarrow strings) by format: the first that fits all texts.
+def date_readings(dates: Dates, elapsed_second=np.nan) -> dict[str, np.ndarray]:
+    """Seconds since 1970 of a column of dates by format: the first that fits all texts.
 
     The instrument's local time is taken as it stands: only differences are used. Empty where no
     format fits, for a date that cannot be read is no date. 3/11 and 4/11 are two days in November
@@ -43,17 +116,12 @@ def date_readings(texts, formats: Sequence[str], elapsed_second=np.nan) -> dict[
     so too. Where days and months can still be exchanged, the second format is that way round.
     """
     fitting, fits = {}, []
-    for form in formats:
+    for form, seconds in dates.seconds.items():
         if fits and form != _exchanged(fits[0]):
-            continue
-        seconds = _in_format(texts, form)
-        if seconds is None:
             continue
         fitting[form] = seconds
         if not abs(np.ptp(seconds) - elapsed_second) > DAY_SECOND:
             fits.append(form)
-            if _exchanged(form) not in formats:
-                break
     if not fits:
         fits = sorted(fitting, key=lambda f: abs(np.ptp(fitting[f]) - elapsed_second))[:1]
     return {form: fitting[form] for form in fits}
@@ -62,17 +130,6 @@ def date_readings(texts, formats: Sequence[str], elapsed_second=np.nan) -> dict[
 def _exchanged(form):
     """The format with day and month exchanged."""
     return form.translate(str.maketrans("md", "dm"))
-
-
-def _in_format(texts, form):
-    """Seconds since 1970 of all texts in one format; None where it does not fit one."""
-    seconds = []
-    for chunk in _chunks(texts):
-        found = _dates(chunk, form)
-        if found is None:
-            return None
-        seconds.append(found)
-    return np.concatenate(seconds)
 
 
 def clock_second(texts) -> np.ndarray:
@@ -85,6 +142,8 @@ def over_midnight(clock: np.ndarray) -> np.ndarray:
 
     It does where it falls from just before 24 h to just after 0 h; other falls stay as they are.
     """
+    if not any_where(lambda seconds: np.diff(seconds) < 0, clock, beside=1):
+        return clock
     interval = np.diff(clock)
     pace = np.median(interval[interval > 0]) if np.any(interval > 0) else 0.0
     wraps = (interval < 0) & (interval + DAY_SECOND <= MOST_PACES * pace)
@@ -181,13 +240,14 @@ def _of_one_length(written, pattern):
         return None
     places = np.ascontiguousarray(written.T)
     varies = np.flatnonzero([not np.all(shown == shown[0]) for shown in places])
-    digits = {place: places[place].astype(np.int64) - 48 for place in varies}
-    if any(first[k] not in DIGITS or d.min() < 0 or d.max() > 9 for k, d in digits.items()):
+    # Bytes below that of 0 turn over to large numbers.
+    digits = {place: places[place] - np.uint8(48) for place in varies}
+    if any(first[k] not in DIGITS or d.max() > 9 for k, d in digits.items()):
         return None
     found = {}
     for name in parts.groupdict():
         begin, end = parts.span(name)
-        number, decimals = 0, -1
+        number, decimals = np.int64(0), -1
         if end - begin > 15:  # digits that a floating-point number may not hold
             return None
         for place in range(begin, end):

@@ -6,11 +6,12 @@ Betrag = VRelativ × mvIdeal / AAmplitude. `Zimg1` is the imaginary part itself.
 """
 
 import re
+from functools import partial
 
 import numpy as np
 
 from cellwright.formats.content import Content, head_of, with_lines_changed
-from cellwright.formats.dates import clock_second, unix_time_second
+from cellwright.formats.dates import Clocks, Dates, date_readings
 from cellwright.formats.fields import IMPEDANCE, SERIES, Field, converted, known_fields, require
 from cellwright.formats.table import (
     Layout,
@@ -82,9 +83,9 @@ def _series(data, layout: Layout, units: dict[str, str]) -> tuple:
     fields = [Field(CLOCK, "test_time_second", "time", "s"), *fields]
     require(fields, SERIES, SPELT)
     labels = [field.label for field in fields[1:]]
-    found, notes = read_table(data, layout, labels, texts=(CLOCK, DATE))
-    seconds = unix_time_second(found.pop(DATE), DATES)
-    found[CLOCK] = clock_second(found[CLOCK])
+    texts = {CLOCK: Clocks, DATE: partial(Dates, DATES)}
+    found, notes = read_table(data, layout, labels, texts=texts)
+    seconds = next(iter(date_readings(found.pop(DATE)).values()), None)
     dated = {} if seconds is None else {"unix_time_second": seconds}
     return converted(found, fields) | dated, notes
 

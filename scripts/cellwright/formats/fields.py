@@ -151,15 +151,16 @@ def require(
         raise Refusal(f"no column {', '.join(map(repr, missing))}; found: {have}{unknown}")
 
 
-def converted(values: Mapping[str, np.ndarray], fields: Sequence[Field]) -> dict[str, np.ndarray]:
-    """Columns in the house's names and units, from values by label.
+def converted(values: dict[str, np.ndarray], fields: Sequence[Field]) -> dict[str, np.ndarray]:
+    """Columns in the house's names and units, from values by label, which are taken out.
 
+    What became another column is not held beside it.
     Optional columns without a single number are left out, but for thermometers, which are named.
     """
     columns = {}
     for field in fields:
         column = in_house_unit(
-            values[field.label], quantity=field.quantity, unit=field.unit, label=field.label
+            values.pop(field.label), quantity=field.quantity, unit=field.unit, label=field.label
         )
         wanted = field.column in SERIES + IMPEDANCE or field.quantity == "temperature"
         if wanted or any_where(np.isfinite, column):

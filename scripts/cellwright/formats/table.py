@@ -42,7 +42,7 @@ class Layout(NamedTuple):
 class Table(NamedTuple):
     """Columns of a text by label, and notes on rows that were left out."""
 
-    columns: dict  # label → float64 array (missing numbers NaN), or pyarrow strings of `texts`
+    columns: dict  # label → float64 array (missing numbers NaN), or what is kept of `texts`
     notes: tuple[str, ...]
 
 
@@ -141,7 +141,7 @@ def with_trailing_delimiter(rows: Sequence[str], layout: Layout) -> Layout:
 
 
 def read_table(
-    data: bytes | Content, layout: Layout, labels: Sequence[str], *, texts: Sequence[str] = ()
+    data: bytes | Content, layout: Layout, labels: Sequence[str], *, texts: Mapping | Sequence = ()
 ) -> Table:
     """Read the named columns of a delimited text, block by block.
 
@@ -150,8 +150,11 @@ def read_table(
     data : bytes or Content
         The file, unpacked.
     layout : Layout
-    labels, texts : sequences of str
-        Columns to read as numbers and as text; of equal labels the first in the file is read.
+    labels : sequence of str
+        Columns to read as numbers; of equal labels the first in the file is read.
+    texts : sequence of str, or mapping
+        Columns to read as text; or of each a function without arguments → what keeps it: its
+        `add` is given the column block by block (pyarrow strings), its `all` gives what is wanted.
 
     Returns
     -------
@@ -231,7 +234,9 @@ def _parsed(data, begin, layout, labels, texts, words=()):
     types = {place[label]: pa.float64() for label in labels}
     types |= {place[label]: pa.string() for label in texts}
     odd, rows = [], 0
-    kept = {name: _Texts() if kind == pa.string() else _Numbers() for name, kind in types.items()}
+    keepers = texts if isinstance(texts, Mapping) else dict.fromkeys(texts, Words)
+    kept = {place[label]: _Numbers() for label in labels}
+    kept |= {place[label]: keeper() for label, keeper in keepers.items()}
     stream = _Quoted(stream_from(data, begin))
     reader = tables.open_csv(
         stream,
@@ -269,7 +274,7 @@ def is_written(data: bytes | Content, layout: Layout, label: str) -> bool:
 
 
 def refuse_channels(columns: Mapping, labels: Sequence[str]) -> None:
-    """Refuse a table in which a column (pyarrow strings) names several channels, with their names.
+    """Refuse a table in which a column (as of `Words`) names several channels, with their names.
 
     A column whose values never recur counts rows, whatever it is called.
     """
@@ -306,50 +311,41 @@ class _Numbers:
     """A column of numbers that grows by the blocks a text is read in, without a copy of it all."""
 
     def __init__(self):
-        self.values, self.rows = np.empty(0), 0
+        self.pieces, self.last, self.filled, self.rows = [], np.empty(0), 0, 0
 
     def add(self, block):
         """Put a block of the column (a pyarrow array) behind the others."""
-        stop = self.rows + len(block)
-        if stop > len(self.values):
-            # What is not yet written to takes no memory.
-            more = np.empty(2 * stop)
-            more[: self.rows] = self.values[: self.rows]
-            self.values = more
-        self.values[self.rows : stop] = block.to_numpy(zero_copy_only=False)
-        self.rows = stop
+        if self.filled + len(block) > len(self.last):
+            self.pieces.append(self.last[: self.filled])
+            self.last = np.empty(max(len(block), min(self.rows, PIECE_ROWS)))
+            self.filled = 0
+        self.last[self.filled : self.filled + len(block)] = block.to_numpy(zero_copy_only=False)
+        self.filled += len(block)
+        self.rows += len(block)
 
     def all(self):
         """All numbers, NaN where there is none."""
-        self.values.resize(self.rows, refcheck=False)
-        return self.values
+        numbers = np.concatenate([*self.pieces, self.last[: self.filled]])
+        self.pieces, self.last = [], np.empty(0)
+        return numbers
 
 
-class _Texts:
-    """A column of texts in pieces of a million rows: thousands of blocks take twice the memory."""
+class Words:
+    """A column of texts, of which few differ; four bytes of a row."""
 
     def __init__(self):
-        self.pieces, self.blocks, self.rows = [], [], 0
+        self.blocks = []
 
     def add(self, block):
-        """Keep a block of the column (a pyarrow array)."""
-        self.blocks.append(block)
-        self.rows += len(block)
-        if self.rows >= PIECE_ROWS:
-            self._close()
-
-    def _close(self):
-        import pyarrow as pa
-
-        self.pieces += [pa.concat_arrays(self.blocks)] if self.blocks else []
-        self.blocks, self.rows = [], 0
+        """Keep a block of the column (pyarrow strings)."""
+        self.blocks.append(block.dictionary_encode())
 
     def all(self):
-        """All texts, as a chunked array."""
+        """All texts, as a pyarrow array with a dictionary in the order in which they come."""
         import pyarrow as pa
 
-        self._close()
-        return pa.chunked_array(self.pieces, pa.string())
+        kind = pa.dictionary(pa.int32(), pa.string())
+        return pa.chunked_array(self.blocks, kind).unify_dictionaries().combine_chunks()
 
 
 def _is_cut_off(row, rows):

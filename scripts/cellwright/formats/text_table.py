@@ -3,6 +3,7 @@
 import csv
 import re
 from collections.abc import Mapping
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from cellwright.formats.content import (
     whole_of,
     with_lines_changed,
 )
-from cellwright.formats.dates import clock_second, date_readings, over_midnight
+from cellwright.formats.dates import Dates, Times, date_readings, over_midnight
 from cellwright.formats.fields import (
     ENERGY,
     IMPEDANCE,
@@ -33,6 +34,7 @@ from cellwright.formats.table import (
     CHANNEL,
     DELIMITERS,
     Layout,
+    Words,
     decimal_point_of,
     decoded,
     first_rows,
@@ -86,7 +88,6 @@ SAME_UNIT = {
 CLOCK = "clock"  # unit of a time that is written as [days d] hours:minutes:seconds
 STATES = "charge, discharge and rest, with CC, CV or CCCV before them, in several languages"
 ABORTED = "the sweep was broken off"  # begins a note that stands as a doubt at its numbers
-CLOCKED = re.compile(r"^\s*(?:\d+\s*d\s+)?\d+:\d+:\d")
 
 
 class Format(NamedTuple):
@@ -233,11 +234,13 @@ def _read_series(form, data, layout, fields, swept):
     written = [f for f in fields if f.quantity == "time" and is_written(data, layout, f.label)]
     state = next((x for x in layout.labels if _is(form.state, x)), None)
     channels = [label for label in layout.labels if _is(form.channel, label)]
-    texts = [*(f.label for f in written), *filter(None, (state, date)), *channels]
+    texts = dict.fromkeys([*filter(None, [state]), *channels], Words)
+    texts |= {label: partial(Dates, form.dates) for label in filter(None, [date])}
+    texts |= {f.label: partial(Times, form.dates) for f in written}
     others = [field for field in fields if field not in written] + counter
     found, more = read_table(data, layout, [field.label for field in others], texts=texts)
     refuse_channels(found, channels)
-    dates = _dates_beside(form, found, date, others) if date else {}
+    dates = _dates_beside(found, date, others) if date else {}
     unix = next(iter(dates.values()), None)
     others, told = _with_units_of_clocks(form, others, found, unix)
     notes += told
@@ -247,7 +250,7 @@ def _read_series(form, data, layout, fields, swept):
     if counter:
         columns["voltage_volt"] = columns["voltage_volt"] - columns.pop(COUNTER, 0.0)
     for field in written:
-        columns[field.column], seen = _seconds(form, field, found[field.label])
+        columns[field.column], seen = _seconds(field, found[field.label])
         dates = dates or seen
         unix = next(iter(dates.values()), None)
     columns |= {} if unix is None else {"unix_time_second": unix}
@@ -488,20 +491,19 @@ def _with_units_of_clocks(form, fields, found, unix):
     return told, notes
 
 
-def _seconds(form, field, texts):
-    """Elapsed time [s] of a clock or of dates, and of dates the seconds since 1970 by format."""
-    example = next((text for text in texts[:20].to_pylist() if text), "")
-    if CLOCKED.match(example):
-        return over_midnight(clock_second(texts)), {}
-    dates = date_readings(texts, form.dates, 0.0)
+def _seconds(field, times):
+    """Elapsed time [s] of `Times`, and where they are dates the seconds since 1970 by format."""
+    if times.clock is not None:
+        return over_midnight(times.clock), {}
+    dates = date_readings(times.dates, 0.0)
     if not dates:
-        raise Refusal(f"column {field.label!r}: found {example!r}, a time is wanted")
+        raise Refusal(f"column {field.label!r}: found {times.example!r}, a time is wanted")
     first = next(iter(dates.values()))
     known = np.isfinite(first)
     return first - (first[known][0] if known.any() else np.nan), dates
 
 
-def _dates_beside(form, found, date, fields):
+def _dates_beside(found, date, fields):
     """Seconds since 1970 of a column of dates by format; the clock tells days from months."""
     spans = [
         np.ptp(values[np.isfinite(values)]) * UNITS["time"][field.unit]
@@ -510,15 +512,14 @@ def _dates_beside(form, found, date, fields):
         and field.unit in UNITS["time"]
         and np.isfinite(values := found[field.label]).any()
     ]
-    return date_readings(found[date], form.dates, max(spans, default=np.nan))
+    return date_readings(found[date], max(spans, default=np.nan))
 
 
 def _signed(form, current, letters):
     """Current [A], positive on charge, from magnitudes and the letters of the steps."""
-    coded = letters.combine_chunks().dictionary_encode()
-    codes = coded.indices.to_numpy()
+    codes = letters.indices.to_numpy()
     signs = np.zeros(len(codes))
-    for code, written in enumerate(coded.dictionary.to_pylist()):
+    for code, written in enumerate(letters.dictionary.to_pylist()):
         name, rows = written.strip(), codes == code
         sign = next((s for letter, s in form.signs.items() if _is(letter, name)), None)
         if sign is None and np.any(np.abs(current[rows]) > 0):
