@@ -335,8 +335,9 @@ def _read_stated(content, instrument, how: How):
 def _checked(
     instrument: str, columns: dict[str, np.ndarray], notes, sign: int, dates=()
 ) -> Reading:
-    columns, blank = thermometers.without_blank(columns)
-    notes = [*notes, *blank]
+    kept, blank = thermometers.without_blank(columns)
+    columns.clear()  # what is left out, or becomes another column, is not held beside it
+    columns, notes = kept, [*notes, *blank]
     if "frequency_hertz" in columns:
         doubt = next((note for note in notes if note.startswith(text_table.ABORTED)), "")
         checked = checked_impedance(columns)

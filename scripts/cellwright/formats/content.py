@@ -13,7 +13,9 @@ from cellwright.refusal import Refusal
 
 HEAD = 1 << 20  # byte at the beginning of a large file that are in memory
 SMALL = 1 << 23  # byte of a compressed file that is unpacked whole: at most a hundred times as much
-BLOCK = 1 << 22  # byte that are read at once: of this size pyarrow takes the least CPU time
+# Byte that are read at once. What pyarrow makes of them takes some fifty times as much, and of so
+# many the least CPU time.
+BLOCK = 1 << 20
 PIECE = 1 << 17  # byte of Zstandard that are unpacked at once
 BOM = b"\xef\xbb\xbf"  # of UTF-8
 

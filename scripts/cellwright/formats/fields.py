@@ -182,19 +182,20 @@ def with_net_counter(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarr
 
     Returns
     -------
-    columns : with net_capacity_ampere_hour [Ah], positive on charge, where both counters are.
+    columns : those given, from which counters are taken out, with net_capacity_ampere_hour [Ah],
+        positive on charge, where both counters are.
     sign : 1 where the current is positive on charge, -1 where it is negative, 0 where no counters
         tell it.
     """
-    columns = dict(columns)
-    put_in, taken_out = (columns.pop(name, None) for name in ENERGIES)
-    if put_in is not None and taken_out is not None:
-        columns[ENERGY] = _difference(_without_resets(put_in), _without_resets(taken_out))
-    charge, discharge = (columns.pop(name, None) for name in COUNTERS)
-    if charge is None or discharge is None:
-        return _with_lone_counter(columns, charge, discharge)
+    if columns.keys() >= set(ENERGIES):
+        counters = (_without_resets(columns.pop(name)) for name in ENERGIES)
+        columns[ENERGY] = _difference(*counters)
+    for name in ENERGIES:
+        columns.pop(name, None)
+    if not columns.keys() >= set(COUNTERS):
+        return _with_lone_counter(columns, *(columns.pop(name, None) for name in COUNTERS))
     current = columns["current_ampere"]
-    charge, discharge = _without_resets(charge), _without_resets(discharge)
+    charge, discharge = (_without_resets(columns.pop(name)) for name in COUNTERS)
     if np.nanmin(current, initial=0.0) >= 0:
         moves = [np.diff(counter, prepend=np.nan) for counter in (charge, discharge)]
         if all(np.nansum(move) > 0 for move in moves):
