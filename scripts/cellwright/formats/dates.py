@@ -1,4 +1,7 @@
-"""Texts of dates and clocks as seconds."""
+"""Texts of dates and clocks as seconds.
+
+A column of them is read as the blocks of its file come: the seconds are kept, the texts are not.
+"""
 
 import re
 from collections.abc import Sequence
@@ -26,48 +29,74 @@ PARTS = {
     "%S": r"(?P<second>\d{1,2})",
 }
 LIMITS = {"month": (1, 12), "hour": (0, 23), "minute": (0, 59), "second": (0, 60)}
-ROWS = 1 << 16  # that are taken at once
+ROWS = 1 << 16  # that are taken at once: a text of 20 letters is many numbers
 DAY_SECOND, POINT, DIGITS = 86400, ord("."), b"0123456789"
 MOST_PACES = 10  # intervals between rows that may lie over midnight; a clock begun anew is off more
 ZONED = "ISO 8601"  # with a letter T and, mostly, a zone: told by pyarrow, not by places
 
 
-class Dates:
-    """A column of dates that is read block by block: its seconds in the formats that fit so far."""
+class _InPieces:
+    """A column of texts that is read piece by piece, of blocks that are shorter."""
 
-    def __init__(self, formats: Sequence[str]):
-        self.seconds = {form: [] for form in formats}
+    def __init__(self):
+        self.blocks, self.rows = [], 0
 
     def add(self, block):
-        """Read a block of the column (pyarrow strings)."""
-        for form in [*self.seconds]:
+        """Take a block of the column (pyarrow strings)."""
+        self.blocks.append(block)
+        self.rows += len(block)
+        if self.rows >= ROWS:
+            self.read_blocks()
+
+    def read_blocks(self):
+        """Read the blocks that wait."""
+        import pyarrow as pa
+
+        texts = pa.concat_arrays(self.blocks) if self.blocks else []
+        self.blocks, self.rows = [], 0
+        for first in range(0, len(texts), ROWS):
+            self.read(texts[first : first + ROWS])
+
+
+class Dates(_InPieces):
+    """A column of dates that is read piece by piece: its seconds in the formats that fit so far."""
+
+    def __init__(self, formats: Sequence[str]):
+        super().__init__()
+        self.seconds = {form: [] for form in formats}
+
+    def read(self, texts):
+        """Read a piece of the column."""
+        for form, known in [*self.seconds.items()]:
             # Most formats fail at the first text.
-            found = [_dates(texts, form) for texts in _chunks(block[:1])]
-            if found[0] is not None:
-                found = [_dates(texts, form) for texts in _chunks(block)]
-            if any(seconds is None for seconds in found):
+            fits = known or _dates(texts[:1], form) is not None
+            seconds = _dates(texts, form) if fits else None
+            if seconds is None:
                 del self.seconds[form]
             else:
-                self.seconds[form] += found
+                known.append(seconds)
 
     def all(self):
         """The column itself, with its seconds since 1970 by format."""
+        self.read_blocks()
         self.seconds = {form: _joined(found) for form, found in self.seconds.items()}
         return self
 
 
-class Clocks:
-    """A column of clocks that is read block by block, as of `clock_second`."""
+class Clocks(_InPieces):
+    """A column of clocks that is read piece by piece: hh:mm:ss.mmm, beyond 24 h, or 2d hh:mm:ss."""
 
     def __init__(self):
+        super().__init__()
         self.seconds = []
 
-    def add(self, block):
-        """Read a block of the column (pyarrow strings)."""
-        self.seconds.append(clock_second(block))
+    def read(self, texts):
+        """Read a piece of the column."""
+        self.seconds.append(_clocks(texts))
 
     def all(self):
-        """Seconds (n,)."""
+        """Seconds (n,), NaN where a text is no clock."""
+        self.read_blocks()
         return _joined(self.seconds)
 
 
@@ -78,7 +107,7 @@ def _joined(blocks):
 class Times:
     """A column of clocks or of dates that is read block by block.
 
-    example : its first text. clock : (n,) seconds as of `clock_second`, or None. dates : `Dates`.
+    example : its first text. clock : (n,) seconds as of `Clocks`, or None. dates : `Dates`.
     """
 
     def __init__(self, formats: Sequence[str]):
@@ -95,8 +124,8 @@ class Times:
 
     def all(self):
         """The column itself."""
-        self.clock = self.clock.all() if self.clock.seconds else None
-        self.dates = self.dates.all()
+        is_clock = CLOCKED.match(self.example or "")
+        self.clock, self.dates = self.clock.all() if is_clock else None, self.dates.all()
         return self
 
 
@@ -132,11 +161,6 @@ def _exchanged(form):
     return form.translate(str.maketrans("md", "dm"))
 
 
-def clock_second(texts) -> np.ndarray:
-    """Seconds of texts hh:mm:ss.mmm, hours beyond 24, or 2d hh:mm:ss; NaN where one is none."""
-    return np.concatenate([_clocks(chunk) for chunk in _chunks(texts)])
-
-
 def over_midnight(clock: np.ndarray) -> np.ndarray:
     """Seconds of a clock of the day (n,), counted on where it begins anew at midnight.
 
@@ -150,13 +174,6 @@ def over_midnight(clock: np.ndarray) -> np.ndarray:
     if np.nanmax(clock, initial=0.0) >= DAY_SECOND or not wraps.any():
         return clock
     return clock + DAY_SECOND * np.concatenate([[0], np.cumsum(wraps)])
-
-
-def _chunks(texts):
-    """Texts in pieces that are short, for a text of 20 letters is many numbers."""
-    chunks = getattr(texts, "chunks", [texts])
-    pieces = [c.slice(k, ROWS) for c in chunks for k in range(0, len(c), ROWS)]
-    return pieces or chunks[:1]
 
 
 def _zoned(texts):

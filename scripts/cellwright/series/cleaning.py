@@ -13,7 +13,6 @@ from cellwright.formats.fields import NET, SERIES
 from cellwright.formats.physics import COLDEST, HOTTEST
 from cellwright.formats.pieces import (
     any_where,
-    count_where,
     largest,
     median_of,
     pieces,
@@ -131,14 +130,15 @@ def flag(
 
 def counts(flags: np.ndarray) -> dict[str, int]:
     """Number of rows with each flag, by the flag's name in lower case."""
-    return {kind.name.lower(): count_where(lambda f, kind=kind: f & kind, flags) for kind in Flag}
+    return {kind.name.lower(): len(_rows_of(flags, kind)) for kind in Flag}
 
 
 def _kept(flags: np.ndarray) -> np.ndarray:
     """Rows that no flag so far removes."""
-    if not any_where(lambda f: f & REMOVED, flags):
+    removed = int(REMOVED)  # an integer keeps the type of the flags, and takes a seventh
+    if not any_where(lambda f: f & removed, flags):
         return np.arange(len(flags))
-    return rows_where(lambda f: (f & REMOVED) == 0, flags)
+    return rows_where(lambda f: (f & removed) == 0, flags)
 
 
 def _of_rows(column: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -556,7 +556,8 @@ def remove(
 
 def _rows_of(flags, kind):
     """Rows that carry a flag."""
-    return rows_where(lambda f: f & kind, flags)
+    number = int(kind)
+    return rows_where(lambda f: f & number, flags)
 
 
 def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray, silent) -> np.ndarray:

@@ -106,9 +106,9 @@ def sentences(time: np.ndarray, doubt: np.ndarray) -> list[str]:
     """A sentence on each kind of doubt in a `doubt` column: how often, and from when on [s]."""
     found = []
     for flag, words in WORDS.items():
-        rows = count_where(lambda d, flag=flag: d & flag, doubt)
+        rows = count_where(lambda d, flag=int(flag): d & flag, doubt)
         if rows:
-            first = np.argmax(doubt & flag > 0)
+            first = np.argmax(doubt & int(flag) > 0)
             found.append(f"{words} ({rows} rows, first at {time[first]:.6g} s)")
     return found
 

@@ -10,6 +10,7 @@ OTHER_LOAD = "another load"  # of the same direction on the other side: anything
 SAME_CURRENT = 0.1  # of the current: as much on both sides of a gap is the same load
 SHORTEST_WINDOW = 60.0  # s of rows at each side, by which the voltage's slope is told
 LEAST_ROWS = 4
+FIRST_REACH = 64  # rows beside a gap that are looked at first
 LEAST_SHARE = 0.001  # of all charge: gaps with less are not worth a sentence
 FLOOR_VOLT = 0.002  # no verdict hangs on less: contacts, temperature
 # ASSUME: A load that went on moves the voltage by at least half of what the slopes beside the gap
@@ -102,14 +103,27 @@ def _held_on(current, voltage, row):
     return bool(np.ptp(voltage[rows]) <= FLOOR_VOLT and np.all(np.diff(size) < 0))
 
 
+def _as_far_as(good, edge, side, length):
+    """Rows from an edge outwards, before it (side −1) or after it (1), as far as they are good."""
+    reach = FIRST_REACH
+    while True:
+        rows = edge + side * np.arange(reach)
+        rows = rows[(rows >= 0) & (rows < length)]
+        fit = good(rows)
+        if len(rows) < reach or not fit.all():
+            return rows[: len(rows) if fit.all() else int(np.argmin(fit))]
+        reach *= 4  # of millions of rows each gap would else look at all
+
+
 def _slope(time, current, voltage, row, side, window):
     """Slope of the voltage over the charge [V/Ah] before or after a gap, and its scatter [V]."""
     edge = row - 1 if side < 0 else row
-    rows = np.arange(row)[::-1] if side < 0 else np.arange(row, len(time))
-    near = (np.abs(time[rows] - time[edge]) <= window) & np.isfinite(voltage[rows])
-    steady = np.abs(current[rows] - current[edge]) <= SAME_CURRENT * abs(current[edge])
-    good = near & steady
-    rows = rows[: len(good) if good.all() else int(np.argmin(good))]
+
+    def good(rows):
+        near = (np.abs(time[rows] - time[edge]) <= window) & np.isfinite(voltage[rows])
+        return near & (np.abs(current[rows] - current[edge]) <= SAME_CURRENT * abs(current[edge]))
+
+    rows = _as_far_as(good, edge, side, len(time))
     if len(rows) < LEAST_ROWS:
         return np.nan, 0.0
     charge = current[edge] * (time[rows] - time[edge]) / 3600

@@ -300,7 +300,7 @@ def _held_against_energy(columns):
     apart[1 + rows_where(lambda t: np.diff(t) < 0, time, beside=1)] = True
     apart[silent_before(time, CLEAN.gap_second)] = True
     found = np.zeros(len(current), np.int16)
-    found[good] = np.where(against_counter(time, power, energy, apart), Doubt.ENERGY, 0)
+    found[good] = against_counter(time, power, energy, apart) * np.int16(Doubt.ENERGY)
     return kept | {"doubt": found} if found.any() else kept
 
 
