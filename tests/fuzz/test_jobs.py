@@ -15,6 +15,7 @@ from runtime import artefact, raw_files, settings
 
 SEEDS = {"words for numbers": 1, "cut mid-line": 2, "offset": 3, "mA under A": 4, "a NUL": 5}
 SEEDS |= {"clock begins anew": 6, "block twice": 7, "current zero in a block": 8, "unchanged": 9}
+NAMES = {"cell": "C1", "test": "t"}
 
 
 class Named(list):
@@ -47,6 +48,34 @@ def record():
     return record_of(entry)
 
 
+def ingest(changed, longest_minute=10.0):
+    """Paths of what the job of a record's file makes, and what it says of cell and test."""
+    chosen = settings.defaults(settings.load(HERE / "workflow" / "schemas", "config"))
+    steps = ("ingest", "clean", "flags", "segment")
+    paths = {name: f"results/stages/{name}/C1/t.parquet" for name in steps}
+    reading = {"file": ["record.csv"], "sha256": None, "instrument": None, "current_sign": None}
+    reading["columns"] = None
+    test = {name: value for name, value in changed.test.items() if name != "test"}
+    facts = {"cell": changed.cell, "test": test}
+    params = {"reading": reading, "channels": {}, "clean": chosen["clean"]}
+    params |= {"segment": chosen["segment"], "largest_megabyte": 100.0} | facts
+    params |= {"content": raw_files.planned({"record.csv": 100.0})}
+    params |= {"longest_minute": longest_minute}
+    run("ingest/series.py", "series", {"raw": "record.csv"}, paths, params, NAMES)
+    return paths, facts | {"instrument": chosen["instrument"]}
+
+
+def test_a_file_that_takes_too_long_is_left_out_by_name(record, tmp_path, monkeypatch):
+    """Its artefacts carry the reason, as any refusal; the job itself ends well."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "record.csv").write_bytes(file_of(record))
+    paths, _ = ingest(record, longest_minute=1e-6)
+    for path in paths.values():
+        reason = artefact.read_about(path)["reason"]
+        assert reason.startswith("record.csv: took more than 1e-06 min of CPU time")
+        assert "raise files.longest_reading_minute" in reason
+
+
 @pytest.mark.parametrize("kind", sorted(SEEDS))
 def test_artefacts_hold_what_the_functions_publish(record, kind, tmp_path, monkeypatch):
     changed = (KINDS | BENIGN)[kind](record, np.random.default_rng(SEEDS[kind]))
@@ -55,22 +84,10 @@ def test_artefacts_hold_what_the_functions_publish(record, kind, tmp_path, monke
     # Where a text is damaged chance tells anew each time it is written.
     changed = changed._replace(text=lambda _: written.decode("utf-8", "surrogateescape"))
     (tmp_path / "record.csv").write_bytes(written)
-    chosen = settings.defaults(settings.load(HERE / "workflow" / "schemas", "config"))
-    steps = ("ingest", "clean", "flags", "segment")
-    paths = {name: f"results/stages/{name}/C1/t.parquet" for name in steps}
-    reading = {"file": ["record.csv"], "sha256": None, "instrument": None, "current_sign": None}
-    reading["columns"] = None
-    test = {name: value for name, value in changed.test.items() if name != "test"}
-    facts = {"cell": changed.cell, "test": test}
-    names = {"cell": "C1", "test": "t"}
-    params = {"reading": reading, "channels": {}, "clean": chosen["clean"]}
-    params |= {"segment": chosen["segment"], "largest_megabyte": 100.0} | facts
-    params["content"] = raw_files.planned({"record.csv": 100.0})
-    run("ingest/series.py", "series", {"raw": "record.csv"}, paths, params, names)
+    paths, params = ingest(changed)
     made = "results/stages/capacity/C1/t.parquet"
     inputs = {"series": paths["clean"], "steps": paths["segment"], "course": [], "curves": []}
-    params = {"instrument": chosen["instrument"]} | facts
-    run("protocols/capacity.py", "capacity", inputs, {"rows": made}, params, names)
+    run("protocols/capacity.py", "capacity", inputs, {"rows": made}, params, NAMES)
     reason = artefact.read_about(made)["reason"] or ""
     outcome = outcome_of(changed)
     assert "failed" not in reason

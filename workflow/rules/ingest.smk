@@ -44,6 +44,7 @@ rule series:
         reading=reading,
         channels=channels_of_group,
         largest_megabyte=config["files"]["largest_megabyte"],
+        longest_minute=config["files"]["longest_reading_minute"],
         clean=config["clean"],
         segment=config["segment"],
         test=test_facts,

@@ -202,6 +202,7 @@ rule impedance:
         content=raw_contents,
         reading=reading,
         largest_megabyte=config["files"]["largest_megabyte"],
+        longest_minute=config["files"]["longest_reading_minute"],
         settings=config["impedance"],
         test=test_facts,
         cell=cell_facts,

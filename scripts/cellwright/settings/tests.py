@@ -13,9 +13,13 @@ class Files(NamedTuple):
     largest_megabyte [MB] : A raw file that is longer, or unpacks to more, is refused. Large
         texts are read in blocks, of which a job keeps the numbers; 8000 MB are four years at one
         row a second and 60 bytes a row.
+    longest_reading_minute [min] : CPU time within which the files of a test must be read and
+        cleaned; a test that takes longer is left out with that reason. 5 GB of text take one to
+        two minutes.
     """
 
     largest_megabyte: float = 8000.0
+    longest_reading_minute: float = 120.0
 
 
 class Clean(NamedTuple):
