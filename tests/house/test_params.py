@@ -13,6 +13,7 @@ from test_workflow import CONFIG, RULES
 from tree import SCIENCE, SCRIPTS, parsed
 
 from cellwright import MODULE_OF
+from runtime import time_limit
 from tools import settings_module
 
 SECTIONS = {
@@ -41,13 +42,12 @@ def handed(body) -> set[str]:
 
 @cache
 def used(script) -> set[str]:
-    """Keys that the steps use which a script calls as `cw.<step>(…)`."""
-    called = {
-        node.func.attr
-        for node in ast.walk(parsed(SCRIPTS / f"{script}.py"))
-        if isinstance(node, ast.Call) and ast.unparse(node.func).startswith("cw.")
-    }
-    return set().union(*(of_step(step) for step in called))
+    """Keys that the steps use which a script calls as `cw.<step>(…)`, and of its limit of time."""
+    nodes = ast.walk(parsed(SCRIPTS / f"{script}.py"))
+    called = {ast.unparse(node.func) for node in nodes if isinstance(node, ast.Call)}
+    steps = (name.removeprefix("cw.") for name in called if name.startswith("cw."))
+    limit = {time_limit.SETTING} if "time_limit.within" in called else set()
+    return limit.union(*(of_step(step) for step in steps))
 
 
 def of_step(step) -> set[str]:
