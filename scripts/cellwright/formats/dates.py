@@ -206,6 +206,8 @@ def _dates(texts, form):
 
 
 def _since_1970(numbers, form):
+    # What a format does not write is none: a date of minutes has no seconds.
+    numbers = dict.fromkeys(("hour", "minute", "second"), np.int64(0)) | numbers
     if any(np.any((numbers[k] < a) | (numbers[k] > b)) for k, (a, b) in LIMITS.items()):
         return None
     year = numbers["year"] + (np.where(numbers["year"] < 69, 2000, 1900) if "%y" in form else 0)
