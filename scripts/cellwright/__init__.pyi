@@ -76,6 +76,7 @@ from cellwright.api.protocols import ocv as ocv
 from cellwright.api.protocols import ocv_from_rests as ocv_from_rests
 from cellwright.api.protocols import relaxation as relaxation
 from cellwright.api.protocols import resistance as resistance
+from cellwright.api.protocols import spectra_together as spectra_together
 from cellwright.api.protocols import thermometer as thermometer
 from cellwright.api.series import clean as clean
 from cellwright.api.series import read as read

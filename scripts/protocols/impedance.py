@@ -1,20 +1,16 @@
-"""Read one spectrum, fit a circuit to it, test the spectrum itself, find its relaxation times."""
+"""Fit a circuit to one spectrum, test the spectrum itself, find its relaxation times."""
 
 import cellwright as cw
-from runtime import artefact, raw_files, time_limit
+from runtime import artefact, facts
 
-params, output = snakemake.params, snakemake.output
-with artefact.Job(snakemake, output.spectrum) as reading:
-    said, largest = params.reading, params.largest_megabyte
-    file = raw_files.single(said["file"], said["sha256"], largest, params.content)
-    how = {"kind": "impedance", "instrument": said["instrument"], "columns": said["columns"]}
-    with time_limit.within(params.longest_minute, said["file"]):
-        read = cw.read(file, **how, largest_megabyte=largest)
-    reading.note(*read.notes)
-    reading.save(read.columns, instrument=read.instrument[0])
-with artefact.Job(snakemake, *output[1:], after=reading) as job:
-    spectrum = job.load(output.spectrum)
-    found = cw.impedance(spectrum, params.settings, cell=params.cell, doubt=read.doubt)
+params, inputs, output = snakemake.params, snakemake.input, snakemake.output
+with artefact.Job(snakemake) as job:
+    spectrum = job.load(inputs.spectrum)
+    said = artefact.read_about(inputs.spectrum)["facts"]["doubt"]
+    test, cell = facts.of_job(snakemake)
+    about = {"cell": cell, "test": test, "doubt": said}
+    together = artefact.load_first([inputs.together])
+    found = cw.impedance(spectrum, params.settings, **about, together=together)
     job.note(*found.notes)
     job.save(found.rows, output.fit)
     job.save(found.curve, output.curve)

@@ -8,16 +8,14 @@ from spectra import CONDITIONS, FREQUENCY, NAMES, THESIS, measured, noisy, thesi
 
 from cellwright.native import function
 from cellwright.protocols.impedance import fit as fits
-from cellwright.protocols.impedance.analysis import (
-    analyse,
+from cellwright.protocols.impedance.analysis import analyse, zero_crossing
+from cellwright.protocols.impedance.arcs import (
     arcs,
-    best,
     characteristic_frequency,
-    compare,
     contract,
     why_inseparable,
-    zero_crossing,
 )
+from cellwright.protocols.impedance.candidates import best, compare
 from cellwright.protocols.impedance.circuits import circuit_impedance, parse, parse_constraints
 from cellwright.protocols.impedance.fit import (
     TYPES,

@@ -117,7 +117,7 @@ def test_analysis_of_a_good_spectrum_has_nothing_to_note():
 def test_a_circuit_that_misses_is_told_and_evidence_finds_the_better():
     truth = [2e-3, 0.5, 0.9, 6e-3, 500.0, 0.9, 6e-3]
     spectrum = noisy(circuit_impedance(TWO_ARCS, FREQUENCY, truth))
-    plain = analyse(FREQUENCY, spectrum, candidates=(TWO_ARCS,))
+    plain = analyse(FREQUENCY, spectrum, candidates=(TWO_ARCS,), choose="circuit")
     notes = " | ".join(plain.notes)
     assert "misses the spectrum" in notes
     assert f"{TWO_ARCS} comes closest" in notes
@@ -135,7 +135,7 @@ def test_a_circuit_that_misses_is_told_and_evidence_finds_the_better():
 def test_a_misfit_is_a_doubt_of_the_resistances_that_it_moves_and_says_by_how_much(arcs, moved):
     """One arc and a tail for two arcs, 2 mΩ in front and 6 mΩ of the slower one."""
     spectrum = noisy(circuit_impedance(TWO_ARCS, FREQUENCY, [2e-3, *arcs, 6e-3]))
-    row = analyse(FREQUENCY, spectrum, candidates=(TWO_ARCS,)).row
+    row = analyse(FREQUENCY, spectrum, candidates=(TWO_ARCS,), choose="circuit").row
     assert row["rms_relative_residual"] > 2 * row["kramers_kronig_residual"]
     true = {"ohmic resistance": 2.0, "charge transfer": 6.0}
     for words, milliohm in true.items():

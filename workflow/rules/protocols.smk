@@ -185,11 +185,50 @@ rule ica:
         "../../scripts/protocols/ica.py"
 
 
-rule impedance:
+WITH_SPECTRA = [cell for cell in CELLS if tests(cell, "eis")]
+
+
+rule spectrum:
     input:
         raw=raw_paths,
     output:
+        "results/stages/spectrum/{cell}/{test}.parquet",
+    log:
+        "logs/spectrum/{cell}/{test}.log",
+    params:
+        content=raw_contents,
+        reading=reading,
+        largest_megabyte=config["files"]["largest_megabyte"],
+        longest_minute=config["files"]["longest_reading_minute"],
+        test=test_facts,
+    message:
+        "Read the spectrum {wildcards.cell} {wildcards.test}."
+    script:
+        "../../scripts/protocols/spectrum.py"
+
+
+rule spectra_together:
+    input:
+        PLAN.own_artefacts("spectrum", "eis"),
+    output:
+        "results/stages/eis_together/{cell}.parquet",
+    log:
+        "logs/spectra_together/{cell}.log",
+    wildcard_constraints:
+        cell=either(WITH_SPECTRA),
+    params:
+        settings=config["impedance"],
+    message:
+        "Choose the circuit of all spectra of {wildcards.cell} and follow its arcs."
+    script:
+        "../../scripts/protocols/spectra_together.py"
+
+
+rule impedance:
+    input:
         spectrum="results/stages/spectrum/{cell}/{test}.parquet",
+        together="results/stages/eis_together/{cell}.parquet",
+    output:
         fit="results/stages/eis/{cell}/{test}.parquet",
         curve="results/stages/eis_curve/{cell}/{test}.parquet",
         parameters="results/stages/eis_parameters/{cell}/{test}.parquet",
@@ -199,15 +238,11 @@ rule impedance:
     log:
         "logs/impedance/{cell}/{test}.log",
     params:
-        content=raw_contents,
-        reading=reading,
-        largest_megabyte=config["files"]["largest_megabyte"],
-        longest_minute=config["files"]["longest_reading_minute"],
         settings=config["impedance"],
         test=test_facts,
         cell=cell_facts,
     message:
-        "Read the spectrum {wildcards.cell} {wildcards.test} and fit {params.settings[circuit]} to it."
+        "Fit the circuit of its cell to the spectrum {wildcards.cell} {wildcards.test}."
     script:
         "../../scripts/protocols/impedance.py"
 

@@ -83,6 +83,7 @@ COLD_WORDS = [f"results/stages/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
     *everywhere("ingest", *SERIES_KINDS),
     *everywhere("spectrum", "eis"),
+    *[f"results/stages/eis_together/{cell}.parquet" for cell in WITH_SPECTRA],
     *everywhere("clean", *SERIES_KINDS),
     *everywhere("segment", *SERIES_KINDS),
     *REPEATS,

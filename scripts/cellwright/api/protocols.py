@@ -304,27 +304,74 @@ def ica_life(series, steps, cycles, *, prominence=ICA.prominence, most=30):
     return results.Result({"rows": rows, "curves": curves}, notes=tuple(notes))
 
 
-def impedance(spectrum, settings=None, *, cell=None, doubt="", **changes):
+SPECTRUM = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")
+
+
+def spectra_together(spectra, settings=None, **changes):
+    """Circuit that all spectra of a cell prefer, and its arc of charge transfer in each of them.
+
+    spectra : (test, spectrum) each, spectra as in `impedance`; of the tests count SoC, temperature
+        and cycle. One that `impedance` refuses takes no part.
+    settings : `settings.Impedance`.
+
+    Returns rows, one a test and circuit, for `impedance`. Raises Refusal: no spectrum can be used.
+    Source: docs/impedance.md.
+    """
+    from cellwright.protocols.impedance import follow
+    from cellwright.protocols.impedance.analysis import trusted_spectrum
+    from cellwright.protocols.impedance.circuits import parse_constraints
+    from cellwright.refusal import Refusal
+
+    choice = inputs.settings_of(Impedance, settings, changes)._asdict()
+    inductance = choice.pop("inductance")
+    taken, notes = [], []
+    for test, spectrum in spectra:
+        about = inputs.test_facts(test)
+        made_at = {
+            "celsius": about.ambient_temperature_celsius,
+            "soc": about.soc,
+            "cycle": about.cycle,
+        }
+        try:
+            one = trusted_spectrum(*_complex(spectrum)[:2], inductance=inductance, **made_at)[0]
+        except Refusal as refusal:
+            notes.append(f"{about.test} takes no part: {refusal}")
+        else:
+            taken.append((about.test, one))
+    if not taken:
+        raise Refusal("; ".join(notes) or "there is no spectrum")
+    fixed, tied = parse_constraints(choice.pop("constraints"))
+    followed = follow([one for _, one in taken], **choice, fixed=fixed, tied=tied)
+    rows = [
+        {"test": test} | row
+        for (test, _), rows in zip(taken, followed, strict=True)
+        for row in rows
+    ]
+    return results.Result({"rows": rows}, notes=tuple(notes))
+
+
+def impedance(spectrum, settings=None, *, cell=None, doubt="", test=None, together=None, **changes):
     """One spectrum analysed: Kramers-Kronig test, circuit fit, distribution of relaxation times.
 
     spectrum : DataFrame or columns: frequency_hertz [Hz], impedance_real_ohm and
         impedance_imaginary_ohm [ohm], (n,) each.
     settings : `settings.Impedance`. cell : its rating is held against the impedance; None: it is
         not. doubt : what its file says against it, as `read` gives it.
+    together : result of `spectra_together` or its rows, among them those of `test`; None: the
+        spectrum stands alone.
 
-    Raises Refusal: an unknown circuit, too few points, or none that can be trusted.
-    Source: thesis 3.2; docs/impedance.md.
+    Raises Refusal: an unknown circuit, too few points, or none that can be trusted; `test` is not
+    among the spectra together. Source: thesis 3.2; docs/impedance.md.
     """
     from cellwright.protocols.impedance import analyse
 
-    names = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")
-    columns = inputs.columns(spectrum, *names)
+    frequency, ohm, columns = _complex(spectrum)
     analysis = analyse(
-        columns[names[0]],
-        # The imaginary part has its sign: capacitive arcs are negative.
-        columns[names[1]] + 1j * columns[names[2]],
+        frequency,
+        ohm,
         temperature_celsius=columns.get("surface_temperature_celsius"),
         rated_capacity_ampere_hour=None if cell is None else inputs.rating(cell),
+        together=None if together is None else _of_test(together, test),
         **inputs.settings_of(Impedance, settings, changes)._asdict(),
     )
     # The row is the table of the step; curves of fit, test and distribution stand beside it.
@@ -333,6 +380,27 @@ def impedance(spectrum, settings=None, *, cell=None, doubt="", **changes):
     row["doubt"] = "; ".join(filter(None, (doubt, row["doubt"])))
     tables = {"rows": [row], **found}
     return results.Result(tables, notes=tables.pop("notes"))
+
+
+def _complex(spectrum):
+    """Frequency (n,) [Hz], impedance (n,) complex [Ω] and all columns of a spectrum."""
+    columns = inputs.columns(spectrum, *SPECTRUM)
+    frequency, real, imaginary = (columns[name] for name in SPECTRUM)
+    # The imaginary part has its sign: capacitive arcs are negative.
+    return frequency, real + 1j * imaginary, columns
+
+
+def _of_test(together, test):
+    """Rows of one test among the spectra together."""
+    from cellwright.refusal import Refusal
+
+    rows = inputs.rows(together)
+    name = None if test is None else inputs.test_facts(test).test
+    found = [row for row in rows if row["test"] == name]
+    if not found:
+        known = ", ".join(dict.fromkeys(row["test"] for row in rows))
+        raise Refusal(f"no spectrum {name} among those together: {known}; `test` names it")
+    return found
 
 
 def thermometer(spectra, series):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.conditions import in_first_checkup, same_rate
+from cellwright.records.conditions import SAME_SOC, in_first_checkup, same_rate
 from cellwright.settings import Temperature
 
 TEMPERATURE = Temperature()
@@ -93,7 +93,7 @@ def impedance_points(rows):
         row for row in first_check_up(rows) if row["soc"] is not None and np.isfinite(row["soc"])
     ]
     with_soc.sort(key=lambda row: (row["soc"], row["ambient_temperature_celsius"]))
-    level = level_means([row["soc"] for row in with_soc], apart=0.02)
+    level = level_means([row["soc"] for row in with_soc], apart=SAME_SOC)
     points, notes = [], []
     for kind, column in (("ohmic", "r_ohmic_ohm"), ("charge-transfer", "r_charge_transfer_ohm")):
         # Charge transfer must also be distinguished from diffusion.

@@ -15,6 +15,9 @@ SAME_RATE = 1.25**0.5
 # Temperatures that are chosen to differ stand 5 K apart or more; a chamber, its sensor and what the
 # sheet states agree within half of that.
 SAME_CELSIUS = 2.5
+# States of charge that are chosen to differ stand 5 % apart; those that are set by counting agree
+# within half of that.
+SAME_SOC = 0.02
 # A check-up's own tests are a few cycles; check-ups lie tens of cycles apart.
 SAME_CHECKUP_CYCLES = 5.0
 
@@ -138,6 +141,16 @@ def same_temperature(first, second):
     first, second : numbers; None or NaN where not stated.
     """
     return abs(stated_or_reference(first) - stated_or_reference(second)) <= SAME_CELSIUS
+
+
+def same_soc(first, second):
+    """Whether two states of charge are one: within 2 %.
+
+    Parameters
+    ----------
+    first, second : numbers [1].
+    """
+    return abs(first - second) <= SAME_SOC
 
 
 # ASSUME: Tests within 5 cycles of each other see a cell of one age.

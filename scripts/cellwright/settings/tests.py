@@ -204,13 +204,15 @@ class Health(NamedTuple):
 class Impedance(NamedTuple):
     """Impedance spectra.
 
-    circuit : Circuit that is fitted: `-` in series, `|` in parallel; R, C, L, CPE, W
-        (semi-infinite Warburg), FLW and FSW (finite-length and finite-space Warburg), G
-        (Gerischer). `L-` is put in front where a spectrum shows inductance. Source: thesis sec.
-        3.2.
-    candidates : Circuits that are compared with it.
-    choose : `circuit` keeps the one above; the others take the candidate that does best by the
-        Bayesian information criterion, or on points left out of its fit.
+    circuit : First circuit that is fitted, the one that `constraints` and `choose: circuit`
+        mean: `-` in series, `|` in parallel; R, C, L, CPE, W (semi-infinite Warburg), FLW and
+        FSW (finite-length and finite-space Warburg), G (Gerischer). `L-` is put in front where a
+        spectrum shows inductance. Source: thesis sec. 3.2.
+    candidates : Circuits that are compared with it. What a spectrum does not tell of one is
+        taken out.
+    choose : `bic` and `cross_validation` take the circuit that does best on all spectra of a
+        cell together, by the Bayesian information criterion, or on points left out of its fit;
+        `circuit` keeps the one above.
     constraints : Parameters of `circuit` that are not free: `cpe_p = 0.8` fixes one, `r3_ohm = 2
         * r2_ohm` ties one to another.
     inductance : What becomes of inductive points (positive imaginary part); `model` adds an
@@ -224,7 +226,8 @@ class Impedance(NamedTuple):
         "R-(CPE|R)-(CPE|(R-W))",
         "R-(CPE|R)-(CPE|R)-W",
         "R-(CPE|R)-(CPE|R)-CPE",
+        "R-(CPE|R)-(CPE|R)-(CPE|(R-W))",
     )
-    choose: str = "circuit"
+    choose: str = "bic"
     constraints: tuple[str, ...] = ()
     inductance: str = "model"

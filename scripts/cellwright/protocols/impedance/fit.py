@@ -292,9 +292,10 @@ class CircuitFit(NamedTuple):
 
     circuit : its text. names : of the p parameters, with their units (see `circuits.parse`).
     values, std : (p,); std is NaN for a parameter that is fixed, at the limit of its search or not
-    determined. correlation : (p, p), NaN likewise. at_bound : names of those at a limit. free : q,
-    number of parameters that were free. rms_relative_residual : of the complex error over the
-    modulus. bic : Bayesian information criterion, for comparing circuits on the same points.
+    determined. correlation : (p, p), NaN likewise. at_bound : names of those at a limit; at_upper :
+    of those at the upper one. free : q, number of parameters that were free. rms_relative_residual
+    : of the complex error over the modulus. bic : Bayesian information criterion, for comparing
+    circuits on the same points.
     """
 
     circuit: str
@@ -303,6 +304,7 @@ class CircuitFit(NamedTuple):
     std: np.ndarray
     correlation: np.ndarray
     at_bound: tuple
+    at_upper: tuple
     free: int
     rms_relative_residual: float
     bic: float
@@ -397,24 +399,32 @@ def _result(problem, found, costs, rows):
     residual, slopes = rows[0], rows[1:]
     names, points, data = problem.circuit.names, len(problem.weight), len(residual)
     # Within a thousandth, the slack of where the search stops.
-    limited = (x - problem.lower < 1e-3) | (problem.upper - x < 1e-3)
+    highest = problem.upper - x < 1e-3
+    limited = (x - problem.lower < 1e-3) | highest
     values = problem.values(x)
     covariance = _covariance(slopes, residual, limited, problem.column)
     covariance *= values[:, None] * values
     std = np.sqrt(covariance.diagonal())
     certain = np.where(std > 0, std, np.nan)
-    places, ended = problem.column.tolist(), limited.tolist()
+    places = problem.column.tolist()
     return CircuitFit(
         circuit=problem.circuit.text,
         names=names,
         values=values,
         std=std,
         correlation=covariance / (certain[:, None] * certain),
-        at_bound=tuple(n for n, k in zip(names, places, strict=True) if k >= 0 and ended[k]),
+        at_bound=_at(limited, names, places),
+        at_upper=_at(highest, names, places),
         free=len(x),
         rms_relative_residual=math.sqrt(2 * cost / points),
         bic=data * math.log(max(2 * cost / data, 1e-30)) + len(x) * math.log(data),
     )
+
+
+def _at(ended, names, places):
+    """Names of the parameters whose free one ended so."""
+    ended = ended.tolist()
+    return tuple(n for n, k in zip(names, places, strict=True) if k >= 0 and ended[k])
 
 
 def _covariance(slopes, residual, limited, column):

@@ -1,0 +1,192 @@
+"""Arcs of a fitted circuit, which of them is charge transfer, and the columns that come of it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.protocols.impedance.circuits import (
+    PARALLEL,
+    SERIES,
+    SYMBOLS,
+    circuit_impedance,
+    parse,
+    series_resistance,
+)
+
+CAPACITIVE = {SYMBOLS["CPE"], SYMBOLS["C"]}
+DIFFUSION = {SYMBOLS["W"], SYMBOLS["FLW"], SYMBOLS["FSW"], SYMBOLS["G"]}
+
+SIZES = ("resistance", "inductance", "warburg")  # roles that say how much there is of an element
+VAGUE = 0.5  # of its value: what has a larger deviation is not known
+
+
+class Arc(NamedTuple):
+    """A capacitance parallel to a branch with a resistance, as places among the parameters.
+
+    t, p : of the capacitance (p is None for a plain one). r : resistances of the other branch.
+    """
+
+    t: int
+    p: int | None
+    r: tuple
+
+
+def arcs(circuit):
+    """Arcs of a circuit (its text or tree), in the order of their parameters: list of Arc."""
+    tree = parse(circuit) if isinstance(circuit, str) else circuit
+    candidates = [
+        _arc(tree, *sides)
+        for kind, first, second in zip(tree.kinds, tree.left, tree.right, strict=True)
+        if kind == PARALLEL
+        for sides in ((first, second), (second, first))
+    ]
+    return sorted((arc for arc in candidates if arc is not None), key=lambda arc: arc.t)
+
+
+def _arc(tree, capacitive, branch):
+    """Arc of two parallel branches; None unless the first is a capacitance, the other has an R."""
+    resistances = _in_series(tree, branch, {SYMBOLS["R"]})
+    if tree.kinds[capacitive] not in CAPACITIVE or not resistances:
+        return None
+    first_parameter = tree.at[capacitive]
+    exponent = first_parameter + 1 if tree.kinds[capacitive] == SYMBOLS["CPE"] else None
+    return Arc(first_parameter, exponent, tuple(tree.at[k] for k in resistances))
+
+
+def characteristic_frequency(arc, values):
+    """Frequency at the top of an arc, (1/(R·T))^(1/P)/2π [Hz], at parameters `values` (p,)."""
+    r = sum(values[k] for k in arc.r)
+    power = 1.0 if arc.p is None else values[arc.p]
+    return float((1 / (r * values[arc.t])) ** (1 / power) / (2 * np.pi))
+
+
+def tops(fit):
+    """Arcs of a fitted circuit with their characteristic frequency [Hz], slowest first: list."""
+    pairs = [(characteristic_frequency(arc, fit.values), arc) for arc in arcs(fit.circuit)]
+    return sorted(pairs, key=lambda pair: pair[0])
+
+
+def tail_hertz(fit, frequency_hertz):
+    """Frequency [Hz] below which a fitted spectrum is a tail, 0 where it ends in an arc.
+
+    Between the arcs and the tail of diffusion the imaginary part has its valley: what acts below is
+    diffusion, though a circuit may write it as an arc.
+
+    frequency_hertz : (n,) that were fitted.
+    """
+    frequency = np.sort(frequency_hertz)
+    height = -circuit_impedance(fit.circuit, frequency, fit.values).imag
+    # From the slow end: down the tail to its valley, and up the next arc. Above the top of all
+    # there is none, but the leads' inductance.
+    capacitive = height[: np.argmax(frequency == frequency[height > 0][-1]) + 1]
+    rising = np.flatnonzero(np.diff(capacitive) > 0)
+    return float(frequency[rising[0]]) if len(rising) and rising[0] else 0.0
+
+
+def charge_transfer(fit, near_hertz):
+    """Arc of charge transfer, the one whose top is nearest; None without arcs.
+
+    near_hertz : where it is, see `slowest_arc_hertz`; NaN where it is not known: the slowest.
+    """
+    return _nearest(fit, near_hertz)[1]
+
+
+def charge_transfer_hertz(fit, near_hertz):
+    """Top of that arc [Hz]; NaN without arcs."""
+    return _nearest(fit, near_hertz)[0]
+
+
+def _nearest(fit, near_hertz):
+    """Top [Hz] and arc; NaN and None without arcs."""
+    pairs = tops(fit) or [(np.nan, None)]
+    if not near_hertz > 0:
+        return pairs[0]
+    return min(pairs, key=lambda pair: abs(np.log(pair[0] / near_hertz)))
+
+
+def slowest_arc_hertz(fit, frequency_hertz):
+    """Top of the slowest arc that is known and not in the tail of diffusion [Hz]; NaN without arcs.
+
+    frequency_hertz : (n,) that were fitted.
+    """
+    tail = tail_hertz(fit, frequency_hertz)
+    above = [(top, arc) for top, arc in tops(fit) if top > tail] or tops(fit)
+    known = [top for top, arc in above if fit.std[arc.r[0]] <= VAGUE * fit.values[arc.r[0]]]
+    return min(known or [top for top, _ in above], default=np.nan)
+
+
+def vaguest_element(fit):
+    """Name of the least known resistance (other than in series), inductance or admittance of
+    diffusion; None where all are known."""
+    tree = parse(fit.circuit)
+    share = fit.std / fit.values
+    unknown = [
+        (share[k], name)
+        for k, (name, role) in enumerate(zip(fit.names, tree.roles, strict=True))
+        if role in SIZES and k != series_resistance(tree) and share[k] > VAGUE
+    ]
+    return max(unknown, default=(0.0, None))[1]
+
+
+def contract(fit, near_hertz=np.nan):
+    """Columns of the results contract from any circuit: dict of each value and its `_std`.
+
+    r_ohmic_ohm is the resistance that all current passes; r_charge_transfer_ohm, cpe_t and cpe_p
+    are those of the arc of charge transfer (a plain capacitance has the exponent 1); warburg_y0
+    that of the first semi-infinite diffusion. NaN for what the circuit does not have.
+
+    near_hertz : as of `charge_transfer`.
+    """
+    tree, arc = parse(fit.circuit), charge_transfer(fit, near_hertz)
+    diffusion = _parameters_of(tree, {SYMBOLS["W"]})
+    places = {
+        "r_ohmic_ohm": series_resistance(tree),
+        "r_charge_transfer_ohm": arc.r[0] if arc else None,
+        "cpe_t": arc.t if arc else None,
+        "cpe_p": arc.p if arc else None,
+        "warburg_y0": diffusion[0] if diffusion else None,
+        "inductance_henry": tree.roles.index("inductance") if "inductance" in tree.roles else None,
+    }
+    row = {}
+    for name, index in places.items():
+        row[name] = np.nan if index is None else float(fit.values[index])
+        row[f"{name}_std"] = np.nan if index is None else float(fit.std[index])
+    return row | ({"cpe_p": 1.0} if arc and arc.p is None else {})
+
+
+def why_inseparable(fit, near_hertz=np.nan):
+    """Why charge transfer and diffusion cannot be told apart; empty where they can, or where the
+    circuit lacks one of the two.
+
+    near_hertz : as of `charge_transfer`.
+    """
+    tree, arc = parse(fit.circuit), charge_transfer(fit, near_hertz)
+    diffusion = _parameters_of(tree, DIFFUSION)
+    if arc is None or not diffusion:
+        return ""
+    r = arc.r[0]
+    share = fit.std[r] / fit.values[r]
+    if share > VAGUE:
+        return f"{fit.names[r]} is known to {share:.0%} only"
+    for k in (r, *diffusion):
+        if not fit.std[k] > 0:  # at a limit, or not determined
+            return f"{fit.names[k]} is not told"
+    correlations = [abs(fit.correlation[r, k]) for k in diffusion]
+    # Two parameters that move together like this are one number in the data, not two.
+    if not max(correlations) > 0.9:
+        return ""
+    closest = fit.names[diffusion[int(np.argmax(correlations))]]
+    return f"{fit.names[r]} and {closest} are correlated by {max(correlations):.2f}"
+
+
+def _parameters_of(tree, kinds):
+    """Places of the first parameter of each element of these kinds."""
+    return [index for index, kind in zip(tree.at, tree.kinds, strict=True) if kind in kinds]
+
+
+def _in_series(tree, node, kinds):
+    """Elements of these kinds that all current of a branch passes."""
+    if tree.kinds[node] == SERIES:
+        sides = (tree.left[node], tree.right[node])
+        return [element for side in sides for element in _in_series(tree, side, kinds)]
+    return [node] if tree.kinds[node] in kinds else []
