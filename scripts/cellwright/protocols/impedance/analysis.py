@@ -108,9 +108,12 @@ def analyse(
     others = [each for k, each in enumerate(compared) if k != chosen and each.fit is not None]
     distribution, off_course = relaxation_times(*spectrum.points), together[chosen]["off_course"]
     row = _row(fit, frequency, impedance, trusted, hertz) | _temperature(temperature_celsius)
+    if choose != "circuit":
+        shares = [(each.fit, part["weight"]) for each, part in zip(compared, together, strict=True)]
+        row |= shared_deviations(fit, hertz, shares)
     said = (
         _of_size(impedance, rated_capacity_ampere_hour),
-        doubt_of(fit, trusted.rms, [each.fit for each in others], hertz),
+        doubt_of(fit, trusted.rms, [each.fit for each in others], hertz, row),
         off_course,
     )
     row["doubt"] = "; ".join(filter(None, said))
@@ -194,7 +197,38 @@ def _row(fit, frequency, impedance, trusted, hertz):
 TOLD = {"r_ohmic_ohm": "ohmic resistance", "r_charge_transfer_ohm": "charge transfer"}
 
 
-def doubt_of(fit, kramers_kronig_rms, others, hertz):
+def shared_deviations(fit, hertz, shares):
+    """Deviations of the resistances that people compare, over all circuits: dict, NaN left out.
+
+    The data know a resistance no better than they know the circuit: to the deviation in each comes
+    how far it is from that of the chosen one, by the share of the circuit. The same arc is
+    compared; a circuit without it says nothing.
+
+    fit : CircuitFit of the chosen circuit. hertz : top of its arc of charge transfer. shares :
+    (CircuitFit or None, share in what is known) of each candidate.
+
+    Source: J. A. Hoeting et al., Statist. Sci. 14 (1999) 382, eq. 3 (about the chosen value).
+    """
+    here, seen = contract(fit, hertz), {fit.circuit: (fit, max(share for _, share in shares))}
+    for other, share in shares:
+        if other is not None and share > 0:
+            seen.setdefault(other.circuit, (other, share))
+    deviations = {}
+    for name in TOLD:
+        parts = []
+        for other, share in seen.values():
+            same = hertz if other is fit else partner(fit, hertz, other)
+            there = contract(other, same)
+            std = there[f"{name}_std"]
+            if (name == "r_ohmic_ohm" or same > 0) and std > 0:
+                parts.append((share, std**2 + (there[name] - here[name]) ** 2))
+        if here[f"{name}_std"] > 0:
+            weights, squares = np.array(parts).T
+            deviations[f"{name}_std"] = float(np.sqrt(weights @ squares / weights.sum()))
+    return deviations
+
+
+def doubt_of(fit, kramers_kronig_rms, others, hertz, row):
     """What stands against a circuit's resistances, in words; "" where nothing does.
 
     Where it misses the spectrum, the other circuits that miss it less, or by less than twice as
@@ -203,7 +237,7 @@ def doubt_of(fit, kramers_kronig_rms, others, hertz):
 
     fit : CircuitFit with its widened deviations. kramers_kronig_rms : of the test [1]. others :
     CircuitFit of each other candidate. hertz : top of its arc of charge transfer, which is compared
-    with the arc of the other circuit that has its time constant.
+    with the arc of the other circuit that has its time constant. row : its columns of stage `eis`.
     """
     if not misses(fit, kramers_kronig_rms):
         return ""
@@ -213,14 +247,14 @@ def doubt_of(fit, kramers_kronig_rms, others, hertz):
         return ""
     if not close:
         return f"{_missed(fit, kramers_kronig_rms)}, and no circuit tried comes closer"
-    here, closest = contract(fit, hertz), min(close, key=lambda one: one.rms_relative_residual)
+    closest = min(close, key=lambda one: one.rms_relative_residual)
     same = partner(fit, hertz, closest)
     there, moved = contract(closest, same), []
     for name, words in TOLD.items():
-        off, within = there[name] - here[name], 2 * here[f"{name}_std"]
+        off, within = there[name] - row[name], 2 * row[f"{name}_std"]
         compared = np.isfinite(off) and (name == "r_ohmic_ohm" or same > 0)
         if compared and not abs(off) <= within:
-            moved.append(f"{words} is {1e3 * there[name]:.3g} mΩ ({off / here[name]:+.0%})")
+            moved.append(f"{words} is {1e3 * there[name]:.3g} mΩ ({off / row[name]:+.0%})")
     if not moved:
         return ""
     missed, closer = (one.rms_relative_residual for one in (fit, closest))

@@ -12,11 +12,14 @@ from cellwright.protocols.impedance.circuits import (
     parse,
     series_resistance,
 )
+from cellwright.protocols.impedance.drt import RIPPLE
 
 CAPACITIVE = {SYMBOLS["CPE"], SYMBOLS["C"]}
 DIFFUSION = {SYMBOLS["W"], SYMBOLS["FLW"], SYMBOLS["FSW"], SYMBOLS["G"]}
 
-SIZES = ("resistance", "inductance", "warburg")  # roles that say how much there is of an element
+# Parameter, by its place in the element, that says how much there is of it; finite diffusion whose
+# time is not known is not seen to be finite.
+SIZE = {SYMBOLS[symbol]: 0 for symbol in "RLW"} | {SYMBOLS[s]: 1 for s in ("FLW", "FSW", "G")}
 VAGUE = 0.5  # of its value: what has a larger deviation is not known
 
 
@@ -111,19 +114,26 @@ def slowest_arc_hertz(fit, frequency_hertz):
     """
     tail = tail_hertz(fit, frequency_hertz)
     above = [(top, arc) for top, arc in tops(fit) if top > tail] or tops(fit)
-    known = [top for top, arc in above if fit.std[arc.r[0]] <= VAGUE * fit.values[arc.r[0]]]
+    whole = sum(fit.values[arc.r[0]] for _, arc in above)
+    known = [top for top, arc in above if _is_known(fit, arc.r[0], RIPPLE * whole)]
     return min(known or [top for top, _ in above], default=np.nan)
 
 
+def _is_known(fit, place, least):
+    """Whether a parameter is more than noise may make, and known to better than half."""
+    value = fit.values[place]
+    return value > least and fit.std[place] <= VAGUE * value
+
+
 def vaguest_element(fit):
-    """Name of the least known resistance (other than in series), inductance or admittance of
-    diffusion; None where all are known."""
-    tree = parse(fit.circuit)
-    share = fit.std / fit.values
+    """Name of the parameter that says how much there is of the least known element; None where all
+    are known. The resistance in series is none of them."""
+    tree, share = parse(fit.circuit), fit.std / fit.values
+    series = series_resistance(tree)
     unknown = [
-        (share[k], name)
-        for k, (name, role) in enumerate(zip(fit.names, tree.roles, strict=True))
-        if role in SIZES and k != series_resistance(tree) and share[k] > VAGUE
+        (share[at + SIZE[kind]], fit.names[at + SIZE[kind]])
+        for at, kind in zip(tree.at, tree.kinds, strict=True)
+        if kind in SIZE and at != series and share[at + SIZE[kind]] > VAGUE
     ]
     return max(unknown, default=(0.0, None))[1]
 

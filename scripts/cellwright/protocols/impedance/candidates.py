@@ -8,7 +8,7 @@ import numpy as np
 from cellwright.numerics.statistics import rms
 from cellwright.protocols.impedance.arcs import vaguest_element
 from cellwright.protocols.impedance.circuits import BENT_LEADS, LEADS, circuit_impedance
-from cellwright.protocols.impedance.fit import fit_circuit
+from cellwright.protocols.impedance.fit import SAME, fit_circuit
 from cellwright.protocols.impedance.reduced import reduced
 from cellwright.refusal import Refusal
 
@@ -155,7 +155,13 @@ def best(candidates, *, criterion):
 
     Raises Refusal: as `criterion_of`.
     """
-    return candidates[int(np.nanargmin(criterion_of(candidates, criterion)))]
+    return candidates[least(criterion_of(candidates, criterion))]
+
+
+def least(values):
+    """Place of the first of the least values (k,); of one circuit's fits several may be."""
+    lowest = np.nanmin(values)
+    return int(np.argmax(values <= lowest + SAME * abs(lowest)))
 
 
 def _cross_validation_error(frequency, impedance, fit, **options):

@@ -17,6 +17,7 @@ from cellwright.protocols.impedance.candidates import (
     candidate_of,
     compare,
     criterion_of,
+    least,
     misses,
     settled,
     widened,
@@ -35,6 +36,7 @@ from cellwright.records.conditions import (
 # ASSUME: From one spectrum to the next in SoC or temperature the time constant of an arc moves by
 # less than two decades: more, and it is another arc. Half of it is what one without partner costs.
 UNMATCHED = np.log(10.0)
+OCCAM = 20.0  # D. Madigan, A. E. Raftery, J. Am. Stat. Assoc. 89 (1994) 1535, sec. 2
 
 
 class Spectrum(NamedTuple):
@@ -71,7 +73,7 @@ def follow(spectra, *, circuit, candidates, choose, fixed, tied):
     # A circuit that was asked for is kept, with whatever it does not tell.
     keep = choose == "circuit" or bool(fixed or tied)
     compared = [_compared(one, circuit, candidates, validate, keep, options) for one in spectra]
-    preferred = _preferred(compared, "bic" if choose == "circuit" else choose)
+    preferred, weight = _preferred(compared, "bic" if choose == "circuit" else choose)
     chosen, near = 0 if choose == "circuit" else preferred, neighbours(spectra)
     about, keep = (options, keep) if chosen == 0 else ({}, False)
     met = _met(spectra, [row[chosen].whole for row in compared], near, **about)
@@ -84,7 +86,8 @@ def follow(spectra, *, circuit, candidates, choose, fixed, tied):
     said = _off_course(spectra, fits, labels, near)
     return [
         [
-            _row(one, hertz, words) | {"chosen": k == chosen, "preferred": k == preferred}
+            _row(one, hertz, words)
+            | {"chosen": k == chosen, "preferred": k == preferred, "weight": float(weight[k])}
             for k, one in enumerate(row)
         ]
         for row, hertz, words in zip(compared, labels, said, strict=True)
@@ -121,10 +124,21 @@ def _compared(spectrum, circuit, candidates, validate, keep, options):
 
 
 def _preferred(compared, criterion):
-    """Place of the candidate that all spectra together prefer."""
+    """Place of the candidate that all spectra together prefer, and the weight (k,) of each.
+
+    The weights are the candidates' shares in what is known, by their information criteria: two that
+    follow the spectra equally well count alike, one that is `OCCAM` times less likely than the best
+    no more. Of errors on points left out there are none: the best has all.
+    """
     values = np.array([criterion_of(row, criterion) for row in compared])
     # Independent measurements: their criteria add; of errors on points left out the squares do.
-    return int(np.nanargmin((values if criterion == "bic" else values**2).sum(axis=0)))
+    total = (values if criterion == "bic" else values**2).sum(axis=0)
+    best = least(total)
+    if criterion != "bic":
+        return best, np.arange(len(total)) == best
+    weight = np.exp(np.nan_to_num(total[best] - total, nan=-np.inf) / 2)
+    weight[weight < 1 / OCCAM] = 0.0
+    return best, weight / weight.sum()
 
 
 def neighbours(spectra):

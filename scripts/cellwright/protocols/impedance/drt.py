@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+RIPPLE = 0.02  # of the whole resistance: smaller processes are made by noise
+
 
 class Distribution(NamedTuple):
     """Distribution of relaxation times of one spectrum.
@@ -54,7 +56,7 @@ def relaxation_times(frequency_hertz, impedance_ohm):
 def peaks(distribution):
     """Processes of a spectrum: peaks of the distribution, each from valley to valley.
 
-    distribution : Distribution. Peaks below 2 % of the whole resistance do not count.
+    distribution : Distribution. Peaks below `RIPPLE` of the whole resistance do not count.
 
     Returns rows: list of dicts peak (from 1, fastest first), tau_second [s], frequency_hertz [Hz],
     resistance_ohm [Ω], share [1], in_range: its top lies within what was measured.
@@ -66,8 +68,7 @@ def peaks(distribution):
     valleys = [a + int(np.argmin(gamma[a:b])) for a, b in pairwise(tops)]
     starts, ends = [0, *valleys], [*valleys, len(gamma)]
     areas = [gamma[a:b].sum() for a, b in zip(starts, ends, strict=True)][: len(tops)]
-    # Smaller ones are ripples of the regularisation.
-    large = [(top, area) for top, area in zip(tops, areas, strict=True) if area > 0.02 * whole]
+    large = [(top, area) for top, area in zip(tops, areas, strict=True) if area > RIPPLE * whole]
     # Half a decade at either end lies beyond what was measured.
     edge = round(0.5 * np.log(10) / width)
     return [

@@ -32,8 +32,8 @@ AT_LIMIT = {
 def reduced(fit, vague=()):
     """The circuit of a fit without what is at a limit, and where its search begins.
 
-    fit : CircuitFit. vague : names of parameters whose elements are taken for none as well:
-    resistances, inductances, diffusion.
+    fit : CircuitFit. vague : names of parameters whose elements are taken for none as well, as
+    `arcs.vaguest_element` gives them.
 
     Returns circuit: text, None where nothing would be left; start: dict, name of a parameter →
     value.
@@ -41,8 +41,8 @@ def reduced(fit, vague=()):
     tree = parse(fit.circuit)
     ends = {fit.names.index(name): name in fit.at_upper for name in fit.at_bound}
     places = [fit.names.index(name) for name in vague]
-    # An admittance is none where it is large.
-    ends |= {place: tree.roles[place] == "warburg" for place in places}
+    # An admittance is none where it is large, a time says nothing where it is long.
+    ends |= {place: tree.roles[place] in ("warburg", "time") for place in places}
     left = _node(tree, len(tree.kinds) - 1, fit.values, ends)
     if left in (SHORT, OPEN):
         return None, {}
