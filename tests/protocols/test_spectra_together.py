@@ -267,14 +267,14 @@ KNOWN = [
 
 @pytest.mark.parametrize(("circuit", "values", "true"), KNOWN)
 def test_intervals_of_charge_transfer_hold(circuit, values, true):
-    """Of 95 % the truth, whichever circuit is chosen: of 200 seeds 93 to 96 %; 36 of these 40."""
+    """Of 95 % the truth, whichever circuit is chosen: of 200 seeds 92 to 96 %; 35 of these 40."""
     clean, held = circuit_impedance(circuit, WIDE, values), 0
     for seed in range(40):
         spectrum = noisy(clean, seed=31_000 + seed, relative=0.002)
         row = analyse(WIDE, spectrum, candidates=CANDIDATES).row
         off = abs(row["r_charge_transfer_ohm"] - true)
         held += off <= 1.96 * row["r_charge_transfer_ohm_std"]
-    assert held >= 36
+    assert held >= 35
 
 
 def test_two_circuits_that_follow_alike_widen_the_deviation():

@@ -207,7 +207,7 @@ def shared_deviations(fit, hertz, shares):
     fit : CircuitFit of the chosen circuit. hertz : top of its arc of charge transfer. shares :
     (CircuitFit or None, share in what is known) of each candidate.
 
-    Source: J. A. Hoeting et al., Statist. Sci. 14 (1999) 382, eq. 3 (about the chosen value).
+    Source: J. A. Hoeting et al., Statist. Sci. 14 (1999) 382, here about the chosen value.
     """
     here, seen = contract(fit, hertz), {fit.circuit: (fit, max(share for _, share in shares))}
     for other, share in shares:

@@ -36,7 +36,7 @@ from cellwright.records.conditions import (
 # ASSUME: From one spectrum to the next in SoC or temperature the time constant of an arc moves by
 # less than two decades: more, and it is another arc. Half of it is what one without partner costs.
 UNMATCHED = np.log(10.0)
-OCCAM = 20.0  # D. Madigan, A. E. Raftery, J. Am. Stat. Assoc. 89 (1994) 1535, sec. 2
+OCCAM = 20.0  # D. Madigan, A. E. Raftery, J. Am. Stat. Assoc. 89 (1994) 1535
 
 
 class Spectrum(NamedTuple):
