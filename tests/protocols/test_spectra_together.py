@@ -291,6 +291,34 @@ def test_two_circuits_that_follow_alike_widen_the_deviation():
     assert max(wider) > 3
 
 
+def test_the_same_circuits_are_compared_whatever_the_leads():
+    """One spectrum shows inductance, one does not: a circuit with its own is as good as without."""
+    spectra, _ = cell(soc=(0.5,), celsius=(25, 10))
+    columns = spectra[0][1]
+    columns["impedance_imaginary_ohm"] = columns["impedance_imaginary_ohm"] + 1e-6 * WIDE
+    names = [TWO_AND_TAIL, f"L-{TWO_AND_TAIL}", "R-(CPE|(R-W))"]
+    rows = cw.spectra_together(spectra, circuit=names[0], candidates=names).rows
+    compared = [[r["candidate"] for r in rows if r["test"] == one["test"]] for one, _ in spectra]
+    assert compared == [[names[1], names[1], "L-R-(CPE|(R-W))"], names]
+    chosen = [row for row in rows if row["chosen"]]
+    assert [row["test"] for row in chosen] == [one["test"] for one, _ in spectra]
+    assert {row["circuit"] for row in chosen} == {names[0], names[1]}
+
+
+def test_a_temperature_that_is_not_stated_is_25_degrees():
+    spectra, _ = cell(soc=(0.5,), moved={2: 0.2})
+    spectra[0][0]["ambient_temperature_celsius"] = None
+    told = [row["doubt"] for row in rows_of(spectra)]
+    assert told[:2] == ["", ""]
+    assert "at 10 °C and this SoC" in told[2]
+    assert cw.spectra_together(spectra).rows == cw.spectra_together(cell_at_25(spectra)).rows
+
+
+def cell_at_25(spectra):
+    stated = {"ambient_temperature_celsius": 25}
+    return [(spectra[0][0] | stated, spectra[0][1]), *spectra[1:]]
+
+
 def test_a_spectrum_that_cannot_be_used_takes_no_part():
     spectra, _ = cell(soc=(0.5,))
     spectra.append(

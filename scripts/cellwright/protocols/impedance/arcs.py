@@ -81,8 +81,8 @@ def tail_hertz(fit, frequency_hertz):
     height = -circuit_impedance(fit.circuit, frequency, fit.values).imag
     # From the slow end: down the tail to its valley, and up the next arc. Above the top of all
     # there is none, but the leads' inductance.
-    capacitive = height[: np.argmax(frequency == frequency[height > 0][-1]) + 1]
-    rising = np.flatnonzero(np.diff(capacitive) > 0)
+    capacitive = np.flatnonzero(height > 0)[-1:]
+    rising = np.flatnonzero(np.diff(height[: capacitive.sum() + 1]) > 0)
     return float(frequency[rising[0]]) if len(rising) and rising[0] else 0.0
 
 

@@ -110,17 +110,18 @@ def _row(candidate, hertz, off_course):
 
 def _compared(spectrum, circuit, candidates, validate, keep, options):
     """Candidates of one spectrum, the given circuit first, each once; all with the same leads."""
-    names = [with_inductance(name, spectrum.impedance_ohm) for name in (circuit, *candidates)]
+    # Told apart as they are given: the same ones in every spectrum, whatever its leads.
+    given, *others = dict.fromkeys((circuit, *candidates))
     points = spectrum.points
-    given = fit_circuit(*points, circuit=names[0], **options)
-    given = with_bent_leads(points, given, spectrum.kramers_kronig_rms, **options)
-    if given.circuit.startswith(BENT_LEADS):
+    whole = fit_circuit(*points, circuit=with_inductance(given, spectrum.impedance_ohm), **options)
+    whole = with_bent_leads(points, whole, spectrum.kramers_kronig_rms, **options)
+    fit = whole if keep else settled(points, whole)
+    first = candidate_of(points, whole, fit, validate, **options)
+    names = [with_inductance(name, spectrum.impedance_ohm) for name in others]
+    if whole.circuit.startswith(BENT_LEADS):
         names = [bent_leads(name) for name in names]
-    fit = given if keep else settled(points, given)
-    first = candidate_of(points, given, fit, validate, **options)
     # Constraints are on the parameters of the given circuit.
-    others = [name for name in dict.fromkeys(names[1:]) if name != given.circuit]
-    return [first, *compare(*points, others, cross_validate=validate)]
+    return [first, *compare(*points, names, cross_validate=validate)]
 
 
 def _preferred(compared, criterion):
@@ -272,7 +273,8 @@ def _off_course(spectra, fits, labels, near):
         for k, n in _falling(spectra, ohm, run):
             words[k].append(
                 f"charge transfer would fall in the cold: {1e3 * ohm[k][0]:.3g} mΩ here, "
-                f"{1e3 * ohm[n][0]:.3g} mΩ at {spectra[n].celsius:g} °C and this SoC"
+                f"{1e3 * ohm[n][0]:.3g} mΩ at {stated_or_reference(spectra[n].celsius):g} °C "
+                "and this SoC"
             )
     return ["; ".join(said) for said in words]
 
