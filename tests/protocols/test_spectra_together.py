@@ -329,6 +329,12 @@ def test_a_spectrum_that_cannot_be_used_takes_no_part():
     assert "short takes no part: spectrum of 5 points" in found.notes[0]
     with pytest.raises(Refusal, match="5 points"):
         cw.spectra_together(spectra[3:])
+    # Most of it is the leads': with those points cut seven are left.
+    leads = {name: values[-14:] for name, values in spectra[0][1].items()}
+    inductive = np.arange(14) >= 7
+    leads["impedance_imaginary_ohm"] = np.where(inductive, 1e-3, -1e-3)
+    cut = cw.spectra_together([*spectra[:3], (spectra[3][0], leads)], inductance="cut")
+    assert "short takes no part: spectrum of 7 points" in cut.notes[0]
     with pytest.raises(Refusal, match="no spectrum other among those together"):
         cw.impedance(spectra[0][1], test={"test": "other", "kind": "eis"}, together=found)
 

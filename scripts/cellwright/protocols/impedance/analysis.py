@@ -154,6 +154,8 @@ def trusted_spectrum(
         frequency, impedance, drift_tolerance=drift_tolerance, inductance=inductance
     )
     points = frequency[trusted.keep], impedance[trusted.keep]
+    # Without those of the leads there may be too few.
+    check(*points)
     return Spectrum(*points, trusted.rms, **conditions), trusted
 
 
