@@ -180,6 +180,23 @@ def test_charge_transfer_is_one_arc_in_all_spectra_of_a_cell():
     assert (np.diff(found.reshape(3, 3), axis=1) > 0).all()
 
 
+def test_all_before_diffusion_is_known_better_than_its_parts():
+    values = [0.010, 0.5, 0.85, 0.004, 3.0, 0.9, 0.012, 300.0]
+    clean = circuit_impedance(TWO_AND_TAIL, WIDE, values)
+    errors = []
+    for seed in range(30):
+        spectrum = noisy(clean, seed=seed, relative=0.002)
+        fit = fit_circuit(WIDE, spectrum, circuit=TWO_AND_TAIL)
+        row = contract(fit, slowest_arc_hertz(fit, WIDE))
+        errors.append((row["r_before_diffusion_ohm"] - 0.026) / row["r_before_diffusion_ohm_std"])
+        assert row["r_before_diffusion_ohm"] == pytest.approx(0.026, rel=0.02)
+        assert row["r_before_diffusion_ohm_std"] < row["r_charge_transfer_ohm_std"]
+    # 95 %; in one of thirty the arcs have changed places.
+    assert sum(abs(error) <= 1.96 for error in errors) >= 26
+    alone = contract(fit_circuit(WIDE, spectrum, circuit="R-C"))
+    assert np.isnan(alone["r_before_diffusion_ohm"])
+
+
 def test_charge_transfer_that_would_fall_in_the_cold_is_told():
     spectra, _ = cell(moved={5: 0.2})  # 0 °C at 50 %
     rows = rows_of(spectra)

@@ -24,7 +24,8 @@ DEFINITIONS = {
     "transfer is part of the model this is larger than R0, for it costs less at large currents",
     "spectrum": "ohmic resistance of the circuit fitted to the spectrum nearest in SoC: the lowest "
     "of all, for charge transfer is no part of it",
-    "transfer": "the same and the spectrum's charge-transfer resistance, at small currents",
+    "transfer": "the same and the spectrum's charge-transfer resistance, with the arcs faster than "
+    "it, at small currents",
     "search": "ohmic resistance and charge transfer of the circuit of the search for missing "
     "effects, with the effects that it named",
 }
@@ -149,10 +150,8 @@ def _of_spectrum(pulse, spectra):
     at = {name: row[name] for name in ("test", "soc", "ambient_temperature_celsius")}
     at |= {"doubt": row.get("doubt")}
     rows = [_row("spectrum, ohmic", "spectrum", row["r_ohmic_ohm"], row["r_ohmic_ohm_std"], **at)]
-    if row["r_charge_transfer_ohm"] is not None:
-        stds = [row["r_ohmic_ohm_std"], row["r_charge_transfer_ohm_std"]]
-        std = float(np.hypot(*stds)) if None not in stds else None
-        both = row["r_ohmic_ohm"] + row["r_charge_transfer_ohm"]
+    both, std = row["r_before_diffusion_ohm"], row["r_before_diffusion_ohm_std"]
+    if both is not None:
         rows.append(_row("spectrum, with charge transfer", "transfer", both, std, **at))
     return rows
 

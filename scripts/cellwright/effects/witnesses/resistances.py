@@ -31,6 +31,7 @@ RATES_APART = 2.0  # ratio of two rates whose pulses are compared
 FARADAY = 96485.33212  # C/mol
 THERMAL_VOLT = GAS_CONSTANT * (25.0 + ZERO_CELSIUS_KELVIN) / FARADAY
 OHMIC, RELAXING, ENERGY = "ohmic_over_soc", "relaxing_over_soc", "activation_energy"
+TRANSFER, WITH_ARCS = "r_charge_transfer_ohm", "r_before_diffusion_ohm"  # columns of spectra
 DIRECTIONS, RATES = "charge_over_discharge", "large_over_small"
 
 
@@ -84,16 +85,18 @@ def of_spectra(rows, *, capacity_ampere_hour):
     """
     rows = [row for row in rows if _known(row, "soc", "r_ohmic_ohm")]
     arcs_known = [row for row in rows if row.get("charge_transfer_told") in (True, "True")]
-    arcs_known = [row for row in arcs_known if _known(row, "r_charge_transfer_ohm")]
+    arcs_known = [row for row in arcs_known if _known(row, TRANSFER, WITH_ARCS)]
     if not rows:
         read = (OHMIC, RELAXING, ENERGY, RATES)
         return [silent("impedance", quantity, "no spectrum of known SoC") for quantity in read]
     fast, slow = _split_by_arc(arcs_known)
-    ohmic = "r_ohmic_ohm", "r_charge_transfer_ohm"
     ampere = capacity_ampere_hour
-    quick = _spectral(fast, ohmic) if fast else _spectral(rows, ohmic[:1])
+    if fast:
+        quick = _spectral(fast, lambda row: float(row[WITH_ARCS]))
+    else:
+        quick = _spectral(slow or rows, _before_transfer if slow else _ohmic)
     what = "ohmic and charge-transfer resistance" if fast else "ohmic resistance"
-    total = _spectral(arcs_known, ohmic)
+    total = _spectral(arcs_known, lambda row: float(row[WITH_ARCS]))
     said = [
         _over_soc("impedance", OHMIC, what, quick, ampere),
         _over_temperature("impedance", "ohmic and charge-transfer resistance", total),
@@ -102,7 +105,7 @@ def of_spectra(rows, *, capacity_ampere_hour):
     if not slow:
         reason = "its arc is over before the model's RC pairs begin"
         return [*said, silent("impedance", RELAXING, reason)]
-    arcs = _spectral(slow, ohmic[1:])
+    arcs = _spectral(slow, lambda row: float(row[TRANSFER]))
     return [*said, _over_soc("impedance", RELAXING, "arc of the spectra", arcs, ampere)]
 
 
@@ -151,11 +154,20 @@ def _differences(courses, first, last):
     return found
 
 
-def _spectral(rows, names):
-    """As `_courses`, of the sum of columns of spectra."""
+def _ohmic(row):
+    return float(row["r_ohmic_ohm"])
+
+
+def _before_transfer(row):
+    """Ohmic resistance of a spectrum and its arcs faster than charge transfer."""
+    return float(row[WITH_ARCS]) - float(row[TRANSFER])
+
+
+def _spectral(rows, ohm):
+    """As `_courses`, of what `ohm` says of a row of spectra."""
     found = {}
     for row in rows:
-        pair = float(row["soc"]), sum(float(row[name]) for name in names)
+        pair = float(row["soc"]), ohm(row)
         found.setdefault((celsius_of(row), "", 0.0, 0.0), []).append(pair)
     return {key: np.array(sorted(pairs)).T for key, pairs in found.items()}
 
@@ -292,7 +304,7 @@ def _butler_volmer(rows, ampere):
     if not near:
         return silent("impedance", RATES, "no charge-transfer arc near 25 °C and 50 % SoC")
     row = min(near, key=lambda one: abs(float(one["soc"]) - 0.5))
-    transfer, ohmic = float(row["r_charge_transfer_ohm"]), float(row["r_ohmic_ohm"])
+    transfer, ohmic = float(row[TRANSFER]), _before_transfer(row)
     drive = ampere * transfer / (2 * THERMAL_VOLT)
     factor = (ohmic + transfer * np.arcsinh(drive) / drive) / (ohmic + transfer)
     return Measured(

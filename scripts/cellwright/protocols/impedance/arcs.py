@@ -143,7 +143,8 @@ def contract(fit, near_hertz=np.nan):
 
     r_ohmic_ohm is the resistance that all current passes; r_charge_transfer_ohm, cpe_t and cpe_p
     are those of the arc of charge transfer (a plain capacitance has the exponent 1); warburg_y0
-    that of the first semi-infinite diffusion. NaN for what the circuit does not have.
+    that of the first semi-infinite diffusion; r_before_diffusion_ohm that of r_ohmic_ohm, charge
+    transfer and all faster arcs. NaN for what the circuit does not have.
 
     near_hertz : as of `charge_transfer`.
     """
@@ -161,7 +162,24 @@ def contract(fit, near_hertz=np.nan):
     for name, index in places.items():
         row[name] = np.nan if index is None else float(fit.values[index])
         row[f"{name}_std"] = np.nan if index is None else float(fit.std[index])
+    ohm, std = _before_diffusion(fit, near_hertz)
+    row |= {"r_before_diffusion_ohm": ohm, "r_before_diffusion_ohm_std": std}
     return row | ({"cpe_p": 1.0} if arc and arc.p is None else {})
+
+
+def _before_diffusion(fit, near_hertz):
+    """Resistance in series and of all arcs down to charge transfer, and its deviation [Ω].
+
+    Their sum is known better than each: what one arc has less the next has more.
+    """
+    hertz = charge_transfer_hertz(fit, near_hertz)
+    places = [arc.r[0] for top, arc in tops(fit) if top >= hertz]
+    series = series_resistance(parse(fit.circuit))
+    if not places or series is None:
+        return np.nan, np.nan
+    places = [series, *places]
+    spread = fit.correlation[np.ix_(places, places)] * np.outer(fit.std[places], fit.std[places])
+    return float(fit.values[places].sum()), float(np.sqrt(spread.sum()))
 
 
 def why_inseparable(fit, near_hertz=np.nan):
