@@ -7,9 +7,8 @@ import numpy as np
 from cellwright.laws.points import pulses_of_kind
 from cellwright.numerics.shrunk_regression import predicted, shrunk
 from cellwright.numerics.statistics import NORMAL_95, rms
+from cellwright.protocols.pulse_edges import SAME_SOC
 from cellwright.refusal import Refusal
-
-SAME_SOC = 0.02  # pulses so near in SoC are compared as they are [1]
 
 
 class Fleet(NamedTuple):

@@ -11,6 +11,16 @@ from cellwright.numerics.relaxing import Drift, drift_of_rest
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols import Found, counted, not_elsewhere
 from cellwright.protocols.coarse import coarsest_digit_ampere
+from cellwright.protocols.pulse_edges import (
+    AT_A_ROW,
+    NOT_SETTLED,
+    UNKNOWN,
+    Rows,
+    clock_tells,
+    edges_of,
+    growth_ohm,
+    rises_with_rate,
+)
 from cellwright.refusal import Refusal
 from cellwright.series.doubts import WORDS, Doubt, in_words, unlike_size
 from cellwright.series.steps import (
@@ -26,13 +36,15 @@ LARGE_VOLT, PROMPT_SECOND = 0.2, 1.0
 ROUND_C_RATES = (1 / 20, 1 / 10, 1 / 5, 1 / 4, 1 / 3, 1 / 2, 1, 1.5, 2, 3, 4, 5, 10)
 SLOWEST_PULSE_C_RATE = 1 / 3  # that laboratories choose
 ROUND_SHARE = 0.02  # within which a tester holds a current
+FIRST_LEFT_OUT = "first row of a pulse had not settled: a faster one reads more at the same SoC"
 SMALL_SHARE = 0.25  # of the record's median: cold and empty cells show more, none so much less
 
 
 class _Pulse(NamedTuple):
     """One pulse: row of the voltage before it, start [s], level and step of the current [A]; of
     each sample from arrival on the delay [s], the ratio [ohm] and whether the current is kept; how
-    the voltage before it still moves."""
+    the voltage before it still moves; the distance of the rows at its edge [s], whether the clock
+    tells a row there, and where the edge was by all pulses."""
 
     before: int
     start: float
@@ -42,6 +54,15 @@ class _Pulse(NamedTuple):
     ratio: np.ndarray
     steady: np.ndarray
     drift: Drift
+    apart_second: float = 0.0
+    told: bool = True
+    edge: str = AT_A_ROW
+
+    @property
+    def direction(self):
+        """By the sign of the current; falling where a running load only becomes smaller."""
+        flows = "charge" if self.level > 0 else "discharge"
+        return flows if self.level * self.step > 0 else f"falling {flows}"
 
 
 # ASSUME: In a record without short pulses, longer loads that begin from rest serve as pulses.
@@ -70,11 +91,13 @@ def pulse_resistance(
     than noise: after a short rest.
     3. Delay 0, "instantaneous", is the first sample at which at least 90 % of the step of the
     current has arrived: how instantaneous that is depends on the sampling, and
-    actual_delay_second says so. 4. Any other delay is interpolated linearly between the two
+    actual_delay_second says so. Where the edge lies, and whether the first sample had settled, all
+    pulses tell together (`edges_of`). 4. Any other delay is interpolated linearly between the two
     samples around it; beyond the last sample by up to half a sampling step, or 2 %, it is the
     last sample's. 5. The standard deviation holds the noise of voltage and current (robust, from
-    the differences between successive samples), their least digits, the doubt of d_k and
-    the stated accuracy of the ammeter as a gain, not the drift of the open-circuit voltage.
+    the differences between successive samples), their least digits, the doubt of d_k, what R grows
+    by within the interval of the edge and the stated accuracy of the ammeter as a gain, not the
+    drift of the open-circuit voltage.
 
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A], [V], positive on charge.
     soc : (n,) state of charge [1]; the value before the pulse is reported.
@@ -112,6 +135,7 @@ def pulse_resistance(
             pulses.append(_pulse(time, current, voltage, steps, step, least, rated))
         except Refusal as refusal:
             reasons[str(refusal)] += len(delay_second)
+    pulses = _with_edges(pulses, soc, noise[0], rated)
     for pulse, delay in product(pulses, delay_second):
         try:
             value = _at(pulse, float(delay))
@@ -128,6 +152,7 @@ def pulse_resistance(
         raise Refusal(f"no pulse gives a resistance: {'; '.join(counted(reasons))}")
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     columns["doubt"] = np.array(_doubts(columns, rated, against_soc), dtype=str)
+    reasons.update(FIRST_LEFT_OUT for pulse in pulses if pulse.edge == NOT_SETTLED)
     return Found(columns, counted(reasons))
 
 
@@ -142,15 +167,37 @@ def _doubts(columns, rated, against_soc):
     """Doubts of each row in words: of its rows, of the record, and of the resistance itself."""
     of_record = [against_soc, _as_c_rates(columns, rated)]
     found = []
-    for resistance, delay, said in zip(
-        columns["resistance_ohm"], columns["delay_second"], columns["doubt"], strict=True
+    for resistance, delay, said, rises in zip(
+        columns["resistance_ohm"],
+        columns["delay_second"],
+        columns["doubt"],
+        _rises(columns),
+        strict=True,
     ):
         alike = columns["resistance_ohm"][columns["delay_second"] == delay]
         words = [said] if said else []
         words += [WORDS[Doubt.SIZE]] * (unlike_size(resistance, rated) and not said)
         if resistance < SMALL_SHARE * np.median(alike):
             words.append("far below the record's other pulses: did the voltage answer?")
+        words += [rises] if rises else []
         found.append("; ".join(filter(None, words + of_record)))
+    return found
+
+
+# ASSUME: Kinetics and heat make a resistance fall with the rate; it rises by a tenth at no rate.
+def _rises(columns):
+    """In words for each row, that a prompt resistance rises with the rate at one SoC; at both."""
+    found = np.full(len(columns["soc"]), "", dtype=object)
+    prompt = columns["actual_delay_second"] <= PROMPT_SECOND
+    names = ("soc", "direction", "c_rate", "resistance_ohm", "resistance_std_ohm")
+    for delay in np.unique(columns["delay_second"]):
+        rows = np.flatnonzero(prompt & (columns["delay_second"] == delay))
+        at = [columns[name][rows] for name in (*names, "actual_delay_second")]
+        for numbers in rises_with_rate(*at):
+            pair = rows[list(numbers)]
+            ohm, rate = columns["resistance_ohm"][pair], columns["c_rate"][pair]
+            rise = [f"{1e3 * o:.3g} mOhm at {r:.2g}C" for o, r in zip(ohm, rate, strict=True)]
+            found[pair] = f"rises with the rate, from {rise[0]} to {rise[1]}, as of no cell"
     return found
 
 
@@ -214,7 +261,42 @@ def _pulse(time, current, voltage, steps, step, least_volt, rated):
     ratio = np.divide(moved, change, out=np.full(len(rows), np.nan), where=change != 0)
     # A ratio to a current that has moved on is no resistance at this delay.
     steady = np.abs(gone[rows - first] - 1) <= 0.1
-    return _Pulse(before, start, level, rise, delay, ratio, steady, drift)
+    apart, told = time[first] - max(time[first - 1], time[first] - pace), clock_tells(time, first)
+    return _Pulse(before, start, level, rise, delay, ratio, steady, drift, apart, told)
+
+
+def _with_edges(pulses, soc, noise_volt, rated):
+    """The pulses with where their edges were; without first rows that had not settled.
+
+    Where edges lie between two rows they are in the middle, and every delay is less by that.
+    """
+    rows = [
+        Rows(
+            pulse.delay,
+            pulse.ratio,
+            np.sqrt(2.0) * noise_volt / abs(pulse.step),
+            pulse.apart_second,
+            pulse.told,
+            soc[pulse.before],
+            abs(pulse.step) / rated,
+            pulse.direction,
+        )
+        for pulse in pulses
+    ]
+    return [
+        _with_edge(pulse, str(edge)) for pulse, edge in zip(pulses, edges_of(rows), strict=True)
+    ]
+
+
+def _with_edge(pulse, edge):
+    """A pulse whose edge is known to be so."""
+    if edge in (AT_A_ROW, UNKNOWN) or len(pulse.delay) < 3:
+        return pulse._replace(edge=AT_A_ROW if edge == AT_A_ROW else UNKNOWN)
+    kept = slice(int(edge == NOT_SETTLED), None)
+    delay = pulse.delay[kept] - pulse.apart_second / 2
+    return pulse._replace(
+        edge=edge, delay=delay, ratio=pulse.ratio[kept], steady=pulse.steady[kept]
+    )
 
 
 def _before(time, voltage, steps, step, first, arrived):
@@ -242,9 +324,12 @@ def _at(pulse, wanted):
     """Actual delay [s] and resistance [ohm] at a delay; 0 asks for the first sample."""
     delay, ratio = pulse.delay, pulse.ratio
     if wanted == 0:
-        return _positive(delay[0], ratio[0])
+        # Between two rows, the first delay that has a row at or before and one at or after it.
+        first = delay[0] + (0.0 if pulse.edge in (AT_A_ROW, UNKNOWN) else pulse.apart_second / 2)
+        return _positive(first, np.interp(first, delay, ratio))
     if delay[0] > wanted:
-        raise Refusal(f"first sample of the pulse later than {wanted:g} s")
+        which = "settled sample" if pulse.edge == NOT_SETTLED else "sample"
+        raise Refusal(f"first {which} of the pulse later than {wanted:g} s")
     half_step = (delay[-1] - delay[0]) / (len(delay) - 1) / 2 if len(delay) > 1 else 0.0
     if delay[-1] + max(half_step, 0.02 * wanted) < wanted:
         raise Refusal(f"pulse ends before {wanted:g} s")
@@ -275,6 +360,9 @@ def _noise(values, steps, digit):
     if not len(change):
         return 0.0
     spread = robust_std(change - np.median(change)) / np.sqrt(2)
+    if not (spread or digit) and np.any(change):
+        # A converter of several ranges: its usual step, for most rows repeat the one before.
+        digit = float(np.median(np.abs(change[change != 0])))
     return float(np.hypot(spread, digit / np.sqrt(12)))
 
 
@@ -282,12 +370,12 @@ def _row(pulse, value, delay, soc, voltage, noise, rated):
     """Columns of one pulse and delay; the deviation is that of two voltages and two currents, and
     of the relaxation that went on."""
     actual, resistance = value
-    flows = "charge" if pulse.level > 0 else "discharge"
     error = np.sqrt(2) * np.hypot(noise[0], resistance * noise[1]) / abs(pulse.step)
     error = np.hypot(error, pulse.drift.moved_std_volt(actual) / abs(pulse.step))
+    error = np.hypot(error, _edge_std_ohm(pulse, actual, noise[0]))
     return {
         "soc": soc[pulse.before],
-        "direction": flows if pulse.level * pulse.step > 0 else f"falling {flows}",
+        "direction": pulse.direction,
         "delay_second": delay,
         "actual_delay_second": actual,
         "resistance_ohm": resistance,
@@ -297,4 +385,16 @@ def _row(pulse, value, delay, soc, voltage, noise, rated):
         "c_rate": abs(pulse.step) / rated,
         "voltage_before_volt": voltage[pulse.before],
         "start_time_second": pulse.start,
+        "edge": pulse.edge,
     }
+
+
+def _edge_std_ohm(pulse, actual_second, noise_volt):
+    """Standard deviation [ohm] by the time of the edge, uniform over its interval."""
+    if pulse.edge == AT_A_ROW or len(pulse.delay) < 2:
+        return 0.0
+    where = pulse.delay, pulse.ratio, actual_second, pulse.apart_second, pulse.edge
+    noise = np.sqrt(2.0) * noise_volt / abs(pulse.step)
+    grown = np.sqrt(max(growth_ohm(*where) ** 2 - noise**2, 0.0))
+    # In the middle of its interval, or at its end where a row may have been at the edge.
+    return grown / np.sqrt(3.0 if pulse.edge == UNKNOWN else 12.0)
