@@ -5,18 +5,16 @@ import numpy as np
 from cellwright.circuits.circuit import member_named
 from cellwright.identification.choice import NEAR
 from cellwright.identification.identify import identify
-from cellwright.numerics.statistics import rms, robust_std
-from cellwright.protocols.pulse_edges import BETWEEN, NOT_SETTLED, Rows, clock_tells, edges_of
-from cellwright.records.conditions import REFERENCE_CELSIUS, low_current
+from cellwright.numerics.statistics import rms
+from cellwright.protocols.pulse_edges import BETWEEN, NOT_SETTLED, edges_of, first_rows
+from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.records.filled import with_edges
 from cellwright.refusal import Refusal
-from cellwright.series.edges import STEADY_SHARE, step_rows
 
 PLAIN = member_named("DRT")
 # ASSUME: Where the rows do not tell otherwise a tester stores the end of a step, as it does where
 # their pace tells (`series.edges`): no part of the interval lies before the step.
 AT_ROW_BEFORE = 0.0
-FIRST_ROWS = 4  # of a pulse, by which its edge is told
 
 
 def uncounted_edges(by_temperature, data_of_records, *, capacity_ampere_hour):
@@ -67,41 +65,20 @@ def _between_rows(by_temperature, capacity_ampere_hour):
     """Whether pulses of any record show edges between its rows."""
     records = [record for one in by_temperature for record in one.records]
     words = [
-        edges_of(_pulses(record, capacity_ampere_hour))
+        edges_of(
+            first_rows(
+                record.test_time_second,
+                record.current_ampere,
+                record.voltage_volt,
+                record.soc,
+                capacity_ampere_hour=capacity_ampere_hour,
+                least_digit_volt=record.least_digit_volt,
+            )
+        )
         for record in records
         if record.kind == "hppc"
     ]
     return any(np.isin(word, (BETWEEN, NOT_SETTLED)).any() for word in words)
-
-
-def _pulses(record, capacity_ampere_hour):
-    """First rows of each load that begins from rest and is held for them, as `pulse_edges.Rows`."""
-    time, current, volt = record.test_time_second, record.current_ampere, record.voltage_volt
-    rest = low_current(current, capacity_ampere_hour)
-    still = np.diff(volt)[rest[1:] & rest[:-1]]
-    noise = np.hypot(robust_std(still), record.least_digit_volt / np.sqrt(6.0))
-    found = []
-    for first in step_rows(time, current):
-        rows = np.arange(first, min(first + FIRST_ROWS, len(time)))
-        step = current[rows] - current[first - 1]
-        steady = np.abs(step - step[-1]) <= STEADY_SHARE * np.abs(step[-1])
-        if len(rows) < FIRST_ROWS or not (rest[first - 1] and steady.all()):
-            continue
-        pace = time[first + 1] - time[first]
-        start = max(time[first - 1], time[first] - pace)
-        found.append(
-            Rows(
-                time[rows] - start,
-                (volt[rows] - volt[first - 1]) / step,
-                noise / abs(step[0]),
-                time[first] - start,
-                clock_tells(time, first),
-                record.soc[first - 1],
-                abs(step[0]) / capacity_ampere_hour,
-                "charge" if step[0] > 0 else "discharge",
-            )
-        )
-    return found
 
 
 def with_share(fit_records, share, capacity_ampere_hour):

@@ -6,13 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.statistics import NORMAL_95
-from cellwright.records.conditions import same_rate
+from cellwright.numerics.statistics import NORMAL_95, robust_std
+from cellwright.records.conditions import low_current, same_rate
+from cellwright.series.edges import STEADY_SHARE, step_rows
 
 AT_A_ROW, BETWEEN, UNKNOWN = "at a row", "between two rows", "at a row or between two"
 NOT_SETTLED = "between two rows; the first after it had not settled"
 SAME_SOC = 0.02  # pulses so near in SoC are compared as they are [1]
 NEXT_SOC = 0.12  # a course over SoC is followed from one pulse to the next this far away [1]
+FIRST_ROWS = 4  # of a pulse, by which its edge is told
 EVEN = 1.5  # intervals whose sizes differ by less are those of one clock that runs on
 RISE_SHARE = 0.1  # kinetics and heat make a resistance fall with the rate; no cell's rises by more
 LEAST_BENDS = 4  # of first rows over the order of pulses, by which their scatter is known
@@ -48,6 +50,38 @@ def clock_tells(time, first):
     """
     near = np.diff(time[max(first - 3, 0) : first + 2])
     return len(near) < 4 or bool(near.max() > EVEN * near.min())
+
+
+def first_rows(time, current, voltage, soc, *, capacity_ampere_hour, least_digit_volt=0.0):
+    """Rows of each load of a record that begins from rest and is held for them, a list.
+
+    time, current, voltage, soc : (n,) [s], [A], [V], [1]. capacity_ampere_hour : what the SoC
+    refers to [Ah]. least_digit_volt : of the reading [V].
+    """
+    rest = low_current(current, capacity_ampere_hour)
+    still = np.diff(voltage)[rest[1:] & rest[:-1]]
+    noise = np.hypot(robust_std(still), least_digit_volt / np.sqrt(6.0))
+    found = []
+    for first in step_rows(time, current):
+        rows = np.arange(first, min(first + FIRST_ROWS, len(time)))
+        step = current[rows] - current[first - 1]
+        steady = np.abs(step - step[-1]) <= STEADY_SHARE * np.abs(step[-1])
+        if len(rows) < FIRST_ROWS or not (rest[first - 1] and steady.all()):
+            continue
+        start = max(time[first - 1], 2.0 * time[first] - time[first + 1])
+        found.append(
+            Rows(
+                time[rows] - start,
+                (voltage[rows] - voltage[first - 1]) / step,
+                noise / abs(step[0]),
+                time[first] - start,
+                clock_tells(time, first),
+                soc[first - 1],
+                abs(step[0]) / capacity_ampere_hour,
+                "charge" if step[0] > 0 else "discharge",
+            )
+        )
+    return found
 
 
 def edges_of(pulses):
