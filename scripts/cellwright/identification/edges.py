@@ -8,7 +8,7 @@ from cellwright.identification.identify import identify
 from cellwright.numerics.statistics import rms
 from cellwright.protocols.pulse_edges import BETWEEN, NOT_SETTLED, edges_of, first_rows
 from cellwright.records.conditions import REFERENCE_CELSIUS
-from cellwright.records.filled import with_edges
+from cellwright.records.filled import uncounted_are_paced, with_edges
 from cellwright.refusal import Refusal
 
 PLAIN = member_named("DRT")
@@ -22,9 +22,10 @@ def uncounted_edges(by_temperature, data_of_records, *, capacity_ampere_hour):
 
     Between two rows a current that steps somewhere may be taken to move evenly, which is right in
     the mean and wrong at each: a fast resistance is then too small by half an interval over its
-    time constant, R0 too large, and by no scatter of the voltage. So it steps at the row before,
-    unless pulses show edges between rows (`pulse_edges`), or a plain circuit follows the records
-    better by more than a tenth if it moves evenly.
+    time constant, R0 too large, and by no scatter of the voltage. So it steps at the row before
+    where a plain circuit follows the records better by more than a tenth; and where all these rows
+    are at the pace of those after them, unless pulses show edges between rows (`pulse_edges`) or
+    the circuit follows the records worse by as much.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ def uncounted_edges(by_temperature, data_of_records, *, capacity_ampere_hour):
     moved = [with_share(one, AT_ROW_BEFORE, capacity_ampere_hour) for one in near]
     pairs = zip(near, moved, strict=True)
     given = next(((one, other) for one, other in pairs if other is not one), None)
-    if given is None or _between_rows(by_temperature, capacity_ampere_hour):
+    if given is None:
         return None, ""
 
     def misfit(records):
@@ -52,18 +53,20 @@ def uncounted_edges(by_temperature, data_of_records, *, capacity_ampere_hour):
         return rms(fit.solution.residual_volt)
 
     even, stepped = (misfit(records) for records in given)
-    if even * NEAR < stepped:
-        return None, ""
     if not stepped * NEAR < even:
-        return AT_ROW_BEFORE, ""
+        at_rows = stepped <= even * NEAR and _at_rows(by_temperature, capacity_ampere_hour)
+        return (AT_ROW_BEFORE if at_rows else None), ""
     volts = f"{1e3 * even:.2g} to {1e3 * stepped:.2g} mV"
     said = "the later current flowed from the row before, by the voltage: a plain circuit errs by"
     return AT_ROW_BEFORE, f"steps of the current between two rows: {said} {volts}"
 
 
-def _between_rows(by_temperature, capacity_ampere_hour):
-    """Whether pulses of any record show edges between its rows."""
+def _at_rows(by_temperature, capacity_ampere_hour):
+    """Whether all uncounted edges are at the pace of the rows after, and no pulse says else."""
     records = [record for one in by_temperature for record in one.records]
+    size = {"capacity_ampere_hour": capacity_ampere_hour}
+    if not all(uncounted_are_paced(record, **size) for record in records):
+        return False
     words = [
         edges_of(
             first_rows(
@@ -71,14 +74,14 @@ def _between_rows(by_temperature, capacity_ampere_hour):
                 record.current_ampere,
                 record.voltage_volt,
                 record.soc,
-                capacity_ampere_hour=capacity_ampere_hour,
                 least_digit_volt=record.least_digit_volt,
+                **size,
             )
         )
         for record in records
         if record.kind == "hppc"
     ]
-    return any(np.isin(word, (BETWEEN, NOT_SETTLED)).any() for word in words)
+    return not any(np.isin(word, (BETWEEN, NOT_SETTLED)).any() for word in words)
 
 
 def with_share(fit_records, share, capacity_ampere_hour):

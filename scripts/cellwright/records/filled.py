@@ -7,6 +7,7 @@ from cellwright.series.edges import STEP_SHARE, shares_before
 from cellwright.series.steps import silent_before
 from cellwright.settings import Clean
 
+PACED = 1.5  # of an interval over the next, up to which both are of one pace
 LEAST_SILENT_SOC = 0.01  # standard deviation of what a gap may have moved; less is no doubt
 
 
@@ -31,12 +32,7 @@ def with_edges(record, *, capacity_ampere_hour, uncounted=None):
         is added.
     """
     time, current = record.test_time_second, record.current_ampere
-    largest = np.abs(current).max(initial=0.0)
-    if record.kind == "drive" or not largest > 0:
-        return record
-    after = edges(record, step_ampere=STEP_SHARE * largest)
-    after = after[time[after] > time[after - 1]]
-    share = shares_before(time, current, capacity_ampere_hour * record.soc, after)
+    after, share = _steps_between_rows(record, capacity_ampere_hour)
     if uncounted is not None:
         share = np.where(np.isfinite(share), share, uncounted)
     told = np.isfinite(share)
@@ -54,6 +50,29 @@ def with_edges(record, *, capacity_ampere_hour, uncounted=None):
         "used": np.zeros(2 * len(after), bool),
     }
     return _inserted(record, np.repeat(after, 2), filled)
+
+
+def _steps_between_rows(record, capacity_ampere_hour):
+    """Rows after steps of the current between two rows, the share before each; of no drive."""
+    time, current = record.test_time_second, record.current_ampere
+    largest = np.abs(current).max(initial=0.0)
+    if record.kind == "drive" or not largest > 0:
+        return np.empty(0, int), np.empty(0)
+    after = edges(record, step_ampere=STEP_SHARE * largest)
+    after = after[time[after] > time[after - 1]]
+    return after, shares_before(time, current, capacity_ampere_hour * record.soc, after)
+
+
+def uncounted_are_paced(record, *, capacity_ampere_hour):
+    """Whether each interval with a step that the charge does not tell is no longer than the next.
+
+    Longer ones began at the pace of before: they hold their edge anywhere.
+    Parameters as of `with_edges`.
+    """
+    after, share = _steps_between_rows(record, capacity_ampere_hour)
+    after, interval = after[np.isnan(share)], np.diff(record.test_time_second)
+    after = after[after < len(interval)]
+    return bool(np.all(interval[after - 1] <= PACED * interval[after]))
 
 
 def bridged(record, *, capacity_ampere_hour):
