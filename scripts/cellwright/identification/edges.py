@@ -4,7 +4,7 @@ import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.identification.choice import NEAR
-from cellwright.identification.identify import identify
+from cellwright.identification.identify import SHORTEST_SECOND, identify
 from cellwright.numerics.statistics import rms
 from cellwright.protocols.pulse_edges import BETWEEN, NOT_SETTLED, edges_of, first_rows
 from cellwright.records.conditions import REFERENCE_CELSIUS
@@ -23,9 +23,8 @@ def uncounted_edges(by_temperature, data_of_records, *, capacity_ampere_hour):
     Between two rows a current that steps somewhere may be taken to move evenly, which is right in
     the mean and wrong at each: a fast resistance is then too small by half an interval over its
     time constant, R0 too large, and by no scatter of the voltage. So it steps at the row before
-    where a plain circuit follows the records better by more than a tenth; and where all these rows
-    are at the pace of those after them, unless pulses show edges between rows (`pulse_edges`) or
-    the circuit follows the records worse by as much.
+    where a plain circuit follows the records better by more than a tenth; and, unless it follows
+    worse by as much, where there are pulses, none of which show edges between rows (`pulse_edges`).
 
     Parameters
     ----------
@@ -62,26 +61,30 @@ def uncounted_edges(by_temperature, data_of_records, *, capacity_ampere_hour):
 
 
 def _at_rows(by_temperature, capacity_ampere_hour):
-    """Whether all uncounted edges are at the pace of the rows after, and no pulse says else."""
+    """Whether all uncounted edges are at the pace of the rows after, and no pulse says else.
+
+    Where there are pulses whose rows are no closer than the shortest time constant: else it does
+    not matter, or long loads alone would be fitted by rows that a few pairs do not follow.
+    """
     records = [record for one in by_temperature for record in one.records]
     size = {"capacity_ampere_hour": capacity_ampere_hour}
-    if not all(uncounted_are_paced(record, **size) for record in records):
-        return False
-    words = [
-        edges_of(
-            first_rows(
-                record.test_time_second,
-                record.current_ampere,
-                record.voltage_volt,
-                record.soc,
-                least_digit_volt=record.least_digit_volt,
-                **size,
-            )
+    pulses = [
+        first_rows(
+            record.test_time_second,
+            record.current_ampere,
+            record.voltage_volt,
+            record.soc,
+            least_digit_volt=record.least_digit_volt,
+            **size,
         )
         for record in records
         if record.kind == "hppc"
     ]
-    return not any(np.isin(word, (BETWEEN, NOT_SETTLED)).any() for word in words)
+    apart = [pulse.apart_second for of_record in pulses for pulse in of_record]
+    if not (apart and np.median(apart) > SHORTEST_SECOND):
+        return False
+    between = any(np.isin(edges_of(rows), (BETWEEN, NOT_SETTLED)).any() for rows in pulses)
+    return not between and all(uncounted_are_paced(record, **size) for record in records)
 
 
 def with_share(fit_records, share, capacity_ampere_hour):

@@ -32,6 +32,7 @@ from cellwright.records.thinning import edge_ampere, edges, thin, without_edges
 from cellwright.refusal import Refusal
 
 GRID_PER_DECADE = 4
+SHORTEST_SECOND = 0.05  # time constant that is searched
 FARADAY = 96485.33212  # C/mol
 DIFFUSION_SECOND = (500.0, 1000.0, 2000.0, 4000.0, 8000.0, 16000.0)  # radius² over diffusivity
 
@@ -208,7 +209,7 @@ def limits_of(data):
         steps = np.diff(r.test_time_second)
         sampling.append(np.percentile(steps[steps > 0], 10))
     low = min(sampling)
-    return max(low, 0.05), max(max(steady), 20 * low)
+    return max(low, SHORTEST_SECOND), max(max(steady), 20 * low)
 
 
 def _taus(shared, member, low, high):
