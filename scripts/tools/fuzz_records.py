@@ -40,6 +40,7 @@ def case(seed):
         if clean.crash or not clean.rows:
             continue
         kind = names[int(rng.integers(len(names)))]
+        record = record._replace(beside=columns_of_another(own, entry, rng))
         changed = kinds[kind](record, rng)
         if changed is not None:
             break
@@ -49,6 +50,13 @@ def case(seed):
     ]
     others = [clean_outcome(other) for other in beside[:MOST_OTHERS]]
     return kind, *verdict(outcome_of(changed), clean, others, kind in BENIGN), where
+
+
+def columns_of_another(entries_of_campaign, entry, rng):
+    """Columns of a record of another test of the campaign; None where that is too long."""
+    others = [other for other in entries_of_campaign if other is not entry]
+    record = record_of(others[int(rng.integers(len(others)))]) if others else None
+    return None if record is None else record.columns
 
 
 def clean_outcome(entry, known={}):  # noqa: B006 - kept on purpose: it is asked for again and again

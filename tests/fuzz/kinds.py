@@ -5,66 +5,33 @@ kind changes one or the other; `text` kinds change the file's text. Benign kinds
 a number hangs on: they must raise no doubt.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
 
-TIME, CURRENT, VOLTAGE = "Test Time / s", "Current / A", "Voltage / V"
-CHARGED, DISCHARGED = "Charging Capacity / Ah", "Discharging Capacity / Ah"
-UNIX, SURFACE = "Unix Time / s", "Surface Temperature T1 / degC"
-CUTOFFS = ("lower_cutoff_volt", "upper_cutoff_volt")
-
-
-class Record(NamedTuple):
-    """A file to be: columns (n,) by label, facts of the cell and of the test, labels as written."""
-
-    columns: dict
-    cell: dict
-    test: dict
-    labels: dict  # column → label written instead of its own
-    text: Callable | None = None  # changes the written text
-
-    def having(self, **columns):
-        """This record with other columns, by their short names."""
-        named = {SHORT[name]: values for name, values in columns.items()}
-        return self._replace(columns=self.columns | named)
-
-    def of_rows(self, rows):
-        """This record with these rows only, or in this order."""
-        return self._replace(columns={n: c[rows] for n, c in self.columns.items()})
-
-
-SHORT = {"time": TIME, "current": CURRENT, "voltage": VOLTAGE, "surface": SURFACE}
-
-
-def _rows(record):
-    return len(record.columns[TIME])
-
-
-def _spot(record, rng, low=0.15, high=0.85):
-    """A row under load, by its share of the record's rows."""
-    current = np.abs(record.columns[CURRENT])
-    loaded = np.flatnonzero(current > 0.05 * current.max())
-    loaded = loaded[(loaded > low * _rows(record)) & (loaded < high * _rows(record))]
-    return int(rng.choice(loaded)) if len(loaded) else _rows(record) // 2
+from fuzz.kinds_of_columns import BENIGN_COLUMNS, KINDS_OF_COLUMNS
+from fuzz.record import (
+    CHARGED,
+    CURRENT,
+    CUTOFFS,
+    DISCHARGED,
+    SHORT,
+    SURFACE,
+    TIME,
+    VOLTAGE,
+    block,
+    row_count,
+    spot,
+)
 
 
 def _from(record, rng, name, change):
     """A column changed from a row under load on."""
-    values, row = record.columns[SHORT[name]].copy(), _spot(record, rng)
+    values, row = record.columns[SHORT[name]].copy(), spot(record, rng)
     values[row:] = change(values[row:])
     return record.having(**{name: values})
 
 
-def _block(record, rng, share):
-    """A stretch of rows that begins under load and spans a share of the record."""
-    row = _spot(record, rng, 0.1, 0.8)
-    return slice(row, min(row + max(int(share * _rows(record)), 3), _rows(record) - 2))
-
-
 def _at_block(record, rng, name, share, change):
-    values, rows = record.columns[SHORT[name]].copy(), _block(record, rng, share)
+    values, rows = record.columns[SHORT[name]].copy(), block(record, rng, share)
     values[rows] = change(values[rows])
     return record.having(**{name: values})
 
@@ -91,7 +58,7 @@ def _offset(record, rng):
 
 
 def _drifting_gain(record, rng):
-    gain = np.linspace(1, 1 + rng.choice((-1, 1)) * rng.uniform(0.05, 0.2), _rows(record))
+    gain = np.linspace(1, 1 + rng.choice((-1, 1)) * rng.uniform(0.05, 0.2), row_count(record))
     return record.having(current=record.columns[CURRENT] * gain)
 
 
@@ -114,7 +81,7 @@ def _stuck(name):
 
 def _dropped_out(record, rng):
     current = record.columns[CURRENT].copy()
-    rows = rng.random(_rows(record)) < rng.uniform(0.02, 0.1)
+    rows = rng.random(row_count(record)) < rng.uniform(0.02, 0.1)
     return record.having(current=np.where(rows, 0.0, current))
 
 
@@ -125,7 +92,7 @@ def _zero_block(record, rng):
 def _spikes(name, size):
     def kind(record, rng):
         values = record.columns[SHORT[name]].copy()
-        rows = rng.choice(_rows(record), max(3, _rows(record) // 500), replace=False)
+        rows = rng.choice(row_count(record), max(3, row_count(record) // 500), replace=False)
         values[rows] += rng.choice((-1, 1), len(rows)) * size(values)
         return record.having(**{name: values})
 
@@ -152,7 +119,7 @@ def _without(rows_of):
     """Rows missing, the clock going on."""
 
     def kind(record, rng):
-        kept = np.ones(_rows(record), bool)
+        kept = np.ones(row_count(record), bool)
         kept[rows_of(record, rng)] = False
         return record.of_rows(np.flatnonzero(kept))
 
@@ -161,17 +128,17 @@ def _without(rows_of):
 
 def _closed_up(record, rng):
     """A block missing and the clock closed up over it."""
-    rows, time = _block(record, rng, rng.uniform(0.04, 0.15)), record.columns[TIME].copy()
+    rows, time = block(record, rng, rng.uniform(0.04, 0.15)), record.columns[TIME].copy()
     time[rows.stop :] -= time[rows.stop] - time[rows.start]
-    kept = np.ones(_rows(record), bool)
+    kept = np.ones(row_count(record), bool)
     kept[rows] = False
     return record.having(time=time).of_rows(np.flatnonzero(kept))
 
 
 def _block_twice(record, rng):
-    rows = np.arange(_rows(record))
-    block = rows[_block(record, rng, rng.uniform(0.04, 0.15))]
-    return record.of_rows(np.concatenate([rows[: block[-1] + 1], block, rows[block[-1] + 1 :]]))
+    rows = np.arange(row_count(record))
+    twice = rows[block(record, rng, rng.uniform(0.04, 0.15))]
+    return record.of_rows(np.concatenate([rows[: twice[-1] + 1], twice, rows[twice[-1] + 1 :]]))
 
 
 def _block_twice_clock_on(record, rng):
@@ -183,18 +150,18 @@ def _block_twice_clock_on(record, rng):
 
 
 def _shuffled(record, rng):
-    rows = np.arange(_rows(record))
-    block = _block(record, rng, 0.1)
-    rows[block] = rng.permutation(rows[block])
+    rows = np.arange(row_count(record))
+    mixed = block(record, rng, 0.1)
+    rows[mixed] = rng.permutation(rows[mixed])
     return record.of_rows(rows)
 
 
 def _head_missing(record, rng):
-    return record.of_rows(slice(_spot(record, rng, 0.05, 0.4), None))
+    return record.of_rows(slice(spot(record, rng, 0.05, 0.4), None))
 
 
 def _tail_missing(record, rng):
-    return record.of_rows(slice(0, _spot(record, rng, 0.5, 0.97)))
+    return record.of_rows(slice(0, spot(record, rng, 0.5, 0.97)))
 
 
 def _step_missing(record, rng):
@@ -204,7 +171,7 @@ def _step_missing(record, rng):
     if len(edges) < 3:
         return _closed_up(record, rng)
     k = int(rng.integers(len(edges) - 1))
-    kept = np.r_[0 : edges[k], edges[k + 1] : _rows(record)]
+    kept = np.r_[0 : edges[k], edges[k + 1] : row_count(record)]
     return record.of_rows(kept)
 
 
@@ -287,7 +254,7 @@ def _counter_wrong(record, rng):
 def _celsius_offset(record, rng):
     if SURFACE not in record.columns:
         return None
-    shift = rng.choice((273.15, -30.0, 40.0))
+    shift = rng.choice((273.15, -30.0))
     return record.having(surface=record.columns[SURFACE] + shift)
 
 
@@ -331,7 +298,7 @@ def _time_begins_later(record, rng):
 
 
 def _last_line_missing(record, rng):
-    return record.of_rows(slice(0, _rows(record) - 1))
+    return record.of_rows(slice(0, row_count(record) - 1))
 
 
 def _fine_rounding(record, rng):
@@ -349,7 +316,7 @@ def _in_milli(record, rng):
 
 
 def _scattered(record, rng):
-    kept = np.flatnonzero(rng.random(_rows(record)) > 0.01)
+    kept = np.flatnonzero(rng.random(row_count(record)) > 0.01)
     return record.of_rows(kept)
 
 
@@ -360,7 +327,7 @@ BENIGN = {
     "last line missing": _last_line_missing,
     "rounded to 0.1 mA, 0.1 mV": _fine_rounding,
     "in mA and mV": _in_milli,
-}
+} | BENIGN_COLUMNS
 KINDS = {
     "C-rate under A": _as_c_rate,
     "mA under A": _scaled("current", _one_of(1000.0)),
@@ -387,7 +354,7 @@ KINDS = {
     "clock begins anew": _clock_restart,
     "a day added": _day_added,
     "rows missing, scattered": _scattered,
-    "block missing": _without(lambda r, g: _block(r, g, g.uniform(0.04, 0.15))),
+    "block missing": _without(lambda r, g: block(r, g, g.uniform(0.04, 0.15))),
     "block missing, closed up": _closed_up,
     "block twice": _block_twice,
     "block twice, clock going on": _block_twice_clock_on,
@@ -412,4 +379,4 @@ KINDS = {
     "Fahrenheit": _fahrenheit,
     "mV under V": _scaled("voltage", _one_of(1000.0)),
     "gain of the voltage": _scaled("voltage", _between(1.05, 1.3)),
-}  # fmt: skip
+} | KINDS_OF_COLUMNS  # fmt: skip

@@ -6,11 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 import cellwright as cw
-from fuzz.kinds import TIME
+from fuzz.record import TIME
 
 # What counts as wrong beyond a stated interval: share of the value, and least in its unit.
 SHARE = {"capacity": 0.005, "efficiency": 0.005, "temperature": 0.0, "resistance": 0.02}
 LEAST = {"capacity": 0.0, "efficiency": 0.0, "temperature": 1.0, "resistance": 1e-4}
+# The stated temperature beside a measured one is a number too: laws over temperature use it.
+SHARE, LEAST = SHARE | {"chamber": 0.0}, LEAST | {"chamber": 1.0}
 
 
 class Number(NamedTuple):
@@ -38,11 +40,18 @@ def file_of(record):
     labels = [record.labels.get(name, name) for name in columns]
     lines = io.StringIO()
     lines.write(",".join(labels) + "\n")
-    table = np.column_stack([np.asarray(c, float) for c in columns.values()])
-    formats = ["%.10g" if name == TIME or "Unix" in name else "%.7g" for name in columns]
-    np.savetxt(lines, table, fmt=formats, delimiter=",")
+    cells = [_written(name, np.asarray(column)) for name, column in columns.items()]
+    lines.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
     text = lines.getvalue()
     return (record.text(text) if record.text else text).encode("utf-8", "surrogateescape")
+
+
+def _written(name, column):
+    """Cells of a column, as a file holds them."""
+    if column.dtype.kind == "U":
+        return column.tolist()
+    exact = name in (TIME, "second") or "Unix" in name
+    return [("%.10g" if exact else "%.7g") % value for value in column.tolist()]
 
 
 def outcome_of(record):
@@ -57,7 +66,7 @@ def outcome_of(record):
 
 def _outcome(data, record):
     series = cw.read(data, name="record.bdf.csv")
-    clean = cw.clean(series.columns, cell=record.cell)
+    clean = cw.clean(series.columns, cell=record.cell, test=record.test)
     steps = cw.segment(clean.columns, record.cell)
     notes = [*series.notes, *clean.notes, *map(str, np.unique(clean.actions["flag"]))]
     tables, refused = {}, []
@@ -120,10 +129,13 @@ def numbers_of(outcome, others=()):
 def _of_capacity(row):
     where, doubt = (str(row["direction"]), float(row["c_rate"])), row["doubt"]
     size, std = row["capacity_ampere_hour"], row["capacity_std_ampere_hour"]
+    measured, stated = row["temperature_mean_celsius"], row["ambient_temperature_celsius"]
+    known = np.isfinite(measured) and stated is not None
     return [
         Number("capacity", where, size, std, doubt),
         Number("efficiency", where, row["coulombic_efficiency"], np.nan, doubt),
-        Number("temperature", where, row["temperature_mean_celsius"], 0.0, doubt),
+        Number("temperature", where, measured, 0.0, doubt),
+        Number("chamber", where, stated if known else np.nan, 0.0, doubt),
     ]
 
 

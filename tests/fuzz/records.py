@@ -8,7 +8,18 @@ from pathlib import Path
 import numpy as np
 
 import cellwright as cw
-from fuzz.kinds import CHARGED, CURRENT, CUTOFFS, DISCHARGED, SURFACE, TIME, UNIX, VOLTAGE, Record
+from fuzz.record import (
+    AMBIENT,
+    CHARGED,
+    CURRENT,
+    CUTOFFS,
+    DISCHARGED,
+    SURFACE,
+    TIME,
+    UNIX,
+    VOLTAGE,
+    Record,
+)
 
 HERE = Path(__file__).resolve().parents[2]
 KINDS_OF_TEST = ("capacity", "ocv", "hppc", "pulse_resistance", "ica")
@@ -18,6 +29,7 @@ NAMES = {
     "current_ampere": CURRENT,
     "voltage_volt": VOLTAGE,
     "surface_temperature_celsius": SURFACE,
+    "ambient_temperature_celsius": AMBIENT,
     "unix_time_second": UNIX,
 }
 

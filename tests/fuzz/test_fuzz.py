@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from fuzz.kinds import BENIGN, CURRENT, KINDS
+from fuzz.kinds import BENIGN, KINDS
 from fuzz.published import numbers_of, outcome_of, wrong_numbers
+from fuzz.record import CURRENT
 from fuzz.records import HERE, entries, record_of
 
 
