@@ -8,6 +8,7 @@ import json
 import re
 import sys
 from collections import Counter, defaultdict
+from functools import partial
 from multiprocessing import Pool
 from pathlib import Path
 
@@ -22,11 +23,11 @@ MOST_OTHERS = 12  # tests of the same cell beside which a record is held
 ORDER = ("refused", "right", "told", "elsewhere", "silent", "crash")
 
 
-def case(seed):
-    """One case: (kind, verdict, what) of a seed."""
+def case(seed, only=()):
+    """One case: (kind, verdict, what) of a seed; `only` of these kinds, where there are any."""
     rng = np.random.default_rng(seed)
     kinds = KINDS | BENIGN
-    names, listed = sorted(kinds), entries()
+    names, listed = sorted(only or kinds), entries()
     # In one order wherever the campaigns lie, so that a seed is the same cases everywhere.
     folders = sorted({entry[0] for entry in listed}, key=lambda f: (f == HERE, f.name))
     while True:
@@ -102,11 +103,12 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cases", type=int, default=200)
     parser.add_argument("--cores", type=int, default=2)
+    parser.add_argument("--kind", action="append", default=[], help="of this one only; repeatable")
     parser.add_argument("--to", help="a file of JSON lines, one a case")
     chosen = parser.parse_args()
     seeds = [1_000_000 * chosen.seed + k for k in range(chosen.cases)]
     with Pool(chosen.cores) as pool:
-        found = list(pool.imap_unordered(case, seeds, chunksize=4))
+        found = list(pool.imap_unordered(partial(case, only=chosen.kind), seeds, chunksize=4))
     table, total = defaultdict(Counter), Counter()
     for kind, what, _, _ in found:
         table[kind][what] += 1

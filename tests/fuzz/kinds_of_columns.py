@@ -212,7 +212,8 @@ def _gone_over_a_pause(record, rng):
     row = first + int(rng.uniform(0.1, 0.85) * (stop - first))
     columns = {name: values.copy() for name, values in record.columns.items()}
     gone = max(int(0.09 * (stop - first)), 1)
-    columns[VOLTAGE][row] += 0.4 * np.ptp(columns[VOLTAGE][first - 1 : first + 2])
+    answer = np.ptp(columns[VOLTAGE][max(first - 1, 0) : first + 2])
+    columns[VOLTAGE][row] += 0.4 * answer
     columns[CURRENT][row] = 0.0
     if rng.random() < 0.5:  # the clock closed up over it
         behind = slice(row + gone + 1, None)
