@@ -106,8 +106,9 @@ def test_settings_are_told_apart():
     scripts = {rule: used(script) for rule, script, _ in CHECKED}
     assert scripts["compensation"] == {"models.split_rest_second"}
     assert scripts["identify"] == {"models.split_rest_second", "models.members"}
-    assert scripts["ocv"] == {"ocv.least_hour", "instrument.current_accuracy_share"}
+    instrument = {"instrument.current_accuracy_share", "instrument.clock_error_share"}
+    assert scripts["ocv"] == {"ocv.least_hour"} | instrument
     assert scripts["ocv_rests"] == {"ocv.rest_second"}
     assert "missing_effect.enabled" not in scripts["effect_search"]
     assert "missing_effect.material_volt" in scripts["effect_search"]
-    assert scripts["capacity"] == {"instrument.current_accuracy_share"}
+    assert scripts["capacity"] == instrument

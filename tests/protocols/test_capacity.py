@@ -79,6 +79,14 @@ def test_a_capacity_is_no_surer_than_the_ammeter_over_its_range(others, largest)
     assert found == pytest.approx(0.01 * largest * 2.0 / 3**0.5, rel=0.02)
 
 
+def test_a_capacity_is_no_surer_than_the_clock():
+    """Whose error is a share of the charge, whatever the range of the ammeter."""
+    parts = [run(cycle(-1.0, 1.0, -2.0, 2.0), clock_error_share=x).rows for x in (0.0, 0.02)]
+    without, with_it = (rows["capacity_std_ampere_hour"] for rows in parts)
+    shares = np.sqrt(with_it**2 - without**2) / parts[0]["capacity_ampere_hour"]
+    np.testing.assert_allclose(shares, 0.02 / 3**0.5, rtol=0.02)
+
+
 def test_what_rests_read_may_flow_under_load_too():
     """4 mA in the rests of a 2 Ah cell, over a discharge of two hours."""
     time, current, voltage, _ = cycle(-1.0, 1.0)

@@ -195,6 +195,7 @@ def resistance(
 
     # Where SoC cannot be known the pulses count nevertheless: their SoC is then NaN.
     anchored = state_of_charge(series, basis, test, cell)
+    shares = inputs.settings_of(Instrument, instrument, {})
     pulses = pulse_resistance(
         *inputs.quantities(series),
         anchored.soc,
@@ -203,8 +204,8 @@ def resistance(
         doubt=inputs.columns(series).get("doubt"),
         against_soc=anchored.contradicted,
         rated_capacity_ampere_hour=inputs.basis(basis)["capacity_ampere_hour"],
+        current_accuracy_share=shares.current_accuracy_share,
         **inputs.settings_of(Resistance, settings, changes)._asdict(),
-        **inputs.settings_of(Instrument, instrument, {})._asdict(),
     )
     notes = (f"SoC: {anchored.anchor}", *pulses.left_out)
     return results.Result({"rows": pulses.rows}, notes=notes)

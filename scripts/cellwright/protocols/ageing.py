@@ -73,6 +73,7 @@ def ageing_cycles(
     state_before="",
     soc_at_start=None,
     current_accuracy_share=INSTRUMENT.current_accuracy_share,
+    clock_error_share=INSTRUMENT.clock_error_share,
 ):
     """Capacity, energy and temperature of every complete half cycle of an ageing record.
 
@@ -95,7 +96,7 @@ def ageing_cycles(
     state_before : "full" or "empty", as the test before this one in time left the cell; "": not
         known.
     soc_at_start : of the first row, as the sheet states it [1], or None.
-    current_accuracy_share : as of `settings.Instrument`.
+    current_accuracy_share, clock_error_share : as of `settings.Instrument`.
 
     Returns found: Found; rows are AgeingCycles; left_out and by_rest name the number and cycles of
     each reason. Raises Refusal: a cut-off is not stated, or no half cycle is complete; the
@@ -127,7 +128,10 @@ def ageing_cycles(
                 [
                     half.missing_ampere_hour,
                     unsure_of_edges(half, unsure, columns, limits),
-                    unsure_of_instrument(half, time, columns[0], current_accuracy_share, at_rest),
+                    unsure_of_instrument(
+                        *(half, time, columns[0], current_accuracy_share, at_rest),
+                        clock_error_share,
+                    ),
                     unsure_of_digit(half, time, columns[0], digit),
                 ]
             ),

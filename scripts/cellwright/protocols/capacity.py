@@ -54,6 +54,7 @@ def capacity(
     doubt=None,
     ambient_temperature_celsius=None,
     current_accuracy_share=INSTRUMENT.current_accuracy_share,
+    clock_error_share=INSTRUMENT.clock_error_share,
 ):
     """Capacity of every complete discharge and charge, averaged over repeats at one rate.
 
@@ -88,7 +89,7 @@ def capacity(
     curve : open-circuit voltage that this is held against, see `anchor.contradiction`, or None.
     doubt : (n,) flags of `series.doubts.Doubt`, or None. ambient_temperature_celsius : as the sheet
         states it [°C], or None.
-    current_accuracy_share : as of `settings.Instrument`.
+    current_accuracy_share, clock_error_share : as of `settings.Instrument`.
 
     Returns found: Found; rows are columns of stage `capacity`, one entry a direction, rate
     and temperature: means over the repeats, and capacity_std_ampere_hour;
@@ -146,7 +147,7 @@ def capacity(
         row |= _of_balance(half, partner, balance, counted, inserts)
         row["edges"] = unsure_of_edges(half, unsure, columns, limits)
         row["instrument"] = unsure_of_instrument(
-            half, test_time_second, columns[0], current_accuracy_share, at_rest
+            *(half, time, columns[0], current_accuracy_share, at_rest, clock_error_share)
         )
         row |= _of_digit(half, partner, test_time_second, columns[0], digit)
         row["doubt"] = doubts_of(half, partner, row, columns, steps, limits, doubt, sheet)

@@ -49,7 +49,8 @@ def unsure_of_digit(half, test_time_second, current_ampere, digit_ampere):
     """Standard deviation [Ah] of what a half cycle moves by the least digit of its current.
 
     While the reading stays at one level its error is one, anywhere within a digit (a uniform
-    distribution); that of another level is another.
+    distribution); that of another level is another. Whether a reading was rounded or cut nothing
+    tells: cut towards zero it lacks up to a whole digit, half of one at each level.
 
     half : HalfCycle. test_time_second, current_ampere : (n,) [s], [A]. digit_ampere : [A].
     """
@@ -58,4 +59,6 @@ def unsure_of_digit(half, test_time_second, current_ampere, digit_ampere):
     first = np.flatnonzero(np.diff(current, prepend=np.inf))
     hours = np.diff(np.append(time[first], time[-1])) / 3600.0
     loaded = current[first] != 0.0
-    return float(digit_ampere * np.linalg.norm(hours[loaded]) / np.sqrt(12.0))
+    by_chance = np.linalg.norm(hours[loaded]) / np.sqrt(12.0)
+    cut = hours[loaded].sum() / 2.0
+    return float(digit_ampere * np.hypot(by_chance, cut))

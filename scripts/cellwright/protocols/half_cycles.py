@@ -201,19 +201,24 @@ def reading_at_rest(logged_current_ampere, steps):
     return float(np.median(read)) if read else 0.0
 
 
-def unsure_of_instrument(half, test_time_second, current_ampere, accuracy_share, rest_ampere):
-    """Standard deviation [Ah] of what a half cycle moves by the ammeter's gain and offset.
+def unsure_of_instrument(
+    half, test_time_second, current_ampere, accuracy_share, rest_ampere, clock_share=0.0
+):
+    """Standard deviation [Ah] of what a half cycle moves by the ammeter's gain and offset, and by
+    the clock.
 
     Its reading may be off by up to a share of its range anywhere (a uniform distribution), and its
     range holds at least the record's largest current. What it reads in rests it may read too much
     under load as well, or not at all: nothing tells which.
 
-    half : HalfCycle. test_time_second, current_ampere : (n,) [s], [A]. accuracy_share : as of
-        `settings.Instrument`. rest_ampere : `reading_at_rest` of the record.
+    half : HalfCycle. test_time_second, current_ampere : (n,) [s], [A]. accuracy_share, clock_share
+        : current_ and clock_ of `settings.Instrument`; 0 where two half cycles are compared, which
+        one clock has measured. rest_ampere : `reading_at_rest` of the record.
     """
     hours = (test_time_second[half.last_row] - test_time_second[half.first_row]) / 3600.0
-    most = accuracy_share * np.abs(current_ampere).max(), rest_ampere
-    return float(np.linalg.norm(most) * hours / np.sqrt(3.0))
+    ampere = accuracy_share * np.abs(current_ampere).max(), rest_ampere
+    most = [one * hours for one in ampere] + [clock_share * half.moved_ampere_hour]
+    return float(np.linalg.norm(most) / np.sqrt(3.0))
 
 
 def weighted_median(values, weights):

@@ -125,7 +125,8 @@ def pulse_resistance(
     if not len(chosen):
         raise Refusal("the record has no pulse, nor a constant-current load that begins from rest")
     digits = least_digit(voltage), coarsest_digit_ampere(current, rated)
-    noise = _noise(voltage, steps, digits[0]), _noise(current, steps, digits[1])
+    # Cut, not rounded, a current lacks up to a digit, and so does its step from a true zero.
+    noise = _noise(voltage, steps, digits[0]), _noise(current, steps, np.sqrt(2) * digits[1])
     rows, reasons = [], Counter()
     chosen = not_elsewhere(chosen, elsewhere, "pulse", reasons)
     least = np.sqrt(2) * noise[0]

@@ -93,9 +93,12 @@ class Instrument(NamedTuple):
     current_accuracy_share [1] : Largest error of the current as a share of its range, as the
         maker states it (testers 0.0002 to 0.001). The range is taken to be the largest current
         of a record.
+    clock_error_share [1] : Largest error of the clock as a share of the time that passed (quartz
+        of testers and data loggers 0.00002 to 0.0001).
     """
 
     current_accuracy_share: float = 0.0005
+    clock_error_share: float = 0.0001
 
 
 class Resistance(NamedTuple):
