@@ -133,7 +133,9 @@ def _of_capacity(row):
     known = np.isfinite(measured) and stated is not None
     return [
         Number("capacity", where, size, std, doubt),
-        Number("efficiency", where, row["coulombic_efficiency"], np.nan, doubt),
+        Number(
+            "efficiency", where, row["coulombic_efficiency"], row["coulombic_efficiency_std"], doubt
+        ),
         Number("temperature", where, measured, 0.0, doubt),
         Number("chamber", where, stated if known else np.nan, 0.0, doubt),
     ]

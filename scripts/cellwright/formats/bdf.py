@@ -26,6 +26,7 @@ from cellwright.formats.fields import (
     refuse_repeated,
     require,
 )
+from cellwright.formats.second_clock import BESIDE, refuse_contradicting
 from cellwright.formats.table import is_written, layout_of, line_of, read_table, unread
 from cellwright.refusal import Refusal
 
@@ -173,9 +174,21 @@ def _read(data, meaning, checked):
     if clock and is_written(data, layout, clock):  # as 0d 00:10:00.5
         others = [label for label in labels if label != clock]
         found, notes = read_table(data, layout, others, texts={clock: Clocks})
-    else:
-        found, notes = read_table(data, layout, labels)
-    return converted(found, fields), [*notes], fields
+        return converted(found, fields), [*notes], fields
+    beside = [x for x in _other_clocks(layout.labels) if not is_written(data, layout, x)]
+    found, notes = read_table(data, layout, [*labels, *beside])
+    columns = converted(found, fields)
+    if clock:
+        units = {label: UNITS["time"][_base_and_unit(label)[1]] for label in beside}
+        others = {label: np.asarray(found[label]) * unit for label, unit in units.items()}
+        refuse_contradicting(clock, columns["test_time_second"], others)
+    return columns, [*notes], fields
+
+
+def _other_clocks(labels):
+    """Labels of columns that count a time from the start, as other software calls the test time."""
+    named = {label: _base_and_unit(label) for label in dict.fromkeys(labels)}
+    return [x for x, (base, unit) in named.items() if base in BESIDE and unit in UNITS["time"]]
 
 
 def _preferred(labels, meaning):

@@ -30,6 +30,7 @@ from cellwright.formats.fields import (
     refuse_repeated,
     require,
 )
+from cellwright.formats.second_clock import refuse_contradicting
 from cellwright.formats.table import (
     CHANNEL,
     DELIMITERS,
@@ -238,7 +239,9 @@ def _read_series(form, data, layout, fields, swept):
     texts |= {label: partial(Dates, form.dates) for label in filter(None, [date])}
     texts |= {f.label: partial(Times, form.dates) for f in written}
     others = [field for field in fields if field not in written] + counter
-    found, more = read_table(data, layout, [field.label for field in others], texts=texts)
+    clocks = _other_clocks(form, fields, data, layout)
+    numbers = [field.label for field in [*others, *clocks]]
+    found, more = read_table(data, layout, numbers, texts=texts)
     refuse_channels(found, channels)
     dates = _dates_beside(found, date, others) if date else {}
     unix = next(iter(dates.values()), None)
@@ -247,6 +250,9 @@ def _read_series(form, data, layout, fields, swept):
     unproved = [f for f in others if f.quantity == "charge" and f.unit == NOT_SAID]
     others = [f._replace(unit="Ah") if f in unproved else f for f in others]
     columns = converted(found, others)
+    if clocks and TIME in columns:
+        read = next(field.label for field in others if field.column == TIME)
+        refuse_contradicting(read, columns[TIME], _of_clocks(found, clocks))
     if counter:
         columns["voltage_volt"] = columns["voltage_volt"] - columns.pop(COUNTER, 0.0)
     for field in written:
@@ -270,6 +276,28 @@ def _read_series(form, data, layout, fields, swept):
     columns = _with_counters(_without_dead(_without_still_counters(columns, notes), notes))
     columns = with_unit_of_counter(columns, unproved, notes) if unproved else columns
     return Read(columns, notes, int(state is not None), tuple(dates))
+
+
+def _other_clocks(form, fields, data, layout):
+    """Fields of further columns of the test's time, of numbers in a unit that they say."""
+    read = [field.label for field in fields]
+    known = [field for x in dict.fromkeys(layout.labels) if (field := meaning_of(form, x))]
+    return [
+        field
+        for field in known
+        if field.column == TIME
+        and field.label not in read
+        and field.unit in UNITS["time"]
+        and not _is_bare(form, field)
+        and not is_written(data, layout, field.label)
+    ]
+
+
+def _of_clocks(found, clocks):
+    """Seconds (n,) of each of these fields, by label."""
+    return {
+        field.label: np.asarray(found[field.label]) * UNITS["time"][field.unit] for field in clocks
+    }
 
 
 def _swept_rows(form, data, layout, fields):

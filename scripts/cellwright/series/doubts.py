@@ -24,6 +24,7 @@ from cellwright.formats.pieces import (
 )
 from cellwright.numerics.statistics import of_median
 from cellwright.numerics.turns import turning_points
+from cellwright.series.beside import against_dates, exchanged, moved_over_pauses
 from cellwright.series.gaps import OTHER_LOAD, UNKNOWN, load_went_on
 from cellwright.series.rest_current import near_zero_ampere, stretches
 from cellwright.series.spikes import bend, bend_at, rows_around
@@ -70,6 +71,8 @@ class Doubt(IntFlag):
     ENERGY = 512
     CHAMBER = 1024
     THERMOMETER = 2048
+    DATES = 8192
+    EXCHANGED = 16384
 
 
 WORDS = {
@@ -83,9 +86,12 @@ WORDS = {
     Doubt.SIZE: "charge or resistance are those of a cell of another size than the rating",
     Doubt.BEYOND: "its voltage lies beyond its stated cut-offs, where no charge drives it",
     Doubt.SIGN: "its voltage contradicts the sign of its current",
-    Doubt.CHAMBER: f"its thermometer never comes within {THERMOMETER_KELVIN:g} K of the stated "
-    "temperature: one of the two is wrong",
+    Doubt.CHAMBER: f"its thermometer never comes within {THERMOMETER_KELVIN:g} K of the chamber's "
+    "temperature, stated or measured: one of the two is wrong",
     Doubt.THERMOMETER: "its thermometer shows nothing for a while",
+    Doubt.DATES: "its clock runs otherwise than its dates: one of the two is wrong",
+    Doubt.EXCHANGED: "in its load the chamber's thermometer moves and the cell's own does not: are "
+    "the two exchanged?",
 }
 
 
@@ -128,7 +134,8 @@ def doubts(
     Parameters
     ----------
     columns : test_time_second [s], current_ampere [A], voltage_volt [V], charge_ampere_hour [Ah];
-        net_capacity_ampere_hour [Ah] where the instrument has a counter.
+    columns : test_time_second [s], current_ampere [A], voltage_volt [V], charge_ampere_hour [Ah];
+        net_capacity_ampere_hour [Ah], unix_time_second [s], temperatures [degC] where it has them.
     jumps : rows before which the clock was set anew. gaps : rows with a gap before them; silent :
         what the cell did in each, see `gaps.verdicts`.
     rated_capacity_ampere_hour : [Ah] or None: the size is not looked at then. cutoffs_volt : lower
@@ -144,8 +151,15 @@ def doubts(
     surface = columns.get("surface_temperature_celsius")
     if surface is not None:
         found[blank_stretches(time, surface)] |= Doubt.THERMOMETER
-        if off_stated(surface, ambient_temperature_celsius):
+        ambient = columns.get("ambient_temperature_celsius", np.full(len(time), np.nan))
+        stated = off_stated(surface, ambient_temperature_celsius)
+        if stated or off_stated(surface - ambient, 0.0):
             found |= Doubt.CHAMBER
+        if exchanged(time, current, ambient, surface):
+            found |= Doubt.EXCHANGED
+    unix = columns.get("unix_time_second")
+    if unix is not None and against_dates(time, unix):
+        found |= Doubt.DATES
     found[_all_if_many(jumps)] |= Doubt.CLOCK
     counter = columns.get(NET)
     counted = np.zeros(len(time), bool) if counter is None else np.isfinite(counter)
@@ -164,6 +178,8 @@ def doubts(
     found[alone] |= Doubt.VOLTAGE_STEP
     found[against_rest(time, current, voltage, apart)] |= Doubt.AT_REST
     found[_unlike_across_gaps(current, voltage, gaps, counted)] |= Doubt.GAP
+    over_pauses = moved_over_pauses(time, current, voltage)
+    found[over_pauses[~counted[over_pauses]]] |= Doubt.GAP
     beyond = beyond_cutoffs(current, voltage, cutoffs_volt)
     # Drawn too far a cell may rest too low for a while; above full nothing rests, and no tester
     # draws slowly on beyond the cut-off that it was set to.
