@@ -175,20 +175,23 @@ def _read(data, meaning, checked):
         others = [label for label in labels if label != clock]
         found, notes = read_table(data, layout, others, texts={clock: Clocks})
         return converted(found, fields), [*notes], fields
-    beside = [x for x in _other_clocks(layout.labels) if not is_written(data, layout, x)]
-    found, notes = read_table(data, layout, [*labels, *beside])
+    found, notes = read_table(data, layout, labels)
     columns = converted(found, fields)
     if clock:
-        units = {label: UNITS["time"][_base_and_unit(label)[1]] for label in beside}
-        others = {label: np.asarray(found[label]) * unit for label, unit in units.items()}
-        refuse_contradicting(clock, columns["test_time_second"], others)
+        refuse_contradicting(clock, columns["test_time_second"], _other_clocks(data, layout))
     return columns, [*notes], fields
 
 
-def _other_clocks(labels):
-    """Labels of columns that count a time from the start, as other software calls the test time."""
-    named = {label: _base_and_unit(label) for label in dict.fromkeys(labels)}
-    return [x for x, (base, unit) in named.items() if base in BESIDE and unit in UNITS["time"]]
+def _other_clocks(data, layout):
+    """Seconds (n,) of columns that count a time as other software calls the test's, by label."""
+    named = {label: _base_and_unit(label) for label in dict.fromkeys(layout.labels)}
+    units = {
+        label: UNITS["time"][unit]
+        for label, (base, unit) in named.items()
+        if base in BESIDE and unit in UNITS["time"] and not is_written(data, layout, label)
+    }
+    found = read_table(data, layout, list(units)).columns if units else {}
+    return {label: np.asarray(found[label]) * unit for label, unit in units.items()}
 
 
 def _preferred(labels, meaning):

@@ -239,9 +239,7 @@ def _read_series(form, data, layout, fields, swept):
     texts |= {label: partial(Dates, form.dates) for label in filter(None, [date])}
     texts |= {f.label: partial(Times, form.dates) for f in written}
     others = [field for field in fields if field not in written] + counter
-    clocks = _other_clocks(form, fields, data, layout)
-    numbers = [field.label for field in [*others, *clocks]]
-    found, more = read_table(data, layout, numbers, texts=texts)
+    found, more = read_table(data, layout, [field.label for field in others], texts=texts)
     refuse_channels(found, channels)
     dates = _dates_beside(found, date, others) if date else {}
     unix = next(iter(dates.values()), None)
@@ -250,9 +248,9 @@ def _read_series(form, data, layout, fields, swept):
     unproved = [f for f in others if f.quantity == "charge" and f.unit == NOT_SAID]
     others = [f._replace(unit="Ah") if f in unproved else f for f in others]
     columns = converted(found, others)
-    if clocks and TIME in columns:
-        read = next(field.label for field in others if field.column == TIME)
-        refuse_contradicting(read, columns[TIME], _of_clocks(found, clocks))
+    clock = next((field.label for field in others if field.column == TIME), None)
+    if clock:
+        refuse_contradicting(clock, columns[TIME], _other_clocks(form, fields, data, layout))
     if counter:
         columns["voltage_volt"] = columns["voltage_volt"] - columns.pop(COUNTER, 0.0)
     for field in written:
@@ -279,10 +277,10 @@ def _read_series(form, data, layout, fields, swept):
 
 
 def _other_clocks(form, fields, data, layout):
-    """Fields of further columns of the test's time, of numbers in a unit that they say."""
+    """Seconds (n,) of further columns of the test's time, by label: numbers whose unit it says."""
     read = [field.label for field in fields]
     known = [field for x in dict.fromkeys(layout.labels) if (field := meaning_of(form, x))]
-    return [
+    clocks = [
         field
         for field in known
         if field.column == TIME
@@ -291,13 +289,10 @@ def _other_clocks(form, fields, data, layout):
         and not _is_bare(form, field)
         and not is_written(data, layout, field.label)
     ]
-
-
-def _of_clocks(found, clocks):
-    """Seconds (n,) of each of these fields, by label."""
-    return {
-        field.label: np.asarray(found[field.label]) * UNITS["time"][field.unit] for field in clocks
-    }
+    if not clocks:
+        return {}
+    found = read_table(data, layout, [field.label for field in clocks]).columns
+    return {f.label: np.asarray(found[f.label]) * UNITS["time"][f.unit] for f in clocks}
 
 
 def _swept_rows(form, data, layout, fields):
