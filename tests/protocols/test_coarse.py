@@ -64,14 +64,19 @@ def test_the_error_of_one_reading_adds_up_and_of_many_half_a_digit_is_left():
     assert steady == pytest.approx(0.1 / np.sqrt(3))
     flipping = 2.0 + 0.1 * (np.arange(3601) % 2)
     assert unsure_of_digit(half, time, flipping, 0.1) == pytest.approx(0.05, rel=0.01)
+    # A converter's step is no round number: its readings are not cut.
+    assert unsure_of_digit(half, time, flipping, 0.0976) < 0.02 * steady
 
 
-@pytest.mark.parametrize("change", [np.round, np.trunc])
-def test_what_a_rounded_or_cut_capacity_errs_by_lies_in_its_interval(change):
+@pytest.mark.parametrize(
+    ("change", "digits"),
+    [(np.round, np.linspace(0.1, 0.45, 23)), (np.trunc, (0.1, 0.2, 0.25))],
+)
+def test_what_a_rounded_or_cut_capacity_errs_by_lies_in_its_interval(change, digits):
     current, time = held(2.3), np.arange(720.0) * 10
     half = HalfCycle(1, 0, 719, 1.0, True, False, last_row=719)
     # Of fewer levels than five, round ones, only the voltage that does not answer tells.
-    for digit in np.linspace(0.1, 0.45, 23):
+    for digit in digits:
         read = change(current / digit) * digit
         off = abs(np.trapezoid(read - current, time)) / 3600
         std = unsure_of_digit(half, time, read, coarsest_digit_ampere(read, RATED))

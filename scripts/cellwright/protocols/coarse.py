@@ -8,6 +8,7 @@ from cellwright.records.conditions import off_round
 
 SET_LEVELS = 4  # that one test sets its current to; more are those of a reading
 EXACT_SHARE = 1e-4  # by which the best testers are off what they are set to
+WRITTEN_DIGITS = np.array([1.0, 2.0, 2.5, 5.0])
 WRITTEN_SHARE = 1e-5  # of the largest current: no tester holds one so well that it never shows
 
 
@@ -49,8 +50,8 @@ def unsure_of_digit(half, test_time_second, current_ampere, digit_ampere):
     """Standard deviation [Ah] of what a half cycle moves by the least digit of its current.
 
     While the reading stays at one level its error is one, anywhere within a digit (a uniform
-    distribution); that of another level is another. Whether a reading was rounded or cut nothing
-    tells: cut towards zero it lacks up to a whole digit, half of one at each level.
+    distribution); that of another level is another. A number that is written with few decimals may
+    have been cut instead of rounded: it lacks up to a whole digit, half of one at each level.
 
     half : HalfCycle. test_time_second, current_ampere : (n,) [s], [A]. digit_ampere : [A].
     """
@@ -60,5 +61,14 @@ def unsure_of_digit(half, test_time_second, current_ampere, digit_ampere):
     hours = np.diff(np.append(time[first], time[-1])) / 3600.0
     loaded = current[first] != 0.0
     by_chance = np.linalg.norm(hours[loaded]) / np.sqrt(12.0)
-    cut = hours[loaded].sum() / 2.0
+    cut = may_be_cut(digit_ampere) * hours[loaded].sum() / 2.0
     return float(digit_ampere * np.hypot(by_chance, cut))
+
+
+# ASSUME: A converter's step is no round number, and its readings are calibrated to their middle.
+def may_be_cut(digit_ampere):
+    """Whether a digit [A] is one of numbers as they are written, which may have been cut."""
+    if not digit_ampere > 0:
+        return False
+    leading = digit_ampere / 10.0 ** np.floor(np.log10(digit_ampere) + 1e-6)
+    return bool(np.any(np.abs(leading / WRITTEN_DIGITS - 1) <= 1e-3))

@@ -10,7 +10,7 @@ from cellwright.numerics.noise import least_digit
 from cellwright.numerics.relaxing import Drift, drift_of_rest
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols import Found, counted, not_elsewhere
-from cellwright.protocols.coarse import coarsest_digit_ampere
+from cellwright.protocols.coarse import coarsest_digit_ampere, may_be_cut
 from cellwright.protocols.pulse_edges import (
     AT_A_ROW,
     NOT_SETTLED,
@@ -126,7 +126,8 @@ def pulse_resistance(
         raise Refusal("the record has no pulse, nor a constant-current load that begins from rest")
     digits = least_digit(voltage), coarsest_digit_ampere(current, rated)
     # Cut, not rounded, a current lacks up to a digit, and so does its step from a true zero.
-    noise = _noise(voltage, steps, digits[0]), _noise(current, steps, np.sqrt(2) * digits[1])
+    read = digits[1] * (np.sqrt(2) if may_be_cut(digits[1]) else 1.0)
+    noise = _noise(voltage, steps, digits[0]), _noise(current, steps, read)
     rows, reasons = [], Counter()
     chosen = not_elsewhere(chosen, elsewhere, "pulse", reasons)
     least = np.sqrt(2) * noise[0]
