@@ -106,6 +106,7 @@ def _resistances(columns, steps, record):
         cw.api.inputs.steps(steps),
         rated_capacity_ampere_hour=rated,
         doubt=columns.get("doubt"),
+        logged_current_ampere=columns.get("logged_current_ampere"),
         **Resistance()._asdict(),
     )
     return found.rows, found.left_out

@@ -203,6 +203,7 @@ def resistance(
         elsewhere=inputs.elsewhere(repeats, test, steps),
         doubt=inputs.columns(series).get("doubt"),
         against_soc=anchored.contradicted,
+        logged_current_ampere=inputs.columns(series).get("logged_current_ampere"),
         rated_capacity_ampere_hour=inputs.basis(basis)["capacity_ampere_hour"],
         current_accuracy_share=shares.current_accuracy_share,
         **inputs.settings_of(Resistance, settings, changes)._asdict(),

@@ -18,6 +18,7 @@ from cellwright.records.conditions import (
     checkups_of,
     is_round_rate,
     off_round,
+    offs_round,
     same_rate,
     stated_or_reference,
 )
@@ -274,7 +275,10 @@ def _unusual_currents(rows, tests):
     alone = {
         (cell, test)
         for cell, of_cell in tests.items()
-        for test in _alone_not_round({test: _off_round(own) for test, own in of_cell.items()})
+        for test in {
+            *_alone_not_round({test: _off_round(own) for test, own in of_cell.items()}),
+            *_alone_set_otherwise({test: _set_by(own) for test, own in of_cell.items()}),
+        }
     }
     repeats = {cell: _repeats(of_cell) for cell, of_cell in tests.items()}
     return [
@@ -310,6 +314,32 @@ def _alone_not_round(found):
         finer = max(FINEST_SHARE, 2 * max(known, default=np.inf))
         if not are_round or (len(known) >= LEAST_REPEATS and off > finer):
             yield test
+
+
+def _set_by(own):
+    """Whether most rows of a test are of round C-rates, and whether of round ampere: two bools.
+
+    None where all are so slow that what the ammeter reads at rest makes another rate of them.
+    """
+    fast = [(row["c_rate"], _ampere(row)) for row in own if row["c_rate"] >= LEAST_ROUND_RATE]
+    if not fast:
+        return None
+    offs = np.array([offs_round(*row) for row in fast])
+    return tuple(np.mean(offs <= ROUND_SHARE, axis=0) >= 0.5)
+
+
+def _alone_set_otherwise(found):
+    """Tests (test → `_set_by`) that alone are not set by C-rate, or by ampere, as the others are.
+
+    A current of 5 A is no round one where all others are C/2 and 1C of 2.6 Ah.
+    """
+    for test, own in found.items():
+        others = [by for name, by in found.items() if name != test and by is not None]
+        for one in (0, 1):
+            # Those that are round either way tell nothing.
+            told = sum(by[one] and not by[1 - one] for by in others)
+            if own and not own[one] and told >= LEAST_TESTS and all(by[one] for by in others):
+                yield test
 
 
 def _unlike_repeats(row, others):

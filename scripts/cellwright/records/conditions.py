@@ -102,9 +102,19 @@ def off_round(rate, current_ampere):
     ----------
     rate : above zero [1/h]. current_ampere : above zero [A].
     """
+    return min(offs_round(rate, current_ampere))
+
+
+def offs_round(rate, current_ampere):
+    """Shares by which a current is off the nearest that laboratories choose as rate, and in ampere.
+
+    Parameters
+    ----------
+    rate : above zero [1/h]. current_ampere : above zero [A].
+    """
     leading = current_ampere / 10 ** np.floor(np.log10(current_ampere))
     pairs = (rate, ROUND_RATES), (leading, ROUND_AMPERE)
-    return float(min(np.min(np.abs(size / chosen - 1)) for size, chosen in pairs))
+    return tuple(float(np.min(np.abs(size / chosen - 1))) for size, chosen in pairs)
 
 
 def grouped_alike(items, alike):
