@@ -8,6 +8,7 @@ from cellwright.records.conditions import off_round
 
 SET_LEVELS = 4  # that one test sets its current to; more are those of a reading
 EXACT_SHARE = 1e-4  # by which the best testers are off what they are set to
+STILL_ROWS = 10  # at one level: noise as large as a digit seldom stays so long
 WRITTEN_DIGITS = np.array([1.0, 2.0, 2.5, 5.0])
 WRITTEN_SHARE = 1e-5  # of the largest current: no tester holds one so well that it never shows
 
@@ -51,7 +52,8 @@ def unsure_of_digit(half, test_time_second, current_ampere, digit_ampere):
 
     While the reading stays at one level its error is one, anywhere within a digit (a uniform
     distribution); that of another level is another. A number that is written with few decimals may
-    have been cut instead of rounded: it lacks up to a whole digit, half of one at each level.
+    have been cut instead of rounded: it lacks up to a whole digit, half of one at each level that
+    it stays at. What flips between two from row to row an instrument has rounded.
 
     half : HalfCycle. test_time_second, current_ampere : (n,) [s], [A]. digit_ampere : [A].
     """
@@ -61,7 +63,8 @@ def unsure_of_digit(half, test_time_second, current_ampere, digit_ampere):
     hours = np.diff(np.append(time[first], time[-1])) / 3600.0
     loaded = current[first] != 0.0
     by_chance = np.linalg.norm(hours[loaded]) / np.sqrt(12.0)
-    cut = may_be_cut(digit_ampere) * hours[loaded].sum() / 2.0
+    still = np.diff(np.append(first, len(current))) >= STILL_ROWS
+    cut = may_be_cut(digit_ampere) * hours[loaded & still].sum() / 2.0
     return float(digit_ampere * np.hypot(by_chance, cut))
 
 
