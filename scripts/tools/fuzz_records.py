@@ -25,6 +25,17 @@ ORDER = ("refused", "right", "told", "elsewhere", "silent", "crash")
 
 def case(seed, only=()):
     """One case: (kind, verdict, what) of a seed; `only` of these kinds, where there are any."""
+    kind, entry, changed, clean, own = drawn(seed, only)
+    where = f"{entry[0].name} {entry[1]['cell']} {entry[2]['test']}"
+    beside = [
+        e for e in own if e[1]["cell"] == entry[1]["cell"] and e[2]["test"] != entry[2]["test"]
+    ]
+    others = [clean_outcome(other) for other in beside[:MOST_OTHERS]]
+    return kind, *verdict(outcome_of(changed), clean, others, kind in BENIGN), where
+
+
+def drawn(seed, only=()):
+    """(kind, entry, changed record, clean outcome, entries of its campaign) of a seed."""
     rng = np.random.default_rng(seed)
     kinds = KINDS | BENIGN
     names, listed = sorted(only or kinds), entries()
@@ -44,13 +55,7 @@ def case(seed, only=()):
         record = record._replace(beside=columns_of_another(own, entry, rng))
         changed = kinds[kind](record, rng)
         if changed is not None:
-            break
-    where = f"{entry[0].name} {entry[1]['cell']} {entry[2]['test']}"
-    beside = [
-        e for e in own if e[1]["cell"] == entry[1]["cell"] and e[2]["test"] != entry[2]["test"]
-    ]
-    others = [clean_outcome(other) for other in beside[:MOST_OTHERS]]
-    return kind, *verdict(outcome_of(changed), clean, others, kind in BENIGN), where
+            return kind, entry, changed, clean, own
 
 
 def columns_of_another(entries_of_campaign, entry, rng):

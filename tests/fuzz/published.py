@@ -135,7 +135,11 @@ def _of_capacity(row):
     return [
         Number("capacity", where, size, std, doubt),
         Number(
-            "efficiency", where, row["coulombic_efficiency"], row["coulombic_efficiency_std"], doubt
+            "efficiency",
+            where,
+            row["coulombic_efficiency"],
+            row.get("coulombic_efficiency_std", np.nan),
+            doubt,
         ),
         Number("temperature", where, measured, 0.0, doubt),
         Number("chamber", where, stated if known else np.nan, 0.0, doubt),
