@@ -6,17 +6,20 @@ import numpy as np
 
 # Of the rows' own intervals: rows of one pace may miss a beat of it; of fewer rows none is known.
 LATE_SHARE, LEAST_REST_ROWS = 1.5, 5
+LEAST_PULSES, FAR_LATER = 3, 10.0  # that show how one instrument logs the edge of a pulse
 DECADE = 10.0  # of time, over which a polarisation grows with its logarithm
 
 
 class Begin(NamedTuple):
     """What is known of the begin of a pulse.
 
-    from_rest : whether it begins from rest. unsure_ohm : standard deviation of the ratio of its
+    from_rest : whether it begins from rest. interval_second : between the last row before it and
+    its first one [s]. unsure_ohm : standard deviation of the ratio of its
     first sample by when it began [ohm]. lacking : in words, that rows are missing before it, or "".
     """
 
     from_rest: bool
+    interval_second: float
     unsure_ohm: float
     lacking: str
 
@@ -31,11 +34,29 @@ def begin_of(rest_second, first_second, pace_second, delay_second, ratio_ohm):
     delay_second, ratio_ohm : (n,) of its samples [s], [ohm].
     """
     if not len(rest_second) or not np.isfinite(pace_second):
-        return Begin(len(rest_second) > 0, 0.0, "")
+        return Begin(len(rest_second) > 0, np.nan, 0.0, "")
     interval = float(first_second - rest_second[-1])
     if len(rest_second) >= LEAST_REST_ROWS:
-        return Begin(True, 0.0, _lacking(np.diff(rest_second), interval, pace_second))
-    return Begin(True, _unsure_of_start(delay_second, ratio_ohm, interval, pace_second), "")
+        return Begin(True, interval, 0.0, _lacking(np.diff(rest_second), interval, pace_second))
+    unsure = _unsure_of_start(delay_second, ratio_ohm, interval, pace_second)
+    return Begin(True, interval, unsure, "")
+
+
+def late_among_others(intervals_second):
+    """Of each pulse of a record, in words, that it begins far later than the others do; or "".
+
+    intervals_second : (n,) of `Begin` [s]. One instrument logs the edges of one record alike.
+    """
+    intervals = np.array(intervals_second)
+    known = intervals[np.isfinite(intervals)]
+    usual = float(np.median(known)) if len(known) >= LEAST_PULSES else np.inf
+    return [
+        f"its first sample comes {interval:.3g} s after the rest, those of the record's other "
+        f"pulses {usual:.3g} s: rows are missing"
+        if interval > FAR_LATER * usual
+        else ""
+        for interval in intervals
+    ]
 
 
 def _lacking(rest_intervals, interval, pace):

@@ -46,6 +46,7 @@ MOST_GAPS_TOLD = 5  # in notes, which people read
 PACE_ROWS = 3  # intervals at each side of one that is a multiple of them: single rows are missing
 SINGLE_SHARE = 0.05  # of the rows: what happens more often is how an instrument samples
 CONTACT_KELVIN = 5.0  # from row to row
+STILL_KELVIN, STILL_ROWS = 2.0, 10
 BLANK_SHARE = 0.01  # likewise of rows without a temperature: some log it every few rows
 
 
@@ -254,10 +255,13 @@ def without_zeros(columns: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]
         zero = columns[name] == 0
         if zero.all() or not zero.any():
             continue
-        # A change of the temperature by so much from one row to the next is a contact's.
-        edges = np.abs(np.diff(columns[name])) > CONTACT_KELVIN
+        # A change of the temperature by so much from one row to the next is a contact's; less is
+        # one beside a stretch that stands at zero.
         first, stop = stretches(zero)
-        lost = np.r_[True, edges][first] & np.r_[edges, True][stop - 1]
+        least = np.where(stop - first < STILL_ROWS, CONTACT_KELVIN, STILL_KELVIN)
+        change = np.abs(np.diff(columns[name]))
+        before, after = np.r_[np.inf, change][first], np.r_[change, np.inf][stop - 1]
+        lost = (before > least) & (after > least)
         if lost.any():
             ends = zip(first[lost], stop[lost], strict=True)
             blank = np.concatenate([np.arange(*rows) for rows in ends])
