@@ -26,6 +26,7 @@ from cellwright.circuits.model_file import (
 )
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.identification.columns import MOST_KEPT, columns_of, ocv_of, on_table
+from cellwright.identification.condition import first_samples
 from cellwright.identification.identify import data_of
 from cellwright.identification.search import shared_of
 from cellwright.records.blocks import fit_mask
@@ -318,6 +319,17 @@ def test_what_a_fit_misses_at_the_first_samples_is_part_of_r0():
     wrong = np.abs(found - true)
     assert np.all(wrong < 1.96 * np.array(std_of_r0(entry)))
     assert np.all(wrong[2:] > 1.96 * condition.r0_std_ohm[2:])  # were the circuit right
+
+
+def test_a_step_whose_rows_do_not_count_says_nothing_of_the_first_samples():
+    """A single row of a wrong current, left out of the fit, as a mark of −9999 A is."""
+    time, current = np.arange(40.0), np.zeros(40)
+    current[20] = -9999.0
+    record = record_of(time, current, np.full(40, 3.7), np.full(40, 0.5), used=current == 0)
+    one = data_of([record], np.linspace(3.0, 4.2, 100), capacity_ampere_hour=3.0)
+    second, missed = first_samples(one, 1e-3 * np.arange(39.0))
+    assert second > 0
+    assert np.isnan(missed).all()
 
 
 def test_one_slow_branch_gives_the_true_ocv_back():

@@ -27,6 +27,37 @@ def test_tests_that_agree_say_nothing_of_each_other():
     assert doubts(rows) == ["", "", ""]
 
 
+def of_sizes(*amperes):
+    """Doubts of tests of a cell of 2.6 Ah at these currents [A]."""
+    return doubts(
+        [
+            capacity(f"t{k}", 2.6 - 0.01 * a, a / 2.6, mean_current_ampere=-a)
+            for k, a in enumerate(amperes)
+        ]
+    )
+
+
+def test_a_current_cut_to_a_round_one_where_all_others_are_round_rates():
+    """C/2 and 1C of 2.6 Ah are no round ampere: 5 A is 2C, 5.2 A, cut to half an ampere."""
+    assert of_sizes(1.3, 2.6, 5.2) == ["", "", ""]
+    said = of_sizes(1.3, 2.6, 5.0)
+    assert said[:2] == ["", ""]
+    assert "5 A (1.92C) is no round one" in said[2]
+
+
+def test_a_rate_that_is_round_where_all_others_are_set_in_ampere():
+    assert of_sizes(0.6, 3.0, 10.0) == ["", "", ""]
+    assert "no round one" in of_sizes(2.0, 7.0, 2.6)[2]
+
+
+def test_currents_that_are_round_either_way_tell_nothing():
+    rows = [
+        capacity(f"t{k}", 3.0, rate, mean_current_ampere=-3.0 * rate)
+        for k, rate in enumerate((0.5, 1.0))
+    ]
+    assert doubts([*rows, capacity("odd", 2.9, 5.0 / 3.0, mean_current_ampere=-5.0)]) == [""] * 3
+
+
 def test_of_two_that_contradict_each_other_both_are_in_doubt():
     first, second = doubts([capacity("slow", 2.8, 0.05), capacity("fast", 3.0, 1.0)])
     assert first.startswith("fast gives 3 Ah at 1C: a slower load gives no less")

@@ -157,6 +157,16 @@ def test_a_thermometer_that_shows_zero_for_a_stretch_shows_nothing(columns):
     assert not in_words(cleaned["doubt"], slice(0, 190))
 
 
+def test_a_zero_beside_a_cold_cell_is_told_by_how_long_it_stands(columns):
+    celsius = np.full(len(columns["voltage_volt"]), 2.8)
+    celsius[200:500] = 0.0
+    celsius[700] = 0.0
+    columns["surface_temperature_celsius"] = celsius
+    cleaned = clean(columns).columns["surface_temperature_celsius"]
+    assert np.isnan(cleaned[200:500]).all()
+    assert cleaned[700] == 0.0
+
+
 def test_a_cell_that_cools_through_zero_keeps_its_temperature(columns):
     rows = len(columns["voltage_volt"])
     columns["surface_temperature_celsius"] = np.round(np.linspace(20.0, -20.0, rows))

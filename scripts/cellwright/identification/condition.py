@@ -128,7 +128,7 @@ def first_samples(data, residual_volt):
     fast = (second <= 2 * first)[:, None] * np.column_stack([ampere * volt, ampere**2])
     moved, weight = (hats(soc, data.knots).T @ fast).T
     seen = weight > 0
-    if not seen.any():  # every step lies beyond the knots
+    if not seen.any():  # between the rows that count the current steps nowhere
         return first, np.full(len(data.knots), np.nan)
     return first, np.interp(data.knots, data.knots[seen], moved[seen] / weight[seen])
 

@@ -154,8 +154,20 @@ def capacity(
         row["missing"] = float(np.hypot(row["missing"], row["off"]))
         complete.append(row)
     if not complete:
-        raise Refusal(f"no complete discharge or charge: {'; '.join(left_out) or 'none begins'}")
+        why = "; ".join(left_out) or _none_begins(columns[0], columns[2], rated)
+        raise Refusal(f"no complete discharge or charge: {why}")
     return Found(_repeats_joined(complete, rated), (*left_out, *modes))
+
+
+def _none_begins(current, charge, rated):
+    """Why a record of current (n,) [A] and charge (n,) [Ah] holds no half cycle, in words."""
+    if not np.any(current):
+        return "the current reads 0 A in all rows"
+    return (
+        f"none begins: time × current moves {np.ptp(charge):.2g} Ah in all, "
+        f"{np.ptp(charge) / rated:.2g} of the rating of {rated:g} Ah. If it is no rest, the unit of "
+        "its time or current is another than read"
+    )
 
 
 def _counted(half, current, steps, whole):
