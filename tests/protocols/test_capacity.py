@@ -301,7 +301,7 @@ def test_capacity_scales_with_the_cell(size):
         ),
         ((1.0,), 0.3, {}, "does not start empty"),
         ((1.0,), 0.0, {"upper": None}, "upper cut-off is not stated"),
-        (((0.02, -1.0),), 1.0, {}, r"none begins: time × current moves 0.02 Ah in all, 0.01 of"),
+        (((0.02, -1.0),), 1.0, {}, r"none begins: time × current moves 0.022 Ah in all, 0.011 of"),
         (((0.02, 0.0),), 1.0, {}, "the current reads 0 A in all rows"),
     ],
 )

@@ -165,8 +165,8 @@ def _none_begins(current, charge, rated):
         return "the current reads 0 A in all rows"
     return (
         f"none begins: time × current moves {np.ptp(charge):.2g} Ah in all, "
-        f"{np.ptp(charge) / rated:.2g} of the rating of {rated:g} Ah. If it is no rest, the unit of "
-        "its time or current is another than read"
+        f"{np.ptp(charge) / rated:.2g} of the rating of {rated:g} Ah. If it is no rest, its time or "
+        "current is of another unit than read"
     )
 
 
