@@ -163,10 +163,11 @@ def _none_begins(current, charge, rated):
     """Why a record of current (n,) [A] and charge (n,) [Ah] holds no half cycle, in words."""
     if not np.any(current):
         return "the current reads 0 A in all rows"
+    moved = float(np.ptp(charge))
     return (
-        f"none begins: time × current moves {np.ptp(charge):.2g} Ah in all, "
-        f"{np.ptp(charge) / rated:.2g} of the rating of {rated:g} Ah. If it is no rest, its time or "
-        "current is of another unit than read"
+        f"none begins: time × current moves {moved:.2g} Ah in all, {moved / rated:.2g} of the "
+        f"rating of {rated:g} Ah. If it is no rest, its time or current is of another unit than "
+        "read"
     )
 
 
