@@ -58,6 +58,21 @@ def test_currents_that_are_round_either_way_tell_nothing():
     assert doubts([*rows, capacity("odd", 2.9, 5.0 / 3.0, mean_current_ampere=-5.0)]) == [""] * 3
 
 
+def test_a_faster_load_warms_a_cell_no_less():
+    """As one beside another cell's thermometer seems to do; in another chamber it may."""
+    slow = capacity("slow", 3.0, 1.0, temperature_mean_celsius=31.0)
+    cold = capacity("fast", 2.9, 2.0, temperature_mean_celsius=26.0)
+    assert "slow at 1C warms the cell to 31 °C" in doubts([slow, cold])[1]
+    for fast in (
+        capacity("fast", 2.9, 2.0, temperature_mean_celsius=36.0),
+        capacity("fast", 2.9, 1.3, temperature_mean_celsius=26.0),
+        capacity("fast", 2.9, 2.0, temperature_mean_celsius=float("nan")),
+    ):
+        assert doubts([slow, fast]) == ["", ""]
+    little = capacity("slow", 3.0, 1.0, temperature_mean_celsius=27.0)
+    assert doubts([little, capacity("fast", 2.9, 2.0, temperature_mean_celsius=25.5)]) == ["", ""]
+
+
 def test_of_two_that_contradict_each_other_both_are_in_doubt():
     first, second = doubts([capacity("slow", 2.8, 0.05), capacity("fast", 3.0, 1.0)])
     assert first.startswith("fast gives 3 Ah at 1C: a slower load gives no less")

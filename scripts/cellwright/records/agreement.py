@@ -27,6 +27,7 @@ REPEAT_SHARE = 0.03  # by which one cell's capacity at one rate repeats, over te
 SLOWER_SHARE = 0.02  # by which a slower load may give less than a faster one: rests, self-discharge
 # ASSUME: Up to 1.2C and from 10 °C on a good cell gives three quarters of what it gives slowly.
 LEAST_SHARE, FASTEST_C_RATE, COLDEST_CELSIUS = 0.75, 1.2, 10.0
+FASTER, WARM_KELVIN = 1.5, 3.0  # a load that warms a cell by less says little of another one
 WARMED_KELVIN = 5.0  # by its own load: a warmer cell gives more
 SAME_SOC, RESISTANCE_FACTOR = 0.05, 1.5  # kinetics, direction and rests change a resistance by less
 ANY_SOC_FACTOR = 2.0  # the first sample of a pulse hardly hangs on the SoC, but near empty
@@ -438,6 +439,16 @@ def _lost_to_rate(here, there):
     return warm & usual & little & ~same_rate(here.c_rate, there.c_rate)
 
 
+# ASSUME: Losses grow with the square of the current; of a load so much faster they double.
+def _warms_less(here, there):
+    """A faster load warms a cell, above its chamber, by less than half of what a slower one did."""
+    first, second = (one.temperature_mean_celsius - one.celsius for one in (here, there))
+    here_faster = here.c_rate > there.c_rate
+    fast, slow = np.where(here_faster, first, second), np.where(here_faster, second, first)
+    ratio = np.maximum(here.c_rate, there.c_rate) / np.minimum(here.c_rate, there.c_rate)
+    return (ratio >= FASTER) & (slow > WARM_KELVIN) & (fast < slow / 2)
+
+
 def _older_gives_more(here, there):
     """No older cell gives more, nor faster; a wrong current is a wrong rate too."""
     here_older = here.cycle > there.cycle
@@ -519,6 +530,13 @@ RULES = {  # of tests at one temperature, in the order in which they are told
         Rule(
             *(True, _lost_to_rate),
             lambda _row, other: f"{_at_rate(other)}: no good cell loses so much to its rate",
+        ),
+        Rule(
+            *(True, _warms_less),
+            lambda _row, other: (
+                f"{other['test']} at {other['c_rate']:.3g}C warms the cell to "
+                f"{other['temperature_mean_celsius']:.3g} °C: a faster load warms it no less"
+            ),
         ),
         Rule(
             *(False, _older_gives_more),
