@@ -109,11 +109,16 @@ def main():
     parser.add_argument("--cases", type=int, default=200)
     parser.add_argument("--cores", type=int, default=2)
     parser.add_argument("--kind", action="append", default=[], help="of this one only; repeatable")
-    parser.add_argument("--to", help="a file of JSON lines, one a case")
+    parser.add_argument("--to", help="a file to which each case is added, as a line of JSON")
     chosen = parser.parse_args()
     seeds = [1_000_000 * chosen.seed + k for k in range(chosen.cases)]
+    found = []
     with Pool(chosen.cores) as pool:
-        found = list(pool.imap_unordered(partial(case, only=chosen.kind), seeds, chunksize=4))
+        for row in pool.imap_unordered(partial(case, only=chosen.kind), seeds, chunksize=4):
+            found.append(row)
+            if chosen.to:
+                with open(chosen.to, "a", encoding="utf-8") as file:
+                    file.write(json.dumps(row) + "\n")
     table, total = defaultdict(Counter), Counter()
     for kind, what, _, _ in found:
         table[kind][what] += 1
@@ -122,9 +127,6 @@ def main():
     for kind in sorted(table):
         print(f"{kind:34s}" + "".join(f"{table[kind][name]:10d}" for name in ORDER))
     print(f"{'all':34s}" + "".join(f"{total[name]:10d}" for name in ORDER))
-    if chosen.to:
-        with open(chosen.to, "w", encoding="utf-8") as file:
-            file.writelines(json.dumps(row) + "\n" for row in sorted(found))
 
 
 if __name__ == "__main__":

@@ -130,7 +130,7 @@ def ageing_cycles(
                     unsure_of_edges(half, unsure, columns, limits),
                     unsure_of_instrument(
                         *(half, time, columns[0], current_accuracy_share, at_rest),
-                        clock_error_share,
+                        clock_share=clock_error_share,
                     ),
                     unsure_of_digit(half, time, columns[0], digit),
                 ]

@@ -147,7 +147,8 @@ def capacity(
         row |= _of_balance(half, partner, balance, counted, inserts)
         row["edges"] = unsure_of_edges(half, unsure, columns, limits)
         row["instrument"] = unsure_of_instrument(
-            *(half, time, columns[0], current_accuracy_share, at_rest, clock_error_share)
+            *(half, time, columns[0], current_accuracy_share, at_rest),
+            clock_share=clock_error_share,
         )
         row |= _of_digit(half, partner, test_time_second, columns[0], digit)
         row["doubt"] = doubts_of(half, partner, row, columns, steps, limits, doubt, sheet)

@@ -202,10 +202,9 @@ def reading_at_rest(logged_current_ampere, steps):
 
 
 def unsure_of_instrument(
-    half, test_time_second, current_ampere, accuracy_share, rest_ampere, clock_share=0.0
+    half, test_time_second, current_ampere, accuracy_share, rest_ampere, *, clock_share=0.0
 ):
-    """Standard deviation [Ah] of what a half cycle moves by the ammeter's gain and offset, and by
-    the clock.
+    """Standard deviation [Ah] of what a half cycle moves by the ammeter's errors and the clock's.
 
     Its reading may be off by up to a share of its range anywhere (a uniform distribution), and its
     range holds at least the record's largest current. What it reads in rests it may read too much
