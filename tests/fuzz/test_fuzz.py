@@ -36,7 +36,29 @@ def test_nothing_crashes(record, kind):
     assert changed is None or not outcome_of(changed).crash
 
 
-TOLD = ("C-rate under A", "mA under A", "current zero in a block", "offset", "clock rate")
+TOLD = (
+    *("C-rate under A", "mA under A", "current zero in a block", "clock rate"),
+    *("counter says otherwise", "second time column", "chamber misstated"),
+    *("surface and ambient exchanged", "thermometer off by 40 K", "columns shifted", "two labels"),
+    *("9 % gone over a pause of one row", "low range at a tenth", "truncated current"),
+)
+
+
+def test_a_clock_that_drifts_is_told_by_dates_where_a_counter_keeps_the_charge(record, clean):
+    for seed in range(4):
+        drifts = KINDS["clock drifts"](record, np.random.default_rng(seed))
+        numbers = numbers_of(outcome_of(drifts))
+        assert not wrong_numbers(numbers, clean)
+        assert all("its clock runs otherwise than its dates" in number.doubt for number in numbers)
+
+
+def test_what_an_offset_counts_lies_in_the_interval(record, clean):
+    """Of the efficiency too: rests show it, and nothing tells whether loads hold it."""
+    for seed in range(4):
+        numbers = numbers_of(outcome_of(KINDS["offset"](record, np.random.default_rng(seed))))
+        assert not [(n, true) for n, true in wrong_numbers(numbers, clean) if not n.doubt]
+        stds = [[n.std for n in of if n.quantity == "capacity"] for of in (numbers, clean)]
+        assert min(stds[0]) > 5 * max(stds[1])
 
 
 @pytest.mark.parametrize("kind", TOLD)
