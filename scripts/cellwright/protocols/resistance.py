@@ -11,6 +11,7 @@ from cellwright.numerics.relaxing import Drift, drift_of_rest
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols import Found, counted, not_elsewhere
 from cellwright.protocols.coarse import coarsest_digit_ampere, may_be_cut
+from cellwright.protocols.pulse_begin import Begin, begin_of, late_among_others
 from cellwright.protocols.pulse_edges import (
     AT_A_ROW,
     NOT_SETTLED,
@@ -43,7 +44,7 @@ SMALL_SHARE = 0.25  # of the record's median: cold and empty cells show more, no
 class _Pulse(NamedTuple):
     """One pulse: row of the voltage before it, start [s], level and step of the current [A]; of
     each sample from arrival on the delay [s], the ratio [ohm] and whether the current is kept; how
-    the voltage before it still moves; the distance of the rows at its edge [s], whether the clock
+    the voltage before it still moves; what is known of its begin; the distance of the rows at its edge [s], whether the clock
     tells a row there, and where the edge was by all pulses."""
 
     before: int
@@ -54,6 +55,7 @@ class _Pulse(NamedTuple):
     ratio: np.ndarray
     steady: np.ndarray
     drift: Drift
+    begun: Begin
     apart_second: float = 0.0
     told: bool = True
     edge: str = AT_A_ROW
@@ -79,6 +81,7 @@ def pulse_resistance(
     doubt=None,
     against_soc="",
     current_accuracy_share=INSTRUMENT.current_accuracy_share,
+    logged_current_ampere=None,
 ):
     """Resistance of every pulse of a record at the delays asked for.
 
@@ -96,8 +99,9 @@ def pulse_resistance(
     samples around it; beyond the last sample by up to half a sampling step, or 2 %, it is the
     last sample's. 5. The standard deviation holds the noise of voltage and current (robust, from
     the differences between successive samples), their least digits, the doubt of d_k, what R grows
-    by within the interval of the edge and the stated accuracy of the ammeter as a gain, not the
-    drift of the open-circuit voltage.
+    by within the interval of the edge, the stated accuracy of the ammeter as a gain, what it read
+    at rest before the pulse, and of delay 0 when the pulse began (`pulse_begin`), not the drift of
+    the open-circuit voltage.
 
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A], [V], positive on charge.
     soc : (n,) state of charge [1]; the value before the pulse is reported.
@@ -107,7 +111,8 @@ def pulse_resistance(
     elsewhere : as of `not_elsewhere`.
     doubt : (n,) flags of `series.doubts.Doubt`, or None. against_soc : in words, what contradicts
         the stated SoC of the record: it, the voltage or the cut-offs are wrong; or "".
-    current_accuracy_share : as of `settings.Instrument`.
+    current_accuracy_share : as of `settings.Instrument`. logged_current_ampere : (n,) [A] where
+        cleaning took the sensor's reading out of rests, or None.
 
     Returns found: Found; rows are columns of stage `resistance`, one entry a pulse and delay;
     relaxation_ohm is what d_k has taken off.
@@ -121,6 +126,7 @@ def pulse_resistance(
         np.asarray(column, float)
         for column in (test_time_second, current_ampere, voltage_volt, soc)
     )
+    logged = current if logged_current_ampere is None else np.asarray(logged_current_ampere, float)
     chosen, rated = _chosen(steps), rated_capacity_ampere_hour
     if not len(chosen):
         raise Refusal("the record has no pulse, nor a constant-current load that begins from rest")
@@ -138,17 +144,22 @@ def pulse_resistance(
         except Refusal as refusal:
             reasons[str(refusal)] += len(delay_second)
     pulses = _with_edges(pulses, soc, noise[0], rated)
-    for pulse, delay in product(pulses, delay_second):
+    late = late_among_others([pulse.begun.interval_second for pulse in pulses])
+    for (pulse, later), delay in product(zip(pulses, late, strict=True), delay_second):
         try:
             value = _at(pulse, float(delay))
         except Refusal as refusal:
             reasons[str(refusal)] += 1
             continue
         row = _row(pulse, value, delay, soc, voltage, noise, rated)
-        gain = current_accuracy_share / np.sqrt(3.0) * row["resistance_ohm"]
-        row["resistance_std_ohm"] = np.hypot(row["resistance_std_ohm"], gain)
+        # What it reads at rest it may read too much under load as well, or not at all.
+        offset = abs(logged[pulse.before] / pulse.step) if pulse.begun.from_rest else 0.0
+        off = np.hypot(current_accuracy_share, offset) / np.sqrt(3.0) * row["resistance_ohm"]
+        parts = [row["resistance_std_ohm"], off, pulse.begun.unsure_ohm * (delay == 0)]
+        row["resistance_std_ohm"] = np.linalg.norm(parts)
         said = in_words(doubt, slice(pulse.before, pulse.before + 2 + len(pulse.delay)))
-        row["doubt"] = "; ".join(filter(None, [said, _too_coarse(digits[1], pulse.step)]))
+        words = [said, pulse.begun.lacking or later, _too_coarse(digits[1], pulse.step)]
+        row["doubt"] = "; ".join(filter(None, words))
         rows.append(row)
     if not rows:
         raise Refusal(f"no pulse gives a resistance: {'; '.join(counted(reasons))}")
@@ -263,8 +274,11 @@ def _pulse(time, current, voltage, steps, step, least_volt, rated):
     ratio = np.divide(moved, change, out=np.full(len(rows), np.nan), where=change != 0)
     # A ratio to a current that has moved on is no resistance at this delay.
     steady = np.abs(gone[rows - first] - 1) <= 0.1
+    rest = time[int(steps.first_row[step - 1]) : first]
+    rest = rest if steps.kind[step - 1] == "rest" else rest[:0]
+    begun = begin_of(rest, time[first], pace, delay, ratio)
     apart, told = time[first] - max(time[first - 1], time[first] - pace), clock_tells(time, first)
-    return _Pulse(before, start, level, rise, delay, ratio, steady, drift, apart, told)
+    return _Pulse(before, start, level, rise, delay, ratio, steady, drift, begun, apart, told)
 
 
 def _with_edges(pulses, soc, noise_volt, rated):
