@@ -44,8 +44,8 @@ SMALL_SHARE = 0.25  # of the record's median: cold and empty cells show more, no
 class _Pulse(NamedTuple):
     """One pulse: row of the voltage before it, start [s], level and step of the current [A]; of
     each sample from arrival on the delay [s], the ratio [ohm] and whether the current is kept; how
-    the voltage before it still moves; what is known of its begin; the distance of the rows at its edge [s], whether the clock
-    tells a row there, and where the edge was by all pulses."""
+    the voltage before it still moves; what is known of its begin; the distance of the rows at its
+    edge [s], whether the clock tells a row there, and where the edge was by all pulses."""
 
     before: int
     start: float
