@@ -226,7 +226,7 @@ rule fade_of_check_ups:
         course="results/stages/fade_course/{cell}.parquet",
         life="results/stages/life/{cell}.parquet",
     log:
-        "logs/fade/{cell}.log",
+        "logs/fade_of_check_ups/{cell}.log",
     wildcard_constraints:
         cell=either(CHECKED_OFTEN),
     params:
@@ -235,7 +235,7 @@ rule fade_of_check_ups:
     message:
         "Fade of {wildcards.cell} over its check-ups: law, knee, remaining cycles."
     script:
-        "../../scripts/health/fade.py"
+        "../../scripts/health/fade_of_check_ups.py"
 
 
 rule fade:

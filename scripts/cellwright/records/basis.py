@@ -20,8 +20,9 @@ from cellwright.records.conditions import (
     same_temperature,
     stated_or_reference,
 )
-from cellwright.records.facts import stated_capacity, stated_std_ampere_hour
+from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
+from cellwright.series.doubts import RATING_SHARE
 
 
 class Lender(NamedTuple):
@@ -176,6 +177,19 @@ def _on_scale(curve, capacity, lower_cutoff_volt):
         "ocv_volt": np.where(rescaled < 0, below, np.interp(rescaled, soc, volt)).tolist(),
         "measured_soc": [max(1 - (1 - low) / ratio, 0.0), 1 - (1 - high) / ratio],
     }
+
+
+# ASSUME: A cell that nobody measured holds anything that cells of its rating do, from half to 1.15
+# times it; a state of health that its sheet states is right within five hundredths.
+def stated_std_ampere_hour(capacity_ampere_hour, state_of_health=None):
+    """Standard deviation of a `stated_capacity` [Ah].
+
+    Parameters
+    ----------
+    capacity_ampere_hour : as stated [Ah]. state_of_health : of the sheet [1], None where blank.
+    """
+    low, high = (-0.05, 0.05) if state_of_health else RATING_SHARE
+    return capacity_ampere_hour * (high - low) / 12**0.5
 
 
 def sized(capacity_ampere_hour, std_ampere_hour, source):

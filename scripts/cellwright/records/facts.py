@@ -2,8 +2,6 @@
 
 from typing import NamedTuple
 
-from cellwright.series.doubts import RATING_SHARE
-
 
 class CellFacts(NamedTuple):
     """A cell as its sheet describes it.
@@ -36,19 +34,6 @@ def stated_capacity(rated_capacity_ampere_hour, state_of_health=None):
         source = f"rating times the stated state of health, {state_of_health:g}"
         return rated_capacity_ampere_hour * state_of_health, source
     return rated_capacity_ampere_hour, "rating"
-
-
-# ASSUME: A cell that nobody measured holds anything that cells of its rating do, from half to 1.15
-# times it; a state of health that its sheet states is right within five hundredths.
-def stated_std_ampere_hour(capacity_ampere_hour, state_of_health=None):
-    """Standard deviation of a `stated_capacity` [Ah].
-
-    Parameters
-    ----------
-    capacity_ampere_hour : as stated [Ah]. state_of_health : of the sheet [1], None where blank.
-    """
-    low, high = (-0.05, 0.05) if state_of_health else RATING_SHARE
-    return capacity_ampere_hour * (high - low) / 12**0.5
 
 
 class TestFacts(NamedTuple):
