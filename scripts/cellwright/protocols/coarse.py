@@ -71,7 +71,7 @@ def unsure_of_digit(half, test_time_second, current_ampere, digit_ampere):
 # ASSUME: A converter's step is no round number, and its readings are calibrated to their middle.
 def may_be_cut(digit_ampere):
     """Whether a digit [A] is one of numbers as they are written, which may have been cut."""
-    if not digit_ampere > 0:
+    if not 0 < digit_ampere < np.inf:
         return False
     leading = digit_ampere / 10.0 ** np.floor(np.log10(digit_ampere) + 1e-6)
     return bool(np.any(np.abs(leading / WRITTEN_DIGITS - 1) <= 1e-3))

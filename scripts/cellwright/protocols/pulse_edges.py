@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.statistics import NORMAL_95, robust_std
-from cellwright.records.conditions import low_current, same_rate
+from cellwright.records.conditions import grouped_alike, low_current, same_rate
 from cellwright.series.edges import STEADY_SHARE, step_rows
 
 AT_A_ROW, BETWEEN, UNKNOWN = "at a row", "between two rows", "at a row or between two"
@@ -227,16 +227,9 @@ def _first(pulse):
 
 def _alike(pulses):
     """Lists of pulses of one direction and rate, in the order of the record."""
-    groups = []
-    for pulse in pulses:
-        for group in groups:
-            first = group[0]
-            if first.direction == pulse.direction and same_rate(first.c_rate, pulse.c_rate):
-                group.append(pulse)
-                break
-        else:
-            groups.append([pulse])
-    return groups
+    return grouped_alike(
+        pulses, lambda a, b: a.direction == b.direction and same_rate(a.c_rate, b.c_rate)
+    )
 
 
 def _bends(pulses):
