@@ -34,7 +34,7 @@ def _capacities(axes, course):
     if np.any(course["recovered_ampere_hour"] > 0):
         whole = course["law_ampere_hour"] + course["recovered_ampere_hour"]
         axes.plot(cycle, whole, color=colour, lw=0.7, ls="--", label="with recovery after rests")
-    axes.set(xlabel="cycle", ylabel="discharge capacity [Ah]")
+    axes.set(xlabel="cycle", ylabel="capacity [Ah]")
 
 
 def _knee_and_end(axes, course, life):
