@@ -7,7 +7,7 @@ import numpy as np
 from cellwright.laws.points import pulses_of_kind
 from cellwright.numerics.shrunk_regression import predicted, shrunk
 from cellwright.numerics.statistics import NORMAL_95, rms
-from cellwright.protocols.pulse_edges import SAME_SOC
+from cellwright.records.conditions import SAME_SOC
 from cellwright.refusal import Refusal
 
 

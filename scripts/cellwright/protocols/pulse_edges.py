@@ -7,12 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.statistics import NORMAL_95, robust_std
-from cellwright.records.conditions import grouped_alike, low_current, same_rate
+from cellwright.records.conditions import SAME_SOC, grouped_alike, low_current, same_rate
 from cellwright.series.edges import STEADY_SHARE, step_rows
 
 AT_A_ROW, BETWEEN, UNKNOWN = "at a row", "between two rows", "at a row or between two"
 NOT_SETTLED = "between two rows; the first after it had not settled"
-SAME_SOC = 0.02  # pulses so near in SoC are compared as they are [1]
 NEXT_SOC = 0.12  # a course over SoC is followed from one pulse to the next this far away [1]
 FIRST_ROWS = 4  # of a pulse, by which its edge is told
 EVEN = 1.5  # intervals whose sizes differ by less are those of one clock that runs on
