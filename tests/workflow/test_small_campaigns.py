@@ -31,7 +31,7 @@ PLANNED = {
         "capacity_only": f"{CAPACITY} no_model",
         "loads_and_drive": f"{CAPACITY} {MODELLED} ica ocv_load",
         "ocv_pulses_drive": f"{CAPACITY} {MODELLED} ocv pulses polarisation",
-        "spectra_only": "impedance basis no_model temperature cold_limit",
+        "spectra_only": "spectrum spectra_together impedance basis no_model temperature cold_limit",
         "pulses_over_temperature": f"{CAPACITY} repeats pulses temperature resistance_surface "
         "cold_limit no_model",
         "parallel_group": "series basis branches member model export pack missing_effect_group "
