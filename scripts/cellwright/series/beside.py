@@ -14,8 +14,11 @@ FOLLOWS_SHARE = 0.25  # of what its chamber moves by in a load, which any cell f
 WARMING_SECOND = 600.0  # of a load: within it a cell follows its chamber, or warms it
 BLOCK_SECOND = 300.0  # over which air that swings is averaged
 PAUSE_ROWS = 3  # of a pause that is looked at: in a longer one a rest tells more
+LOAD_ROWS = 4  # before a pause, by which it is known how the load moves the voltage
 SAME_LOAD_SHARE = 0.02
-FURTHER_VOLT, FURTHER_STEPS = 0.010, 5.0  # as of `doubts.steps_alone`
+# Wherever a record is looked at from row to row (`doubts` too):
+FLOOR_VOLT = 0.010  # contacts, digits and temperature move the voltage by less
+SUDDEN = 5.0  # times the largest step of the rows around: no curve bends so
 
 
 def against_dates(time: np.ndarray, unix: np.ndarray) -> bool:
@@ -67,7 +70,7 @@ def moved_over_pauses(time: np.ndarray, current: np.ndarray, voltage: np.ndarray
     time, current, voltage : (n,) [s], [A], [V].
     """
     first, stop = stretches(np.abs(current) <= near_zero_ampere(current))
-    short = (stop - first <= PAUSE_ROWS) & (first >= FURTHER_STEPS) & (stop < len(time))
+    short = (stop - first <= PAUSE_ROWS) & (first > LOAD_ROWS) & (stop < len(time))
     first, stop = first[short], stop[short]
     before, after = current[first - 1], current[stop]
     same = np.abs(after - before) <= SAME_LOAD_SHARE * np.abs(before)
@@ -77,7 +80,7 @@ def moved_over_pauses(time: np.ndarray, current: np.ndarray, voltage: np.ndarray
     sign = np.sign(current[stop])
     moved = sign * (voltage[stop] - voltage[first - 1])
     # Both intervals at its edges may be the load's, of whatever length the rows of a load have.
-    rows = first[:, None] - 1 - np.arange(4)
+    rows = first[:, None] - 1 - np.arange(LOAD_ROWS)
     steps = np.abs(voltage[rows] - voltage[rows - 1])
-    usual = FURTHER_STEPS * np.max(steps, axis=1)
-    return stop[moved > np.maximum(FURTHER_VOLT, usual)]
+    usual = SUDDEN * np.max(steps, axis=1)
+    return stop[moved > np.maximum(FLOOR_VOLT, usual)]

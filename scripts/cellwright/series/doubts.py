@@ -24,7 +24,13 @@ from cellwright.formats.pieces import (
 )
 from cellwright.numerics.statistics import of_median
 from cellwright.numerics.turns import turning_points
-from cellwright.series.beside import against_dates, exchanged, moved_over_pauses
+from cellwright.series.beside import (
+    FLOOR_VOLT,
+    SUDDEN,
+    against_dates,
+    exchanged,
+    moved_over_pauses,
+)
 from cellwright.series.gaps import OTHER_LOAD, UNKNOWN, load_went_on
 from cellwright.series.rest_current import near_zero_ampere, stretches
 from cellwright.series.spikes import bend, bend_at, rows_around
@@ -33,9 +39,7 @@ LOAD_SHARE = 0.2  # of the largest current: a step of so much must move the volt
 SAME_SHARE = 0.02  # of the largest current: within so much it is the same
 COUNTER_SHARE = 0.02  # by which current and counter of one instrument may differ
 WINDOW_SHARE = 0.05  # of the charge's span, over which they are compared
-FLOOR_VOLT = 0.010  # contacts, digits and temperature move the voltage by less
 AGAINST_VOLT = 0.030  # in a rest; the OCV moves by tenths of a mV/K
-SUDDEN = 5.0  # times the largest step of the rows around: no curve bends so
 ANSWER_SHARE = 0.25  # of what the cell's other steps show: less is no answer
 SILENT_VOLT = 0.001  # within a digit or two of common voltmeters nothing has answered
 LONGEST_EDGE = 10.0  # s between the two rows of a step: in more the cell relaxes

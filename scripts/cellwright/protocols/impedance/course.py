@@ -294,7 +294,8 @@ def _apart(there, here):
     """Whether a spectrum has arcs apart that another one has in one: it alone has no faster one,
     and its exponent is below by more than two deviations."""
     slack = 2 * np.hypot(there["cpe_p_std"], here["cpe_p_std"])
-    return there["faster"] > 0 == here["faster"] and here["cpe_p"] + slack < there["cpe_p"]
+    alone = there["faster"] and not here["faster"]
+    return bool(alone and here["cpe_p"] + slack < there["cpe_p"])
 
 
 def _listed(values, places):
@@ -317,7 +318,7 @@ def _falling(spectra, ohm, run):
         slack = 2 * np.hypot(known[a][1], known[b][1])
         one_chamber = same_temperature(spectra[run[a]].celsius, spectra[run[b]].celsius)
         agree[a, b] = agree[b, a] = one_chamber or not known[b][0] > known[a][0] + slack
-    weight = [max(1 - std / ohm, 0.0) if std < ohm else 0.0 for ohm, std in known]
+    weight = [max(1 - std / value, 0.0) if std < value else 0.0 for value, std in known]
     chains = [[]]
     for k in range(len(run)):
         before = [chain for chain in chains if agree[chain, k].all()]
