@@ -16,6 +16,7 @@ from runtime import contract, settings
 SOURCES = [
     *(ROOT / file for file in ("README.md", "CONTRIBUTING.md", "config/README.md")),
     *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs" / "decisions").glob("*.md")),
 ]
 TEXTS = {name(path): path.read_text(encoding="utf-8") for path in SOURCES}
 LINK = re.compile(r"\]\(([^)\s]+)\)")
