@@ -213,7 +213,6 @@ rule missing_effect_group:
     wildcard_constraints:
         group=either(GROUPS_ASKED),
     params:
-        settings=config["missing_effect_group"],
         branches=own(BRANCHES.get),
         lenders=lambda w: {row["cell"]: lender(row["cell"]) for row in BRANCHES[w.group]},
     message:

@@ -1,7 +1,7 @@
 """Missing effects of a cell, or of a branch of a parallel group."""
 
 from cellwright.api import inputs, results
-from cellwright.settings import MissingEffect, MissingEffectGroup, Models
+from cellwright.settings import MissingEffect, Models
 
 MODELS = Models()
 
@@ -158,12 +158,12 @@ def prepared_case(
     return prepared(inputs.cell_facts(cell), inputs.basis(basis), mine, **options).case
 
 
-def missing_group_effect(group, branches, known_cells, tests, settings=None, **changes):
+def missing_group_effect(group, branches, known_cells, tests):
     """Effects that one branch of a parallel group has and the others have not.
 
     group : its name. branches : in order of position.
     known_cells : `effects.groups.finding.KnownCell` of each branch.
-    tests : of the group, with branch currents. settings : `settings.MissingEffectGroup`.
+    tests : of the group, with branch currents.
 
     Returns as `missing_effect`, with empty residual_map, evidence, confounding and menu. Raises
     Refusal: a branch without a model, no test to fit, or none for validation.
@@ -171,12 +171,6 @@ def missing_group_effect(group, branches, known_cells, tests, settings=None, **c
     """
     from cellwright.effects.groups.finding import missing_group_effect as searched
 
-    search = inputs.settings_of(MissingEffectGroup, settings, changes)
-    # The search takes sections as plain dicts, as a rule's parameters hand them over.
-    plain = {
-        name: value._asdict() if hasattr(value, "_asdict") else value
-        for name, value in search._asdict().items()
-    }
     rows = [inputs.branch_facts(branch) for branch in branches]
     known = [one._replace(model=inputs.content(one.model)) for one in known_cells]
-    return _missing_effect(searched(group, rows, known, inputs.tests(tests), settings=plain))
+    return _missing_effect(searched(group, rows, known, inputs.tests(tests)))
