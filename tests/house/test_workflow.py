@@ -122,7 +122,7 @@ def test_every_section_of_the_science_has_typed_settings_with_its_defaults():
 
     chosen = settings.defaults(CONFIG)
     named = {name for _, names in settings_module.FILES.values() for name in names}
-    workflow = {"title", "publication", "test_report", "strict", "real"}
+    workflow = {"title", "publication", "strict", "real"}
     assert named == set(CONFIG["properties"]) - workflow
     for section in named:
         value = getattr(typed, settings_module.class_name(section))()
