@@ -83,33 +83,6 @@ def _missing_effect(finding):
     return results.Result(tables, content, finding.notes)
 
 
-def missing_effect_stability(
-    cell,
-    basis,
-    tests,
-    settings=None,
-    *,
-    references=(),
-    model=None,
-    library=None,
-    split_rest_second=MODELS.split_rest_second,
-    **changes,
-):
-    """How often each name of a verdict stays when one record is left out of the search.
-
-    settings, references, model, library : as of `missing_effect`.
-
-    Returns rows, one a name; repeats: one row a search. Raises Refusal: as `missing_effect`, with
-    all records. Source: docs/missing-effect.md.
-    """
-    from cellwright.effects.story.stability import repeat_rows, stability
-
-    searched_in, chosen = _searched_in(cell, basis, tests, library, references, model)
-    settings = _search(settings, split_rest_second, changes)
-    found = stability(*searched_in, settings=settings, **chosen)
-    return results.Result({"rows": found.rows, "repeats": repeat_rows(found.repeats)})
-
-
 def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=None):
     """Which independent measurements of a cell agree with a verdict, contradict it, or are silent.
 
