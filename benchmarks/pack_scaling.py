@@ -1,4 +1,4 @@
-"""Time of packs over the number of cells and steps: table and picture of docs/pack-simulation.md.
+"""Time of packs over the number of cells and steps: table and picture of docs/packs.md.
 
 ./run python benchmarks/pack_scaling.py
 """

@@ -5,7 +5,14 @@ import sys
 from pathlib import Path, PurePosixPath
 from posixpath import normpath, relpath
 
-from documentation import api_page, artefacts_page, rooms, rules_page, settings_page
+from documentation import (
+    api_page,
+    artefacts_page,
+    effects_tables,
+    rooms,
+    rules_page,
+    settings_page,
+)
 from real_cells import page as real_cells_page
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -30,6 +37,9 @@ MADE_PARTS = {
     "rooms": rooms.table,
     "benchmarks": as_page.tables,
     "whole runs": whole_run_page.tables,
+    "effects of a cell": effects_tables.of_cell,
+    "effects of a branch": effects_tables.of_branch,
+    "ties": effects_tables.ties,
 }
 # Files elsewhere in the repository that are pages of the site too.
 ELSEWHERE = {

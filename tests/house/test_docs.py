@@ -8,7 +8,17 @@ from test_repository import HOST, MACHINE
 from tree import ROOT, name
 
 import cellwright
-from documentation import api_page, artefacts_page, pages, rooms, rules_page, settings_page
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.groups import GROUP_LIBRARY
+from documentation import (
+    api_page,
+    artefacts_page,
+    effects_tables,
+    pages,
+    rooms,
+    rules_page,
+    settings_page,
+)
 from real_cells import page as real_cells_page
 from real_cells import record
 from runtime import contract, settings
@@ -74,6 +84,24 @@ def test_the_table_and_the_picture_of_the_rooms_have_all_of_them():
     names, table, picture = rooms.rooms(), rooms.table(), rooms.picture()
     assert len(names) > 10
     assert not [n for n in names if f"| `{n}` |" not in table or f">{n}</text>" not in picture]
+
+
+def test_every_effect_parameter_and_tie_is_documented():
+    """Also in numbers: a bound with its unit, a prior, a tried value, a size that is reported."""
+    cell, branch, ties = (
+        made() for made in (effects_tables.of_cell, effects_tables.of_branch, effects_tables.ties)
+    )
+    for table, library in ((cell, LIBRARY), (branch, GROUP_LIBRARY)):
+        rows = {row.split("`")[1]: row for row in table.splitlines()[2:]}
+        assert rows.keys() == library.keys()
+        for effect in library.values():
+            names = {effects_tables.NUMBERED.sub("_…_", one.name) for one in effect.parameters}
+            assert not [name for name in names if f"`{name}`" not in rows[effect.id]]
+            assert all(f"| `{effect.id}` |" in ties for _ in effect.ties)
+    assert "`charge_coefficient` 0.2 to 0.8 (0.5 ± 0.1)" in cell
+    assert "`small_loops_close` 0 or 1 |" in cell
+    assert "`excess_ohm` −0.05 to 0.1 Ω | 0.0003 Ω |" in branch
+    assert "| `current_gain` | `capacity_error` | always, exactly |" in ties
 
 
 def test_every_page_uses_parts_that_are_made():

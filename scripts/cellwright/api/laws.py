@@ -59,7 +59,7 @@ def fast_charge_laws(charges):
     charges : rows of `fast_charge` with ambient_temperature_celsius, or (test, result) each.
 
     Returns rows as of `temperature_laws`; points: all that was measured. Raises Refusal: fewer than
-    three temperatures. Source: docs/fast-charge.md.
+    three temperatures. Source: docs/charge-temperature.md.
     """
     from cellwright.laws.points import fast_charge_points, with_enough_temperatures
 
@@ -92,7 +92,7 @@ def resistance_surface(
     delay_second : delays into the pulse [s]. c_rate : preferred rate of the pulses [1/h].
 
     Returns rows: the laws; points: measured and fitted. Raises Refusal: too few pulses.
-    Source: docs/resistance-surface.md.
+    Source: docs/temperature.md.
     """
     from cellwright.laws import surface
 
@@ -125,7 +125,7 @@ def ocv_over_temperature(curves=(), steps=()):
     curves : (test, result of `ocv`) each. steps : (test, result of `chamber_steps`) each.
 
     Returns rows: the laws; map, entropic, surface, functions. Raises Refusal: fewer than two
-    temperatures. Source: thesis 3.1; docs/ocv-temperature.md.
+    temperatures. Source: thesis 3.1; docs/charge-temperature.md.
     """
     from cellwright.api.charge import curves_of
     from cellwright.laws.ocv import over_temperature as ocv
@@ -167,7 +167,7 @@ def capacity_loss(capacities):
     """Capacity of one cell lost to temperature and rate [%], split into true and false.
 
     Returns rows: the laws; points: one row a loss [%]. Raises Refusal: no slow test, or fewer than
-    two comparable capacities. Source: thesis 4.2; docs/capacity-loss.md.
+    two comparable capacities. Source: thesis 4.2; docs/charge-temperature.md.
     """
     from cellwright.health.capacity_loss import capacity_losses, law_rows
 
@@ -181,7 +181,7 @@ def ica_over_temperature(charges):
     charges : `health.peaks.over_temperature.Charge` each, or (test, result of `ica`).
 
     Returns rows: the matches; peaks, curves. Raises Refusal: fewer than two temperatures.
-    Source: docs/ica-temperature.md.
+    Source: docs/charge-temperature.md.
     """
     from cellwright.health.peaks.over_temperature import Charge, peaks_over_temperature
 

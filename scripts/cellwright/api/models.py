@@ -39,7 +39,7 @@ def identify_without(
     celsius : temperature that is left out [°C].
 
     Returns as `identify`. Raises Refusal: no test is left, or none that can be fitted.
-    Source: docs/compensation.md.
+    Source: docs/temperature.md.
     """
     from cellwright.identification.cell import cell_model
     from cellwright.identification.compensation import without
@@ -65,7 +65,7 @@ def compare_temperature_laws(
     whole : the model of all temperatures. reduced : temperature [°C] → model without it.
 
     Returns rows, one a test and law: errors [V], chosen. Raises Refusal: nothing was predicted.
-    Source: docs/compensation.md.
+    Source: docs/temperature.md.
     """
     from cellwright.identification.compensation import choose_laws, laws_beyond, predicted
 
@@ -89,7 +89,7 @@ def predict_left_out(
     whole, reduced : as of `compare_temperature_laws`. laws : its result, which law is kept.
     tests : for validation.
 
-    Returns rows, one a test: errors [V]. Source: docs/compensation.md.
+    Returns rows, one a test: errors [V]. Source: docs/temperature.md.
     """
     from cellwright.identification.compensation import laws_kept, predicted
 

@@ -225,7 +225,7 @@ def nested_pack(models, members, series, test):
 
     Returns rows, one a channel: errors of the pack's voltage, of branch currents, of cell voltages;
     series. Raises Refusal: a wiring that is none, a cell without a model, no SoC at the start, or
-    branch currents that contradict the total. Source: docs/pack-records.md.
+    branch currents that contradict the total. Source: docs/packs.md.
     """
     from cellwright.packs.checks import refuse_contradiction
     from cellwright.packs.series.nested import nested_pack as scored
@@ -249,7 +249,7 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
 
     Returns cells, one row each; pack, one row; power, waterfall, series. Raises Refusal: a wiring
     that is not cells in series, a cell without a model or cut-offs, no SoC at the start.
-    Source: docs/series-packs.md.
+    Source: docs/packs.md.
     """
     from cellwright.packs.series.capability import series_pack as analysed
     from cellwright.packs.wiring import depth, described, models_of

@@ -160,7 +160,7 @@ def chamber_steps(series, steps, basis, test, cell):
     series : with surface_temperature_celsius [°C].
 
     Returns rows, one a plateau: shift [V] and its uncertainty, temperatures [°C], SoC [1]. Raises
-    Refusal: no rest with two steady temperatures. Source: thesis 3.3; docs/ocv-temperature.md.
+    Refusal: no rest with two steady temperatures. Source: thesis 3.3; docs/charge-temperature.md.
     """
     from cellwright.api.charge import state_of_charge
     from cellwright.protocols.ocv.steps import cell_temperature, chamber_shifts
@@ -439,7 +439,7 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=No
     settings : `settings.FastCharge`, its key minutes [min].
 
     Returns one row, as of stage `fast_charge`: charge [Ah], shares [1]. Raises Refusal: no
-    upper cut-off, or no charge of at least 2 % of the capacity. Source: docs/fast-charge.md.
+    upper cut-off, or no charge of at least 2 % of the capacity. Source: docs/charge-temperature.md.
     """
     from cellwright.protocols.fast_charge import fast_charge as charged
     from cellwright.records.basis import at_cycle
