@@ -248,7 +248,7 @@ def test_settings_are_keyword_only():
 
 PACKAGES = ("cellwright", "cellwright_fmu", "runtime", "figures", "real_cells", "pulse_methods")
 # What only examines the product: packages of the laboratory, which stand on the product.
-EXAMINERS = [LABORATORY / room for room in ("real_cells", "real", "tools")]
+EXAMINERS = [LABORATORY / room for room in ("real_cells", "real", "pulse_methods", "tools")]
 
 
 @held_by_every([m for folder in (SCRIPTS, *EXAMINERS) for m in modules(folder)])
