@@ -10,7 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SCIENCE = ROOT / "scripts" / "cellwright"
-LABORATORY = [ROOT / "lab", ROOT / "scripts/virtual_lab", ROOT / "scripts/effect_benchmark"]
+LABORATORY = ROOT / "lab"
 
 
 def python_files(*folders):
@@ -98,7 +98,7 @@ def settings_keys() -> int:
 def most_files_of_one_effect() -> tuple[str, int]:
     """The effect of the library that most files of the product name, and how many do."""
     library = python_files(SCIENCE / "effects" / "library")
-    product = [p for p in python_files(ROOT / "scripts") if not set(LABORATORY) & set(p.parents)]
+    product = python_files(ROOT / "scripts")
     texts = [path.read_text(encoding="utf-8") for path in product]
     ids = {
         name
@@ -123,14 +123,14 @@ def words_by_hand() -> int:
 
 def main():
     science = python_files(SCIENCE)
-    product = [p for p in python_files(ROOT / "scripts") if not set(LABORATORY) & set(p.parents)]
+    product = python_files(ROOT / "scripts")
     effect, files = most_files_of_one_effect()
     results = classes([SCIENCE / "api" / "results.py"])
     for what, count in {
         "lines of scripts/cellwright": lines_of(science),
         "lines of all product code": lines_of(product),
         "lines of the laboratory": lines_of(
-            [p for p in python_files(*LABORATORY) if "tests" not in p.parts]
+            [p for p in python_files(LABORATORY) if "tests" not in p.parts]
         ),
         "lines of tests": lines_of(python_files(ROOT / "tests", ROOT / "lab" / "tests")),
         "types in scripts/cellwright": len(classes(science)),

@@ -246,12 +246,13 @@ def test_settings_are_keyword_only():
             assert not numbers, f"{name(path)}:{node.lineno} {node.name}: {numbers} before the *"
 
 
-PACKAGES = ("cellwright", "cellwright_fmu", "runtime", "figures", "real_cells", "pulse_methods")
 # What only examines the product: packages of the laboratory, which stand on the product.
-EXAMINERS = [LABORATORY / room for room in ("real_cells", "real", "pulse_methods", "tools")]
+EXAMINERS = ("real_cells", "pulse_methods", "fuzz")
+PACKAGES = ("cellwright", "cellwright_fmu", "runtime", "figures", *EXAMINERS)
+OF_EXAMINERS = [LABORATORY / room for room in (*EXAMINERS, "real", "tools")]
 
 
-@held_by_every([m for folder in (SCRIPTS, *EXAMINERS) for m in modules(folder)])
+@held_by_every([m for folder in (SCRIPTS, *OF_EXAMINERS) for m in modules(folder)])
 def test_what_is_taken_from_a_module_of_ours_exists(path):
     """Also where it is imported within a function, which no import of the module itself shows."""
     for imported in imports(path):
