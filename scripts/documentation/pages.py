@@ -8,7 +8,7 @@ from posixpath import normpath, relpath
 from documentation import (
     api_page,
     artefacts_page,
-    effects_tables,
+    library_tables,
     rooms,
     rules_page,
     settings_page,
@@ -37,9 +37,10 @@ MADE_PARTS = {
     "rooms": rooms.table,
     "benchmarks": as_page.tables,
     "whole runs": whole_run_page.tables,
-    "effects of a cell": effects_tables.of_cell,
-    "effects of a branch": effects_tables.of_branch,
-    "ties": effects_tables.ties,
+    "effects of a cell": library_tables.of_cell,
+    "effects of a branch": library_tables.of_branch,
+    "ties": library_tables.ties,
+    "half cells": library_tables.of_half_cells,
 }
 # Files elsewhere in the repository that are pages of the site too.
 ELSEWHERE = {

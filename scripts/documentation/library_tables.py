@@ -1,4 +1,4 @@
-"""Tables of the library of effects, made from its entries: parameters, what shows each, ties."""
+"""Tables made from the entries of the libraries: effects of a cell and a branch, half cells."""
 
 import re
 from itertools import groupby
@@ -8,6 +8,7 @@ import numpy as np
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import FACTORS
+from cellwright.health.electrodes import half_cells
 
 NUMBERED = re.compile(r"_\d+_")  # of a name that a whole family of parameters shares
 
@@ -38,6 +39,15 @@ def ties() -> str:
         for tie in effect.ties
     ]
     return _table(("effect", "not separable from", "when", "what separates them"), rows)
+
+
+def of_half_cells() -> str:
+    """Markdown table of the published half cells: name, range of lithiation, paper."""
+    rows = [
+        (f"`{name}`", f"{lowest:g} to {highest:g}", source)
+        for name, (_, lowest, highest, source) in half_cells.LIBRARY.items()
+    ]
+    return _table(("name", "lithiation", "source"), rows)
 
 
 def _table(heads, rows):
