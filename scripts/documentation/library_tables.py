@@ -19,7 +19,7 @@ def of_cell() -> str:
         (f"`{effect.id}`", _parameters(effect), _needed(effect), effect.shows)
         for effect in LIBRARY.values()
     ]
-    return _table(("id", "parameters: bounds (prior)", "needed", "test that shows it"), rows)
+    return table(("id", "parameters: bounds (prior)", "needed", "test that shows it"), rows)
 
 
 def of_branch() -> str:
@@ -28,7 +28,7 @@ def of_branch() -> str:
         (f"`{effect.id}`", effect.sentence, _parameters(effect), _material(effect), effect.shows)
         for effect in GROUP_LIBRARY.values()
     ]
-    return _table(("id", "what", "parameter: bounds", "named from", "what shows it"), rows)
+    return table(("id", "what", "parameter: bounds", "named from", "what shows it"), rows)
 
 
 def ties() -> str:
@@ -38,7 +38,7 @@ def ties() -> str:
         for effect in (*LIBRARY.values(), *GROUP_LIBRARY.values())
         for tie in effect.ties
     ]
-    return _table(("effect", "not separable from", "when", "what separates them"), rows)
+    return table(("effect", "not separable from", "when", "what separates them"), rows)
 
 
 def of_half_cells() -> str:
@@ -47,10 +47,11 @@ def of_half_cells() -> str:
         (f"`{name}`", f"{lowest:g} to {highest:g}", source)
         for name, (_, lowest, highest, source) in half_cells.LIBRARY.items()
     ]
-    return _table(("name", "lithiation", "source"), rows)
+    return table(("name", "lithiation", "source"), rows)
 
 
-def _table(heads, rows):
+def table(heads, rows) -> str:
+    """Markdown table of rows of texts below its heads."""
     lines = ["| " + " | ".join(row) + " |" for row in (heads, ["---"] * len(heads), *rows)]
     return "\n".join(lines)
 

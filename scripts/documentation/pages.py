@@ -8,6 +8,7 @@ from posixpath import normpath, relpath
 from documentation import (
     api_page,
     artefacts_page,
+    demo_numbers,
     library_tables,
     rooms,
     rules_page,
@@ -41,6 +42,9 @@ MADE_PARTS = {
     "effects of a branch": library_tables.of_branch,
     "ties": library_tables.ties,
     "half cells": library_tables.of_half_cells,
+    "demo of C1": demo_numbers.of_first,
+    "demo cells": demo_numbers.of_cells,
+    "demo search": demo_numbers.of_search,
 }
 # Files elsewhere in the repository that are pages of the site too.
 ELSEWHERE = {

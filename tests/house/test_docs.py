@@ -14,6 +14,7 @@ from cellwright.health.electrodes import half_cells
 from documentation import (
     api_page,
     artefacts_page,
+    demo_numbers,
     library_tables,
     pages,
     rooms,
@@ -110,6 +111,22 @@ def test_every_half_cell_is_documented_with_its_range_and_paper():
     assert not [name for name in half_cells.LIBRARY if f"| `{name}` |" not in table]
     kim = "Kim et al., J. Electrochem. Soc. 158 (2011) A955"
     assert f"| `nca_kim` | 0.3 to 1 | {kim} |" in table
+
+
+def test_numbers_and_claims_of_the_tutorial_are_those_of_the_record():
+    rows = record.read(record.RECORDED)
+    rows = rows[rows["campaign"] == "demo"].set_index(["cell", "quantity", "where"])["value"]
+    capacity = float(rows["C4", "capacity", "25 °C, discharge, C/2"])
+    lost = float(rows["C4", "lithium lost", "cycle 300"])
+    row = f"| C4 | 300 | {capacity:.4g} Ah | – | {lost:.4g} % |"
+    assert row in demo_numbers.of_cells().splitlines()
+    after = float(rows["median of 6 cells", "error after the search", ""])
+    assert f" to {after:.4g} mV." in demo_numbers.of_search()
+    resistance = float(rows["C1", "pulse resistance", "25 °C, 50 % SoC, after 1 s"])
+    assert f"after 1 s | {resistance:.4g} mΩ |" in demo_numbers.of_first()
+    assert rows["all", "chosen member", "0 °C"] == "DRT+K+D: 1"  # only C1 has a drive there
+    named = rows["all", "named effects", ""].split("; ")
+    assert sum("charge_transfer_nonlinearity" in names for names in named) == 5  # not T1
 
 
 def test_every_page_uses_parts_that_are_made():
