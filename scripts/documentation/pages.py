@@ -8,7 +8,8 @@ from posixpath import normpath, relpath
 from documentation import (
     api_page,
     artefacts_page,
-    effects_tables,
+    demo_numbers,
+    library_tables,
     rooms,
     rules_page,
     settings_page,
@@ -37,9 +38,13 @@ MADE_PARTS = {
     "rooms": rooms.table,
     "benchmarks": as_page.tables,
     "whole runs": whole_run_page.tables,
-    "effects of a cell": effects_tables.of_cell,
-    "effects of a branch": effects_tables.of_branch,
-    "ties": effects_tables.ties,
+    "effects of a cell": library_tables.of_cell,
+    "effects of a branch": library_tables.of_branch,
+    "ties": library_tables.ties,
+    "half cells": library_tables.of_half_cells,
+    "demo of C1": demo_numbers.of_first,
+    "demo cells": demo_numbers.of_cells,
+    "demo search": demo_numbers.of_search,
 }
 # Files elsewhere in the repository that are pages of the site too.
 ELSEWHERE = {

@@ -10,10 +10,12 @@ from tree import ROOT, name
 import cellwright
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
+from cellwright.health.electrodes import half_cells
 from documentation import (
     api_page,
     artefacts_page,
-    effects_tables,
+    demo_numbers,
+    library_tables,
     pages,
     rooms,
     rules_page,
@@ -89,19 +91,42 @@ def test_the_table_and_the_picture_of_the_rooms_have_all_of_them():
 def test_every_effect_parameter_and_tie_is_documented():
     """Also in numbers: a bound with its unit, a prior, a tried value, a size that is reported."""
     cell, branch, ties = (
-        made() for made in (effects_tables.of_cell, effects_tables.of_branch, effects_tables.ties)
+        made() for made in (library_tables.of_cell, library_tables.of_branch, library_tables.ties)
     )
     for table, library in ((cell, LIBRARY), (branch, GROUP_LIBRARY)):
         rows = {row.split("`")[1]: row for row in table.splitlines()[2:]}
         assert rows.keys() == library.keys()
         for effect in library.values():
-            names = {effects_tables.NUMBERED.sub("_…_", one.name) for one in effect.parameters}
+            names = {library_tables.NUMBERED.sub("_…_", one.name) for one in effect.parameters}
             assert not [name for name in names if f"`{name}`" not in rows[effect.id]]
             assert all(f"| `{effect.id}` |" in ties for _ in effect.ties)
     assert "`charge_coefficient` 0.2 to 0.8 (0.5 ± 0.1)" in cell
     assert "`small_loops_close` 0 or 1 |" in cell
     assert "`excess_ohm` −0.05 to 0.1 Ω | 0.0003 Ω |" in branch
     assert "| `current_gain` | `capacity_error` | always, exactly |" in ties
+
+
+def test_every_half_cell_is_documented_with_its_range_and_paper():
+    table = library_tables.of_half_cells()
+    assert not [name for name in half_cells.LIBRARY if f"| `{name}` |" not in table]
+    kim = "Kim et al., J. Electrochem. Soc. 158 (2011) A955"
+    assert f"| `nca_kim` | 0.3 to 1 | {kim} |" in table
+
+
+def test_numbers_and_claims_of_the_tutorial_are_those_of_the_record():
+    rows = record.read(record.RECORDED)
+    rows = rows[rows["campaign"] == "demo"].set_index(["cell", "quantity", "where"])["value"]
+    capacity = float(rows["C4", "capacity", "25 °C, discharge, C/2"])
+    lost = float(rows["C4", "lithium lost", "cycle 300"])
+    row = f"| C4 | 300 | {capacity:.4g} Ah | – | {lost:.4g} % |"
+    assert row in demo_numbers.of_cells().splitlines()
+    after = float(rows["median of 6 cells", "error after the search", ""])
+    assert f" to {after:.4g} mV." in demo_numbers.of_search()
+    resistance = float(rows["C1", "pulse resistance", "25 °C, 50 % SoC, after 1 s"])
+    assert f"after 1 s | {resistance:.4g} mΩ |" in demo_numbers.of_first()
+    assert rows["all", "chosen member", "0 °C"] == "DRT+K+D: 1"  # only C1 has a drive there
+    named = rows["all", "named effects", ""].split("; ")
+    assert sum("charge_transfer_nonlinearity" in names for names in named) == 5  # not T1
 
 
 def test_every_page_uses_parts_that_are_made():

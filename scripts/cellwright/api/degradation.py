@@ -61,7 +61,7 @@ def plateau_losses(tests, cell):
 
     Returns rows, one a plateau and check-up [Ah]. Raises Refusal: fewer than two check-ups, or a
     first curve without plateaus.
-    Source: thesis 4.3; docs/health-plateaus.md.
+    Source: thesis 4.3; docs/health-modes.md.
     """
     from cellwright.health.electrodes.plateaus import plateau_losses as losses_of
     from cellwright.health.electrodes.slow_curves import growth, need_two

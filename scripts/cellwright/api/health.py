@@ -15,7 +15,7 @@ def fade(records, cell, settings=None, *, check_ups=(), **changes):
 
     Returns columns: one row a discharge [Ah], [Wh], [1]; laws: one row a law; summary: knee,
     remaining cycles and state of health at the last cycle. Raises Refusal: too few comparable
-    discharges, or records that do not follow each other. Source: docs/health-fade.md.
+    discharges, or records that do not follow each other. Source: docs/health.md.
     """
     from cellwright.health import lives
     from cellwright.health.of_life import analysed
@@ -50,7 +50,7 @@ def check_ups(capacities, resistances, cell, throughputs=()):
     throughputs : pairs (cycle, discharged up to there [Ah]) of its ageing records.
 
     Returns rows, one a check-up; growth: one a pulse. Raises Refusal: no capacity and no
-    resistance. Source: docs/health-check-ups.md.
+    resistance. Source: docs/health.md.
     """
     from cellwright.health import ratings
     from cellwright.refusal import Refusal
@@ -75,7 +75,7 @@ def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):
     modes, peaks : rows of degradation modes, of capacities from peaks.
 
     Returns rows, one a method and check-up or cycle. Raises Refusal: no method tells anything.
-    Source: docs/health-check-ups.md.
+    Source: docs/health.md.
     """
     from cellwright.health.table import health_rows
     from cellwright.refusal import Refusal
@@ -115,7 +115,7 @@ def health_from_peaks(peaks, capacities, curves=None, *, rated_ampere_hour=None,
     tracked : cells in which an identity is one peak through the life.
 
     Returns one row a charge. Raises Refusal: fewer than four charges of known capacity at any rate
-    and temperature. Source: docs/health-from-peaks.md.
+    and temperature. Source: docs/health-fleet.md.
     """
     from cellwright.health.peaks.calibration import peak_calibration, peak_charges
 

@@ -203,7 +203,7 @@ def ageing_over_temperature(cycles, test):
     cycles : result of `ageing_cycles`, or its columns.
 
     Returns cycles; rows: the laws; periodogram; content: summary. Raises Refusal: too few cycles.
-    Source: docs/ageing.md.
+    Source: docs/health.md.
     """
     from cellwright.health.ageing import cycle_temperature, law_rows
     from cellwright.protocols.ageing import AgeingCycles

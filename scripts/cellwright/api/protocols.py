@@ -463,7 +463,7 @@ def ageing_cycles(series, steps, test, cell, course=None, instrument=None):
 
     Returns rows, `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C]; left_out: for each
     reason how many half cycles were left out, and which. Raises Refusal: no complete cycle.
-    Source: docs/ageing.md.
+    Source: docs/health.md.
     """
     from cellwright.protocols.ageing import ageing_cycles as cycles
 

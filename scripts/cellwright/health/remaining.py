@@ -35,7 +35,7 @@ def remaining_of(fade, drawn, knee, *, end_of_life, level=0.95):
     not know is laid on it: the fade slows or quickens as a power of the cycle ratio, and as long
     as no knee was seen a knee may come, at a place without scale (as likely between n and 2n as
     beyond). Both widths are set so that intervals hold for made lives of many kinds
-    (health-fade.md). Recovery after rests counts as on average over the first and the last third
+    (docs/health.md). Recovery after rests counts as on average over the first and the last third
     of the life: it comes and goes.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Tables of the library of effects, made from its entries: parameters, what shows each, ties."""
+"""Tables made from the entries of the libraries: effects of a cell and a branch, half cells."""
 
 import re
 from itertools import groupby
@@ -8,6 +8,7 @@ import numpy as np
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import FACTORS
+from cellwright.health.electrodes import half_cells
 
 NUMBERED = re.compile(r"_\d+_")  # of a name that a whole family of parameters shares
 
@@ -18,7 +19,7 @@ def of_cell() -> str:
         (f"`{effect.id}`", _parameters(effect), _needed(effect), effect.shows)
         for effect in LIBRARY.values()
     ]
-    return _table(("id", "parameters: bounds (prior)", "needed", "test that shows it"), rows)
+    return table(("id", "parameters: bounds (prior)", "needed", "test that shows it"), rows)
 
 
 def of_branch() -> str:
@@ -27,7 +28,7 @@ def of_branch() -> str:
         (f"`{effect.id}`", effect.sentence, _parameters(effect), _material(effect), effect.shows)
         for effect in GROUP_LIBRARY.values()
     ]
-    return _table(("id", "what", "parameter: bounds", "named from", "what shows it"), rows)
+    return table(("id", "what", "parameter: bounds", "named from", "what shows it"), rows)
 
 
 def ties() -> str:
@@ -37,10 +38,20 @@ def ties() -> str:
         for effect in (*LIBRARY.values(), *GROUP_LIBRARY.values())
         for tie in effect.ties
     ]
-    return _table(("effect", "not separable from", "when", "what separates them"), rows)
+    return table(("effect", "not separable from", "when", "what separates them"), rows)
 
 
-def _table(heads, rows):
+def of_half_cells() -> str:
+    """Markdown table of the published half cells: name, range of lithiation, paper."""
+    rows = [
+        (f"`{name}`", f"{lowest:g} to {highest:g}", source)
+        for name, (_, lowest, highest, source) in half_cells.LIBRARY.items()
+    ]
+    return table(("name", "lithiation", "source"), rows)
+
+
+def table(heads, rows) -> str:
+    """Markdown table of rows of texts below its heads."""
     lines = ["| " + " | ".join(row) + " |" for row in (heads, ["---"] * len(heads), *rows)]
     return "\n".join(lines)
 
