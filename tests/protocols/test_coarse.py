@@ -35,6 +35,12 @@ def test_round_currents_that_stand_still_were_set(levels):
     assert coarsest_digit_ampere(of_levels(*levels), 2.6 if 1.2999 in levels else RATED) == 0.0
 
 
+@pytest.mark.parametrize("level", [1.2999, 1.3001, -2.6007])
+def test_a_number_shows_by_its_last_decimal_that_it_was_written_with_more(level):
+    """Held otherwise than set by 0.1 mA: no current of 1.3 A that is read to 0.1 A."""
+    assert coarsest_digit_ampere(of_levels(0, level), 2.7524) == pytest.approx(1e-4)
+
+
 def test_what_few_decimals_are_written_with_is_no_finer():
     assert coarsest_digit_ampere(of_levels(0, 2.87), RATED) == pytest.approx(0.01)
 

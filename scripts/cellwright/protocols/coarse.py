@@ -11,6 +11,7 @@ EXACT_SHARE = 1e-4  # by which the best testers are off what they are set to
 STILL_ROWS = 10  # at one level: noise as large as a digit seldom stays so long
 WRITTEN_DIGITS = np.array([1.0, 2.0, 2.5, 5.0])
 WRITTEN_SHARE = 1e-5  # of the largest current: no tester holds one so well that it never shows
+ONE_LEVEL_SHARE = 5e-7  # of the largest: levels that differ by less are one, written as float32
 
 
 # ASSUME: A current that stands at one reading, no round one, is as coarse as its levels lie apart.
@@ -30,12 +31,13 @@ def coarsest_digit_ampere(current_ampere, rated_ampere_hour):
         return digit if largest else 0.0
     loads = np.unique(np.abs(levels[levels != 0.0]))
     gaps = np.diff(levels)
-    # Two levels that differ by less are one, written as float32.
-    digit = float(gaps[gaps > 5e-7 * largest].min(initial=np.inf))
+    same = ONE_LEVEL_SHARE * largest
+    digit = float(gaps[gaps > same].min(initial=np.inf))
     if len(loads) > SET_LEVELS:
         return digit if _are_multiples(loads, digit) else 0.0
     decimals = 10.0 ** -np.arange(-np.floor(np.log10(largest)), 9)
-    last = next((one for one in decimals if _are_multiples(loads, one)), 0.0)
+    # 1.2999 is no 1.3: what a number is off a written one, it shows by a further decimal.
+    last = next((one for one in decimals if _are_multiples(loads, one, same / one)), 0.0)
     as_written = last >= WRITTEN_SHARE * largest
     near = FINEST_SHARE if as_written else EXACT_SHARE
     if all(off_round(size / rated_ampere_hour, size) <= near for size in loads):
@@ -43,8 +45,9 @@ def coarsest_digit_ampere(current_ampere, rated_ampere_hour):
     return float(last if as_written else digit)
 
 
-def _are_multiples(levels, digit):
-    return np.allclose(levels / digit, np.rint(levels / digit), 0.0, 1e-3)
+def _are_multiples(levels, digit, off=1e-3):
+    """Whether levels are whole multiples of a digit, within a share `off` of it, 1e-3 at most."""
+    return np.allclose(levels / digit, np.rint(levels / digit), 0.0, min(off, 1e-3))
 
 
 def unsure_of_digit(half, test_time_second, current_ampere, digit_ampere):
