@@ -45,13 +45,19 @@ def test_what_few_decimals_are_written_with_is_no_finer():
     assert coarsest_digit_ampere(of_levels(0, 2.87), RATED) == pytest.approx(0.01)
 
 
-def test_another_current_that_stands_still_is_as_coarse_as_its_levels_lie_apart():
-    read = of_levels(0, -5.2511, -2.25046, 3.75078)
-    assert coarsest_digit_ampere(read, RATED) == pytest.approx(2.25046)
+@pytest.mark.parametrize(
+    "levels", [(0, -5.2511, -2.25046, 3.75078), (0, -0.8663277), (0, 2.83619147, 1.41809574)]
+)
+def test_a_current_that_stands_still_with_all_its_digits_was_set(levels):
+    """A rate that nobody calls round, over a made or a measured capacity: no doubt is beside it."""
+    assert coarsest_digit_ampere(of_levels(*levels), 2.6) == 0.0
 
 
-def test_a_current_that_stands_still_to_a_millionth_is_round_only_to_a_tester_s_error():
-    assert coarsest_digit_ampere(of_levels(0, -0.8663277), 2.6) == pytest.approx(0.8663277)
+def test_a_hold_that_is_read_once_a_level_shows_a_finer_digit_than_repeated_levels():
+    """A thousandth of an ampere: levels met twice by chance lie 1.4 A apart."""
+    read = np.concatenate([np.full(3000, -28.8), np.round(np.geomspace(28.8, 1.5, 60), 3)])
+    read = np.concatenate([read, np.full(3000, 28.8), [1.433] * 2])
+    assert coarsest_digit_ampere(read, 9.6) == 0.0
 
 
 def test_levels_of_a_made_hold_that_repeats_are_no_digit():
