@@ -7,7 +7,7 @@ from cellwright.records.agreement import FINEST_SHARE
 from cellwright.records.conditions import off_round
 
 SET_LEVELS = 4  # that one test sets its current to; more are those of a reading
-MOST_REPAIRED = 10  # rows of a record that cleaning may fill in
+MOST_REPAIRED = 3  # rows of a record at least that cleaning may have filled in
 STILL_ROWS = 10  # at one level: noise as large as a digit seldom stays so long
 WRITTEN_DIGITS = np.array([1.0, 2.0, 2.5, 5.0])
 WRITTEN_SHARE = 1e-5  # of the largest current: no tester holds one so well that it never shows
@@ -49,11 +49,14 @@ def coarsest_digit_ampere(current_ampere, rated_ampere_hour):
 def _read_finer(current, levels, digit):
     """Whether a current is read at levels between the multiples of a digit of its repeated ones.
 
-    In a hold each level is read but once; few of these are repairs of cleaning.
+    In a hold each level is read but once, a few by chance twice: those between are then more. Few
+    of them are repairs of cleaning.
     """
-    once = np.setdiff1d(current[np.isfinite(current)], levels)
+    found, rows = np.unique(current[np.isfinite(current)], return_counts=True)
+    once = found[~np.isin(found, levels)]
     between = np.abs(once / digit - np.rint(once / digit)) > 1e-3
-    return np.count_nonzero(between) > MOST_REPAIRED
+    by_chance = rows[np.isin(found, levels) & (rows < STILL_ROWS)].sum()
+    return np.count_nonzero(between) > max(by_chance, MOST_REPAIRED)
 
 
 def _are_multiples(levels, digit, off=1e-3):

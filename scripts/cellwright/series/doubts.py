@@ -430,7 +430,8 @@ def unanswered(time, current, voltage, apart) -> tuple[np.ndarray, float]:
     clear = answer > floor
     if not clear.any():
         return np.empty(0, int), np.nan
-    ratios = (answer / np.abs(change))[clear]
+    # Between what shows and what the load's last fall may hide of it.
+    ratios = ((answer + hidden) / np.abs(change))[clear]
     resistance = float(np.quantile(ratios, 0.25, method="lower"))
     expected = resistance * np.abs(change)
     none = max(3 * noise, SILENT_VOLT)
