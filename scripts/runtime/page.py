@@ -443,6 +443,8 @@ def _choice(rows):
         "part. Members compare by the geometric mean over blocks, which one bad block does not "
         "decide."
     )
+    doubts = dict.fromkeys(one for one in rows["doubt"] if one)
+    read += f" In doubt: {'; '.join(doubts)}." if doubts else ""
     made = "results/tables/choice.csv"
     return plain_table("choice", "Why this model", read, columns, lines, made=made)
 

@@ -20,12 +20,15 @@ if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables fo
 OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
 
 
-def rows_of(paths, tests) -> list[dict]:
+def rows_of(paths, tests, *, of_models=False) -> list[dict]:
     """Rows of all artefacts with content, each with its cell, test and facts of the sheet.
 
-    A row that has no `doubt` of its own has that of the tests that move it.
+    A row that has no `doubt` of its own has that of the tests that move it; where rows are many of
+    one model (`of_models`), that of its own test alone: what moves a model moves all of it, and
+    stands once in table `choice`, which has a row for it.
     """
     table_rows = []
+    words_of = own_doubt if of_models else doubt_in_words
     for columns, about in artefact.load_all(paths):
         wildcards = dict(about["wildcards"])
         facts_without_test = {} if "test" in wildcards else OF_NO_TEST
@@ -36,7 +39,7 @@ def rows_of(paths, tests) -> list[dict]:
         rows = artefact.rows(columns)
         own = {row["test"] for row in rows if row.get("test")}
         table_rows += [
-            wildcards | facts | {"doubt": doubt_in_words(about, own - {row.get("test")})} | row
+            wildcards | facts | {"doubt": words_of(about, own - {row.get("test")})} | row
             for row in rows
         ]
     # Stages that share a table may have columns that the others lack: not known there.
@@ -59,6 +62,11 @@ def doubt_in_words(about, of_other_rows=frozenset()) -> str:
         if of in moving and of.partition(" ")[2] not in of_other_rows
     )
     return "; ".join(words)
+
+
+def own_doubt(about, of_other_rows=frozenset()) -> str:
+    """What speaks against an artefact itself and the test that it is of, and nothing behind it."""
+    return doubt_in_words(about | {"moved_by": ()}, of_other_rows)
 
 
 def rows_of_cell(columns, cell) -> list[dict]:

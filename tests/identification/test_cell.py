@@ -142,10 +142,14 @@ def test_each_temperature_is_a_condition_of_its_own():
 def test_later_check_ups_are_not_mixed_into_the_fit():
     """A drive of the first check-up goes before pulses of the second, and it is said."""
     tests = [fit_test("aged", cycle=500, scale=2.0), drive("young", cycle=0)]
-    model = cell_model(CELL, basis(), tests, **SETTINGS | {"members": ["1RC"]})
+    of_scale = {"capacity_std_ampere_hour": 0.1, "capacity_source": "slow test ocv"}
+    doubted = basis() | of_scale | {"capacity_doubt": "its clock jumps"}
+    model = cell_model(CELL, doubted, tests, **SETTINGS | {"members": ["1RC"]})
     assert chosen(model)["conditions"][0]["tests"] == ["young"]
     assert model["kind"] == "drive"
     assert model["notes"][0] == "not fitted, of a later check-up: aged"
+    said = "its SoC scale stands on a record in doubt (slow test ocv: its clock jumps), by 0.1 Ah"
+    assert model["notes"][1].startswith(said)
 
 
 def test_without_a_chamber_temperature_the_surface_tells():

@@ -203,6 +203,22 @@ def test_no_threshold_splits_what_the_ends_of_cycles_explain(share):
     assert np.all(np.abs(efficiency - 1)[known] < 2 * std[known])
 
 
+@pytest.mark.parametrize("rest", [True, False])
+def test_a_charge_without_a_hold_from_which_a_cell_rests_lower_puts_the_discharge_in_no_doubt(rest):
+    """On a plateau 20 mV are most of the charge: at 1C it ends at its cut-off after a third."""
+    time, current, voltage, charge = ends_apart(0.35)
+    bare = voltage - np.where(current > 0, 0.65 + 1e-6, 0.0) - 3.0
+    level = 3.3 + 0.03 * bare + 0.17 * np.exp((bare - 1) / 0.01) - 0.3 * np.exp(-bare / 0.01)
+    over = np.where(current > 0, 3.5 - (3.3 + 0.03 * 0.35), 0.0)
+    rows = slice(None if rest else np.flatnonzero(current > 0)[-1] + 1)
+    data = [column[rows] for column in (time, current, level + over, charge)]
+    found = run(data, upper=3.5, lower=3.0).rows
+    of_discharge = found["direction"] == "discharge"
+    assert found["doubt"][of_discharge].tolist() == [""]
+    assert found["capacity_ampere_hour"][of_discharge] == pytest.approx(2.0, abs=0.005)
+    assert np.all(found["capacity_std_ampere_hour"][of_discharge] < 0.02)
+
+
 @pytest.mark.parametrize("share", [0.99, 0.95])
 def test_what_the_ends_do_not_explain_is_told_beside_what_they_do(share):
     """They explain up to twice the mean slope: 3 % more is beyond the one, 8 % beyond the other."""

@@ -35,17 +35,30 @@ def test_round_currents_that_stand_still_were_set(levels):
     assert coarsest_digit_ampere(of_levels(*levels), 2.6 if 1.2999 in levels else RATED) == 0.0
 
 
+@pytest.mark.parametrize("level", [1.2999, 1.3001, -2.6007])
+def test_a_number_shows_by_its_last_decimal_that_it_was_written_with_more(level):
+    """Held otherwise than set by 0.1 mA: no current of 1.3 A that is read to 0.1 A."""
+    assert coarsest_digit_ampere(of_levels(0, level), 2.7524) == pytest.approx(1e-4)
+
+
 def test_what_few_decimals_are_written_with_is_no_finer():
     assert coarsest_digit_ampere(of_levels(0, 2.87), RATED) == pytest.approx(0.01)
 
 
-def test_another_current_that_stands_still_is_as_coarse_as_its_levels_lie_apart():
-    read = of_levels(0, -5.2511, -2.25046, 3.75078)
-    assert coarsest_digit_ampere(read, RATED) == pytest.approx(2.25046)
+@pytest.mark.parametrize(
+    "levels", [(0, -5.2511, -2.25046, 3.75078), (0, -0.8663277), (0, 2.83619147, 1.41809574)]
+)
+def test_a_current_that_stands_still_with_all_its_digits_was_set(levels):
+    """A rate that nobody calls round, over a made or a measured capacity: no doubt is beside it."""
+    assert coarsest_digit_ampere(of_levels(*levels), 2.6) == 0.0
 
 
-def test_a_current_that_stands_still_to_a_millionth_is_round_only_to_a_tester_s_error():
-    assert coarsest_digit_ampere(of_levels(0, -0.8663277), 2.6) == pytest.approx(0.8663277)
+def test_a_hold_that_is_read_once_a_level_shows_a_finer_digit_than_repeated_levels():
+    """A thousandth of an ampere: levels met twice by chance lie 1.4 A apart."""
+    for rows in (6, 60):
+        read = np.concatenate([np.full(3000, -28.8), np.round(np.geomspace(27.3, 1.5, rows), 3)])
+        read = np.concatenate([read, np.full(3000, 28.8), [1.433] * 2])
+        assert coarsest_digit_ampere(read, 9.6) == 0.0
 
 
 def test_levels_of_a_made_hold_that_repeats_are_no_digit():

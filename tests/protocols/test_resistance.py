@@ -51,11 +51,22 @@ def test_known_resistance_at_every_delay(level):
 
 
 def test_a_current_read_coarsely_says_so_and_its_interval_holds_what_it_hides():
-    time, current, voltage = pulse(level=-5.2)
-    rows = measure(time, np.round(current / 0.731817) * 0.731817, voltage).rows
+    time, current, voltage = pulse(level=-2.34)
+    rows = measure(time, np.round(current, 1), voltage).rows
     off = np.abs(rows["resistance_ohm"] - truth(rows["actual_delay_second"]))
     assert np.all(off <= 2 * rows["resistance_std_ohm"])
     assert np.all(np.char.find(rows["doubt"], "read so coarsely") >= 0)
+
+
+@pytest.mark.parametrize("noisy", [True, False])
+def test_what_the_noise_leaves_open_is_no_doubt_of_a_small_resistance(noisy):
+    """0.3 mOhm of 3 Ah are those of no cell; a noise of 3 mV at 5 A leaves 2 mOhm open."""
+    time, current, voltage = pulse(level=-5.0)
+    noise = 0.003 * np.random.default_rng(2).standard_normal(len(time))
+    voltage = 3.7 + 0.0003 * current + noise * noisy
+    rows = measure(time, current, voltage).rows
+    said = np.char.find(rows["doubt"], "of another size") >= 0
+    assert not said.any() if noisy else said.all()
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")

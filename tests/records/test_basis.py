@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sheets_facts import cell_facts, facts_of
 
-from cellwright.records.basis import Lender, basis, soc_of, soc_or_unknown
+from cellwright.records.basis import Lender, basis, scale_in_words, soc_of, soc_or_unknown
 from cellwright.refusal import Refusal
 
 SOC = np.linspace(0, 1, 201)
@@ -135,6 +135,21 @@ def test_of_several_capacity_tests_the_nearest_freshest_slowest_counts():
     assert content["capacity_ampere_hour"] == 1.9
     assert content["capacity_source"] == "discharge of capacity at 0.5C"
     assert content["ocv"] == []
+
+
+@pytest.mark.parametrize("slow", [True, False])
+def test_a_scale_that_stands_on_a_record_in_doubt_says_by_how_much(slow):
+    """0.2 of 2 Ah are 10 %: 5 % of SoC at half charge, 50 mV where the OCV rises by 1 V."""
+    row_of = row(2.0, test="ocv") | {"capacity_std_ampere_hour": 0.2, "doubt": "its clock jumps"}
+    lender = Lender("R", True, [curve()], [])
+    content = basis("A", [curve(out=2.0)] if slow else [], [row_of], [] if slow else [lender])
+    said = scale_in_words(content)
+    assert said.startswith("its SoC scale stands on a record in doubt (")
+    assert f"{content['capacity_source']}: its clock jumps" in said
+    assert "by 0.2 Ah (10.0%): at half charge 5.0% of SoC and 50 mV of open-circuit" in said
+    without = row_of | {"doubt": ""}
+    content = basis("A", [curve(out=2.0)] if slow else [], [without], [] if slow else [lender])
+    assert scale_in_words(content) == ""
 
 
 def test_the_rating_serves_last():

@@ -101,7 +101,10 @@ def test_errors_of_a_temperature_stand_in_one_column_however_it_was_told():
     rows = [("2RC", "20", ".002", ".001"), ("2RC", "", ".004", ".003")]
     rows += [("2RC+effects", "20.44", ".001", ""), ("1RC", "20", ".005", ".004")]
     frame = pd.DataFrame(rows, columns=names, dtype=str).assign(chosen="False", reason="why")
-    found = page._choice(frame)
+    found = page._choice(frame.assign(doubt="pulses: its clock jumps"))
+    assert found.read.endswith(" In doubt: pulses: its clock jumps.")
+    found = page._choice(frame.assign(doubt=""))
+    assert "In doubt" not in found.read
     assert found.columns == ["model", "20 °C [mV]", "[mV]", "why, or why not"]
     texts = [[cell.text for cell in row] for row in found.rows]
     assert texts[0] == ["2RC", "2.00 (1.00)", "4.00 (3.00)", "why"]

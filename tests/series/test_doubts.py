@@ -11,6 +11,7 @@ from cellwright.series.doubts import (
     drawn_beyond,
     in_words,
     is_negative_electrode,
+    unanswered,
 )
 
 RATED, OHM = 3.0, 0.04
@@ -69,6 +70,38 @@ def test_rows_that_are_missing_with_the_clock_closed_up(columns):
     gone = {name: c[kept] for name, c in without_counter(columns).items()}
     gone["test_time_second"] = 10.0 * np.arange(len(kept))
     assert np.flatnonzero(doubt_of(gone) & Doubt.VOLTAGE_STEP).tolist() == [200]
+
+
+def steep(minutes, interval, ends, ohm):
+    """A load of 1.5 A whose voltage falls ever steeper to its end, a row each `interval` [s], where
+    the tester adds one `ends` seconds after the load began and stopped; then a charge likewise."""
+    edges = 60.0 * np.cumsum([0, 10, minutes, 30, minutes, 30])
+    time = np.concatenate([np.arange(0.0, edges[-1], interval), edges[1:-1] + ends])
+    time = np.unique(np.concatenate([time, edges[1:-1]]))
+    level = np.array([0.0, -1.5, 0.0, 1.5, 0.0])
+    current = level[np.searchsorted(edges, time, side="left") - 1 + (time == 0)]
+    moved = np.concatenate([[0.0], np.cumsum(current[1:] * np.diff(time))]) / 3600
+    left = 1.0 + moved / (1.5 * minutes / 60)
+    return time, current, 3.2 + 0.4 * left - 0.9 * np.exp(-left / 0.02) + ohm * current
+
+
+@pytest.mark.parametrize(("interval", "ohm"), [(60.0, 0.006), (60.0, 0.01)])
+def test_a_steep_end_is_no_resistance_and_hides_no_answer(interval, ohm):
+    """In rows a minute apart an empty cell moves by far more than its resistance makes."""
+    time, current, voltage = steep(60, interval, 2.0, ohm)
+    rows, found = unanswered(time, current, voltage, np.zeros(len(time), bool))
+    assert not len(rows)
+    assert np.isnan(found) or ohm <= found < 3 * ohm
+
+
+def test_a_load_that_falls_on_until_it_stops_between_two_rows_was_answered(columns):
+    """By 100 mV from row to row at its end, and by 95 mV in the row in which it stops."""
+    columns = without_counter(columns)
+    fall = np.zeros(len(columns["voltage_volt"]))
+    fall[650:660] = 0.1 * np.arange(1, 11)
+    fall[660:] = fall[659] + 0.095
+    columns["voltage_volt"] = columns["voltage_volt"] - fall * (np.arange(len(fall)) < 840)
+    assert Doubt.NO_ANSWER not in flags(columns, cutoffs_volt=(None, None))
 
 
 def test_a_load_that_reads_zero(columns):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cellwright.refusal import Refusal
-from cellwright.series.steps import assumed_rating, segment
+from cellwright.series.steps import assumed_rating, segment, silent_before
 
 R0, R1, TAU = 0.020, 0.015, 30.0
 LETTER = {"rest": ".", "CC": "C", "CV": "V", "CCCV": "B", "pulse": "p", "dynamic": "D"}
@@ -120,6 +120,14 @@ def test_gap_and_file_joint_end_a_step():
     )
     assert word(steps) == "..CC"
     assert steps.start_time_second[1] == time[200]
+
+
+@pytest.mark.parametrize(("lost", "gaps"), [(230.0, 0), (900.0, 1)])
+def test_a_slow_record_has_no_gap_where_its_tester_adds_rows_at_edges(lost, gaps):
+    """Rows each 300 s, and one a few seconds before and after an interval of usual length."""
+    time = np.concatenate([300.0 * np.arange(20), [5740.0], 5740.0 + lost + np.array([0.0, 5.0])])
+    time = np.concatenate([time, time[-1] + 300.0 * np.arange(1, 20)])
+    assert silent_before(time, 60.0).sum() == gaps
 
 
 def test_slow_sampling_is_no_gap():

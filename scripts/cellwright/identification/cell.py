@@ -20,7 +20,7 @@ from cellwright.identification.identify import (
 from cellwright.identification.ocv_shape import ocv_from_loads, shape_records
 from cellwright.identification.search import shared_of
 from cellwright.protocols.ocv.gap import largest_hysteresis
-from cellwright.records.basis import capacities_of_checkups
+from cellwright.records.basis import capacities_of_checkups, scale_in_words
 from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
 from cellwright.records.conditions import (
     AT_REST_C_RATE,
@@ -90,7 +90,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         by_temperature, lambda one: _data(one, basis), capacity_ampere_hour=capacity
     )
     by_temperature = [with_share(one, share, capacity) for one in by_temperature]
-    notes += filter(None, [words])
+    notes += filter(None, [words, scale_in_words(basis)])
     rest = {"rest_second": split_rest_second, "rest_ampere": AT_REST_C_RATE * capacity}
     rest["cut"] = cut_of(columns_of([one.records for one in by_temperature]), **rest)
     identified, energies = _identified(by_temperature, basis, members, rest, notes)

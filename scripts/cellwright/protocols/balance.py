@@ -43,8 +43,10 @@ def balance_of(half, partner, columns, time, steps, limits, *, unsure_ampere_hou
     twice the cell's mean slope, of the sign that they have: a cell that was charged in the cold
     rests lower and gave back more. By as much as a rest would relax further it may be off. A load
     that the record begins with hides a rest up to the cut-off behind it; a record that ends with a
-    load hides one as far on either side. Side reactions keep up to 1 % of what a cycle inserts, of
-    the first insertion of a negative electrode half.
+    load hides one as far on either side. A charge that ends at its cut-off by its overpotential,
+    without a hold, and rests lower, may end far below full: on a plateau no rest says how far.
+    Side reactions keep up to 1 % of what a cycle inserts, of the first insertion of a negative
+    electrode half.
 
     Parameters
     ----------
@@ -62,13 +64,29 @@ def balance_of(half, partner, columns, time, steps, limits, *, unsure_ampere_hou
     slack = slope * unsure + SIGMAS * unsure_ampere_hour
     forms = inserts < 0 and first.sign == inserts and not _any_load_before(first, steps)
     lost = inserts * larger * (FORMATION_SHARE if forms else LOST_SHARE)
-    open_volt = max(abs(lowest), abs(highest)) + unsure
+    rest = second.loads[-1] + 1
+    rested = rest < len(steps.kind) and steps.kind[rest] == "rest"
+    rises = lowest + unsure if rested else np.nan
+    unfilled = _unfilled(first, second, steps, rises) if inserts > 0 else 0.0
+    open_ampere_hour = max(slope * max(abs(lowest), abs(highest)), unfilled) + slope * unsure
     return Balance(
         left_ampere_hour=float(charge[second.turn_row] - charge[first.first_row]),
-        least_ampere_hour=slope * min(lowest, 0.0) + min(lost, 0.0) - slack,
+        least_ampere_hour=min(slope * lowest, -unfilled, 0.0) + min(lost, 0.0) - slack,
         most_ampere_hour=slope * max(highest, 0.0) + max(lost, 0.0) + slack,
-        ends_ampere_hour=slope * open_volt / np.sqrt(3.0),
+        ends_ampere_hour=open_ampere_hour / np.sqrt(3.0),
     )
+
+
+def _unfilled(first, second, steps, rises_volt):
+    """By how much a charge without a hold may end below where its cycle began, at most [Ah].
+
+    All that was discharged before it, for on a plateau no voltage of rest says how full it is. 0
+    where the charge was held, or rests as high as its cycle began.
+
+    rises_volt : from the begin of the cycle to the rest after it; NaN where the record has none.
+    """
+    held = second.sign < 0 or np.any(steps.cv_first_row[list(second.loads)] >= 0)
+    return 0.0 if held or rises_volt >= 0.0 else first.moved_ampere_hour
 
 
 def _apart(first, second, voltage, time, steps, limits):

@@ -7,44 +7,61 @@ from cellwright.records.agreement import FINEST_SHARE
 from cellwright.records.conditions import off_round
 
 SET_LEVELS = 4  # that one test sets its current to; more are those of a reading
-EXACT_SHARE = 1e-4  # by which the best testers are off what they are set to
+MOST_REPAIRED = 3  # rows of a record at least that cleaning may have filled in
 STILL_ROWS = 10  # at one level: noise as large as a digit seldom stays so long
 WRITTEN_DIGITS = np.array([1.0, 2.0, 2.5, 5.0])
 WRITTEN_SHARE = 1e-5  # of the largest current: no tester holds one so well that it never shows
+ONE_LEVEL_SHARE = 5e-7  # of the largest: levels that differ by less are one, written as float32
 
 
-# ASSUME: A current that stands at one reading, no round one, is as coarse as its levels lie apart.
+# ASSUME: A current that stands still at a few levels with all their digits was set to them.
 def coarsest_digit_ampere(current_ampere, rated_ampere_hour):
     """Largest least digit [A] that a record's readings leave room for; 0 where they tell none.
 
     A current that scatters shows its digit, as does one that falls while the voltage is held: its
-    levels are whole multiples of it. Of one that stands still the nearest two levels bound it, zero
-    being one. But levels that a laboratory sets (but for a tester's own error) tell nothing, and of
-    those written with few decimals the last one is the digit.
+    levels are whole multiples of it. One that stands still at few levels shows none where these
+    have six digits or more, as a tester's set currents do: nothing in the record tells. But of
+    levels that are written with few decimals, and are no round ones, the last one is the digit.
 
     current_ampere : (n,) [A]. rated_ampere_hour : for the rates that are round [Ah].
     """
     read = np.append(current_ampere, [0.0, 0.0])
     levels, largest = read_levels(read)[0], float(np.nanmax(np.abs(read)))
-    if not largest or (digit := least_digit_ampere(current_ampere)):
-        return digit if largest else 0.0
+    if not largest:
+        return 0.0
+    if digit := least_digit_ampere(current_ampere):
+        return 0.0 if _read_finer(read, levels, digit) else digit
     loads = np.unique(np.abs(levels[levels != 0.0]))
-    gaps = np.diff(levels)
-    # Two levels that differ by less are one, written as float32.
-    digit = float(gaps[gaps > 5e-7 * largest].min(initial=np.inf))
+    same = ONE_LEVEL_SHARE * largest
     if len(loads) > SET_LEVELS:
+        gaps = np.diff(levels)
+        digit = float(gaps[gaps > same].min(initial=np.inf))
         return digit if _are_multiples(loads, digit) else 0.0
     decimals = 10.0 ** -np.arange(-np.floor(np.log10(largest)), 9)
-    last = next((one for one in decimals if _are_multiples(loads, one)), 0.0)
-    as_written = last >= WRITTEN_SHARE * largest
-    near = FINEST_SHARE if as_written else EXACT_SHARE
-    if all(off_round(size / rated_ampere_hour, size) <= near for size in loads):
+    # 1.2999 is no 1.3: what a number is off a written one, it shows by a further decimal.
+    last = next((one for one in decimals if _are_multiples(loads, one, same / one)), 0.0)
+    if last < WRITTEN_SHARE * largest:
         return 0.0
-    return float(last if as_written else digit)
+    sizes = [off_round(size / rated_ampere_hour, size) for size in loads]
+    return 0.0 if max(sizes) <= FINEST_SHARE else float(last)
 
 
-def _are_multiples(levels, digit):
-    return np.allclose(levels / digit, np.rint(levels / digit), 0.0, 1e-3)
+def _read_finer(current, levels, digit):
+    """Whether a current is read at levels between the multiples of a digit of its repeated ones.
+
+    In a hold each level is read but once, a few by chance twice: those between are then more. Few
+    of them are repairs of cleaning.
+    """
+    found, rows = np.unique(current[np.isfinite(current)], return_counts=True)
+    once = found[~np.isin(found, levels)]
+    between = np.abs(once / digit - np.rint(once / digit)) > 1e-3
+    by_chance = rows[np.isin(found, levels) & (rows < STILL_ROWS)].sum()
+    return np.count_nonzero(between) > max(by_chance, MOST_REPAIRED)
+
+
+def _are_multiples(levels, digit, off=1e-3):
+    """Whether levels are whole multiples of a digit, within a share `off` of it, 1e-3 at most."""
+    return np.allclose(levels / digit, np.rint(levels / digit), 0.0, min(off, 1e-3))
 
 
 def unsure_of_digit(half, test_time_second, current_ampere, digit_ampere):

@@ -38,6 +38,7 @@ ROUND_C_RATES = (1 / 20, 1 / 10, 1 / 5, 1 / 4, 1 / 3, 1 / 2, 1, 1.5, 2, 3, 4, 5,
 SLOWEST_PULSE_C_RATE = 1 / 3  # that laboratories choose
 ROUND_SHARE = 0.02  # within which a tester holds a current
 FIRST_LEFT_OUT = "first row of a pulse had not settled: a faster one reads more at the same SoC"
+SIGMAS = 2.0
 SMALL_SHARE = 0.25  # of the record's median: cold and empty cells show more, none so much less
 
 
@@ -180,8 +181,9 @@ def _doubts(columns, rated, against_soc):
     """Doubts of each row in words: of its rows, of the record, and of the resistance itself."""
     of_record = [against_soc, _as_c_rates(columns, rated)]
     found = []
-    for resistance, delay, said, rises in zip(
+    for resistance, std, delay, said, rises in zip(
         columns["resistance_ohm"],
+        columns["resistance_std_ohm"],
         columns["delay_second"],
         columns["doubt"],
         _rises(columns),
@@ -189,8 +191,11 @@ def _doubts(columns, rated, against_soc):
     ):
         alike = columns["resistance_ohm"][columns["delay_second"] == delay]
         words = [said] if said else []
-        words += [WORDS[Doubt.SIZE]] * (unlike_size(resistance, rated) and not said)
-        if resistance < SMALL_SHARE * np.median(alike):
+        # What the noise of its voltage leaves open is no doubt.
+        near = resistance + SIGMAS * std * np.array([-1.0, 0.0, 1.0])
+        unlike = not said and all(unlike_size(one, rated) for one in near)
+        words += [WORDS[Doubt.SIZE]] * unlike
+        if near[-1] < SMALL_SHARE * np.median(alike):
             words.append("far below the record's other pulses: did the voltage answer?")
         words += [rises] if rises else []
         found.append("; ".join(filter(None, words + of_record)))

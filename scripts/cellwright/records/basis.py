@@ -71,7 +71,7 @@ def basis(
     Returns
     -------
     basis : dict with cell, capacity_ampere_hour, capacity_std_ampere_hour (None: nothing tells it),
-        capacity_source, borrowed_from, ocv.
+        capacity_source, capacity_doubt, borrowed_from, ocv.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def basis(
         No capacity test, no slow test and no rating.
     """
     # ASSUME: A cell without a slow test has the open-circuit voltage curve of its reference cell.
-    content = {"cell": cell, "borrowed_from": None, "ocv": curves}
+    content = {"cell": cell, "borrowed_from": None, "ocv": curves, DOUBT: ""}
     if curves:
         return content | slow_capacity(min(curves, key=first_choice), capacities)
     lender = reference_of(
@@ -198,12 +198,38 @@ def sized(capacity_ampere_hour, std_ampere_hour, source):
     return dict(zip(CAPACITY, (capacity_ampere_hour, std, source), strict=True))
 
 
+def scale_in_words(basis):
+    """By how much the SoC scale is in doubt where its record is, a sentence; "" where it is not.
+
+    What the capacity is off, the SoC is off by the charge counted since the cell was full: half of
+    it at half charge, which the OCV curve nearest 25 °C turns into a voltage.
+
+    Parameters
+    ----------
+    basis : dict, from `basis` or `checkups.basis_of_life`.
+    """
+    if not basis.get(DOUBT):
+        return ""
+    size, std, source = (basis.get(name) for name in CAPACITY)
+    said = f"its SoC scale stands on a record in doubt ({source}: {basis[DOUBT]})"
+    if not std:
+        return f"{said}; by how much is not known"
+    share, curve = std / size, curve_at(basis["ocv"], REFERENCE_CELSIUS)
+    said += f", by {std:.2g} Ah ({share:.1%}): at half charge {share / 2:.1%} of SoC"
+    if curve:
+        ends = np.interp([0.5 - share / 2, 0.5 + share / 2], curve["soc"], curve["ocv_volt"])
+        said += f" and {1e3 * (ends[1] - ends[0]) / 2:.2g} mV of open-circuit voltage"
+    return said
+
+
 RESTED = "rested_ampere_hour"
 CAPACITY = ("capacity_ampere_hour", "capacity_std_ampere_hour", "capacity_source")
+DOUBT = "capacity_doubt"  # what speaks against the record that the capacity is of, in words
 
 
 def slow_capacity(curve, capacities):
-    """Capacity of a slow test [Ah], without the drift where its directions differ; as `sized`.
+    """Capacity of a slow test [Ah], without the drift where its directions differ: as `sized`, with
+    its doubt.
 
     When empty it rests between the discharge's last voltage and the charge's first: what that gap
     moves along the discharge, the discharge may lack. The charge lacks what its rest is below full;
@@ -229,7 +255,8 @@ def slow_capacity(curve, capacities):
         below_full, beyond_empty = _soc_lacking(curve, rest_volt)
         lost -= min(max(lost, 0.0), below_full * out)
         lost = np.hypot(lost, beyond_empty * out)
-    return sized(closed, np.hypot(std, lost / np.sqrt(3)), source)
+    doubts = dict.fromkeys(filter(None, (row.get("doubt") for row in own.values())))
+    return sized(closed, np.hypot(std, lost / np.sqrt(3)), source) | {DOUBT: "; ".join(doubts)}
 
 
 def _soc_lacking(curve, rest_volt):
@@ -252,15 +279,16 @@ def _own_capacity(capacities, lender, stated, state_of_health):
     row = min(rows, key=lambda row: (*first_choice(row), is_unsure(row), row["c_rate"]))
     row = min([other for other in rows if same_condition(row, other)], key=_youngest_rested)
     source, lent = capacity_in_words(row), lender.capacities if lender else []
-    alike = [other for other in lent if same_condition(row, other)]
+    alike, doubt = [other for other in lent if same_condition(row, other)], row.get("doubt") or ""
     if not alike:
-        return sized(row["capacity_ampere_hour"], row.get(CAPACITY[1]), source)
+        return sized(row["capacity_ampere_hour"], row.get(CAPACITY[1]), source) | {DOUBT: doubt}
     young = min(lender.curves, key=first_choice)
     own = carried(row, min(alike, key=_youngest_rested), slow_capacity(young, lent), young)
     ratio = own[CAPACITY[0]] / row["capacity_ampere_hour"]
     return own | {
+        DOUBT: doubt,
         CAPACITY[2]: f"{source}, carried to the slow rate as in {lender.cell} (×{ratio:.4f}"
-        f"{own[CAPACITY[2]]})"
+        f"{own[CAPACITY[2]]})",
     }
 
 

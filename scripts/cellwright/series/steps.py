@@ -19,6 +19,7 @@ from cellwright.settings import Segment
 SEGMENT = Segment()
 
 EDGE_C_RATE = (0.01, 0.03)  # a step of current within six sigma of its noise is none; bounds
+USUAL_SHARE = 0.05  # of the rows: at an interval that so many have, to the second, it is read
 EDGE_SHARE = 0.05  # nor is one below this share of the current itself
 SPECK_C_RATE = 0.05  # one or two samples off by less than this between equal levels are noise
 HELD_SHARE, LEAST_HELD_ROWS = 0.005, 32  # so well a tester holds a power or a resistance
@@ -52,14 +53,18 @@ class Runs(NamedTuple):
 def silent_before(time, gap_second):
     """Mask (n,) of rows before which the record is silent for longer than `gap_second` [s].
 
-    A slow sampling rate is no gap: the interval must exceed five times both its neighbours.
+    A slow sampling rate is no gap: the interval must exceed five times both its neighbours, and
+    that at which the record is read anyway, where a tester adds rows at the edges of its steps.
     """
     long = rows_where(lambda t: np.diff(t) > gap_second, time, beside=1)
     before = np.where(long > 0, step_at(time, np.maximum(long - 1, 0)), 0.0)
     after = step_at(time, np.minimum(long + 1, len(time) - 2))
     longest = np.maximum(before, np.where(long < len(time) - 2, after, 0.0))
+    length = step_at(time, long)
+    seconds, often = np.unique(np.rint(length), return_counts=True)
+    usual = seconds[often >= max(USUAL_SHARE * len(time), 10)].max(initial=0.0)
     silent = np.zeros(len(time), bool)
-    silent[long[step_at(time, long) > 5 * longest] + 1] = True
+    silent[long[(length > 5 * longest) & (length > usual + 1.0)] + 1] = True
     return silent
 
 
