@@ -67,7 +67,8 @@ def test_at_each_soc_the_test_serves_that_allows_least():
 @pytest.mark.parametrize(("celsius", "left_volt"), [(25.0, 0.014), (24.0, 0.014), (0.0, 0.02)])
 def test_the_drop_over_the_resistance_at_the_tests_own_temperature_is_none(celsius, left_volt):
     """0.1 A over 60 mΩ are 6 mV of a half gap of 20 mV."""
-    most_volt, words = largest_hysteresis(basis(slow()), celsius, KNOTS, np.full(5, 0.06))
+    sizes = {"prompt_ohm": np.full(5, 0.06)}
+    most_volt, words = largest_hysteresis(basis(slow()), celsius, KNOTS, **sizes)
     np.testing.assert_allclose(most_volt, left_volt + READING_VOLT)
     assert ("less 6 to 6 mV over the resistance" in words) is (celsius > 0)
 

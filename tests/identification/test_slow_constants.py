@@ -48,9 +48,7 @@ def record(time, current, **facts):
 )
 def test_a_time_constant_is_as_long_as_the_soc_stands_still(parts, longest_second):
     """Not as long as a load that passes all of the SoC: that is a course of the OCV."""
-    ready = data_of(
-        [record(*parts)], truth.OCV_VOLT, capacity_ampere_hour=CAPACITY, spacing=0.1
-    )
+    ready = data_of([record(*parts)], truth.OCV_VOLT, capacity_ampere_hour=CAPACITY, spacing=0.1)
     assert limits_of(ready)[1] == pytest.approx(longest_second, rel=0.02)
 
 

@@ -263,12 +263,16 @@ def _condition(fit_records, energy, basis, members, rest, fixed):
 
 def _with_bound_hysteresis(shared, basis, fixed, settings):
     """Shared of data with the largest hysteresis that slow tests allow, and where it is from."""
-    celsius, data = settings["celsius"], shared.data
-    plain = identify(data, member_named("DRT"), shared=shared, **fixed, **settings).condition
-    most_volt, words = largest_hysteresis(basis, celsius, data.knots, prompt_resistance(plain))
+    celsius, data, unknown = settings["celsius"], shared.data, ""
+    try:
+        plain = identify(data, member_named("DRT"), shared=shared, **fixed, **settings)
+        prompt_ohm = prompt_resistance(plain.condition)
+    except Refusal as refusal:
+        prompt_ohm, unknown = 0.0, f"; no drop over a resistance is taken off: {refusal}"
+    most_volt, words = largest_hysteresis(basis, celsius, data.knots, prompt_ohm=prompt_ohm)
     # What was searched so far holds no hysteresis, and stays.
     bounded = shared._replace(data=data._replace(most_volt=most_volt))
-    return bounded, f"hysteresis at {celsius:g} °C {words}"
+    return bounded, f"hysteresis at {celsius:g} °C {words}{unknown}"
 
 
 def _with_own_shape(shared, dense, blocks, settings):

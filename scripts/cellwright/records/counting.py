@@ -6,12 +6,11 @@ from cellwright.records.conditions import at_rest
 from cellwright.series.edges import edge_variance
 from cellwright.settings.tests import Instrument
 
+INSTRUMENT = Instrument()
+
 
 def counted_std_share(
-    record,
-    *,
-    capacity_ampere_hour,
-    accuracy_share=Instrument().current_accuracy_share,
+    record, *, capacity_ampere_hour, accuracy_share=INSTRUMENT.current_accuracy_share
 ):
     """Standard deviation of the SoC that a record counts, over the SoC that it passes [1].
 

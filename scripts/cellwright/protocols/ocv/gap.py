@@ -54,7 +54,7 @@ def half_gap(curve):
     return soc[measured], gap[measured]
 
 
-def largest_hysteresis(basis, celsius, knots, prompt_ohm=0.0):
+def largest_hysteresis(basis, celsius, knots, *, prompt_ohm=0.0):
     """Largest hysteresis at each SoC [V] that the cell's slow tests allow, whichever allows least.
 
     Between the branches lie hysteresis and twice the drop over the resistance, so that half the
