@@ -72,6 +72,8 @@ def condition_of(shared, member, fit, bounds):
         edge = (apart < AT_BOUND).any(axis=0)
         at_bound = [f"tau{n}" for n, is_at_bound in enumerate(edge, 1) if is_at_bound]
         tau_stds = np.where(edge, np.nan, tau_stds)
+    elif held.tau_second:  # of a series the last holds what relaxes more slowly as well
+        at_bound = [f"tau{len(held.tau_second)}"]
     if abs(held.stretch) >= largest_scale(data)[1]:
         at_bound = [*at_bound, "ocv_stretch"]
     bounded = [
