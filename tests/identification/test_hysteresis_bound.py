@@ -47,18 +47,35 @@ def test_what_comes_at_once_is_taken_off_where_it_is_most_of_the_gap():
         np.testing.assert_allclose(most_volt, left + READING_VOLT)
 
 
-@pytest.mark.parametrize(
-    ("celsius", "test"), [(-5.0, "ocv_-5"), (3.0, "ocv_5"), (20.0, "ocv_5"), (25.0, "ocv_25")]
-)
-def test_the_nearest_slow_test_that_was_not_warmer_serves(celsius, test):
-    curves = (slow(25.0), slow(5.0), slow(-5.0, 0.04))
-    assert f" {test}," in largest_hysteresis(basis(*curves), celsius, KNOTS)[1]
+@pytest.mark.parametrize("celsius", [-25.0, 0.0, 25.0, 45.0])
+def test_polarisation_in_the_cold_allows_no_hysteresis_that_a_warm_gap_does_not(celsius):
+    """A C/30 gap of 100 mV at −25 °C is polarisation where that at 25 °C is 12 mV."""
+    curves = (slow(-25.0, 0.1), slow(25.0, 0.012), slow(5.0, 0.02))
+    most_volt, words = largest_hysteresis(basis(*curves), celsius, KNOTS)
+    np.testing.assert_allclose(most_volt, 0.012 + READING_VOLT)
+    assert words == "at most half the gap of ocv_25, 15 to 15 mV"
+
+
+def test_at_each_soc_the_test_serves_that_allows_least():
+    falling, flat = slow(25.0), slow(5.0, 0.02)
+    falling["half_gap_volt"] = np.linspace(0.04, 0.0, 201).tolist()
+    most_volt, words = largest_hysteresis(basis(falling, flat), 0.0, np.array([0.1, 0.9]))
+    np.testing.assert_allclose(most_volt, np.array([0.02, 0.0048]) + READING_VOLT)
+    assert "of ocv_25 and ocv_5," in words
+
+
+@pytest.mark.parametrize(("celsius", "left_volt"), [(25.0, 0.014), (24.0, 0.014), (0.0, 0.02)])
+def test_the_drop_over_the_resistance_at_the_tests_own_temperature_is_none(celsius, left_volt):
+    """0.1 A over 60 mΩ are 6 mV of a half gap of 20 mV."""
+    sizes = {"prompt_ohm": np.full(5, 0.06)}
+    most_volt, words = largest_hysteresis(basis(slow()), celsius, KNOTS, **sizes)
+    np.testing.assert_allclose(most_volt, left_volt + READING_VOLT)
+    assert ("less 6 to 6 mV over the resistance" in words) is (celsius > 0)
 
 
 @pytest.mark.parametrize(
     ("known", "words"),
     [
-        (basis(slow(25.0)), "no slow test both ways at this temperature or below"),
         (basis(slow(0.0, branches="discharge")), "no slow test both ways"),
         (basis(slow(0.0), borrowed_from="R1"), "the OCV is that of R1"),
         (basis(), "no slow test both ways"),

@@ -52,7 +52,9 @@ def _rows(member, condition):
         stds = stds or [None] * len(values)
         for soc, value, std in zip(condition["soc"], values, stds, strict=True):
             row = {"soc": soc, "parameter": name, "value": value, "std": std, "unit": unit}
-            yield about | row | {"at_bound": name in flags or f"{flag} at SoC {soc:.3f}" in flags}
+            place = f"{flag} at SoC {soc:.3f}"  # and, of a hysteresis, what bounds it
+            held = any(one == name or one.partition(",")[0] == place for one in flags)
+            yield about | row | {"at_bound": held}
     scale = condition.get("ocv_scale", {})
     whole = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
     whole.append(("r0_delay", condition.get("first_sample_second"), "s"))
@@ -60,7 +62,7 @@ def _rows(member, condition):
     for name, value, unit in whole:
         row = {"soc": None, "parameter": name, "value": value, "std": None, "unit": unit}
         if value is not None:
-            yield about | row | {"at_bound": False}
+            yield about | row | {"at_bound": name in flags}
 
 
 def _columns(condition):

@@ -16,6 +16,8 @@ from cellwright.identification.identify import (
     data_of,
     identify,
     limits_of,
+    prompt_resistance,
+    series_of,
 )
 from cellwright.identification.ocv_shape import ocv_from_loads, shape_records
 from cellwright.identification.search import shared_of
@@ -150,22 +152,36 @@ def _identified(by_temperature, basis, members, rest, notes):
     energies, words = activation_of(
         usable, lambda identified: _data(identified, basis), capacity_ampere_hour=capacity
     )
-    # The widest of all temperatures, so that their models can be mixed.
+    # A series is as long and begins alike at all temperatures, so that their models can be mixed;
+    # each ends where its own rests end.
     low, high = zip(*(limits_of(_data(fit_records, basis)) for fit_records in usable), strict=True)
-    limits, mean_energy = (min(low), max(high)), float(np.mean(energies))
+    series, mean_energy = series_of(min(low), max(high)), float(np.mean(energies))
+    notes.append(_ends_in_words(usable, high))
     by_celsius, found = {}, None
-    pairs = zip(usable, energies, strict=True)
-    for one, energy in sorted(pairs, key=lambda pair: abs(pair[0].celsius - REFERENCE_CELSIUS)):
+    parts = zip(usable, energies, high, strict=True)
+    for one, energy, longest in sorted(
+        parts, key=lambda part: abs(part[0].celsius - REFERENCE_CELSIUS)
+    ):
         # ASSUME: Diffusion in the particles slows in the cold by the factor by which resistance
         # grows. Its time is found once, at the temperature nearest 25 °C that shows one.
         second = found and found[0] * resistance_factor(one.celsius, found[1], mean_energy)
         ready = at_activation_energy(one, energy)
-        identified = _condition(ready, energy, basis, members, rest, second, limits)
+        fixed = {"diffusion_second": second, "limits_second": (min(low), longest), "series": series}
+        identified = _condition(ready, energy, basis, members, rest, fixed)
         notes += identified.notes
         if identified.entries:
             by_celsius[one.celsius] = identified
             found = found or _diffusion_found(identified, one.celsius)
     return [by_celsius[celsius] for celsius in sorted(by_celsius)], words
+
+
+def _ends_in_words(by_temperature, longest_second):
+    pairs = zip(by_temperature, longest_second, strict=True)
+    ends = ", ".join(f"{second:.0f} s at {one.celsius:g} °C" for one, second in pairs)
+    return (
+        f"time constants end at {ends}, as long as a rest or a load tells one: what relaxes more "
+        "slowly is in the shift and the scale of the OCV, or in the last time constant"
+    )
 
 
 def _refuse_own_curve(fit_records, curve):
@@ -200,25 +216,26 @@ def _data(fit_records, basis):
         fit_records.records,
         ocv_at(_with_temperature(basis["ocv"]), GRID, fit_records.celsius),
         capacity_ampere_hour=basis["capacity_ampere_hour"],
+        capacity_std_ampere_hour=basis.get("capacity_std_ampere_hour"),
         spacing=PULSED_SPACING if fit_records.pulsed else DRIVEN_SPACING,
     )
 
 
-def _condition(fit_records, energy, basis, members, rest, diffusion_second, limits):
+def _condition(fit_records, energy, basis, members, rest, fixed):
     """Identified of every member that can be fitted at one temperature."""
     capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], fit_records.celsius)
     settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
     data, notes = _data(fit_records, basis), []
-    most_volt, bounded_by = largest_hysteresis(basis, fit_records.celsius, data.knots)
-    data = data._replace(most_volt=most_volt)
-    if any("+H" in name for name in members):
-        notes.append(f"hysteresis at {fit_records.celsius:g} °C {bounded_by}")
     shared = shared_of(data)
     if curve["branches"] in ("discharge", "charge"):
         slow = curve[f"{curve['branches']}_current_ampere"]
         first = identify(data, member_named("DRT"), shared=shared, **settings).condition
         data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))
         shared = shared_of(data)
+    if any("+H" in name for name in members):
+        shared, words = _with_bound_hysteresis(shared, basis, fixed, settings)
+        data = shared.data
+        notes.append(words)
     blocks = blocks_of_used(data.records, **rest)
     block = np.concatenate(blocks)
     dense = shape_records(fit_records.records, capacity_ampere_hour=capacity)
@@ -230,9 +247,8 @@ def _condition(fit_records, energy, basis, members, rest, diffusion_second, limi
     for name in members:
         try:
             member = member_named(name)
-            fixed = {"diffusion_second": diffusion_second}
-            fixed["limits_second"] = limits if member.pairs is None else None
-            fitted = identify(data, member, shared=shared, **fixed, **settings)
+            of_series = {} if member.pairs is None else {"limits_second": None, "series": None}
+            fitted = identify(data, member, shared=shared, **(fixed | of_series), **settings)
             scores[name] = left_out(fitted, block)
         except Refusal as refusal:
             notes.append(f"{name} not identified at {fit_records.celsius:g} °C: {refusal}")
@@ -243,6 +259,20 @@ def _condition(fit_records, energy, basis, members, rest, diffusion_second, limi
         )
         entries[name] = entry | {"activation_energy_joule_per_mole": energy}
     return Identified(_table(fit_records.celsius, data, curve), entries, scores, notes)
+
+
+def _with_bound_hysteresis(shared, basis, fixed, settings):
+    """Shared of data with the largest hysteresis that slow tests allow, and where it is from."""
+    celsius, data, unknown = settings["celsius"], shared.data, ""
+    try:
+        plain = identify(data, member_named("DRT"), shared=shared, **fixed, **settings)
+        prompt_ohm = prompt_resistance(plain.condition)
+    except Refusal as refusal:
+        prompt_ohm, unknown = 0.0, f"; no drop over a resistance is taken off: {refusal}"
+    most_volt, words = largest_hysteresis(basis, celsius, data.knots, prompt_ohm=prompt_ohm)
+    # What was searched so far holds no hysteresis, and stays.
+    bounded = shared._replace(data=data._replace(most_volt=most_volt))
+    return bounded, f"hysteresis at {celsius:g} °C {words}{unknown}"
 
 
 def _with_own_shape(shared, dense, blocks, settings):

@@ -7,13 +7,13 @@ squares from the best; charge constant and kinetic scale over a short list.
 """
 
 from functools import cache
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, resistance_factor
-from cellwright.identification.columns import Data, Held
+from cellwright.identification.columns import SCALE_STD, Data, Held
 from cellwright.identification.condition import condition_of
 from cellwright.identification.regression import SCALES, pull_of, solved
 from cellwright.identification.search import (
@@ -28,11 +28,14 @@ from cellwright.identification.search import (
     system_about,
 )
 from cellwright.numerics.linear import solve
+from cellwright.records.conditions import at_rest
+from cellwright.records.counting import counted_std_share
 from cellwright.records.thinning import edge_ampere, edges, thin, without_edges
 from cellwright.refusal import Refusal
 
 GRID_PER_DECADE = 4
 SHORTEST_SECOND = 0.05  # time constant that is searched
+FEWEST_ROWS = 20  # of a stretch that tells a relaxation
 FARADAY = 96485.33212  # C/mol
 DIFFUSION_SECOND = (500.0, 1000.0, 2000.0, 4000.0, 8000.0, 16000.0)  # radius² over diffusivity
 
@@ -45,6 +48,7 @@ def data_of(
     hold="first_order",
     spacing=0.05,
     knots=None,
+    capacity_std_ampere_hour=None,
 ):
     """Data of an identification: thinned records without edges, SoC knots, OCV table.
 
@@ -56,6 +60,7 @@ def data_of(
     capacity_ampere_hour : what the SoC refers to [Ah].
     spacing : distance of the knots from 20 % SoC on [1]; below they are denser.
     knots : (k,) SoC of the courses [1]; None: laid by `spacing` over the range of the data.
+    capacity_std_ampere_hour : standard deviation of the capacity [Ah]; None: nothing tells it.
 
     Returns
     -------
@@ -84,7 +89,21 @@ def data_of(
         hold,
         capacity_ampere_hour,
         kept={},
+        stretch_std=_stretch_std(records, capacity_ampere_hour, capacity_std_ampere_hour),
     )
+
+
+def _stretch_std(records, capacity_ampere_hour, capacity_std_ampere_hour):
+    """Standard deviation of capacity and counted charge, relative [1].
+
+    One instrument counts all records of a cell: its errors are alike in them.
+    """
+    if capacity_std_ampere_hour is None:
+        return SCALE_STD[1]
+    counted = [
+        counted_std_share(record, capacity_ampere_hour=capacity_ampere_hour) for record in records
+    ]
+    return float(np.hypot(capacity_std_ampere_hour / capacity_ampere_hour, np.mean(counted)))
 
 
 def ready_records(records, *, capacity_ampere_hour):
@@ -124,6 +143,7 @@ def identify(
     capacity_ampere_hour,
     celsius=25.0,
     limits_second=None,
+    series=None,
     diffusion_second=None,
     shared=None,
 ):
@@ -136,6 +156,7 @@ def identify(
     capacity_ampere_hour : of the cell; sets the charge constants that are tried [Ah].
     celsius : temperature of the condition, for the scale of the kinetics [degC].
     limits_second : shortest and longest time constant [s]; None: what the data can show.
+    series : number of time constants of a fixed series; None: `series_of` the limits.
     diffusion_second : diffusion time to hold where the member has one [s]; None: the best of a few.
     shared : search.Shared of the data, where several members are fitted to them; None: made here.
 
@@ -156,9 +177,9 @@ def identify(
     low, high = limits_of(data) if limits_second is None else limits_second
     start = once(
         shared,
-        (member.pairs, low, high),
+        (member.pairs, low, high, series),
         # A member without its other parts, from which its search begins.
-        lambda: settled(shared, Held(tuple(_taus(shared, member, low, high)))),
+        lambda: settled(shared, Held(tuple(_taus(shared, member, low, high, series)))),
     )
     held, factor = start.held, start.solution.factor
     for name, values in _candidates(
@@ -193,6 +214,11 @@ def _candidates(member, capacity_ampere_hour, celsius, diffusion_second):
 def limits_of(data):
     """Shortest and longest time constant that records resolve [s].
 
+    A relaxation is told from what changes with the SoC only while this stands still: in a rest
+    after a load, or in a load for as long as it passes no more than lies between two knots. Of a
+    slower one all rows together tell no more than a shift and a scale of the OCV. Where nothing
+    rests, the longest steady load is all that there is; the deviations then say what it tells.
+
     Parameters
     ----------
     data : columns.Data.
@@ -201,25 +227,60 @@ def limits_of(data):
     -------
     low_second, high_second : [s].
     """
-    steady, sampling = [], []
-    for r in data.records:
-        step = max(edge_ampere(r), 1e-9)
-        marks = np.r_[0, edges(r, step_ampere=step), len(r.soc) - 1]
-        steady.append(np.diff(r.test_time_second[marks]).max())
-        steps = np.diff(r.test_time_second)
+    sampling = []
+    for record in data.records:
+        steps = np.diff(record.test_time_second)
         sampling.append(np.percentile(steps[steps > 0], 10))
     low = min(sampling)
-    return max(low, SHORTEST_SECOND), max(max(steady), 20 * low)
+    whole, still, rest = np.max([_longest_second(data, record) for record in data.records], axis=0)
+    high = still if rest > FEWEST_ROWS * low else whole
+    return max(low, SHORTEST_SECOND), max(high, FEWEST_ROWS * low)
 
 
-def _taus(shared, member, low, high):
-    decades = np.log10(high / low)
+def _longest_second(data, record):
+    """Longest time of a record between two steps of the current: as such, while the SoC moves by
+    no more than lies between two knots, and in a rest after a load; (3,) [s]."""
+    time, soc = record.test_time_second, record.soc
+    apart_soc = np.diff(data.knots).max(initial=0.0)
+    step = max(edge_ampere(record), 1e-9)
+    marks = np.unique(np.r_[0, edges(record, step_ampere=step), len(soc) - 1])
+    parts = [slice(begin, end + 1) for begin, end in pairwise(marks)]
+    whole = [np.ptp(time[part]) for part in parts]
+    still = [_still_second(time[part], soc[part], apart_soc) for part in parts]
+    resting = [
+        at_rest(np.median(record.current_ampere[part]), data.capacity_ampere_hour)
+        for part in parts[1:]
+    ]
+    rests = [second for second, rested in zip(whole[1:], resting, strict=True) if rested]
+    return [max(seconds, default=0.0) for seconds in (whole, still, rests)]
+
+
+def _still_second(time, soc, apart_soc):
+    """Longest time [s] within a stretch in which the SoC, which goes one way, moves no further."""
+    passed = np.maximum.accumulate(np.abs(soc - soc[0]))
+    # Where the SoC stands, the latest time at which it does.
+    reached, last = np.unique(passed[::-1], return_index=True)
+    until = np.interp(passed + apart_soc, reached, time[::-1][last])
+    return float((until - time).max())
+
+
+def series_of(low_second, high_second):
+    """Number of time constants of a series: two a decade, closer neighbours look alike to data.
+
+    Parameters
+    ----------
+    low_second, high_second : shortest and longest time constant [s].
+    """
+    return max(round(np.log10(high_second / low_second) * 2), 2)
+
+
+def _taus(shared, member, low, high, series):
     if member.pairs is None:
-        # Two a decade: neighbours closer than that look alike to the data.
-        return np.geomspace(2 * low, high, max(round(decades * 2), 2))
+        return np.geomspace(2 * low, high, series or series_of(low, high))
     if member.pairs == 0:
         return ()
-    grid = np.geomspace(low, high, max(round(decades * GRID_PER_DECADE), member.pairs + 1))
+    count = round(np.log10(high / low) * GRID_PER_DECADE)
+    grid = np.geomspace(low, high, max(count, member.pairs + 1))
     *normal, factor = once(shared, tuple(grid), lambda: _weighted_grid(shared, grid))
     start = _best_on_grid(*normal, grid, member.pairs, len(shared.data.knots))
     return _pattern_search(shared, start, low, high, factor)
@@ -285,6 +346,7 @@ def _pattern_search(shared, start, low, high, factor):
 
 
 PLAIN = member_named("DRT+D")
+PROMPT_SECOND = 60.0  # what relaxes within it pulses tell
 TRIED_JOULE_PER_MOLE = (0.0, 10e3, 20e3, 30e3, 40e3, 50e3)
 
 
@@ -351,10 +413,21 @@ def _resistance(data, fit_records, capacity):
     except Refusal:
         return np.nan
     condition = fitted.condition
+    return float(np.interp(0.5, condition.soc, prompt_resistance(condition)))
+
+
+def prompt_resistance(condition):
+    """Ohmic resistance and what relaxes within a minute at the knots (k,) [ohm].
+
+    Slower parts are poorly known.
+
+    Parameters
+    ----------
+    condition : Condition.
+    """
     pairs = [branch.values for branch in condition.branches if branch.kind == "RC"]
-    # Slower parts are poorly known.
-    fast = [values["r_ohm"] for values in pairs if values["tau_second"][0] <= 60.0]
-    return float(np.interp(0.5, condition.soc, sum(fast, condition.r0_ohm)))
+    fast = [values["r_ohm"] for values in pairs if values["tau_second"][0] <= PROMPT_SECOND]
+    return sum(fast, condition.r0_ohm)
 
 
 def _energies_from_neighbours(celsius, resistance):

@@ -23,12 +23,11 @@ FLOOR_VOLT, RELATIVE, SOC_STD = 0.003, 0.03, 0.003
 # Standard deviations of the parameters before the data. Without priors a knot without data could
 # take any value, and a fit of a drive's blocks would say nothing of the SoC between them. The
 # priors are weak and physical: resistances change smoothly with SoC, faster near empty; an OCV
-# table is right to some tens of millivolts; capacity is known to a few per cent. They count only
-# where the data say little.
+# table is right to some tens of millivolts. They count only where the data say little. Of the
+# capacity it is known how well it was counted (`columns.SCALE_STD` where nothing tells).
 SHIFT_VOLT = 0.02  # of the OCV table
 SHIFT_WALK_VOLT = 0.05  # of the change of that shift over the whole of SoC
 WALK = 1.0  # of a resistance over the whole of SoC, relative to its size
-SCALE_STD = (0.02, 0.04)  # of what a full charge leaves out, and of the capacity [1]
 EMPTY = 0.1  # SoC near empty within which things change as much as over all the rest
 
 
@@ -99,7 +98,9 @@ def system_of(columns, knots):
     matrix, target = _weighted(columns, weight, len(knots)), columns.target_volt * weight
     gram, moment = matrix.T @ matrix, matrix.T @ target
     sizes = _typical_sizes(names, gram, moment, len(knots))
-    precision = _precision(knots, sizes)
+    if columns.most_volt is not None and "m" in names:  # the last, and no larger than allowed
+        sizes[-1] = min(sizes[-1], np.median(columns.most_volt))
+    precision = _precision(knots, sizes, columns.scale_std)
     held = np.zeros(len(precision))
     held[len(knots) : len(knots) + SCALES] = columns.held_scale
     most = _upper_bounds(columns.most_volt, names, len(precision))
@@ -143,14 +144,14 @@ def _typical_sizes(names, gram, moment, knots):
     return np.maximum(sizes, least)
 
 
-def _precision(knots, sizes):
+def _precision(knots, sizes, scale_std):
     """Inverse covariance of all parameters before the data."""
     count, smooth = len(knots), _smoothness(knots)
     size = count + SCALES + count * len(sizes)
     precision = np.zeros((size, size))
     precision[:count, :count] = shift_precision(knots)
     scale = slice(count, count + SCALES)
-    precision[scale, scale] = np.diag(np.square(SCALE_STD) ** -1.0)
+    precision[scale, scale] = np.diag(np.square(scale_std) ** -1.0)
     for number, typical in enumerate(sizes):
         block = slice(count + SCALES + number * count, count + SCALES + (number + 1) * count)
         precision[block, block] = smooth / (WALK * typical) ** 2

@@ -54,19 +54,22 @@ def half_gap(curve):
     return soc[measured], gap[measured]
 
 
-def largest_hysteresis(basis, celsius, knots):
-    """Largest hysteresis at each SoC [V] that the slow test nearest in temperature allows.
+def largest_hysteresis(basis, celsius, knots, *, prompt_ohm=0.0):
+    """Largest hysteresis at each SoC [V] that the cell's slow tests allow, whichever allows least.
 
     Between the branches lie hysteresis and twice the drop over the resistance, so that half the
-    distance is the most that hysteresis can be; what comes at once with the current is none, and is
-    taken off where it is most of the distance, as over leads. Hysteresis grows in the cold: a slow
-    test that was warmer by more than 2.5 K bounds nothing. A knot takes the widest gap within 2 %
-    of SoC, with 3 mV for the reading of the branches; beyond what both branches reach, the gap at
-    the end.
+    distance is the most that hysteresis can be. What comes at once with the current is none, and is
+    taken off where it is most of the distance, as over leads; at the test's own temperature, where
+    it is known, the drop over what relaxes within a minute. Polarisation grows in the cold by far
+    more than a hysteresis does: the whole gap of a warmer slow test, with the polarisation in it,
+    bounds a colder cell as well. A knot takes the widest gap within 2 % of SoC, with 3 mV for the
+    reading of the branches; beyond what both branches reach, the gap at the end.
 
     basis : dict, from `records.basis`.
     celsius : temperature of the condition [degC].
     knots : (k,) SoC [1].
+    prompt_ohm : number or (k,), ohmic resistance and what relaxes within a minute, of the condition
+        at the knots [ohm].
 
     Returns most_volt: (k,) [V], None without a slow test. words : where it is from.
 
@@ -74,27 +77,41 @@ def largest_hysteresis(basis, celsius, knots):
     """
     # ASSUME: In a slow full branch the hysteresis has developed: its charge constant is small
     # beside the charge that the branch has moved.
+    # ASSUME: No hysteresis exceeds half the gap, polarisation included, of a slow test of the same
+    # cell at another temperature.
     if basis["borrowed_from"] is not None:
         return None, f"not bounded: the OCV is that of {basis['borrowed_from']}"
-    found = []
+    bounds = {}
     for curve in basis["ocv"]:
-        warmer = stated_or_reference(curve["ambient_temperature_celsius"]) - celsius
-        if half_gap(curve)[0].size and warmer <= SAME_CELSIUS:
-            found.append((abs(warmer), curve))
-    if not found:
-        return None, "not bounded: no slow test both ways at this temperature or below"
-    _, curve = min(found, key=lambda one: one[0])
+        if half_gap(curve)[0].size:
+            apart = stated_or_reference(curve["ambient_temperature_celsius"]) - celsius
+            own_ohm = prompt_ohm if abs(apart) <= SAME_CELSIUS else 0.0
+            bounds[curve["test"]] = _largest_by(curve, np.asarray(knots), own_ohm)
+    if not bounds:
+        return None, "not bounded: no slow test both ways"
+    tests, sizes = list(bounds), np.array([volt for volt, _ in bounds.values()])
+    most = sizes.min(axis=0)
+    named = [tests[k] + bounds[tests[k]][1] for k in np.unique(sizes.argmin(axis=0))]
+    words = f"at most half the gap of {' and '.join(named)}, {1e3 * most.min():.0f}"
+    return most, f"{words} to {1e3 * most.max():.0f} mV"
+
+
+def _largest_by(curve, knots, prompt_ohm):
+    """Largest hysteresis (k,) [V] by one slow test, and in words what was taken off its gap."""
     soc, gap = half_gap(curve)
-    whole_volt, _, step_volt = slow_gap(curve)
-    leads_volt = step_volt if step_volt > whole_volt / 2 else 0.0
-    gap = gap - leads_volt
+    whole = slow_gap(curve)
+    at_once_volt = whole.step_volt if whole.step_volt > whole.half_gap_volt / 2 else 0.0
+    drop_volt = np.nan_to_num(whole.current_ampere) * np.asarray(prompt_ohm)
     # As `identification.regression` trusts a slow branch: to 2 % of SoC and 3 mV.
     shifts = np.linspace(-0.02, 0.02, 9)
-    near = [np.interp(np.asarray(knots) + shift, soc, gap) for shift in shifts]
-    most = np.maximum(np.max(near, axis=0), 0.0) + 3e-3
-    less = f" less the {1e3 * leads_volt:.0f} mV that come at once" if leads_volt else ""
-    words = f"at most half the gap of {curve['test']}{less}, {1e3 * most.min():.0f}"
-    return most, f"{words} to {1e3 * most.max():.0f} mV"
+    widest = np.max([np.interp(knots + shift, soc, gap) for shift in shifts], axis=0)
+    off = np.maximum(at_once_volt, drop_volt) * np.ones(len(knots))
+    most = np.maximum(widest - off, 0.0) + 3e-3
+    if at_once_volt and at_once_volt >= off.max():
+        return most, f" less the {1e3 * at_once_volt:.0f} mV that come at once"
+    if off.any():
+        return most, f" less {1e3 * off.min():.2g} to {1e3 * off.max():.2g} mV over the resistance"
+    return most, ""
 
 
 def shows_hysteresis(gap, resistance_ohm):
