@@ -14,6 +14,7 @@ from cellwright.api.effects import missing_effect_stability as missing_effect_st
 from cellwright.api.effects import missing_group_effect as missing_group_effect
 from cellwright.api.effects import prepared_case as prepared_case
 from cellwright.api.effects import witnesses as witnesses
+from cellwright.api.health import capacity_between_rests as capacity_between_rests
 from cellwright.api.health import check_ups as check_ups
 from cellwright.api.health import compare_protocols as compare_protocols
 from cellwright.api.health import fade as fade

@@ -44,7 +44,15 @@ from runtime.page_tables import (
 )
 
 PACK_TABLES = ["packs", "series_packs", "nested_packs"]
-TABLES_OF_PAGE = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
+TABLES_OF_PAGE = [
+    "capacity",
+    "capacity_between_rests",
+    "ica",
+    "eis",
+    "temperature",
+    "validation",
+    "soc",
+]
 TABLES_OF_PAGE += ["resistance_definitions", "choice", "missing_effect", "pack_checks"]
 TABLES_OF_PAGE += PACK_TABLES
 FLEET = (

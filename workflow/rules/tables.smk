@@ -34,6 +34,9 @@ TABLES_OF_TESTS = {
     "ica_tracks": [f"results/stages/ica_tracks/{cell}.parquet" for cell in FOLLOWED],
 }
 TABLES_OF_HEALTH = {
+    "capacity_between_rests": [
+        f"results/stages/capacity_between_rests/{cell}.parquet" for cell in RESTED
+    ],
     "health": [f"results/stages/health/{cell}.parquet" for cell in HEALTHY],
     "checkups": [f"results/stages/checkups/{cell}.parquet" for cell in CHECKED],
     "resistance_growth": [f"results/stages/resistance_growth/{cell}.parquet" for cell in CHECKED],
