@@ -12,6 +12,7 @@ from cellwright.numerics.relaxing import still_to_go_volt
 from cellwright.protocols.balance import ENDS_VOLT, SIGMAS
 from cellwright.protocols.half_cycles import reading_at_rest
 from cellwright.protocols.ocv.gap import half_gap, slow_gap
+from cellwright.protocols.rests import STEADY
 from cellwright.records.anchor import RELAXED_SECOND, REST_VOLT
 from cellwright.records.basis import at_cycle, curve_at, stated_std_ampere_hour
 from cellwright.records.conditions import SAME_CHECKUP_CYCLES, stated_or_reference
@@ -34,7 +35,8 @@ class Rests(NamedTuple):
 
     second : test time of the end [s]. charge_ampere_hour : counted there [Ah]. volt, std_volt :
     where it relaxes to, and how sure that is [V]. side : 1 after a charge, −1 after a discharge, 0
-    where nothing before it is known.
+    where nothing before it is known. ohm : what it took off the voltage of a constant current
+    before it, over that current [Ohm]; NaN after another load.
     """
 
     second: np.ndarray
@@ -42,6 +44,7 @@ class Rests(NamedTuple):
     volt: np.ndarray
     std_volt: np.ndarray
     side: np.ndarray
+    ohm: np.ndarray
 
 
 class Placed(NamedTuple):
@@ -173,7 +176,10 @@ def _rest(time, voltage, charge, steps, k):
     std = np.linalg.norm([ENDS_VOLT, ahead / np.sqrt(12.0), ahead_std])
     loads = steps.current_mean_ampere[:k][np.asarray(steps.kind[:k]) != "rest"]
     side = np.sign(loads[-1]) if len(loads) else 0.0
-    return t[-1], charge[rows][-1], np.median(v[late]) + ahead / 2, std, side
+    volt, ohm = np.median(v[late]) + ahead / 2, np.nan
+    if k and steps.kind[k - 1] in STEADY:
+        ohm = (voltage[rows.start - 1] - volt) / steps.current_mean_ampere[k - 1]
+    return t[-1], charge[rows][-1], volt, std, side, ohm
 
 
 # ASSUME: Before its rest a cell may have had any state of charge alike.
@@ -182,18 +188,16 @@ def _placed(rests, curve):
 
     Mean and deviation of all states of charge whose voltage the rest may be: on a plateau many.
     """
-    branches = _branches(curve)
-    both = [[_soc_of_rest(*one, branches, share) for one in _ends(rests)] for share in (0.0, 1.0)]
+    known = rests.ohm[rests.ohm > 0]
+    branches = _branches(curve, float(np.median(known)) if len(known) else 0.0)
+    ends = list(zip(rests.volt, rests.std_volt, rests.side, strict=True))
+    both = [[_soc_of_rest(*one, branches, share) for one in ends] for share in (0.0, 1.0)]
     on_curve, on_branch = (np.array(way).reshape(-1, 2).T for way in both)
     std, middle = np.maximum(on_curve[1], on_branch[1]), (on_curve[0] + on_branch[0]) / 2
     kept = np.isfinite(std)
     soc, ocv, _ = branches
     slope = np.interp(middle, soc, np.gradient(ocv, soc))
     return Placed(*(column[kept] for column in (on_curve[0], on_branch[0], std, slope))), kept
-
-
-def _ends(rests):
-    return zip(rests.volt, rests.std_volt, rests.side, strict=True)
 
 
 def _soc_of_rest(volt, std_volt, side, branches, share):
@@ -218,10 +222,11 @@ def _soc_of_rest(volt, std_volt, side, branches, share):
     return mean, np.sqrt(spread + (soc[1] - soc[0]) ** 2 / 12.0 + beyond**2 / 3.0)
 
 
-def _branches(curve):
+def _branches(curve, ohm):
     """SoC [1], OCV and half gap [V] of a curve, evenly, and 5 % on with its end slopes.
 
-    Of the gap what comes at once with the current is none of a rest's.
+    Of the gap what comes at once with the current, and what a rest takes off, is none of a rest's.
+    ohm : median over the record of what a rest takes off, over the current before it.
     """
     soc, ocv = (np.asarray(curve[name], float) for name in ("soc", "ocv_volt"))
     fine = np.linspace(soc[0] - ENDS, soc[-1] + ENDS, POINTS)
@@ -233,7 +238,8 @@ def _branches(curve):
     gap_soc, gap = half_gap(curve)
     if not len(gap):
         return fine, volt, np.full(POINTS, np.nan)
-    slow = np.maximum(gap - slow_gap(curve).step_volt, 0.0)
+    # A curve whose current is not stated keeps its whole gap.
+    slow = np.maximum(gap - np.nan_to_num(slow_gap(curve).drop_volt(ohm)), 0.0)
     return fine, volt, np.interp(fine, gap_soc, slow)
 
 
@@ -362,7 +368,7 @@ def _scatter(rests, placed, pair):
     sigmas = off / np.hypot(std[between], line)
     worst = int(np.argmax(np.abs(sigmas)))
     # Two deviations are to reach the farthest of them.
-    factor = max(float(abs(sigmas[worst])) / SIGMAS, 1.0)
+    factor = max(float(np.sqrt(np.mean(sigmas**2))), float(abs(sigmas[worst])) / SIGMAS, 1.0)
     if abs(sigmas[worst]) <= 3.0:
         return factor, ""
     return factor, (
