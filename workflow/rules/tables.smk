@@ -13,6 +13,7 @@ MODELS = [f"results/models/{cell}.json" for cell in MODELLED]
 TABLES_OF_TESTS = {
     "capacity": [*everywhere("capacity", *CAPACITY_KINDS), *everywhere("ageing_cycles", "ageing")],
     "resistance": everywhere("resistance", *PULSE_KINDS),
+    "relaxation": everywhere("relaxation", *RELAXATION_KINDS),
     "ocv": [
         *everywhere("ocv_functions", "ocv"),
         *[f"results/stages/ocv_functions_temperature/{cell}.parquet" for cell in STEPPED],
@@ -90,7 +91,6 @@ STAGES = [
     *everywhere("clean", *SERIES_KINDS),
     *everywhere("segment", *SERIES_KINDS),
     *REPEATS,
-    *everywhere("relaxation", *RELAXATION_KINDS),
     *[path for cell in CELLS for path in other_curves(cell)],
     *[f"results/stages/basis/{cell}.json" for cell in CELLS],
     *[f"results/stages/degradation_modes/{cell}.parquet" for cell in DEGRADED],

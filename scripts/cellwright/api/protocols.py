@@ -222,7 +222,12 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
     enough. Source: thesis 3.3; docs/relaxation.md.
     """
     from cellwright.api.charge import state_of_charge
-    from cellwright.protocols.rests import chamber_or_cell, example, rests_of
+    from cellwright.protocols.rests import (
+        chamber_or_cell,
+        diffusion_in_words,
+        example,
+        rests_of,
+    )
     from cellwright.records.anchor import AS_STATED
 
     columns = inputs.columns(series, *inputs.NAMES)
@@ -242,6 +247,7 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
     stated = inputs.test_facts(test).soc is not None
     doubted = np.isnan(anchored.soc).all() or (stated and not anchored.anchor.startswith(AS_STATED))
     where = [f"SoC: {anchored.anchor}"] if doubted else []
+    where += filter(None, [diffusion_in_words(rests.rows)])
     tables = {"rows": rests.rows, "curve": example(rests.rows, time, voltage)}
     return results.Result(tables, notes=(*where, *rests.left_out))
 
