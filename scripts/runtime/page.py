@@ -53,7 +53,13 @@ TABLES_OF_PAGE = [
     "validation",
     "soc",
 ]
-TABLES_OF_PAGE += ["resistance_definitions", "choice", "missing_effect", "pack_checks"]
+TABLES_OF_PAGE += [
+    "resistance_definitions",
+    "activation_energies",
+    "choice",
+    "missing_effect",
+    "pack_checks",
+]
 TABLES_OF_PAGE += PACK_TABLES
 FLEET = (
     "What each effect takes off the error of the plain model on tests that took no part in its "

@@ -81,7 +81,7 @@ TABLES_OF_MODELS = {
 }
 TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
 COMPARED_CELLS = ["fleet_health", "fleet_health_lines", "protocols"]
-WITH_SUMMARY = ["excluded", "resistance_definitions"]  # made beside the summary
+WITH_SUMMARY = ["excluded", "resistance_definitions", "activation_energies"]  # made beside the summary
 TABLES = [*TABLE_INPUTS, *COMPARED_CELLS, "missing_effect", "fleet", *WITH_SUMMARY]
 COLD_WORDS = [f"results/stages/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
@@ -172,6 +172,7 @@ rule summary:
         excluded="results/tables/excluded.csv",
         summary="results/summary.csv",
         resistances="results/tables/resistance_definitions.csv",
+        energies="results/tables/activation_energies.csv",
         checks="results/tables/checks.csv",
     log:
         "logs/summary.log",
