@@ -70,6 +70,7 @@ from cellwright.api.protocols import course as course
 from cellwright.api.protocols import disagreements as disagreements
 from cellwright.api.protocols import fast_charge as fast_charge
 from cellwright.api.protocols import ica as ica
+from cellwright.api.protocols import ica_discharge as ica_discharge
 from cellwright.api.protocols import ica_life as ica_life
 from cellwright.api.protocols import ica_peaks as ica_peaks
 from cellwright.api.protocols import impedance as impedance

@@ -48,6 +48,7 @@ TABLES_OF_PAGE = [
     "capacity",
     "capacity_between_rests",
     "ica",
+    "ica_discharge",
     "eis",
     "temperature",
     "validation",

@@ -32,6 +32,7 @@ TABLES_OF_TESTS = {
     "fast_charge": everywhere("fast_charge", "fast_charge"),
     "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
+    "ica_discharge": everywhere("ica_discharge", "ica", "ocv"),
     "ica_tracks": [f"results/stages/ica_tracks/{cell}.parquet" for cell in FOLLOWED],
 }
 TABLES_OF_HEALTH = {
@@ -81,7 +82,11 @@ TABLES_OF_MODELS = {
 }
 TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
 COMPARED_CELLS = ["fleet_health", "fleet_health_lines", "protocols"]
-WITH_SUMMARY = ["excluded", "resistance_definitions", "activation_energies"]  # made beside the summary
+WITH_SUMMARY = [
+    "excluded",
+    "resistance_definitions",
+    "activation_energies",
+]  # made beside the summary
 TABLES = [*TABLE_INPUTS, *COMPARED_CELLS, "missing_effect", "fleet", *WITH_SUMMARY]
 COLD_WORDS = [f"results/stages/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
