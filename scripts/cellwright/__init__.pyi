@@ -13,6 +13,7 @@ from cellwright.api.effects import missing_effect as missing_effect
 from cellwright.api.effects import missing_group_effect as missing_group_effect
 from cellwright.api.effects import prepared_case as prepared_case
 from cellwright.api.effects import witnesses as witnesses
+from cellwright.api.health import capacity_between_rests as capacity_between_rests
 from cellwright.api.health import check_ups as check_ups
 from cellwright.api.health import compare_protocols as compare_protocols
 from cellwright.api.health import fade as fade
@@ -68,6 +69,7 @@ from cellwright.api.protocols import course as course
 from cellwright.api.protocols import disagreements as disagreements
 from cellwright.api.protocols import fast_charge as fast_charge
 from cellwright.api.protocols import ica as ica
+from cellwright.api.protocols import ica_discharge as ica_discharge
 from cellwright.api.protocols import ica_life as ica_life
 from cellwright.api.protocols import ica_peaks as ica_peaks
 from cellwright.api.protocols import impedance as impedance

@@ -110,26 +110,39 @@ def _bars(axes, rows):
 NAMED_CURVES = 2  # whose voltages of peaks do not lie on each other; tables have all
 
 
-def draw_ica(tests):
-    """Incremental capacity over voltage with its peaks; `tests` are (curve, peaks, about)."""
+def draw_ica(charges, discharges=()):
+    """Incremental capacity over voltage with its peaks, each (curve, peaks, about).
+
+    Discharges are dashed: of one plateau they lie lower in voltage, by the polarisation and the
+    hysteresis of both.
+    """
+    discharges = [one for one in discharges if len(one[0].get("voltage_volt", ()))]
+    if not charges and not discharges:
+        return style.message("No slow charge or discharge with dQ/dV.")
     figure, axes = style.subplots(1, 1, height=3.0)
     panel = axes[0, 0]
-    for index, (curve, peaks, about) in enumerate(tests):
-        colour = style.SERIES[index % len(style.SERIES)]
-        panel.plot(
-            curve["voltage_volt"],
-            curve["dq_dv_ampere_hour_per_volt"],
-            color=colour,
-            label=about["wildcards"]["test"],
-        )
-        heights = peaks.get("height_ampere_hour_per_volt", [])
-        for volt, height in zip(peaks.get("voltage_volt", []), heights, strict=True):
-            panel.plot(volt, height, "o", color=colour)
-            if len(tests) <= NAMED_CURVES:
-                panel.annotate(f"{volt:.3f} V", (volt, height), (0, 5), textcoords="offset points")
-    panel.set(xlabel="voltage [V]", ylabel="dQ/dV [Ah/V]", title="Incremental capacity on charge")
+    tests = list(dict.fromkeys(one[2]["wildcards"]["test"] for one in [*charges, *discharges]))
+    named = len(charges) + len(discharges) <= NAMED_CURVES
+    for direction, curves in (("charge", charges), ("discharge", discharges)):
+        for curve, peaks, about in curves:
+            test = about["wildcards"]["test"]
+            colour = style.SERIES[tests.index(test) % len(style.SERIES)]
+            line = {"color": colour, "linestyle": "-" if direction == "charge" else "--"}
+            label = test if direction == "charge" else f"{test}, discharge"
+            dq_dv = curve["dq_dv_ampere_hour_per_volt"]
+            panel.plot(curve["voltage_volt"], dq_dv, label=label, **line)
+            _name_peaks(panel, peaks, colour, named)
+    panel.set(xlabel="voltage [V]", ylabel="dQ/dV [Ah/V]", title="Incremental capacity")
     style.legend_once(panel)
     return figure
+
+
+def _name_peaks(panel, peaks, colour, named):
+    heights = peaks.get("height_ampere_hour_per_volt", [])
+    for volt, height in zip(peaks.get("voltage_volt", []), heights, strict=True):
+        panel.plot(volt, height, "o", color=colour)
+        if named:
+            panel.annotate(f"{volt:.3f} V", (volt, height), (0, 5), textcoords="offset points")
 
 
 def draw_ica_temperature(curves, peaks, matches):

@@ -122,7 +122,9 @@ DRAW = {
     "capacity": lambda of: capacity.draw_capacity(load_some(of.capacity)),
     "ocv": lambda of: ocv.draw_ocv(load_some(of.curves)),
     "resistance": lambda of: resistance.draw_resistance(load_some(of.pulses)),
-    "ica": lambda of: capacity.draw_ica(_together(of.curves, of.peaks)),
+    "ica": lambda of: capacity.draw_ica(
+        _together(of.curves, of.peaks), _together(of.discharges, of.discharge_peaks)
+    ),
     "ica_tracks": _ica_tracks,
     "impedance": lambda of: impedance.draw_nyquist(load_some(of.spectra)),
     "impedance_fit": lambda of: impedance.draw_impedance_fit(load_some(of.spectra)),

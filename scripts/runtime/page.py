@@ -43,15 +43,36 @@ from runtime.page_tables import (
 )
 
 PACK_TABLES = ["packs", "series_packs", "nested_packs"]
-TABLES_OF_PAGE = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
-TABLES_OF_PAGE += ["resistance_definitions", "choice", "missing_effect", "pack_checks"]
+TABLES_OF_PAGE = [
+    "capacity",
+    "capacity_between_rests",
+    "ica",
+    "ica_discharge",
+    "eis",
+    "temperature",
+    "validation",
+    "soc",
+]
+TABLES_OF_PAGE += [
+    "resistance_definitions",
+    "activation_energies",
+    "choice",
+    "missing_effect",
+    "pack_checks",
+]
 TABLES_OF_PAGE += PACK_TABLES
 FLEET = (
     "What each effect takes off the error of the plain model on tests that took no part in its "
     "fit, in mV. A question mark: not sure, see the cell's page; or: one name of a tie; n/t: its "
     "tests cannot show it; blank: not shown."
 )
-UNREAD = {"models", "models_of_checkups", "resistance", "ica_tracks"}  # long, and on no page
+UNREAD = {
+    "models",
+    "models_of_checkups",
+    "resistance",
+    "relaxation",
+    "ica_tracks",
+}  # long, and on no page
 OF_HEALTH = ("lives", "fleet")  # pictures of the overview that stand in its part on health
 # All pages of a report up to this stand in it as they are, and are read without a script: what a
 # mail of 25 MB carries, which adds a third to a file. Larger ones are packed, and need the script.

@@ -320,6 +320,30 @@ def resistances(cells, tables, models, verdicts, note=print) -> "DataFrame":
     return DataFrame(rows, dtype=object)
 
 
+def energies(cells, tables, models, verdicts, note=print) -> "DataFrame":
+    """Activation energies of each cell, one for each quantity, see `energies_of_cell`.
+
+    Arguments as of `resistances`.
+    """
+    from pandas import DataFrame
+
+    from cellwright.health.energies import energies_of_cell
+
+    found = {verdict["cell"]: verdict for verdict in verdicts if "cell" in verdict}
+    frame, rows = tables["temperature"], []
+    # Laws of a type have no cell.
+    laws = dict(iter(frame.groupby("cell", sort=False))) if "cell" in frame else {}
+    for name in (facts["cell"] for facts in cells):
+        own = _known(laws.get(name, frame.iloc[:0]))
+        try:
+            of_cell = energies_of_cell(own, models.get(name, {}), found.get(name, {}))
+        except Exception as error:
+            note(f"{name}: {artefact.failure(error, 'to relate its activation energies')}")
+            continue
+        rows += [{"cell": name} | row for row in of_cell]
+    return DataFrame(rows, dtype=object)
+
+
 def _first_check_up(of_cell) -> dict:
     """Capacity of the first check-up, of a cell whose tests are no complete cycles; or empty."""
     rows = _known(of_cell.get("checkups", of_cell["capacity"]))

@@ -1,4 +1,4 @@
-"""What was left out, a row per cell, R0 among all resistances, and results held against physics."""
+"""What was left out, a row per cell, its R0 and activation energies, results against physics."""
 
 from pathlib import Path
 
@@ -16,6 +16,8 @@ with artefact.Job(snakemake, output.summary, inputs=[*sources, *inputs.models]) 
 with artefact.Job(snakemake, output.resistances, inputs=[*sources, *inputs.verdicts]) as job:
     verdicts = [found for found, _ in artefact.load_all(inputs.verdicts)]
     job.save(tables.resistances(params.cells, frames, models, verdicts, job.note))
+with artefact.Job(snakemake, output.energies, inputs=[*sources, *inputs.verdicts]) as job:
+    job.save(tables.energies(params.cells, frames, models, verdicts, job.note))
 checked = [*sources, output.summary, *inputs.laws]
 with artefact.Job(snakemake, output.checks, inputs=checked) as job:
     job.save(results_check.outcomes(Path(output.excluded).parent))

@@ -57,6 +57,7 @@ OF_BASIS = {
     "chamber_steps": lambda b: cw.chamber_steps(SERIES, STEPS, b, TEST, CELL),
     "resistance": lambda b: cw.resistance(SERIES, STEPS, b, TEST, CELL),
     "relaxation": lambda b: cw.relaxation(SERIES, STEPS, b, TEST, CELL),
+    "capacity_between_rests": lambda b: cw.capacity_between_rests([(TEST, SERIES, STEPS)], b),
 }
 NO_BASIS_IN_IT = {"fast_charge"}  # a result of `fast_charge` is read first
 

@@ -53,6 +53,8 @@ def figures_of_tests(cell):
         "ica": {
             "curves": artefacts("ica_curve", cell, "ica"),
             "peaks": artefacts("ica", cell, "ica"),
+            "discharges": artefacts("ica_discharge_curve", cell, "ica", "ocv"),
+            "discharge_peaks": artefacts("ica_discharge", cell, "ica", "ocv"),
         },
         "impedance": {"spectra": artefacts("eis_curve", cell, "eis")},
         "impedance_fit": {"spectra": artefacts("eis_curve", cell, "eis")},

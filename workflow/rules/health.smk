@@ -263,6 +263,38 @@ def rated_capacities(cell):
     return fitted("capacity", cell, *CAPACITY_KINDS) or fitted("capacity", cell, "ica")
 
 
+# Tests of which two rests may tell the capacity: all but those that the open-circuit voltage is
+# from, and lives, whose half cycles are counted one by one.
+BETWEEN_KINDS = sorted({*SERIES_KINDS} - {"ocv", "ocv_temperature", "ageing"})
+
+
+def between_rests(cell):
+    """Tests of a cell of which two rests may tell its capacity."""
+    return tests(cell, *BETWEEN_KINDS)
+
+
+RESTED = dict.fromkeys(filter(between_rests, CELLS))
+
+
+rule between_rests:
+    input:
+        basis="results/stages/basis/{cell}.json",
+        series=PLAN.own_rows("clean", between_rests),
+        steps=PLAN.own_rows("segment", between_rests),
+    output:
+        "results/stages/capacity_between_rests/{cell}.parquet",
+    log:
+        "logs/between_rests/{cell}.log",
+    wildcard_constraints:
+        cell=either(RESTED),
+    params:
+        instrument=config["instrument"],
+    message:
+        "Capacity of {wildcards.cell} between two rests, by its open-circuit voltage."
+    script:
+        "../../scripts/health/between_rests.py"
+
+
 rule check_ups:
     input:
         capacities=own(rated_capacities),

@@ -185,6 +185,24 @@ rule ica:
         "../../scripts/protocols/ica.py"
 
 
+rule ica_discharge:
+    input:
+        series="results/stages/clean/{cell}/{test}.parquet",
+        steps="results/stages/segment/{cell}/{test}.parquet",
+    output:
+        peaks="results/stages/ica_discharge/{cell}/{test}.parquet",
+        curve="results/stages/ica_discharge_curve/{cell}/{test}.parquet",
+    log:
+        "logs/ica_discharge/{cell}/{test}.log",
+    params:
+        prominence=config["ica"]["prominence"],
+        test=test_facts,
+    message:
+        "Incremental capacity of {wildcards.cell} from the discharge in {wildcards.test}."
+    script:
+        "../../scripts/protocols/ica_discharge.py"
+
+
 WITH_SPECTRA = [cell for cell in CELLS if tests(cell, "eis")]
 
 

@@ -13,6 +13,7 @@ MODELS = [f"results/models/{cell}.json" for cell in MODELLED]
 TABLES_OF_TESTS = {
     "capacity": [*everywhere("capacity", *CAPACITY_KINDS), *everywhere("ageing_cycles", "ageing")],
     "resistance": everywhere("resistance", *PULSE_KINDS),
+    "relaxation": everywhere("relaxation", *RELAXATION_KINDS),
     "ocv": [
         *everywhere("ocv_functions", "ocv"),
         *[f"results/stages/ocv_functions_temperature/{cell}.parquet" for cell in STEPPED],
@@ -31,9 +32,13 @@ TABLES_OF_TESTS = {
     "fast_charge": everywhere("fast_charge", "fast_charge"),
     "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
+    "ica_discharge": everywhere("ica_discharge", "ica", "ocv"),
     "ica_tracks": [f"results/stages/ica_tracks/{cell}.parquet" for cell in FOLLOWED],
 }
 TABLES_OF_HEALTH = {
+    "capacity_between_rests": [
+        f"results/stages/capacity_between_rests/{cell}.parquet" for cell in RESTED
+    ],
     "health": [f"results/stages/health/{cell}.parquet" for cell in HEALTHY],
     "checkups": [f"results/stages/checkups/{cell}.parquet" for cell in CHECKED],
     "resistance_growth": [f"results/stages/resistance_growth/{cell}.parquet" for cell in CHECKED],
@@ -77,7 +82,11 @@ TABLES_OF_MODELS = {
 }
 TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
 COMPARED_CELLS = ["fleet_health", "fleet_health_lines", "protocols"]
-WITH_SUMMARY = ["excluded", "resistance_definitions"]  # made beside the summary
+WITH_SUMMARY = [
+    "excluded",
+    "resistance_definitions",
+    "activation_energies",
+]  # made beside the summary
 TABLES = [*TABLE_INPUTS, *COMPARED_CELLS, "missing_effect", "fleet", *WITH_SUMMARY]
 COLD_WORDS = [f"results/stages/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
@@ -87,7 +96,6 @@ STAGES = [
     *everywhere("clean", *SERIES_KINDS),
     *everywhere("segment", *SERIES_KINDS),
     *REPEATS,
-    *everywhere("relaxation", *RELAXATION_KINDS),
     *[path for cell in CELLS for path in other_curves(cell)],
     *[f"results/stages/basis/{cell}.json" for cell in CELLS],
     *[f"results/stages/degradation_modes/{cell}.parquet" for cell in DEGRADED],
@@ -169,6 +177,7 @@ rule summary:
         excluded="results/tables/excluded.csv",
         summary="results/summary.csv",
         resistances="results/tables/resistance_definitions.csv",
+        energies="results/tables/activation_energies.csv",
         checks="results/tables/checks.csv",
     log:
         "logs/summary.log",

@@ -1,7 +1,7 @@
 """Health over a life: fade, check-ups, peaks of dQ/dV; fleets and protocols compared."""
 
 from cellwright.api import inputs, results
-from cellwright.settings import Health
+from cellwright.settings import Health, Instrument
 
 
 def fade(records, cell, settings=None, *, check_ups=(), **changes):
@@ -65,6 +65,36 @@ def check_ups(capacities, resistances, cell, throughputs=()):
     except Refusal as refusal:
         growth, notes = [], [*notes, str(refusal)]
     return results.Result({"rows": rows, "growth": growth}, notes=tuple(notes))
+
+
+def capacity_between_rests(tests, basis, settings=None, **changes):
+    """Capacity [Ah] of a cell from parts of its charge: between two rests, by the OCV of its basis.
+
+    tests : (test, series, result of `segment`) each; one that the curve itself is from is left out.
+    basis : result of `basis`, or its document. settings : `settings.Instrument`.
+
+    Returns rows, one a test: capacity and its standard deviation [Ah], the charge between the rests
+    [Ah], SoC of both with their deviations [1], doubt. What tells nothing is in the notes, with the
+    reason. Raises Refusal: no test tells a capacity so. Source: docs/capacity.md.
+    """
+    from cellwright.health.between_rests import capacity_of_test, sentences_of
+    from cellwright.refusal import Refusal
+
+    options = inputs.settings_of(Instrument, settings, changes)
+    known, rows, reasons = inputs.basis(basis), [], {}
+    for test, series, steps in tests:
+        facts = inputs.test_facts(test)
+        columns = inputs.columns(series, *inputs.COUNTED)
+        try:
+            rows.append(
+                capacity_of_test(columns, inputs.steps(steps), facts, known, **options._asdict())
+            )
+        except Refusal as refusal:
+            reasons.setdefault(str(refusal), []).append(facts.test)
+    notes = sentences_of(reasons)
+    if not rows:
+        raise Refusal(f"no capacity between two rests: {'; '.join(notes) or 'no test'}")
+    return results.Result({"rows": rows}, notes=notes)
 
 
 def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):

@@ -220,7 +220,12 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
     enough. Source: thesis 3.3; docs/relaxation.md.
     """
     from cellwright.api.charge import state_of_charge
-    from cellwright.protocols.rests import chamber_or_cell, example, rests_of
+    from cellwright.protocols.rests import (
+        chamber_or_cell,
+        diffusion_in_words,
+        example,
+        rests_of,
+    )
     from cellwright.records.anchor import AS_STATED
 
     columns = inputs.columns(series, *inputs.NAMES)
@@ -240,32 +245,74 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
     stated = inputs.test_facts(test).soc is not None
     doubted = np.isnan(anchored.soc).all() or (stated and not anchored.anchor.startswith(AS_STATED))
     where = [f"SoC: {anchored.anchor}"] if doubted else []
+    where += filter(None, [diffusion_in_words(rests.rows)])
     tables = {"rows": rests.rows, "curve": example(rests.rows, time, voltage)}
     return results.Result(tables, notes=(*where, *rests.left_out))
 
 
-def ica(series, steps):
+def ica(series, steps, *, direction="charge"):
     """Incremental capacity dQ/dV [Ah/V] over voltage of the constant-current charge in one test.
 
     Parts of a charge that was interrupted are one, as the notes say.
+
+    direction : "discharge" for that of the discharge, which is read as its mirror image: charge and
+        dQ/dV count from its lowest voltage, as those of a charge do.
 
     Returns curve, `protocols.ica.curve.IncrementalCapacity` [Ah/V] over voltage [V]; its c_rate
     [1/h]. Raises Refusal: no constant-current charge, or one over too small a voltage.
     Source: docs/ica.md.
     """
     from cellwright.protocols.ica.charge import charge_slope, constant_current_charge, constant_rows
+    from cellwright.protocols.ica.discharge import mirrored, mirrored_words
     from cellwright.protocols.ica.parts import parts_joined
+    from cellwright.refusal import Refusal
 
-    steps = inputs.steps(steps)._asdict()
-    time, current, voltage, charge = inputs.quantities(series, inputs.COUNTED)
-    *ends, step = constant_current_charge(steps, charge)
-    ends = constant_rows(current, *ends)
-    rows, notes = parts_joined(time, current, voltage, charge, steps, step, ends)
-    curve, slope = charge_slope(voltage[rows], charge[rows])
+    if direction not in ("charge", "discharge"):
+        raise Refusal(f'direction is {direction!r}, wanted "charge" or "discharge"')
+    of_steps, columns = inputs.steps(steps)._asdict(), inputs.quantities(series, inputs.COUNTED)
+    turned = direction == "discharge"
+    words = mirrored_words if turned else str
+    time, current, voltage, charge = columns
+    if turned:
+        (time, current, voltage, charge), of_steps = mirrored(columns, of_steps)
+    try:
+        *ends, step = constant_current_charge(of_steps, charge)
+        ends = constant_rows(current, *ends)
+        rows, notes = parts_joined(time, current, voltage, charge, of_steps, step, ends)
+        # The end of a discharge is where its voltage, and what it has left, is lowest.
+        order, sign = (rows[::-1], -1.0) if turned else (rows, 1.0)
+        curve, slope = charge_slope(sign * voltage[order], sign * charge[order])
+    except Refusal as refusal:
+        raise Refusal(words(str(refusal))) from refusal
     # The mean current of a step that holds the voltage in the end is less than its constant one.
-    rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
+    rated = of_steps["current_mean_ampere"][step] / of_steps["c_rate"][step]
     about = {"c_rate": float(np.median(current[rows]) / rated), "slope": slope}
-    return results.Result({"curve": curve}, about, notes)
+    return results.Result({"curve": curve}, about, tuple(map(words, notes)))
+
+
+def ica_discharge(series, steps, *, prominence=ICA.prominence, slow=False):
+    """Incremental capacity of the slow discharge in one test, and its peaks, beside its charge.
+
+    prominence : as of `ica_peaks`. slow : whether any discharge of the test counts as slow, as in a
+        test for the open-circuit voltage; else one no faster than the charge in it.
+
+    Returns rows and curve as of `ica_peaks` and `ica`, without an entry where the test has no such
+    discharge, as the notes say. Source: docs/ica.md.
+    """
+    from cellwright.protocols.ica.discharge import NO_CURVE, NO_PEAKS, refuse_faster
+    from cellwright.refusal import Refusal
+
+    try:
+        found = ica(series, steps, direction="discharge")
+        if not slow:
+            refuse_faster(found.c_rate, inputs.steps(steps))
+        peaks = ica_peaks(found, prominence=prominence)
+    except Refusal as refusal:
+        notes = (f"no dQ/dV of a discharge: {refusal}",)
+        return results.Result({"rows": NO_PEAKS, "curve": NO_CURVE}, {"c_rate": np.nan}, notes)
+    return results.Result(
+        {"rows": peaks.rows, "curve": found.curve}, {"c_rate": found.c_rate}, found.notes
+    )
 
 
 def ica_peaks(ica, *, prominence=ICA.prominence):

@@ -66,7 +66,7 @@ def fit_relaxation(time_second, voltage_volt, *, most=2):
     # ASSUME: A rest relaxes by at most two or three exponentials; a slower tail is in the OCV.
     time, voltage = np.asarray(time_second, float), np.asarray(voltage_volt, float)
     _check(time, voltage)
-    time, voltage = _evened(time - time[0], voltage)
+    time, voltage = evened(time - time[0], voltage)
     whole, half = _best(time, voltage, most), time <= time[-1] / 2
     if half.sum() < FEWEST or voltage[half].max() == voltage[half].min():
         return whole
@@ -171,7 +171,7 @@ def _result(linear, tau, std, residual, voltage, level, last, passes):
     )
 
 
-def _evened(time, voltage):
+def evened(time, voltage):
     """Time and voltage with samples averaged that are closer than the usual step.
 
     The usual step is that in which half of the time passes. So a burst of samples after the load

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.numerics.noise import least_digit
 from cellwright.protocols import Found, counted, not_elsewhere
+from cellwright.protocols.diffusion import diffusion_of_rest
 from cellwright.protocols.relaxation import fit_relaxation, noise_volt, reasons_against
 from cellwright.records.conditions import LOW_C_RATE, low_current
 from cellwright.refusal import Refusal
@@ -25,12 +26,13 @@ COLUMNS = dict.fromkeys(
         *("b_volt", "b_std_volt", "tau2_second", "tau2_std_second", "fast_volt", "fast_std_volt"),
         *("fast_tau_second", "fast_tau_std_second", "r1_ohm", "r2_ohm", "ocv_volt"),
         *("ocv_std_volt", "ahead_volt", "drift_volt", "r_squared", "rmse_volt", "noise_volt"),
-        "reason",
+        *("reason", "diffusion_second", "diffusion_std_second", "diffusion_reason"),
     ),
     float,
 )
-COLUMNS |= {"direction": str, "load": str, "reason": str, "chosen": bool}
+COLUMNS |= {"direction": str, "load": str, "reason": str, "diffusion_reason": str, "chosen": bool}
 COLUMNS |= dict.fromkeys(("rest", "samples", "exponentials"), int)
+NO_DIFFUSION = {"diffusion_second": np.nan, "diffusion_std_second": np.nan, "diffusion_reason": ""}
 # Names of an amplitude [V] and its time constant [s], those of the fastest exponential last.
 PAIRS = {"a": "tau1", "b": "tau2", "fast": "fast_tau"}
 
@@ -47,6 +49,7 @@ def rests_of(
     shortest_rest_second=RELAXATION.shortest_rest_second,
     r_squared_limit=0.98,  # thesis 3.3: every rest lies above it
     elsewhere=None,
+    diffusion=True,
 ):
     """Depolarisation of every rest that follows a load, by two exponentials.
 
@@ -62,7 +65,7 @@ def rests_of(
     temperature_celsius : (n,) of the chamber, else of the cell, or None [°C].
     shortest_rest_second : [s].
     r_squared_limit : R² from which a rest needs no reason [1].
-    elsewhere : as of `not_elsewhere`.
+    elsewhere : as of `not_elsewhere`. diffusion : whether R²/D is asked for, which takes longest.
 
     Returns found: Found; rows are columns of stage `relaxation`, one entry a rest and number of
     exponentials. rest counts the rests of the test; direction, load (kind of step),
@@ -71,8 +74,9 @@ def rests_of(
     with V∞ = ocv_volt. fast_… : a third, faster exponential where one is told, else NaN. chosen :
     the larger number told. r1_ohm, r2_ohm : a and b over the current, and over the share of its end
     value that each reaches within the load. reason : why R² is below the limit, or what else stands
-    against two exponentials; empty where nothing does. Without a row where no rest is long enough;
-    `left_out` then says so.
+    against two exponentials; empty where nothing does. diffusion_… : R²/D and its deviation, or
+    why neither (`diffusion_of_rest`). Without a row where no rest is long enough; `left_out` then
+    says so.
 
     Source: thesis sec. 3.3, (3.14)–(3.16); dU/dt = −U/tau + i/c, the minus is missing in print.
     """
@@ -86,7 +90,8 @@ def rests_of(
     rests = not_elsewhere(rests, elsewhere, "rest", reasons)
     for number, step in enumerate(rests):
         try:
-            rows += _rows_of(number, series, steps, step, shortest_rest_second, r_squared_limit)
+            limits = shortest_rest_second, r_squared_limit
+            rows += _rows_of(number, series, steps, step, limits, diffusion)
         except Refusal as refusal:
             reasons[str(refusal)] += 1
     left_out = counted(reasons)
@@ -105,11 +110,11 @@ def chamber_or_cell(series):
     return series.get("surface_temperature_celsius") if chamber is None else chamber
 
 
-def _rows_of(number, series, steps, step, shortest, limit):
+def _rows_of(number, series, steps, step, limits, diffusion):
     """Rows of one rest: of two exponentials or one, and of three where determined."""
     if low_current(steps.c_rate[step - 1], 1.0):
         raise Refusal(f"load before the rest is below {LOW_C_RATE:.2g} C")
-    time, _, voltage, _, celsius = series
+    (time, _, voltage, _, celsius), (shortest, limit) = series, limits
     rows = np.arange(int(steps.first_row[step]), int(steps.last_row[step]) + 1)
     moved = np.abs(celsius[rows] - celsius[rows[0]]) > MOVED_KELVIN
     rows = rows[: int(np.argmax(moved))] if moved.any() else rows
@@ -125,6 +130,7 @@ def _rows_of(number, series, steps, step, shortest, limit):
     reason = reasons_against(two, three, v, limit=limit, grain=least_digit(v), noise=noise)
     common = _load(series, steps, step, rows)
     common |= {"rest": number, "noise_volt": noise, "reason": reason}
+    common |= _diffusion(common, series, steps, step, (t, v), two) if diffusion else NO_DIFFUSION
     return [common | _fit(fit, common) | {"chosen": fit is fits[-1]} for fit in fits]
 
 
@@ -180,6 +186,53 @@ def _fit(fit, load):
     row["r2_ohm"] = _pair_resistance(row["b_volt"], row["tau2_second"], load)
     same = ("ocv_volt", "ocv_std_volt", "ahead_volt", "drift_volt", "r_squared", "rmse_volt")
     return row | {name: float(getattr(fit, name)) for name in same}
+
+
+def _diffusion(load, series, steps, step, rest, exponentials):
+    """Columns on R²/D, by diffusion after a long constant current; else why it is not told.
+
+    rest : time [s], voltage [V] (n,) of its rows. exponentials : Relaxation of the same.
+    """
+    if load["load"] != "CC":
+        return NO_DIFFUSION | {
+            "diffusion_reason": f"its load is no long constant current: {load['load']}"
+        }
+    rested = step > 1 and steps.kind[step - 2] == "rest"
+    before = series[2][int(steps.first_row[step - 1]) - 1] if rested else np.nan
+    try:
+        found = diffusion_of_rest(
+            rest[0] - load["start_time_second"] + load["delay_second"],
+            rest[1],
+            exponentials,
+            load_second=load["load_second"],
+            current_ampere=load["current_before_ampere"],
+            before_volt=before,
+        )
+    except Refusal as refusal:
+        return NO_DIFFUSION | {"diffusion_reason": str(refusal)}
+    told = {"diffusion_second": found.second, "diffusion_std_second": found.std_second}
+    return NO_DIFFUSION | told
+
+
+def diffusion_in_words(rows):
+    """Sentence on R²/D of a test's rests, "" where none tells it.
+
+    Mean weighted by their deviations. It is no surer than the typical rest: what the sphere and the
+    straight open-circuit voltage do not hold is the same in all of them.
+    rows : of `rests_of`.
+    """
+    told = np.isfinite(rows["diffusion_second"]) & rows["chosen"]
+    if not told.any():
+        return ""
+    second, std = rows["diffusion_second"][told], rows["diffusion_std_second"][told]
+    weight = std**-2 / np.sum(std**-2)
+    mean = float(weight @ second)
+    chi = np.sqrt(np.sum(((second - mean) / std) ** 2) / max(len(second) - 1, 1))
+    off = float(np.median(std)) * max(float(chi), 1.0)
+    return (
+        f"diffusion time R²/D: {mean:.4g} ± {off:.2g} s over {len(second)} rests, "
+        f"{second.min():.4g} to {second.max():.4g} s"
+    )
 
 
 def _pair_resistance(volt, tau, load):

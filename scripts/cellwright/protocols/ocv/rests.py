@@ -64,7 +64,11 @@ def rest_points(
     columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
     time, current, voltage, charge = (np.asarray(column, float) for column in columns)
     unknown = np.full(len(time), np.nan)
-    fitted = rests_of(time, current, voltage, unknown, steps, shortest_rest_second=rest_second).rows
+    fitted = rests_of(
+        *(time, current, voltage, unknown, steps),
+        shortest_rest_second=rest_second,
+        diffusion=False,
+    ).rows
     chosen = [
         {name: column[k] for name, column in fitted.items()}
         for k in np.flatnonzero(fitted["chosen"])

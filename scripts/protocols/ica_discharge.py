@@ -1,0 +1,16 @@
+"""Incremental capacity of the slow discharge in one test, and its peaks; empty without one."""
+
+import cellwright as cw
+from runtime import artefact
+
+with artefact.Job(snakemake) as job:
+    record, params = (
+        [job.load(snakemake.input[name]) for name in ("series", "steps")],
+        snakemake.params,
+    )
+    slow = params.test["kind"] == "ocv"
+    found = cw.ica_discharge(*record, prominence=params.prominence, slow=slow)
+    job.note(*found.notes)
+    job.save(found.rows, snakemake.output.peaks)
+    arrays, facts = artefact.split(found.curve)
+    job.save(arrays, snakemake.output.curve, c_rate=found.c_rate, **facts)
