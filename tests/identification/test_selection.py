@@ -159,7 +159,17 @@ def test_a_member_that_simulates_what_no_cell_has_is_not_chosen():
 
 def test_of_members_alike_in_most_blocks_the_one_without_a_corner_is_chosen():
     alike = {"1RC": score(1e-6, 1e-6, 2e-6, 9e-2), "2RC": score(1.1e-6, 0.9e-6, 2.1e-6, 2e-4)}
-    assert choose(alike).name == "2RC"
+    two = {
+        name: score(*parts[0].square_volt2, 0.4 * parts[0].square_volt2[-1])
+        for name, parts in (alike.items())
+    }
+    assert choose(two).name == "2RC"
+    # One block alone decides nothing, unless the simulation through all records says the same.
+    assert choose(alike).name == "1RC"
+    same = fitted(**{"1RC": [2e-3], "2RC": [2e-3]})
+    assert choose(alike, celsius=[25.0], fitted_volt=same).name == "1RC"
+    worse = fitted(**{"1RC": [26e-3], "2RC": [19e-3]})
+    assert choose(alike, celsius=[25.0], fitted_volt=worse).name == "2RC"
 
 
 def test_equal_is_a_difference_within_the_scatter_of_blocks():

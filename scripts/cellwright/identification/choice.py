@@ -92,18 +92,17 @@ def choose(
     1. No member is chosen that, simulated through the records fitted, errs far more than the best
     of the family at any temperature: more than `FAR` times, and more than `MATERIAL_VOLT` beyond,
     or by more than `UNUSABLE_VOLT` where another does not; nor one whose rms error on what was left
-    out is so far from the smallest, but for one that is better beyond chance block by block and not
-    so far without the block that speaks most against it; nor one whose simulation leaves the range
-    of the measured voltage by more than `FAULT_VOLT`.
+    out is so far from the smallest, also without the block that speaks most against it; nor one
+    whose simulation leaves the range of the measured voltage by more than `FAULT_VOLT`.
     2. Compared is the logarithm of each block's mean square error, so that one block near empty
     does not outvote all others, and every temperature counts alike, however many blocks it has.
     Equal to the best are members whose mean difference from it, block by block, is less than one
     standard error, and all where fewer than three blocks tell none, unless they are worse at one
     temperature beyond chance and by more than a tenth. Of these, those whose rms error over all
     blocks is within a tenth of the smallest, for what fails in one corner is not equal to what does
-    not: one block so decides between members that all others leave equal, and no more. The simplest
-    of them is chosen, and "clearly" only where it is better than each other by two standard errors
-    and no other's rms error is smaller by more than a tenth.
+    not: of one block alone only where the records simulated as in use say the same. The simplest of
+    them is chosen, and "clearly" only where it is better than each other by two standard errors and
+    no other's rms error is smaller by more than a tenth.
     3. A member of `searched` was found by a search of the same records. It takes that one's
     place if it is better by two standard errors, at no temperature worse by more than a tenth, and
     over whole tests its rms error is not larger. Of blocks one near empty may decide that one, and
@@ -140,7 +139,9 @@ def choose(
     left = _least_faulty([name for name in scores if name not in searched], faults)
     reasons = {name: words for name, (_, words) in faults.items() if name != left}
     sound = [name for name in scores if name not in reasons]
-    chosen, equal, other = _simplest([n for n in sound if n not in searched], blocks, celsius)
+    chosen, equal, other = _simplest(
+        [n for n in sound if n not in searched], blocks, fitted_volt or {}, celsius
+    )
     reasons |= other
     unsearched = chosen
     for name in (member for member in sound if member in searched):
@@ -291,17 +292,17 @@ def _least_faulty(family, faults):
     return min(family, key=lambda name: faults[name][0])
 
 
-def _simplest(names, blocks, celsius):
+def _simplest(names, blocks, fitted_volt, celsius):
     """The simplest of the equally good members, all of these, and why each other is not chosen."""
     rmse = {name: blocks.rms_volt(name) for name in names}
     least = min(names, key=rmse.get)
-    far = [name for name in names if _is_far_off(name, least, blocks)]
+    far = [name for name in names if _larger(name, least, blocks, _is_far)]
     best = min((n for n in names if n not in far), key=blocks.typical_volt)
     near = [n for n in names if n not in far and blocks.standard_errors(n, best) <= CLEAR]
     worse = {name: _worse_at(name, best, blocks, celsius) for name in near}
     alike = [name for name in near if not worse[name]]
-    smallest = min(rmse[name] for name in alike)
-    equal = [name for name in alike if rmse[name] <= NEAR * smallest]
+    smallest = min(alike, key=rmse.get)
+    equal = [name for name in alike if not _cornered(name, smallest, blocks, fitted_volt)]
     chosen = min(equal, key=lambda name: (size_of(member_named(name)), blocks.typical_volt(name)))
     typical = {name: f"{1e3 * blocks.typical_volt(name):.3g} mV" for name in names}
     reasons = {
@@ -318,19 +319,33 @@ def _simplest(names, blocks, celsius):
     return chosen, equal, reasons
 
 
-def _is_far_off(name, least, blocks):
-    """Whether a member errs far more over all rows than the one that errs least.
+def _larger(name, least, blocks, differs):
+    """Whether the rms error of a member differs from the smallest, whichever block is left out.
 
-    One block does not exclude a member that is better beyond chance in the others: near empty, a
-    block that is left out is predicted from beyond the range that is then fitted.
+    Near empty, a block that is left out is predicted from beyond the range that is then fitted: one
+    such decides nothing. differs : function (error, smallest) [V] → bool.
     """
-    if not _is_far(blocks.rms_volt(name), blocks.rms_volt(least)):
+    if not differs(blocks.rms_volt(name), blocks.rms_volt(least)):
         return False
-    if blocks.standard_errors(least, name) <= SURE:
+    if len(blocks.rows) < 3:
         return True
     excess = blocks.rows * (blocks.square_volt2[name] - blocks.square_volt2[least])
-    pair = (blocks.rms_volt(n, without=int(np.argmax(excess))) for n in (name, least))
-    return _is_far(*pair)
+    return differs(*(blocks.rms_volt(n, without=int(np.argmax(excess))) for n in (name, least)))
+
+
+def _cornered(name, least, blocks, fitted_volt):
+    """Whether a member fails somewhere where the other does not: by its rms error on what was left
+    out, of several blocks, or of one where the records simulated as in use say the same."""
+    if _larger(name, least, blocks, lambda error, smallest: error > NEAR * smallest):
+        return True
+    if name not in fitted_volt or blocks.rms_volt(name) <= NEAR * blocks.rms_volt(least):
+        return False
+    return bool(np.any(_is_worse(fitted_volt[name], fitted_volt[least])))
+
+
+def _is_worse(error, other):
+    """Whether errors [V] are larger by more than a tenth and more than anyone would notice."""
+    return error > np.maximum(NEAR * other, other + MATERIAL_VOLT)
 
 
 def _worse_at(name, best, blocks, celsius):
@@ -342,8 +357,7 @@ def _worse_at(name, best, blocks, celsius):
             for n in (name, best)
         )
         error, of_best = errors
-        larger = error > max(NEAR * of_best, of_best + MATERIAL_VOLT)
-        if larger and blocks.standard_errors(name, best, condition=k) > SURE:
+        if _is_worse(error, of_best) and blocks.standard_errors(name, best, condition=k) > SURE:
             return (
                 f"errs by {_milli(error)} mV rms on what was left out{_place(celsius, k)}, {best} "
                 f"by {_milli(of_best)} mV"
@@ -370,7 +384,7 @@ def _against(name, chosen, blocks, rmse, by_condition):
     if rmse and rmse[name] > rmse[chosen]:
         return f"errs by {_milli(rmse[name])} mV rms, {chosen} by {_milli(rmse[chosen])} mV"
     candidate, incumbent = by_condition[name], by_condition[chosen]
-    if np.any(candidate > np.maximum(NEAR * incumbent, incumbent + MATERIAL_VOLT)):
+    if np.any(_is_worse(candidate, incumbent)):
         return f"worse than {chosen} at some temperature"
     return None
 
