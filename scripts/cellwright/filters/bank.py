@@ -10,6 +10,7 @@ from cellwright.circuits.model_file import capacity_of, circuit_at, member_of
 from cellwright.circuits.temperature import continued_ocv_at
 from cellwright.numerics.statistics import rms
 from cellwright.records.basis import stated_or_reference
+from cellwright.records.conditions import at_rest
 from cellwright.refusal import Refusal
 
 BEYOND = 0.25  # how far the tables go on below empty and above full
@@ -141,6 +142,19 @@ def resistance_factor_of(model, member, celsius, reference_celsius):
     total = sum(b.parameters["r_ohm"] for b in circuit if "r_ohm" in b.parameters)
     resistance = np.interp(course, grid, total)
     return resistance[:-1] / resistance[-1]
+
+
+# ASSUME: OCV and time constants of a filter stand at the mean temperature of a record under load;
+# resistances follow the temperature.
+def loaded_mean(current_ampere, celsius, capacity_ampere_hour):
+    """Mean temperature of a record under load [degC], for the tables of the whole record.
+
+    Parameters
+    ----------
+    current_ampere, celsius : (n,) [A], [degC]. capacity_ampere_hour : of the cell [Ah].
+    """
+    loaded = ~at_rest(current_ampere, capacity_ampere_hour)
+    return float(np.mean(celsius[loaded] if loaded.any() else celsius))
 
 
 def _has_effect(branch, soc, capacity):

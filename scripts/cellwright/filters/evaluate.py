@@ -4,12 +4,12 @@ import numpy as np
 
 from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
 from cellwright.circuits.model_file import member_of
-from cellwright.filters.bank import bank_of, hysteresis_of, resistance_factor_of
+from cellwright.filters.bank import bank_of, hysteresis_of, loaded_mean, resistance_factor_of
 from cellwright.filters.estimate import Estimate, Start, estimate_on, with_doubt_of_capacity
+from cellwright.filters.learnt import learnt_at
 from cellwright.filters.plant import Noise, piece_of, plant_of, with_tracked
 from cellwright.filters.reference import reference_doubt
 from cellwright.numerics.statistics import rms
-from cellwright.records.conditions import at_rest
 from cellwright.records.filled import silent_loads
 from cellwright.records.thinning import rows_of
 from cellwright.refusal import Refusal
@@ -164,7 +164,8 @@ def soc_runs(model, record, *, settings):
         Nothing is left to score, or as `estimate.estimate`.
     """
     model, notes = _circuit_alone(model)
-    celsius = _loaded_mean(model, record)
+    size = model["capacity_ampere_hour"]
+    celsius = loaded_mean(record.current_ampere, record.celsius, size)
     bank, entry = bank_of(model, None, celsius), member_of(model, None)
     hold = hold_of(entry, record.current_ampere)
     record = _without_instrument_faults(model, entry, record)._replace(
@@ -176,8 +177,9 @@ def soc_runs(model, record, *, settings):
     notes += [
         f"filters and their reference know that {sentence}" for sentence in words_of(entry, blocks)
     ]
-    noise = noise_of(settings, record.test_time_second)
-    unsure = (model.get("capacity_std_ampere_hour") or 0.0) / model["capacity_ampere_hour"]
+    noise = noise_of(settings, record.test_time_second)._replace(**learnt_at(entry, celsius))
+    notes += _noise_in_words(noise)
+    unsure = (model.get("capacity_std_ampere_hour") or 0.0) / size
     first, *others = _starts(settings, record.soc[0])
     plans = [("nominal", start) for start in (first, *others)]
     plans += [(scenario, first) for scenario in settings.scenarios]
@@ -229,20 +231,26 @@ def noise_of(settings, test_time_second):
     )
 
 
+def _noise_in_words(noise):
+    """Note on the noise that the records fitted have told; none where they did not."""
+    if noise.level_volt <= 0.0:
+        return []
+    shares = (
+        f"{100 * noise.resistance_error:.2g} % of what acts at once for {noise.fast_second:.2g}"
+    )
+    return [
+        f"noise of the filters, from the records fitted: {1e3 * noise.sensor_volt:.2g} mV white, "
+        f"{shares} s, voltage up to "
+        f"{1e3 * noise.skew_second:.2g} ms behind the current"
+    ]
+
+
 def _without_instrument_faults(model, member, record):
     """Record corrected for the instrument errors that a member states."""
     read = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
     _, charging, soc = corrected(member, model["capacity_ampere_hour"], *read, kind=record.kind)
     volt = true_volt(member, record.voltage_volt)
     return record._replace(current_ampere=charging, voltage_volt=volt, soc=soc)
-
-
-def _loaded_mean(model, record):
-    """Mean temperature of a record under load [degC], for the tables of the whole record."""
-    # ASSUME: OCV and time constants of a filter stand at the mean temperature of a record under
-    # load; resistances follow the temperature.
-    loaded = ~at_rest(record.current_ampere, model["capacity_ampere_hour"])
-    return float(np.mean(record.celsius[loaded] if loaded.any() else record.celsius))
 
 
 def _starts(settings, soc):
