@@ -161,9 +161,9 @@ def output(state, plant, k, noise):
             volt, jacobian[spot] = volt + scale * mean[spot], scale
     if plant.ohmic >= 0:
         jacobian[plant.ohmic] = ohmic
-    spots = responses_of(plant)
-    jacobian[spots] = plant.responses[:, k]
-    volt = volt + jacobian[spots] @ mean[spots]
+    if plant.response >= 0:
+        jacobian[responses_of(plant)] = plant.responses[:, k]
+        volt += plant.responses[:, k] @ mean[responses_of(plant)]
     return volt, jacobian, curvature, stated, lean
 
 
@@ -261,7 +261,7 @@ def run(plant, noise, state):
     sizes = [*rows.shape[:1], *plant.tables.shape, len(plant.direct), len(plant.element)]
     sizes += [plant.size, plant.error, plant.fast, plant.standing, plant.capacity]
     sizes += [plant.ohmic, plant.first_order, noise.adaptive, noise.window, len(NODES)]
-    sizes += [plant.response, len(plant.responses)]
+    sizes += [plant.response, len(responses_of(plant))]
     reals = [plant.soc_first, plant.soc_spacing, plant.capacity_ampere_hour, plant.white_variance]
     reals += [plant.slow_variance, noise.error_second, *noise.soc_walk, noise.ohmic_walk]
     reals += [noise.slope_window_soc / 2, state.soc_walk, state.error_variance, noise.error_soc]
@@ -400,7 +400,8 @@ def _predicted(plant, soc):
             jacobian[:, spot] = scale
     if plant.ohmic >= 0:
         jacobian[:, plant.ohmic] = plant.direct[0] * drive[0]
-    jacobian[:, responses_of(plant)] = plant.responses[:, 0]
+    if plant.response >= 0:
+        jacobian[:, responses_of(plant)] = plant.responses[:, 0]
     return volt, jacobian[:, 1:]
 
 

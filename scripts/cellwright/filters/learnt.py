@@ -30,19 +30,15 @@ MOST, WINDOW = 4000, 400  # rows of a condition that are looked at, in stretches
 LEARNT = {
     "sensor_volt": (2e-5, 0.05),
     "resistance_error": (1e-3, 1.0),
-    "fast_second": (0.05, 50.0),
+    "fast_second": (2.0, 50.0),
     "skew_second": (1e-3, 1.0),
 }
 DOUBT = np.log(10.0)  # of the logarithm of each before any record: what none tells stays as it is
-# Factors by which each is tried, in turn. The large one leaves where a value is too small to show.
-STEPS = (27.0, 3.0, 1.7, 1.3)
-APART = 3.0  # least ratio of the two time constants, else both are one
+TOLERANCE = 1e-4  # of the logarithms of the values, and of that of the likelihood
 SURE = 1e-12  # variance of the SoC, which is counted
-LACKING = {
-    "response_error": Noise().resistance_error,
-    "response_second": (150.0, 1500.0),
-    "response_walk": Noise().resistance_error ** 2 / 3600.0,
-}
+# ASSUME: Beside the error that lasts, a slow response is lacking that is as long, and one ten times
+# as long.
+LACKING = {"response_second": (Noise().error_second, 10.0 * Noise().error_second)}
 LEAST_VOLT = 1e-3  # no model is better than a good cycler tells
 
 
@@ -95,8 +91,6 @@ def with_learnt_noise(model, conditions):
 
 def learnt(model, name, records):
     """Noise of a member at the temperature of some records; see `with_learnt_noise`.
-
-    The likelihood of the innovations is searched one value at a time, in smaller and smaller steps.
 
     Parameters
     ----------
@@ -151,20 +145,13 @@ def _searched(stretches, low, high):
     def cost(tried):
         return _cost(tried, stretches) + 0.5 * np.sum(((tried - before) / DOUBT) ** 2)
 
-    best = cost(values)
-    for factor in STEPS:
-        moved = True
-        while moved:
-            moved = False
-            for k, sign in np.ndindex(len(values), 2):
-                tried = values.copy()
-                tried[k] = np.clip(tried[k] + (2 * sign - 1) * np.log(factor), low[k], high[k])
-                if (tried == values).all():
-                    continue
-                # Less than a unit is no better: the steps end.
-                if (found := cost(tried)) < best - 1.0:
-                    best, values, moved = found, tried, True
-    return values
+    # Here, for its import takes longer than many a job.
+    from scipy.optimize import minimize
+
+    found = minimize(
+        cost, values, method="Powell", bounds=list(zip(low, high, strict=True)), tol=TOLERANCE
+    )
+    return np.clip(found.x, low, high)
 
 
 def _cost(values, stretches):

@@ -94,7 +94,7 @@ class Noise(NamedTuple):
     soc_walk : variance of the SoC that the current sensor adds, at least and at most [1/s].
     ohmic_walk : variance of the ohmic scale, where that is tracked [1/s].
     response_error : share of all overpotentials by which a model's slow response may be wrong, at
-        each of `response_second` [1]; 0: that is in `steady_error`.
+        each of `response_second` [1]; a state where the capacity is one, which it is taken for.
     response_walk : variance that each of these shares gains [1/s].
     skew_second : time by which voltage may follow the current later than it was read [s].
     slope_window_soc : window over which the slope of the OCV is taken [1].
@@ -112,8 +112,8 @@ class Noise(NamedTuple):
     error_soc: float = 0.3
     soc_walk: tuple = (7e-9, 7e-8)
     ohmic_walk: float = 1e-5
-    response_error: float = 0.0
-    response_walk: float = 0.0
+    response_error: float = 0.1
+    response_walk: float = 0.1**2 / 3600.0
     response_second: tuple = ()
     skew_second: float = 0.2
     slope_window_soc: float = 0.02
@@ -312,9 +312,9 @@ def piece_of(plant, rows):
 def _slow_responses(bank, levels, step, current_ampere, noise, hold):
     """Voltage (r, n) of a resistance as large as all of them together behind each time constant."""
     power = rms(current_ampere)
-    if not noise.response_error > 0.0 or power == 0.0:
+    if not noise.response_second:
         return np.zeros((0, len(step)))
-    ohm = float(levels.sum()) / power
+    ohm = float(levels.sum()) / power if power > 0.0 else 0.0
     rows = [
         lag(step[1:], second, ohm * current_ampere, hold=hold) for second in noise.response_second
     ]
@@ -344,7 +344,9 @@ def _places(bank, noise, track_capacity, track_ohmic):
     for name, is_tracked in zip(TRACKED, tracked, strict=True):
         spots[name] = size if is_tracked else -1
         size += int(is_tracked)
-    count = len(noise.response_second) if noise.response_error > 0.0 else 0
+    # A response that the model lacks goes with the charge of the last minutes: beside a capacity
+    # that is known an error like others, beside one that is not it would be taken for that.
+    count = len(noise.response_second) if track_capacity else 0
     spots["response"], size = (size, size + count) if count else (-1, size)
     if max(size, elements) > LARGEST:
         sizes = f"{size} states and {elements} elements"
