@@ -38,7 +38,6 @@ def prepared(model, noise=NOISE, *, hold="first_order", **tracked):
         Noise(error_second=0.0, fast_second=0.0, error_soc=0.0, window=50),
         Noise(adaptive=False),
         Noise(window=400),
-        Noise(window=50, lasting_second=4000.0, level_volt=0.1),
         Noise(window=50, response_walk=1e-6, response_second=(150.0, 1500.0)),
     ],
 )

@@ -89,7 +89,7 @@ def scored(document, seed, settings=SETTINGS, **changes):
     """Rows and series of the filters on a drive that no noise was learnt from, and the true SoC."""
     time, current, volt, soc = columns(seed, **changes)
     charge = (soc - soc[0]) * truth.CAPACITY_AMPERE_HOUR
-    series = {"test_time_second": time, "current_ampere": current, "voltage_volt": volt}
+    series = dict(test_time_second=time, current_ampere=current, voltage_volt=volt)
     test = measured_test(series | {"charge_ampere_hour": charge}, soc=0.95, role="validation")
     record = laid_out(test, document, cell_facts(3.0, 4.2), split_rest_second=120.0, proof=True)
     rows, found, notes = evaluate.soc_runs(document, record, settings=settings)

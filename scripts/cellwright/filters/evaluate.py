@@ -240,7 +240,7 @@ def _noise_in_words(noise):
     )
     return [
         f"noise of the filters, from the records fitted: {1e3 * noise.sensor_volt:.2g} mV white, "
-        f"{shares} s, the error under load for {noise.lasting_second:.2g} s, voltage up to "
+        f"{shares} s, voltage up to "
         f"{1e3 * noise.skew_second:.2g} ms behind the current"
     ]
 

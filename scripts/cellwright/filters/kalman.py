@@ -73,7 +73,7 @@ def predict(state, plant, k, noise):
         relaxed[1 + j, 1 + j], towards = relaxation_at(plant, k, j, mean[0])
         mean[1 + j] = relaxed[1 + j, 1 + j] * mean[1 + j] + towards
     passed = plant.passed_ampere_hour[k] / plant.capacity_ampere_hour
-    forgotten = [(plant.error, step, plant.lasting_second, state.error_variance)]
+    forgotten = [(plant.error, step, noise.error_second, state.error_variance)]
     forgotten += [(plant.fast, step, noise.fast_second, plant.fast_variance)]
     forgotten += [(plant.standing, passed, noise.error_soc, 1.0)]
     for spot, by, span, variance in (drift for drift in forgotten if drift[0] >= 0):
@@ -266,7 +266,7 @@ def run(plant, noise, state):
     reals += [plant.slow_variance, noise.error_second, *noise.soc_walk, noise.ohmic_walk]
     reals += [noise.slope_window_soc / 2, state.soc_walk, state.error_variance, noise.error_soc]
     reals += [state.linear_soc, noise.fast_second, plant.fast_variance]
-    reals += [state.wide_variance, noise.response_walk, plant.lasting_second]
+    reals += [state.wide_variance, noise.response_walk]
     ring = np.zeros((noise.window, 3))
     ring[: len(state.seen)] = state.seen
     indices = [plant.shifts_soc, plant.source, plant.by_charge, plant.element, plant.moves]

@@ -16,7 +16,6 @@ from cellwright.filters.bank import bank_of, loaded_mean, resistance_factor_of
 from cellwright.filters.kalman import State, run
 from cellwright.filters.plant import (
     ERROR,
-    LONGEST_SECOND,
     Noise,
     Plant,
     edges_of,
@@ -32,7 +31,6 @@ LEARNT = {
     "sensor_volt": (2e-5, 0.05),
     "resistance_error": (1e-3, 1.0),
     "fast_second": (2.0, 50.0),
-    "lasting_second": (Noise().error_second, LONGEST_SECOND),
     "skew_second": (1e-3, 1.0),
 }
 DOUBT = np.log(10.0)  # of the logarithm of each before any record: what none tells stays as it is
@@ -141,8 +139,7 @@ def learnt_at(member, celsius):
 
 def _searched(stretches, low, high):
     """Logarithms of the likeliest values."""
-    usual = Noise(lasting_second=Noise().error_second)
-    before = np.log([getattr(usual, name) for name in LEARNT])
+    before = np.log([getattr(Noise(), name) for name in LEARNT])
     values = np.clip(before, low, high)
 
     def cost(tried):
@@ -169,7 +166,6 @@ def _cost(values, stretches):
             white_variance=noise.sensor_volt**2,
             fast_variance=fast,
             slow_variance=stretch.load_volt**2,
-            lasting_second=noise.lasting_second,
             edge_variance=stretch.edge_variance(skew),
         )
         variances = np.array([SURE, plant.slow_variance, fast, 1.0])

@@ -75,7 +75,6 @@ def _half(bank):
 
 OCV, TOTAL, SLOPE, ERROR, GAIN = range(5)  # columns of the tables; gains, then constants, follow
 TRACKED = ("error", "fast", "standing", "capacity", "ohmic")  # states after SoC and lags
-LONGEST_SECOND = 2e4  # that an error under load keeps its value, as of a record in which none shows
 LARGEST = 32  # states that the compiled kernel takes
 
 
@@ -86,14 +85,11 @@ class Noise(NamedTuple):
     resistance_error : relative error of what acts at once [1].
     fast_second : for how long an error of what acts at once lasts [s]; 0: it is white.
     steady_error : relative error of all overpotentials together [1]; None: `resistance_error`.
-    level_volt : level of all overpotentials at which the error under load is stated [V]: it grows
-        with a record's beyond that, and below what is new of it at each sample falls with the
-        record's. 0: it is as stated at any.
+    level_volt : level of all overpotentials at which the error under load is stated; it grows with
+        a record's beyond that [V]. 0: it is as stated at any.
     error_factor : error of a model on another record, over what the bank says of it [1].
     least_error_volt : no model is better than this on another record [V].
-    error_second : time over which its error under load stays what it is, and corrections of the SoC
-        move the slope of the OCV [s]; 0: it is white.
-    lasting_second : the same of the error alone [s]; 0: as `error_second`.
+    error_second : time over which its error under load stays what it is [s]; 0: it is white.
     error_soc : charge over which its error at rest stays what it is [1]; 0: as that under load.
     soc_walk : variance of the SoC that the current sensor adds, at least and at most [1/s].
     ohmic_walk : variance of the ohmic scale, where that is tracked [1/s].
@@ -113,7 +109,6 @@ class Noise(NamedTuple):
     error_factor: float = 1.0
     least_error_volt: float = 0.005
     error_second: float = 150.0
-    lasting_second: float = 0.0
     error_soc: float = 0.3
     soc_walk: tuple = (7e-9, 7e-8)
     ohmic_walk: float = 1e-5
@@ -142,7 +137,7 @@ class Plant(NamedTuple):
         largest of them. usual_gain : (E,) median of the gains over SoC 0 to 1, else 0.
     element, share, moves : (L,) of each lag; `moves` where its constant changes over SoC.
     white_variance, fast_variance, slow_variance : of the noise, of what acts at once, and of the
-        model's error beside the tables' [V²]. lasting_second : for which the last stays [s].
+        model's error beside the tables' [V²].
     responses : (r, n) voltage of a resistance as large as all of the model's behind each of
         `Noise.response_second` [V]. response_variance : of the share of it that is wrong [1].
     size : states; error, fast, standing, capacity, ohmic: where they stand, −1 for none; response:
@@ -173,7 +168,6 @@ class Plant(NamedTuple):
     white_variance: float
     fast_variance: float
     slow_variance: float
-    lasting_second: float
     responses: np.ndarray
     response_variance: float
     first_order: bool
@@ -332,16 +326,12 @@ def _variances(bank, levels, noise):
     at_once = float(levels @ [e.direct for e in bank.elements])
     fast = (noise.resistance_error * at_once) ** 2
     # ASSUME: The error under load grows with the overpotentials beyond those of the records fitted.
-    # Of gentler records the error is as large, and lasts longer: what is new of it is less.
-    relative = float(levels.sum()) / noise.level_volt if noise.level_volt > 0.0 else 1.0
-    further, lasting = max(1.0, relative), noise.lasting_second or noise.error_second
-    longer = min(max(relative, 1e-3), 1.0) ** -2
+    further = max(1.0, float(levels.sum()) / noise.level_volt) if noise.level_volt > 0.0 else 1.0
     steady = noise.resistance_error if noise.steady_error is None else noise.steady_error
     load = max(noise.error_factor * further * bank.load_error_volt, noise.least_error_volt)
     return {
         "white_variance": noise.sensor_volt**2 + (0.0 if noise.fast_second > 0.0 else fast),
         "fast_variance": fast,
-        "lasting_second": min(lasting * longer, max(LONGEST_SECOND, lasting)),
         "slow_variance": (steady * float(levels.sum())) ** 2 + load**2,
     }
 

@@ -25,8 +25,7 @@ typedef struct {
 
 typedef struct {
     double first, spacing, ampere_hour, white, slow, second, least_walk, most_walk, ohmic_walk,
-        half, walk, error_variance, span, linear, brief, fast, wide, response_walk,
-        lasting, per_spacing;
+        half, walk, error_variance, span, linear, brief, fast, wide, response_walk, per_spacing;
 } reals_t;
 
 typedef struct {
@@ -84,7 +83,7 @@ static double chord(const sizes_t *s, const reals_t *r, const double *tables, do
  * one rate have some hundred of them, and exponentials are most of what a lag costs. */
 #define KEPT 256
 typedef struct {
-    double step, per_step, keep, lasts, kept, decay[MOST], before[MOST], after[MOST];
+    double step, per_step, keep, kept, decay[MOST], before[MOST], after[MOST];
     int64_t cells[MOST];
 } weights_t;
 
@@ -148,11 +147,10 @@ INLINE void pass(
             w->step = step;
             w->per_step = 1.0 / step;
             w->keep = error >= 0 ? exp(-step / r->second) : 1.0;
-            w->lasts = error >= 0 ? exp(-step / r->lasting) : 1.0;
             w->kept = fast >= 0 ? exp(-step / r->brief) : 1.0;
             for (int64_t j = 0; j < lags; j++) w->cells[j] = -1;
         }
-        const double keep = w->keep, lasts = w->lasts, kept = w->kept;
+        const double keep = w->keep, kept = w->kept;
         if (capacity >= 0) {
             x[0] += charge * x[capacity];
             const double own = P[capacity][capacity], shared = P[0][capacity];
@@ -216,8 +214,8 @@ INLINE void pass(
         }
         for (int64_t a = 1; a <= unsure; a++) relaxed[a] = w->decay[plain ? a - 1 : doubted[a - 1]];
         if (error >= 0) {
-            x[error] *= lasts;
-            relaxed[error] = lasts;
+            x[error] *= keep;
+            relaxed[error] = keep;
         }
         if (fast >= 0) {
             x[fast] *= kept;
@@ -232,7 +230,7 @@ INLINE void pass(
             P[0][a] *= relaxed[a];
             for (int64_t b = a; b < many; b++) P[a][b] *= relaxed[a] * relaxed[b];
         }
-        if (error >= 0) P[error][error] += (1.0 - lasts * lasts) * slow;
+        if (error >= 0) P[error][error] += (1.0 - keep * keep) * slow;
         if (fast >= 0) P[fast][fast] += (1.0 - kept * kept) * r->fast;
         if (standing >= 0) P[standing][standing] += 1.0 - relaxed[standing] * relaxed[standing];
         if (ohmic >= 0) P[ohmic][ohmic] += r->ohmic_walk * step;
