@@ -38,7 +38,6 @@ def prepared(model, noise=NOISE, *, hold="first_order", **tracked):
         Noise(error_second=0.0, fast_second=0.0, error_soc=0.0, window=50),
         Noise(adaptive=False),
         Noise(window=400),
-        Noise(window=50, response_walk=1e-6, response_second=(150.0, 1500.0)),
     ],
 )
 @pytest.mark.parametrize("tracked", [{}, {"track_ohmic": True}, {"track_capacity": True}])
@@ -52,17 +51,6 @@ def test_kernel_is_its_numpy_twin(hold, noise, tracked):
 @pytest.mark.parametrize("kind", KINDS)
 def test_kernel_is_its_twin_for_every_kind_of_branch(kind):
     given = prepared(with_branch(kind), track_capacity=True, track_ohmic=True)
-    np.testing.assert_allclose(kalman.run(*given), kalman.run_by_numpy(*given), rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", ["diffusion", "hysteresis"])
-@pytest.mark.parametrize("seconds", [(30.0,), (20.0, 200.0), (20.0, 200.0, 2000.0)])
-def test_kernel_is_its_twin_with_responses_that_a_model_lacks(kind, seconds):
-    lacks = NOISE._replace(response_error=0.2, response_walk=1e-5, response_second=seconds)
-    given = prepared(with_branch(kind), lacks, track_capacity=True, track_ohmic=True)
-    assert given[0].size == prepared(with_branch(kind), track_capacity=True, track_ohmic=True)[
-        0
-    ].size + len(seconds)
     np.testing.assert_allclose(kalman.run(*given), kalman.run_by_numpy(*given), rtol=0, atol=1e-12)
 
 

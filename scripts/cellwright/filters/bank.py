@@ -194,7 +194,9 @@ def _lags(number, branch, soc):
 def _model_errors(member, celsius):
     """RMS errors on unseen data [V]: at rest, and what the circuit adds under load.
 
-    Over temperature as in the fit, straight in °C; in all that of the blocks left out of it.
+    Over temperature straight in °C: as in the fit, and no less than usual on the blocks left out of
+    it (`left_out_usual_volt`). Where a temperature does not tell that, as much larger than in the
+    fit as that of all blocks is.
     """
     conditions = member["conditions"]
     pairs = [(c["ambient_temperature_celsius"], c.get("fit_rmse_volt")) for c in conditions]
@@ -204,7 +206,11 @@ def _model_errors(member, celsius):
     left_out = member.get("left_out_rmse_volt")
     samples = [c.get("samples", 1) for c in conditions]
     overall = np.sqrt(np.average(errors**2, weights=samples))
-    errors = errors * (UNSEEN if left_out is None else left_out / max(overall, 1e-9))
+    usual = [c.get("left_out_usual_volt") for c in conditions]
+    if None in usual:
+        errors = errors * (UNSEEN if left_out is None else left_out / max(overall, 1e-9))
+    else:
+        errors = np.maximum(errors, usual)
     rest = errors.min() / np.sqrt(2.0)
     known = np.array([stated_or_reference(stated) for stated, _ in pairs])
     order = np.argsort(known)

@@ -177,16 +177,23 @@ def soc_runs(model, record, *, settings):
     notes += [
         f"filters and their reference know that {sentence}" for sentence in words_of(entry, blocks)
     ]
-    noise = noise_of(settings, record.test_time_second)._replace(**learnt_at(entry, celsius))
-    notes += _noise_in_words(noise)
+    usual = noise_of(settings, record.test_time_second)
+    noises = {
+        method: usual._replace(**learnt_at(entry, celsius, capacity_known=method != "dual"))
+        for method in settings.filters
+    }
+    notes += _noise_in_words(usual._replace(**learnt_at(entry, celsius)))
     unsure = (model.get("capacity_std_ampere_hour") or 0.0) / size
     first, *others = _starts(settings, record.soc[0])
     plans = [("nominal", start) for start in (first, *others)]
     plans += [(scenario, first) for scenario in settings.scenarios]
-    plants = _plants(("nominal", *settings.scenarios), record, bank, noise, hold, settings)
+    names = ("nominal", *settings.scenarios)
+    plants = {
+        noise: _plants(names, record, bank, noise, hold, settings) for noise in set(noises.values())
+    }
     rows, columns = [], {}
-    for method in settings.filters:
-        runs = _runs(method, plans, record, bank, plants, noise, settings, unsure)
+    for method, noise in noises.items():
+        runs = _runs(method, plans, record, bank, plants[noise], noise, settings, unsure)
         rows += [row for row, _ in runs]
         columns |= _series_of(method, runs[0][1])
     curve = {"soc": bank.soc, "ocv_volt": bank.ocv_volt + bank.shift_volt}

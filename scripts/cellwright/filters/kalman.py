@@ -1,9 +1,8 @@
 """Extended Kalman filter of a cell on a frozen state, and a whole record through it.
 
 The state: SoC, the lags of the circuit, and where asked the model's own errors (one that lasts
-minutes and one that lasts seconds [V], one that stands over SoC, in units of what is stated there,
-and shares of slow responses to the current that it may lack), the inverse of the capacity over its
-nominal value, and a scale of the ohmic resistance.
+minutes and one that lasts seconds [V], and one that stands over SoC, in units of what is stated
+there), the inverse of the capacity over its nominal value, and a scale of the ohmic resistance.
 """
 
 from typing import NamedTuple
@@ -19,7 +18,6 @@ from cellwright.filters.plant import (
     drive_at,
     look_at,
     relaxation_at,
-    responses_of,
     slope_at,
 )
 from cellwright.native import array, function, integers
@@ -85,8 +83,6 @@ def predict(state, plant, k, noise):
     covariance = relaxed @ covariance @ relaxed.T
     if plant.ohmic >= 0:
         covariance[plant.ohmic, plant.ohmic] += noise.ohmic_walk * step
-    for spot in responses_of(plant):
-        covariance[spot, spot] += noise.response_walk * step
     spots = _linear(state, mean[0], covariance[0, 0], _follows(step, noise), noise)
     return state._replace(mean=mean, covariance=covariance)._replace(**spots)
 
@@ -161,9 +157,6 @@ def output(state, plant, k, noise):
             volt, jacobian[spot] = volt + scale * mean[spot], scale
     if plant.ohmic >= 0:
         jacobian[plant.ohmic] = ohmic
-    if plant.response >= 0:
-        jacobian[responses_of(plant)] = plant.responses[:, k]
-        volt += plant.responses[:, k] @ mean[responses_of(plant)]
     return volt, jacobian, curvature, stated, lean
 
 
@@ -254,19 +247,18 @@ def run(plant, noise, state):
     rows : (n, 8): SoC, its variance, innovation [V], its variance; inverse capacity over nominal
         with variance; ohmic scale with variance. Row 0 holds no innovation.
     """
-    kernel = function("kalman", *[integers] * 7, *[array] * 16)
+    kernel = function("kalman", *[integers] * 7, *[array] * 15)
     if kernel is None:
         return run_by_numpy(plant, noise, state)
     rows = _rows(plant, state)
     sizes = [*rows.shape[:1], *plant.tables.shape, len(plant.direct), len(plant.element)]
     sizes += [plant.size, plant.error, plant.fast, plant.standing, plant.capacity]
     sizes += [plant.ohmic, plant.first_order, noise.adaptive, noise.window, len(NODES)]
-    sizes += [plant.response, len(responses_of(plant))]
     reals = [plant.soc_first, plant.soc_spacing, plant.capacity_ampere_hour, plant.white_variance]
     reals += [plant.slow_variance, noise.error_second, *noise.soc_walk, noise.ohmic_walk]
     reals += [noise.slope_window_soc / 2, state.soc_walk, state.error_variance, noise.error_soc]
     reals += [state.linear_soc, noise.fast_second, plant.fast_variance]
-    reals += [state.wide_variance, noise.response_walk]
+    reals += [state.wide_variance]
     ring = np.zeros((noise.window, 3))
     ring[: len(state.seen)] = state.seen
     indices = [plant.shifts_soc, plant.source, plant.by_charge, plant.element, plant.moves]
@@ -279,7 +271,7 @@ def run(plant, noise, state):
         np.array([len(state.seen)], np.int64),
         np.array(reals, float),
         *record,
-        *(plant.tables, plant.direct, plant.share, plant.drives, plant.responses, ring),
+        *(plant.tables, plant.direct, plant.share, plant.drives, ring),
         np.concatenate([state.mean, state.covariance.ravel()]),
         rows,
     )
@@ -400,8 +392,6 @@ def _predicted(plant, soc):
             jacobian[:, spot] = scale
     if plant.ohmic >= 0:
         jacobian[:, plant.ohmic] = plant.direct[0] * drive[0]
-    if plant.response >= 0:
-        jacobian[:, responses_of(plant)] = plant.responses[:, 0]
     return volt, jacobian[:, 1:]
 
 
@@ -425,7 +415,6 @@ def _prior_variances(plant, start, soc):
     ):
         if spot >= 0:
             variances[:, spot] = variance
-    variances[:, responses_of(plant)] = plant.response_variance
     return variances[:, 1:], stated
 
 

@@ -36,9 +36,6 @@ LEARNT = {
 DOUBT = np.log(10.0)  # of the logarithm of each before any record: what none tells stays as it is
 TOLERANCE = 1e-4  # of the logarithms of the values, and of that of the likelihood
 SURE = 1e-12  # variance of the SoC, which is counted
-# ASSUME: Beside the error that lasts, a slow response is lacking that is as long, and one ten times
-# as long.
-LACKING = {"response_second": (Noise().error_second, 10.0 * Noise().error_second)}
 LEAST_VOLT = 1e-3  # no model is better than a good cycler tells
 
 
@@ -114,12 +111,15 @@ def learnt(model, name, records):
     return dict(zip(LEARNT, np.exp(values).tolist(), strict=True)) | {"level_volt": max(levels)}
 
 
-def learnt_at(member, celsius):
+# ASSUME: What a model errs by under load is what it errs by under the loads fitted. Beside a
+# capacity that is a state, an error of the overpotentials that goes with the charge of the last
+# minutes would be taken for it: they are then as wrong as of a model that tells nothing.
+def learnt_at(member, celsius, *, capacity_known=True):
     """Noise that was learnt at the temperatures of a member, between them straight in logarithms.
 
     Parameters
     ----------
-    member : dict of a model file. celsius : scalar [degC].
+    member : dict of a model file. celsius : scalar [degC]. capacity_known : it is no state.
 
     Returns
     -------
@@ -134,7 +134,9 @@ def learnt_at(member, celsius):
     for name in (*LEARNT, "level_volt"):
         values = np.log([told[k]["noise"][name] for k in order])
         noise[name] = float(np.exp(np.interp(celsius, known[order], values)))
-    return noise | {"steady_error": 0.0, "least_error_volt": LEAST_VOLT} | LACKING
+    if capacity_known:
+        return noise | {"steady_error": 0.0, "least_error_volt": LEAST_VOLT}
+    return noise | {"steady_error": Noise().resistance_error}
 
 
 def _searched(stretches, low, high):
@@ -252,6 +254,4 @@ def _without_circuit(plant):
         standing=3,
         capacity=-1,
         ohmic=-1,
-        response=-1,
-        responses=np.zeros((0, plant.responses.shape[1])),
     )

@@ -85,17 +85,14 @@ class Noise(NamedTuple):
     resistance_error : relative error of what acts at once [1].
     fast_second : for how long an error of what acts at once lasts [s]; 0: it is white.
     steady_error : relative error of all overpotentials together [1]; None: `resistance_error`.
-    level_volt : level of all overpotentials at which the error under load is stated; it grows with
-        a record's beyond that [V]. 0: it is as stated at any.
+    level_volt : level of all overpotentials at which the error under load is stated [V]; it grows
+        with a record's beyond that. 0: it is as stated at any.
     error_factor : error of a model on another record, over what the bank says of it [1].
     least_error_volt : no model is better than this on another record [V].
     error_second : time over which its error under load stays what it is [s]; 0: it is white.
     error_soc : charge over which its error at rest stays what it is [1]; 0: as that under load.
     soc_walk : variance of the SoC that the current sensor adds, at least and at most [1/s].
     ohmic_walk : variance of the ohmic scale, where that is tracked [1/s].
-    response_error : share of all overpotentials by which a model's slow response may be wrong, at
-        each of `response_second` [1]; a state where the capacity is one, which it is taken for.
-    response_walk : variance that each of these shares gains [1/s].
     skew_second : time by which voltage may follow the current later than it was read [s].
     slope_window_soc : window over which the slope of the OCV is taken [1].
     adaptive : noise is matched to what is seen, over `window` samples.
@@ -112,9 +109,6 @@ class Noise(NamedTuple):
     error_soc: float = 0.3
     soc_walk: tuple = (7e-9, 7e-8)
     ohmic_walk: float = 1e-5
-    response_error: float = 0.1
-    response_walk: float = 0.1**2 / 3600.0
-    response_second: tuple = ()
     skew_second: float = 0.2
     slope_window_soc: float = 0.02
     adaptive: bool = True
@@ -138,10 +132,7 @@ class Plant(NamedTuple):
     element, share, moves : (L,) of each lag; `moves` where its constant changes over SoC.
     white_variance, fast_variance, slow_variance : of the noise, of what acts at once, and of the
         model's error beside the tables' [V²].
-    responses : (r, n) voltage of a resistance as large as all of the model's behind each of
-        `Noise.response_second` [V]. response_variance : of the share of it that is wrong [1].
-    size : states; error, fast, standing, capacity, ohmic: where they stand, −1 for none; response:
-        the first of r.
+    size : states; error, fast, standing, capacity, ohmic: where they stand, −1 for none.
     """
 
     step_second: np.ndarray
@@ -168,8 +159,6 @@ class Plant(NamedTuple):
     white_variance: float
     fast_variance: float
     slow_variance: float
-    responses: np.ndarray
-    response_variance: float
     first_order: bool
     size: int
     error: int
@@ -177,14 +166,6 @@ class Plant(NamedTuple):
     standing: int
     capacity: int
     ohmic: int
-    response: int
-
-
-def responses_of(plant):
-    """Where the shares of slow responses stand among the states of a plant."""
-    return (
-        range(plant.response, plant.response + len(plant.responses)) if plant.response >= 0 else []
-    )
 
 
 def plant_of(
@@ -264,8 +245,6 @@ def plant_of(
         moves=np.array([np.ptp(c) > 1e-9 * c.max() for c in constants], np.int64),
         capacity_ampere_hour=float(bank.capacity_ampere_hour),
         first_order=hold == "first_order",
-        responses=_slow_responses(bank, levels, step, driving[0], noise, hold),
-        response_variance=noise.response_error**2,
         **_variances(bank, levels, noise),
         **spots,
     )
@@ -303,31 +282,18 @@ def piece_of(plant, rows):
     plant : Plant. rows : slice.
     """
     columns = {name: getattr(plant, name)[rows].copy() for name in OF_SAMPLES}
-    columns["responses"] = np.ascontiguousarray(plant.responses[:, rows])
     for name in OF_SAMPLES[:3]:
         columns[name][:1] = 0.0
     return plant._replace(**columns, drives=np.ascontiguousarray(plant.drives[..., rows]))
-
-
-def _slow_responses(bank, levels, step, current_ampere, noise, hold):
-    """Voltage (r, n) of a resistance as large as all of them together behind each time constant."""
-    power = rms(current_ampere)
-    if not noise.response_second:
-        return np.zeros((0, len(step)))
-    ohm = float(levels.sum()) / power if power > 0.0 else 0.0
-    rows = [
-        lag(step[1:], second, ohm * current_ampere, hold=hold) for second in noise.response_second
-    ]
-    return np.ascontiguousarray(rows, float)
 
 
 def _variances(bank, levels, noise):
     """White, fast (seconds) and slow (minutes) variance of the voltage [V²]."""
     at_once = float(levels @ [e.direct for e in bank.elements])
     fast = (noise.resistance_error * at_once) ** 2
+    steady = noise.resistance_error if noise.steady_error is None else noise.steady_error
     # ASSUME: The error under load grows with the overpotentials beyond those of the records fitted.
     further = max(1.0, float(levels.sum()) / noise.level_volt) if noise.level_volt > 0.0 else 1.0
-    steady = noise.resistance_error if noise.steady_error is None else noise.steady_error
     load = max(noise.error_factor * further * bank.load_error_volt, noise.least_error_volt)
     return {
         "white_variance": noise.sensor_volt**2 + (0.0 if noise.fast_second > 0.0 else fast),
@@ -344,10 +310,6 @@ def _places(bank, noise, track_capacity, track_ohmic):
     for name, is_tracked in zip(TRACKED, tracked, strict=True):
         spots[name] = size if is_tracked else -1
         size += int(is_tracked)
-    # A response that the model lacks goes with the charge of the last minutes: beside a capacity
-    # that is known an error like others, beside one that is not it would be taken for that.
-    count = len(noise.response_second) if track_capacity else 0
-    spots["response"], size = (size, size + count) if count else (-1, size)
     if max(size, elements) > LARGEST:
         sizes = f"{size} states and {elements} elements"
         raise Refusal(f"the filter would have {sizes}; at most {LARGEST} are allowed")

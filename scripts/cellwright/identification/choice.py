@@ -177,6 +177,23 @@ def worst_of(score):
     return float(np.sqrt(score.square_volt2.max())) if len(score.rows) else np.nan
 
 
+def usual_of(score):
+    """Root mean square error over all rows but those of the block that tells most of it [V].
+
+    That block, near empty or full, was predicted from beyond the range that was then fitted, as in
+    use nothing is. NaN where there are fewer than three blocks.
+
+    Parameters
+    ----------
+    score : Score.
+    """
+    if len(score.rows) < 3:
+        return np.nan
+    square = score.rows * score.square_volt2
+    kept = np.arange(len(square)) != np.argmax(square)
+    return float(np.sqrt(square[kept].sum() / score.rows[kept].sum()))
+
+
 def typical_of(score):
     """Geometric mean of the blocks' rms errors [V]; NaN where nothing was left out.
 

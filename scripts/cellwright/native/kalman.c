@@ -20,18 +20,18 @@ enum { OCV, TOTAL, SLOPE, ERROR, GAIN };
 
 typedef struct {
     int64_t n, m, width, elements, lags, size, error, fast, standing, capacity, ohmic, first_order,
-        adaptive, window, nodes, response, responses;
+        adaptive, window, nodes;
 } sizes_t;
 
 typedef struct {
     double first, spacing, ampere_hour, white, slow, second, least_walk, most_walk, ohmic_walk,
-        half, walk, error_variance, span, linear, brief, fast, wide, response_walk, per_spacing;
+        half, walk, error_variance, span, linear, brief, fast, wide, per_spacing;
 } reals_t;
 
 typedef struct {
     const int64_t *shifts, *source, *by_charge, *element, *moves;
     const double *step, *charge, *passed, *current, *between, *voltage, *edge, *tables, *direct, *share,
-        *drives, *responses;
+        *drives;
 } plant_t;
 
 typedef struct {
@@ -95,14 +95,14 @@ static inline weights_t *weights_of(weights_t *all, double step) {
 
 /* Index of each row of the covariance: the SoC, the lags in doubt, then what is tracked beside. */
 typedef struct {
-    int64_t many, error, fast, standing, capacity, ohmic, response;
+    int64_t many, error, fast, standing, capacity, ohmic;
 } rows_t;
 
 INLINE void pass(
     const int plain, const int64_t many, const int64_t unsure, const int64_t lags,
     const int64_t elements, const int64_t error, const int64_t fast, const int64_t standing,
-    const int64_t capacity, const int64_t ohmic, const int64_t response, const int64_t responses,
-    const int64_t *doubted, const sizes_t *s, const reals_t *r, const plant_t *p, int64_t filled, double *ring, const double *start,
+    const int64_t capacity, const int64_t ohmic, const int64_t *doubted, const sizes_t *s,
+    const reals_t *r, const plant_t *p, int64_t filled, double *ring, const double *start,
     double *out) {
     /* x, P, u, K, C and relaxed by rows of the covariance; y: all lags, those in doubt as well */
     double x[MOST], y[MOST], P[MOST][MOST] = {{0}}, u[MOST], K[MOST] = {0}, C[MOST] = {0};
@@ -234,7 +234,6 @@ INLINE void pass(
         if (fast >= 0) P[fast][fast] += (1.0 - kept * kept) * r->fast;
         if (standing >= 0) P[standing][standing] += 1.0 - relaxed[standing] * relaxed[standing];
         if (ohmic >= 0) P[ohmic][ohmic] += r->ohmic_walk * step;
-        for (int64_t a = response; a < response + responses; a++) P[a][a] += r->response_walk * step;
         for (int64_t a = 0; a < many; a++)
             for (int64_t b = 0; b < a; b++) P[a][b] = P[b][a];
 
@@ -284,10 +283,6 @@ INLINE void pass(
         if (standing >= 0) {
             volt += stated * x[standing];
             C[standing] = stated;
-        }
-        for (int64_t i = 0; i < responses; i++) {
-            C[response + i] = p->responses[i * s->n + k];
-            volt += C[response + i] * x[response + i];
         }
         if (capacity >= 0) C[capacity] = 0.0;
         if (ohmic >= 0) C[ohmic] = (plain ? 1.0 : p->direct[0]) * value[0];
@@ -370,14 +365,13 @@ void kalman(const int64_t *sizes, const int64_t *shifts, const int64_t *source,
             const int64_t *filled, const double *reals, const double *step, const double *charge,
             const double *passed, const double *current, const double *between,
             const double *voltage, const double *edge, const double *tables, const double *direct,
-            const double *share, const double *drives, const double *responses, double *ring,
-            const double *start, double *out) {
+            const double *share, const double *drives, double *ring, const double *start, double *out) {
     sizes_t s;
     reals_t r;
     memcpy(&s, sizes, sizeof s);
     memcpy(&r, reals, sizeof r - sizeof r.per_spacing);
     const plant_t p = {shifts,  source,  by_charge, element, moves,  step,  charge, passed,
-                       current, between, voltage,   edge,    tables, direct, share, drives, responses};
+                       current, between, voltage,   edge,    tables, direct, share, drives};
     r.per_spacing = 1.0 / r.spacing;
     /* plain: a resistor and RC pairs whose time constants stay: nothing else to ask for each step */
     int plain = s.capacity < 0 && s.elements == s.lags + 1 && direct[0] == 1.0;
@@ -391,18 +385,16 @@ void kalman(const int64_t *sizes, const int64_t *shifts, const int64_t *source,
     /* a state that is tracked stands as far behind the last lag as its row behind the last in doubt */
 #define ROW(state) ((state) < 0 ? -1 : (state) - s.lags + unsure)
     const rows_t rows = {s.size - s.lags + unsure, ROW(s.error), ROW(s.fast), ROW(s.standing),
-                         ROW(s.capacity), ROW(s.ohmic), ROW(s.response)};
+                         ROW(s.capacity), ROW(s.ohmic)};
 #undef ROW
 #define COPY(plain_, many_, unsure_, lags_, elements_, error_, fast_, standing_, capacity_, ohmic_) \
     if (plain == (plain_) && rows.many == (many_) && unsure == (unsure_) &&                        \
         rows.error == (error_) && rows.fast == (fast_) && rows.standing == (standing_) &&          \
         rows.capacity == (capacity_) && rows.ohmic == (ohmic_)) {                                  \
         pass(plain_, many_, unsure_, lags_, elements_, error_, fast_, standing_, capacity_,        \
-             ohmic_, (many_) - RESPONSES, RESPONSES, doubted, &s, &r, &p, *filled, ring, start, out);         \
+             ohmic_, doubted, &s, &r, &p, *filled, ring, start, out);                              \
         return;                                                                                    \
     }
-#define RESPONSES 0
-    if (s.responses == 0) {
     COPY(1, 2, 1, 1, 2, -1, -1, -1, -1, -1)
     COPY(1, 3, 2, 2, 3, -1, -1, -1, -1, -1)
     COPY(1, 6, 1, 1, 2, 2, 3, 4, -1, 5)
@@ -411,20 +403,7 @@ void kalman(const int64_t *sizes, const int64_t *shifts, const int64_t *source,
     COPY(0, 6, 0, s.lags, s.elements, 1, 2, 3, 4, 5)
     COPY(0, 6, 1, s.lags, s.elements, 2, 3, 4, -1, 5)
     COPY(0, 7, 1, s.lags, s.elements, 2, 3, 4, 5, 6)
-    }
-#undef RESPONSES
-
-#define RESPONSES 2
-    if (s.responses == 2) {
-    COPY(1, 8, 1, 1, 2, 2, 3, 4, -1, 5)
-    COPY(1, 9, 2, 2, 3, 3, 4, 5, -1, 6)
-    COPY(0, 7, 0, s.lags, s.elements, 1, 2, 3, -1, 4)
-    COPY(0, 8, 0, s.lags, s.elements, 1, 2, 3, 4, 5)
-    COPY(0, 8, 1, s.lags, s.elements, 2, 3, 4, -1, 5)
-    COPY(0, 9, 1, s.lags, s.elements, 2, 3, 4, 5, 6)
-    }
-#undef RESPONSES
 #undef COPY
     pass(0, rows.many, unsure, s.lags, s.elements, rows.error, rows.fast, rows.standing,
-         rows.capacity, rows.ohmic, s.responses ? rows.response : 0, s.responses, doubted, &s, &r, &p, *filled, ring, start, out);
+         rows.capacity, rows.ohmic, doubted, &s, &r, &p, *filled, ring, start, out);
 }
