@@ -9,6 +9,9 @@ from cellwright.records.anchor import RELAXED_SECOND, REST_VOLT, STATED_SOC, soc
 from cellwright.records.filled import STEP_SHARE
 
 
+WITHIN = 2.0  # times what a count lies beyond the range of a rest: so far within it the SoC may be
+
+
 class Reference(NamedTuple):
     """A counted SoC with the interval that the rests of its record leave it.
 
@@ -47,8 +50,8 @@ def reference_of(record, curve):
     none of the cell. Its last voltage tells a range of SoC (`anchor.soc_range_of_rest`), wider by
     as much as it goes on to relax, by its own slope (`relaxing.still_to_go_volt`, and twice its
     deviation): ten minutes in the cold are no equilibrium. Where the counted SoC lies beyond it,
-    the SoC may be anywhere from there to as far within the range, at most to its other end. As with
-    a stated SoC, 5 % beyond it is told.
+    the SoC may be anywhere from there to twice as far within the range, at most to its other end.
+    As with a stated SoC, 5 % beyond it is told.
 
     Parameters
     ----------
@@ -70,7 +73,7 @@ def reference_of(record, curve):
         error = REST_VOLT + abs(ahead) + 2 * std
         low, high = soc_range_of_rest(volt, curve, error_volt=error)
         beyond = max(low - soc, soc - high, 0.0)
-        reach = min(2.0 * beyond, beyond + max(high - low, 0.0))
+        reach = beyond + min(WITHIN * beyond, max(high - low, 0.0))
         rows.append(row)
         below.append(reach if soc > high else 0.0)
         above.append(reach if soc < low else 0.0)
