@@ -8,7 +8,6 @@ from cellwright.numerics.relaxing import still_to_go_volt
 from cellwright.records.anchor import RELAXED_SECOND, REST_VOLT, STATED_SOC, soc_range_of_rest
 from cellwright.records.filled import STEP_SHARE
 
-
 WITHIN = 2.0  # times what a count lies beyond the range of a rest: so far within it the SoC may be
 
 
