@@ -79,15 +79,60 @@ def test_one_block_near_empty_does_not_outvote_the_others():
     assert "clearly before" not in chosen.words
 
 
-def test_a_member_far_worse_as_a_whole_is_not_chosen_for_most_blocks():
-    """318 mV rms, though 2 mV in most blocks, is not before 65 mV."""
-    better, worse = [4e-6, 4.1e-6, 3.9e-6] * 5, [9e-6, 9.4e-6, 8.6e-6] * 5
-    scores = {"1RC": score(*better, 1.618), "2RC": score(*worse, 0.0676)}
+BETTER, WORSE = [4e-6, 4.1e-6, 3.9e-6] * 5, [9e-6, 9.4e-6, 8.6e-6] * 5
+
+
+def test_one_block_excludes_no_member_that_all_others_speak_for():
+    """318 mV rms for one block of sixteen: in the other fifteen it errs by 2 mV, the rival by 3."""
+    scores = {"2RC+H": score(*BETTER, 1.618), "2RC": score(*WORSE, 0.0676)}
     chosen = choose(scores)
     assert [round(1e3 * volt) for volt in chosen.rmse_volt.values()] == [318, 65]
+    assert chosen.name == "2RC+H"
+    assert "for most blocks, not clearly: over all of them 2RC errs less" in chosen.words
+
+
+def test_a_member_far_worse_in_two_blocks_is_not_chosen_for_most_blocks():
+    scores = {"1RC": score(*BETTER, 1.0, 0.618), "2RC": score(*WORSE, 0.0676, 0.0676)}
+    chosen = choose(scores)
     assert chosen.name == "2RC"
-    assert chosen.reasons["1RC"] == "errs by 318 mV rms on what was left out, 2RC by 65 mV"
-    assert "2RC chosen before 1RC, which errs by 4.9 times as much" in chosen.words
+    assert chosen.reasons["1RC"] == "errs by 309 mV rms on what was left out, 2RC by 89 mV"
+    assert "2RC chosen before 1RC, which errs by 3.5 times as much" in chosen.words
+
+
+def test_every_temperature_counts_alike_however_many_blocks_it_has():
+    """Twenty blocks at 25 °C do not outvote three at −10 °C."""
+    spread = np.exp(np.random.default_rng(5).normal(0.0, 0.1, 23))
+    warm, cold = 1e-6 * spread[:20], 4e-6 * spread[20:]
+    pair = {
+        "1RC": [*score(*warm), *score(*4 * cold)],
+        "2RC": [*score(*1.3 * warm[::-1]), *score(*cold[::-1])],
+    }
+    chosen = choose(pair, celsius=[25.0, -10.0])
+    assert chosen.name == "2RC"
+    # Worse at one temperature alone, and within the scatter of the best in the mean of both.
+    wide = np.exp(np.random.default_rng(6).normal(0.0, 2.0, 20))
+    pair["1RC"] = [*score(*0.25 * warm * wide), *score(*4.2 * cold)]
+    pair["2RC"] = [*score(*warm[::-1]), *score(*cold[::-1])]
+    chosen = choose(pair, celsius=[25.0, -10.0])
+    assert chosen.name == "2RC"
+    assert "rms on what was left out at -10 °C, 2RC by" in chosen.reasons["1RC"]
+
+
+def test_the_worst_temperature_is_told_and_declines_a_member_of_no_use_there():
+    """139 mV at 0 °C: told where all err so, and against a member that another is before there."""
+    alike = {name: score(1e-6, 1.1e-6, 0.9e-6) * 2 for name in ("1RC", "2RC")}
+    of_both = {"1RC": [0.139, 3e-3], "2RC": [0.130, 3e-3]}
+    told = choose(alike, celsius=[0.0, 25.0], fitted_volt=fitted(**of_both))
+    assert told.name == "1RC"
+    assert (
+        "It errs most at 0 °C: 139 mV over the records fitted, no member by less than 130 mV"
+        in (told.words)
+    )
+    of_one = of_both | {"2RC": [0.08, 3e-3]}
+    declined = choose(alike, celsius=[0.0, 25.0], fitted_volt=fitted(**of_one))
+    assert declined.name == "2RC"
+    assert declined.reasons["1RC"] == "errs by 139 mV at 0 °C over the records fitted, 2RC by 80 mV"
+    assert declined.words.endswith("It errs most at 0 °C: 80 mV over the records fitted")
 
 
 def test_two_blocks_tell_no_doubt_so_nothing_is_clear():
@@ -114,7 +159,17 @@ def test_a_member_that_simulates_what_no_cell_has_is_not_chosen():
 
 def test_of_members_alike_in_most_blocks_the_one_without_a_corner_is_chosen():
     alike = {"1RC": score(1e-6, 1e-6, 2e-6, 9e-2), "2RC": score(1.1e-6, 0.9e-6, 2.1e-6, 2e-4)}
-    assert choose(alike).name == "2RC"
+    two = {
+        name: score(*parts[0].square_volt2, 0.4 * parts[0].square_volt2[-1])
+        for name, parts in (alike.items())
+    }
+    assert choose(two).name == "2RC"
+    # One block alone decides nothing, unless the simulation through all records says the same.
+    assert choose(alike).name == "1RC"
+    same = fitted(**{"1RC": [2e-3], "2RC": [2e-3]})
+    assert choose(alike, celsius=[25.0], fitted_volt=same).name == "1RC"
+    worse = fitted(**{"1RC": [26e-3], "2RC": [19e-3]})
+    assert choose(alike, celsius=[25.0], fitted_volt=worse).name == "2RC"
 
 
 def test_equal_is_a_difference_within_the_scatter_of_blocks():

@@ -75,7 +75,7 @@ COLUMNS = {
     "resistance": "cell direction delay_second soc c_rate cycle ambient_temperature_celsius "
     "resistance_ohm",
     "validation": "cell chosen samples rmse_volt test",
-    "soc": "cell filter scenario rmse_soc",
+    "soc": "cell filter scenario rmse_soc reference_off_soc",
     "missing_effect": "cell verdict effect alternatives in_one_line",
     "excluded": "cell",
     "health": "cell cycle method soh",
@@ -103,7 +103,10 @@ def test_summary_pools_the_error_over_samples():
     row = summary_of_a(
         capacity=["A,discharge,0.5,,4"],
         validation=["A,True,3,0.01", "A,True,1,0.03", "A,False,9,9"],
-        soc=["A,aekf,nominal,0.03", "A,aekf,nominal,0.04", "A,aekf,offset,9", "A,ekf,nominal,9"],
+        soc=[
+            *("A,aekf,nominal,0.03,0", "A,aekf,nominal,0.04,", "A,aekf,offset,9,0"),
+            *("A,ekf,nominal,9,0", "A,aekf,nominal,0.00001,0.08"),
+        ],
         excluded=["A", "B"],
     )
     assert row["soh"] == pytest.approx(0.8)

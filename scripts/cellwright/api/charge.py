@@ -42,8 +42,13 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
 
 
 def basis_notes(basis):
-    """Sentences on where capacity [Ah] and OCV come from."""
-    notes = [f"SoC refers to {basis['capacity_ampere_hour']:.4g} Ah: {basis['capacity_source']}"]
+    """Sentences on where capacity [Ah] and OCV come from; with ± where over 3 % of it is open."""
+    from cellwright.records.anchor import is_unsure
+
+    size = f"{basis['capacity_ampere_hour']:.4g}"
+    if is_unsure(basis):
+        size += f" ± {basis['capacity_std_ampere_hour']:.2g}"
+    notes = [f"SoC refers to {size} Ah: {basis['capacity_source']}"]
     if basis["borrowed_from"]:
         notes.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
     elif not basis["ocv"]:

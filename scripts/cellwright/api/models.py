@@ -129,8 +129,9 @@ def finish_model(
     document that has no model of the cell. Source: docs/models.md.
     """
     from cellwright.effects.member import finished
+    from cellwright.filters.learnt import with_learnt_noise
     from cellwright.identification.compensation import laws_kept, with_laws
-    from cellwright.identification.in_use import proved
+    from cellwright.identification.in_use import fitted_records, proved
 
     facts = inputs.cell_facts(cell)
     content = inputs.model(model, cell=facts.cell)
@@ -146,7 +147,14 @@ def finish_model(
         split_rest_second=split_rest_second,
     )
     proof = inputs.tests(left_out), facts
-    return _with_choice(*proved(content, choice, *proof, split_rest_second=split_rest_second))
+    rest = {"split_rest_second": split_rest_second}
+    content, choice = proved(content, choice, *proof, **rest)
+    if content.get("left_out"):
+        measured = inputs.basis(basis), facts, inputs.tests(tests)
+        fitted = fitted_records(content, *measured, **rest)
+        records = [[one.record for one in condition] for condition in fitted]
+        content = with_learnt_noise(content, records)
+    return _with_choice(content, choice)
 
 
 def _with_choice(content, choice):

@@ -10,6 +10,7 @@ from cellwright.circuits.model_file import capacity_of, circuit_at, member_of
 from cellwright.circuits.temperature import continued_ocv_at
 from cellwright.numerics.statistics import rms
 from cellwright.records.basis import stated_or_reference
+from cellwright.records.conditions import at_rest
 from cellwright.refusal import Refusal
 
 BEYOND = 0.25  # how far the tables go on below empty and above full
@@ -143,6 +144,19 @@ def resistance_factor_of(model, member, celsius, reference_celsius):
     return resistance[:-1] / resistance[-1]
 
 
+# ASSUME: OCV and time constants of a filter stand at the mean temperature of a record under load;
+# resistances follow the temperature.
+def loaded_mean(current_ampere, celsius, capacity_ampere_hour):
+    """Mean temperature of a record under load [degC], for the tables of the whole record.
+
+    Parameters
+    ----------
+    current_ampere, celsius : (n,) [A], [degC]. capacity_ampere_hour : of the cell [Ah].
+    """
+    loaded = ~at_rest(current_ampere, capacity_ampere_hour)
+    return float(np.mean(celsius[loaded] if loaded.any() else celsius))
+
+
 def _has_effect(branch, soc, capacity):
     """Whether the drive of a branch at 1C is above `ABSENT`."""
     current = np.full(len(soc), capacity)
@@ -180,7 +194,9 @@ def _lags(number, branch, soc):
 def _model_errors(member, celsius):
     """RMS errors on unseen data [V]: at rest, and what the circuit adds under load.
 
-    Over temperature as in the fit, straight in °C; in all that of the blocks left out of it.
+    Over temperature straight in °C: as in the fit, and no less than usual on the blocks left out of
+    it (`left_out_usual_volt`). Where a temperature does not tell that, as much larger than in the
+    fit as that of all blocks is.
     """
     conditions = member["conditions"]
     pairs = [(c["ambient_temperature_celsius"], c.get("fit_rmse_volt")) for c in conditions]
@@ -190,7 +206,11 @@ def _model_errors(member, celsius):
     left_out = member.get("left_out_rmse_volt")
     samples = [c.get("samples", 1) for c in conditions]
     overall = np.sqrt(np.average(errors**2, weights=samples))
-    errors = errors * (UNSEEN if left_out is None else left_out / max(overall, 1e-9))
+    usual = [c.get("left_out_usual_volt") for c in conditions]
+    if None in usual:
+        errors = errors * (UNSEEN if left_out is None else left_out / max(overall, 1e-9))
+    else:
+        errors = np.maximum(errors, usual)
     rest = errors.min() / np.sqrt(2.0)
     known = np.array([stated_or_reference(stated) for stated, _ in pairs])
     order = np.argsort(known)

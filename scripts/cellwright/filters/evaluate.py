@@ -4,12 +4,12 @@ import numpy as np
 
 from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
 from cellwright.circuits.model_file import member_of
-from cellwright.filters.bank import bank_of, hysteresis_of, resistance_factor_of
+from cellwright.filters.bank import bank_of, hysteresis_of, loaded_mean, resistance_factor_of
 from cellwright.filters.estimate import Estimate, Start, estimate_on, with_doubt_of_capacity
+from cellwright.filters.learnt import learnt_at
 from cellwright.filters.plant import Noise, piece_of, plant_of, with_tracked
-from cellwright.filters.reference import reference_doubt
+from cellwright.filters.reference import reference_of
 from cellwright.numerics.statistics import rms
-from cellwright.records.conditions import at_rest
 from cellwright.records.filled import silent_loads
 from cellwright.records.thinning import rows_of
 from cellwright.refusal import Refusal
@@ -95,26 +95,27 @@ def convergence_second(test_time_second, error_soc, *, band=CONVERGED_SOC, hold_
     return float(test_time_second[first[stays][0]] - test_time_second[0])
 
 
-def scores(test_time_second, estimate, reference_soc, scored):
-    """Errors of an estimated SoC against a reference.
+def scores(test_time_second, estimate, reference, scored):
+    """Errors of an estimated SoC against a reference, as far as that may not be wrong by them.
 
     Parameters
     ----------
     test_time_second : (n,) [s].
     estimate : estimate.Estimate.
-    reference_soc : (n,) [1].
+    reference : reference.Reference.
     scored : (n,) bool, the samples that count.
 
     Returns
     -------
     row : dict. rmse_soc and max_abs_soc are taken after convergence, or over all that counts where
-        there is none; coverage_95 is the share of samples in the 95 % interval, all of them.
+        there is none; coverage_95 is the share of samples whose 95 % interval meets that of the
+        reference, all of them. counted_rmse_soc : as rmse_soc, against the count as it is.
 
     Raises
     ------
     Refusal : no sample counts, or an estimate that is not finite.
     """
-    error = estimate.soc - reference_soc
+    error = reference.beyond(estimate.soc)
     if not scored.any():
         raise Refusal("no sample is left to score")
     if not np.isfinite(error).all():
@@ -127,6 +128,7 @@ def scores(test_time_second, estimate, reference_soc, scored):
     tests = innovation_tests(estimate.innovation_volt[scored], estimate.innovation_std_volt[scored])
     return {
         "rmse_soc": rms(error[late]),
+        "counted_rmse_soc": rms((estimate.soc - reference.soc)[late]),
         "max_abs_soc": float(np.abs(error[late]).max()),
         "convergence_second": converged,
         "capacity_ampere_hour": float(estimate.capacity_ampere_hour[-1]),
@@ -164,7 +166,8 @@ def soc_runs(model, record, *, settings):
         Nothing is left to score, or as `estimate.estimate`.
     """
     model, notes = _circuit_alone(model)
-    celsius = _loaded_mean(model, record)
+    size = model["capacity_ampere_hour"]
+    celsius = loaded_mean(record.current_ampere, record.celsius, size)
     bank, entry = bank_of(model, None, celsius), member_of(model, None)
     hold = hold_of(entry, record.current_ampere)
     record = _without_instrument_faults(model, entry, record)._replace(
@@ -176,24 +179,34 @@ def soc_runs(model, record, *, settings):
     notes += [
         f"filters and their reference know that {sentence}" for sentence in words_of(entry, blocks)
     ]
-    noise = noise_of(settings, record.test_time_second)
-    unsure = (model.get("capacity_std_ampere_hour") or 0.0) / model["capacity_ampere_hour"]
+    usual = noise_of(settings, record.test_time_second)
+    noises = {
+        method: usual._replace(**learnt_at(entry, celsius, capacity_known=method != "dual"))
+        for method in settings.filters
+    }
+    notes += _noise_in_words(usual._replace(**learnt_at(entry, celsius)))
+    unsure = (model.get("capacity_std_ampere_hour") or 0.0) / size
+    curve = {"soc": bank.soc, "ocv_volt": bank.ocv_volt + bank.shift_volt}
+    # A cell rests anywhere between its branches, however exact the count.
+    reference = reference_of(record, curve | {"half_gap_volt": hysteresis_of(bank)})
     first, *others = _starts(settings, record.soc[0])
     plans = [("nominal", start) for start in (first, *others)]
     plans += [(scenario, first) for scenario in settings.scenarios]
-    plants = _plants(("nominal", *settings.scenarios), record, bank, noise, hold, settings)
+    names = ("nominal", *settings.scenarios)
+    plants = {
+        noise: _plants(names, record, bank, noise, hold, settings) for noise in set(noises.values())
+    }
     rows, columns = [], {}
-    for method in settings.filters:
-        runs = _runs(method, plans, record, bank, plants, noise, settings, unsure)
+    for method, noise in noises.items():
+        known = reference, plants[noise], noise, settings, unsure
+        runs = _runs(method, plans, record, bank, *known)
         rows += [row for row, _ in runs]
         columns |= _series_of(method, runs[0][1])
-    curve = {"soc": bank.soc, "ocv_volt": bank.ocv_volt + bank.shift_volt}
-    # A cell rests anywhere between its branches, however exact the count.
-    off, doubt = reference_doubt(record, curve | {"half_gap_volt": hysteresis_of(bank)})
-    notes += [doubt] * bool(doubt)
-    known = {"model": model["chosen"], "reference_off_soc": off, "doubt": doubt}
-    rows = [row | known for row in rows]
+    notes += [reference.words] * bool(reference.words)
+    known = {"model": model["chosen"], "reference_off_soc": reference.off_soc}
+    rows = [row | known | {"doubt": reference.words} for row in rows]
     series = {"test_time_second": record.test_time_second, "soc": record.soc}
+    series |= {"reference_low_soc": reference.low, "reference_high_soc": reference.high}
     return rows, series | {"scored": record.used} | columns, tuple(notes)
 
 
@@ -229,20 +242,25 @@ def noise_of(settings, test_time_second):
     )
 
 
+def _noise_in_words(noise):
+    """Note on the noise that the records fitted have told; none where they did not."""
+    if noise.level_volt <= 0.0:
+        return []
+    shares = (
+        f"{100 * noise.resistance_error:.2g} % of what acts at once for {noise.fast_second:.2g}"
+    )
+    return [
+        f"noise of the filters, from the records fitted: {1e3 * noise.sensor_volt:.2g} mV white, "
+        f"{shares} s, voltage up to {1e3 * noise.skew_second:.2g} ms behind the current"
+    ]
+
+
 def _without_instrument_faults(model, member, record):
     """Record corrected for the instrument errors that a member states."""
     read = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
     _, charging, soc = corrected(member, model["capacity_ampere_hour"], *read, kind=record.kind)
     volt = true_volt(member, record.voltage_volt)
     return record._replace(current_ampere=charging, voltage_volt=volt, soc=soc)
-
-
-def _loaded_mean(model, record):
-    """Mean temperature of a record under load [degC], for the tables of the whole record."""
-    # ASSUME: OCV and time constants of a filter stand at the mean temperature of a record under
-    # load; resistances follow the temperature.
-    loaded = ~at_rest(record.current_ampere, model["capacity_ampere_hour"])
-    return float(np.mean(record.celsius[loaded] if loaded.any() else record.celsius))
 
 
 def _starts(settings, soc):
@@ -295,7 +313,7 @@ def _plants(scenarios, record, bank, noise, hold, settings):
     return plants
 
 
-def _runs(method, plans, record, bank, plants, noise, settings, unsure):
+def _runs(method, plans, record, bank, reference, plants, noise, settings, unsure):
     """Row and estimate of one filter for each scenario and start; `unsure` of the capacity [1]."""
     tracked = {"track_capacity": method == "dual", "track_ohmic": True}
     plants = {name: with_tracked(p, bank, noise, **tracked) for name, p in plants.items()}
@@ -307,8 +325,9 @@ def _runs(method, plans, record, bank, plants, noise, settings, unsure):
         if key not in scored:
             estimated = _through_gaps(plants[scenario], disturbed, start, method, noise)
             estimated = with_doubt_of_capacity(estimated, unsure)
-            reference = (disturbed.test_time_second, estimated, disturbed.soc, disturbed.used)
-            scored[key] = estimated, scores(*reference)
+            rows = slice(len(record.soc) - len(disturbed.soc), None)
+            against = reference.of_rows(rows), disturbed.used
+            scored[key] = estimated, scores(disturbed.test_time_second, estimated, *against)
         estimated, score = scored[key]
         error = float(start.soc - disturbed.soc[0])
         row = {"filter": method, "scenario": scenario, "initial_soc_error": error} | score

@@ -82,8 +82,11 @@ class Noise(NamedTuple):
     """Noise of sensors and model that a filter assumes.
 
     sensor_volt : white noise of the voltage sensor, standard deviation [V].
-    resistance_error : relative error of the model's overpotentials [1].
+    resistance_error : relative error of what acts at once [1].
     fast_second : for how long an error of what acts at once lasts [s]; 0: it is white.
+    steady_error : relative error of all overpotentials together [1]; None: `resistance_error`.
+    level_volt : level of all overpotentials at which the error under load is stated [V]; it grows
+        with a record's beyond that. 0: it is as stated at any.
     error_factor : error of a model on another record, over what the bank says of it [1].
     least_error_volt : no model is better than this on another record [V].
     error_second : time over which its error under load stays what it is [s]; 0: it is white.
@@ -98,6 +101,8 @@ class Noise(NamedTuple):
     sensor_volt: float = Soc().sensor_volt
     resistance_error: float = 0.1
     fast_second: float = 5.0
+    steady_error: float | None = None
+    level_volt: float = 0.0
     error_factor: float = 1.0
     least_error_volt: float = 0.005
     error_second: float = 150.0
@@ -245,6 +250,12 @@ def plant_of(
     )
 
 
+def levels_of_plant(bank, plant):
+    """As `levels_of`, of the record and the bank that a plant was laid out with."""
+    curved = {k: plant.drives[row] for k, row in enumerate(plant.source) if row >= 0}
+    return levels_of(bank, plant.current_ampere, curved)
+
+
 def with_tracked(plant, bank, noise, *, track_capacity, track_ohmic):
     """The same plant with other tracked states.
 
@@ -280,11 +291,14 @@ def _variances(bank, levels, noise):
     """White, fast (seconds) and slow (minutes) variance of the voltage [V²]."""
     at_once = float(levels @ [e.direct for e in bank.elements])
     fast = (noise.resistance_error * at_once) ** 2
-    load = max(noise.error_factor * bank.load_error_volt, noise.least_error_volt)
+    steady = noise.resistance_error if noise.steady_error is None else noise.steady_error
+    # ASSUME: The error under load grows with the overpotentials beyond those of the records fitted.
+    further = max(1.0, float(levels.sum()) / noise.level_volt) if noise.level_volt > 0.0 else 1.0
+    load = max(noise.error_factor * further * bank.load_error_volt, noise.least_error_volt)
     return {
         "white_variance": noise.sensor_volt**2 + (0.0 if noise.fast_second > 0.0 else fast),
         "fast_variance": fast,
-        "slow_variance": (noise.resistance_error * float(levels.sum())) ** 2 + load**2,
+        "slow_variance": (steady * float(levels.sum())) ** 2 + load**2,
     }
 
 

@@ -19,7 +19,7 @@ NEAR = 1.1  # of rms errors that count as equal
 CLEAR = 1.0  # standard errors: the one-standard-error rule
 SURE = 2.0  # standard errors that are no chance: 95 %
 FAR = 2.0  # times the smallest error of a temperature: no member that errs by more is chosen
-UNUSABLE_VOLT = 0.1  # error from which on a model is told to be of no use where the voltage counts
+UNUSABLE_VOLT = 0.1  # error from which on a model is of no use where the voltage counts
 MATERIAL_VOLT = 1e-3  # accuracy of a good cycler: errors that differ by less are alike
 
 
@@ -90,16 +90,19 @@ def choose(
     """The simplest of the members that predict blocks left out of their fit equally well.
 
     1. No member is chosen that, simulated through the records fitted, errs far more than the best
-    of the family at any temperature: more than `FAR` times, and more than `MATERIAL_VOLT` beyond;
-    nor one whose rms error on what was left out is so far from the smallest; nor one whose
-    simulation leaves the range of the measured voltage by more than `FAULT_VOLT`.
+    of the family at any temperature: more than `FAR` times, and more than `MATERIAL_VOLT` beyond,
+    or by more than `UNUSABLE_VOLT` where another does not; nor one whose rms error on what was left
+    out is so far from the smallest, also without the block that speaks most against it; nor one
+    whose simulation leaves the range of the measured voltage by more than `FAULT_VOLT`.
     2. Compared is the logarithm of each block's mean square error, so that one block near empty
-    does not outvote all others. Equal to the best are members whose mean difference from it, block
-    by block, is less than one standard error, and all where fewer than three blocks tell none; of
-    these, those whose rms error over all blocks is within a tenth of the smallest, for what fails
-    in one corner is not equal to what does not. The simplest of them is chosen, and "clearly" only
-    where it is better than each other by two standard errors and no other's rms error is smaller by
-    more than a tenth.
+    does not outvote all others, and every temperature counts alike, however many blocks it has.
+    Equal to the best are members whose mean difference from it, block by block, is less than one
+    standard error, and all where fewer than three blocks tell none, unless they are worse at one
+    temperature beyond chance and by more than a tenth. Of these, those whose rms error over all
+    blocks is within a tenth of the smallest, for what fails in one corner is not equal to what does
+    not: of one block alone only where the records simulated as in use say the same. The simplest of
+    them is chosen, and "clearly" only where it is better than each other by two standard errors and
+    no other's rms error is smaller by more than a tenth.
     3. A member of `searched` was found by a search of the same records. It takes that one's
     place if it is better by two standard errors, at no temperature worse by more than a tenth, and
     over whole tests its rms error is not larger. Of blocks one near empty may decide that one, and
@@ -126,10 +129,8 @@ def choose(
     Source: the one-standard-error rule of L. Breiman et al., Classification and Regression Trees
     (1984), 3.4.3.
     """
-    weight = _weight_of(scores)
-    square = {n: np.concatenate([s.square_volt2 for s in parts]) for n, parts in scores.items()}
-    rmse = {name: float(np.sqrt(np.average(s, weights=weight))) for name, s in square.items()}
-    logs = {name: np.log(np.maximum(s, SMALLEST_VOLT2)) for name, s in square.items()}
+    blocks = _blocks_of(scores)
+    rmse = {name: blocks.rms_volt(name) for name in scores}
     by_condition = {name: np.array([rmse_of(s) for s in parts]) for name, parts in scores.items()}
     faults = _worst_faults(
         _far_from_best(fitted_volt or {}, searched, celsius),
@@ -138,16 +139,18 @@ def choose(
     left = _least_faulty([name for name in scores if name not in searched], faults)
     reasons = {name: words for name, (_, words) in faults.items() if name != left}
     sound = [name for name in scores if name not in reasons]
-    chosen, equal, other = _simplest([n for n in sound if n not in searched], logs, rmse)
+    chosen, equal, other = _simplest(
+        [n for n in sound if n not in searched], blocks, fitted_volt or {}, celsius
+    )
     reasons |= other
     unsearched = chosen
     for name in (member for member in sound if member in searched):
-        against = _against(name, chosen, logs, rmse if whole_tests else {}, by_condition)
+        against = _against(name, chosen, blocks, rmse if whole_tests else {}, by_condition)
         reasons[chosen if not against else name] = against or f"{name} is better beyond chance"
         chosen, equal = (chosen, equal) if against else (name, [name])
-    words = _words(chosen, equal, logs, rmse, [name for name in scores if name not in sound])
+    words = _words(chosen, equal, blocks, rmse, [name for name in scores if name not in sound])
     words += f". Not to be relied on: {chosen} {faults[left][1]}" if chosen == left else ""
-    words += _warning(rmse[chosen])
+    words += _warning(rmse[chosen]) + _worst_temperature(chosen, fitted_volt or {}, celsius)
     reasons |= {chosen: words.partition(". ")[0]}
     return Choice(chosen, rmse, words, reasons, unsearched)
 
@@ -174,6 +177,23 @@ def worst_of(score):
     return float(np.sqrt(score.square_volt2.max())) if len(score.rows) else np.nan
 
 
+def usual_of(score):
+    """Root mean square error over all rows but those of the block that tells most of it [V].
+
+    That block, near empty or full, was predicted from beyond the range that was then fitted, as in
+    use nothing is. NaN where there are fewer than three blocks.
+
+    Parameters
+    ----------
+    score : Score.
+    """
+    if len(score.rows) < 3:
+        return np.nan
+    square = score.rows * score.square_volt2
+    kept = np.arange(len(square)) != np.argmax(square)
+    return float(np.sqrt(square[kept].sum() / score.rows[kept].sum()))
+
+
 def typical_of(score):
     """Geometric mean of the blocks' rms errors [V]; NaN where nothing was left out.
 
@@ -183,17 +203,58 @@ def typical_of(score):
     """
     if not len(score.rows):
         return np.nan
-    return _typical_volt(np.log(np.maximum(score.square_volt2, SMALLEST_VOLT2)))
+    return float(np.exp(np.mean(_log_of(score.square_volt2)) / 2))
 
 
-def _weight_of(scores):
-    """Number of rows of every block (b,), which must be the same for all members."""
+def _log_of(square_volt2):
+    return np.log(np.maximum(square_volt2, SMALLEST_VOLT2))
+
+
+class _Blocks(NamedTuple):
+    """All blocks of the members, of every temperature.
+
+    square_volt2 : dict name → (b,) mean square error [V²]. rows : (b,) how many each has.
+    condition : (b,) number of its temperature. share : (b,) its part in a mean over blocks, in
+        which each temperature counts alike [1].
+    """
+
+    square_volt2: dict
+    rows: np.ndarray
+    condition: np.ndarray
+    share: np.ndarray
+
+    def rms_volt(self, name, *, without=None):
+        """Rms error over all rows of a member [V]; `without` the block of that number."""
+        rows = self.rows.copy()
+        if without is not None:
+            rows[without] = 0.0
+        return float(np.sqrt(np.average(self.square_volt2[name], weights=rows)))
+
+    def typical_volt(self, name):
+        """Geometric mean of the blocks' rms errors [V]: one bad block does not decide it."""
+        return float(np.exp(self.share @ _log_of(self.square_volt2[name]) / 2))
+
+    def standard_errors(self, name, other, *, condition=None):
+        """By how much a member errs more than another in the mean logarithm of the blocks, over
+        the standard error of that; 0 where too few tell one. `condition`: at that one alone."""
+        here = slice(None) if condition is None else self.condition == condition
+        pair = (_log_of(self.square_volt2[n][here]) for n in (name, other))
+        return _standard_errors(np.subtract(*pair), self.share[here])
+
+
+def _blocks_of(scores):
+    """Blocks of all members, which must have been scored on the same ones."""
     if not scores:
         raise Refusal("no member of the family could be fitted and scored at every temperature")
     rows = {name: np.concatenate([s.rows for s in parts]) for name, parts in scores.items()}
     if len({tuple(r) for r in rows.values()}) != 1:
         raise Refusal("members of the model were not scored on the same blocks")
-    return next(iter(rows.values())).astype(float)
+    name, parts = next(iter(scores.items()))
+    counts = np.array([len(s.rows) for s in parts])
+    condition = np.repeat(np.arange(len(counts)), counts)
+    share = 1.0 / (counts[condition] * max(np.sum(counts > 0), 1))
+    square = {n: np.concatenate([s.square_volt2 for s in parts]) for n, parts in scores.items()}
+    return _Blocks(square, rows[name].astype(float), condition, share)
 
 
 def _worst_faults(*kinds):
@@ -214,12 +275,15 @@ def _far_from_best(errors, searched, celsius):
     best = np.min([errors[name] for name in family], axis=0) if family else None
     for name, error in errors.items():
         ratio = np.where(error > best + MATERIAL_VOLT, error / np.maximum(best, 1e-9), 1.0)
-        if ratio.max() > FAR:
-            k = int(np.argmax(ratio))
+        # What is of no use at a temperature is far from what is, however near its number.
+        useless = (error > UNUSABLE_VOLT) & (best <= UNUSABLE_VOLT) & (ratio > NEAR)
+        fault = np.where(useless, np.maximum(ratio / FAR, error / UNUSABLE_VOLT), ratio / FAR)
+        if fault.max() > 1.0:
+            k = int(np.argmax(fault))
             least = min(family, key=lambda other, k=k: errors[other][k])
             sentence = f"errs by {_milli(error[k])} mV{_place(celsius, k)}"
             sentence += f" over the records fitted, {least} by"
-            faults[name] = ratio[k] / FAR, f"{sentence} {_milli(best[k])} mV"
+            faults[name] = fault[k], f"{sentence} {_milli(best[k])} mV"
     return faults
 
 
@@ -245,22 +309,26 @@ def _least_faulty(family, faults):
     return min(family, key=lambda name: faults[name][0])
 
 
-def _simplest(names, logs, rmse):
+def _simplest(names, blocks, fitted_volt, celsius):
     """The simplest of the equally good members, all of these, and why each other is not chosen."""
+    rmse = {name: blocks.rms_volt(name) for name in names}
     least = min(names, key=rmse.get)
-    far = [name for name in names if _is_far(rmse[name], rmse[least])]
-    best = min((n for n in names if n not in far), key=lambda name: logs[name].mean())
-    alike = [n for n in names if n not in far and _equal(logs[n] - logs[best])]
-    smallest = min(rmse[name] for name in alike)
-    equal = [name for name in alike if rmse[name] <= NEAR * smallest]
-    chosen = min(equal, key=lambda name: (size_of(member_named(name)), logs[name].mean()))
-    typical = {name: f"{1e3 * _typical_volt(logs[name]):.3g} mV" for name in names}
+    far = [name for name in names if _larger(name, least, blocks, _is_far)]
+    best = min((n for n in names if n not in far), key=blocks.typical_volt)
+    near = [n for n in names if n not in far and blocks.standard_errors(n, best) <= CLEAR]
+    worse = {name: _worse_at(name, best, blocks, celsius) for name in near}
+    alike = [name for name in near if not worse[name]]
+    smallest = min(alike, key=rmse.get)
+    equal = [name for name in alike if not _cornered(name, smallest, blocks, fitted_volt)]
+    chosen = min(equal, key=lambda name: (size_of(member_named(name)), blocks.typical_volt(name)))
+    typical = {name: f"{1e3 * blocks.typical_volt(name):.3g} mV" for name in names}
     reasons = {
         name: f"errs by {typical[name]} in a typical block left out, {best} by {typical[best]}"
         for name in names
     }
     errs = f"{least} by {_milli(rmse[least])} mV"
     reasons |= {n: f"errs by {_milli(rmse[n])} mV rms on what was left out, {errs}" for n in far}
+    reasons |= {name: words for name, words in worse.items() if words}
     reasons |= dict.fromkeys(
         alike, f"equal to {best} in most blocks, but its rms error is over a tenth larger"
     )
@@ -268,9 +336,50 @@ def _simplest(names, logs, rmse):
     return chosen, equal, reasons
 
 
-def _typical_volt(log_square):
-    """Geometric mean of the errors of blocks [V]: one bad block does not decide it."""
-    return float(np.exp(log_square.mean() / 2))
+def _larger(name, least, blocks, differs):
+    """Whether the rms error of a member differs from the smallest, whichever block is left out.
+
+    Near empty, a block that is left out is predicted from beyond the range that is then fitted: one
+    such decides nothing. differs : function (error, smallest) [V] → bool.
+    """
+    if not differs(blocks.rms_volt(name), blocks.rms_volt(least)):
+        return False
+    if len(blocks.rows) < 3:
+        return True
+    excess = blocks.rows * (blocks.square_volt2[name] - blocks.square_volt2[least])
+    return differs(*(blocks.rms_volt(n, without=int(np.argmax(excess))) for n in (name, least)))
+
+
+def _cornered(name, least, blocks, fitted_volt):
+    """Whether a member fails somewhere where the other does not: by its rms error on what was left
+    out, of several blocks, or of one where the records simulated as in use say the same."""
+    if _larger(name, least, blocks, lambda error, smallest: error > NEAR * smallest):
+        return True
+    if name not in fitted_volt or blocks.rms_volt(name) <= NEAR * blocks.rms_volt(least):
+        return False
+    return bool(np.any(_is_worse(fitted_volt[name], fitted_volt[least])))
+
+
+def _is_worse(error, other):
+    """Whether errors [V] are larger by more than a tenth and more than anyone would notice."""
+    return error > np.maximum(NEAR * other, other + MATERIAL_VOLT)
+
+
+def _worse_at(name, best, blocks, celsius):
+    """At which temperature a member is worse than the best beyond chance, in words, else ""."""
+    for k in np.unique(blocks.condition):
+        here = blocks.condition == k
+        errors = (
+            np.sqrt(np.average(blocks.square_volt2[n][here], weights=blocks.rows[here]))
+            for n in (name, best)
+        )
+        error, of_best = errors
+        if _is_worse(error, of_best) and blocks.standard_errors(name, best, condition=k) > SURE:
+            return (
+                f"errs by {_milli(error)} mV rms on what was left out{_place(celsius, k)}, {best} "
+                f"by {_milli(of_best)} mV"
+            )
+    return ""
 
 
 def _milli(volt):
@@ -282,9 +391,9 @@ def _is_far(error, least):
     return error > max(FAR * least, least + MATERIAL_VOLT)
 
 
-def _against(name, chosen, logs, rmse, by_condition):
+def _against(name, chosen, blocks, rmse, by_condition):
     """Reason against a member that a search has found, None where there is none."""
-    sure = _standard_errors(logs[chosen] - logs[name])
+    sure = blocks.standard_errors(chosen, name)
     if sure <= SURE:
         return (
             f"not better than {chosen} beyond chance ({sure:.1f} standard errors, {SURE:g} asked)"
@@ -292,29 +401,29 @@ def _against(name, chosen, logs, rmse, by_condition):
     if rmse and rmse[name] > rmse[chosen]:
         return f"errs by {_milli(rmse[name])} mV rms, {chosen} by {_milli(rmse[chosen])} mV"
     candidate, incumbent = by_condition[name], by_condition[chosen]
-    if np.any(candidate > np.maximum(NEAR * incumbent, incumbent + MATERIAL_VOLT)):
+    if np.any(_is_worse(candidate, incumbent)):
         return f"worse than {chosen} at some temperature"
     return None
 
 
-def _equal(difference):
-    """Whether a mean difference is within the scatter between blocks, or nothing tells that."""
-    return _standard_errors(difference) <= CLEAR
+def _standard_errors(difference, share):
+    """Mean difference between blocks over its standard error; 0 where too few tell one.
 
-
-def _standard_errors(difference):
-    """Mean difference between blocks over its standard error; 0 where too few tell one."""
-    mean, count = difference.mean(), len(difference)
+    difference, share : (b,), how far each counts in the mean.
+    """
+    count, share = len(difference), share / share.sum() if len(share) else share
+    mean = share @ difference
     # Two blocks tell no scatter between them.
     if count < 3 or mean == 0:
         return 0.0
-    error = difference.std(ddof=1) / np.sqrt(count)
+    variance = share @ (difference - mean) ** 2 * count / (count - 1)
+    error = np.sqrt(variance * np.sum(share**2))
     return float(mean / error) if error > 0 else float(np.copysign(np.inf, mean))
 
 
-def _words(chosen, equal, logs, rmse, far):
+def _words(chosen, equal, blocks, rmse, far):
     """Why a member is chosen, how clearly, and the errors of all."""
-    typical = {name: _typical_volt(log) for name, log in logs.items()}
+    typical = {name: blocks.typical_volt(name) for name in rmse}
     ranked = sorted(typical, key=typical.get)
     listed = ", ".join(f"{n} {_milli(typical[n])} mV ({_milli(rmse[n])})" for n in ranked)
     listed = f"Typical error of a block left out of the fit, rms of all in brackets: {listed}"
@@ -323,7 +432,7 @@ def _words(chosen, equal, logs, rmse, far):
     if equals:
         return f"{chosen} chosen: equal within chance to {', '.join(equals)}, and simpler. {listed}"
     rivals = [name for name in ranked if name != chosen and name not in far]
-    clear = _how_clearly(chosen, rivals, logs, rmse) if rivals else ", the only one left"
+    clear = _how_clearly(chosen, rivals, blocks, rmse) if rivals else ", the only one left"
     return f"{chosen} chosen{clear}. {listed}"
 
 
@@ -337,9 +446,24 @@ def _warning(rmse_volt):
     )
 
 
-def _how_clearly(chosen, rivals, logs, rmse):
+def _worst_temperature(chosen, fitted_volt, celsius):
+    """Sentence on the temperature at which a member errs most over the records that it was fitted
+    to, where there are several; with what to do where that is too much for use."""
+    errors = fitted_volt.get(chosen, ())
+    if len(errors) < 2 or not celsius:
+        return ""
+    k = int(np.argmax(np.nan_to_num(errors, nan=np.inf)))
+    words = f". It errs most{_place(celsius, k)}: {_milli(errors[k])} mV over the records fitted"
+    if errors[k] <= UNUSABLE_VOLT:
+        return words
+    name = min(fitted_volt, key=lambda other: np.nan_to_num(fitted_volt[other][k], nan=np.inf))
+    least = f"no member by less than {_milli(fitted_volt[name][k])} mV"
+    return f"{words}, {least}: nothing that needs the voltage there should rest on it"
+
+
+def _how_clearly(chosen, rivals, blocks, rmse):
     """Words on the difference from the rival that comes nearest."""
-    sure = {name: _standard_errors(logs[name] - logs[chosen]) for name in rivals}
+    sure = {name: blocks.standard_errors(name, chosen) for name in rivals}
     smaller = [name for name in rivals if NEAR * rmse[name] < rmse[chosen]]
     near = [name for name in rivals if not _is_far(rmse[name], rmse[chosen])]
     second = min(near or rivals, key=sure.get)

@@ -11,6 +11,7 @@ from cellwright.identification.choice import (
     rmse_of,
     score_of,
     typical_of,
+    usual_of,
     worst_of,
 )
 from cellwright.identification.edges import with_share
@@ -169,10 +170,24 @@ def decided(model, conditions, searched=None):
         for row in judged_rows(name, verdict, celsius)
     ]
     members = [m | {"left_out_rmse_volt": choice.rmse_volt[m["model"]]} for m in model["members"]]
+    members = [_with_usual_errors(m, judged[m["model"]].scores, celsius) for m in members]
     # Whole tests may take its place back, see `proved`.
     before = {"in_place_of": choice.unsearched}
     members = [m | before if m["model"] in (searched or {}) else m for m in members]
     return model | {"members": members, "chosen": choice.name, "choice": choice.words}, rows
+
+
+def _with_usual_errors(member, scores, celsius):
+    """A member whose conditions tell what it usually errs by on what was left out of its fit."""
+    usual = {at: usual_of(score) for at, score in zip(celsius, scores, strict=True)}
+    usual = {at: volt for at, volt in usual.items() if np.isfinite(volt)}
+    told = [
+        condition | {"left_out_usual_volt": usual[at]}
+        if (at := condition["ambient_temperature_celsius"]) in usual
+        else condition
+        for condition in member["conditions"]
+    ]
+    return member | {"conditions": told}
 
 
 def decided_beside(model, rows, entry, judged, origin_scores, celsius):

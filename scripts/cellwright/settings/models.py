@@ -46,7 +46,8 @@ class Soc(NamedTuple):
         capacity.
     voltage_bias_volt [V] : Offset of the voltage in scenario voltage_bias.
     capacity_error : Relative error of the capacity in scenarios capacity_high and capacity_low.
-    sensor_volt [V] : White noise of the voltage, standard deviation.
+    sensor_volt [V] : White noise of the voltage, standard deviation, where the records that the
+        model was fitted to do not tell it.
     current_error_c_rate [1/h] : Error of the current sensor over the capacity, as a filter
         assumes it.
     """
