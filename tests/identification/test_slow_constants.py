@@ -130,6 +130,27 @@ def test_a_stretch_within_what_the_tests_count_is_found():
     assert not stretch_row(fitted.condition)["at_bound"]
 
 
+@pytest.mark.parametrize(("lacking", "std"), [((), 0.01), ((0.06, 0.08), 0.036), ((-0.01,), 0.01)])
+def test_capacity_tests_that_count_less_than_the_capacity_leave_it_open(lacking, std):
+    """Of 6 and 8 % less at two rates the smaller, over √3, beside 1 % of the capacity."""
+    time, current = course((0.0, 60.0), (-1.0, 7000.0))
+    soc = truth.soc_of(time, current, 1.0)
+    drive = record_of(time, current, np.full(len(time), 3.7), soc)
+    ends = [
+        record_of(
+            time,
+            current,
+            np.linspace(4.1, truth.OCV_VOLT[0], len(time)),
+            1.0 - (1.0 - soc) * (1.0 - share) / np.ptp(soc),
+            kind="capacity",
+        )
+        for share in lacking
+    ]
+    sizes = {"capacity_ampere_hour": CAPACITY, "capacity_std_ampere_hour": 0.01 * CAPACITY}
+    ready = data_of([drive, *ends], truth.OCV_VOLT, **sizes)
+    assert ready.stretch_std == pytest.approx(std, rel=0.02)
+
+
 def test_no_stretch_contradicts_what_the_tests_count():
     """A capacity that is counted within 0.5 % is not 5 % smaller, whatever a fit would gain."""
     ready = counted(0.05, capacity_std_ampere_hour=0.005 * CAPACITY)
