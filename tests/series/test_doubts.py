@@ -7,7 +7,9 @@ from cellwright.refusal import Refusal
 from cellwright.series.cleaning import clean
 from cellwright.series.doubts import (
     Doubt,
+    against_counter,
     beyond_cutoffs,
+    counter_digit,
     drawn_beyond,
     in_words,
     is_negative_electrode,
@@ -63,6 +65,23 @@ def test_a_current_beside_another_counter(columns):
     doubt = doubt_of(columns)
     assert not doubt[:290].any()
     assert np.all(doubt[330:600] & Doubt.COUNTER)
+
+
+@pytest.mark.parametrize("digit", [0.0, 1e-3, 1e-5])
+@pytest.mark.parametrize("step", [10.0, 1.0, 0.1])
+def test_a_counter_that_moves_little_from_row_to_row_is_no_coarse_one(step, digit):
+    """By less than a thousandth of 1 Ah: as read, it tells a gain of the current by 4 %."""
+    time = step * np.arange(4000)
+    counter = 1.2 * (time - time[-1] / 2).clip(0) / 3600
+    read = np.round(counter / digit) * digit if digit else counter
+    wanted = digit or 1e-9
+    if counter[-1] > 100 * wanted:
+        assert counter_digit(np.diff, read, beside=1) == pytest.approx(wanted)
+    current = 1.04 * 1.2 * (time > time[-1] / 2)
+    told = against_counter(time, current, read, np.zeros(len(time), bool))
+    assert told.any() == (counter[-1] > 100 * wanted)
+    current = current / 1.04
+    assert not against_counter(time, current, read, np.zeros(len(time), bool)).any()
 
 
 def test_rows_that_are_missing_with_the_clock_closed_up(columns):

@@ -309,10 +309,20 @@ def against_counter(time, current, counter, apart) -> np.ndarray:
         lowest, highest = min(lowest, moved.min()), max(highest, moved.max())
     window = max(WINDOW_SHARE * float(highest - lowest), 20 * digit, 1e-12)
     first, sums = _by_windows(time, current, counter, apart, window)
-    by_current, by_counter, travel, guessed = sums
-    allowed = COUNTER_SHARE * np.maximum(travel, np.abs(by_counter)) + 0.5 * guessed + 2 * digit
-    off = np.abs(by_current - by_counter) > allowed
+    off = _off_counter(sums, 2 * digit)
+    # Over all that one direction moves a coarse counter tells more than over any part of it.
+    sign, everywhere = np.sign(sums[0]), not off.any()
+    for of in (sign > 0, sign < 0) if everywhere else ():
+        begins = np.count_nonzero(of & ~np.append(False, of[:-1]))
+        off |= of & _off_counter(sums[:, of].sum(axis=1), 2 * digit * begins)
     return np.append(False, np.repeat(off, np.diff(np.append(first, len(time) - 1))))
+
+
+def _off_counter(sums, digits):
+    """Whether charge by the current and by the counter differ: sums as of `_by_windows`, [Ah]."""
+    by_current, by_counter, travel, guessed = sums
+    allowed = COUNTER_SHARE * np.maximum(travel, np.abs(by_counter)) + 0.5 * guessed + digits
+    return np.abs(by_current - by_counter) > allowed
 
 
 def _moved(time, current, apart):
@@ -363,12 +373,29 @@ def counter_digit(steps, *columns, beside=0) -> float:
         digit
         for digit in powers[:-1]
         if all_where(lambda *x, digit=digit: _whole(steps(*x) / digit), *columns, beside=beside)
+        and not _creeps(lambda *x, digit=digit: steps(*x) / digit, columns, beside)
     )
     return float(next(shown, powers[-1]))
 
 
 def _whole(values):
     return ~(np.abs(values - np.rint(values)) >= 1e-3)
+
+
+def _creeps(steps, columns, beside):
+    """Whether a counter moves by less than a digit: never by one, or by small steps to half of it.
+
+    steps : function of pieces of the columns → steps of the counter, in digits.
+    """
+    before, whole = None, False
+    for rows in pieces(len(columns[0]), beside=beside):
+        small = np.nan_to_num(steps(*(column[rows] for column in columns)))
+        ticks = np.abs(small) >= 0.5
+        whole, small[ticks] = whole or bool(ticks.any()), 0.0
+        before = summed(small, before)
+        if largest(small) >= 0.5:
+            return True
+    return not whole
 
 
 def steps_alone(time, current, voltage, apart, resistance=np.nan) -> np.ndarray:
