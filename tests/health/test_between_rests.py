@@ -153,6 +153,25 @@ def test_short_rests_no_curve_and_its_own_curve_are_refused():
         found(series, basis(nmc), test="slow")
 
 
+@pytest.mark.parametrize(
+    ("of_curve", "of_basis", "words"),
+    [
+        ("long load capacity_1C", "long load capacity_1C", "known under load alone"),
+        ("rating", "rating", "scaled by the rating, which would come back"),
+        ("discharge of cap at 1C", "rating", "scaled by the rating, which would come back"),
+    ],
+)
+def test_a_curve_that_knows_no_capacity_is_refused(of_curve, of_basis, words):
+    series = record(1, nmc, capacity=5.0, windows=(0.9, 0.3))
+    known = basis(nmc)
+    known["ocv"][0] |= {"branches": "rests", "capacity_source": of_curve}
+    with pytest.raises(cw.Refusal, match=words):
+        found(series, known | {"capacity_source": of_basis})
+    # A slow test measured its own, whatever the sheet says of the cell that borrows it.
+    own = basis(nmc, borrowed="fresh") | {"capacity_source": "rating"}
+    assert found(series, own)["capacity_ampere_hour"] == pytest.approx(5.0, rel=0.05)
+
+
 def test_a_current_of_the_wrong_sign_contradicts_the_rests():
     series = record(1, nmc, capacity=5.0, windows=(0.9, 0.3))
     turned = series | {name: -series[name] for name in ("current_ampere", "charge_ampere_hour")}

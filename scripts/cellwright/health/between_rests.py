@@ -22,7 +22,7 @@ from cellwright.settings import Instrument
 
 INSTRUMENT = Instrument()
 COLUMNS = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
-# ASSUME: Open-circuit voltage moves by at most 0.3 mV/K with temperature, at most SoC by less.
+# ASSUME: The open-circuit voltage moves by 0.3 mV/K and less with temperature (one deviation).
 ENTROPIC_VOLT_PER_KELVIN = 3e-4
 # What a capacity nobody measured leaves open of itself: no surer is no measurement.
 UNSURE_SHARE = stated_std_ampere_hour(1.0)
@@ -61,12 +61,13 @@ def capacity_of_test(columns, steps, facts, basis, **instrument):
     """Row of stage `capacity_between_rests` of one test, see `capacity_between_rests`.
 
     columns : dict of a clean series. steps : Steps. facts : TestFacts. basis : dict. instrument :
-    keywords as of `settings.Instrument`. Raises Refusal also where the curve is from this test.
+    keywords as of `settings.Instrument`. Raises Refusal also where the curve is from this test, or
+    knows no capacity of its own.
     """
     at_age = at_cycle(basis, facts.cycle)
     curve = curve_at(at_age["ocv"], facts.ambient_temperature_celsius)
-    if curve is not None and curve.get("test") == facts.test:
-        raise Refusal("its own rests are the open-circuit voltage, which tells no other capacity")
+    if curve is not None:
+        _refuse_circular(curve, facts.test, str(at_age.get("capacity_source") or ""))
     row = capacity_between_rests(
         *(columns[name] for name in COLUMNS),
         steps,
@@ -79,6 +80,18 @@ def capacity_of_test(columns, steps, facts, basis, **instrument):
     )
     about = ("test", "cycle", "ambient_temperature_celsius")
     return {name: getattr(facts, name) for name in about} | row
+
+
+def _refuse_circular(curve, test, source):
+    """Refuse a curve whose scale says already what the test would; source : of the capacity."""
+    if curve.get("test") == test:
+        raise Refusal("its own rests are the open-circuit voltage, which tells no other capacity")
+    # Curves from rests and loads have their capacity from elsewhere, and say from where.
+    of_curve = str(curve.get("capacity_source") or "")
+    if of_curve.startswith("long load"):
+        raise Refusal("voltage over SoC is known under load alone, no open-circuit voltage")
+    if of_curve and "rating" in (of_curve[:6], source[:6]):
+        raise Refusal("its open-circuit voltage is scaled by the rating, which would come back")
 
 
 def sentences_of(reasons):
