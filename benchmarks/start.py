@@ -1,13 +1,10 @@
 """Start of a process until it could work: what every job of a run pays."""
 
-import os
 import subprocess
 import sys
-from pathlib import Path
 
 from timing import Entry, Goal, Topic, missing
 
-SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 JOBS = {
     "**Cellwright**, simulation and fit": "cellwright.circuits.cell, pulse_methods.pulse",
     "**Cellwright**, dQ/dV": "cellwright.protocols.ica.charge",
@@ -43,5 +40,4 @@ def topic():
 
 
 def _process(code):
-    environment = os.environ | {"PYTHONPATH": str(SCRIPTS)}
-    subprocess.run([sys.executable, "-c", code], check=True, env=environment)
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -19,8 +19,9 @@ from virtual_lab.instruments import measurement
 ROOT = Path(__file__).resolve().parents[2]
 # Small matrices: threads of the linear algebra only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Models of cells whose truth is known, as the core's tests have them, and examples of the pages.
-sys.path[:0] = [str(ROOT / "tests" / "known"), str(ROOT / "docs" / "examples")]
+# Cells and campaigns of known truth, as the core's tests have them, and examples of the pages.
+KNOWN = ("tests/known", "tests/workflow", "lab/tests/known", "docs/examples")
+sys.path[:0] = [str(ROOT / folder) for folder in KNOWN]
 
 
 def constant(current_ampere, duration_second):

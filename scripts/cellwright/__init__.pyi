@@ -10,7 +10,6 @@ from cellwright.api.charge import state_of_charge as state_of_charge
 from cellwright.api.degradation import degradation_modes as degradation_modes
 from cellwright.api.degradation import plateau_losses as plateau_losses
 from cellwright.api.effects import missing_effect as missing_effect
-from cellwright.api.effects import missing_effect_stability as missing_effect_stability
 from cellwright.api.effects import missing_group_effect as missing_group_effect
 from cellwright.api.effects import prepared_case as prepared_case
 from cellwright.api.effects import witnesses as witnesses

@@ -14,8 +14,7 @@ INTRODUCTION = """\
 A rule makes artefacts of one stage. `./run snakemake --cores 2 RULE` runs a rule without wildcards,
 `./run snakemake --cores 2 results/…` makes one file and what it needs. Names in angle brackets
 stand for cells, tests and groups of the campaign. Each rule runs the script of its name in the
-folder of `scripts/` that has the name of the file of rules, except those that start a run of their
-own.
+folder of `scripts/` that has the name of the file of rules.
 """
 
 

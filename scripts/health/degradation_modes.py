@@ -12,7 +12,6 @@ with artefact.Job(snakemake) as job:
         rests=facts.with_columns(snakemake.input.rests),
         half_cells=user_tables.half_cells(params.materials, params.content),
         fresh=facts.fresh_cell(params.fresh, snakemake.input.fresh),
-        settings=params.settings,
     )
     job.note(*found.notes)
     job.save(found.rows)

@@ -5,6 +5,6 @@ from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
     tests = facts.tests(snakemake.input)
-    found = cw.plateau_losses(tests, snakemake.params.cell, snakemake.params.settings)
+    found = cw.plateau_losses(tests, snakemake.params.cell)
     job.note(*found.notes)
     job.save(found.rows)

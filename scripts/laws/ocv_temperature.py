@@ -7,7 +7,7 @@ with artefact.Job(snakemake) as job:
     inputs, output = snakemake.input, snakemake.output
     steps = tables.rows_of(inputs.steps, {})
     curves = lending.curves(inputs.curves)
-    found = cw.ocv_over_temperature(curves, steps, snakemake.params.settings)
+    found = cw.ocv_over_temperature(curves, steps)
     job.note(*found.notes)
     job.save(found.map, output.map)
     job.save(found.entropic, output.entropic)

@@ -5,7 +5,7 @@ from runtime import artefact, tables
 
 with artefact.Job(snakemake) as job:
     rows = tables.rows_of(snakemake.input, snakemake.params.tests)
-    found = cw.capacity_loss(rows, snakemake.params.settings)
+    found = cw.capacity_loss(rows)
     job.note(*found.notes)
     job.save(found.points, snakemake.output.losses)
     job.save(found.rows, snakemake.output.laws)

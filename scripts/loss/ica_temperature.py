@@ -6,7 +6,7 @@ from runtime import artefact, lending
 with artefact.Job(snakemake) as job:
     pairs = zip(snakemake.input.curves, snakemake.input.peaks, strict=True)
     charges = lending.charges(pairs, snakemake.params.tests)
-    found = cw.ica_over_temperature(charges, snakemake.params.settings)
+    found = cw.ica_over_temperature(charges)
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.matches)
     job.save(found.peaks, snakemake.output.peaks)

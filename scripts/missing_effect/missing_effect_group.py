@@ -7,7 +7,7 @@ with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
     cells = search_inputs.known_cells(params.branches, params.lenders, inputs.models)
     tests, group = facts.tests(inputs.series), snakemake.wildcards.group
-    found = cw.missing_group_effect(group, params.branches, cells, tests, params.settings)
+    found = cw.missing_group_effect(group, params.branches, cells, tests)
     job.note(*found.notes)
     for name, path in snakemake.output.items():
         job.save(getattr(found, name), path)

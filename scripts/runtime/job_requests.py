@@ -1,6 +1,6 @@
 """What jobs ask a cluster for: memory and time from measured ones, and which run as one job.
 
-workflow/job_costs.csv has a row a rule, measured by scripts/tools/job_costs.py; its column `part`
+workflow/job_costs.csv has a row a rule, measured by lab/tools/job_costs.py; its column `part`
 says which jobs of a cell are submitted together. Nothing here matters to a run on one machine,
 where jobs start as soon as a core is free.
 """

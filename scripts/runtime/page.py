@@ -23,7 +23,6 @@ from runtime import (
     artefact,
     closer_look,
     health_page,
-    laboratory_page,
     laws_page,
     overview_page,
     pack_page,
@@ -139,10 +138,6 @@ def render(job) -> str:
         fleet=part("the comparison of types", fleet_of, tables["fleet"]),
         health=part("the part on health", health_page.section, tables),
         packs=part("the part on packs", pack_page.section, tables, params.groups),
-        laboratory=part(
-            *("the test report", laboratory_page.section, params.laboratory),
-            *(params.cells, summary, excluded, params.run["version"]),
-        ),
         health_table=health_page.table_of_section,
         packs_table=pack_page.table_of_section,
         failed=failed,

@@ -45,11 +45,6 @@ def lines(folder, before, started, written_to=()) -> list[str]:
         of = "while the run went on; results are of what stood there before: start it again"
         took.append(f"Files:    {_names(written_to)} changed {of}")
     report = Path(folder, "results", "report.html")
-    # Of campaigns of real cells each has its own.
-    made = sorted(Path(folder, "real").glob("*/results/report.html"))
-    made = [path.relative_to(folder) for path in made if path.stat().st_mtime >= started]
-    if made:
-        return [*(f"Report:   {path}" for path in made), *took]
     if not report.is_file():
         whole = "snakemake --cores 2 makes it, and results/tables/excluded.csv of what was left out"
         return [f"Report:   none yet: {whole}", *took]

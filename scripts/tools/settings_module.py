@@ -14,10 +14,8 @@ FILES = {
     "tests.py": (
         "Settings of what is read from the tests of a cell, and of the laws over them.",
         [
-            *("files", "clean", "segment", "ocv", "ocv_step", "ocv_temperature"),
-            *("instrument", "resistance"),
-            *("temperature", "relaxation", "ica", "capacity_loss", "ica_temperature"),
-            *("degradation_modes", "fast_charge", "health", "impedance"),
+            *("files", "clean", "segment", "ocv", "instrument", "resistance"),
+            *("temperature", "relaxation", "ica", "fast_charge", "health", "impedance"),
         ],
     ),
     "models.py": (
@@ -26,7 +24,7 @@ FILES = {
     ),
     "effects.py": (
         "Settings of the search for missing effects.",
-        ["missing_effect", "missing_effect_group"],
+        ["missing_effect"],
     ),
 }
 TYPES = {"number": "float", "integer": "int", "boolean": "bool", "string": "str"}
@@ -37,14 +35,14 @@ def files() -> dict[str, str]:
     sections = settings.load(SCHEMAS, "config")["properties"]
     texts = {"__init__.py": _package()}
     for file, (purpose, names) in FILES.items():
-        classes = [text for name in names for text in _classes(class_name(name), sections[name])]
+        classes = [_class(class_name(name), sections[name]) for name in names]
         head = f'"""{purpose}\n\n{MADE}\nDo not edit.\n"""\n\nfrom typing import NamedTuple\n'
         texts[file] = "\n\n".join([head, *classes])
     return texts
 
 
 def class_name(section: str) -> str:
-    """What the class of a section is called: `ocv_step` → OcvStep."""
+    """What the class of a section is called: `fast_charge` → FastCharge."""
     return "".join(word.capitalize() for word in section.split("_"))
 
 
@@ -67,28 +65,17 @@ def _package() -> str:
     return "\n".join(lines) + f"\n\n__all__ = [\n{every}]\n"
 
 
-def _classes(name: str, spec: dict) -> list[str]:
-    """The class of a section, after those of the sections in it."""
+def _class(name: str, spec: dict) -> str:
+    """The class of a section."""
     keys = of_science(spec)
-    inner = {
-        key: name + class_name(key)
-        for key, key_spec in keys.items()
-        if key_spec["type"] == "object"
-    }
-    parts = [text for key, inside in inner.items() for text in _classes(inside, keys[key])]
     about = [*_wrapped(spec["description"]), ""]
     about += [
         line for key, key_spec in keys.items() for line in _wrapped(_meaning(key, key_spec), "    ")
     ]
-    fields = [
-        f"{key}: {inner[key]} = {inner[key]}()"
-        if key in inner
-        else f"{key}: {_type(key_spec)} = {_value(key_spec)}"
-        for key, key_spec in keys.items()
-    ]
+    fields = [f"{key}: {_type(spec)} = {_value(spec)}" for key, spec in keys.items()]
     about[0] = f'    """{about[0].strip()}'
     body = "\n".join([*about, '    """', "", *(_short(field) for field in fields)])
-    return [*parts, f"class {name}(NamedTuple):\n{body}\n"]
+    return f"class {name}(NamedTuple):\n{body}\n"
 
 
 def _meaning(key: str, spec: dict) -> str:

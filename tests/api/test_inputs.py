@@ -96,13 +96,6 @@ def test_settings_of_a_campaign_must_be_complete():
         cw.clean(record(), {"gap_second": 3.0})
 
 
-def test_settings_within_settings_are_typed():
-    usual = cw.settings.MissingEffectGroup()
-    spread = usual.spread._asdict() | {"celsius": 1.0}
-    chosen = inputs.settings_of(cw.settings.MissingEffectGroup, None, {"spread": spread})
-    assert chosen == usual._replace(spread=usual.spread._replace(celsius=1.0))
-
-
 def test_facts_without_what_is_needed_are_refused():
     with pytest.raises(cw.Refusal, match="TestFacts needs kind"):
         inputs.test_facts({"test": "x"})

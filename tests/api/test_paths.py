@@ -34,9 +34,6 @@ OF_MODEL = {
     "estimate_soc": lambda m: cw.estimate_soc(m, RECORD, filters=("ekf",)),
     "thermal_constants": lambda m: cw.thermal_constants(CELL, m, TESTS),
     "missing_effect": lambda m: cw.missing_effect(CELL, truth.model(), TESTS, model=m),
-    "missing_effect_stability": lambda m: cw.missing_effect_stability(
-        CELL, truth.model(), TESTS, model=m
-    ),
     "add_own_effects": lambda m: cw.add_own_effects(m, None),
     "assemble_pack": lambda m: cw.assemble_pack("g", ROWS, [m, SECOND]),
     "simulate_group": lambda m: cw.simulate_group([m, m], CURRENT, initial_soc=0.9),
@@ -52,7 +49,6 @@ OF_BASIS = {
     "basis_at": lambda b: cw.basis_at(b, 0),
     "state_of_charge": lambda b: cw.state_of_charge(SERIES, b, TEST, CELL),
     "missing_effect": lambda b: cw.missing_effect(CELL, b, TESTS),
-    "missing_effect_stability": lambda b: cw.missing_effect_stability(CELL, b, TESTS),
     "witnesses": lambda b: cw.witnesses({}, {}, b, {}),
     "prepared_case": lambda b: cw.prepared_case(CELL, b, TESTS),
     "identify": lambda b: cw.identify(CELL, b, TESTS),

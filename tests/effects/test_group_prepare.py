@@ -12,7 +12,6 @@ from cellwright.effects.groups.model import group_frees
 from cellwright.effects.story.result import Finding
 from cellwright.refusal import Refusal
 
-SETTINGS = {n: k()._asdict() for n, k in finding.SECTIONS.items()}
 BRANCHES = branch_facts(["c1", "c2"], [0.9, 0.8])
 VALUES = {"log_r0": -4.0, "log_r1": -5.0, "log_r2": -5.0, "log_tau1": 2.0, "log_tau2": 5.0}
 VALUES |= {"capacity": 0.0} | {f"ocv[{k}]": 0.0 for k in range(16)}
@@ -39,7 +38,7 @@ def asked(monkeypatch):
     )
 
     def ask(*tests, known=KNOWN):
-        result = missing_group_effect("pair", BRANCHES, known, list(tests), settings=SETTINGS)
+        result = missing_group_effect("pair", BRANCHES, known, list(tests))
         return *result.model["given"][1:], result.model["options"], result.notes
 
     return ask
@@ -98,7 +97,7 @@ def test_a_start_under_load_must_be_stated():
     branches = [row._replace(initial_soc=None) for row in BRANCHES]
     tests = [a_test("a", "fit", first=-4.0), a_test("b", "validation")]
     with pytest.raises(Refusal, match="a begins under load"):
-        missing_group_effect("pair", branches, KNOWN, tests, settings=SETTINGS)
+        missing_group_effect("pair", branches, KNOWN, tests)
 
 
 def test_cells_never_warmed_are_held_to_no_activation_energy():

@@ -6,8 +6,6 @@ from collections import defaultdict
 from tree import SCRIPTS, modules, name, nodes
 
 FILES_OF_AN_EFFECT = 3
-# The laboratory and what examines the product make and score effects: they have names of their own.
-APART = {"virtual_lab", "effect_benchmark", "lab"}
 # Words that are an effect's id and mean something else there: a scenario of a filter, a check of a
 # group's channels, a tolerance of a branch's sensor, a column.
 HOMONYMS = {
@@ -37,10 +35,7 @@ def words_of(path):
 def files_naming(ids):
     """Modules of the product in which each id stands, alone or before a dot: dict id → set."""
     found = defaultdict(set)
-    product = (
-        path for path in modules(SCRIPTS) if not APART & set(path.relative_to(SCRIPTS).parts)
-    )
-    for path in product:
+    for path in modules(SCRIPTS):
         for word in {word.partition(".")[0] for word in words_of(path)} & set(ids):
             found[word].add(name(path))
     return found

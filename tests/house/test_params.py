@@ -81,8 +81,8 @@ def calls(function, other) -> bool:
 CHECKED = [
     (rule, re.search(r"scripts/([\w/]+)\.py", body)[1], body)
     for rule, body in RULES
-    # Figures and the thesis' methods say themselves what they use.
-    if not rule.startswith("figure") and rule != "identification_methods"
+    # Figures say themselves what they use.
+    if not rule.startswith("figure")
 ]
 
 

@@ -7,7 +7,18 @@ from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 
-from tree import SCIENCE, SCRIPTS, functions, held_by_every, imports, modules, name, nodes, parsed
+from tree import (
+    LABORATORY,
+    SCIENCE,
+    SCRIPTS,
+    functions,
+    held_by_every,
+    imports,
+    modules,
+    name,
+    nodes,
+    parsed,
+)
 
 import cellwright
 
@@ -235,10 +246,13 @@ def test_settings_are_keyword_only():
             assert not numbers, f"{name(path)}:{node.lineno} {node.name}: {numbers} before the *"
 
 
-PACKAGES = ("cellwright", "cellwright_fmu", "runtime", "figures", "real_cells", "pulse_methods")
+# What only examines the product: packages of the laboratory, which stand on the product.
+EXAMINERS = ("real_cells", "pulse_methods", "fuzz")
+PACKAGES = ("cellwright", "cellwright_fmu", "runtime", "figures", *EXAMINERS)
+OF_EXAMINERS = [LABORATORY / room for room in (*EXAMINERS, "real", "tools")]
 
 
-@held_by_every(modules(SCRIPTS))
+@held_by_every([m for folder in (SCRIPTS, *OF_EXAMINERS) for m in modules(folder)])
 def test_what_is_taken_from_a_module_of_ours_exists(path):
     """Also where it is imported within a function, which no import of the module itself shows."""
     for imported in imports(path):

@@ -4,7 +4,7 @@ import ast
 import re
 
 import pytest
-from tree import ROOT, SCRIPTS, held_by_every, parsed
+from tree import LABORATORY, ROOT, SCRIPTS, held_by_every, imports, modules, name, parsed
 
 from runtime import job_requests, settings
 from tools import settings_module
@@ -16,11 +16,6 @@ TEXT = "\n".join(path.read_text(encoding="utf-8") for path in [*FILES, WORKFLOW 
 BLOCKS = re.findall(r"^(?:rule|checkpoint) (\w+):\n((?:[ \t]+.*\n|\n)*)", TEXT + "\n", re.M)
 RULES = [(rule, body) for rule, body in BLOCKS if rule != "all"]
 CONFIG = settings.load(WORKFLOW / "schemas", "config")
-# Rules that start runs of their own, which no cluster is asked for, or that wait for a user's word.
-STARTERS = {
-    "real_campaign": "runs the pipeline on a campaign of real cells",
-    "real": "gathers those runs",
-}
 SHEET_NAMES = ("cells", "tests", "groups", "checkups")
 SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in SHEET_NAMES]
 
@@ -60,8 +55,8 @@ def test_no_rule_runs_a_command():
 
 def test_every_rule_asks_for_memory_and_time():
     costs = job_requests.read(WORKFLOW / "job_costs.csv")
-    rules = {rule for rule, _ in RULES} - set(STARTERS)
-    told = "run scripts/tools/job_costs.py, then fill the column part"
+    rules = {rule for rule, _ in RULES}
+    told = "run lab/tools/job_costs.py, then fill the column part"
     assert not rules - set(costs), f"rules without measured costs: {rules - set(costs)}; {told}"
     assert not set(costs) - rules, f"job_costs.csv has what is no rule: {set(costs) - rules}"
     assert all(cost.longest_cpu_second > 0 and cost.peak_megabyte > 0 for cost in costs.values())
@@ -101,16 +96,13 @@ def test_keys_that_carry_a_unit_say_it():
 
 
 def test_the_search_takes_every_setting_of_its_sections():
-    """A key that no gate, tolerance or spread bears would be chosen and never used."""
+    """A key that no gate or tolerance bears would be chosen and never used."""
     from cellwright.effects.finding import settings_of
-    from cellwright.effects.groups.finding import SECTIONS
 
     section = CONFIG["properties"]["missing_effect"]
     chosen = dict.fromkeys(settings_module.of_science(section), 7.0)
     gates, tolerance = settings_of(chosen)
     assert [*gates, *tolerance].count(7.0) == len(chosen)
-    for name, spec in CONFIG["properties"]["missing_effect_group"]["properties"].items():
-        assert set(spec["properties"]) <= set(SECTIONS[name]._fields)
 
 
 @pytest.mark.parametrize("file", settings_module.files())
@@ -125,7 +117,7 @@ def test_every_section_of_the_science_has_typed_settings_with_its_defaults():
 
     chosen = settings.defaults(CONFIG)
     named = {name for _, names in settings_module.FILES.values() for name in names}
-    workflow = {"title", "publication", "test_report", "strict", "real"}
+    workflow = {"title", "publication", "strict"}
     assert named == set(CONFIG["properties"]) - workflow
     for section in named:
         value = getattr(typed, settings_module.class_name(section))()
@@ -161,3 +153,15 @@ def test_a_caption_has_one_title_and_one_sentence_on_how_to_read_it():
     blocks = re.split(r"^(?=\w)", text, flags=re.MULTILINE)[1:]
     assert len(blocks) > 30
     assert [b for b in blocks if not re.fullmatch(r"\w+:\n  title: .+\n  read: .+\n", b)] == []
+
+
+@held_by_every([m for m in modules(SCRIPTS) if m.parent.name != "documentation"])
+def test_nothing_of_a_users_run_stands_on_the_laboratory(path):
+    """What makes cells of known truth, and what examines the product, is no part of it."""
+    apart = {folder.name for folder in LABORATORY.iterdir() if folder.is_dir()} - {"tools"}
+    found = {imported for imported in imports(path) if imported.split(".")[0] in apart}
+    assert not found, f"{name(path)} imports {sorted(found)}"
+
+
+def test_no_rule_of_a_users_run_stands_on_the_laboratory():
+    assert not re.findall(r".*\blab\b.*|.*\b(?:real_cells|virtual_lab)\b.*", TEXT)

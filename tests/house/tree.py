@@ -39,7 +39,8 @@ def functions(path: Path) -> list[ast.FunctionDef]:
 
 def imports(path: Path) -> set[str]:
     """Dotted names that a module imports; `from a import b` as `a.b`, relative ones resolved."""
-    package = path.parent.relative_to(SCRIPTS).parts
+    root = LABORATORY if path.is_relative_to(LABORATORY) else SCRIPTS
+    package = path.parent.relative_to(root).parts
     found = set()
     for node in nodes(path):
         if isinstance(node, ast.Import):

@@ -138,10 +138,3 @@ def test_files_that_changed_in_the_run_are_named_at_its_end(tmp_path):
     assert "raw/a.csv" not in "".join(run_end.lines(tmp_path, {}, 0.0))
     said = run_end.lines(tmp_path, {}, 0.0, ["raw/a.csv"])[-1]
     assert said.startswith("Files:    raw/a.csv changed while the run went on")
-
-
-def test_a_run_of_real_cells_names_the_reports_that_it_made(tmp_path):
-    report = tmp_path / "real/leaf/results/report.html"
-    report.parent.mkdir(parents=True)
-    report.write_text("")
-    assert run_end.lines(tmp_path, {}, 0.0) == ["Report:   real/leaf/results/report.html"]

@@ -12,7 +12,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -72,29 +71,6 @@ def report_of(folder):
 def read(folder):
     """The report's text as its reader sees it."""
     return unpacked(report_of(folder).decode())
-
-
-@pytest.mark.slow
-def test_pulses_are_identified_by_every_method_where_that_is_asked_for(first, copy):
-    """Of A, the cell with a pulse test; the one pair of its truth is told whatever the method."""
-    assert not (first.folder / "results/stages/identification_methods").exists()
-    asked = snakemake(copy, "methods")
-    assert asked.status == 0, asked.said[-4000:]
-    rows = table(asked, "identification_methods")
-    cell = tiny.TRUTH["A"]
-    moved = (tiny.ocv(0.55) - tiny.ocv(0.45)) / 0.1 * 10 / 3600 / cell.capacity_ampere_hour
-    grown = tiny.R1_OHM * -np.expm1(-10 / tiny.TAU_SECOND)
-    assert {(row["cell"], row["test"]) for row in rows} == {("A", "hppc")}
-    for method in ("genetic", "autoregressive", "rest_exponentials", "lmfit", "separable"):
-        mine = [row for row in rows if row["method"] == method]
-        assert len(mine) == 9
-        told = [row for row in mine if row["r0_ohm"]]
-        assert len(told) >= 5 or all(row["reason"] for row in mine)
-        end = [float(row["pulse_resistance_ohm"]) for row in told]
-        assert np.median(end) == pytest.approx(cell.r0_ohm + grown + moved, rel=0.03)
-    fitted = [float(row["r0_ohm"]) for row in rows if row["method"] == "separable"]
-    assert np.median(fitted) == pytest.approx(cell.r0_ohm, rel=0.02)
-    assert (copy / "results/stages/identification_methods/A.svg").is_file()
 
 
 def test_bad_files_do_not_end_the_run(first):

@@ -33,11 +33,8 @@ from runtime.plan import paths_of, where
 from runtime.wildcard_patterns import either, only_these
 from snakemake_logger_plugin_progress import JOBS
 
-# Rules that judge the pipeline against known truth use the laboratory's scorer; functional mock-up
-# units are made by a package beside the science.
-job_environment.prepare(
-    SCRIPTS, str(PIPELINE / "lab"), str(PIPELINE / "plugins" / "cellwright-fmu")
-)
+# Functional mock-up units are made by a package beside the science.
+job_environment.prepare(SCRIPTS, str(PIPELINE / "plugins" / "cellwright-fmu"))
 snakemake_state.compare_parameters_without_pandas()
 snakemake_state.keep_wildcard_constraints(workflow.storage_registry.default_storage_provider)
 STARTED = time.time()

@@ -91,7 +91,6 @@ rule degradation_modes:
     wildcard_constraints:
         cell=either(DEGRADED),
     params:
-        settings=config["degradation_modes"],
         cell=cell_facts,
         materials=own(half_cells_of),
         content=own(half_cell_contents),
@@ -112,7 +111,6 @@ rule plateau_losses:
     wildcard_constraints:
         cell=either(AGED_SLOWLY),
     params:
-        settings=config["degradation_modes"],
         cell=cell_facts,
     message:
         "Charge lost by each plateau of {wildcards.cell} between its check-ups."

@@ -124,7 +124,6 @@ rule ocv_step:
     log:
         "logs/ocv_step/{cell}/{test}.log",
     params:
-        settings=config["ocv_step"],
         test=test_facts,
         cell=cell_facts,
     message:
@@ -147,8 +146,6 @@ rule ocv_temperature:
         "logs/ocv_temperature/{cell}.log",
     wildcard_constraints:
         cell=either(STEPPED),
-    params:
-        settings=config["ocv_temperature"],
     message:
         "Open-circuit voltage of {wildcards.cell} over temperature: bias, entropic coefficient, functions."
     script:

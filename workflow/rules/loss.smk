@@ -34,7 +34,6 @@ rule capacity_loss:
     wildcard_constraints:
         cell=either(COLD),
     params:
-        settings=config["capacity_loss"],
         tests=facts_of_own_tests,
     message:
         "Capacity of {wildcards.cell} lost to temperature and rate: true and false."
@@ -55,7 +54,6 @@ rule ica_temperature:
     wildcard_constraints:
         cell=either(COLD_PEAKS),
     params:
-        settings=config["ica_temperature"],
         tests=lambda w: {
             row["test"]: row["ambient_temperature_celsius"] for row in fresh_peaks(w.cell)
         },

@@ -213,7 +213,6 @@ rule missing_effect_group:
     wildcard_constraints:
         group=either(GROUPS_ASKED),
     params:
-        settings=config["missing_effect_group"],
         branches=own(BRANCHES.get),
         lenders=lambda w: {row["cell"]: lender(row["cell"]) for row in BRANCHES[w.group]},
     message:
@@ -241,43 +240,6 @@ rule witnesses:
         "What other measurements of {wildcards.cell} say of its verdict."
     script:
         "../../scripts/missing_effect/witnesses.py"
-
-
-rule effect_stability:
-    input:
-        basis="results/stages/basis/{cell}.json",
-        series=own(searched_series),
-        lent_basis=paths_of(references, "results/stages/basis/{}.json"),
-        lent_series=gathered(references, searched_series),
-    output:
-        names="results/missing_effect/{cell}/stability.parquet",
-        searches="results/missing_effect/{cell}/stability_searches.parquet",
-    log:
-        "logs/missing_effect/{cell}_stability.log",
-    wildcard_constraints:
-        cell=either(SEARCHED),
-    params:
-        settings=of_analysis("missing_effect"),
-        split_rest_second=config["models"]["split_rest_second"],
-        cell=cell_facts,
-        references=PLAN.facts_of_cells(references),
-    message:
-        "Search of {wildcards.cell} repeated without each of its records: which names stay."
-    script:
-        "../../scripts/missing_effect/effect_stability.py"
-
-
-rule missing_effect_stability:
-    input:
-        [f"results/missing_effect/{cell}/stability.parquet" for cell in SEARCHED],
-    output:
-        "results/stages/missing_effect_stability/names.csv",
-    log:
-        "logs/table/missing_effect_stability.log",
-    message:
-        "How often each name of a verdict stays when one record is left out of the search."
-    script:
-        "../../scripts/missing_effect/missing_effect_stability.py"
 
 
 rule missing_effect:

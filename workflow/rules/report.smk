@@ -69,7 +69,6 @@ rule report:
         title=lambda w: config["title"],
         choices=CHOICES,
         settings=lambda w: config,
-        laboratory=lambda w: config["test_report"],
         assumptions=ASSUMPTIONS,
         run=run_facts(),
     message:

@@ -178,7 +178,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "scale": {"seed": 0, "cells": 1000},
 }
-OF_THE_WORKFLOW = {"campaign", "folder"}  # what else its --config may hold
+OF_THE_WORKFLOW = {"campaign", "folder", "real"}  # what else its --config may hold
 FOLDERS = {"demo": "."} | {name: f"virtual/{name}" for name in OPTIONS if name != "demo"}
 
 

@@ -40,7 +40,6 @@ QUANTITIES = {
     "models": ("r0", "r_10s", "r_total"),
     "models_of_checkups": ("",),
     "choice": ("",),
-    "identification_methods": ("",),
     "soc": ("soc_begin", "soc_end", "capacity_ampere_hour"),
     "validation": ("rmse_volt",),
     "packs": ("group_capacity_ampere_hour", "charge_ampere_hour", "current_max_ampere"),

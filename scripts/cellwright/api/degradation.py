@@ -2,7 +2,6 @@
 
 from cellwright.api import inputs, results
 from cellwright.refusal import Refusal
-from cellwright.settings import DegradationModes
 
 
 def degradation_modes(
@@ -13,8 +12,6 @@ def degradation_modes(
     rests=(),
     half_cells=(None, None),
     fresh=None,
-    settings=None,
-    **changes,
 ):
     """Lithium and active material lost by one cell at each check-up [1], from slow curves or rests.
 
@@ -25,7 +22,6 @@ def degradation_modes(
     half_cells : (negative, positive): name of the library or `health.half_cells.HalfCell` each;
         None: those of the chemistry.
     fresh : (cell, tests) of a fresh cell of the type, for a cell without check-ups of its own.
-    settings : `settings.DegradationModes`.
 
     Returns one row a check-up: losses as shares of the fresh cell's lithium and electrodes, with
     standard deviations, NaN and a reason where the curve does not tell. Raises Refusal: fewer than
@@ -36,22 +32,21 @@ def degradation_modes(
     from cellwright.health.electrodes.modes import degradation_modes as modes_of
     from cellwright.health.electrodes.slow_curves import alike, growth, need_two, rest_curve
 
-    options = inputs.settings_of(DegradationModes, settings, changes)
-    facts, slow, refused, notes = _slow_curves(cell, tests, options)
+    facts, slow, refused, notes = _slow_curves(cell, tests)
     points = [(inputs.test_facts(test), inputs.columns(table)) for test, table in rests]
     at_rest = _curves_of(points, rest_curve, refused, cell=facts.cell)
     own, left_out = _by_check_up([*slow, *at_rest], refused)
     # Losses are differences: a single check-up needs a fresh cell of the type to differ from, and a
     # curve of another rate would differ by its polarisation as well.
     if fresh is not None and len(own) == 1:
-        _, lent, _, _ = _slow_curves(*fresh, options)
+        _, lent, _, _ = _slow_curves(*fresh)
         lent = [curve for curve in lent if alike(curve, own[0])][:1]
         own = [*lent, *own]
         left_out += [f"fresh state: {curve.cell}, not this cell's own" for curve in lent]
     need_two(own, facts.cell)
     pairs = _pairs(chemistry, half_cells)
     # Half cells of a chemistry differ between makers: all pairs that fit bound the error by choice.
-    fitting = chosen_pair(own, pairs, misfit_volt=options.misfit_volt)
+    fitting = chosen_pair(own, pairs)
     found = modes_of(own, fitting[0][0], others=[pair for pair, _ in fitting[1:]])
     rows = mode_rows.mode_rows(found, fitting[0][0], own)
     words = mode_rows.notes(found, fitting, given=None not in half_cells)
@@ -59,10 +54,10 @@ def degradation_modes(
     return results.Result({"rows": rows}, notes=(*words, *notes, *left_out, *growth(own)))
 
 
-def plateau_losses(tests, cell, settings=None, **changes):
+def plateau_losses(tests, cell):
     """Charge lost by each plateau of one cell's slow curve since the first check-up [Ah].
 
-    tests, settings : as of `degradation_modes`.
+    tests : as of `degradation_modes`.
 
     Returns rows, one a plateau and check-up [Ah]. Raises Refusal: fewer than two check-ups, or a
     first curve without plateaus.
@@ -71,14 +66,13 @@ def plateau_losses(tests, cell, settings=None, **changes):
     from cellwright.health.electrodes.plateaus import plateau_losses as losses_of
     from cellwright.health.electrodes.slow_curves import growth, need_two
 
-    options = inputs.settings_of(DegradationModes, settings, changes)
-    facts, slow, refused, notes = _slow_curves(cell, tests, options)
+    facts, slow, refused, notes = _slow_curves(cell, tests)
     own, left_out = _by_check_up(slow, refused)
     need_two(own, facts.cell)
     return results.Result({"rows": losses_of(own)}, notes=(*notes, *left_out, *growth(own)))
 
 
-def _slow_curves(cell, tests, options):
+def _slow_curves(cell, tests):
     """CellFacts, slow curves of its tests, why others gave none (by cycle), and sentences.
 
     A cut-off that is not stated is the lowest or highest voltage of all tests: one that does not
@@ -95,7 +89,7 @@ def _slow_curves(cell, tests, options):
             facts = facts._replace(**{name: volt})
             taken = f"{volt:.3f} V, the {most} voltage of its slow tests"
             notes.append(f"{name} is blank in cells.tsv: taken is {taken}")
-    limits = inputs.cutoffs(facts) | {"least_hour": options.least_hour}
+    limits = inputs.cutoffs(facts)
     refused = {}
     pairs = [(test.facts, test.series) for test in tests]
     slow = _curves_of(pairs, slow_curve, refused, cell=facts.cell, **limits)

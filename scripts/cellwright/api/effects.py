@@ -1,7 +1,7 @@
 """Missing effects of a cell, or of a branch of a parallel group."""
 
 from cellwright.api import inputs, results
-from cellwright.settings import MissingEffect, MissingEffectGroup, Models
+from cellwright.settings import MissingEffect, Models
 
 MODELS = Models()
 
@@ -83,33 +83,6 @@ def _missing_effect(finding):
     return results.Result(tables, content, finding.notes)
 
 
-def missing_effect_stability(
-    cell,
-    basis,
-    tests,
-    settings=None,
-    *,
-    references=(),
-    model=None,
-    library=None,
-    split_rest_second=MODELS.split_rest_second,
-    **changes,
-):
-    """How often each name of a verdict stays when one record is left out of the search.
-
-    settings, references, model, library : as of `missing_effect`.
-
-    Returns rows, one a name; repeats: one row a search. Raises Refusal: as `missing_effect`, with
-    all records. Source: docs/missing-effect.md.
-    """
-    from cellwright.effects.story.stability import repeat_rows, stability
-
-    searched_in, chosen = _searched_in(cell, basis, tests, library, references, model)
-    settings = _search(settings, split_rest_second, changes)
-    found = stability(*searched_in, settings=settings, **chosen)
-    return results.Result({"rows": found.rows, "repeats": repeat_rows(found.repeats)})
-
-
 def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=None):
     """Which independent measurements of a cell agree with a verdict, contradict it, or are silent.
 
@@ -158,12 +131,12 @@ def prepared_case(
     return prepared(inputs.cell_facts(cell), inputs.basis(basis), mine, **options).case
 
 
-def missing_group_effect(group, branches, known_cells, tests, settings=None, **changes):
+def missing_group_effect(group, branches, known_cells, tests):
     """Effects that one branch of a parallel group has and the others have not.
 
     group : its name. branches : in order of position.
     known_cells : `effects.groups.finding.KnownCell` of each branch.
-    tests : of the group, with branch currents. settings : `settings.MissingEffectGroup`.
+    tests : of the group, with branch currents.
 
     Returns as `missing_effect`, with empty residual_map, evidence, confounding and menu. Raises
     Refusal: a branch without a model, no test to fit, or none for validation.
@@ -171,12 +144,6 @@ def missing_group_effect(group, branches, known_cells, tests, settings=None, **c
     """
     from cellwright.effects.groups.finding import missing_group_effect as searched
 
-    search = inputs.settings_of(MissingEffectGroup, settings, changes)
-    # The search takes sections as plain dicts, as a rule's parameters hand them over.
-    plain = {
-        name: value._asdict() if hasattr(value, "_asdict") else value
-        for name, value in search._asdict().items()
-    }
     rows = [inputs.branch_facts(branch) for branch in branches]
     known = [one._replace(model=inputs.content(one.model)) for one in known_cells]
-    return _missing_effect(searched(group, rows, known, inputs.tests(tests), settings=plain))
+    return _missing_effect(searched(group, rows, known, inputs.tests(tests)))

@@ -294,11 +294,4 @@ def settings_of(kind, settings, changes):
     if unknown:
         known = ", ".join(kind._fields)
         raise Refusal(f"{kind.__name__} has no setting {', '.join(unknown)}; it has {known}")
-    return value._replace(**{k: _typed(getattr(value, k), v) for k, v in changes.items()})
-
-
-def _typed(before, value):
-    """A value as the settings have it: a list as tuple, a mapping as the section it replaces."""
-    if hasattr(before, "_fields") and isinstance(value, Mapping):
-        return settings_of(type(before), value, {})
-    return tuple(value) if isinstance(value, list) else value
+    return value._replace(**{k: tuple(v) if isinstance(v, list) else v for k, v in changes.items()})

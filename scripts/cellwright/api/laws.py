@@ -1,13 +1,7 @@
 """Laws over temperature, SoC and rate, from the rows of many tests."""
 
 from cellwright.api import inputs, results
-from cellwright.settings import (
-    CapacityLoss,
-    IcaTemperature,
-    Models,
-    OcvTemperature,
-    Temperature,
-)
+from cellwright.settings import Models, Temperature
 
 TEMPERATURE = Temperature()
 MODELS = Models()
@@ -125,11 +119,10 @@ def polarisation_laws(rests):
     return results.Result(tables, notes=(paragraph(found, laws), *reasons))
 
 
-def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
+def ocv_over_temperature(curves=(), steps=()):
     """Open-circuit voltage [V] of one cell over SoC and temperature.
 
     curves : (test, result of `ocv`) each. steps : (test, result of `chamber_steps`) each.
-    settings : `settings.OcvTemperature`.
 
     Returns rows: the laws; map, entropic, surface, functions. Raises Refusal: fewer than two
     temperatures. Source: thesis 3.1; docs/charge-temperature.md.
@@ -137,11 +130,10 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
     from cellwright.api.charge import curves_of
     from cellwright.laws.ocv import over_temperature as ocv
 
-    chosen = inputs.settings_of(OcvTemperature, settings, changes)
     # Slow curves err by their polarisation, which differs between temperatures; rests at stepped
     # temperatures are fewer. The surer of the two tells the entropic coefficient, both are tables.
     slow = inputs.entries(curves, curves_of)
-    result = ocv.over_temperature(slow, inputs.entries(steps), **chosen._asdict())
+    result = ocv.over_temperature(slow, inputs.entries(steps))
     tables = {
         "rows": ocv.law_rows(result),
         "map": ocv.map_columns(result),
@@ -171,26 +163,22 @@ def ocv_shifts(tests):
     return results.Result({"rows": rows}, notes=tuple(notes))
 
 
-def capacity_loss(capacities, settings=None, **changes):
+def capacity_loss(capacities):
     """Capacity of one cell lost to temperature and rate [%], split into true and false.
-
-    settings : `settings.CapacityLoss`.
 
     Returns rows: the laws; points: one row a loss [%]. Raises Refusal: no slow test, or fewer than
     two comparable capacities. Source: thesis 4.2; docs/charge-temperature.md.
     """
     from cellwright.health.capacity_loss import capacity_losses, law_rows
 
-    options = inputs.settings_of(CapacityLoss, settings, changes)
-    losses, notes = capacity_losses(inputs.entries(capacities), **options._asdict())
+    losses, notes = capacity_losses(inputs.entries(capacities))
     return results.Result({"rows": law_rows(losses), "points": losses}, notes=tuple(notes))
 
 
-def ica_over_temperature(charges, settings=None, **changes):
+def ica_over_temperature(charges):
     """Peaks of incremental capacity of one cell, matched across temperatures.
 
     charges : `health.peaks.over_temperature.Charge` each, or (test, result of `ica`).
-    settings : `settings.IcaTemperature`.
 
     Returns rows: the matches; peaks, curves. Raises Refusal: fewer than two temperatures.
     Source: docs/charge-temperature.md.
@@ -204,10 +192,7 @@ def ica_over_temperature(charges, settings=None, **changes):
         curve = ica.curve.voltage_volt, ica.curve.dq_dv_ampere_hour_per_volt
         return Charge(test.test, test.ambient_temperature_celsius, ica.c_rate, *curve)
 
-    options = inputs.settings_of(IcaTemperature, settings, changes)
-    rows, peaks, curves, notes = peaks_over_temperature(
-        list(map(charge_of, charges)), **options._asdict()
-    )
+    rows, peaks, curves, notes = peaks_over_temperature(list(map(charge_of, charges)))
     tables = {"rows": rows, "peaks": peaks, "curves": curves}
     return results.Result(tables, notes=tuple(notes))
 

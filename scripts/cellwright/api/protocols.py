@@ -9,7 +9,6 @@ from cellwright.settings import (
     Impedance,
     Instrument,
     Ocv,
-    OcvStep,
     Relaxation,
     Resistance,
 )
@@ -155,10 +154,10 @@ def ocv_from_rests(
     return results.Result({"curve": curve, "points": table}, words, (curve.note,))
 
 
-def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
+def chamber_steps(series, steps, basis, test, cell):
     """Shifts [V] of the open-circuit voltage in rests while the chamber temperature steps.
 
-    series : with surface_temperature_celsius [°C]. settings : `settings.OcvStep`.
+    series : with surface_temperature_celsius [°C].
 
     Returns rows, one a plateau: shift [V] and its uncertainty, temperatures [°C], SoC [1]. Raises
     Refusal: no rest with two steady temperatures. Source: thesis 3.3; docs/charge-temperature.md.
@@ -173,7 +172,6 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
         cell_temperature(columns),
         anchored.soc,
         inputs.steps(steps),
-        **inputs.settings_of(OcvStep, settings, changes)._asdict(),
     )
     notes = (f"SoC: {anchored.anchor}", *shifts.left_out)
     return results.Result({"rows": shifts.rows}, notes=notes)

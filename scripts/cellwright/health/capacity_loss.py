@@ -8,11 +8,17 @@ from cellwright.laws.points import first_check_up
 from cellwright.laws.temperature import law_row
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.records.anchor import tells_repeats
-from cellwright.records.conditions import SAME_CELSIUS, grouped_alike, same_rate, same_temperature
+from cellwright.records.conditions import (
+    REFERENCE_CELSIUS,
+    SAME_CELSIUS,
+    grouped_alike,
+    same_rate,
+    same_temperature,
+)
 from cellwright.refusal import Refusal
-from cellwright.settings import CapacityLoss
 
-CAPACITY_LOSS = CapacityLoss()
+MISMATCH_KELVIN = 5.0  # of a cell on average beside its chamber; beyond, it was not tested there
+SLOW_C_RATE = 0.06  # what a test does not reach up to here is truly lost (thesis 4.2: C/30)
 
 
 class ReachedCapacity(NamedTuple):
@@ -33,7 +39,7 @@ class ReachedCapacity(NamedTuple):
 
 # ASSUME: What is reached at a temperature is what its constant current moves to the cut-off; what
 # a held voltage adds is reached slowly.
-def comparable_capacities(rows, *, mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin):
+def comparable_capacities(rows, *, mismatch_kelvin=MISMATCH_KELVIN):
     """Comparable capacities of one cell [Ah], repeats averaged, and what was left out.
 
     1. Only the earliest check-up: age must not pass for temperature. 2. A row whose cell was
@@ -197,9 +203,9 @@ def _with_residual_charge(losses):
 def capacity_losses(
     rows,
     *,
-    reference_celsius=CAPACITY_LOSS.reference_celsius,
-    slow_c_rate=CAPACITY_LOSS.slow_c_rate,
-    mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin,
+    reference_celsius=REFERENCE_CELSIUS,
+    slow_c_rate=SLOW_C_RATE,
+    mismatch_kelvin=MISMATCH_KELVIN,
     assumed_share=0.003,  # repeats of a capacity test on good cyclers
 ):
     """Loss of capacity at each temperature and rate [%], split into true and false.

@@ -6,7 +6,6 @@ Do not edit.
 
 from cellwright.settings.effects import (
     MissingEffect,
-    MissingEffectGroup,
 )
 from cellwright.settings.models import (
     Models,
@@ -14,19 +13,14 @@ from cellwright.settings.models import (
     Soc,
 )
 from cellwright.settings.tests import (
-    CapacityLoss,
     Clean,
-    DegradationModes,
     FastCharge,
     Files,
     Health,
     Ica,
-    IcaTemperature,
     Impedance,
     Instrument,
     Ocv,
-    OcvStep,
-    OcvTemperature,
     Relaxation,
     Resistance,
     Segment,
@@ -34,22 +28,16 @@ from cellwright.settings.tests import (
 )
 
 __all__ = [
-    "CapacityLoss",
     "Clean",
-    "DegradationModes",
     "FastCharge",
     "Files",
     "Health",
     "Ica",
-    "IcaTemperature",
     "Impedance",
     "Instrument",
     "MissingEffect",
-    "MissingEffectGroup",
     "Models",
     "Ocv",
-    "OcvStep",
-    "OcvTemperature",
     "PackDecisions",
     "Relaxation",
     "Resistance",

@@ -60,33 +60,6 @@ class Ocv(NamedTuple):
     rest_second: float = 600.0
 
 
-class OcvStep(NamedTuple):
-    """Rests in a chamber that steps (kind `ocv_temperature`).
-
-    least_plateau_second [s] : A shorter stretch of steady temperature is not read.
-    least_reference_second [s] : How long the rest must last at the first temperature after that,
-        for its relaxation to be carried on (thesis 3.3 rests 10 h).
-    """
-
-    least_plateau_second: float = 1200.0
-    least_reference_second: float = 7200.0
-
-
-class OcvTemperature(NamedTuple):
-    """Open-circuit voltage over temperature.
-
-    reference_celsius [°C] : Curves are compared with the one at the tested temperature nearest
-        to this.
-    voltage_std_volt [V] : How well voltages of slow tests made weeks apart compare (typical
-        accuracy of a 5 V cycler channel).
-    step_std_volt [V] : The same for two plateaus of one rest, beside their noise.
-    """
-
-    reference_celsius: float = 25.0
-    voltage_std_volt: float = 0.001
-    step_std_volt: float = 0.0001
-
-
 class Instrument(NamedTuple):
     """What no record tells of the instrument that made it.
 
@@ -145,45 +118,6 @@ class Ica(NamedTuple):
     """
 
     prominence: float = 0.02
-
-
-class CapacityLoss(NamedTuple):
-    """Capacity lost to temperature and rate, split into true and false.
-
-    reference_celsius [°C] : Losses are counted from the slowest capacity at the temperature
-        nearest this one.
-    slow_c_rate [1/h] : What a test at up to this rate does not reach is truly lost (thesis C/30;
-        a C/20 with its tolerance).
-    mismatch_kelvin [K] : A test whose cell was on average this much colder or warmer than stated
-        is left out.
-    """
-
-    reference_celsius: float = 25.0
-    slow_c_rate: float = 0.06
-    mismatch_kelvin: float = 5.0
-
-
-class IcaTemperature(NamedTuple):
-    """Peaks of the incremental capacity matched across temperatures.
-
-    reference_celsius [°C] : Peaks are matched with those at the temperature nearest this one.
-    """
-
-    reference_celsius: float = 25.0
-
-
-class DegradationModes(NamedTuple):
-    """Lithium and active material lost, from slow curves of check-ups, or rests where there are
-    none.
-
-    least_hour [h] : A charge or discharge is slow enough to be compared with half cells if it
-        takes longer than this.
-    misfit_volt [V] : Half cells that miss the slow curves by more than this are refused; what
-        all others give instead of the best counts into the intervals.
-    """
-
-    least_hour: float = 8.0
-    misfit_volt: float = 0.005
 
 
 class FastCharge(NamedTuple):

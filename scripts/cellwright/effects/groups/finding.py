@@ -171,15 +171,13 @@ class KnownCell(NamedTuple):
     source: str
 
 
-def missing_group_effect(group, branches, models, tests, *, settings):
+def missing_group_effect(group, branches, models, tests):
     """Verdict on a group of the campaign's sheets, see `group_finding`.
 
     Parameters
     ----------
     group : name. branches : list of BranchFacts in order of position.
     models : list of KnownCell in that order. tests : list of MeasuredTest of kind `group`.
-    settings : dict: those of Spread, Shared and GroupGates by name under "spread", "shared" and
-        "gates"; what is not there is at its default.
 
     Returns
     -------
@@ -205,7 +203,7 @@ def missing_group_effect(group, branches, models, tests, *, settings):
             if record.branch_current_ampere is None
         ]
         records += [(role, record) for record in averaged_to(made)]
-    chosen = {name: kind(**settings.get(name, {})) for name, kind in SECTIONS.items()}
+    chosen = {name: kind() for name, kind in SECTIONS.items()}
     # ASSUME: A group's current was logged as its cells' were: between two rows it is held, or
     # moves on a straight line, as in the model of the first cell.
     hold = models[0].model["hold"]

@@ -2,10 +2,6 @@
 
 from typing import NamedTuple
 
-from cellwright.settings import MissingEffectGroup
-
-CHOSEN = MissingEffectGroup()  # the schema's defaults
-
 
 class Spread(NamedTuple):
     """How healthy branches scatter about what is known of them, standard deviations.
@@ -19,11 +15,11 @@ class Spread(NamedTuple):
     out than so many of these.
     """
 
-    soc: float = CHOSEN.spread.soc
-    celsius: float = CHOSEN.spread.celsius
-    wire_ohm: float = CHOSEN.spread.wire_ohm
-    current_offset_c_rate: float = CHOSEN.spread.current_offset_c_rate
-    current_gain: float = CHOSEN.spread.current_gain
+    soc: float = 0.002
+    celsius: float = 0.2
+    wire_ohm: float = 0.0001
+    current_offset_c_rate: float = 0.001
+    current_gain: float = 0.001
     capacity: float = 0.004  # repeats of a capacity test
     resistance: float = 0.008  # repeats of a pulse test; contacts moved
     time_constant: float = 0.03
@@ -81,7 +77,7 @@ class GroupGates(NamedTuple):
     apart: float = 1.645
     elsewhere: float = 0.0
     material_volt: float = 0.0
-    unknown_volt: float = CHOSEN.gates.unknown_volt
+    unknown_volt: float = 0.001
     unknown_share: float = 0.5
     most_slow_volt: float = 0.0003
     shared_slow_volt: float = 0.002

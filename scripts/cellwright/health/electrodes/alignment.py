@@ -10,6 +10,7 @@ from cellwright.numerics.lines import whitened
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
+MISFIT_VOLT = 0.005  # half cells that miss the slow curves by more are not those of the cell
 CORRELATED_SOC = 0.05  # range over which half cells and polarisation are wrong alike
 # ASSUME: Polarisation and hysteresis shift a slow charge by up to some 40 mV, and change by up to
 # some 10 mV from empty to full; of the mean of a slow charge and discharge little is left.
@@ -349,7 +350,7 @@ def _alignment(curve, fits, residual, errors):
     )
 
 
-def chosen_pair(curves, pairs, *, misfit_volt):
+def chosen_pair(curves, pairs, *, misfit_volt=MISFIT_VOLT):
     """Pair of half cells that fits a cell's curves best, and the others that fit.
 
     Parameters

@@ -10,12 +10,20 @@ from cellwright.protocols.ocv.slow import slow_ocv
 from cellwright.records.conditions import same_rate, same_temperature
 from cellwright.refusal import Refusal
 
+LEAST_HOUR = 8.0  # a charge or discharge that takes longer is compared with half cells
 GROWN = 0.01  # of the capacity: by less than this a cell may gain from lithium of the overhang
 NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
 
 
 def slow_curve(
-    columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, least_hour, mean_hour=1.2
+    columns,
+    test,
+    *,
+    cell,
+    lower_cutoff_volt,
+    upper_cutoff_volt,
+    least_hour=LEAST_HOUR,
+    mean_hour=1.2,
 ):
     """Voltage over charge of a slow test: the mean of its branches, or the only one.
 

@@ -6,11 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.statistics import NORMAL_95
-from cellwright.records.conditions import same_rate
+from cellwright.records.conditions import REFERENCE_CELSIUS, same_rate
 from cellwright.refusal import Refusal
-from cellwright.settings import IcaTemperature
 
-ICA_TEMPERATURE = IcaTemperature()
 SIGMA_VOLT = 0.01  # all curves are smoothed alike, against the ripples of a chamber that swings
 SHIFT_TOLERANCE_VOLT = 0.04
 
@@ -276,7 +274,7 @@ class Charge(NamedTuple):
 def peaks_over_temperature(
     charges,
     *,
-    reference_celsius=ICA_TEMPERATURE.reference_celsius,
+    reference_celsius=REFERENCE_CELSIUS,
     sigma_volt=SIGMA_VOLT,
 ):
     """Peaks of slow charges at several temperatures, matched with those at the reference.

@@ -11,11 +11,11 @@ import numpy as np
 
 from cellwright.laws.points import first_check_up
 from cellwright.numerics.lines import generalised_line
+from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
-from cellwright.settings import OcvTemperature
 
-OCV_TEMPERATURE = OcvTemperature()
-
+VOLTAGE_STD_VOLT = 0.001  # of slow tests made weeks apart (typical accuracy of a 5 V cycler)
+STEP_STD_VOLT = 0.0001  # of two plateaus of one rest, beside their noise
 LEAST_TEMPERATURES = 3
 COLUMNS = ("celsius", "ocv_volt", "std_volt", "common_volt")  # of Readings, (m, k) each
 
@@ -42,8 +42,8 @@ class Readings(NamedTuple):
 def slow_readings(
     curves,
     *,
-    voltage_std_volt=OCV_TEMPERATURE.voltage_std_volt,
-    reference_celsius=OCV_TEMPERATURE.reference_celsius,
+    voltage_std_volt=VOLTAGE_STD_VOLT,
+    reference_celsius=REFERENCE_CELSIUS,
 ):
     """Readings of slow tests at several temperatures, compared at equal charge below full.
 
@@ -112,7 +112,7 @@ def slow_readings(
     )
 
 
-def step_readings(rows, *, voltage_std_volt=OCV_TEMPERATURE.step_std_volt):
+def step_readings(rows, *, voltage_std_volt=STEP_STD_VOLT):
     """Readings of rests in a stepping chamber, one a state of charge.
 
     Parameters
@@ -269,7 +269,7 @@ class Entropic(NamedTuple):
     reference_celsius: float
 
 
-def fit_entropic(readings, *, reference_celsius=OCV_TEMPERATURE.reference_celsius, level=0.95):
+def fit_entropic(readings, *, reference_celsius=REFERENCE_CELSIUS, level=0.95):
     """Entropic coefficient dOCV/dT [V/K] at every state of charge: line and parabola.
 
     Generalised least squares with C = diag(std²) + c·cᵀ, c the common error: overpotential that

@@ -6,6 +6,8 @@ import numpy as np
 
 from cellwright.laws.ocv.entropy import (
     COLUMNS,
+    STEP_STD_VOLT,
+    VOLTAGE_STD_VOLT,
     fit_entropic,
     on_curve,
     slow_readings,
@@ -24,10 +26,8 @@ from cellwright.laws.ocv.surface import (
 from cellwright.laws.points import first_check_up
 from cellwright.laws.temperature import law_row, left_out_rmse
 from cellwright.numerics.lines import generalised_line
+from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
-from cellwright.settings import OcvTemperature
-
-OCV_TEMPERATURE = OcvTemperature()
 
 
 class OverTemperature(NamedTuple):
@@ -51,9 +51,9 @@ def over_temperature(
     curves,
     step_rows,
     *,
-    reference_celsius=OCV_TEMPERATURE.reference_celsius,
-    voltage_std_volt=OCV_TEMPERATURE.voltage_std_volt,
-    step_std_volt=OCV_TEMPERATURE.step_std_volt,
+    reference_celsius=REFERENCE_CELSIUS,
+    voltage_std_volt=VOLTAGE_STD_VOLT,
+    step_std_volt=STEP_STD_VOLT,
     largest_std_volt=0.02,
 ):
     """Entropic coefficient, functions and surface of a cell.

@@ -13,10 +13,9 @@ import numpy as np
 
 from cellwright.protocols import Found
 from cellwright.refusal import Refusal
-from cellwright.settings import OcvStep
 
-OCV_STEP = OcvStep()
-
+LEAST_PLATEAU_SECOND = 1200.0  # of steady temperature; a shorter one is not read
+LEAST_REFERENCE_SECOND = 7200.0  # by which a relaxation can be carried on (thesis 3.3: 10 h)
 BIN_SECOND = 600.0  # a chamber swings about its set point within minutes
 
 
@@ -144,8 +143,8 @@ def chamber_shifts(
     soc,
     steps,
     *,
-    least_plateau_second=OCV_STEP.least_plateau_second,
-    least_reference_second=OCV_STEP.least_reference_second,
+    least_plateau_second=LEAST_PLATEAU_SECOND,
+    least_reference_second=LEAST_REFERENCE_SECOND,
     settled_kelvin_per_hour=1.0,
     skip_second=3600.0,  # faster processes of the relaxation have ended by then
 ):

@@ -1,7 +1,7 @@
 """What a job of each rule costs: CPU time and peak memory of every script that a run starts.
 
-    ./run python scripts/tools/job_costs.py TABLE SNAKEMAKE_ARGUMENTS...
-    ./run python scripts/tools/job_costs.py costs.csv --directory CAMPAIGN --cores 1
+    ./run python lab/tools/job_costs.py TABLE SNAKEMAKE_ARGUMENTS...
+    ./run python lab/tools/job_costs.py costs.csv --directory CAMPAIGN --cores 1
 
 Each script of a job, in a process of its own or forked by the warm executor, writes as it ends its
 CPU time (user and system) and the highest memory that the kernel saw (VmHWM, Linux). Nothing is

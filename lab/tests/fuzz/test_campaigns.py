@@ -1,22 +1,12 @@
 """A campaign of records made wrong: its sheets and files are an input, its tables are read back."""
 
 import csv
-import importlib.util
 
 import pytest
 
+from fuzz import campaigns
 from fuzz.published import file_of
 from fuzz.records import HERE, entries, record_of
-
-
-@pytest.fixture(scope="module")
-def tool():
-    """scripts/tools/fuzz_campaigns.py as a module."""
-    path = HERE / "scripts" / "tools" / "fuzz_campaigns.py"
-    spec = importlib.util.spec_from_file_location("fuzz_campaigns", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")
@@ -25,9 +15,9 @@ def record():
     return record_of(next(e for e in entries() if e[0] == HERE and e[2]["kind"] == "capacity"))
 
 
-def test_a_campaign_is_written_as_the_contract_says(tool, record, tmp_path):
+def test_a_campaign_is_written_as_the_contract_says(record, tmp_path):
     data = file_of(record)
-    tool.write_campaign(tmp_path, {"F0000": (record, data), "F0001": (record, data)})
+    campaigns.write_campaign(tmp_path, {"F0000": (record, data), "F0001": (record, data)})
     assert (tmp_path / "raw" / "F0001.bdf.csv").read_bytes() == data
     with open(tmp_path / "config" / "tests.tsv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file, delimiter="\t"))
@@ -35,7 +25,7 @@ def test_a_campaign_is_written_as_the_contract_says(tool, record, tmp_path):
     assert {row["kind"] for row in rows} == {"capacity"}
 
 
-def test_tables_are_read_back_and_a_fault_of_the_program_is_a_crash(tool, tmp_path):
+def test_tables_are_read_back_and_a_fault_of_the_program_is_a_crash(tmp_path):
     folder = tmp_path / "results" / "tables"
     folder.mkdir(parents=True)
     (folder / "capacity.csv").write_text(
@@ -45,7 +35,7 @@ def test_tables_are_read_back_and_a_fault_of_the_program_is_a_crash(tool, tmp_pa
     (folder / "excluded.csv").write_text(
         "cell,test,file,stage,reason\nB,t,f,ingest,no voltage\nC,t,f,x,Cellwright itself failed\n"
     )
-    found = tool.outcomes(tmp_path, ["A", "B", "C"])
+    found = campaigns.outcomes(tmp_path, ["A", "B", "C"])
     row = found["A"].rows["capacity"][0]
     assert (row["c_rate"], row["cycle"], row["doubt"]) == (0.5, None, "")
     assert "resistance" not in found["A"].rows

@@ -129,7 +129,7 @@ def test_every_script_of_a_run_is_measured(tmp_path, executor):
         "rule all:\n    input: 'a.txt', 'b.txt', 'bad.txt'\n"
         "rule work:\n    output: '{name}.txt'\n    script: 'work.py'\n"
     )
-    tool = [sys.executable, str(ROOT / "scripts" / "tools" / "job_costs.py"), "costs.csv"]
+    tool = [sys.executable, str(ROOT / "lab" / "tools" / "job_costs.py"), "costs.csv"]
     options = ["--cores", "1", "--executor", executor, "--keep-going", "--quiet", "all"]
     plugin = ROOT / "plugins" / "snakemake-executor-plugin-warm"
     paths = os.pathsep.join(map(str, (ROOT / "scripts", ROOT / "lab", plugin)))

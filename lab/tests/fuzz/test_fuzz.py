@@ -1,4 +1,4 @@
-"""A few of the records that `scripts/tools/fuzz_records.py` makes wrong, and all benign changes."""
+"""A few of the records that `fuzz.cases` makes wrong, and all benign changes."""
 
 import numpy as np
 import pytest

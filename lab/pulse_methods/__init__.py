@@ -1,4 +1,4 @@
 """The same pulses identified by each method of the thesis, by lmfit and by ours, side by side.
 
-No part of the daily run: `snakemake methods`.
+Of a finished campaign: `lab/tools/compare_methods.py`.
 """

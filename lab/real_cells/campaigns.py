@@ -14,6 +14,28 @@ COPIED = ("config", "raw")
 TABLES_ONLY = ("results/summary.csv", "results/tables/checks.csv")
 SHOWN_LINES = 15  # of the log of a run that failed
 UNKNOWN_SECOND = 1_000_000  # campaigns that were never timed run first
+# Where the campaigns lie, as seen from the repository; which of them, none named means all; how far
+# each is run: tables and summary hold the same numbers, without figures and report.
+OPTIONS = {"folder": "../shared/campaigns", "names": [], "to": "report"}
+ENDS = ("report", "tables")
+
+
+def options(given: dict) -> dict:
+    """What `--config "real={...}"` chooses, the defaults for what it does not say.
+
+    Raises
+    ------
+    ValueError
+        No such option, names that are no list, or another end than the report or the tables.
+    """
+    if unknown := sorted(given.keys() - OPTIONS.keys()):
+        raise ValueError(f"real: found option {unknown[0]}, wanted one of {', '.join(OPTIONS)}")
+    chosen = OPTIONS | given
+    if not isinstance(chosen["names"], list):
+        raise ValueError(f"real.names: found {chosen['names']!r}, wanted a list, such as [a123]")
+    if chosen["to"] not in ENDS:
+        raise ValueError(f"real.to: found {chosen['to']!r}, wanted one of {', '.join(ENDS)}")
+    return chosen
 
 
 def names_in(folder) -> list[str]:
@@ -28,7 +50,7 @@ def names_in(folder) -> list[str]:
     if not names:
         raise FileNotFoundError(
             f"{folder}: found no campaign (a folder with config/tests.tsv), wanted at least one; "
-            "real.folder of config.yaml says where campaigns of real cells lie"
+            "--config 'real={folder: ...}' says where campaigns of real cells lie"
         )
     return names
 
@@ -72,10 +94,15 @@ def expected_second(name: str) -> int:
 
 @cache
 def code_hash() -> str:
-    """Hash of all code of the pipeline: rules, schemas, scripts, the lock of its environment."""
+    """Hash of the pipeline's code and of what takes numbers from its results.
+
+    Rules, schemas, scripts and the lock of the environment; of the laboratory the record of numbers
+    and the score.
+    """
     digest = hashlib.sha256()
     endings = {".py", ".c", ".smk", ".yaml", ".j2", ".html", ".md"}
-    below = [path for part in ("scripts", "workflow") for path in (ROOT / part).rglob("*")]
+    parts = ("scripts", "workflow", "lab/real_cells", "lab/virtual_lab/score")
+    below = [path for part in parts for path in (ROOT / part).rglob("*")]
     for path in sorted([ROOT / "Snakefile", ROOT / "environment.lock", *below]):
         if path.is_file() and (path.suffix in endings or path.parent == ROOT):
             digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())

@@ -25,7 +25,7 @@ defaults. Each number is what the results of the run say; nothing is fitted or c
 * Errors of a filter's SoC are over whole tests, from wrong starts. Of campaigns with more than
   eight cells, models and verdicts are summarised over all cells.
 * A number may change by what the last column says: more, to the worse side, fails the check. The
-  rule stands in [measured.py](../scripts/real_cells/measured.py); a tolerance edited in
+  rule stands in [measured.py](../lab/real_cells/measured.py); a tolerance edited in
   recorded.csv stays when the record is renewed, a blank one is filled by the rule.
 * Times are those of all jobs, one after the other, on the machine of the record; not checked.
 """
@@ -36,13 +36,12 @@ The numbers lie beside this page as data, with tolerances:
 [renewals](real-cells/renewals.md).
 
 ```
-./run snakemake --cores 2 real                  # every campaign whole: up to an hour; again, little
-./run python scripts/tools/real_check.py              # fails where a number is worse than recorded
-./run python scripts/tools/real_record.py --why "…"   # renews the record
+./run snakemake -s lab/Snakefile --cores 2 real   # every campaign whole: up to an hour
+./run python lab/tools/real_check.py              # fails where a number is worse than recorded
+./run python lab/tools/real_record.py --why "…"   # renews the record
 ```"""
 MEASURED = (
-    "These are the numbers of the last run, not the record;"
-    " scripts/tools/real_check.py compares them."
+    "These are the numbers of the last run, not the record; lab/tools/real_check.py compares them."
 )
 WORDS = {"recorded": "last renewed", "before": "the state before"}
 TEMPERATURE = re.compile(r"^(-?[\d.]+ °C|temperature not known)(?:, |$)")

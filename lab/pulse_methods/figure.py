@@ -21,7 +21,7 @@ SIZES = dict(zip(METHODS, (4, 4, 4, 6, 4), strict=True))
 
 
 def draw_identification_methods(rows):
-    """Figure of a cell: rows of stage `identification_methods`."""
+    """Figure of a cell: rows of `comparison.MethodRows`."""
     identified = [row for row in rows if np.isfinite(row["r0_ohm"])]
     if not identified:
         return style.message("No pulse was identified by any method.")

@@ -1,4 +1,6 @@
-"""Records made wrong in known ways, and what is published of them: `--seed 1 --cases 500`.
+"""Records made wrong in known ways, and what is published of them.
+
+    ./run python -m fuzz.cases --seed 1 --cases 500
 
 Counts by kind: refused, right, wrong and told at the number, told elsewhere only, silent, crashed.
 """
@@ -6,15 +8,12 @@ Counts by kind: refused, right, wrong and told at the number, told elsewhere onl
 import argparse
 import json
 import re
-import sys
 from collections import Counter, defaultdict
 from functools import partial
 from multiprocessing import Pool
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 from fuzz.kinds import BENIGN, KINDS
 from fuzz.published import Outcome, numbers_of, outcome_of, wrong_numbers
 from fuzz.records import HERE, entries, record_of

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from real_cells.campaigns import ROOT
 from real_cells.measured import COLUMNS, KEYS, MEASUREMENTS, MODEL, PERCENT, QUANTITIES, SEARCH
 from virtual_lab.score import files, summary
 
-FOLDER = Path(__file__).resolve().parents[2] / "docs" / "real-cells"
+FOLDER = ROOT / "docs" / "real-cells"
 RECORDED, BEFORE = FOLDER / "recorded.csv", FOLDER / "before.csv"
 PUBLISHED, RENEWALS = FOLDER / "published.csv", FOLDER / "renewals.md"
 HEAD = """\
@@ -17,7 +18,7 @@ HEAD = """\
 
 Why the numbers of [recorded.csv](recorded.csv) and [before.csv](before.csv) were last renewed, the
 newest last; earlier reasons stand in the history of this file. Made by
-scripts/tools/real_record.py. `code` is the hash of all code of the pipeline,
+lab/tools/real_record.py. `code` is the hash of all code of the pipeline,
 where the numbers are from a run of its own.
 
 """
@@ -25,7 +26,7 @@ RENEWALS_KEPT = 4  # of each table: those that explain the numbers that stand th
 TOLERANCES = ["tolerance_absolute", "tolerance_relative"]
 WORSE, MISSING, NEW, BETTER, SAME = "worse", "missing", "new", "better", "same"
 FAILING = (WORSE, MISSING)
-REMEDY = "./run python scripts/tools/real_record.py --why '...' records them"
+REMEDY = "./run python lab/tools/real_record.py --why '...' records them"
 HEADS = {
     WORSE: "Worse than recorded, beyond the tolerance",
     MISSING: "Recorded, and not found any more",
@@ -230,7 +231,6 @@ def _line(row) -> str:
     return f"{label}: {values}, tolerance {row['tolerance']:.3g}"
 
 
-ROOT = Path(__file__).resolve().parents[2]
 LAST_RUN = ROOT / "real" / "numbers.csv"
 MOST_CELLS = 8  # of a campaign with more, models and verdicts are put together over all cells
 
@@ -388,6 +388,7 @@ def of_command_line(options) -> pd.DataFrame:
         return with_published(rows, read(PUBLISHED))
     if not LAST_RUN.is_file():
         raise FileNotFoundError(
-            "real/numbers.csv: found none; run `snakemake --cores 2 real` first"
+            "real/numbers.csv: found none; first run "
+            "`./run snakemake -s lab/Snakefile --cores 2 real`"
         )
     return read(LAST_RUN)

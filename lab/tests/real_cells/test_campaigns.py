@@ -35,5 +35,17 @@ def test_campaigns_that_are_not_there_are_named(campaign, tmp_path):
     assert campaigns.wanted(tmp_path, []) == ["made_up"]
     with pytest.raises(FileNotFoundError, match="found no a124, wanted one of"):
         campaigns.wanted(tmp_path, ["a124"])
-    with pytest.raises(FileNotFoundError, match=r"real\.folder"):
+    with pytest.raises(FileNotFoundError, match=r"real=\{folder: "):
         campaigns.wanted(tmp_path / "nowhere", [])
+
+
+def test_what_is_not_chosen_has_its_default_and_what_is_mistyped_is_named():
+    assert campaigns.options({}) == campaigns.OPTIONS
+    chosen = campaigns.options({"names": ["weng"], "to": "tables"})
+    assert chosen == {"folder": "../shared/campaigns", "names": ["weng"], "to": "tables"}
+    with pytest.raises(ValueError, match="found option name, wanted one of folder, names, to"):
+        campaigns.options({"name": ["weng"]})
+    with pytest.raises(ValueError, match="found 'weng', wanted a list"):
+        campaigns.options({"names": "weng"})
+    with pytest.raises(ValueError, match="found 'table', wanted one of report, tables"):
+        campaigns.options({"to": "table"})

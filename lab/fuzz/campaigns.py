@@ -1,6 +1,8 @@
-"""Records made wrong, as whole campaigns: `--seed 1 --cases 200 --cells 50 --to FOLDER`.
+"""Records made wrong, as whole campaigns.
 
-Each case of `fuzz_records.py` is a cell with one test in a campaign of the input contract. What its
+    ./run python -m fuzz.campaigns --seed 1 --cases 200 --cells 50 --to FOLDER
+
+Each case of `cases.py` is a cell with one test in a campaign of the input contract. What its
 tables and `excluded.csv` say is held against the clean numbers, and against what the functions say
 of the same record: the same verdict is wanted.
 """
@@ -9,19 +11,16 @@ import argparse
 import csv
 import json
 import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+from fuzz.cases import ORDER, drawn, verdict
 from fuzz.kinds import BENIGN
 from fuzz.published import Outcome, file_of, outcome_of
 from fuzz.record import CUTOFFS
 from fuzz.records import HERE
-from fuzz_records import ORDER, drawn, verdict
 
 TABLES = ("capacity", "resistance")
 # A charge for dQ/dV is in no table as it is: here it is a capacity test. What each kind tells:

@@ -20,7 +20,7 @@ MORE, LEAST_UNITS, LEAST_MEGABYTE = 1.25, 1.0, 50.0
 MOST_OF_MACHINE, FEWEST_RULES = 1.5, 10
 # ASSUME: A node of a cluster takes half a second for the calibration, as usual machines do.
 CALIBRATION_SECOND = 0.5
-MEASURE = "./run python scripts/tools/job_costs.py .snakemake/job_costs.csv --cores 2"
+MEASURE = "./run python lab/tools/job_costs.py .snakemake/job_costs.csv --cores 2"
 
 
 class Cost(NamedTuple):
