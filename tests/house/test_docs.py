@@ -170,6 +170,13 @@ def test_every_flag_is_documented():
     ]
 
 
+def test_no_page_is_too_long():
+    """CONTRIBUTING.md says how long; results of seeds and what was tried belong to lab/."""
+    (most,) = re.findall(r"at\s+most\s+([\d,]+)\s+words", TEXTS["CONTRIBUTING.md"])
+    words = {page: len(text.split()) for page, text in TEXTS.items() if page.startswith("docs/")}
+    assert not {page: n for page, n in words.items() if n > int(most.replace(",", ""))}
+
+
 def test_every_page_has_one_place_in_the_navigation():
     of_docs = {path.removeprefix("docs/") for path in TEXTS if path.startswith("docs/")}
     assert sorted(NAVIGATION) == sorted({*of_docs, *pages.MADE, *pages.ELSEWHERE})
