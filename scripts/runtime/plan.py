@@ -6,7 +6,7 @@ parameters of rules may; the others take the name of a cell or group.
 
 from cellwright.health.electrodes.names import half_cell_files
 from cellwright.packs import wiring
-from cellwright.records.conditions import SAME_CHECKUP_CYCLES
+from cellwright.records.conditions import SAME_CHECKUP_CYCLES, in_first_checkup
 
 ALL_ROLES = ("fit", "validation", "split")
 # Of the sheets' rows what analyses need: a note edited later re-runs none of them.
@@ -18,6 +18,12 @@ FACTS_OF_CELL = (
 # What a reader of a table needs to compare rows; everything else is one look at the sheet away.
 FACTS_IN_TABLES = ("cycle", "ambient_temperature_celsius", "soc")
 ELECTRODES = ("negative", "positive")
+CAPACITY_KINDS = ("capacity", "ocv")
+# Tests that tell what SoC refers to: charges for dQ/dV too, where they are slow.
+SIZE_KINDS = (*CAPACITY_KINDS, "ica")
+PULSE_KINDS = ("hppc", "pulse_resistance")
+# Tests that a search for a missing effect may be fitted to or proven on.
+EFFECT_KINDS = ("capacity", *PULSE_KINDS, "drive")
 OWNERS = ("cell", "group", "fleet", "owner")
 
 
@@ -65,6 +71,12 @@ def of_rows(stage, name, rows):
 def near_in_cycles(row, cycles):
     """Whether a test belongs to the check-up at one of these cycles: it sees a cell of one age."""
     return any(abs((row["cycle"] or 0) - cycle) <= SAME_CHECKUP_CYCLES for cycle in cycles)
+
+
+def of_first_checkup(rows):
+    """Those of these tests of a cell that belong to the first check-up among them."""
+    young = in_first_checkup([row["cycle"] for row in rows])
+    return [row for row, is_young in zip(rows, young, strict=True) if is_young]
 
 
 class Plan:
@@ -132,6 +144,11 @@ class Plan:
         # A set: check-ups of two kinds of test are compared by what cycles they have in common.
         return {row["cycle"] or 0 for row in self.rows(cell, *kinds, roles=["fit"])}
 
+    def cells_where(self, condition, but=()):
+        """Cells that satisfy a condition and are not among `but`, in the order of the sheet."""
+        # A dict, for one cell is looked up in it by thousands of jobs.
+        return dict.fromkeys(cell for cell in self.cells if cell not in but and condition(cell))
+
     def files_of_tests(self):
         """Raw files of all tests, as the sheet names them."""
         return [file for row in self.tests.values() for file in row["file"] or ()]
@@ -177,6 +194,16 @@ class Plan:
     def column(self, name):
         """What the sheet says of a job's cell in one column."""
         return lambda wildcards: self.cells[owner(wildcards)].get(name)
+
+    def column_of_tests(self, name):
+        """What the sheet says of each test of a job's cell in one column: dict test → value."""
+        return lambda w: {row["test"]: row[name] for row in self.tests_of[owner(w)]}
+
+    def dated_facts_of_own_tests(self, wildcards):
+        """What tables say of each test of a job's cell, and when it began, where that is stated."""
+        dates = self.column_of_tests("started")(wildcards)
+        facts = self.facts_of_own_tests(wildcards)
+        return {key: one | {"started": dates[key.partition("/")[2]]} for key, one in facts.items()}
 
     def own_artefacts(self, stage, *kinds):
         """Artefacts of one stage of the tests of a job's cell or group."""

@@ -39,7 +39,7 @@ CASES += [(5, 0.005, 40.0), (6, 0.030, 40.0)]
 @pytest.mark.parametrize(("seed", "m_volt", "per_soc"), CASES)
 def test_the_chosen_member_is_near_the_best_on_an_unseen_drive(seed, m_volt, per_soc):
     """By the rms error of all blocks, one near empty chose a member that errs 2.7 times as much."""
-    chosen, why, error = errors_of(seed, m_volt=m_volt, per_soc=per_soc)
+    chosen, _, error = errors_of(seed, m_volt=m_volt, per_soc=per_soc)
     assert "+H" in chosen
     assert error[chosen] < max(1.3 * min(error.values()), min(error.values()) + 1e-3)
     assert error[chosen] < 0.7 * error["2RC"]

@@ -24,12 +24,16 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
     )
 sys.path.insert(0, SCRIPTS)
 
-from cellwright.identification.lacking import FIT_ROLES
-from cellwright.records.conditions import in_first_checkup, stated_or_reference
+from cellwright.records.conditions import stated_or_reference
 from runtime import job_environment, job_requests, rule_setup
 from runtime import raw_files, run_end, settings, sheets, snakemake_state
-from runtime.plan import Plan, gathered, near_in_cycles, of_cell, of_rows, of_test, own
+from runtime.bias_plan import BiasPlan
+from runtime.health_plan import SLOW_CURVE_KINDS, HealthPlan
+from runtime.model_plan import ModelPlan
+from runtime.plan import CAPACITY_KINDS, EFFECT_KINDS, PULSE_KINDS, SIZE_KINDS
+from runtime.plan import Plan, gathered, of_cell, of_first_checkup, of_rows, of_test, own
 from runtime.plan import paths_of, where
+from runtime.search_plan import SearchPlan
 from runtime.wildcard_patterns import either, only_these
 from snakemake_logger_plugin_progress import JOBS
 
@@ -76,10 +80,6 @@ test_facts, cell_facts, facts_of = PLAN.test_facts, PLAN.cell_facts, PLAN.facts_
 facts_of_own_tests = PLAN.facts_of_own_tests
 # Settings of a section that reach an analysis; the others decide which jobs there are.
 of_analysis = partial(settings.of_analysis, config, settings.load(SCHEMAS, "config"))
-CAPACITY_KINDS = ("capacity", "ocv")
-# Tests that tell what SoC refers to: charges for dQ/dV too, where they are slow.
-SIZE_KINDS = (*CAPACITY_KINDS, "ica")
-PULSE_KINDS = ("hppc", "pulse_resistance")
 RELAXATION_KINDS = config["relaxation"]["kinds"]
 # Tests whose loads tell resistances, models and their errors: the same measurement in two of them
 # counts once.

@@ -1,37 +1,17 @@
 # The compensated model: each temperature left out of the fit and predicted from the others.
 
-
-def known_celsius(cell):
-    """Temperatures as stated at which a cell's model may be identified."""
-    stated = {row["ambient_temperature_celsius"] for row in fit_tests(cell)}
-    return sorted(stated - {None})
-
-
 # Two temperatures are the least that a law can go through, and one is left out.
 LEAVES_OUT = config["models"]["leave_temperatures_out"]
 COMPENSATED = dict.fromkeys(
-    cell for cell in CELLS if LEAVES_OUT and cell in EXCITED and len(known_celsius(cell)) >= 3
+    cell for cell in CELLS if LEAVES_OUT and cell in EXCITED and len(FITS.fit_celsius(cell)) >= 3
 )
-
-
-def left_out_of(cell):
-    """Models of a cell without each of its temperatures."""
-    return [f"results/stages/left_out/{cell}/{celsius:g}.json" for celsius in known_celsius(cell)]
-
-
-def predictable(cell, roles):
-    """Series of drives and pulses at a stated temperature that a model is identified at."""
-    rows = tests(cell, *FIT_ROLES, roles=roles)
-    known = known_celsius(cell)
-    near = [row for row in rows if row["ambient_temperature_celsius"] in known]
-    return of_rows("clean", cell, near)
 
 
 rule identify_without:
     input:
         basis="results/stages/basis/{cell}.json",
         whole="results/stages/identify/{cell}.json",
-        series=own(fit_series),
+        series=own(FITS.fit_series),
     output:
         "results/stages/left_out/{cell}/{celsius}.json",
     log:
@@ -51,8 +31,8 @@ rule identify_without:
 rule compensation:
     input:
         whole="results/stages/identify/{cell}.json",
-        left_out=own(left_out_of),
-        series=own(partial(predictable, roles=["fit", "split"])),
+        left_out=own(FITS.left_out_models),
+        series=own(partial(FITS.predictable, roles=["fit", "split"])),
     output:
         "results/stages/compensation/{cell}.parquet",
     log:
@@ -71,9 +51,9 @@ rule compensation:
 rule temperature_prediction:
     input:
         whole="results/stages/identify/{cell}.json",
-        left_out=own(left_out_of),
+        left_out=own(FITS.left_out_models),
         laws="results/stages/compensation/{cell}.parquet",
-        series=own(partial(predictable, roles=["validation", "split"])),
+        series=own(partial(FITS.predictable, roles=["validation", "split"])),
     output:
         "results/stages/temperature_prediction/{cell}.parquet",
     log:

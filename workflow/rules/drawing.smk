@@ -47,7 +47,8 @@ def figures_of_tests(cell):
     drawn_from = {
         "capacity": {"capacity": artefacts("capacity", cell, *CAPACITY_KINDS)},
         "ocv": {
-            "curves": artefacts("ocv", cell, "ocv") or of_rows("ocv_rests", cell, resting(cell))
+            "curves": artefacts("ocv", cell, "ocv")
+            or of_rows("ocv_rests", cell, FITS.resting(cell))
         },
         "resistance": {"pulses": artefacts("resistance", cell, *PULSE_KINDS)},
         "ica": {
@@ -109,7 +110,7 @@ def figures_of_health(cell):
         curves = artefacts("ica_curve", cell, "ica"), artefacts("ica_life_curve", cell, "ageing")
         tracks = {"tracks": f"results/stages/ica_tracks/{cell}.parquet"}
         yield figure("ica_tracks", curves=curves[0], lives=curves[1], **tracks)
-    if cell in AGED_SLOWLY or aged_by_rests(cell):
+    if cell in AGED_SLOWLY or AGEING.aged_by_rests(cell):
         yield figure("degradation_modes", **of_cell(cell, modes="degradation_modes"))
     if cell in FIRST_OF_TYPE:
         calibration = f"results/stages/peak_calibration/{FIRST_OF_TYPE[cell]}.parquet"
@@ -161,14 +162,11 @@ def figures_of_group(group):
     for row in tests(group, "group") if group in NESTED else ():
         parts = of_test(group, row["test"], series="nested_pack_series", scores="nested_pack")
         yield figure("nested_pack", test=row["test"], **parts)
-    ways = [f"results/stages/bias_ways/{first}.parquet" for first in judged_with(LEAVES[group])]
+    ways = [
+        f"results/stages/bias_ways/{first}.parquet" for first in LENT.judged_with(LEAVES[group])
+    ]
     if ways:
         yield figure("ways", settings={"cells": list(LEAVES[group])}, ways=ways)
-
-
-def judged_with(cells):
-    """The first cells of the types of which some of these cells are compared by four ways."""
-    return [first for first, compared in JUDGED.items() if not set(compared).isdisjoint(cells)]
 
 
 # Of every cell and group: what its figures are drawn from, in the report's order.
@@ -269,7 +267,7 @@ rule figure_bias:
     log:
         "logs/figures/bias.log",
     params:
-        types={cell: "{} {:g} Ah".format(*type_of(cell)) for cell in JUDGED},
+        types={cell: "{} {:g} Ah".format(*FITS.type_of(cell)) for cell in JUDGED},
     message:
         "Figure: four ways to the models of the cells of each type."
     script:

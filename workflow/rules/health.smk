@@ -1,8 +1,11 @@
 # Health over a life: fade with knee and remaining cycles, ratings of check-ups, state of health.
 
-FOLLOWED = dict.fromkeys(
-    cell for cell in CELLS if len(tests(cell, "ica")) >= 2 or tests(cell, "ageing")
-)
+AGEING = HealthPlan(PLAN, FITS)
+FOLLOWED, AGED_SLOWLY, DEGRADED = AGEING.followed, AGEING.aged_slowly, AGEING.degraded
+PEAK_TYPES, FIRST_OF_TYPE = AGEING.peak_types, AGEING.first_of_type
+CYCLED, AGED, CHECKED, HEALTHY = AGEING.cycled, AGEING.aged, AGEING.checked, AGEING.healthy
+FLEETS, ARMS = AGEING.fleets, AGEING.arms
+PEAK_STAGES = ("peak_calibration", "peak_information")
 
 
 rule ica_life:
@@ -45,33 +48,6 @@ rule ica_tracks:
 
 # State of health: what slow curves of check-ups tell of lithium and active material lost.
 
-SLOW_CURVE_KINDS = ("ocv", "ica")
-
-
-def fresh_cells(cell):
-    """The marked cell of the type that stands for the fresh state of a cell with one check-up."""
-    marked = [c for c in references(cell) if PLAN.cycles(c, *SLOW_CURVE_KINDS)]
-    return marked[:1] if len(PLAN.cycles(cell, *SLOW_CURVE_KINDS)) == 1 else []
-
-
-def aged_by_rests(cell):
-    """Whether two check-ups or more have a pulse test whose rests are an open-circuit voltage."""
-    return len({row["cycle"] or 0 for row in resting(cell)}) >= 2
-
-
-AGED_SLOWLY = dict.fromkeys(
-    cell for cell in CELLS if len(PLAN.cycles(cell, *SLOW_CURVE_KINDS)) >= 2
-)
-DEGRADED = dict.fromkeys(
-    cell for cell in CELLS if cell in AGED_SLOWLY or fresh_cells(cell) or aged_by_rests(cell)
-)
-
-
-def half_cells_of(cell):
-    """What the sheet says of a cell's half cells, and its chemistry."""
-    names = ("chemistry", "negative_half_cell", "positive_half_cell")
-    return {name: CELLS[cell].get(name) for name in names}
-
 
 def half_cell_contents(cell):
     """What the files of a cell's half cells hold; one that is not there the job refuses."""
@@ -81,8 +57,8 @@ def half_cell_contents(cell):
 rule degradation_modes:
     input:
         own=PLAN.own_fitted("clean", *SLOW_CURVE_KINDS),
-        fresh=PLAN.fitted_of(fresh_cells, "clean", *SLOW_CURVE_KINDS),
-        rests=PLAN.own_rows("ocv_rest_points", resting),
+        fresh=PLAN.fitted_of(AGEING.fresh_cells, "clean", *SLOW_CURVE_KINDS),
+        rests=PLAN.own_rows("ocv_rest_points", FITS.resting),
         half_cells=own(lambda cell: [local(file) for file in half_cell_contents(cell)]),
     output:
         "results/stages/degradation_modes/{cell}.parquet",
@@ -92,9 +68,9 @@ rule degradation_modes:
         cell=either(DEGRADED),
     params:
         cell=cell_facts,
-        materials=own(half_cells_of),
+        materials=own(AGEING.half_cells_of),
         content=own(half_cell_contents),
-        fresh=PLAN.facts_of_cells(fresh_cells),
+        fresh=PLAN.facts_of_cells(AGEING.fresh_cells),
     message:
         "Lithium and active material lost by {wildcards.cell}, from slow curves or rests."
     script:
@@ -118,38 +94,9 @@ rule plateau_losses:
         "../../scripts/health/plateau_losses.py"
 
 
-# Cells of one type with charges for dQ/dV, by the first of them; where the capacities of four of
-# their check-ups are known, or of cycles of an ageing record, they calibrate the peaks.
-PEAK_TYPES = {}
-for cell, row in CELLS.items():
-    if tests(cell, "ica", "ageing", roles=["fit"]):
-        window = row["lower_cutoff_volt"], row["upper_cutoff_volt"]
-        type_of_cell = row["chemistry"], row["rated_capacity_ampere_hour"], *window
-        PEAK_TYPES.setdefault(type_of_cell, []).append(cell)
-
-
-def calibrate(cells):
-    """Whether enough capacities of these cells are known beside charges for dQ/dV."""
-    known = [PLAN.cycles(cell, "ica") & PLAN.cycles(cell, *CAPACITY_KINDS) for cell in cells]
-    return sum(map(len, known)) >= 4 or any(tests(c, "ageing", roles=["fit"]) for c in cells)
-
-
-PEAK_TYPES = {cells[0]: cells for cells in PEAK_TYPES.values() if calibrate(cells)}
-FIRST_OF_TYPE = {cell: first for first, cells in PEAK_TYPES.items() for cell in cells}
-
-
-PEAK_STAGES = ("peak_calibration", "peak_information")
-
-
-def tracks_of_type(wildcards):
-    """Tracked peaks of those cells of a type that have several charges."""
-    cells = [cell for cell in PEAK_TYPES[wildcards.cell] if cell in FOLLOWED]
-    return [f"results/stages/ica_tracks/{cell}.parquet" for cell in cells]
-
-
 rule peak_calibration:
     input:
-        tracks=tracks_of_type,
+        tracks=AGEING.followed_of_type,
         peaks=PLAN.fitted_of(PEAK_TYPES.get, "ica", "ica"),
         curves=PLAN.fitted_of(PEAK_TYPES.get, "ica_curve", "ica"),
         life_curves=PLAN.fitted_of(PEAK_TYPES.get, "ica_life_curve", "ageing"),
@@ -173,7 +120,7 @@ rule peak_calibration:
 
 rule health_from_peaks:
     input:
-        calibration=lambda w: f"results/stages/peak_calibration/{FIRST_OF_TYPE[w.cell]}.parquet",
+        calibration=AGEING.calibration_of,
     output:
         "results/stages/health_from_peaks/{cell}.parquet",
     log:
@@ -186,36 +133,6 @@ rule health_from_peaks:
         "../../scripts/health/health_from_peaks.py"
 
 
-CYCLED = dict.fromkeys(cell for cell in CELLS if tests(cell, "ageing"))
-# Cycled between check-ups without a record; of fewer than eight no law is told.
-CHECKED_OFTEN = dict.fromkeys(
-    cell for cell in CELLS if cell not in CYCLED and len(PLAN.cycles(cell, *SLOW_KINDS)) >= 8
-)
-AGED = CYCLED | CHECKED_OFTEN
-CHECKED = dict.fromkeys(
-    cell for cell in CELLS if tests(cell, *SLOW_KINDS, *PULSE_KINDS, roles=["fit"])
-)
-SIZED = dict.fromkeys(cell for cell in CELLS if tests(cell, *SLOW_KINDS, roles=["fit"]))
-STATED = dict.fromkeys(cell for cell in CELLS if cell in CHECKED and CELLS[cell]["state_of_health"])
-HEALTHY = dict.fromkeys(cell for cell in CELLS if cell in AGED or cell in SIZED or cell in STATED)
-# Further methods of the state of health: stage, and the cells that have it.
-HEALTH_METHODS = {
-    "modes": ("degradation_modes", DEGRADED),
-    "peaks": ("health_from_peaks", FIRST_OF_TYPE),
-}
-
-
-def inputs_of_health(wildcards):
-    """What the state of health of a cell is gathered from."""
-    cell, stages = wildcards.cell, {}
-    if cell in AGED:
-        stages |= {"life": "life", "course": "fade_course"}
-    if cell in CHECKED:
-        stages["check_ups"] = "checkups"
-    stages |= {name: stage for name, (stage, cells) in HEALTH_METHODS.items() if cell in cells}
-    return of_cell(cell, **stages)
-
-
 rule fade_of_check_ups:
     input:
         check_ups="results/stages/checkups/{cell}.parquet",
@@ -226,7 +143,7 @@ rule fade_of_check_ups:
     log:
         "logs/fade_of_check_ups/{cell}.log",
     wildcard_constraints:
-        cell=either(CHECKED_OFTEN),
+        cell=either(AGEING.checked_often),
     params:
         settings=config["health"],
         cell=cell_facts,
@@ -256,11 +173,6 @@ rule fade:
         "Fade of {wildcards.cell}: law, knee, remaining cycles."
     script:
         "../../scripts/health/fade.py"
-
-
-def rated_capacities(cell):
-    """Capacities of a cell's check-ups: of charges for dQ/dV where no test is for the capacity."""
-    return fitted("capacity", cell, *CAPACITY_KINDS) or fitted("capacity", cell, "ica")
 
 
 # Tests of which two rests may tell the capacity: all but those that the open-circuit voltage is
@@ -297,7 +209,7 @@ rule between_rests:
 
 rule check_ups:
     input:
-        capacities=own(rated_capacities),
+        capacities=own(AGEING.rated_capacities),
         resistances=PLAN.own_fitted("resistance", *PULSE_KINDS),
         courses=where(CYCLED, "results/stages/fade_course/{}.parquet"),
     output:
@@ -319,7 +231,7 @@ rule check_ups:
 
 rule health:
     input:
-        unpack(inputs_of_health),
+        unpack(AGEING.inputs_of_health),
     output:
         "results/stages/health/{cell}.parquet",
     log:
@@ -330,21 +242,6 @@ rule health:
         "State of health of {wildcards.cell} by each method."
     script:
         "../../scripts/health/health.py"
-
-
-def types_of(cells):
-    """Cells of each type, by its name; of those, the ones in `cells`."""
-    named = {
-        f"{chemistry or 'chemistry not stated'}, {rating:g} Ah" if rating else str(chemistry): names
-        for (chemistry, rating), names in OF_TYPE.items()
-    }
-    parts = {name: [cell for cell in names if cell in cells] for name, names in named.items()}
-    return {name: part for name, part in parts.items() if len(part) > 1}
-
-
-FLEETS = types_of(CHECKED)
-PROTOCOL_OF = {cell: CELLS[cell]["ageing_protocol"] for cell in AGED}
-ARMS = types_of({cell for cell, protocol in PROTOCOL_OF.items() if protocol})
 
 
 rule fleet_health:
@@ -386,7 +283,7 @@ rule protocols_compared:
         "logs/protocols_compared.log",
     params:
         types=ARMS,
-        protocols=PROTOCOL_OF,
+        protocols=AGEING.protocol_of,
     message:
         "Ageing protocols of each type of cells compared."
     script:

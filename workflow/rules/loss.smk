@@ -1,9 +1,6 @@
 # What temperature takes: capacity, peaks of dQ/dV, fast charge, capacities over ageing cycles.
 
-SLOW_KINDS = (*CAPACITY_KINDS, "ica")
-
-
-COLD = dict.fromkeys(cell for cell in CELLS if len(chamber_temperatures(cell, *SLOW_KINDS)) >= 2)
+COLD = dict.fromkeys(cell for cell in CELLS if len(chamber_temperatures(cell, *SIZE_KINDS)) >= 2)
 COLD_PEAKS = dict.fromkeys(cell for cell in CELLS if len(chamber_temperatures(cell, "ica")) >= 2)
 COLD_FAST = dict.fromkeys(
     cell for cell in CELLS if len(chamber_temperatures(cell, "fast_charge")) >= 3
@@ -19,13 +16,12 @@ def fresh_peaks(cell):
     """Charges for dQ/dV of a cell's earliest check-up, temperature known: age is not temperature."""
     rows = tests(cell, "ica", roles=["fit"])
     known = [row for row in rows if row["ambient_temperature_celsius"] is not None]
-    first = in_first_checkup([row["cycle"] for row in known])
-    return [row for row, young in zip(known, first) if young]
+    return of_first_checkup(known)
 
 
 rule capacity_loss:
     input:
-        PLAN.own_fitted("capacity", *SLOW_KINDS),
+        PLAN.own_fitted("capacity", *SIZE_KINDS),
     output:
         losses="results/stages/capacity_loss/{cell}.parquet",
         laws="results/stages/capacity_loss_laws/{cell}.parquet",

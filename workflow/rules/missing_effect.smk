@@ -1,81 +1,19 @@
 # What the model of a cell lacks: the search for a missing effect, and its verdicts.
 
-EFFECT_KINDS = ("capacity", *PULSE_KINDS, "drive")
-
-
-def searched_series(cell):
-    """Series that a search of the plain base reads: the slow tests, too, which hold the OCV."""
-    return [*artefacts("clean", cell, *EFFECT_KINDS), *fitted("clean", cell, "ocv")]
-
-
-def searchable(cell):
-    """Whether the sheet has tests to fit and one for proof, or so many that one can be spared.
-
-    Of the first check-up alone: an aged cell lacks what a fresh one's model does not know.
-    """
-    rows = tests(cell, *EFFECT_KINDS)
-    young = in_first_checkup([row["cycle"] for row in rows])
-    first = [row for row, among in zip(rows, young) if among]
-    fit = [row for row in first if row["role"] in ("fit", "split")]
-    proof = [row for row in first if row["role"] in ("validation", "split")]
-    return bool(fit and proof) or len(fit) >= 3
-
-
-# A cell with any such test has a verdict file; one that cannot be searched says there why.
-ASKED = dict.fromkeys(
-    cell for cell in CELLS if config["missing_effect"]["enabled"] and tests(cell, *EFFECT_KINDS)
+# A cell with any test that a search reads has a verdict file.
+ASKED, GROUPS_ASKED, GROUPS_SEARCHED = (
+    SEARCHES.asked,
+    SEARCHES.groups_asked,
+    SEARCHES.groups_searched,
 )
-SEARCHED = dict.fromkeys(cell for cell in CELLS if cell in ASKED and searchable(cell))
-# A group is asked where it has tests and its cells lie on one bar each, which is the group that the
-# search simulates. A branch is held against its cell's model, else its type's.
-GROUPS_ASKED = [
-    group
-    for group, rows in PARALLEL.items()
-    if config["missing_effect"]["enabled"] and tests(group, "group")
-    if not any(row["link_resistance_ohm"] for row in rows)
-]
-
-
-def lender(cell):
-    """The cell whose search tells what a branch's cell is like: itself, else one of its type."""
-    return next((c for c in [cell, *peers(cell)] if c in SEARCHED), cell)
-
-
-def group_models(wildcards):
-    """Models that the searches of a group's cells by themselves have left."""
-    lenders = dict.fromkeys(lender(row["cell"]) for row in BRANCHES[wildcards.group])
-    return [f"results/missing_effect/{cell}/model.json" for cell in lenders if cell in SEARCHED]
-
-
-def group_searchable(group):
-    """Whether its branches have models, and its tests leave one for proof."""
-    modelled = all(lender(row["cell"]) in SEARCHED for row in BRANCHES[group])
-    fit = tests(group, "group", roles=["fit"])
-    proof = tests(group, "group", roles=["validation"])
-    return modelled and (bool(fit and proof) or len(fit) >= 3)
-
-
-GROUPS_SEARCHED = [group for group in GROUPS_ASKED if group_searchable(group)]
 VERDICTS = [f"results/missing_effect/{name}/verdict.json" for name in [*ASKED, *GROUPS_ASKED]]
 GROUP_PARTS = ["ranking.parquet", "series.parquet", "model.json"]
 EFFECT_PARTS = [
     *[f"{name}.parquet" for name in ("ranking", "map", "evidence", "series")],
     *["confounding.parquet", "menu.parquet", "model.json", "witnesses.parquet"],
 ]
-# What the model in use lacks is asked of cells with a model that were searched at all.
-ASKED_OF_OWN = "own" in config["missing_effect"]["bases"]
-SEARCHED_OWN = [cell for cell in SEARCHED if ASKED_OF_OWN and cell in MODELLED]
 OWN_VERDICTS = [f"results/missing_effect/{cell}/own/verdict.json" for cell in SEARCHED_OWN]
-# What a simulator of the user's lacks is asked of cells with simulated tests to fit and for proof.
-ASKED_OF_EXTERNAL = "external" in config["missing_effect"]["bases"]
-
-
-def simulated_tests(cell):
-    """Tests of a cell that take part in a search and for which the user has simulated a voltage."""
-    return [row for row in tests(cell, *EFFECT_KINDS) if row["simulated_file"]]
-
-
-SEARCHED_EXTERNAL = [cell for cell in ASKED if ASKED_OF_EXTERNAL and simulated_tests(cell)]
+SEARCHED_EXTERNAL = SEARCHES.searched_external
 EXTERNAL_VERDICTS = [
     f"results/missing_effect/{cell}/external/verdict.json" for cell in SEARCHED_EXTERNAL
 ]
@@ -83,15 +21,6 @@ WITNESSES, RESIDUAL_MAPS = (
     [f"results/missing_effect/{cell}/{part}.parquet" for cell in ASKED]
     for part in ("witnesses", "map")
 )
-
-
-def dated_facts(wildcards):
-    """What tables say of each test of a cell, and when it began, where the sheet has that."""
-    facts = facts_of_own_tests(wildcards)
-    dates = {f"{row['cell']}/{row['test']}": row["started"] for row in TESTS_OF[wildcards.cell]}
-    return {key: one | {"started": dates[key]} for key, one in facts.items()}
-
-
 # What is measured of a cell without any fit of its drives: it may rule an effect out, and says of
 # the verdict in the end whether it agrees.
 OTHER_MEASUREMENTS = {
@@ -102,10 +31,8 @@ OTHER_MEASUREMENTS = {
     "ocv_entropic": where(STEPPED, "results/stages/ocv_entropic/{}.parquet"),
 }
 FACTS_OF_MEASUREMENTS = {
-    "tests": dated_facts,
-    "ambient_celsius": lambda w: {
-        row["test"]: row["ambient_temperature_celsius"] for row in TESTS_OF[w.cell]
-    },
+    "tests": PLAN.dated_facts_of_own_tests,
+    "ambient_celsius": PLAN.column_of_tests("ambient_temperature_celsius"),
 }
 
 
@@ -113,9 +40,9 @@ rule effect_search:
     input:
         **OTHER_MEASUREMENTS,
         basis="results/stages/basis/{cell}.json",
-        series=own(searched_series),
+        series=own(SEARCHES.series),
         lent_basis=paths_of(references, "results/stages/basis/{}.json"),
-        lent_series=gathered(references, searched_series),
+        lent_series=gathered(references, SEARCHES.series),
     output:
         verdict="results/missing_effect/{cell}/verdict.json",
         ranking="results/missing_effect/{cell}/ranking.parquet",
@@ -170,13 +97,13 @@ rule effect_search_own:
 
 def simulated_contents(wildcards):
     """What the simulated files of a cell hold; of what is missing the job itself will report."""
-    return contents_of(row["simulated_file"] for row in simulated_tests(wildcards.cell))
+    return contents_of(SEARCHES.simulated_files(wildcards).values())
 
 
 rule effect_search_external:
     input:
         basis="results/stages/basis/{cell}.json",
-        series=PLAN.own_rows("clean", simulated_tests),
+        series=PLAN.own_rows("clean", SEARCHES.simulated_tests),
         simulated=lambda w: [local(file) for file in simulated_contents(w)],
     output:
         verdict="results/missing_effect/{cell}/external/verdict.json",
@@ -192,7 +119,7 @@ rule effect_search_external:
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
         content=simulated_contents,
-        files=lambda w: {row["test"]: row["simulated_file"] for row in simulated_tests(w.cell)},
+        files=SEARCHES.simulated_files,
     message:
         "Search for an effect that your simulator of {wildcards.cell} lacks."
     script:
@@ -201,7 +128,7 @@ rule effect_search_external:
 
 rule missing_effect_group:
     input:
-        models=group_models,
+        models=SEARCHES.group_models,
         series=PLAN.own_artefacts("clean", "group"),
     output:
         verdict="results/missing_effect/{group}/verdict.json",
@@ -214,7 +141,7 @@ rule missing_effect_group:
         group=either(GROUPS_ASKED),
     params:
         branches=own(BRANCHES.get),
-        lenders=lambda w: {row["cell"]: lender(row["cell"]) for row in BRANCHES[w.group]},
+        lenders=SEARCHES.lenders,
     message:
         "Search for an effect in one branch of the parallel group {wildcards.group}."
     script:

@@ -6,18 +6,8 @@ PAIRS = [group for group in BRANCHES if tests(group, "group")]
 NESTED = [group for group in PAIRS if len(WIRED[group]) > len(BRANCHES[group])]
 SHARED = [group for group in PAIRS if group in PARALLEL]
 SERIES = [group for group in PAIRS if group not in NESTED and group not in SHARED]
-
-
-def models_of_group(wildcards):
-    """Models of the cells of a group, in the order of its leaves, of those that have one."""
-    return [f"results/models/{cell}.json" for cell in LEAVES[wildcards.group] if cell in MODELLED]
-
-
-def thermal_of_group(wildcards):
-    """Thermal constants of the cells of a group that have tests which may tell them."""
-    return [
-        f"results/stages/thermal/{cell}.json" for cell in LEAVES[wildcards.group] if cell in WARMED
-    ]
+models_of_group = paths_of(FITS.modelled_leaves, "results/models/{}.json")
+thermal_of_group = paths_of(FITS.warmed_leaves, "results/stages/thermal/{}.json")
 
 
 rule branches:

@@ -11,7 +11,7 @@ def median_celsius(group):
 # Cells of one type that have a model of their own pulses or drives, under a name that a file may have.
 MATCHED = {
     "".join(c if c.isalnum() else "_" for c in name): names
-    for name, names in types_of(EXCITED).items()
+    for name, names in FITS.types_of(EXCITED).items()
     if 4 <= len(names) <= 200
 }
 

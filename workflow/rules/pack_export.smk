@@ -16,7 +16,7 @@ rule pack_model:
     input:
         models=paths_of(LEAVES.get, "results/models/{}.json"),
         capacities=PLAN.fitted_of(LEAVES.get, "capacity", "capacity"),
-        validation=gathered(LEAVES.get, scores_of),
+        validation=gathered(LEAVES.get, FITS.scores_of),
         tests=lambda w: artefacts(scored_stage(w.group), w.group, "group"),
         thermal=thermal_of_group,
     output:
@@ -38,7 +38,7 @@ rule cell_fmu:
     input:
         model="results/models/{cell}.json",
         capacities=PLAN.own_fitted("capacity", "capacity"),
-        validation=own(scores_of),
+        validation=own(FITS.scores_of),
     output:
         "results/models/{cell}.fmu",
     log:
