@@ -3,10 +3,23 @@
 import numpy as np
 import pytest
 
+from cellwright.series.beside import pace_drifts
 from cellwright.series.cleaning import clean
 from cellwright.series.doubts import Doubt
 
 RATED, OHM, PER_AMPERE_HOUR = 3.0, 0.04, 0.3
+
+
+@pytest.mark.parametrize("rate", [-0.15, -0.05, 0.0, 0.05, 0.15])
+def test_a_clock_that_drifts_is_told_by_the_pace_of_its_rows(rate):
+    """Each 10 s, and at the edges of a load another row; a pace that is set anew is no drift."""
+    true = np.unique(np.concatenate([10.0 * np.arange(800), [2003.0, 5003.0]]))
+    share = true / true[-1]
+    assert pace_drifts(true * (1 + 0.5 * rate * share)) == (rate != 0)
+    assert not pace_drifts(np.cumsum(np.where(np.arange(800) < 400, 10.0, 10.0 * (1 + rate))))
+    assert not pace_drifts(np.geomspace(1.0, 1e5, 800))
+    scattered = np.random.default_rng(1).uniform(0.5, 1.5, 800)
+    assert not pace_drifts(np.cumsum(10.0 * scattered * (1 + rate * np.linspace(0, 1, 800))))
 
 
 def record(lost=0, closed_up=True, pause=True):

@@ -52,3 +52,17 @@ def test_a_counter_that_cannot_be_right_is_not_believed():
     np.testing.assert_allclose(
         net_charge(time, current, counter_ampere_hour=absurd), net_charge(time, current)
     )
+
+
+@pytest.mark.parametrize("counts", ["rows", "itself"])
+def test_a_counter_made_of_the_rows_of_a_hold_knows_no_more_than_they(counts):
+    """A current that falls with 300 s, a row each 20 s: one end of each interval is 3 % off."""
+    time = np.concatenate([np.arange(0.0, 600.0, 20.0), 600.0 + 20.0 * np.arange(60)])
+    current = np.where(time < 600.0, 1.5, 1.5 * np.exp(-(time - 600.0) / 300.0))
+    held = 1.5 * 300.0 * (1 - np.exp(-np.maximum(time - 600.0, 0.0) / 300.0))
+    true = (1.5 * np.minimum(time, 600.0) + held) / 3600.0
+    summed = np.append(0.0, np.cumsum(current[1:] * np.diff(time))) / 3600.0
+    counter = summed if counts == "rows" else true
+    charge = net_charge(time, current, counter_ampere_hour=np.round(counter, 9))
+    assert charge[-1] == pytest.approx(true[-1], rel=2e-3 if counts == "rows" else 1e-6)
+    assert abs(summed[-1] / true[-1] - 1) > 0.01

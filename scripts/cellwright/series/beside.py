@@ -3,11 +3,16 @@
 Each function says at which rows, or whether, they contradict each other; none changes a number.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from cellwright.formats.physics import SAME_CLOCK, date_slopes
 from cellwright.series.rest_current import near_zero_ampere, stretches
 
+PACED_PARTS, PACED_ROWS = 20, 20  # of a record, and at least of each, whose pace is compared
+PACED_SHARE = 0.02  # within which nine of ten intervals of a part are one; a drift is more
+DRIFTED_SHARE = 0.3  # testers that log by voltage change their pace by more
 LEAST_DATED_SECOND = 2000.0  # tenths of which dates of whole seconds tell to a per cent
 WARM_KELVIN = 2.0  # by which a load has to warm a thermometer before two are compared
 FOLLOWS_SHARE = 0.25  # of what its chamber moves by in a load, which any cell follows
@@ -32,6 +37,30 @@ def against_dates(time: np.ndarray, unix: np.ndarray) -> bool:
         return False
     slopes = date_slopes(time, unix)
     return bool(np.isfinite(slopes).any() and abs(np.nanmedian(slopes) - 1) > SAME_CLOCK)
+
+
+# ASSUME: A tester's timer keeps an interval or sets another, and never lets it grow steadily.
+def pace_drifts(time: np.ndarray) -> bool:
+    """Whether a clock (n,) [s] runs ever faster or slower, as its rows show.
+
+    They lie at one interval in each part of the record, and from part to part it grows, or shrinks,
+    by the same.
+    """
+    if len(time) < PACED_PARTS * PACED_ROWS:
+        return False
+    bounds = np.linspace(0, len(time) - 1, PACED_PARTS + 1).astype(int)
+    pace = np.empty(PACED_PARTS)
+    for part, (first, last) in enumerate(pairwise(bounds)):
+        interval = np.diff(time[first : last + 1])
+        pace[part] = np.median(interval)
+        if np.mean(np.abs(interval - pace[part]) <= PACED_SHARE * pace[part]) < 0.9:
+            return False
+    grown = pace[-1] / pace[0] - 1.0
+    if not PACED_SHARE <= abs(grown) <= DRIFTED_SHARE:
+        return False
+    middle = (bounds[1:] + bounds[:-1]) / 2
+    line = np.polynomial.Polynomial.fit(middle, pace, 1)(middle)
+    return bool(np.max(np.abs(pace - line)) <= 0.1 * abs(pace[-1] - pace[0]))
 
 
 def exchanged(time, current, ambient_celsius, surface_celsius) -> bool:

@@ -41,6 +41,8 @@ from cellwright.settings import Clean
 CLEAN = Clean()
 
 LEAST_VOLT = 1.0  # V beside which exactly 0 V is no reading
+SUMMED_SHARE = 1e-3  # within which a counter is a current as it is written, times an interval,
+LEAST_SUMMED, SUMMED_ROWS_SHARE = 10, 0.9  # in so many intervals, and of all that tell
 NO_READING = 1e30  # instruments write ±3.4e38 for "no reading"
 MOST_GAPS_TOLD = 5  # in notes, which people read
 PACE_ROWS = 3  # intervals at each side of one that is a multiple of them: single rows are missing
@@ -420,7 +422,38 @@ def _counter_is_better(time, current, counter) -> np.ndarray:
         before, after = _by_either_current(time, current)
         return _is_better(before, after, np.diff(counter), digits, digit)
 
-    return rows_where(better, time, current, counter, beside=1)
+    found = rows_where(better, time, current, counter, beside=1)
+    return np.setdiff1d(found, _summed_rows(time, current, counter, digit), assume_unique=True)
+
+
+# ASSUME: Where a current falls smoothly, no tester counts that of one row times the interval.
+def _summed_rows(time, current, counter, digit) -> np.ndarray:
+    """Intervals (k,) of a hold, where a counter is made of the rows themselves; else none.
+
+    Of the current at one end of each interval: it knows no more than they do there, and less than
+    the mean of both ends.
+    """
+
+    def falls(time, current, counter):
+        change = np.diff(current)
+        near = change[1:-1]
+        smooth = np.ones(len(near), bool)
+        for beside in (change[:-2], change[2:]):
+            smooth &= (beside * near > 0) & (np.abs(near - beside) < 0.5 * np.abs(near))
+        before, after = (end[1:-1] for end in _by_either_current(time, current))
+        apart, size = np.abs(after - before), np.maximum(np.abs(before), np.abs(after))
+        tells = (apart > 4 * digit + 10 * SUMMED_SHARE * size) & (apart < 0.5 * size)
+        return smooth & tells
+
+    rows = rows_where(falls, time, current, counter, beside=3) + 1
+    if len(rows) < LEAST_SUMMED:
+        return rows[:0]
+    hours, counted = step_at(time, rows) / 3600, step_at(counter, rows)
+    for end in (current[rows] * hours, current[rows + 1] * hours):
+        near = np.abs(counted - end) <= 2 * digit + SUMMED_SHARE * np.abs(end)
+        if np.mean(near) >= SUMMED_ROWS_SHARE:
+            return rows
+    return rows[:0]
 
 
 def _counts(counter):

@@ -31,6 +31,7 @@ from cellwright.series.beside import (
     against_dates,
     exchanged,
     moved_over_pauses,
+    pace_drifts,
 )
 from cellwright.series.gaps import OTHER_LOAD, UNKNOWN, load_went_on
 from cellwright.series.rest_current import near_zero_ampere, stretches
@@ -76,6 +77,7 @@ class Doubt(IntFlag):
     ENERGY = 512
     CHAMBER = 1024
     THERMOMETER = 2048
+    PACE = 4096
     DATES = 8192
     EXCHANGED = 16384
 
@@ -95,6 +97,7 @@ WORDS = {
     "temperature, stated or measured: one of the two is wrong",
     Doubt.THERMOMETER: "its thermometer shows nothing for a while",
     Doubt.DATES: "its clock runs otherwise than its dates: one of the two is wrong",
+    Doubt.PACE: "its rows lie ever farther apart, or ever closer: its clock drifts",
     Doubt.EXCHANGED: "in its load the chamber's thermometer moves and the cell's own does not: are "
     "the two exchanged?",
 }
@@ -165,6 +168,8 @@ def doubts(
     unix = columns.get("unix_time_second")
     if unix is not None and against_dates(time, unix):
         found |= Doubt.DATES
+    if pace_drifts(time):
+        found |= Doubt.PACE
     found[_all_if_many(jumps)] |= Doubt.CLOCK
     counter = columns.get(NET)
     counted = np.zeros(len(time), bool) if counter is None else np.isfinite(counter)
