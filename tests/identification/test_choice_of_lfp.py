@@ -3,6 +3,7 @@
 import lfp_plant
 import numpy as np
 import pytest
+from quick import slow_but
 
 import cellwright as cw
 
@@ -11,7 +12,7 @@ MEMBERS = ("2RC", "2RC+H", "DRT+H")
 
 
 def errors_of(seed, *, m_volt, per_soc):
-    """Chosen member, why, and the error of each on an unseen drive [V]."""
+    """Chosen member, and the error of each on an unseen drive [V]."""
     kinds = {"ocv": lfp_plant.slow, "hppc": lfp_plant.pulses, "drive": lfp_plant.drive}
     tests = {}
     for k, (kind, run) in enumerate(kinds.items()):
@@ -27,19 +28,17 @@ def errors_of(seed, *, m_volt, per_soc):
     found = cw.finish_model(CELL, cw.identify(CELL, basis, fitted, members=MEMBERS), basis, fitted)
     facts, series = tests["drive"]
     rows = cw.validate(*cw.held_out(found.content, series, facts, CELL)).rows
-    why = {row["model"]: row["reason"] for row in found.choice}
-    return found.content["chosen"], why, {row["model"]: row["rmse_volt"] for row in rows}
+    return found.content["chosen"], {row["model"]: row["rmse_volt"] for row in rows}
 
 
-CASES = [(seed, m_volt, 15.0) for seed in (3, 4) for m_volt in (0.015,)]
-CASES += [(5, 0.005, 40.0), (6, 0.030, 40.0)]
+CASES = [(3, 0.015, 15.0), (4, 0.015, 15.0), (11, 0.015, 40.0), (5, 0.005, 40.0), (6, 0.030, 40.0)]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("seed", "m_volt", "per_soc"), CASES)
-def test_the_chosen_member_is_near_the_best_on_an_unseen_drive(seed, m_volt, per_soc):
-    """By the rms error of all blocks, one near empty chose a member that errs 2.7 times as much."""
-    chosen, _, error = errors_of(seed, m_volt=m_volt, per_soc=per_soc)
+@pytest.mark.parametrize("case", slow_but({CASES[0]}, CASES))
+def test_the_chosen_member_is_near_the_best_on_an_unseen_drive(case):
+    """By the rms error of all blocks one near empty chose another, up to 8 times as far off."""
+    seed, m_volt, per_soc = case
+    chosen, error = errors_of(seed, m_volt=m_volt, per_soc=per_soc)
     assert "+H" in chosen
     assert error[chosen] < max(1.3 * min(error.values()), min(error.values()) + 1e-3)
     assert error[chosen] < 0.7 * error["2RC"]
