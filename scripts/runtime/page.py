@@ -400,9 +400,16 @@ def _page(name, params, tables, abouts, layout, looks) -> dict:
         "chapters": _chapters(tables, pictures, layout),
         "choice": _choice(tables["choice"]),
         "r0": definitions[0] if definitions and definitions[0]["name"] == "R0" else {},
+        "energy": _energy_of_r0(tables["activation_energies"]),
         "scored": [row for row in _rows(tables["validation"]) if row["chosen"] == "True"],
         "notes": [*_without_model(abouts), *_notes(abouts)],
     }
+
+
+def _energy_of_r0(energies) -> dict:
+    """Reconciled activation energy of R0, {} where nothing tells it."""
+    of_r0 = (row for row in _rows(energies) if row["quantity"] == "R0")
+    return next((row for row in of_r0 if row["name"] == "reconciled"), {})
 
 
 def _chapters(tables, pictures, layout) -> list[dict]:

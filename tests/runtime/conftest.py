@@ -109,6 +109,13 @@ def job(snakemake, saved):
         | {"over_r0": 1.0, "current_ampere": -5.0, "delay_second": 0.01, "soc": 0.4999}
         | {"ambient_temperature_celsius": 25.0, "test": "hppc", "definition": "the first sample"}
     ]
+    known = {"cell": "A", "quantity": "R0", "definition": "of the first sample"}
+    known |= {"energy_joule_per_mole": 22034.0, "energy_std_joule_per_mole": 1610.0}
+    known |= {"tested_from_celsius": -10.0, "tested_to_celsius": 25.0}
+    contents["activation_energies"] = [
+        known | {"name": "reconciled", "sources": 3, "doubt": "surface: 30 kJ/mol contradicts 22"},
+        known | {"name": "surface", "sources": 1, "doubt": None},
+    ]
     at = {"ambient_temperature_celsius": 25.0, "blocks": 9, "typical_volt": 0.001}
     at |= {"cell": "A", "worst_volt": 0.03, "fit_rmse_volt": 0.00234}
     contents["choice"] = [

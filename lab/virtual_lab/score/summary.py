@@ -49,7 +49,8 @@ QUANTITIES = {
     **dict.fromkeys(("pack_decisions", "thermal", "bias"), ("",)),
     "missing_effect": ("",),
     "excluded": ("",),
-    "resistance_definitions": ("",),
+    **dict.fromkeys(("resistance_definitions", "activation_energies"), ("",)),
+    **dict.fromkeys(("capacity_between_rests", "relaxation", "ica_discharge"), ("",)),
     "faults": ("",),
 }
 TRUTH_OF = {"series_pack_cells": "series_packs"}  # where a table's truth has another name

@@ -79,9 +79,10 @@ def diffusion_of_rest(
     time = time + begin
     if len(time) < FEWEST:
         raise Refusal(f"rest has {len(time)} samples, wanted {FEWEST} for diffusion")
-    fit, others = _fitted(time, voltage, load_second, fast=False), _criterion_of(exponentials)
+    grid, others = _grid(time, load_second), _criterion_of(exponentials)
+    fit = _fitted(time, voltage, load_second, grid, fast=False)
     if fit.criterion > others:
-        with_fast = _fitted(time, voltage, load_second, fast=True)
+        with_fast = _fitted(time, voltage, load_second, grid, fast=True)
         fit = with_fast if _told(with_fast) and with_fast.criterion < fit.criterion else fit
     diffusion, std = float(np.exp(fit.logs[0])), float(fit.std[len(fit.linear)])
     moved = fit.linear[0] - before_volt
@@ -107,13 +108,14 @@ def surface_excess(second, load_second, diffusion_second):
     moves one unit of charge a second. second : (n,) since the load ended [s]. load_second,
     diffusion_second : length of the load, R²/D [s].
     """
-    # What has decayed to 1e-7 by the first row is in none of them.
-    most = np.sqrt(16.0 * diffusion_second / second[0]) / np.pi
+    # What has decayed to 1e-5 by the first row is in none of them.
+    most = np.sqrt(12.0 * diffusion_second / second[0]) / np.pi
     squares = _eigenvalues()[: int(min(most + 2.0, TERMS))] ** 2
     rates, sizes = squares / diffusion_second, 2.0 / squares
-    left, older = (np.exp(-np.outer(t, rates)) for t in (second, second + load_second))
-    slopes = left * (second[:, None] * rates) - older * ((second + load_second)[:, None] * rates)
-    return (left - older) @ sizes, slopes @ sizes
+    decays, older = np.exp(np.outer(second, -rates)), np.exp(-rates * load_second)
+    slope = second * (decays @ (sizes * rates * (1.0 - older)))
+    slope -= decays @ (sizes * rates * load_second * older)
+    return decays @ (sizes * (1.0 - older)), slope
 
 
 @cache
@@ -144,14 +146,14 @@ def _columns(time, load_second, logs):
     return np.array(rows), np.array(slopes)
 
 
-def _fitted(time, voltage, load_second, *, fast):
+def _fitted(time, voltage, load_second, grid, *, fast):
     """Least squares of the sphere, with an exponential beside it where `fast`, as `_Fit`."""
     from scipy.optimize import least_squares
 
     level = float(voltage.mean())
     low, high = np.log(_limits(time))
     fastest = np.log(0.25 * np.diff(time).min()), np.log(time[-1])
-    best = _start(time, voltage - level, load_second, (low, high), fastest if fast else None)
+    best = _start(time, voltage - level, grid, fastest if fast else None)
 
     def left(logs):
         rows, _ = _columns(time, load_second, logs)
@@ -171,17 +173,27 @@ def _fitted(time, voltage, load_second, *, fast):
     return _Fit(logs, linear, np.sqrt(np.diag(covariance)), power, len(time))
 
 
-def _start(time, moved, load_second, limits, fastest):
+def _some(time):
+    """Rows of a rest that the search starts from."""
+    return slice(None, None, max(1, len(time) // GRID_ROWS))
+
+
+def _grid(time, load_second):
+    """Logs of R²/D that the search starts from, and x(t) of each at some rows."""
+    logs = np.linspace(*np.log(_limits(time)), GRID + 2)[1:-1]
+    rows = time[_some(time)]
+    return [(log, surface_excess(rows, load_second, np.exp(log))[0]) for log in logs]
+
+
+def _start(time, moved, grid, fastest):
     """Logs of the times that fit best of a grid, by some rows of the rest."""
-    every = slice(None, None, max(1, len(time) // GRID_ROWS))
-    time, moved = time[every], moved[every]
+    time, moved = time[_some(time)], moved[_some(time)]
     fast = [()] if fastest is None else np.linspace(*fastest, FAST_GRID + 2)[1:-1, None]
     decays = [np.exp(-time / np.exp(np.reshape(log, (-1, 1)))) for log in fast]
     best = (np.inf, None)
-    for log in np.linspace(*limits, GRID + 2)[1:-1]:
-        shape = [np.ones(len(time)), surface_excess(time, load_second, np.exp(log))[0]]
+    for log, shape in grid:
         for place, decay in zip(fast, decays, strict=True):
-            rows = np.vstack([*shape, decay])
+            rows = np.vstack([np.ones(len(time)), shape, decay])
             left = moved - np.linalg.lstsq(rows.T, moved, rcond=None)[0] @ rows
             best = min(best, (float(left @ left), (log, *place)))
     return np.array(best[1])
