@@ -117,6 +117,10 @@ class ModelPlan:
             return []
         return [peer for peer in self.peers(cell) if self._slow(peer)]
 
+    def is_lent_a_curve(self, cell):
+        """Whether any of them has one."""
+        return bool(self.curve_lenders(cell))
+
     def _slow(self, cell):
         """Slow tests of a cell that may be fitted."""
         return self.plan.rows(cell, "ocv", roles=["fit"])

@@ -11,6 +11,7 @@ from cellwright.records.conditions import SAME_CHECKUP_CYCLES, in_first_checkup
 ALL_ROLES = ("fit", "validation", "split")
 # Of the sheets' rows what analyses need: a note edited later re-runs none of them.
 FACTS_OF_TEST = ("kind", "ambient_temperature_celsius", "cycle", "soc", "role", "started")
+FACTS_OF_FILES = ("file", "sha256", "instrument", "current_sign", "columns")
 FACTS_OF_CELL = (
     *("cell", "rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt"),
     "state_of_health",
@@ -98,6 +99,7 @@ class Plan:
 
     def __init__(self, campaign):
         self.cells = {row["cell"]: row for row in campaign.cells}
+        self.check_ups = campaign.check_ups
         self.tests = {(row["cell"], row["test"]): row for row in campaign.tests}
         # A group is tested like a cell: the sheet of tests names it in the same column.
         groups = [row["group"] for row in campaign.groups]
@@ -138,6 +140,12 @@ class Plan:
         """Stated temperatures of a cell's tests of these kinds that may be fitted [°C]."""
         rows = self.rows(cell, *kinds, roles=["fit"])
         return {row["ambient_temperature_celsius"] for row in rows} - {None}
+
+    def rows_beside(self, kind, kinds, cell):
+        """Tests of a cell of these kinds at the chamber temperatures of those of one kind."""
+        there = {row["ambient_temperature_celsius"] for row in self.rows(cell, kind)} - {None}
+        rows = self.rows(cell, *kinds)
+        return [row for row in rows if row["ambient_temperature_celsius"] in there]
 
     def cycles(self, cell, *kinds):
         """Cycles at which a cell has tests of these kinds that may be fitted; blank: fresh."""
@@ -194,6 +202,30 @@ class Plan:
     def column(self, name):
         """What the sheet says of a job's cell in one column."""
         return lambda wildcards: self.cells[owner(wildcards)].get(name)
+
+    def reading(self, wildcards):
+        """How the sheet says that a test's files are to be read."""
+        row = self.tests[owner(wildcards), wildcards.test]
+        return {name: row[name] for name in FACTS_OF_FILES}
+
+    def channels_of_group(self, wildcards):
+        """How many members and cells a group has, whose channels files number; none of a cell."""
+        if (name := owner(wildcards)) not in self.branches:
+            return {}
+        return {"members": len(self.branches[name]), "cells": len(self.leaves[name])}
+
+    def curves_for_stated_soc(self, wildcards):
+        """Slow tests of the cell whose open-circuit voltage a stated SoC is held against."""
+        row = self.tests.get((owner(wildcards), wildcards.test), {})
+        return self.fitted("ocv", owner(wildcards), "ocv") if row.get("soc") is not None else []
+
+    def stated_check_ups(self, wildcards):
+        """Rows of the sheet of check-ups of a job's cell."""
+        return [row for row in self.check_ups if row["cell"] == owner(wildcards)]
+
+    def columns_of_tests(self, *names):
+        """These columns of the sheet for each test of a job's cell: a list of dict."""
+        return lambda w: [{name: row[name] for name in names} for row in self.tests_of[owner(w)]]
 
     def column_of_tests(self, name):
         """What the sheet says of each test of a job's cell in one column: dict test → value."""

@@ -16,6 +16,7 @@ TEXT = "\n".join(path.read_text(encoding="utf-8") for path in [*FILES, WORKFLOW 
 BLOCKS = re.findall(r"^(?:rule|checkpoint) (\w+):\n((?:[ \t]+.*\n|\n)*)", TEXT + "\n", re.M)
 RULES = [(rule, body) for rule, body in BLOCKS if rule != "all"]
 CONFIG = settings.load(WORKFLOW / "schemas", "config")
+MOST_FUNCTIONS_IN_RULES = 40
 SHEET_NAMES = ("cells", "tests", "groups", "checkups")
 SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in SHEET_NAMES]
 
@@ -60,6 +61,11 @@ def test_every_rule_asks_for_memory_and_time():
     assert not rules - set(costs), f"rules without measured costs: {rules - set(costs)}; {told}"
     assert not set(costs) - rules, f"job_costs.csv has what is no rule: {set(costs) - rules}"
     assert all(cost.longest_cpu_second > 0 and cost.peak_megabyte > 0 for cost in costs.values())
+
+
+def test_sets_of_cells_are_made_where_they_can_be_tested():
+    """By classes of scripts/runtime/*plan.py; in rules stay joins of paths, and figures' inputs."""
+    assert len(re.findall(r"^\s*def |\blambda\b", TEXT, re.M)) <= MOST_FUNCTIONS_IN_RULES
 
 
 def test_all_rules_were_found():

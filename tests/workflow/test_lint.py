@@ -22,8 +22,8 @@ EXCEPTIONS = {
         "image is published that a rule could name.",
     ),
     "Mixed rules and functions in same snakefile.": (
-        r"snakefile .+/rules/(bias|compensation|drawing|health|ingest|laws|loss"
-        r"|missing_effect|models|pack|pack_decisions|pack_export|protocols|report)\.smk",
+        r"snakefile .+/rules/(drawing|health|ingest|laws|loss|missing_effect"
+        r"|models|pack|pack_decisions|pack_export|report)\.smk",
         "Which tests a stage takes stands as a function above the rules of that stage; what "
         "several stages use is in common.smk. Apart, both files would have to be read together.",
     ),

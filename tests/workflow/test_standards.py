@@ -24,7 +24,12 @@ ROOT = Path(__file__).resolve().parents[2]
 SCHEMAS = ROOT / "workflow" / "schemas"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 RECIPE = (ROOT / "container" / "Dockerfile").read_text(encoding="utf-8")
-RULES = [path.stem for path in (ROOT / "workflow" / "rules").glob("*.smk") if path.stem != "common"]
+# Where the scripts of each file of rules lie: of the pipeline, and of the laboratory.
+SCRIPTS_OF_RULES = {
+    f"{folder}/{path.stem}"
+    for folder, rules in {"scripts": "workflow/rules", "lab": "lab/rules"}.items()
+    for path in (ROOT / rules).glob("*.smk")
+}
 
 
 def test_the_catalog_says_how_packages_are_deployed_as_the_rules_do():
@@ -141,8 +146,9 @@ def test_the_package_asks_for_what_it_imports(packaged):
 def test_only_scripts_of_rules_may_use_a_name_that_nobody_defines():
     ignored = PROJECT["tool"]["ruff"]["lint"]["per-file-ignores"]
     assert all(codes == ["F821"] for codes in ignored.values())
-    scripts = [p.relative_to(ROOT).as_posix() for p in (ROOT / "scripts").rglob("*.py")]
-    scripts_of_rules = [s for s in scripts if s.split("/")[1] in RULES]
+    paths = [path for folder in ("scripts", "lab") for path in (ROOT / folder).rglob("*.py")]
+    scripts = [path.relative_to(ROOT).as_posix() for path in paths]
+    scripts_of_rules = [s for s in scripts if "/".join(s.split("/")[:2]) in SCRIPTS_OF_RULES]
     for pattern in ignored:
         matched = [script for script in scripts if fnmatch(script, pattern)]
         assert matched, f"{pattern} matches no script: remove it"

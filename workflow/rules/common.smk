@@ -33,6 +33,7 @@ from runtime.model_plan import ModelPlan
 from runtime.plan import CAPACITY_KINDS, EFFECT_KINDS, PULSE_KINDS, SIZE_KINDS
 from runtime.plan import Plan, gathered, of_cell, of_first_checkup, of_rows, of_test, own
 from runtime.plan import paths_of, where
+from runtime.record_plan import RecordPlan
 from runtime.search_plan import SearchPlan
 from runtime.wildcard_patterns import either, only_these
 from snakemake_logger_plugin_progress import JOBS
@@ -71,6 +72,14 @@ def written_to():
 def contents_of(files):
     """Inputs of a job among files of the user's, with what they hold; of others it says itself."""
     return {file: CONTENTS[file] for file in files if file in CONTENTS}
+
+
+def local_files(contents):
+    """Function of a job: the files of which `contents` gives for it what they hold.
+
+    They stay where the laboratory wrote them, also where artefacts lie in object storage.
+    """
+    return lambda wildcards: [local(file) for file in contents(wildcards)]
 
 
 TEST_FACTS = PLAN.facts_in_tables

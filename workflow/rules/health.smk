@@ -59,7 +59,7 @@ rule degradation_modes:
         own=PLAN.own_fitted("clean", *SLOW_CURVE_KINDS),
         fresh=PLAN.fitted_of(AGEING.fresh_cells, "clean", *SLOW_CURVE_KINDS),
         rests=PLAN.own_rows("ocv_rest_points", FITS.resting),
-        half_cells=own(lambda cell: [local(file) for file in half_cell_contents(cell)]),
+        half_cells=local_files(own(half_cell_contents)),
     output:
         "results/stages/degradation_modes/{cell}.parquet",
     log:
@@ -222,7 +222,7 @@ rule check_ups:
     params:
         tests=facts_of_own_tests,
         cell=cell_facts,
-        sheet=lambda w: [row for row in CAMPAIGN.check_ups if row["cell"] == w.cell],
+        sheet=PLAN.stated_check_ups,
     message:
         "Ratings of {wildcards.cell} at each check-up, and their change since new."
     script:

@@ -104,7 +104,7 @@ rule effect_search_external:
     input:
         basis="results/stages/basis/{cell}.json",
         series=PLAN.own_rows("clean", SEARCHES.simulated_tests),
-        simulated=lambda w: [local(file) for file in simulated_contents(w)],
+        simulated=local_files(simulated_contents),
     output:
         verdict="results/missing_effect/{cell}/external/verdict.json",
         ranking="results/missing_effect/{cell}/external/ranking.parquet",

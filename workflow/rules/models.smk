@@ -94,7 +94,7 @@ def table_of_model(wildcards):
 
 rule given_model:
     input:
-        table=lambda w: [local(file) for file in table_of_model(w)],
+        table=local_files(table_of_model),
     output:
         "results/stages/given_model/{cell}.json",
     log:
@@ -172,11 +172,9 @@ rule no_model:
     wildcard_constraints:
         cell=either(UNMODELLED),
     params:
-        tests=lambda w: [
-            {name: row[name] for name in ("test", "kind", "role")} for row in TESTS_OF[w.cell]
-        ],
+        tests=PLAN.columns_of_tests("test", "kind", "role"),
         fit_kinds=FITS.fit_kinds,
-        lent_curve=lambda w: bool(FITS.curve_lenders(w.cell)),
+        lent_curve=own(FITS.is_lent_a_curve),
     message:
         "Why {wildcards.cell} has no model."
     script:

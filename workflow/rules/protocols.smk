@@ -1,18 +1,12 @@
 # One test protocol, one rule: capacity, slow OCV, pulses, incremental capacity, impedance.
 
 
-def curves_for_stated_soc(wildcards):
-    """Slow tests of the cell whose open-circuit voltage a stated SoC is held against."""
-    stated = TESTS.get((wildcards.cell, wildcards.test), {}).get("soc") is not None
-    return fitted("ocv", wildcards.cell, "ocv") if stated else []
-
-
 rule capacity:
     input:
         series="results/stages/clean/{cell}/{test}.parquet",
         steps="results/stages/segment/{cell}/{test}.parquet",
         course=course_of,
-        curves=curves_for_stated_soc,
+        curves=PLAN.curves_for_stated_soc,
     output:
         "results/stages/capacity/{cell}/{test}.parquet",
     log:
@@ -215,7 +209,7 @@ rule spectrum:
         "logs/spectrum/{cell}/{test}.log",
     params:
         content=raw_contents,
-        reading=reading,
+        reading=PLAN.reading,
         largest_megabyte=config["files"]["largest_megabyte"],
         longest_minute=config["files"]["longest_reading_minute"],
         test=test_facts,
@@ -265,13 +259,7 @@ rule impedance:
         "../../scripts/protocols/impedance.py"
 
 
-def beside_spectra(cell):
-    """Series of a cell at the chamber temperatures at which it has spectra."""
-    there = {row["ambient_temperature_celsius"] for row in tests(cell, "eis")} - {None}
-    rows = tests(cell, *SERIES_KINDS)
-    return [row for row in rows if row["ambient_temperature_celsius"] in there]
-
-
+beside_spectra = partial(PLAN.rows_beside, "eis", SERIES_KINDS)
 THERMOMETERS = [cell for cell in CELLS if beside_spectra(cell)]
 
 

@@ -8,6 +8,7 @@ from runtime.bias_plan import BiasPlan
 from runtime.health_plan import HealthPlan
 from runtime.model_plan import ModelPlan
 from runtime.plan import Plan, of_first_checkup
+from runtime.record_plan import RecordPlan
 from runtime.search_plan import SearchPlan
 from runtime.sheets import Campaign
 
@@ -252,3 +253,65 @@ def test_peaks_are_calibrated_within_a_type_of_four_known_capacities_or_a_record
     assert ageing.first_of_type == {"A": "A", "B": "A"}
     assert ageing.followed_of_type(Wildcards(cell="A")) == ["results/stages/ica_tracks/A.parquet"]
     assert ageing.calibration_of(Wildcards(cell="B")).endswith("peak_calibration/A.parquet")
+
+
+def records_of(cells, tests, groups=()):
+    plan = Plan(Campaign({}, cells, tests, list(groups), []))
+    kinds = ("hppc", "drive", "capacity")
+    return RecordPlan(plan, evidence_kinds=kinds[:2], series_kinds=kinds)
+
+
+def test_a_test_that_may_be_fitted_repeats_nothing_of_one_that_may_not():
+    tests = [a_test("A", "hppc"), a_test("A", "drive")]
+    tests += [a_test("A", "drive", "v", role="validation")]
+    tests += [a_test("B", "hppc"), a_test("B", "drive", role="validation"), a_test("B", "capacity")]
+    records = records_of([cell("A"), cell("B")], tests)
+    assert {part: list(cells) for part, cells in records.repeatable.items()} == {
+        "fit": ["A"],
+        "validation": ["A", "B"],
+    }
+    fit, proof = (Wildcards(cell="A", test="hppc", part=part) for part in ("fit", "validation"))
+    fitted = [f"results/stages/clean/A/{test}.parquet" for test in ("hppc", "drive")]
+    assert records.evidence_of(fit) == fitted
+    assert records.evidence_of(proof) == [*fitted, "results/stages/clean/A/v.parquet"]
+    assert (records.asked_roles(fit), records.asked_roles(proof)) == (
+        ["fit"],
+        ["validation", "split"],
+    )
+    assert records.repeats_of(Wildcards(cell="A", test="v")) == [
+        "results/stages/repeats/A/validation.parquet"
+    ]
+    assert records.repeats_of(Wildcards(cell="B", test="hppc")) == []
+
+
+def test_the_order_of_tests_counts_in_an_aged_cell_with_several():
+    tests = [a_test("A", "hppc"), a_test("A", "drive"), a_test("B", "hppc", cycle=300)]
+    tests += [a_test("C", "hppc", cycle=300), a_test("C", "drive"), a_test("G", "drive", cycle=3)]
+    records = records_of([*map(cell, "ABC")], tests, [member("G", "A", 1), member("G", "B", 2)])
+    courses = [records.course_of(Wildcards(cell=name)) for name in "ABCG"]
+    assert courses == [[], [], ["results/stages/course/C.parquet"], []]
+
+
+def test_what_the_sheet_says_of_a_tests_file_channels_and_state_of_charge():
+    files = {"file": ["a.csv"], "sha256": None, "instrument": "bdf", "current_sign": None}
+    row = a_test("A", "capacity") | files | {"columns": None}
+    tests = [row, a_test("A", "ocv"), a_test("A", "drive") | {"soc": 0.5}, a_test("G", "group")]
+    groups = [member("G", "A", 1), member("G", "B", 2)]
+    stated = [{"cell": "A", "cycle": 3}, {"cell": "B", "cycle": 4}]
+    plan = Plan(Campaign({}, [cell("A"), cell("B")], tests, groups, stated))
+    assert plan.reading(Wildcards(cell="A", test="capacity")) == files | {"columns": None}
+    assert plan.channels_of_group(Wildcards(cell="A", test="capacity")) == {}
+    assert plan.channels_of_group(Wildcards(group="G")) == {"members": 2, "cells": 2}
+    curves = [plan.curves_for_stated_soc(Wildcards(cell="A", test=t)) for t in ("drive", "ocv")]
+    assert curves == [["results/stages/ocv/A/ocv.parquet"], []]
+    assert plan.stated_check_ups(Wildcards(cell="B")) == [{"cell": "B", "cycle": 4}]
+    assert plan.columns_of_tests("test", "role")(Wildcards(group="G")) == [
+        {"test": "group", "role": "fit"}
+    ]
+
+
+def test_tests_beside_others_are_those_at_a_temperature_that_both_state():
+    tests = [a_test("A", "eis", celsius=10.0), a_test("A", "eis", "e", celsius=None)]
+    tests += [a_test("A", "drive", f"d{k}", celsius=k) for k in (10.0, 25.0, None)]
+    plan = Plan(Campaign({}, [cell("A")], tests, [], []))
+    assert [row["test"] for row in plan.rows_beside("eis", ["drive"], "A")] == ["d10.0"]
