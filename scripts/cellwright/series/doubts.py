@@ -459,11 +459,11 @@ def unanswered(time, current, voltage, apart) -> tuple[np.ndarray, float]:
     noise = of_median(median_of(lambda v: np.abs(np.diff(v)), voltage, beside=1)) / np.sqrt(2)
     chance = max(5 * noise, SILENT_VOLT)
     floor = FLOOR_VOLT / 2 + chance
-    clear = answer > floor
+    # An answer of which the load's last fall may hide the most is no measure.
+    clear = (answer > floor) & (hidden < 0.5 * answer)
     if not clear.any():
         return np.empty(0, int), np.nan
-    # Between what shows and what the load's last fall may hide of it.
-    ratios = ((answer + hidden) / np.abs(change))[clear]
+    ratios = (answer / np.abs(change))[clear]
     resistance = float(np.quantile(ratios, 0.25, method="lower"))
     expected = resistance * np.abs(change)
     none = max(3 * noise, SILENT_VOLT)
