@@ -217,6 +217,10 @@ def test_a_charge_without_a_hold_from_which_a_cell_rests_lower_puts_the_discharg
     assert found["doubt"][of_discharge].tolist() == [""]
     assert found["capacity_ampere_hour"][of_discharge] == pytest.approx(2.0, abs=0.005)
     assert np.all(found["capacity_std_ampere_hour"][of_discharge] < 0.02)
+    # At C/24 no overpotential ends a charge after a third.
+    if not rest:
+        found = run((12 * data[0], data[1] / 12, *data[2:]), upper=3.5, lower=3.0).rows
+        assert all("their ends explain" in words for words in found["doubt"])
 
 
 @pytest.mark.parametrize("share", [0.99, 0.95])

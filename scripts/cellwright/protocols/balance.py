@@ -12,6 +12,7 @@ LOST_SHARE = 0.01  # of a cycle's charge that side reactions keep: it went in an
 FORMATION_SHARE = 0.5  # which formation may keep: silicon and hard carbon keep so much
 ENDS_VOLT = 0.003  # by which one cell rests elsewhere at one state: digits, some kelvin, hysteresis
 SIGMAS = 2.0
+SLOW_HOUR = 10.0  # of a full charge: in more no overpotential ends it far below full
 
 
 class Balance(NamedTuple):
@@ -67,7 +68,7 @@ def balance_of(half, partner, columns, time, steps, limits, *, unsure_ampere_hou
     rest = second.loads[-1] + 1
     rested = rest < len(steps.kind) and steps.kind[rest] == "rest"
     rises = lowest + unsure if rested else np.nan
-    unfilled = _unfilled(first, second, steps, rises) if inserts > 0 else 0.0
+    unfilled = _unfilled(first, second, columns[0], steps, rises) if inserts > 0 else 0.0
     open_ampere_hour = max(slope * max(abs(lowest), abs(highest)), unfilled) + slope * unsure
     return Balance(
         left_ampere_hour=float(charge[second.turn_row] - charge[first.first_row]),
@@ -77,16 +78,17 @@ def balance_of(half, partner, columns, time, steps, limits, *, unsure_ampere_hou
     )
 
 
-def _unfilled(first, second, steps, rises_volt):
+def _unfilled(first, second, current, steps, rises_volt):
     """By how much a charge without a hold may end below where its cycle began, at most [Ah].
 
     All that was discharged before it, for on a plateau no voltage of rest says how full it is. 0
-    where the charge was held, or rests as high as its cycle began.
+    where the charge was held, was slow, or rests as high as its cycle began.
 
     rises_volt : from the begin of the cycle to the rest after it; NaN where the record has none.
     """
     held = second.sign < 0 or np.any(steps.cv_first_row[list(second.loads)] >= 0)
-    return 0.0 if held or rises_volt >= 0.0 else first.moved_ampere_hour
+    slow = first.moved_ampere_hour > SLOW_HOUR * abs(float(current[second.turn_row]))
+    return 0.0 if held or slow or rises_volt >= 0.0 else first.moved_ampere_hour
 
 
 def _apart(first, second, voltage, time, steps, limits):

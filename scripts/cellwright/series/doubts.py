@@ -434,9 +434,9 @@ def unanswered(time, current, voltage, apart) -> tuple[np.ndarray, float]:
     """Rows at which the current steps and the voltage does not, and the cell's resistance [ohm].
 
     Looked at are steps between currents that stay for three rows at each side; the channels may lag
-    by two, but an answer comes within ten seconds. What it is, the other steps of the same record
-    show: the lower quartile of those whose voltage moves beyond its noise, for an empty cell
-    answers by several times as much. NaN where no step is answered. Near its end a load moves the
+    by two. What an answer is, the other steps of the same record show within ten seconds: the lower
+    quartile of those whose voltage moves beyond its noise, for an empty cell answers by several
+    times as much. NaN where no step is answered. Near its end a load moves the
     voltage by more than the answer until it stops, between two rows: there nothing can be missed.
     """
     least = LOAD_SHARE * largest(current)
@@ -448,22 +448,21 @@ def unanswered(time, current, voltage, apart) -> tuple[np.ndarray, float]:
     edges, change = edges[steady], change[steady]
     if not len(edges):
         return np.empty(0, int), np.nan
-    sign = np.sign(change)
-    answers = []
+    sign, answers, prompt = np.sign(change), [], []
     for after, before in product((1, 2, 3), (0, 1)):
         near = time[edges + after] - time[edges - before] <= LONGEST_EDGE
-        moved = sign * (voltage[edges + after] - voltage[edges - before])
-        answers.append(np.where(near | (after == 1) & (before == 0), moved, -np.inf))
-    answer = np.max(answers, axis=0)
+        answers.append(sign * (voltage[edges + after] - voltage[edges - before]))
+        prompt.append(np.where(near | (after == 1) & (before == 0), answers[-1], -np.inf))
+    answer, prompt = np.max(answers, axis=0), np.max(prompt, axis=0)
     hidden = np.maximum(-sign * step_at(voltage, edges - 1), 0.0)
     noise = of_median(median_of(lambda v: np.abs(np.diff(v)), voltage, beside=1)) / np.sqrt(2)
     chance = max(5 * noise, SILENT_VOLT)
     floor = FLOOR_VOLT / 2 + chance
-    clear = answer > floor
+    # An answer of which the load's last fall may hide the most is no measure.
+    clear = (prompt > floor) & (hidden < 0.5 * prompt)
     if not clear.any():
         return np.empty(0, int), np.nan
-    # Between what shows and what the load's last fall may hide of it.
-    ratios = ((answer + hidden) / np.abs(change))[clear]
+    ratios = (prompt / np.abs(change))[clear]
     resistance = float(np.quantile(ratios, 0.25, method="lower"))
     expected = resistance * np.abs(change)
     none = max(3 * noise, SILENT_VOLT)
