@@ -122,6 +122,7 @@ def finish_model(
     model : result of `identify`, of `borrow_model` or of `identify_branches`, or path of its file.
     basis, tests : only for a model of the cell's own tests.
     left_out : whole tests for validation; a member with effects is chosen only if it wins there.
+    The chosen member learns the noise of the filters from `tests` (docs/soc-filters.md).
     laws : results of `compare_temperature_laws`.
     effects : `model` of the result of `missing_effect`, or None.
 
