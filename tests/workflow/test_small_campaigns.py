@@ -21,7 +21,8 @@ CAMPAIGNS = ROOT / "tests" / "campaigns"
 # Planned for every campaign, and for every one with a capacity test, with a model of its own.
 ALWAYS = "tables_of_tests tables_of_models tables_of_health missing_effect summary report "
 ALWAYS += "manifest contents crate figure_overview figures fleet fleet_health protocols_compared "
-CAPACITY = "series capacity basis relaxation check_ups health effect_search witnesses "
+CAPACITY = "series capacity basis relaxation between_rests check_ups health effect_search "
+CAPACITY += "witnesses "
 MODELLED = "repeats identify member model thermal export prediction effect_search_own "
 # Of each campaign the other rules, among them the search, which says what it would need.
 PLANNED = {
@@ -29,8 +30,8 @@ PLANNED = {
     for name, rules in {
         "bad_file_only": f"{CAPACITY} no_model",
         "capacity_only": f"{CAPACITY} no_model",
-        "loads_and_drive": f"{CAPACITY} {MODELLED} ica ocv_load",
-        "ocv_pulses_drive": f"{CAPACITY} {MODELLED} ocv pulses polarisation",
+        "loads_and_drive": f"{CAPACITY} {MODELLED} ica ica_discharge ocv_load",
+        "ocv_pulses_drive": f"{CAPACITY} {MODELLED} ocv ica_discharge pulses polarisation",
         "spectra_only": "spectrum spectra_together impedance basis no_model temperature cold_limit",
         "pulses_over_temperature": f"{CAPACITY} repeats pulses temperature resistance_surface "
         "cold_limit no_model",
