@@ -40,12 +40,14 @@ PULSED_SPACING, DRIVEN_SPACING = 0.1, 0.05
 
 
 class Identified(NamedTuple):
-    """Identification at one temperature: OCV table, entries and scores by member, notes."""
+    """Identification at one temperature: OCV table, entries and scores by member, notes, and the
+    relative standard deviation of capacity and counted charge [1]."""
 
     ocv: dict
     entries: dict
     scores: dict
     notes: list
+    counted_std: float
 
 
 def cell_model(cell, basis, tests, *, members, split_rest_second):
@@ -127,7 +129,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         ],
         "kind": _kind(by_temperature),
         "uncounted_edge_share": share,
-        "notes": [*notes, *filter(None, [energies])],
+        "notes": [*notes, *filter(None, [energies, _stretched(identified, choice.name)])],
     }
 
 
@@ -181,6 +183,24 @@ def _ends_in_words(by_temperature, longest_second):
     return (
         f"time constants end at {ends}, as long as a rest or a load tells one: what relaxes more "
         "slowly is in the shift and the scale of the OCV, or in the last time constant"
+    )
+
+
+def _stretched(identified, name):
+    """Sentence on temperatures at which a member stretches the SoC by more than what is counted may
+    be off by, "" where there are none."""
+    found = []
+    for one in identified:
+        stretch = one.entries[name]["ocv_scale"]["stretch"]
+        if abs(stretch) > SURE * one.counted_std:
+            celsius = one.ocv["ambient_temperature_celsius"]
+            found.append(f"{stretch:+.1%} at {celsius:g} °C (± {one.counted_std:.1%})")
+    if not found:
+        return ""
+    return (
+        f"the SoC on the OCV is stretched by more than capacity and counting leave open: "
+        f"{', '.join(found)}; it stands in for what the OCV or the circuit lacks, and the capacity "
+        "of a dual filter follows it"
     )
 
 
@@ -258,7 +278,8 @@ def _condition(fit_records, energy, basis, members, rest, fixed):
             fitted.condition, ambient_temperature_celsius=fit_records.celsius, tests=tests
         )
         entries[name] = entry | {"activation_energy_joule_per_mole": energy}
-    return Identified(_table(fit_records.celsius, data, curve), entries, scores, notes)
+    table = _table(fit_records.celsius, data, curve)
+    return Identified(table, entries, scores, notes, data.counted_std)
 
 
 def _with_bound_hysteresis(shared, basis, fixed, settings):

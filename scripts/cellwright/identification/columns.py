@@ -10,10 +10,6 @@ from cellwright.circuits.temperature import table_soc
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.numerics.linear import hats
 
-# Standard deviations of the scale of the SoC: of what a full charge leaves out, and of a capacity
-# that nothing measured tells [1].
-SCALE_STD = (0.02, 0.04)
-
 FAST_SECOND = 5.0  # what relaxes faster may be charge transfer, what is slower is diffusion
 
 
@@ -43,8 +39,8 @@ class Data(NamedTuple):
 
     records : tuple of Record. knots : (k,) SoC, ascending [1]. ocv_volt : (p,) table on an even
     grid of SoC from 0 to 1 [V]. hold : hold of the current between samples. most_volt : (k,)
-    largest hysteresis at the knots [V], None where no slow test bounds it. stretch_std : standard
-    deviation of the capacity and of what the records count, relative [1].
+    largest hysteresis at the knots [V], None where no slow test bounds it. counted_std : standard
+    deviation of the capacity and of what the records count, relative; NaN where not known [1].
     kept : dict of columns, filled as they are asked for. They follow from records and knots alone:
     data with another OCV table or bound of the hysteresis share them.
     """
@@ -56,7 +52,7 @@ class Data(NamedTuple):
     capacity_ampere_hour: float
     kept: dict
     most_volt: np.ndarray | None = None
-    stretch_std: float = SCALE_STD[1]
+    counted_std: float = np.nan
 
 
 class Columns(NamedTuple):
@@ -66,7 +62,6 @@ class Columns(NamedTuple):
     full, and by the stretch [V].
     resistances : list of (name, (n, k)), each not negative. slope_volt : (n,) of U over SoC [V].
     held_scale : (2,) the SoC's scale about which all this holds [1]. most_volt : as in Data.
-    scale_std : (2,) standard deviations of the SoC's scale before the data [1].
     """
 
     target_volt: np.ndarray
@@ -76,7 +71,6 @@ class Columns(NamedTuple):
     slope_volt: np.ndarray
     held_scale: np.ndarray
     most_volt: np.ndarray | None = None
-    scale_std: tuple = SCALE_STD
 
 
 def on_table(soc, held):
@@ -151,7 +145,6 @@ def columns_of(data, held):
         slope,
         np.array([held.missing, held.stretch]),
         data.most_volt,
-        (SCALE_STD[0], data.stretch_std),
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from cellwright.circuits.circuit import UNRESOLVED_SECOND
 from cellwright.identification.columns import FAST_SECOND
 from cellwright.identification.regression import named
-from cellwright.identification.search import largest_scale, with_time_constants
+from cellwright.identification.search import with_time_constants
 from cellwright.numerics.linear import hats
 from cellwright.numerics.statistics import rms
 from cellwright.records.thinning import edge_ampere, edges
@@ -74,8 +74,6 @@ def condition_of(shared, member, fit, bounds):
         tau_stds = np.where(edge, np.nan, tau_stds)
     elif held.tau_second:  # of a series the last holds what relaxes more slowly as well
         at_bound = [f"tau{len(held.tau_second)}"]
-    if abs(held.stretch) >= largest_scale(data)[1]:
-        at_bound = [*at_bound, "ocv_stretch"]
     bounded = [
         f"{name.upper()} at SoC {soc:.3f}"
         for name in system.names

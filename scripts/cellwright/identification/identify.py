@@ -13,9 +13,9 @@ import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, resistance_factor
-from cellwright.identification.columns import SCALE_STD, Data, Held
+from cellwright.identification.columns import Data, Held
 from cellwright.identification.condition import condition_of
-from cellwright.identification.regression import FLOOR_VOLT, SCALES, pull_of, solved
+from cellwright.identification.regression import SCALES, pull_of, solved
 from cellwright.identification.search import (
     cheapest,
     cost_of,
@@ -89,32 +89,20 @@ def data_of(
         hold,
         capacity_ampere_hour,
         kept={},
-        stretch_std=_stretch_std(
-            records, ocv_volt[0], capacity_ampere_hour, capacity_std_ampere_hour
-        ),
+        counted_std=_counted_std(records, capacity_ampere_hour, capacity_std_ampere_hour),
     )
 
 
-# ASSUME: What a full discharge counts less than the capacity its rate has lost, or was never there.
-def _stretch_std(records, end_volt, capacity_ampere_hour, capacity_std_ampere_hour):
-    """Standard deviation of capacity and counted charge, relative [1].
+def _counted_std(records, capacity_ampere_hour, capacity_std_ampere_hour):
+    """Standard deviation of capacity and counted charge, relative [1]; NaN where not known.
 
-    One instrument counts all records of a cell: its errors are alike in them. What the capacity
-    tests beside them lack at the end of the OCV, the one that lacks least, is part of it as of even
-    odds between none of it and all.
+    One instrument counts all records of a cell: its errors are alike in them.
     """
     if capacity_std_ampere_hour is None:
-        return SCALE_STD[1]
+        return np.nan
     share = {"capacity_ampere_hour": capacity_ampere_hour}
     counted = np.mean([counted_std_share(record, **share) for record in records])
-    lacking = [
-        record.soc[np.argmin(record.voltage_volt)]
-        for record in records
-        if record.kind == "capacity" and record.voltage_volt.min() <= end_volt + FLOOR_VOLT
-    ]
-    lost = max(min(lacking, default=0.0), 0.0) / np.sqrt(3.0)
-    own = capacity_std_ampere_hour / capacity_ampere_hour
-    return float(np.linalg.norm([own, counted, lost]))
+    return float(np.hypot(capacity_std_ampere_hour / capacity_ampere_hour, counted))
 
 
 def ready_records(records, *, capacity_ampere_hour):

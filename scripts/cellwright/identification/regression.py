@@ -23,10 +23,11 @@ FLOOR_VOLT, RELATIVE, SOC_STD = 0.003, 0.03, 0.003
 # Standard deviations of the parameters before the data. Without priors a knot without data could
 # take any value, and a fit of a drive's blocks would say nothing of the SoC between them. The
 # priors are weak and physical: resistances change smoothly with SoC, faster near empty; an OCV
-# table is right to some tens of millivolts. They count only where the data say little. Of the
-# capacity it is known how well it was counted (`columns.SCALE_STD` where nothing tells).
+# table is right to some tens of millivolts, and its SoC to a few per cent, whatever the capacity
+# was counted to: cells rest there. They count only where the data say little.
 SHIFT_VOLT = 0.02  # of the OCV table
 SHIFT_WALK_VOLT = 0.05  # of the change of that shift over the whole of SoC
+SCALE_STD = (0.02, 0.04)  # of what a full charge leaves out, and of the stretch [1]
 WALK = 1.0  # of a resistance over the whole of SoC, relative to its size
 EMPTY = 0.1  # SoC near empty within which things change as much as over all the rest
 
@@ -100,7 +101,7 @@ def system_of(columns, knots):
     sizes = _typical_sizes(names, gram, moment, len(knots))
     if columns.most_volt is not None and "m" in names:  # the last, and no larger than allowed
         sizes[-1] = min(sizes[-1], np.median(columns.most_volt))
-    precision = _precision(knots, sizes, columns.scale_std)
+    precision = _precision(knots, sizes)
     held = np.zeros(len(precision))
     held[len(knots) : len(knots) + SCALES] = columns.held_scale
     most = _upper_bounds(columns.most_volt, names, len(precision))
@@ -144,14 +145,14 @@ def _typical_sizes(names, gram, moment, knots):
     return np.maximum(sizes, least)
 
 
-def _precision(knots, sizes, scale_std):
+def _precision(knots, sizes):
     """Inverse covariance of all parameters before the data."""
     count, smooth = len(knots), _smoothness(knots)
     size = count + SCALES + count * len(sizes)
     precision = np.zeros((size, size))
     precision[:count, :count] = shift_precision(knots)
     scale = slice(count, count + SCALES)
-    precision[scale, scale] = np.diag(np.square(scale_std) ** -1.0)
+    precision[scale, scale] = np.diag(np.square(SCALE_STD) ** -1.0)
     for number, typical in enumerate(sizes):
         block = slice(count + SCALES + number * count, count + SCALES + (number + 1) * count)
         precision[block, block] = smooth / (WALK * typical) ** 2

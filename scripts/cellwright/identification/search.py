@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.identification.choice import SURE
 from cellwright.identification.columns import (
     FAST_SECOND,
     Data,
@@ -93,7 +92,7 @@ def settled(shared, held, *, passes=10):
         held, more = _approached(shared, held, passes - 1 - done)
         system, done = system_about(shared, held), done + more
         solution = _solved(shared, system)
-        _, moved = _rescaled(shared.data, held, solution.scale)
+        _, moved = _rescaled(held, solution.scale)
         still = moved < SETTLED or more == 1
     covariance = covariance_of(system, solution)
     # A last change of the scale that is not made would leave values that belong to another scale.
@@ -163,7 +162,7 @@ def _approached(shared, held, passes):
     for _ in range(passes):
         done += 1
         values, factor = _values_about(shared, held, factor)
-        held, moved = _rescaled(shared.data, held, values["scale"])
+        held, moved = _rescaled(held, values["scale"])
         still = moved < SETTLED
         if held.scale_volt is not None:
             change = _transfer(held, values) - held.transfer_ohm
@@ -177,26 +176,12 @@ def _approached(shared, held, passes):
     return held, done
 
 
-def _rescaled(data, held, change):
+def _rescaled(held, change):
     """Held parameters after a change of the SoC's scale (2,), within its limits, and its size."""
     scale = np.array([held.missing, held.stretch])
-    limit = largest_scale(data)
-    changed = np.clip(scale + change, -limit, limit)
+    changed = np.clip(scale + change, -WIDEST, WIDEST)
     moved = held._replace(missing=float(changed[0]), stretch=float(changed[1]))
     return moved, float(np.abs(changed - scale).max())
-
-
-def largest_scale(data):
-    """Largest missing charge and stretch (2,) that are believed [1].
-
-    Of the stretch what the capacity's and the counters' deviations leave open: more is an error of
-    the circuit or of the OCV, whatever the fit would gain.
-
-    Parameters
-    ----------
-    data : columns.Data.
-    """
-    return np.minimum(WIDEST, [WIDEST, SURE * data.stretch_std])
 
 
 def _values_about(shared, held, factor):
