@@ -23,8 +23,8 @@ from cellwright.records.conditions import REFERENCE_CELSIUS
 # ASSUME: Resistances of a cell that warms itself fall with 30 kJ/mol. What data of one chamber
 # temperature show is the product of this and the thermal resistance.
 OWN_HEAT_JOULE_PER_MOLE = 30e3
-# ASSUME: That energy is sure to four tenths, for the resistances of the real cells of
-# docs/temperature.md and docs/missing-effect.md have 13 to 37 kJ/mol.
+# ASSUME: That energy is sure to four tenths, for the searched resistances of real cells
+# (docs/missing-effect-benchmark.md) have 27 to 39 kJ/mol.
 OWN_HEAT_RELATIVE = 0.4
 COLD_CELSIUS = -20.0
 WARMED, ENERGY = "resistance_temperature", "activation_energy_joule_per_mole"
