@@ -74,10 +74,10 @@ def capacity_between_rests(tests, basis, settings=None, **changes):
     basis : result of `basis`, or its document. settings : `settings.Instrument`.
 
     Returns rows, one a test: capacity and its standard deviation [Ah], the charge between the rests
-    [Ah], SoC of both with their deviations [1], doubt. What tells nothing is in the notes, with the
-    reason. Raises Refusal: no test tells a capacity so. Source: docs/capacity.md.
+    [Ah], SoC of both with their deviations [1], doubt; empty columns where no test tells a capacity
+    so. What tells nothing is in the notes, with the reason. Source: docs/capacity.md.
     """
-    from cellwright.health.between_rests import capacity_of_test, sentences_of
+    from cellwright.health.between_rests import NO_ROWS, capacity_of_test, sentences_of
     from cellwright.refusal import Refusal
 
     options = inputs.settings_of(Instrument, settings, changes)
@@ -92,9 +92,7 @@ def capacity_between_rests(tests, basis, settings=None, **changes):
         except Refusal as refusal:
             reasons.setdefault(str(refusal), []).append(facts.test)
     notes = sentences_of(reasons)
-    if not rows:
-        raise Refusal(f"no capacity between two rests: {'; '.join(notes) or 'no test'}")
-    return results.Result({"rows": rows}, notes=notes)
+    return results.Result({"rows": rows or NO_ROWS}, notes=notes)
 
 
 def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):

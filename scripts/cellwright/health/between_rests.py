@@ -30,6 +30,15 @@ ENDS = 0.05  # of the SoC scale, by which a curve is continued on either side wi
 POINTS = 11_001  # of a curve: a rest at a steep end tells some 1e-4 of the SoC
 
 
+TEXTS = ("test", "largest_part", "doubt")
+NUMBERS = (
+    *("cycle", "ambient_temperature_celsius", "capacity_ampere_hour", "capacity_std_ampere_hour"),
+    *("charge_ampere_hour", "soc_first", "soc_first_std", "soc_last", "soc_last_std"),
+    *("first_second", "last_second", "rests"),
+)
+NO_ROWS = {name: np.zeros(0, str) for name in TEXTS} | {name: np.zeros(0) for name in NUMBERS}
+
+
 class Rests(NamedTuple):
     """Rests of a record that may tell a state of charge, arrays (k,).
 
