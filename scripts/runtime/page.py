@@ -66,13 +66,8 @@ FLEET = (
     "fit, in mV. A question mark: not sure, see the cell's page; or: one name of a tie; n/t: its "
     "tests cannot show it; blank: not shown."
 )
-UNREAD = {
-    "models",
-    "models_of_checkups",
-    "resistance",
-    "relaxation",
-    "ica_tracks",
-}  # long, and on no page
+# Long, and on no page.
+UNREAD = {"models", "models_of_checkups", "resistance", "relaxation", "ica_tracks"}
 OF_HEALTH = ("lives", "fleet")  # pictures of the overview that stand in its part on health
 # All pages of a report up to this stand in it as they are, and are read without a script: what a
 # mail of 25 MB carries, which adds a third to a file. Larger ones are packed, and need the script.

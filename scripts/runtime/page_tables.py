@@ -12,13 +12,8 @@ import pyarrow as pa
 from markupsafe import Markup
 
 SHOWN_ROWS = 30  # more than a screen is looked up in the tables, not read
-SCALES = {
-    "mΩ": 1e3,
-    "mV": 1e3,
-    "mA": 1e3,
-    "%": 1e2,
-    "kJ/mol": 1e-3,
-}  # of a shown unit in that of the tables
+# Of a shown unit in that of the tables.
+SCALES = {"mΩ": 1e3, "mV": 1e3, "mA": 1e3, "%": 1e2, "kJ/mol": 1e-3}
 ANSWERS = {"True": "yes", "False": "no"}
 DIGITS = 4  # of a number without a standard deviation; the tables hold more
 

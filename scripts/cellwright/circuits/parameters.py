@@ -62,7 +62,7 @@ def _rows(member, condition):
     for name, value, unit in whole:
         row = {"soc": None, "parameter": name, "value": value, "std": None, "unit": unit}
         if value is not None:
-            yield about | row | {"at_bound": name in flags}
+            yield about | row | {"at_bound": False}
 
 
 def _columns(condition):

@@ -10,11 +10,11 @@ import re
 import numpy as np
 
 from cellwright.circuits.model_file import member_of
+from cellwright.numerics.statistics import NORMAL_95
 from cellwright.records.conditions import REFERENCE_CELSIUS, stated_or_reference
 
 ENERGY, RECONCILED = "activation_energy", "reconciled"
 LAWS = ("arrhenius", "multiplicative")
-NORMAL = 1.96  # standard deviations in half of a 95 % interval
 R0 = "R0"
 SEARCH, MODEL = "all resistances, search", "quick resistances, model in use"
 # Quantity of a law, by the name of what it is of. The delay of a pulse is part of the quantity.
@@ -89,7 +89,7 @@ def _of_laws(laws):
         std = law.get("std")
         if law.get("lower") is not None and law.get("upper") is not None:
             # Of few temperatures the interval is wider than its deviation says.
-            std = (law["upper"] - law["lower"]) / 2 / NORMAL
+            std = (law["upper"] - law["lower"]) / 2 / NORMAL_95
         if std:
             yield _row(quantity, law["quantity"], law["value"], std, law)
 

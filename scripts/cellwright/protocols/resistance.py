@@ -10,6 +10,7 @@ from cellwright.numerics.noise import least_digit
 from cellwright.numerics.relaxing import Drift, drift_of_rest
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols import Found, counted, not_elsewhere
+from cellwright.protocols.balance import SIGMAS
 from cellwright.protocols.coarse import coarsest_digit_ampere, may_be_cut
 from cellwright.protocols.pulse_begin import Begin, begin_of, late_among_others
 from cellwright.protocols.pulse_edges import (
@@ -38,7 +39,6 @@ ROUND_C_RATES = (1 / 20, 1 / 10, 1 / 5, 1 / 4, 1 / 3, 1 / 2, 1, 1.5, 2, 3, 4, 5,
 SLOWEST_PULSE_C_RATE = 1 / 3  # that laboratories choose
 ROUND_SHARE = 0.02  # within which a tester holds a current
 FIRST_LEFT_OUT = "first row of a pulse had not settled: a faster one reads more at the same SoC"
-SIGMAS = 2.0
 SMALL_SHARE = 0.25  # of the record's median: cold and empty cells show more, none so much less
 
 
