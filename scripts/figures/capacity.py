@@ -108,6 +108,8 @@ def _bars(axes, rows):
 
 
 NAMED_CURVES = 2  # whose voltages of peaks do not lie on each other; tables have all
+# Of the voltages written beside peaks [point]: a discharge has its own just below a charge's.
+PLACES = {"charge": (0, 5), "discharge": (0, -16)}
 
 
 def draw_ica(charges, discharges=()):
@@ -131,18 +133,18 @@ def draw_ica(charges, discharges=()):
             label = test if direction == "charge" else f"{test}, discharge"
             dq_dv = curve["dq_dv_ampere_hour_per_volt"]
             panel.plot(curve["voltage_volt"], dq_dv, label=label, **line)
-            _name_peaks(panel, peaks, colour, named)
+            _name_peaks(panel, peaks, colour, PLACES[direction] if named else None)
     panel.set(xlabel="voltage [V]", ylabel="dQ/dV [Ah/V]", title="Incremental capacity")
     style.legend_once(panel)
     return figure
 
 
-def _name_peaks(panel, peaks, colour, named):
+def _name_peaks(panel, peaks, colour, place):
     heights = peaks.get("height_ampere_hour_per_volt", [])
     for volt, height in zip(peaks.get("voltage_volt", []), heights, strict=True):
         panel.plot(volt, height, "o", color=colour)
-        if named:
-            panel.annotate(f"{volt:.3f} V", (volt, height), (0, 5), textcoords="offset points")
+        if place:
+            panel.annotate(f"{volt:.3f} V", (volt, height), place, textcoords="offset points")
 
 
 def draw_ica_temperature(curves, peaks, matches):
