@@ -23,7 +23,7 @@ def compare_identification_methods(cell, basis, tests, **limits):
         tau2_second [s], rmse_volt [V], evaluations, and the reason where a method has no circuit.
         Without a pulse that counts there is no row, and `notes` say why.
 
-    Source: thesis 2.3 and table 2.2; docs/identification.md.
+    Source: thesis 2.3 and table 2.2; lab/methods.md.
     """
     measured = [
         PulseTest(

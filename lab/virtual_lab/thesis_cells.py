@@ -201,7 +201,7 @@ JOULE_PER_KELVIN_AND_AMPERE_HOUR = 25.0  # about 1 kJ/(kg K) and 40 Ah/kg
 KELVIN_AMPERE_HOUR_PER_WATT = 40.0  # a chamber's fan: 1.3 K/W at 30 Ah
 # Share of the ohmic resistance, time constant [s], how much more of it there is near empty [1]:
 # charge transfer, then diffusion, ever slower. So chosen that pulses and rests run as those of real
-# cells do (docs/virtual-laboratory.md): with fewer pairs a rest would end too soon.
+# cells do (lab/README.md): with fewer pairs a rest would end too soon.
 PAIRS = (
     (0.15, 0.7, 1.5), (0.20, 5.0, 1.5), (0.25, 40.0, 2.5), (0.20, 400.0, 2.5), (0.25, 2500.0, 2.5),
 )  # fmt: skip

@@ -36,7 +36,9 @@ MADE_PICTURES = {
 # What stands in a page of docs/ in place of a line `<!-- made: name -->`.
 MADE_PARTS = {
     "rooms": rooms.table,
+    "picture of the rooms": lambda: "![Rooms and what they import](pictures/architecture.svg)",
     "benchmarks": as_page.tables,
+    "picture of whole runs": lambda: "![CPU time by kind of work](pictures/whole-runs.svg)",
     "whole runs": whole_run_page.tables,
     "effects of a cell": library_tables.of_cell,
     "effects of a branch": library_tables.of_branch,
@@ -54,8 +56,22 @@ ELSEWHERE = {
     "demo-data.md": "data/README.md",
     "warm-executor.md": "plugins/snakemake-executor-plugin-warm/README.md",
     "functional-mock-up-units.md": "plugins/cellwright-fmu/README.md",
+    "laboratory.md": "lab/README.md",
+    "methods.md": "lab/methods.md",
+    "results.md": "lab/results.md",
+    "missing-effects-results.md": "lab/missing-effects.md",
 }
-STANDS_FOR = {"config/README.md": "settings.md", "README.md": "README.md"}
+# Files and folders that a link leads to in the repository, and the page that it leads to on the
+# site: there it is made from them.
+STANDS_FOR = {
+    "README.md": "README.md",
+    "config/README.md": "settings.md",
+    "workflow/schemas/config.schema.yaml": "settings.md",
+    "workflow/schemas/artefacts.yaml": "artefacts.md",
+    "workflow/rules": "rules.md",
+    "scripts/cellwright/__init__.pyi": "reference.md",
+    "docs/real-cells": "real-cells.md",
+}
 PART = re.compile(r"^<!-- made: ([\w ]+) -->$", re.M)
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^ *```.*?^ *```", re.M | re.S)

@@ -29,6 +29,7 @@ SOURCES = [
     *(ROOT / file for file in ("README.md", "CONTRIBUTING.md", "config/README.md")),
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "docs" / "decisions").glob("*.md")),
+    *sorted((ROOT / "lab").glob("*.md")),
 ]
 TEXTS = {name(path): path.read_text(encoding="utf-8") for path in SOURCES}
 LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -36,6 +37,7 @@ SCHEMAS = ROOT / "workflow" / "schemas"
 NAVIGATION = re.findall(
     r"^ *- .+: ([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.M
 )
+EXAMPLES = {"scripts/largest.py"}  # of a workflow of one's own
 MADE = {page: pages.text_of(page) for page in pages.MADE}
 
 
@@ -196,18 +198,41 @@ def test_the_site_fetches_nothing_from_elsewhere():
 
 @pytest.mark.parametrize("source", TEXTS)
 def test_every_link_leads_somewhere(source):
+    """To a file of the repository, also where the site has a page that is made from it."""
     for link in LINK.findall(TEXTS[source]):
         path, _, anchor = link.partition("#")
         if re.match(r"https?:|mailto:", link):
             continue
         found = normpath(f"{source.rpartition('/')[0]}/{path}".lstrip("/")) if path else source
-        made = MADE.get(pages.STANDS_FOR.get(found, found).removeprefix("docs/"))
-        picture = found.removeprefix("docs/") in pages.MADE_PICTURES
-        elsewhere = pages.ELSEWHERE.get(found.removeprefix("docs/"), found)
-        assert made or picture or (ROOT / elsewhere).exists(), f"{source}: {link} leads nowhere"
+        assert (ROOT / found).exists(), f"{source}: {link} leads nowhere in the repository"
         if anchor:
-            text = made or (ROOT / elsewhere).read_text(encoding="utf-8")
+            made = MADE.get(pages.STANDS_FOR.get(found, ""))
+            text = made or (ROOT / found).read_text(encoding="utf-8")
             assert anchor in anchors(pages.with_parts(text)), f"{source}: {link}"
+
+
+def test_every_page_that_code_and_comments_name_exists():
+    """A path of docs/ or of the laboratory's pages in a docstring, a message, a schema, a test."""
+    folders = ("scripts", "workflow", "profiles", "lab", "tests", "plugins", "benchmarks", "config")
+    paths = [path for folder in folders for path in (ROOT / folder).rglob("*") if path.is_file()]
+    named = {
+        (page, name(path))
+        for path in paths
+        if path.suffix in {".py", ".pyi", ".c", ".h", ".smk", ".yaml", ".toml", ".md", ".j2"}
+        and not {"__pycache__", "results", "build"} & set(path.parts)
+        for page in re.findall(r"\b((?:docs|lab)/[\w/-]+\.md)\b", path.read_text(encoding="utf-8"))
+    }
+    assert len(named) > 50
+    assert not sorted((page, where) for page, where in named if not (ROOT / page).exists())
+
+
+def test_every_path_in_a_command_exists():
+    """Scripts, tests and folders of the repository that the pages tell people to run or open."""
+    inside = r"(?<![\w/.-])((?:scripts|lab|tests|benchmarks|plugins|container)/[\w./-]*\w)"
+    for page, text in TEXTS.items():
+        code = re.findall(r"^```.*?^```|`[^`\n]+`", text, re.M | re.S)
+        paths = {path for block in code for path in re.findall(inside, block)}
+        assert not sorted(p for p in paths - EXAMPLES if not (ROOT / p).exists()), page
 
 
 def test_links_of_the_site_lead_to_pages_of_the_site():

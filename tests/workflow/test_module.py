@@ -16,7 +16,7 @@ from runtime import artefact
 
 ROOT = Path(__file__).resolve().parents[2]
 CAPACITY, TABLE = "results/stages/capacity/B/capacity.parquet", "results/tables/capacity.csv"
-# As docs/use-as-module.md shows it, with a rule of its own before and after.
+# As docs/api.md shows it, with a rule of its own before and after.
 USING = """
 configfile: "config/config.yaml"
 
@@ -143,9 +143,10 @@ def test_what_cannot_work_is_told_before_any_job(tmp_path, case):
 
 
 def test_the_example_of_the_documents_plans_what_it_says(tmp_path):
-    page = (ROOT / "docs" / "use-as-module.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"^```snakemake\n(.*?)^```", page, re.M | re.S)
     folder = write(tmp_path / "fleet")
-    (folder / "Snakefile").write_text(page.split("```")[1].replace("path/to/cellwright", str(ROOT)))
+    (folder / "Snakefile").write_text(block.replace("path/to/cellwright", str(ROOT)))
     status, said = snakemake(folder, "--dry-run")
     assert status == 0, said
     jobs = dict(

@@ -1,5 +1,8 @@
 """Circuits in lmfit: same optimum and errors as our own fit; fix, tie, add; bounds flagged."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pulse_train import CURRENT, TIME, fitted, noisy
@@ -47,6 +50,14 @@ def test_a_tied_parameter_follows_its_expression_and_one_may_be_added():
     assert values["c_farad_1"] * values["r_ohm_1"] == tau
     assert values["ocv_offset_volt"] == pytest.approx(0.0, abs=1e-4)
     assert by_lmfit.result.nfev < 40
+
+
+def test_the_block_of_the_page_runs_as_printed():
+    page = (Path(__file__).resolve().parents[2] / "methods.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"^```python\n(.*?)^```", page, re.M | re.S)
+    names = {"time_second": TIME, "current_ampere": CURRENT, "voltage_volt": noisy(1)}
+    exec(compile(block, "lab/methods.md", "exec"), names)
+    assert names["fit"].rmse_volt == pytest.approx(fitted(noisy(1)).rmse_volt, rel=1e-3)
 
 
 def test_refusals():

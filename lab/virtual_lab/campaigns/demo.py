@@ -26,7 +26,7 @@ CONFIG = (
 )
 ABOUT = """# What is true in the demo campaign
 
-Made with the raw files by the virtual laboratory (docs/virtual-laboratory.md), without noise. The
+Made with the raw files by the virtual laboratory (lab/README.md), without noise. The
 pipeline never reads it: tests and the scores do.
 
 Of T1 also: curve and resistances at each of its temperatures (ocv, models), the capacity of each

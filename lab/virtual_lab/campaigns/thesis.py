@@ -32,7 +32,7 @@ soc:
 ABOUT = """# What is true in this campaign
 
 Tables without noise, in the columns of the results contract as far as they are defined; see
-docs/virtual-laboratory.md. P01 to P50: the cells of one pack (S14, S17, S18). G01 to G34: the cells
+lab/README.md. P01 to P50: the cells of one pack (S14, S17, S18). G01 to G34: the cells
 of the parallel groups (S20, S21; groups 1 to 8 are those of table 5.2). A1 to E2: ageing (S12, S13,
 S16). E3, E4: one cell over temperature (S5 to S10), by the fast equations and by physics. E5: the
 circuit of table 3.1. C6: 29 cycles in a room with a daily swing (S4).

@@ -143,7 +143,7 @@ def health_from_peaks(peaks, capacities, curves=None, *, rated_ampere_hour=None,
     tracked : cells in which an identity is one peak through the life.
 
     Returns one row a charge. Raises Refusal: fewer than four charges of known capacity at any rate
-    and temperature. Source: docs/health-fleet.md.
+    and temperature. Source: docs/health.md.
     """
     from cellwright.health.peaks.calibration import peak_calibration, peak_charges
 
@@ -162,7 +162,7 @@ def fleet_resistance(cells):
     cells : (name, first row of `check_ups`, its rows of growth) each, of one type and temperature.
 
     Returns rows, one a cell; line: of resistance over capacity, a dict. Raises Refusal: fewer than
-    six cells, or all alike. Source: thesis 4.4; docs/health-fleet.md.
+    six cells, or all alike. Source: thesis 4.4; docs/health.md.
     """
     from cellwright.health.fleet import capacity_from_resistance, over_shared_soc
 
@@ -179,7 +179,7 @@ def compare_protocols(lives):
     lives : (cell, protocol, result of `fade` or a pair (summary, columns)) each.
 
     Returns rows, one a pair of protocols. Raises Refusal: fewer than two protocols,
-    or a life that has hardly faded. Source: docs/health-fleet.md.
+    or a life that has hardly faded. Source: docs/health.md.
     """
     import numpy as np
 

@@ -223,7 +223,7 @@ def thermal_constants(cell, model, tests, *, split_rest_second=MODELS.split_rest
 
     Returns content: heat_capacity_joule_per_kelvin [J/K], resistance_kelvin_per_watt [K/W], their
     standard deviations, the entropic coefficient over SoC [V/K], or None and the reason; rows: one
-    a test. Source: docs/thermal.md.
+    a test. Source: docs/temperature.md.
     """
     from cellwright.identification.thermal import thermal_of
 

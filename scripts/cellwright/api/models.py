@@ -15,8 +15,7 @@ def identify(
     members : of the family that are identified, such as "2RC" or "DRT+H".
 
     Returns content: schema cellwright-model/2; parameters: one row each. Raises Refusal: no OCV, or
-    no test that can be fitted; the reasons are named. Source: docs/models.md,
-    docs/identification.md.
+    no test that can be fitted; the reasons are named. Source: docs/models.md.
     """
     from cellwright.identification.cell import cell_model
 

@@ -291,7 +291,7 @@ def pack_decisions(
         pack with parallel ones warm by their own heat instead.
 
     Returns rows of decision, quantity, cell, unit, value and percentiles. Raises Refusal: another
-    wiring, a cell without a model or cut-offs. Source: docs/pack-decisions.md.
+    wiring, a cell without a model or cut-offs. Source: docs/packs.md.
     """
     from cellwright.packs.decisions.of_pack import pack_decisions as decided
     from cellwright.packs.wiring import depth, models_of
@@ -320,7 +320,7 @@ def match_cells(models, cells, capacities=(), settings=None, **changes):
     capacities, settings : as of `pack_decisions`.
 
     Returns rows of what is gained; assembly: who is put where. Raises Refusal: too few cells, too
-    many, or one without cut-offs. Source: docs/pack-decisions.md.
+    many, or one without cut-offs. Source: docs/packs.md.
     """
     from cellwright.packs.decisions.fleet import fleet_of, matched_fleet
     from cellwright.packs.series.capability import cutoffs_of

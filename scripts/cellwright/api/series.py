@@ -139,7 +139,7 @@ def segment(series, cell=None, settings=None, **changes):
 
     Returns rows, `series.steps.Steps`, (k,): rows, times [s], mean current [A], voltages [V],
     charge [Ah] and rate [1/h] of each step. Raises Refusal: a record without two samples.
-    Source: docs/segmentation.md.
+    Source: docs/cleaning.md.
     """
     from cellwright.series.steps import segment as segmented
 

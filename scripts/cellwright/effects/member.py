@@ -103,7 +103,8 @@ def _check_place(effect):
     """Refuse an effect that is in no course, branch or block of a member."""
     if effect.stage in ("resistance", "ocv") or effect.circuit or effect.blocks:
         return
-    raise Refusal(f"effect {effect.id!r} has no place in a model file: see docs/add-an-effect.md")
+    where = "docs/missing-effect-library.md"
+    raise Refusal(f"effect {effect.id!r} has no place in a model file: see {where}")
 
 
 def temperatures(courses, stated, effects):

@@ -7,7 +7,7 @@ from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.score import difference
 from cellwright.effects.story.sizes import has_size
 
-# ASSUME: Cells are as those of two sets by other simulators (docs/missing-effect-benchmark.md):
+# ASSUME: Cells are as those of two sets by other simulators (docs/missing-effect.md):
 # 36 of 37 names that stood alone were right (at least 0.88 with 95 %), and 6 of 10 beside another.
 # How sure a gain is says nothing of it: all that were wrong passed six standard errors by ranks.
 RIGHT_ALONE, RIGHT_BESIDE = 0.9, 0.6

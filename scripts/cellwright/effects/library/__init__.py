@@ -1,4 +1,4 @@
-"""The closed vocabulary of effects. To add one, add an entry here (docs/add-an-effect.md).
+"""The closed vocabulary of effects. To add one, add an entry here (docs/missing-effect-library.md).
 
 Of one stage, effects act in the order of the library. Of the resistance stage self-heating is the
 last: its heat is that of the resistances as all other effects leave them.

@@ -24,7 +24,7 @@ from cellwright.records.conditions import REFERENCE_CELSIUS
 # temperature show is the product of this and the thermal resistance.
 OWN_HEAT_JOULE_PER_MOLE = 30e3
 # ASSUME: That energy is sure to four tenths, for the searched resistances of real cells
-# (docs/missing-effect-benchmark.md) have 27 to 39 kJ/mol.
+# (docs/missing-effect.md) have 27 to 39 kJ/mol.
 OWN_HEAT_RELATIVE = 0.4
 COLD_CELSIUS = -20.0
 WARMED, ENERGY = "resistance_temperature", "activation_energy_joule_per_mole"
