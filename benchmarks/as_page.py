@@ -1,4 +1,4 @@
-"""The measured numbers as tables of docs/benchmarks.md: machine, versions, a table per topic."""
+"""The measured numbers as tables of benchmarks/README.md: machine, versions, a table per topic."""
 
 import importlib.metadata
 import json

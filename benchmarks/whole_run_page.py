@@ -1,4 +1,4 @@
-"""Whole runs for docs/benchmarks.md: tables and a picture of what is kept of each."""
+"""Whole runs for benchmarks/README.md: tables and a picture of what is kept of each."""
 
 import io
 import json

@@ -56,6 +56,7 @@ ELSEWHERE = {
     "demo-data.md": "data/README.md",
     "warm-executor.md": "plugins/snakemake-executor-plugin-warm/README.md",
     "functional-mock-up-units.md": "plugins/cellwright-fmu/README.md",
+    "benchmarks.md": "benchmarks/README.md",
     "laboratory.md": "lab/README.md",
     "methods.md": "lab/methods.md",
     "results.md": "lab/results.md",

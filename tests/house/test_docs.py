@@ -30,6 +30,7 @@ SOURCES = [
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "docs" / "decisions").glob("*.md")),
     *sorted((ROOT / "lab").glob("*.md")),
+    ROOT / "benchmarks" / "README.md",
 ]
 TEXTS = {name(path): path.read_text(encoding="utf-8") for path in SOURCES}
 LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -220,7 +221,7 @@ def test_every_page_that_code_and_comments_name_exists():
         for path in paths
         if path.suffix in {".py", ".pyi", ".c", ".h", ".smk", ".yaml", ".toml", ".md", ".j2"}
         and not {"__pycache__", "results", "build"} & set(path.parts)
-        for page in re.findall(r"\b((?:docs|lab)/[\w/-]+\.md)\b", path.read_text(encoding="utf-8"))
+        for page in re.findall(r"\b((?:docs|lab|benchmarks)/[\w/-]+\.md)\b", path.read_text(encoding="utf-8"))
     }
     assert len(named) > 50
     assert not sorted((page, where) for page, where in named if not (ROOT / page).exists())
