@@ -213,18 +213,16 @@ def test_every_link_leads_somewhere(source):
 
 
 def test_every_page_that_code_and_comments_name_exists():
-    """A path of docs/ or of the laboratory's pages in a docstring, a message, a schema, a test."""
+    """A path of a page by hand in a docstring, a message, a schema, a test."""
     folders = ("scripts", "workflow", "profiles", "lab", "tests", "plugins", "benchmarks", "config")
-    paths = [path for folder in folders for path in (ROOT / folder).rglob("*") if path.is_file()]
-    named = {
-        (page, name(path))
-        for path in paths
-        if path.suffix in {".py", ".pyi", ".c", ".h", ".smk", ".yaml", ".toml", ".md", ".j2"}
-        and not {"__pycache__", "results", "build"} & set(path.parts)
-        for page in re.findall(r"\b((?:docs|lab|benchmarks)/[\w/-]+\.md)\b", path.read_text(encoding="utf-8"))
-    }
+    kinds = {".py", ".pyi", ".c", ".h", ".smk", ".yaml", ".toml", ".md", ".j2"}
+    paths = [path for folder in folders for path in (ROOT / folder).rglob("*.*")]
+    made = {"__pycache__", "results", "build"}
+    read = [p for p in paths if p.is_file() and p.suffix in kinds and not made & set(p.parts)]
+    page = re.compile(r"\b(?:docs|lab|benchmarks)/[\w/-]+\.md\b")
+    named = {(one, name(p)) for p in read for one in page.findall(p.read_text(encoding="utf-8"))}
     assert len(named) > 50
-    assert not sorted((page, where) for page, where in named if not (ROOT / page).exists())
+    assert not sorted((one, where) for one, where in named if not (ROOT / one).exists())
 
 
 def test_every_path_in_a_command_exists():
