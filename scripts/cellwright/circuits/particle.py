@@ -5,7 +5,9 @@ temperatures, and the derivative of its voltage by each of them.
    diffusion, whose rate D/R² depends on the local SoC: z is that of its shells, and z_s at the
    surface.
 2. Charge transfer there has a capacitance beside it: C·du/dt = I − (s/R)·sinh(u/s), s = n·RT/F, R
-   over z_s. So a weak cold load polarises slowly, which no fixed time constant shows.
+   over z_s. So a weak cold load polarises slowly, which no fixed time constant shows. A step is
+   that of a lag with the resistance at its end: exact where the kinetics are linear, and where they
+   have settled.
 3. Two linear lags, w' = (I − w)/τ, stand for the electrolyte and the other electrode.
 4. V = OCV(z_s) + shift(z_s) + entropy(z_s)·(T − 25 °C) + R0(z_s)·I + u + Σ R(z_s)·w.
 
@@ -25,12 +27,12 @@ from cellwright.circuits.cell import ocv_and_slope
 from cellwright.circuits.temperature import table_soc, temperature_weights
 from cellwright.native import array, count, function, real
 from cellwright.numerics.clock import checked_columns
+from cellwright.numerics.lags import lag_weights
 from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
 NAME = "P"  # of the member, beside those of circuits
-SIZE = 7  # as `circuit.size_of` counts: two lags, a charge transfer, a diffusion
 SHELLS = 14
 FINER_OUTSIDE = 1.6  # power that makes the shells thinner towards the surface
 LONGEST_SECOND = 30.0  # of one implicit step of the diffusion
@@ -39,6 +41,8 @@ FARADAY = 96485.33212  # C/mol
 REFERENCE_KELVIN = REFERENCE_CELSIUS + ZERO_CELSIUS_KELVIN
 COLD_KELVIN = 248.15  # −25 °C, at which the bend of an Arrhenius line is stated
 BEND_REFERENCE = 1.0 / COLD_KELVIN - 1.0 / REFERENCE_KELVIN  # 1/K
+ROUNDS, LEAST_STIFFNESS = 80, 0.2  # of Newton's method: tries, and the least slope it trusts
+NEARLY_NONE = 1e-3  # below which a series serves
 LARGEST = 40.0  # overvoltage in units of its scale, beyond which sinh is of no use
 
 NEAR_EMPTY = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.75, 1.0)
@@ -230,7 +234,7 @@ def run(
     start = float(table_soc(soc[0], float(weights @ at["missing"]), stretch))
     flux = (1.0 + stretch) / (3.0 * 3600.0 * capacity_ampere_hour)
     kernel = _kernel_parameters(at, start, flux)
-    states = _states((step, current, mean, counted, celsius), kernel, derivatives)
+    states = _states((step, current, counted, celsius), kernel, derivatives)
     terms = _terms(particle.ocv_volt, at, states, current, celsius)
     over = np.array([states.transfer_volt, *(terms[name].volt for name in ("r0", *LAGS))])
     volt = terms["ocv"].volt + over.sum(axis=0)
@@ -375,7 +379,7 @@ def _states(columns, parameters, derivatives):
 
     Parameters
     ----------
-    columns : step, current, mean current, counted current, celsius (n,) of each row.
+    columns : step, current, counted current, celsius (n,) of each row.
     parameters : from `_kernel_parameters`. derivatives : whether they are made.
     """
     vector, lags = parameters
@@ -392,7 +396,7 @@ def _states(columns, parameters, derivatives):
     )
     sphere = (SHELLS, *_shells(), LONGEST_SECOND, REFERENCE_KELVIN, BEND_REFERENCE)
     courses = (len(knots), knots, len(knots), knots, vector, len(lags), lags)
-    types = (count, *[array] * 5, count, array, array, *[real] * 4)
+    types = (count, *[array] * 4, count, array, array, *[real] * 4)
     types += (count, array, count, array, array, count, array, count, *[array] * 6)
     kernel = function("particle", *types)
     if kernel is None:
@@ -417,7 +421,7 @@ def _twin(columns, vector, lags, states, derivatives):
     z_by[:, 0] = 1.0
     u, u_by, surface, surface_by = 0.0, np.zeros(whole), vector[0], np.eye(1, moving)[0]
     w, w_by = np.zeros(len(lags)), np.zeros((len(lags), 2))
-    for k, (second, current, mean, counted, celsius) in enumerate(zip(*columns, strict=True)):
+    for k, (second, now, counted, celsius) in enumerate(zip(*columns, strict=True)):
         kelvin = celsius + ZERO_CELSIUS_KELVIN
         warmth = 1.0 / kelvin - 1.0 / REFERENCE_KELVIN
         if k and second > 0:
@@ -443,25 +447,18 @@ def _twin(columns, vector, lags, states, derivatives):
             scale = np.exp(ln_scale) * GAS_CONSTANT * kelvin / FARADAY
             own = [*hat.times(1.0)[0], warmth / GAS_CONSTANT, bent / GAS_CONSTANT, 0.0, 0.0, 0.0]
             log_by = np.concatenate([slope * surface_by, own])
-            tau = np.exp(lags[:, 0] + lags[:, 1] * warmth / GAS_CONSTANT)
-            decay = np.exp(-second / tau)
-            change = decay * second / tau * (w - mean)
-            by = np.column_stack([change, change * warmth / GAS_CONSTANT])
-            w, w_by = decay * w + (1.0 - decay) * mean, decay[:, None] * w_by + by
-            turns = 3 if second > 2.0 else 1
-            for turn in range(turns):
-                held, flowing = farad * turns / second, current if turn else mean
-                before, u = u, _polarised(u, held, flowing, scale, ohm)
-                x = np.clip(u / scale, -LARGEST, LARGEST)
-                stiffness = held + np.cosh(x) / ohm
-                driven = scale / ohm * np.sinh(x) / stiffness
-                u_by = held / stiffness * u_by + driven * log_by
-                charged = held * (u - before) / stiffness
-                u_by[-3:] -= [
-                    charged,
-                    charged * warmth / GAS_CONSTANT,
-                    driven - u / ohm * np.cosh(x) / stiffness,
-                ]
+            first = columns[1][k - 1]
+            ratio = second / np.exp(lags[:, 0] + lags[:, 1] * warmth / GAS_CONSTANT)
+            decay, w, by_ratio = _lag_ended(ratio, w, first, now)
+            by_log = -ratio * by_ratio
+            by = np.column_stack([by_log, by_log * warmth / GAS_CONSTANT])
+            w_by = decay[:, None] * w_by + by
+            u, decay, by_ohm, by_log_farad, by_scale, stiffness = _polarised(
+                u, second, (first, now), ohm, farad, scale
+            )
+            u_by = decay * u_by + by_ohm * log_by
+            u_by[-3:] += [by_log_farad, by_log_farad * warmth / GAS_CONSTANT, by_scale]
+            u_by = u_by / stiffness
         states.surface_soc[k], states.transfer_volt[k], states.lagged_ampere[k] = surface, u, w
         if derivatives:
             states.surface_by[k], states.transfer_by[k] = surface_by, u_by
@@ -489,14 +486,39 @@ def _diffused(z, z_by, rate, rate_by, sphere, second, flow):
     return after, np.linalg.solve(matrix, right_by)
 
 
-def _polarised(before, held, flowing, scale, ohm):
-    """Overvoltage at the end of an implicit step, by Newton's method with held steps [V]."""
-    u = before
-    for _ in range(50):
-        x = np.clip(u / scale, -LARGEST, LARGEST)
-        excess = held * (u - before) - flowing + scale / ohm * np.sinh(x)
-        move = np.clip(-excess / (held + np.cosh(x) / ohm), -2.0 * scale, 2.0 * scale)
-        u = u + move
-        if abs(move) < 1e-11:
+def _lag_ended(ratio, begin, first, now):
+    """A lag of the current at the end of a step in units of its time constant: what is left of the
+    begin, the state, its derivative by the ratio; exact for a current on a straight line."""
+    decay, before, after = lag_weights(ratio, 1.0, hold="first_order")
+    series = 0.5 - ratio / 3.0 + ratio**2 / 8.0
+    by_after = np.where(ratio < NEARLY_NONE, series, (1.0 - decay - ratio * decay) / ratio**2)
+    state = decay * begin + before * first + after * now
+    return decay, state, (first - begin) * decay + (now - first) * by_after
+
+
+def _chord(x):
+    """x/sinh(x), the resistance of the kinetics over that at rest, and the slope of its ln."""
+    if abs(x) < NEARLY_NONE:
+        return 1.0 - x**2 / 6.0, -x / 3.0
+    size = min(abs(x), LARGEST)
+    return size / np.sinh(size), np.sign(x) * (1.0 / size - 1.0 / np.tanh(size))
+
+
+def _polarised(begin, second, currents, ohm, farad, scale):
+    """Overvoltage of charge transfer at the end of a step [V]: a lag with the resistance that it
+    has at that end, by Newton's method. And what its derivatives are made of."""
+    u = begin
+    for _ in range(ROUNDS):
+        chord, by_chord = _chord(u / scale)
+        here = ohm * chord
+        ratio = second / (farad * here)
+        decay, state, by_ratio = _lag_ended(ratio, begin / here, *currents)
+        by_log_farad = -ratio * here * by_ratio
+        by_ohm = here * state - decay * begin + by_log_farad
+        stiffness = 1.0 - by_ohm * by_chord / scale
+        move = (here * state - u) / max(stiffness, LEAST_STIFFNESS)
+        u = u + np.clip(move, -2.0 * scale, 2.0 * scale)
+        if abs(move) < 1e-12:
             break
-    return u
+    by_scale = -by_ohm * by_chord * u / scale
+    return u, decay, by_ohm, by_log_farad, by_scale, stiffness

@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import member_named, size_of
-from cellwright.circuits.particle import NAME as PARTICLE
-from cellwright.circuits.particle import SIZE as PARTICLE_SIZE
 from cellwright.identification.regression import held_out
 from cellwright.identification.validation import FAULT_VOLT
 from cellwright.refusal import Refusal
@@ -322,7 +320,7 @@ def _simplest(names, blocks, fitted_volt, celsius):
     alike = [name for name in near if not worse[name]]
     smallest = min(alike, key=rmse.get)
     equal = [name for name in alike if not _cornered(name, smallest, blocks, fitted_volt)]
-    chosen = min(equal, key=lambda name: (_size(name), blocks.typical_volt(name)))
+    chosen = min(equal, key=lambda name: (size_of(member_named(name)), blocks.typical_volt(name)))
     typical = {name: f"{1e3 * blocks.typical_volt(name):.3g} mV" for name in names}
     reasons = {
         name: f"errs by {typical[name]} in a typical block left out, {best} by {typical[best]}"
@@ -336,10 +334,6 @@ def _simplest(names, blocks, fitted_volt, celsius):
     )
     reasons |= dict.fromkeys(equal, f"no better than {chosen}, which is simpler")
     return chosen, equal, reasons
-
-
-def _size(name):
-    return PARTICLE_SIZE if name == PARTICLE else size_of(member_named(name))
 
 
 def _larger(name, least, blocks, differs):

@@ -181,36 +181,42 @@ def decided(model, conditions, searched=None):
 
 
 def _beside_particle(model, chosen, judged, conditions, searched):
-    """A model that says whether its particle predicts better than the chosen circuit, by the same
-    rule and the same blocks, and the particle's rows in the table of reasons."""
+    """A model that says whether its particle predicts better than the chosen member, and the
+    particle's rows in the table of reasons.
+
+    The rule is that of `choice.choose` for members that are found beside the family: the particle
+    has to be better beyond chance, and at no temperature worse. That it errs more on the records
+    fitted says nothing against it: far fewer numbers are fitted to all temperatures at once.
+    """
     if not model.get("particle"):
         return model, []
     celsius = [entry["ambient_temperature_celsius"] for entry in model["left_out"]]
-    left_out = [
-        Score(np.array(volt2), np.array(rows)) for volt2, rows in model["particle"]["left_out"]
-    ]
+    pairs = model["particle"]["left_out"]
+    left_out = [Score(np.array(volt2), np.array(rows)) for volt2, rows in pairs]
     errors = [[errors_of(model, PARTICLE, one) for one in condition] for condition in conditions]
-    both = {chosen: judged[chosen]}
-    both[PARTICLE] = Judged(left_out, *simulated_errors(conditions, errors))
-    choice = choose(
-        {name: verdict.scores for name, verdict in both.items()},
-        celsius=celsius,
-        fitted_volt={name: verdict.fit_rmse_volt for name, verdict in both.items()},
-        beyond_volt={
-            name: verdict.fit_beyond_volt
-            for name, verdict in both.items()
-            if verdict.fit_beyond_volt is not None
-        },
-        searched=tuple(name for name in (chosen,) if name in searched),
-    )
-    taken = choice.name == PARTICLE
+    both = {PARTICLE: Judged(left_out, *simulated_errors(conditions, errors))}
+    about = {"in_use": False, "left_out_rmse_volt": _rmse_of_all(left_out)}
+    about["choice"] = f"{chosen} holds effects that the search found, and is not compared with it"
+    if chosen not in searched:
+        both |= {chosen: judged[chosen]}
+        choice = choose(
+            {name: verdict.scores for name, verdict in both.items()},
+            celsius=celsius,
+            beyond_volt={name: verdict.fit_beyond_volt for name, verdict in both.items()},
+            searched=(PARTICLE,),
+        )
+        about |= {"in_use": choice.name == PARTICLE, "choice": choice.reasons[PARTICLE]}
     rows = [
-        row | {"chosen": taken, "reason": choice.reasons[PARTICLE]}
+        row | {"chosen": about["in_use"], "reason": about["choice"]}
         for row in judged_rows(PARTICLE, both[PARTICLE], celsius)
     ]
-    about = {"in_use": taken, "choice": choice.words}
-    about["left_out_rmse_volt"] = choice.rmse_volt[PARTICLE]
     return model | {"particle": model["particle"] | about}, rows
+
+
+def _rmse_of_all(scores):
+    rows = np.concatenate([score.rows for score in scores])
+    square_volt2 = np.concatenate([score.square_volt2 for score in scores])
+    return rmse_of(Score(square_volt2, rows)) if len(rows) else None
 
 
 def marked(model, rows):

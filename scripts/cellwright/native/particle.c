@@ -18,6 +18,9 @@
 #define FARADAY 96485.33212
 #define ZERO_CELSIUS 273.15
 #define LARGEST 40.0 /* overvoltage in units of the scale, beyond which sinh is of no use */
+#define ROUNDS 80
+#define LEAST_STIFFNESS 0.2
+#define NEARLY_NONE 1e-3 /* below which a series serves */
 
 /* Interval of a value among knots and the share of the way on; flat beyond the ends. */
 INLINE int64_t interval_of(const double *knots, int64_t count, double value, double *share,
@@ -37,15 +40,36 @@ INLINE int64_t interval_of(const double *knots, int64_t count, double value, dou
     return below;
 }
 
-/* sinh and cosh of an overvoltage over the scale, held where they would overflow. */
-INLINE void sinh_and_cosh(double ratio, double *sinh_, double *cosh_) {
-    const double held = fmin(fmax(ratio, -LARGEST), LARGEST), up = exp(held);
-    *sinh_ = 0.5 * (up - 1.0 / up);
-    *cosh_ = 0.5 * (up + 1.0 / up);
+/* A lag of the current at the end of a step in units of its time constant, exact for a current that
+ * moves on a straight line: what is left of the begin, the state, its derivative by the ratio. */
+typedef struct {
+    double decay, state, by_ratio;
+} lag_end;
+
+INLINE lag_end lag_ended(double ratio, double begin, double first, double now) {
+    double decay, before, after;
+    lag_weights(ratio, 1, &decay, &before, &after);
+    const double by_after = ratio < NEARLY_NONE
+                                ? 0.5 - ratio / 3.0 + ratio * ratio / 8.0
+                                : (1.0 - decay - ratio * decay) / (ratio * ratio);
+    return (lag_end){decay, decay * begin + before * first + after * now,
+                     (first - begin) * decay + (now - first) * by_after};
 }
 
-void particle(int64_t rows, const double *step, const double *current, const double *mean_current,
-              const double *counted, const double *celsius, int64_t shells, const double *volume,
+/* x / sinh(x), the resistance of the kinetics over that at rest, and the derivative of its ln. */
+INLINE double chord_of(double x, double *by_x) {
+    const double size = fabs(x);
+    if (size < NEARLY_NONE) {
+        *by_x = -x / 3.0;
+        return 1.0 - x * x / 6.0;
+    }
+    const double held = fmin(size, LARGEST), sinh_x = sinh(held);
+    *by_x = (1.0 / held - cosh(held) / sinh_x) * (x < 0.0 ? -1.0 : 1.0);
+    return held / sinh_x;
+}
+
+void particle(int64_t rows, const double *step, const double *current, const double *counted,
+               const double *celsius, int64_t shells, const double *volume,
               const double *conductance, double to_surface, double longest, double reference,
               double bend_reference, int64_t rates, const double *rate_knots, int64_t transfers,
               const double *transfer_knots, const double *at, int64_t lags, const double *lag_at,
@@ -62,7 +86,7 @@ void particle(int64_t rows, const double *step, const double *current, const dou
     double ln_r_by[MOST_PARAMETERS];
     double w[MOST_LAGS] = {0.0}, w_by[MOST_LAGS][2] = {{0.0}};
     const int64_t last = shells - 1;
-    double u = 0.0, surface_now = at[0], share, sinh_u, cosh_u;
+    double u = 0.0, surface_now = at[0], share;
     int64_t inside;
 
     for (int64_t i = 0; i < shells; i++) {
@@ -159,41 +183,40 @@ void particle(int64_t rows, const double *step, const double *current, const dou
                 own[transfers] += warmth / GAS_CONSTANT;
                 own[transfers + 1] += bent / GAS_CONSTANT;
             }
+            const double first = current[k - 1], now = current[k];
             for (int64_t i = 0; i < lags; i++) {
                 const double tau = exp(lag_at[2 * i] + lag_at[2 * i + 1] * warmth / GAS_CONSTANT);
-                const double decay = exp(-whole / tau);
-                const double change = decay * whole / tau * (w[i] - mean_current[k]);
-                w_by[i][0] = decay * w_by[i][0] + change;
-                w_by[i][1] = decay * w_by[i][1] + change * warmth / GAS_CONSTANT;
-                w[i] = decay * w[i] + (1.0 - decay) * mean_current[k];
+                const double ratio = whole / tau;
+                const lag_end end = lag_ended(ratio, w[i], first, now);
+                const double by_log = -ratio * end.by_ratio;
+                w_by[i][0] = end.decay * w_by[i][0] + by_log;
+                w_by[i][1] = end.decay * w_by[i][1] + by_log * warmth / GAS_CONSTANT;
+                w[i] = end.state;
             }
-            /* The first of three parts of a long step has the mean current, the others the last. */
-            const int64_t turns = whole > 2.0 ? 3 : 1;
-            for (int64_t turn = 0; turn < turns; turn++) {
-                const double flowing = turn ? current[k] : mean_current[k];
-                const double held = farad * (double)turns / whole;
-                double v = u;
-                for (int64_t round = 0; round < 50; round++) {
-                    sinh_and_cosh(v / scale, &sinh_u, &cosh_u);
-                    const double excess = held * (v - u) - flowing + scale / ohm * sinh_u;
-                    double move = -excess / (held + cosh_u / ohm);
-                    move = fmin(fmax(move, -2.0 * scale), 2.0 * scale);
-                    v += move;
-                    if (fabs(move) < 1e-11) break;
-                }
-                if (all) {
-                    sinh_and_cosh(v / scale, &sinh_u, &cosh_u);
-                    const double stiffness = held + cosh_u / ohm;
-                    const double driven = scale / ohm * sinh_u / stiffness;
-                    for (int64_t p = 0; p < all; p++)
-                        u_by[p] = held / stiffness * u_by[p] + driven * ln_r_by[p];
-                    double *own = u_by + moving + transfers;
-                    own[2] -= held * (v - u) / stiffness;
-                    own[3] -= held * (v - u) / stiffness * warmth / GAS_CONSTANT;
-                    own[4] -= driven - v / ohm * cosh_u / stiffness;
-                }
-                u = v;
+            /* Charge transfer lags with the resistance that it has at the end of the step. */
+            double v = u, by_chord = 0.0, by_ohm = 0.0, by_log_farad = 0.0, stiffness = 1.0;
+            lag_end end = {1.0, 0.0, 0.0};
+            for (int64_t round = 0; round < ROUNDS; round++) {
+                const double here = ohm * chord_of(v / scale, &by_chord);
+                const double ratio = whole / (farad * here);
+                end = lag_ended(ratio, u / here, first, now);
+                by_log_farad = -ratio * here * end.by_ratio;
+                by_ohm = here * end.state - end.decay * u + by_log_farad;
+                stiffness = 1.0 - by_ohm * by_chord / scale;
+                double move = (here * end.state - v) / fmax(stiffness, LEAST_STIFFNESS);
+                move = fmin(fmax(move, -2.0 * scale), 2.0 * scale);
+                v += move;
+                if (fabs(move) < 1e-12) break;
             }
+            for (int64_t p = 0; p < all; p++)
+                u_by[p] = (end.decay * u_by[p] + by_ohm * ln_r_by[p]) / stiffness;
+            if (all) {
+                double *own = u_by + moving + transfers;
+                own[2] += by_log_farad / stiffness;
+                own[3] += by_log_farad / stiffness * warmth / GAS_CONSTANT;
+                own[4] -= by_ohm * by_chord * v / scale / stiffness;
+            }
+            u = v;
         }
         surface[k] = surface_now;
         over[k] = u;
