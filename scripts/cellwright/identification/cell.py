@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch
+from cellwright.circuits.particle import NAME as PARTICLE
 from cellwright.circuits.particle import to_document
 from cellwright.circuits.temperature import ocv_at, resistance_factor
 from cellwright.identification import particle
@@ -71,7 +72,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     cell : CellFacts.
     basis : dict, from `basis.basis`.
     tests : list of MeasuredTest, roles fit or split.
-    members : names of the members of the family.
+    members : names of the members of the family; "P" for a particle beside them.
     split_rest_second : shortest rest that cuts a record of role `split` [s].
 
     Returns
@@ -94,6 +95,9 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     if later:
         notes.append(f"not fitted, of a later check-up: {', '.join(later)}")
     capacity = basis["capacity_ampere_hour"]
+    circuits = [name for name in members if name != PARTICLE]
+    if not circuits:
+        raise Refusal(f"members {', '.join(members)}: wanted a circuit too, for filters and packs")
     share, words = uncounted_edges(
         by_temperature, lambda one: _data(one, basis), capacity_ampere_hour=capacity
     )
@@ -101,14 +105,16 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     notes += filter(None, [words, scale_in_words(basis)])
     rest = {"rest_second": split_rest_second, "rest_ampere": AT_REST_C_RATE * capacity}
     rest["cut"] = cut_of(columns_of([one.records for one in by_temperature]), **rest)
-    identified, energies = _identified(by_temperature, basis, members, rest, notes)
+    identified, energies = _identified(by_temperature, basis, circuits, rest, notes)
     if not identified:
         raise Refusal("; ".join(notes) or "no test can be fitted")
     scores = _scored_everywhere([condition.scores for condition in identified])
     if not any(len(score.rows) for parts in scores.values() for score in parts):
         raise Refusal("the data are one block: nothing can be left out to choose a model by")
     choice = choose(scores)
-    particle, words = _particle(identified, capacity)
+    joint, words = None, ""
+    if PARTICLE in members:
+        joint, words = _particle(identified, capacity)
     return {
         "schema": SCHEMA,
         "cell": cell.cell,
@@ -124,7 +130,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         ],
         "chosen": choice.name,
         "choice": choice.words,
-        "particle": particle,
+        "particle": joint,
         "left_out": [
             {
                 "ambient_temperature_celsius": condition.ocv["ambient_temperature_celsius"],
