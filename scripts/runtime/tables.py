@@ -5,6 +5,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cellwright.circuits.model_file import in_use
 from cellwright.health.summary import latest_health, reference_resistance, slowest_capacity
 from cellwright.numerics.statistics import pooled_rms
 from cellwright.records.facts import stated_capacity
@@ -283,7 +284,7 @@ def _summary_row(facts, of_cell, model) -> dict:
         **_health(of_cell, fresh, fresh * spread / capacity if fresh and spread else None),
         "r0_50_25_ohm": resistance.get("resistance_ohm"),
         "r0_50_25_std_ohm": resistance.get("resistance_std_ohm"),
-        "best_model": model.get("chosen"),
+        "best_model": in_use(model) if model else None,
         "validation_rmse_volt": pooled_rms(scored["rmse_volt"], scored["samples"]),
         # Every test and start of the adaptive filter alike, without the faulty ones.
         "soc_rmse": pooled_rms(filtered["rmse_soc"]),

@@ -199,7 +199,7 @@ rule model_of_checkup:
     wildcard_constraints:
         cell=either(CHECKUPS),
     params:
-        members=config["models"]["members"],
+        members=[name for name in config["models"]["members"] if name != "P"],
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
     message:

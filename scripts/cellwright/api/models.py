@@ -160,9 +160,11 @@ def finish_model(
 def _with_choice(content, choice):
     """Result of a model whose member was chosen: rows of the choice, none where there was none."""
     from cellwright.circuits.parameters import parameter_rows
+    from cellwright.identification.in_use import marked
 
-    tables = {"parameters": parameter_rows(content), "choice": choice}
-    return results.Result(tables, content, (content["choice"],) if choice else ())
+    tables = {"parameters": parameter_rows(content), "choice": marked(content, choice)}
+    words = content.get("choice"), (content.get("particle") or {}).get("choice")
+    return results.Result(tables, content, tuple(filter(None, words)) if choice else ())
 
 
 def add_own_effects(
@@ -297,14 +299,14 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     current : DataFrame or columns: test_time_second [s], current_ampere [A], positive on charge.
     initial_soc : state of charge at the first sample [1].
     temperature_celsius : of the cell, scalar or (n,) [°C].
-    member : of the family; None: the chosen one.
+    member : of the family, "P" for the particle; None: what predicts best.
 
     Returns columns, (n,): soc [1], ocv_volt, voltage_volt [V]. Raises Refusal: the model has no
     such member, or the SoC at the start is not within 0 to 1. Source: docs/circuits.md.
     """
     import numpy as np
 
-    from cellwright.circuits.model_file import member_of, simulate_model
+    from cellwright.circuits.model_file import in_use, simulate_model
     from cellwright.refusal import Refusal
     from cellwright.series.cleaning import net_charge
 
@@ -317,10 +319,11 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     charge = net_charge(time, ampere)
     soc = initial_soc + (charge - charge[0]) / model["capacity_ampere_hour"]
     celsius = np.broadcast_to(np.asarray(temperature_celsius, float), time.shape)
+    member = in_use(model) if member is None else member
     run = simulate_model(model, member, time, ampere, soc, celsius)
     columns = {"test_time_second": time, "current_ampere": ampere, "soc": soc}
     columns |= {"ocv_volt": run.ocv_volt, "voltage_volt": run.voltage_volt}
-    return results.Result({"columns": columns}, {"member": member_of(model, member)["model"]})
+    return results.Result({"columns": columns}, {"member": member})
 
 
 def held_out(model, series, test, cell, *, split_rest_second=MODELS.split_rest_second):
@@ -387,7 +390,7 @@ def export_model(model, *, validation=()):
     """
     from cellwright.circuits.exports import lookup_table, pybamm_document, validation_errors
     from cellwright.circuits.instrument import words_of
-    from cellwright.circuits.model_file import plain_member
+    from cellwright.circuits.model_file import in_use, plain_member
     from cellwright.identification.compensation import temperature_table
 
     model, errors = inputs.model(model), validation_errors(inputs.rows(validation))
@@ -396,6 +399,9 @@ def export_model(model, *, validation=()):
     for entry in model["members"]:
         with_blocks = entry.get("companions", {"with": entry})["with"]
         notes += [f"{entry['model']}, not exported: {words}" for words in words_of(with_blocks)]
+    if in_use(model) != model["chosen"]:
+        costs = _both_errors(errors, model["chosen"], in_use(model))
+        notes.append(f"{in_use(model)} is no circuit, and not exported ({costs})")
     # Other tools know RC pairs only: what stands in for the chosen member must say what it costs.
     chosen, taken = model["chosen"], document["exported"]
     if taken not in (chosen, None):

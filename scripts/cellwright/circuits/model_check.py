@@ -11,6 +11,7 @@ from numbers import Real
 import numpy as np
 
 from cellwright.circuits.circuit import KINDS
+from cellwright.circuits.particle import of_document
 from cellwright.refusal import Refusal
 
 SMALLEST, LARGEST = 1e-6, 1e6  # Ah, as config/cells.tsv allows for a rating
@@ -43,6 +44,8 @@ def refuse_unusable(model: Mapping, cell: str | None = None) -> None:
     refuse_beyond(f"{name}: capacity_ampere_hour", model["capacity_ampere_hour"], SMALLEST, LARGEST)
     for place, table in each(f"{name}: ocv", model["ocv"]):
         _columns(place, table, {"ocv_volt": (-LARGEST_VOLT, LARGEST_VOLT)})
+    if model.get("particle"):
+        of_document(model["particle"])
     for place, member in each(f"{name}: members", model["members"]):
         needs(place, member, "model", "conditions")
         for where, condition in each(f"{place}.conditions", member["conditions"]):

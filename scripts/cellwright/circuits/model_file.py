@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits import instrument
+from cellwright.circuits import instrument, particle
 from cellwright.circuits.cell import overpotentials
 from cellwright.circuits.circuit import KINDS, Branch
 from cellwright.circuits.temperature import (
@@ -286,6 +286,21 @@ def member_of(model, name=None):
     return members[0]
 
 
+def names_of(model):
+    """Names of all that a model can be simulated with: its members, and its particle."""
+    names = [member["model"] for member in model["members"]]
+    return [*names, particle.NAME] if model.get("particle") else names
+
+
+def in_use(model):
+    """Name of what predicts best: the particle, or the chosen member.
+
+    The chosen member serves wherever tables of a circuit are asked for.
+    """
+    by_particle = (model.get("particle") or {}).get("in_use", False)
+    return particle.NAME if by_particle else model["chosen"]
+
+
 def capacity_of(model, member, celsius=None):
     """Capacity of a cell by a member of its model at a temperature [Ah].
 
@@ -326,9 +341,11 @@ def simulate_model(
     simulated : Simulated; `instrument` says what a member may correct of the record. A member with
         `companions` has circuit and OCV of the one it begins from, and the voltage of all three.
     """
-    member = member if isinstance(member, dict) else member_of(model, member)
     time, celsius = test_time_second, temperature_celsius
     record = time, current_ampere, np.asarray(soc, float), celsius
+    if member == particle.NAME:
+        return _as_particle(model, record)
+    member = member if isinstance(member, dict) else member_of(model, member)
     if "companions" in member:
         return _with_companions(model, member, record, hold=hold, kind=kind)
     capacity = model["capacity_ampere_hour"]
@@ -349,6 +366,22 @@ def simulate_model(
     at_once = over[instrument.at_once(sampled.circuit)].sum(axis=0)
     volt = instrument.as_read(member, time, ocv + over.sum(axis=0), at_once, hold=settings["hold"])
     return Simulated(volt, ocv, over, *sampled[3:])
+
+
+def _as_particle(model, record):
+    """Simulation of the particle of a model: see `simulate_model`."""
+    if not model.get("particle"):
+        raise Refusal(f"model of {model['cell']} has no particle")
+    document = model["particle"]
+    cell = particle.of_document(document)
+    run = particle.run(cell, *record, capacity_ampere_hour=model["capacity_ampere_hour"])
+    soc, celsius = record[2], np.broadcast_to(record[3], record[2].shape)
+    low, high = document["fitted_soc"]
+    cold, hot = cell.celsius[0] - BEYOND_KELVIN, cell.celsius[-1] + BEYOND_KELVIN
+    outside = (celsius < cold) | (celsius > hot)
+    return Simulated(
+        run.voltage_volt, run.ocv_volt, run.overpotential_volt, (soc < low) | (soc > high), outside
+    )
 
 
 def _with_companions(model, member, record, *, hold, kind):

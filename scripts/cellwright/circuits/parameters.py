@@ -1,5 +1,6 @@
 """A model file as rows: each parameter over SoC and temperature, for `models.csv`."""
 
+from cellwright.circuits import particle
 from cellwright.circuits.circuit import KINDS, UNRESOLVED_SECOND
 from cellwright.circuits.model_file import std_name, std_of_r0
 
@@ -35,13 +36,25 @@ def parameter_rows(model):
         without SoC ocv_missing, ocv_stretch, r0_delay (how long after a step of the current the
         first fitted samples lie: what relaxes sooner is part of r0) and activation_energy, of the
         condition as a whole.
+        Of a particle each of its parameters, over SoC where it has knots, "P".
         Of a member with companions the circuit that it begins from, and the sizes of its effects.
     """
     conditions = [(m["model"], c) for m in model["members"] for c in m["conditions"]]
     rows = [row for name, condition in conditions for row in _rows(name, condition)]
     of_no_condition = {"ambient_temperature_celsius": None, "soc": None, "at_bound": False}
     sizes = [(m["model"], size) for m in model["members"] for size in m.get("sizes", ())]
-    return [*rows, *({"model": name} | of_no_condition | size for name, size in sizes)]
+    rows += [{"model": name} | of_no_condition | size for name, size in sizes]
+    return [*rows, *_of_particle(model.get("particle") or {})]
+
+
+def _of_particle(document):
+    """Rows of a particle's parameters; the energies are of all temperatures together."""
+    about = {"model": particle.NAME, "ambient_temperature_celsius": None, "at_bound": False}
+    for part in particle.PARTS if document else ():
+        values, stds = document[part.name], document[f"{part.name}_std"]
+        for soc, value, std in zip(part.knots or [None], values, stds, strict=True):
+            row = {"soc": soc, "parameter": part.name, "value": value, "std": std}
+            yield about | row | {"unit": part.unit}
 
 
 def _rows(member, condition):

@@ -6,7 +6,10 @@ import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch
+from cellwright.circuits.particle import NAME as PARTICLE
+from cellwright.circuits.particle import to_document
 from cellwright.circuits.temperature import ocv_at, resistance_factor
+from cellwright.identification import particle
 from cellwright.identification.choice import SURE, choose, left_out
 from cellwright.identification.condition import ABSENT_SECOND
 from cellwright.identification.edges import uncounted_edges, with_share
@@ -40,14 +43,16 @@ PULSED_SPACING, DRIVEN_SPACING = 0.1, 0.05
 
 
 class Identified(NamedTuple):
-    """Identification at one temperature: OCV table, entries and scores by member, notes, and the
-    relative standard deviation of capacity and counted charge [1]."""
+    """Identification at one temperature: OCV table, entries and scores by member, notes, the
+    relative standard deviation of capacity and counted charge [1], and what a particle is fitted
+    to: records, the same as they were fitted, blocks of these (see `particle.task_of`)."""
 
     ocv: dict
     entries: dict
     scores: dict
     notes: list
     counted_std: float
+    fitted: tuple = ()
 
 
 def cell_model(cell, basis, tests, *, members, split_rest_second):
@@ -67,7 +72,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     cell : CellFacts.
     basis : dict, from `basis.basis`.
     tests : list of MeasuredTest, roles fit or split.
-    members : names of the members of the family.
+    members : names of the members of the family; "P" for a particle beside them.
     split_rest_second : shortest rest that cuts a record of role `split` [s].
 
     Returns
@@ -90,6 +95,9 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     if later:
         notes.append(f"not fitted, of a later check-up: {', '.join(later)}")
     capacity = basis["capacity_ampere_hour"]
+    circuits = [name for name in members if name != PARTICLE]
+    if not circuits:
+        raise Refusal(f"members {', '.join(members)}: wanted a circuit too, for filters and packs")
     share, words = uncounted_edges(
         by_temperature, lambda one: _data(one, basis), capacity_ampere_hour=capacity
     )
@@ -97,13 +105,16 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     notes += filter(None, [words, scale_in_words(basis)])
     rest = {"rest_second": split_rest_second, "rest_ampere": AT_REST_C_RATE * capacity}
     rest["cut"] = cut_of(columns_of([one.records for one in by_temperature]), **rest)
-    identified, energies = _identified(by_temperature, basis, members, rest, notes)
+    identified, energies = _identified(by_temperature, basis, circuits, rest, notes)
     if not identified:
         raise Refusal("; ".join(notes) or "no test can be fitted")
     scores = _scored_everywhere([condition.scores for condition in identified])
     if not any(len(score.rows) for parts in scores.values() for score in parts):
         raise Refusal("the data are one block: nothing can be left out to choose a model by")
     choice = choose(scores)
+    joint, words = None, ""
+    if PARTICLE in members:
+        joint, words = _particle(identified, capacity)
     return {
         "schema": SCHEMA,
         "cell": cell.cell,
@@ -119,6 +130,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         ],
         "chosen": choice.name,
         "choice": choice.words,
+        "particle": joint,
         "left_out": [
             {
                 "ambient_temperature_celsius": condition.ocv["ambient_temperature_celsius"],
@@ -129,8 +141,32 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         ],
         "kind": _kind(by_temperature),
         "uncounted_edge_share": share,
-        "notes": [*notes, *filter(None, [energies, _stretched(identified, choice.name)])],
+        "notes": [*notes, *filter(None, [energies, _stretched(identified, choice.name), words])],
     }
+
+
+def _particle(identified, capacity):
+    """The cell as one particle at all temperatures, as it stands in a model file; None and why not
+    where none can be fitted. And in words how it was found."""
+    conditions = [(one.ocv["ambient_temperature_celsius"], *one.fitted) for one in identified]
+    curves = [one.ocv for one in identified]
+    try:
+        task = particle.task_of(conditions, curves, capacity_ampere_hour=capacity)
+        fit = particle.fitted(task)
+        scores = particle.left_out(task, fit, conditions)
+    except Refusal as refusal:
+        return None, f"no particle fitted: {refusal}"
+    soc = np.concatenate([rows.record.soc[rows.record.used] for rows in task.rows])
+    about = {
+        "left_out": [[score.square_volt2.tolist(), score.rows.tolist()] for score in scores],
+        "fitted_soc": [float(soc.min()), float(soc.max())],
+        "basins": [list(basin) for basin in fit.basins],
+    }
+    ends = " and ".join(
+        f"{energy / 1e3:.0f} kJ/mol, cost {cost:.0f}" for energy, cost in fit.basins
+    )
+    words = f"particle: diffusion's energy ends at {ends}"
+    return to_document(fit.particle, fit.std) | about, words
 
 
 def _kind(by_temperature):
@@ -279,7 +315,8 @@ def _condition(fit_records, energy, basis, members, rest, fixed):
         )
         entries[name] = entry | {"activation_energy_joule_per_mole": energy}
     table = _table(fit_records.celsius, data, curve)
-    return Identified(table, entries, scores, notes, data.counted_std)
+    fitted = tuple(fit_records.records), data.records, blocks
+    return Identified(table, entries, scores, notes, data.counted_std, fitted)
 
 
 def _with_bound_hysteresis(shared, basis, fixed, settings):

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.model_file import member_of
+from cellwright.circuits.model_file import in_use, member_of
+from cellwright.circuits.particle import NAME as PARTICLE
 from cellwright.identification.choice import (
     Score,
     choose,
@@ -169,12 +170,66 @@ def decided(model, conditions, searched=None):
         for name, verdict in judged.items()
         for row in judged_rows(name, verdict, celsius)
     ]
+    model, of_particle = _beside_particle(model, choice.name, judged, conditions, searched or ())
+    rows += of_particle
     members = [m | {"left_out_rmse_volt": choice.rmse_volt[m["model"]]} for m in model["members"]]
     members = [_with_usual_errors(m, judged[m["model"]].scores, celsius) for m in members]
     # Whole tests may take its place back, see `proved`.
     before = {"in_place_of": choice.unsearched}
     members = [m | before if m["model"] in (searched or {}) else m for m in members]
     return model | {"members": members, "chosen": choice.name, "choice": choice.words}, rows
+
+
+def _beside_particle(model, chosen, judged, conditions, searched):
+    """A model that says whether its particle predicts better than the chosen member, and the
+    particle's rows in the table of reasons.
+
+    The rule is that of `choice.choose` for members that are found beside the family: the particle
+    has to be better beyond chance, and at no temperature worse. That it errs more on the records
+    fitted says nothing against it: far fewer numbers are fitted to all temperatures at once.
+    """
+    if not model.get("particle"):
+        return model, []
+    celsius = [entry["ambient_temperature_celsius"] for entry in model["left_out"]]
+    pairs = model["particle"]["left_out"]
+    left_out = [Score(np.array(volt2), np.array(rows)) for volt2, rows in pairs]
+    errors = [[errors_of(model, PARTICLE, one) for one in condition] for condition in conditions]
+    both = {PARTICLE: Judged(left_out, *simulated_errors(conditions, errors))}
+    about = {"in_use": False, "left_out_rmse_volt": _rmse_of_all(left_out)}
+    about["choice"] = f"{chosen} holds effects that the search found, and is not compared with it"
+    if chosen not in searched:
+        both |= {chosen: judged[chosen]}
+        choice = choose(
+            {name: verdict.scores for name, verdict in both.items()},
+            celsius=celsius,
+            beyond_volt={name: verdict.fit_beyond_volt for name, verdict in both.items()},
+            searched=(PARTICLE,),
+        )
+        about |= {"in_use": choice.name == PARTICLE, "choice": choice.reasons[PARTICLE]}
+    rows = [
+        row | {"chosen": about["in_use"], "reason": about["choice"]}
+        for row in judged_rows(PARTICLE, both[PARTICLE], celsius)
+    ]
+    return model | {"particle": model["particle"] | about}, rows
+
+
+def _rmse_of_all(scores):
+    rows = np.concatenate([score.rows for score in scores])
+    square_volt2 = np.concatenate([score.square_volt2 for score in scores])
+    return rmse_of(Score(square_volt2, rows)) if len(rows) else None
+
+
+def marked(model, rows):
+    """Rows of the table of reasons of which those of what predicts best are the chosen ones.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2, finished. rows : as `decided` gives them.
+    """
+    best, table = in_use(model), model["chosen"]
+    serves = f"{best} predicts better; {table} serves filters, packs and exports, which take tables"
+    rows = [row | {"chosen": row["model"] == best} for row in rows]
+    return [row | {"reason": serves} if row["model"] == table != best else row for row in rows]
 
 
 def _with_usual_errors(member, scores, celsius):

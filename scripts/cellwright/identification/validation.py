@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.circuits.model_file import simulate_model
+from cellwright.circuits.model_file import in_use, names_of, simulate_model
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
@@ -43,8 +43,7 @@ def validate(model, record):
     Refusal : nothing is left to score.
     """
     scored, rows, columns = record.used, [], {}
-    for member in model["members"]:
-        name = member["model"]
+    for name in names_of(model):
         run = simulated(model, name, record)
         columns[f"simulated_{name}_volt"] = run.voltage_volt
         error = record.voltage_volt - run.voltage_volt
@@ -55,7 +54,7 @@ def validate(model, record):
         row |= {f"rmse_{part}_fitted_volt": rms(error[scored][at]) for part, at in parts.items()}
         rows.append(
             {"model": name, **row, "extrapolated": float(outside.mean())}
-            | {"chosen": name == model["chosen"]}
+            | {"chosen": name == in_use(model)}
             | {"soc_start": float(record.soc[0]), "soc_anchor": record.anchor}
         )
     names = ("test_time_second", "current_ampere", "voltage_volt", "soc")

@@ -12,7 +12,9 @@ class Models(NamedTuple):
 
     members : Members of the family that are identified: a number of RC pairs, or DRT
         (resistances on a fixed series of time constants); +H with hysteresis, +K with kinetics,
-        +D with diffusion in the particles.
+        +D with diffusion in the particles. P is one particle with charge transfer, of one set of
+        numbers for all temperatures: it predicts voltages where it is better beyond chance,
+        beside a member that serves filters, packs and exports.
     split_rest_second [s] : Tests of role `split` are cut into blocks at rests that last at least
         this long; those without one into parts, each at least twice as long.
     """
@@ -27,6 +29,7 @@ class Models(NamedTuple):
         "DRT+D",
         "DRT+K+D",
         "DRT+H+K+D",
+        "P",
     )
     split_rest_second: float = 120.0
 

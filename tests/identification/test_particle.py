@@ -1,0 +1,94 @@
+"""A particle is fitted to all temperatures at once, and predicts loads that it has not seen."""
+
+import numpy as np
+import pytest
+from one_particle import CAPACITY, GRID, OCV, a_particle
+
+from cellwright.circuits.particle import layout, run
+from cellwright.identification.particle import fitted, left_out, task_of
+from cellwright.numerics.statistics import rms
+from cellwright.records.blocks import blocks_of_used, parts
+from cellwright.records.record import record_of
+
+NOISE_VOLT = 5e-4
+
+
+def pulses(cell, celsius, seed):
+    """Pulses of three rates at ten levels of the SoC, with noise: what a laboratory records."""
+    time, current = [0.0], [0.0]
+    for _ in range(9):
+        for ampere, second in ((-1.5, 10), (-6.0, 10), (3.0, 10), (-3.0, 360)):
+            for amount, until in ((ampere, second), (0.0, 60 if second == 10 else 1500)):
+                ages = np.unique(np.append(np.geomspace(0.1, until, 25), until))
+                time.extend(time[-1] + np.append(0.001, ages))
+                current.extend([amount] * (len(ages) + 1))
+    return measured(cell, np.array(time), np.array(current), celsius, seed)
+
+
+def drive(cell, celsius, seed):
+    random = np.random.default_rng(seed)
+    time = np.arange(0.0, 3600.0, 1.0)
+    current = np.repeat(np.clip(random.normal(-1.5, 2.5, 720), -8.0, 4.0), 5)
+    return measured(cell, time, current, celsius, seed)
+
+
+def measured(cell, time, current, celsius, seed):
+    passed = np.append(0.0, np.cumsum((current[1:] + current[:-1]) / 2 * np.diff(time)))
+    soc = 1.0 + passed / 3600.0 / CAPACITY
+    volt = run(cell, time, current, soc, celsius, capacity_ampere_hour=CAPACITY).voltage_volt
+    volt = volt + np.random.default_rng(seed).normal(0.0, NOISE_VOLT, len(time))
+    kind = "hppc" if len(time) < 3000 else "drive"
+    return record_of(time, current, volt, soc, kind=kind, celsius=celsius)
+
+
+def a_fit(temperatures):
+    truth = a_particle(temperatures, transfer_bend_joule_per_mole=0.0)
+    conditions = []
+    for number, celsius in enumerate(temperatures):
+        record = pulses(truth, celsius, number)
+        settings = {"rest_second": 600.0, "rest_ampere": 0.02}
+        blocks = blocks_of_used([record], cut=parts, **settings)
+        conditions.append((celsius, [record], [record], blocks))
+    curves = [{"soc": GRID, "ocv_volt": OCV, "ambient_temperature_celsius": 25.0}]
+    task = task_of(conditions, curves, capacity_ampere_hour=CAPACITY)
+    return truth, task, fitted(task), conditions
+
+
+@pytest.fixture(scope="module")
+def of_two_temperatures():
+    return a_fit((0.0, 25.0))
+
+
+def test_unseen_drives_are_predicted_between_and_at_the_temperatures(of_two_temperatures):
+    truth, _, fit, _ = of_two_temperatures
+    for celsius in (0.0, 12.0, 25.0):
+        record = drive(truth, celsius, 7)
+        columns = record.test_time_second, record.current_ampere, record.soc, record.celsius
+        found = run(fit.particle, *columns, capacity_ampere_hour=CAPACITY).voltage_volt
+        # A load of 8 A moves this voltage by half a volt.
+        assert rms(record.voltage_volt - found) < 3e-3
+
+
+def test_what_pulses_tell_is_found_within_its_deviation(of_two_temperatures):
+    truth, _, fit, _ = of_two_temperatures
+    for name in ("transfer_joule_per_mole", "double_layer_farad", "r0_joule_per_mole"):
+        place = layout(2)[name]
+        off = fit.particle.vector[place] - truth.vector[place]
+        assert np.abs(off / fit.std[place]).max() < 3.0, name
+
+
+def test_each_block_is_predicted_without_its_fold(of_two_temperatures):
+    _, task, fit, conditions = of_two_temperatures
+    scores = left_out(task, fit, conditions)
+    for score, (*_, blocks) in zip(scores, conditions, strict=True):
+        assert score.rows.sum() == sum(map(len, blocks))
+        # Never better than the noise, and no further off than a fit of nine tenths of the record.
+        typical = np.sqrt(np.median(score.square_volt2))
+        assert 0.9 * NOISE_VOLT < typical < 4e-3
+
+
+def test_one_temperature_leaves_the_energies_to_their_priors():
+    _, task, fit, _ = a_fit((25.0,))
+    place = layout(1)["transfer_joule_per_mole"]
+    assert len(fit.basins) == 1
+    assert fit.std[place] > 0.9 * task.std[place]
