@@ -12,7 +12,7 @@ from cellwright.laws.polarisation import (
     soc_lines,
     temperature_lines,
 )
-from cellwright.laws.temperature import arrhenius_law
+from cellwright.numerics.lines import arrhenius_law
 from cellwright.refusal import Refusal
 
 CELSIUS = np.array([-20.0, -10, 0, 10, 20])

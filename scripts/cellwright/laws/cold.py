@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from cellwright.laws.law import value_of
 from cellwright.laws.points import grouped, mean_per_temperature
-from cellwright.laws.temperature import LAWS, span_of
+from cellwright.laws.temperature import FORMS, LAWS, span_of
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.refusal import Refusal
 
@@ -272,4 +273,5 @@ def _step(law, rows, quantity, cold):
     if not parameters or parameters[0].get("valid_from_celsius", -np.inf) > ahead:
         return np.nan
     values = [row["value"] for row in parameters]
-    return LAWS[law](ahead, *values) / LAWS[law](cold, *values)
+    colder, coldest = value_of(FORMS[law], [ahead, cold], values)
+    return colder / coldest

@@ -359,6 +359,11 @@ def _crossing(soc, slope, std, sign):
     return {"soc": float(at), **ends, "sign_above": sign}
 
 
+def shared_covariance(std, common):
+    """Covariance (n, n) of readings that scatter, and share an error known up to one factor."""
+    return np.diag(std**2) + np.outer(common, common)
+
+
 def _at_one_soc(celsius, volt, std, common, reference):
     """Line and parabola with deviations, common error's factor, reduced χ², temperatures."""
     finite = np.isfinite(volt) & np.isfinite(std) & np.isfinite(common)
@@ -369,7 +374,7 @@ def _at_one_soc(celsius, volt, std, common, reference):
     if count < LEAST_TEMPERATURES:
         return nothing[:2], nothing[:2], nothing, nothing, np.nan, np.nan, count
     columns = np.vander(celsius - reference, 3, increasing=True)
-    covariance = np.diag(std**2) + np.outer(common, common)
+    covariance = shared_covariance(std, common)
     line = generalised_line(columns[:, :2], volt, covariance)
     shared = common @ np.linalg.solve(covariance, volt - columns[:, :2] @ line.values)
     scores = (shared, line.reduced_chi_square, count)

@@ -4,12 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.law import Form, best_of, fit_law, law_row, rows_of
 from cellwright.laws.ocv.entropy import (
     COLUMNS,
     STEP_STD_VOLT,
     VOLTAGE_STD_VOLT,
     fit_entropic,
     on_curve,
+    shared_covariance,
     slow_readings,
     step_readings,
     zero_crossings,
@@ -24,8 +26,6 @@ from cellwright.laws.ocv.surface import (
     table_at,
 )
 from cellwright.laws.points import first_check_up
-from cellwright.laws.temperature import law_row, left_out_rmse
-from cellwright.numerics.lines import generalised_line
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
@@ -139,11 +139,11 @@ def _coefficients(fitted, functions, largest):
     Where the bias is less certain than the limit at the ends of what was tested, nothing.
     """
     tables = {
-        table["function"]: np.nan_to_num(table["cross_validation_rmse_volt"], nan=np.inf)
+        table["function"]: table["cross_validation_rmse_volt"]
         for table in functions
         if table["function"] in TABLES
     }
-    best = min(tables, key=tables.get, default=LINE)
+    best = best_of(tables) if tables else LINE
     line = np.stack([fitted.ocv_volt, fitted.slope], axis=1)
     if best != LINE:
         line = fitted.parabola if best == PARABOLA else line * [1.0, 0.0]
@@ -255,7 +255,7 @@ def _stacked(parts):
 def law_rows(ocv):
     """Rows of tables/temperature: laws at every tenth of SoC, and changes of sign of dOCV/dT.
 
-    In the shape of `laws.temperature.law_rows`. The line is chosen unless the parabola's bend is
+    In the shape of `laws.law.rows_of`. The line is chosen unless the parabola's bend is
     significant at 5 %; of changes of sign those that are certain at 95 %.
     """
     fitted, rows = ocv.fitted, []
@@ -293,7 +293,7 @@ def _crossing_row(crossing, certain):
     return law_row(quantity, "linear", "soc", crossing["soc"], std, unit="1", chosen=certain)
 
 
-PARAMETERS = (("ocv", "V"), ("entropic_coefficient", "V/K"), ("bend", "V/K^2"))
+PARAMETERS = ("ocv", "entropic_coefficient", "bend"), ("V", "V/K", "V/K^2")
 
 
 def _law(ocv, k, soc, *, degree, law, chosen):
@@ -303,32 +303,12 @@ def _law(ocv, k, soc, *, degree, law, chosen):
     celsius, volt, std, common = (getattr(readings, name)[k][finite] for name in COLUMNS)
     if len(volt) <= degree:
         return []
-    columns = np.vander(celsius - reference, degree + 1, increasing=True)
-    covariance = np.diag(std**2) + np.outer(common, common)
-    # About the reference temperature, so that the slope is the coefficient there.
-    line = generalised_line(columns, volt, covariance)
-
-    def errors(out):
-        rest = generalised_line(columns[~out], volt[~out], covariance[np.ix_(~out, ~out)])
-        return columns[out] @ rest.values - volt[out]
-
-    scores = {
-        "r_squared": _r_squared(line, volt, covariance),
-        "cross_validation_rmse": left_out_rmse(errors, np.arange(len(volt)), parameters=degree + 1),
-    }
-    quantity = f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC"
-    fitted = zip(PARAMETERS, line.values, line.std, strict=False)
-    return [
-        law_row(quantity, law, name, value, deviation, unit=unit, chosen=chosen, **scores)
-        for (name, unit), value, deviation in fitted
-    ]
-
-
-def _r_squared(line, volt, covariance):
-    """R² of a generalised line [1], residuals weighted by the covariance."""
-    flat = generalised_line(np.ones((len(volt), 1)), volt, covariance)
-    whole, rest = (
-        line_fit.reduced_chi_square * max(line_fit.degrees_of_freedom, 0)
-        for line_fit in (flat, line)
+    form = Form(
+        law,
+        # About the reference temperature, so that the slope is the coefficient there.
+        lambda celsius: np.vander(celsius - reference, degree + 1, increasing=True),
+        *(words[: degree + 1] for words in PARAMETERS),
     )
-    return 1 - rest / whole if flat.reduced_chi_square > 0 else np.nan
+    fitted = fit_law(form, celsius, volt, shared_covariance(std, common), unit="V")
+    quantity = f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC"
+    return rows_of(quantity, fitted._replace(chosen=chosen), with_ranges=False)

@@ -5,10 +5,12 @@ coefficient is a polynomial in d, the temperature above a reference: K = K⁰ + 
 inside exponentials are the same at all temperatures.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.law import best_of, left_out
 from cellwright.laws.ocv.entropy import fit_entropic
 from cellwright.numerics.statistics import rms
 from cellwright.protocols.ocv.functions import FORMS, fit_parameters, parameter_stds
@@ -195,16 +197,19 @@ def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, h
         )
     whole = {name: _fitted(name, kept, **settings) for name in names}
     inside = {name: _errors(name, whole[name], kept, **settings) for name in names}
-    errors_left_out = {name: np.full(kept.ocv_volt.shape, np.nan) for name in names}
-    for level in np.unique(present):
-        out = levels == level
+
+    def errors_without(out, name):
         rest = kept._replace(ocv_volt=np.where(out, np.nan, kept.ocv_volt))
-        for name in names:
-            fit = _fitted(name, rest, near=whole[name], **settings)
-            # Each fit sets out from the whole one: a search from afar might end elsewhere.
-            errors_left_out[name][:, out] = _errors(name, fit, kept, **settings)[:, out]
-    scores = _scores(errors_left_out)
-    best = min(scores, key=lambda name: np.nan_to_num(scores[name], nan=np.inf))
+        # Each fit sets out from the whole one: a search from afar might end elsewhere.
+        fit = _fitted(name, rest, near=whole[name], **settings)
+        return _errors(name, fit, kept, **settings)[:, out].T
+
+    outside = {
+        name: left_out(partial(errors_without, name=name), levels, least=1, shape=middle.shape)
+        for name in names
+    }
+    scores = _scores(outside)
+    best = best_of(scores)
     described = []
     for name in names:
         form = name in FORMS
