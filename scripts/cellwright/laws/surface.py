@@ -167,14 +167,13 @@ class Fitted(NamedTuple):
     left_out_ohm: np.ndarray
 
 
-def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
+def pulses_of(rows, *, direction, delay_second):
     """Pulses of one rate at all temperatures that have it, resistance known to 5 % or better.
 
     Parameters
     ----------
     rows : list of dict, rows of stage `resistance` with ambient_temperature_celsius and cycle.
     direction, delay_second : which pulses, and when in the pulse [s].
-    c_rate : rate that is preferred among those that most temperatures have [1/h].
 
     Returns
     -------
@@ -189,7 +188,7 @@ def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
     pulses = [r for r in pulses if not r["resistance_std_ohm"] > 0.05 * r["resistance_ohm"]]
     classes = {rate: _full_courses(same_rate) for rate, same_rate in rate_classes(pulses).items()}
     quantity = ", ".join(resistance_name(direction, delay_second))
-    best = classes[preferred_rate(classes, c_rate)] if classes else {}
+    best = classes[preferred_rate(classes)] if classes else {}
     count = len(best)
     if count < 3:
         raise Refusal(
@@ -277,14 +276,13 @@ def _fit(form, pulses):
     return Fitted(with_more(law, scores), fitted, by_temperature)
 
 
-def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate):
+def surfaces(rows, *, delay_second=TEMPERATURE.delay_second):
     """Fitted surfaces of all sets of pulses of a cell, with their tests of separability.
 
     Parameters
     ----------
     rows : as in `pulses_of`.
     delay_second : delays [s], discharge and charge apart.
-    c_rate : preferred rate [1/h].
 
     Returns
     -------
@@ -298,7 +296,7 @@ def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.
     fits, reasons = [], []
     for direction, delay in product(("discharge", "charge"), delay_second):
         try:
-            pulses = pulses_of(rows, direction=direction, delay_second=delay, c_rate=c_rate)
+            pulses = pulses_of(rows, direction=direction, delay_second=delay)
         except Refusal as refusal:
             reasons.append(str(refusal))
             continue
