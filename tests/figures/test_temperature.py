@@ -1,9 +1,9 @@
 """Figures of laws over temperature: lines through the points, dotted where nothing was tested."""
 
 import numpy as np
+from arrhenius import arrhenius_law
 from figure_panels import drawn, labels, law, panels
 
-from cellwright.numerics.lines import arrhenius_law
 from figures import temperature
 
 

@@ -11,11 +11,11 @@ from cellwright.laws.ocv.surface import (
     compare,
     fit_form,
     form_ocv,
-    form_std,
     is_tested,
+    powers_of,
     table_at,
 )
-from cellwright.protocols.ocv.functions import FORMS
+from cellwright.protocols.ocv.functions import FORMS, parameter_stds
 from cellwright.refusal import Refusal
 
 SOC = np.linspace(0, 1, 201)
@@ -57,7 +57,8 @@ def test_a_function_over_temperature_finds_itself(name):
     assert np.abs(again - volt).max() < 1e-5
     noisy = volt + np.random.default_rng(1).normal(0, 1e-3, len(volt))
     fit = fit_form(name, soc, celsius, noisy, degree=2, near=fitted, **settings)
-    std = form_std(name, fit, soc, celsius, noisy, **settings)
+    powers = powers_of(celsius, settings["reference_celsius"], 2)
+    std = parameter_stds(FORMS[name], fit, soc, noisy, powers=powers)
     free = np.isfinite(std)
     assert np.mean(np.abs((fit - moving(name))[free] / std[free]) < 3) > 0.85
 

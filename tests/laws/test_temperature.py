@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from arrhenius import arrhenius_law
 
 from cellwright.laws.law import value_of
 from cellwright.laws.points import Point
@@ -13,7 +14,7 @@ from cellwright.laws.temperature import (
     is_usable,
     law_rows,
 )
-from cellwright.numerics.lines import arrhenius_law, fit_line, inverse_temperature
+from cellwright.numerics.lines import fit_line, inverse_temperature
 from cellwright.numerics.statistics import r_squared
 from cellwright.refusal import Refusal
 

@@ -5,7 +5,6 @@ coefficient is a polynomial in d, the temperature above a reference: K = K⁰ + 
 inside exponentials are the same at all temperatures.
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -93,9 +92,6 @@ def is_tested(surface, soc, celsius):
     return inside_soc & (celsius >= cold - 0.5) & (celsius <= warm + 0.5)
 
 
-TEN_KELVIN = 10.0  # unit of d in fits, in which all coefficients are of one size
-
-
 def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, near=None):
     """Parameters of one OCV function fitted to voltages over SoC and temperature at once.
 
@@ -115,26 +111,13 @@ def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, nea
     # ASSUME: Rates inside exponentials do not move with temperature.
     form = FORMS[function]
     rates = None if near is None else near[np.array(form.places) < 0, 0]
-    powers = _powers(celsius, reference_celsius, degree)
-    parameters = fit_parameters(form, soc, ocv_volt, powers=powers, near=rates)
-    return parameters / TEN_KELVIN ** np.arange(degree + 1)
+    powers = powers_of(celsius, reference_celsius, degree)
+    return fit_parameters(form, soc, ocv_volt, powers=powers, near=rates)
 
 
-def _powers(celsius, reference_celsius, degree):
-    """Powers (n, degree + 1) of the temperature above the reference, in units of 10 K."""
-    powers = np.vander(celsius - reference_celsius, degree + 1, increasing=True)
-    return powers / TEN_KELVIN ** np.arange(degree + 1)
-
-
-def form_std(function, parameters, soc, celsius, ocv_volt, *, reference_celsius):
-    """Standard deviations of the parameters of a fit, shaped like them; NaN: not determined.
-
-    What the function cannot follow counts as scatter. Arguments as of `fit_form`.
-    """
-    unit = TEN_KELVIN ** np.arange(parameters.shape[1])
-    powers = _powers(celsius, reference_celsius, parameters.shape[1] - 1)
-    form = FORMS[function]
-    return parameter_stds(form, parameters * unit, soc, ocv_volt, powers=powers) / unit
+def powers_of(celsius, reference_celsius, degree):
+    """Powers (n, degree + 1) of the temperature above the reference [K]."""
+    return np.vander(celsius - reference_celsius, degree + 1, increasing=True)
 
 
 def form_ocv(function, parameters, soc, celsius, *, reference_celsius):
@@ -195,36 +178,29 @@ def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, h
             f"readings within ±{1e3 * largest_std_volt:g} mV at {len(np.unique(present))} "
             "temperature(s); to compare functions by leaving one out takes four"
         )
-    whole = {name: _fitted(name, kept, **settings) for name in names}
-    inside = {name: _errors(name, whole[name], kept, **settings) for name in names}
-
-    def errors_without(out, name):
-        rest = kept._replace(ocv_volt=np.where(out, np.nan, kept.ocv_volt))
-        # Each fit sets out from the whole one: a search from afar might end elsewhere.
-        fit = _fitted(name, rest, near=whole[name], **settings)
-        return _errors(name, fit, kept, **settings)[:, out].T
-
-    outside = {
-        name: left_out(partial(errors_without, name=name), levels, least=1, shape=middle.shape)
-        for name in names
-    }
-    scores = _scores(outside)
-    best = best_of(scores)
-    described = []
+    fits, inside, outside = {}, {}, {}
     for name in names:
-        form = name in FORMS
-        described.append(
-            {
-                "function": name,
-                "parameters": whole[name] if form else np.array([]),
-                "std": form_std(name, whole[name], *_points(kept), **settings)
-                if form
-                else np.array([]),
-                "rmse_volt": rms(inside[name][np.isfinite(inside[name])]),
-                "cross_validation_rmse_volt": scores[name],
-                "chosen": name == best,
-            }
-        )
+        fits[name] = whole = _fitted(name, kept, **settings)
+        inside[name] = _errors(name, whole, kept, **settings)
+
+        def errors_without(out, name=name, whole=whole):
+            rest = kept._replace(ocv_volt=np.where(out, np.nan, kept.ocv_volt))
+            # Each fit sets out from the whole one: a search from afar might end elsewhere.
+            fit = _fitted(name, rest, near=whole, **settings)
+            return _errors(name, fit, kept, **settings)[:, out].T
+
+        outside[name] = left_out(errors_without, levels, least=1, shape=middle.shape)
+    scores, (soc, celsius, volt) = _scores(outside), _points(kept)
+    best, nothing, described = best_of(scores), np.array([]), []
+    for name, fit in fits.items():
+        about = {"parameters": nothing, "std": nothing}
+        if name in FORMS:
+            powers = powers_of(celsius, reference_celsius, fit.shape[1] - 1)
+            std = parameter_stds(FORMS[name], fit, soc, volt, powers=powers)
+            about = {"parameters": fit, "std": std}
+        about["rmse_volt"] = rms(inside[name][np.isfinite(inside[name])])
+        about["cross_validation_rmse_volt"] = scores[name]
+        described.append({"function": name, **about, "chosen": name == best})
     return described
 
 
