@@ -85,7 +85,7 @@ def readings(celsius, std=1e-4):
 
 
 def test_what_has_no_temperature_to_leave_out_is_refused():
-    settings = {"reference_celsius": 25.0, "largest_std_volt": 0.02}
+    settings = {"reference_celsius": 25.0}
     with pytest.raises(Refusal, match=r"at 3 temperature\(s\)"):
         compare(readings((0, 25, 40)), **settings)
     with pytest.raises(Refusal, match=r"within ±20 mV at 0 temperature\(s\)"):
@@ -94,9 +94,7 @@ def test_what_has_no_temperature_to_leave_out_is_refused():
 
 @pytest.mark.slow
 def test_left_out_temperatures_are_the_same_points_for_all():
-    functions = compare(
-        readings((-10, 0, 10, 25, 40)), reference_celsius=25.0, largest_std_volt=0.02
-    )
+    functions = compare(readings((-10, 0, 10, 25, 40)), reference_celsius=25.0)
     errors = {f["function"]: f["cross_validation_rmse_volt"] for f in functions}
     assert errors["polynomial"] < 5e-5
     assert errors["isothermal"] > 1e-3

@@ -11,6 +11,7 @@ import numpy as np
 
 from cellwright.laws.points import first_check_up
 from cellwright.numerics.lines import generalised_line
+from cellwright.numerics.statistics import NORMAL_95
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
@@ -39,17 +40,12 @@ class Readings(NamedTuple):
     notes: tuple
 
 
-def slow_readings(
-    curves,
-    *,
-    voltage_std_volt=VOLTAGE_STD_VOLT,
-    reference_celsius=REFERENCE_CELSIUS,
-):
+def slow_readings(curves):
     """Readings of slow tests at several temperatures, compared at equal charge below full.
 
     1. Tests that completed both branches at room temperature keep the SoC of their own
     ampere-hours. Of others the remainder is still in the cell: their SoC is counted down from full
-    over the capacity of the test nearest `reference_celsius`. 2. What the two directions differ in
+    over the capacity of the test nearest 25 °C. 2. What the two directions differ in
     ampere-hours makes the SoC uncertain by half of it, and through the slope the voltage. 3. The
     OCV lies between the branches, so half the gap bounds its error. What of the gap all
     temperatures have in common (hysteresis) falls out of differences; what grows in the cold is the
@@ -60,8 +56,6 @@ def slow_readings(
     ----------
     curves : list of dict, one a test: test, cycle, ambient_temperature_celsius, soc, ocv_volt,
         half_gap_volt, branches, joined_by, capacity_ampere_hour, charge_capacity_ampere_hour.
-    voltage_std_volt : how well voltages of tests weeks apart compare [V].
-    reference_celsius : temperature of the capacity that SoC refers to [degC].
 
     Returns
     -------
@@ -86,7 +80,7 @@ def slow_readings(
             f"slow tests with both branches at {count} temperature(s), {LEAST_TEMPERATURES} wanted"
         )
         raise Refusal("; ".join([shortage, *notes]))
-    reference = min(both, key=lambda c: abs(c["ambient_temperature_celsius"] - reference_celsius))
+    reference = min(both, key=lambda c: abs(c["ambient_temperature_celsius"] - REFERENCE_CELSIUS))
     columns = [_at_reference_soc(curve, reference) for curve in both]
     volt, gap, soc_volt = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
     extra = gap - np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, keepdims=True)
@@ -103,7 +97,7 @@ def slow_readings(
         soc=np.asarray(reference["soc"], float),
         celsius=np.broadcast_to(celsius, volt.shape),
         ocv_volt=volt,
-        std_volt=np.sqrt(voltage_std_volt**2 + soc_volt**2 + scatter**2),
+        std_volt=np.sqrt(VOLTAGE_STD_VOLT**2 + soc_volt**2 + scatter**2),
         common_volt=common,
         tests=tuple(curve["test"] for curve in both),
         notes=tuple(
@@ -112,13 +106,12 @@ def slow_readings(
     )
 
 
-def step_readings(rows, *, voltage_std_volt=STEP_STD_VOLT):
+def step_readings(rows):
     """Readings of rests in a stepping chamber, one a state of charge.
 
     Parameters
     ----------
     rows : list of dict, rows of stage `ocv_step`.
-    voltage_std_volt : systematic error of the mean of a plateau, besides its noise [V].
 
     Returns
     -------
@@ -147,7 +140,7 @@ def step_readings(rows, *, voltage_std_volt=STEP_STD_VOLT):
         soc=np.array([rest[0]["soc"] for rest in rests]),
         celsius=table[0],
         ocv_volt=level[:, None] + table[1],
-        std_volt=np.hypot(table[2], voltage_std_volt),
+        std_volt=np.hypot(table[2], STEP_STD_VOLT),
         common_volt=table[3],
         tests=("",) * widest,
         notes=(),
@@ -269,7 +262,7 @@ class Entropic(NamedTuple):
     reference_celsius: float
 
 
-def fit_entropic(readings, *, reference_celsius=REFERENCE_CELSIUS, level=0.95):
+def fit_entropic(readings, *, reference_celsius=REFERENCE_CELSIUS):
     """Entropic coefficient dOCV/dT [V/K] at every state of charge: line and parabola.
 
     Generalised least squares with C = diag(std²) + c·cᵀ, c the common error: overpotential that
@@ -281,15 +274,13 @@ def fit_entropic(readings, *, reference_celsius=REFERENCE_CELSIUS, level=0.95):
     ----------
     readings : Readings.
     reference_celsius : about which the coefficients hold [degC].
-    level : coverage of the interval.
 
     Returns
     -------
-    entropic : Entropic.
+    entropic : Entropic, with intervals of 95 %.
 
     Source: thesis eq. 3.8 to 3.10: dOCV/dT = −dS/dn over the charge of the electrons.
     """
-    from scipy.stats import norm
     from scipy.stats import t as student
 
     fits = [
@@ -300,8 +291,8 @@ def fit_entropic(readings, *, reference_celsius=REFERENCE_CELSIUS, level=0.95):
         np.array(column, float) for column in zip(*fits, strict=True)
     )
     # A deviation that was enlarged by what scattered has that scatter's degrees of freedom.
-    quantile = student.ppf((1 + level) / 2, np.maximum(count - 2, 1))
-    reach = np.where(chi_square > 1, quantile, norm.ppf((1 + level) / 2)) * line_std[:, 1]
+    quantile = student.ppf(0.975, np.maximum(count - 2, 1))
+    reach = np.where(chi_square > 1, quantile, NORMAL_95) * line_std[:, 1]
     away = np.where(np.isfinite(readings.ocv_volt), readings.celsius - reference_celsius, 0.0)
     ratio = np.abs(curve[:, 2]) / curve_std[:, 2]
     return Entropic(

@@ -7,8 +7,6 @@ import numpy as np
 from cellwright.laws.law import Form, best_of, fit_law, law_row, rows_of
 from cellwright.laws.ocv.entropy import (
     COLUMNS,
-    STEP_STD_VOLT,
-    VOLTAGE_STD_VOLT,
     fit_entropic,
     on_curve,
     shared_covariance,
@@ -17,6 +15,7 @@ from cellwright.laws.ocv.entropy import (
     zero_crossings,
 )
 from cellwright.laws.ocv.surface import (
+    LARGEST_STD_VOLT,
     LINE,
     PARABOLA,
     TABLES,
@@ -47,43 +46,31 @@ class OverTemperature(NamedTuple):
     notes: tuple
 
 
-def over_temperature(
-    curves,
-    step_rows,
-    *,
-    reference_celsius=REFERENCE_CELSIUS,
-    voltage_std_volt=VOLTAGE_STD_VOLT,
-    step_std_volt=STEP_STD_VOLT,
-    largest_std_volt=0.02,
-):
+def over_temperature(curves, step_rows):
     """Entropic coefficient, functions and surface of a cell.
 
     Parameters
     ----------
     curves : list of dict, slow tests as `entropy.slow_readings` takes them.
     step_rows : list of dict, rows of stage `ocv_step`.
-    reference_celsius : what is compared against; the tested temperature nearest to it [degC].
-    voltage_std_volt, step_std_volt : how well voltages of slow tests, of plateaus, compare [V].
-    largest_std_volt : readings less certain take part neither in the functions over temperature
-        nor in their choice; where the coldest or warmest bias is so, the surface takes that of the
-        nearest SoC [V].
 
     Returns
     -------
-    ocv : OverTemperature. Where both kinds of test were made, the one with the smaller standard
-        deviation of the entropic coefficient is used; both are reported.
+    ocv : OverTemperature, about the tested temperature nearest 25 °C. Where both kinds of test were
+        made, the one with the smaller standard deviation of the entropic coefficient is used; both
+        are reported.
 
     Raises
     ------
     Refusal : neither kind of test suffices; with the reasons of both.
     """
-    sources, notes = _sources(curves, step_rows, voltage_std_volt, step_std_volt)
+    sources, notes = _sources(curves, step_rows)
     if not sources:
         raise Refusal("; ".join(notes))
     entropic = {}
     for name, readings in sources.items():
         means = np.nanmean(readings.celsius, axis=0)
-        nearest = np.round(means[np.argmin(np.abs(means - reference_celsius))], 1)
+        nearest = np.round(means[np.argmin(np.abs(means - REFERENCE_CELSIUS))], 1)
         entropic[name] = fit_entropic(readings, reference_celsius=float(nearest))
     std = {name: fit.slope_std[np.isfinite(fit.slope_std)] for name, fit in entropic.items()}
     used = min(std, key=lambda name: np.median(std[name]) if len(std[name]) else np.inf)
@@ -94,9 +81,7 @@ def over_temperature(
     readings = sources[used] if used == "slow" else on_curve(sources[used], curve)
     fitted, functions = fit_entropic(readings, reference_celsius=reference), []
     try:
-        functions = compare(
-            readings, reference_celsius=reference, largest_std_volt=largest_std_volt
-        )
+        functions = compare(readings, reference_celsius=reference)
     except Refusal as refusal:
         notes.append(f"functions over temperature not compared: {refusal}")
     notes += [note for source in sources.values() for note in source.notes]
@@ -108,7 +93,7 @@ def over_temperature(
         fitted,
         functions,
         surface_from(
-            _coefficients(fitted, functions, largest_std_volt),
+            _coefficients(fitted, functions),
             readings,
             reference,
             None if curve is None else np.asarray(curve["ocv_volt"], float),
@@ -117,15 +102,15 @@ def over_temperature(
     )
 
 
-def _sources(curves, step_rows, voltage_std, step_std):
+def _sources(curves, step_rows):
     """Readings of each kind of test, and reasons where there are none."""
     readings, reasons = {}, []
-    for name, read, content, std in (
-        ("slow", slow_readings, curves, voltage_std),
-        ("steps", step_readings, step_rows, step_std),
+    for name, read, content in (
+        ("slow", slow_readings, curves),
+        ("steps", step_readings, step_rows),
     ):
         try:
-            readings[name] = read(content, voltage_std_volt=std)
+            readings[name] = read(content)
         except Refusal as refusal:
             reasons += [str(refusal)] if content else []
     return readings, reasons or ["neither slow tests nor rests in a stepping chamber"] * (
@@ -133,7 +118,7 @@ def _sources(curves, step_rows, voltage_std, step_std):
     )
 
 
-def _coefficients(fitted, functions, largest):
+def _coefficients(fitted, functions):
     """Coefficients over SoC of the table that predicts best; of the line where none was compared.
 
     Where the bias is less certain than the limit at the ends of what was tested, nothing.
@@ -147,7 +132,7 @@ def _coefficients(fitted, functions, largest):
     line = np.stack([fitted.ocv_volt, fitted.slope], axis=1)
     if best != LINE:
         line = fitted.parabola if best == PARABOLA else line * [1.0, 0.0]
-    sure = fitted.slope_std * fitted.reach_kelvin <= largest
+    sure = fitted.slope_std * fitted.reach_kelvin <= LARGEST_STD_VOLT
     return np.where(sure[:, None], line, np.nan) if sure.any() else line
 
 

@@ -145,15 +145,18 @@ def form_ocv(function, parameters, soc, celsius, *, reference_celsius):
 TABLES = ISOTHERMAL, LINE, PARABOLA = "isothermal", "surface", "surface_parabola"
 
 
-def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, highest_soc=0.99):
+# Readings less certain take part in neither fit nor score; where the coldest or warmest bias is so,
+# the surface takes that of the nearest SoC [V].
+LARGEST_STD_VOLT = 0.02
+
+
+def compare(readings, *, reference_celsius):
     """OCV functions and tables fitted to readings; the best at left-out temperatures is chosen.
 
     Parameters
     ----------
     readings : `entropy.Readings` over an even grid of SoC.
     reference_celsius : about which coefficients move [degC].
-    largest_std_volt : readings less certain take part in neither fit nor score [V].
-    lowest_soc, highest_soc : range that is fitted; the functions have poles at 0 and 1 [1].
 
     Returns
     -------
@@ -167,15 +170,16 @@ def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, h
         enough.
     """
     total = np.hypot(readings.std_volt, readings.common_volt)
-    middle = (readings.soc >= lowest_soc - 1e-9) & (readings.soc <= highest_soc + 1e-9)
-    sure = np.isfinite(readings.ocv_volt) & (total <= largest_std_volt) & middle[:, None]
+    # The functions have poles at 0 and 1.
+    middle = np.abs(readings.soc - 0.5) <= 0.49 + 1e-9
+    sure = np.isfinite(readings.ocv_volt) & (total <= LARGEST_STD_VOLT) & middle[:, None]
     kept = readings._replace(ocv_volt=np.where(sure, readings.ocv_volt, np.nan))
     levels = _levels(kept)
     present = levels[np.isfinite(kept.ocv_volt).sum(axis=0) > 0]
     names, settings = [*FORMS, *TABLES], {"reference_celsius": reference_celsius}
     if len(np.unique(present)) < 4:
         raise Refusal(
-            f"readings within ±{1e3 * largest_std_volt:g} mV at {len(np.unique(present))} "
+            f"readings within ±{1e3 * LARGEST_STD_VOLT:g} mV at {len(np.unique(present))} "
             "temperature(s); to compare functions by leaving one out takes four"
         )
     fits, inside, outside = {}, {}, {}
