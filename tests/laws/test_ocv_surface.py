@@ -81,7 +81,7 @@ def readings(celsius, std=1e-4):
     volt = volt + np.random.default_rng(0).normal(0, 1e-5, volt.shape)
     level = np.broadcast_to(np.array(celsius, float), volt.shape)
     parts = (np.full(volt.shape, std), np.zeros(volt.shape))
-    return Readings("slow", SOC, level, volt, *parts, ("",) * len(celsius), ())
+    return Readings(SOC, level, volt, *parts, ())
 
 
 def test_what_has_no_temperature_to_leave_out_is_refused():

@@ -24,19 +24,17 @@ COLUMNS = ("celsius", "ocv_volt", "std_volt", "common_volt")  # of Readings, (m,
 class Readings(NamedTuple):
     """Open-circuit voltages of one source at m states of charge and k temperatures [V], NaN: none.
 
-    source : "slow" or "steps". soc : (m,) [1]. celsius, ocv_volt : (m, k) [degC], [V]. std_volt :
-    (m, k) what scatters on its own. common_volt : (m, k) an error that all temperatures of one
-    state of charge share, as long as it grows over temperature: known up to one factor, which lies
-    about zero with a standard deviation of one [V]. tests : (k,) names. notes : sentences.
+    soc : (m,) [1]. celsius, ocv_volt : (m, k) [degC], [V]. std_volt : (m, k) what scatters on its
+    own. common_volt : (m, k) an error that all temperatures of one state of charge share, as long
+    as it grows over temperature: known up to one factor, which lies about zero with a standard
+    deviation of one [V]. notes : sentences.
     """
 
-    source: str
     soc: np.ndarray
     celsius: np.ndarray
     ocv_volt: np.ndarray
     std_volt: np.ndarray
     common_volt: np.ndarray
-    tests: tuple
     notes: tuple
 
 
@@ -59,7 +57,7 @@ def slow_readings(curves):
 
     Returns
     -------
-    readings : Readings with source "slow".
+    readings : Readings.
 
     Raises
     ------
@@ -93,13 +91,11 @@ def slow_readings(curves):
     scatter = 0.1 * common * np.maximum(common / 0.025, 1.0)
     celsius = np.array([curve["ambient_temperature_celsius"] for curve in both], float)
     return Readings(
-        source="slow",
         soc=np.asarray(reference["soc"], float),
         celsius=np.broadcast_to(celsius, volt.shape),
         ocv_volt=volt,
         std_volt=np.sqrt(VOLTAGE_STD_VOLT**2 + soc_volt**2 + scatter**2),
         common_volt=common,
-        tests=tuple(curve["test"] for curve in both),
         notes=tuple(
             notes + [words for curve in both for words in _rescaling_notes(curve, reference)]
         ),
@@ -115,7 +111,7 @@ def step_readings(rows):
 
     Returns
     -------
-    readings : Readings with source "steps", by ascending SoC; voltages are what the cell showed
+    readings : Readings, by ascending SoC; voltages are what the cell showed
         in the end at the first temperature plus the shift.
 
     Raises
@@ -136,13 +132,11 @@ def step_readings(rows):
         table[:, place, : len(rest)] = [[row[name] for row in rest] for name in names]
     level = np.array([rest[0]["voltage_volt"] for rest in rests])
     return Readings(
-        source="steps",
         soc=np.array([rest[0]["soc"] for rest in rests]),
         celsius=table[0],
         ocv_volt=level[:, None] + table[1],
         std_volt=np.hypot(table[2], STEP_STD_VOLT),
         common_volt=table[3],
-        tests=("",) * widest,
         notes=(),
     )
 
@@ -152,7 +146,7 @@ def on_curve(readings, curve):
 
     Parameters
     ----------
-    readings : Readings with source "steps".
+    readings : Readings, of `step_readings`.
     curve : dict with soc (n,), ocv_volt (n,) and ambient_temperature_celsius, or None: then only
         the voltages of the rests themselves give the shape.
 
@@ -247,7 +241,6 @@ class Entropic(NamedTuple):
 
     soc: np.ndarray
     ocv_volt: np.ndarray
-    ocv_std_volt: np.ndarray
     slope: np.ndarray
     slope_std: np.ndarray
     slope_lower: np.ndarray
@@ -298,7 +291,6 @@ def fit_entropic(readings, *, reference_celsius=REFERENCE_CELSIUS):
     return Entropic(
         soc=readings.soc,
         ocv_volt=line[:, 0],
-        ocv_std_volt=line_std[:, 0],
         slope=line[:, 1],
         slope_std=line_std[:, 1],
         slope_lower=line[:, 1] - reach,
