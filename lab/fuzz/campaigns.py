@@ -43,8 +43,8 @@ def write_campaign(folder, records):
         facts = {"cell": name, "test": "t", "kind": kind, "file": str(path)}
         tests.append(record.test | facts)
     (folder / "config").mkdir(exist_ok=True)
-    # Models take most of the time, and none is of what is looked at here: there is no drive.
-    (folder / "config" / "config.yaml").write_text("models: {fit_kinds: [drive]}\n")
+    # Models take most of the time, and none is of what is looked at here.
+    (folder / "config" / "config.yaml").write_text("models: {members: [1RC]}\n")
     for sheet, columns, rows in (("cells", CELL, cells), ("tests", TEST, tests)):
         with open(folder / "config" / f"{sheet}.tsv", "w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, columns, delimiter="\t", extrasaction="ignore")

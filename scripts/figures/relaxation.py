@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from cellwright.laws.law import value_of
 from cellwright.laws.polarisation import over_temperature
-from cellwright.laws.temperature import arrhenius_law
+from cellwright.laws.temperature import FORMS
 from figures import style
 from figures.style import ambient_celsius
 
@@ -104,9 +105,7 @@ def _over_temperature(axes, celsius, value, laws, factor):
         rows = [row for row in laws if row["law"] == law]
         if not rows:
             continue
-        first, second = rows[0]["value"], rows[1]["value"]
-        linear = law == "linear"
-        line = first * (grid - 25.0) + second if linear else arrhenius_law(grid, first, second)
+        line = value_of(FORMS[law], grid, [row["value"] for row in rows[:2]])
         chosen = " (chosen)" if rows[0]["chosen"] else ""
         axes.plot(grid, factor * line, color=colour, label=f"{law}{chosen}")
     axes.set_ylim(bottom=0)

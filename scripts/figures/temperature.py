@@ -3,6 +3,7 @@
 import matplotlib
 import numpy as np
 
+from cellwright.laws.law import value_of
 from cellwright.laws.temperature import FORMS, drawn_pieces, turn_in_words
 from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
 from figures import style
@@ -63,7 +64,7 @@ def _law(axes, celsius, rows, law, colour, scale):
     for start, stop, sound in drawn_pieces(tested, valid):
         grid, line = np.linspace(start, stop, 60), "-" if sound else ":"
         shown = label if start == tested[0] else None
-        axes.plot(grid, scale * FORMS[law].function(grid, *values), line, color=colour, label=shown)
+        axes.plot(grid, scale * value_of(FORMS[law], grid, values), line, color=colour, label=shown)
 
 
 def draw_arrhenius(points, laws):
@@ -137,11 +138,11 @@ def _level(upper, lower, points, laws, colour):
         valid = rows[0]["valid_from_celsius"], rows[0]["valid_to_celsius"]
         for start, stop, sound in drawn_pieces((celsius.min(), celsius.max()), valid):
             grid = np.linspace(start, stop, 30)
-            ohm = FORMS[law].function(grid, *values)
+            ohm = value_of(FORMS[law], grid, values)
             shown = np.where(ohm > 0, 1e3 * ohm, np.nan)  # a logarithm shows nothing else
             look = {"color": colour, "linestyle": line if sound else ":"}
             upper.plot(_inverse(grid), shown, linewidth=1, **look)
-        percent = 100 * (value / FORMS[law].function(celsius, *values) - 1)
+        percent = 100 * (value / value_of(FORMS[law], celsius, values) - 1)
         lower.plot(_inverse(celsius), percent, marker, color=colour)
 
 

@@ -6,8 +6,7 @@ from runtime import artefact, tables
 with artefact.Job(snakemake) as job:
     params = snakemake.params
     rows = tables.rows_of(snakemake.input.resistance, params.tests)
-    settings = {"delay_second": params.delay_second, "c_rate": params.c_rate}
-    found = cw.resistance_surface(rows, **settings)
+    found = cw.resistance_surface(rows, delay_second=params.delay_second)
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.laws)
     job.save(found.points, snakemake.output.points)

@@ -5,5 +5,4 @@ from runtime import artefact
 
 with artefact.Job(snakemake):
     params = snakemake.params
-    kinds = {"fit_kinds": params.fit_kinds, "lent_curve": params.lent_curve}
-    cw.refuse_model(params.tests, **kinds)
+    cw.refuse_model(params.tests, lent_curve=params.lent_curve)

@@ -10,8 +10,7 @@ with artefact.Job(snakemake) as job:
     rows = facts.rows_of_tests(snakemake.input.capacities)
     about = snakemake.params.branches, record, test
     thermal = [content for content, _ in artefact.load_all(snakemake.input.thermal)]
-    how = {"settings": snakemake.params.settings, "thermal": thermal}
-    found = cw.validate_group(models, *about, rows, **how)
+    found = cw.validate_group(models, *about, rows, thermal=thermal)
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.scores)
     job.save(found.findings, snakemake.output.findings)

@@ -9,5 +9,5 @@ with artefact.Job(snakemake) as job:
     job.note(*found.notes)
     arrays, facts = artefact.split(found.curve)
     job.save(arrays, snakemake.output.curve, c_rate=found.c_rate, **facts)
-    peaks = cw.ica_peaks(found, prominence=snakemake.params.prominence)
+    peaks = cw.ica_peaks(found)
     job.save(peaks.rows, snakemake.output.peaks)

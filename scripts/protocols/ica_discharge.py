@@ -4,12 +4,8 @@ import cellwright as cw
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    record, params = (
-        [job.load(snakemake.input[name]) for name in ("series", "steps")],
-        snakemake.params,
-    )
-    slow = params.test["kind"] == "ocv"
-    found = cw.ica_discharge(*record, prominence=params.prominence, slow=slow)
+    record = [job.load(snakemake.input[name]) for name in ("series", "steps")]
+    found = cw.ica_discharge(*record, slow=snakemake.params.test["kind"] == "ocv")
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.peaks)
     arrays, facts = artefact.split(found.curve)

@@ -11,7 +11,6 @@ with artefact.Job(snakemake) as job:
         params.cell,
         params.test,
         lending.capacities(inputs.capacity),
-        rest_second=params.rest_second,
         course=artefact.load_first(inputs.course),
     )
     job.note(*found.notes)

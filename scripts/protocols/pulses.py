@@ -13,7 +13,7 @@ with artefact.Job(snakemake, output.resistance) as job:
     job.save(found.rows)
 with artefact.Job(snakemake, output.rests, output.curve) as job:
     record, once = [job.load(path) for path in paths], artefact.load_first(inputs.repeats)
-    found = cw.relaxation(*record, *about, params.relaxation, repeats=once)
+    found = cw.relaxation(*record, *about, repeats=once)
     job.note(*found.notes)
     job.save(found.rows, output.rests)
     job.save(found.curve, output.curve)

@@ -7,7 +7,7 @@ with artefact.Job(snakemake) as job:
     inputs = snakemake.input
     record = [job.load(path) for path in (inputs.series, inputs.steps, inputs.basis)]
     about, once = facts.of_job(snakemake), artefact.load_first(inputs.repeats)
-    found = cw.relaxation(*record, *about, snakemake.params.settings, repeats=once)
+    found = cw.relaxation(*record, *about, repeats=once)
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.rests)
     job.save(found.curve, snakemake.output.curve)

@@ -16,7 +16,6 @@ class ModelPlan:
     Parameters
     ----------
     plan : Plan
-    fit_kinds : kinds of test that a model may be fitted to
     scored_kinds : kinds of test that a model may be held against
 
     Attributes
@@ -32,8 +31,8 @@ class ModelPlan:
     warmed : cells with tests in which they warm by loads both ways, or by pulses
     """
 
-    def __init__(self, plan, *, fit_kinds, scored_kinds):
-        self.plan, self.fit_kinds = plan, fit_kinds
+    def __init__(self, plan, *, scored_kinds):
+        self.plan = plan
         self.of_type, self.marked_of_type = {}, {}
         for cell in plan.cells:
             # What is not stated is of no type.
@@ -134,12 +133,12 @@ class ModelPlan:
     def _has_several_loads(self, cell):
         """Whether long loads may tell a model: beside a slow test or a lent curve, or two."""
         slow = self._slow(cell) or self.curve_lenders(cell)
-        fits = "capacity" in self.fit_kinds and self.long_loads(cell)
+        fits = self.long_loads(cell)
         return bool(fits and (slow or len(self.long_loads(cell, "ica")) > 1))
 
     def fit_tests(self, cell):
         """HPPC tests and drives that may be fitted (`fit`, or the odd blocks of `split`)."""
-        kinds = [kind for kind in ("hppc", "drive") if kind in self.fit_kinds]
+        kinds = ("hppc", "drive")
         return [row for kind in kinds for row in self.plan.rows(cell, kind, roles=FIT_ROLES[kind])]
 
     def long_loads(self, cell, *kinds):
@@ -149,7 +148,7 @@ class ModelPlan:
     def fit_series(self, cell):
         """What a model is fitted to; capacity tests join the pulses, whose loads are short."""
         rows = self.fit_tests(cell) or self.long_loads(cell)
-        if "capacity" in self.fit_kinds and any(row["kind"] == "hppc" for row in rows):
+        if any(row["kind"] == "hppc" for row in rows):
             rows = rows + self.plan.rows(cell, "capacity", roles=["fit"])
         return of_rows("clean", cell, rows)
 

@@ -232,6 +232,15 @@ def faults_of(content, schema, place=lambda path: "config") -> list[str]:
 
 
 def _unknown(place, path, key, schema, section) -> str:
+    dotted = ".".join(map(str, [*path, key]))
+    fixed = {
+        name: now
+        for name, now in schema.get("fixed", {}).items()
+        if f"{name}.".startswith(f"{dotted}.")
+    }
+    if fixed:
+        said = ", ".join(f"{name} is fixed now at {now}" for name, now in fixed.items())
+        return f"{place}: found {dotted}, wanted no such key: {said}; take it out"
     names = list(section["properties"])
     elsewhere = [name for name, _ in keys(schema) if name.split(".")[-1] == str(key)]
     meant = f"; did you mean {elsewhere[0]!r}?" if elsewhere else ""

@@ -15,7 +15,7 @@ FILES = {
         "Settings of what is read from the tests of a cell, and of the laws over them.",
         [
             *("files", "clean", "segment", "ocv", "instrument", "resistance"),
-            *("temperature", "relaxation", "ica", "fast_charge", "health", "impedance"),
+            *("temperature", "fast_charge", "health", "impedance"),
         ],
     ),
     "models.py": (

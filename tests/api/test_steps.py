@@ -22,7 +22,6 @@ def test_the_curve_from_the_rests_of_pulses_is_that_of_the_slow_test():
         CELL,
         of_pulses,
         [(of_slow, capacities)],
-        rest_second=600.0,
     )
     curve = cw.ocv(slow, CELL).curve
     soc = np.asarray(rests.points["soc"])

@@ -98,51 +98,6 @@ def test_rows_that_do_not_count_are_in_no_block():
     assert len(blocks.record) == 0
 
 
-def test_z_of_independent_blocks_is_that_of_their_mean():
-    """Without neighbours (every block another record) it is the one-sample statistic."""
-    each = np.random.default_rng(5).normal(0.3, 1.0, 50)
-    found = score.difference(each, np.zeros(50), np.arange(50))
-    std = np.std(each) * np.sqrt(50)
-    assert found.z == pytest.approx(each.sum() / std)
-    assert found.total == pytest.approx(each.sum())
-
-
-def test_models_that_do_not_differ_are_told_apart_as_often_as_chance_has_it():
-    random, record = np.random.default_rng(11), np.repeat(np.arange(8), 10)
-    found = [score.difference(random.standard_t(3, 80), np.zeros(80), record) for _ in range(400)]
-    for name in ("z", "rank_z"):
-        values = np.array([getattr(one, name) for one in found])
-        assert np.std(values) == pytest.approx(1.0, abs=0.15)
-        assert np.mean(values > 1.645) == pytest.approx(0.05, abs=0.03)
-
-
-def test_neighbours_that_err_alike_count_as_fewer():
-    random, record = np.random.default_rng(7), np.repeat(np.arange(20), 6)
-    alike = np.repeat(random.normal(0.3, 1.0, 40), 3)
-    z = score.difference(alike, np.zeros(120), record).z
-    apart = score.difference(alike, np.zeros(120), np.arange(120)).z
-    assert abs(z) < 0.85 * abs(apart)
-
-
-def test_few_blocks_that_all_agree_are_as_sure_as_a_coin_that_falls_alike():
-    """Ten of ten: 1 in 1024."""
-    found = score.difference(np.arange(1.0, 11.0), np.zeros(10), np.zeros(10, int))
-    assert found.rank_z == pytest.approx(3.097, abs=1e-3)
-    turned = score.difference(np.zeros(10), np.arange(1.0, 11.0), np.zeros(10, int))
-    assert turned.rank_z == -found.rank_z
-
-
-def test_one_block_decides_no_rank():
-    each = np.append(np.full(30, -0.01), 1000.0)
-    found = score.difference(each, np.zeros(31), np.zeros(31, int))
-    assert found.total > 0
-    assert found.rank_z < -2.0
-
-
-def test_models_that_are_the_same_do_not_differ():
-    assert score.difference(np.ones(9), np.ones(9), np.zeros(9, int)) == (0.0, 0.0, 0.0)
-
-
 def test_a_large_error_costs_by_its_logarithm():
     small, large = score.densities(np.array([1.0, 1e4]))
     assert large - small > -25

@@ -11,11 +11,11 @@ from cellwright.effects.case import Gates
 from cellwright.effects.finding import ranking_of
 from cellwright.effects.floor import fallen_volt
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.score import Difference
 from cellwright.effects.search import Model, _About, _best
 from cellwright.effects.state import Yardstick
 from cellwright.effects.story.sizes import Fitted, has_size
 from cellwright.effects.verdict import outcome
+from cellwright.numerics.compare import Difference
 
 HYSTERESIS = Truth(hysteresis=0.012)
 RIVAL, TRUE = "charge_transfer_nonlinearity", "hysteresis_instant"

@@ -1,9 +1,9 @@
 """Figures of laws over temperature: lines through the points, dotted where nothing was tested."""
 
 import numpy as np
+from arrhenius import arrhenius_law
 from figure_panels import drawn, labels, law, panels
 
-from cellwright.laws.temperature import LAWS
 from figures import temperature
 
 
@@ -51,7 +51,7 @@ def test_a_quadratic_that_turns_says_where_and_is_dotted_from_there():
 
 def test_arrhenius_lines_have_their_residuals_beneath():
     name, celsius = "resistance at 50 % SoC, 10 s", np.array([0.0, 25.0, 40.0])
-    value = LAWS["arrhenius"](celsius, 0.02, 2e4) * np.array([1.0, 1.01, 1.0])
+    value = arrhenius_law(celsius, 0.02, 2e4) * np.array([1.0, 1.01, 1.0])
     points = [
         {"quantity": name, "family": "resistance, 10 s", "soc": 0.5, "std": 1e-4}
         | {"temperature_celsius": c, "value": v}

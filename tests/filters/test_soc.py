@@ -264,14 +264,8 @@ def test_refusals(change, reason):
 
 SETTINGS = {
     "filters": tuple(METHODS),
-    "initial_soc_error": [-0.3],
     "initial_soc": [0.0],
-    "initial_soc_std": 0.5,
     "scenarios": ["current_offset", "voltage_bias", "capacity_high", "capacity_low", "mid_drive"],
-    "current_offset_c_rate": 0.01,
-    "voltage_bias_volt": 0.005,
-    "capacity_error": 0.1,
-    "sensor_volt": 0.002,
     "current_error_c_rate": 0.005,
 }
 
@@ -286,12 +280,12 @@ def measured(seed):
 
 @pytest.mark.parametrize("scenario", SETTINGS["scenarios"])
 def test_a_scenario_is_laid_out_as_its_own_record_and_bank_would_be(scenario):
-    facts, settings = cell_facts(3.0, 4.2), Soc(**SETTINGS)
+    facts = cell_facts(3.0, 4.2)
     record = laid_out(measured(9), stated(), facts, split_rest_second=120.0, proof=True)
     factor = np.linspace(1.0, 1.2, len(record.soc))
-    given = (record._replace(resistance_factor=factor), BANK, MATCHED, "first_order", settings)
+    given = (record._replace(resistance_factor=factor), BANK, MATCHED, "first_order")
     plant = evaluate._plants(("nominal", scenario), *given)[scenario]
-    own, bank, _ = evaluate._disturbed(scenario, given[0], BANK, Start(0.5), settings)
+    own, bank, _ = evaluate._disturbed(scenario, given[0], BANK, Start(0.5))
     columns = own.test_time_second, own.current_ampere, own.voltage_volt
     options = {"hold": "first_order", "resistance_factor": own.resistance_factor}
     expected = plant_of(bank, *columns, MATCHED, **options, track_ohmic=True)

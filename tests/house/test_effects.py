@@ -9,7 +9,7 @@ FILES_OF_AN_EFFECT = 3
 # Words that are an effect's id and mean something else there: a scenario of a filter, a check of a
 # group's channels, a tolerance of a branch's sensor, a column.
 HOMONYMS = {
-    "capacity_error": {"filters", "settings"},
+    "capacity_error": {"filters"},
     "current_offset": {"filters", "packs", "settings"},
     "current_gain": {"effects/groups", "packs", "settings"},
     "ocv_shift": {"circuits", "packs", "protocols"},

@@ -91,7 +91,7 @@ def test_a_rule_hands_over_the_settings_that_its_script_uses(rule, script, body)
     assert handed(body) == used(script)
 
 
-@pytest.mark.parametrize("section", ["clean", "ocv", "models", "ica", "temperature", "soc"])
+@pytest.mark.parametrize("section", ["clean", "ocv", "models", "temperature", "soc"])
 def test_a_setting_is_in_the_parameters_of_the_rules_that_use_it_only(section):
     """Each key reaches at least one rule, and no rule whose script does not ask for it."""
     for key in whole(section):
@@ -108,7 +108,7 @@ def test_settings_are_told_apart():
     assert scripts["identify"] == {"models.split_rest_second", "models.members"}
     instrument = {"instrument.current_accuracy_share", "instrument.clock_error_share"}
     assert scripts["ocv"] == {"ocv.least_hour"} | instrument
-    assert scripts["ocv_rests"] == {"ocv.rest_second"}
+    assert scripts["ocv_rests"] == set()
     assert "missing_effect.enabled" not in scripts["effect_search"]
     assert "missing_effect.material_volt" in scripts["effect_search"]
     assert scripts["capacity"] == instrument

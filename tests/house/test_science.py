@@ -165,14 +165,10 @@ def test_a_literal_default_is_no_setting():
                 a.arg for a, d in pairs if isinstance(d, ast.Constant) and d.value is not None
             ]
             found |= {f"{room}: {node.name}: {n}" for n in literal if n in keys}
-    assert not found - OF_THEIR_OWN, f"defaults beside the schema's: {sorted(found)}"
+    assert not found, f"defaults beside the schema's: {sorted(found)}"
 
 
 SETTLED = ("api", "series", "protocols", "laws", "filters", "identification")
-# Of the name of a setting, and none: what a function is for decides these, not a campaign.
-OF_THEIR_OWN = {
-    "laws: scaled_peaks: prominence",
-}
 
 
 @every_module

@@ -5,8 +5,6 @@ from sheets_facts import facts_of
 
 from cellwright.identification.lacking import why_no_model
 
-ALL = ("hppc", "drive", "capacity")
-
 
 @pytest.mark.parametrize(
     ("tests", "words"),
@@ -18,7 +16,7 @@ ALL = ("hppc", "drive", "capacity")
         ),
         (
             [facts_of("a", "ageing"), facts_of("b", "ageing"), facts_of("e", "eis")],
-            r"of its tests \(2 ageing, 1 eis\) none is of pulses \(hppc\) or drives \(drive\)",
+            r"of its tests \(2 ageing, 1 eis\) none is of pulses \(hppc\) or drives \(drive\) or ",
         ),
         ([facts_of("q", "capacity")], r"loads at one rate only, as far as the sheet tells \(q\)"),
     ],
@@ -26,20 +24,14 @@ ALL = ("hppc", "drive", "capacity")
 def test_what_is_missing_is_named(tests, words):
     import re
 
-    said = why_no_model(tests, fit_kinds=ALL)
+    said = why_no_model(tests)
     assert said.startswith("no model: ")
     assert re.search(words, said)
-
-
-def test_a_kind_that_the_campaign_does_not_fit_is_named_with_the_setting():
-    said = why_no_model([facts_of("q", "capacity")], fit_kinds=("hppc",))
-    assert "left out by models.fit_kinds: q" in said
-    assert "one rate" not in said
 
 
 def test_an_ocv_is_asked_for_only_where_there_is_none():
     missing = "no slow test (ocv) of it or of a cell of its type"
     load, slow = facts_of("q", "capacity"), facts_of("o", "ocv")
-    assert missing in why_no_model([load], fit_kinds=ALL)
-    assert missing not in why_no_model([load], fit_kinds=ALL, lent=True)
-    assert missing not in why_no_model([slow], fit_kinds=ALL)
+    assert missing in why_no_model([load])
+    assert missing not in why_no_model([load], lent=True)
+    assert missing not in why_no_model([slow])

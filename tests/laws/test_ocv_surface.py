@@ -11,11 +11,11 @@ from cellwright.laws.ocv.surface import (
     compare,
     fit_form,
     form_ocv,
-    form_std,
     is_tested,
+    powers_of,
     table_at,
 )
-from cellwright.protocols.ocv.functions import FORMS
+from cellwright.protocols.ocv.functions import FORMS, parameter_stds
 from cellwright.refusal import Refusal
 
 SOC = np.linspace(0, 1, 201)
@@ -57,7 +57,8 @@ def test_a_function_over_temperature_finds_itself(name):
     assert np.abs(again - volt).max() < 1e-5
     noisy = volt + np.random.default_rng(1).normal(0, 1e-3, len(volt))
     fit = fit_form(name, soc, celsius, noisy, degree=2, near=fitted, **settings)
-    std = form_std(name, fit, soc, celsius, noisy, **settings)
+    powers = powers_of(celsius, settings["reference_celsius"], 2)
+    std = parameter_stds(FORMS[name], fit, soc, noisy, powers=powers)
     free = np.isfinite(std)
     assert np.mean(np.abs((fit - moving(name))[free] / std[free]) < 3) > 0.85
 
@@ -80,11 +81,11 @@ def readings(celsius, std=1e-4):
     volt = volt + np.random.default_rng(0).normal(0, 1e-5, volt.shape)
     level = np.broadcast_to(np.array(celsius, float), volt.shape)
     parts = (np.full(volt.shape, std), np.zeros(volt.shape))
-    return Readings("slow", SOC, level, volt, *parts, ("",) * len(celsius), ())
+    return Readings(SOC, level, volt, *parts, ())
 
 
 def test_what_has_no_temperature_to_leave_out_is_refused():
-    settings = {"reference_celsius": 25.0, "largest_std_volt": 0.02}
+    settings = {"reference_celsius": 25.0}
     with pytest.raises(Refusal, match=r"at 3 temperature\(s\)"):
         compare(readings((0, 25, 40)), **settings)
     with pytest.raises(Refusal, match=r"within ±20 mV at 0 temperature\(s\)"):
@@ -93,9 +94,7 @@ def test_what_has_no_temperature_to_leave_out_is_refused():
 
 @pytest.mark.slow
 def test_left_out_temperatures_are_the_same_points_for_all():
-    functions = compare(
-        readings((-10, 0, 10, 25, 40)), reference_celsius=25.0, largest_std_volt=0.02
-    )
+    functions = compare(readings((-10, 0, 10, 25, 40)), reference_celsius=25.0)
     errors = {f["function"]: f["cross_validation_rmse_volt"] for f in functions}
     assert errors["polynomial"] < 5e-5
     assert errors["isothermal"] > 1e-3

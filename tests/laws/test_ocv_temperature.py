@@ -154,7 +154,7 @@ def test_soc_is_counted_from_full_where_the_remainder_stayed_inside():
     short |= {"charge_capacity_ampere_hour": 1.8, "ocv_volt": ocv(own_soc, -20.0)}
     others = [slow(celsius, joined_by="mean") for celsius in CELSIUS[1:]]
     readings = slow_readings([short, *others])
-    column = readings.tests.index("ocv_-20")
+    column = readings.celsius[0].tolist().index(-20.0)
     finite = np.isfinite(readings.ocv_volt[:, column])
     assert readings.soc[finite].min() == pytest.approx(0.1, abs=0.006)
     error = readings.ocv_volt[finite, column] - ocv(readings.soc[finite], -20.0)

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from arrhenius import arrhenius_law
 from pulse_rows import pulse
 
 from cellwright.laws.of_type import points_of_type, sentences_of_type
-from cellwright.laws.temperature import arrhenius_law, law_rows
+from cellwright.laws.temperature import law_rows
 
 # 10 s resistance at 50 % SoC in mΩ, six cells at each temperature, recomputed from the records;
 # 1.5C but for 0 °C, where it is 0.5C. The third at 45 °C is cell 9, which stands apart.

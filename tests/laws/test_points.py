@@ -70,10 +70,9 @@ def test_a_temperature_without_a_pulse_near_is_absent(socs, found):
     assert len(resistance_points([pulse(soc, 0.03) for soc in socs])[0]) == found
 
 
-def test_the_rate_that_is_asked_for_is_preferred():
+def test_the_rate_nearest_to_one_c_is_preferred():
     rows = [pulse(0.5, 0.02, rate=4.0), pulse(0.5, 0.03, rate=0.95), pulse(0.5, 0.05, rate=0.2)]
     assert [p.value for p in resistance_points(rows)[0]] == [0.03]
-    assert [p.value for p in resistance_points(rows, c_rate=5.0)[0]] == [0.02]
 
 
 def test_currents_are_not_mixed_where_one_reaches_three_temperatures():

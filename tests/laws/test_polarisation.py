@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from arrhenius import arrhenius_law
 
 from cellwright.laws.polarisation import (
     comparable_rests,
@@ -12,7 +13,6 @@ from cellwright.laws.polarisation import (
     soc_lines,
     temperature_lines,
 )
-from cellwright.laws.temperature import arrhenius_law
 from cellwright.refusal import Refusal
 
 CELSIUS = np.array([-20.0, -10, 0, 10, 20])

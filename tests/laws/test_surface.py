@@ -14,7 +14,6 @@ from cellwright.laws.surface import (
     surfaces,
 )
 from cellwright.laws.surface_forms import fit_form, predict, separability
-from cellwright.laws.temperature import quadratic_law
 from cellwright.refusal import Refusal
 
 TEMPERATURES = np.array([-20.0, -10.0, 0.0, 10.0, 20.0])
@@ -34,7 +33,7 @@ def course(soc, *, middle=-2e-4):
 
 
 def additive(soc, celsius):
-    return course(soc) + quadratic_law(celsius, *THESIS)
+    return course(soc) + np.polyval(THESIS, celsius)
 
 
 def multiplicative(soc, celsius):
@@ -95,8 +94,10 @@ def test_the_pieces_join_at_ten_and_ninety_per_cent(form):
 @pytest.mark.parametrize("form", TRUTHS)
 def test_the_true_form_predicts_temperatures_left_out_best(form):
     fitted = fit_surfaces(pulses(TRUTHS[form], 0.005))
-    assert [fit.surface.form for fit in fitted if fit.chosen] == [form]
-    assert all(np.isfinite([fit.soc_rmse, fit.temperature_rmse]).all() for fit in fitted)
+    assert [fit.law.law for fit in fitted if fit.law.chosen] == [form]
+    for law in (fit.law for fit in fitted):
+        soc_rmse = law.values[law.names.index("left_out_soc_rmse")]
+        assert np.isfinite([soc_rmse, law.cross_validation_rmse]).all()
 
 
 def test_an_additive_form_that_turns_upward_in_the_heat_is_not_chosen():
@@ -105,10 +106,11 @@ def test_an_additive_form_that_turns_upward_in_the_heat_is_not_chosen():
     soc, celsius = (grid.ravel() for grid in np.meshgrid(LEVELS, wider))
     data = Pulses("resistance, 10 s", soc, celsius, additive(soc, celsius))
     fitted = fit_surfaces(data)
-    assert fitted[0].surface.form == "additive"
-    assert fitted[0].temperature_rmse < fitted[1].temperature_rmse
-    assert not fitted[0].chosen
-    assert fitted[0].valid_celsius[1] == pytest.approx(27.9, abs=0.1)
+    additive_law, multiplicative_law = fitted[0].law, fitted[1].law
+    assert additive_law.law == "additive"
+    assert additive_law.cross_validation_rmse < multiplicative_law.cross_validation_rmse
+    assert not additive_law.chosen
+    assert additive_law.valid_celsius[1] == pytest.approx(27.9, abs=0.1)
     (text,) = sentences([(data, fitted, ())])
     assert "The additive form is not offered: it turns upward at 28 °C." in text
 

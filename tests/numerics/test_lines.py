@@ -6,12 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cellwright.numerics.lines import (
-    arrhenius_law,
     coloured_line,
-    fit_arrhenius,
     fit_line,
     generalised_line,
-    inverse_temperature,
     residuals,
 )
 from cellwright.numerics.statistics import r_squared, rms
@@ -75,23 +72,6 @@ def test_the_interval_is_that_of_students_t():
     lower, upper = line.interval()
     # t(0.975, 2) = 4.303 (any table of Student's t); std of the mean 1/√3.
     assert (upper[0] - lower[0]) / 2 == pytest.approx(4.3027 / np.sqrt(3), rel=1e-4)
-
-
-@given(st.floats(1e-4, 10), st.floats(-5e4, 1e5), st.floats(-30, 60))
-def test_the_arrhenius_fit_finds_its_law(value, energy, coldest):
-    celsius = coldest + np.array([0.0, 10.0, 25.0, 40.0])
-    line = fit_arrhenius(celsius, arrhenius_law(celsius, value, energy))
-    assert np.exp(line.values[0]) == pytest.approx(value, rel=1e-6)
-    assert line.values[1] == pytest.approx(energy, rel=1e-6, abs=1e-2)
-    assert arrhenius_law(25.0, value, energy) == pytest.approx(value)
-
-
-def test_stated_errors_of_an_arrhenius_fit_are_those_of_the_value():
-    """ln x is off by std/x; beyond two temperatures the energy's error is that over their span."""
-    celsius, value = np.array([-20.0, 25.0, 25.0]), np.array([4.0, 1.0, 1.0])
-    line = fit_arrhenius(celsius, value, np.array([0.04, 1e-9, 1e-9]))
-    span = np.ptp(inverse_temperature(celsius))
-    assert line.std[1] == pytest.approx(0.01 / span, rel=1e-3)
 
 
 @given(st.lists(NUMBER, min_size=1, max_size=20), NUMBER)

@@ -14,7 +14,6 @@ from cellwright.protocols.ica.charge import (
 from cellwright.protocols.ica.parts import parts_joined
 from cellwright.protocols.ica.spline import slope_peaks
 from cellwright.refusal import Refusal
-from cellwright.settings import Ica
 
 VOLT = np.linspace(3.2, 4.15, 200_001)
 PEAKS = ((3.55, 0.020, 0.8), (3.70, 0.025, 1.0), (3.95, 0.022, 0.6))
@@ -46,7 +45,7 @@ def record(rows, seed, step_volt=3e-4, noise_volt=5e-5):
 def found_in(voltage, charge):
     """Curve and peaks of a charge."""
     curve, slope = charge_slope(voltage, charge)
-    return curve, slope_peaks(slope, prominence=Ica().prominence)
+    return curve, slope_peaks(slope)
 
 
 @pytest.fixture(scope="module")
@@ -142,13 +141,12 @@ def test_a_straight_charge_has_no_peaks():
 
 
 def test_peaks_as_columns_are_numbered_and_none_is_a_refusal():
-    options = {"c_rate": 0.05, "prominence": 0.05}
-    columns = charge_peaks(charge_slope(*record(5000, 4))[1], **options)
+    columns = charge_peaks(charge_slope(*record(5000, 4))[1], c_rate=0.05)
     assert columns["peak"].tolist() == [1, 2, 3]
     assert columns["c_rate"].tolist() == [0.05] * 3
     _, straight = charge_slope(np.linspace(3, 4, 5000), np.linspace(0, 2, 5000))
     with pytest.raises(Refusal, match="no peaks: dQ/dV at 0"):
-        charge_peaks(straight, **options)
+        charge_peaks(straight, c_rate=0.05)
 
 
 @settings(max_examples=10, deadline=None)

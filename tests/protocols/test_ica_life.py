@@ -40,7 +40,7 @@ def life(peak_share=1.0):
 
 
 def test_charges_lie_evenly_over_the_life_with_the_rate_of_their_constant_current():
-    rows, curves, _ = peaks_of_life(*life(), prominence=0.02, most=4)
+    rows, curves, _ = peaks_of_life(*life(), most=4)
     assert [row["cycle"] for row in rows] == [1, 5, 8, 12]
     assert [row["c_rate"] for row in rows] == pytest.approx([0.5] * 4)
     wanted = [3.7 + 0.002 * (row["cycle"] - 1) for row in rows]
@@ -49,7 +49,7 @@ def test_charges_lie_evenly_over_the_life_with_the_rate_of_their_constant_curren
 
 
 def test_a_charge_without_peaks_says_so():
-    rows, _, _ = peaks_of_life(*life(peak_share=0), prominence=0.02, most=2)
+    rows, _, _ = peaks_of_life(*life(peak_share=0), most=2)
     assert [row["peak"] for row in rows] == [0, 0]
     assert {row["reason"] for row in rows} == {"no peaks: the curve is flat"}
 
@@ -58,4 +58,4 @@ def test_a_record_without_a_complete_charge_is_refused():
     *record, cycles = life()
     cycles["direction"] = np.full(CYCLES, "discharge")
     with pytest.raises(Refusal, match="no complete charge in the ageing record"):
-        peaks_of_life(*record, cycles, prominence=0.02, most=4)
+        peaks_of_life(*record, cycles, most=4)

@@ -41,9 +41,9 @@ def member(group, name, position, *, connection="parallel", link=None):
     return {"group": group, "cell": name, "position": position} | wiring
 
 
-def planned(cells, tests, groups=(), *, fit_kinds=("hppc", "drive", "capacity"), **settings):
+def planned(cells, tests, groups=(), **settings):
     plan = Plan(Campaign({}, cells, tests, list(groups), []))
-    fits = ModelPlan(plan, fit_kinds=fit_kinds, scored_kinds=("drive", "hppc", "capacity"))
+    fits = ModelPlan(plan, scored_kinds=("drive", "hppc", "capacity"))
     return fits, SearchPlan(plan, fits, SETTINGS | settings)
 
 
@@ -75,12 +75,10 @@ def test_a_model_comes_from_the_first_source_that_a_cell_has():
     }
 
 
-def test_a_kind_that_may_not_be_fitted_makes_no_model():
+def test_a_test_for_validation_makes_no_model():
     tests = [a_test("A", "drive"), a_test("B", "drive", role="validation")]
     fits, _ = planned([cell("A"), cell("B")], tests)
     assert list(fits.excited) == ["A"]
-    fits, _ = planned([cell("A"), cell("B")], tests, fit_kinds=["hppc"])
-    assert not fits.excited
 
 
 def test_a_string_in_series_tells_no_model_of_a_cell():

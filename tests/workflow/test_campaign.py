@@ -381,6 +381,12 @@ BAD_CONFIG = [
     ("strict: maybe", "line 1, strict: found 'maybe', wanted true or false"),
     ("\nresistence: {}", "line 2: found 'resistence'", "did you mean 'resistance'?"),
     ("rest_c_rate: 1", "did you mean 'segment.rest_c_rate'?"),
+    (
+        "soc:\n  sensor_volt: 0.001",
+        "line 2: found soc.sensor_volt, wanted no such key: ",
+        "soc.sensor_volt is fixed now at 0.002 V",
+    ),
+    ("ica: {prominence: 0.05}", "line 1: found ica, wanted no such key: ica.prominence is fixed"),
     ("resistance:\n  delay_second: [0, -1]", "line 2, resistance.delay_second.1: found -1"),
     (
         "resistance:\n  delay_second: [1, 1]",

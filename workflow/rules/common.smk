@@ -89,7 +89,8 @@ test_facts, cell_facts, facts_of = PLAN.test_facts, PLAN.cell_facts, PLAN.facts_
 facts_of_own_tests = PLAN.facts_of_own_tests
 # Settings of a section that reach an analysis; the others decide which jobs there are.
 of_analysis = partial(settings.of_analysis, config, settings.load(SCHEMAS, "config"))
-RELAXATION_KINDS = config["relaxation"]["kinds"]
+# Kinds of test in which every rest after a load is fitted by exponentials.
+RELAXATION_KINDS = ["relaxation", "hppc", "capacity", "ocv_temperature", "pulse_resistance"]
 # Tests whose loads tell resistances, models and their errors: the same measurement in two of them
 # counts once.
 EVIDENCE_KINDS = sorted({*PULSE_KINDS, *RELAXATION_KINDS, "capacity", "drive"})

@@ -18,8 +18,6 @@ rule ica_life:
         curves="results/stages/ica_life_curve/{cell}/{test}.parquet",
     log:
         "logs/ica_life/{cell}/{test}.log",
-    params:
-        prominence=config["ica"]["prominence"],
     message:
         "Incremental capacity of {wildcards.cell} in charges over the life of {wildcards.test}."
     script:

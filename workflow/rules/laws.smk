@@ -80,7 +80,6 @@ rule resistance_surface:
     params:
         tests=facts_of_tests_of_type,
         delay_second=config["temperature"]["delay_second"],
-        c_rate=config["temperature"]["c_rate"],
     message:
         "Resistance of {wildcards.cell} over SoC and temperature: three forms, tested."
     script:
@@ -153,12 +152,8 @@ rule ocv_temperature:
 
 
 # Cells that were rested on purpose; of the others a rest is what lay between two other tests.
-RESTED_KINDS = [
-    kind for kind in ("relaxation", "hppc", "ocv_temperature") if kind in RELAXATION_KINDS
-]
-RELAXED = dict.fromkeys(
-    cell for cell in CELLS if RESTED_KINDS and tests(cell, *RESTED_KINDS, roles=["fit"])
-)
+RESTED_KINDS = ("relaxation", "hppc", "ocv_temperature")
+RELAXED = dict.fromkeys(cell for cell in CELLS if tests(cell, *RESTED_KINDS, roles=["fit"]))
 
 
 rule polarisation:

@@ -1,7 +1,7 @@
 # Equivalent circuits: what a cell's SoC refers to, identification, validation.
 
 # Which cells have a model, and from what; what of them is searched for a missing effect.
-FITS = ModelPlan(PLAN, fit_kinds=config["models"]["fit_kinds"], scored_kinds=SERIES_KINDS)
+FITS = ModelPlan(PLAN, scored_kinds=SERIES_KINDS)
 SEARCHES = SearchPlan(PLAN, FITS, config["missing_effect"])
 OF_TYPE, references = FITS.of_type, FITS.references
 EXCITED, GIVEN, BIASED, GROUPED = FITS.excited, FITS.given, FITS.biased, FITS.grouped
@@ -173,7 +173,6 @@ rule no_model:
         cell=either(UNMODELLED),
     params:
         tests=PLAN.columns_of_tests("test", "kind", "role"),
-        fit_kinds=FITS.fit_kinds,
         lent_curve=own(FITS.is_lent_a_curve),
     message:
         "Why {wildcards.cell} has no model."

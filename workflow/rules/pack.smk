@@ -47,7 +47,6 @@ rule pack:
     params:
         test=test_facts,
         branches=own(WIRED.get),
-        settings=config["pack_decisions"],
     message:
         "Simulate the group {wildcards.group} through {wildcards.test}."
     script:

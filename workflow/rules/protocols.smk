@@ -59,7 +59,6 @@ rule ocv_rests:
     log:
         "logs/ocv_rests/{cell}/{test}.log",
     params:
-        rest_second=config["ocv"]["rest_second"],
         test=test_facts,
         cell=cell_facts,
     message:
@@ -105,7 +104,6 @@ rule pulses:
     params:
         resistance=config["resistance"],
         instrument=config["instrument"],
-        relaxation=of_analysis("relaxation"),
         test=test_facts,
         cell=cell_facts,
     message:
@@ -151,7 +149,6 @@ rule relaxation:
     wildcard_constraints:
         cell=only_these(row for row in CAMPAIGN.tests if row["kind"] not in BOTH_KINDS),
     params:
-        settings=of_analysis("relaxation"),
         test=test_facts,
         cell=cell_facts,
     message:
@@ -170,7 +167,6 @@ rule ica:
     log:
         "logs/ica/{cell}/{test}.log",
     params:
-        prominence=config["ica"]["prominence"],
         test=test_facts,
         cell=cell_facts,
     message:
@@ -189,7 +185,6 @@ rule ica_discharge:
     log:
         "logs/ica_discharge/{cell}/{test}.log",
     params:
-        prominence=config["ica"]["prominence"],
         test=test_facts,
     message:
         "Incremental capacity of {wildcards.cell} from the discharge in {wildcards.test}."

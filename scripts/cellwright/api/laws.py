@@ -84,12 +84,10 @@ def cold_limit(laws, points=None):
     return results.Result({}, limited([Point(**row) for row in points], inputs.rows(laws)))
 
 
-def resistance_surface(
-    resistances, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate
-):
+def resistance_surface(resistances, *, delay_second=TEMPERATURE.delay_second):
     """Resistance [ohm] of one cell over SoC and temperature in three forms, and which fits best.
 
-    delay_second : delays into the pulse [s]. c_rate : preferred rate of the pulses [1/h].
+    delay_second : delays into the pulse [s].
 
     Returns rows: the laws; points: measured and fitted. Raises Refusal: too few pulses.
     Source: docs/temperature.md.
@@ -98,7 +96,7 @@ def resistance_surface(
 
     rows = inputs.entries(resistances)
     # Temperatures left out of the fit choose the form: a table meets its own points best.
-    fits, reasons = surface.surfaces(rows, delay_second=delay_second, c_rate=c_rate)
+    fits, reasons = surface.surfaces(rows, delay_second=delay_second)
     tables = {"rows": surface.law_rows(fits), "points": surface.point_rows(fits)}
     return results.Result(tables, notes=(*reasons, *surface.sentences(fits)))
 

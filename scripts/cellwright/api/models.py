@@ -196,15 +196,14 @@ def add_own_effects(
     return _with_choice(content, rows)
 
 
-def refuse_model(tests, *, fit_kinds=("hppc", "drive", "capacity"), lent_curve=False):
+def refuse_model(tests, *, lent_curve=False):
     """Raise a Refusal that says what is missing for a model of a cell without a test to fit.
 
-    tests : TestFacts or mappings. fit_kinds : kinds that models are fitted to.
-    lent_curve : an OCV is lent.
+    tests : TestFacts or mappings. lent_curve : an OCV is lent.
     """
     from cellwright.identification import lacking
 
-    raise lacking.no_model([*map(inputs.test_facts, tests)], fit_kinds=fit_kinds, lent=lent_curve)
+    raise lacking.no_model([*map(inputs.test_facts, tests)], lent=lent_curve)
 
 
 def model_of_table(

@@ -180,15 +180,12 @@ def check_group(branches, series, test, simulated=None):
     return results.Result({"rows": [found._asdict() for found in findings]}, notes=notes)
 
 
-def validate_group(
-    models, branches, series, test, capacities=None, settings=None, *, thermal=(), **changes
-):
+def validate_group(models, branches, series, test, capacities=None, *, thermal=()):
     """Errors of a parallel group simulated through its record: branch currents [A], voltage [V].
 
     series : with branch_<k>_current_ampere [A].
     capacities : rows of the capacity stage of its cells, with cell and test, by whose standard
         deviations intervals are told; () where there is none; None: no intervals are told.
-    settings : `settings.PackDecisions`: least standard deviations.
     thermal : documents of `thermal_constants`: where no temperature was logged in the group and
         those of all cells are known, the cells warm by their own heat.
 
@@ -205,13 +202,7 @@ def validate_group(
     names, known = [leaf.cell for leaf in leaves], None
     # Intervals need to know how sure the models are; a record is validated without them as well.
     if capacities is not None:
-        chosen = inputs.settings_of(PackDecisions, settings, changes)
-        known = uncertainty_of(
-            documents,
-            _capacity_stds(capacities, names),
-            initial_soc_std=chosen.initial_soc_std,
-            wire_relative_std=chosen.wire_relative_std,
-        )
+        known = uncertainty_of(documents, _capacity_stds(capacities, names))
     how = {"leaves": leaves, "uncertainty": known, "thermal": _thermal_of(thermal, names)}
     tables, notes = validated(documents, own, inputs.measured(test, series), wiring, **how)
     return results.Result(tables, notes=tuple(notes))

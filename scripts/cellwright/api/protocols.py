@@ -5,16 +5,13 @@ import numpy as np
 from cellwright.api import inputs, results
 from cellwright.settings import (
     FastCharge,
-    Ica,
     Impedance,
     Instrument,
     Ocv,
-    Relaxation,
     Resistance,
 )
 
 OCV = Ocv()
-ICA = Ica()
 
 
 def course(tests, cell):
@@ -120,12 +117,8 @@ def ocv(series, cell, *, least_hour=OCV.least_hour, test=None, course=None):
     return results.Result(tables, notes=tuple(filter(None, [curve.note])))
 
 
-def ocv_from_rests(
-    series, steps, cell, test, capacities=(), *, rest_second=OCV.rest_second, course=None
-):
+def ocv_from_rests(series, steps, cell, test, capacities=(), *, course=None):
     """Open-circuit voltage [V] over SoC from the rests of a pulse test.
-
-    rest_second : shortest rest that is a point of the curve [s].
 
     Returns curve over SoC as of `ocv`; points: dict of (k,) columns, one entry a rest. Raises
     Refusal: no capacity, or too few rests. Source: docs/ocv.md.
@@ -147,7 +140,7 @@ def ocv_from_rests(
         **inputs.ratings(cell),
         **_before(course, test),
     )
-    points = rest_points(*columns, steps, rest_second=rest_second)
+    points = rest_points(*columns, steps)
     curve = ocv_of_rests(points, scale, **inputs.cutoffs(cell))
     table = points._asdict() | {"soc": soc_at(points, scale)}
     words = {"capacity_source": scale.source}
@@ -210,10 +203,8 @@ def resistance(
     return results.Result({"rows": pulses.rows}, notes=notes)
 
 
-def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None, **changes):
+def relaxation(series, steps, basis, test, cell, *, repeats=None):
     """Two exponentials fitted to the voltage of each rest of one test: amplitudes, time constants.
-
-    settings : `settings.Relaxation`.
 
     Returns rows, `protocols.rests.RestRows`, (k,): amplitudes [V], time constants [s] and their
     uncertainty; curve: voltage over time of one rest. Raises Refusal: no rest after a load is long
@@ -239,7 +230,6 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
         inputs.steps(steps),
         temperature_celsius=chamber_or_cell(columns),
         elsewhere=inputs.elsewhere(repeats, test, steps),
-        **inputs.settings_of(Relaxation, settings, changes)._asdict(),
     )
     # What a rest tells does not need the SoC: its origin is a note only where it is in doubt.
     stated = inputs.test_facts(test).soc is not None
@@ -290,11 +280,11 @@ def ica(series, steps, *, direction="charge"):
     return results.Result({"curve": curve}, about, tuple(map(words, notes)))
 
 
-def ica_discharge(series, steps, *, prominence=ICA.prominence, slow=False):
+def ica_discharge(series, steps, *, slow=False):
     """Incremental capacity of the slow discharge in one test, and its peaks, beside its charge.
 
-    prominence : as of `ica_peaks`. slow : whether any discharge of the test counts as slow, as in a
-        test for the open-circuit voltage; else one no faster than the charge in it.
+    slow : whether any discharge of the test counts as slow, as in a test for the open-circuit
+        voltage; else one no faster than the charge in it.
 
     Returns rows and curve as of `ica_peaks` and `ica`, without an entry where the test has no such
     discharge, as the notes say. Source: docs/ica.md.
@@ -306,7 +296,7 @@ def ica_discharge(series, steps, *, prominence=ICA.prominence, slow=False):
         found = ica(series, steps, direction="discharge")
         if not slow:
             refuse_faster(found.c_rate, inputs.steps(steps))
-        peaks = ica_peaks(found, prominence=prominence)
+        peaks = ica_peaks(found)
     except Refusal as refusal:
         notes = (f"no dQ/dV of a discharge: {refusal}",)
         return results.Result({"rows": NO_PEAKS, "curve": NO_CURVE}, {"c_rate": np.nan}, notes)
@@ -315,11 +305,10 @@ def ica_discharge(series, steps, *, prominence=ICA.prominence, slow=False):
     )
 
 
-def ica_peaks(ica, *, prominence=ICA.prominence):
+def ica_peaks(ica):
     """Peaks of the incremental capacity of one charge: voltage [V], height [Ah/V], area [Ah].
 
     ica : result of `ica`.
-    prominence : least rise of a peak, as a share of the highest dQ/dV [1].
 
     Returns rows, (k,): voltage [V], height [Ah/V], area [Ah], width [V], each with its standard
     deviation; doubt: where the charge was interrupted, and where its curve ends for another reason
@@ -327,16 +316,16 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
     """
     from cellwright.protocols.ica.charge import charge_peaks
 
-    rows = charge_peaks(ica.slope, c_rate=ica.c_rate, prominence=prominence)
+    rows = charge_peaks(ica.slope, c_rate=ica.c_rate)
     rows["doubt"] = np.full(len(rows["peak"]), "; ".join(ica.notes))
     return results.Result({"rows": rows})
 
 
-def ica_life(series, steps, cycles, *, prominence=ICA.prominence, most=30):
+def ica_life(series, steps, cycles, *, most=30):
     """Peaks of dQ/dV of charges spread evenly over one ageing record.
 
     cycles : result of `ageing_cycles`, or its columns.
-    prominence : as of `ica_peaks`. most : charges at most.
+    most : charges at most.
 
     Returns rows, one a peak; curves: columns cycle, voltage [V], dQ/dV [Ah/V]. Raises Refusal: no
     complete charge, or none whose dQ/dV can be taken. Source: docs/ica.md.
@@ -346,8 +335,7 @@ def ica_life(series, steps, cycles, *, prominence=ICA.prominence, most=30):
     record = inputs.quantities(series, inputs.COUNTED)
     columns = inputs.columns(cycles, "cycle", "direction", "start_time_second")
     steps = inputs.steps(steps)._asdict()
-    how = {"prominence": prominence, "most": most}
-    rows, curves, notes = peaks_of_life(*record, steps, columns, **how)
+    rows, curves, notes = peaks_of_life(*record, steps, columns, most=most)
     return results.Result({"rows": rows, "curves": curves}, notes=tuple(notes))
 
 

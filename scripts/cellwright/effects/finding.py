@@ -159,14 +159,9 @@ def _paired(case, references, options):
 
 
 def settings_of(settings):
-    """Gates and tolerances from the settings of a campaign, by their names."""
+    """Gates from the settings of a campaign, by their names, and the tolerances."""
     gates = Gates(**{name: settings[name] for name in Gates._fields if name in settings})
-    tolerances = {
-        name: settings[f"{name}_tolerance"]
-        for name in base.Tolerance._fields
-        if f"{name}_tolerance" in settings
-    }
-    return gates, base.Tolerance(**tolerances)
+    return gates, base.Tolerance()
 
 
 def of_case(name, case, library, *, split_rest_second=None, base_name="plain", others=None):

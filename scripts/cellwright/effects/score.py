@@ -7,24 +7,22 @@ without it, under an error with heavy tails, so that no block decides for all ot
     q = mean(e²),  lpd = −(ν + 1)/2 · ln(1 + q/ν),  D = Σ (lpd − lpd of another model),  z = D/SE
 
 with e the whitened error of the block's rows. Of two models the better is the one with the larger
-sum; what differs from block to block says how sure that is.
+sum; what differs from block to block says how sure that is (`numerics.compare`, with its sources).
 
-Source: leave-one-out predictive densities and the standard error of their differences: A. Vehtari,
-A. Gelman, J. Gabry, Stat. Comput. 27 (2017) 1413. Blocks, where neighbours err alike: D. Roberts et
-al., Ecography 40 (2017) 913. Student's t for errors of unknown size: K. Lange, R. Little, J.
-Taylor, J. Am. Stat. Assoc. 84 (1989) 881.
+Source: Student's t for errors of unknown size: K. Lange, R. Little, J. Taylor, J. Am. Stat. Assoc.
+84 (1989) 881.
 """
 
-from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.compare import compare
+
 NU = 4.0  # degrees of freedom of the error: the usual ones of a robust fit (Lange et al.)
 BANDS = 10  # of the SoC
 LEAST_ROWS = 5
-LAG = 2  # blocks along the SoC whose differences are alike
 
 
 class Blocks(NamedTuple):
@@ -40,18 +38,6 @@ class Blocks(NamedTuple):
     record: np.ndarray
     band: np.ndarray
     judges: np.ndarray
-
-
-class Difference(NamedTuple):
-    """How much better one model predicts than another.
-
-    total : sum over the blocks. z : over its standard error. rank_z : the same of the ranks of the
-    blocks' differences, which no single block decides.
-    """
-
-    total: float
-    z: float
-    rank_z: float
 
 
 def blocks_of(fitted, judging, *, channels=1):
@@ -160,51 +146,11 @@ def densities(squares):
 
 
 def difference(better, worse, record):
-    """Difference of the densities (b,) of two models over blocks.
+    """How much better one model predicts than another, by their densities (b,): `compare`.
 
-    Parameters
-    ----------
-    better, worse : (b,) of `densities`. record : (b,) see `Blocks`.
-
-    Source: the standard error of a sum of alike differences: W. Newey, K. West, Econometrica 55
-    (1987) 703. Ranks: F. Wilcoxon, Biometrics Bull. 1 (1945) 80.
+    record : (b,) see `Blocks`.
     """
-    each = better - worse
-    total = float(each.sum())
-    off = each - each.mean() if len(each) else each
-    variance = float(off @ off)
-    for lag in range(1, LAG + 1):
-        same = record[lag:] == record[:-lag]
-        variance += 2.0 * (1.0 - lag / (LAG + 1.0)) * float(np.sum((off[lag:] * off[:-lag])[same]))
-    if len(each) < 2 or variance <= 0.0:
-        return Difference(total, 0.0, 0.0)
-    return Difference(total, total / np.sqrt(variance), _rank_z(each))
-
-
-def _rank_z(each):
-    """Normal deviate of Wilcoxon's signed ranks, by their exact distribution if there were none.
-
-    Of few blocks the normal approximation falls short: all of ten cannot pass three by it.
-    """
-    moved = each[each != 0.0]
-    rank = np.empty(len(moved), int)
-    rank[np.argsort(np.abs(moved), kind="stable")] = np.arange(1, len(moved) + 1)
-    positive, whole = int(rank[moved > 0].sum()), int(rank.sum())
-    if 2 * positive == whole:
-        return 0.0
-    sign = 1.0 if 2 * positive > whole else -1.0
-    return sign * float(_deviates(len(moved))[min(positive, whole - positive)])
-
-
-@cache
-def _deviates(count):
-    """Normal deviate of each sum of ranks, the smaller of both signs, of so many differences."""
-    from scipy.special import ndtri  # here: other steps of the method need none of it
-
-    ways = np.ones(1)
-    for rank in range(1, count + 1):
-        ways = np.append(ways, np.zeros(rank)) + np.append(np.zeros(rank), ways)
-    return -ndtri(np.minimum(np.cumsum(ways / 2.0**count), 0.5))
+    return compare(better, worse, record=record)
 
 
 def rms_of_blocks(residual, block, chosen):

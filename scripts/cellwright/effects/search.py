@@ -93,7 +93,7 @@ class Beside(NamedTuple):
     """An effect of a model beside all others in it.
 
     state : State of the whole model. before : State refitted without the effect. squares : two of
-    (b,), of both, see `state.squares_of`. gain : score.Difference of the two. tied : keys of
+    (b,), of both, see `state.squares_of`. gain : compare.Difference of the two. tied : keys of
     effects that predict as well in its place.
     """
 
@@ -180,7 +180,7 @@ class Found(NamedTuple):
 
     def gain_elsewhere(self, one):
         """What an effect gains elsewhere, over a model without it that the block that tells most of
-        the effect does not bend: score.Difference of the other blocks.
+        the effect does not bend: compare.Difference of the other blocks.
 
         Not in closed form: what an effect takes up, a knee, bends all of a model that lacks it.
 
@@ -218,7 +218,7 @@ def joins(gain, gates):
 
     Parameters
     ----------
-    gain : score.Difference. gates : case.Gates.
+    gain : compare.Difference. gates : case.Gates.
     """
     return gain.total > 0.0 and (gain.z >= gates.joins or gain.rank_z >= gates.counts)
 

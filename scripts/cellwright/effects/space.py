@@ -152,7 +152,7 @@ class Space:
         return float(at @ self._fitted @ at + x @ self._prior @ x - 2.0 * self._pull @ x)
 
     def difference(self, better, worse):
-        """How much better a model predicts than another: score.Difference."""
+        """How much better a model predicts than another: compare.Difference."""
         return difference(self.density(better), self.density(worse), self.record)
 
     def keys(self, chosen):
@@ -208,7 +208,7 @@ class Space:
 
         Returns
         -------
-        gains : list of (Effect, score.Difference, its leading size, whether it is within its
+        gains : list of (Effect, compare.Difference, its leading size, whether it is within its
             limits, fall of chi-square), of those that the records can show.
         """
         falls, found = self._falls(self.inside, ()), []

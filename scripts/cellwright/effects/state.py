@@ -81,7 +81,7 @@ class Yardstick(NamedTuple):
         return value - self.price * effects
 
     def difference(self, better, worse):
-        """How much better a model predicts than another, by their squares: score.Difference."""
+        """How much better a model predicts than another, by their squares: compare.Difference."""
         return difference(self.density(better), self.density(worse), self.blocks.record)
 
 

@@ -18,6 +18,12 @@ NORMAL_95 = 1.959963985
 LAGS = 20  # of the autocorrelation that is tested
 CONVERGED_SOC, HELD_SECOND = 0.03, 600.0  # a filter has converged when its error stays this small
 WINDOW_SECOND = 600.0  # of the adaptive law
+# Starts and scenarios are a yardstick: of one size everywhere, so that cells and members compare.
+START_ERROR = -0.3  # of the SoC; also runs through every scenario
+START_STD = 0.5  # that a filter is told of its start: it knows nothing of it
+OFFSET_C_RATE = 0.01  # of the current, over the capacity: a poor sensor's
+BIAS_VOLT = 0.005  # of the voltage: a poor sensor's
+CAPACITY_ERROR = 0.1  # relative: half a life
 NUMBERS = ("nis_mean", "nis_low", "nis_high", "autocorrelation")  # of the innovations
 
 
@@ -193,12 +199,10 @@ def soc_runs(model, record, *, settings):
     plans = [("nominal", start) for start in (first, *others)]
     plans += [(scenario, first) for scenario in settings.scenarios]
     names = ("nominal", *settings.scenarios)
-    plants = {
-        noise: _plants(names, record, bank, noise, hold, settings) for noise in set(noises.values())
-    }
+    plants = {noise: _plants(names, record, bank, noise, hold) for noise in set(noises.values())}
     rows, columns = [], {}
     for method, noise in noises.items():
-        known = reference, plants[noise], noise, settings, unsure
+        known = reference, plants[noise], noise, unsure
         runs = _runs(method, plans, record, bank, *known)
         rows += [row for row, _ in runs]
         columns |= _series_of(method, runs[0][1])
@@ -236,7 +240,6 @@ def noise_of(settings, test_time_second):
     step = np.median(np.diff(test_time_second)) if len(test_time_second) > 1 else 1.0
     samples = WINDOW_SECOND / max(step, 1e-3)
     return Noise(
-        sensor_volt=settings.sensor_volt,
         soc_walk=(walk, WALK_RATIO * walk),
         window=int(np.clip(samples, FEWEST, MOST)),
     )
@@ -265,23 +268,22 @@ def _without_instrument_faults(model, member, record):
 
 def _starts(settings, soc):
     """Starts with the stated errors of the SoC, clipped to 0…1."""
-    stated = [soc + error for error in settings.initial_soc_error]
-    stated += settings.initial_soc
+    stated = [soc + START_ERROR, *settings.initial_soc]
     clipped = [float(np.clip(value, 0.0, 1.0)) for value in stated]
-    return [Start(value, soc_std=settings.initial_soc_std) for value in dict.fromkeys(clipped)]
+    return [Start(value, soc_std=START_STD) for value in dict.fromkeys(clipped)]
 
 
-def _disturbed(scenario, record, bank, start, settings):
+def _disturbed(scenario, record, bank, start):
     """Record, bank and start of a scenario."""
     if scenario == "current_offset":
-        offset = settings.current_offset_c_rate * bank.capacity_ampere_hour
+        offset = OFFSET_C_RATE * bank.capacity_ampere_hour
         return record._replace(current_ampere=record.current_ampere + offset), bank, start
     if scenario == "voltage_bias":
-        biased = record.voltage_volt + settings.voltage_bias_volt
+        biased = record.voltage_volt + BIAS_VOLT
         return record._replace(voltage_volt=biased), bank, start
     if scenario in ("capacity_high", "capacity_low"):
         sign = 1.0 if scenario == "capacity_high" else -1.0
-        size = bank.capacity_ampere_hour * (1.0 + sign * settings.capacity_error)
+        size = bank.capacity_ampere_hour * (1.0 + sign * CAPACITY_ERROR)
         return record, bank._replace(capacity_ampere_hour=size), start
     if scenario == "mid_drive":
         later = rows_of(record, slice(len(record.used) // 3, None))
@@ -290,7 +292,7 @@ def _disturbed(scenario, record, bank, start, settings):
     return record, bank, start
 
 
-def _plants(scenarios, record, bank, noise, hold, settings):
+def _plants(scenarios, record, bank, noise, hold):
     """Plant of each scenario, without the capacity among its states: every filter starts on one."""
 
     def laid(disturbed, size):
@@ -300,7 +302,7 @@ def _plants(scenarios, record, bank, noise, hold, settings):
 
     nominal, plants = laid(record, bank), {}
     for scenario in scenarios:
-        disturbed, size, _ = _disturbed(scenario, record, bank, Start(0.0), settings)
+        disturbed, size, _ = _disturbed(scenario, record, bank, Start(0.0))
         # Of another voltage or capacity nothing else of a plant comes.
         same_current = disturbed.current_ampere is record.current_ampere
         plants[scenario] = (
@@ -313,13 +315,13 @@ def _plants(scenarios, record, bank, noise, hold, settings):
     return plants
 
 
-def _runs(method, plans, record, bank, reference, plants, noise, settings, unsure):
+def _runs(method, plans, record, bank, reference, plants, noise, unsure):
     """Row and estimate of one filter for each scenario and start; `unsure` of the capacity [1]."""
     tracked = {"track_capacity": method == "dual", "track_ohmic": True}
     plants = {name: with_tracked(p, bank, noise, **tracked) for name, p in plants.items()}
     runs, scored = [], {}
     for scenario, first in plans:
-        disturbed, size, start = _disturbed(scenario, record, bank, first, settings)
+        disturbed, size, start = _disturbed(scenario, record, bank, first)
         # A look-up has no start: what it finds in a scenario is the same from all.
         key = (scenario, None if method == "ocv" else first)
         if key not in scored:

@@ -10,7 +10,6 @@ from cellwright.numerics.clock import checked_columns
 from cellwright.numerics.lags import lag, lag_weights
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
-from cellwright.settings import Soc
 
 
 def levels_of(bank, current_ampere, curved):
@@ -98,7 +97,7 @@ class Noise(NamedTuple):
     adaptive : noise is matched to what is seen, over `window` samples.
     """
 
-    sensor_volt: float = Soc().sensor_volt
+    sensor_volt: float = 0.002  # where no record that a model was fitted to tells it
     resistance_error: float = 0.1
     fast_second: float = 5.0
     steady_error: float | None = None

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.health.fade import LEAST_CYCLES
-from cellwright.laws.temperature import law_row
+from cellwright.laws.law import law_row
 from cellwright.numerics.lines import coloured_line, residuals
 from cellwright.numerics.periods import daily_sine, periods
 from cellwright.numerics.statistics import rms, robust_std, t_interval

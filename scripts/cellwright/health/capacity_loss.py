@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.law import law_row
 from cellwright.laws.points import first_check_up
-from cellwright.laws.temperature import law_row
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.records.anchor import tells_repeats
 from cellwright.records.conditions import (

@@ -24,6 +24,7 @@ from cellwright.identification.identify import (
 )
 from cellwright.identification.ocv_shape import ocv_from_loads, shape_records
 from cellwright.identification.search import shared_of
+from cellwright.numerics.compare import compare
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.basis import capacities_of_checkups, scale_in_words
 from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
@@ -354,9 +355,8 @@ def _with_own_shape(shared, dense, blocks, settings):
     own = identify(shaped, plain, shared=of_shaped, **settings)
     of_proof = np.isin(np.unique(block), np.concatenate(others))
     before, after = (left_out(fit, block).square_volt2[of_proof] for fit in (given, own))
-    ratio = np.log(after / before)
-    error = np.std(ratio, ddof=1) / np.sqrt(len(ratio)) if len(ratio) > 1 else np.inf
-    better = ratio.mean() + SURE * error < 0 and after.mean() < before.mean()
+    sure = compare(-np.log(after), -np.log(before)).z > SURE
+    better = sure and after.mean() < before.mean()
     volts = " to ".join(f"{1e3 * np.sqrt(s.mean()):.2g}" for s in (before, after))
     words = f"from {listed}: blocks of other records left out of the fit {volts} mV"
     if not better:

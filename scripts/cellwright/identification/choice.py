@@ -11,6 +11,7 @@ import numpy as np
 from cellwright.circuits.circuit import member_named, size_of
 from cellwright.identification.regression import held_out
 from cellwright.identification.validation import FAULT_VOLT
+from cellwright.numerics.compare import compare
 from cellwright.refusal import Refusal
 
 FOLDS = 4
@@ -239,7 +240,7 @@ class _Blocks(NamedTuple):
         the standard error of that; 0 where too few tell one. `condition`: at that one alone."""
         here = slice(None) if condition is None else self.condition == condition
         pair = (_log_of(self.square_volt2[n][here]) for n in (name, other))
-        return _standard_errors(np.subtract(*pair), self.share[here])
+        return compare(*pair, share=self.share[here]).z
 
 
 def _blocks_of(scores):
@@ -404,21 +405,6 @@ def _against(name, chosen, blocks, rmse, by_condition):
     if np.any(_is_worse(candidate, incumbent)):
         return f"worse than {chosen} at some temperature"
     return None
-
-
-def _standard_errors(difference, share):
-    """Mean difference between blocks over its standard error; 0 where too few tell one.
-
-    difference, share : (b,), how far each counts in the mean.
-    """
-    count, share = len(difference), share / share.sum() if len(share) else share
-    mean = share @ difference
-    # Two blocks tell no scatter between them.
-    if count < 3 or mean == 0:
-        return 0.0
-    variance = share @ (difference - mean) ** 2 * count / (count - 1)
-    error = np.sqrt(variance * np.sum(share**2))
-    return float(mean / error) if error > 0 else float(np.copysign(np.inf, mean))
 
 
 def _words(chosen, equal, blocks, rmse, far):

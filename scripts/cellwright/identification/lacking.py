@@ -9,13 +9,12 @@ FITTED = {"hppc": "pulses", "drive": "drives", "capacity": "constant-current loa
 FIT_ROLES = {"hppc": ("fit",), "drive": ("fit", "split"), "capacity": ("fit",)}
 
 
-def why_no_model(tests, *, fit_kinds, lent=False):
+def why_no_model(tests, *, lent=False):
     """What is missing for a model of a cell that has no pulses or drives to fit, in a sentence.
 
     Parameters
     ----------
     tests : list of TestFacts, all tests of the cell.
-    fit_kinds : kinds of test that models may be fitted to.
     lent : whether a cell of its chemistry and rating has an OCV curve to lend.
 
     Returns
@@ -24,12 +23,11 @@ def why_no_model(tests, *, fit_kinds, lent=False):
     """
     if not tests:
         return "no model: the sheet has no test of this cell, and no cell of its type lends one"
-    wanted = " or ".join(f"{FITTED[kind]} ({kind})" for kind in fit_kinds)
+    wanted = " or ".join(f"{words} ({kind})" for kind, words in FITTED.items())
     could_fit = [test for test in tests if test.kind in FITTED]
     reasons = [
         *_of_roles([test for test in could_fit if not _may_be_fitted(test)]),
-        *_of_choice(test for test in could_fit if test.kind not in fit_kinds),
-        *_of_one_load([test for test in could_fit if _may_be_fitted(test)], fit_kinds),
+        *_of_one_load([test for test in could_fit if _may_be_fitted(test)]),
     ]
     if not could_fit:
         kinds = ", ".join(f"{n} {kind}" for kind, n in Counter(t.kind for t in tests).items())
@@ -62,14 +60,8 @@ def _of_roles(tests):
         yield f"not to be fitted by their role: {names}; a test of kind {kind} is fitted as {roles}"
 
 
-def _of_choice(tests):
-    names = ", ".join(test.test for test in tests)
-    if names:
-        yield f"left out by models.fit_kinds: {names}"
-
-
-def _of_one_load(tests, fit_kinds):
-    loads = [test.test for test in tests if test.kind == "capacity" and "capacity" in fit_kinds]
+def _of_one_load(tests):
+    loads = [test.test for test in tests if test.kind == "capacity"]
     if loads:
         yield (
             f"loads at one rate only, as far as the sheet tells ({loads[0]}): they cannot tell OCV "

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from cellwright.laws.law import value_of
 from cellwright.laws.points import grouped, mean_per_temperature
-from cellwright.laws.temperature import LAWS, span_of
+from cellwright.laws.temperature import FORMS, LAWS, span_of
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.refusal import Refusal
 
@@ -40,26 +41,32 @@ def cold_limit(points, laws):
 
     Source: thesis section 3.2 (Rct grows 26-fold to −20 °C, Rs less than twofold).
     """
-    kinds = ("ohmic", "charge-transfer")
-    courses = [_of_family(points, f"{kind} resistance, impedance") for kind in kinds]
-    spectra = {soc: tuple(course[soc] for course in courses) for soc in _shared_levels(courses)}
-    for source, pairs in (("impedance", spectra), ("pulses", _pulses(points))):
+    points = list(points)
+    for source, families in _families(points).items():
+        courses = [_of_family(points, family) for family in families]
+        pairs = {soc: tuple(course[soc] for course in courses) for soc in _shared_levels(courses)}
+        if source == "pulses":
+            pairs = _first_and_rise(pairs)
         if pairs:
             limit = _compared(source, pairs)
             return limit | {"paragraph": _paragraph(limit, points, laws)}
     raise Refusal("neither spectra nor pulses show two parts of the resistance over temperature")
 
 
-def _pulses(points):
-    """SoC → (first sample, rise after it) over temperature, from discharge pulses [ohm]."""
-    families = [p.family for p in points if p.family.startswith("resistance, ")]
-    later = [name for name in dict.fromkeys(families) if name != "resistance, first sample"]
-    if not later:
-        return {}
-    courses = [_of_family(points, name) for name in ("resistance, first sample", later[-1])]
-    pairs = {}
-    for soc in _shared_levels(courses):
-        first, whole = courses[0][soc], courses[1][soc]
+def _families(points):
+    """Source → families of the points that tell its parts; the last delay of a pulse tells all."""
+    families = {
+        "impedance": ("ohmic resistance, impedance", "charge-transfer resistance, impedance")
+    }
+    first = "resistance, first sample"
+    later = [p.family for p in points if p.family.startswith("resistance, ") and p.family != first]
+    return families | ({"pulses": (first, list(dict.fromkeys(later))[-1])} if later else {})
+
+
+def _first_and_rise(pairs):
+    """SoC → (first sample, rise after it) from (first sample, whole) over temperature [ohm]."""
+    found = {}
+    for soc, (first, whole) in pairs.items():
         rise = {
             c: (whole[c][0] - first[c][0], float(np.hypot(whole[c][1], first[c][1])))
             for c in whole
@@ -67,8 +74,8 @@ def _pulses(points):
         }
         # A rise that is not positive is noise: it has no growth factor.
         if min(value for value, _ in rise.values()) > 0:
-            pairs[soc] = first, rise
-    return pairs
+            found[soc] = first, rise
+    return found
 
 
 def _of_family(points, family):
@@ -143,7 +150,7 @@ def _paragraph(limit, points, laws):
         _certainty_sentence(limit),
         _share_sentence(limit),
         *_pulse_sentence(limit, points),
-        _extrapolation_sentence(limit, laws),
+        _extrapolation_sentence(limit, points, laws),
     ]
     return " ".join(sentences)
 
@@ -227,19 +234,14 @@ def _pulse_sentence(limit, points):
         yield f"The pulse resistance grows {' and '.join(factors)}."
 
 
-def _extrapolation_sentence(limit, laws):
+def _extrapolation_sentence(limit, points, laws):
     """Growth that the laws predict below the coldest test, marked as an extrapolation."""
-    cold = limit["coldest_celsius"]
-    start, end = _QUANTITIES[limit["limit"]]
-    rows = [
-        row
-        for row in laws
-        if row["quantity"].startswith(start)
-        and row["quantity"].endswith(end)
-        and row["tested_from_celsius"] == cold
-    ]
+    cold, source = limit["coldest_celsius"], limit["source"]
+    family = _families(points)[source][PARTS[source].index(limit["limit"])]
+    socs = {point.quantity: point.soc for point in points if point.family == family}
+    rows = [r for r in laws if r["quantity"] in socs and r["tested_from_celsius"] == cold]
     text = f"Below {cold:g} °C nothing was tested"
-    quantity = min((row["quantity"] for row in rows), key=_from_middle, default="")
+    quantity = min((row["quantity"] for row in rows), key=lambda q: _from_half(socs[q]), default="")
     answers = [_step(law, rows, quantity, cold) for law in LAWS]
     answers = [answer for answer in answers if np.isfinite(answer)]
     if not answers:
@@ -250,21 +252,6 @@ def _extrapolation_sentence(limit, laws):
     )
 
 
-# How the names of a part's quantities begin and end in the table of laws.
-_QUANTITIES = {
-    "charge transfer": ("charge-transfer resistance", ""),
-    "ohmic resistance": ("ohmic resistance", ""),
-    "the rise after it": ("resistance", " s"),
-    "the first sample of a pulse": ("resistance", "first sample"),
-}
-
-
-def _from_middle(quantity):
-    """Distance of a quantity's SoC from 50 % [%]; infinite where it names none."""
-    soc = quantity.partition(" at ")[2].partition(" % SoC")[0]
-    return abs(float(soc) - 50) if soc else np.inf
-
-
 def _step(law, rows, quantity, cold):
     """Growth factor by a law over `LOOK_AHEAD_KELVIN` below the coldest test; NaN: not valid."""
     parameters = [row for row in rows if row["quantity"] == quantity and row["law"] == law]
@@ -272,4 +259,5 @@ def _step(law, rows, quantity, cold):
     if not parameters or parameters[0].get("valid_from_celsius", -np.inf) > ahead:
         return np.nan
     values = [row["value"] for row in parameters]
-    return LAWS[law](ahead, *values) / LAWS[law](cold, *values)
+    colder, coldest = value_of(FORMS[law], [ahead, cold], values)
+    return colder / coldest

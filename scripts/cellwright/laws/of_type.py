@@ -35,9 +35,7 @@ class CellPoint(NamedTuple):
     doubt: str
 
 
-def points_of_type(
-    rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate, soc=TEMPERATURE.soc
-):
+def points_of_type(rows, *, delay_second=TEMPERATURE.delay_second, soc=TEMPERATURE.soc):
     """One point of pulse resistance for each cell and temperature, all at one rate [ohm].
 
     Cells of a type differ by more than a pulse errs: the scatter of the law is that between cells,
@@ -46,7 +44,7 @@ def points_of_type(
     Parameters
     ----------
     rows : list of dict, rows of stage `resistance` of several cells, each with its `cell`.
-    delay_second, c_rate, soc : as in `points.resistance_points`.
+    delay_second, soc : as in `points.resistance_points`.
 
     Returns
     -------
@@ -56,10 +54,10 @@ def points_of_type(
     # ASSUME: Which cell of a type was tested at which temperature is chance.
     points, notes, young = [], [], first_check_up(rows)
     for direction, delay in product(("discharge", "charge"), delay_second):
-        kept, note = _one_class(pulses_of_kind(young, direction, delay), c_rate)
+        kept, note = _one_class(pulses_of_kind(young, direction, delay))
         notes += [f"{direction}, {delay:g} s: {note}"] if note else []
         for cell, cell_rows in grouped(kept, lambda row: row["cell"]).items():
-            found, _ = resistance_points(cell_rows, delay_second=(delay,), c_rate=c_rate, soc=soc)
+            found, _ = resistance_points(cell_rows, delay_second=(delay,), soc=soc)
             points += [_across_cells(cell, point) for point in found]
     return points, notes
 
@@ -70,13 +68,13 @@ def _across_cells(cell, point):
     return CellPoint(cell, *point._replace(quantity=quantity, family=family, std=np.nan))
 
 
-def _one_class(rows, c_rate):
+def _one_class(rows):
     """Rows of the rate that most temperatures have, and a note on temperatures without it."""
     classes = rate_classes(rows)
     if not classes:
         return [], ""
     reached = {rate: _temperatures(same_rate) for rate, same_rate in classes.items()}
-    rate = preferred_rate(reached, c_rate)
+    rate = preferred_rate(reached)
     return classes[rate], without_rate(rate, sorted(_temperatures(rows) - reached[rate]))
 
 

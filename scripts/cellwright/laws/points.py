@@ -9,6 +9,7 @@ from cellwright.records.conditions import SAME_SOC, in_first_checkup, same_rate
 from cellwright.settings import Temperature
 
 TEMPERATURE = Temperature()
+PREFERRED_C_RATE = 1.0  # of pulses, where several rates reach as many temperatures: the usual one
 
 
 class Point(NamedTuple):
@@ -192,21 +193,18 @@ def pulses_of_kind(rows, direction, delay_second):
     ]
 
 
-def resistance_points(
-    rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate, soc=TEMPERATURE.soc
-):
+def resistance_points(rows, *, delay_second=TEMPERATURE.delay_second, soc=TEMPERATURE.soc):
     """Pulse resistance [ohm] at stated SoC and each temperature, discharge and charge apart.
 
     Resistance depends on the current where charge transfer is slow, in the cold most of all. So
     all temperatures of a quantity come from pulses of one rate: the one that most
-    temperatures have, and of those the nearest to `c_rate`. Where no rate reaches three
+    temperatures have, and of those the nearest to `PREFERRED_C_RATE`. Where no rate reaches three
     temperatures, each temperature gives its nearest, and a note says so.
 
     Parameters
     ----------
     rows : list of dict, rows of stage `resistance` with ambient_temperature_celsius and cycle.
     delay_second : delays that are followed over temperature [s].
-    c_rate : rate that is preferred [1/h].
     soc : states of charge [1]; between two pulses no further than 12 % away the resistance is
         interpolated, a single one serves within 5 %.
 
@@ -222,7 +220,7 @@ def resistance_points(
             for rate, same_rate in rate_classes(pulses).items()
         }
         courses = {rate: course for rate, course in courses.items() if course}
-        chosen, note = _at_one_rate(courses, c_rate)
+        chosen, note = _at_one_rate(courses)
         what, when = resistance_name(direction, delay)
         quantity, family = f"{what} at {100 * level:.0f} % SoC, {when}", f"{what}, {when}"
         points += [
@@ -250,17 +248,17 @@ def rate_classes(rows):
     return {float(np.median([row["c_rate"] for row in alike])): alike for alike in classes}
 
 
-def preferred_rate(reached, c_rate):
-    """Rate with the most entries, such as temperatures, of equals the nearest to `c_rate` [1/h].
+def preferred_rate(reached):
+    """Rate with the most entries, such as temperatures, of equals the nearest to 1 C [1/h].
 
     `reached` : dict, rate → its entries; not empty.
     """
-    return max(_by_distance(reached, c_rate), key=lambda rate: len(reached[rate]))
+    return max(_by_distance(reached), key=lambda rate: len(reached[rate]))
 
 
-def _by_distance(rates, c_rate):
-    """Rates sorted by their ratio to a rate, nearest first."""
-    return sorted(rates, key=lambda rate: abs(np.log(rate / c_rate)))
+def _by_distance(rates):
+    """Rates sorted by their ratio to the preferred one, nearest first."""
+    return sorted(rates, key=lambda rate: abs(np.log(rate / PREFERRED_C_RATE)))
 
 
 def _resistance_over_temperature(rows, level):
@@ -270,17 +268,17 @@ def _resistance_over_temperature(rows, level):
     return {celsius: value for celsius, value in resistances.items() if value is not None}
 
 
-def _at_one_rate(courses, c_rate):
+def _at_one_rate(courses):
     """Temperature → (resistance, std, doubt) [ohm] at one rate, and a note on what is left out."""
     if not courses:
         return {}, ""
     everywhere = sorted({celsius for course in courses.values() for celsius in course})
-    rate = preferred_rate(courses, c_rate)
+    rate = preferred_rate(courses)
     missing = [celsius for celsius in everywhere if celsius not in courses[rate]]
     if not missing or len(courses[rate]) >= 3:
         return courses[rate], without_rate(rate, missing)
     # Better currents that differ than no law at all; the note says so.
-    nearest = _by_distance(courses, c_rate)
+    nearest = _by_distance(courses)
     used = {c: next(rate for rate in nearest if c in courses[rate]) for c in everywhere}
     rates = f"{min(used.values()):.2g}C to {max(used.values()):.2g}C"
     mixed = {celsius: courses[rate][celsius] for celsius, rate in used.items()}

@@ -5,25 +5,24 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.law import Form, choose, fit_law, rows_of, with_more
 from cellwright.laws.points import first_check_up, grouped
-from cellwright.laws.temperature import Law, fit_laws, left_out_rmse, rows_of
-from cellwright.numerics.lines import fit_line
-from cellwright.numerics.statistics import r_squared
+from cellwright.laws.temperature import fit_laws
 from cellwright.records.conditions import grouped_alike
 from cellwright.refusal import Refusal
 
 
-def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
+def temperature_lines(temperature_celsius, value, *, unit):
     """Linear and Arrhenius law over temperature, the one chosen that predicts left-out values.
 
     Parameters
     ----------
     temperature_celsius, value : (n,) one value a temperature [°C], [unit].
-    unit : of the value. level : coverage of the intervals.
+    unit : of the value.
 
     Returns
     -------
-    laws : tuple of `temperature.Law`, "linear" (slope, value_at_25_celsius, slope_p_value: of the
+    laws : tuple of `law.Law`, "linear" (slope, value_at_25_celsius, slope_p_value: of the
         hypothesis that there is no slope) and "arrhenius" (as `temperature.fit_laws`).
 
     Raises
@@ -33,22 +32,30 @@ def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
     Source: thesis sec. 3.3 (tau1, tau2 about linear in T); Arrhenius: thesis (3.5).
     """
     linear, arrhenius = fit_laws(
-        temperature_celsius, value, unit=unit, level=level, names=("linear", "arrhenius")
+        temperature_celsius, value, unit=unit, names=("linear", "arrhenius")
     )
-    return _with_p_values(linear, len(value) - 2), arrhenius
+    return with_more(linear, {"slope_p_value": ("1", _p_value(linear, 0, value))}), arrhenius
 
 
-def soc_lines(soc, value, *, unit, level=0.95):
+OVER_SOC = (
+    Form(
+        "linear over SoC", lambda soc: np.vander(soc, 2), ("slope", "value_at_soc_0"), ("{}",) * 2
+    ),
+    Form("proportional to SoC", lambda soc: soc[:, None], ("slope",), ("{}",)),
+)
+
+
+def soc_lines(soc, value, *, unit):
     """Line over SoC and line through zero, the one chosen that predicts left-out values.
 
     Parameters
     ----------
     soc, value : (n,) [1], [unit], at one temperature.
-    unit, level : as in `temperature_lines`.
+    unit : of the value.
 
     Returns
     -------
-    laws : tuple of `temperature.Law`, "linear over SoC" (slope, value_at_soc_0, slope_p_value,
+    laws : tuple of `law.Law`, "linear over SoC" (slope, value_at_soc_0, slope_p_value,
         zero_p_value: of the hypothesis that the line goes through zero), "proportional to SoC".
 
     Raises
@@ -60,57 +67,22 @@ def soc_lines(soc, value, *, unit, level=0.95):
     soc, value = np.asarray(soc, float), np.asarray(value, float)
     if len(soc) < 4 or np.ptp(soc) == 0:
         raise Refusal(f"{len(soc)} value(s) over SoC; a line that is tested needs 4")
-    names = ("slope", "value_at_soc_0"), ("slope",)
-    free = _over_soc("linear over SoC", names[0], unit, soc, value, level)
-    tied = _over_soc("proportional to SoC", names[1], unit, soc, value, level)
-    zero_p = _p_value(free.values[1], free.std[1], len(soc) - 2)
-    free = _with_p_values(free, len(soc) - 2, zero_p_value=zero_p)
-    chosen = free.cross_validation_rmse <= tied.cross_validation_rmse
-    return free._replace(chosen=chosen), tied._replace(chosen=not chosen)
+    free, tied = choose([fit_law(form, soc, value, unit=unit) for form in OVER_SOC])
+    p_values = {
+        name: ("1", _p_value(free, k, value))
+        for k, name in enumerate(("slope_p_value", "zero_p_value"))
+    }
+    return with_more(free, p_values), tied
 
 
-def _over_soc(law, names, unit, soc, value, level):
-    """Line over SoC (one name: through zero) with its error at values left out."""
-    columns = np.vander(soc, 2)[:, : len(names)]
-    line = fit_line(columns, value)
-
-    def errors(out):
-        return columns[out] @ fit_line(columns[~out], value[~out]).values - value[out]
-
-    return Law(
-        law,
-        names,
-        (unit,) * len(names),
-        line.values,
-        line.std,
-        *line.interval(level=level),
-        r_squared=r_squared(value, columns @ line.values),
-        cross_validation_rmse=left_out_rmse(errors, np.arange(len(value)), parameters=len(names)),
-        chosen=False,
-        reason="",
-    )
-
-
-def _with_p_values(law, degrees_of_freedom, **more):
-    """Law with the p-value of its slope, and others, as further parameters."""
-    extra = {"slope_p_value": _p_value(law.values[0], law.std[0], degrees_of_freedom), **more}
-    unknown = np.full(len(extra), np.nan)
-    parts = {name: np.append(getattr(law, name), unknown) for name in ("std", "lower", "upper")}
-    return law._replace(
-        names=(*law.names, *extra),
-        units=(*law.units, *["1"] * len(extra)),
-        values=np.append(law.values, list(extra.values())),
-        **parts,
-    )
-
-
-def _p_value(value, std, degrees_of_freedom):
-    """Two-sided p-value of a value by Student's t; NaN where the scatter is not known."""
+def _p_value(law, k, value):
+    """Two-sided p-value of parameter `k` of a line through `value`; NaN: its scatter is unknown."""
     from scipy.special import stdtr
 
-    if degrees_of_freedom < 1 or not std > 0:
+    spare = len(value) - 2
+    if spare < 1 or not law.std[k] > 0:
         return np.nan
-    return float(2 * stdtr(degrees_of_freedom, -abs(value / std)))
+    return float(2 * stdtr(spare, -abs(law.values[k] / law.std[k])))
 
 
 QUANTITIES = {"a": "V", "b": "V", "tau1": "s", "tau2": "s"}
@@ -198,7 +170,7 @@ def laws_of(points):
 
     Returns
     -------
-    laws : dict, quantity in words → tuple of `temperature.Law`.
+    laws : dict, quantity in words → tuple of `law.Law`.
     reasons : list of sentences for what is not known.
     """
     laws, reasons = {}, []

@@ -5,6 +5,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.law import (
+    NO_LIMIT,
+    UNKNOWN,
+    Law,
+    choose,
+    law_row,
+    left_out,
+    ranges,
+    rows_of,
+    with_more,
+)
 from cellwright.laws.points import (
     first_check_up,
     grouped,
@@ -20,20 +31,12 @@ from cellwright.laws.surface_forms import (
     predict,
     separability,
 )
-from cellwright.laws.temperature import (
-    NO_LIMIT,
-    falling_range,
-    is_usable,
-    law_row,
-    ranges,
-    turn_in_words,
-)
+from cellwright.laws.temperature import falling_range, is_usable, turn_in_words
 from cellwright.numerics.statistics import r_squared, rms, t_interval
 from cellwright.refusal import Refusal
 from cellwright.settings import Temperature
 
 TEMPERATURE = Temperature()
-UNKNOWN = (np.nan, np.nan)
 
 
 def law_rows(fits):
@@ -45,12 +48,11 @@ def law_rows(fits):
 
     Returns
     -------
-    rows : list of dict with the columns of `temperature.law_rows`. A form's rows end with its
-        error at SoC left out, in ohm, and both errors as shares; a table has no parameters.
+    rows : list of dict with the columns of `law.rows_of`.
     """
     rows = []
     for pulses, fitted, tests in fits:
-        rows += [row for fit in fitted for row in _form_rows(pulses, fit)]
+        rows += [row for fit in fitted for row in rows_of(surface_name(pulses), fit.law)]
         rows += [row for fit in tests for row in _test_rows(pulses, fit)]
     return rows
 
@@ -66,8 +68,8 @@ def point_rows(fits):
             "soc": pulses.soc[k],
             "temperature_celsius": pulses.temperature_celsius[k],
             "resistance_ohm": pulses.resistance_ohm[k],
-            **{f"{fit.surface.form}_ohm": fit.fitted_ohm[k] for fit in fitted},
-            **{f"{fit.surface.form}_left_out_ohm": fit.left_out_ohm[k] for fit in fitted},
+            **{f"{fit.law.law}_ohm": fit.fitted_ohm[k] for fit in fitted},
+            **{f"{fit.law.law}_left_out_ohm": fit.left_out_ohm[k] for fit in fitted},
         }
         for pulses, fitted, _ in fits
         for k in range(len(pulses.soc))
@@ -114,56 +116,19 @@ def _verdict(test):
 
 def _best(fitted, pulses):
     """Best form, its error, and forms that are not offered, in words."""
-    best = next(fit for fit in fitted if fit.chosen)
-    untested = [fit.surface.form for fit in fitted if not np.isfinite(fit.temperature_rmse)]
+    laws = [fit.law for fit in fitted]
+    best = next(law for law in laws if law.chosen)
+    untested = [law.law for law in laws if not np.isfinite(law.cross_validation_rmse)]
+    share = best.values[best.names.index("left_out_temperature_share")]
     note = f" (too few temperatures to leave one out of the {untested[0]} form)" if untested else ""
-    celsius = pulses.temperature_celsius
     turned = {
-        fit.surface.form: turn_in_words(
-            fit.surface.values, fit.valid_celsius, (min(celsius), max(celsius))
-        )
-        for fit in fitted
+        law.law: turn_in_words(law.values, law.valid_celsius, law.tested_celsius) for law in laws
     }
     refused = [f" The {form} form is not offered: it {how}." for form, how in turned.items() if how]
     return (
-        f"The {best.surface.form} form predicts temperatures left out best, to "
-        f"{1e3 * best.temperature_rmse:.2g} mΩ or {100 * best.temperature_relative:.0f} %{note}."
+        f"The {best.law} form predicts temperatures left out best, to "
+        f"{1e3 * best.cross_validation_rmse:.2g} mΩ or {100 * share:.0f} %{note}."
     ) + "".join(refused)
-
-
-def _form_rows(pulses, fitted):
-    """Rows of one form: parameters, then errors at SoC and temperatures left out."""
-    surface, celsius = fitted.surface, pulses.temperature_celsius
-    temperature_parameters = OVER_TEMPERATURE.get(surface.form, 0)
-    spare = len(np.unique(celsius)) - temperature_parameters
-    rest = len(pulses.soc) - len(surface.values)
-    law = {
-        "r_squared": fitted.r_squared,
-        "cross_validation_rmse": fitted.temperature_rmse,
-        "chosen": fitted.chosen,
-    }
-    columns = zip(surface.names, surface.units, surface.values, surface.std, strict=True)
-    entries = [
-        (
-            name,
-            unit,
-            value,
-            std,
-            t_interval(value, std, spare if k < temperature_parameters else rest),
-        )
-        for k, (name, unit, value, std) in enumerate(columns)
-    ]
-    scores = (
-        ("left_out_soc_rmse", "Ohm", fitted.soc_rmse),
-        ("left_out_soc_share", "1", fitted.soc_relative),
-        ("left_out_temperature_share", "1", fitted.temperature_relative),
-    )
-    # Scores stand among the parameters: the table has no columns of their own.
-    entries += [(*score, np.nan, UNKNOWN) for score in scores]
-    for name, unit, value, std, interval in entries:
-        limits = ranges(interval, (celsius.min(), celsius.max()), fitted.valid_celsius)
-        head = surface_name(pulses), surface.form, name
-        yield law_row(*head, value, std, unit=unit, **law, **limits)
 
 
 def _test_rows(pulses, test):
@@ -189,34 +154,26 @@ class Pulses(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """One form fitted to one set of pulses, with its scores.
+    """One form fitted to one set of pulses.
 
-    left_out_ohm : (n,) prediction of each pulse by the fit without its temperature; NaN where the
-    rest determines none. temperature_rmse, soc_rmse : its error, and that with blocks of SoC left
-    out [ohm]; each relative_… the same as a share of the resistance [1]. valid_celsius : where the
-    form may be read: the additive one as far as its quadratic falls.
+    law : `law.Law` with its parameters and, among them, its error at SoC left out [ohm] and both
+    errors as shares of the resistance [1]; its cross-validation leaves temperatures out. A table
+    has no parameters of its own. fitted_ohm : (n,). left_out_ohm : (n,) prediction of each pulse by
+    the fit without its temperature; NaN where the rest determines none.
     """
 
-    surface: tuple
+    law: Law
     fitted_ohm: np.ndarray
     left_out_ohm: np.ndarray
-    r_squared: float
-    temperature_rmse: float
-    temperature_relative: float
-    soc_rmse: float
-    soc_relative: float
-    chosen: bool
-    valid_celsius: tuple = NO_LIMIT
 
 
-def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
+def pulses_of(rows, *, direction, delay_second):
     """Pulses of one rate at all temperatures that have it, resistance known to 5 % or better.
 
     Parameters
     ----------
     rows : list of dict, rows of stage `resistance` with ambient_temperature_celsius and cycle.
     direction, delay_second : which pulses, and when in the pulse [s].
-    c_rate : rate that is preferred among those that most temperatures have [1/h].
 
     Returns
     -------
@@ -231,7 +188,7 @@ def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
     pulses = [r for r in pulses if not r["resistance_std_ohm"] > 0.05 * r["resistance_ohm"]]
     classes = {rate: _full_courses(same_rate) for rate, same_rate in rate_classes(pulses).items()}
     quantity = ", ".join(resistance_name(direction, delay_second))
-    best = classes[preferred_rate(classes, c_rate)] if classes else {}
+    best = classes[preferred_rate(classes)] if classes else {}
     count = len(best)
     if count < 3:
         raise Refusal(
@@ -268,57 +225,64 @@ def fit_surfaces(pulses):
     fitted : tuple of Fitted in the order of `FORMS`.
     """
     fits = [_fit(form, pulses) for form in FORMS]
-    tested = np.min(pulses.temperature_celsius), np.max(pulses.temperature_celsius)
+    laws = [fit.law for fit in fits]
     offered = [
-        np.isfinite(fit.temperature_rmse) and is_usable(fit.valid_celsius, tested) for fit in fits
+        np.isfinite(law.cross_validation_rmse) and is_usable(law.valid_celsius, law.tested_celsius)
+        for law in laws
     ]
-    errors = np.where(offered, [fit.temperature_rmse for fit in fits], np.inf)
-    return tuple(fit._replace(chosen=k == errors.argmin()) for k, fit in enumerate(fits))
+    chosen = choose(laws, offered)
+    return tuple(fit._replace(law=law) for fit, law in zip(fits, chosen, strict=True))
 
 
 def _fit(form, pulses):
     """One form fitted to pulses, with its errors at temperatures and at blocks of SoC left out."""
     soc, celsius, ohm = pulses[1:]
-    surface = fit_form(form, soc, celsius, ohm)
-    fitted = predict(surface, soc, celsius)
-    left_out = _left_out(form, pulses, celsius)
-    # Fifths of the pulses by SoC: what is left out is wider than the steps between pulses.
-    blocks = np.quantile(soc, np.linspace(0, 1, 6)[1:-1])
-    by_soc = _left_out(form, pulses, np.searchsorted(blocks, soc))
-    return Fitted(
-        surface,
-        fitted,
-        left_out,
-        r_squared(ohm, fitted),
-        *(rms(error) for error in (left_out - ohm, (left_out - ohm) / ohm)),
-        *(rms(error) for error in (by_soc - ohm, (by_soc - ohm) / ohm)),
-        chosen=False,
-        valid_celsius=falling_range(*surface.values[:3]) if form == "additive" else NO_LIMIT,
-    )
+    # A table, too, is a line in 1/T through two temperatures.
+    over_temperature = OVER_TEMPERATURE.get(form, 2)
 
-
-def _left_out(form, pulses, blocks):
-    """Prediction [ohm] of each block of pulses by a fit without it; NaN: not determined."""
-    soc, celsius, ohm = pulses[1:]
-    predicted = np.full(len(ohm), np.nan)
-    for out in (blocks == block for block in np.unique(blocks)):
-        # A table, too, is a line in 1/T through two temperatures.
-        if len(np.unique(celsius[~out])) < OVER_TEMPERATURE.get(form, 2):
-            continue
+    def predicted_without(out):
         # For a score the grid's rates are near enough.
         rest = fit_form(form, soc[~out], celsius[~out], ohm[~out], polish=False)
-        predicted[out] = predict(rest, soc[out], celsius[out])
-    return predicted
+        return predict(rest, soc[out], celsius[out])
+
+    surface = fit_form(form, soc, celsius, ohm)
+    fitted = predict(surface, soc, celsius)
+    # Fifths of the pulses by SoC: what is left out is wider than the steps between pulses.
+    fifths = np.searchsorted(np.quantile(soc, np.linspace(0, 1, 6)[1:-1]), soc)
+    by_temperature, by_soc = (
+        left_out(predicted_without, groups, least=over_temperature, levels=celsius)
+        for groups in (celsius, fifths)
+    )
+    # Parameters of temperature have the scatter of the temperatures, others that of all pulses.
+    count = len(surface.values)
+    spare = np.full(count, len(soc) - count)
+    spare[:over_temperature] = len(np.unique(celsius)) - over_temperature
+    limits = [t_interval(*about) for about in zip(surface.values, surface.std, spare, strict=True)]
+    lower, upper = np.array(limits, float).reshape(-1, 2).T
+    law = Law(
+        form,
+        *(surface.names, surface.units, surface.values, surface.std, lower, upper),
+        r_squared=r_squared(ohm, fitted),
+        cross_validation_rmse=rms(by_temperature - ohm),
+        tested_celsius=(celsius.min(), celsius.max()),
+        valid_celsius=falling_range(*surface.values[:3]) if form == "additive" else NO_LIMIT,
+    )
+    # Scores stand among the parameters: the table has no columns of their own.
+    scores = {
+        "left_out_soc_rmse": ("Ohm", rms(by_soc - ohm)),
+        "left_out_soc_share": ("1", rms((by_soc - ohm) / ohm)),
+        "left_out_temperature_share": ("1", rms((by_temperature - ohm) / ohm)),
+    }
+    return Fitted(with_more(law, scores), fitted, by_temperature)
 
 
-def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate):
+def surfaces(rows, *, delay_second=TEMPERATURE.delay_second):
     """Fitted surfaces of all sets of pulses of a cell, with their tests of separability.
 
     Parameters
     ----------
     rows : as in `pulses_of`.
     delay_second : delays [s], discharge and charge apart.
-    c_rate : preferred rate [1/h].
 
     Returns
     -------
@@ -332,7 +296,7 @@ def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.
     fits, reasons = [], []
     for direction, delay in product(("discharge", "charge"), delay_second):
         try:
-            pulses = pulses_of(rows, direction=direction, delay_second=delay, c_rate=c_rate)
+            pulses = pulses_of(rows, direction=direction, delay_second=delay)
         except Refusal as refusal:
             reasons.append(str(refusal))
             continue

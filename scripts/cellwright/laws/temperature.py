@@ -1,23 +1,19 @@
 """A quantity over temperature: the thesis' quadratic and two forms of Arrhenius, side by side."""
 
-from collections.abc import Callable
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.law import NO_LIMIT, Form, choose, fit_law, rows_of
 from cellwright.laws.points import grouped, joined_doubts
 from cellwright.numerics.lines import (
     REFERENCE_KELVIN,
     ZERO_CELSIUS_KELVIN,
-    arrhenius_law,
-    fit_arrhenius,
     fit_line,
+    inverse_temperature,
 )
-from cellwright.numerics.statistics import r_squared, rms
 from cellwright.refusal import Refusal
 
-NO_LIMIT = (-np.inf, np.inf)
 # How far beyond the tested temperatures a law is offered and drawn [K]. A model's look-up accepts
 # temperatures this far from those it knows, too.
 REACH_KELVIN = 5.0
@@ -96,7 +92,7 @@ def turn_sentences(families):
 
     Parameters
     ----------
-    families : dict, name → list of `temperature.Law`, the quadratic of each quantity.
+    families : dict, name → list of `law.Law`, the quadratic of each quantity.
     """
     sentences = []
     for family, laws in families.items():
@@ -123,87 +119,52 @@ def span_of(values, digits):
     return low if low == high else f"{low} to {high}"
 
 
-class Law(NamedTuple):
-    """One fitted law over temperature (or SoC); arrays hold one number per parameter.
-
-    law : its name, see `FORMS`. names, units : of the parameters. values, std, lower, upper :
-    estimate, standard deviation, confidence limits; NaN where not known. r_squared : on the scale
-    of the quantity, for all laws. line_r_squared : on the scale on which the law is a straight fit
-    (ln x over 1/T for Arrhenius). cross_validation_rmse : error of the prediction at temperatures
-    left out in turn, NaN where too few remain. excess_std : scatter of the points beyond their own
-    errors, on the scale of the fit. tested_celsius : lowest and highest temperature; beyond them
-    the law is an extrapolation. valid_celsius : where the law may be read at all: a resistance's
-    quadratic only as far as it falls. rises_surely : such a quadratic rises within its use, beyond
-    its own error. reason : why something is NaN, or "".
-    """
-
-    law: str
-    names: tuple
-    units: tuple
-    values: np.ndarray
-    std: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    r_squared: float
-    cross_validation_rmse: float
-    chosen: bool
-    reason: str
-    line_r_squared: float = np.nan
-    excess_std: float = np.nan
-    tested_celsius: tuple = (np.nan, np.nan)
-    valid_celsius: tuple = NO_LIMIT
-    rises_surely: bool = False
+def _relative_kelvin(celsius):
+    """T/298.15 K, the factor of a value whose T-fold follows an Arrhenius law."""
+    return (celsius + ZERO_CELSIUS_KELVIN) / REFERENCE_KELVIN
 
 
-def quadratic_law(temperature_celsius, b1, b2, b3):
-    """Value of b1 T² + b2 T + b3 with T in °C (thesis eq. 3.13)."""
-    return (b1 * temperature_celsius + b2) * temperature_celsius + b3
+def _over_inverse_temperature(celsius):
+    """Columns of ln(value) over 1/T (thesis 3.7)."""
+    return np.stack([np.ones_like(celsius), inverse_temperature(celsius)], axis=-1)
 
 
-def linear_law(temperature_celsius, slope, value_at_25_celsius):
-    """Value at 25 °C plus the slope per kelvin times the temperature above it."""
-    above = temperature_celsius + ZERO_CELSIUS_KELVIN - REFERENCE_KELVIN
-    return value_at_25_celsius + slope * above
-
-
-def conductivity_law(temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole):
-    """Value of an Arrhenius law with the factor T: σT, not σ, follows it (thesis eq. 3.4, 3.5).
-
-    Its activation energy is higher than that of the plain law by R·T, 2.3 kJ/mol near 5 °C.
-    """
-    kelvin = np.asarray(temperature_celsius, float) + ZERO_CELSIUS_KELVIN
-    plain = arrhenius_law(
-        temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole
-    )
-    return plain * kelvin / REFERENCE_KELVIN
-
-
-class Form(NamedTuple):
-    """A law over temperature as data: its function and the names and units of its parameters.
-
-    function : (temperature [°C], *parameters) → value. units : with {} for that of the value.
-    """
-
-    function: Callable
-    names: tuple
-    units: tuple
+def _above_reference(celsius):
+    """Columns of a line: temperature above 25 °C, and what there is at 25 °C."""
+    above = celsius + ZERO_CELSIUS_KELVIN - REFERENCE_KELVIN
+    return np.stack([above, np.ones_like(celsius)], axis=-1)
 
 
 ENERGY = ("value_at_25_celsius", "activation_energy"), ("{}", "J/mol")
 FORMS = {
-    "linear": Form(linear_law, ("slope", "value_at_25_celsius"), ("{}/K", "{}")),
-    "quadratic": Form(quadratic_law, ("b1", "b2", "b3"), ("{}/degC^2", "{}/degC", "{}")),
-    "arrhenius": Form(arrhenius_law, *ENERGY),
-    "arrhenius_t": Form(conductivity_law, *ENERGY),
+    form.name: form
+    for form in (
+        Form("linear", _above_reference, ("slope", "value_at_25_celsius"), ("{}/K", "{}")),
+        # b1 T² + b2 T + b3 with T in °C (thesis eq. 3.13).
+        Form(
+            "quadratic",
+            lambda celsius: np.vander(celsius, 3),
+            ("b1", "b2", "b3"),
+            ("{}/degC^2", "{}/degC", "{}"),
+        ),
+        Form("arrhenius", _over_inverse_temperature, *ENERGY, logarithm=True),
+        # σT, not σ, follows the law (thesis eq. 3.4, 3.5): its activation energy is higher than
+        # that of the plain law by R·T, 2.3 kJ/mol near 5 °C.
+        Form(
+            "arrhenius_t",
+            _over_inverse_temperature,
+            *ENERGY,
+            logarithm=True,
+            factor=_relative_kelvin,
+        ),
+    )
 }
+LAWS = ("quadratic", "arrhenius", "arrhenius_t")
 # What a cell gives is no rate of a process: a capacity has no activation energy.
 LAWS_OF_FAMILY = {"capacity": ("linear", "quadratic")}
-LAWS = {name: FORMS[name].function for name in ("quadratic", "arrhenius", "arrhenius_t")}
 
 
-def fit_laws(
-    temperature_celsius, value, *, unit, std=None, level=0.95, falling=False, names=tuple(LAWS)
-):
+def fit_laws(temperature_celsius, value, *, unit, std=None, falling=False, names=LAWS):
     """Laws fitted to values over temperature, one chosen by cross-validation.
 
     Parameters
@@ -212,7 +173,6 @@ def fit_laws(
     unit : of the value, for the units of the parameters.
     std : (n,) standard deviation of each value, or None; weights the points beside the scatter
         that is found (`lines.fit_line`). Where one is not known, none is used.
-    level : coverage of the confidence intervals.
     falling : the quantity is a resistance, which falls as it warms. A quadratic that rises
         somewhere from 5 K below the tested temperatures to 5 K above is then not chosen.
     names : of the laws, see `FORMS`.
@@ -240,23 +200,27 @@ def fit_laws(
         raise Refusal(f"{count} temperature(s); a law over temperature needs three")
     if not (np.isfinite(value) & (value > 0)).all():
         raise Refusal("a value over temperature is not positive; an Arrhenius law needs that")
-    laws = [_fitted(name, celsius, value, std, unit=unit, level=level) for name in names]
+    tested = float(celsius.min()), float(celsius.max())
+    laws = [
+        fit_law(FORMS[name], celsius, value, std, unit=unit, groups=celsius)._replace(
+            tested_celsius=tested
+        )
+        for name in names
+    ]
     if falling:
-        laws = [_with_falling_range(law, celsius, value, std, level) for law in laws]
-    offered = [law for law in laws if is_usable(law.valid_celsius, law.tested_celsius)]
+        laws = [_with_falling_range(law, celsius, value, std) for law in laws]
     # Some law is always offered: an Arrhenius law never turns.
-    best = min(offered, key=lambda law: np.nan_to_num(law.cross_validation_rmse, nan=np.inf))
-    return tuple(law._replace(chosen=law is best) for law in laws)
+    return choose(laws, [is_usable(law.valid_celsius, tested) for law in laws])
 
 
-def _with_falling_range(law, celsius, value, std, level):
+def _with_falling_range(law, celsius, value, std):
     """A resistance's quadratic with the range in which it falls, and whether it surely rises."""
     if law.law != "quadratic":
         return law
     ends = law.tested_celsius[0] - REACH_KELVIN, law.tested_celsius[1] + REACH_KELVIN
     # With T counted from an end of the range b2 is the slope there, with its own interval.
     slopes = [fit_line(np.vander(celsius - end, 3), value, std) for end in ends]
-    rises = any(line.interval(level=level)[0][1] > 0 for line in slopes)
+    rises = any(line.interval()[0][1] > 0 for line in slopes)
     return law._replace(valid_celsius=falling_range(*law.values), rises_surely=rises)
 
 
@@ -287,7 +251,7 @@ def law_rows(points):
                 unit=quantity_points[0].unit,
                 std=[point.std for point in quantity_points],
                 falling=quantity_points[0].unit == "Ohm",
-                names=LAWS_OF_FAMILY.get(quantity_points[0].family, tuple(LAWS)),
+                names=LAWS_OF_FAMILY.get(quantity_points[0].family, LAWS),
             )
         except Refusal as refusal:
             reasons.append(f"{quantity}: {refusal}")
@@ -308,106 +272,3 @@ def law_rows(points):
     if not rows:
         raise Refusal("; ".join(reasons) or "no quantity is known at three temperatures")
     return rows, reasons + turn_sentences(quadratics)
-
-
-def rows_of(quantity, law):
-    """Rows of one law, a parameter each, with its 95 % limits and the tested and valid range."""
-    scores = {n: getattr(law, n) for n in ("r_squared", "cross_validation_rmse", "chosen")}
-    parameters = (law.names, law.units, law.values, law.std, law.lower, law.upper)
-    rows = []
-    for name, unit, value, std, *limits in zip(*parameters, strict=True):
-        more = scores | ranges(limits, law.tested_celsius, law.valid_celsius)
-        rows.append(law_row(quantity, law.law, name, value, std, unit=unit, **more))
-    return rows
-
-
-def law_row(quantity, law, parameter, value, std=np.nan, *, unit, **more):
-    """One row of the table of laws, a parameter of a law; `more` : further columns, by name.
-
-    Scores that are not among them are NaN, and the law counts as chosen.
-    """
-    head = {"quantity": quantity, "law": law, "parameter": parameter}
-    known = {"value": float(value), "std": float(std), "unit": unit}
-    scores = {"r_squared": np.nan, "cross_validation_rmse": np.nan, "chosen": True}
-    return head | known | scores | more
-
-
-def ranges(interval, tested_celsius, valid_celsius=NO_LIMIT):
-    """Columns of the table of laws: (lower, upper) of a parameter, tested and valid range [°C]."""
-    names = ("lower", "upper", "tested_from_celsius", "tested_to_celsius")
-    names += ("valid_from_celsius", "valid_to_celsius")
-    return dict(zip(names, map(float, (*interval, *tested_celsius, *valid_celsius)), strict=True))
-
-
-def _fitted(name, celsius, value, std, *, unit, level):
-    """One law with its scores; errors of an Arrhenius law are those of its logarithm."""
-    form, (line, values) = FORMS[name], _coefficients(name, celsius, value, std)
-    (lower, upper), deviations = line.interval(level=level), line.std
-    predicted = form.function(celsius, *values)
-    target, on_line = value, predicted
-    if name.startswith("arrhenius"):
-        # The value at 25 °C was fitted as its logarithm; the energy as it is.
-        lower, upper = (np.array([np.exp(end[0]), end[1]]) for end in (lower, upper))
-        deviations = deviations * np.array([values[0], 1.0])
-        target, on_line = (np.log(x / _factor(name, celsius)) for x in (value, predicted))
-    unproven = line.degrees_of_freedom < 1
-    return Law(
-        law=name,
-        names=form.names,
-        units=tuple(text.format(unit) for text in form.units),
-        values=values,
-        std=deviations,
-        lower=lower,
-        upper=upper,
-        r_squared=r_squared(value, predicted),
-        line_r_squared=r_squared(target, on_line),
-        cross_validation_rmse=_left_out_rmse(name, celsius, value, std),
-        excess_std=line.excess_std,
-        tested_celsius=(float(celsius.min()), float(celsius.max())),
-        chosen=False,
-        reason="as many data as parameters: no scatter to tell" if unproven else "",
-    )
-
-
-def _coefficients(name, celsius, value, std):
-    """Fitted line of a law, and the parameters of the law from it."""
-    if name.startswith("arrhenius"):
-        factor = _factor(name, celsius)
-        line = fit_arrhenius(celsius, value / factor, std / factor)
-        return line, np.array([np.exp(line.values[0]), line.values[1]])
-    if name == "linear":
-        above = celsius + ZERO_CELSIUS_KELVIN - REFERENCE_KELVIN
-        line = fit_line(np.stack([above, np.ones(len(above))], axis=1), value, std)
-    else:
-        line = fit_line(np.vander(celsius, 3), value, std)
-    return line, line.values
-
-
-def _factor(name, celsius):
-    """Factor of a value besides the plain Arrhenius law: T/298.15 K for "arrhenius_t", else 1."""
-    return (celsius + ZERO_CELSIUS_KELVIN) / REFERENCE_KELVIN if name == "arrhenius_t" else 1.0
-
-
-def _left_out_rmse(name, celsius, value, std):
-    """RMSE at temperatures left out in turn; NaN where the rest determines no law."""
-    form = FORMS[name]
-
-    def errors(out):
-        values = _coefficients(name, celsius[~out], value[~out], std[~out])[1]
-        return form.function(celsius[out], *values) - value[out]
-
-    return left_out_rmse(errors, celsius, parameters=len(form.names))
-
-
-def left_out_rmse(errors, groups, *, parameters):
-    """RMSE of the rows of each group, predicted without it; NaN where the rest determines no law.
-
-    Parameters
-    ----------
-    errors : function, which rows are left out (n,) bool → their errors by a fit to the others.
-    groups : (n,) such as temperatures. parameters : of the law, as many groups as determine it.
-    """
-    levels = np.unique(groups)
-    if len(levels) <= parameters:
-        return np.nan
-    return rms(np.concatenate([errors(groups == level) for level in levels]))

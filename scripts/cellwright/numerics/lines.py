@@ -1,8 +1,7 @@
-"""Weighted linear least squares for three kinds of errors, and the Arrhenius law as such a line.
+"""Weighted linear least squares for three kinds of errors, and the axis of an Arrhenius law.
 
 `fit_line`: independent errors, stated or not, with scatter beyond them. `generalised_line`: errors
-of a known covariance. `coloured_line`: errors correlated in time. `fit_arrhenius`: ln(value) over
-1/T by `fit_line`.
+of a known covariance. `coloured_line`: errors correlated in time.
 """
 
 from typing import NamedTuple
@@ -234,39 +233,3 @@ def inverse_temperature(celsius):
     """
     kelvin = np.asarray(celsius, float) + ZERO_CELSIUS_KELVIN
     return (1 / kelvin - 1 / REFERENCE_KELVIN) / GAS_CONSTANT
-
-
-def arrhenius_law(temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole):
-    """Value of an Arrhenius law: value at 25 °C times exp(Ea/R (1/T − 1/298.15 K)).
-
-    Parameters
-    ----------
-    temperature_celsius : scalar or (n,) [°C].
-    value_at_25_celsius, activation_energy_joule_per_mole : [any unit], [J/mol].
-    """
-    return value_at_25_celsius * np.exp(
-        activation_energy_joule_per_mole * inverse_temperature(temperature_celsius)
-    )
-
-
-def fit_arrhenius(temperature_celsius, value, value_std=None):
-    """Arrhenius law as a weighted line of ln(value) over 1/T.
-
-    Parameters
-    ----------
-    temperature_celsius, value : (n,) [°C], [any unit], positive.
-    value_std : (n,) standard deviation of each value in its unit, or None.
-
-    Returns
-    -------
-    line : `lines.Line` of ln(value at 25 °C) and the activation energy [J/mol]. Its errors are
-        those of `lines.fit_line`: the stated ones with the scatter that is found beyond them;
-        without stated ones the scatter about the line alone.
-
-    Source: thesis (3.7).
-    """
-    columns = np.stack(
-        [np.ones(len(temperature_celsius)), inverse_temperature(temperature_celsius)], axis=1
-    )
-    relative = None if value_std is None else value_std / value
-    return fit_line(columns, np.log(value), relative)

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
+from cellwright.numerics.compare import compare
+
 PENALTIES = 10.0 ** np.arange(-5.0, 3.1, 0.5)
 DEGREES = (1, 2)
 LEVEL = 0.95
@@ -101,12 +103,11 @@ def _stiffest(tried):
     """Of the fits that serve cells left out about as well as the best, that of the most noise."""
     squares = np.mean(np.square([fit.left_out for fit in tried]), axis=2)
     place = int(np.argmin(squares.mean(axis=1)))
-    best, lost = tried[place], squares - squares[place]
-    error = np.std(lost, axis=1, ddof=1) / np.sqrt(lost.shape[1])
+    best = tried[place]
     alike = [
         fit
-        for fit, mean, std in zip(tried, lost.mean(axis=1), error, strict=True)
-        if fit.degree <= best.degree and mean <= std
+        for fit, each in zip(tried, squares, strict=True)
+        if fit.degree <= best.degree and compare(each, squares[place]).z <= 1.0
     ]
     return max(alike, key=lambda fit: (fit.penalty, -fit.degree))
 
@@ -120,7 +121,7 @@ def clearly_less(before, after):
 
     Parameters
     ----------
-    before, after : (c, k) errors of the same cells, c of two or more.
+    before, after : (c, k) errors of the same cells, of which fewer than three tell nothing.
 
     Returns
     -------
@@ -131,9 +132,8 @@ def clearly_less(before, after):
         return False
     # Smaller errors than a hundredth of the typical one are alike: none.
     least = 1e-4 * squares[0].mean()
-    ratio = np.log(np.maximum(squares[1], least) / np.maximum(squares[0], least))
-    error = np.std(ratio, ddof=1) / np.sqrt(len(ratio))
-    return bool(ratio.mean() + stdtrit(len(ratio) - 1, LEVEL) * error < 0)
+    scores = [-np.log(np.maximum(each, least)) for each in (squares[1], squares[0])]
+    return bool(compare(*scores).z > stdtrit(len(squares[0]) - 1, LEVEL))
 
 
 def _without(scaled, scale, changes):

@@ -275,7 +275,7 @@ def _deviations(run, cells, wiring, record, uncertainty, starts, thermal):
         total_ampere=record.current_ampere,
         ambient_celsius=record.celsius,
         starts=starts(drawn),
-        factors=wire_factors(DRAWS, wire_relative_std=uncertainty.wire_relative_std),
+        factors=wire_factors(DRAWS),
         thermal=thermal,
     )
     # An error that all models share moves no current, and shows in the voltage in full.

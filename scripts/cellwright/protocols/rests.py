@@ -11,9 +11,10 @@ from cellwright.protocols.relaxation import fit_relaxation, noise_volt, reasons_
 from cellwright.records.conditions import LOW_C_RATE, low_current
 from cellwright.refusal import Refusal
 from cellwright.series.steps import follows_directly
-from cellwright.settings import Relaxation
 
-RELAXATION = Relaxation()
+# Two time constants of minutes are told from ten minutes on; the thesis rests 40.
+SHORTEST_REST_SECOND = 600.0
+R_SQUARED_LIMIT = 0.98  # thesis 3.3: every rest lies above it, and needs no reason
 
 STEADY = ("CC", "pulse")  # loads of one current, whose polarisation is proportional to it
 MOVED_KELVIN = 3.0  # from here on the rest is one of the chamber, not of the cell
@@ -46,14 +47,12 @@ def rests_of(
     steps,
     *,
     temperature_celsius=None,
-    shortest_rest_second=RELAXATION.shortest_rest_second,
-    r_squared_limit=0.98,  # thesis 3.3: every rest lies above it
     elsewhere=None,
     diffusion=True,
 ):
     """Depolarisation of every rest that follows a load, by two exponentials.
 
-    1. A rest counts from `shortest_rest_second` on, where the record has no gap before it and the
+    1. A rest counts from `SHORTEST_REST_SECOND` on, where the record has no gap before it and the
     load was no low current (C/37); its first sample is left out where it still shows the edge; it
     ends where the temperature has moved by 3 K. 2. Two exponentials are fitted, or one where two
     are not told. 3. Where a third, faster one is told as well, it has a row of its own and is
@@ -63,8 +62,6 @@ def rests_of(
     soc : (n,) [1], NaN where not known.
     steps : series.steps.Steps.
     temperature_celsius : (n,) of the chamber, else of the cell, or None [°C].
-    shortest_rest_second : [s].
-    r_squared_limit : R² from which a rest needs no reason [1].
     elsewhere : as of `not_elsewhere`. diffusion : whether R²/D is asked for, which takes longest.
 
     Returns found: Found; rows are columns of stage `relaxation`, one entry a rest and number of
@@ -85,18 +82,17 @@ def rests_of(
     series = tuple(np.asarray(column, float) for column in columns)
     kind = np.asarray(steps.kind)
     after_load = follows_directly(steps) & (kind == "rest") & (np.roll(kind, 1) != "rest")
-    long = np.asarray(steps.duration_second) >= shortest_rest_second
+    long = np.asarray(steps.duration_second) >= SHORTEST_REST_SECOND
     rests, rows, reasons = np.flatnonzero(after_load & long), [], Counter()
     rests = not_elsewhere(rests, elsewhere, "rest", reasons)
     for number, step in enumerate(rests):
         try:
-            limits = shortest_rest_second, r_squared_limit
-            rows += _rows_of(number, series, steps, step, limits, diffusion)
+            rows += _rows_of(number, series, steps, step, diffusion)
         except Refusal as refusal:
             reasons[str(refusal)] += 1
     left_out = counted(reasons)
     if not len(rests):
-        left_out = (f"no rest after a load lasts {shortest_rest_second:g} s: no depolarisation",)
+        left_out = (f"no rest after a load lasts {SHORTEST_REST_SECOND:g} s: no depolarisation",)
     table = {n: np.array([row[n] for row in rows], dtype=of) for n, of in COLUMNS.items()}
     return Found(table, left_out)
 
@@ -110,11 +106,12 @@ def chamber_or_cell(series):
     return series.get("surface_temperature_celsius") if chamber is None else chamber
 
 
-def _rows_of(number, series, steps, step, limits, diffusion):
+def _rows_of(number, series, steps, step, diffusion):
     """Rows of one rest: of two exponentials or one, and of three where determined."""
     if low_current(steps.c_rate[step - 1], 1.0):
         raise Refusal(f"load before the rest is below {LOW_C_RATE:.2g} C")
-    (time, _, voltage, _, celsius), (shortest, limit) = series, limits
+    time, _, voltage, _, celsius = series
+    shortest = SHORTEST_REST_SECOND
     rows = np.arange(int(steps.first_row[step]), int(steps.last_row[step]) + 1)
     moved = np.abs(celsius[rows] - celsius[rows[0]]) > MOVED_KELVIN
     rows = rows[: int(np.argmax(moved))] if moved.any() else rows
@@ -127,7 +124,9 @@ def _rows_of(number, series, steps, step, limits, diffusion):
     two, three = fit_relaxation(t, v), fit_relaxation(t, v, most=3)
     fits = [two, three] if len(three.tau_second) == 3 else [two]
     noise = noise_volt(v)
-    reason = reasons_against(two, three, v, limit=limit, grain=least_digit(v), noise=noise)
+    reason = reasons_against(
+        two, three, v, limit=R_SQUARED_LIMIT, grain=least_digit(v), noise=noise
+    )
     common = _load(series, steps, step, rows)
     common |= {"rest": number, "noise_volt": noise, "reason": reason}
     common |= _diffusion(common, series, steps, step, (t, v), two) if diffusion else NO_DIFFUSION

@@ -18,6 +18,7 @@ from cellwright.settings import Segment
 
 SEGMENT = Segment()
 
+GAP_SECOND = 300.0  # no sample for so long, and for longer than is usual there, ends a step
 EDGE_C_RATE = (0.01, 0.03)  # a step of current within six sigma of its noise is none; bounds
 USUAL_SHARE = 0.05  # of the rows: at an interval that so many have, to the second, it is read
 EDGE_SHARE = 0.05  # nor is one below this share of the current itself
@@ -394,7 +395,6 @@ def segment(
     file_index=None,
     rest_c_rate=SEGMENT.rest_c_rate,
     pulse_max_second=SEGMENT.pulse_max_second,
-    gap_second=SEGMENT.gap_second,
 ):
     """Cut a record into steps by what the current and the voltage do, never by step numbers.
 
@@ -413,7 +413,6 @@ def segment(
     file_index : (n,) number of the joined file of each row [1]; None: one file.
     rest_c_rate : largest current at rest over the rating [1/h].
     pulse_max_second : longest pulse, and longest run of a dynamic load (with a quarter more) [s].
-    gap_second : shortest hole in the record that ends a step [s].
 
     Returns Steps. Raises Refusal: fewer than three rows, time that runs backwards, or no rating and
     no current.
@@ -425,7 +424,7 @@ def segment(
     refuse_backward(time)
     rated = rated_capacity_ampere_hour or assumed_rating(current, charge)
     files = np.zeros(len(time), int) if file_index is None else np.asarray(file_index)
-    gap = silent_before(time, gap_second) | (np.diff(files, prepend=0) > 0)
+    gap = silent_before(time, GAP_SECOND) | (np.diff(files, prepend=0) > 0)
     rest = rest_rows(time, current, threshold=rest_c_rate * rated, rated=rated)
     record = Sampled(time, current, voltage, gap, rest)
     tolerance = hold_tolerance(voltage, record.rest)

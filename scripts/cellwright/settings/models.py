@@ -39,26 +39,16 @@ class Soc(NamedTuple):
 
     filters : Coulomb counting, OCV look-up, extended Kalman filter, adaptive one, adaptive one
         with the capacity as a state.
-    initial_soc_error : Errors of the SoC that a filter starts from; the first also runs through
-        every scenario. Starts are kept within 0 to 1.
-    initial_soc : Further starts, as SoC itself.
-    initial_soc_std : Standard deviation that a filter is told of its start.
+    initial_soc : Starts of a filter beside one that is 0.3 of SoC below the truth, as SoC
+        itself; that one also runs through every scenario.
     scenarios : Faults that filters are run with beside the record as it is; mid_drive starts
         them a third into the record, the cell not at rest.
-    current_offset_c_rate [1/h] : Offset of the current in scenario current_offset, over the
-        capacity.
-    voltage_bias_volt [V] : Offset of the voltage in scenario voltage_bias.
-    capacity_error : Relative error of the capacity in scenarios capacity_high and capacity_low.
-    sensor_volt [V] : White noise of the voltage, standard deviation, where the records that the
-        model was fitted to do not tell it.
     current_error_c_rate [1/h] : Error of the current sensor over the capacity, as a filter
         assumes it.
     """
 
     filters: tuple[str, ...] = ("coulomb", "ocv", "ekf", "aekf", "dual")
-    initial_soc_error: tuple[float, ...] = (-0.3,)
     initial_soc: tuple[float, ...] = (0.0, 0.2, 0.4, 0.6, 0.8, 0.98)
-    initial_soc_std: float = 0.5
     scenarios: tuple[str, ...] = (
         "current_offset",
         "voltage_bias",
@@ -66,10 +56,6 @@ class Soc(NamedTuple):
         "capacity_low",
         "mid_drive",
     )
-    current_offset_c_rate: float = 0.01
-    voltage_bias_volt: float = 0.005
-    capacity_error: float = 0.1
-    sensor_volt: float = 0.002
     current_error_c_rate: float = 0.005
 
 
@@ -79,30 +65,15 @@ class PackDecisions(NamedTuple):
 
     c_rate [1/h] : Rate of the discharges by which the capacity and energy of a pack are told,
         over the median capacity of its cells.
-    group_c_rate [1/h] : Rate of the discharge of a parallel group whose branch currents are
-        looked at. Source: thesis 5.2.
     pulse_second [s] : Length of the pulses of which the power of a series pack is told.
-    largest_c_rate [1/h] : Largest current of such a pulse, over the median capacity of the
-        cells: models are not asked what no test has shown.
     draws : Draws of the Monte Carlo over the uncertainties of the cells, and random assemblies
         of a fleet that a matched one is compared with.
     group_size : Cells in a parallel group that a fleet is matched into.
     string_length : Cells, or parallel groups, in a series string that a fleet is matched into.
-    matching_celsius [°C] : Temperatures at which parallel groups are compared; a group counts by
-        the worst of them.
-    initial_soc_std [1] : SoC of a cell at the start beside what the sheet says, standard
-        deviation.
-    wire_relative_std [1] : Resistance of a connection beside what groups.tsv says, relative
-        standard deviation.
     """
 
     c_rate: float = 0.5
-    group_c_rate: float = 1.0
     pulse_second: float = 10.0
-    largest_c_rate: float = 3.0
     draws: int = 200
     group_size: int = 2
     string_length: int = 10
-    matching_celsius: tuple[float, ...] = (25.0,)
-    initial_soc_std: float = 0.005
-    wire_relative_std: float = 0.1

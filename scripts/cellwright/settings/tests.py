@@ -39,12 +39,10 @@ class Segment(NamedTuple):
 
     rest_c_rate [1/h] : Currents below this rate count as rest.
     pulse_max_second [s] : A constant-current step that is not longer than this is a pulse.
-    gap_second [s] : A step ends where no sample was recorded for longer than this.
     """
 
     rest_c_rate: float = 0.004
     pulse_max_second: float = 120.0
-    gap_second: float = 300.0
 
 
 class Ocv(NamedTuple):
@@ -52,12 +50,9 @@ class Ocv(NamedTuple):
 
     least_hour [h] : A charge or discharge is slow enough to stand for the open-circuit voltage
         if it takes longer than this.
-    rest_second [s] : A rest of a pulse test counts as a point of an open-circuit voltage from
-        this length on, where a cell has no slow test.
     """
 
     least_hour: float = 12.0
-    rest_second: float = 600.0
 
 
 class Instrument(NamedTuple):
@@ -91,33 +86,10 @@ class Temperature(NamedTuple):
         pulses.
     delay_second [s] : Delays into the pulse that are followed; each must be one of
         resistance.delay_second.
-    c_rate [1/h] : Rate of the pulses that is preferred where several rates reach as many
-        temperatures.
     """
 
     soc: tuple[float, ...] = (0.2, 0.5, 0.8)
     delay_second: tuple[float, ...] = (0.0, 10.0)
-    c_rate: float = 1.0
-
-
-class Relaxation(NamedTuple):
-    """Depolarisation in rests (thesis 3.3).
-
-    shortest_rest_second [s] : A rest counts from this length on; the thesis rests 40 min.
-    """
-
-    shortest_rest_second: float = 600.0
-
-
-class Ica(NamedTuple):
-    """Incremental capacity of constant-current charges.
-
-    prominence : A peak must rise out of its surroundings by this part of the curve's maximum,
-        and by more than its noise allows. Beside one narrow peak that towers over all others
-        even 0.05 would hide graphite's.
-    """
-
-    prominence: float = 0.02
 
 
 class FastCharge(NamedTuple):

@@ -11,6 +11,7 @@ import numpy as np
 
 from cellwright.laws.points import first_check_up
 from cellwright.numerics.lines import generalised_line
+from cellwright.numerics.statistics import NORMAL_95
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
@@ -23,33 +24,26 @@ COLUMNS = ("celsius", "ocv_volt", "std_volt", "common_volt")  # of Readings, (m,
 class Readings(NamedTuple):
     """Open-circuit voltages of one source at m states of charge and k temperatures [V], NaN: none.
 
-    source : "slow" or "steps". soc : (m,) [1]. celsius, ocv_volt : (m, k) [degC], [V]. std_volt :
-    (m, k) what scatters on its own. common_volt : (m, k) an error that all temperatures of one
-    state of charge share, as long as it grows over temperature: known up to one factor, which lies
-    about zero with a standard deviation of one [V]. tests : (k,) names. notes : sentences.
+    soc : (m,) [1]. celsius, ocv_volt : (m, k) [degC], [V]. std_volt : (m, k) what scatters on its
+    own. common_volt : (m, k) an error that all temperatures of one state of charge share, as long
+    as it grows over temperature: known up to one factor, which lies about zero with a standard
+    deviation of one [V]. notes : sentences.
     """
 
-    source: str
     soc: np.ndarray
     celsius: np.ndarray
     ocv_volt: np.ndarray
     std_volt: np.ndarray
     common_volt: np.ndarray
-    tests: tuple
     notes: tuple
 
 
-def slow_readings(
-    curves,
-    *,
-    voltage_std_volt=VOLTAGE_STD_VOLT,
-    reference_celsius=REFERENCE_CELSIUS,
-):
+def slow_readings(curves):
     """Readings of slow tests at several temperatures, compared at equal charge below full.
 
     1. Tests that completed both branches at room temperature keep the SoC of their own
     ampere-hours. Of others the remainder is still in the cell: their SoC is counted down from full
-    over the capacity of the test nearest `reference_celsius`. 2. What the two directions differ in
+    over the capacity of the test nearest 25 °C. 2. What the two directions differ in
     ampere-hours makes the SoC uncertain by half of it, and through the slope the voltage. 3. The
     OCV lies between the branches, so half the gap bounds its error. What of the gap all
     temperatures have in common (hysteresis) falls out of differences; what grows in the cold is the
@@ -60,12 +54,10 @@ def slow_readings(
     ----------
     curves : list of dict, one a test: test, cycle, ambient_temperature_celsius, soc, ocv_volt,
         half_gap_volt, branches, joined_by, capacity_ampere_hour, charge_capacity_ampere_hour.
-    voltage_std_volt : how well voltages of tests weeks apart compare [V].
-    reference_celsius : temperature of the capacity that SoC refers to [degC].
 
     Returns
     -------
-    readings : Readings with source "slow".
+    readings : Readings.
 
     Raises
     ------
@@ -86,7 +78,7 @@ def slow_readings(
             f"slow tests with both branches at {count} temperature(s), {LEAST_TEMPERATURES} wanted"
         )
         raise Refusal("; ".join([shortage, *notes]))
-    reference = min(both, key=lambda c: abs(c["ambient_temperature_celsius"] - reference_celsius))
+    reference = min(both, key=lambda c: abs(c["ambient_temperature_celsius"] - REFERENCE_CELSIUS))
     columns = [_at_reference_soc(curve, reference) for curve in both]
     volt, gap, soc_volt = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
     extra = gap - np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, keepdims=True)
@@ -99,30 +91,27 @@ def slow_readings(
     scatter = 0.1 * common * np.maximum(common / 0.025, 1.0)
     celsius = np.array([curve["ambient_temperature_celsius"] for curve in both], float)
     return Readings(
-        source="slow",
         soc=np.asarray(reference["soc"], float),
         celsius=np.broadcast_to(celsius, volt.shape),
         ocv_volt=volt,
-        std_volt=np.sqrt(voltage_std_volt**2 + soc_volt**2 + scatter**2),
+        std_volt=np.sqrt(VOLTAGE_STD_VOLT**2 + soc_volt**2 + scatter**2),
         common_volt=common,
-        tests=tuple(curve["test"] for curve in both),
         notes=tuple(
             notes + [words for curve in both for words in _rescaling_notes(curve, reference)]
         ),
     )
 
 
-def step_readings(rows, *, voltage_std_volt=STEP_STD_VOLT):
+def step_readings(rows):
     """Readings of rests in a stepping chamber, one a state of charge.
 
     Parameters
     ----------
     rows : list of dict, rows of stage `ocv_step`.
-    voltage_std_volt : systematic error of the mean of a plateau, besides its noise [V].
 
     Returns
     -------
-    readings : Readings with source "steps", by ascending SoC; voltages are what the cell showed
+    readings : Readings, by ascending SoC; voltages are what the cell showed
         in the end at the first temperature plus the shift.
 
     Raises
@@ -143,13 +132,11 @@ def step_readings(rows, *, voltage_std_volt=STEP_STD_VOLT):
         table[:, place, : len(rest)] = [[row[name] for row in rest] for name in names]
     level = np.array([rest[0]["voltage_volt"] for rest in rests])
     return Readings(
-        source="steps",
         soc=np.array([rest[0]["soc"] for rest in rests]),
         celsius=table[0],
         ocv_volt=level[:, None] + table[1],
-        std_volt=np.hypot(table[2], voltage_std_volt),
+        std_volt=np.hypot(table[2], STEP_STD_VOLT),
         common_volt=table[3],
-        tests=("",) * widest,
         notes=(),
     )
 
@@ -159,7 +146,7 @@ def on_curve(readings, curve):
 
     Parameters
     ----------
-    readings : Readings with source "steps".
+    readings : Readings, of `step_readings`.
     curve : dict with soc (n,), ocv_volt (n,) and ambient_temperature_celsius, or None: then only
         the voltages of the rests themselves give the shape.
 
@@ -254,7 +241,6 @@ class Entropic(NamedTuple):
 
     soc: np.ndarray
     ocv_volt: np.ndarray
-    ocv_std_volt: np.ndarray
     slope: np.ndarray
     slope_std: np.ndarray
     slope_lower: np.ndarray
@@ -269,7 +255,7 @@ class Entropic(NamedTuple):
     reference_celsius: float
 
 
-def fit_entropic(readings, *, reference_celsius=REFERENCE_CELSIUS, level=0.95):
+def fit_entropic(readings, *, reference_celsius=REFERENCE_CELSIUS):
     """Entropic coefficient dOCV/dT [V/K] at every state of charge: line and parabola.
 
     Generalised least squares with C = diag(std²) + c·cᵀ, c the common error: overpotential that
@@ -281,15 +267,13 @@ def fit_entropic(readings, *, reference_celsius=REFERENCE_CELSIUS, level=0.95):
     ----------
     readings : Readings.
     reference_celsius : about which the coefficients hold [degC].
-    level : coverage of the interval.
 
     Returns
     -------
-    entropic : Entropic.
+    entropic : Entropic, with intervals of 95 %.
 
     Source: thesis eq. 3.8 to 3.10: dOCV/dT = −dS/dn over the charge of the electrons.
     """
-    from scipy.stats import norm
     from scipy.stats import t as student
 
     fits = [
@@ -300,14 +284,13 @@ def fit_entropic(readings, *, reference_celsius=REFERENCE_CELSIUS, level=0.95):
         np.array(column, float) for column in zip(*fits, strict=True)
     )
     # A deviation that was enlarged by what scattered has that scatter's degrees of freedom.
-    quantile = student.ppf((1 + level) / 2, np.maximum(count - 2, 1))
-    reach = np.where(chi_square > 1, quantile, norm.ppf((1 + level) / 2)) * line_std[:, 1]
+    quantile = student.ppf(0.975, np.maximum(count - 2, 1))
+    reach = np.where(chi_square > 1, quantile, NORMAL_95) * line_std[:, 1]
     away = np.where(np.isfinite(readings.ocv_volt), readings.celsius - reference_celsius, 0.0)
     ratio = np.abs(curve[:, 2]) / curve_std[:, 2]
     return Entropic(
         soc=readings.soc,
         ocv_volt=line[:, 0],
-        ocv_std_volt=line_std[:, 0],
         slope=line[:, 1],
         slope_std=line_std[:, 1],
         slope_lower=line[:, 1] - reach,
@@ -359,6 +342,11 @@ def _crossing(soc, slope, std, sign):
     return {"soc": float(at), **ends, "sign_above": sign}
 
 
+def shared_covariance(std, common):
+    """Covariance (n, n) of readings that scatter, and share an error known up to one factor."""
+    return np.diag(std**2) + np.outer(common, common)
+
+
 def _at_one_soc(celsius, volt, std, common, reference):
     """Line and parabola with deviations, common error's factor, reduced χ², temperatures."""
     finite = np.isfinite(volt) & np.isfinite(std) & np.isfinite(common)
@@ -369,7 +357,7 @@ def _at_one_soc(celsius, volt, std, common, reference):
     if count < LEAST_TEMPERATURES:
         return nothing[:2], nothing[:2], nothing, nothing, np.nan, np.nan, count
     columns = np.vander(celsius - reference, 3, increasing=True)
-    covariance = np.diag(std**2) + np.outer(common, common)
+    covariance = shared_covariance(std, common)
     line = generalised_line(columns[:, :2], volt, covariance)
     shared = common @ np.linalg.solve(covariance, volt - columns[:, :2] @ line.values)
     scores = (shared, line.reduced_chi_square, count)

@@ -4,17 +4,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.law import Form, best_of, fit_law, law_row, rows_of
 from cellwright.laws.ocv.entropy import (
     COLUMNS,
-    STEP_STD_VOLT,
-    VOLTAGE_STD_VOLT,
     fit_entropic,
     on_curve,
+    shared_covariance,
     slow_readings,
     step_readings,
     zero_crossings,
 )
 from cellwright.laws.ocv.surface import (
+    LARGEST_STD_VOLT,
     LINE,
     PARABOLA,
     TABLES,
@@ -24,8 +25,6 @@ from cellwright.laws.ocv.surface import (
     table_at,
 )
 from cellwright.laws.points import first_check_up
-from cellwright.laws.temperature import law_row, left_out_rmse
-from cellwright.numerics.lines import generalised_line
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
@@ -47,43 +46,31 @@ class OverTemperature(NamedTuple):
     notes: tuple
 
 
-def over_temperature(
-    curves,
-    step_rows,
-    *,
-    reference_celsius=REFERENCE_CELSIUS,
-    voltage_std_volt=VOLTAGE_STD_VOLT,
-    step_std_volt=STEP_STD_VOLT,
-    largest_std_volt=0.02,
-):
+def over_temperature(curves, step_rows):
     """Entropic coefficient, functions and surface of a cell.
 
     Parameters
     ----------
     curves : list of dict, slow tests as `entropy.slow_readings` takes them.
     step_rows : list of dict, rows of stage `ocv_step`.
-    reference_celsius : what is compared against; the tested temperature nearest to it [degC].
-    voltage_std_volt, step_std_volt : how well voltages of slow tests, of plateaus, compare [V].
-    largest_std_volt : readings less certain take part neither in the functions over temperature
-        nor in their choice; where the coldest or warmest bias is so, the surface takes that of the
-        nearest SoC [V].
 
     Returns
     -------
-    ocv : OverTemperature. Where both kinds of test were made, the one with the smaller standard
-        deviation of the entropic coefficient is used; both are reported.
+    ocv : OverTemperature, about the tested temperature nearest 25 °C. Where both kinds of test were
+        made, the one with the smaller standard deviation of the entropic coefficient is used; both
+        are reported.
 
     Raises
     ------
     Refusal : neither kind of test suffices; with the reasons of both.
     """
-    sources, notes = _sources(curves, step_rows, voltage_std_volt, step_std_volt)
+    sources, notes = _sources(curves, step_rows)
     if not sources:
         raise Refusal("; ".join(notes))
     entropic = {}
     for name, readings in sources.items():
         means = np.nanmean(readings.celsius, axis=0)
-        nearest = np.round(means[np.argmin(np.abs(means - reference_celsius))], 1)
+        nearest = np.round(means[np.argmin(np.abs(means - REFERENCE_CELSIUS))], 1)
         entropic[name] = fit_entropic(readings, reference_celsius=float(nearest))
     std = {name: fit.slope_std[np.isfinite(fit.slope_std)] for name, fit in entropic.items()}
     used = min(std, key=lambda name: np.median(std[name]) if len(std[name]) else np.inf)
@@ -94,9 +81,7 @@ def over_temperature(
     readings = sources[used] if used == "slow" else on_curve(sources[used], curve)
     fitted, functions = fit_entropic(readings, reference_celsius=reference), []
     try:
-        functions = compare(
-            readings, reference_celsius=reference, largest_std_volt=largest_std_volt
-        )
+        functions = compare(readings, reference_celsius=reference)
     except Refusal as refusal:
         notes.append(f"functions over temperature not compared: {refusal}")
     notes += [note for source in sources.values() for note in source.notes]
@@ -108,7 +93,7 @@ def over_temperature(
         fitted,
         functions,
         surface_from(
-            _coefficients(fitted, functions, largest_std_volt),
+            _coefficients(fitted, functions),
             readings,
             reference,
             None if curve is None else np.asarray(curve["ocv_volt"], float),
@@ -117,15 +102,15 @@ def over_temperature(
     )
 
 
-def _sources(curves, step_rows, voltage_std, step_std):
+def _sources(curves, step_rows):
     """Readings of each kind of test, and reasons where there are none."""
     readings, reasons = {}, []
-    for name, read, content, std in (
-        ("slow", slow_readings, curves, voltage_std),
-        ("steps", step_readings, step_rows, step_std),
+    for name, read, content in (
+        ("slow", slow_readings, curves),
+        ("steps", step_readings, step_rows),
     ):
         try:
-            readings[name] = read(content, voltage_std_volt=std)
+            readings[name] = read(content)
         except Refusal as refusal:
             reasons += [str(refusal)] if content else []
     return readings, reasons or ["neither slow tests nor rests in a stepping chamber"] * (
@@ -133,21 +118,21 @@ def _sources(curves, step_rows, voltage_std, step_std):
     )
 
 
-def _coefficients(fitted, functions, largest):
+def _coefficients(fitted, functions):
     """Coefficients over SoC of the table that predicts best; of the line where none was compared.
 
     Where the bias is less certain than the limit at the ends of what was tested, nothing.
     """
     tables = {
-        table["function"]: np.nan_to_num(table["cross_validation_rmse_volt"], nan=np.inf)
+        table["function"]: table["cross_validation_rmse_volt"]
         for table in functions
         if table["function"] in TABLES
     }
-    best = min(tables, key=tables.get, default=LINE)
+    best = best_of(tables) if tables else LINE
     line = np.stack([fitted.ocv_volt, fitted.slope], axis=1)
     if best != LINE:
         line = fitted.parabola if best == PARABOLA else line * [1.0, 0.0]
-    sure = fitted.slope_std * fitted.reach_kelvin <= largest
+    sure = fitted.slope_std * fitted.reach_kelvin <= LARGEST_STD_VOLT
     return np.where(sure[:, None], line, np.nan) if sure.any() else line
 
 
@@ -255,7 +240,7 @@ def _stacked(parts):
 def law_rows(ocv):
     """Rows of tables/temperature: laws at every tenth of SoC, and changes of sign of dOCV/dT.
 
-    In the shape of `laws.temperature.law_rows`. The line is chosen unless the parabola's bend is
+    In the shape of `laws.law.rows_of`. The line is chosen unless the parabola's bend is
     significant at 5 %; of changes of sign those that are certain at 95 %.
     """
     fitted, rows = ocv.fitted, []
@@ -293,7 +278,7 @@ def _crossing_row(crossing, certain):
     return law_row(quantity, "linear", "soc", crossing["soc"], std, unit="1", chosen=certain)
 
 
-PARAMETERS = (("ocv", "V"), ("entropic_coefficient", "V/K"), ("bend", "V/K^2"))
+PARAMETERS = ("ocv", "entropic_coefficient", "bend"), ("V", "V/K", "V/K^2")
 
 
 def _law(ocv, k, soc, *, degree, law, chosen):
@@ -303,32 +288,12 @@ def _law(ocv, k, soc, *, degree, law, chosen):
     celsius, volt, std, common = (getattr(readings, name)[k][finite] for name in COLUMNS)
     if len(volt) <= degree:
         return []
-    columns = np.vander(celsius - reference, degree + 1, increasing=True)
-    covariance = np.diag(std**2) + np.outer(common, common)
-    # About the reference temperature, so that the slope is the coefficient there.
-    line = generalised_line(columns, volt, covariance)
-
-    def errors(out):
-        rest = generalised_line(columns[~out], volt[~out], covariance[np.ix_(~out, ~out)])
-        return columns[out] @ rest.values - volt[out]
-
-    scores = {
-        "r_squared": _r_squared(line, volt, covariance),
-        "cross_validation_rmse": left_out_rmse(errors, np.arange(len(volt)), parameters=degree + 1),
-    }
-    quantity = f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC"
-    fitted = zip(PARAMETERS, line.values, line.std, strict=False)
-    return [
-        law_row(quantity, law, name, value, deviation, unit=unit, chosen=chosen, **scores)
-        for (name, unit), value, deviation in fitted
-    ]
-
-
-def _r_squared(line, volt, covariance):
-    """R² of a generalised line [1], residuals weighted by the covariance."""
-    flat = generalised_line(np.ones((len(volt), 1)), volt, covariance)
-    whole, rest = (
-        line_fit.reduced_chi_square * max(line_fit.degrees_of_freedom, 0)
-        for line_fit in (flat, line)
+    form = Form(
+        law,
+        # About the reference temperature, so that the slope is the coefficient there.
+        lambda celsius: np.vander(celsius - reference, degree + 1, increasing=True),
+        *(words[: degree + 1] for words in PARAMETERS),
     )
-    return 1 - rest / whole if flat.reduced_chi_square > 0 else np.nan
+    fitted = fit_law(form, celsius, volt, shared_covariance(std, common), unit="V")
+    quantity = f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC"
+    return rows_of(quantity, fitted._replace(chosen=chosen), with_ranges=False)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.law import best_of, left_out
 from cellwright.laws.ocv.entropy import fit_entropic
 from cellwright.numerics.statistics import rms
 from cellwright.protocols.ocv.functions import FORMS, fit_parameters, parameter_stds
@@ -91,9 +92,6 @@ def is_tested(surface, soc, celsius):
     return inside_soc & (celsius >= cold - 0.5) & (celsius <= warm + 0.5)
 
 
-TEN_KELVIN = 10.0  # unit of d in fits, in which all coefficients are of one size
-
-
 def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, near=None):
     """Parameters of one OCV function fitted to voltages over SoC and temperature at once.
 
@@ -113,26 +111,13 @@ def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, nea
     # ASSUME: Rates inside exponentials do not move with temperature.
     form = FORMS[function]
     rates = None if near is None else near[np.array(form.places) < 0, 0]
-    powers = _powers(celsius, reference_celsius, degree)
-    parameters = fit_parameters(form, soc, ocv_volt, powers=powers, near=rates)
-    return parameters / TEN_KELVIN ** np.arange(degree + 1)
+    powers = powers_of(celsius, reference_celsius, degree)
+    return fit_parameters(form, soc, ocv_volt, powers=powers, near=rates)
 
 
-def _powers(celsius, reference_celsius, degree):
-    """Powers (n, degree + 1) of the temperature above the reference, in units of 10 K."""
-    powers = np.vander(celsius - reference_celsius, degree + 1, increasing=True)
-    return powers / TEN_KELVIN ** np.arange(degree + 1)
-
-
-def form_std(function, parameters, soc, celsius, ocv_volt, *, reference_celsius):
-    """Standard deviations of the parameters of a fit, shaped like them; NaN: not determined.
-
-    What the function cannot follow counts as scatter. Arguments as of `fit_form`.
-    """
-    unit = TEN_KELVIN ** np.arange(parameters.shape[1])
-    powers = _powers(celsius, reference_celsius, parameters.shape[1] - 1)
-    form = FORMS[function]
-    return parameter_stds(form, parameters * unit, soc, ocv_volt, powers=powers) / unit
+def powers_of(celsius, reference_celsius, degree):
+    """Powers (n, degree + 1) of the temperature above the reference [K]."""
+    return np.vander(celsius - reference_celsius, degree + 1, increasing=True)
 
 
 def form_ocv(function, parameters, soc, celsius, *, reference_celsius):
@@ -160,15 +145,18 @@ def form_ocv(function, parameters, soc, celsius, *, reference_celsius):
 TABLES = ISOTHERMAL, LINE, PARABOLA = "isothermal", "surface", "surface_parabola"
 
 
-def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, highest_soc=0.99):
+# Readings less certain take part in neither fit nor score; where the coldest or warmest bias is so,
+# the surface takes that of the nearest SoC [V].
+LARGEST_STD_VOLT = 0.02
+
+
+def compare(readings, *, reference_celsius):
     """OCV functions and tables fitted to readings; the best at left-out temperatures is chosen.
 
     Parameters
     ----------
     readings : `entropy.Readings` over an even grid of SoC.
     reference_celsius : about which coefficients move [degC].
-    largest_std_volt : readings less certain take part in neither fit nor score [V].
-    lowest_soc, highest_soc : range that is fitted; the functions have poles at 0 and 1 [1].
 
     Returns
     -------
@@ -182,44 +170,41 @@ def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, h
         enough.
     """
     total = np.hypot(readings.std_volt, readings.common_volt)
-    middle = (readings.soc >= lowest_soc - 1e-9) & (readings.soc <= highest_soc + 1e-9)
-    sure = np.isfinite(readings.ocv_volt) & (total <= largest_std_volt) & middle[:, None]
+    # The functions have poles at 0 and 1.
+    middle = np.abs(readings.soc - 0.5) <= 0.49 + 1e-9
+    sure = np.isfinite(readings.ocv_volt) & (total <= LARGEST_STD_VOLT) & middle[:, None]
     kept = readings._replace(ocv_volt=np.where(sure, readings.ocv_volt, np.nan))
     levels = _levels(kept)
     present = levels[np.isfinite(kept.ocv_volt).sum(axis=0) > 0]
     names, settings = [*FORMS, *TABLES], {"reference_celsius": reference_celsius}
     if len(np.unique(present)) < 4:
         raise Refusal(
-            f"readings within ±{1e3 * largest_std_volt:g} mV at {len(np.unique(present))} "
+            f"readings within ±{1e3 * LARGEST_STD_VOLT:g} mV at {len(np.unique(present))} "
             "temperature(s); to compare functions by leaving one out takes four"
         )
-    whole = {name: _fitted(name, kept, **settings) for name in names}
-    inside = {name: _errors(name, whole[name], kept, **settings) for name in names}
-    errors_left_out = {name: np.full(kept.ocv_volt.shape, np.nan) for name in names}
-    for level in np.unique(present):
-        out = levels == level
-        rest = kept._replace(ocv_volt=np.where(out, np.nan, kept.ocv_volt))
-        for name in names:
-            fit = _fitted(name, rest, near=whole[name], **settings)
-            # Each fit sets out from the whole one: a search from afar might end elsewhere.
-            errors_left_out[name][:, out] = _errors(name, fit, kept, **settings)[:, out]
-    scores = _scores(errors_left_out)
-    best = min(scores, key=lambda name: np.nan_to_num(scores[name], nan=np.inf))
-    described = []
+    fits, inside, outside = {}, {}, {}
     for name in names:
-        form = name in FORMS
-        described.append(
-            {
-                "function": name,
-                "parameters": whole[name] if form else np.array([]),
-                "std": form_std(name, whole[name], *_points(kept), **settings)
-                if form
-                else np.array([]),
-                "rmse_volt": rms(inside[name][np.isfinite(inside[name])]),
-                "cross_validation_rmse_volt": scores[name],
-                "chosen": name == best,
-            }
-        )
+        fits[name] = whole = _fitted(name, kept, **settings)
+        inside[name] = _errors(name, whole, kept, **settings)
+
+        def errors_without(out, name=name, whole=whole):
+            rest = kept._replace(ocv_volt=np.where(out, np.nan, kept.ocv_volt))
+            # Each fit sets out from the whole one: a search from afar might end elsewhere.
+            fit = _fitted(name, rest, near=whole, **settings)
+            return _errors(name, fit, kept, **settings)[:, out].T
+
+        outside[name] = left_out(errors_without, levels, least=1, shape=middle.shape)
+    scores, (soc, celsius, volt) = _scores(outside), _points(kept)
+    best, nothing, described = best_of(scores), np.array([]), []
+    for name, fit in fits.items():
+        about = {"parameters": nothing, "std": nothing}
+        if name in FORMS:
+            powers = powers_of(celsius, reference_celsius, fit.shape[1] - 1)
+            std = parameter_stds(FORMS[name], fit, soc, volt, powers=powers)
+            about = {"parameters": fit, "std": std}
+        about["rmse_volt"] = rms(inside[name][np.isfinite(inside[name])])
+        about["cross_validation_rmse_volt"] = scores[name]
+        described.append({"function": name, **about, "chosen": name == best})
     return described
 
 

@@ -4,8 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.packs.cells import pack_cells
-from cellwright.packs.decisions.group_use import GroupUses, discharge_groups, resistance_of
+from cellwright.packs.cells import PackCells, pack_cells
+from cellwright.packs.decisions.group_use import (
+    GROUP_C_RATE,
+    GroupUses,
+    discharge_groups,
+    resistance_of,
+)
 from cellwright.packs.decisions.matching import (
     even_groups,
     gain_of,
@@ -14,6 +19,7 @@ from cellwright.packs.decisions.matching import (
     strings_by_capacity,
 )
 from cellwright.packs.uncertainty.draws import SEED, draw_cells, drawn_cells, uncertainty_of
+from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
@@ -24,11 +30,11 @@ MOST_CELLS = 1000
 
 
 class Fleet(NamedTuple):
-    """Cells of one type: names, tables (PackCells) at each temperature of comparison, lower cut-off
-    [V], what they may be (CellDraws)."""
+    """Cells of one type: names, tables (PackCells) at 25 °C, lower cut-off [V], what they may be
+    (CellDraws)."""
 
     names: tuple
-    tables: tuple
+    tables: PackCells
     lower_cutoff_volt: float
     drawn: object
 
@@ -48,14 +54,13 @@ def fleet_of(models, cells, capacity_std_ampere_hour, settings=SETTINGS):
     if not 2 <= len(models) <= MOST_CELLS:
         found = f"{len(models)} cells of one type with a model"
         raise Refusal(f"{found}; from 2 to {MOST_CELLS} can be matched at once")
-    known = uncertainty_of(
-        models, capacity_std_ampere_hour, initial_soc_std=settings.initial_soc_std
-    )
-    warm = (pack_cells(models, temperature_celsius=float(t)) for t in settings.matching_celsius)
+    known = uncertainty_of(models, capacity_std_ampere_hour)
+    # Where most packs are used, and most cells were tested: which cells go together changes little.
+    tables = pack_cells(models, temperature_celsius=REFERENCE_CELSIUS)
     lower = max(cell.lower_cutoff_volt for cell in cells)
     names = tuple(model["cell"] for model in models)
     drawn = draw_cells(known, draws=settings.draws)
-    return Fleet(names, tuple(warm), float(lower), drawn)
+    return Fleet(names, tables, float(lower), drawn)
 
 
 def discharges_of(fleet, c_rate):
@@ -67,10 +72,10 @@ def discharges_of(fleet, c_rate):
 
     Returns
     -------
-    uses : function (groups, draw=None) → GroupUses, of each group the worst over the temperatures.
-        `groups` are (groups, size) indices, `draw` one of the fleet's draws; None: the cells as
-        their models say. Voltage and SoC at the start, which joined cells share, are the same in
-        all draws, so that they are the same for all assemblies that are compared.
+    uses : function (groups, draw=None) → GroupUses; `groups` are (groups, size) indices, `draw` one
+        of the fleet's draws; None: the cells as their models say. Voltage and SoC at the start,
+        which joined cells share, are the same in all draws, so that they are the same for all
+        assemblies that are compared.
     """
     known = {}
 
@@ -86,18 +91,15 @@ def discharges_of(fleet, c_rate):
 
 
 def _discharged(fleet, groups, c_rate, draw):
-    found = []
-    for tables in fleet.tables:
-        current = c_rate * tables.capacity_ampere_hour[groups].sum(axis=1)
-        if draw is not None:
-            # What joined cells share, their voltage, tells no assembly from another.
-            drawn = fleet.drawn._replace(voltage_volt=0.0 * fleet.drawn.voltage_volt, ocv_volt=None)
-            tables = drawn_cells(tables, drawn, draw, 1.0)
-        # A welded joint: far below a cell's own resistance, yet no branch without any.
-        at = {"lower_cutoff_volt": fleet.lower_cutoff_volt, "contact_ohm": 1e-5}
-        found.append(discharge_groups(tables, groups, current_ampere=current, **at))
-    charge, share, heat = (np.array(column) for column in zip(*found, strict=True))
-    return charge.min(axis=0), share.max(axis=0), heat.max(axis=0)
+    tables = fleet.tables
+    current = c_rate * tables.capacity_ampere_hour[groups].sum(axis=1)
+    if draw is not None:
+        # What joined cells share, their voltage, tells no assembly from another.
+        drawn = fleet.drawn._replace(voltage_volt=0.0 * fleet.drawn.voltage_volt, ocv_volt=None)
+        tables = drawn_cells(tables, drawn, draw, 1.0)
+    # A welded joint: far below a cell's own resistance, yet no branch without any.
+    at = {"lower_cutoff_volt": fleet.lower_cutoff_volt, "contact_ohm": 1e-5}
+    return discharge_groups(tables, groups, current_ampere=current, **at)
 
 
 def matched_fleet(fleet, settings=SETTINGS):
@@ -125,7 +127,7 @@ def matched_fleet(fleet, settings=SETTINGS):
     size, length = settings.group_size, settings.string_length
     if cells < 2 * size:
         raise Refusal(f"{cells} cells, wanted at least two groups of {size} to choose between")
-    uses = discharges_of(fleet, settings.group_c_rate)
+    uses = discharges_of(fleet, GROUP_C_RATE)
     random = np.random.default_rng([SEED, 2])
     rows, assembly = _parallel(fleet, uses, random, settings)
     for of_cells in (1, size):
@@ -146,7 +148,7 @@ def parallel_groups(fleet, uses, size):
     -------
     groups : (groups, size) int.
     """
-    cells, tables = len(fleet.names), fleet.tables[0]
+    cells, tables = len(fleet.names), fleet.tables
     # Two cells share a current by capacity where resistance times capacity is the same: far from
     # each other in this order no two are a good pair.
     order = np.argsort(resistance_of(tables) * tables.capacity_ampere_hour, kind="stable")

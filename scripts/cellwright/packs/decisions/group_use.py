@@ -13,6 +13,7 @@ from cellwright.packs.uncertainty.draws import RESISTANCES
 from cellwright.packs.wiring import Wiring, is_star, star_of
 
 CURRENT_SPREAD = 0.2  # deviation of a branch current; thesis 5.2 saw 25 to 30 % below 15 % SoC
+GROUP_C_RATE = 1.0  # of a discharge whose branch currents are looked at; thesis 5.2
 STEPS = 400  # of a discharge: a quarter percent of SoC each
 
 

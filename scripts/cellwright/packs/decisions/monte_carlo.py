@@ -10,9 +10,6 @@ from cellwright.packs.series.capability import BEYOND, first_crossing
 from cellwright.packs.uncertainty.copies import copies_at_once, simulate_copies
 from cellwright.packs.uncertainty.draws import drawn_cells, wire_factors
 from cellwright.packs.wiring import with_contacts
-from cellwright.settings import PackDecisions
-
-SETTINGS = PackDecisions()
 
 
 class PackDraws(NamedTuple):
@@ -92,7 +89,6 @@ def pack_draws(
     initial_soc=1.0,
     thermal=None,
     ambient_celsius=None,
-    wire_relative_std=SETTINGS.wire_relative_std,
 ):
     """A pack with parallel cells discharged to its cut-off in every draw of its cells and wires.
 
@@ -104,15 +100,14 @@ def pack_draws(
     Parameters
     ----------
     cells, wiring, lower_cutoff_volt, current_ampere, initial_soc, thermal, ambient_celsius : as of
-        `group_use.discharge_pack`. drawn : CellDraws. wire_relative_std : of all contacts together
-        [1].
+        `group_use.discharge_pack`. drawn : CellDraws.
 
     Returns
     -------
     draws : PackDraws.
     """
     draws = len(drawn.capacity_factor)
-    factors = wire_factors(draws, wire_relative_std=wire_relative_std)
+    factors = wire_factors(draws)
     ends = {"lower_cutoff_volt": lower_cutoff_volt, "current_ampere": current_ampere}
     count, at_once, uses = len(cells.names), copies_at_once(cells, STEPS), []
     for first in range(0, draws, at_once):

@@ -5,6 +5,7 @@ import numpy as np
 from cellwright.packs.cells import pack_cells, table_temperatures
 from cellwright.packs.decisions.group_use import (
     CURRENT_SPREAD,
+    GROUP_C_RATE,
     cells_at,
     discharge_pack,
     safe_window,
@@ -62,8 +63,7 @@ def pack_decisions(
     stated = [1.0 if row.initial_soc is None else row.initial_soc for row in positions]
     capacity = [model["capacity_ampere_hour"] for model in models]
     start = charged_soc(wiring, stated, capacity)
-    sure = {"initial_soc_std": settings.initial_soc_std}
-    known = uncertainty_of(models, capacity_std_ampere_hour, **sure)
+    known = uncertainty_of(models, capacity_std_ampere_hour)
     # Courses of the OCV that differ from cell to cell drive currents of their own and raise the
     # largest one of every draw: here an error of the voltage is the same at every SoC.
     known = known._replace(ocv=None)
@@ -155,7 +155,7 @@ def _string(models, positions, lower, drawn, start, celsius, settings):
 def _wired(wiring, tables, lower, drawn, start, settings, around):
     """Use, items and spares of a pack with parallel cells: items are (index of tables, SoC)."""
     share = network_of(wiring, tables.capacity_ampere_hour).share
-    current = settings.group_c_rate * float((tables.capacity_ampere_hour / share).min())
+    current = GROUP_C_RATE * float((tables.capacity_ampere_hour / share).min())
     at = {"lower_cutoff_volt": lower, "current_ampere": current}
 
     def use(items):
@@ -166,8 +166,7 @@ def _wired(wiring, tables, lower, drawn, start, settings, around):
         return found.capacity_ampere_hour, found.energy_watt_hour
 
     about = {"initial_soc": start, **at, **around}
-    wires = {"wire_relative_std": settings.wire_relative_std}
-    draws = pack_draws(tables, wiring, drawn, **about, **wires)
+    draws = pack_draws(tables, wiring, drawn, **about)
     window = window_rows(discharge_pack(tables, wiring, **about))
     items = list(enumerate(start))
     return use, items, lambda item: (item[0], 1.0), draws, window

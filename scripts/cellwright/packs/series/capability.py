@@ -238,7 +238,7 @@ def series_pack(models, positions, cells, record, settings=SETTINGS):
     balance = balance_string(models, initial_soc=start, **ends, **at)
     # The first full cell ends the charge of a string.
     charged = start + ((1.0 - start) * capacity).min() / capacity
-    pulses = {"pulse_second": settings.pulse_second, "largest_c_rate": settings.largest_c_rate}
+    pulses = {"pulse_second": settings.pulse_second}
     limits = {"initial_soc": charged, "cutoffs_volt": (lower, upper)}
     power = power_of_string(models, balance.as_it_is, **limits, **pulses, **at)
     given = {"discharge_ampere": current} | _capability_row(balance, power, names) | ended

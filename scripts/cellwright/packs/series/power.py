@@ -6,6 +6,7 @@ from cellwright.circuits.model_file import simulate_model
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
+LARGEST_C_RATE = 3.0  # of a pulse: models are not asked what no test has shown
 SMALL_VOLT = 1e-4  # a pulse that ends so near to its limit is at it
 
 
@@ -18,7 +19,7 @@ def power_of_string(
     celsius=25.0,
     contact_ohm=0.0,
     pulse_second=SETTINGS.pulse_second,
-    largest_c_rate=SETTINGS.largest_c_rate,
+    largest_c_rate=LARGEST_C_RATE,
     points=21,  # of 5 % of the charge each
 ):
     """Power of a string in pulses from rest, limited by its first cell, over its discharge.

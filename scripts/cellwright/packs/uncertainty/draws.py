@@ -11,6 +11,8 @@ from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
 SEED = 17  # of all draws
+INITIAL_SOC_STD = 0.005  # of a cell at the start beside what the sheet says: good balancing
+WIRE_RELATIVE_STD = 0.1  # of a connection beside what groups.tsv says: bolted and welded contacts
 RESISTANCES = ("r0_ohm", "r_ohm", "kinetic_r_ohm", "charge_ohm", "discharge_ohm")
 POINTS = 101  # of SoC, on which an error of the OCV is drawn
 
@@ -20,7 +22,7 @@ class Uncertainty(NamedTuple):
 
     capacity_relative, resistance_relative : [1]. voltage_volt : what the chosen member misses of
     records left out of its fit [V]. initial_soc : [1]. ocv : `ocv_error` of each cell, or None
-    where an error of the voltage is the same at every SoC. wire_relative_std : of all contacts [1].
+    where an error of the voltage is the same at every SoC.
     """
 
     capacity_relative: np.ndarray
@@ -28,16 +30,9 @@ class Uncertainty(NamedTuple):
     voltage_volt: np.ndarray
     initial_soc: np.ndarray
     ocv: tuple | None = None
-    wire_relative_std: float = SETTINGS.wire_relative_std
 
 
-def uncertainty_of(
-    models,
-    capacity_std_ampere_hour,
-    *,
-    initial_soc_std=SETTINGS.initial_soc_std,
-    wire_relative_std=SETTINGS.wire_relative_std,
-):
+def uncertainty_of(models, capacity_std_ampere_hour):
     """How sure it is what is known of each cell of a pack: Uncertainty.
 
     The capacity's is that of the mean of its repeats, the resistance's that of the sum of the
@@ -48,7 +43,6 @@ def uncertainty_of(
     Parameters
     ----------
     models : model dicts. capacity_std_ampere_hour : (cells,), NaN or None where not known [Ah].
-    initial_soc_std, wire_relative_std : [1].
     """
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
     stds = [np.nan if std is None else std for std in capacity_std_ampere_hour]
@@ -63,9 +57,8 @@ def uncertainty_of(
         np.maximum(relative, 0.003),  # repeats of a capacity test on good cyclers
         np.maximum(np.nan_to_num(resistance), 0.02),  # what contacts and temperature change
         np.array(missed),
-        np.full(len(models), float(initial_soc_std)),
+        np.full(len(models), INITIAL_SOC_STD),
         ocv,
-        wire_relative_std,
     )
 
 
@@ -163,10 +156,10 @@ def _courses(soc, std_volt, draws, random):
     return (random.standard_normal((draws, len(soc))) * std_volt) @ between.T
 
 
-def wire_factors(draws, *, wire_relative_std=SETTINGS.wire_relative_std):
-    """Factors (draws,) of all contacts of a pack together, of a relative deviation [1]."""
+def wire_factors(draws):
+    """Factors (draws,) of all contacts of a pack together [1]."""
     random = np.random.default_rng([SEED, 1])
-    return np.maximum(1.0 + wire_relative_std * random.standard_normal(draws), 0.1)
+    return np.maximum(1.0 + WIRE_RELATIVE_STD * random.standard_normal(draws), 0.1)
 
 
 def drawn_cells(cells, drawn, draw, initial_soc):

@@ -4,7 +4,7 @@ import numpy as np
 
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols.ica.levels import rises
-from cellwright.protocols.ica.spline import curve_of, slope_of_charge, slope_peaks
+from cellwright.protocols.ica.spline import PROMINENCE, curve_of, slope_of_charge, slope_peaks
 from cellwright.refusal import Refusal
 from cellwright.series.steps import constant_current_end
 
@@ -68,18 +68,17 @@ def charge_slope(voltage_volt, charge_ampere_hour):
     return curve_of(slope), slope
 
 
-def charge_peaks(slope, *, c_rate, prominence):
+def charge_peaks(slope, *, c_rate):
     """Peaks of one charge as the columns of the stage `ica`.
 
     slope : result of `charge_slope`.
     c_rate : rate of the charge [1/h].
-    prominence : least rise of a peak, as a share of the highest dQ/dV [1].
 
     Returns columns: dict of (k,) arrays. Raises Refusal: no peaks; a flat curve is typical of an
     aged cell or a high rate.
     """
-    columns = slope_peaks(slope, prominence=prominence)._asdict()
+    columns = slope_peaks(slope)._asdict()
     count = len(columns["voltage_volt"])
     if not count:
-        raise Refusal(f"no peaks: dQ/dV at {c_rate:.3g}C is flat within {prominence:.0%}")
+        raise Refusal(f"no peaks: dQ/dV at {c_rate:.3g}C is flat within {PROMINENCE:.0%}")
     return {"c_rate": np.full(count, c_rate), "peak": np.arange(1, count + 1)} | columns

@@ -19,7 +19,6 @@ def peaks_of_life(
     steps,
     cycles,
     *,
-    prominence,
     most,
 ):
     """Peaks of dQ/dV of charges spread evenly over an ageing record.
@@ -29,7 +28,7 @@ def peaks_of_life(
     steps : columns kind, first_row, last_row, cv_first_row, start_time_second, end_time_second,
         current_mean_ampere, c_rate.
     cycles : columns of stage `ageing_cycles`: cycle, direction, start_time_second, (k,) each.
-    prominence : as of `spline.slope_peaks`. most : charges at most.
+    most : charges at most.
 
     Returns rows, one a peak or a charge without; curves: columns of all charges; notes: sentences.
     Raises Refusal: no complete charge, or none whose dQ/dV can be taken.
@@ -43,7 +42,7 @@ def peaks_of_life(
         except Refusal as refusal:
             notes.append(f"cycle {cycle:g}: {refusal}")
             continue
-        rows += _rows({"cycle": cycle, "c_rate": rate}, slope_peaks(slope, prominence=prominence))
+        rows += _rows({"cycle": cycle, "c_rate": rate}, slope_peaks(slope))
         # As many points as a figure shows.
         grid = np.linspace(curve.voltage_volt[0], curve.voltage_volt[-1], 500)
         height = np.interp(grid, curve.voltage_volt, curve.dq_dv_ampere_hour_per_volt)

@@ -16,6 +16,10 @@ from cellwright.protocols.ica.blocks import readings
 from cellwright.protocols.ica.curve import IncrementalCapacity, Peaks
 from cellwright.refusal import Refusal
 
+# Rise of a peak out of its surroundings, of the curve's highest. Beside one narrow peak that towers
+# over all others even 0.05 would hide graphite's; below it noise decides by itself.
+PROMINENCE = 0.02
+
 
 class Slope(NamedTuple):
     """Fitted V(Q) of a charge on a fine grid, from low voltage, without the very ends (n,).
@@ -62,20 +66,19 @@ def slope_of_charge(voltage_volt, charge_ampere_hour):
     return Slope(fit, *columns, float(np.median(np.diff(charge))))
 
 
-def slope_peaks(slope, *, prominence):
+def slope_peaks(slope):
     """Peaks of dQ/dV, each with the covariance of what describes it.
 
     A peak of dQ/dV is a least slope of V(Q). It counts if it rises above the higher of its valleys
-    by `prominence`, and the slope falls before and rises after it by more than its noise allows.
+    by `PROMINENCE`, and the slope falls before and rises after it by more than its noise allows.
     The interval of its position holds the places where d2V/dQ2 may be zero.
 
     slope : Slope.
-    prominence : least rise, as a share of the curve's highest dQ/dV [1].
 
     Returns peaks: Peaks.
     """
     height = 1 / slope.dv_dq_volt_per_ampere_hour
-    tops, bases, feet, highest = _resolved_tops(slope, height, prominence)
+    tops, bases, feet, highest = _resolved_tops(slope, height)
     sure = [k for k, top in enumerate(tops) if _stands_out(slope, top, *feet[k])]
     # Each peak reaches from valley to valley, and the outer ones to the ends of the curve.
     between = [a + int(height[a:b].argmin()) for a, b in pairwise(tops[sure])]
@@ -89,7 +92,7 @@ def slope_peaks(slope, *, prominence):
     return Peaks(*columns.T)
 
 
-def _resolved_tops(slope, height, prominence):
+def _resolved_tops(slope, height):
     """Rows of the peaks that the readings resolve and that rise enough, where they rise from, feet.
 
     Also the height of the highest of them, or of an end. What is narrower than four readings, two
@@ -107,7 +110,7 @@ def _resolved_tops(slope, height, prominence):
     resolved = wide >= 4 * slope.reading_ampere_hour
     resolved &= volt[1] - volt[0] >= 3.0 * np.sqrt(slope.fit.variance)
     highest = height[tops[resolved]].max(initial=max(height[0], height[-1]))
-    kept = resolved & (found["prominences"] >= prominence * highest)
+    kept = resolved & (found["prominences"] >= PROMINENCE * highest)
     feet = np.column_stack([found["left_bases"], found["right_bases"]])
     return tops[kept], (height[tops] - found["prominences"])[kept], feet[kept], highest
 

@@ -13,9 +13,6 @@ from cellwright.protocols.ocv.slow import POINTS, OcvCurve, joined, rising
 from cellwright.protocols.rests import rests_of
 from cellwright.refusal import Refusal
 from cellwright.series.steps import follows_directly
-from cellwright.settings import Ocv
-
-OCV = Ocv()
 
 FEWEST, SPAN = 5, 0.5  # points of a branch, and the SoC that they must span
 
@@ -46,10 +43,8 @@ def rest_points(
     voltage_volt,
     charge_ampere_hour,
     steps,
-    *,
-    rest_second=OCV.rest_second,
 ):
-    """Voltage and charge at the end of each rest of at least `rest_second` that follows a load.
+    """Voltage and charge at the end of each rest of ten minutes or more that follows a load.
 
     Before the first of them, where the cell is nearly full, a rest after a discharge counts that is
     ten times as long as its load: a pulse of seconds leaves little to relax.
@@ -57,7 +52,6 @@ def rest_points(
     test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A] positive on
         charge, [V], net charge [Ah].
     steps : series.steps.Steps.
-    rest_second : [s].
 
     Returns points: RestPoints.
     """
@@ -66,7 +60,6 @@ def rest_points(
     unknown = np.full(len(time), np.nan)
     fitted = rests_of(
         *(time, current, voltage, unknown, steps),
-        shortest_rest_second=rest_second,
         diffusion=False,
     ).rows
     chosen = [
