@@ -284,7 +284,7 @@ def _summary_row(facts, of_cell, model) -> dict:
         **_health(of_cell, fresh, fresh * spread / capacity if fresh and spread else None),
         "r0_50_25_ohm": resistance.get("resistance_ohm"),
         "r0_50_25_std_ohm": resistance.get("resistance_std_ohm"),
-        "best_model": in_use(model) if model else None,
+        "best_model": in_use(model) if model.get("chosen") else None,
         "validation_rmse_volt": pooled_rms(scored["rmse_volt"], scored["samples"]),
         # Every test and start of the adaptive filter alike, without the faulty ones.
         "soc_rmse": pooled_rms(filtered["rmse_soc"]),
