@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from contract_rows import row_of
 
-from cellwright.api.charge import basis_notes
+from cellwright.records.checkups import basis_in_words
 from runtime import lending
 
 SOC = np.linspace(0, 1, 5)
@@ -68,7 +68,7 @@ SLOW, RESTS = [{"test": "ocv", "branches": "both"}], [{"test": "hppc", "branches
 )
 def test_what_is_borrowed_or_missing_is_said(borrowed, ocv, said):
     facts = {"capacity_ampere_hour": 1.98765, "capacity_source": "rating"}
-    first, *rest = basis_notes(facts | {"borrowed_from": borrowed, "ocv": ocv})
+    first, *rest = basis_in_words(facts | {"borrowed_from": borrowed, "ocv": ocv})
     assert first == "SoC refers to 1.988 Ah: rating"
     assert len(rest) == (said is not None)
     assert all(sentence.startswith(said) for sentence in rest)

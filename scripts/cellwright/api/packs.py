@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 
-from cellwright.api import inputs, results
+from cellwright.circuits import inputs as given
+from cellwright.records import inputs
+from cellwright.result import Result
 from cellwright.settings import PackDecisions
 
 
@@ -39,7 +41,7 @@ def simulate_pack(
     run = simulated(time, total, cells, wiring, initial_soc=initial_soc, hold=hold, **around)
     columns = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
     about = {"cells": cells.names, "members": cells.members}
-    return results.Result({"columns": columns | _of_cells(run), "rows": []}, about)
+    return Result({"columns": columns | _of_cells(run), "rows": []}, about)
 
 
 def run_pack_phases(
@@ -69,7 +71,7 @@ def run_pack_phases(
     names = ("test_time_second", "phase", "current_ampere", "voltage_volt")
     columns = {name: getattr(run, name) for name in names} | _of_cells(run)
     about = {"cells": cells.names, "members": cells.members}
-    return results.Result({"columns": columns, "rows": list(run.ends)}, about)
+    return Result({"columns": columns, "rows": list(run.ends)}, about)
 
 
 def _wired(models, members, celsius, thermal, member):
@@ -80,7 +82,7 @@ def _wired(models, members, celsius, thermal, member):
     from cellwright.packs.wiring import Wiring, models_of
 
     wiring = members if isinstance(members, Wiring) else _wiring(members)[0]
-    documents = models_of(wiring, inputs.models(models))
+    documents = models_of(wiring, given.models(models))
     if thermal is not None or np.ndim(celsius):  # parameters follow the cells' temperature
         celsius = table_temperatures(documents, celsius)
     return wiring, pack_cells(documents, temperature_celsius=celsius, member=member)
@@ -125,7 +127,7 @@ def simulate_group(
     from cellwright.packs.simulate import simulate_pack
     from cellwright.packs.wiring import star_of
 
-    documents = inputs.models(models)
+    documents = given.models(models)
     # Models of one cell may stand in several branches, so branches go by their place.
     cells = pack_cells(documents, temperature_celsius=temperature_celsius)
     time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
@@ -137,7 +139,7 @@ def simulate_group(
         columns[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, k]
         columns[f"branch_{k + 1}_soc"] = run.soc[:, k]
     member = ", ".join(dict.fromkeys(cells.members))
-    return results.Result({"columns": columns}, {"member": member})
+    return Result({"columns": columns}, {"member": member})
 
 
 def identify_branches(series, steps, cells, test):
@@ -154,7 +156,7 @@ def identify_branches(series, steps, cells, test):
     # Of one slow charge all cells get one time constant: the notes say how far such models reach.
     models = group_models(inputs.measured(test, series), inputs.steps(steps)._asdict(), cells)
     rows = [{"cell": cell} | row for cell, model in models.items() for row in parameter_rows(model)]
-    return results.Result({"rows": rows}, {"models": models})
+    return Result({"rows": rows}, {"models": models})
 
 
 def check_group(branches, series, test, simulated=None):
@@ -177,7 +179,7 @@ def check_group(branches, series, test, simulated=None):
     if simulated is not None:
         findings += swapped_channels(inputs.columns(simulated), wiring, record.test)
     notes = tuple(found.sentence for found in findings if found.found)
-    return results.Result({"rows": [found._asdict() for found in findings]}, notes=notes)
+    return Result({"rows": [found._asdict() for found in findings]}, notes=notes)
 
 
 def validate_group(
@@ -201,7 +203,7 @@ def validate_group(
     from cellwright.packs.wiring import models_of
 
     wiring, own, leaves = _wiring(branches)
-    documents = models_of(wiring, inputs.models(models))
+    documents = models_of(wiring, given.models(models))
     names, known = [leaf.cell for leaf in leaves], None
     # Intervals need to know how sure the models are; a record is validated without them as well.
     if capacities is not None:
@@ -214,7 +216,7 @@ def validate_group(
         )
     how = {"leaves": leaves, "uncertainty": known, "thermal": _thermal_of(thermal, names)}
     tables, notes = validated(documents, own, inputs.measured(test, series), wiring, **how)
-    return results.Result(tables, notes=tuple(notes))
+    return Result(tables, notes=tuple(notes))
 
 
 def nested_pack(models, members, series, test):
@@ -233,12 +235,12 @@ def nested_pack(models, members, series, test):
     from cellwright.records.record import group_record
 
     wiring, own, leaves = _wiring(members)
-    documents = models_of(wiring, inputs.models(models))
+    documents = models_of(wiring, given.models(models))
     record = group_record(inputs.measured(test, series), own, cells=len(leaves))
     # Before anything is scored: against currents that do not add up no error means anything.
     refuse_contradiction(record, wiring)
     tables, notes = scored(documents, wiring, leaves, record)
-    return results.Result(tables, notes=tuple(notes))
+    return Result(tables, notes=tuple(notes))
 
 
 def series_pack(models, members, cells, series, test, settings=None, **changes):
@@ -257,7 +259,7 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
     from cellwright.refusal import Refusal
 
     wiring, _, positions = _wiring(members)
-    documents = models_of(wiring, inputs.models(models))
+    documents = models_of(wiring, given.models(models))
     facts = _facts_of(cells, positions)
     if wiring.connection != "series" or depth(wiring) != 1:
         raise Refusal(f"{wiring.name}: found {described(wiring)}, wanted cells in series")
@@ -265,7 +267,7 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
     record = group_record(inputs.measured(test, series), positions, cells=len(positions))
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     tables, notes = analysed(documents, positions, facts, record, chosen)
-    return results.Result(tables, notes=tuple(notes))
+    return Result(tables, notes=tuple(notes))
 
 
 def pack_decisions(
@@ -297,7 +299,7 @@ def pack_decisions(
     from cellwright.packs.wiring import depth, models_of
 
     wiring, _, positions = _wiring(members)
-    documents = models_of(wiring, inputs.models(models))
+    documents = models_of(wiring, given.models(models))
     facts, names = _facts_of(cells, positions), [row.cell for row in positions]
     stds = _capacity_stds(capacities, names)
     chosen = inputs.settings_of(PackDecisions, settings, changes)
@@ -311,7 +313,7 @@ def pack_decisions(
     # Decisions on a string are made at one temperature: it has no currents that heat would share.
     if warms is not None and not (wiring.connection == "series" and depth(wiring) == 1):
         how = f"cells warm by their own heat from {temperature_celsius:.1f} °C"
-    return results.Result({"rows": rows}, notes=(how, *_borrowed(documents)))
+    return Result({"rows": rows}, notes=(how, *_borrowed(documents)))
 
 
 def match_cells(models, cells, capacities=(), settings=None, **changes):
@@ -326,7 +328,7 @@ def match_cells(models, cells, capacities=(), settings=None, **changes):
     from cellwright.packs.series.capability import cutoffs_of
     from cellwright.records.facts import BranchFacts
 
-    documents = inputs.models(models)
+    documents = given.models(models)
     names = [model["cell"] for model in documents]
     facts = _facts_of(cells, [BranchFacts(k, name) for k, name in enumerate(names, 1)])
     # Refused before the draws, which take minutes.
@@ -334,7 +336,7 @@ def match_cells(models, cells, capacities=(), settings=None, **changes):
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     fleet = fleet_of(documents, facts, _capacity_stds(capacities, names), chosen)
     rows, assembly = matched_fleet(fleet, chosen)
-    return results.Result({"rows": rows, "assembly": assembly})
+    return Result({"rows": rows, "assembly": assembly})
 
 
 def _facts_of(cells, positions):
@@ -427,7 +429,7 @@ def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_te
     from cellwright.records.checkups import repeat_std
 
     # By name: rows of the sheet and models may come in any order.
-    documents = {model["cell"]: model for model in inputs.models(models)}
+    documents = {model["cell"]: model for model in given.models(models)}
     start = {row["cell"]: row.get("initial_soc") for row in rows}
     known = thermal if isinstance(thermal, Mapping) else constants_of(map(inputs.content, thermal))
     heat = {cell: Thermal(*values) for cell, values in known.items()}
@@ -454,7 +456,7 @@ def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_te
         for entry in document["cells"]
         if entry["instead_of"]
     ]
-    return results.Result({"lookup": pack_lookup(document)}, document, tuple(notes))
+    return Result({"lookup": pack_lookup(document)}, document, tuple(notes))
 
 
 def pack_model(source):

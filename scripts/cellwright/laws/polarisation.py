@@ -9,8 +9,24 @@ from cellwright.laws.points import first_check_up, grouped
 from cellwright.laws.temperature import Law, fit_laws, left_out_rmse, rows_of
 from cellwright.numerics.lines import fit_line
 from cellwright.numerics.statistics import r_squared
+from cellwright.records import inputs
 from cellwright.records.conditions import grouped_alike
 from cellwright.refusal import Refusal
+from cellwright.result import Result
+
+
+def polarisation_laws(rests):
+    """Polarisation of one cell over SoC and temperature: amplitudes [V], time constants [s], laws.
+
+    rests : rows of `relaxation` with ambient_temperature_celsius, or (test, result) each.
+
+    Returns rows: the laws; points: without any where no rests compare, the reason in the notes.
+    Source: thesis 3.3; docs/relaxation.md.
+    """
+    found = comparable_rests(inputs.entries(rests))
+    laws, reasons = laws_of(found.points)
+    tables = {"rows": law_rows(laws), "points": found.points}
+    return Result(tables, notes=(paragraph(found, laws), *reasons))
 
 
 def temperature_lines(temperature_celsius, value, *, unit, level=0.95):

@@ -8,8 +8,13 @@ from cellwright.numerics.noise import least_digit
 from cellwright.protocols import Found, counted, not_elsewhere
 from cellwright.protocols.diffusion import diffusion_of_rest
 from cellwright.protocols.relaxation import fit_relaxation, noise_volt, reasons_against
+from cellwright.records import inputs
+from cellwright.records.anchor import AS_STATED
+from cellwright.records.basis import state_of_charge
 from cellwright.records.conditions import LOW_C_RATE, low_current
+from cellwright.records.repeats import steps_elsewhere
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.series.steps import follows_directly
 from cellwright.settings import Relaxation
 
@@ -35,6 +40,38 @@ COLUMNS |= dict.fromkeys(("rest", "samples", "exponentials"), int)
 NO_DIFFUSION = {"diffusion_second": np.nan, "diffusion_std_second": np.nan, "diffusion_reason": ""}
 # Names of an amplitude [V] and its time constant [s], those of the fastest exponential last.
 PAIRS = {"a": "tau1", "b": "tau2", "fast": "fast_tau"}
+
+
+def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None, **changes):
+    """Two exponentials fitted to the voltage of each rest of one test: amplitudes, time constants.
+
+    settings : `settings.Relaxation`.
+
+    Returns rows, `protocols.rests.RestRows`, (k,): amplitudes [V], time constants [s] and their
+    uncertainty; curve: voltage over time of one rest. Raises Refusal: no rest after a load is long
+    enough. Source: thesis 3.3; docs/relaxation.md.
+    """
+    columns = inputs.columns(series, *inputs.NAMES)
+    test, steps = inputs.test_facts(test), inputs.steps(steps)
+    time, current, voltage = inputs.quantities(columns)
+    anchored = state_of_charge(columns, basis, test, cell)
+    rests = rests_of(
+        time,
+        current,
+        voltage,
+        anchored.soc,
+        steps,
+        temperature_celsius=chamber_or_cell(columns),
+        elsewhere=steps_elsewhere(repeats, test, steps),
+        **inputs.settings_of(Relaxation, settings, changes)._asdict(),
+    )
+    # What a rest tells does not need the SoC: its origin is a note only where it is in doubt.
+    stated = test.soc is not None
+    doubted = np.isnan(anchored.soc).all() or (stated and not anchored.anchor.startswith(AS_STATED))
+    where = [f"SoC: {anchored.anchor}"] if doubted else []
+    where += filter(None, [diffusion_in_words(rests.rows)])
+    tables = {"rows": rests.rows, "curve": example(rests.rows, time, voltage)}
+    return Result(tables, notes=(*where, *rests.left_out))
 
 
 # ASSUME: The cell had relaxed before the load that a rest follows.

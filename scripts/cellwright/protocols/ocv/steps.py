@@ -12,7 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.protocols import Found
+from cellwright.records import inputs
+from cellwright.records.basis import state_of_charge
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 LEAST_PLATEAU_SECOND = 1200.0  # of steady temperature; a shorter one is not read
 LEAST_REFERENCE_SECOND = 7200.0  # by which a relaxation can be carried on (thesis 3.3: 10 h)
@@ -134,6 +137,26 @@ def _exponential_fit(tau, seen, volt, wanted):
 
 
 PLATEAU_KELVIN = 1.0  # plateaus so near to the first are at its temperature again
+
+
+def chamber_steps(series, steps, basis, test, cell):
+    """Shifts [V] of the open-circuit voltage in rests while the chamber temperature steps.
+
+    series : with surface_temperature_celsius [°C].
+
+    Returns rows, one a plateau: shift [V] and its uncertainty, temperatures [°C], SoC [1]. Raises
+    Refusal: no rest with two steady temperatures. Source: thesis 3.3; docs/charge-temperature.md.
+    """
+    # The shift of the OCV by temperature changes its sign over SoC, so that must be known.
+    columns, anchored = inputs.columns(series), state_of_charge(series, basis, test, cell)
+    shifts = chamber_shifts(
+        *inputs.quantities(columns, ("test_time_second", "voltage_volt")),
+        cell_temperature(columns),
+        anchored.soc,
+        inputs.steps(steps),
+    )
+    notes = (f"SoC: {anchored.anchor}", *shifts.left_out)
+    return Result({"rows": shifts.rows}, notes=notes)
 
 
 def chamber_shifts(
