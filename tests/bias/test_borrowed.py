@@ -202,7 +202,7 @@ def test_only_cells_with_the_member_that_the_reference_has_chosen_calibrate():
 )
 def test_what_cannot_be_borrowed_is_refused(cell, peers, reason):
     with pytest.raises(Refusal, match=reason):
-        borrow_model(cell, peers).content
+        borrow_model(cell, peers)
 
 
 def test_what_is_expected_beforehand_counts_where_terms_are_less_sure():

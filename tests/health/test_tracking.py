@@ -153,7 +153,7 @@ def test_the_chemistry_only_names():
 )
 def test_refusals(charges, reason):
     with pytest.raises(Refusal, match=reason):
-        ica_tracks(charges).rows
+        ica_tracks(charges)
 
 
 def test_names_are_in_doubt_after_a_collapse_but_not_in_a_partial_charge():

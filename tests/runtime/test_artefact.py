@@ -256,7 +256,7 @@ def test_what_is_hidden_cannot_be_imported_and_can_be_afterwards():
 
 def test_a_job_that_makes_no_table_for_people_imports_no_pandas():
     code = (
-        "import sys; from runtime import artefact, lending, tables; "
+        "import sys; from runtime import artefact, job_inputs, tables; "
         "assert not {'pandas', 'matplotlib', 'lmfit'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

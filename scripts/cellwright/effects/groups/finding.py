@@ -184,7 +184,7 @@ def missing_group_effect(group, branches, known_cells, tests):
     Source: docs/missing-effect.md.
     """
     branches, tests = [*map(inputs.branch_facts, branches)], inputs.tests(tests)
-    models = [known._replace(model=inputs.content(known.model)) for known in known_cells]
+    models = [KnownCell(inputs.content(model), source) for model, source in known_cells]
     cells = _cells(branches, models)
     notes = [
         f"{row.cell} is known by its type only, from {cell.source}"
