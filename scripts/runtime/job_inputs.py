@@ -3,8 +3,10 @@
 from cellwright.records.basis import Lender
 from cellwright.records.facts import CellFacts, MeasuredTest, TestFacts
 from cellwright.refusal import Refusal
-from runtime import artefact, raw_files, tables
+from runtime import artefact, raw_files
 
+# Facts of a row that is computed from several tests, in a table of rows of single tests.
+OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
 MEASUREMENTS = ("eis", "resistance", "relaxation", "capacity", "ocv_entropic")
 
 
@@ -44,6 +46,69 @@ def rows_of_tests(paths) -> list[dict]:
         for columns, about in artefact.load_all(paths)
         for row in artefact.rows(columns)
     ]
+
+
+def rows_of(paths, tests, *, of_models=False) -> list[dict]:
+    """Rows of all artefacts with content, each with its cell, test and facts of the sheet.
+
+    A row that has no `doubt` of its own has that of the tests that move it; where rows are many of
+    one model (`of_models`), that of its own test alone: what moves a model moves all of it, and
+    stands once in table `choice`, which has a row for it.
+    """
+    table_rows = []
+    words_of = own_doubt if of_models else doubt_in_words
+    for columns, about in artefact.load_all(paths):
+        wildcards = dict(about["wildcards"])
+        facts_without_test = {} if "test" in wildcards else OF_NO_TEST
+        facts = tests.get(
+            f"{wildcards.get('cell') or wildcards.get('group')}/{wildcards.get('test')}",
+            facts_without_test,
+        )
+        rows = artefact.rows(columns)
+        own = {row["test"] for row in rows if row.get("test")}
+        table_rows += [
+            wildcards | facts | {"doubt": words_of(about, own - {row.get("test")})} | row
+            for row in rows
+        ]
+    # Stages that share a table may have columns that the others lack: not known there.
+    # In the order in which they are first seen, so that the same results give the same table.
+    names = dict.fromkeys(name for row in table_rows for name in row)
+    return [dict.fromkeys(names) | row for row in table_rows]
+
+
+def doubt_in_words(about, of_other_rows=frozenset()) -> str:
+    """What speaks against the numbers of an artefact: its own doubts, and those that move it.
+
+    Doubts of other tests, which it does not stand on, are in the cell's row of the summary.
+    of_other_rows : tests of which the artefact has rows, but not this one.
+    """
+    own, doubts = artefact.owner_of(about), about.get("doubts", {})
+    moving = {own, *about.get("moved_by", doubts)}
+    words = (
+        said if of == own else f"{of.strip()}: {said}"
+        for of, said in doubts.items()
+        if of in moving and of.partition(" ")[2] not in of_other_rows
+    )
+    return "; ".join(words)
+
+
+def own_doubt(about, of_other_rows=frozenset()) -> str:
+    """What speaks against an artefact itself and the test that it is of, and nothing behind it."""
+    return doubt_in_words(about | {"moved_by": ()}, of_other_rows)
+
+
+def rows_of_cell(columns, cell) -> list[dict]:
+    """Rows of one cell among columns of several.
+
+    Raises
+    ------
+    Refusal
+        None is of this cell.
+    """
+    rows = [row for row in artefact.rows(columns) if row["cell"] == cell]
+    if not rows:
+        raise Refusal(f"nothing is known of {cell}: none of its charges could be used")
+    return rows
 
 
 def fresh_cell(cells, paths):
@@ -126,7 +191,7 @@ def check_up_rows(paths, facts_of_tests) -> list[list[dict]]:
     Passed
         With the first reason, where all were refused.
     """
-    found = [tables.rows_of(part, facts_of_tests) for part in paths]
+    found = [rows_of(part, facts_of_tests) for part in paths]
     if not any(found):
         artefact.load_some([path for part in paths for path in part])
     return found
@@ -155,7 +220,7 @@ def told_of_health(inputs) -> dict:
         artefact.load(next(iter(paths.values())))
     course = loaded.pop("course", None)
     told = {
-        name: [{"doubt": tables.doubt_in_words(about)} | row for row in artefact.rows(content)]
+        name: [{"doubt": doubt_in_words(about)} | row for row in artefact.rows(content)]
         for name, (content, about) in filter(lambda one: one[1] is not None, loaded.items())
     }
     life = told.pop("life", None)
@@ -203,7 +268,7 @@ def measurements(inputs, facts_of_tests) -> dict:
     inputs : of a job, with the artefacts of `MEASUREMENTS` by name.
     facts_of_tests : as of `tables.rows_of`.
     """
-    return {stage: tables.rows_of(getattr(inputs, stage), facts_of_tests) for stage in MEASUREMENTS}
+    return {stage: rows_of(getattr(inputs, stage), facts_of_tests) for stage in MEASUREMENTS}
 
 
 def simulated(files, measured, read, content=None) -> tuple[dict, list[str]]:

@@ -13,7 +13,7 @@ from cellwright.health.peaks.tracking import TrackedCharge
 from cellwright.records.conditions import in_first_checkup
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
-from runtime import artefact, contract, job_inputs, tables
+from runtime import artefact, contract, job_inputs
 
 CURVE = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
 
@@ -174,9 +174,9 @@ def _charge(about, facts, cycle, c_rate, peaks, reason):
 
 def peaks_of_type(tracks, single, tests):
     """Rows of peaks: of tracked cells, and of those with a single charge; and the tracked cells."""
-    followed = tables.rows_of(tracks, tests)
+    followed = job_inputs.rows_of(tracks, tests)
     cells = {row["cell"] for row in followed}
-    alone = [row for row in tables.rows_of(single, tests) if row["cell"] not in cells]
+    alone = [row for row in job_inputs.rows_of(single, tests) if row["cell"] not in cells]
     return [*followed, *alone], cells
 
 
@@ -203,9 +203,9 @@ def capacities_of_type(check_ups, lives, tests, before):
     """
     cycled = [
         row | {"of_a_life": True, "cycle": row["cycle"] + before.get((row["cell"], row["test"]), 0)}
-        for row in tables.rows_of(lives, tests)
+        for row in job_inputs.rows_of(lives, tests)
     ]
-    return [*tables.rows_of(check_ups, tests), *cycled]
+    return [*job_inputs.rows_of(check_ups, tests), *cycled]
 
 
 def curves_of_type(check_ups, lives, tests, before):
