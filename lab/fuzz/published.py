@@ -110,7 +110,7 @@ def _resistances(columns, steps, record):
         logged_current_ampere=columns.get("logged_current_ampere"),
         **Resistance()._asdict(),
     )
-    return found.rows, found.left_out
+    return found.rows, found.notes
 
 
 def _rows(columns):

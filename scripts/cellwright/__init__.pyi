@@ -2,14 +2,14 @@
 
 from cellwright import api as api
 from cellwright import settings as settings
+from cellwright.api.decisions import match_cells as match_cells
+from cellwright.api.decisions import pack_decisions as pack_decisions
 from cellwright.api.models import add_own_effects as add_own_effects
 from cellwright.api.models import finish_model as finish_model
 from cellwright.api.packs import assemble_pack as assemble_pack
 from cellwright.api.packs import check_group as check_group
 from cellwright.api.packs import identify_branches as identify_branches
-from cellwright.api.packs import match_cells as match_cells
 from cellwright.api.packs import nested_pack as nested_pack
-from cellwright.api.packs import pack_decisions as pack_decisions
 from cellwright.api.packs import pack_model as pack_model
 from cellwright.api.packs import run_pack_phases as run_pack_phases
 from cellwright.api.packs import series_pack as series_pack

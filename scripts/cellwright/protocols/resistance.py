@@ -9,7 +9,7 @@ import numpy as np
 from cellwright.numerics.noise import least_digit
 from cellwright.numerics.relaxing import Drift, drift_of_rest
 from cellwright.numerics.statistics import robust_std
-from cellwright.protocols import Found, counted, not_elsewhere
+from cellwright.protocols import counted, not_elsewhere
 from cellwright.protocols.balance import SIGMAS
 from cellwright.protocols.coarse import coarsest_digit_ampere, may_be_cut
 from cellwright.protocols.pulse_begin import Begin, begin_of, late_among_others
@@ -99,7 +99,7 @@ def resistance(
         current_accuracy_share=shares.current_accuracy_share,
         **inputs.settings_of(Resistance, settings, changes)._asdict(),
     )
-    notes = (f"SoC: {anchored.anchor}", *pulses.left_out)
+    notes = (f"SoC: {anchored.anchor}", *pulses.notes)
     return Result({"rows": pulses.rows}, notes=notes)
 
 
@@ -150,7 +150,7 @@ def pulse_resistance(
     current_accuracy_share : as of `settings.Instrument`. logged_current_ampere : (n,) [A] where
         cleaning took the sensor's reading out of rests, or None.
 
-    Returns found: Found; rows are columns of stage `resistance`, one entry a pulse and delay;
+    Returns rows, which are columns of stage `resistance`, one entry a pulse and delay;
     relaxation_ohm is what d_k has taken off.
     direction is "discharge" or "charge", by the sign of the current in the pulse; "falling
     discharge" or "falling charge" where a running load only becomes smaller: its polarisation goes
@@ -202,7 +202,7 @@ def pulse_resistance(
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     columns["doubt"] = np.array(_doubts(columns, rated, against_soc), dtype=str)
     reasons.update(FIRST_LEFT_OUT for pulse in pulses if pulse.edge == NOT_SETTLED)
-    return Found(columns, counted(reasons))
+    return Result({"rows": columns}, notes=counted(reasons))
 
 
 def _too_coarse(digit_ampere, step_ampere):

@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 
 from cellwright.numerics.noise import least_digit
-from cellwright.protocols import Found, counted, not_elsewhere
+from cellwright.protocols import counted, not_elsewhere
 from cellwright.protocols.diffusion import diffusion_of_rest
 from cellwright.protocols.relaxation import fit_relaxation, noise_volt, reasons_against
 from cellwright.records import inputs
@@ -71,7 +71,7 @@ def relaxation(series, steps, basis, test, cell, settings=None, *, repeats=None,
     where = [f"SoC: {anchored.anchor}"] if doubted else []
     where += filter(None, [diffusion_in_words(rests.rows)])
     tables = {"rows": rests.rows, "curve": example(rests.rows, time, voltage)}
-    return Result(tables, notes=(*where, *rests.left_out))
+    return Result(tables, notes=(*where, *rests.notes))
 
 
 # ASSUME: The cell had relaxed before the load that a rest follows.
@@ -104,7 +104,7 @@ def rests_of(
     r_squared_limit : R² from which a rest needs no reason [1].
     elsewhere : as of `not_elsewhere`. diffusion : whether R²/D is asked for, which takes longest.
 
-    Returns found: Found; rows are columns of stage `relaxation`, one entry a rest and number of
+    Returns rows, which are columns of stage `relaxation`, one entry a rest and number of
     exponentials. rest counts the rests of the test; direction, load (kind of step),
     current_before_ampere and load_second are of the step before. delay_second : from its last
     sample to the rest's first, t = 0 of V = V∞ + a·exp(−t/tau1) + b·exp(−t/tau2), thesis (3.16)
@@ -135,7 +135,7 @@ def rests_of(
     if not len(rests):
         left_out = (f"no rest after a load lasts {shortest_rest_second:g} s: no depolarisation",)
     table = {n: np.array([row[n] for row in rows], dtype=of) for n, of in COLUMNS.items()}
-    return Found(table, left_out)
+    return Result({"rows": table}, notes=left_out)
 
 
 def chamber_or_cell(series):

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols import Found
 from cellwright.records import inputs
 from cellwright.records.basis import state_of_charge
 from cellwright.refusal import Refusal
@@ -155,7 +154,7 @@ def chamber_steps(series, steps, basis, test, cell):
         anchored.soc,
         inputs.steps(steps),
     )
-    notes = (f"SoC: {anchored.anchor}", *shifts.left_out)
+    notes = (f"SoC: {anchored.anchor}", *shifts.notes)
     return Result({"rows": shifts.rows}, notes=notes)
 
 
@@ -183,7 +182,7 @@ def chamber_shifts(
     settled_kelvin_per_hour : the cell has reached a temperature when it moves slower [K/h].
     skip_second : what of a rest's beginning takes no part in the extrapolation [s].
 
-    Returns found: Found; rows of stage `ocv_step`, one a plateau; reference_volt is extrapolated
+    Returns rows of stage `ocv_step`, one a plateau; reference_volt is extrapolated
     for the first temperature. Raises Refusal: no rest in which the temperature steps; each with its
     reason.
 
@@ -209,7 +208,7 @@ def chamber_shifts(
         rows += [{"rest": number, "soc": level} | row for row in shifts]
     if not rows:
         raise Refusal("; ".join(left_out) or "no rest in the record")
-    return Found(rows, tuple(left_out))
+    return Result({"rows": rows}, notes=tuple(left_out))
 
 
 def cell_temperature(series):
