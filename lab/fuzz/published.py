@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 import cellwright as cw
+from cellwright.records import inputs
 from fuzz.record import TIME
 
 # What counts as wrong beyond a stated interval: share of the value, and least in its unit.
@@ -103,13 +104,13 @@ def _resistances(columns, steps, record):
     found = pulse_resistance(
         *(columns[name] for name in names),
         soc,
-        cw.api.inputs.steps(steps),
+        inputs.steps(steps),
         rated_capacity_ampere_hour=rated,
         doubt=columns.get("doubt"),
         logged_current_ampere=columns.get("logged_current_ampere"),
         **Resistance()._asdict(),
     )
-    return found.rows, found.left_out
+    return found.rows, found.notes
 
 
 def _rows(columns):

@@ -8,7 +8,7 @@ from cellwright.refusal import Refusal
 from figures import svg
 from pulse_methods.figure import draw_identification_methods
 from pulse_methods.of_cell import compare_identification_methods
-from runtime import artefact, facts, sheets
+from runtime import artefact, job_inputs, sheets
 from runtime.plan import Plan
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
@@ -72,5 +72,5 @@ def _compare_cell(campaign, plan, cell):
             f"{absent[0]}: there is no such file, wanted a campaign that the pipeline has run: "
             f"./run snakemake --cores 2 --directory {campaign}"
         )
-    tests = facts.tests_with_steps(steps, series)
+    tests = job_inputs.tests_with_steps(steps, series)
     return compare_identification_methods(plan.facts_of(cell), artefact.load(basis), tests)

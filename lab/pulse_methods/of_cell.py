@@ -1,8 +1,9 @@
 """The pulses of a cell's tests by each identification method: from frames to a table."""
 
-from cellwright.api import inputs, results
+from cellwright.records import inputs
 from cellwright.records.facts import MeasuredTest
-from cellwright.records.repeats import repeats, sentences, steps_elsewhere
+from cellwright.records.repeats import repeats, steps_elsewhere
+from cellwright.result import Result
 from pulse_methods.comparison import compare_methods
 from pulse_methods.pulse_records import PulseTest, counted_here
 
@@ -32,11 +33,11 @@ def compare_identification_methods(cell, basis, tests, **limits):
         for test, series, steps in tests
     ]
     found = repeats([MeasuredTest(test.facts, test.series) for test in measured])
-    elsewhere = [steps_elsewhere(found, test.facts.test, test.steps) for test in measured]
+    elsewhere = [steps_elsewhere(found, test.facts, test.steps) for test in measured]
     measured = [
         test._replace(steps=counted_here(test.steps, of))
         for test, of in zip(measured, elsewhere, strict=True)
     ]
     comparison = compare_methods(measured, inputs.basis(basis), inputs.cell_facts(cell), **limits)
-    notes = (*sentences(found), *comparison.left_out)
-    return results.Result({"rows": comparison.rows}, notes=notes)
+    notes = (*found.notes, *comparison.left_out)
+    return Result({"rows": comparison.rows}, notes=notes)

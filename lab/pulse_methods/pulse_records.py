@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.basis import soc_or_unknown
+from cellwright.records.basis import state_of_charge
 from cellwright.records.conditions import same_rate, stated_or_reference
 from cellwright.records.facts import TestFacts
 
@@ -95,7 +95,7 @@ def pulse_records(tests, basis, cell, *, pulses_per_cell=16, samples=200, rest_l
             left_out.append(f"{name}: {NONE}")
             continue
         chosen = _of_one_rate(test.steps, steps)
-        usable.append((test, chosen, soc_or_unknown(test.series, basis, test.facts, cell).soc))
+        usable.append((test, chosen, state_of_charge(test.series, basis, test.facts, cell).soc))
         if len(chosen) < len(steps):
             rate = float(np.median(test.steps.c_rate[chosen]))
             left_out.append(f"{name}: {len(chosen)} pulses at {rate:.2g}C of {len(steps)} in all")

@@ -4,14 +4,13 @@ Importing the package loads nothing else: a step's module is loaded when the ste
 What there is stands in `__init__.pyi`, where editors find each definition.
 """
 
+import re
 from importlib import import_module
 
-# Lines of the stub: from MODULE import NAME as NAME.
-STUB = __loader__.get_data(__file__ + "i").decode().splitlines()
+# The stub has of each name: from MODULE import NAME as NAME, in parentheses where that is long.
+STUB = __loader__.get_data(__file__ + "i").decode()
 MODULE_OF = {
-    words[3]: words[1]
-    for words in map(str.split, STUB)
-    if words[:1] == ["from"] and words[1] != "cellwright"
+    name: module for module, name in re.findall(r"from (cellwright\.\S+) import \(?\s*(\w+)", STUB)
 }
 
 __all__ = list(MODULE_OF)

@@ -1,7 +1,7 @@
 """Identify the chosen member of a cell's model anew, without the tests of one temperature."""
 
 import cellwright as cw
-from runtime import artefact, facts
+from runtime import artefact, job_inputs
 
 with artefact.Job(snakemake) as job:
     params, inputs = snakemake.params, snakemake.input
@@ -9,7 +9,7 @@ with artefact.Job(snakemake) as job:
         params.cell,
         job.load(inputs.whole),
         job.load(inputs.basis),
-        facts.tests(inputs.series),
+        job_inputs.tests(inputs.series),
         celsius=float(snakemake.wildcards.celsius),
         split_rest_second=params.split_rest_second,
     )

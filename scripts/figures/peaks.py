@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from cellwright.health.peaks.sequences import count_before
 from cellwright.records.conditions import SAME_CELSIUS, same_rate
 from figures import style
 from figures.style import rows_where
-from runtime.peaks import count_before
 
 MOST_PANELS = 3
 GAP = 0.45  # between two curves, as a share of what counts as full height

@@ -1,11 +1,11 @@
 """Fade of one cell over its ageing records: law, knee, remaining cycles."""
 
 import cellwright as cw
-from runtime import artefact, lives
+from runtime import artefact, job_inputs
 
 inputs, output, params = snakemake.input, snakemake.output, snakemake.params
 with artefact.Job(snakemake) as job:
-    records = lives.records(inputs.cycles, inputs.summaries, inputs.compensated)
+    records = job_inputs.ageing_records(inputs.cycles, inputs.summaries, inputs.compensated)
     found = cw.fade(records, params.cell, params.settings)
     job.note(*found.notes)
     job.save(found.laws, output.laws)

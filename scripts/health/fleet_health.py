@@ -1,10 +1,14 @@
 """Resistance against capacity over the cells of each type, outliers named."""
 
-from runtime import artefact, fleets
+import cellwright as cw
+from runtime import artefact, type_inputs
 
 with artefact.Job(snakemake) as job:
-    cells, lines = fleets.resistance_tables(
-        snakemake.input.check_ups, snakemake.input.resistances, snakemake.params.types
+    cells, lines = type_inputs.fleet_tables(
+        snakemake.input.check_ups,
+        snakemake.input.resistances,
+        snakemake.params.types,
+        cw.fleet_resistance,
     )
     job.save(cells, snakemake.output.cells)
     job.save(lines, snakemake.output.lines)

@@ -1,12 +1,12 @@
 """The open-circuit voltage of one cell over SoC and temperature."""
 
 import cellwright as cw
-from runtime import artefact, lending, tables
+from runtime import artefact, job_inputs
 
 with artefact.Job(snakemake) as job:
     inputs, output = snakemake.input, snakemake.output
-    steps = tables.rows_of(inputs.steps, {})
-    curves = lending.curves(inputs.curves)
+    steps = job_inputs.rows_of(inputs.steps, {})
+    curves = job_inputs.curves(inputs.curves)
     found = cw.ocv_over_temperature(curves, steps)
     job.note(*found.notes)
     job.save(found.map, output.map)

@@ -1,12 +1,12 @@
 """Search for what the model lacks with which the user simulated tests of one cell."""
 
 import cellwright as cw
-from runtime import artefact, facts, search_inputs
+from runtime import artefact, job_inputs
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
-    tests, basis = facts.tests(inputs.series), job.load(inputs.basis)
-    curves, notes = search_inputs.simulated(params.files, tests, params.content)
+    tests, basis = job_inputs.tests(inputs.series), job.load(inputs.basis)
+    curves, notes = job_inputs.simulated(params.files, tests, cw.read_simulated, params.content)
     found = cw.missing_effect(
         params.cell,
         basis,

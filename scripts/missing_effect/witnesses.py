@@ -1,11 +1,11 @@
 """Which independent measurements of a cell agree with its verdict, contradict it, or are silent."""
 
 import cellwright as cw
-from runtime import artefact, search_inputs
+from runtime import artefact, job_inputs
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
-    known = search_inputs.measurements(inputs, params.tests)
+    known = job_inputs.measurements(inputs, params.tests)
     found = cw.witnesses(
         job.load(inputs.verdict),
         job.load(inputs.model),

@@ -1,7 +1,7 @@
 """The member of the family that serves a cell, and why it was chosen."""
 
 import cellwright as cw
-from runtime import artefact, facts
+from runtime import artefact, job_inputs
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
@@ -9,8 +9,8 @@ with artefact.Job(snakemake) as job:
         params.cell,
         job.load(inputs.source),
         artefact.load_first(inputs.basis),
-        facts.tests(inputs.series),
-        left_out=facts.tests(inputs.left_out),
+        job_inputs.tests(inputs.series),
+        left_out=job_inputs.tests(inputs.left_out),
         laws=[tried for tried, _ in artefact.load_all(inputs.law)],
         effects=artefact.load_first(inputs.effects),
         split_rest_second=params.split_rest_second,

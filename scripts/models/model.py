@@ -1,7 +1,7 @@
 """A cell's model as the rest of the pipeline uses it, with what its member still lacked."""
 
 import cellwright as cw
-from runtime import artefact, facts
+from runtime import artefact, job_inputs
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
@@ -10,7 +10,7 @@ with artefact.Job(snakemake) as job:
         artefact.load_first(inputs.effects),
         choice=artefact.rows(job.load(inputs.choice)),
         cell=params.cell,
-        left_out=facts.tests(inputs.left_out),
+        left_out=job_inputs.tests(inputs.left_out),
         split_rest_second=params.split_rest_second,
     )
     job.note(*found.notes)

@@ -1,11 +1,11 @@
 """One test that took no part in the fit: its voltage by the model, its SoC by filters, scored."""
 
 import cellwright as cw
-from runtime import artefact, facts
+from runtime import artefact, job_inputs
 
 inputs, output, params = snakemake.input, snakemake.output, snakemake.params
 with artefact.Job(snakemake, *output) as job:
-    about = job.load(inputs.model), job.load(inputs.series), *facts.of_job(snakemake)
+    about = job.load(inputs.model), job.load(inputs.series), *job_inputs.facts_of_job(snakemake)
     record = cw.held_out(*about, split_rest_second=params.split_rest_second)
     with artefact.Job(snakemake, output.scores, output.simulation) as job:
         found = cw.validate(*record, repeats=artefact.load_first(inputs.repeats))

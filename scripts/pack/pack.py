@@ -1,13 +1,13 @@
 """Simulate a parallel group and score its branch currents."""
 
 import cellwright as cw
-from runtime import artefact, facts
+from runtime import artefact, job_inputs
 
 with artefact.Job(snakemake) as job:
     models = [job.load(path) for path in snakemake.input.models]
     test = snakemake.params.test | {"test": snakemake.wildcards.test}
     record = job.load(snakemake.input.series)
-    rows = facts.rows_of_tests(snakemake.input.capacities)
+    rows = job_inputs.rows_of_tests(snakemake.input.capacities)
     about = snakemake.params.branches, record, test
     thermal = [content for content, _ in artefact.load_all(snakemake.input.thermal)]
     found = cw.validate_group(models, *about, rows, thermal=thermal)

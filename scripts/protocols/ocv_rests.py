@@ -1,7 +1,7 @@
 """Open-circuit voltage of a cell without a slow test, from the rests of a pulse test."""
 
 import cellwright as cw
-from runtime import artefact, lending
+from runtime import artefact, job_inputs
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
@@ -10,7 +10,7 @@ with artefact.Job(snakemake) as job:
         job.load(inputs.steps),
         params.cell,
         params.test,
-        lending.capacities(inputs.capacity),
+        job_inputs.capacities(inputs.capacity),
         course=artefact.load_first(inputs.course),
     )
     job.note(*found.notes)

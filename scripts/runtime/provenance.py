@@ -10,7 +10,6 @@ import tomllib
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 from runtime import kept
 
@@ -29,16 +28,7 @@ def sha256_of(path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-class Piece(NamedTuple):
-    """A module that a script runs; with a name, one function or class of it."""
-
-    path: Path
-    name: str = ""
-
-
-# Folders of modules whose functions and classes are hashed one by one.
-PARTED = ("cellwright/api", "cellwright/settings")
-STUB = ".pyi"  # of a package whose names are imported from their modules at first use
+PUBLIC = re.compile(r"from (\S+) import \(?\s*(\w+)")  # a line of the stub of a package
 IMPORTS = (ast.Import, ast.ImportFrom)
 
 
@@ -47,21 +37,20 @@ def code_of(script: str) -> str:
     """Hash of the code that `scripts/<script>.py` runs: itself and all it imports of ours.
 
     Hashed is the syntax tree without docstrings, so that comments, layout and documentation
-    change nothing, and a changed formula in any imported module changes the hash. Of the public
-    interface and of the settings only the functions and classes that are used count.
+    change nothing, and a changed formula in any imported module changes the hash.
     """
     # Sorted: the order in which imports are walked must not count.
-    digests = [digest_of(piece) for piece in sorted(pieces_of(script))]
+    digests = [digest_of(path) for path in sorted(modules_of(script))]
     return hashlib.sha256("".join(digests).encode()).hexdigest()[:16]
 
 
 @cache
-def digest_of(piece: Piece) -> str:
-    """SHA-256 of a piece's place and syntax tree; of a package, also of the C sources beside it."""
-    digest = hashlib.sha256(f"{_place(piece.path).as_posix()}:{piece.name}".encode())
-    digest.update(ast.dump(_tree(piece)).encode())
-    package = piece.path.name == "__init__.py"  # it builds the C sources in its folder
-    for source in sorted(piece.path.parent.glob("*.[ch]")) if package else []:
+def digest_of(path: Path) -> str:
+    """SHA-256 of a module's place and syntax tree; of a package, also of its C sources."""
+    digest = hashlib.sha256(_place(path).as_posix().encode())
+    digest.update(ast.dump(_parsed(path)).encode())
+    package = path.name == "__init__.py"  # it builds the C sources in its folder
+    for source in sorted(path.parent.glob("*.[ch]")) if package else []:
         digest.update(source.read_bytes())
     return digest.hexdigest()
 
@@ -116,14 +105,14 @@ def _sources_digest() -> str:
     return sources.hexdigest()[:32]
 
 
-def pieces_of(script: str) -> set[Piece]:
-    """The pieces of code that `scripts/<script>.py` runs, itself among them."""
-    reached, waiting = set(), [Piece(SCRIPTS / f"{script}.py")]
+def modules_of(script: str) -> set[Path]:
+    """The modules that `scripts/<script>.py` runs, itself among them."""
+    reached, waiting = set(), [SCRIPTS / f"{script}.py"]
     while waiting:
-        piece = waiting.pop()
-        if piece not in reached:
-            reached.add(piece)
-            waiting += _needs(piece)
+        path = waiting.pop()
+        if path not in reached:
+            reached.add(path)
+            waiting += _needs(path)
     return reached
 
 
@@ -139,56 +128,13 @@ def _parsed(path: Path) -> ast.Module:
 
 
 @cache
-def _entries(path: Path) -> dict:
-    """Statement that defines each top-level name of a module."""
-    statements = {}
-    for node in _parsed(path).body:
-        if isinstance(node, IMPORTS):
-            statements |= {alias.asname or alias.name: _only(node, alias) for alias in node.names}
-        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            statements[node.name] = node
-        elif isinstance(node, ast.Assign):
-            statements |= {
-                target.id: node for target in node.targets if isinstance(target, ast.Name)
-            }
-    for line in _stub(path).body:
-        if isinstance(line, ast.ImportFrom) and line.module != "cellwright":
-            statements |= {name.name: _only(line, ast.alias(name.name)) for name in line.names}
-    return statements
-
-
-def _stub(path: Path) -> ast.Module:
-    """The stub beside a module, an empty one where there is none."""
-    stub = path.with_suffix(STUB)
-    return ast.parse(stub.read_text(encoding="utf-8") if stub.exists() else "")
-
-
-def _only(node, alias):
-    """The import statement of one of its names."""
-    if isinstance(node, ast.ImportFrom):
-        return ast.ImportFrom(node.module, [alias], node.level)
-    return ast.Import([alias])
-
-
-def _tree(piece: Piece) -> ast.AST:
-    return _entries(piece.path)[piece.name] if piece.name else _parsed(piece.path)
-
-
-@cache
-def _needs(piece: Piece) -> frozenset:
-    """The pieces that a piece imports or, within its own module, uses."""
-    nodes, needed = list(ast.walk(_tree(piece))), set()
-    if piece.name:
-        entries = _entries(piece.path)
-        used = {node.id for node in nodes if isinstance(node, ast.Name)} & set(entries)
-        needed = {Piece(piece.path, name) for name in used}
-        nodes += [entries[name] for name in used if isinstance(entries[name], IMPORTS)]
-    package = _place(piece.path).parent.parts
+def _needs(path: Path) -> frozenset:
+    """The modules of ours that a module imports, at once or in a function."""
+    nodes, package = list(ast.walk(_parsed(path))), _place(path).parent.parts
     names = [name for node in nodes for name in _imported(node, package)]
-    # `cw.capacity` is an attribute of a module, and names that step alone.
+    # `cw.capacity` is an attribute of a package, and names the module of that step alone.
     names += _attributes_of_modules(nodes)
-    needed.update(*(_pieces_named(name) for name in names))
-    return frozenset(needed - {piece})
+    return frozenset(module for name in names for module in _modules_named(name)) - {path}
 
 
 def _imported(node, package) -> list[str]:
@@ -213,29 +159,29 @@ def _attributes_of_modules(nodes) -> list[str]:
 
 
 @cache
-def _pieces_named(name: str) -> set[Piece]:
+def _modules_named(name: str) -> frozenset:
     """The module of a dotted name and each package above it, where they are ours."""
     parts = name.split(".")
     root = next((root for root in _roots() if _holds(root, parts[0])), SCRIPTS)
     stems = [root.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
     files = [stem / "__init__.py" for stem in stems] + [stems[-1].with_suffix(".py")]
-    pieces = {Piece(file) for file in files if file.is_file() and not _gives_names(file)}
-    owners = [stems[-2].with_suffix(".py"), stems[-2] / "__init__.py"] if len(stems) > 1 else []
-    holder = next((f for f in owners if f.is_file() and _gives_names(f)), None)
-    if holder and parts[-1] in _entries(holder):
-        pieces.add(Piece(holder, parts[-1]))
-    return pieces
+    found = frozenset(file for file in files if file.is_file())
+    public = _public(stems[-2]).get(parts[-1]) if len(stems) > 1 else None
+    return found | _modules_named(public) if public else found
+
+
+@cache
+def _public(package: Path) -> dict[str, str]:
+    """Module of each name that a package takes from its modules at first use, by its stub."""
+    stub = package / "__init__.pyi"
+    text = stub.read_text(encoding="utf-8") if stub.exists() else ""
+    # What it takes from itself are modules, found by their place.
+    return {name: module for module, name in PUBLIC.findall(text) if module != package.name}
 
 
 def _holds(root: Path, package: str) -> bool:
     """Whether a package or module of this name lies in a folder."""
     return (root / package).is_dir() or (root / f"{package}.py").is_file()
-
-
-@cache
-def _gives_names(file: Path) -> bool:
-    """Whether the names of this file are hashed one by one."""
-    return _place(file).parent.as_posix() in PARTED or file.with_suffix(STUB).exists()
 
 
 def _is_docstring(node) -> bool:

@@ -1,4 +1,4 @@
-"""Tables of the results contract from artefacts: rows of all tests under one header."""
+"""Tables of the results contract over all cells, and what lies in the results."""
 
 import traceback
 from math import isfinite
@@ -9,79 +9,12 @@ from cellwright.circuits.model_file import in_use
 from cellwright.health.summary import latest_health, reference_resistance, slowest_capacity
 from cellwright.numerics.statistics import pooled_rms
 from cellwright.records.facts import stated_capacity
-from cellwright.refusal import Refusal
 from runtime import artefact
 from runtime.contract import stage_of
 from runtime.csv_cells import frame_as_written
 
 if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables for people
     from pandas import DataFrame
-
-# Facts of a row that is computed from several tests, in a table of rows of single tests.
-OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
-
-
-def rows_of(paths, tests, *, of_models=False) -> list[dict]:
-    """Rows of all artefacts with content, each with its cell, test and facts of the sheet.
-
-    A row that has no `doubt` of its own has that of the tests that move it; where rows are many of
-    one model (`of_models`), that of its own test alone: what moves a model moves all of it, and
-    stands once in table `choice`, which has a row for it.
-    """
-    table_rows = []
-    words_of = own_doubt if of_models else doubt_in_words
-    for columns, about in artefact.load_all(paths):
-        wildcards = dict(about["wildcards"])
-        facts_without_test = {} if "test" in wildcards else OF_NO_TEST
-        facts = tests.get(
-            f"{wildcards.get('cell') or wildcards.get('group')}/{wildcards.get('test')}",
-            facts_without_test,
-        )
-        rows = artefact.rows(columns)
-        own = {row["test"] for row in rows if row.get("test")}
-        table_rows += [
-            wildcards | facts | {"doubt": words_of(about, own - {row.get("test")})} | row
-            for row in rows
-        ]
-    # Stages that share a table may have columns that the others lack: not known there.
-    # In the order in which they are first seen, so that the same results give the same table.
-    names = dict.fromkeys(name for row in table_rows for name in row)
-    return [dict.fromkeys(names) | row for row in table_rows]
-
-
-def doubt_in_words(about, of_other_rows=frozenset()) -> str:
-    """What speaks against the numbers of an artefact: its own doubts, and those that move it.
-
-    Doubts of other tests, which it does not stand on, are in the cell's row of the summary.
-    of_other_rows : tests of which the artefact has rows, but not this one.
-    """
-    own, doubts = artefact.owner_of(about), about.get("doubts", {})
-    moving = {own, *about.get("moved_by", doubts)}
-    words = (
-        said if of == own else f"{of.strip()}: {said}"
-        for of, said in doubts.items()
-        if of in moving and of.partition(" ")[2] not in of_other_rows
-    )
-    return "; ".join(words)
-
-
-def own_doubt(about, of_other_rows=frozenset()) -> str:
-    """What speaks against an artefact itself and the test that it is of, and nothing behind it."""
-    return doubt_in_words(about | {"moved_by": ()}, of_other_rows)
-
-
-def rows_of_cell(columns, cell) -> list[dict]:
-    """Rows of one cell among columns of several.
-
-    Raises
-    ------
-    Refusal
-        None is of this cell.
-    """
-    rows = [row for row in artefact.rows(columns) if row["cell"] == cell]
-    if not rows:
-        raise Refusal(f"nothing is known of {cell}: none of its charges could be used")
-    return rows
 
 
 def excluded(paths, files) -> "DataFrame":
@@ -303,25 +236,11 @@ def resistances(cells, tables, models, verdicts, note=print) -> "DataFrame":
     `tables` are frames by name, `models` documents by cell, `verdicts` those of cells and groups.
     Of a cell that cannot be told `note` says why: it costs no other.
     """
-    from pandas import DataFrame
-
     from cellwright.health.resistances import resistances_of_cell
 
-    found = {verdict["cell"]: verdict for verdict in verdicts if "cell" in verdict}
     frames = [tables[name][tables[name]["soc"].notna()] for name in ("resistance", "eis")]
-    parts = [(dict(iter(frame.groupby("cell", sort=False))), frame.iloc[:0]) for frame in frames]
-    rows = []
-    for name in (facts["cell"] for facts in cells):
-        pulses, spectra = (_known(part.get(name, none)) for part, none in parts)
-        try:
-            of_cell = resistances_of_cell(
-                pulses, spectra, models.get(name, {}), found.get(name, {})
-            )
-        except Exception as error:
-            note(f"{name}: {artefact.failure(error, 'to relate its resistances')}")
-            continue
-        rows += [{"cell": name} | row for row in of_cell]
-    return DataFrame(rows, dtype=object)
+    known = (frames, models, verdicts)
+    return _of_each_cell(cells, resistances_of_cell, *known, "to relate its resistances", note)
 
 
 def energies(cells, tables, models, verdicts, note=print) -> "DataFrame":
@@ -329,20 +248,27 @@ def energies(cells, tables, models, verdicts, note=print) -> "DataFrame":
 
     Arguments as of `resistances`.
     """
-    from pandas import DataFrame
-
     from cellwright.health.energies import energies_of_cell
 
-    found = {verdict["cell"]: verdict for verdict in verdicts if "cell" in verdict}
-    frame, rows = tables["temperature"], []
+    laws = tables["temperature"]
     # Laws of a type have no cell.
-    laws = dict(iter(frame.groupby("cell", sort=False))) if "cell" in frame else {}
+    known = ([laws if "cell" in laws else laws.assign(cell=None)], models, verdicts)
+    return _of_each_cell(cells, energies_of_cell, *known, "to relate its activation energies", note)
+
+
+def _of_each_cell(cells, told, frames, models, verdicts, aim, note):
+    """What is `told` of each cell by its rows of some tables, its model and its verdict."""
+    from pandas import DataFrame
+
+    found = {verdict["cell"]: verdict for verdict in verdicts if "cell" in verdict}
+    parts = [(dict(iter(frame.groupby("cell", sort=False))), frame.iloc[:0]) for frame in frames]
+    rows = []
     for name in (facts["cell"] for facts in cells):
-        own = _known(laws.get(name, frame.iloc[:0]))
+        own = [_known(part.get(name, none)) for part, none in parts]
         try:
-            of_cell = energies_of_cell(own, models.get(name, {}), found.get(name, {}))
+            of_cell = told(*own, models.get(name, {}), found.get(name, {}))
         except Exception as error:
-            note(f"{name}: {artefact.failure(error, 'to relate its activation energies')}")
+            note(f"{name}: {artefact.failure(error, aim)}")
             continue
         rows += [{"cell": name} | row for row in of_cell]
     return DataFrame(rows, dtype=object)

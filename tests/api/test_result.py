@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cellwright as cw
-from cellwright.api.results import Result
+from cellwright.result import Result
 
 FOUND = Result(
     {"rows": [{"soc": 0.5, "ohm": 0.02}], "curve": {"volt": np.arange(3.0), "name": "a"}},

@@ -6,7 +6,7 @@ import truth
 import type_of_cells
 
 from cellwright.bias.compared import compared
-from cellwright.bias.corrected import borrowed_model
+from cellwright.bias.corrected import borrow_model
 from cellwright.bias.correction import Change, _surer, correction
 from cellwright.bias.courses import courses_of
 from cellwright.bias.features import Shown
@@ -31,7 +31,7 @@ def errors(model, loss=LOSS, ratio=RATIO):
 
 def test_many_cells_give_the_true_model():
     reference, others = type_of_cells.drawn(20)
-    model = borrowed_model(own()._replace(model=None), [*others, reference])
+    model = borrow_model(own()._replace(model=None), [*others, reference]).content
     fast, ocv = errors(model)
     assert rms(fast) < 0.015
     assert rms(ocv) < 1e-3
@@ -45,9 +45,9 @@ def test_many_cells_give_the_true_model():
 def test_without_any_other_cell_the_charge_alone_tells_the_ocv():
     """What is left is what the onset's noise of 1 % makes of the polarisation."""
     reference, _ = type_of_cells.drawn(0)
-    model = borrowed_model(own()._replace(model=None), [reference])
+    model = borrow_model(own()._replace(model=None), [reference]).content
     assert rms(errors(model)[1]) < 3e-3
-    plain = borrowed_model(own(charges=False)._replace(model=None), [reference])
+    plain = borrow_model(own(charges=False)._replace(model=None), [reference]).content
     assert rms(errors(plain)[1]) > 5 * rms(errors(model)[1])
     assert (model["kind"], plain["kind"]) == ("bias", "scaled")
     assert "its own charge" in model["notes"][0]
@@ -78,7 +78,7 @@ def test_a_cell_beyond_the_calibration_is_said_to_be_with_a_wider_interval():
     assert any("capacity differs by -1.2" in words for words in outer.outside)
     fast = inner.changes[0].half_interval, outer.changes[0].half_interval
     assert (fast[1] > 2 * fast[0]).all()
-    model = borrowed_model(far.shown._replace(model=None), [reference, *cells])
+    model = borrow_model(far.shown._replace(model=None), [reference, *cells]).content
     assert any(note.startswith("outside the calibration") for note in model["notes"])
 
 
@@ -103,7 +103,7 @@ def of_the_thesis(name, shift, **change):
 def test_the_thesis_functions_count_where_they_hold():
     others = [of_the_thesis(f"C{k}", s) for k, s in enumerate([0.02, 0.05, 0.09, 0.13, 0.15])]
     cell = of_the_thesis("X", 0.07)
-    model = borrowed_model(cell._replace(model=None), [of_the_thesis("R", 0.0), *others])
+    model = borrow_model(cell._replace(model=None), [of_the_thesis("R", 0.0), *others]).content
     found, true = (courses_of(one, "2RC") for one in (model, cell.model))
     np.testing.assert_allclose(found.fast_ohm, true.fast_ohm, rtol=2e-3)
     np.testing.assert_allclose(found.ocv_volt, true.ocv_volt, atol=3e-4)
@@ -125,7 +125,7 @@ def r0_of(model):
 def test_the_capacities_of_the_reference_are_not_those_of_the_cell():
     aged = {"checkups": [{"cycle": 0}, {"cycle": 300}], "capacity_std_ampere_hour": 0.5}
     reference = bare("L", model=truth.model("L") | aged)
-    model = borrowed_model(BARE._replace(capacity_std_ampere_hour=0.02), [reference])
+    model = borrow_model(BARE._replace(capacity_std_ampere_hour=0.02), [reference]).content
     assert not model.get("checkups")
     assert model["capacity_std_ampere_hour"] == 0.02
 
@@ -135,17 +135,17 @@ def test_the_reference_is_the_first_marked_cell_else_the_largest():
         bare("S", capacity_ampere_hour=1.9),
         bare("L", capacity_ampere_hour=2.1),
     )
-    assert "scaled from L" in borrowed_model(BARE, [small, large])["notes"][0]
+    assert "scaled from L" in borrow_model(BARE, [small, large]).content["notes"][0]
     marked = small._replace(marked=True)
-    assert "scaled from S" in borrowed_model(BARE, [large, marked])["notes"][0]
+    assert "scaled from S" in borrow_model(BARE, [large, marked]).content["notes"][0]
     both = [marked, large._replace(marked=True)]
-    assert "scaled from S" in borrowed_model(BARE, both)["notes"][0]
+    assert "scaled from S" in borrow_model(BARE, both).content["notes"][0]
 
 
 def test_too_few_to_calibrate_scales_by_the_onset_of_the_discharge():
     """At the longest delay that both show, 10 s: 0.12 over 0.08 ohm."""
     reference = bare("R", onset_ohm={0.0: 0.05, 10.0: 0.08, 30.0: 0.1})
-    model = borrowed_model(BARE, [reference])
+    model = borrow_model(BARE, [reference]).content
     np.testing.assert_allclose(r0_of(model), 1.5 * truth.R0)
     assert (model["kind"], model["capacity_ampere_hour"]) == ("scaled", 1.7)
     assert "resistance by the onset of its discharges from full (10 s)" in model["notes"]
@@ -155,19 +155,21 @@ def test_too_few_to_calibrate_scales_by_the_onset_of_the_discharge():
 def test_a_reference_without_an_onset_has_the_response_of_its_model():
     """10 s into a step at full its model has R0 and of each pair what has risen."""
     full = truth.R0[-1] + truth.R[:, -1] @ (1 - np.exp(-10.0 / truth.TAU))
-    model = borrowed_model(BARE._replace(onset_ohm={10.0: 1.3 * full}), [bare("R", onset_ohm={})])
+    model = borrow_model(
+        BARE._replace(onset_ohm={10.0: 1.3 * full}), [bare("R", onset_ohm={})]
+    ).content
     np.testing.assert_allclose(r0_of(model), 1.3 * truth.R0)
     assert any("response of the reference's model" in note for note in model["notes"])
 
 
 def test_without_an_onset_the_resistance_stays_and_is_said():
-    model = borrowed_model(BARE._replace(onset_ohm={}), [bare("R")])
+    model = borrow_model(BARE._replace(onset_ohm={}), [bare("R")]).content
     np.testing.assert_allclose(r0_of(model), truth.R0)
     assert "its resistance is not known: taken as the reference's" in model["notes"]
 
 
 def test_an_onset_that_is_no_resistance_is_not_used_and_said():
-    model = borrowed_model(BARE._replace(onset_ohm={0.0: -0.01}), [bare("R")])
+    model = borrow_model(BARE._replace(onset_ohm={0.0: -0.01}), [bare("R")]).content
     np.testing.assert_allclose(r0_of(model), truth.R0)
     assert any("found -0.01 ohm at an onset" in note for note in model["notes"])
 
@@ -181,13 +183,13 @@ def with_member(cell, name):
 def test_only_cells_with_the_member_that_the_reference_has_chosen_calibrate():
     reference, others = type_of_cells.drawn(6)
     lacking = [*others[:5], with_member(others[5], "1RC")]
-    model = borrowed_model(own()._replace(model=None), [reference, *lacking])
+    model = borrow_model(own()._replace(model=None), [reference, *lacking]).content
     assert "calibrated on 5 cells" in model["notes"][0]
     other = lacking[5].model["members"][0]
     both = others[5].model | {"members": [other, *others[5].model["members"]], "chosen": "1RC"}
-    model = borrowed_model(
+    model = borrow_model(
         own()._replace(model=None), [reference, *others[:5], others[5]._replace(model=both)]
-    )
+    ).content
     assert "calibrated on 6 cells" in model["notes"][0]
 
 
@@ -200,7 +202,7 @@ def test_only_cells_with_the_member_that_the_reference_has_chosen_calibrate():
 )
 def test_what_cannot_be_borrowed_is_refused(cell, peers, reason):
     with pytest.raises(Refusal, match=reason):
-        borrowed_model(cell, peers)
+        borrow_model(cell, peers)
 
 
 def test_what_is_expected_beforehand_counts_where_terms_are_less_sure():

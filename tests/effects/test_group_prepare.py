@@ -22,7 +22,7 @@ KNOWN = [KnownCell(MODEL | {"hold": "first_order"}, f"c{k}") for k in (1, 2)]
 def a_test(name, role, *, soc=None, branches=2, first=0.0, second=0.5):
     time = np.arange(0.0, 600.0, second)
     series = {"test_time_second": time, "current_ampere": np.where(time < 60, first, -4.0)}
-    series["voltage_volt"] = np.full(len(time), 3.9)
+    series |= {"voltage_volt": np.full(len(time), 3.9), "charge_ampere_hour": 0 * time}
     for k in range(branches):
         series[f"branch_{k + 1}_current_ampere"] = series["current_ampere"] / branches
     return measured_test(series, name, "group", soc=soc, role=role)

@@ -24,7 +24,7 @@ from cellwright.effects.member import (
 )
 from cellwright.effects.records import stacked
 from cellwright.filters.bank import bank_of
-from cellwright.identification.cell import cell_model
+from cellwright.identification.cell import identify
 from cellwright.identification.in_use import fitted_records
 from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
@@ -279,7 +279,7 @@ def searched(given, folds, shift_soc=0.0):
 
 def family_of(tests):
     """A model of the family identified from the tests, with its scores."""
-    return cell_model(SHEET, BASIS, tests, **MEMBERS)
+    return identify(SHEET, BASIS, tests, **MEMBERS).content
 
 
 def finished_of(given, tests, folds=None):

@@ -17,7 +17,7 @@ from cellwright.effects.library.sizes import as_is
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.member import NAME, effect_member
 from cellwright.effects.records import stacked
-from cellwright.effects.witnesses.collected import Others, witnesses
+from cellwright.effects.witnesses.collected import Others, witnesses_of
 from cellwright.effects.witnesses.statement import Measured
 from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
@@ -96,7 +96,7 @@ def test_it_is_said_in_its_own_words():
 
 def test_a_witness_of_its_quantity_speaks_of_it():
     read = Measured("pulses", NEW.quantity, "ratio", (0.1, 1.0), 0.6, 0.1, "1", 1.0, material=True)
-    (heard,) = witnesses(finding().verdict, finding().model, [read], WITH_NEW)
+    (heard,) = witnesses_of(finding().verdict, finding().model, [read], WITH_NEW)
     assert (heard.effect, heard.named, heard.measured) == (NEW.id, True, 0.6)
 
 

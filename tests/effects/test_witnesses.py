@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.witnesses.collected import contradicted, measured_of, witnesses
+from cellwright.effects.witnesses.collected import contradicted, measured_of, witnesses_of
 from cellwright.effects.witnesses.statement import Measured, same
 
 CAPACITY = 4.0
@@ -36,7 +36,7 @@ def verdict(*entries, word="named"):
 def heard(tables, *entries, basis=BASIS, ambient=None):
     """What each measurement says: (name, effect) → Witness."""
     measured = measured_of(tables, basis, MODEL, ambient=ambient or {})
-    found = witnesses(verdict(*entries), MODEL, measured, LIBRARY)
+    found = witnesses_of(verdict(*entries), MODEL, measured, LIBRARY)
     return {(one.name, one.effect): one for one in found}
 
 
@@ -422,7 +422,7 @@ def test_capacity_from_date_to_date():
 
     def by_date(rows):
         measured = measured_of({"capacity": rows}, BASIS, about, ambient={})
-        found = witnesses(verdict(one), about, measured, LIBRARY)
+        found = witnesses_of(verdict(one), about, measured, LIBRARY)
         return next(w for w in found if w.name == "capacities by date")
 
     heard = by_date(dated(0.94))
@@ -470,7 +470,7 @@ def test_a_reading_without_a_deviation_does_not_contradict_what_a_size_allows(st
 def test_the_nearest_explanation_of_an_unknown_is_held_against_witnesses_too():
     measured = measured_of(pulses(), BASIS, MODEL, ambient={})
     unknown = verdict(word="unknown") | {"partial": [TOWARDS_EMPTY]}
-    found = {w.name: w.says for w in witnesses(unknown, MODEL, measured, LIBRARY)}
+    found = {w.name: w.says for w in witnesses_of(unknown, MODEL, measured, LIBRARY)}
     assert found["pulses"] == "contradicts"
 
 

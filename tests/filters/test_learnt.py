@@ -91,8 +91,8 @@ def scored(document, seed, settings=SETTINGS, **changes):
     series = {"test_time_second": time, "current_ampere": current, "voltage_volt": volt}
     test = measured_test(series | {"charge_ampere_hour": charge}, soc=0.95, role="validation")
     record = laid_out(test, document, cell_facts(3.0, 4.2), split_rest_second=120.0, proof=True)
-    rows, found, notes = evaluate.soc_runs(document, record, settings=settings)
-    return rows, found, notes, soc
+    found = evaluate.estimate_soc(document, record, settings)
+    return found.rows, found.series, found.notes, soc
 
 
 def test_innovations_on_unseen_drives_are_as_large_as_stated_and_intervals_hold():

@@ -9,7 +9,12 @@ from truth import stated
 from cellwright.filters import evaluate
 from cellwright.filters.bank import bank_of
 from cellwright.filters.estimate import METHODS, Start, estimate
-from cellwright.filters.evaluate import chi_square, convergence_second, innovation_tests, soc_runs
+from cellwright.filters.evaluate import (
+    chi_square,
+    convergence_second,
+    estimate_soc,
+    innovation_tests,
+)
 from cellwright.filters.plant import Noise, plant_of
 from cellwright.numerics.lags import lag
 from cellwright.records.record import laid_out
@@ -301,7 +306,7 @@ def test_no_filter_knows_the_soc_better_than_the_capacity_that_it_refers_to(meth
     settings = Soc(**SETTINGS)._replace(filters=(method,), scenarios=())
     size = stated()["capacity_ampere_hour"]
     models = stated(), stated() | {"capacity_std_ampere_hour": 0.02 * size}
-    sure, unsure = (soc_runs(model, record, settings=settings)[1] for model in models)
+    sure, unsure = (estimate_soc(model, record, settings).series for model in models)
     more = np.sqrt(unsure[f"std_{method}_soc"] ** 2 - sure[f"std_{method}_soc"] ** 2)
     soc = sure[f"estimated_{method}_soc"]
     np.testing.assert_array_equal(unsure[f"estimated_{method}_soc"], soc)
@@ -323,7 +328,7 @@ def test_a_filter_knows_that_it_does_not_know_what_flowed_in_a_gap(method):
     facts = cell_facts(3.0, 4.2)
     record = laid_out(test, stated(), facts, split_rest_second=120.0, proof=True)
     settings = Soc(**SETTINGS)._replace(filters=(method,), scenarios=())
-    _, series, _ = soc_runs(stated(), record, settings=settings)
+    series = estimate_soc(stated(), record, settings).series
     error = np.abs(series[f"estimated_{method}_soc"] - soc[rows])
     std = series[f"std_{method}_soc"]
     assert std[2000] > 2 * std[1999]
@@ -334,7 +339,8 @@ def test_a_filter_knows_that_it_does_not_know_what_flowed_in_a_gap(method):
 def test_a_test_is_run_by_every_filter_start_and_scenario():
     about = measured(9), stated(), cell_facts(3.0, 4.2)
     record = laid_out(*about, split_rest_second=120.0, proof=True)
-    rows, series, _ = soc_runs(stated(), record, settings=Soc(**SETTINGS))
+    found = estimate_soc(stated(), record, Soc(**SETTINGS))
+    rows, series = found.rows, found.series
     assert len(rows) == len(METHODS) * (2 + 5)
     nominal = {row["filter"]: row for row in rows if row["scenario"] == "nominal"}
     assert nominal["coulomb"]["reason"] == "counting keeps the error of its start"

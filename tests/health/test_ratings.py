@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from pulse_rows import pulse
 
-from cellwright.health.ratings import check_ups, resistance_growth
+from cellwright.health.ratings import ratings_of, resistance_growth
+from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
 
 LIMITS = {
@@ -26,6 +27,10 @@ def capacity(cycle, size, *, direction="discharge", rate=0.5, celsius=25.0, volt
         "repeats": 1,
         "energy_watt_hour": volt * size,
     } | more
+
+
+def check_ups(capacities, resistances, *, throughputs=(), **sheet):
+    return ratings_of(capacities, resistances, CellFacts("A", **sheet), throughputs)
 
 
 def pulses(cycle, ohm, **more):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.health.peaks.tracking import TrackedCharge, tracked_peaks
+from cellwright.health.peaks.tracking import TrackedCharge, ica_tracks
 from cellwright.refusal import Refusal
 
 COLUMNS = (
@@ -28,7 +28,7 @@ def charge(cycle, peaks, *, c_rate=0.05, celsius=25.0, reason=""):
 def tracks(charges):
     """Rows by (cycle, rate): {identity: row}."""
     found = {}
-    for row in tracked_peaks(charges):
+    for row in ica_tracks(charges).rows:
         found.setdefault((row["cycle"], row["c_rate"]), {})[row["identity"]] = row
     return found
 
@@ -99,7 +99,7 @@ def test_another_rate_and_another_temperature_keep_the_names():
     charges = [charge(0, FRESH), charge(100, moved(FRESH, 0.004))]
     charges += [charge(c, moved(FRESH, 0.06, 0.8), c_rate=0.5) for c in (0, 100)]
     charges += [charge(0, moved(FRESH, 0.09, 0.7), celsius=0.0)]
-    rows = tracked_peaks(charges)
+    rows = ica_tracks(charges).rows
     for row in rows:
         nearest = min(
             FRESH, key=lambda p, r=row: abs(p[0] + r["common_shift_volt"] - r["voltage_volt"])
@@ -134,8 +134,8 @@ def test_the_only_peak_left_of_three_keeps_its_name_in_doubt():
 
 
 def test_the_chemistry_only_names():
-    plain = tracked_peaks([charge(0, FRESH), charge(1, FRESH)])
-    named = tracked_peaks([charge(0, FRESH), charge(1, FRESH)], chemistry="NMC")
+    plain = ica_tracks([charge(0, FRESH), charge(1, FRESH)]).rows
+    named = ica_tracks([charge(0, FRESH), charge(1, FRESH)], chemistry="NMC").rows
     assert [row["identity"] for row in named[:3]] == [
         "graphite 4-3 / P1",
         "graphite 2-1 / P2",
@@ -153,7 +153,7 @@ def test_the_chemistry_only_names():
 )
 def test_refusals(charges, reason):
     with pytest.raises(Refusal, match=reason):
-        tracked_peaks(charges)
+        ica_tracks(charges)
 
 
 def test_names_are_in_doubt_after_a_collapse_but_not_in_a_partial_charge():

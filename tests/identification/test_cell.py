@@ -9,7 +9,7 @@ from sheets_facts import cell_facts, measured_test
 from synthetic import diffusion
 
 from cellwright.circuits.temperature import resistance_factor
-from cellwright.identification.cell import cell_model
+from cellwright.identification.cell import identify
 from cellwright.refusal import Refusal
 
 CELL = cell_facts()
@@ -73,7 +73,7 @@ def chosen(model):
 
 @pytest.fixture(scope="module")
 def hppc():
-    return cell_model(CELL, basis(), [fit_test(), drive()], **SETTINGS)
+    return identify(CELL, basis(), [fit_test(), drive()], **SETTINGS).content
 
 
 def test_pulses_give_the_true_cell(hppc):
@@ -100,12 +100,12 @@ def test_where_the_soc_is_counted_from_is_said_unless_stated(hppc):
     assert [note for note in hppc["notes"] if not note.startswith("time constants end")] == []
     test = fit_test()
     unstated = test._replace(facts=test.facts._replace(soc=None))
-    model = cell_model(CELL, basis(), [unstated], **SETTINGS | {"members": ["1RC"]})
+    model = identify(CELL, basis(), [unstated], **SETTINGS | {"members": ["1RC"]}).content
     assert model["notes"][0] == "hppc: SoC by rest voltage at the start, by the OCV table"
 
 
 def test_drives_serve_where_there_are_no_pulses():
-    model = cell_model(CELL, basis(), [drive()], **SETTINGS | {"members": ["2RC"]})
+    model = identify(CELL, basis(), [drive()], **SETTINGS | {"members": ["2RC"]}).content
     (entry,) = chosen(model)["conditions"]
     true = np.interp(entry["soc"], truth.KNOTS, truth.R0)
     np.testing.assert_allclose(entry["r0_ohm"], true, rtol=0.05)
@@ -119,10 +119,12 @@ def test_of_a_split_drive_only_odd_blocks_are_fitted():
     volt = clean.series["voltage_volt"].copy()
     volt[(clean.series["test_time_second"] // 1500) % 2 == 1] += 0.3
     spoiled = clean._replace(series=clean.series | {"voltage_volt": volt})
-    first, second = (cell_model(CELL, basis(), [test], **settings) for test in (clean, spoiled))
+    first, second = (
+        identify(CELL, basis(), [test], **settings).content for test in (clean, spoiled)
+    )
     assert json.dumps(first) == json.dumps(second)
     whole = spoiled._replace(facts=spoiled.facts._replace(role="fit"))
-    assert cell_model(CELL, basis(), [whole], **settings)["members"] != first["members"]
+    assert identify(CELL, basis(), [whole], **settings).content["members"] != first["members"]
 
 
 def test_each_temperature_is_a_condition_of_its_own():
@@ -131,7 +133,7 @@ def test_each_temperature_is_a_condition_of_its_own():
         fit_test("warm", seed=2),
         fit_test("lab", celsius=24),
     ]
-    model = cell_model(CELL, basis(), tests, **SETTINGS | {"members": ["1RC"]})
+    model = identify(CELL, basis(), tests, **SETTINGS | {"members": ["1RC"]}).content
     cold, warm = chosen(model)["conditions"]
     assert (cold["tests"], warm["tests"]) == (["cold"], ["lab", "warm"])
     ratio = np.mean(cold["r0_ohm"]) / np.mean(warm["r0_ohm"])
@@ -144,7 +146,7 @@ def test_later_check_ups_are_not_mixed_into_the_fit():
     tests = [fit_test("aged", cycle=500, scale=2.0), drive("young", cycle=0)]
     of_scale = {"capacity_std_ampere_hour": 0.1, "capacity_source": "slow test ocv"}
     doubted = basis() | of_scale | {"capacity_doubt": "its clock jumps"}
-    model = cell_model(CELL, doubted, tests, **SETTINGS | {"members": ["1RC"]})
+    model = identify(CELL, doubted, tests, **SETTINGS | {"members": ["1RC"]}).content
     assert chosen(model)["conditions"][0]["tests"] == ["young"]
     assert model["kind"] == "drive"
     assert model["notes"][0] == "not fitted, of a later check-up: aged"
@@ -158,14 +160,14 @@ def test_without_a_chamber_temperature_the_surface_tells():
     warm = test._replace(series=test.series | {"surface_temperature_celsius": surface})
     settings = SETTINGS | {"members": ["1RC"]}
     for tests, celsius in (([warm], 37.0), ([test], 25.0)):
-        model = cell_model(CELL, basis(curve(celsius=None)), tests, **settings)
+        model = identify(CELL, basis(curve(celsius=None)), tests, **settings).content
         assert chosen(model)["conditions"][0]["ambient_temperature_celsius"] == celsius
 
 
 def test_the_drop_of_a_single_slow_branch_is_put_back():
     resistance = np.interp(truth.OCV_SOC, truth.KNOTS, truth.R0 + truth.R.sum(axis=0))
     slow = curve(truth.OCV_VOLT - 0.1 * resistance, branches="discharge", discharge_ampere=-0.1)
-    model = cell_model(CELL, basis(slow), [fit_test()], **SETTINGS)
+    model = identify(CELL, basis(slow), [fit_test()], **SETTINGS).content
     soc, ocv_volt = (np.array(model["ocv"][0][name]) for name in ("soc", "ocv_volt"))
     inner = (soc > 0.25) & (soc < 0.85)
     np.testing.assert_allclose(
@@ -176,7 +178,7 @@ def test_the_drop_of_a_single_slow_branch_is_put_back():
 def test_a_curve_from_rests_is_taken_as_it_is():
     """No current flowed: there is no drop to put back."""
     rests = curve(truth.OCV_VOLT, branches="rests", discharge_ampere=-0.1)
-    model = cell_model(CELL, basis(rests), [fit_test()], **SETTINGS | {"members": ["1RC"]})
+    model = identify(CELL, basis(rests), [fit_test()], **SETTINGS | {"members": ["1RC"]}).content
     assert model["ocv"][0]["branches"] == "rests"
     soc, ocv_volt = (np.array(model["ocv"][0][name]) for name in ("soc", "ocv_volt"))
     np.testing.assert_allclose(ocv_volt, np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT), atol=1e-9)
@@ -189,30 +191,30 @@ def still(name="still", *, celsius=0.0):
 
 def test_a_condition_that_cannot_be_identified_costs_only_itself():
     settings = SETTINGS | {"members": ["1RC"]}
-    model = cell_model(CELL, basis(), [fit_test(), still()], **settings)
+    model = identify(CELL, basis(), [fit_test(), still()], **settings).content
     assert len(chosen(model)["conditions"]) == 1
     assert any(note.startswith("not identified at 0 °C: the current") for note in model["notes"])
     with pytest.raises(Refusal, match="not identified at 0 °C: the current never changes"):
-        cell_model(CELL, basis(), [still()], **SETTINGS)
+        identify(CELL, basis(), [still()], **SETTINGS)
 
 
 def test_a_condition_of_a_few_rows_costs_only_itself():
     """It excites the cell, but carries no model: neither it nor its activation energy counts."""
     short = np.arange(0.0, 8.0), np.array([0, 0, -1.0, -1.0, 0, 0, 0, 0])
     tests = [fit_test(), fit_test("short", course=short, celsius=0.0)]
-    model = cell_model(CELL, basis(), tests, **SETTINGS)
-    alone = cell_model(CELL, basis(), tests[:1], **SETTINGS)
+    model = identify(CELL, basis(), tests, **SETTINGS).content
+    alone = identify(CELL, basis(), tests[:1], **SETTINGS).content
     assert model["members"] == alone["members"]
     assert any(note.startswith("1RC not identified at 0 °C: ") for note in model["notes"])
 
 
 def test_a_member_that_cannot_be_fitted_costs_only_itself(hppc):
     names = ["1RC", "7RC", "2RC"]
-    model = cell_model(CELL, basis(), [fit_test(), drive()], **SETTINGS | {"members": names})
+    model = identify(CELL, basis(), [fit_test(), drive()], **SETTINGS | {"members": names}).content
     assert model["members"] == hppc["members"]
     assert any("7RC not identified at 25 °C: model '7RC'" in note for note in model["notes"])
     with pytest.raises(Refusal, match="model 'ESC' is unknown"):
-        cell_model(CELL, basis(), [fit_test()], **SETTINGS | {"members": ["ESC"]})
+        identify(CELL, basis(), [fit_test()], **SETTINGS | {"members": ["ESC"]})
 
 
 def test_the_file_holds_what_its_schema_says(hppc):
@@ -232,7 +234,7 @@ def test_every_member_has_the_same_branches_at_every_temperature():
         fit_test("cold", celsius=0.0, scale=2.0, branches=(diffusion(2000.0),)),
         fit_test("warm", branches=(diffusion(2000.0),)),
     ]
-    model = cell_model(CELL, basis(), tests, **SETTINGS | {"members": ["DRT+H+K+D"]})
+    model = identify(CELL, basis(), tests, **SETTINGS | {"members": ["DRT+H+K+D"]}).content
     cold, warm = chosen(model)["conditions"]
     kinds = [[branch["kind"] for branch in entry["branches"]] for entry in (cold, warm)]
     assert kinds[0] == kinds[1]
@@ -252,12 +254,12 @@ def test_every_member_has_the_same_branches_at_every_temperature():
 
 def test_without_an_ocv_there_is_no_model():
     with pytest.raises(Refusal, match="no OCV curve"):
-        cell_model(CELL, basis() | {"ocv": []}, [fit_test()], **SETTINGS)
+        identify(CELL, basis() | {"ocv": []}, [fit_test()], **SETTINGS)
 
 
 def test_the_same_record_under_two_names_is_fitted_once():
     one, again = fit_test("one"), fit_test("again")
-    model = cell_model(CELL, basis(), [one, again], **SETTINGS)
+    model = identify(CELL, basis(), [one, again], **SETTINGS).content
     (entry,) = model["members"][0]["conditions"]
     assert entry["tests"] == ["one"]
     assert any("again" in note and "same measurement as one" in note for note in model["notes"])

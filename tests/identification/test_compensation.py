@@ -9,7 +9,7 @@ from sheets_facts import cell_facts, measured_test
 
 from cellwright.circuits.model_file import circuit_at
 from cellwright.circuits.temperature import LAWS, Laws, law_weights, resistance_factor
-from cellwright.identification.cell import cell_model
+from cellwright.identification.cell import identify
 from cellwright.identification.compensation import (
     choose_laws,
     laws_kept,
@@ -52,7 +52,7 @@ def basis(*celsius):
 
 
 def model_of(basis, tests):
-    return cell_model(CELL, basis, tests, members=["2RC"], split_rest_second=120.0)
+    return identify(CELL, basis, tests, members=["2RC"], split_rest_second=120.0).content
 
 
 @pytest.fixture(scope="module")

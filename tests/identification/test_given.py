@@ -13,7 +13,9 @@ TABLE = {"soc": SOC, "ocv_volt": 3.0 + 1.1 * SOC, "resistance_ohm": 0.5 - 0.2 * 
 
 
 def given(capacity=2.0, **changes):
-    return model_of_table("A", **TABLE | changes, capacity_ampere_hour=capacity, source="a.csv")
+    return model_of_table(
+        "A", TABLE | changes, capacity_ampere_hour=capacity, source="a.csv"
+    ).content
 
 
 def test_the_voltage_is_ocv_and_resistance_of_the_table():

@@ -7,7 +7,7 @@ from quick import slow_but
 from sheets_facts import cell_facts, measured_test
 
 from cellwright.circuits.model_file import circuit_at, member_of, open_circuit_volt
-from cellwright.identification.cell import cell_model
+from cellwright.identification.cell import identify
 from cellwright.identification.ocv_shape import shape_records
 from cellwright.records.record import record_of
 
@@ -59,7 +59,7 @@ def error(model, soc):
 
 def identified(tests, **curve):
     settings = {"members": ["2RC"], "split_rest_second": 120.0}
-    return cell_model(CELL, basis(**curve), tests, **settings)
+    return identify(CELL, basis(**curve), tests, **settings).content
 
 
 SOC = np.linspace(0.15, 0.95, 161)

@@ -5,7 +5,6 @@ import pytest
 import truth
 from sheets_facts import cell_facts, facts_of
 
-from cellwright.api.results import Result
 from cellwright.identification.validation import beyond_volt, scores, validate
 from cellwright.records.facts import MeasuredTest
 from cellwright.records.record import laid_out
@@ -30,8 +29,7 @@ def series(**change):
 def score(facts=FACTS, *, model=None, **change):
     test, model = MeasuredTest(facts, series(**change)), model or truth.model()
     record = laid_out(test, model, CELL, split_rest_second=120.0, proof=True)
-    rows, columns, notes = validate(model, record)
-    return Result({"rows": rows, "series": columns}, notes=notes)
+    return validate(model, record)
 
 
 def test_the_truth_has_no_error():

@@ -6,7 +6,7 @@ import truth
 from sheets_facts import cell_facts, measured_test
 from synthetic import CAPACITY, hysteresis, measured
 
-from cellwright.identification.cell import cell_model
+from cellwright.identification.cell import identify
 from cellwright.identification.identify import data_of, limits_of
 from cellwright.records.record import record_of
 
@@ -75,7 +75,7 @@ def two_temperatures():
         hppc(40.0, 0.4, 1800.0, charged=True, seed=2),
     ]
     settings = {"members": ["2RC", "DRT"], "split_rest_second": 120.0}
-    return cell_model(cell_facts(), basis, tests, **settings)
+    return identify(cell_facts(), basis, tests, **settings).content
 
 
 def conditions(model, member):
@@ -121,7 +121,7 @@ def test_a_stretch_beyond_what_is_counted_is_found_and_told(share, said):
     basis = {"capacity_ampere_hour": size, "borrowed_from": None, "ocv": [curve]}
     basis["capacity_std_ampere_hour"] = 0.02 * size
     test = measured_test(series, "drive", "drive", celsius=25.0, soc=1.0)
-    model = cell_model(cell_facts(), basis, [test], members=["2RC"], split_rest_second=120.0)
+    model = identify(cell_facts(), basis, [test], members=["2RC"], split_rest_second=120.0).content
     (entry,) = conditions(model, "2RC")
     assert entry["ocv_scale"]["stretch"] == pytest.approx(share, abs=0.015)
     words = "stretched by more than capacity and counting leave open: +"

@@ -7,10 +7,9 @@ import pytest
 import strings
 from sheets_facts import cell_facts, measured_test
 
-from cellwright.api.results import Result
 from cellwright.circuits.heat import heat, temperature
 from cellwright.circuits.model_file import simulate_model
-from cellwright.identification.thermal import constants_of, thermal_columns, thermal_of
+from cellwright.identification.thermal import constants_of, thermal_columns, thermal_constants
 
 BODY = {"heat_capacity_joule_per_kelvin": 900.0, "resistance_kelvin_per_watt": 1.4}
 MODEL = strings.model("A")
@@ -42,8 +41,7 @@ def warmed(load, seed=0, *, name="capacity_25C", role="fit", noise=0.05, warms=T
 
 
 def found_of(*tests):
-    content, rows, notes = thermal_of(MODEL, CELL, list(tests), split_rest_second=120.0)
-    return Result({"rows": rows}, content, notes)
+    return thermal_constants(CELL, MODEL, tests, split_rest_second=120.0)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -1,8 +1,12 @@
 """Spectra with known truth, by a formula of the tests' own; measured ones read by hand."""
 
 import gzip
+from types import SimpleNamespace
 
 import numpy as np
+
+from cellwright.protocols.impedance.analysis import impedance
+from cellwright.protocols.impedance.circuits import THESIS as THESIS_CIRCUIT
 
 FREQUENCY = np.geomspace(1e-2, 1e3, 61)
 NAMES = ("r_ohmic_ohm", "r_charge_transfer_ohm", "cpe_t", "cpe_p", "warburg_y0")
@@ -58,3 +62,17 @@ def measured(path):
     rows = [line.split(";") for line in lines[start + 2 :] if line.count(";") > max(places)]
     frequency, real, imaginary = np.array([[float(row[k]) for k in places] for row in rows]).T
     return frequency, (real + 1j * imaginary) / 1000
+
+
+def columns_of(frequency, ohm, **others):
+    """A spectrum as its file would hold it."""
+    parts = {"impedance_real_ohm": np.real(ohm), "impedance_imaginary_ohm": np.imag(ohm)}
+    return {"frequency_hertz": frequency} | parts | others
+
+
+def analyse(frequency, ohm, *, celsius=None, **settings):
+    """What `impedance` says of a spectrum by one circuit, with its row beside the tables."""
+    warmth = {} if celsius is None else {"surface_temperature_celsius": celsius}
+    settings = {"circuit": THESIS_CIRCUIT, "candidates": ()} | settings
+    found = impedance(columns_of(frequency, ohm, **warmth), **settings)
+    return SimpleNamespace(**found.tables, notes=found.notes, row=found.rows[0])

@@ -51,7 +51,7 @@ def pulses(first, later, socs=(0.2, 0.5, 0.8)):
 
 
 def told(points):
-    return cold_limit(points, law_rows(points)[0])
+    return cold_limit(law_rows(points)[0], points).content
 
 
 def test_charge_transfer_limits_the_cell_of_the_thesis():

@@ -5,6 +5,7 @@ import pytest
 from counted import NAMES, counted
 
 from cellwright.protocols.ageing import ageing_cycles
+from cellwright.records.facts import CellFacts, TestFacts
 from cellwright.refusal import Refusal
 from cellwright.series.steps import segment
 
@@ -34,16 +35,11 @@ def series(*parts, full=2.0, soc=1.0, step=10.0, pulses=False):
     }
 
 
-def run(columns, *, lower=3.0, upper=4.0, **settings):
+def run(columns, *, lower=3.0, upper=4.0, first_cycle=None, state_before=""):
     steps = segment(*[columns[name] for name in NAMES], rated_capacity_ampere_hour=2.0)
-    return ageing_cycles(
-        columns,
-        steps,
-        rated_capacity_ampere_hour=2.0,
-        lower_cutoff_volt=lower,
-        upper_cutoff_volt=upper,
-        **settings,
-    )
+    course = [{"test": "a", "state_at_begin": state_before}]
+    test = TestFacts("a", "ageing", cycle=first_cycle)
+    return ageing_cycles(columns, steps, test, CellFacts("A", 2.0, lower, upper), course)
 
 
 def test_complete_cycles_are_numbered_and_counted():

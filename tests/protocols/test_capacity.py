@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from counted import counted, measured
+from counted import NAMES, counted, measured
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 from cellwright.protocols.ageing import ageing_cycles
 from cellwright.protocols.capacity import capacity
 from cellwright.protocols.half_cycles import turns
+from cellwright.records.facts import CellFacts, TestFacts
 from cellwright.refusal import Refusal
 from cellwright.series.cleaning import clean
 from cellwright.series.steps import segment
@@ -37,16 +38,11 @@ def cycle(*parts, full=2.0, start=1.0, step=10.0, loss=0.0):
     return time, current, np.array(voltage), counted(time, current)
 
 
-def run(data, *, rated=2.0, lower=3.0, upper=4.0, **settings):
+def run(data, *, rated=2.0, lower=3.0, upper=4.0, others=(), **settings):
+    """What a record tells; `others`: further columns of it."""
     steps = segment(*data, rated_capacity_ampere_hour=rated)
-    return capacity(
-        *data,
-        steps,
-        rated_capacity_ampere_hour=rated,
-        lower_cutoff_volt=lower,
-        upper_cutoff_volt=upper,
-        **settings,
-    )
+    series = dict(zip(NAMES, data, strict=True)) | dict(others)
+    return capacity(series, steps, CellFacts("A", rated, lower, upper), **settings)
 
 
 def test_full_cycle_gives_capacity_energy_and_efficiency():
@@ -111,13 +107,13 @@ def test_what_cleaning_took_out_of_rests_may_flow_under_load_too(offset):
     series = clean(logged).columns
     np.testing.assert_allclose(series["logged_current_ampere"], logged["current_ampere"])
     data = [series[name] for name in logged] + [series["charge_ampere_hour"]]
-    found = run(data, logged_current_ampere=series["logged_current_ampere"]).rows
+    found = run(data, others={"logged_current_ampere": series["logged_current_ampere"]}).rows
     wrong = np.abs(found["capacity_ampere_hour"] - 2.0)
     np.testing.assert_allclose(wrong, 0.012, atol=0.002)
     assert np.all(wrong < 1.96 * found["capacity_std_ampere_hour"])
     steps = segment(*data, rated_capacity_ampere_hour=2.0)
-    limits = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.0}
-    cycles = ageing_cycles(series, steps, rated_capacity_ampere_hour=2.0, **limits).rows
+    test, cell = TestFacts("a", "ageing"), CellFacts("A", 2.0, 3.0, 4.0)
+    cycles = ageing_cycles(series, steps, test, cell).rows
     wrong = np.abs(cycles.capacity_ampere_hour - 2.0)
     assert np.all(wrong < 1.96 * cycles.capacity_std_ampere_hour)
 
@@ -139,7 +135,7 @@ def test_cycles_at_temperatures_that_were_chosen_are_no_repeats(celsius, repeats
     warm = np.asarray(celsius, float)[
         np.clip(np.searchsorted(bounds, range(len(data[0]))) - 1, 0, 2)
     ]
-    rows = run(data, surface_temperature_celsius=warm).rows
+    rows = run(data, others={"surface_temperature_celsius": warm}).rows
     discharges = rows["direction"] == "discharge"
     assert rows["repeats"][discharges].tolist() == repeats
     if len(repeats) > 1:
@@ -163,8 +159,8 @@ def test_mean_and_spread_of_three():
 def test_incomplete_is_left_out_with_its_reason():
     capacities = run(cycle((1.0, -1.0), 1.0, -1.0))
     assert capacities.rows["direction"].tolist() == ["discharge"]
-    assert "ends at 3.5" in capacities.left_out[0]
-    assert "does not start empty" in capacities.left_out[1]
+    assert "ends at 3.5" in capacities.notes[0]
+    assert "does not start empty" in capacities.notes[1]
 
 
 @pytest.mark.parametrize(
@@ -244,7 +240,7 @@ def test_a_constant_power_is_a_mode_and_no_drift(hold):
     time = np.arange(len(current)) * step
     found = run((time, current, voltage, counted(time, current)))
     level = {"power": 4.0, "resistance": 3.0}.get(hold)
-    notes = [note for note in found.left_out if f"at a constant {hold} of" in note]
+    notes = [note for note in found.notes if f"at a constant {hold} of" in note]
     assert len(notes) == (level is not None)
     if level:
         assert float(notes[0].split()[-2]) == pytest.approx(level, rel=0.002)
@@ -296,7 +292,7 @@ def test_remainder_counts_only_in_the_whole_swing():
 def test_temperature_is_the_mean_over_the_step():
     data = cycle(-1.0)
     warm = np.where(data[1] < 0, 31.0, 25.0)
-    rows = run(data, surface_temperature_celsius=warm).rows
+    rows = run(data, others={"surface_temperature_celsius": warm}).rows
     assert np.isclose(rows["temperature_mean_celsius"][0], 31.0, atol=0.05)
 
 
@@ -340,7 +336,7 @@ def test_what_an_offset_counts_at_rest_is_no_half_cycle(offset):
     voltage = np.append(voltage, np.full(len(rest), voltage[-1]))
     made = run((time, current, voltage, counted(time, current)), lower=2.99, upper=4.01)
     # Upwards it goes on with the charge before it, and turns nothing.
-    assert [("at rest" in words) for words in made.left_out] == [True] * (offset < 0)
+    assert [("at rest" in words) for words in made.notes] == [True] * (offset < 0)
     assert np.allclose(made.rows["capacity_ampere_hour"], 2.0, atol=0.03)
 
 
@@ -389,7 +385,7 @@ def test_published_swing_of_a123(shared):
     moved = np.diff(counted(time, current), prepend=0) * apart
     data = (time, current, joined["Voltage(V)"].to_numpy(), np.cumsum(moved))
     steps = segment(*data, rated_capacity_ampere_hour=2.3, file_index=files)
-    limits = {"lower_cutoff_volt": 2.0, "upper_cutoff_volt": 3.6}
-    rows = capacity(*data, steps, rated_capacity_ampere_hour=2.3, whole_swing=True, **limits).rows
+    series = dict(zip(NAMES, data, strict=True))
+    rows = capacity(series, steps, CellFacts("A", 2.3, 2.0, 3.6), whole_swing=True).rows
     assert np.isclose(rows["capacity_ampere_hour"][1], 2.0677, rtol=0.01)
     assert np.isclose(rows["coulombic_efficiency"][1], 0.9933, atol=0.005)

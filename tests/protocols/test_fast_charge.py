@@ -7,6 +7,7 @@ from counted import NAMES, counted
 import cellwright as cw
 from cellwright.laws.points import fast_charge_points
 from cellwright.protocols.fast_charge import fast_charge
+from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
 from cellwright.series.steps import segment
 from runtime import artefact
@@ -41,11 +42,15 @@ def series(*, ampere=4.0, soc=0.0, full=2.0, minutes=30.0, held=HELD_SOC, begin_
     }
 
 
-def run(columns, **settings):
+BASIS = {"capacity_ampere_hour": 2.0, "ocv": []}
+
+
+def run(columns, *, upper=4.2, **settings):
+    """Row and notes of a charge."""
     steps = segment(*[columns[name] for name in NAMES], rated_capacity_ampere_hour=2.0)
-    limits = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
-    settings = {"capacity_ampere_hour": 2.0, "rated_capacity_ampere_hour": 2.0} | limits | settings
-    return fast_charge(columns, steps, **settings)
+    cell = CellFacts("A", 2.0, 3.0, upper)
+    found = fast_charge(columns, steps, BASIS, cell, **settings)
+    return found.rows[0], list(found.notes)
 
 
 def test_charge_shares_and_times():
@@ -89,7 +94,7 @@ def test_in_the_cold_the_limit_is_met_at_once():
 
 def test_refusals_by_name():
     with pytest.raises(Refusal, match="upper cut-off is not stated"):
-        run(series(), upper_cutoff_volt=None)
+        run(series(), upper=None)
     still = series()
     still = still | {"charge_ampere_hour": 0 * still["charge_ampere_hour"]}
     with pytest.raises(Refusal, match="no charge of at least 2 %"):

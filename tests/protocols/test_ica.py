@@ -6,14 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.protocols.ica.charge import (
-    charge_peaks,
     charge_slope,
     constant_current_charge,
     constant_rows,
+    ica_peaks,
 )
 from cellwright.protocols.ica.parts import parts_joined
 from cellwright.protocols.ica.spline import slope_peaks
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 VOLT = np.linspace(3.2, 4.15, 200_001)
 PEAKS = ((3.55, 0.020, 0.8), (3.70, 0.025, 1.0), (3.95, 0.022, 0.6))
@@ -141,12 +142,13 @@ def test_a_straight_charge_has_no_peaks():
 
 
 def test_peaks_as_columns_are_numbered_and_none_is_a_refusal():
-    columns = charge_peaks(charge_slope(*record(5000, 4))[1], c_rate=0.05)
+    slope = charge_slope(*record(5000, 4))[1]
+    columns = ica_peaks(Result({}, {"slope": slope, "c_rate": 0.05})).rows
     assert columns["peak"].tolist() == [1, 2, 3]
     assert columns["c_rate"].tolist() == [0.05] * 3
     _, straight = charge_slope(np.linspace(3, 4, 5000), np.linspace(0, 2, 5000))
     with pytest.raises(Refusal, match="no peaks: dQ/dV at 0"):
-        charge_peaks(straight, c_rate=0.05)
+        ica_peaks(Result({}, {"slope": straight, "c_rate": 0.05}))
 
 
 @settings(max_examples=10, deadline=None)

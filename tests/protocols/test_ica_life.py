@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from counted import NAMES
 
-from cellwright.protocols.ica.life import peaks_of_life
+from cellwright.protocols.ica.life import ica_life
 from cellwright.refusal import Refusal
+from cellwright.series.steps import Steps
 
 ROWS, CYCLES = 1500, 12
 
@@ -36,11 +38,14 @@ def life(peak_share=1.0):
     rows = {n: np.array(c) for n, c in zip(named, zip(*cycles, strict=True), strict=True)}
     table["end_time_second"] = np.append(table["start_time_second"][1:], len(current) * 3.6)
     time = np.arange(len(current)) * 3.6
-    return time, current, voltage, np.cumsum(current) * 3.6 / 3600, table, rows
+    columns = (time, current, voltage, np.cumsum(current) * 3.6 / 3600)
+    unread = dict.fromkeys(set(Steps._fields) - set(table), np.zeros(len(table["kind"])))
+    return dict(zip(NAMES, columns, strict=True)), Steps(**table, **unread), rows
 
 
 def test_charges_lie_evenly_over_the_life_with_the_rate_of_their_constant_current():
-    rows, curves, _ = peaks_of_life(*life(), most=4)
+    found = ica_life(*life(), most=4)
+    rows, curves = found.rows, found.curves
     assert [row["cycle"] for row in rows] == [1, 5, 8, 12]
     assert [row["c_rate"] for row in rows] == pytest.approx([0.5] * 4)
     wanted = [3.7 + 0.002 * (row["cycle"] - 1) for row in rows]
@@ -49,13 +54,13 @@ def test_charges_lie_evenly_over_the_life_with_the_rate_of_their_constant_curren
 
 
 def test_a_charge_without_peaks_says_so():
-    rows, _, _ = peaks_of_life(*life(peak_share=0), most=2)
+    rows = ica_life(*life(peak_share=0), most=2).rows
     assert [row["peak"] for row in rows] == [0, 0]
     assert {row["reason"] for row in rows} == {"no peaks: the curve is flat"}
 
 
 def test_a_record_without_a_complete_charge_is_refused():
-    *record, cycles = life()
+    series, steps, cycles = life()
     cycles["direction"] = np.full(CYCLES, "discharge")
     with pytest.raises(Refusal, match="no complete charge in the ageing record"):
-        peaks_of_life(*record, cycles, most=4)
+        ica_life(series, steps, cycles, most=4)

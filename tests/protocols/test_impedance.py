@@ -4,11 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
-from spectra import CONDITIONS, FREQUENCY, NAMES, THESIS, measured, noisy, thesis_impedance
+from spectra import CONDITIONS, FREQUENCY, NAMES, THESIS, analyse, measured, noisy, thesis_impedance
 
 from cellwright.native import function
 from cellwright.protocols.impedance import fit as fits
-from cellwright.protocols.impedance.analysis import analyse, zero_crossing
+from cellwright.protocols.impedance.analysis import zero_crossing
 from cellwright.protocols.impedance.arcs import (
     arcs,
     characteristic_frequency,

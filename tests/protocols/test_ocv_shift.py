@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from counted import NAMES
 
-from cellwright.protocols.ocv.shift import ocv_shift, shifts_since_first
-from cellwright.records.checkups import basis_of_life
+from cellwright.protocols.ocv.shift import ocv_shift, ocv_shifts
+from cellwright.records.checkups import basis
+from cellwright.records.facts import CellFacts, TestFacts
 from cellwright.refusal import Refusal
 from cellwright.series.steps import segment
 
@@ -75,14 +77,22 @@ def test_other_rates_and_half_records_are_refused():
 
 
 def test_check_up_without_rests_carries_the_shifted_curve():
-    records = [("c_0", 0.0, record(fresh, 2.0, 0.04)), ("c_9", 300.0, record(aged, 1.7, 0.08))]
-    rows, notes = shifts_since_first(
-        [*records, ("slow", 300.0, record(aged, 1.7, 0.08, ampere=1.5))]
+    records = {"c_0": record(fresh, 2.0, 0.04), "c_9": record(aged, 1.7, 0.08)}
+    records["slow"] = record(aged, 1.7, 0.08, ampere=1.5)
+    cycles = {"c_0": None, "c_9": 300.0, "slow": 300.0}
+    found = ocv_shifts(
+        (
+            TestFacts(test, "capacity", cycle=cycles[test]),
+            dict(zip(NAMES, (STEP * np.arange(len(one[0])), *one[:3]), strict=True)),
+            one[3],
+        )
+        for test, one in records.items()
     )
-    assert "OCV shift of slow: 1.5 A and 1 A are not one rate" in notes
+    rows = found.rows
+    assert "OCV shift of slow: 1.5 A and 1 A are not one rate" in found.notes
     soc = np.linspace(0, 1, 101)
     curve = {"test": "ocv", "ambient_temperature_celsius": 25.0, "cycle": None}
-    curve |= {"soc": soc.tolist(), "ocv_volt": fresh(soc).tolist()}
+    curve |= {"soc": soc.tolist(), "ocv_volt": fresh(soc).tolist(), "branches": "both"}
     sizes = ("capacity", "charge_capacity", "closed_capacity")
     curve |= {f"{name}_ampere_hour": 2.0 for name in sizes}
     sized = [
@@ -91,7 +101,7 @@ def test_check_up_without_rests_carries_the_shifted_curve():
         | {"capacity_std_ampere_hour": np.nan}
         for name, cycle, size in (("c_0", 0.0, 2.0), ("c_9", 300.0, 1.7))
     ]
-    later = basis_of_life("A", [curve], sized, [], shifts=rows)["checkups"][1]
+    later = basis(CellFacts("A"), [curve], sized, [], shifts=rows).checkups[1]
     assert "carried over from cycle 0 with its shift since, ± " in later["ocv_source"]
     inner = slice(10, 91)
     assert later["ocv"][0]["ocv_volt"][inner] == pytest.approx(aged(soc[inner]), abs=0.008)

@@ -92,8 +92,8 @@ def test_rests_are_joined_and_counted_and_the_first_without_steps_is_named():
     parts = steps((0, 99), (101, n - 1), (n + 1, 2 * n - 1))
     step_shifts = chamber_shifts(time, np.tile(voltage, 2), np.tile(celsius, 2), soc, parts)
     assert {(row["rest"], row["soc"]) for row in step_shifts.rows} == {(1, 0.9), (2, 0.2)}
-    assert len(step_shifts.left_out) == 1
-    assert "none away from the first" in step_shifts.left_out[0]
+    assert len(step_shifts.notes) == 1
+    assert "none away from the first" in step_shifts.notes[0]
 
 
 def test_a_short_first_rest_is_refused_with_its_length():

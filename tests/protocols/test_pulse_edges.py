@@ -144,7 +144,7 @@ def test_first_rows_that_a_faster_pulse_shows_not_to_have_settled_are_left_out(s
     assert np.allclose(rows["actual_delay_second"][small & (rows["delay_second"] == 0)], 0.2)
     # 0.1 s would need the row that is left out.
     assert not np.any(small & (rows["delay_second"] == 0.1))
-    said = " ".join(found.left_out)
+    said = " ".join(found.notes)
     assert "12 × first row of a pulse had not settled" in said
     assert "12 × first settled sample of the pulse later than 0.1 s" in said
 

@@ -131,7 +131,7 @@ def test_two_pieces_of_one_unsteady_load_tell_no_resistance():
     found = pulse_resistance(time, current, voltage, 0 * time, steps, **about)
     assert found.rows["direction"].tolist() == ["charge", "charge"]
     assert np.allclose(found.rows["resistance_ohm"], truth(np.array([0.1, 1])))
-    assert found.left_out == ("2 × current does not step into the pulse",)
+    assert found.notes == ("2 × current does not step into the pulse",)
 
 
 def test_instantaneous_waits_for_nine_tenths_of_the_current():
@@ -172,13 +172,13 @@ def test_stated_deviation_is_that_of_the_error():
 def test_ends_of_the_pulse_are_counted_as_reasons():
     resistances = measure(*pulse(seconds=5.0), delays=(0, 10, 30))
     assert resistances.rows["delay_second"].tolist() == [0]
-    assert resistances.left_out == ("1 × pulse ends before 10 s", "1 × pulse ends before 30 s")
+    assert resistances.notes == ("1 × pulse ends before 10 s", "1 × pulse ends before 30 s")
 
 
 def test_coarse_sampling_gives_no_early_delay():
     resistances = measure(*pulse(seconds=60, step=10.0), delays=(1, 10, 30))
     assert resistances.rows["delay_second"].tolist() == [10, 30]
-    assert "later than 1 s" in resistances.left_out[0]
+    assert "later than 1 s" in resistances.notes[0]
 
 
 def test_current_that_is_not_held_gives_no_late_delay():
@@ -188,7 +188,7 @@ def test_current_that_is_not_held_gives_no_late_delay():
     voltage[falls] = voltage[np.argmax(falls) - 1]
     resistances = measure(time, current, voltage)
     assert resistances.rows["delay_second"].tolist() == [0, 1]
-    assert "not held until 10 s" in resistances.left_out[0]
+    assert "not held until 10 s" in resistances.notes[0]
 
 
 @settings(max_examples=20, deadline=None)

@@ -136,7 +136,7 @@ def test_after_a_gap_there_is_no_rest_to_fit():
     kept = (time < 1000) | (time > 1800)
     result = rests(time[kept], current[kept], voltage[kept])
     assert len(result.rows["rest"]) == 0
-    assert result.left_out == ("no rest after a load lasts 600 s: no depolarisation",)
+    assert result.notes == ("no rest after a load lasts 600 s: no depolarisation",)
     assert example(result.rows, time, voltage)["time_second"].size == 0
 
 
@@ -179,7 +179,7 @@ def test_a_rest_ends_where_the_chamber_moves():
     assert row["rest_second"] < 2000 - 730 + 5
     assert row["ocv_volt"] == pytest.approx(3.7, abs=5e-4)
     early = rests(time, current, voltage, temperature_celsius=np.where(time > 900, 15.0, 20.0))
-    assert early.left_out == ("1 × temperature moves by 3 K within the first 600 s",)
+    assert early.notes == ("1 × temperature moves by 3 K within the first 600 s",)
 
 
 def test_a_leak_is_no_load():

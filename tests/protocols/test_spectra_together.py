@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from spectra import CONDITIONS, FREQUENCY, THESIS, noisy, thesis_impedance
+from spectra import CONDITIONS, FREQUENCY, THESIS, analyse, noisy, thesis_impedance
 
 import cellwright as cw
-from cellwright.protocols.impedance.analysis import analyse, trusted_spectrum
+from cellwright.protocols.impedance.analysis import trusted_spectrum
 from cellwright.protocols.impedance.arcs import contract, slowest_arc_hertz
 from cellwright.protocols.impedance.candidates import compare
 from cellwright.protocols.impedance.circuits import circuit_impedance, parse

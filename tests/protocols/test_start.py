@@ -8,13 +8,14 @@ from counted import NAMES
 
 from cellwright.protocols.ageing import ageing_cycles
 from cellwright.protocols.capacity import capacity
-from cellwright.protocols.course import course, ends_of_test
+from cellwright.protocols.course import course
+from cellwright.records.facts import CellFacts, TestFacts
 from cellwright.refusal import Refusal
 from cellwright.series.cleaning import net_charge
 from cellwright.series.steps import segment
 
 HOUR = 3600.0
-LIMITS = {"rated_capacity_ampere_hour": 2.0, "lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
+CELL = CellFacts("A", 2.0, 3.0, 4.2)
 AGED_OHM = 0.08
 
 
@@ -54,12 +55,16 @@ def steps_of(columns):
     return segment(*[columns[name] for name in NAMES], rated_capacity_ampere_hour=2.0)
 
 
-def cycles_of(columns, **settings):
-    return ageing_cycles(columns, steps_of(columns), **LIMITS, **settings)
+def cycles_of(columns):
+    return ageing_cycles(columns, steps_of(columns), TestFacts("a", "ageing"), CELL)
 
 
-def capacity_of(columns, **settings):
-    return capacity(*[columns[n] for n in NAMES], steps_of(columns), **LIMITS, **settings)
+def capacity_of(columns, *, cell=CELL, state_before="", soc=None, curve=None):
+    """What a record tells that begins so, as the test before it and the sheet say."""
+    curves = [] if curve is None else [curve | {"ambient_temperature_celsius": 25.0}]
+    about = {"test": TestFacts("a", "capacity", soc=soc), "curves": curves}
+    course = [{"test": "a", "state_at_begin": state_before}]
+    return capacity(columns, steps_of(columns), cell, course=course, **about)
 
 
 CYCLE = [(-1.0, 3.0), (1.0, 4.2)]
@@ -73,8 +78,8 @@ def test_discharges_count_though_most_charges_were_not_logged():
     assert ageing.rows.cycle[found].tolist() == list(range(1, 13))
     true = whole.rows.capacity_ampere_hour[whole.rows.direction == "discharge"]
     assert ageing.rows.capacity_ampere_hour[found] == pytest.approx(true, rel=2e-3)
-    assert "9 of 12 discharges counted by their rest" in ageing.by_rest[0]
-    assert "as before cycles that start full" in ageing.by_rest[0]
+    assert "9 of 12 discharges counted by their rest" in ageing.notes[0]
+    assert "as before cycles that start full" in ageing.notes[0]
     assert not ageing.left_out
 
 
@@ -85,13 +90,13 @@ def test_what_a_start_may_lack_is_its_uncertainty():
     found = capacity_of(columns)
     true = 2.0 * (1 - 0.97)
     assert found.rows["capacity_std_ampere_hour"][0] == pytest.approx(true, rel=0.7)
-    assert "start by a rest voltage of" in found.left_out[0]
+    assert "start by a rest voltage of" in found.notes[0]
 
 
 def test_the_test_before_tells_that_it_starts_full():
     found = capacity_of(life((-1.0, 3.0), soc=0.97), state_before="full")
     assert found.rows["capacity_std_ampere_hour"][0] < 1e-3 * 2.0  # the ammeter's alone
-    assert not found.left_out
+    assert not found.notes
     with pytest.raises(
         Refusal, match="does not start full or is not known to: with a rest voltage"
     ):
@@ -114,7 +119,7 @@ def test_a_second_slower_discharge_is_not_a_new_one():
 
 def dated(name, columns, begin_second):
     columns = columns | {"unix_time_second": columns["test_time_second"] + begin_second}
-    return ends_of_test(name, columns, steps_of(columns), **LIMITS)
+    return TestFacts(name, "capacity"), columns, steps_of(columns)
 
 
 def moved(found, direction, column="capacity_ampere_hour"):
@@ -133,7 +138,7 @@ def test_a_charge_that_begins_under_load_at_the_cut_off_begins_empty():
     later = {name: values[1000:] for name, values in columns.items()}
     with pytest.raises(Refusal, match="from an unknown state of charge"):
         capacity_of(later)
-    assert moved(capacity_of(later, soc_at_start=0.0), "charge") > 0
+    assert moved(capacity_of(later, soc=0.0), "charge") > 0
 
 
 def lfp(soc):
@@ -141,21 +146,20 @@ def lfp(soc):
     return 3.25 + 0.08 * soc + 0.14 * np.exp((soc - 1) / 0.01) - 0.4 * np.exp(-soc / 0.02)
 
 
-FLAT = LIMITS | {"lower_cutoff_volt": 2.5, "upper_cutoff_volt": 3.65}
+FLAT = CELL._replace(lower_cutoff_volt=2.5, upper_cutoff_volt=3.65)
 
 
 def test_a_full_cell_of_a_flat_curve_is_full_where_the_sheet_says_so(monkeypatch):
     monkeypatch.setitem(globals(), "ocv", lfp)
     columns = life((-1.0, 2.5))
-    about = [columns[n] for n in NAMES], steps_of(columns)
     with pytest.raises(Refusal, match=r"a rest voltage of 3.470 V it may lack"):
-        capacity(*about[0], about[1], **FLAT)
-    found = capacity(*about[0], about[1], **FLAT, soc_at_start=1.0)
+        capacity_of(columns, cell=FLAT)
+    found = capacity_of(columns, cell=FLAT, soc=1.0)
     assert found.rows["capacity_ampere_hour"] == pytest.approx([2.0], rel=0.02)
-    assert not found.left_out
+    assert not found.notes
     soc = np.linspace(0, 1, 201)
     curve = {"soc": soc, "ocv_volt": lfp(soc)}
-    found = capacity(*about[0], about[1], **FLAT, soc_at_start=1.0, curve=curve)
+    found = capacity_of(columns, cell=FLAT, soc=1.0, curve=curve)
     assert found.rows["capacity_ampere_hour"] == pytest.approx([2.0], rel=0.02)
 
 
@@ -163,17 +167,17 @@ def test_a_stated_full_that_the_rest_contradicts_is_said():
     soc = np.linspace(0, 1, 201)
     curve = {"soc": soc, "ocv_volt": ocv(soc)}
     with pytest.raises(Refusal, match=r"the stated SoC of 1 is not used: a rest at 3.7"):
-        capacity_of(life((-1.0, 3.0), soc=0.6), soc_at_start=1.0, curve=curve)
+        capacity_of(life((-1.0, 3.0), soc=0.6), soc=1.0, curve=curve)
     with pytest.raises(Refusal, match=r"it does not start full: the sheet states an SoC of 0.6"):
-        capacity_of(life((-1.0, 3.0), soc=0.6), soc_at_start=0.6, curve=curve)
+        capacity_of(life((-1.0, 3.0), soc=0.6), soc=0.6, curve=curve)
     with pytest.raises(Refusal, match=r"no such cell between 3 and 4.2 V"):
-        capacity_of(life((1.0, 4.2), soc=0.88), soc_at_start=0.0)
+        capacity_of(life((1.0, 4.2), soc=0.88), soc=0.0)
 
 
 def test_a_stated_state_that_the_half_cycles_contradict_is_said():
-    found = capacity_of(life(*CYCLE, soc=1.0), soc_at_start=0.5)
+    found = capacity_of(life(*CYCLE, soc=1.0), soc=0.5)
     assert moved(found, "discharge") == pytest.approx(2.0, rel=0.1)
-    assert "the stated SoC of 0.5 is not used: it starts full" in found.left_out[0]
+    assert "the stated SoC of 0.5 is not used: it starts full" in found.notes[0]
 
 
 @pytest.mark.parametrize("begun", [0.02, 0.12, 0.5])
@@ -188,7 +192,7 @@ def test_the_discharge_after_a_first_charge_tells_what_it_already_held(begun):
         assert std == pytest.approx(lacking, rel=1e-3)
         return
     assert moved(found, "charge").size == 0
-    held = float(re.search(r"already held ([\d.]+)%", found.left_out[0])[1])
+    held = float(re.search(r"already held ([\d.]+)%", found.notes[0])[1])
     assert held == pytest.approx(100 * begun, abs=1.0)
 
 
@@ -211,8 +215,8 @@ def test_an_aged_cell_that_rests_lower_has_a_capacity_with_its_doubt(share):
     assert found.rows["capacity_std_ampere_hour"][0] > 0.5 * lacked
 
 
-def run_course(*ends):
-    return course(list(ends), lower_cutoff_volt=3.0, upper_cutoff_volt=4.2)
+def run_course(*tests):
+    return course(tests, CELL).rows
 
 
 def test_course_follows_dates_not_the_order_given():
@@ -242,11 +246,11 @@ REFUSALS = {
 @pytest.mark.parametrize("what", REFUSALS)
 def test_course_says_why_nothing_is_known(what):
     tests, words = REFUSALS[what]
-    ends = [
+    dated_tests = [
         dated(name, life(*parts, soc=soc), np.nan if begin is None else begin)
         for name, parts, soc, begin in tests
     ]
-    found = run_course(*ends)
+    found = run_course(*dated_tests)
     assert found["state_at_begin"][1] == ""
     assert re.search(words, found["words"][1])
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cellwright.records import agreement
-from cellwright.records.agreement import with_disagreements
+from cellwright.records.agreement import disagreements
 
 
 def capacity(test, ampere_hour, c_rate, **more):
@@ -19,7 +19,7 @@ def capacity(test, ampere_hour, c_rate, **more):
 
 
 def doubts(rows, quantity="capacity"):
-    return [row["doubt"] for row in with_disagreements(rows, quantity=quantity)]
+    return [row["doubt"] for row in disagreements(rows, quantity=quantity).rows]
 
 
 def test_tests_that_agree_say_nothing_of_each_other():

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from sheets_facts import cell_facts, facts_of
 
-from cellwright.records.basis import Lender, basis, scale_in_words, soc_of, soc_or_unknown
+from cellwright.records.basis import (
+    Lender,
+    basis_of_one_age,
+    scale_in_words,
+    soc_of,
+    state_of_charge,
+)
 from cellwright.refusal import Refusal
 
 SOC = np.linspace(0, 1, 201)
@@ -40,7 +46,7 @@ def row(size, rate=1.0, celsius=25.0, cycle=None, direction="discharge", test="c
 def test_an_own_slow_test_goes_before_everything():
     lender = Lender("R", True, [curve(out=9.0)], [])
     curves = [curve(0, 1.7, test="cold"), curve(23, 1.95), curve(None, 3.0, test="unstated")]
-    content = basis("A", curves, [row(1.8)], [lender], rated_capacity_ampere_hour=2.2)
+    content = basis_of_one_age("A", curves, [row(1.8)], [lender], rated_capacity_ampere_hour=2.2)
     assert content["capacity_ampere_hour"] == 1.95
     assert content["capacity_source"] == "slow test ocv"
     assert content["borrowed_from"] is None
@@ -49,13 +55,13 @@ def test_an_own_slow_test_goes_before_everything():
 
 def test_of_slow_tests_at_one_temperature_the_earliest_counts():
     curves = [curve(out=1.5, cycle=300), curve(out=2.0), curve(out=1.8, cycle=100)]
-    assert basis("A", curves, [], [])["capacity_ampere_hour"] == 2.0
+    assert basis_of_one_age("A", curves, [], [])["capacity_ampere_hour"] == 2.0
 
 
 @pytest.mark.parametrize(("back", "closed"), [(2.05, None), (2.2, 2.1), (1.8, 1.92)])
 def test_slow_directions_that_part_are_closed(back, closed):
     """A drift adds to one direction what it takes from the other: the curve says what is left."""
-    content = basis("A", [curve(out=2.0, back=back, closed=closed)], [], [])
+    content = basis_of_one_age("A", [curve(out=2.0, back=back, closed=closed)], [], [])
     assert content["capacity_ampere_hour"] == (closed or 2.0)
     said = "slow test ocv, between 2 Ah out and "
     assert content["capacity_source"].startswith(said) == (closed is not None)
@@ -75,25 +81,27 @@ def test_what_a_slow_test_may_lack_at_its_ends(back, rest_volt, unexplained):
         row(2.0, test="ocv") | {"capacity_std_ampere_hour": 0.001},
         row(back, test="ocv", direction="charge") | {"rest_after_volt": rest_volt},
     ]
-    found = basis("A", [curve(out=2.0, back=back)], rows, [])["capacity_std_ampere_hour"]
+    found = basis_of_one_age("A", [curve(out=2.0, back=back)], rows, [])["capacity_std_ampere_hour"]
     terms = [0.001, unexplained / 3**0.5, GAP * 2.0 / 3**0.5]
     assert found == pytest.approx(np.linalg.norm(terms), rel=0.02)
 
 
 @pytest.mark.parametrize("back", [None, np.nan])
 def test_a_slow_test_of_one_direction_has_the_capacity_of_that_direction(back):
-    content = basis("A", [curve(out=2.0, back=back)], [], [])
+    content = basis_of_one_age("A", [curve(out=2.0, back=back)], [], [])
     assert content["capacity_ampere_hour"] == 2.0
 
 
 def test_the_first_marked_reference_lends_else_the_largest():
     small, large = Lender("S", True, [curve(out=1.9)], []), Lender("L", False, [curve(out=2.1)], [])
     without = Lender("W", True, [], [row(2.5)])
-    assert basis("A", [], [row(1.8)], [large, small, without])["borrowed_from"] == "S"
+    assert basis_of_one_age("A", [], [row(1.8)], [large, small, without])["borrowed_from"] == "S"
     both = [small, large._replace(marked=True)]
-    assert basis("A", [], [row(1.8)], both)["borrowed_from"] == "S"  # the first of the sheet
+    assert (
+        basis_of_one_age("A", [], [row(1.8)], both)["borrowed_from"] == "S"
+    )  # the first of the sheet
     plain = small._replace(marked=False)
-    content = basis("A", [], [row(1.8)], [plain, large])
+    content = basis_of_one_age("A", [], [row(1.8)], [plain, large])
     assert content["borrowed_from"] == "L"
     assert content["ocv"] == large.curves
 
@@ -106,20 +114,20 @@ def test_own_capacity_is_carried_by_the_lenders_ratio():
         row(1.99, direction="charge"),
         row(1.9, 1.02),
     ]
-    content = basis("A", [], [row(1.71)], [Lender("R", True, [curve()], lent)])
+    content = basis_of_one_age("A", [], [row(1.71)], [Lender("R", True, [curve()], lent)])
     assert content["capacity_ampere_hour"] == pytest.approx(1.8)
     assert "carried to the slow rate as in R" in content["capacity_source"]
 
 
 def test_a_lender_measured_as_far_on_the_other_side_of_25_celsius_is_not_alike():
     lender = Lender("R", True, [curve()], [row(1.9, celsius=40.0)])
-    content = basis("A", [], [row(1.71, celsius=10.0)], [lender])
+    content = basis_of_one_age("A", [], [row(1.71, celsius=10.0)], [lender])
     assert content["capacity_ampere_hour"] == 1.71
 
 
 def test_two_tests_without_a_temperature_are_alike():
     lender = Lender("R", True, [curve()], [row(1.9, celsius=None)])
-    content = basis("A", [], [row(1.71, celsius=None)], [lender])
+    content = basis_of_one_age("A", [], [row(1.71, celsius=None)], [lender])
     assert content["capacity_ampere_hour"] == pytest.approx(1.8)
 
 
@@ -131,7 +139,7 @@ def test_of_several_capacity_tests_the_nearest_freshest_slowest_counts():
         row(1.9, 0.5),
         row(2.0, 0.5, cycle=9),
     ]
-    content = basis("A", [], [*rows, row(3.0, 0.2, direction="charge")], [])
+    content = basis_of_one_age("A", [], [*rows, row(3.0, 0.2, direction="charge")], [])
     assert content["capacity_ampere_hour"] == 1.9
     assert content["capacity_source"] == "discharge of capacity at 0.5C"
     assert content["ocv"] == []
@@ -142,37 +150,41 @@ def test_a_scale_that_stands_on_a_record_in_doubt_says_by_how_much(slow):
     """0.2 of 2 Ah are 10 %: 5 % of SoC at half charge, 50 mV where the OCV rises by 1 V."""
     row_of = row(2.0, test="ocv") | {"capacity_std_ampere_hour": 0.2, "doubt": "its clock jumps"}
     lender = Lender("R", True, [curve()], [])
-    content = basis("A", [curve(out=2.0)] if slow else [], [row_of], [] if slow else [lender])
+    content = basis_of_one_age(
+        "A", [curve(out=2.0)] if slow else [], [row_of], [] if slow else [lender]
+    )
     said = scale_in_words(content)
     assert said.startswith("its SoC scale stands on a record in doubt (")
     assert f"{content['capacity_source']}: its clock jumps" in said
     assert "by 0.2 Ah (10.0%): at half charge 5.0% of SoC and 50 mV of open-circuit" in said
     without = row_of | {"doubt": ""}
-    content = basis("A", [curve(out=2.0)] if slow else [], [without], [] if slow else [lender])
+    content = basis_of_one_age(
+        "A", [curve(out=2.0)] if slow else [], [without], [] if slow else [lender]
+    )
     assert scale_in_words(content) == ""
 
 
 def test_the_rating_serves_last():
-    content = basis("A", [], [], [], rated_capacity_ampere_hour=2.2)
+    content = basis_of_one_age("A", [], [], [], rated_capacity_ampere_hour=2.2)
     assert (content["capacity_ampere_hour"], content["capacity_source"]) == (2.2, "rating")
     with pytest.raises(Refusal, match="no complete discharge, no slow test and no rating"):
-        basis("A", [], [row(1.9, direction="charge")], [])
+        basis_of_one_age("A", [], [row(1.9, direction="charge")], [])
 
 
 def test_what_nobody_measured_is_as_unsure_as_cells_of_a_rating_differ():
     """A worn cell holds 0.85 of its rating: within two deviations; a stated health says more."""
-    content = basis("A", [], [], [], rated_capacity_ampere_hour=5.0)
+    content = basis_of_one_age("A", [], [], [], rated_capacity_ampere_hour=5.0)
     assert content["capacity_std_ampere_hour"] == pytest.approx(5.0 * 0.65 / np.sqrt(12))
-    known = basis("A", [], [], [], rated_capacity_ampere_hour=5.0, state_of_health=0.85)
+    known = basis_of_one_age("A", [], [], [], rated_capacity_ampere_hour=5.0, state_of_health=0.85)
     assert known["capacity_std_ampere_hour"] == pytest.approx(4.25 * 0.1 / np.sqrt(12))
 
 
 def test_a_stated_state_of_health_makes_the_rating_smaller_where_no_test_tells_the_capacity():
     stated = {"rated_capacity_ampere_hour": 2.0, "state_of_health": 0.7}
-    content = basis("A", [], [], [], **stated)
+    content = basis_of_one_age("A", [], [], [], **stated)
     assert content["capacity_ampere_hour"] == pytest.approx(1.4)
     assert "stated state of health, 0.7" in content["capacity_source"]
-    assert basis("A", [], [row(1.9)], [], **stated)["capacity_ampere_hour"] == 1.9
+    assert basis_of_one_age("A", [], [row(1.9)], [], **stated)["capacity_ampere_hour"] == 1.9
 
 
 CELL = cell_facts()
@@ -190,7 +202,7 @@ def series(volt, amperes=0.0):
 
 
 def test_soc_is_looked_up_in_the_curve_nearest_in_temperature():
-    known = basis("A", [curve(0), curve(40), curve(25)], [], [])
+    known = basis_of_one_age("A", [curve(0), curve(40), curve(25)], [], [])
     for celsius in (0, 25, 40):
         facts = facts_of(soc=None, celsius=celsius)
         anchored = soc_of(series(3.5 + 0.001 * celsius), known, facts, CELL)
@@ -200,7 +212,7 @@ def test_soc_is_looked_up_in_the_curve_nearest_in_temperature():
 
 
 def test_soc_is_counted_over_the_capacity_of_the_basis():
-    known = basis("A", [], [row(1.6)], [])
+    known = basis_of_one_age("A", [], [row(1.6)], [])
     facts = facts_of(soc=0.9, celsius=25)
     anchored = soc_of(series(3.5, -0.8), known, facts, CELL)
     assert anchored.soc[-1] == pytest.approx(0.4)
@@ -215,10 +227,10 @@ def test_without_any_anchor_soc_is_not_known_and_says_why():
     }
     facts = facts_of(soc=None, celsius=25.0)
     bare = {"capacity_ampere_hour": 2.0, "ocv": []}
-    anchored = soc_or_unknown(columns, bare, facts, CELL)
+    anchored = state_of_charge(columns, bare, facts, CELL)
     assert np.isnan(anchored.soc).all()
     assert anchored.anchor.startswith("not known: no state of charge")
-    assert soc_or_unknown(columns, bare, facts._replace(soc=0.5), CELL).soc[0] == 0.5
+    assert state_of_charge(columns, bare, facts._replace(soc=0.5), CELL).soc[0] == 0.5
 
 
 def rests(celsius, size, load, test, cycle=None):
@@ -231,16 +243,16 @@ def rests(celsius, size, load, test, cycle=None):
 
 def test_own_rests_go_behind_a_slow_test_and_a_lender():
     own = [rests(25.0, 1.9, 1.0, "hppc")]
-    assert basis("A", [curve()], [row(1.8)], [], rests=own)["ocv"] == [curve()]
+    assert basis_of_one_age("A", [curve()], [row(1.8)], [], rests=own)["ocv"] == [curve()]
     lender = Lender("R", True, [curve()], [])
-    assert basis("A", [], [row(1.8)], [lender], rests=own)["borrowed_from"] == "R"
-    content = basis("A", [], [row(1.8)], [Lender("W", True, [], [row(2.5)])], rests=own)
+    assert basis_of_one_age("A", [], [row(1.8)], [lender], rests=own)["borrowed_from"] == "R"
+    content = basis_of_one_age("A", [], [row(1.8)], [Lender("W", True, [], [row(2.5)])], rests=own)
     assert content["ocv"] == own
     assert content["borrowed_from"] is None
     assert content["capacity_ampere_hour"] == 1.9
     assert content["capacity_source"] == "taken out (rests of hppc)"
     rated = [own[0] | {"capacity_source": "rating"}]
-    assert basis("A", [], [], [], rests=rated)["capacity_source"] == "rating"
+    assert basis_of_one_age("A", [], [], [], rests=rated)["capacity_source"] == "rating"
 
 
 def test_of_several_pulse_tests_the_slowest_of_each_temperature_counts():
@@ -251,7 +263,7 @@ def test_of_several_pulse_tests_the_slowest_of_each_temperature_counts():
         rests(30.0, 1.95, 0.502, "warm as slow"),
         rests(30.0, 1.7, 0.3, "warm, aged", cycle=200),
     ]
-    content = basis("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
+    content = basis_of_one_age("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
     assert [c["test"] for c in content["ocv"]] == ["warm slow", "cold slow"]
     assert content["capacity_ampere_hour"] == 1.9
 
@@ -259,7 +271,7 @@ def test_of_several_pulse_tests_the_slowest_of_each_temperature_counts():
 def test_curves_from_rests_share_charge_from_full():
     """1 Ah taken out is the same voltage in both, whatever each record's own capacity is."""
     tests = [rests(25.0, 2.0, 1.0, "warm"), rests(0.0, 1.6, 1.0, "cold")]
-    content = basis("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
+    content = basis_of_one_age("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
     cold = content["ocv"][1]
     assert np.interp(0.5, cold["soc"], cold["ocv_volt"]) == pytest.approx(4 - 1 / 1.6)
     assert min(cold["ocv_volt"]) == pytest.approx(2.9, abs=1e-5)  # straight on, to the cut-off
@@ -278,27 +290,27 @@ def test_a_stated_soc_that_the_charge_contradicts_is_not_known_and_all_three_are
     columns |= {"current_ampere": np.full(200, ampere), "charge_ampere_hour": ampere * hours}
     known = {"capacity_ampere_hour": 2.0, "capacity_source": "rating", "ocv": []}
     facts = facts_of(soc=stated)
-    anchored = soc_or_unknown(columns, known, facts, CELL)
+    anchored = state_of_charge(columns, known, facts, CELL)
     assert np.isnan(anchored.soc).all()
     for part in (run, "stated at the start", "charge (2 Ah", "capacity of 2 Ah (rating)"):
         assert part in anchored.anchor
-    within = soc_or_unknown(columns, known | {"capacity_ampere_hour": 20.0}, facts, CELL)
+    within = state_of_charge(columns, known | {"capacity_ampere_hour": 20.0}, facts, CELL)
     np.testing.assert_allclose(within.soc[[0, -1]], [stated, stated + 0.1 * ampere])
 
 
 def test_a_capacity_whose_start_is_unsure_counts_only_where_no_sure_one_does():
     unsure = row(2.5, rate=0.2, test="C5") | {"capacity_std_ampere_hour": 0.41}
     sure = row(2.885, rate=0.5, test="C2") | {"capacity_std_ampere_hour": np.nan}
-    found = basis("A", [], [unsure, sure], [], rated_capacity_ampere_hour=3.0)
+    found = basis_of_one_age("A", [], [unsure, sure], [], rated_capacity_ampere_hour=3.0)
     assert found["capacity_ampere_hour"] == 2.885
-    alone = basis("A", [], [unsure], [], rated_capacity_ampere_hour=3.0)
+    alone = basis_of_one_age("A", [], [unsure], [], rated_capacity_ampere_hour=3.0)
     assert alone["capacity_source"] == "discharge of C5 at 0.2C, ± 0.41 Ah"
 
 
 def test_a_sure_capacity_of_an_aged_cell_or_of_the_cold_is_no_better_than_an_unsure_one():
     unsure = row(2.9, test="fresh") | {"capacity_std_ampere_hour": 0.2}
     others = [row(2.1, cycle=800, test="aged"), row(2.2, celsius=-10.0, test="cold")]
-    found = basis("A", [], [*others, unsure], [], rated_capacity_ampere_hour=3.0)
+    found = basis_of_one_age("A", [], [*others, unsure], [], rated_capacity_ampere_hour=3.0)
     assert found["capacity_source"] == "discharge of fresh at 1C, ± 0.2 Ah"
 
 
@@ -318,7 +330,7 @@ def between_rests(slow_ampere_hour, ohm):
 def carried_from_lender(own):
     slow = row(2.0, 0.05, test="ocv") | {"capacity_std_ampere_hour": 0.0}
     lender = Lender("R", True, [curve(out=2.0, back=1.99)], [slow, between_rests(2.0, 0.02)])
-    return basis("A", [], [own], [lender])
+    return basis_of_one_age("A", [], [own], [lender])
 
 
 @pytest.mark.parametrize("ohm", [0.01, 0.02, 0.03])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cellwright.records.basis import at_cycle, soc_of
-from cellwright.records.checkups import basis_of_life
+from cellwright.records.checkups import basis
 from cellwright.records.facts import CellFacts, TestFacts
 
 CELL = CellFacts("A", 2.0, 3.0, 4.2)
@@ -41,7 +41,7 @@ def curve(size, cycle, *, name="ocv", celsius=25.0, branches="both", shift=0.0):
 
 
 def life(capacities, curves=(), rests=()):
-    return basis_of_life("A", list(curves), capacities, [], rests=list(rests))
+    return basis(CellFacts("A"), list(curves), capacities, [], rests=list(rests)).content
 
 
 def test_each_check_up_has_its_own_capacity():

@@ -7,7 +7,7 @@ from sheets_facts import cell_facts, facts_of
 import cellwright as cw
 from cellwright.records.facts import MeasuredTest
 from cellwright.records.record import laid_out, records_by_temperature
-from cellwright.records.repeats import counted_once, repeats, sentences
+from cellwright.records.repeats import counted_once, repeats
 
 
 def pulses(levels, *, seed=1, grain=1e-5, noise=2e-4):
@@ -46,26 +46,30 @@ def cut(columns, first, last, *, later=0.0):
 def test_a_pulse_in_a_file_of_its_own_counts_there(later):
     short = test_of("alone", cut(LONG, 0, 400, later=later))
     found = repeats([test_of("train", LONG), short])
-    assert (found.test.tolist(), found.of.tolist()) == (["train"], ["alone"])
-    assert (found.first_row[0], found.last_row[0]) == (0, 399)
-    (words,) = sentences(found)
+    assert (found.rows.test.tolist(), found.rows.of.tolist()) == (["train"], ["alone"])
+    assert (found.rows.first_row[0], found.rows.last_row[0]) == (0, 399)
+    (words,) = found.notes
     assert words.startswith("train from 0 to 39.9 s is the same measurement as alone from ")
     swapped = repeats([short, test_of("train", LONG)])
-    assert swapped.test.tolist() == ["train"]
+    assert swapped.rows.test.tolist() == ["train"]
 
 
 def test_a_repeated_time_and_the_charge_of_the_file_change_nothing():
     double = [np.insert(column, 250, column[250]) for column in cut(LONG, 0, 400)]
     found = repeats([test_of("train", LONG), test_of("alone", double)])
-    assert set(found.test) == {"train"}
-    assert np.sum(found.last_row - found.first_row + 1) >= 395
+    assert set(found.rows.test) == {"train"}
+    assert np.sum(found.rows.last_row - found.rows.first_row + 1) >= 395
 
 
 def test_what_may_be_fitted_keeps_what_a_validation_test_repeats():
     judge = test_of("judge", cut(LONG, 0, 400), role="validation")
     tests = [test_of("train", LONG), judge]
-    assert repeats(tests).test.tolist() == repeats(tests, ["validation"]).test.tolist() == ["judge"]
-    assert len(repeats(tests, ["fit"]).test) == 0
+    assert (
+        repeats(tests).rows.test.tolist()
+        == repeats(tests, ["validation"]).rows.test.tolist()
+        == ["judge"]
+    )
+    assert len(repeats(tests, ["fit"]).rows.test) == 0
 
 
 def test_a_clock_that_jitters_tells_a_pulse_that_a_coarse_reading_foretells():
@@ -75,12 +79,12 @@ def test_a_clock_that_jitters_tells_a_pulse_that_a_coarse_reading_foretells():
     clocks = [np.cumsum(np.random.default_rng(k).uniform(0.09, 0.11, 800)) for k in range(2)]
     long = clocks[0], current, voltage
     alone = [column[:400] for column in long]
-    assert repeats([test_of("long", long), test_of("alone", alone)]).test.tolist() == ["long"]
+    assert repeats([test_of("long", long), test_of("alone", alone)]).rows.test.tolist() == ["long"]
     done_again = clocks[1][:400], *alone[1:]
-    assert len(repeats([test_of("long", long), test_of("again", done_again)]).test) == 0
+    assert len(repeats([test_of("long", long), test_of("again", done_again)]).rows.test) == 0
     regular = 0.1 * np.arange(800), current, voltage
     even = [column[:400] for column in regular]
-    assert len(repeats([test_of("long", regular), test_of("even", even)]).test) == 0
+    assert len(repeats([test_of("long", regular), test_of("even", even)]).rows.test) == 0
 
 
 def test_pulses_that_are_only_alike_and_rests_are_no_repeats():
@@ -93,13 +97,13 @@ def test_pulses_that_are_only_alike_and_rests_are_no_repeats():
     seldom = np.cumsum(np.geomspace(0.1, 60, 60) // 0.1 * 0.1)
     slow = [test_of(n, (seldom, 0 * seldom, np.round(3.7 - 0.01 / (1 + seldom), 3))) for n in "ef"]
     short = test_of("short", cut(LONG, 0, 5))
-    assert len(repeats([*again, *rest, *ramp, *slow, short]).test) == 0
-    assert len(repeats([]).test) == len(repeats(again[:1]).test) == 0
+    assert len(repeats([*again, *rest, *ramp, *slow, short]).rows.test) == 0
+    assert len(repeats([]).rows.test) == len(repeats(again[:1]).rows.test) == 0
 
 
 def test_another_pace_is_another_measurement():
     slower = [2 * LONG[0], *LONG[1:]]
-    assert len(repeats([test_of("one", LONG), test_of("two", slower)]).test) == 0
+    assert len(repeats([test_of("one", LONG), test_of("two", slower)]).rows.test) == 0
 
 
 BASIS = {"capacity_ampere_hour": 3.0, "borrowed_from": None, "ocv": [], "capacity_source": ""}
@@ -142,7 +146,7 @@ def test_rows_that_a_split_test_fits_are_not_compared_in_a_validation_test():
     """The shorter of the two would else keep them, and be scored on what was fitted."""
     judge = test_of("judge", cut(LONG, 0, 400), role="validation")
     found = repeats([test_of("split", LONG, role="split"), judge])
-    assert (found.test.tolist(), found.of.tolist()) == (["judge"], ["split"])
+    assert (found.rows.test.tolist(), found.rows.of.tolist()) == (["judge"], ["split"])
 
 
 def test_discharges_that_are_only_read_coarsely_are_no_repeats():
@@ -153,4 +157,4 @@ def test_discharges_that_are_only_read_coarsely_are_no_repeats():
     for seed in range(4):
         read = flat + np.random.default_rng(seed).normal(0, 1.5e-4, 7000)
         made += [test_of(f"t{seed}", (np.arange(7000.0), 0 * soc - 2.5, np.round(read, 3)))]
-    assert len(repeats(made).test) == 0
+    assert len(repeats(made).rows.test) == 0

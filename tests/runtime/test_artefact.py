@@ -12,7 +12,7 @@ import pytest
 
 from cellwright.refusal import Refusal
 from cellwright_fmu.unit import archive
-from runtime import artefact, contract, tables
+from runtime import artefact, contract, job_inputs
 
 CURVE = {name: np.array([1.0, 2.0]) for name in contract.stages()["ica_curve"]["columns"]}
 PATH = "results/stages/ica_curve/A/t.parquet"
@@ -256,7 +256,7 @@ def test_what_is_hidden_cannot_be_imported_and_can_be_afterwards():
 
 def test_a_job_that_makes_no_table_for_people_imports_no_pandas():
     code = (
-        "import sys; from runtime import artefact, lending, tables; "
+        "import sys; from runtime import artefact, job_inputs, tables; "
         "assert not {'pandas', 'matplotlib', 'lmfit'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -342,7 +342,9 @@ def test_a_doubt_moves_what_is_fitted_to_its_record_or_made_of_its_number_and_no
 
     def behind(*paths):
         about = artefact.behind(paths)
-        return about, tables.doubt_in_words({"wildcards": {"cell": "A", "test": "drive"}} | about)
+        return about, job_inputs.doubt_in_words(
+            {"wildcards": {"cell": "A", "test": "drive"}} | about
+        )
 
     about, words = behind(size, spectrum)
     assert set(words.split("; ")) == {"A size: size is wrong", "A eis: eis is wrong"}
@@ -354,11 +356,11 @@ def test_a_doubt_moves_what_is_fitted_to_its_record_or_made_of_its_number_and_no
     assert behind(model)[1] == "A pulses: pulses is wrong"
     assert behind(before)[1] == ""
     score = made(f"{stages}/validation/A/drive.parquet", "drive", **behind(model)[0])
-    shown = tables.doubt_in_words(artefact.read_about(score))
+    shown = job_inputs.doubt_in_words(artefact.read_about(score))
     assert shown == "A pulses: pulses is wrong"
-    assert tables.doubt_in_words(artefact.read_about(score), {"pulses"}) == ""
+    assert job_inputs.doubt_in_words(artefact.read_about(score), {"pulses"}) == ""
     own = {"doubts": {"A pulses": "pulses is wrong", "A drive": "it drifts"}}
     score = made(f"{stages}/validation/A/drive.parquet", "drive", **behind(model)[0] | own)
-    assert tables.own_doubt(artefact.read_about(score)) == "it drifts"
+    assert job_inputs.own_doubt(artefact.read_about(score)) == "it drifts"
     searched = made("results/missing_effect/A/own/model.json", doubts={}, records=["A eis"])
     assert artefact.behind([searched])["records"] == []

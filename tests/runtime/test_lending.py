@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from contract_rows import row_of
 
-from cellwright.api.charge import basis_notes
-from runtime import lending
+from cellwright.records.checkups import basis_in_words
+from runtime import job_inputs
 
 SOC = np.linspace(0, 1, 5)
 OCV = {"soc": SOC, "ocv_volt": 3 + SOC, "discharge_volt": 3 + SOC, "charge_volt": 3 + SOC}
@@ -33,25 +33,25 @@ def paths(saved):
 
 
 def test_curves_are_plain_lists_with_their_facts(paths):
-    (curve,) = lending.curves(paths["ocv"][:1])
+    (curve,) = job_inputs.curves(paths["ocv"][:1])
     facts = {"test": "slow", "cycle": 10, "ambient_temperature_celsius": 25.0}
     facts |= {"capacity_ampere_hour": 2.0, "branches": "both", "ocv_volt": (3 + SOC).tolist()}
     assert facts.items() <= curve.items()
 
 
 def test_capacities_are_rows_with_their_facts(paths):
-    rows = lending.capacities(paths["capacity"])
+    rows = job_inputs.capacities(paths["capacity"])
     assert len(rows) == 3
     assert (rows[0]["test"], rows[0]["cycle"], rows[0]["c_rate"]) == ("full", 10, 1.0)
 
 
 def test_each_lender_has_its_own(paths):
-    first, second = lending.lenders(paths["ocv"], paths["capacity"], ["B"])
+    first, second = job_inputs.lenders(paths["ocv"], paths["capacity"], ["B"])
     assert (first.cell, first.marked) == ("A", False)
     assert (len(first.curves), len(first.capacities)) == (1, 1)
     assert (second.cell, second.marked, len(second.capacities)) == ("B", True, 2)
     assert [curve["test"] for curve in second.curves] == ["again"]
-    assert lending.lenders([], [], []) == []
+    assert job_inputs.lenders([], [], []) == []
 
 
 SLOW, RESTS = [{"test": "ocv", "branches": "both"}], [{"test": "hppc", "branches": "rests"}]
@@ -68,7 +68,7 @@ SLOW, RESTS = [{"test": "ocv", "branches": "both"}], [{"test": "hppc", "branches
 )
 def test_what_is_borrowed_or_missing_is_said(borrowed, ocv, said):
     facts = {"capacity_ampere_hour": 1.98765, "capacity_source": "rating"}
-    first, *rest = basis_notes(facts | {"borrowed_from": borrowed, "ocv": ocv})
+    first, *rest = basis_in_words(facts | {"borrowed_from": borrowed, "ocv": ocv})
     assert first == "SoC refers to 1.988 Ah: rating"
     assert len(rest) == (said is not None)
     assert all(sentence.startswith(said) for sentence in rest)

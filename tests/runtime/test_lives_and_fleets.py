@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from contract_rows import row_of
 
+import cellwright as cw
 from cellwright.health.ratings import check_ups
-from runtime import artefact, contract, fleets, lives
+from runtime import artefact, contract, job_inputs, type_inputs
 
 
 def rating(size, ohm, cycle=0.0):
@@ -37,7 +38,7 @@ def checked(saved):
 
 def test_a_fleet_is_compared_without_the_refused_cell(checked):
     types = {"NMC, 30 Ah": [f"P{place}" for place in range(9)], "LFP": ["P8", "X"]}
-    cells, lines = fleets.resistance_tables(*checked, types)
+    cells, lines = type_inputs.fleet_tables(*checked, types, cw.fleet_resistance)
     assert [row["cell"] for row in cells] == [f"P{place}" for place in range(8)]
     assert lines[0]["cells"] == 8
     assert lines[0]["correlation"] < -0.99
@@ -47,22 +48,21 @@ def test_a_fleet_is_compared_without_the_refused_cell(checked):
 
 def test_what_no_method_tells_keeps_its_reason(checked):
     with pytest.raises(artefact.Passed, match="no capacity and no resistance"):
-        lives.found({"check_ups": checked[0][8]})
-    (row,) = lives.found({"check_ups": checked[0][0]})["check_ups"]
+        job_inputs.told_of_health({"check_ups": checked[0][8]})
+    (row,) = job_inputs.told_of_health({"check_ups": checked[0][0]})["check_ups"]
     assert row["capacity_ampere_hour"] == 20.0
 
 
 def test_the_sheet_of_check_ups_comes_along():
     sheet = [{"cell": "A", "cycle": 900.0, "thickness_millimetre": 7.67}]
-    rows = lives.with_sheet([rating(20.0, 1e-3), rating(18.0, 1e-3, 900.0)], sheet)
+    rows = job_inputs.with_sheet([rating(20.0, 1e-3), rating(18.0, 1e-3, 900.0)], sheet)
     assert [row["sheet_thickness_millimetre"] for row in rows] == [None, 7.67]
-    assert "sheet_thickness_millimetre" not in lives.with_sheet([rating(20.0, 1e-3)], [])[0]
+    assert "sheet_thickness_millimetre" not in job_inputs.with_sheet([rating(20.0, 1e-3)], [])[0]
 
 
 def test_ratings_fit_their_contract(saved):
     capacity = row_of("capacity", direction="discharge", capacity_std_ampere_hour=np.nan)
     capacity |= {"test": "c", "cycle": None, "ambient_temperature_celsius": None}
-    limits = ("rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt")
-    rows, _ = check_ups([capacity], [], **dict.fromkeys(limits))
-    path = saved("results/stages/checkups/A.parquet", lives.with_sheet(rows, []))
+    rows = check_ups([capacity], [], {"cell": "A"}).rows
+    path = saved("results/stages/checkups/A.parquet", job_inputs.with_sheet(rows, []))
     assert artefact.load(path)["soh"].tolist() == [1.0]

@@ -12,26 +12,21 @@ SOURCES = {
     "room/deeper.py": "ONE = 1\n",
     "other.py": "TWO = 2\n",
 }
-# A job that calls one function of the public interface, of which each counts for itself.
+# A job that calls one step of the public interface, whose module alone counts.
 PUBLIC = SOURCES | {
     "job.py": "import cellwright as cw\nprint(cw.first(1))\n",
     "cellwright/__init__.py": "",
     "cellwright/__init__.pyi": (
-        "from cellwright.api.steps import first as first\n"
-        "from cellwright.api.steps import second as second\n"
+        "from cellwright.steps.one import first as first\n"
+        "from cellwright.steps.two import (\n    second as second,\n)\n"
     ),
-    "cellwright/api/__init__.py": "",
-    "cellwright/api/steps.py": (
-        "from cellwright.api import inputs\n"
-        "from cellwright.settings import One, Two\nONE = One()\n"
-        "def shared(x):\n    return x\n"
-        "def first(x, *, size=ONE.size):\n    from room import deep\n"
-        "    return shared(deep.g(inputs.take(x)))\n"
-        "def second(x):\n    import other\n    return x, Two()\n"
+    "cellwright/steps/__init__.py": "",
+    "cellwright/steps/one.py": (
+        "from cellwright.steps import inputs\n"
+        "def first(x):\n    from room import deep\n    return deep.g(inputs.take(x))\n"
     ),
-    "cellwright/api/inputs.py": "def take(x):\n    return x\ndef name(x):\n    return str(x)\n",
-    "cellwright/settings/__init__.py": "from cellwright.settings.all import One, Two\n",
-    "cellwright/settings/all.py": "class One:\n    size = 1\nclass Two:\n    size = 2\n",
+    "cellwright/steps/two.py": "def second(x):\n    import other\n    return x\n",
+    "cellwright/steps/inputs.py": "def take(x):\n    return x\n",
 }
 
 
@@ -97,51 +92,39 @@ def test_a_package_beside_the_scripts_counts(code, tmp_path):
     assert code(**job) not in (before, code())
 
 
-STEPS = PUBLIC["cellwright/api/steps.py"]
-INPUTS = PUBLIC["cellwright/api/inputs.py"]
-SETTINGS = PUBLIC["cellwright/settings/all.py"]
+FIRST = PUBLIC["cellwright/steps/one.py"]
+SECOND = PUBLIC["cellwright/steps/two.py"]
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"cellwright__api__steps": STEPS.replace("shared(deep", "abs(deep")},
-        {"cellwright__api__steps": STEPS.replace("return x\n", "return -x\n")},
-        {"cellwright__api__inputs": INPUTS.replace("return x\n", "return +x\n")},
-        {"cellwright__settings__all": SETTINGS.replace("size = 1", "size = 3")},
+        {"cellwright__steps__one": FIRST.replace("deep.g", "-deep.g")},
+        {"cellwright__steps__inputs": "def take(x):\n    return +x\n"},
         {"room__deeper": "ONE = 2\n"},
     ],
-    ids=[
-        "the function",
-        "its helper",
-        "a module it takes names from",
-        "its settings",
-        "the science below",
-    ],
+    ids=["the step", "a module it takes names from", "the science below"],
 )
-def test_what_a_used_function_of_the_interface_runs_counts(code, change):
+def test_what_a_used_step_of_the_interface_runs_counts(code, change):
     assert code(PUBLIC, **change) != code(PUBLIC)
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"cellwright__api__steps": STEPS.replace("return x, Two()", "return x, Two(), 1")},
-        {"cellwright__api__inputs": INPUTS.replace("str(x)", "repr(x)")},
-        {"cellwright__settings__all": SETTINGS.replace("size = 2", "size = 3")},
+        {"cellwright__steps__two": SECOND.replace("return x", "return -x")},
         {"other": "TWO = 3\n"},
-        {"cellwright____init__": PUBLIC["cellwright/__init__.py"].replace("second", "third")},
+        {"cellwright/__init__.pyi": PUBLIC["cellwright/__init__.pyi"].replace("second", "third")},
     ],
-    ids=[
-        "another function",
-        "what it takes",
-        "settings of another",
-        "the science of another",
-        "a public name",
-    ],
+    ids=["another step", "the science of another", "a public name"],
 )
-def test_what_other_functions_of_the_interface_run_does_not_count(code, change):
+def test_what_other_steps_of_the_interface_run_does_not_count(code, change):
     assert code(PUBLIC, **change) == code(PUBLIC)
+
+
+def test_a_step_in_parentheses_of_the_stub_is_found(code):
+    job = {"job": "import cellwright as cw\nprint(cw.second(1))\n"}
+    assert code(PUBLIC, **job, other="TWO = 3\n") != code(PUBLIC, **job)
 
 
 def test_hashes_are_kept_until_a_source_changes(code, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from contract_rows import row_of
 
 from cellwright.refusal import Refusal
-from runtime import artefact, provenance, tables
+from runtime import artefact, job_inputs, provenance, tables
 
 ROW = row_of("ica", peak=1)
 GOOD, BAD, AFTER = (f"results/stages/ica/A/{name}.parquet" for name in ("good", "bad", "after"))
@@ -25,13 +25,13 @@ def campaign(saved, snakemake):
 
 def test_rows_carry_cell_test_and_facts(campaign):
     facts = {"A/good": {"cycle": 100, "ambient_temperature_celsius": 25}}
-    rows = tables.rows_of([GOOD, BAD], facts)
+    rows = job_inputs.rows_of([GOOD, BAD], facts)
     assert rows == [{"cell": "A", "test": "good"} | facts["A/good"] | ROW]
 
 
 def test_a_row_of_several_tests_has_blanks_where_others_have_their_test(saved):
     row = row_of("ocv_laws", quantity="x", law="x", parameter="x", unit="x", chosen=True)
-    (found,) = tables.rows_of([saved("results/stages/ocv_laws/A.parquet", [row])], {})
+    (found,) = job_inputs.rows_of([saved("results/stages/ocv_laws/A.parquet", [row])], {})
     assert (found["cell"], found["test"], found["ambient_temperature_celsius"]) == ("A", "", None)
 
 

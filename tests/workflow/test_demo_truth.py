@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from spectra import analyse
 
 from cellwright import formats, series
 from cellwright.health.ageing import cycle_temperature
 from cellwright.protocols.ageing import ageing_cycles
 from cellwright.protocols.capacity import capacity
-from cellwright.protocols.impedance import analyse
 from cellwright.protocols.ocv.slow import slow_ocv
 from cellwright.protocols.resistance import pulse_resistance
 from cellwright.records.anchor import soc_series
@@ -59,10 +59,19 @@ def _record(cell, test, rated=RATED):
     return columns, segment(*columns, rated_capacity_ampere_hour=rated)
 
 
+def _series(columns):
+    names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
+    return dict(zip(names, columns, strict=True))
+
+
+def _cell(rated, limits):
+    return {"cell": "A", "rated_capacity_ampere_hour": rated} | limits
+
+
 @pytest.mark.parametrize("cell", [*PULSED, "C4"])
 def test_half_hour_rate_capacity_within_a_tenth_of_a_percent(cell):
     columns, steps = _record(cell, "capacity_25C")
-    rows = capacity(*columns, steps, rated_capacity_ampere_hour=RATED, **LIMITS).rows
+    rows = capacity(_series(columns), steps, _cell(RATED, LIMITS)).rows
     wanted = {"cell": cell, "test": "capacity_25C"}
     for direction in ("discharge", "charge"):
         (true,) = _true("capacity", "capacity_ampere_hour", **wanted, direction=direction)
@@ -107,7 +116,7 @@ def test_ten_second_resistance_within_two_percent(cell):
 def test_capacity_over_temperature_within_a_tenth_of_a_percent(test):
     """At 1C and at C/30, down to −20 °C: what is lost for good, and what for the rate alone."""
     columns, steps = _record("T1", test, rated=30.0)
-    rows = capacity(*columns, steps, rated_capacity_ampere_hour=30.0, **LIMITS_OF_T1).rows
+    rows = capacity(_series(columns), steps, _cell(30.0, LIMITS_OF_T1)).rows
     for direction in ("discharge", "charge"):
         (true,) = _true(
             "capacity", "capacity_ampere_hour", cell="T1", test=test, direction=direction
@@ -149,7 +158,9 @@ def test_slope_of_the_ageing_record_holds_the_truth():
     clean = series.clean(assembled.columns).columns
     names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
     steps = segment(*[clean[name] for name in names], rated_capacity_ampere_hour=30.0)
-    found = ageing_cycles(clean, steps, rated_capacity_ampere_hour=30.0, **LIMITS_OF_T1)
+    found = ageing_cycles(
+        clean, steps, {"test": "room", "kind": "ageing"}, _cell(30.0, LIMITS_OF_T1)
+    )
     summary, *_ = cycle_temperature(found.rows)
     low, high = (summary[f"slope_{end}_percent_per_kelvin"] for end in ("lower", "upper"))
     (true,) = _true("temperature", "value", cell="T1", quantity="capacity in room")

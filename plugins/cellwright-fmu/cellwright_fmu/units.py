@@ -2,12 +2,13 @@
 
 from typing import NamedTuple
 
-from cellwright.api import inputs
 from cellwright.api.packs import pack_model
-from cellwright.api.results import frame
+from cellwright.circuits import inputs as given
 from cellwright.packs.artefact import CellInPack, PackModel, cell_entry
 from cellwright.packs.thermal import Thermal
+from cellwright.records import inputs
 from cellwright.records.checkups import repeat_std
+from cellwright.result import frame
 from cellwright_fmu.evidence import page
 from cellwright_fmu.native import COMPILED, unit_binary, unit_sources
 from cellwright_fmu.unit import archive, single, unit_of
@@ -64,7 +65,7 @@ def cell_fmu(
 
     Source: FMI 3.0; docs/exports.md.
     """
-    content = inputs.model(model)
+    content = given.model(model)
     heat = None if thermal is None else Thermal(*thermal)
     known = {"capacities": capacities, "validation": validation}
     cell = CellInPack(content, initial_soc, heat, **_known_errors(content, **known))

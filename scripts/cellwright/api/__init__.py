@@ -1,6 +1,7 @@
 """The public interface: each step of the method is one function that gives one `Result`.
 
-`import cellwright as cw` gives every function of this room as `cw.<step>`; docs/api.md shows them.
+`import cellwright as cw` gives every step as `cw.<step>`: from the room that it belongs to, or from
+this one what stands on several rooms at once; docs/api.md shows them.
 An argument means the same in every step:
 
 series : DataFrame, columns or result of `clean`, (n,) each: test_time_second [s], current_ampere

@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 
-from cellwright.api import inputs, results
+from cellwright.circuits import inputs as given
+from cellwright.records import inputs
+from cellwright.result import Result
 from cellwright.settings import PackDecisions
 
 
@@ -39,7 +41,7 @@ def simulate_pack(
     run = simulated(time, total, cells, wiring, initial_soc=initial_soc, hold=hold, **around)
     columns = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
     about = {"cells": cells.names, "members": cells.members}
-    return results.Result({"columns": columns | _of_cells(run), "rows": []}, about)
+    return Result({"columns": columns | _of_cells(run), "rows": []}, about)
 
 
 def run_pack_phases(
@@ -69,7 +71,7 @@ def run_pack_phases(
     names = ("test_time_second", "phase", "current_ampere", "voltage_volt")
     columns = {name: getattr(run, name) for name in names} | _of_cells(run)
     about = {"cells": cells.names, "members": cells.members}
-    return results.Result({"columns": columns, "rows": list(run.ends)}, about)
+    return Result({"columns": columns, "rows": list(run.ends)}, about)
 
 
 def _wired(models, members, celsius, thermal, member):
@@ -79,14 +81,14 @@ def _wired(models, members, celsius, thermal, member):
     from cellwright.packs.cells import pack_cells, table_temperatures
     from cellwright.packs.wiring import Wiring, models_of
 
-    wiring = members if isinstance(members, Wiring) else _wiring(members)[0]
-    documents = models_of(wiring, inputs.models(models))
+    wiring = members if isinstance(members, Wiring) else wiring_of_members(members)[0]
+    documents = models_of(wiring, given.models(models))
     if thermal is not None or np.ndim(celsius):  # parameters follow the cells' temperature
         celsius = table_temperatures(documents, celsius)
     return wiring, pack_cells(documents, temperature_celsius=celsius, member=member)
 
 
-def _wiring(members):
+def wiring_of_members(members):
     """Wiring of rows of groups.tsv, BranchFacts of its own members, and those of all its cells."""
     from cellwright.packs.wiring import cells_of, wiring_of
 
@@ -125,7 +127,7 @@ def simulate_group(
     from cellwright.packs.simulate import simulate_pack
     from cellwright.packs.wiring import star_of
 
-    documents = inputs.models(models)
+    documents = given.models(models)
     # Models of one cell may stand in several branches, so branches go by their place.
     cells = pack_cells(documents, temperature_celsius=temperature_celsius)
     time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
@@ -137,7 +139,7 @@ def simulate_group(
         columns[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, k]
         columns[f"branch_{k + 1}_soc"] = run.soc[:, k]
     member = ", ".join(dict.fromkeys(cells.members))
-    return results.Result({"columns": columns}, {"member": member})
+    return Result({"columns": columns}, {"member": member})
 
 
 def identify_branches(series, steps, cells, test):
@@ -154,7 +156,7 @@ def identify_branches(series, steps, cells, test):
     # Of one slow charge all cells get one time constant: the notes say how far such models reach.
     models = group_models(inputs.measured(test, series), inputs.steps(steps)._asdict(), cells)
     rows = [{"cell": cell} | row for cell, model in models.items() for row in parameter_rows(model)]
-    return results.Result({"rows": rows}, {"models": models})
+    return Result({"rows": rows}, {"models": models})
 
 
 def check_group(branches, series, test, simulated=None):
@@ -170,14 +172,14 @@ def check_group(branches, series, test, simulated=None):
     from cellwright.packs.checks import channel_findings, swapped_channels
     from cellwright.records.record import group_record
 
-    wiring, own, leaves = _wiring(branches)
+    wiring, own, leaves = wiring_of_members(branches)
     record = group_record(inputs.measured(test, series), own, cells=len(leaves))
     # Sums and signs tell turned or exchanged sensors; only a simulation tells cells read as others.
     findings = channel_findings(record, wiring)
     if simulated is not None:
         findings += swapped_channels(inputs.columns(simulated), wiring, record.test)
     notes = tuple(found.sentence for found in findings if found.found)
-    return results.Result({"rows": [found._asdict() for found in findings]}, notes=notes)
+    return Result({"rows": [found._asdict() for found in findings]}, notes=notes)
 
 
 def validate_group(models, branches, series, test, capacities=None, *, thermal=()):
@@ -197,15 +199,15 @@ def validate_group(models, branches, series, test, capacities=None, *, thermal=(
     from cellwright.packs.validate import validate_group as validated
     from cellwright.packs.wiring import models_of
 
-    wiring, own, leaves = _wiring(branches)
-    documents = models_of(wiring, inputs.models(models))
+    wiring, own, leaves = wiring_of_members(branches)
+    documents = models_of(wiring, given.models(models))
     names, known = [leaf.cell for leaf in leaves], None
     # Intervals need to know how sure the models are; a record is validated without them as well.
     if capacities is not None:
-        known = uncertainty_of(documents, _capacity_stds(capacities, names))
-    how = {"leaves": leaves, "uncertainty": known, "thermal": _thermal_of(thermal, names)}
+        known = uncertainty_of(documents, capacity_stds(capacities, names))
+    how = {"leaves": leaves, "uncertainty": known, "thermal": thermal_of(thermal, names)}
     tables, notes = validated(documents, own, inputs.measured(test, series), wiring, **how)
-    return results.Result(tables, notes=tuple(notes))
+    return Result(tables, notes=tuple(notes))
 
 
 def nested_pack(models, members, series, test):
@@ -223,13 +225,13 @@ def nested_pack(models, members, series, test):
     from cellwright.packs.wiring import models_of
     from cellwright.records.record import group_record
 
-    wiring, own, leaves = _wiring(members)
-    documents = models_of(wiring, inputs.models(models))
+    wiring, own, leaves = wiring_of_members(members)
+    documents = models_of(wiring, given.models(models))
     record = group_record(inputs.measured(test, series), own, cells=len(leaves))
     # Before anything is scored: against currents that do not add up no error means anything.
     refuse_contradiction(record, wiring)
     tables, notes = scored(documents, wiring, leaves, record)
-    return results.Result(tables, notes=tuple(notes))
+    return Result(tables, notes=tuple(notes))
 
 
 def series_pack(models, members, cells, series, test, settings=None, **changes):
@@ -247,88 +249,19 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
     from cellwright.records.record import group_record
     from cellwright.refusal import Refusal
 
-    wiring, _, positions = _wiring(members)
-    documents = models_of(wiring, inputs.models(models))
-    facts = _facts_of(cells, positions)
+    wiring, _, positions = wiring_of_members(members)
+    documents = models_of(wiring, given.models(models))
+    facts = facts_of(cells, positions)
     if wiring.connection != "series" or depth(wiring) != 1:
         raise Refusal(f"{wiring.name}: found {described(wiring)}, wanted cells in series")
     # Cells in series carry one current, so the record has no branches to read.
     record = group_record(inputs.measured(test, series), positions, cells=len(positions))
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     tables, notes = analysed(documents, positions, facts, record, chosen)
-    return results.Result(tables, notes=tuple(notes))
+    return Result(tables, notes=tuple(notes))
 
 
-def pack_decisions(
-    models,
-    members,
-    cells,
-    capacities=(),
-    settings=None,
-    *,
-    temperature_celsius=25.0,
-    thermal=(),
-    **changes,
-):
-    """What is decided about a pack: Monte Carlo, which cell to replace, safe window of SoC.
-
-    members : of cells in series, or in a star of parallel branches.
-    capacities : rows of the capacity stage of its cells, with cell and test: of their standard
-        deviations, and of the temperature of cells under such a load (temperature_mean_celsius).
-    settings : `settings.PackDecisions`.
-    temperature_celsius : around the cells [°C]; they are as warm as in their discharges within
-        2.5 K of it, where those tell.
-    thermal : documents of `thermal_constants`: where those of all cells are known, the cells of a
-        pack with parallel ones warm by their own heat instead.
-
-    Returns rows of decision, quantity, cell, unit, value and percentiles. Raises Refusal: another
-    wiring, a cell without a model or cut-offs. Source: docs/packs.md.
-    """
-    from cellwright.packs.decisions.of_pack import pack_decisions as decided
-    from cellwright.packs.wiring import depth, models_of
-
-    wiring, _, positions = _wiring(members)
-    documents = models_of(wiring, inputs.models(models))
-    facts, names = _facts_of(cells, positions), [row.cell for row in positions]
-    stds = _capacity_stds(capacities, names)
-    chosen = inputs.settings_of(PackDecisions, settings, changes)
-    # Cells under load are warmer than the chamber, and resistance falls with that.
-    warm = _loaded_celsius(capacities, names, temperature_celsius)
-    warms = _thermal_of(thermal, names)
-    around = {"thermal": warms, "ambient_celsius": float(temperature_celsius)}
-    about = (wiring, documents, positions, facts, stds)
-    rows = decided(*about, celsius=warm, settings=chosen, **around)
-    how = f"cells at {warm:.1f} °C"
-    # Decisions on a string are made at one temperature: it has no currents that heat would share.
-    if warms is not None and not (wiring.connection == "series" and depth(wiring) == 1):
-        how = f"cells warm by their own heat from {temperature_celsius:.1f} °C"
-    return results.Result({"rows": rows}, notes=(how, *_borrowed(documents)))
-
-
-def match_cells(models, cells, capacities=(), settings=None, **changes):
-    """Cells of one type put together, and what that brings beside random assemblies.
-
-    capacities, settings : as of `pack_decisions`.
-
-    Returns rows of what is gained; assembly: who is put where. Raises Refusal: too few cells, too
-    many, or one without cut-offs. Source: docs/packs.md.
-    """
-    from cellwright.packs.decisions.fleet import fleet_of, matched_fleet
-    from cellwright.packs.series.capability import cutoffs_of
-    from cellwright.records.facts import BranchFacts
-
-    documents = inputs.models(models)
-    names = [model["cell"] for model in documents]
-    facts = _facts_of(cells, [BranchFacts(k, name) for k, name in enumerate(names, 1)])
-    # Refused before the draws, which take minutes.
-    cutoffs_of(facts)
-    chosen = inputs.settings_of(PackDecisions, settings, changes)
-    fleet = fleet_of(documents, facts, _capacity_stds(capacities, names), chosen)
-    rows, assembly = matched_fleet(fleet, chosen)
-    return results.Result({"rows": rows, "assembly": assembly})
-
-
-def _facts_of(cells, positions):
+def facts_of(cells, positions):
     """CellFacts of the cells at these positions, in their order."""
     from cellwright.refusal import Refusal
 
@@ -339,20 +272,7 @@ def _facts_of(cells, positions):
     return [known[row.cell] for row in positions]
 
 
-def _borrowed(documents):
-    """Sentences on models that are not of a cell's own pulses and drives."""
-    words = {
-        "group": "known from one slow record of the group: at other currents they are extrapolated",
-        "bias": "the reference's, corrected by what was measured of the cell",
-        "scaled": "the reference's, scaled",
-    }
-    for kind, meaning in words.items():
-        names = [model["cell"] for model in documents if model.get("kind") == kind]
-        if names:
-            yield f"models of {', '.join(names)}: {meaning}"
-
-
-def _thermal_of(documents, names):
+def thermal_of(documents, names):
     """Thermal of a pack's cells, None where one cell's constants are not known."""
     from cellwright.identification.thermal import thermal_columns
     from cellwright.packs.thermal import Thermal
@@ -363,7 +283,7 @@ def _thermal_of(documents, names):
     return None if columns is None else Thermal(**columns)
 
 
-def _capacity_stds(capacities, names):
+def capacity_stds(capacities, names):
     """Standard deviation of each cell's capacity: of the mean of its slowest repeated cycles.
 
     Of charge and discharge the one that repeats better tells it: a discharge also differs by how
@@ -381,21 +301,6 @@ def _capacity_stds(capacities, names):
         min((std for rate, std in rates if same_rate(rate, min(rates)[0])), default=None)
         for rates in map(found.get, names)
     ]
-
-
-def _loaded_celsius(capacities, names, around):
-    """Median temperature of cells in their discharges at a chamber temperature, else that [°C]."""
-    from cellwright.records.conditions import same_temperature
-
-    warm = []
-    for row in inputs.rows(capacities):
-        stated = row.get("ambient_temperature_celsius")
-        near = stated is None or same_temperature(stated, around)
-        if row["cell"] in names and row["direction"] == "discharge" and near:
-            warm.append(row["temperature_mean_celsius"])
-    # The median: a test whose sensor fell off must not decide.
-    warm = sorted(celsius for celsius in warm if celsius is not None and celsius == celsius)
-    return float(warm[len(warm) // 2]) if warm else float(around)
 
 
 def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_tests=(), thermal=()):
@@ -418,7 +323,7 @@ def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_te
     from cellwright.records.checkups import repeat_std
 
     # By name: rows of the sheet and models may come in any order.
-    documents = {model["cell"]: model for model in inputs.models(models)}
+    documents = {model["cell"]: model for model in given.models(models)}
     start = {row["cell"]: row.get("initial_soc") for row in rows}
     known = thermal if isinstance(thermal, Mapping) else constants_of(map(inputs.content, thermal))
     heat = {cell: Thermal(*values) for cell, values in known.items()}
@@ -445,7 +350,7 @@ def assemble_pack(group, rows, models, *, capacities=(), validation=(), group_te
         for entry in document["cells"]
         if entry["instead_of"]
     ]
-    return results.Result({"lookup": pack_lookup(document)}, document, tuple(notes))
+    return Result({"lookup": pack_lookup(document)}, document, tuple(notes))
 
 
 def pack_model(source):

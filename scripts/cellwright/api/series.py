@@ -1,8 +1,9 @@
 """From an instrument's files to one clean series and its steps."""
 
 from cellwright import gate
-from cellwright.api import inputs, results
+from cellwright.records import inputs
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.settings import Clean, Files, Segment
 
 FILES = Files()
@@ -51,13 +52,13 @@ def read(
         joined = assemble(readings, stated_sign=current_sign)
         if members:
             refuse_beyond(joined.columns, members=members, cells=cells or members)
-        return results.Result({"columns": joined.columns}, about, tuple(joined.notes))
+        return Result({"columns": joined.columns}, about, tuple(joined.notes))
     # Spectra are not joined: at two states of the cell they are two measurements.
     if len(readings) != 1 or readings[0].kind != kind:
         found = ", ".join(reading.kind for reading in readings)
         raise Refusal(f"the files hold {found or 'nothing'}, wanted one of {kind}")
     about["doubt"] = readings[0].doubt
-    return results.Result({"columns": readings[0].columns}, about, tuple(readings[0].notes))
+    return Result({"columns": readings[0].columns}, about, tuple(readings[0].notes))
 
 
 def read_simulated(source, *, name=None, largest_megabyte=FILES.largest_megabyte):
@@ -114,22 +115,7 @@ def clean(series, settings=None, *, cell=None, test=None, **changes):
     about["ambient_temperature_celsius"] = celsius
     cleaning = cleaned(columns, **about, **options._asdict())
     tables = {"columns": cleaning.columns, "actions": cleaning.actions}
-    return results.Result(tables, notes=tuple(cleaning.notes))
-
-
-def repeats(tests, roles=("fit", "validation", "split")):
-    """Stretches that tests of one cell have in common, number for number: one measurement each.
-
-    roles : only what tests of these roles repeat.
-
-    Returns rows, `records.repeats.Repeats`, (k,): the test and rows in which it does not count,
-    times [s], and the test in which it does; a note on each. Source: docs/cleaning.md.
-    """
-    from cellwright.records.repeats import repeats as shared
-    from cellwright.records.repeats import sentences
-
-    found = shared(inputs.tests(tests), roles)
-    return results.Result({"rows": found}, notes=sentences(found))
+    return Result(tables, notes=tuple(cleaning.notes))
 
 
 def segment(series, cell=None, settings=None, **changes):
@@ -152,4 +138,4 @@ def segment(series, cell=None, settings=None, **changes):
         rated_capacity_ampere_hour=rated,
         **inputs.settings_of(Segment, settings, changes)._asdict(),
     )
-    return results.Result({"rows": steps})
+    return Result({"rows": steps})

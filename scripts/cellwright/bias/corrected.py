@@ -8,7 +8,9 @@ from cellwright.bias.correction import correction
 from cellwright.bias.courses import KNOTS, courses_of
 from cellwright.bias.features import resistance_ratio
 from cellwright.bias.scaled import changed, scaled_reference
+from cellwright.circuits import inputs as given
 from cellwright.circuits.model_file import simulate_model
+from cellwright.circuits.parameters import model_result
 from cellwright.numerics.statistics import rms
 from cellwright.records.basis import reference_of
 from cellwright.refusal import Refusal
@@ -23,35 +25,32 @@ FORMS = {
 }
 
 
-def borrowed_model(cell, peers):
-    """Model from the reference cell of the type, corrected by what the cell shows, or scaled.
+def borrow_model(cell, peers):
+    """Model of a cell without pulses, borrowed from the reference cell of its type.
 
     1. The reference is the first marked cell, else the largest. 2. What the cell's tests show
     against the reference corrects fast and slow resistance and OCV, each over SoC, calibrated on
     the other cells of the type (`correction.correction`). 3. Where that leaves only one factor on
     all resistances, the model is a scaled reference.
 
-    Parameters
-    ----------
-    cell : Shown, with model None.
-    peers : list of Shown, with models.
+    cell : `bias.features.Shown`, what its tests show. peers : the same of modelled cells.
 
-    Returns
-    -------
-    model : dict of schema cellwright-model/2, kind "bias" or "scaled"; `notes` say by what, with
-        the errors of cells left out.
-
-    Raises
-    ------
-    Refusal
-        No cell of the type has a model, or the capacity is not positive.
+    Returns as `identify`, kind "bias" or "scaled"; the notes say by what, with the errors of cells
+    left out. Raises Refusal: no peer has a model, or the cell shows too little.
+    Source: thesis 4.5; docs/bias.md.
     """
+    peers = [*map(with_given_model, peers)]
     reference, others = reference_and_others(cell, peers)
     base = courses_of(reference.model, reference.model["chosen"])
     found = correction(*compared(reference, [cell]), base, compared(reference, others))
     scaled = all(change.form == "scaling" for change in found.changes)
     model = (scaled_model if scaled else corrected_model)(cell, reference, found)
-    return model | {"capacity_std_ampere_hour": cell.capacity_std_ampere_hour}
+    return model_result(model | {"capacity_std_ampere_hour": cell.capacity_std_ampere_hour})
+
+
+def with_given_model(cell):
+    """Shown of a cell with the content of its model, where it has one."""
+    return cell if cell.model is None else cell._replace(model=given.model(cell.model))
 
 
 def reference_and_others(cell, peers):

@@ -11,9 +11,11 @@ from cellwright.bias.corrected import (
     reference_and_others,
     scaled_model,
     voltage_interval,
+    with_given_model,
 )
 from cellwright.bias.correction import correction
 from cellwright.bias.courses import FAST_SECOND, KNOTS, courses_of, step_ohm
+from cellwright.circuits import inputs as given
 from cellwright.circuits.model_file import circuit_at, member_of, simulate_model
 from cellwright.identification.validation import scores
 from cellwright.numerics.statistics import rms
@@ -21,7 +23,10 @@ from cellwright.records.basis import at_cycle
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
+from cellwright.result import Result
+from cellwright.settings import Models
 
+MODELS = Models()
 FEW = (0, 3, 5, 10, 20)  # cells that calibrate, drawn at random
 AT_SOC = {"100": 1.0, "50": 0.5, "10": 0.1}
 
@@ -36,27 +41,22 @@ class Scored(NamedTuple):
     tests: tuple
 
 
-def compare_ways(cells, *, split_rest_second):
-    """Voltage errors of the cells of a type by four models each, and of few calibrating cells.
+def compare_bias_ways(cells, *, split_rest_second=MODELS.split_rest_second):
+    """Voltage errors [V] of cells by the reference's model, scaled, corrected, and their own.
 
     Of every cell but the reference: the reference's model as it is ("reference"), scaled by
     capacity and resistance ratio ("scaled"), corrected with this cell left out of the calibration
     ("bias"), and the cell's own model ("own"). Besides, corrected by 0, 3, 5, 10 or 20 cells drawn
     at random ("bias_of_few").
 
-    Parameters
-    ----------
-    cells : list of Scored, those of one type that have a model.
-    split_rest_second : shortest rest that cuts a test of role split [s].
+    cells : `bias.ways.Scored` of one type, each with its own model and tests not fitted to.
 
-    Returns
-    -------
-    rows : list of dict, one a cell, way and test. notes : what could not be compared, and why.
-
-    Raises
-    ------
-    Refusal : fewer than two cells, or no test could be compared.
+    Returns rows, one a cell, way and test: rmse_volt, mean_abs_volt, max_abs_volt,
+    half_interval_volt [V], share_within, relative errors of resistances [1]; notes: what could not
+    be compared, and why. Raises Refusal: fewer than two cells, or no test could be compared.
+    Source: thesis 4.5; docs/bias.md.
     """
+    cells = with_given_models(cells)
     if len(cells) < 2:
         raise Refusal(f"{len(cells)} cell(s) of this type have a model; wanted two or more")
     marked = reference_and_others(cells[0].shown, [cell.shown for cell in cells])[0]
@@ -76,7 +76,15 @@ def compare_ways(cells, *, split_rest_second):
         notes += [f"{cell.shown.cell}: {words}" for words in found.outside] + reasons
     if not rows:
         raise Refusal(f"no test could be compared: {'; '.join(notes) or 'none was given'}")
-    return rows, notes
+    return Result({"rows": rows}, notes=tuple(notes))
+
+
+def with_given_models(cells):
+    """Scored of cells with the content of their models."""
+    return [
+        cell._replace(shown=with_given_model(cell.shown), own=given.model(cell.own))
+        for cell in cells
+    ]
 
 
 def _scored(cell, ways, model_error_volt, split_rest_second):

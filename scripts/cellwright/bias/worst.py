@@ -6,30 +6,28 @@ from cellwright.bias.compared import compared
 from cellwright.bias.corrected import corrected_model, reference_and_others
 from cellwright.bias.correction import correction
 from cellwright.bias.courses import courses_of
+from cellwright.bias.ways import with_given_models
 from cellwright.circuits.model_file import simulate_model
+from cellwright.records import inputs
 from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
+from cellwright.settings import Models
+
+MODELS = Models()
 
 
-def worst_cell(rows):
+def worst_corrected(rows):
     """The cell of which the corrected model errs most beyond what the cell's own model does.
 
     A cell whose own model errs as much has a test that no model follows: that is said, and another
     is taken.
 
-    Parameters
-    ----------
-    rows : list of dict, from `ways.compare_ways`.
+    rows : result of `compare_bias_ways`, or its rows.
 
-    Returns
-    -------
-    worst : dict: cell, rmse_volt and own_rmse_volt of its corrected and its own model over all its
-        tests [V], words.
-
-    Raises
-    ------
-    Refusal : no row is of a corrected model.
+    Returns dict: cell, rmse_volt and own_rmse_volt over all its tests [V], words.
+    Raises Refusal: no corrected model was scored. Source: docs/bias.md.
     """
+    rows = inputs.rows(rows)
     bias, own = _errors(rows, "bias"), _errors(rows, "own")
     if not bias:
         raise Refusal("no cell has a corrected model that was scored")
@@ -54,23 +52,15 @@ def _errors(rows, way):
     return {cell: float(np.sqrt(np.mean(np.square(own)))) for cell, own in by_cell.items()}
 
 
-def corrected_voltages(cells, name, tests, *, split_rest_second):
+def corrected_voltages(cells, name, tests, *, split_rest_second=MODELS.split_rest_second):
     """Voltage of a cell's corrected model on its tests, the cell left out of the calibration.
 
-    Parameters
-    ----------
-    cells : list of ways.Scored, of one type. name : of the cell.
-    tests : list of MeasuredTest, of the cell.
-    split_rest_second : shortest rest that cuts a test of role split [s].
+    cells : as of `compare_bias_ways`. name : of the cell among them. tests : of that cell.
 
-    Returns
-    -------
-    voltages : dict test → (time (n,) [s], voltage (n,) [V]).
-
-    Raises
-    ------
-    Refusal : no other cell has a model, the cell is not among them, or as `record.laid_out`.
+    Returns dict test → (time [s], voltage [V]), (n,) each, as `missing_effect` takes them. Raises
+    Refusal: the cell is not among them, or a test cannot be laid out. Source: docs/bias.md.
     """
+    cells, tests = with_given_models(cells), inputs.tests(tests)
     found = [cell for cell in cells if cell.shown.cell == name]
     if not found:
         raise Refusal(f"no cell {name}; there are {', '.join(c.shown.cell for c in cells)}")

@@ -3,6 +3,7 @@
 from cellwright.circuits import particle
 from cellwright.circuits.circuit import KINDS, UNRESOLVED_SECOND
 from cellwright.circuits.model_file import std_name, std_of_r0
+from cellwright.result import Result
 
 # Parameters of branches: name in the table, without the branch's number or kind, and unit.
 NAMES = {
@@ -17,6 +18,11 @@ NAMES = {
     "exchange_ampere": ("exchange", "A"),
     "charge_coefficient": ("charge_coefficient", "1"),
 }
+
+
+def model_result(content):
+    """Result of a step that makes a model: the document, its parameters as rows, its notes."""
+    return Result({"parameters": parameter_rows(content)}, content, tuple(content["notes"]))
 
 
 def parameter_rows(model):

@@ -4,19 +4,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits import inputs as given
 from cellwright.effects import base
 from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.columns import frees_of
 from cellwright.effects.given.case import own_case
-from cellwright.effects.given.external import external_case, with_simulated
+from cellwright.effects.given.external import Simulated, external_case, with_simulated
 from cellwright.effects.given.judged import as_given, judged_blocks
 from cellwright.effects.given.paired import Pairing, paired
 from cellwright.effects.judge import joined, residual_map, unsure_by_temperature, worst
+from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.member import folds, shift_of_starts
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
-from cellwright.effects.preparing import STEPS_OF_HOLD, prepared
+from cellwright.effects.preparing import KINDS, SLOW_TEST, STEPS_OF_HOLD, prepared
 from cellwright.effects.records import parts_of
 from cellwright.effects.score import BANDS
 from cellwright.effects.search import joins, resume_without, search
@@ -26,11 +28,14 @@ from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
 from cellwright.effects.story.words import paragraph
 from cellwright.effects.verdict import CONTRADICTED, outcome, sizes_of_names, verdict_of
-from cellwright.effects.witnesses.collected import contradicted, measured_of
+from cellwright.effects.witnesses.collected import Others, contradicted, measured_of
 from cellwright.numerics.least_squares import covariances, fit, stds
+from cellwright.records import inputs
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
+from cellwright.settings import MissingEffect, Models
 
+MODELS = Models()
 NEEDLESS = "needless beside the others"
 KEPT = ("named", "ambiguous")  # verdicts whose effects explain what the plain model lacks
 
@@ -47,41 +52,51 @@ def missing_effect(
     cell,
     basis,
     tests,
-    library,
+    settings=None,
     *,
-    settings,
     references=(),
     model=None,
     simulated=None,
-    others=None,
+    library=None,
+    measurements=None,
+    ambient_celsius=None,
+    split_rest_second=MODELS.split_rest_second,
+    **changes,
 ):
-    """Verdict on a cell: which effect a model of it lacks, with ranking, residuals and next test.
+    """Effects that a model of a cell lacks, proved on tests that were not fitted.
 
-    The model is the plain circuit (base `plain`); or one that is given: the chosen member of the
-    cell's model (`own`), or a voltage simulated by any other (`external`).
+    Of the plain circuit; of a model of the cell (`model`); or of any other (`simulated`).
 
-    Parameters
-    ----------
-    cell : CellFacts. basis : dict, from `basis.basis`.
-    tests : list of MeasuredTest. library : dict of Effect by id.
-    settings : dict: those of `settings_of`, and split_rest_second.
-    model : dict of schema cellwright-model/2, for the base `own`. simulated : dict test →
-    external.Simulated, for the base `external`; tests without one take no part.
-    references : sequence of Reference, of the base `plain`. Where one or more ran the same
-    protocol, and the plain model fails them by far more than noise, the cell is compared with them
-    (paired mode).
-    others : witnesses.collected.Others, measurements that may rule names out; None: there are none.
+    tests : of roles fit, split and validation. settings : `settings.MissingEffect`.
+    references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is
+        compared with them.
+    model : result of `finish_model`, or path of its file: what does its chosen member still lack?
+    simulated : dict test → (time (n,) [s], voltage (n,) [V]) by any simulator, on the test's own
+        clock, or the result of `read_simulated`: what does that one lack? Tests without a simulated
+        voltage take no part; one whose simulation does not fit is left out with a note.
+    library : effects by id that are tried, None: all of `effects.library.LIBRARY`.
+    measurements, ambient_celsius : other measurements of the cell, as `tables` and
+        `ambient_celsius` of `witnesses` without `series`: an effect that one of them contradicts is
+        not named. None: there are none.
 
-    Returns
-    -------
-    finding : Finding.
-
-    Raises
-    ------
-    Refusal : no OCV, nothing to fit, or nothing that judges; no simulated voltage that can be
-    joined to its test.
+    Returns ranking, residual_map, evidence, series, confounding, menu; content: model, and verdict,
+    the document of docs/missing-effect.md. Raises Refusal: no OCV, no test to fit, or none for
+    validation. Source: docs/missing-effect.md.
     """
-    bases = {"references": references, "model": model, "simulated": simulated}
+    library = LIBRARY if library is None else library
+    settings = _settings(settings, split_rest_second, changes)
+    cell, basis, tests = _record_of(cell, basis, tests)
+    others = None
+    if measurements is not None:
+        rows = {name: inputs.rows(table) for name, table in measurements.items()}
+        others = Others(rows, basis, ambient_celsius or {})
+    bases = {
+        # Healthy cells of the type go the same way as the cell itself, so that errors of method
+        # cancel.
+        "references": [Reference(*_record_of(*reference)) for reference in references],
+        "model": None if model is None else given.model(model),
+        "simulated": simulated and {test: Simulated(*one) for test, one in simulated.items()},
+    }
     task = task_of(cell, basis, tests, settings=settings, **bases)
     # A plain or own model is one to choose: it is fitted again without blocks. External is none.
     split = None if task.base_name == "external" else settings["split_rest_second"]
@@ -91,7 +106,35 @@ def missing_effect(
     verdict = finding.verdict | {"references": list(task.references), "paragraph": text}
     known = {} if task.given is None else {"given": task.given}
     notes = (*task.notes, *finding.notes)
-    return finding._replace(verdict=verdict, model=finding.model | known, notes=notes)
+    return finding._replace(verdict=verdict, model=finding.model | known, notes=notes).result()
+
+
+def _record_of(cell, basis, tests):
+    return inputs.cell_facts(cell), inputs.basis(basis), inputs.tests(tests)
+
+
+def _settings(settings, split_rest_second, changes):
+    search = inputs.settings_of(MissingEffect, settings, changes)
+    return search._asdict() | {"split_rest_second": split_rest_second}
+
+
+def prepared_case(
+    cell, basis, tests, settings=None, *, split_rest_second=MODELS.split_rest_second, **changes
+):
+    """The records and the plain model of a cell, as the search for missing effects takes them.
+
+    tests : those of other kinds than are searched are skipped. settings : `settings.MissingEffect`.
+
+    Returns `effects.case.Case`. Raises Refusal: no OCV, no test to fit, or none for validation.
+    Source: docs/missing-effect.md.
+    """
+    plain = _settings(settings, split_rest_second, changes)
+    gates, tolerance = settings_of(plain)
+    options = {"tolerance": tolerance, "gates": gates, "settings": plain}
+    # Read before the kinds are chosen: impedance spectra have no columns of a series.
+    known = [(inputs.test_facts(facts), series) for facts, series in tests]
+    mine = [one for one in known if one[0].kind in (SLOW_TEST, *KINDS)]
+    return prepared(*_record_of(cell, basis, mine), **options).case
 
 
 class Task(NamedTuple):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.circuits import inputs as given
 from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
 from cellwright.circuits.model_file import member_of
 from cellwright.filters.bank import bank_of, hysteresis_of, loaded_mean, resistance_factor_of
@@ -10,9 +11,12 @@ from cellwright.filters.learnt import learnt_at
 from cellwright.filters.plant import Noise, piece_of, plant_of, with_tracked
 from cellwright.filters.reference import reference_of
 from cellwright.numerics.statistics import rms
+from cellwright.records import inputs
 from cellwright.records.filled import silent_loads
 from cellwright.records.thinning import rows_of
 from cellwright.refusal import Refusal
+from cellwright.result import Result
+from cellwright.settings import Soc
 
 NORMAL_95 = 1.959963985
 LAGS = 20  # of the autocorrelation that is tested
@@ -149,29 +153,21 @@ FEWEST, MOST = 20, 20000  # samples of the window of the adaptive law
 WALK_RATIO = 10.0  # of the largest to the smallest variance that the current sensor adds
 
 
-def soc_runs(model, record, *, settings):
-    """Run every filter through a test and score it against the counted SoC.
+def estimate_soc(model, record, settings=None, **changes):
+    """State of charge [1] over a test by every filter, from wrong starts, with its error.
 
     The first stated error of the start is run with every scenario; further errors and starts
     nominally only.
 
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2, at the age of the test.
-    record : Record, laid out by it as proof (`record.laid_out`); its `used` rows count.
-    settings : `settings.Soc`.
+    model, record : of `held_out`.
+    settings : `settings.Soc`, its keys such as filters and initial_soc_error.
 
-    Returns
-    -------
-    rows : list of dict, scores, one a filter, start and scenario. series : dict of (n,) columns of
-        the first of them. notes : tuple of str.
-
-    Raises
-    ------
-    Refusal
-        Nothing is left to score, or as `estimate.estimate`.
+    Returns rows, one a filter, start and scenario: rmse_soc, max_abs_soc [1], convergence_second
+    [s]; series: (n,) estimates of the first start. Raises Refusal: nothing is left to score, or an
+    unknown filter. Source: thesis 2.4; docs/soc-filters.md.
     """
-    model, notes = _circuit_alone(model)
+    settings = inputs.settings_of(Soc, settings, changes)
+    model, notes = _circuit_alone(given.model(model))
     size = model["capacity_ampere_hour"]
     celsius = loaded_mean(record.current_ampere, record.celsius, size)
     bank, entry = bank_of(model, None, celsius), member_of(model, None)
@@ -211,7 +207,8 @@ def soc_runs(model, record, *, settings):
     rows = [row | known | {"doubt": reference.words} for row in rows]
     series = {"test_time_second": record.test_time_second, "soc": record.soc}
     series |= {"reference_low_soc": reference.low, "reference_high_soc": reference.high}
-    return rows, series | {"scored": record.used} | columns, tuple(notes)
+    series |= {"scored": record.used} | columns
+    return Result({"rows": rows, "series": series}, notes=tuple(notes))
 
 
 def _circuit_alone(model):

@@ -9,7 +9,10 @@ from cellwright.laws.law import law_row
 from cellwright.numerics.lines import coloured_line, residuals
 from cellwright.numerics.periods import daily_sine, periods
 from cellwright.numerics.statistics import rms, robust_std, t_interval
+from cellwright.protocols.ageing import AgeingCycles
+from cellwright.records import inputs
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 LAGS_HOUR = np.array([*np.arange(11) / 10, 1.25, 1.5, 2.0, 2.5, 3.0])
 ROOM, START = "room", "cell as the discharge begins"
@@ -61,6 +64,21 @@ def reading_noise(hour, celsius):
         weights = np.linalg.inv(np.vander(hour[near] - hour[k]))[-1]
         errors.append((celsius[k] - weights @ celsius[near]) / np.sqrt(1 + weights @ weights))
     return rms(errors)
+
+
+def ageing_over_temperature(cycles, test):
+    """Fade, temperature and daily cycle of the capacities of one ageing record.
+
+    cycles : result of `ageing_cycles`, or its columns.
+
+    Returns cycles; rows: the laws; periodogram; content: summary. Raises Refusal: too few cycles.
+    Source: docs/health.md.
+    """
+    summary, compensated, periodogram = cycle_temperature(inputs.table_of(AgeingCycles, cycles))
+    rows = law_rows(summary, test=inputs.test_facts(test).test)
+    notes = tuple(filter(None, [summary["reason"]]))
+    tables = {"cycles": compensated, "rows": rows, "periodogram": periodogram}
+    return Result(tables, {"summary": summary}, notes)
 
 
 def cycle_temperature(rows):

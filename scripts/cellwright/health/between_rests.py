@@ -13,10 +13,12 @@ from cellwright.protocols.balance import ENDS_VOLT, SIGMAS
 from cellwright.protocols.half_cycles import reading_at_rest
 from cellwright.protocols.ocv.gap import half_gap, slow_gap
 from cellwright.protocols.rests import STEADY
+from cellwright.records import inputs
 from cellwright.records.anchor import RELAXED_SECOND, REST_VOLT
 from cellwright.records.basis import at_cycle, curve_at, stated_std_ampere_hour
 from cellwright.records.conditions import SAME_CHECKUP_CYCLES, stated_or_reference
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.series.edges import edge_variance
 from cellwright.settings import Instrument
 
@@ -66,7 +68,30 @@ class Placed(NamedTuple):
     slope_volt: np.ndarray
 
 
-def capacity_of_test(columns, steps, facts, basis, **instrument):
+def capacity_between_rests(tests, basis, settings=None, **changes):
+    """Capacity [Ah] of a cell from parts of its charge: between two rests, by the OCV of its basis.
+
+    tests : (test, series, result of `segment`) each; one that the curve itself is from is left out.
+    basis : result of `basis`, or its document. settings : `settings.Instrument`.
+
+    Returns rows, one a test: capacity and its standard deviation [Ah], the charge between the rests
+    [Ah], SoC of both with their deviations [1], doubt; empty columns where no test tells a capacity
+    so. What tells nothing is in the notes, with the reason. Source: docs/capacity.md.
+    """
+    options = inputs.settings_of(Instrument, settings, changes)
+    known, rows, reasons = inputs.basis(basis), [], {}
+    for test, series, steps in tests:
+        facts = inputs.test_facts(test)
+        columns = inputs.columns(series, *inputs.COUNTED)
+        try:
+            rows.append(_of_test(columns, inputs.steps(steps), facts, known, **options._asdict()))
+        except Refusal as refusal:
+            reasons.setdefault(str(refusal), []).append(facts.test)
+    notes = tuple(f"{', '.join(tests)}: {reason}" for reason, tests in reasons.items())
+    return Result({"rows": rows or NO_ROWS}, notes=notes)
+
+
+def _of_test(columns, steps, facts, basis, **instrument):
     """Row of stage `capacity_between_rests` of one test, see `capacity_between_rests`.
 
     columns : dict of a clean series. steps : Steps. facts : TestFacts. basis : dict. instrument :
@@ -77,7 +102,7 @@ def capacity_of_test(columns, steps, facts, basis, **instrument):
     curve = curve_at(at_age["ocv"], facts.ambient_temperature_celsius)
     if curve is not None:
         _refuse_circular(curve, facts.test, str(at_age.get("capacity_source") or ""))
-    row = capacity_between_rests(
+    row = capacity_of_record(
         *(columns[name] for name in COLUMNS),
         steps,
         curve,
@@ -103,12 +128,7 @@ def _refuse_circular(curve, test, source):
         raise Refusal("its open-circuit voltage is scaled by the rating, which would come back")
 
 
-def sentences_of(reasons):
-    """Sentences on tests that tell nothing: reasons is a dict of lists of tests by reason."""
-    return tuple(f"{', '.join(tests)}: {reason}" for reason, tests in reasons.items())
-
-
-def capacity_between_rests(
+def capacity_of_record(
     test_time_second,
     current_ampere,
     voltage_volt,

@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.laws.law import law_row
 from cellwright.laws.points import first_check_up
 from cellwright.numerics.statistics import NORMAL_95
+from cellwright.records import inputs
 from cellwright.records.anchor import tells_repeats
 from cellwright.records.conditions import (
     REFERENCE_CELSIUS,
@@ -16,6 +17,7 @@ from cellwright.records.conditions import (
     same_temperature,
 )
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 MISMATCH_KELVIN = 5.0  # of a cell on average beside its chamber; beyond, it was not tested there
 SLOW_C_RATE = 0.06  # what a test does not reach up to here is truly lost (thesis 4.2: C/30)
@@ -39,6 +41,16 @@ class ReachedCapacity(NamedTuple):
 
 # ASSUME: What is reached at a temperature is what its constant current moves to the cut-off; what
 # a held voltage adds is reached slowly.
+def capacity_loss(capacities):
+    """Capacity of one cell lost to temperature and rate [%], split into true and false.
+
+    Returns rows: the laws; points: one row a loss [%]. Raises Refusal: no slow test, or fewer than
+    two comparable capacities. Source: thesis 4.2; docs/charge-temperature.md.
+    """
+    losses, notes = capacity_losses(inputs.entries(capacities))
+    return Result({"rows": law_rows(losses), "points": losses}, notes=tuple(notes))
+
+
 def comparable_capacities(rows, *, mismatch_kelvin=MISMATCH_KELVIN):
     """Comparable capacities of one cell [Ah], repeats averaged, and what was left out.
 

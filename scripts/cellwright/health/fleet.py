@@ -7,8 +7,10 @@ import numpy as np
 from cellwright.laws.points import pulses_of_kind
 from cellwright.numerics.shrunk_regression import predicted, shrunk
 from cellwright.numerics.statistics import NORMAL_95, rms
+from cellwright.records import inputs
 from cellwright.records.conditions import SAME_SOC
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 
 class Fleet(NamedTuple):
@@ -24,6 +26,21 @@ class Fleet(NamedTuple):
     soc: np.ndarray
     delay: str
     left_out: dict
+
+
+def fleet_resistance(cells):
+    """Capacity of each cell of a fleet from its resistances over SoC, as the other cells tell it.
+
+    cells : (name, first row of `check_ups`, its rows of growth) each, of one type and temperature.
+
+    Returns rows, one a cell; line: of resistance over capacity, a dict. Raises Refusal: fewer than
+    six cells, or all alike. Source: thesis 4.4; docs/health.md.
+    """
+    # Means over the SoC that all cells were pulsed at: resistance rises steeply when empty.
+    ready = [(name, inputs.rows([row])[0], inputs.rows(growth)) for name, row, growth in cells]
+    fleet = over_shared_soc(ready)
+    line, rows = capacity_from_resistance(fleet)
+    return Result({"rows": rows}, {"line": line, "delay": fleet.delay})
 
 
 def capacity_from_resistance(fleet):

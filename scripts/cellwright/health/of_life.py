@@ -2,12 +2,48 @@
 
 import numpy as np
 
+from cellwright.health import lives
 from cellwright.health.fade import IMPOSSIBLE, courses, draws, fade_of, recovery
 from cellwright.health.knee import knee_of
 from cellwright.health.remaining import remaining_of
+from cellwright.health.table import summary_and_columns
+from cellwright.records import inputs
+from cellwright.result import Result
 from cellwright.settings import Health
 
 HEALTH = Health()
+
+
+def fade(records, cell, settings=None, *, check_ups=(), **changes):
+    """Fade of a cell over its ageing records, or its check-ups: law, knee, and cycles that remain.
+
+    records : list of (test, result of `ageing_cycles`, temperature): the last the result of
+        `ageing_over_temperature`, a pair (summary, columns of its cycles), or None.
+    settings : `settings.Health`.
+    check_ups : result of `check_ups` or its rows: of a cell without ageing records (`records`
+        empty) they are the life.
+
+    Returns columns: one row a discharge [Ah], [Wh], [1]; laws: one row a law; summary: knee,
+    remaining cycles and state of health at the last cycle. Raises Refusal: too few comparable
+    discharges, or records that do not follow each other. Source: docs/health.md.
+    """
+    options = inputs.settings_of(Health, settings, changes)
+    ready = []
+    for test, cycles, temperature in records:
+        facts = inputs.test_facts(test)
+        columns = inputs.columns(getattr(cycles, "rows", cycles), *lives.COLUMNS)
+        pair = summary_and_columns(temperature, "cycles")
+        # A room that warms by a few kelvin over a year looks like a cell that ages more slowly.
+        shift = {} if pair is None else lives.temperature_shift(*pair)
+        about = facts.test, facts.cycle, facts.ambient_temperature_celsius
+        ready.append(lives.AgeingRecord(*about, columns, shift))
+    if ready:
+        rated = inputs.cell_facts(cell).rated_capacity_ampere_hour
+        life = lives.life_of(ready, rated_capacity_ampere_hour=rated)
+    else:
+        life = lives.life_of_check_ups(inputs.entries(getattr(check_ups, "rows", check_ups)))
+    columns, laws, summary = analysed(life, **options._asdict())
+    return Result({"columns": columns, "laws": laws}, {"summary": summary}, life.notes)
 
 
 def analysed(

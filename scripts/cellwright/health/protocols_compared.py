@@ -6,8 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.health.fade import LEAST_LOSS
+from cellwright.health.table import summary_and_columns
 from cellwright.laws.points import grouped
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 
 class LifeOfProtocol(NamedTuple):
@@ -17,6 +19,23 @@ class LifeOfProtocol(NamedTuple):
     protocol: str
     cycle: np.ndarray
     share: np.ndarray
+
+
+def compare_protocols(lives):
+    """Ageing protocols of one type of cells compared pair by pair, beyond what cells differ by.
+
+    lives : (cell, protocol, result of `fade` or a pair (summary, columns)) each.
+
+    Returns rows, one a pair of protocols. Raises Refusal: fewer than two protocols,
+    or a life that has hardly faded. Source: docs/health.md.
+    """
+    ready = []
+    for cell, protocol, fade in lives:
+        summary, columns = summary_and_columns(fade)
+        # Laws instead of points: a scattered discharge must not decide how long a protocol lasts.
+        share = np.asarray(columns["law_ampere_hour"], float) / summary["start_ampere_hour"]
+        ready.append(LifeOfProtocol(cell, protocol, np.asarray(columns["cycle"], float), share))
+    return Result({"rows": compared(ready)})
 
 
 def compared(lives):

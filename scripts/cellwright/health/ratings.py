@@ -9,9 +9,11 @@ from cellwright.laws.points import (
     joined_doubts,
     pulses_of_kind,
 )
+from cellwright.records import inputs
 from cellwright.records.conditions import checkups_of, grouped_alike, same_rate, same_temperature
 from cellwright.records.facts import stated_capacity
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 SAME_CAPACITY = 0.03  # of a capacity: what differs more is not one check-up [1]
 STATED = "stated in cells.tsv"
@@ -27,17 +29,8 @@ CHANGES = {
 }
 
 
-def check_ups(
-    capacities,
-    resistances,
-    *,
-    rated_capacity_ampere_hour,
-    lower_cutoff_volt,
-    upper_cutoff_volt,
-    state_of_health=None,
-    throughputs=(),
-):
-    """Ratings of every check-up of a cell, each with its change since the first one.
+def check_ups(capacities, resistances, cell, throughputs=()):
+    """Ratings of every check-up of a cell, and resistance over SoC with its growth.
 
     1. Tests within 5 cycles of the sheet are one check-up; blank is new. Where tests were made at
     several temperatures, those at the one that most check-ups have count. 2. The capacity that
@@ -49,26 +42,29 @@ def check_ups(
     percent. 5. Where no test tells the capacity of the first check-up, a state of health that the
     sheet states does.
 
-    Parameters
-    ----------
-    capacities, resistances : rows of stages `capacity`, `resistance` with test, cycle and
-        ambient_temperature_celsius.
-    rated_capacity_ampere_hour, lower_cutoff_volt, upper_cutoff_volt, state_of_health : of the
-        sheet, or None.
-    throughputs : pairs (cycle, discharged up to there [Ah]) of the cell's ageing records.
+    throughputs : pairs (cycle, discharged up to there [Ah]) of its ageing records.
 
-    Returns
-    -------
-    rows : list of dict by cycle, as of stage `checkups`; NaN where tests do not tell a rating.
-    notes : list of sentences.
-
-    Raises
-    ------
-    Refusal : no capacity and no resistance.
-
+    Returns rows, one a check-up, each with its change since the first one, NaN where tests do not
+    tell a rating; growth: one a pulse. Raises Refusal: no capacity and no resistance.
     Source: power from pulses: INL/EXT-07-12536, FreedomCAR Battery Test Manual (2008), 4.3;
-    quantities: Regulation (EU) 2023/1542, annex IV, part A.
+    quantities: Regulation (EU) 2023/1542, annex IV, part A; docs/health.md.
     """
+    sizes, pulses = inputs.entries(capacities), inputs.entries(resistances)
+    rows, notes = ratings_of(sizes, pulses, inputs.cell_facts(cell), throughputs)
+    # Ratings stand without pulses as well: a refusal of these is a note.
+    try:
+        growth = resistance_growth(pulses, sizes)
+    except Refusal as refusal:
+        growth, notes = [], [*notes, str(refusal)]
+    return Result({"rows": rows, "growth": growth}, notes=tuple(notes))
+
+
+def ratings_of(capacities, resistances, facts, throughputs):
+    """Rows of `check_ups` and notes, from rows of capacities and resistances.
+
+    facts : CellFacts. throughputs : as of `check_ups`.
+    """
+    rated = facts.rated_capacity_ampere_hour
     capacities, resistances, notes = _at_one_temperature(capacities, resistances)
     cycles = sorted({_cycle(row) for row in [*capacities, *resistances]})
     if not cycles:
@@ -83,15 +79,15 @@ def check_ups(
             | _capacity(counted.get(cycle))
             | {"soh": np.nan, "soh_std": np.nan, "soh_reference": ""}
             | _efficiency(tests, counted.get(cycle))
-            | _power(pulses, lower_cutoff_volt, upper_cutoff_volt)
+            | _power(pulses, facts.lower_cutoff_volt, facts.upper_cutoff_volt)
             | {"throughput_ampere_hour": _throughput(throughputs, cycle)}
             | {"doubt": _doubts_of([counted.get(cycle), *pulses])}
         )
-    notes += _as_stated(rows[0], doubts, rated_capacity_ampere_hour, state_of_health)
+    notes += _as_stated(rows[0], doubts, rated, facts.state_of_health)
     found = []
     for row in rows:
         reason = doubts.get(row["cycle"], "")
-        soh, reason = _soh(row, rows[0], rated_capacity_ampere_hour, reason)
+        soh, reason = _soh(row, rows[0], rated, reason)
         changes = {new: float(row[name] / rows[0][name] - 1) for name, new in CHANGES.items()}
         doubt = joined_doubts([row["doubt"], rows[0]["doubt"]])
         found.append(row | soh | changes | {"reason": reason, "doubt": doubt})

@@ -3,6 +3,9 @@
 import numpy as np
 
 from cellwright.health.electrodes.names import MODES as LOST
+from cellwright.records import inputs
+from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 LOST_STD = tuple(f"{name}_std" for name in LOST)
 METHODS = ("check-up", "ageing cycles", "degradation modes", "dQ/dV peaks")
@@ -10,21 +13,19 @@ CHECK_UP, CYCLES, MODES, PEAKS = METHODS
 DISAGREE = "capacity and peaks of this check-up disagree"  # so a row's reason says it
 
 
-def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
-    """Rows of the health of one cell.
+def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):
+    """State of health of a cell by each method, at each check-up or cycle.
 
-    Parameters
-    ----------
-    check_ups : rows of stage `checkups`. life, course : row of stage `life` and columns of
-        `fade_course`, or None. modes, peaks : rows of stages `degradation_modes` and
-        `health_from_peaks`; where capacity and peaks of a check-up disagree one of them is wrong,
-        and the estimate stays in its artefact.
+    check_ups : result of `check_ups` or its rows.
+    fade : result of `fade`, or a pair (summary, columns), or None.
+    modes, peaks : rows of degradation modes, of capacities from peaks; where capacity and peaks of
+        a check-up disagree one of them is wrong, and the estimate is passed over.
 
-    Returns
-    -------
-    rows : list of dict as of stage `health`, by method and cycle; NaN where a method tells nothing.
-        Where cells were cycled: their state at each check-up's cycle and at the last one.
+    Returns rows, one a method and check-up or cycle, NaN where a method tells nothing. Where cells
+    were cycled: their state at each check-up's cycle and at the last one. Raises Refusal: no method
+    tells anything. Source: docs/health.md.
     """
+    (life, course), check_ups = summary_and_columns(fade) or (None, None), inputs.rows(check_ups)
     trusted = [row for row in peaks if DISAGREE not in row["reason"]]
     rows = [
         _row(row["cycle"], row["capacity_ampere_hour"], row["soh"], method, row["soh_std"], row)
@@ -39,7 +40,14 @@ def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
     for row in rows if life else ():
         row["knee_cycle"] = life["knee_cycle"]
         row["remaining_cycles"] = max(life["end_of_life_cycle"] - row["cycle"], 0.0)
-    return sorted(rows, key=lambda row: METHODS.index(row["method"]))
+    if not rows:
+        raise Refusal("no capacity of a check-up and no life: no state of health")
+    return Result({"rows": sorted(rows, key=lambda row: METHODS.index(row["method"]))})
+
+
+def summary_and_columns(found, table="columns"):
+    """(summary, columns) of a result; a pair or None as it is."""
+    return (found.summary, getattr(found, table)) if hasattr(found, "summary") else found
 
 
 def _row(cycle, capacity, soh, method, soh_std, found):

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch
+from cellwright.circuits.parameters import model_result
 from cellwright.circuits.particle import NAME as PARTICLE
 from cellwright.circuits.particle import to_document
 from cellwright.circuits.temperature import ocv_at, resistance_factor
@@ -17,15 +18,16 @@ from cellwright.identification.identify import (
     activation_of,
     at_activation_energy,
     data_of,
-    identify,
     limits_of,
     prompt_resistance,
     series_of,
 )
+from cellwright.identification.identify import identify as identify_condition
 from cellwright.identification.ocv_shape import ocv_from_loads, shape_records
 from cellwright.identification.search import shared_of
 from cellwright.numerics.compare import compare
 from cellwright.protocols.ocv.gap import largest_hysteresis
+from cellwright.records import inputs
 from cellwright.records.basis import capacities_of_checkups, scale_in_words
 from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
 from cellwright.records.conditions import (
@@ -37,7 +39,9 @@ from cellwright.records.conditions import (
 )
 from cellwright.records.record import records_by_temperature
 from cellwright.refusal import Refusal
+from cellwright.settings import Models
 
+MODELS = Models()
 SCHEMA = "cellwright-model/2"
 GRID = np.linspace(0.0, 1.0, 201)
 PULSED_SPACING, DRIVEN_SPACING = 0.1, 0.05
@@ -56,8 +60,10 @@ class Identified(NamedTuple):
     fitted: tuple = ()
 
 
-def cell_model(cell, basis, tests, *, members, split_rest_second):
-    """Identify every member of the circuit family at every temperature a cell was tested at.
+def identify(
+    cell, basis, tests, *, members=MODELS.members, split_rest_second=MODELS.split_rest_second
+):
+    """Equivalent circuits of a cell from its own tests, at every temperature it was tested at.
 
     1. Tests of the earliest check-up are grouped by chamber temperature; at each, HPPC tests are
     used where there are any, with the capacity tests beside them, else drives, and of a cell with
@@ -68,23 +74,15 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     model's resistances is put back and the fit repeated. 4. The member that best predicts blocks
     left out of its fit is the chosen one.
 
-    Parameters
-    ----------
-    cell : CellFacts.
-    basis : dict, from `basis.basis`.
-    tests : list of MeasuredTest, roles fit or split.
-    members : names of the members of the family; "P" for a particle beside them.
-    split_rest_second : shortest rest that cuts a record of role `split` [s].
+    tests : of roles fit or split.
+    members : of the family that are identified, such as "2RC" or "DRT+H"; "P" for a particle beside
+        them.
 
-    Returns
-    -------
-    model : dict of schema cellwright-model/2.
-
-    Raises
-    ------
-    Refusal
-        No OCV, or no condition could be identified; the reasons are named.
+    Returns content: schema cellwright-model/2; parameters: one row each. Raises Refusal: no OCV, or
+    no test that can be fitted; the reasons are named. Source: docs/models.md,
+    lab/methods.md.
     """
+    cell, basis, tests = inputs.cell_facts(cell), inputs.basis(basis), inputs.tests(tests)
     if not basis["ocv"]:
         raise Refusal(
             "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
@@ -116,7 +114,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     joint, words = None, ""
     if PARTICLE in members:
         joint, words = _particle(identified, capacity)
-    return {
+    content = {
         "schema": SCHEMA,
         "cell": cell.cell,
         "capacity_ampere_hour": basis["capacity_ampere_hour"],
@@ -144,6 +142,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         "uncounted_edge_share": share,
         "notes": [*notes, *filter(None, [energies, _stretched(identified, choice.name), words])],
     }
+    return model_result(content)
 
 
 def _particle(identified, capacity):
@@ -286,7 +285,7 @@ def _condition(fit_records, energy, basis, members, rest, fixed):
     shared = shared_of(data)
     if curve["branches"] in ("discharge", "charge"):
         slow = curve[f"{curve['branches']}_current_ampere"]
-        first = identify(data, member_named("DRT"), shared=shared, **settings).condition
+        first = identify_condition(data, member_named("DRT"), shared=shared, **settings).condition
         data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))
         shared = shared_of(data)
     if any("+H" in name for name in members):
@@ -305,7 +304,9 @@ def _condition(fit_records, energy, basis, members, rest, fixed):
         try:
             member = member_named(name)
             of_series = {} if member.pairs is None else {"limits_second": None, "series": None}
-            fitted = identify(data, member, shared=shared, **(fixed | of_series), **settings)
+            fitted = identify_condition(
+                data, member, shared=shared, **(fixed | of_series), **settings
+            )
             scores[name] = left_out(fitted, block)
         except Refusal as refusal:
             notes.append(f"{name} not identified at {fit_records.celsius:g} °C: {refusal}")
@@ -324,7 +325,7 @@ def _with_bound_hysteresis(shared, basis, fixed, settings):
     """Shared of data with the largest hysteresis that slow tests allow, and where it is from."""
     celsius, data, unknown = settings["celsius"], shared.data, ""
     try:
-        plain = identify(data, member_named("DRT"), shared=shared, **fixed, **settings)
+        plain = identify_condition(data, member_named("DRT"), shared=shared, **fixed, **settings)
         prompt_ohm = prompt_resistance(plain.condition)
     except Refusal as refusal:
         prompt_ohm, unknown = 0.0, f"; no drop over a resistance is taken off: {refusal}"
@@ -349,10 +350,10 @@ def _with_own_shape(shared, dense, blocks, settings):
     listed = ", ".join(sorted(names))
     if not others:
         return shared, f"OCV between the rests not from {listed}: no other record to prove it by"
-    given = identify(data, plain, shared=shared, **settings)
+    given = identify_condition(data, plain, shared=shared, **settings)
     shaped = data._replace(ocv_volt=ocv_from_loads(data, dense, held=given.held))
     of_shaped = shared_of(shaped)
-    own = identify(shaped, plain, shared=of_shaped, **settings)
+    own = identify_condition(shaped, plain, shared=of_shaped, **settings)
     of_proof = np.isin(np.unique(block), np.concatenate(others))
     before, after = (left_out(fit, block).square_volt2[of_proof] for fit in (given, own))
     sure = compare(-np.log(after), -np.log(before)).z > SURE

@@ -9,6 +9,7 @@ they chose nothing.
 
 import numpy as np
 
+from cellwright.circuits import inputs as given
 from cellwright.circuits.model_file import (
     BEYOND_KELVIN,
     circuit_at,
@@ -16,13 +17,86 @@ from cellwright.circuits.model_file import (
     open_circuit_volt,
 )
 from cellwright.circuits.temperature import LAW_IN_WORDS, LAWS, Laws, celsius_of
+from cellwright.identification.cell import identify
 from cellwright.identification.validation import is_inner, simulated
 from cellwright.numerics.statistics import rms
+from cellwright.records import inputs
 from cellwright.records.conditions import same_temperature
 from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
+from cellwright.result import Result
+from cellwright.settings import Models
 
+MODELS = Models()
 SMALLEST_VOLT = 1e-6
+
+
+def identify_without(
+    cell, whole, basis, tests, *, celsius, split_rest_second=MODELS.split_rest_second
+):
+    """The chosen member of a model, identified without the tests of one temperature.
+
+    whole : the model of all temperatures.
+    celsius : temperature that is left out [°C].
+
+    Returns as `identify`. Raises Refusal: no test is left, or none that can be fitted.
+    Source: docs/temperature.md.
+    """
+    # Its OCV at that temperature goes too: it would tell what is to be predicted.
+    rest = without(inputs.basis(basis), inputs.tests(tests), celsius=celsius)
+    # Other members would cost as much time and are not used.
+    content = given.model(whole)
+    members = [content["chosen"]]
+    found = identify(cell, *rest, members=members, split_rest_second=split_rest_second)
+    # Told apart from the notes of the model of all temperatures, where numbers differ.
+    of_all, without_it = set(content["notes"]), f"fitted without the tests at {celsius:g} °C"
+    notes = (note if note in of_all else f"{without_it}: {note}" for note in found.notes)
+    return found._replace(notes=tuple(notes))
+
+
+def compare_temperature_laws(
+    cell, whole, reduced, tests, *, split_rest_second=MODELS.split_rest_second
+):
+    """Errors [V] of each law over temperature at temperatures left out of the fit, the best chosen.
+
+    whole : the model of all temperatures. reduced : temperature [°C] → model without it.
+
+    Returns rows, one a test and law: errors [V], chosen. Raises Refusal: nothing was predicted.
+    Source: docs/temperature.md.
+    """
+    whole = given.model(whole)
+    models = {celsius: given.model(model) for celsius, model in reduced.items()}
+    measured = (inputs.cell_facts(cell), inputs.tests(tests))
+    rows, notes = predicted(whole, models, *measured, split_rest_second=split_rest_second)
+    # Beyond the tests a law by which resistance rises with temperature again is not offered.
+    offered, refused = laws_beyond(whole)
+    laws, words = choose_laws(rows, beyond=offered)
+    marked = [row | {"chosen": row["law"] == laws[row["beyond"]]} for row in rows]
+    notes = (words, *filter(None, [refused]), *notes)
+    return Result({"rows": marked}, notes=notes)
+
+
+def predict_left_out(
+    cell, whole, reduced, laws, tests, *, split_rest_second=MODELS.split_rest_second
+):
+    """Errors [V] on validation tests at temperatures that the predicting model was not fitted to.
+
+    whole, reduced : as of `compare_temperature_laws`. laws : its result, which law is kept.
+    tests : for validation.
+
+    Returns rows, one a test: errors [V]. Source: docs/temperature.md.
+    """
+    rows, notes = predicted(
+        given.model(whole),
+        {celsius: given.model(model) for celsius, model in reduced.items()},
+        inputs.cell_facts(cell),
+        inputs.tests(tests),
+        laws=laws_kept(inputs.rows(laws)),
+        # Validation tests, which took part neither in the fits nor in the choice of the law.
+        proof=True,
+        split_rest_second=split_rest_second,
+    )
+    return Result({"rows": rows}, notes=tuple(notes))
 
 
 def without(basis, tests, *, celsius):

@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from cellwright.circuits.parameters import model_result
 from cellwright.identification.cell import SCHEMA
+from cellwright.records import inputs
 from cellwright.records.conditions import stated_or_reference
 from cellwright.refusal import Refusal
 
@@ -14,35 +16,27 @@ REACH = 0.02  # of SoC that a table may lack at each end
 
 def model_of_table(
     cell,
-    soc,
-    ocv_volt,
-    resistance_ohm,
+    table,
     *,
     capacity_ampere_hour,
     ambient_temperature_celsius=None,
     source="table",
 ):
-    """Model of a cell from a table of OCV and direct-current resistance over SoC.
+    """Model of a cell that is known as a table of OCV [V] and resistance [ohm] over SoC.
 
     What relaxes is in the resistance, which acts at once: such a model is one of slow loads.
 
-    Parameters
-    ----------
-    cell : name. soc : (n,) 0 to 1. ocv_volt, resistance_ohm : (n,) [V], [ohm].
+    cell : its name. table : DataFrame or columns: soc (0 to 1), ocv_volt, resistance_ohm.
     capacity_ampere_hour : charge from SoC 0 to 1 [Ah].
-    ambient_temperature_celsius : at which the table holds [degC]; None: 25 °C.
+    ambient_temperature_celsius : at which the table holds [°C]; None: 25.
     source : name of the table, for the notes.
 
-    Returns
-    -------
-    model : dict of schema cellwright-model/2, kind "given", of one member "0RC".
-
-    Raises
-    ------
-    Refusal : no capacity, values that are not finite, a SoC in percent or that does not go from
-        empty to full, an OCV that falls, a resistance below zero.
+    Returns as `identify`, kind "given", of one member "0RC". Raises Refusal: no capacity, values
+    that are not finite, a SoC in percent or that does not go from empty to full, an OCV that falls,
+    a resistance below zero. Source: docs/packs.md.
     """
-    columns = [np.asarray(values, float) for values in (soc, ocv_volt, resistance_ohm)]
+    given = inputs.quantities(table, ("soc", "ocv_volt", "resistance_ohm"))
+    columns = [np.asarray(values, float) for values in given]
     soc, ocv, ohm = (values[np.argsort(columns[0])] for values in columns)
     _check(cell, soc, ocv, ohm, capacity_ampere_hour, source)
     celsius = stated_or_reference(ambient_temperature_celsius)
@@ -62,7 +56,7 @@ def model_of_table(
     curve = {"ambient_temperature_celsius": celsius, "soc": GRID.tolist(), "branches": "given"}
     curve["ocv_volt"] = np.interp(GRID, soc, ocv).tolist()
     member = {"model": MEMBER, "left_out_rmse_volt": None, "conditions": [condition]}
-    return {
+    content = {
         "schema": SCHEMA,
         "cell": cell,
         "capacity_ampere_hour": float(capacity_ampere_hour),
@@ -73,6 +67,7 @@ def model_of_table(
         "kind": "given",
         "notes": [f"OCV and resistance over SoC as given in {source}, {len(soc)} points"],
     }
+    return model_result(content)
 
 
 def _check(cell, soc, ocv, ohm, capacity, source):

@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+from cellwright.records import inputs
 from cellwright.refusal import Refusal
 
 FITTED = {"hppc": "pulses", "drive": "drives", "capacity": "constant-current loads"}
@@ -39,14 +40,13 @@ def why_no_model(tests, *, lent=False):
     return f"no model: {'; '.join(reasons)}"
 
 
-def no_model(tests, **settings):
-    """The refusal of a model, with what is missing.
+def refuse_model(tests, *, lent_curve=False):
+    """Raise a Refusal that says what is missing for a model of a cell without a test to fit.
 
-    Parameters
-    ----------
-    tests, settings : as of `why_no_model`.
+    tests : TestFacts or mappings. lent_curve : an OCV is lent.
     """
-    return Refusal(why_no_model(tests, **settings))
+    facts = [*map(inputs.test_facts, tests)]
+    raise Refusal(why_no_model(facts, lent=lent_curve))
 
 
 def _may_be_fitted(test):

@@ -2,21 +2,26 @@
 
 import numpy as np
 
+from cellwright.circuits import inputs as given
 from cellwright.circuits.heat import fit_thermal, heat, temperature
 from cellwright.circuits.model_file import simulate_model
 from cellwright.numerics.linear import hats
 from cellwright.numerics.lines import fit_line
 from cellwright.numerics.statistics import rms
+from cellwright.records import inputs
 from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
+from cellwright.result import Result
+from cellwright.settings import Models
 
+MODELS = Models()
 SURFACE = "surface_temperature_celsius"
 SOC_STEPS = np.linspace(0.0, 1.0, 9)  # at which the entropic coefficient is told
 LEAST_EXPLAINED = 0.5  # of the variance of a temperature: less is the chamber's, or a draught's
 LARGEST_RELATIVE_STD = 0.3  # of heat capacity and resistance: beyond it a test tells neither
 
 
-def thermal_of(model, cell, tests, *, split_rest_second):
+def thermal_constants(cell, model, tests, *, split_rest_second=MODELS.split_rest_second):
     """Heat capacity and thermal resistance of a cell from tests with its logged temperature.
 
     1. Each test of role fit is laid out on the SoC scale; its heat is I·(V − OCV), with the OCV of
@@ -29,18 +34,15 @@ def thermal_of(model, cell, tests, *, split_rest_second):
     knows the resistance best. 4. Tests of role validation are simulated with the result from
     their first temperature on, and scored.
 
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2. cell : CellFacts. tests : list of MeasuredTest.
-    split_rest_second : as of `record.laid_out`.
+    tests : those of role fit with surface_temperature_celsius are fitted, those of role validation
+        scored.
 
-    Returns
-    -------
-    content : dict: heat_capacity_joule_per_kelvin, resistance_kelvin_per_watt, each with its
-        standard deviation, entropic: {soc, volt_per_kelvin, std_volt_per_kelvin}, tests: names; and
-        reason: None; where no test of role fit tells the constants, they are None and it says why
-        of each test. rows : list of dict, one a test. notes : tuple of str.
+    Returns content: heat_capacity_joule_per_kelvin [J/K], resistance_kelvin_per_watt [K/W], each
+    with its standard deviation, entropic: {soc, volt_per_kelvin, std_volt_per_kelvin} [V/K], tests:
+    names; and reason: None; where no test of role fit tells the constants, they are None and it
+    says why of each test; rows: one a test. Source: docs/temperature.md.
     """
+    model, cell, tests = given.model(model), inputs.cell_facts(cell), inputs.tests(tests)
     # ASSUME: A model's temperature is that of the surface: the constants are those by which the
     # surface follows the heat, its core's share of the heat capacity counted at the surface.
     rows, fits = [], []
@@ -51,7 +53,8 @@ def thermal_of(model, cell, tests, *, split_rest_second):
     if not fits:
         why = "; ".join(f"{row['test']}: {row['reason']}" for row in rows)
         why = why or "no test of role fit has a logged surface temperature"
-        return UNKNOWN | {"cell": cell.cell, "reason": why}, rows, ()
+        unknown = UNKNOWN | {"cell": cell.cell, "reason": why}
+        return Result({"rows": rows}, unknown)
     averaged, scatter = _averaged([fit for _, fit in fits])
     content = UNKNOWN | {"cell": cell.cell} | averaged
     content["tests"] = [facts.test for facts, _ in fits]
@@ -61,7 +64,7 @@ def thermal_of(model, cell, tests, *, split_rest_second):
         rows.append(_scored(content, model, cell, test, split_rest_second))
     left = [row["test"] for row in rows if row["reason"]]
     notes = [f"temperatures of {', '.join(left)} do not tell the thermal constants"] if left else []
-    return content, rows, tuple(notes)
+    return Result({"rows": rows}, content, tuple(notes))
 
 
 CONSTANTS = ("heat_capacity_joule_per_kelvin", "resistance_kelvin_per_watt")
@@ -207,7 +210,7 @@ def constants_of(documents):
 
     Parameters
     ----------
-    documents : contents of `thermal_of`.
+    documents : contents of `thermal_constants`.
     """
     return {
         one["cell"]: tuple(one[name] for name in CONSTANTS)
@@ -221,7 +224,8 @@ def thermal_columns(documents):
 
     Parameters
     ----------
-    documents : of `thermal_of`, one a cell, in the order of the leaves; None where there is none.
+    documents : of `thermal_constants`, one a cell, in the order of the leaves; None where there
+        is none.
 
     Returns
     -------

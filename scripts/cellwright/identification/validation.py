@@ -2,9 +2,18 @@
 
 import numpy as np
 
+from cellwright.circuits import inputs as given
 from cellwright.circuits.model_file import in_use, names_of, simulate_model
 from cellwright.numerics.statistics import rms
+from cellwright.records import inputs
+from cellwright.records.basis import at_cycle
+from cellwright.records.record import laid_out
+from cellwright.records.repeats import of_tests, rows_repeated
 from cellwright.refusal import Refusal
+from cellwright.result import Result
+from cellwright.settings import Models
+
+MODELS = Models()
 
 FAULT_VOLT = 0.5  # a simulation so far outside what was measured has a fault, not an error
 INNER_SOC = (0.05, 0.95)  # near empty and full the OCV is steep: an error of the SoC rules there
@@ -25,23 +34,32 @@ def simulated(model, member, record):
     return simulate_model(model, member, *columns, kind=record.kind)
 
 
-def validate(model, record):
-    """Simulate every member of a model through a test that took no part in its fit.
+def held_out(model, series, test, cell, *, split_rest_second=MODELS.split_rest_second):
+    """A test that took no part in a model's fit, laid out to be predicted by it.
 
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2, at the age of the test.
-    record : Record, laid out by it as proof (`record.laid_out`); its `used` rows count.
-
-    Returns
-    -------
-    rows : list of dict, scores, one a member. series : dict of (n,) columns that they were taken
-        from. notes : tuple of str.
-
-    Raises
-    ------
-    Refusal : nothing is left to score.
+    Returns (model at the age of the test, `Record` on its SoC scale): what `validate` and
+    `estimate_soc` take. Raises Refusal: no SoC at the start can be known. Source: docs/models.md.
     """
+    measured = inputs.measured(test, series, inputs.COUNTED)
+    model, facts = at_cycle(given.model(model), measured.facts.cycle), inputs.cell_facts(cell)
+    how = {"split_rest_second": split_rest_second, "proof": True}
+    return model, laid_out(measured, model, facts, **how)
+
+
+def validate(model, record, *, repeats=None):
+    """Errors [V] of every member of a model, simulated through a test it was not fitted to.
+
+    model, record : of `held_out`.
+    repeats : rows that were fitted in another test, or score there, do not score here; None: all
+        do.
+
+    Returns rows, one a member: rmse_volt, max_abs_volt [V] and others; series. Raises Refusal:
+    nothing is left to score. Source: docs/models.md.
+    """
+    model, found = given.model(model), of_tests(repeats)
+    if found is not None:
+        elsewhere = rows_repeated(found, record.test, len(record.used))
+        record = record._replace(used=record.used & ~elsewhere)
     scored, rows, columns = record.used, [], {}
     for name in names_of(model):
         run = simulated(model, name, record)
@@ -65,7 +83,7 @@ def validate(model, record):
         for row in rows
         if row["chosen"] and row["beyond_volt"] > FAULT_VOLT
     ]
-    return rows, columns, tuple(notes)
+    return Result({"rows": rows, "series": columns}, notes=tuple(notes))
 
 
 def beyond_volt(voltage_volt, error_volt):

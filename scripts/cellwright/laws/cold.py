@@ -3,10 +3,12 @@
 import numpy as np
 
 from cellwright.laws.law import value_of
-from cellwright.laws.points import grouped, mean_per_temperature
+from cellwright.laws.points import Point, grouped, mean_per_temperature
 from cellwright.laws.temperature import FORMS, LAWS, span_of
 from cellwright.numerics.statistics import NORMAL_95
+from cellwright.records import inputs
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 # What the parts of a resistance are called, the fast one first; from impedance, then from pulses.
 PARTS = {
@@ -15,8 +17,8 @@ PARTS = {
 }
 
 
-def cold_limit(points, laws):
-    """The part of a cell's resistance that limits it in the cold.
+def cold_limit(laws, points=None):
+    """A paragraph on the part of the resistance that limits a cell in the cold.
 
     1. From impedance: ohmic against charge-transfer resistance; where there is none, from
     discharge pulses: the first sample against the rise from there to the last delay. 2. The
@@ -24,24 +26,18 @@ def cold_limit(points, laws):
     3. The part that adds more ohms at most states of charge limits; the errors of the growth
     factors say how certain that is.
 
-    Parameters
-    ----------
-    points : list of `points.Point`. laws : list of dict as `temperature.law_rows` makes them.
+    laws : result of `temperature_laws`, or its rows. points : rows of its points; None: of `laws`.
 
-    Returns
-    -------
-    limit : dict: source, limit (name of the part), levels of SoC; at how many of them it adds more
-        ohms (agreeing), at how many its growth factor is the larger beyond 95 % (sure);
-        warmest_celsius, coldest_celsius; growth, one dict a SoC and part (log_std: standard
-        deviation of ln(cold/warm) from the errors of both, NaN where not known); paragraph.
-
-    Raises
-    ------
-    Refusal : neither spectra nor pulses show both parts at two temperatures.
-
-    Source: thesis section 3.2 (Rct grows 26-fold to −20 °C, Rs less than twofold).
+    Returns content: source, limit (name of the part), levels of SoC; at how many of them it adds
+    more ohms (agreeing), at how many its growth factor is the larger beyond 95 % (sure);
+    warmest_celsius, coldest_celsius; growth, one dict a SoC and part (log_std: standard deviation
+    of ln(cold/warm) from the errors of both, NaN where not known); paragraph. Raises Refusal:
+    neither spectra nor pulses show both parts at two temperatures.
+    Source: thesis section 3.2 (Rct grows 26-fold to −20 °C, Rs less than twofold);
+    docs/temperature.md.
     """
-    points = list(points)
+    points = [Point(**row) for row in inputs.rows(laws.points if points is None else points)]
+    laws = inputs.rows(laws)
     for source, families in _families(points).items():
         courses = [_of_family(points, family) for family in families]
         pairs = {soc: tuple(course[soc] for course in courses) for soc in _shared_levels(courses)}
@@ -49,7 +45,7 @@ def cold_limit(points, laws):
             pairs = _first_and_rise(pairs)
         if pairs:
             limit = _compared(source, pairs)
-            return limit | {"paragraph": _paragraph(limit, points, laws)}
+            return Result({}, limit | {"paragraph": _paragraph(limit, points, laws)})
     raise Refusal("neither spectra nor pulses show two parts of the resistance over temperature")
 
 

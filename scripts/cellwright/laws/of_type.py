@@ -12,10 +12,12 @@ from cellwright.laws.points import (
     pulses_of_kind,
     rate_classes,
     resistance_points,
+    with_enough_temperatures,
     without_rate,
 )
-from cellwright.laws.temperature import fit_laws
+from cellwright.laws.temperature import fit_laws, fitted_laws
 from cellwright.numerics.statistics import robust_std
+from cellwright.records import inputs
 from cellwright.settings import Temperature
 
 TEMPERATURE = Temperature()
@@ -33,6 +35,21 @@ class CellPoint(NamedTuple):
     family: str
     soc: float
     doubt: str
+
+
+def temperature_laws_of_type(resistances, settings=None, **changes):
+    """Laws of pulse resistance over temperature across cells of one type.
+
+    resistances : rows with cell too. settings : `settings.Temperature`.
+
+    Returns rows and points as of `temperature_laws`. Raises Refusal: no quantity is known at three
+    temperatures. Source: docs/temperature.md.
+    """
+    options = inputs.settings_of(Temperature, settings, changes)
+    compared, left_out = points_of_type(inputs.rows(resistances), **options._asdict())
+    # Points stay apart here: how cells differ is what the interval of the type's law tells.
+    points = with_enough_temperatures(compared)
+    return fitted_laws(points, (*left_out, *sentences_of_type(points)))
 
 
 def points_of_type(rows, *, delay_second=TEMPERATURE.delay_second, soc=TEMPERATURE.soc):

@@ -8,8 +8,24 @@ import numpy as np
 from cellwright.laws.law import Form, choose, fit_law, rows_of, with_more
 from cellwright.laws.points import first_check_up, grouped
 from cellwright.laws.temperature import fit_laws
+from cellwright.records import inputs
 from cellwright.records.conditions import grouped_alike
 from cellwright.refusal import Refusal
+from cellwright.result import Result
+
+
+def polarisation_laws(rests):
+    """Polarisation of one cell over SoC and temperature: amplitudes [V], time constants [s], laws.
+
+    rests : rows of `relaxation` with ambient_temperature_celsius, or (test, result) each.
+
+    Returns rows: the laws; points: without any where no rests compare, the reason in the notes.
+    Source: thesis 3.3; docs/relaxation.md.
+    """
+    found = comparable_rests(inputs.entries(rests))
+    laws, reasons = laws_of(found.points)
+    tables = {"rows": law_rows(laws), "points": found.points}
+    return Result(tables, notes=(paragraph(found, laws), *reasons))
 
 
 def temperature_lines(temperature_celsius, value, *, unit):

@@ -33,10 +33,27 @@ from cellwright.laws.surface_forms import (
 )
 from cellwright.laws.temperature import falling_range, is_usable, turn_in_words
 from cellwright.numerics.statistics import r_squared, rms, t_interval
+from cellwright.records import inputs
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.settings import Temperature
 
 TEMPERATURE = Temperature()
+
+
+def resistance_surface(resistances, *, delay_second=TEMPERATURE.delay_second):
+    """Resistance [ohm] of one cell over SoC and temperature in three forms, and which fits best.
+
+    delay_second : delays into the pulse [s].
+
+    Returns rows: the laws; points: measured and fitted. Raises Refusal: too few pulses.
+    Source: docs/temperature.md.
+    """
+    measured = inputs.entries(resistances)
+    # Temperatures left out of the fit choose the form: a table meets its own points best.
+    fits, reasons = surfaces(measured, delay_second=delay_second)
+    tables = {"rows": law_rows(fits), "points": point_rows(fits)}
+    return Result(tables, notes=(*reasons, *sentences(fits)))
 
 
 def law_rows(fits):

@@ -5,18 +5,69 @@ from itertools import pairwise
 import numpy as np
 
 from cellwright.laws.law import NO_LIMIT, Form, choose, fit_law, rows_of
-from cellwright.laws.points import grouped, joined_doubts
+from cellwright.laws.points import (
+    capacity_points,
+    fast_charge_points,
+    grouped,
+    impedance_points,
+    joined_doubts,
+    mean_per_temperature,
+    resistance_points,
+    with_enough_temperatures,
+)
 from cellwright.numerics.lines import (
     REFERENCE_KELVIN,
     ZERO_CELSIUS_KELVIN,
     fit_line,
     inverse_temperature,
 )
+from cellwright.records import inputs
 from cellwright.refusal import Refusal
+from cellwright.result import Result
+from cellwright.settings import Temperature
 
 # How far beyond the tested temperatures a law is offered and drawn [K]. A model's look-up accepts
 # temperatures this far from those it knows, too.
 REACH_KELVIN = 5.0
+
+
+def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, **changes):
+    """Laws of resistance and capacity of one cell over temperature: quadratic and Arrhenius.
+
+    settings : `settings.Temperature`.
+
+    Returns rows, one a parameter; points: what the laws were fitted to. Raises Refusal: no quantity
+    is known at three temperatures. Source: thesis ch. 3; docs/temperature.md.
+    """
+    options = inputs.settings_of(Temperature, settings, changes)
+    sizes = capacity_points(inputs.entries(capacities))
+    circuits, vague = impedance_points(inputs.entries(spectra))
+    pulses, mixed = resistance_points(inputs.entries(resistances), **options._asdict())
+    # Two temperatures fit any law of two parameters exactly: only a third can contradict it. Of
+    # several tests at one temperature the mean counts, lest the busiest one draw the law.
+    points = with_enough_temperatures([*sizes, *circuits, *pulses])
+    return fitted_laws(mean_per_temperature(points), (*vague, *mixed))
+
+
+def fitted_laws(points, notes=()):
+    """Result of the laws over temperature that are fitted to points."""
+
+    rows, reasons = law_rows(points)
+    return Result({"rows": rows, "points": points}, notes=(*notes, *reasons))
+
+
+def fast_charge_laws(charges):
+    """Laws of the fast charge of one cell over temperature.
+
+    charges : rows of `fast_charge` with ambient_temperature_celsius, or (test, result) each.
+
+    Returns rows as of `temperature_laws`; points: all that was measured. Raises Refusal: fewer than
+    three temperatures. Source: docs/charge-temperature.md.
+    """
+    points = fast_charge_points(inputs.entries(charges))
+    found = fitted_laws(with_enough_temperatures(points))
+    # Quantities known at two temperatures only have no law, but are points all the same.
+    return found._replace(tables=found.tables | {"points": points})
 
 
 def falling_range(b1, b2, b3):

@@ -1,20 +1,5 @@
 """What one test tells: capacity, resistance, relaxation, dQ/dV, OCV, impedance."""
 
-from typing import Any, NamedTuple
-
-
-class Found(NamedTuple):
-    """What a record gives, and why not more.
-
-    rows : columns of the stage's artefact, a dict of (rows,) arrays, or a list of its rows.
-    left_out : a sentence for each reason why something is missing or in doubt. by_rest : one for
-    each reason why something counts by the voltage of its rest alone.
-    """
-
-    rows: Any
-    left_out: tuple = ()
-    by_rest: tuple = ()
-
 
 def not_elsewhere(chosen, elsewhere, what, reasons):
     """Those of the chosen steps (k,) that count here; of the others a reason each is counted.

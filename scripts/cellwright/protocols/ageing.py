@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols import Found
 from cellwright.protocols.balance import FORMATION_SHARE, inserting_sign
 from cellwright.protocols.capacity import EFFICIENCY_MAX
 from cellwright.protocols.coarse import coarsest_digit_ampere, unsure_of_digit
@@ -18,20 +17,22 @@ from cellwright.protocols.half_cycles import (
     columns_of,
     energy_counted,
     half_cycles,
+    known_of_start,
     reading_at_rest,
     unsure_of_edges,
     unsure_of_instrument,
     weighted_median,
     with_starts,
 )
+from cellwright.records import inputs
 from cellwright.records.anchor import first_rest
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.series.edges import edge_variance
 from cellwright.series.rest_current import as_logged
 from cellwright.series.steps import assumed_rating
 from cellwright.settings import Instrument
 
-INSTRUMENT = Instrument()
 EFFICIENCY_LEAST = 0.8
 FORMATION_LEAST = 1.0 - FORMATION_SHARE
 EXAMPLES = 5  # cycles named in a sentence
@@ -62,19 +63,7 @@ class AgeingCycles(NamedTuple):
 
 # ASSUME: A half cycle that reaches its cut-off under load is complete, whatever its load's shape;
 # so cycles of pulsed discharges count too.
-def ageing_cycles(
-    series,
-    steps,
-    *,
-    rated_capacity_ampere_hour,
-    lower_cutoff_volt,
-    upper_cutoff_volt,
-    first_cycle=0.0,
-    state_before="",
-    soc_at_start=None,
-    current_accuracy_share=INSTRUMENT.current_accuracy_share,
-    clock_error_share=INSTRUMENT.clock_error_share,
-):
+def ageing_cycles(series, steps, test, cell, course=None, instrument=None):
     """Capacity, energy and temperature of every complete half cycle of an ageing record.
 
     1. The record is cut where its counted charge turns (a return of less than 2 % of the rating
@@ -86,38 +75,30 @@ def ageing_cycles(
     discharge before it; NaN outside 0.8 … 1.05, where the record lacks what happened between, in
     the first cycle of a new cell outside 0.5 … 1.05.
 
-    series : dict of (n,) columns of stage `clean`: test_time_second, current_ampere,
-        voltage_volt, charge_ampere_hour; logged_current_ampere, surface_ and
-        ambient_temperature_celsius where recorded.
-    steps : Steps of the record.
-    rated_capacity_ampere_hour : [Ah] or None.
-    lower_cutoff_volt, upper_cutoff_volt : [V].
-    first_cycle : cycles before the record [1].
-    state_before : "full" or "empty", as the test before this one in time left the cell; "": not
-        known.
-    soc_at_start : of the first row, as the sheet states it [1], or None.
-    current_accuracy_share, clock_error_share : as of `settings.Instrument`.
+    test : its `cycle` is that of the first. instrument : `settings.Instrument`.
 
-    Returns found: Found; rows are AgeingCycles; left_out and by_rest name the number and cycles of
-    each reason. Raises Refusal: a cut-off is not stated, or no half cycle is complete; the
-    reasons are named.
+    Returns rows, `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C]; left_out: for each
+    reason how many half cycles were left out, and which. Raises Refusal: a cut-off is not stated,
+    or no complete cycle; the reasons are named. Source: docs/health.md.
     """
-    if lower_cutoff_volt is None or upper_cutoff_volt is None:
+    limits = tuple(inputs.cutoffs(cell).values())
+    if None in limits:
         raise Refusal("a cut-off is not stated, so which cycles are complete cannot be told")
-    columns, limits = columns_of(series), (lower_cutoff_volt, upper_cutoff_volt)
-    rated = rated_capacity_ampere_hour or assumed_rating(columns[0], columns[2])
-    known = Before(
-        state_before, soc_at_start, rest=first_rest(steps, series["test_time_second"], columns[1])
-    )
+    series, steps = inputs.columns(series, *inputs.COUNTED), inputs.steps(steps)
+    columns, time = columns_of(series), np.asarray(series["test_time_second"], float)
+    accuracy = inputs.settings_of(Instrument, instrument, {})
+    rated = inputs.rating(cell) or assumed_rating(columns[0], columns[2])
+    # A record counts its own cycles; the sheet says how many came before it.
+    first_cycle = inputs.test_facts(test).cycle or 0.0
+    known = Before(**known_of_start(course, test), rest=first_rest(steps, time, columns[1]))
     halves = half_cycles(columns, steps, limits, least_ampere_hour=TURN_SHARE * rated)
     halves = [half._replace(last_row=_last_row(half, steps)) for half in halves]
     halves = with_starts(halves, columns, limits, known)
     discharges = np.cumsum([half.sign < 0 and bool(half.loads) for half in halves])
     cycles = [first_cycle + n + (h.sign > 0) for n, h in zip(discharges, halves, strict=True)]
     left_out, by_rest = (_by_reason(halves, cycles, faulty=faulty) for faulty in (True, False))
-    inserts = inserting_sign((lower_cutoff_volt, upper_cutoff_volt))
+    inserts = inserting_sign(limits)
     efficiencies = _efficiencies(halves, columns[2], inserts, new=first_cycle == 0)
-    time = np.asarray(series["test_time_second"], float)
     unsure = edge_variance(time, columns[0], columns[2])
     logged = as_logged(series)["current_ampere"]
     at_rest, digit = reading_at_rest(logged, steps), coarsest_digit_ampere(logged, rated)
@@ -129,8 +110,8 @@ def ageing_cycles(
                     half.missing_ampere_hour,
                     unsure_of_edges(half, unsure, columns, limits),
                     unsure_of_instrument(
-                        *(half, time, columns[0], current_accuracy_share, at_rest),
-                        clock_share=clock_error_share,
+                        *(half, time, columns[0], accuracy.current_accuracy_share, at_rest),
+                        clock_share=accuracy.clock_error_share,
                     ),
                     unsure_of_digit(half, time, columns[0], digit),
                 ]
@@ -142,7 +123,7 @@ def ageing_cycles(
     if not rows:
         raise Refusal(f"no complete cycle: {'; '.join(left_out) or 'no half cycle is in it'}")
     table = AgeingCycles(*[np.array(column) for column in zip(*rows, strict=True)])
-    return Found(table, left_out, by_rest)
+    return Result({"rows": table}, {"left_out": left_out}, (*left_out, *by_rest))
 
 
 def _last_row(half, steps):

@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 
-from cellwright.protocols import Found
 from cellwright.protocols.balance import balance_of, inserting_sign, unsure_of_count
 from cellwright.protocols.capacity_doubts import doubts_of, mode_in_words
 from cellwright.protocols.coarse import coarsest_digit_ampere, unsure_of_digit
@@ -13,48 +12,43 @@ from cellwright.protocols.half_cycles import (
     TURN_SHARE,
     Before,
     charge_moved,
+    columns_of,
     energy_counted,
     half_cycles,
+    known_of_start,
     main_load,
     reading_at_rest,
     unsure_of_edges,
     unsure_of_instrument,
     with_starts,
 )
+from cellwright.records import inputs
 from cellwright.records.anchor import RELAXED_SECOND, first_rest
+from cellwright.records.basis import curve_at
 from cellwright.records.conditions import SAME_CELSIUS, grouped_alike, same_rate
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.series.edges import edge_variance
 from cellwright.series.steps import assumed_rating, constant_current_end
 from cellwright.settings import Instrument
 
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
-INSTRUMENT = Instrument()
 # Temperatures that are chosen to differ stand so far apart: a load warms its cell by less from one
 # repeat to the next.
 OTHER_CELSIUS = 2 * SAME_CELSIUS
 
 
 def capacity(
-    test_time_second,
-    current_ampere,
-    voltage_volt,
-    charge_ampere_hour,
+    series,
     steps,
+    cell,
+    settings=None,
     *,
-    rated_capacity_ampere_hour,
-    lower_cutoff_volt,
-    upper_cutoff_volt,
-    logged_current_ampere=None,
-    surface_temperature_celsius=None,
     whole_swing=False,
-    state_before="",
-    soc_at_start=None,
-    curve=None,
-    doubt=None,
-    ambient_temperature_celsius=None,
-    current_accuracy_share=INSTRUMENT.current_accuracy_share,
-    clock_error_share=INSTRUMENT.clock_error_share,
+    test=None,
+    course=None,
+    curves=(),
+    **changes,
 ):
     """Capacity of every complete discharge and charge, averaged over repeats at one rate.
 
@@ -75,36 +69,29 @@ def capacity(
     open. Of a negative electrode against a metal (`is_negative_electrode`) it is the charge over
     the discharge before it, which inserts.
 
-    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah],
-        positive on charge.
-    steps : Steps of the record.
-    rated_capacity_ampere_hour : [Ah] for the C-rate; None: `assumed_rating` of the record.
-    lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None: then no charge is complete.
-    logged_current_ampere : (n,) [A] where cleaning took the sensor's reading out of rests, or None.
-    surface_temperature_celsius : (n,) [°C] or None.
-    whole_swing : count from turn to turn of the charge.
-    state_before : "full" or "empty", as the test before this one in time left the cell; "": not
-        known.
-    soc_at_start : of the first row, as the sheet states it [1], or None.
-    curve : open-circuit voltage that this is held against, see `anchor.contradiction`, or None.
-    doubt : (n,) flags of `series.doubts.Doubt`, or None. ambient_temperature_celsius : as the sheet
-        states it [°C], or None.
-    current_accuracy_share, clock_error_share : as of `settings.Instrument`.
+    settings : `settings.Instrument`.
+    whole_swing : a half cycle that ends short of the cut-off counts too, as in slow OCV tests: from
+        turn to turn of the charge.
+    curves : list of dict, open-circuit voltages of the cell that a stated SoC is held against.
 
-    Returns found: Found; rows are columns of stage `capacity`, one entry a direction, rate
-    and temperature: means over the repeats, and capacity_std_ampere_hour;
-    constant_current_ampere_hour is the part before the voltage was held; doubt says in words what
-    speaks against the number, "" where nothing does. A sentence for each half cycle that is
-    incomplete, of unsure start or at a constant power or resistance. Raises Refusal: nothing in the
-    record is complete; the reasons are named.
+    Returns rows: columns (k,) of stage `capacity`, one entry a direction, rate and temperature:
+    means over the repeats of charge [Ah], energy [Wh], rate [1/h], efficiency [1], and their
+    standard deviations; constant_current_ampere_hour is the part before the voltage was held; doubt
+    says in words what speaks against the number, "" where nothing does. Half cycles that are
+    incomplete, of unsure start or at a constant power or resistance are in the notes. Raises
+    Refusal: no complete charge or discharge; the reasons are named. Source: docs/capacity.md.
     """
-    columns = tuple(
-        np.asarray(column, float) for column in (current_ampere, voltage_volt, charge_ampere_hour)
-    )
-    rated = rated_capacity_ampere_hour or assumed_rating(columns[0], columns[2])
-    limits = (lower_cutoff_volt, upper_cutoff_volt)
+    series, steps = inputs.columns(series, *inputs.COUNTED), inputs.steps(steps)
+    columns, time = columns_of(series), np.asarray(series["test_time_second"], float)
+    accuracy = inputs.settings_of(Instrument, settings, changes)
+    stated, limits = inputs.rating(cell), tuple(inputs.cutoffs(cell).values())
+    rated = stated or assumed_rating(columns[0], columns[2])
+    celsius = None if test is None else inputs.test_facts(test).ambient_temperature_celsius
     known = Before(
-        state_before, soc_at_start, curve, first_rest(steps, test_time_second, columns[1])
+        **known_of_start(course, test),
+        # The OCV moves by tenths of a mV/K: the curve of the nearest temperature errs least.
+        curve=curve_at(curves, celsius) if curves else None,
+        rest=first_rest(steps, time, columns[1]),
     )
     # A drive has no rate: where it crosses the cut-off no capacity of a rate ends.
     halves = half_cycles(
@@ -113,22 +100,19 @@ def capacity(
     halves = [_counted(half, columns[0], steps, whole_swing) for half in halves]
     halves = with_starts(halves, columns, limits, known)
     left_out = tuple(
-        f"{NAMES[half.sign]} from {test_time_second[half.first_row]:.0f} s: "
-        f"{half.fault or half.words}"
+        f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {half.fault or half.words}"
         for half in halves
         if half.fault or half.words
     )
     modes = tuple(
-        f"{NAMES[half.sign]} from {test_time_second[half.first_row]:.0f} s: {words}"
+        f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {words}"
         for half in halves
         if not half.fault and (words := mode_in_words(half, columns, steps, limits))
     )
-    unsure = edge_variance(np.asarray(test_time_second, float), columns[0], columns[2])
-    inserts = inserting_sign(limits)
-    logged = columns[0] if logged_current_ampere is None else logged_current_ampere
+    unsure, inserts = edge_variance(time, columns[0], columns[2]), inserting_sign(limits)
+    logged = series.get("logged_current_ampere", columns[0])
     at_rest = reading_at_rest(logged, steps)
     digit = coarsest_digit_ampere(logged, rated)
-    time = np.asarray(test_time_second, float)
     balance = partial(balance_of, columns=columns, time=time, steps=steps, limits=limits)
     counted = partial(
         unsure_of_count,
@@ -136,28 +120,32 @@ def capacity(
         test_time_second=time,
         variance=unsure,
         limits=limits,
-        share=current_accuracy_share,
+        share=accuracy.current_accuracy_share,
         rest_ampere=at_rest,
     )
-    sheet, complete = (rated_capacity_ampere_hour, ambient_temperature_celsius), []
+    sheet, complete = (stated, celsius), []
+    surface = series.get("surface_temperature_celsius")
     for half, partner in zip(halves, _partners(halves, inserts), strict=True):
         if half.fault:
             continue
-        row = _measured(half, partner, columns, steps, surface_temperature_celsius, inserts)
+        row = _measured(half, partner, columns, steps, surface, inserts)
         row |= _of_balance(half, partner, balance, counted, inserts)
         row["edges"] = unsure_of_edges(half, unsure, columns, limits)
         row["instrument"] = unsure_of_instrument(
-            *(half, time, columns[0], current_accuracy_share, at_rest),
-            clock_share=clock_error_share,
+            *(half, time, columns[0], accuracy.current_accuracy_share, at_rest),
+            clock_share=accuracy.clock_error_share,
         )
-        row |= _of_digit(half, partner, test_time_second, columns[0], digit)
-        row["doubt"] = doubts_of(half, partner, row, columns, steps, limits, doubt, sheet)
+        row |= _of_digit(half, partner, time, columns[0], digit)
+        row["doubt"] = doubts_of(
+            *(half, partner, row, columns, steps, limits, series.get("doubt"), sheet)
+        )
         row["missing"] = float(np.hypot(row["missing"], row["off"]))
         complete.append(row)
     if not complete:
         why = "; ".join(left_out) or _none_begins(columns[0], columns[2], rated)
         raise Refusal(f"no complete discharge or charge: {why}")
-    return Found(_repeats_joined(complete, rated), (*left_out, *modes))
+    rows = _repeats_joined(complete, rated)
+    return Result({"rows": rows}, notes=(*left_out, *modes))
 
 
 def _none_begins(current, charge, rated):

@@ -11,48 +11,41 @@ from cellwright.protocols.half_cycles import (
     half_cycles,
     starts_of,
 )
+from cellwright.records import inputs
 from cellwright.records.anchor import first_rest
+from cellwright.records.basis import at_cycle
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.settings import FastCharge
 
-FAST_CHARGE = FastCharge()
 
-
-def fast_charge(
-    series,
-    steps,
-    *,
-    capacity_ampere_hour,
-    rated_capacity_ampere_hour,
-    lower_cutoff_volt,
-    upper_cutoff_volt,
-    soc_at_start=None,
-    minutes=FAST_CHARGE.minutes,
-):
-    """Charge put in within a given time at the limits of current and voltage.
+def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, soc=None, **changes):
+    """Share of the capacity [1] that a fast charge reaches in its minutes, and what limits it.
 
     1. The charge of the record that moves the most. 2. Constant current ends where the upper
     cut-off is met within 10 mV. 3. What is in after `minutes` is read off the counted charge; a
     charge that ended before counts as it ended. 4. Whether it began empty, `starts_of` says.
 
-    series : dict of (n,) columns of stage `clean`. steps : Steps of the record.
-    capacity_ampere_hour : that the share refers to [Ah].
-    rated_capacity_ampere_hour : that the rate refers to [Ah]; None: the same.
-    lower_cutoff_volt, upper_cutoff_volt : [V]. minutes : [min].
-    soc_at_start : state of charge of the first row as the sheet states it [1], or None.
+    cycle : of the test: the share is of the capacity of that check-up.
+    soc : stated at its start [1], or None.
+    settings : `settings.FastCharge`, its key minutes [min].
 
-    Returns charged: dict, a row of stage `fast_charge`: of the charge c_rate [1/h] of its constant
-    current, what is in after `minutes` [Ah, Wh, and share of the capacity, 1], the parts of that
-    before and after the cut-off was met, times [min]; minutes_to_80 from empty only, and
-    temperatures: NaN where not known; notes : list of sentences. Raises Refusal: the upper cut-off
-    is not stated, or the record holds no charge.
-
-    Source: thesis 3.3 (figure 3.21: 2C, 30 min; more than 90 % at 25 °C, 63 % at the coldest).
+    Returns one row, as of stage `fast_charge`: of the charge c_rate [1/h] of its constant current,
+    what is in after `minutes` [Ah, Wh, and share of the capacity, 1], the parts of that before and
+    after the cut-off was met, times [min]; minutes_to_80 from empty only, and temperatures: NaN
+    where not known. Raises Refusal: no upper cut-off, or no charge of at least 2 % of the capacity.
+    Source: thesis 3.3 (figure 3.21: 2C, 30 min; more than 90 % at 25 °C, 63 % at the coldest);
+    docs/charge-temperature.md.
     """
-    if upper_cutoff_volt is None:
+    series, steps = inputs.columns(series, *inputs.COUNTED), inputs.steps(steps)
+    minutes = inputs.settings_of(FastCharge, settings, changes).minutes
+    limits = tuple(inputs.cutoffs(cell).values())
+    upper = limits[1]
+    if upper is None:
         raise Refusal("the upper cut-off is not stated, so constant current and voltage are one")
-    capacity, columns = float(capacity_ampere_hour), columns_of(series)
-    limits = lower_cutoff_volt, upper_cutoff_volt
+    # An aged cell is full with less charge: its share is of what it holds then.
+    capacity = float(at_cycle(inputs.basis(basis), cycle)["capacity_ampere_hour"])
+    columns, rated = columns_of(series), inputs.rating(cell) or capacity
     halves = half_cycles(columns, steps, limits, least_ampere_hour=TURN_SHARE * capacity)
     halves = [half for half in halves if half.loads]
     sizes = [half.moved_ampere_hour * (half.sign > 0) for half in halves]
@@ -60,13 +53,13 @@ def fast_charge(
         raise Refusal("no charge of at least 2 % of the capacity is in the record")
     best = int(np.argmax(sizes))
     rest = first_rest(steps, series["test_time_second"], columns[1])
-    known = Before(soc_at_start=soc_at_start, rest=rest)
+    known = Before(soc_at_start=soc, rest=rest)
     empty = not starts_of(halves, columns, limits, known)[best].fault
     rows = slice(halves[best].first_row, halves[best].turn_row + 1)
     minute = (series["test_time_second"][rows] - series["test_time_second"][rows][0]) / 60
     current, voltage, charge = (column[rows] for column in columns)
     charge = charge - charge[0]
-    met = np.flatnonzero(voltage[1:] >= upper_cutoff_volt - NEAR_VOLT) + 1
+    met = np.flatnonzero(voltage[1:] >= upper - NEAR_VOLT) + 1
     at_cutoff = int(met[0]) if len(met) else len(voltage) - 1
     within = float(np.interp(minutes, minute, charge))
     constant = float(np.interp(min(minute[at_cutoff], minutes), minute, charge))
@@ -83,7 +76,7 @@ def fast_charge(
     )
     charged = {
         # The highest: in the cold the cut-off is met before the current has settled.
-        "c_rate": float(current[: at_cutoff + 2].max() / (rated_capacity_ampere_hour or capacity)),
+        "c_rate": float(current[: at_cutoff + 2].max() / rated),
         "minutes": float(minutes),
         "charge_ampere_hour": within,
         "share": within / capacity,
@@ -98,7 +91,7 @@ def fast_charge(
         "capacity_ampere_hour": capacity,
         "from_empty": empty,
     }
-    return charged, _notes(charged, voltage[0])
+    return Result({"rows": [charged]}, notes=tuple(_notes(charged, voltage[0])))
 
 
 def _notes(charged, volt):

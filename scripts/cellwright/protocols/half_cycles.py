@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.turns import turning_points
+from cellwright.records import inputs
 from cellwright.records.anchor import STATED_SOC, FirstRest, contradiction
 
 NEAR_VOLT = 0.010  # a limit counts as reached this near to it: sampling and lead drop
@@ -69,6 +70,18 @@ class Before(NamedTuple):
     soc_at_start: float | None = None
     curve: dict | None = None
     rest: FirstRest = FirstRest()
+
+
+def known_of_start(course, test):
+    """What the test before a test and the sheet tell of its start: first two fields of Before.
+
+    course : result of `course` or its rows, or None. test : TestFacts, or mapping, or None.
+    """
+    rows = inputs.rows(course) if course is not None else []
+    facts = inputs.test_facts(test) if test is not None else None
+    name, soc = (None, None) if facts is None else (facts.test, facts.soc)
+    state = next((row["state_at_begin"] for row in rows if row["test"] == name), "")
+    return {"state_before": state, "soc_at_start": soc}
 
 
 def columns_of(series):

@@ -9,7 +9,7 @@ import numpy as np
 from cellwright.numerics.noise import least_digit
 from cellwright.numerics.relaxing import Drift, drift_of_rest
 from cellwright.numerics.statistics import robust_std
-from cellwright.protocols import Found, counted, not_elsewhere
+from cellwright.protocols import counted, not_elsewhere
 from cellwright.protocols.balance import SIGMAS
 from cellwright.protocols.coarse import coarsest_digit_ampere, may_be_cut
 from cellwright.protocols.pulse_begin import Begin, begin_of, late_among_others
@@ -23,7 +23,11 @@ from cellwright.protocols.pulse_edges import (
     growth_ohm,
     rises_with_rate,
 )
+from cellwright.records import inputs
+from cellwright.records.basis import state_of_charge
+from cellwright.records.repeats import steps_elsewhere
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.series.doubts import WORDS, Doubt, in_words, unlike_size
 from cellwright.series.steps import (
     EDGE_C_RATE,
@@ -66,6 +70,37 @@ class _Pulse(NamedTuple):
         """By the sign of the current; falling where a running load only becomes smaller."""
         flows = "charge" if self.level > 0 else "discharge"
         return flows if self.level * self.step > 0 else f"falling {flows}"
+
+
+def resistance(
+    series, steps, basis, test, cell, settings=None, *, repeats=None, instrument=None, **changes
+):
+    """Resistance [ohm] at stated delays into each pulse of one test.
+
+    settings : `settings.Resistance`, its key delay_second [s]. instrument : `settings.Instrument`.
+
+    Returns rows, `protocols.resistance.ResistanceRows`, (k,): resistance_ohm and its standard
+    deviation [ohm] by SoC [1], direction and delay [s]; SoC is NaN where not known. Raises Refusal:
+    the record has no pulse from a rest, or none that can be read. Source: docs/resistance.md.
+    """
+    # Where SoC cannot be known the pulses count nevertheless: their SoC is then NaN.
+    anchored = state_of_charge(series, basis, test, cell)
+    series, steps = inputs.columns(series, *inputs.NAMES), inputs.steps(steps)
+    shares = inputs.settings_of(Instrument, instrument, {})
+    pulses = pulse_resistance(
+        *inputs.quantities(series),
+        anchored.soc,
+        steps,
+        elsewhere=steps_elsewhere(repeats, inputs.test_facts(test), steps),
+        doubt=series.get("doubt"),
+        against_soc=anchored.contradicted,
+        logged_current_ampere=series.get("logged_current_ampere"),
+        rated_capacity_ampere_hour=inputs.basis(basis)["capacity_ampere_hour"],
+        current_accuracy_share=shares.current_accuracy_share,
+        **inputs.settings_of(Resistance, settings, changes)._asdict(),
+    )
+    notes = (f"SoC: {anchored.anchor}", *pulses.notes)
+    return Result({"rows": pulses.rows}, notes=notes)
 
 
 # ASSUME: In a record without short pulses, longer loads that begin from rest serve as pulses.
@@ -115,7 +150,7 @@ def pulse_resistance(
     current_accuracy_share : as of `settings.Instrument`. logged_current_ampere : (n,) [A] where
         cleaning took the sensor's reading out of rests, or None.
 
-    Returns found: Found; rows are columns of stage `resistance`, one entry a pulse and delay;
+    Returns rows, which are columns of stage `resistance`, one entry a pulse and delay;
     relaxation_ohm is what d_k has taken off.
     direction is "discharge" or "charge", by the sign of the current in the pulse; "falling
     discharge" or "falling charge" where a running load only becomes smaller: its polarisation goes
@@ -167,7 +202,7 @@ def pulse_resistance(
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     columns["doubt"] = np.array(_doubts(columns, rated, against_soc), dtype=str)
     reasons.update(FIRST_LEFT_OUT for pulse in pulses if pulse.edge == NOT_SETTLED)
-    return Found(columns, counted(reasons))
+    return Result({"rows": columns}, notes=counted(reasons))
 
 
 def _too_coarse(digit_ampere, step_ampere):

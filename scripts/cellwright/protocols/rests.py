@@ -5,11 +5,16 @@ from collections import Counter
 import numpy as np
 
 from cellwright.numerics.noise import least_digit
-from cellwright.protocols import Found, counted, not_elsewhere
+from cellwright.protocols import counted, not_elsewhere
 from cellwright.protocols.diffusion import diffusion_of_rest
 from cellwright.protocols.relaxation import fit_relaxation, noise_volt, reasons_against
+from cellwright.records import inputs
+from cellwright.records.anchor import AS_STATED
+from cellwright.records.basis import state_of_charge
 from cellwright.records.conditions import LOW_C_RATE, low_current
+from cellwright.records.repeats import steps_elsewhere
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.series.steps import follows_directly
 
 # Two time constants of minutes are told from ten minutes on; the thesis rests 40.
@@ -38,6 +43,35 @@ NO_DIFFUSION = {"diffusion_second": np.nan, "diffusion_std_second": np.nan, "dif
 PAIRS = {"a": "tau1", "b": "tau2", "fast": "fast_tau"}
 
 
+def relaxation(series, steps, basis, test, cell, *, repeats=None):
+    """Two exponentials fitted to the voltage of each rest of one test: amplitudes, time constants.
+
+    Returns rows, `protocols.rests.RestRows`, (k,): amplitudes [V], time constants [s] and their
+    uncertainty; curve: voltage over time of one rest. Raises Refusal: no rest after a load is long
+    enough. Source: thesis 3.3; docs/relaxation.md.
+    """
+    columns = inputs.columns(series, *inputs.NAMES)
+    test, steps = inputs.test_facts(test), inputs.steps(steps)
+    time, current, voltage = inputs.quantities(columns)
+    anchored = state_of_charge(columns, basis, test, cell)
+    rests = rests_of(
+        time,
+        current,
+        voltage,
+        anchored.soc,
+        steps,
+        temperature_celsius=chamber_or_cell(columns),
+        elsewhere=steps_elsewhere(repeats, test, steps),
+    )
+    # What a rest tells does not need the SoC: its origin is a note only where it is in doubt.
+    stated = test.soc is not None
+    doubted = np.isnan(anchored.soc).all() or (stated and not anchored.anchor.startswith(AS_STATED))
+    where = [f"SoC: {anchored.anchor}"] if doubted else []
+    where += filter(None, [diffusion_in_words(rests.rows)])
+    tables = {"rows": rests.rows, "curve": example(rests.rows, time, voltage)}
+    return Result(tables, notes=(*where, *rests.notes))
+
+
 # ASSUME: The cell had relaxed before the load that a rest follows.
 def rests_of(
     test_time_second,
@@ -64,7 +98,7 @@ def rests_of(
     temperature_celsius : (n,) of the chamber, else of the cell, or None [°C].
     elsewhere : as of `not_elsewhere`. diffusion : whether R²/D is asked for, which takes longest.
 
-    Returns found: Found; rows are columns of stage `relaxation`, one entry a rest and number of
+    Returns rows, which are columns of stage `relaxation`, one entry a rest and number of
     exponentials. rest counts the rests of the test; direction, load (kind of step),
     current_before_ampere and load_second are of the step before. delay_second : from its last
     sample to the rest's first, t = 0 of V = V∞ + a·exp(−t/tau1) + b·exp(−t/tau2), thesis (3.16)
@@ -94,7 +128,7 @@ def rests_of(
     if not len(rests):
         left_out = (f"no rest after a load lasts {SHORTEST_REST_SECOND:g} s: no depolarisation",)
     table = {n: np.array([row[n] for row in rows], dtype=of) for n, of in COLUMNS.items()}
-    return Found(table, left_out)
+    return Result({"rows": table}, notes=left_out)
 
 
 def chamber_or_cell(series):

@@ -22,6 +22,7 @@ from cellwright.records.conditions import (
     same_rate,
     stated_or_reference,
 )
+from cellwright.result import Result
 
 REPEAT_SHARE = 0.03  # by which one cell's capacity at one rate repeats, over testers and days
 SLOWER_SHARE = 0.02  # by which a slower load may give less than a faster one: rests, self-discharge
@@ -87,17 +88,15 @@ class Rule(NamedTuple):
     words: Callable
 
 
-def with_disagreements(rows, *, quantity):
-    """Rows of one table of tests, each with what other tests of its cell say against it.
+def disagreements(rows, *, quantity):
+    """Rows of several tests, each with what the other tests of its cell say against it in `doubt`.
 
-    Parameters
-    ----------
-    rows : of stage `capacity` or `resistance`, with cell, test, cycle, ambient_temperature_celsius
-        and doubt. quantity : "capacity" or "resistance".
+    rows : of `capacity` or `resistance`, with cell, test, cycle and ambient_temperature_celsius.
+    quantity : "capacity" or "resistance".
 
-    Returns
-    -------
-    rows, new ones where their `doubt` has grown.
+    Returns rows, new ones where their `doubt` has grown. What cannot both be true of one cell of
+    one age is told: a gain of the current or the clock shows in no record by itself.
+    Source: docs/capacity.md.
     """
     currents, said = _currents_of_tests(rows), [("", 0)] * len(rows)
     were_set = _were_set(rows)
@@ -106,10 +105,12 @@ def with_disagreements(rows, *, quantity):
         compared = _columns(group, were_set[members])
         for number, against in zip(members, _against(group, compared, quantity), strict=True):
             said[number] = against
-    return [
-        row | {"doubt": _joined(row, *against, unusual)}
-        for row, against, unusual in zip(rows, said, _unusual_currents(rows, currents), strict=True)
+    unusual = _unusual_currents(rows, currents)
+    told = [
+        row | {"doubt": _joined(row, *against, words)}
+        for row, against, words in zip(rows, said, unusual, strict=True)
     ]
+    return Result({"rows": told})
 
 
 def _joined(row, words, tests, unusual):

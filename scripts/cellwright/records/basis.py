@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.records import inputs
 from cellwright.records.anchor import (
     Anchored,
     capacity_in_words,
@@ -34,7 +35,18 @@ class Lender(NamedTuple):
     capacities: list
 
 
-def basis(
+def lender(cell, curves, capacities, *, marked=False):
+    """OCV curves and capacities of a cell, for other cells of its type to borrow.
+
+    curves : as of `basis`. marked : whether it is a reference of its type.
+
+    Returns `records.basis.Lender`.
+    """
+    shown = (inputs.entries(curves, inputs.curves_of), inputs.entries(capacities))
+    return Lender(inputs.cell_facts(cell).cell, marked, *shown)
+
+
+def basis_of_one_age(
     cell,
     curves,
     capacities,
@@ -206,7 +218,7 @@ def scale_in_words(basis):
 
     Parameters
     ----------
-    basis : dict, from `basis` or `checkups.basis_of_life`.
+    basis : dict, from `checkups.basis`.
     """
     if not basis.get(DOUBT):
         return ""
@@ -365,7 +377,7 @@ def at_cycle(basis, cycle):
 
     Parameters
     ----------
-    basis : dict, from `basis` or `checkups.basis_of_life`, or a model that holds the same.
+    basis : dict, from `checkups.basis`, or a model that holds the same.
     cycle : of the test; None as 0.
 
     Returns
@@ -383,12 +395,22 @@ def at_cycle(basis, cycle):
     return content | _between(checkups, nearest, age)
 
 
+def basis_at(basis, cycle):
+    """The basis of a cell at one of its check-ups: that capacity and OCV, for a model of that age.
+
+    cycle : of the check-up.
+
+    Returns dict, content as of `basis`, without check-ups. Source: docs/state-of-charge.md.
+    """
+    return at_cycle(inputs.basis(basis), cycle) | {"checkups": []}
+
+
 def capacities_of_checkups(basis):
     """Check-ups of a basis without their curves, for a model of the cell, which has its own.
 
     Parameters
     ----------
-    basis : dict, from `checkups.basis_of_life` or `basis`.
+    basis : dict, from `checkups.basis`.
     """
     return [
         {name: value for name, value in checkup.items() if not name.startswith("ocv")}
@@ -419,7 +441,7 @@ def soc_of(series, basis, facts, cell):
     Parameters
     ----------
     series : dict of (n,) columns of a clean series.
-    basis : dict, from `basis` or `checkups.basis_of_life`.
+    basis : dict, from `checkups.basis`.
     facts : TestFacts, of which the stated SoC at the start, the chamber's temperature and the cycle
         count.
     cell : CellFacts, of which the cut-off voltages count.
@@ -469,14 +491,20 @@ def on_scale(anchored, basis):
     return anchored
 
 
-def soc_or_unknown(series, basis, facts, cell):
-    """As `soc_of`, but NaN with the reason as anchor where no state of charge can be known.
+def state_of_charge(series, basis, test, cell):
+    """State of charge over a record of a cell, NaN with the reason where it cannot be known.
 
     For results that need no SoC, such as the resistance of a pulse. One that leaves −0.1 to 1.1 is
     not known: its anchor, its charge and the capacity contradict each other (`on_scale`).
+
+    Returns `records.anchor.Anchored`: soc (n,) [1], NaN where it cannot be known, and in words what
+    it is counted from.
     """
+    columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.test_facts(test)
+    basis = inputs.basis(basis)
     try:
-        return on_scale(soc_of(series, basis, facts, cell), at_cycle(basis, facts.cycle))
+        anchored = soc_of(columns, basis, facts, inputs.cell_facts(cell))
+        return on_scale(anchored, at_cycle(basis, facts.cycle))
     except Refusal as refusal:
-        unknown = np.full(len(series["test_time_second"]), np.nan)
+        unknown = np.full(len(columns["test_time_second"]), np.nan)
         return Anchored(unknown, f"not known: {refusal}")

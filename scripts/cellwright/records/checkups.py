@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from cellwright.records.anchor import telling_capacity, tells_repeats
+from cellwright.records import inputs
+from cellwright.records.anchor import is_unsure, telling_capacity, tells_repeats
 from cellwright.records.basis import (
     CAPACITY,
-    basis,
+    basis_of_one_age,
     carried,
     curve_at,
     first_choice,
@@ -13,39 +14,80 @@ from cellwright.records.basis import (
     slow_capacity,
 )
 from cellwright.records.conditions import SAME_CHECKUP_CYCLES, checkups_of, same_temperature
+from cellwright.result import Result
 
 
-def basis_of_life(cell, curves, capacities, lenders, *, rests=(), shifts=(), **limits):
-    """Basis of a cell with the capacity and the OCV of each of its check-ups.
+def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
+    """The capacity and OCV curves that the SoC of a cell refers to, its own or borrowed.
+
+    Over a life each check-up has its own capacity and curves, so that SoC 1 stays "full".
 
     1. Discharges and slow tests whose cycles lie within 5 of each other make one check-up; a blank
     cycle is 0. 2. A later one counts where it can be compared with the first: it has a slow
     test at its temperature, or a discharge at the rate and temperature of one of the first.
     Every other test belongs to the check-up nearest in cycles. 3. The first check-up gives the
-    basis of the cell, as `basis.basis` says. 4. The capacity of a later one is that of its own slow
-    test; else it is carried from the first one by the same discharge since (`basis.carried`).
-    5. Its OCV curves are those of its slow tests, else those of the rests of its pulse tests, else
-    those of the first check-up with their shift since, else those of the check-up before it, as its
-    text says.
+    basis of the cell, as `basis.basis_of_one_age` says. 4. The capacity of a later one is that of
+    its own slow test; else it is carried from the first one by the same discharge since
+    (`basis.carried`). 5. Its OCV curves are those of its slow tests, else those of the rests of its
+    pulse tests, else those of the first check-up with their shift since, else those of the
+    check-up before it, as its text says.
 
-    Parameters
-    ----------
-    cell, curves, capacities, lenders, rests : as of `basis.basis`, each curve and capacity with its
-        `cycle`.
-    shifts : list of dict, shift of the OCV since the first check-up: cycle, soc, shift_volt,
-        shift_std_volt, from `protocols.ocv.shift`.
-    limits : other keywords of `basis.basis`.
+    curves : (test, result of `ocv`) each.
+    lenders : result of `lender` of each cell of the same type.
+    rests : (test, result of `ocv_from_rests`, or of `ocv_from_load`) each.
+    shifts : result of `ocv_shifts`, or its rows.
 
-    Returns
-    -------
-    basis : dict, as of `basis.basis`, with `checkups`: list of dict, by cycle: cycle,
-        capacity_ampere_hour, capacity_std_ampere_hour (None: nothing tells it), capacity_source,
-        ocv, ocv_source. Empty where there are fewer than two check-ups.
-
-    Raises
-    ------
-    Refusal : as `basis.basis`.
+    Returns content: cell, capacity_ampere_hour, capacity_std_ampere_hour [Ah] (None: nothing tells
+    it), capacity_source, borrowed_from, ocv, the curves over SoC [1], and checkups, the same for
+    each of several check-ups; curves: one row a curve and SoC. Raises Refusal: no capacity test, no
+    slow test and no rating.
+    Source: docs/state-of-charge.md.
     """
+    facts, shifts = inputs.cell_facts(cell), inputs.rows(shifts)
+    curves, rests = (inputs.entries(table, inputs.curves_of) for table in (curves, rests))
+    limits = {
+        "rated_capacity_ampere_hour": facts.rated_capacity_ampere_hour,
+        "state_of_health": facts.state_of_health,
+        "lower_cutoff_volt": facts.lower_cutoff_volt,
+    }
+    content = _of_life(
+        facts.cell, curves, inputs.entries(capacities), lenders, rests, shifts, limits
+    )
+    rows = [
+        {name: curve[name] for name in ("test", "ambient_temperature_celsius")}
+        | {"soc": soc, "ocv_volt": volt}
+        for curve in content["ocv"]
+        for soc, volt in zip(curve["soc"], curve["ocv_volt"], strict=True)
+    ]
+    return Result({"curves": rows}, content, tuple(basis_in_words(content)))
+
+
+def basis_in_words(basis):
+    """Sentences on where capacity [Ah] and OCV come from; with ± where over 3 % of it is open."""
+    size = f"{basis['capacity_ampere_hour']:.4g}"
+    if is_unsure(basis):
+        size += f" ± {basis['capacity_std_ampere_hour']:.2g}"
+    notes = [f"SoC refers to {size} Ah: {basis['capacity_source']}"]
+    if basis["borrowed_from"]:
+        notes.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
+    elif not basis["ocv"]:
+        notes.append("no OCV: no slow test of its own, and no cell of its type has one")
+    notes += [
+        f"check-up at cycle {checkup['cycle']:g}: SoC refers to "
+        f"{checkup['capacity_ampere_hour']:.4g} Ah: {checkup['capacity_source']}; OCV "
+        f"{checkup['ocv_source']}"
+        for checkup in basis.get("checkups", [])[1:]
+    ]
+    tests = [curve["test"] for curve in basis["ocv"] if curve["branches"] == "rests"]
+    if tests and not basis["borrowed_from"]:
+        notes.append(
+            f"OCV from the rests of {', '.join(tests)}: no slow test of its or of its type"
+        )
+    return notes
+
+
+def _of_life(cell, curves, capacities, lenders, rests, shifts, limits):
+    """Content of a basis with the capacity and the OCV of each of its check-ups."""
     capacities = telling_capacity(capacities)
     kinds = (curves, capacities)
     cycles = sorted(set(checkups_of([row["cycle"] for rows in kinds for row in rows])))
@@ -57,7 +99,7 @@ def basis_of_life(cell, curves, capacities, lenders, *, rests=(), shifts=(), **l
         tuple(_nearest(rows, cycles, cycle) for rows in (curves, capacities, rests))
         for cycle in cycles or [0]
     ]
-    content = basis(cell, *first[:2], lenders, rests=first[2], **limits)
+    content = basis_of_one_age(cell, *first[:2], lenders, rests=first[2], **limits)
     if not others:
         return content | {"checkups": []}
     checkups = [_first_checkup(cycles[0], content, *first[:2])]
@@ -137,7 +179,7 @@ def _later(cycle, group, first_capacities, before, limits):
         names = ", ".join(curve["test"] for curve in curves)
         return content | {"ocv": curves, "ocv_source": f"slow test {names}"}
     if rests:
-        found = basis("", [], [], [], rests=rests, **limits)
+        found = basis_of_one_age("", [], [], [], rests=rests, **limits)
         names = ", ".join(curve["test"] for curve in found["ocv"])
         return content | {"ocv": found["ocv"], "ocv_source": f"rests of {names}"}
     if shifts and before[0]["ocv"]:

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.noise import least_digit, least_digit_ampere
+from cellwright.records import inputs
+from cellwright.result import Result
 from cellwright.series.rest_current import as_logged
 
 WINDOW_ROWS = 16
@@ -61,8 +63,10 @@ def repeats(tests, roles=("fit", "validation", "split")):
 
     Returns
     -------
-    repeats : Repeats; of no entries where there are none.
+    result : Result: rows, Repeats, of no entries where there are none; a note on each stretch.
+    Source: docs/cleaning.md.
     """
+    tests = inputs.tests(tests)
 
     def priority(k):
         # What may be fitted keeps its rows.
@@ -80,10 +84,16 @@ def repeats(tests, roles=("fit", "validation", "split")):
             names = [tests[order[p]].facts.test for p in place]
             times = one.time[first - shift], *other.time[[first, last]]
             found.append((names[1], first, last, *times[1:], names[0], times[0]))
-    if not found:
-        types = ("<U1", int, int, float, float, "<U1", float)
-        return Repeats(*(np.array([], dtype) for dtype in types))
-    return Repeats(*map(np.array, zip(*found, strict=True)))
+    types = ("<U1", int, int, float, float, "<U1", float)
+    none = (np.array([], dtype) for dtype in types)
+    rows = Repeats(*(map(np.array, zip(*found, strict=True)) if found else none))
+    return Result({"rows": rows}, notes=_sentences(rows))
+
+
+def of_tests(table):
+    """Repeats from the result of `repeats`, or its columns; None where none were looked for."""
+    table = getattr(table, "rows", table)
+    return None if table is None else inputs.table_of(Repeats, table)
 
 
 def _keys(series):
@@ -176,27 +186,32 @@ def rows_repeated(found, test, size):
 def steps_elsewhere(found, test, steps):
     """Of each step of a test the name of the test in which it counts, empty where it is here.
 
+    One measurement in two tests would count twice in every fit and every error.
+
     Parameters
     ----------
-    found : Repeats, or its columns as another result holds them. test : its name.
+    found : result of `repeats` or its columns; None: none were looked for. test : TestFacts.
     steps : series.steps.Steps; one of which most rows are repeated is.
 
     Returns
     -------
-    elsewhere : (steps,) str.
+    elsewhere : (steps,) str, None where none were looked for.
     """
+    found = of_tests(found)
+    if found is None:
+        return None
     elsewhere = np.full(len(steps.kind), "", object)
     for name, first, last, of in zip(
         found.test, found.first_row, found.last_row, found.of, strict=True
     ):
         shared = np.minimum(steps.last_row, last) - np.maximum(steps.first_row, first) + 1
         most = 2 * shared > steps.last_row - steps.first_row + 1
-        if name == test:
+        if name == test.test:
             elsewhere[most] = of
     return elsewhere
 
 
-def sentences(found):
+def _sentences(found):
     """A sentence on each stretch, naming both tests."""
     return tuple(
         f"{test} from {first:.6g} to {last:.6g} s is the same measurement as {of} from "
@@ -226,7 +241,7 @@ def counted_once(tests):
     words : tuple of str.
     """
     found = repeats(tests)
-    return [with_repeated(test, found) for test in tests], sentences(found)
+    return [with_repeated(test, found.rows) for test in tests], found.notes
 
 
 def with_repeated(test, found):

@@ -23,6 +23,7 @@ from cellwright.effects.story.sizes import Fitted
 from cellwright.effects.story.words import paragraph
 from cellwright.effects.verdict import outcome, verdict_of
 from cellwright.numerics.least_squares import covariances
+from cellwright.records import inputs
 from cellwright.records.conditions import at_rest_in_record, low_current
 from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
@@ -171,22 +172,19 @@ class KnownCell(NamedTuple):
     source: str
 
 
-def missing_group_effect(group, branches, models, tests):
-    """Verdict on a group of the campaign's sheets, see `group_finding`.
+def missing_group_effect(group, branches, known_cells, tests):
+    """Effects that one branch of a parallel group has and the others have not.
 
-    Parameters
-    ----------
-    group : name. branches : list of BranchFacts in order of position.
-    models : list of KnownCell in that order. tests : list of MeasuredTest of kind `group`.
+    group : its name. branches : in order of position.
+    known_cells : `effects.groups.finding.KnownCell` of each branch.
+    tests : of the group, with branch currents.
 
-    Returns
-    -------
-    finding : Finding, with the notes of its preparation.
-
-    Raises
-    ------
-    Refusal : a branch without a model; nothing to fit or nothing that judges; see `group_finding`.
+    Returns as `missing_effect`, with empty residual_map, evidence, confounding and menu. Raises
+    Refusal: a branch without a model, no test to fit, or none for validation.
+    Source: docs/missing-effect.md.
     """
+    branches, tests = [*map(inputs.branch_facts, branches)], inputs.tests(tests)
+    models = [KnownCell(inputs.content(model), source) for model, source in known_cells]
     cells = _cells(branches, models)
     notes = [
         f"{row.cell} is known by its type only, from {cell.source}"
@@ -208,7 +206,7 @@ def missing_group_effect(group, branches, models, tests):
     # moves on a straight line, as in the model of the first cell.
     hold = models[0].model["hold"]
     finding = group_finding(group, cells, records, settings=chosen, hold=hold)
-    return finding._replace(notes=(*notes, *finding.notes))
+    return finding._replace(notes=(*notes, *finding.notes)).result()
 
 
 def _cells(branches, models):

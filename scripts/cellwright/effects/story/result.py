@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+from cellwright.result import Result
+
 NONE = {}  # of a group: what only the search of a cell tells
 
 
@@ -22,3 +24,9 @@ class Finding(NamedTuple):
     menu: dict = NONE
     model: dict = NONE
     notes: tuple = ()
+
+    def result(self):
+        """What the public step gives: the tables, and verdict and model as content."""
+        names = ("ranking", "residual_map", "evidence", "series", "confounding", "menu")
+        tables = {name: getattr(self, name) for name in names}
+        return Result(tables, {"verdict": self.verdict, "model": self.model}, self.notes)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.quantities import QUANTITIES
 from cellwright.effects.witnesses.charge import of_capacities, of_records
 from cellwright.effects.witnesses.resistances import of_pulses, of_spectra
@@ -19,6 +20,8 @@ from cellwright.effects.witnesses.statement import (
     size_of,
 )
 from cellwright.effects.witnesses.voltages import of_entropy, of_moved_ocv, of_rests, of_slow_test
+from cellwright.records import inputs
+from cellwright.result import Result
 
 NO_ONE_SIZE = "of what the verdict names it has no one size at all states of charge"
 
@@ -99,7 +102,29 @@ def values_of(model):
     return model.get("values", {}) | {name: model[name] for name in known if name in model}
 
 
-def witnesses(verdict, model, measured, library):
+def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=None):
+    """Which independent measurements of a cell agree with a verdict, contradict it, or are silent.
+
+    verdict, model : of `missing_effect`.
+    tables : rows or DataFrames by name, what is absent was not measured: resistance, eis,
+        relaxation, capacity and ocv_entropic, with the test's temperature, SoC and cycle beside
+        each row, and of capacities `started`, its date, where it is known; `series`, that of
+        `missing_effect`.
+    ambient_celsius : chamber's temperature by test [°C].
+    library : effects by id, None: all of `effects.library.LIBRARY`.
+
+    Returns rows, one a witness: what is measured, what the verdict implies, which it says.
+    Source: docs/missing-effect.md.
+    """
+    content, known = inputs.basis(basis), dict(tables)
+    verdict, model = inputs.content(verdict), inputs.content(model)
+    series = inputs.columns(known.pop("series", {}))
+    rows = {name: inputs.rows(table) for name, table in known.items()} | {"series": series}
+    measured = measured_of(rows, content, model, ambient=ambient_celsius or {})
+    return Result({"rows": witnesses_of(verdict, model, measured, library or LIBRARY)})
+
+
+def witnesses_of(verdict, model, measured, library):
     """Which measurements agree with a verdict, contradict it, or are silent.
 
     1. Of each effect that the verdict names (or gives as the nearest explanation) every

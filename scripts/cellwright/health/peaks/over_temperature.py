@@ -6,8 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.statistics import NORMAL_95
+from cellwright.records import inputs
 from cellwright.records.conditions import REFERENCE_CELSIUS, same_rate
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 SIGMA_VOLT = 0.01  # all curves are smoothed alike, against the ripples of a chamber that swings
 SHIFT_TOLERANCE_VOLT = 0.04
@@ -269,6 +271,27 @@ class Charge(NamedTuple):
     c_rate: float
     voltage_volt: np.ndarray
     dq_dv_ampere_hour_per_volt: np.ndarray
+
+
+def ica_over_temperature(charges):
+    """Peaks of incremental capacity of one cell, matched across temperatures.
+
+    charges : `health.peaks.over_temperature.Charge` each, or (test, result of `ica`).
+
+    Returns rows: the matches; peaks, curves. Raises Refusal: fewer than two temperatures.
+    Source: docs/charge-temperature.md.
+    """
+
+    def charge_of(charge):
+        if isinstance(charge, Charge):
+            return charge
+        test, ica = inputs.test_facts(charge[0]), charge[1]
+        curve = ica.curve.voltage_volt, ica.curve.dq_dv_ampere_hour_per_volt
+        return Charge(test.test, test.ambient_temperature_celsius, ica.c_rate, *curve)
+
+    rows, peaks, curves, notes = peaks_over_temperature(list(map(charge_of, charges)))
+    tables = {"rows": rows, "peaks": peaks, "curves": curves}
+    return Result(tables, notes=tuple(notes))
 
 
 def peaks_over_temperature(

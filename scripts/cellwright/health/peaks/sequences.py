@@ -64,3 +64,16 @@ def _renamed(row, same):
     for later, first in same.items():
         event = event.replace(f"#{later} ", f"#{first} ")
     return row | {"identity": same.get(row["identity"], row["identity"]), "event": event}
+
+
+def count_before(own, tracked) -> float:
+    """Cycles between the own count of a record and that of the tracks, by which most charges meet.
+
+    Some charges have no peak, and so no track, and others no curve.
+
+    Parameters
+    ----------
+    own : (n,) cycles of the record's charges, by its own count. tracked : set of cycles.
+    """
+    counts = [0.0, *(cycle - own[0] for cycle in sorted(tracked))]
+    return float(max(counts, key=lambda before: len(tracked & {*(own + before)})))

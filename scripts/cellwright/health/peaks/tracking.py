@@ -21,6 +21,7 @@ from cellwright.records.conditions import (
     stated_or_reference,
 )
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 
 class TrackedCharge(NamedTuple):
@@ -62,8 +63,8 @@ class _Track(NamedTuple):
     seen: bool
 
 
-def tracked_peaks(charges, *, chemistry=""):
-    """Peaks of every charge of one cell under names that stay through its life.
+def ica_tracks(charges, *, chemistry=""):
+    """Peaks of dQ/dV of one cell under names that stay through its life.
 
     1. Charges of one rate and temperature form a sequence by cycle. 2. Each charge is aligned with
     the peaks known so far: one common shift, the order kept, squared distances over the stated
@@ -72,18 +73,12 @@ def tracked_peaks(charges, *, chemistry=""):
     with its charge nearest in cycle, aligned with a wider common shift. 4. A peak that is gone
     while the area of its neighbour has grown by its own is merged with it; the reverse is a split.
 
-    Parameters
-    ----------
-    charges : list of TrackedCharge of one cell. chemistry : proposes names, no more.
+    charges : `health.peaks.tracking.TrackedCharge` each.
+    chemistry : of the cell, for names alone.
 
-    Returns
-    -------
-    rows : list of dict as of stage `ica_tracks`, by rate, temperature and cycle, from low voltage;
-        one a peak of a charge, or one that is missing there (voltage NaN).
-
-    Raises
-    ------
-    Refusal : fewer than two charges, or no charge with a peak.
+    Returns rows, one a peak and charge, by rate, temperature and cycle, from low voltage; one that
+    is missing there has NaN as voltage. Raises Refusal: fewer than two charges, or no peak in any.
+    Source: docs/ica.md.
     """
     if len(charges) < 2:
         raise Refusal(f"{len(charges)} charge for dQ/dV; two are needed to follow peaks")
@@ -107,8 +102,8 @@ def tracked_peaks(charges, *, chemistry=""):
         known += [track for track in states[-1][1] if track.identity not in numbers]
         begun += states
     rows = joined_identities(rows, motion_volt)
-    names = names_of(_first_places(rows), chemistry)
-    return [_named(row, names) for row in rows]
+    names = names_of(_first_places(rows), chemistry or "")
+    return Result({"rows": [_named(row, names) for row in rows]})
 
 
 def _named(row, names):

@@ -25,8 +25,10 @@ from cellwright.laws.ocv.surface import (
     table_at,
 )
 from cellwright.laws.points import first_check_up
+from cellwright.records import inputs
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 
 class OverTemperature(NamedTuple):
@@ -44,6 +46,28 @@ class OverTemperature(NamedTuple):
     functions: list
     surface: object
     notes: tuple
+
+
+def ocv_over_temperature(curves=(), steps=()):
+    """Open-circuit voltage [V] of one cell over SoC and temperature.
+
+    curves : (test, result of `ocv`) each. steps : (test, result of `chamber_steps`) each.
+
+    Returns rows: the laws; map, entropic, surface, functions. Raises Refusal: fewer than two
+    temperatures. Source: thesis 3.1; docs/charge-temperature.md.
+    """
+    # Slow curves err by their polarisation, which differs between temperatures; rests at stepped
+    # temperatures are fewer. The surer of the two tells the entropic coefficient, both are tables.
+    slow = inputs.entries(curves, inputs.curves_of)
+    result = over_temperature(slow, inputs.entries(steps))
+    tables = {
+        "rows": law_rows(result),
+        "map": map_columns(result),
+        "entropic": entropic_columns(result),
+        "surface": surface_columns(result),
+        "functions": function_rows(result),
+    }
+    return Result(tables, notes=tuple(result.notes))
 
 
 def over_temperature(curves, step_rows):

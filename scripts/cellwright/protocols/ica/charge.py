@@ -6,6 +6,7 @@ from cellwright.numerics.statistics import robust_std
 from cellwright.protocols.ica.levels import rises
 from cellwright.protocols.ica.spline import PROMINENCE, curve_of, slope_of_charge, slope_peaks
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.series.steps import constant_current_end
 
 USUAL_SHARE = 0.02  # of a charge's current, by which it may be off its usual one
@@ -68,17 +69,19 @@ def charge_slope(voltage_volt, charge_ampere_hour):
     return curve_of(slope), slope
 
 
-def charge_peaks(slope, *, c_rate):
-    """Peaks of one charge as the columns of the stage `ica`.
+def ica_peaks(ica):
+    """Peaks of the incremental capacity of one charge: voltage [V], height [Ah/V], area [Ah].
 
-    slope : result of `charge_slope`.
-    c_rate : rate of the charge [1/h].
+    ica : result of `ica`.
 
-    Returns columns: dict of (k,) arrays. Raises Refusal: no peaks; a flat curve is typical of an
-    aged cell or a high rate.
+    Returns rows, (k,): voltage [V], height [Ah/V], area [Ah], width [V], each with its standard
+    deviation; doubt: where the charge was interrupted, and where its curve ends for another reason
+    than the charge itself. Raises Refusal: no peaks; a flat curve is typical of an aged cell or a
+    high rate. Source: docs/ica.md.
     """
-    columns = slope_peaks(slope)._asdict()
+    columns = slope_peaks(ica.slope)._asdict()
     count = len(columns["voltage_volt"])
     if not count:
-        raise Refusal(f"no peaks: dQ/dV at {c_rate:.3g}C is flat within {PROMINENCE:.0%}")
-    return {"c_rate": np.full(count, c_rate), "peak": np.arange(1, count + 1)} | columns
+        raise Refusal(f"no peaks: dQ/dV at {ica.c_rate:.3g}C is flat within {PROMINENCE:.0%}")
+    about = {"c_rate": np.full(count, ica.c_rate), "peak": np.arange(1, count + 1)}
+    return Result({"rows": about | columns | {"doubt": np.full(count, "; ".join(ica.notes))}})

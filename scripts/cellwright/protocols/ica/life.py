@@ -8,37 +8,27 @@ from cellwright.protocols.ica.charge import charge_slope, constant_current_charg
 from cellwright.protocols.ica.curve import Peaks
 from cellwright.protocols.ica.parts import parts_joined
 from cellwright.protocols.ica.spline import slope_peaks
+from cellwright.records import inputs
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 
-def peaks_of_life(
-    test_time_second,
-    current_ampere,
-    voltage_volt,
-    charge_ampere_hour,
-    steps,
-    cycles,
-    *,
-    most,
-):
-    """Peaks of dQ/dV of charges spread evenly over an ageing record.
+def ica_life(series, steps, cycles, *, most=30):
+    """Peaks of dQ/dV of charges spread evenly over one ageing record.
 
-    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) clean series [s], [A],
-        [V], [Ah].
-    steps : columns kind, first_row, last_row, cv_first_row, start_time_second, end_time_second,
-        current_mean_ampere, c_rate.
-    cycles : columns of stage `ageing_cycles`: cycle, direction, start_time_second, (k,) each.
+    cycles : result of `ageing_cycles`, or its columns.
     most : charges at most.
 
-    Returns rows, one a peak or a charge without; curves: columns of all charges; notes: sentences.
-    Raises Refusal: no complete charge, or none whose dQ/dV can be taken.
+    Returns rows, one a peak, or a charge without; curves: columns cycle, voltage [V], dQ/dV [Ah/V].
+    Raises Refusal: no complete charge, or none whose dQ/dV can be taken. Source: docs/ica.md.
     """
-    rows, curves, notes = [], [], []
-    record = test_time_second, current_ampere, voltage_volt, charge_ampere_hour
+    record = inputs.quantities(series, inputs.COUNTED)
+    cycles = inputs.columns(cycles, "cycle", "direction", "start_time_second")
+    steps, rows, curves, notes = inputs.steps(steps)._asdict(), [], [], []
     for cycle, part, words, rate in _charges_of_life(cycles, steps, record, most):
         notes += [f"cycle {cycle:g}: {said}" for said in words]
         try:
-            curve, slope = charge_slope(voltage_volt[part], charge_ampere_hour[part])
+            curve, slope = charge_slope(record[2][part], record[3][part])
         except Refusal as refusal:
             notes.append(f"cycle {cycle:g}: {refusal}")
             continue
@@ -51,7 +41,8 @@ def peaks_of_life(
         raise Refusal(f"no charge of the record has a dQ/dV: {notes[-1]}")
     names = ("cycle", "voltage_volt", "dq_dv_ampere_hour_per_volt")
     columns = (np.concatenate(column) for column in zip(*curves, strict=True))
-    return rows, dict(zip(names, columns, strict=True)), notes
+    tables = {"rows": rows, "curves": dict(zip(names, columns, strict=True))}
+    return Result(tables, notes=tuple(notes))
 
 
 def _charges_of_life(cycles, steps, record, most):

@@ -1,7 +1,5 @@
 """One spectrum, from the points that can be trusted to circuit, arcs and relaxation times."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.protocols.impedance.arcs import (
@@ -18,7 +16,6 @@ from cellwright.protocols.impedance.candidates import (
     widened,
 )
 from cellwright.protocols.impedance.circuits import (
-    THESIS,
     circuit_impedance,
     parse,
     parse_constraints,
@@ -27,6 +24,9 @@ from cellwright.protocols.impedance.course import Spectrum, follow, partner
 from cellwright.protocols.impedance.drt import peaks, relaxation_times
 from cellwright.protocols.impedance.fit import check, fit_circuit
 from cellwright.protocols.impedance.trust import DRIFT_TOLERANCE, trusted_points
+from cellwright.records import inputs
+from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.series.doubts import unlike_size
 from cellwright.settings import Impedance
 
@@ -49,53 +49,70 @@ def zero_crossing(frequency_hertz, impedance_ohm):
     return float(real[before] + share * (real[before + 1] - real[before]))
 
 
-class Analysis(NamedTuple):
-    """Results of one spectrum: `row` of stage `eis`; `curve`, `parameters`, `candidates`,
-    `distribution` and `processes` of the stages `eis_curve`, `eis_parameters`, `eis_candidates`,
-    `drt` and `drt_peaks`; `notes` for the report."""
-
-    row: dict
-    curve: dict
-    parameters: list
-    candidates: list
-    distribution: dict
-    processes: list
-    notes: tuple
+SPECTRUM = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")
 
 
-def analyse(
-    frequency_hertz,
-    impedance_ohm,
-    *,
-    temperature_celsius=None,
-    rated_capacity_ampere_hour=None,
-    together=None,
-    circuit=THESIS,
-    candidates=(),
-    choose=IMPEDANCE.choose,
-    inductance=IMPEDANCE.inductance,
-    drift_tolerance=DRIFT_TOLERANCE,
-    constraints=(),
-):
-    """Circuit fitted to the valid points of a spectrum, its tests and its relaxation times.
+def spectra_together(spectra, settings=None, **changes):
+    """Circuit that all spectra of a cell prefer, and its arc of charge transfer in each of them.
 
-    frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
-    temperature_celsius : (n,) of the cell during the spectrum [°C], where it was recorded.
-    rated_capacity_ampere_hour : [Ah], which the impedance is held against; None: it is not.
-    together : what the spectra of its cell say of it, rows of `followed`; None: it stands alone.
-    circuit : as in `fit_circuit`. constraints : on its parameters, see `parse_constraints`.
-    candidates : circuits to compare with it.
-    choose : "circuit" keeps `circuit`; "bic" or "cross_validation" take the best candidate.
-    inductance, drift_tolerance : as in `trusted_points`.
+    spectra : (test, spectrum) each, spectra as in `impedance`; of the tests count SoC, temperature
+        and cycle. One that `impedance` refuses takes no part.
+    settings : `settings.Impedance`.
 
-    Returns analysis: Analysis. Raises Refusal: as `fit_circuit` and `trusted_points`.
+    Returns rows, one a test and circuit, for `impedance`. Raises Refusal: no spectrum can be used.
+    Source: docs/impedance.md.
     """
-    frequency, impedance = np.asarray(frequency_hertz, float), np.asarray(impedance_ohm, complex)
-    about = {"inductance": inductance, "drift_tolerance": drift_tolerance}
-    spectrum, trusted = trusted_spectrum(frequency, impedance, **about)
-    fixed, tied = parse_constraints(constraints)
+    choice = inputs.settings_of(Impedance, settings, changes)._asdict()
+    inductance = choice.pop("inductance")
+    taken, notes = [], []
+    for test, spectrum in spectra:
+        about = inputs.test_facts(test)
+        made_at = {
+            "celsius": about.ambient_temperature_celsius,
+            "soc": about.soc,
+            "cycle": about.cycle,
+        }
+        try:
+            one = trusted_spectrum(*_complex(spectrum)[:2], inductance=inductance, **made_at)[0]
+        except Refusal as refusal:
+            notes.append(f"{about.test} takes no part: {refusal}")
+        else:
+            taken.append((about.test, one))
+    if not taken:
+        raise Refusal("; ".join(notes) or "there is no spectrum")
+    fixed, tied = parse_constraints(choice.pop("constraints"))
+    followed = follow([one for _, one in taken], **choice, fixed=fixed, tied=tied)
+    rows = [
+        {"test": test} | row
+        for (test, _), rows in zip(taken, followed, strict=True)
+        for row in rows
+    ]
+    return Result({"rows": rows}, notes=tuple(notes))
+
+
+def impedance(spectrum, settings=None, *, cell=None, doubt="", test=None, together=None, **changes):
+    """One spectrum analysed: Kramers-Kronig test, circuit fit, distribution of relaxation times.
+
+    spectrum : DataFrame or columns: frequency_hertz [Hz], impedance_real_ohm and
+        impedance_imaginary_ohm [ohm], (n,) each.
+    settings : `settings.Impedance`. cell : its rating is held against the impedance; None: it is
+        not. doubt : what its file says against it, as `read` gives it.
+    together : result of `spectra_together` or its rows, among them those of `test`; None: the
+        spectrum stands alone.
+
+    Returns rows, the row of stage `eis`; curve, parameters, candidates, distribution and processes:
+    of the fit, the tests and the relaxation times. Raises Refusal: an unknown circuit, too few
+    points, or none that can be trusted; `test` is not among the spectra together.
+    Source: thesis 3.2; docs/impedance.md.
+    """
+    settings = inputs.settings_of(Impedance, settings, changes)
+    frequency, impedance, columns = _complex(spectrum)
+    together = None if together is None else _of_test(together, test)
+    spectrum, trusted = trusted_spectrum(frequency, impedance, inductance=settings.inductance)
+    fixed, tied = parse_constraints(settings.constraints)
     if together is None:
-        about = {"circuit": circuit, "candidates": candidates, "choose": choose}
+        names = ("circuit", "candidates", "choose")
+        about = {name: getattr(settings, name) for name in names}
         (together,) = follow([spectrum], **about, fixed=fixed, tied=tied)
     compared = _again(spectrum.points, together, fixed=fixed, tied=tied)
     chosen, preferred = (
@@ -107,30 +124,53 @@ def analyse(
         fit = widened(fit, len(spectrum.frequency_hertz))
     others = [each for k, each in enumerate(compared) if k != chosen and each.fit is not None]
     distribution, off_course = relaxation_times(*spectrum.points), together[chosen]["off_course"]
-    row = _row(fit, frequency, impedance, trusted, hertz) | _temperature(temperature_celsius)
-    if choose != "circuit":
+    row = _row(fit, frequency, impedance, trusted, hertz) | _temperature(
+        columns.get("surface_temperature_celsius")
+    )
+    if settings.choose != "circuit":
         shares = [(each.fit, part["weight"]) for each, part in zip(compared, together, strict=True)]
         row |= shared_deviations(fit, hertz, shares)
     said = (
-        _of_size(impedance, rated_capacity_ampere_hour),
+        _of_size(impedance, None if cell is None else inputs.rating(cell)),
         doubt_of(fit, trusted.rms, [each.fit for each in others], hertz, row),
         off_course,
     )
     row["doubt"] = "; ".join(filter(None, said))
     row["charge_transfer_told"] &= not off_course
     row["preferred_circuit"] = compared[preferred].fit.circuit
-    return Analysis(
-        row=row,
-        curve=_curve(fit, frequency, impedance, trusted),
-        parameters=_parameters(fit),
-        candidates=_candidates(compared, together),
-        distribution={
+    notes = tuple(_notes(row, fit, trusted, spectrum.frequency_hertz, off_course))
+    row["doubt"] = "; ".join(filter(None, (doubt, row["doubt"])))
+    tables = {
+        "rows": [row],
+        "curve": _curve(fit, frequency, impedance, trusted),
+        "parameters": _parameters(fit),
+        "candidates": _candidates(compared, together),
+        "distribution": {
             "tau_second": distribution.tau_second,
             "gamma_ohm": distribution.gamma_ohm,
         },
-        processes=peaks(distribution),
-        notes=tuple(_notes(row, fit, trusted, spectrum.frequency_hertz, off_course)),
-    )
+        "processes": peaks(distribution),
+    }
+    return Result(tables, notes=notes)
+
+
+def _complex(spectrum):
+    """Frequency (n,) [Hz], impedance (n,) complex [Ω] and all columns of a spectrum."""
+    columns = inputs.columns(spectrum, *SPECTRUM)
+    frequency, real, imaginary = (columns[name] for name in SPECTRUM)
+    # The imaginary part has its sign: capacitive arcs are negative.
+    return frequency, real + 1j * imaginary, columns
+
+
+def _of_test(together, test):
+    """Rows of one test among the spectra together."""
+    rows = inputs.rows(together)
+    name = None if test is None else inputs.test_facts(test).test
+    found = [row for row in rows if row["test"] == name]
+    if not found:
+        known = ", ".join(dict.fromkeys(row["test"] for row in rows))
+        raise Refusal(f"no spectrum {name} among those together: {known}; `test` names it")
+    return found
 
 
 def trusted_spectrum(

@@ -5,8 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.statistics import rms
+from cellwright.records import inputs
 from cellwright.records.conditions import at_rest_in_record
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.settings import Impedance
 
 IMPEDANCE = Impedance()
@@ -130,6 +132,33 @@ def _notes(frequency, order, dropped, cut, with_them):
             f"{int(cut.sum())} points above {frequency[cut].min():.3g} Hz left out of the fit: "
             "inductance of the leads"
         )
+
+
+def thermometer(spectra, series):
+    """Offset [K] between the temperature in a cell's spectra and that of its other records at rest.
+
+    spectra : (test, result of `impedance`, or its row) each. series : (test, series) each.
+
+    Returns rows, one a chamber temperature: the offset [K], NaN without either reading.
+    Source: docs/impedance.md.
+    """
+
+    def around(test):
+        return inputs.test_facts(test).ambient_temperature_celsius
+
+    read = [
+        (around(test), inputs.rows(getattr(entry, "rows", [entry]))[0]["temperature_celsius"])
+        for test, entry in spectra
+    ]
+    # Of spectra the instrument's reading, of series that at rest, when the cell is as warm as the
+    # chamber: what differs is the thermometer, and would shift every law over temperature.
+    names = ("test_time_second", "current_ampere", "surface_temperature_celsius")
+    at_rest = [
+        (around(test), rested_temperature(*[inputs.columns(entry).get(name) for name in names]))
+        for test, entry in series
+    ]
+    rows, notes = temperature_offsets(read, at_rest)
+    return Result({"rows": rows}, notes=tuple(notes))
 
 
 def rested_temperature(test_time_second, current_ampere, temperature_celsius):

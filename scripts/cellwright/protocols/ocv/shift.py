@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from cellwright.records import inputs
 from cellwright.records.conditions import in_first_checkup, same_rate
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.series.steps import constant_current_end
 
 GRID = np.linspace(0.0, 1.0, 41)
@@ -39,14 +41,19 @@ def ocv_shift(earlier, later):
     return {"soc": GRID, "shift_volt": (moved[0] + moved[1]) / 2, "shift_std_volt": std}
 
 
-def shifts_since_first(records):
-    """Shift of the OCV of every later check-up against the first.
+def ocv_shifts(tests):
+    """Shift of the OCV [V] of a cell since its first check-up, from charges and discharges alike.
 
-    records : list of (test, cycle, record), each record as of `ocv_shift`.
+    tests : (test, series, result of `segment`) each, of capacity tests at several `cycle`s.
 
-    Returns rows: list of dict: cycle, soc, shift_volt, shift_std_volt, test, reference_test;
-    notes: list of str, what could not be compared and why.
+    Returns rows, one a later test and SoC: cycle, soc [1], shift_volt, shift_std_volt [V], test,
+    reference_test. What cannot be compared is in the notes. Source: docs/state-of-charge.md.
     """
+    records = []
+    for test, series, steps in tests:
+        facts, counted = inputs.test_facts(test), inputs.quantities(series, inputs.COUNTED)
+        # A test without a stated cycle is of the fresh cell, with which the others are compared.
+        records.append((facts.test, facts.cycle or 0.0, (*counted[1:], inputs.steps(steps))))
     is_first = in_first_checkup([cycle for _, cycle, _ in records])
     references = [entry for entry, first in zip(records, is_first, strict=True) if first]
     rows, notes = [], []
@@ -60,7 +67,7 @@ def shifts_since_first(records):
         facts = {"cycle": float(cycle), "test": test, "reference_test": of}
         values = zip(*(column.tolist() for column in shift.values()), strict=True)
         rows += [facts | dict(zip(shift, row, strict=True)) for row in values]
-    return rows, notes
+    return Result({"rows": rows}, notes=tuple(notes))
 
 
 def _first_comparable(references, record):

@@ -11,8 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols import Found
+from cellwright.records import inputs
+from cellwright.records.basis import state_of_charge
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 LEAST_PLATEAU_SECOND = 1200.0  # of steady temperature; a shorter one is not read
 LEAST_REFERENCE_SECOND = 7200.0  # by which a relaxation can be carried on (thesis 3.3: 10 h)
@@ -136,6 +138,26 @@ def _exponential_fit(tau, seen, volt, wanted):
 PLATEAU_KELVIN = 1.0  # plateaus so near to the first are at its temperature again
 
 
+def chamber_steps(series, steps, basis, test, cell):
+    """Shifts [V] of the open-circuit voltage in rests while the chamber temperature steps.
+
+    series : with surface_temperature_celsius [°C].
+
+    Returns rows, one a plateau: shift [V] and its uncertainty, temperatures [°C], SoC [1]. Raises
+    Refusal: no rest with two steady temperatures. Source: thesis 3.3; docs/charge-temperature.md.
+    """
+    # The shift of the OCV by temperature changes its sign over SoC, so that must be known.
+    columns, anchored = inputs.columns(series), state_of_charge(series, basis, test, cell)
+    shifts = chamber_shifts(
+        *inputs.quantities(columns, ("test_time_second", "voltage_volt")),
+        cell_temperature(columns),
+        anchored.soc,
+        inputs.steps(steps),
+    )
+    notes = (f"SoC: {anchored.anchor}", *shifts.notes)
+    return Result({"rows": shifts.rows}, notes=notes)
+
+
 def chamber_shifts(
     test_time_second,
     voltage_volt,
@@ -160,7 +182,7 @@ def chamber_shifts(
     settled_kelvin_per_hour : the cell has reached a temperature when it moves slower [K/h].
     skip_second : what of a rest's beginning takes no part in the extrapolation [s].
 
-    Returns found: Found; rows of stage `ocv_step`, one a plateau; reference_volt is extrapolated
+    Returns rows of stage `ocv_step`, one a plateau; reference_volt is extrapolated
     for the first temperature. Raises Refusal: no rest in which the temperature steps; each with its
     reason.
 
@@ -186,7 +208,7 @@ def chamber_shifts(
         rows += [{"rest": number, "soc": level} | row for row in shifts]
     if not rows:
         raise Refusal("; ".join(left_out) or "no rest in the record")
-    return Found(rows, tuple(left_out))
+    return Result({"rows": rows}, notes=tuple(left_out))
 
 
 def cell_temperature(series):

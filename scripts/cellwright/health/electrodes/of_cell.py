@@ -1,7 +1,18 @@
 """Degradation modes and losses of plateaus of one cell, from its slow curves."""
 
-from cellwright.api import inputs, results
+from cellwright.health.electrodes import mode_rows, modes, plateaus, slow_curves
+from cellwright.health.electrodes.alignment import Pair, chosen_pair
+from cellwright.health.electrodes.half_cells import CHEMISTRIES, half_cell
+from cellwright.health.electrodes.slow_curves import (
+    alike,
+    growth,
+    need_two,
+    rest_curve,
+    slow_curve,
+)
+from cellwright.records import inputs
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 
 
 def degradation_modes(
@@ -27,11 +38,6 @@ def degradation_modes(
     standard deviations, NaN and a reason where the curve does not tell. Raises Refusal: fewer than
     two check-ups, no half cells, or half cells that do not fit. Source: docs/health-modes.md.
     """
-    from cellwright.health.electrodes import mode_rows
-    from cellwright.health.electrodes.alignment import chosen_pair
-    from cellwright.health.electrodes.modes import degradation_modes as modes_of
-    from cellwright.health.electrodes.slow_curves import alike, growth, need_two, rest_curve
-
     facts, slow, refused, notes = _slow_curves(cell, tests)
     points = [(inputs.test_facts(test), inputs.columns(table)) for test, table in rests]
     at_rest = _curves_of(points, rest_curve, refused, cell=facts.cell)
@@ -47,11 +53,11 @@ def degradation_modes(
     pairs = _pairs(chemistry, half_cells)
     # Half cells of a chemistry differ between makers: all pairs that fit bound the error by choice.
     fitting = chosen_pair(own, pairs)
-    found = modes_of(own, fitting[0][0], others=[pair for pair, _ in fitting[1:]])
+    found = modes.degradation_modes(own, fitting[0][0], others=[pair for pair, _ in fitting[1:]])
     rows = mode_rows.mode_rows(found, fitting[0][0], own)
     words = mode_rows.notes(found, fitting, given=None not in half_cells)
     words += [f"the last check-up {rows[-1]['doubt']}"] if rows[-1]["doubt"] else []
-    return results.Result({"rows": rows}, notes=(*words, *notes, *left_out, *growth(own)))
+    return Result({"rows": rows}, notes=(*words, *notes, *left_out, *growth(own)))
 
 
 def plateau_losses(tests, cell):
@@ -63,13 +69,10 @@ def plateau_losses(tests, cell):
     first curve without plateaus.
     Source: thesis 4.3; docs/health-modes.md.
     """
-    from cellwright.health.electrodes.plateaus import plateau_losses as losses_of
-    from cellwright.health.electrodes.slow_curves import growth, need_two
-
     facts, slow, refused, notes = _slow_curves(cell, tests)
     own, left_out = _by_check_up(slow, refused)
     need_two(own, facts.cell)
-    return results.Result({"rows": losses_of(own)}, notes=(*notes, *left_out, *growth(own)))
+    return Result({"rows": plateaus.plateau_losses(own)}, notes=(*notes, *left_out, *growth(own)))
 
 
 def _slow_curves(cell, tests):
@@ -78,8 +81,6 @@ def _slow_curves(cell, tests):
     A cut-off that is not stated is the lowest or highest voltage of all tests: one that does not
     reach it is no full one.
     """
-    from cellwright.health.electrodes.slow_curves import slow_curve
-
     # Charges of a wider window would hold more lithium without any having been lost.
     facts, tests, notes = inputs.cell_facts(cell), inputs.tests(tests), []
     voltages = [test.series["voltage_volt"] for test in tests]
@@ -109,9 +110,8 @@ def _curves_of(pairs, curve_of, refused, **options):
 
 def _by_check_up(curves, refused):
     """Curves by check-up, and what was left out: also check-ups without any slow curve."""
-    from cellwright.health.electrodes.slow_curves import check_ups
 
-    chosen, left_out = check_ups(curves)
+    chosen, left_out = slow_curves.check_ups(curves)
     # A faster charge that was passed over is no news where the same check-up has a slow one.
     seen = {curve.cycle for curve in curves}
     without = [why for cycle, why in refused.items() if cycle not in seen]
@@ -120,8 +120,6 @@ def _by_check_up(curves, refused):
 
 def _pairs(chemistry, half_cells):
     """Pairs of half cells to try: those given, else the chemistry's."""
-    from cellwright.health.electrodes.alignment import Pair
-    from cellwright.health.electrodes.half_cells import CHEMISTRIES, half_cell
 
     known = CHEMISTRIES.get(str(chemistry).upper())
     if known is None and None in half_cells:

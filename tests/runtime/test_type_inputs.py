@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from contract_rows import row_of
 
-from runtime import lending
+from runtime import type_inputs
 
 PEAK = row_of("ica", c_rate=0.1)
 
@@ -19,7 +19,7 @@ TEST = {"ambient_temperature_celsius": 25.0, "cycle": None}
 
 
 CURVE = {name: [0.0, 1.0] for name in row_of("ica_curve")}
-NOTHING = lending.ShownPaths([], [], [], [])
+NOTHING = type_inputs.ShownPaths([], [], [], [])
 
 
 @pytest.fixture
@@ -54,8 +54,8 @@ def test_only_discharges_from_full_tell_the_onset(write):
     ]
     curves = [write(f"results/stages/ica_curve/A/{name}.parquet", CURVE) for name in "tu"]
     model = write("results/stages/identify/A.json", {"chosen": "1RC"})
-    paths = lending.ShownPaths(peaks, curves, onset, [])
-    found = lending.cell_shows(basis, model, paths, ["A"])
+    paths = type_inputs.ShownPaths(peaks, curves, onset, [])
+    found = type_inputs.cell_shows(basis, model, paths, ["A"])
     assert found.onset_ohm == {10.0: 0.04, 0.0: 0.02}
     assert found.begin_ohm == {10.0: 0.07}
     assert found.peaks == [{"test": "t", **TEST, **PEAK}]
@@ -72,15 +72,15 @@ def test_a_cell_is_shown_as_at_its_first_check_up(write):
         write("results/stages/onset/A/new.parquet", [pulse(0.04)]),
     ]
     basis = write("results/stages/basis/A.json", {"cell": "A", "capacity_ampere_hour": 2.0})
-    found = lending.cell_shows(basis, None, NOTHING._replace(onset=onset), [])
+    found = type_inputs.cell_shows(basis, None, NOTHING._replace(onset=onset), [])
     assert found.onset_ohm == {10.0: 0.04}
 
 
 def test_a_cell_without_a_model_of_its_own(write):
     basis = write("results/stages/basis/A.json", {"cell": "A", "capacity_ampere_hour": 2.0})
-    assert lending.cell_shows(basis, None, NOTHING, []).model is None
+    assert type_inputs.cell_shows(basis, None, NOTHING, []).model is None
     refused = write("results/stages/identify/B.json", "no OCV curve")
-    found = lending.cell_shows(basis, refused, NOTHING, ["B"])
+    found = type_inputs.cell_shows(basis, refused, NOTHING, ["B"])
     assert (found.model, found.marked, found.onset_ohm) == (None, False, {})
     assert np.array_equal(found.peaks, [])
 
@@ -97,7 +97,7 @@ def test_paths_of_each_peer_stay_together_and_peers_without_a_model_are_left_out
         peer_onset = ("results/stages/onset/AB/A.parquet",)
         peer_curves = peer_capacity = ()
 
-    first, second = lending.peer_paths(Inputs)
+    first, second = type_inputs.peer_paths(Inputs)
     assert first[:2] == ("results/stages/basis/A.json", "results/stages/identify/A.json")
     assert first[2] == NOTHING._replace(peaks=["results/stages/ica/A/x.parquet"])
     of_second = {
@@ -121,6 +121,6 @@ def test_cells_that_are_judged_have_a_model_in_use(write):
         peer_peaks = peer_curves = peer_onset = peer_capacity = series = ()
         own = ("results/models/J1.json", "results/models/J2.json")
 
-    (found,) = lending.judged_cells(Inputs, [], {name: {"cell": name} for name in ("J1", "J2")})
+    (found,) = type_inputs.judged_cells(Inputs, [], {name: {"cell": name} for name in ("J1", "J2")})
     assert (found.shown.model, found.own) == ({"chosen": "1RC"}, {"chosen": "2RC"})
     assert (found.facts.cell, found.tests) == ("J1", ())

@@ -1,10 +1,11 @@
-"""Arguments of the public interface as the science takes them: columns, rows, facts, settings."""
+"""Arguments of public steps as the science takes them: columns, rows, facts, settings."""
 
 from collections.abc import Mapping
 
 from cellwright import gate
 from cellwright.records.facts import BranchFacts, CellFacts, MeasuredTest, TestFacts
 from cellwright.refusal import Refusal
+from cellwright.series.steps import Steps
 
 # Every record has these; a clean one is also counted, since an instrument's own counter may be
 # reset within a test.
@@ -12,7 +13,6 @@ NAMES = ("test_time_second", "current_ampere", "voltage_volt")
 COUNTED = (*NAMES, "charge_ampere_hour")
 CUTOFFS = ("lower_cutoff_volt", "upper_cutoff_volt")
 # Fields by which a document is known for what it is: any JSON file has the right suffix.
-MODEL = ("cell", "capacity_ampere_hour", "ocv", "members", "chosen")
 BASIS = ("capacity_ampere_hour", "ocv")
 
 
@@ -75,26 +75,7 @@ def table_of(kind, table):
 
 def steps(table):
     """Steps of a record from the result of `segment`, a DataFrame or a mapping of its columns."""
-    from cellwright.series.steps import Steps
-
     return table_of(Steps, table)
-
-
-def repeats(table):
-    """Repeats of the tests of a cell from the result of `repeats`, or its columns; None: none."""
-    from cellwright.records.repeats import Repeats
-
-    table = getattr(table, "rows", table)
-    return None if table is None else table_of(Repeats, table)
-
-
-# One measurement in two tests would count twice in every fit and every error.
-def elsewhere(table, test, cut):
-    """Name of the test in which each step of a test counts, see `repeats.steps_elsewhere`."""
-    from cellwright.records.repeats import steps_elsewhere
-
-    found = repeats(table)
-    return None if found is None else steps_elsewhere(found, test_facts(test).test, steps(cut))
 
 
 def rows(table) -> list[dict]:
@@ -129,6 +110,16 @@ def entries(table, fields=rows) -> list[dict]:
         facts, names = test_facts(pair[0]), ("test", "ambient_temperature_celsius", "cycle")
         dated += [{name: getattr(facts, name) for name in names} | r for r in fields(pair[1])]
     return dated
+
+
+def curves_of(result):
+    """The OCV curve of a result as plain lists; of rests with the source of its capacity."""
+    curve = {
+        name: value.tolist() if hasattr(value, "tolist") else value
+        for name, value in result.curve._asdict().items()
+    }
+    source = getattr(result, "capacity_source", None)
+    return [curve if source is None else curve | {"capacity_source": source}]
 
 
 def cell_facts(cell):
@@ -191,33 +182,7 @@ def content(document):
     # A step may give tables only: then the result itself is no document.
     inner = getattr(document, "content", None)
     inner = document if inner is None else inner
-    return json_of_file(inner) if _is_path(inner) else inner
-
-
-def model(document, *, cell=None):
-    """Content of a model: of a result, a document, or the path of results/models/<cell>.json.
-
-    Of a document that holds the models of a group that of `cell`. Anything else than a model is
-    refused with what it is, and a model that cannot be simulated with what is wrong in it.
-    """
-    from cellwright.circuits.model_check import refuse_unusable
-    from cellwright.circuits.model_file import model_of
-
-    found = content(document)
-    if cell is not None and isinstance(found, Mapping):
-        found = model_of(found, cell)
-    wanted = "a model: a result of `identify` or `finish_model`, or its results/models/<cell>.json"
-    found = _with_fields(document, found, MODEL, wanted)
-    refuse_unusable(found)
-    return found
-
-
-def models(documents) -> list:
-    """Content of each of several models, see `model`; one document instead is refused."""
-    # A dict is iterable: its keys would be taken for models, and the message be about a text.
-    if _is_path(documents) or isinstance(getattr(documents, "content", documents), Mapping):
-        raise Refusal(f"found {_in_words(documents)}, wanted a list of models, one a cell")
-    return [model(document) for document in documents]
+    return json_of_file(inner) if is_path(inner) else inner
 
 
 def basis(document):
@@ -226,18 +191,18 @@ def basis(document):
     Anything else is refused with what it is.
     """
     wanted = "a result of `basis`, its results/stages/basis/<cell>.json, or a model"
-    return _with_fields(document, content(document), BASIS, wanted)
+    return with_fields(document, content(document), BASIS, wanted)
 
 
-def _with_fields(document, found, fields, wanted):
+def with_fields(document, found, fields, wanted):
     """`found`, refused where it has not these fields; `document` is what the user gave."""
     if isinstance(found, Mapping) and all(name in found for name in fields):
         return found
-    place = f"{document}: " if _is_path(document) else ""
-    raise Refusal(f"{place}found {_in_words(found)}, wanted {wanted}")
+    place = f"{document}: " if is_path(document) else ""
+    raise Refusal(f"{place}found {in_words(found)}, wanted {wanted}")
 
 
-def _in_words(document):
+def in_words(document):
     """What a document is: its schema, else its first five fields, else its type."""
     if not isinstance(document, Mapping):
         return "nothing" if document is None else f"a {type(document).__name__}"
@@ -248,7 +213,8 @@ def _in_words(document):
     return f"a document of {', '.join(names[:5]) or 'nothing'}{more}"
 
 
-def _is_path(given):
+def is_path(given):
+    """Whether something given is the path of a file, as text or as a path."""
     return isinstance(given, str) or hasattr(given, "__fspath__")
 
 
