@@ -1,32 +1,11 @@
 """Knee of a life: whether its fade turns steeper within a short part of it, and where."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.health.fade import LEAST_LOSS, SMOOTH, TWO_STAGE, courses, law_at
 
 LEAST_RATIO = 2.0  # of the fade after a knee to that before it
-
-
-class Knee(NamedTuple):
-    """Knee of a life.
-
-    found : whether there is one. cycle, lower_cycle, upper_cycle : middle of the bend, and its
-    95 % interval, which holds the bend from 5 to 95 % of its change of slope and the point by the
-    other definition; NaN where none is told. chord_cycle : that point, furthest from the chord of
-    the course (Kneedle). ratio : fade after over before. log_evidence : of two stages against the
-    best smooth law. reason : why none.
-    """
-
-    found: bool
-    cycle: float
-    lower_cycle: float
-    upper_cycle: float
-    chord_cycle: float
-    ratio: float
-    log_evidence: float
-    reason: str
+PLACES = ("knee_cycle", "knee_lower_cycle", "knee_upper_cycle", "knee_chord_cycle")
 
 
 def knee_of(fade, drawn, *, least_log_evidence, level=0.95):
@@ -45,7 +24,12 @@ def knee_of(fade, drawn, *, least_log_evidence, level=0.95):
 
     Returns
     -------
-    knee : Knee.
+    knee : dict, columns of the row of artefact `life`; NaN where none is told. knee_cycle,
+        knee_lower_cycle, knee_upper_cycle : middle of the bend, and its 95 % interval, which holds
+        the bend from 5 to 95 % of its change of slope and the point by the other definition.
+        knee_chord_cycle : that point, furthest from the chord of the course (Kneedle). knee_ratio :
+        fade after over before. knee_log_evidence : of two stages against the best smooth law.
+        knee_reason : why none.
 
     Source: two lines with a smooth bend: P. Fermín-Cueto et al., Energy and AI 1 (2020) 100006,
     after D. W. Bacon, D. G. Watts, Biometrika 58 (1971) 525; furthest from the chord: V. Satopää
@@ -80,21 +64,18 @@ def knee_of(fade, drawn, *, least_log_evidence, level=0.95):
     at = (places[:, 0] + spread * random.uniform(-1, 1, len(places))) * fade.points.cycle[-1]
     chord = _furthest_from_chord(fade, drawn)
     lower, upper = np.quantile(at, [(1 - level) / 2, (1 + level) / 2])
-    middle = float(np.median(places[:, 0]) * fade.points.cycle[-1])
-    return Knee(
-        True,
-        middle,
-        float(min(lower, chord)),
-        float(min(max(upper, chord), fade.points.cycle[-1])),
-        chord,
-        float(np.median(ratios)),
-        float(evidence),
-        "",
-    )
+    middle, last = float(np.median(places[:, 0]) * fade.points.cycle[-1]), fade.points.cycle[-1]
+    found = (middle, float(min(lower, chord)), float(min(max(upper, chord), last)), chord)
+    return _row(found, float(np.median(ratios)), evidence, "")
 
 
 def _none(evidence, reason):
-    return Knee(False, *[np.nan] * 5, float(evidence), f"no knee: {reason}")
+    return _row([np.nan] * len(PLACES), np.nan, evidence, f"no knee: {reason}")
+
+
+def _row(places, ratio, evidence, reason):
+    told = {"knee_ratio": ratio, "knee_log_evidence": float(evidence), "knee_reason": reason}
+    return dict(zip(PLACES, places, strict=True)) | told
 
 
 def _place(terms):

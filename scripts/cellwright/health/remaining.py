@@ -1,31 +1,12 @@
 """Cycles that remain until a share of the capacity is left, with an interval."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cellwright.health.fade import LEAST_LOSS, courses, recovery
 
 HORIZON = 6.0  # lives so far, up to which a course is carried forward
-
-
-class Remaining(NamedTuple):
-    """Cycles from the last one until the end of life, and at which cycle that is.
-
-    cycles, lower, upper : median and 95 % interval; NaN where not knowable (upper alone: beyond
-    what can be carried forward). end_cycle : where it is, or was reached. reached : whether the
-    life has reached it. soh, soh_std : capacity at the last cycle over that at the start [1].
-    reason : what is not known, and why.
-    """
-
-    cycles: float
-    lower: float
-    upper: float
-    end_cycle: float
-    reached: bool
-    soh: float
-    soh_std: float
-    reason: str
+CYCLES = ("remaining_cycles", "remaining_lower_cycles", "remaining_upper_cycles")
+CYCLES += ("end_of_life_cycle", "end_of_life_reached", "remaining_reason")
 
 
 def remaining_of(fade, drawn, knee, *, end_of_life, level=0.95):
@@ -40,12 +21,17 @@ def remaining_of(fade, drawn, knee, *, end_of_life, level=0.95):
 
     Parameters
     ----------
-    fade : fade.Fade. drawn : fade.Draws. knee : knee.Knee. end_of_life : share of the capacity
-    by the course at the first cycle [1]. level : of the interval.
+    fade : fade.Fade. drawn : fade.Draws. knee : of `knee.knee_of`. end_of_life : share of the
+    capacity by the course at the first cycle [1]. level : of the interval.
 
     Returns
     -------
-    remaining : Remaining.
+    remaining : dict, columns of the row of artefact `life`. soh, soh_std : capacity at the last
+        cycle over that at the start [1]. remaining_cycles, remaining_lower_cycles,
+        remaining_upper_cycles : from the last cycle until the end of life, median and 95 %
+        interval; NaN where not knowable (upper alone: beyond what can be carried forward).
+        end_of_life_cycle : where it is, or was reached. end_of_life_reached : whether the life has
+        reached it. remaining_reason : what is not known, and why.
 
     Source: the chance of a knee: J. R. Gott, Nature 363 (1993) 315 (no scale but the time so far);
     ratios: P. M. Attia et al., J. Electrochem. Soc. 169 (2022) 060517.
@@ -56,34 +42,34 @@ def remaining_of(fade, drawn, knee, *, end_of_life, level=0.95):
     target = end_of_life * start
     last = float(points.cycle[-1])
     median = np.median(courses(drawn, points.share), axis=0) + recovery(fade)
-    unknown = Remaining(np.nan, np.nan, np.nan, np.nan, False, soh, soh_std, "")
+
+    def row(cycles, end, reason="", *, reached=False):
+        numbers = dict(zip(CYCLES, (*cycles, end, reached, reason), strict=True))
+        return {"soh": soh, "soh_std": soh_std} | numbers
+
+    unknown = [np.nan] * 3
     if np.mean(now <= target) > (1 + level) / 2:
         below = np.flatnonzero(median <= np.median(target))
         at = float(points.cycle[below[0]]) if len(below) else last
-        return Remaining(0.0, 0.0, 0.0, at, True, soh, soh_std, "")
+        return row([0.0] * 3, at, reached=True)
     lost = median.max() - np.median(now)
     if np.median(now) > median[0] + max(LEAST_LOSS, 2 * soh_std) / 2:
-        return unknown._replace(
-            reason=f"capacity grows ({100 * (soh - 1):+.1f} %): no fade to carry forward"
-        )
+        words = f"capacity grows ({100 * (soh - 1):+.1f} %): no fade to carry forward"
+        return row(unknown, np.nan, words)
     if lost < LEAST_LOSS:
-        return unknown._replace(
-            reason=f"{100 * lost:.1f} % lost so far, less than {100 * LEAST_LOSS:g} %: "
-            "remaining cycles are not knowable"
-        )
+        words = f"{100 * lost:.1f} % lost so far, less than {100 * LEAST_LOSS:g} %"
+        return row(unknown, np.nan, f"{words}: remaining cycles are not knowable")
     crossing = _crossings(drawn, now, target, knee, np.random.default_rng(1))
     limits = [(1 - level) / 2, 0.5, (1 + level) / 2]
     low, middle, high = np.quantile(crossing, limits, method="inverted_cdf")
-    if not np.isfinite(middle):
-        return unknown._replace(
-            lower=float(low * last) if np.isfinite(low) else np.nan,
-            reason=f"more than half of the laws do not get there within {HORIZON:g} lives so far",
-        )
-    open_end = "" if np.isfinite(high) else f"no upper limit within {HORIZON:g} lives so far"
     cycles = [
         float(value * last) if np.isfinite(value) else np.nan for value in (middle, low, high)
     ]
-    return Remaining(*cycles, last + cycles[0], False, soh, soh_std, open_end)
+    if np.isnan(cycles[0]):
+        words = f"more than half of the laws do not get there within {HORIZON:g} lives so far"
+        return row([np.nan, cycles[1], np.nan], np.nan, words)
+    open_end = "" if np.isfinite(high) else f"no upper limit within {HORIZON:g} lives so far"
+    return row(cycles, last + cycles[0], open_end)
 
 
 def _state(fade, drawn):
@@ -117,7 +103,7 @@ def _crossings(drawn, now, target, knee, random):
     slope = random.normal(0.0, 0.35, count)
     # A power of the cycle ratio: the law of the past holds less the further ahead.
     steps = steps * middle[None, :] ** slope[:, None]
-    if not knee.found:
+    if np.isnan(knee["knee_cycle"]):
         place = 1 / random.uniform(0.0, 1.0, count)
         faster = np.exp(random.uniform(*np.log((1.5, 12.0)), count))
         steps = steps * np.where(middle[None, :] > place[:, None], faster[:, None], 1.0)
