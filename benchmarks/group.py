@@ -236,17 +236,17 @@ def _liionpack(cells, wiring, time, load, bar):
 
 def _stepped(cells, wiring, time, load, solved):
     """Currents and voltages of all steps, each step's network solved by `solved`."""
-    capacity = 3600.0 * cells.capacity_ampere_hour
+    tables, capacity = cells.tables, 3600.0 * cells.capacity_ampere_hour
     share, total = cells.capacity_ampere_hour / cells.capacity_ampere_hour.sum(), 0.0
     soc, relaxed, current = np.full(CELLS, 0.8), np.zeros(CELLS), np.zeros(CELLS)
-    old, tau = _at(cells.r_ohm, soc)[0], cells.tau_second[0, :, 0, 0]
+    old, tau = _at(tables["r_ohm"], soc)[0], tables["tau_second"][0, :, 0, 0]
     found = np.empty((2, len(time), CELLS))
     for k, step in enumerate(np.diff(time, prepend=time[0])):
         ramp, total = share * (load[k] - total), load[k]
         guess, charge = current + ramp, step / capacity
         ahead = soc + charge * (guess - 0.5 * ramp)
         (ocv, slope), (r0, _), (r, _) = (
-            _at(table, ahead) for table in (cells.ocv_volt, cells.r0_ohm, cells.r_ohm)
+            _at(table, ahead) for table in (tables["ocv_volt"], tables["r0_ohm"], tables["r_ohm"])
         )
         decay, before, after = lag_weights(np.full(CELLS, step), tau, hold="first_order")
         steep, lagged = np.maximum(slope, 0.0) * charge, before * old + after * r

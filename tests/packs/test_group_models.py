@@ -150,13 +150,13 @@ def noisy(seed):
 
 def whole(fit):
     """Resistance in the long run of each cell (cells, p) [ohm]."""
-    return fit.cells.r0_ohm[0, :, 0] + fit.cells.r_ohm[0, :, 0]
+    return fit.cells.tables["r0_ohm"][0, :, 0] + fit.cells.tables["r_ohm"][0, :, 0]
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_of_the_sensors_does_not_make_resistances_smaller(seed):
     (time, current), volt = noisy(seed)
-    true = (TRUE.r0_ohm[0, :, 0] + TRUE.r_ohm[0, :, 0]).mean()
+    true = (TRUE.tables["r0_ohm"][0, :, 0] + TRUE.tables["r_ohm"][0, :, 0]).mean()
     plain, told = (
         whole(identify_branches(time, current, volt, tau_second=(300.0,), noise_ampere=noise))
         for noise in (0.0, NOISE_AMPERE)

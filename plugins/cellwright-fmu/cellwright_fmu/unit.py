@@ -11,8 +11,8 @@ import numpy as np
 from cellwright.circuits.model_file import capacity_of, member_of
 from cellwright.circuits.temperature import celsius_of
 from cellwright.packs.artefact import OF_CELL
-from cellwright.packs.cells import pack_cells
-from cellwright.packs.kernel import ORDER, STRAIGHT, Keep, kernel_sizes, work_room
+from cellwright.packs.cells import TABLES, pack_cells
+from cellwright.packs.kernel import STRAIGHT, Keep, kernel_sizes, work_room
 from cellwright.packs.network import network_of
 from cellwright.packs.simulate import TOLERANCE_VOLT, sensed_element
 from cellwright.packs.steps import SAME_SOC
@@ -171,11 +171,11 @@ def arrays_of(pack, cells):
     """
     network = network_of(pack.wiring, cells.capacity_ampere_hour)
     sensed = sensed_element(pack.wiring, network)
-    tables = [np.ascontiguousarray(getattr(cells, name)) for name in ORDER]
+    tables = [np.ascontiguousarray(cells.tables[name]) for name in TABLES]
     begin = np.cumsum([0, *(table.size for table in tables)])
     places = [
         (first + entry * table.shape[3], table.shape[2] * table.shape[3], name in STRAIGHT)
-        for first, table, name in zip(begin, tables, ORDER, strict=False)
+        for first, table, name in zip(begin, tables, TABLES, strict=False)
         for entry in range(table.shape[2])
     ]
     wired = ("connection", "first", "member", "contact_ohm", "link_ohm", "share")

@@ -72,7 +72,7 @@ def _one_lag(*, tau_second, **_parameters):
     return (Lag("second", tau_second, 1.0),)
 
 
-def _sphere_roots(modes):
+def sphere_roots(modes):
     """First positive roots of tan x = x, by Newton's method from (n + ½)π − 1/((n + ½)π)."""
     far = (np.arange(1, modes + 1) + 0.5) * np.pi
     x = far - 1.0 / far
@@ -98,7 +98,7 @@ _PLANE = ((np.arange(MODES) + 0.5) * np.pi) ** 2
 PLANE_MODES = _modes(2.0 / _PLANE, 1.0 / _PLANE, mean=1.0 / 3.0)
 # Diffusion in a sphere under constant flux (Crank, The Mathematics of Diffusion, 6.45): surface
 # minus mean, Σ 10/λₙ² = 1 and Σ 10/λₙ⁴ = 1/35 over the roots of tan λ = λ.
-_SPHERE = _sphere_roots(MODES) ** 2
+_SPHERE = sphere_roots(MODES) ** 2
 SPHERE_MODES = _modes(10.0 / _SPHERE, 1.0 / _SPHERE, mean=1.0 / 35.0)
 
 

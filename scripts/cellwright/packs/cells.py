@@ -1,12 +1,11 @@
 """Cells of a pack as look-up tables over SoC and temperature, each of its chosen member."""
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.circuits.cell import POINTS
-from cellwright.circuits.circuit import PLANE_MODES, SPHERE_MODES
+from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.model_file import (
     SMALLEST_RESISTANCE_OHM,
     capacity_of,
@@ -21,12 +20,11 @@ from cellwright.refusal import Refusal
 class PackCells(NamedTuple):
     """Look-up tables of a pack's cells on one uniform grid of SoC from 0 to 1, with p points.
 
-    All tables are (temperatures, cells, entries, p), the entries of a cell that has fewer filled
-    with elements without resistance.
-
     names, members : of the cells, tuples of str. capacity_ampere_hour, near_end_soc : (cells,)
     [Ah], [1]; near_end_soc : how near full or empty a start has hysteresis from what led there.
     temperature_celsius : (temperatures,) rising [degC]; one where the tables know one.
+    tables : dict of `TABLES`, each (temperatures, cells, entries, p), the entries of a cell that
+    has fewer filled with elements without resistance:
     ocv_volt : one entry; at the counted SoC. ocv_shift_volt : one entry; what of it belongs to the
     counted SoC where diffusion takes the OCV at another.
     r0_ohm : one entry. r_ohm, tau_second : RC pairs and Warburg elements.
@@ -43,27 +41,17 @@ class PackCells(NamedTuple):
     capacity_ampere_hour: np.ndarray
     near_end_soc: np.ndarray
     temperature_celsius: np.ndarray
-    ocv_volt: np.ndarray
-    ocv_shift_volt: np.ndarray
-    r0_ohm: np.ndarray
-    r_ohm: np.ndarray
-    tau_second: np.ndarray
-    kinetic_r_ohm: np.ndarray
-    kinetic_tau_second: np.ndarray
-    kinetic_scale_volt: np.ndarray
-    charge_ohm: np.ndarray
-    discharge_ohm: np.ndarray
-    way_tau_second: np.ndarray
-    hysteresis_volt: np.ndarray
-    hysteresis_ampere_hour: np.ndarray
-    soc_per_ampere: np.ndarray
-    soc_tau_second: np.ndarray
+    tables: dict
 
 
-TABLES = PackCells._fields[5:]
+# In the order of native/pack.c.
+TABLES = (
+    *("ocv_volt", "ocv_shift_volt", "r0_ohm", "r_ohm", "kinetic_r_ohm", "kinetic_scale_volt"),
+    *("charge_ohm", "discharge_ohm", "soc_per_ampere", "hysteresis_volt", "hysteresis_ampere_hour"),
+    *("tau_second", "kinetic_tau_second", "way_tau_second", "soc_tau_second"),
+)
 # What an entry holds that a cell does not have: elements without effect, constants above zero.
-FILL = {"tau_second": 1.0, "kinetic_tau_second": 1.0, "kinetic_scale_volt": 1.0}
-FILL |= {"way_tau_second": 1.0, "hysteresis_ampere_hour": 1.0, "soc_tau_second": 1.0}
+FILL = dict.fromkeys((*TABLES[-4:], "kinetic_scale_volt", "hysteresis_ampere_hour"), 1.0)
 
 
 def pack_cells(models, *, temperature_celsius=None, member=None, points=POINTS):
@@ -110,7 +98,7 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=POINTS):
         np.array(sizes),
         np.array([entry.get("history", {}).get("near_end_soc", 0.0) for entry in entries]),
         known,
-        **{name: _stacked(tables, name) for name in TABLES},
+        {name: _stacked(tables, name) for name in TABLES},
     )
 
 
@@ -140,7 +128,7 @@ def rc_cells(ocv_volt, r0_ohm, r_ohm, tau_second, capacity_ampere_hour):
         np.array(capacity_ampere_hour, float),
         np.zeros(cells),
         np.array([REFERENCE_CELSIUS]),
-        **found,
+        found,
     )
 
 
@@ -212,7 +200,10 @@ def _tables(model, entry, grid, celsius):
     found["r0_ohm"] = [np.zeros(len(grid))]
     for branch in sampled.circuit:
         full = {k: np.broadcast_to(v, grid.shape) for k, v in branch.parameters.items()}
-        _ADD[branch.kind](found, full, model["capacity_ampere_hour"], stretch)
+        for entry in _entries(branch.kind, full, model["capacity_ampere_hour"], stretch):
+            found["r0_ohm"][0] = found["r0_ohm"][0] + entry.pop("r0_ohm", 0.0)
+            for name, values in entry.items():
+                found[name].append(values)
     return found
 
 
@@ -227,68 +218,32 @@ def _stacked(tables, name):
     return out
 
 
-def _ohmic(found, p, _capacity, _stretch):
-    found["r0_ohm"][0] = found["r0_ohm"][0] + p["r_ohm"]
-
-
-def _two_way(found, p, _capacity, _stretch):
-    found["charge_ohm"].append(p["r_charge_ohm"])
-    found["discharge_ohm"].append(p["r_discharge_ohm"])
-    found["way_tau_second"].append(p.get("tau_second", np.zeros(len(p["r_charge_ohm"]))))
-
-
-def _pair(found, p, _capacity, _stretch, modes=((1.0, 1.0),)):
-    for constant, share in modes:
-        found["r_ohm"].append(share * p["r_ohm"])
-        found["tau_second"].append(constant * p["tau_second"])
-
-
-def _kinetic(found, p, _capacity, _stretch):
-    found["kinetic_r_ohm"].append(p["r_ohm"])
-    found["kinetic_tau_second"].append(p["tau_second"])
-    found["kinetic_scale_volt"].append(p["scale_volt"])
-
-
-def _transfer(found, p, _capacity, _stretch):
-    # ASSUME: In a pack charge transfer has equal coefficients for charge and discharge.
-    found["kinetic_r_ohm"].append(p["r_ohm"])
-    found["kinetic_tau_second"].append(np.zeros(len(p["r_ohm"])))
-    # arcsinh of Butler–Volmer with equal coefficients: 2RT/F = 2·i0·r.
-    scale = 2.0 * p["exchange_ampere"] * np.maximum(p["r_ohm"], SMALLEST_RESISTANCE_OHM)
-    found["kinetic_scale_volt"].append(scale)
-
-
-def _hysteresis(found, p, _capacity, _stretch):
-    found["hysteresis_volt"].append(p["m_volt"])
-    found["hysteresis_ampere_hour"].append(p["charge_ampere_hour"])
-
-
-def _switch(found, p, capacity, _stretch):
-    # ASSUME: In a pack a zero-state hysteresis turns over a fifty-thousandth of the capacity: at
-    # once under any load, and yet with a slope for Newton's method.
-    found["hysteresis_volt"].append(p["m_volt"])
-    found["hysteresis_ampere_hour"].append(np.full(len(p["m_volt"]), 2e-5 * capacity))
-
-
-def _diffusion(found, p, _capacity, stretch):
-    for constant, share in SPHERE_MODES:
-        found["soc_per_ampere"].append(share * p["soc_per_ampere"] / stretch)
-        found["soc_tau_second"].append(constant * p["tau_second"])
-
-
-_ADD = {
-    "R": _ohmic,
-    "R_two_way": _two_way,
-    "RC": _pair,
-    "RC_two_way": _two_way,
-    "warburg": partial(_pair, modes=PLANE_MODES),
-    "warburg_sphere": partial(_pair, modes=SPHERE_MODES),
-    "kinetic": _kinetic,
-    "charge_transfer": _transfer,
-    "hysteresis": _hysteresis,
-    # ASSUME: In a pack small loops of a hysteresis do not close; along a whole charge or discharge
-    # that is the same.
-    "preisach": _hysteresis,
-    "switch": _switch,
-    "diffusion": _diffusion,
-}
+def _entries(kind, p, capacity_ampere_hour, stretch):
+    """Entries that a branch with parameters p adds to a cell's tables: dicts, name → (points,)."""
+    at_once = np.zeros(len(stretch))
+    lags = [(lag.share, lag.constant) for lag in KINDS[kind].lags(**p)]
+    if kind == "diffusion":
+        gain = [share * p["soc_per_ampere"] / stretch for share, _ in lags]
+        return [
+            {"soc_per_ampere": ahead, "soc_tau_second": tau}
+            for ahead, (_, tau) in zip(gain, lags, strict=True)
+        ]
+    if "m_volt" in p:
+        # ASSUME: In a pack small loops of a hysteresis do not close; along a whole charge or
+        # discharge that is the same. A zero-state one turns over a fifty-thousandth of the
+        # capacity: at once under any load, and yet with a slope for Newton's method.
+        charge = p.get("charge_ampere_hour", at_once + 2e-5 * capacity_ampere_hour)
+        return [{"hysteresis_volt": p["m_volt"], "hysteresis_ampere_hour": charge}]
+    if "r_charge_ohm" in p:
+        ways = {"charge_ohm": p["r_charge_ohm"], "discharge_ohm": p["r_discharge_ohm"]}
+        return [ways | {"way_tau_second": p.get("tau_second", at_once)}]
+    if KINDS[kind].linear:
+        pairs = [{"r_ohm": share * p["r_ohm"], "tau_second": tau} for share, tau in lags]
+        return pairs or [{"r0_ohm": p["r_ohm"]}]
+    if kind == "charge_transfer":
+        # ASSUME: In a pack charge transfer has equal coefficients for charge and discharge.
+        # arcsinh of Butler–Volmer with equal coefficients: 2RT/F = 2·i0·r.
+        scale = 2.0 * p["exchange_ampere"] * np.maximum(p["r_ohm"], SMALLEST_RESISTANCE_OHM)
+        p = p | {"tau_second": at_once, "scale_volt": scale}
+    kinetic = {f"kinetic_{name}": p[name] for name in ("r_ohm", "tau_second", "scale_volt")}
+    return [kinetic]

@@ -314,9 +314,10 @@ def _charge_between_rests(steps):
 
 
 def _model(cell, fit, branch, celsius, fitted, note):
-    cells, grid = fit.cells, np.linspace(0.0, 1.0, fit.cells.ocv_volt.shape[-1])
+    cells, volt = fit.cells, fit.cells.tables["ocv_volt"][0, branch, 0]
+    grid = np.linspace(0.0, 1.0, len(volt))
     ocv = {"ambient_temperature_celsius": celsius, "soc": grid.tolist()}
-    ocv |= {"ocv_volt": cells.ocv_volt[0, branch, 0].tolist(), "branches": "group"}
+    ocv |= {"ocv_volt": volt.tolist(), "branches": "group"}
     condition = {"ambient_temperature_celsius": celsius} | _courses(fit, branch, grid)
     condition |= {"fit_rmse_volt": fit.fit_rmse_volt, "tests": [fitted["test"]]}
     return {
@@ -335,20 +336,20 @@ def _model(cell, fit, branch, celsius, fitted, note):
 
 def _courses(fit, branch, grid):
     """Condition of a model file for one branch of the group: its courses over SoC."""
-    cells, knots = fit.cells, np.linspace(0.0, 1.0, KNOTS)
+    knots = np.linspace(0.0, 1.0, KNOTS)
+    r0, ohm, second = (fit.cells.tables[n][0, branch] for n in ("r0_ohm", "r_ohm", "tau_second"))
 
     def at_knots(table):
         return [None if np.isnan(v) else float(v) for v in np.interp(knots, grid, table)]
 
-    pairs = zip(cells.r_ohm[0, branch], cells.tau_second[0, branch], strict=True)
     return {
         "soc": knots.tolist(),
-        "r0_ohm": at_knots(cells.r0_ohm[0, branch, 0]),
+        "r0_ohm": at_knots(r0[0]),
         "r0_std_ohm": at_knots(fit.r0_std_ohm[branch]),
         "branches": [
             {"kind": "RC", "r_ohm": at_knots(r), "r_std_ohm": at_knots(fit.r_std_ohm[branch])}
             | {"tau_second": at_knots(tau), "tau_std_second": [None] * KNOTS}
-            for r, tau in pairs
+            for r, tau in zip(ohm, second, strict=True)
         ],
         "ocv_shift_volt": [0.0] * KNOTS,
         "ocv_shift_std_volt": at_knots(fit.ocv_std_volt[branch]),

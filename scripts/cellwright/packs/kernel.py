@@ -10,6 +10,7 @@ from cellwright.packs.cells import TABLES
 from cellwright.packs.network import no_resistance
 from cellwright.packs.steps import (
     CURRENT,
+    LAGS,
     SAME_SOC,
     Step,
     advance,
@@ -18,15 +19,9 @@ from cellwright.packs.steps import (
     not_solved,
 )
 
-# Quantities of a cell in the order of native/pack.c, and which of them are linear in 1/T.
-ORDER = (
-    *("ocv_volt", "ocv_shift_volt", "r0_ohm", "r_ohm", "kinetic_r_ohm", "kinetic_scale_volt"),
-    *("charge_ohm", "discharge_ohm", "soc_per_ampere", "hysteresis_volt", "hysteresis_ampere_hour"),
-    *("tau_second", "kinetic_tau_second", "way_tau_second", "soc_tau_second"),
-)
-STRAIGHT = ("ocv_volt", "ocv_shift_volt")
-MEMORY = ("relaxed_volt", "kinetic_volt", "way_volt", "surface_soc", "hysteresis_volt")
-TIMES = ("tau_second", "kinetic_tau_second", "way_tau_second", "soc_tau_second")
+STRAIGHT = ("ocv_volt", "ocv_shift_volt")  # quantities that are linear in 1/T
+MEMORY = (*LAGS, "hysteresis_volt")
+TIMES = tuple(tau for tau, _ in LAGS.values())
 NO_RESISTANCE, NOT_SOLVED = 1, 2  # outcomes of native/pack.c
 
 
@@ -181,8 +176,8 @@ def table_places(cells):
     The addresses are those of the tables of these very cells, which have to live as long.
     """
     rows = []
-    for name in ORDER:
-        table = getattr(cells, name)
+    for name in TABLES:
+        table = cells.tables[name]
         entries, points = table.shape[2:]
         first, stride = table.ctypes.data, entries * points
         rows += [(first + 8 * points * e, stride, name in STRAIGHT) for e in range(entries)]
@@ -196,33 +191,34 @@ def kernel_sizes(cells, network, hold, sensed, keep):
     ----------
     cells : PackCells. network : Network. hold, sensed : as of `simulate.Plant`. keep : Keep.
     """
-    entries = {name: getattr(cells, name).shape[2] for name in TABLES}
+    tables = cells.tables
+    entries = {name: table.shape[2] for name, table in tables.items()}
     elements = network.cells + len(network.connection)
     # Time constants that stay the same let the kernel reuse the weights of a step.
     moving = len(cells.temperature_celsius) > 1 or any(
-        np.any(getattr(cells, name) != getattr(cells, name)[..., :1]) for name in TIMES
+        np.any(tables[name] != tables[name][..., :1]) for name in TIMES
     )
-    sizes = [network.cells, len(network.connection), cells.ocv_volt.shape[-1]]
+    sizes = [network.cells, len(network.connection), tables["ocv_volt"].shape[-1]]
     sizes += [len(cells.temperature_celsius), entries["r_ohm"], entries["kinetic_r_ohm"]]
     sizes += [entries["hysteresis_volt"], entries["soc_per_ampere"], entries["charge_ohm"]]
-    sizes += [is_linear(cells), moving, not cells.r0_ohm.min() > 0]
+    sizes += [is_linear(cells), moving, not tables["r0_ohm"].min() > 0]
     return np.array([*sizes, hold == "first_order", *keep, sensed % elements], np.int64)
 
 
 def work_room(cells, network):
     """How many numbers native/pack.c needs to work with, for PackCells in a Network."""
-    quantities = sum(getattr(cells, name).shape[2] for name in ORDER)
-    lags = sum(getattr(cells, name).shape[2] for name in TIMES)
-    memory = lags + cells.hysteresis_volt.shape[2]
-    rows = 8 + 4 * quantities + 2 * lags + 2 * memory + cells.r_ohm.shape[2]
+    entries = {name: table.shape[2] for name, table in cells.tables.items()}
+    lags = sum(entries[name] for name in TIMES)
+    memory = lags + entries["hysteresis_volt"]
+    rows = 8 + 4 * sum(entries.values()) + 2 * lags + 2 * memory + entries["r_ohm"]
     elements = network.cells + len(network.connection)
     return rows * network.cells + 4 * elements + 6 * len(network.member)
 
 
 def _packed(state):
     """State as rows of (cells,): SoC, memory, quantities."""
-    parts = [getattr(state, name).T for name in MEMORY]
-    parts += [state.parameters[name].T for name in ORDER]
+    parts = [state.memory[name].T for name in MEMORY]
+    parts += [state.parameters[name].T for name in TABLES]
     return np.concatenate([state.soc, *(part.ravel() for part in parts)])
 
 
@@ -235,6 +231,6 @@ def _unpacked(work, state):
         at += like.size
         return work[at - like.size : at].reshape(like.shape[1], cells).T.copy()
 
-    memory = {name: taken(getattr(state, name)) for name in MEMORY}
-    parameters = {name: taken(state.parameters[name]) for name in ORDER}
-    return state._replace(soc=work[:cells].copy(), parameters=parameters, **memory)
+    memory = {name: taken(state.memory[name]) for name in MEMORY}
+    parameters = {name: taken(state.parameters[name]) for name in TABLES}
+    return state._replace(soc=work[:cells].copy(), memory=memory, parameters=parameters)

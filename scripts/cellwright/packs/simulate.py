@@ -6,7 +6,6 @@ import numpy as np
 
 from cellwright.numerics.clock import checked_columns
 from cellwright.numerics.lags import check_hold
-from cellwright.packs.cells import TABLES
 from cellwright.packs.kernel import Keep, joined, kernel_sizes, run_steps, table_places
 from cellwright.packs.network import network_of, sensed_element
 from cellwright.packs.steps import CURRENT, start
@@ -139,8 +138,8 @@ def _stretches(celsius):
 def plant_of(cells, wiring, thermal, *, hold, tolerance_volt):
     """A pack ready to be stepped: Plant, of arguments as of `simulate_pack`."""
     # The kernel walks through the tables in memory, and numpy lays a choice of cells out otherwise.
-    tables = {name: np.ascontiguousarray(getattr(cells, name), float) for name in TABLES}
-    cells = cells._replace(**tables)
+    tables = {name: np.ascontiguousarray(one, float) for name, one in cells.tables.items()}
+    cells = cells._replace(tables=tables)
     network = network_of(wiring, cells.capacity_ampere_hour)
     modes = None if thermal is None else thermal_modes(thermal, network.cells)
     sensed = sensed_element(wiring, network)

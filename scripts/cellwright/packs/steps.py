@@ -10,7 +10,6 @@ import numpy as np
 from cellwright.circuits.cell import place
 from cellwright.circuits.temperature import SMALLEST, ZERO_CELSIUS_KELVIN
 from cellwright.numerics.lags import lag_step, lag_weights
-from cellwright.packs.cells import TABLES
 from cellwright.packs.network import currents, reduced
 from cellwright.refusal import Refusal
 
@@ -31,20 +30,16 @@ class NoPower(Refusal):
 class PackState(NamedTuple):
     """A pack at one moment: what its cells remember; (cells,), of several elements (cells, e).
 
-    parameters : looked up at the moment, name → (cells, e). relaxed_volt : of RC pairs.
-    kinetic_volt, way_volt, hysteresis_volt : [V].
-    surface_soc : parts of what the surface leads by [1].
+    memory : name → (cells, e), of RC pairs relaxed_volt; kinetic_volt, way_volt, hysteresis_volt
+    [V]; surface_soc, parts of what the surface leads by [1]. parameters : looked up at the moment,
+    name → (cells, e).
     total_ampere : through the pack [A]. heat_watt : own heat of each cell, 0 where none warms [W].
     """
 
     soc: np.ndarray
     current_ampere: np.ndarray
     total_ampere: float
-    relaxed_volt: np.ndarray
-    kinetic_volt: np.ndarray
-    way_volt: np.ndarray
-    hysteresis_volt: np.ndarray
-    surface_soc: np.ndarray
+    memory: dict
     temperature_celsius: np.ndarray
     parameters: dict
     heat_watt: np.ndarray
@@ -100,15 +95,13 @@ def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_a
     at_rest = (soc > 1.0 - near).astype(float) - (soc < near)
     direction = np.where(near > 0, at_rest if first == 0 else first, 0.0)
     none = np.zeros(count)
+    memory = {name: np.zeros_like(parameters[tau]) for name, (tau, _) in LAGS.items()}
+    memory["hysteresis_volt"] = direction[:, None] * parameters["hysteresis_volt"]
     return PackState(
         soc=soc,
         current_ampere=none,
         total_ampere=0.0,
-        relaxed_volt=np.zeros_like(parameters["r_ohm"]),
-        kinetic_volt=np.zeros_like(parameters["kinetic_r_ohm"]),
-        way_volt=np.zeros_like(parameters["charge_ohm"]),
-        hysteresis_volt=direction[:, None] * parameters["hysteresis_volt"],
-        surface_soc=np.zeros_like(parameters["soc_per_ampere"]),
+        memory=memory,
         temperature_celsius=celsius,
         parameters=parameters,
         heat_watt=none,
@@ -126,7 +119,7 @@ def looked_up(cells, soc, temperature_celsius):
     ----------
     cells : PackCells. soc, temperature_celsius : (cells,) [1], [degC].
     """
-    return {name: _entries(cells, name, soc, temperature_celsius)[0] for name in TABLES}
+    return {name: _entries(cells, name, soc, temperature_celsius)[0] for name in cells.tables}
 
 
 def ocv_volt(cells, soc, temperature_celsius):
@@ -136,7 +129,7 @@ def ocv_volt(cells, soc, temperature_celsius):
 
 def _entries(cells, name, soc, celsius):
     """Entries of a table at each cell's SoC and temperature, and their slopes over SoC."""
-    table = getattr(cells, name)
+    table = cells.tables[name]
     last, rows = table.shape[-1] - 1, np.arange(len(soc))
     lower, share = place(soc, last + 1)
     inside = share if name == "ocv_volt" else np.minimum(np.maximum(share, 0.0), 1.0)
@@ -282,8 +275,8 @@ def no_power(watt):
 
 def is_linear(cells):
     """Whether all cells are resistors and RC pairs: linear but for what SoC does to them."""
-    more = (cells.charge_ohm, cells.kinetic_r_ohm, cells.hysteresis_volt, cells.soc_per_ampere)
-    return not any(table.size for table in more)
+    more = ("charge_ohm", "kinetic_r_ohm", "hysteresis_volt", "soc_per_ampere")
+    return not any(cells.tables[name].size for name in more)
 
 
 def _turned(state, step, guess, through):
@@ -292,7 +285,7 @@ def _turned(state, step, guess, through):
     There their voltage bends; from the bend on Newton's method runs straight to the solution.
     """
     half = 0.5 * step.ramp_ampere
-    return (state.hysteresis_volt.shape[1] > 0) & ((guess - half) * (through - half) < 0)
+    return (state.memory["hysteresis_volt"].shape[1] > 0) & ((guess - half) * (through - half) < 0)
 
 
 def _shortened(direction, slope, off):
@@ -308,7 +301,7 @@ def _shortened(direction, slope, off):
 def _weights(state, step):
     """Weights of the lags over the step, by name of the time constant: (decay, before, after)."""
     found = {}
-    for name in ("tau_second", "kinetic_tau_second", "way_tau_second", "soc_tau_second"):
+    for name, _ in LAGS.values():
         tau = state.parameters[name]
         at_once = tau <= 0
         # A time constant of 0 acts at once: nothing decays, all is of the input at the end.
@@ -336,45 +329,35 @@ def respond(cells, state, step, weights, current, parameters=None):
     soc = state.soc + per_ampere * mean
     celsius, before = state.temperature_celsius, state.parameters
     now = looked_up(cells, soc, celsius) if parameters is None else parameters
-    column, begin_column = current[:, None], begin[:, None]
-
-    def lagged(held, drive, name):
-        (was, was_slope), (is_, is_slope) = drive(before, begin_column), drive(now, column)
-        volt, slope = lag_step(weights[name], held, was, is_), (was_slope, is_slope)
-        return volt, lag_step(weights[name], 0.0, *slope)
-
-    def ohmic(name):
-        return lambda p, ampere: (p[name] * ampere, p[name])
-
-    relaxed, slope = lagged(state.relaxed_volt, ohmic("r_ohm"), "tau_second")
-    kinetic, kinetic_slope = lagged(state.kinetic_volt, _arcsinh, "kinetic_tau_second")
-    ways, ways_slope = lagged(state.way_volt, _one_way, "way_tau_second")
-    surface, surface_slope = lagged(state.surface_soc, ohmic("soc_per_ampere"), "soc_tau_second")
-    hysteresis, hysteresis_slope = _by_charge(state.hysteresis_volt, before, mean, step.second)
+    after, slopes = {}, {}
+    for name, (tau, drive) in LAGS.items():
+        (was, was_slope), (is_, is_slope) = (
+            drive(*one) for one in ((before, begin[:, None]), (now, current[:, None]))
+        )
+        after[name] = lag_step(weights[tau], state.memory[name], was, is_)
+        slopes[name] = lag_step(weights[tau], 0.0, was_slope, is_slope)
+    held = state.memory["hysteresis_volt"]
+    after["hysteresis_volt"], by_charge = _by_charge(held, before, mean, step.second)
+    surface, surface_slope = after["surface_soc"], slopes.pop("surface_soc")
+    slopes["hysteresis_volt"] = by_charge
     ahead = soc + surface.sum(axis=1)
     volt, rise = (v[:, 0] for v in _entries(cells, "ocv_volt", ahead, celsius))
     # With diffusion the OCV is that of the surface; what belongs to the counted SoC stays there.
     if surface.size:
         volt = volt + now["ocv_shift_volt"][:, 0]
         volt = volt - _entries(cells, "ocv_shift_volt", ahead, celsius)[0][:, 0]
-    parts = [relaxed, kinetic, ways, hysteresis]
-    slopes = [slope, kinetic_slope, ways_slope, hysteresis_slope]
     # Where an OCV falls its slope would lead Newton's method away: none is on the safe side.
     ocv_slope = np.maximum(rise, 0.0) * (per_ampere + surface_slope.sum(axis=1))
-    after = state._replace(
-        soc=soc,
-        relaxed_volt=relaxed,
-        kinetic_volt=kinetic,
-        way_volt=ways,
-        hysteresis_volt=hysteresis,
-        surface_soc=surface,
-        parameters=now,
-    )
     return (
-        volt + now["r0_ohm"][:, 0] * current + sum(part.sum(axis=1) for part in parts),
-        ocv_slope + now["r0_ohm"][:, 0] + sum(part.sum(axis=1) for part in slopes),
-        after,
+        volt + now["r0_ohm"][:, 0] * current + sum(after[name].sum(axis=1) for name in slopes),
+        ocv_slope + now["r0_ohm"][:, 0] + sum(slope.sum(axis=1) for slope in slopes.values()),
+        state._replace(soc=soc, memory=after, parameters=now),
     )
+
+
+def _ohmic(name):
+    """Drive of a resistance, or of what a current leads the SoC by, and its slope."""
+    return lambda p, current: (p[name] * current, p[name])
 
 
 def _arcsinh(p, current):
@@ -387,6 +370,15 @@ def _one_way(p, current):
     """Drive of resistances that differ by the direction of the current, and its slope."""
     r = np.where(current > 0, p["charge_ohm"], p["discharge_ohm"])
     return r * current, r
+
+
+# What decays in a cell, in the order of native/pack.c: by which time constant, and what drives it.
+LAGS = {
+    "relaxed_volt": ("tau_second", _ohmic("r_ohm")),
+    "kinetic_volt": ("kinetic_tau_second", _arcsinh),
+    "way_volt": ("way_tau_second", _one_way),
+    "surface_soc": ("soc_tau_second", _ohmic("soc_per_ampere")),
+}
 
 
 def _by_charge(held, p, mean, second):

@@ -228,7 +228,7 @@ def _initial_soc(stated, cells, wiring, record, notes):
 def _soc_at(cells, record, volt):
     """SoC at which each cell's OCV is a voltage, at the record's first temperature (cells,)."""
     near = int(np.argmin(np.abs(cells.temperature_celsius - record.celsius[0])))
-    return np.array([rested_soc(curve, volt) for curve in cells.ocv_volt[near, :, 0]])
+    return np.array([rested_soc(curve, volt) for curve in cells.tables["ocv_volt"][near, :, 0]])
 
 
 def _tells_intervals(models, uncertainty, notes):

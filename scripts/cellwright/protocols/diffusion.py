@@ -5,17 +5,18 @@ goes with time, whatever its size, tells R²/D; its size over what the open-circ
 tells it once more.
 """
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.circuit import sphere_roots
 from cellwright.numerics.exponentials import UNDETERMINED
 from cellwright.numerics.statistics import parameter_covariance
 from cellwright.protocols.relaxation import evened
 from cellwright.refusal import Refusal
 
 TERMS = 150  # of the series at most: what is beyond is 0.7 % of the first rows at most
+EIGENVALUES = sphere_roots(TERMS)
 GRID, FAST_GRID, GRID_ROWS = 40, 12, 100  # times and rows that the search starts from
 FEWEST = 12  # samples of a rest
 VERY_STRONG = 10.0  # of a criterion's difference (Kass, Raftery, J. Am. Stat. Assoc. 90 (1995) 773)
@@ -110,7 +111,7 @@ def surface_excess(second, load_second, diffusion_second):
     """
     # What has decayed to 1e-5 by the first row is in none of them.
     most = np.sqrt(12.0 * diffusion_second / second[0]) / np.pi
-    squares = _eigenvalues()[: int(min(most + 2.0, TERMS))] ** 2
+    squares = EIGENVALUES[: int(min(most + 2.0, TERMS))] ** 2
     rates, sizes = squares / diffusion_second, 2.0 / squares
     decays, older = np.exp(np.outer(second, -rates)), np.exp(-rates * load_second)
     slope = second * (decays @ (sizes * rates * (1.0 - older)))
@@ -118,20 +119,10 @@ def surface_excess(second, load_second, diffusion_second):
     return decays @ (sizes * (1.0 - older)), slope
 
 
-@cache
-def _eigenvalues():
-    """Positive solutions of tan λ = λ (TERMS,)."""
-    asymptote = (np.arange(1, TERMS + 1) + 0.5) * np.pi
-    roots = asymptote - 1.0 / asymptote
-    for _ in range(6):  # Newton on λ cos λ − sin λ, whose slope is −λ sin λ
-        roots += (roots * np.cos(roots) - np.sin(roots)) / (roots * np.sin(roots))
-    return roots
-
-
 def _limits(time):
     """Least and most R²/D that a rest tells [s]: its slowest part fits in, three times the rest."""
     steps = np.diff(time)
-    slowest = _eigenvalues()[0] ** 2
+    slowest = EIGENVALUES[0] ** 2
     return 0.25 * slowest * float(steps[steps > 0].min()), 3.0 * slowest * float(time[-1])
 
 

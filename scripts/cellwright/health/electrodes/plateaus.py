@@ -31,6 +31,8 @@ def boundaries(curve):
 
     Source: thesis 4.3 (plateaus of LFP); Dahn et al., J. Electrochem. Soc. 159 (2012) A1405.
     """
+    from scipy.signal import find_peaks
+
     soc = np.linspace(curve.soc[0], curve.soc[-1], len(curve.soc))
     volt = np.interp(soc, curve.soc, curve.voltage_volt)
     step = soc[1] - soc[0]
@@ -43,23 +45,14 @@ def boundaries(curve):
     noise = white_noise_of(volt) * np.linalg.norm(weights)
     # Eight standard deviations: the noise of dV/dSoC alone ranges over six of them.
     least = max(0.25 * np.median(slope), 8.0 * noise)
-    tops = np.flatnonzero((slope[1:-1] > slope[:-2]) & (slope[1:-1] >= slope[2:])) + 1
-    tops = [top for top in tops if _rise(slope, top) > least]
+    tops, _ = find_peaks(slope, prominence=least)
     # At either end the curve is steep by itself.
-    tops = np.array([t for t in tops if 0.03 < inner[t] < 1 - 0.03], int)
+    tops = tops[np.abs(inner[tops] - 0.5) < 0.5 - 0.03]
     bend = -(slope[tops - 1] - 2 * slope[tops] + slope[tops + 1]) / step**2
     # Within this distance a parabola falls by the noise of its top.
     width = np.sqrt(2 * noise / np.maximum(bend, 1e-9))
     std = np.maximum(np.minimum(width, SMOOTH_SOC), step / 2) * curve.capacity_ampere_hour
     return smooth[tops], inner[tops] * curve.capacity_ampere_hour, std
-
-
-def _rise(slope, top):
-    """Rise of a maximum above the higher of the two valleys that part it from steeper points."""
-    steeper = np.flatnonzero(slope > slope[top])
-    left = steeper[steeper < top].max(initial=-1) + 1
-    right = steeper[steeper > top].min(initial=len(slope))
-    return slope[top] - max(slope[left : top + 1].min(), slope[top:right].min())
 
 
 def plateau_losses(curves):

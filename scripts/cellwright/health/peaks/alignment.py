@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.ordered import ordered_pairs
+
 ALONE_COST = 8.0  # of a peak without a partner, in units of -2 log likelihood
 SHIFTS_VOLT = np.arange(-0.15, 0.1501, 0.0025)
 
@@ -84,27 +86,5 @@ def paired(apart, other, motion_volt, shift_std_volt, alone_cost):
 
 def _paired_at(shift, apart, other, motion, shift_std, alone_cost):
     """Least cost of an ordered pairing at one common shift, and its pairs."""
-    cost = ((apart - shift) / motion) ** 2 + other
-    rows, columns = cost.shape
-    best = np.zeros((rows + 1, columns + 1))
-    best[:, 0] = alone_cost * np.arange(rows + 1)
-    best[0] = alone_cost * np.arange(columns + 1)
-    for i in range(rows):
-        for j in range(columns):
-            alone = alone_cost + min(best[i, j + 1], best[i + 1, j])
-            best[i + 1, j + 1] = min(alone, best[i, j] + cost[i, j])
-    return best[-1, -1] + (shift / shift_std) ** 2, _traced(best, cost, alone_cost)
-
-
-def _traced(best, cost, alone_cost):
-    """Pairs of the cheapest way through a table of least costs, from the end."""
-    pairs, (i, j) = [], cost.shape
-    while i and j:
-        if best[i, j] == best[i - 1, j - 1] + cost[i - 1, j - 1]:
-            pairs.append((i - 1, j - 1))
-            i, j = i - 1, j - 1
-        elif best[i, j] == alone_cost + best[i - 1, j]:
-            i -= 1
-        else:
-            j -= 1
-    return pairs[::-1]
+    cost, pairs = ordered_pairs(((apart - shift) / motion) ** 2 + other, alone_cost)
+    return cost + (shift / shift_std) ** 2, pairs

@@ -204,40 +204,22 @@ def scaled_peaks(
     ------
     Refusal : a curve shorter than eight widths, or without a peak.
     """
+    from scipy.signal import find_peaks
+
     if voltage_volt[-1] - voltage_volt[0] < 8 * sigma_volt:
         raise Refusal(f"dQ/dV spans less than {8 * sigma_volt:g} V")
     height = smoothed(voltage_volt, dq_dv, sigma_volt=sigma_volt)
     wide = smoothed(voltage_volt, dq_dv, sigma_volt=2 * sigma_volt)
-    tops, edges = _tops(height, prominence * height.max())
+    tops, _ = find_peaks(height, prominence=prominence * height.max())
     if not len(tops):
         raise Refusal(f"no peak of dQ/dV stands out at a smoothing of {1e3 * sigma_volt:g} mV")
+    # Each peak reaches from valley to valley, and the outer ones to the ends of the curve.
+    valleys = [a + int(height[a:b].argmin()) for a, b in pairwise(tops)]
+    edges = [0, *valleys, len(height) - 1]
     return [
         _peak(voltage_volt, height, wide, top, lower, upper, sigma_volt)
         for top, (lower, upper) in zip(tops, pairwise(edges), strict=True)
     ]
-
-
-def _tops(height, least):
-    """Rows of the peaks and of the valleys about them; the least prominent are removed first."""
-    inner = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
-    tops = list(inner)
-    while tops:
-        valleys = [_low(height, a, b) for a, b in pairwise(tops)]
-        edges = [0, *valleys, len(height) - 1]
-        rises = [
-            height[top] - max(height[_low(height, a, top)], height[_low(height, top, b)])
-            for top, (a, b) in zip(tops, pairwise(edges), strict=True)
-        ]
-        lowest = int(np.argmin(rises))
-        if rises[lowest] >= least:
-            return tops, edges
-        tops.pop(lowest)
-    return [], []
-
-
-def _low(height, first, last):
-    """Row of the lowest value between two rows."""
-    return first + int(height[first : last + 1].argmin())
 
 
 def _peak(voltage, height, wide, top, lower, upper, sigma):

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.packs.cells import TABLES
+from cellwright.packs.cells import PackCells
 from cellwright.packs.network import network_of
 from cellwright.packs.series.capability import BEYOND, first_crossing
 from cellwright.packs.simulate import simulate_pack
@@ -41,14 +41,9 @@ def cells_at(cells, index):
     """The cells of a PackCells at some indices, in their order, as a PackCells."""
     index = list(index)
     names, members = (tuple(values[k] for k in index) for values in (cells.names, cells.members))
-    tables = {name: getattr(cells, name)[:, index] for name in TABLES}
-    return cells._replace(
-        names=names,
-        members=members,
-        capacity_ampere_hour=cells.capacity_ampere_hour[index],
-        near_end_soc=cells.near_end_soc[index],
-        **tables,
-    )
+    sizes = cells.capacity_ampere_hour[index], cells.near_end_soc[index]
+    tables = {name: table[:, index] for name, table in cells.tables.items()}
+    return PackCells(names, members, *sizes, cells.temperature_celsius, tables)
 
 
 def discharge_pack(
@@ -130,7 +125,7 @@ def resistance_of(cells, celsius=None):
     """
     # Of resistances that differ by direction that of the discharge.
     names = ("r0_ohm", "r_ohm", "kinetic_r_ohm", "discharge_ohm")
-    parts = [getattr(cells, name).sum(axis=2) for name in names]
+    parts = [cells.tables[name].sum(axis=2) for name in names]
     known = cells.temperature_celsius
     at = known[len(known) // 2] if celsius is None else celsius
     over = np.sum([part.mean(axis=-1) for part in parts], axis=0)
@@ -207,12 +202,12 @@ def _side_by_side(cells, groups, current, lower_cutoff_volt, contact_ohm):
 def _at_one_ampere(cells, current_ampere):
     """Cells that have at 1 A the voltages of others at (cells,) amperes, each named anew."""
     more = current_ampere[:, None, None]
-    scaled = {name: getattr(cells, name) * more for name in (*RESISTANCES, "soc_per_ampere")}
+    tables = {name: cells.tables[name] * more for name in (*RESISTANCES, "soc_per_ampere")}
+    tables["hysteresis_ampere_hour"] = cells.tables["hysteresis_ampere_hour"] / more
     return cells._replace(
         names=tuple(f"{name} #{k}" for k, name in enumerate(cells.names)),
         capacity_ampere_hour=cells.capacity_ampere_hour / current_ampere,
-        hysteresis_ampere_hour=cells.hysteresis_ampere_hour / more,
-        **scaled,
+        tables=cells.tables | tables,
     )
 
 

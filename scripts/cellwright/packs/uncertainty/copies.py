@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.packs.cells import TABLES
+from cellwright.packs.cells import PackCells
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.wiring import Wiring, by_member, member_currents
 
@@ -11,7 +11,7 @@ MOST_VALUES = 4_000_000  # of the tables of all copies, and of one quantity over
 
 def copies_at_once(cells, samples):
     """How many copies of a pack's cells one run of so many samples simulates, at least 1."""
-    tables = sum(getattr(cells, name).size for name in TABLES)
+    tables = sum(table.size for table in cells.tables.values())
     return max(1, MOST_VALUES // max(tables, samples * len(cells.names)))
 
 
@@ -91,9 +91,12 @@ def _renamed(wiring, ending):
 
 def _side_by_side(copies):
     """Cells of several packs as one PackCells."""
-    tables = {name: np.concatenate([getattr(c, name) for c in copies], axis=1) for name in TABLES}
-    columns = ("capacity_ampere_hour", "near_end_soc")
-    tables |= {name: np.concatenate([getattr(c, name) for c in copies]) for name in columns}
-    names = tuple(f"{name} #{k}" for k, c in enumerate(copies) for name in c.names)
-    members = tuple(member for c in copies for member in c.members)
-    return copies[0]._replace(names=names, members=members, **tables)
+    first = copies[0]
+    return PackCells(
+        tuple(f"{name} #{k}" for k, c in enumerate(copies) for name in c.names),
+        tuple(member for c in copies for member in c.members),
+        np.concatenate([c.capacity_ampere_hour for c in copies]),
+        np.concatenate([c.near_end_soc for c in copies]),
+        first.temperature_celsius,
+        {n: np.concatenate([c.tables[n] for c in copies], axis=1) for n in first.tables},
+    )

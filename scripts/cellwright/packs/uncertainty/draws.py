@@ -174,10 +174,11 @@ def drawn_cells(cells, drawn, draw, initial_soc):
         where they were joined [1].
     """
     factor = drawn.resistance_factor[draw][:, None, None]
-    changed = {name: getattr(cells, name) * factor for name in RESISTANCES}
+    tables = cells.tables
+    changed = {name: tables[name] * factor for name in RESISTANCES}
     shift = drawn.voltage_volt[draw, 0]
     if drawn.ocv_volt is not None:
-        points = np.linspace(0.0, 1.0, cells.ocv_volt.shape[-1])
+        points = np.linspace(0.0, 1.0, tables["ocv_volt"].shape[-1])
         grid = np.linspace(0.0, 1.0, POINTS)
         start = np.broadcast_to(np.asarray(initial_soc, float), (len(cells.names),))
         rows = [
@@ -186,7 +187,6 @@ def drawn_cells(cells, drawn, draw, initial_soc):
         ]
         shift = shift + np.array(rows)[:, None, :]
     return cells._replace(
-        ocv_volt=cells.ocv_volt + shift,
         capacity_ampere_hour=cells.capacity_ampere_hour * drawn.capacity_factor[draw],
-        **changed,
+        tables=tables | changed | {"ocv_volt": tables["ocv_volt"] + shift},
     )

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.ordered import ordered_pairs
 from cellwright.protocols.impedance.arcs import contract, slowest_arc_hertz, tops
 from cellwright.protocols.impedance.candidates import (
     bent_leads,
@@ -231,23 +232,9 @@ def partner(fit, hertz, other):
     least counts, an arc without partner costing as much as one decade.
     """
     ours, theirs = (np.log([top for top, _ in tops(one)]) for one in (fit, other))
-    cost = np.zeros((len(ours) + 1, len(theirs) + 1))
-    cost[:, 0] = UNMATCHED * np.arange(len(ours) + 1)
-    cost[0] = UNMATCHED * np.arange(len(theirs) + 1)
-    for a, b in np.ndindex(len(ours), len(theirs)):
-        pair = cost[a, b] + abs(ours[a] - theirs[b])
-        cost[a + 1, b + 1] = min(pair, UNMATCHED + min(cost[a, b + 1], cost[a + 1, b]))
-    a, b = len(ours), len(theirs)
-    while a and b:
-        if cost[a, b] == cost[a - 1, b - 1] + abs(ours[a - 1] - theirs[b - 1]):
-            a, b = a - 1, b - 1
-            if np.isclose(ours[a], np.log(hertz)):
-                return float(np.exp(theirs[b]))
-        elif cost[a, b] == UNMATCHED + cost[a - 1, b]:
-            a -= 1
-        else:
-            b -= 1
-    return np.nan
+    _, pairs = ordered_pairs(np.abs(ours[:, None] - theirs), UNMATCHED)
+    same = [theirs[b] for a, b in pairs if np.isclose(ours[a], np.log(hertz))]
+    return float(np.exp(same[-1])) if same else np.nan
 
 
 def _off_course(spectra, fits, labels, near):
