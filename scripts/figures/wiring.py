@@ -24,19 +24,19 @@ SENSE = style.SERIES[3]
 class Block(NamedTuple):
     """A placed part of a circuit: its size, the heights of its two ends, and what is drawn.
 
-    lines : list of (x, y) polylines. resistors, senses : lists of (x, y, upright), of (x, y).
-    cells : list of (name, x, y) of the middles. words : list of (x, y, text).
+    marks : list of (kind, points (k, 2), what it says): a "line"; of one point a "resistor", which
+    may stand upright, a "sense", and a "cell" or a "word" with its text.
     """
 
     width: float
     height: float
     enters: float
     leaves: float
-    lines: list
-    resistors: list
-    cells: list
-    senses: list
-    words: list
+    marks: list
+
+
+def _mark(kind, *points, says=None):
+    return kind, np.array(points, float), says
 
 
 def draw_wiring(group, rows, models):
@@ -106,45 +106,35 @@ def _placed(part, contact=0.0, *, sensed=False):
         block = _series(part) if part.connection == "series" else _parallel(part)
     if sensed:
         ends = [(LEAD / 2, block.enters), (block.width - LEAD / 2, block.leaves)]
-        block = block._replace(senses=block.senses + ends)
+        block = block._replace(marks=block.marks + [_mark("sense", end) for end in ends])
     return _with_contact(block) if contact else block
 
 
 def _cell(name):
     width, y = BOX[0] + 2 * LEAD, ROW / 2
-    lines = [[(0, y), (LEAD, y)], [(width - LEAD, y), (width, y)]]
-    return Block(width, ROW, y, y, lines, [], [(name, width / 2, y)], [], [])
+    leads = [_mark("line", (x, y), (x + LEAD, y)) for x in (0, width - LEAD)]
+    return Block(width, ROW, y, y, [*leads, _mark("cell", (width / 2, y), says=name)])
 
 
 def _with_contact(block):
-    moved = _moved(block, RESISTOR + LEAD, 0.0)
-    line = [(0, block.enters), (RESISTOR + LEAD, block.enters)]
-    resistor = (LEAD / 2 + RESISTOR / 2, block.enters, False)
-    return moved._replace(
-        width=block.width + RESISTOR + LEAD,
-        lines=[*moved.lines, line],
-        resistors=[*moved.resistors, resistor],
-    )
+    wide, y = RESISTOR + LEAD, block.enters
+    contact = [
+        _mark("line", (0, y), (wide, y)),
+        _mark("resistor", (LEAD / 2 + RESISTOR / 2, y), says=False),
+    ]
+    moved = _moved(block, wide, 0.0)
+    return moved._replace(width=block.width + wide, marks=moved.marks + contact)
 
 
 def _moved(block, x, y):
     """The same block, drawn elsewhere."""
-    return block._replace(
-        enters=block.enters + y,
-        leaves=block.leaves + y,
-        lines=[[(a + x, b + y) for a, b in line] for line in block.lines],
-        resistors=[(a + x, b + y, up) for a, b, up in block.resistors],
-        cells=[(name, a + x, b + y) for name, a, b in block.cells],
-        senses=[(a + x, b + y) for a, b in block.senses],
-        words=[(a + x, b + y, text) for a, b, text in block.words],
-    )
+    marks = [(kind, points + (x, y), says) for kind, points, says in block.marks]
+    return block._replace(enters=block.enters + y, leaves=block.leaves + y, marks=marks)
 
 
-def _joined(blocks, **sizes):
-    """What several placed blocks draw, as one block."""
-    fields = ("lines", "resistors", "cells", "senses", "words")
-    parts = {name: [item for b in blocks for item in getattr(b, name)] for name in fields}
-    return Block(**sizes, **parts)
+def _joined(blocks, more=(), **sizes):
+    """What several placed blocks draw, and further marks, as one block."""
+    return Block(**sizes, marks=[*(mark for block in blocks for mark in block.marks), *more])
 
 
 def _members(wiring):
@@ -168,9 +158,8 @@ def _series(wiring):
         end = (x, axis)
         lowest = max(axis - block.enters + block.height for block in row)
         top = lowest + (0.25 if len(rows) > 1 else 0.0)
-    lines.append([end, (widest, end[1])])
-    whole = _joined(placed, width=widest, height=top, enters=placed[0].enters, leaves=end[1])
-    return whole._replace(lines=whole.lines + lines)
+    lines.append(_mark("line", end, (widest, end[1])))
+    return _joined(placed, lines, width=widest, height=top, enters=placed[0].enters, leaves=end[1])
 
 
 def _in_rows(blocks):
@@ -190,16 +179,15 @@ def _levelled(block):
     # Members of a row lie on one line, so that a string reads like one.
     if block.leaves == block.enters:
         return block
-    x = block.width + LEAD
-    lead = [(block.width, block.leaves), (x, block.leaves), (x, block.enters)]
-    lines = [*block.lines, [*lead, (x + LEAD, block.enters)]]
-    return block._replace(width=x + LEAD, leaves=block.enters, lines=lines)
+    x, y = block.width + LEAD, block.enters
+    lead = (block.width, block.leaves), (x, block.leaves), (x, y), (x + LEAD, y)
+    return block._replace(width=x + LEAD, leaves=y, marks=[*block.marks, _mark("line", *lead)])
 
 
 def _return(end, start, widest, top):
     """The lead from the end of a row of members to the start of the next."""
     between = top - 0.12
-    return [end, (widest, end[1]), (widest, between), (0.0, between), start]
+    return _mark("line", end, (widest, end[1]), (widest, between), (0.0, between), start)
 
 
 def _parallel(wiring):
@@ -221,66 +209,58 @@ def _parallel(wiring):
     if columns > 1 and any(wiring.link_ohm):
         return _ladder_of_columns(whole, parts, wiring)
     if columns > 1:
-        return whole._replace(lines=whole.lines + _bars_between(parts, high))
+        return whole._replace(marks=whole.marks + _bars_between(parts, high))
     return whole
 
 
 def _column(blocks, links):
-    """One column of members with its two busbars, resistors of links upon them."""
+    """One column of members with its two busbars, the last marks; resistors of links upon them."""
     gap = 0.45 if any(links) else 0.1
-    wide = max(block.width for block in blocks)
-    placed, lines, resistors, top, ends = [], [], [], 0.0, []
+    right = max(block.width for block in blocks) + 2 * LEAD
+    placed, marks, top = [], [], 0.0
     for k, (block, link) in enumerate(zip(blocks, links, strict=True)):
         top += gap if k else 0.0
         moved = _moved(block, LEAD, top)
         placed.append(moved)
-        right = wide + 2 * LEAD
-        lines += [[(0.0, moved.enters), (LEAD, moved.enters)]]
-        lines += [[(LEAD + block.width, moved.leaves), (right, moved.leaves)]]
+        marks.append(_mark("line", (0.0, moved.enters), (LEAD, moved.enters)))
+        marks.append(_mark("line", (LEAD + block.width, moved.leaves), (right, moved.leaves)))
         if link and k:
-            middle = top - gap / 2
-            resistors += [(0.0, middle, True), (right, middle, True)]
-        ends.append((moved.enters, moved.leaves))
+            marks += [_mark("resistor", (x, top - gap / 2), says=True) for x in (0.0, right)]
         top += block.height
-    lines += [[(0.0, ends[0][0]), (0.0, ends[-1][0])]]
-    lines += [[(wide + 2 * LEAD, ends[0][1]), (wide + 2 * LEAD, ends[-1][1])]]
-    whole = _joined(
-        placed, width=wide + 2 * LEAD, height=top, enters=ends[0][0], leaves=ends[-1][1]
-    )
-    return whole._replace(lines=whole.lines + lines, resistors=whole.resistors + resistors)
+    first, last = placed[0], placed[-1]
+    marks.append(_mark("line", (0.0, first.enters), (0.0, last.enters)))
+    marks.append(_mark("line", (right, first.leaves), (right, last.leaves)))
+    return _joined(placed, marks, width=right, height=top, enters=first.enters, leaves=last.leaves)
 
 
 def _bars_between(parts, high):
     """Leads that join the busbars of the columns of a star: left ones above, right ones below."""
-    lines = []
+    leads = []
     for bar, end, place in ((-2, 0, 0.0), (-1, 1, high)):
-        at = [part.lines[bar][end] for part in parts]
-        lines += [[(x, y), (x, place)] for x, y in at]
-        lines.append([(at[0][0], place), (at[-1][0], place)])
-    return lines
+        at = [part.marks[bar][1][end] for part in parts]
+        leads += [_mark("line", point, (point[0], place)) for point in at]
+        leads.append(_mark("line", (at[0][0], place), (at[-1][0], place)))
+    return leads
 
 
 def _ladder_of_columns(whole, parts, wiring):
     """A ladder that goes on from column to column, by letters at the ends of its busbars."""
-    words, lines, resistors = [], [], []
+    marks = []
     # Drawn leads would cross the columns; two ends of one letter are one point.
     letters = iter("abcdefghijklmnopqrstuvwxyz")
     for part, following in pairwise(parts):
         for bar in (-2, -1):
             letter = next(letters, "…")
-            (x, y), (a, b) = part.lines[bar][1], following.lines[bar][0]
-            words += [(x, y + 0.3, letter), (a, b - 0.62, letter)]
-            lines += [[(x, y), (x, y + 0.18)], [(a, b), (a, b - 0.5)]]
-            resistors.append((a, b - 0.25, True))
+            (x, y), (a, b) = part.marks[bar][1][1], following.marks[bar][1][0]
+            marks += [_mark("word", (x, y + 0.3), says=letter)]
+            marks += [_mark("word", (a, b - 0.62), says=letter)]
+            marks += [_mark("line", (x, y), (x, y + 0.18)), _mark("line", (a, b), (a, b - 0.5))]
+            marks.append(_mark("resistor", (a, b - 0.25), says=True))
     if wiring.terminals == "same_end":
-        (x, y), top = parts[0].lines[-1][0], -0.05
-        lines.append([(x, y), (x, top), (whole.width, top)])
+        (x, y), top = parts[0].marks[-1][1][0], -0.05
+        marks.append(_mark("line", (x, y), (x, top), (whole.width, top)))
         whole = whole._replace(leaves=top)
-    return whole._replace(
-        words=whole.words + words,
-        lines=whole.lines + lines,
-        resistors=whole.resistors + resistors,
-    )
+    return whole._replace(marks=whole.marks + marks)
 
 
 def _panel(axes, block, bias, *, worse, unit):
@@ -289,23 +269,27 @@ def _panel(axes, block, bias, *, worse, unit):
     axes.set_aspect("equal", adjustable="box", anchor="NW")
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
-    for line in block.lines:
-        axes.plot(*np.transpose(line), color=style.INK, lw=0.8, solid_capstyle="round")
-    for x, y, upright in block.resistors:
+    drawn = {}
+    for kind, points, says in block.marks:
+        drawn.setdefault(kind, []).append((points, says))
+    for points, _ in drawn["line"]:
+        axes.plot(*points.T, color=style.INK, lw=0.8, solid_capstyle="round")
+    for ((x, y),), upright in drawn.get("resistor", ()):
         wide, tall = (0.13, RESISTOR * 0.8) if upright else (RESISTOR * 0.8, 0.13)
         look = {"facecolor": "white", "edgecolor": style.INK, "lw": 0.7, "zorder": 3}
         axes.add_patch(Rectangle((x - wide / 2, y - tall / 2), wide, tall, **look))
-    if block.senses:
-        axes.plot(*np.transpose(block.senses), "D", color=SENSE, ms=3.5, zorder=4)
+    if "sense" in drawn:
+        senses = np.concatenate([points for points, _ in drawn["sense"]])
+        axes.plot(*senses.T, "D", color=SENSE, ms=3.5, zorder=4)
     for x, y, sign in ((-0.28, block.enters, "−"), (block.width + 0.2, block.leaves, "+")):
         axes.text(x, y, sign, ha="center", va="center", fontsize=10, fontweight="bold")
-    for x, y, letter in block.words:
+    for ((x, y),), letter in drawn.get("word", ()):
         axes.text(x, y, letter, ha="center", va="center", fontsize=7, color=SENSE)
     # Cells that are nearly alike must not look like cells that differ.
     largest = max([LEAST_RANGE, *map(abs, bias.values())])
-    longest = max(5, *(len(name) for name, _, _ in block.cells))
+    longest = max(5, *(len(name) for _, name in drawn["cell"]))
     size = float(np.clip(min(0.17, 1.6 * BOX[0] / longest) * unit, 3.5, 8.0))
-    for name, x, y in block.cells:
+    for ((x, y),), name in drawn["cell"]:
         _box(axes, name, x, y, bias.get(name), worse / largest, size)
 
 
