@@ -47,29 +47,19 @@ SMALL_SHARE = 0.25  # of the record's median: cold and empty cells show more, no
 
 
 class _Pulse(NamedTuple):
-    """One pulse: row of the voltage before it, start [s], level and step of the current [A]; of
-    each sample from arrival on the delay [s], the ratio [ohm] and whether the current is kept; how
-    the voltage before it still moves; what is known of its begin; the distance of the rows at its
-    edge [s], whether the clock tells a row there, and where the edge was by all pulses."""
+    """One pulse: row of the voltage before it, start [s], level and step of the current [A]; its
+    samples from arrival on, and whether the current is kept at each; how the voltage before it
+    still moves; what is known of its begin; where its edge was by all pulses."""
 
     before: int
     start: float
     level: float
     step: float
-    delay: np.ndarray
-    ratio: np.ndarray
+    rows: Rows
     steady: np.ndarray
     drift: Drift
     begun: Begin
-    apart_second: float = 0.0
-    told: bool = True
     edge: str = AT_A_ROW
-
-    @property
-    def direction(self):
-        """By the sign of the current; falling where a running load only becomes smaller."""
-        flows = "charge" if self.level > 0 else "discharge"
-        return flows if self.level * self.step > 0 else f"falling {flows}"
 
 
 def resistance(
@@ -176,10 +166,11 @@ def pulse_resistance(
     pulses = []
     for step in chosen:
         try:
-            pulses.append(_pulse(time, current, voltage, steps, step, least, rated))
+            pulses.append(_pulse(time, current, voltage, soc, steps, step, least, rated))
         except Refusal as refusal:
             reasons[str(refusal)] += len(delay_second)
-    pulses = _with_edges(pulses, soc, noise[0], rated)
+    edges = edges_of([pulse.rows for pulse in pulses])
+    pulses = [_with_edge(pulse, str(edge)) for pulse, edge in zip(pulses, edges, strict=True)]
     late = late_among_others([pulse.begun.interval_second for pulse in pulses])
     for (pulse, later), delay in product(zip(pulses, late, strict=True), delay_second):
         try:
@@ -187,13 +178,13 @@ def pulse_resistance(
         except Refusal as refusal:
             reasons[str(refusal)] += 1
             continue
-        row = _row(pulse, value, delay, soc, voltage, noise, rated)
+        row = _row(pulse, value, delay, voltage, noise)
         # What it reads at rest it may read too much under load as well, or not at all.
         offset = abs(logged[pulse.before] / pulse.step) if pulse.begun.from_rest else 0.0
         off = np.hypot(current_accuracy_share, offset) / np.sqrt(3.0) * row["resistance_ohm"]
         parts = [row["resistance_std_ohm"], off, pulse.begun.unsure_ohm * (delay == 0)]
         row["resistance_std_ohm"] = np.linalg.norm(parts)
-        said = in_words(doubt, slice(pulse.before, pulse.before + 2 + len(pulse.delay)))
+        said = in_words(doubt, slice(pulse.before, pulse.before + 2 + len(pulse.rows.delay)))
         words = [said, pulse.begun.lacking or later, _too_coarse(digits[1], pulse.step)]
         row["doubt"] = "; ".join(filter(None, words))
         rows.append(row)
@@ -284,8 +275,8 @@ def _chosen(steps):
     return np.flatnonzero(np.isin(steps.kind, ("CC", "CCCV")) & from_rest & follows)
 
 
-def _pulse(time, current, voltage, steps, step, least_volt, rated):
-    """One pulse from its step: delay [s] and ratio [ohm] of its samples from arrival on.
+def _pulse(time, current, voltage, soc, steps, step, least_volt, rated):
+    """One pulse from its step, of its samples from arrival on.
 
     A relaxation that moves the voltage by less than `least_volt` over all of it is none. A sample
     whose current is that before the pulse has no ratio, NaN. Raises Refusal: the current does not
@@ -318,41 +309,26 @@ def _pulse(time, current, voltage, steps, step, least_volt, rated):
     rest = rest if steps.kind[step - 1] == "rest" else rest[:0]
     begun = begin_of(rest, time[first], pace, delay, ratio)
     apart, told = time[first] - max(time[first - 1], time[first] - pace), clock_tells(time, first)
-    return _Pulse(before, start, level, rise, delay, ratio, steady, drift, begun, apart, told)
-
-
-def _with_edges(pulses, soc, noise_volt, rated):
-    """The pulses with where their edges were; without first rows that had not settled.
-
-    Where edges lie between two rows they are in the middle, and every delay is less by that.
-    """
-    rows = [
-        Rows(
-            pulse.delay,
-            pulse.ratio,
-            np.sqrt(2.0) * noise_volt / abs(pulse.step),
-            pulse.apart_second,
-            pulse.told,
-            soc[pulse.before],
-            abs(pulse.step) / rated,
-            pulse.direction,
-        )
-        for pulse in pulses
-    ]
-    return [
-        _with_edge(pulse, str(edge)) for pulse, edge in zip(pulses, edges_of(rows), strict=True)
-    ]
+    # By the sign of the current; falling where a running load only becomes smaller.
+    flows = "charge" if level > 0 else "discharge"
+    flows = flows if level * rise > 0 else f"falling {flows}"
+    noise_ohm, c_rate = least_volt / abs(rise), abs(rise) / rated
+    samples = Rows(delay, ratio, noise_ohm, apart, told, soc[before], c_rate, flows)
+    return _Pulse(before, start, level, rise, samples, steady, drift, begun)
 
 
 def _with_edge(pulse, edge):
-    """A pulse whose edge is known to be so."""
-    if edge in (AT_A_ROW, UNKNOWN) or len(pulse.delay) < 3:
+    """A pulse whose edge is known to be so; without a first row that had not settled.
+
+    An edge between two rows is in the middle, and every delay is less by that.
+    """
+    rows = pulse.rows
+    if edge in (AT_A_ROW, UNKNOWN) or len(rows.delay) < 3:
         return pulse._replace(edge=AT_A_ROW if edge == AT_A_ROW else UNKNOWN)
     kept = slice(int(edge == NOT_SETTLED), None)
-    delay = pulse.delay[kept] - pulse.apart_second / 2
-    return pulse._replace(
-        edge=edge, delay=delay, ratio=pulse.ratio[kept], steady=pulse.steady[kept]
-    )
+    delay = rows.delay[kept] - rows.apart_second / 2
+    rows = rows._replace(delay=delay, ratio=rows.ratio[kept])
+    return pulse._replace(edge=edge, rows=rows, steady=pulse.steady[kept])
 
 
 def _before(time, voltage, steps, step, first, arrived):
@@ -378,10 +354,12 @@ def _check_step(level, rise, rated):
 
 def _at(pulse, wanted):
     """Actual delay [s] and resistance [ohm] at a delay; 0 asks for the first sample."""
-    delay, ratio = pulse.delay, pulse.ratio
+    delay, ratio = pulse.rows.delay, pulse.rows.ratio
     if wanted == 0:
         # Between two rows, the first delay that has a row at or before and one at or after it.
-        first = delay[0] + (0.0 if pulse.edge in (AT_A_ROW, UNKNOWN) else pulse.apart_second / 2)
+        first = delay[0] + (
+            0.0 if pulse.edge in (AT_A_ROW, UNKNOWN) else pulse.rows.apart_second / 2
+        )
         return _positive(first, np.interp(first, delay, ratio))
     if delay[0] > wanted:
         which = "settled sample" if pulse.edge == NOT_SETTLED else "sample"
@@ -422,35 +400,35 @@ def _noise(values, steps, digit):
     return float(np.hypot(spread, digit / np.sqrt(12)))
 
 
-def _row(pulse, value, delay, soc, voltage, noise, rated):
+def _row(pulse, value, delay, voltage, noise):
     """Columns of one pulse and delay; the deviation is that of two voltages and two currents, and
     of the relaxation that went on."""
     actual, resistance = value
     error = np.sqrt(2) * np.hypot(noise[0], resistance * noise[1]) / abs(pulse.step)
     error = np.hypot(error, pulse.drift.moved_std_volt(actual) / abs(pulse.step))
-    error = np.hypot(error, _edge_std_ohm(pulse, actual, noise[0]))
+    error = np.hypot(error, _edge_std_ohm(pulse, actual))
     return {
-        "soc": soc[pulse.before],
-        "direction": pulse.direction,
+        "soc": pulse.rows.soc,
+        "direction": pulse.rows.direction,
         "delay_second": delay,
         "actual_delay_second": actual,
         "resistance_ohm": resistance,
         "resistance_std_ohm": error,
         "relaxation_ohm": pulse.drift.moved_volt(actual) / pulse.step,
         "current_ampere": pulse.level,
-        "c_rate": abs(pulse.step) / rated,
+        "c_rate": pulse.rows.c_rate,
         "voltage_before_volt": voltage[pulse.before],
         "start_time_second": pulse.start,
         "edge": pulse.edge,
     }
 
 
-def _edge_std_ohm(pulse, actual_second, noise_volt):
+def _edge_std_ohm(pulse, actual_second):
     """Standard deviation [ohm] by the time of the edge, uniform over its interval."""
-    if pulse.edge == AT_A_ROW or len(pulse.delay) < 2:
+    rows = pulse.rows
+    if pulse.edge == AT_A_ROW or len(rows.delay) < 2:
         return 0.0
-    where = pulse.delay, pulse.ratio, actual_second, pulse.apart_second, pulse.edge
-    noise = np.sqrt(2.0) * noise_volt / abs(pulse.step)
-    grown = np.sqrt(max(growth_ohm(*where) ** 2 - noise**2, 0.0))
+    where = rows.delay, rows.ratio, actual_second, rows.apart_second, pulse.edge
+    grown = np.sqrt(max(growth_ohm(*where) ** 2 - rows.noise_ohm**2, 0.0))
     # In the middle of its interval, or at its end where a row may have been at the edge.
     return grown / np.sqrt(3.0 if pulse.edge == UNKNOWN else 12.0)

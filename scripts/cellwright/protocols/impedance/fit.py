@@ -24,27 +24,16 @@ from cellwright.refusal import Refusal
 SLOW = ("capacitance", "cpe", "time")  # roles that set a time constant
 
 
-class Features(NamedTuple):
-    """Features of a spectrum, from which limits and starts of the fit follow.
-
-    smallest : least real part of the capacitive points [Ω]. span : its range [Ω]. largest :
-    largest modulus [Ω]. lowest, highest : angular frequencies of all points [1/s]; fastest : the
-    highest of a capacitive one. warburg : Y0 that the lowest frequency alone gives [S·s^½].
-    leads : inductance that the highest alone gives [H].
-    """
-
-    smallest: float
-    span: float
-    largest: float
-    lowest: float
-    highest: float
-    fastest: float
-    warburg: float
-    leads: float
-
-
 def features(frequency_hertz, impedance_ohm):
-    """Features of a spectrum that has a capacitive part: (n,) [Hz], (n,) complex [Ω]."""
+    """Features of a spectrum with a capacitive part; limits and starts of its fit follow from them.
+
+    frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
+
+    Returns dict: smallest, least real part of the capacitive points [Ω]; span, its range [Ω];
+    largest, largest modulus [Ω]; lowest, highest, angular frequencies of all points [1/s]; fastest,
+    the highest of a capacitive one; warburg, Y0 that the lowest frequency alone gives [S·s^½];
+    leads, inductance that the highest alone gives [H].
+    """
     real, imaginary = impedance_ohm.real, impedance_ohm.imag
     capacitive = np.flatnonzero(imaginary < 0)
     inside = real[capacitive]
@@ -52,31 +41,31 @@ def features(frequency_hertz, impedance_ohm):
     least = 1e-6 * largest  # so that no limit and no start is zero
     slowest, fastest = frequency_hertz.argmin(), frequency_hertz.argmax()
     lowest, highest = (2 * math.pi * float(frequency_hertz[k]) for k in (slowest, fastest))
-    return Features(
-        smallest=smallest,
-        span=max(float(inside.max()) - smallest, least),
-        largest=largest,
-        lowest=lowest,
-        highest=highest,
-        fastest=2 * math.pi * float(frequency_hertz[capacitive].max()),
-        warburg=1 / (math.sqrt(lowest) * max(abs(float(imaginary[slowest])), least)),
-        leads=max(abs(float(imaginary[fastest])), least) / highest,
-    )
+    return {
+        "smallest": smallest,
+        "span": max(float(inside.max()) - smallest, least),
+        "largest": largest,
+        "lowest": lowest,
+        "highest": highest,
+        "fastest": 2 * math.pi * float(frequency_hertz[capacitive].max()),
+        "warburg": 1 / (math.sqrt(lowest) * max(abs(float(imaginary[slowest])), least)),
+        "leads": max(abs(float(imaginary[fastest])), least) / highest,
+    }
 
 
 def parameter_limits(circuit, size):
     """Lower and upper limits of the parameters (2, p), from the size of the spectrum."""
     # Decades beyond what the spectrum spans: a limit that is met says "not determined".
     ends = {
-        "resistance": (1e-4 * min(size.span, size.smallest), 100 * size.largest),
-        "series": (size.smallest / 100, size.largest),
-        "capacitance": (1e-9 / size.largest, 1e9 / size.largest),
-        "inductance": (size.leads * 1e-4, size.leads * 1e2),
-        "cpe": (1e-6 / size.largest, 1e9 / size.largest),
+        "resistance": (1e-4 * min(size["span"], size["smallest"]), 100 * size["largest"]),
+        "series": (size["smallest"] / 100, size["largest"]),
+        "capacitance": (1e-9 / size["largest"], 1e9 / size["largest"]),
+        "inductance": (size["leads"] * 1e-4, size["leads"] * 1e2),
+        "cpe": (1e-6 / size["largest"], 1e9 / size["largest"]),
         # Below 0.3 a constant-phase element is no capacitance any more.
         "exponent": (0.3, 1.0),
-        "warburg": (size.warburg * 1e-3, size.warburg * 1e4),
-        "time": (1e-2 / size.highest, 1e3 / size.lowest),
+        "warburg": (size["warburg"] * 1e-3, size["warburg"] * 1e4),
+        "time": (1e-2 / size["highest"], 1e3 / size["lowest"]),
     }
     return np.array([ends[role] for role in _roles(circuit.text)]).T
 
@@ -90,18 +79,18 @@ def spread_starts(circuit, size, *, number):
     roles = _roles(circuit.text)
     shares, positions = _shares(number, roles)
     middle = {
-        "series": size.smallest,
-        "resistance": size.span,
-        "inductance": size.leads,
-        "warburg": size.warburg,
+        "series": size["smallest"],
+        "resistance": size["span"],
+        "inductance": size["leads"],
+        "warburg": size["warburg"],
     }
     slow = [k for k, role in enumerate(roles) if role in SLOW]
-    rate = size.fastest * (size.lowest / size.fastest) ** positions
+    rate = size["fastest"] * (size["lowest"] / size["fastest"]) ** positions
     starts = np.array([middle.get(role, 1.0) for role in roles]) * shares
     for k, rates in zip(slow, rate.T, strict=True):
         # T of an arc is 1/(R·ω^P); exponents of real cells lie about 0.75.
         power = rates**0.75 if roles[k] == "cpe" else rates
-        starts[:, k] = 1 / (power if roles[k] == "time" else power * size.span * shares[:, k])
+        starts[:, k] = 1 / (power if roles[k] == "time" else power * size["span"] * shares[:, k])
     return starts
 
 
