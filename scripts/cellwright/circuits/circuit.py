@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.native import array, count, function, real
+from cellwright.numerics.sphere import sphere_roots
 from cellwright.records.conditions import at_rest_in_record
 from cellwright.refusal import Refusal
 
@@ -70,15 +71,6 @@ def _no_lag(**_parameters):
 
 def _one_lag(*, tau_second, **_parameters):
     return (Lag("second", tau_second, 1.0),)
-
-
-def sphere_roots(modes):
-    """First positive roots of tan x = x, by Newton's method from (n + ½)π − 1/((n + ½)π)."""
-    far = (np.arange(1, modes + 1) + 0.5) * np.pi
-    x = far - 1.0 / far
-    for _ in range(4):
-        x = x - (np.sin(x) - x * np.cos(x)) / (x * np.sin(x))
-    return x
 
 
 def _modes(shares, constants, *, mean):

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.circuit import sphere_roots
 from cellwright.numerics.exponentials import UNDETERMINED
+from cellwright.numerics.sphere import sphere_roots
 from cellwright.numerics.statistics import parameter_covariance
 from cellwright.protocols.relaxation import evened
 from cellwright.refusal import Refusal
