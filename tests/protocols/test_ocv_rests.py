@@ -7,7 +7,7 @@ import pytest
 from counted import NAMES
 
 import cellwright as cw
-from cellwright.protocols.ocv.rests import POINT, ocv_of_rests, rest_points
+from cellwright.protocols.ocv.rests import RestPoints, ocv_of_rests, rest_points
 from cellwright.records.anchor import rest_scale
 from cellwright.refusal import Refusal
 from cellwright.series.steps import segment
@@ -41,10 +41,6 @@ def record(*, portions=17, share=0.05, rest_second=3600, noise=0.0, lead=1.0, of
     voltage = voltage + noise * np.random.default_rng(1).standard_normal(len(voltage))
     read = current + offset
     return 5.0 * np.arange(len(read)), read, voltage, np.cumsum(read) * 5 / 3600
-
-
-def points_of(*columns):
-    return dict(zip(POINT, columns, strict=True))
 
 
 def found_from(columns, *, rated=CAPACITY, limits=LIMITS, **facts):
@@ -82,7 +78,7 @@ def test_what_is_still_to_relax_is_added_and_named():
 
 
 def test_rests_without_exponentials_are_taken_as_measured():
-    points = points_of(
+    points = RestPoints(
         -CAPACITY * np.linspace(0.05, 0.9, 8),
         true_ocv(1 - np.linspace(0.05, 0.9, 8)),
         *np.full((2, 8), np.nan),
@@ -121,7 +117,7 @@ def test_rests_after_charge_are_the_other_branch():
     both = np.concatenate([soc[::-1], soc])
     sign = np.repeat([-1, 1], 10)
     volt = true_ocv(both) + 0.012 * sign
-    points = points_of(
+    points = RestPoints(
         CAPACITY * (both - 1),
         volt,
         volt,
