@@ -33,7 +33,6 @@ from cellwright.api.laws import resistance_surface as resistance_surface
 from cellwright.api.laws import temperature_laws as temperature_laws
 from cellwright.api.laws import temperature_laws_of_type as temperature_laws_of_type
 from cellwright.api.laws import thermal_constants as thermal_constants
-from cellwright.api.models import add_own_effects as add_own_effects
 from cellwright.api.models import borrow_model as borrow_model
 from cellwright.api.models import compare_bias_ways as compare_bias_ways
 from cellwright.api.models import compare_temperature_laws as compare_temperature_laws

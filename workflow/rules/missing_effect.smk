@@ -72,7 +72,7 @@ rule effect_search:
 
 rule effect_search_own:
     input:
-        member="results/stages/member/{cell}.json",
+        model="results/models/{cell}.json",
         basis="results/stages/basis/{cell}.json",
         series=PLAN.own_artefacts("clean", *EFFECT_KINDS),
     output:
@@ -80,7 +80,6 @@ rule effect_search_own:
         ranking="results/missing_effect/{cell}/own/ranking.parquet",
         residual_map="results/missing_effect/{cell}/own/map.parquet",
         series="results/missing_effect/{cell}/own/series.parquet",
-        model="results/missing_effect/{cell}/own/model.json",
     log:
         "logs/missing_effect/{cell}_own.log",
     wildcard_constraints:

@@ -166,35 +166,6 @@ def _with_choice(content, choice):
     return results.Result(tables, content, (content["choice"],) if choice else ())
 
 
-def add_own_effects(
-    model,
-    effects,
-    *,
-    choice=(),
-    cell=None,
-    left_out=(),
-    split_rest_second=MODELS.split_rest_second,
-):
-    """A model with the effects that its chosen member lacks; they are used where that is better.
-
-    effects : `model` of the result of `missing_effect(..., model=model)`, or None.
-    choice : rows of the choice of the member, where `model` is a document without them.
-    cell, left_out : its facts and whole tests for validation, without which no effect is proved.
-
-    Returns as `finish_model`, with the member `<chosen>+effects` where effects were found.
-    Source: docs/models.md.
-    """
-    from cellwright.effects.given.member import with_own_effects
-    from cellwright.identification.in_use import proved
-
-    rows, before = inputs.rows(choice or getattr(model, "choice", ())), inputs.model(model)
-    content, rows = with_own_effects(before, rows, inputs.content(effects))
-    if content["chosen"] != before["chosen"]:
-        proof = inputs.tests(left_out), inputs.cell_facts(cell)
-        content, rows = proved(content, rows, *proof, split_rest_second=split_rest_second)
-    return _with_choice(content, rows)
-
-
 def refuse_model(tests, *, fit_kinds=("hppc", "drive", "capacity"), lent_curve=False):
     """Raise a Refusal that says what is missing for a model of a cell without a test to fit.
 
@@ -395,8 +366,7 @@ def export_model(model, *, validation=()):
     document, member = pybamm_document(model, errors), plain_member(model)
     notes = [f"{name} is not exported: {why}" for name, why in document["refused"].items()]
     for entry in model["members"]:
-        with_blocks = entry.get("companions", {"with": entry})["with"]
-        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(with_blocks)]
+        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(entry)]
     # Other tools know RC pairs only: what stands in for the chosen member must say what it costs.
     chosen, taken = model["chosen"], document["exported"]
     if taken not in (chosen, None):

@@ -35,13 +35,9 @@ def parameter_rows(model):
         without SoC ocv_missing, ocv_stretch, r0_delay (how long after a step of the current the
         first fitted samples lie: what relaxes sooner is part of r0) and activation_energy, of the
         condition as a whole.
-        Of a member with companions the circuit that it begins from, and the sizes of its effects.
     """
     conditions = [(m["model"], c) for m in model["members"] for c in m["conditions"]]
-    rows = [row for name, condition in conditions for row in _rows(name, condition)]
-    of_no_condition = {"ambient_temperature_celsius": None, "soc": None, "at_bound": False}
-    sizes = [(m["model"], size) for m in model["members"] for size in m.get("sizes", ())]
-    return [*rows, *({"model": name} | of_no_condition | size for name, size in sizes)]
+    return [row for name, condition in conditions for row in _rows(name, condition)]
 
 
 def _rows(member, condition):

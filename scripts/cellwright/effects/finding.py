@@ -9,7 +9,7 @@ from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.columns import frees_of
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case, with_simulated
-from cellwright.effects.given.judged import as_given, judged_blocks
+from cellwright.effects.given.judged import as_given
 from cellwright.effects.given.paired import Pairing, paired
 from cellwright.effects.judge import joined, residual_map, unsure_by_temperature, worst
 from cellwright.effects.library.outside import OUTSIDE
@@ -83,15 +83,13 @@ def missing_effect(
     """
     bases = {"references": references, "model": model, "simulated": simulated}
     task = task_of(cell, basis, tests, settings=settings, **bases)
-    # A plain or own model is one to choose: it is fitted again without blocks. External is none.
-    split = None if task.base_name == "external" else settings["split_rest_second"]
+    # A plain model with its effects is one to choose: it is fitted again without blocks.
+    split = settings["split_rest_second"] if task.base_name == "plain" else None
     names = {"split_rest_second": split, "base_name": task.base_name, "others": others}
     finding = of_case(cell.cell, task.case, library, **names)
     text = "\n".join([finding.verdict["paragraph"], *task.caveats])
     verdict = finding.verdict | {"references": list(task.references), "paragraph": text}
-    known = {} if task.given is None else {"given": task.given}
-    notes = (*task.notes, *finding.notes)
-    return finding._replace(verdict=verdict, model=finding.model | known, notes=notes)
+    return finding._replace(verdict=verdict, notes=(*task.notes, *finding.notes))
 
 
 class Task(NamedTuple):
@@ -106,24 +104,23 @@ class Task(NamedTuple):
     references: tuple
     notes: tuple
     caveats: tuple
-    given: dict | None = None
 
 
 def task_of(cell, basis, tests, *, settings, references=(), model=None, simulated=None):
     """Case of a search before anything is searched: Task; arguments as of `missing_effect`."""
     gates, tolerance = settings_of(settings)
     options = {"tolerance": tolerance, "gates": gates, "settings": settings}
-    base_name, used, note, given = "plain", [], (), None
+    base_name, used, note = "plain", [], ()
     if simulated is not None:
         tests, note = with_simulated(tests, simulated)
     ready = _ready(cell, basis, tests, options, note)
     if model is not None:
-        base_name, (case, given) = "own", own_case(ready, model)
+        base_name, case = "own", own_case(ready, model)
     elif simulated is not None:
         base_name, case = "external", external_case(ready)
     else:
         case, used, note = _paired(ready.case, references, options)
-    return Task(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats, given)
+    return Task(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats)
 
 
 def _ready(cell, basis, tests, options, notes):
@@ -222,10 +219,8 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
         entry["sizes"] = [size._asdict() for size in sizes]
     verdict["paragraph"] = paragraph(verdict, known)
     if state.effects and split_rest_second is not None:
-        rest = {"split_rest_second": split_rest_second}
-        model["folds"] = folds(case, state, found.filters.noise, **rest)
-        if base_name == "own":
-            model["blocks"] = judged_blocks(case, state, model["folds"], **rest)
+        noise = found.filters.noise
+        model["folds"] = folds(case, state, noise, split_rest_second=split_rest_second)
     return Finding(
         verdict,
         ranking,

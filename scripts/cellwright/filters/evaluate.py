@@ -165,7 +165,6 @@ def soc_runs(model, record, *, settings):
     Refusal
         Nothing is left to score, or as `estimate.estimate`.
     """
-    model, notes = _circuit_alone(model)
     size = model["capacity_ampere_hour"]
     celsius = loaded_mean(record.current_ampere, record.celsius, size)
     bank, entry = bank_of(model, None, celsius), member_of(model, None)
@@ -174,7 +173,7 @@ def soc_runs(model, record, *, settings):
         resistance_factor=resistance_factor_of(model, None, record.celsius, celsius)
     )
     source = record.temperature_source
-    notes += [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
+    notes = [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
     blocks = ("reading", "counting")
     notes += [
         f"filters and their reference know that {sentence}" for sentence in words_of(entry, blocks)
@@ -208,15 +207,6 @@ def soc_runs(model, record, *, settings):
     series = {"test_time_second": record.test_time_second, "soc": record.soc}
     series |= {"reference_low_soc": reference.low, "reference_high_soc": reference.high}
     return rows, series | {"scored": record.used} | columns, tuple(notes)
-
-
-def _circuit_alone(model):
-    """The model with a member that is one circuit, and notes: filters hold no companions."""
-    chosen = member_of(model, None)
-    if "companions" not in chosen:
-        return model, []
-    kept = f"filters run {chosen['of']}: the effects of {chosen['model']} stand beside its circuit"
-    return model | {"chosen": chosen["of"]}, [kept]
 
 
 def noise_of(settings, test_time_second):

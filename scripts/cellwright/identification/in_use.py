@@ -190,43 +190,6 @@ def _with_usual_errors(member, scores, celsius):
     return member | {"conditions": told}
 
 
-def decided_beside(model, rows, entry, judged, origin_scores, celsius):
-    """A model with one more member, chosen if it is better than the member that it begins from.
-
-    Both are compared on the same blocks of records, each left out of the fit in turn; the rule is
-    that of `choice.choose` for members that a search finds.
-
-    Parameters
-    ----------
-    model, rows : as `decided` gives them.
-    entry : member of a model file, not among the model's, that begins from the chosen member `of`.
-    judged : Judged of the member. origin_scores : list of Score of `of` on the same blocks.
-    celsius : temperature of each condition of both [degC].
-
-    Returns
-    -------
-    model : dict of the same schema, the member last and maybe `chosen`. rows : with the member's.
-    """
-    name, origin = entry["model"], entry["of"]
-    scores = {origin: origin_scores, name: judged.scores}
-    choice = choose(scores, celsius=celsius, searched=(name,))
-    taken = choice.name == name
-    errors = " against ".join(f"{1e3 * choice.rmse_volt[n]:.2g}" for n in (name, origin))
-    reason = "chosen: better beyond chance" if taken else f"not chosen: {choice.reasons[name]}"
-    reason += f"; {errors} mV rms of {origin} over the records of the search, left out in turn"
-    before = {"chosen": False, "reason": f"{name} is better beyond chance"} if taken else {}
-    of_entry = [
-        row | {"chosen": taken, "reason": reason} for row in judged_rows(name, judged, celsius)
-    ]
-    rows = [*(row | before if row["chosen"] else row for row in rows), *of_entry]
-    entry = entry | {"left_out_rmse_volt": choice.rmse_volt[name]}
-    return model | {
-        "members": [*model["members"], entry],
-        "chosen": choice.name,
-        "choice": f"{model['choice']}. {name} {reason}",
-    }, rows
-
-
 def proved(model, rows, tests, cell, *, split_rest_second):
     """A model whose member with effects stays chosen only where it wins on whole tests left out.
 
@@ -240,7 +203,7 @@ def proved(model, rows, tests, cell, *, split_rest_second):
 
     Parameters
     ----------
-    model, rows : as `decided` and `decided_beside` give them.
+    model, rows : as `decided` gives them.
     tests : list of MeasuredTest that took no part, of the age of the model; those of role `split`
         are passed over.
     cell : CellFacts. split_rest_second : shortest rest that cuts a record [s].
@@ -250,7 +213,7 @@ def proved(model, rows, tests, cell, *, split_rest_second):
     model, rows : the same where no member with effects is chosen.
     """
     chosen = member_of(model)
-    name, rival = chosen["model"], chosen.get("of") or chosen.get("in_place_of")
+    name, rival = chosen["model"], chosen.get("in_place_of")
     if rival is None:
         return model, rows
     scores, used, notes = {rival: [], name: []}, [], []
