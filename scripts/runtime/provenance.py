@@ -39,6 +39,7 @@ class Piece(NamedTuple):
 # Folders of modules whose functions and classes are hashed one by one.
 PARTED = ("cellwright/api", "cellwright/settings")
 STUB = ".pyi"  # of a package whose names are imported from their modules at first use
+MESSAGES = ".toml"  # of a module whose sentences stand in the file of its name
 IMPORTS = (ast.Import, ast.ImportFrom)
 
 
@@ -57,11 +58,12 @@ def code_of(script: str) -> str:
 
 @cache
 def digest_of(piece: Piece) -> str:
-    """SHA-256 of a piece's place and syntax tree; of a package, also of the C sources beside it."""
+    """SHA-256 of a piece's place and syntax tree, of C sources of its package, and its messages."""
     digest = hashlib.sha256(f"{_place(piece.path).as_posix()}:{piece.name}".encode())
     digest.update(ast.dump(_tree(piece)).encode())
     package = piece.path.name == "__init__.py"  # it builds the C sources in its folder
-    for source in sorted(piece.path.parent.glob("*.[ch]")) if package else []:
+    beside = sorted(piece.path.parent.glob("*.[ch]")) if package else []
+    for source in [*beside, *filter(Path.is_file, [piece.path.with_suffix(MESSAGES)])]:
         digest.update(source.read_bytes())
     return digest.hexdigest()
 
@@ -108,7 +110,7 @@ def _sources_digest() -> str:
     found = [
         path
         for root in _roots()
-        for kind in ("*.py", "*.pyi", "*.[ch]")
+        for kind in ("*.py", "*.pyi", "*.[ch]", f"*{MESSAGES}")
         for path in root.rglob(kind)
     ]
     for path in sorted(found):

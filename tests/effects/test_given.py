@@ -75,7 +75,7 @@ def test_its_size_is_that_of_the_cell_and_not_of_the_companion():
 def test_a_simulator_that_has_all_of_it_lacks_nothing(truth):
     verdict = searched_external(truth, truth)
     assert verdict["verdict"] == "none"
-    assert "your model is off by" in verdict["paragraph"]
+    assert "your model errs by" in verdict["paragraph"]
     assert verdict["validation_rmse_volt"]["before"] == pytest.approx(1.5e-3, rel=0.1)
 
 
@@ -93,7 +93,7 @@ def test_its_error_as_it_is_is_told_before_anything_is_freed():
         error = np.concatenate([record.voltage_volt - record.simulated_volt for record in side])
         wanted = np.sqrt(np.mean(error**2))
         assert told["as_given_rmse_volt"][role] == pytest.approx(wanted, rel=0.02)
-    assert "As it is, with no parameter freed, it is off by 14" in told["paragraph"]
+    assert "With none of its parameters changed it errs by 14" in told["paragraph"]
 
 
 def wave(record):

@@ -37,9 +37,9 @@ def missing_effect(
         `ambient_celsius` of `witnesses` without `series`: an effect that one of them contradicts is
         not named. None: there are none.
 
-    Returns ranking, residual_map, evidence, series, confounding, menu; content: model, and verdict,
-    the document of docs/missing-effect.md. Raises Refusal: no OCV, no test to fit, or none for
-    validation. Source: docs/missing-effect.md.
+    Returns ranking, residual_map, evidence, series; content: model, and verdict, the document of
+    docs/missing-effect.md. Raises Refusal: no OCV, no test to fit, or none for validation.
+    Source: docs/missing-effect.md.
     """
     from cellwright.effects.finding import missing_effect as searched
     from cellwright.effects.given.external import Simulated
@@ -76,8 +76,8 @@ def _search(settings, split_rest_second, changes) -> dict:
 
 def _missing_effect(finding):
     """Result of a search: its tables (of a group fewer), verdict and model as content."""
-    # A group has no map of its own, and no menu of tests: such tables are empty.
-    names = ("ranking", "residual_map", "evidence", "series", "confounding", "menu")
+    # A group has no map of its own: such tables are empty.
+    names = ("ranking", "residual_map", "evidence", "series")
     tables = {name: getattr(finding, name, {}) for name in names}
     content = {"verdict": finding.verdict, "model": finding.model}
     return results.Result(tables, content, finding.notes)
@@ -138,7 +138,7 @@ def missing_group_effect(group, branches, known_cells, tests):
     known_cells : `effects.groups.finding.KnownCell` of each branch.
     tests : of the group, with branch currents.
 
-    Returns as `missing_effect`, with empty residual_map, evidence, confounding and menu. Raises
+    Returns as `missing_effect`, with empty residual_map and evidence. Raises
     Refusal: a branch without a model, no test to fit, or none for validation.
     Source: docs/missing-effect.md.
     """

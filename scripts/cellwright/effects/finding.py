@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
+from cellwright.effects.advice import advised
 from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.columns import frees_of
 from cellwright.effects.given.case import own_case
@@ -14,24 +15,22 @@ from cellwright.effects.given.paired import Pairing, paired
 from cellwright.effects.judge import joined, residual_map, unsure_by_temperature, worst
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.member import folds, shift_of_starts
-from cellwright.effects.planning.advice import advised
-from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import STEPS_OF_HOLD, prepared
 from cellwright.effects.records import parts_of
 from cellwright.effects.score import BANDS
 from cellwright.effects.search import joins, resume_without, search
 from cellwright.effects.stated.nuisances import declared_values_at_limit
+from cellwright.effects.story.messages import say
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
-from cellwright.effects.story.words import paragraph
+from cellwright.effects.story.words import next_test, paragraph
 from cellwright.effects.verdict import CONTRADICTED, outcome, sizes_of_names, verdict_of
 from cellwright.effects.witnesses.collected import contradicted, measured_of
 from cellwright.numerics.least_squares import covariances, fit, stds
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
 
-NEEDLESS = "needless beside the others"
 KEPT = ("named", "ambiguous")  # verdicts whose effects explain what the plain model lacks
 
 
@@ -189,15 +188,15 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     place = worst(residuals, result.floor.validation_volt)
     open_place = None if result.adequate else place
-    menu, advice, test = advised(found, result, library, untestable, open_place)
-    further = {"next_test": advice, "not_testable": untestable}
+    question = advised(found, result, library, untestable, open_place)
+    further = {"next_test": next_test(question, library), "not_testable": untestable}
     verdict = verdict_of(name, found, result, place, deviations, **further)
     verdict["base"] = base_name
     if base_name != "plain":
         given = as_given(case, found.filters)
         verdict["as_given_rmse_volt"] = given
         verdict["errors"]["member"] = {f"{side}_volt": volt for side, volt in given.items()}
-    verdict |= {"next_test_id": test, "worsened": worsened(residuals)}
+    verdict |= {"next_question": question, "worsened": worsened(residuals)}
     # The model holds all that predicts surely better, named or not; whether it is used is for tests
     # left out to decide. What the vocabulary has no word for has no place in a model file.
     kept = [one.effect for one in found.beside if one.effect.id not in OUTSIDE]
@@ -209,7 +208,6 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     verdict["against"] = _last_against(ranking, named) | verdict["against"]
     verdict["against"] |= dict.fromkeys(ruled_out, CONTRADICTED)
     verdict["contradicted"] = list(ruled_out.values())
-    plain = Model(first.solution.values, first.effects)
     model = model_of(case, state)
     if whole.effects and whole is not state:
         model["joined"] = {name: float(value) for name, value in whole.solution.values.items()}
@@ -227,8 +225,6 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
         residuals,
         _evidence(found, result),
         _series(case, first, result.last, found.filters),
-        confounding(shown(case, library, plain, spread=found.filters.noise)),
-        menu,
         model,
         tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
     )
@@ -394,26 +390,27 @@ def _ranked(found, result, number, effect, gain, size, in_range, chi_square):
         "in_range": in_range,
         "chosen": effect.key in inside,
         "tied": any(effect.key in one.tied for one in result.names),
-        "against": _against(found, result, effect, gain),
+        "code": (code := _against(found, result, effect, gain)),
+        "against": code and say(f"against.{code}"),
     }
 
 
 def _against(found, result, effect, gain):
-    """Why an effect is no name, in words; empty for one that is."""
+    """Why an effect is no name, as a code; empty for one that is."""
     if any(one.effect.key == effect.key for one in result.names):
         return ""
     unnamed = {one.effect.key: why for one, why in result.unnamed}
     if effect.key in unnamed:
         return unnamed[effect.key]
     if effect.key in found.denied:
-        return "a measurement contradicts it"
-    return NEEDLESS if joins(gain, found.case.gates) else "it does not predict surely better"
+        return CONTRADICTED
+    return "needless" if joins(gain, found.case.gates) else "no_better"
 
 
 def _last_against(ranking, named):
-    """What spoke last against each effect that was tried and is no name: dict id → words."""
-    pairs = zip(ranking.get("effect", ()), ranking.get("against", ()), strict=True)
-    return {effect: words for effect, words in pairs if effect not in named and words}
+    """What spoke last against each effect that was tried and is no name: dict id → code."""
+    pairs = zip(ranking.get("effect", ()), ranking.get("code", ()), strict=True)
+    return {effect: code for effect, code in pairs if effect not in named and code}
 
 
 def _evidence(found, result):
