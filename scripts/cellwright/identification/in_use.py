@@ -8,6 +8,7 @@ from cellwright.circuits.model_file import member_of
 from cellwright.identification.choice import (
     Score,
     choose,
+    not_chosen,
     rmse_of,
     score_of,
     typical_of,
@@ -16,6 +17,7 @@ from cellwright.identification.choice import (
 )
 from cellwright.identification.edges import with_share
 from cellwright.identification.identify import ready_records
+from cellwright.identification.messages import say
 from cellwright.identification.validation import beyond_volt, is_inner, simulated
 from cellwright.numerics.statistics import rms
 from cellwright.records.basis import at_cycle
@@ -146,7 +148,7 @@ def decided(model, conditions, searched=None):
     model : the same with `chosen` and `choice`, and `left_out` of all members.
     rows : list of dict, one a member and temperature: model, ambient_temperature_celsius, blocks,
         typical_volt, left_out_rmse_volt, worst_volt (of a block), fit_rmse_volt (simulated, SoC
-        5–95 %), fit_beyond_volt (of the whole simulation), chosen, reason.
+        5–95 %), fit_beyond_volt (of the whole simulation), chosen, code, reason.
     """
     judged = {
         name: judged_of(model, name, conditions) for name in model["left_out"][0]["square_volt2"]
@@ -165,7 +167,7 @@ def decided(model, conditions, searched=None):
         searched=tuple(searched or ()),
     )
     rows = [
-        row | {"chosen": name == choice.name, "reason": choice.reasons[name]}
+        row | {"chosen": name == choice.name} | reason_columns(*choice.reasons[name])
         for name, verdict in judged.items()
         for row in judged_rows(name, verdict, celsius)
     ]
@@ -221,30 +223,34 @@ def proved(model, rows, tests, cell, *, split_rest_second):
         try:
             by_member = _scores_of_test(model, scores, test, cell, split_rest_second)
         except Refusal as refusal:
-            notes.append(f"{test.facts.test} does not judge {name}: {refusal}")
+            fields = {"test": test.facts.test, "name": name, "refusal": refusal}
+            notes.append(say("choice.not_judging", **fields))
             continue
         used.append(test.facts.test)
         for member, score in by_member.items():
             scores[member].append(score)
-    wins, why = False, "no whole test was left out that could prove it"
+    wins, (code, why) = False, not_chosen("no_whole_test")
     if used and len(scores[name][0].rows):
         choice = choose(scores, searched=(name,), whole_tests=True)
         errors = " against ".join(f"{1e3 * choice.rmse_volt[n]:.2g}" for n in (name, rival))
         wins = choice.name == name
-        why = "better beyond chance" if wins else choice.reasons[name]
-        why += f"; {errors} mV rms of {rival} on whole tests left out ({', '.join(used)})"
-    verdict = f"{name} {'stays' if wins else f'gives way to {rival}'}: {why}"
+        code, why = ("better", say("choice.better")) if wins else choice.reasons[name]
+        fields = {"errors": errors, "rival": rival, "tests": ", ".join(used)}
+        why = say("choice.whole_tests", why=why, **fields)
+    end = "choice.stays" if wins else "choice.gives_way"
+    verdict = say(end, name=name, rival=rival, why=why)
     taken = name if wins else rival
-    texts = {name: verdict} if wins else {name: f"not chosen: {why}", rival: verdict}
-    rows = [
-        row | {"chosen": row["model"] == taken, "reason": texts.get(row["model"], row["reason"])}
-        for row in rows
-    ]
-    before = model["choice"]
-    if not wins:  # what the blocks alone said would read as the choice
-        before = before.replace(f"{name} chosen", f"{name} best by blocks", 1)
-    about = {"choice": f"{before}. {verdict}", "notes": [*model["notes"], *notes]}
+    reasons = {taken: reason_columns("whole_tests", verdict)}
+    if not wins:
+        reasons[name] = reason_columns(code, say("choice.not_chosen", why=why))
+    rows = [row | {"chosen": row["model"] == taken} | reasons.get(row["model"], {}) for row in rows]
+    about = {"choice": f"{model['choice']}. {verdict}", "notes": [*model["notes"], *notes]}
     return model | {"chosen": taken} | about, rows
+
+
+def reason_columns(code, text):
+    """Columns of the table of reasons: why a member is chosen or not, as a code and in words."""
+    return {"code": code, "reason": text}
 
 
 def _scores_of_test(model, names, test, cell, split_rest_second):
@@ -286,7 +292,7 @@ def simulated_errors(conditions, errors_volt):
 
 
 def judged_rows(name, judged, celsius):
-    """Rows of a member in the table of reasons, without `chosen` and `reason`; see `decided`.
+    """Rows of a member in the table of reasons, without `chosen` and why; see `decided`.
 
     Parameters
     ----------
