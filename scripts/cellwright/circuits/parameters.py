@@ -43,14 +43,12 @@ def parameter_rows(model):
 def _rows(member, condition):
     celsius = condition["ambient_temperature_celsius"]
     about = {"model": member, "ambient_temperature_celsius": celsius}
-    flags = condition.get("at_bound", [])
+    flags = {(one["parameter"], one["soc"]) for one in condition.get("at_bound", [])}
     for name, flag, values, stds, unit in _columns(condition):
         stds = stds or [None] * len(values)
         for soc, value, std in zip(condition["soc"], values, stds, strict=True):
             row = {"soc": soc, "parameter": name, "value": value, "std": std, "unit": unit}
-            place = f"{flag} at SoC {soc:.3f}"  # and, of a hysteresis, what bounds it
-            held = any(one == name or one.partition(",")[0] == place for one in flags)
-            yield about | row | {"at_bound": held}
+            yield about | row | {"at_bound": bool(flags & {(flag, soc), (flag, None)})}
     scale = condition.get("ocv_scale", {})
     whole = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
     whole.append(("r0_delay", condition.get("first_sample_second"), "s"))
@@ -63,7 +61,7 @@ def _rows(member, condition):
 
 def _columns(condition):
     """Name, name of the bound, values, deviations and unit of each quantity over SoC."""
-    yield "r0", "R0", condition["r0_ohm"], std_of_r0(condition), "Ohm"
+    yield "r0", "r0", condition["r0_ohm"], std_of_r0(condition), "Ohm"
     number = 0
     for branch in condition["branches"]:
         kind, label = branch.get("kind", "RC"), ""
@@ -74,8 +72,7 @@ def _columns(condition):
         for parameter in KINDS[kind].parameters:
             short, unit = NAMES[parameter]
             name = f"{short}{label}" if label else f"{kind}_{short}"
-            flag = f"{short}{label}".upper()
-            yield name, flag, branch[parameter], branch.get(std_name(parameter)), unit
+            yield name, f"{short}{label}", branch[parameter], branch.get(std_name(parameter)), unit
     if "steady_std_ohm" in condition:
         parts = [branch["r_ohm"] for branch in condition["branches"] if "r_ohm" in branch]
         steady = [sum(at_knot) for at_knot in zip(condition["r0_ohm"], *parts, strict=True)]

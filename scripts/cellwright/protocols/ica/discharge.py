@@ -26,15 +26,6 @@ def mirrored(columns, steps):
     return [time, *(-np.asarray(column) for column in others)], steps | turned
 
 
-def mirrored_words(words):
-    """What was said of a mirrored record, of the discharge that it is."""
-    return (
-        words.replace("charge", "discharge")
-        .replace("does not rise", "does not fall")
-        .replace(" at -", " at ")
-    )
-
-
 def refuse_faster(c_rate, steps):
     """Refuse a discharge that is faster than the fullest charge of its record.
 
