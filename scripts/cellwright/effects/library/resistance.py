@@ -170,7 +170,7 @@ EFFECTS = (
         sizes_in_words=over_soc("what relaxes", lambda fields: sum(fields.slow_ohm), DIFFUSION_OHM),
         sizes_need_model=True,
         of_branch=True,
-        consequence="what relaxes under load is not the same near empty, at half charge and near full",
+        consequence="what lasting loads cost near empty and near full differs from half charge",
     ),
     Effect(
         id="lead_resistance",
