@@ -59,12 +59,12 @@ class Start(NamedTuple):
     code: str = ""
 
 
-def faulty_start(code, missing_ampere_hour=0.0, **fields):
+def faulty_start(code, *, missing_ampere_hour=0.0, **fields):
     """Start that leaves its half cycle incomplete, for a reason of messages.toml."""
     return Start(say(f"half.{code}", **fields), missing_ampere_hour, code=code)
 
 
-def unsure_start(code, missing_ampere_hour=0.0, **fields):
+def unsure_start(code, *, missing_ampere_hour=0.0, **fields):
     """Start that is known from something less sure, as messages.toml says it."""
     return Start("", missing_ampere_hour, say(f"half.{code}", **fields), code)
 
@@ -344,7 +344,8 @@ def _by_return(half, after):
     if share < 0:
         return None
     code = "lacked" if half.sign < 0 else "held"
-    return faulty_start(code, lacking, share=share, moved=after.moved_ampere_hour)
+    about = {"share": share, "moved": after.moved_ampere_hour}
+    return faulty_start(code, missing_ampere_hour=lacking, **about)
 
 
 def _rest_contradicts(half, columns, limits, known):
@@ -430,7 +431,7 @@ def start_by_rest(half, before, columns, limits, known_rests_volt):
         share = f"{min(missing / moved, 1):.0%}" if moved else "all"
         code = "may_lack" if sign < 0 else "may_hold"
         return faulty_start(code, end=end, rest=rest, share=share)
-    return unsure_start("by_rest", missing, rest=rest, missing=missing)
+    return unsure_start("by_rest", missing_ampere_hour=missing, rest=rest, missing=missing)
 
 
 def charge_of_fall(size, along, charge, fall_volt):
