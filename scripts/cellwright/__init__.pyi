@@ -4,7 +4,6 @@ from cellwright import api as api
 from cellwright import settings as settings
 from cellwright.api.decisions import match_cells as match_cells
 from cellwright.api.decisions import pack_decisions as pack_decisions
-from cellwright.api.models import add_own_effects as add_own_effects
 from cellwright.api.models import finish_model as finish_model
 from cellwright.api.packs import assemble_pack as assemble_pack
 from cellwright.api.packs import check_group as check_group

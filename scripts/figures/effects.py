@@ -38,8 +38,6 @@ HATCH = "////"
 
 NO_EFFECT = "No effect was added to the model of this cell, so there is none to show evidence for."
 MARKERS = "os^"  # of records, where they are more than colours
-NO_PAIR = "These tests show fewer than two effects: there is nothing to tell apart."
-LEAST_WRITTEN = 0.1  # correlation that is written out
 
 
 def draw_residual_map(columns):
@@ -225,54 +223,6 @@ def _residual_over_change(panel, effect, columns):
         ylabel="what was left there that follows it [mV]",
     )
     style.legend_once(panel, loc="best")
-
-
-def draw_confounding(columns):
-    """Correlation of every pair of effects in the tests of a cell.
-
-    `columns` are those of `missing_effect/<cell>/confounding`.
-    """
-    effects = list(dict.fromkeys([*columns.get("effect_a", []), *columns.get("effect_b", [])]))
-    if not effects:
-        return style.message(NO_PAIR)
-    correlation, same = _pairs(columns, effects)
-    figure, axes = style.subplots(width=9.0, height=1.9 + 0.27 * len(effects))
-    panel = axes[0, 0]
-    edges = np.arange(len(effects) + 1)
-    shown = panel.pcolormesh(edges, edges, correlation, vmin=0, vmax=1, cmap="Blues")
-    _write_pairs(panel, correlation, same)
-    names = [_in_words(effect) for effect in effects]
-    panel.set_xticks(edges[:-1] + 0.5, names, rotation=55, ha="right", fontsize=7.5)
-    panel.set_yticks(edges[:-1] + 0.5, names, fontsize=7.5)
-    panel.invert_yaxis()
-    panel.grid(visible=False)
-    panel.set(title="How alike two effects look in the tests that were fitted (framed: the same)")
-    label = "correlation [1]: 0 different, 1 the same"
-    style.colour_bar(figure, shown, [panel], label=label)
-    return figure
-
-
-def _pairs(columns, effects):
-    """Correlation of each pair (n, n), NaN above the diagonal, and whether they are one class."""
-    correlation = np.full((len(effects),) * 2, np.nan)
-    same = np.zeros(correlation.shape, bool)
-    for k, pair in enumerate(zip(columns["effect_a"], columns["effect_b"], strict=True)):
-        first, second = sorted(effects.index(name) for name in pair)
-        correlation[second, first] = columns["correlation"][k]
-        same[second, first] = columns["same_class"][k]
-    return correlation, same
-
-
-def _write_pairs(panel, correlation, same):
-    """The number of each pair, and a frame where the two cannot be distinguished."""
-    rows, columns = np.nonzero(correlation > LEAST_WRITTEN)
-    values = correlation[rows, columns]
-    colours = np.where(values > 0.6, "white", style.INK).tolist()
-    texts = [f"{value:.2f}" for value in values]
-    style.write_numbers(panel, columns + 0.5, rows + 0.5, texts, colours=colours, size=5.5)
-    for row, column in np.argwhere((correlation > LEAST_WRITTEN) & same):
-        frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) + [column, row]
-        panel.plot(*frame.T, color=style.ERROR, lw=1.3)
 
 
 MOST_TESTS = 3

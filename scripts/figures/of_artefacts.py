@@ -162,7 +162,6 @@ DRAW = {
     "effect_map": lambda of: effects.draw_residual_map(load(of.residuals)),
     "effect_evidence": lambda of: effects.draw_evidence(load(of.evidence)),
     "effect_ranking": lambda of: effects.draw_ranking(load(of.ranking)),
-    "effect_confounding": lambda of: effects.draw_confounding(load(of.confounding)),
     "effect_branches": lambda of: effects.draw_effect_branches(load(of.verdict), load(of.series)),
     "effect_group_ranking": lambda of: effects.draw_group_ranking(load(of.ranking)),
 }

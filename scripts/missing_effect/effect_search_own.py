@@ -10,7 +10,7 @@ with artefact.Job(snakemake) as job:
         job.load(inputs.basis),
         job_inputs.tests(inputs.series),
         params.settings,
-        model=job.load(inputs.member),
+        model=job.load(inputs.model),
         split_rest_second=params.split_rest_second,
     )
     job.note(*found.notes)

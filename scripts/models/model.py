@@ -1,16 +1,18 @@
-"""A cell's model as the rest of the pipeline uses it, with what its member still lacked."""
+"""A cell's model as the rest of the pipeline uses it: its member, and why it was chosen."""
 
 import cellwright as cw
 from runtime import artefact, job_inputs
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
-    found = cw.add_own_effects(
-        job.load(inputs.member),
-        artefact.load_first(inputs.effects),
-        choice=artefact.rows(job.load(inputs.choice)),
-        cell=params.cell,
+    found = cw.finish_model(
+        params.cell,
+        job.load(inputs.source),
+        artefact.load_first(inputs.basis),
+        job_inputs.tests(inputs.series),
         left_out=job_inputs.tests(inputs.left_out),
+        laws=[tried for tried, _ in artefact.load_all(inputs.law)],
+        effects=artefact.load_first(inputs.effects),
         split_rest_second=params.split_rest_second,
     )
     job.note(*found.notes)

@@ -25,7 +25,7 @@ def section(tables, groups) -> list[dict]:
     shown = dict(zip(missing["cell"], missing["in_one_line"], strict=True))
     for group in dict.fromkeys(row["group"] for row in groups):
         line = _line({name: _of(tables, name, group) for name in TABLES})
-        line["shows"] = shown.get(group, "").removeprefix("shows ")
+        line["verdict"] = shown.get(group, "")
         if any(line.values()):
             lines.append({"group": group, "wiring": wiring_in_words(group, groups)} | line)
     return lines
@@ -38,11 +38,11 @@ def table_of_section(lines, warned):
         "the most that it loses of its cells' charge, what one of its branches has of its own, and "
         "how many checks of its records found something."
     )
-    columns = ["group", "wiring", "worst branch current", "voltage", "gives", "shows", "to know"]
+    columns = ["group", "wiring", "worst branch current", "voltage", "gives", "verdict", "to know"]
     rows = [
         [
             link(line["group"]),
-            *(line[name] for name in ("wiring", "current", "voltage", "charge", "shows")),
+            *(line[name] for name in ("wiring", "current", "voltage", "charge", "verdict")),
             f"{warned[line['group']]} on its page" if warned.get(line["group"]) else "",
         ]
         for line in lines

@@ -15,6 +15,7 @@ import pandas as pd
 import yaml
 from markupsafe import Markup, escape
 
+from cellwright.effects.story.messages import say
 from cellwright.effects.story.places import largest_before
 from cellwright.effects.story.words import KNOWN, name_of_effect, name_of_key, sentences_by_part
 from cellwright.laws.points import level_means
@@ -264,15 +265,12 @@ def fleet_of(table: pd.DataFrame) -> list[dict]:
 
 
 def _unsure(rows) -> list:
-    """What makes names unsure, in words: each reason once, with the names that it is of."""
+    """What makes names unsure, in words: the same reasons once, with the names that they are of."""
     names = {}
     for row in rows:
-        for reason in row["doubts"].split("; ") if row["sure"] == "False" else ():
-            names.setdefault(reason, []).append(_name(row))
-    reasons = {}
-    for reason, effects in names.items():
-        reasons.setdefault(", ".join(effects), []).append(reason)
-    return [f"{effects}: {', and '.join(found)}" for effects, found in reasons.items()]
+        if row["sure"] == "False":
+            names.setdefault(row["doubts"], []).append(_name(row))
+    return [f"{', '.join(effects)}: {reasons}" for reasons, effects in names.items()]
 
 
 def _name(row):
@@ -349,7 +347,9 @@ def _verdict(path) -> dict:
     for part, sentence in sentences_by_part(verdict, KNOWN):
         told["story"].setdefault(part, []).append(sentence)
     against = (verdict.get("against") or {}).items()
-    lines = [(name_of_key(one), words) for one, words in against if one not in named]
+    lines = [
+        (name_of_key(one), say(f"against.{code}")) for one, code in against if one not in named
+    ]
     if lines:
         read = "Each was added to the model in turn, and is not named for these reasons."
         columns = ["effect", "why it is no name"]

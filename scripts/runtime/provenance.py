@@ -29,6 +29,7 @@ def sha256_of(path) -> str:
 
 
 PUBLIC = re.compile(r"from (\S+) import \(?\s*(\w+)")  # a line of the stub of a package
+MESSAGES = ".toml"  # of a module whose sentences stand in the file of its name
 IMPORTS = (ast.Import, ast.ImportFrom)
 
 
@@ -46,11 +47,12 @@ def code_of(script: str) -> str:
 
 @cache
 def digest_of(path: Path) -> str:
-    """SHA-256 of a module's place and syntax tree; of a package, also of its C sources."""
+    """SHA-256 of a module's place and syntax tree, its package's C sources, and its messages."""
     digest = hashlib.sha256(_place(path).as_posix().encode())
     digest.update(ast.dump(_parsed(path)).encode())
     package = path.name == "__init__.py"  # it builds the C sources in its folder
-    for source in sorted(path.parent.glob("*.[ch]")) if package else []:
+    beside = sorted(path.parent.glob("*.[ch]")) if package else []
+    for source in [*beside, *filter(Path.is_file, [path.with_suffix(MESSAGES)])]:
         digest.update(source.read_bytes())
     return digest.hexdigest()
 
@@ -97,7 +99,7 @@ def _sources_digest() -> str:
     found = [
         path
         for root in _roots()
-        for kind in ("*.py", "*.pyi", "*.[ch]")
+        for kind in ("*.py", "*.pyi", "*.[ch]", f"*{MESSAGES}")
         for path in root.rglob(kind)
     ]
     for path in sorted(found):

@@ -52,7 +52,7 @@ def verdicts(documents, witnesses=(), own=None, external=None) -> list[dict]:
     in the row of a cell's first effect. `own` are verdicts on the models in use, `external` on the
     user's simulator, by cell.
     """
-    from cellwright.effects.story.words import one_line
+    from cellwright.effects.story.words import lacks_nothing_above, one_line
 
     rows = []
     for verdict in documents:
@@ -64,7 +64,9 @@ def verdicts(documents, witnesses=(), own=None, external=None) -> list[dict]:
             named = verdict["effects"] or verdict.get("partial", [])
             names = {effect["effect"]} if verdict["effects"] else {one["effect"] for one in named}
             said = [row for row in mine if row["named"] and row["effect"] in names]
-            row = _verdict_row(verdict, effect) | _errors_of(verdict, own) | {"in_one_line": line}
+            above = lacks_nothing_above((own or {}).get(verdict["cell"]))
+            row = _verdict_row(verdict, effect) | _errors_of(verdict, own)
+            row |= {"in_one_line": line, "lacks_nothing_above_volt": above}
             rows.append(row | _sure(effect, said) | _counts([*said, *others]))
     return rows
 
@@ -90,11 +92,12 @@ def fleet_rows(documents, types, witnesses=()) -> list[dict]:
 def _sure(effect, witnesses) -> dict:
     """Whether nothing speaks against a name; of no name it is not asked."""
     if not effect["effect"]:
-        return {"sure": None, "doubts": ""}
+        return {"sure": None, "doubts": "", "doubt_codes": ""}
     from cellwright.effects.story.words import doubts
 
     against = doubts(effect, witnesses)
-    return {"sure": not against, "doubts": "; ".join(against)}
+    words, codes = "; ".join(against.values()), ";".join(against)
+    return {"sure": not against, "doubts": words, "doubt_codes": codes}
 
 
 def _counts(witnesses) -> dict:
@@ -123,6 +126,7 @@ def _verdict_row(verdict, effect) -> dict:
         "contradicted": ";".join(one["effect"] for one in verdict.get("contradicted", [])),
         "floor_volt": verdict["floor_volt"],
         "next_test": verdict["next_test"],
+        "next_question": (verdict.get("next_question") or {}).get("code"),
     }
 
 
@@ -299,11 +303,13 @@ def _in_one_line(missing, scored) -> str | None:
     """What a cell shows and its model lacks, with the test that contradicts it."""
     from cellwright.effects.story.words import beside_worst_test
 
-    line = next(iter(missing["in_one_line"].dropna()), None)
-    known = scored[scored["rmse_volt"].notna()]
-    return line and beside_worst_test(
-        line, dict(zip(known["test"], known["rmse_volt"], strict=True))
+    line, above = (
+        next(iter(missing[name].dropna()), None)
+        for name in ("in_one_line", "lacks_nothing_above_volt")
     )
+    known = scored[scored["rmse_volt"].notna()]
+    volt_by_test = dict(zip(known["test"], known["rmse_volt"], strict=True))
+    return line and beside_worst_test(line, above, volt_by_test)
 
 
 def _effects_named(missing) -> str:

@@ -34,7 +34,6 @@ OF_MODEL = {
     "estimate_soc": lambda m: cw.estimate_soc(m, RECORD, filters=("ekf",)),
     "thermal_constants": lambda m: cw.thermal_constants(CELL, m, TESTS),
     "missing_effect": lambda m: cw.missing_effect(CELL, truth.model(), TESTS, model=m),
-    "add_own_effects": lambda m: cw.add_own_effects(m, None),
     "assemble_pack": lambda m: cw.assemble_pack("g", ROWS, [m, SECOND]),
     "simulate_group": lambda m: cw.simulate_group([m, m], CURRENT, initial_soc=0.9),
     "simulate_pack": lambda m: cw.simulate_pack([m, SECOND], ROWS, CURRENT, initial_soc=0.9),

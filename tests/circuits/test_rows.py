@@ -11,7 +11,13 @@ from cellwright.refusal import Refusal
 def model():
     true_model = truth.model()
     entry = true_model["members"][0]["conditions"][0]
-    entry |= {"r0_std_ohm": [1e-4] * 5, "at_bound": ["tau2", "R1 at SoC 0.300"]}
+    entry |= {
+        "r0_std_ohm": [1e-4] * 5,
+        "at_bound": [
+            {"parameter": "tau2", "soc": None},
+            {"parameter": "r1", "soc": entry["soc"][1]},
+        ],
+    }
     for branch in entry["branches"]:
         branch |= {"r_std_ohm": [2e-4] * 5, "tau_std_second": [0.5] * 5}
     return true_model
@@ -57,11 +63,15 @@ def of_every_kind():
         {"kind": "diffusion", "soc_per_ampere": same, "tau_second": same},
         {"kind": "hysteresis", "m_volt": same, "charge_ampere_hour": same, "m_std_volt": same},
     ]
-    flags = ["RCT at SoC 0.100", "R1 at SoC 0.300", "M at SoC 0.500"]
     whole = {"ocv_scale": {"missing": 0.02, "stretch": -0.01}, "ocv_shift_volt": same}
     whole |= {"activation_energy_joule_per_mole": 2e4}
     true_model = model()
     entry = true_model["members"][0]["conditions"][0] | whole
+    flags = [
+        {"parameter": "rct", "soc": entry["soc"][0]},
+        {"parameter": "r1", "soc": entry["soc"][1]},
+        {"parameter": "m", "soc": entry["soc"][2]},
+    ]
     true_model["members"][0]["conditions"] = [entry | {"branches": branches, "at_bound": flags}]
     return parameter_rows(true_model)
 

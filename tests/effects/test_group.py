@@ -96,7 +96,7 @@ def blind(**hidden):
 def test_without_branch_currents_no_name_is_sure(hidden):
     verdict = blind(**hidden)
     assert verdict["verdict"] in ("none", "ambiguous")
-    assert "log the branch currents" in verdict["next_test"]
+    assert "Log the branch currents" in verdict["next_test"]
     assert {"branch_current_offset", "branch_current_gain"} <= set(verdict["not_testable"])
 
 

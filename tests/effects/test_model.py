@@ -291,7 +291,7 @@ def test_the_better_of_both_is_chosen_by_blocks_that_were_left_out():
     given = effect_model("resistance_asymmetry", "current_gain")
     model, rows = finished_of(given, series_of(given))
     assert model["chosen"] == NAME
-    assert f"{NAME} chosen, clearly before 1RC" in model["choice"]
+    assert f"{NAME} chosen by blocks left out of the fit, clearly before 1RC" in model["choice"]
     assert model["members"][-1]["conditions"][0]["fit_rmse_volt"] < 2e-4
     assert {row["model"] for row in rows} == {"0RC", "1RC", NAME}
     assert [row["ambient_temperature_celsius"] for row in rows[:2]] == list(CELSIUS)

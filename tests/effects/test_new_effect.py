@@ -87,7 +87,7 @@ def test_it_is_found_with_its_size():
 
 def test_it_is_said_in_its_own_words():
     text = finding().verdict["paragraph"]
-    assert text.startswith(f"Shows {NEW.short}: it takes the error")
+    assert text.startswith(f"Shows {NEW.short}: it lowers the error")
     (size,) = finding().verdict["effects"][0]["sizes"]
     assert size["value"] == pytest.approx(1e3 * OHM, rel=0.1)
     assert f"{NEW.sentence[0].upper()}{NEW.sentence[1:]} ({size['value']:.3g} ± " in text

@@ -1,17 +1,10 @@
-"""Which effects records cannot tell apart, and which they cannot show, from sensitivities alone."""
+"""Which effects no records tell apart, and what the log of rests adds."""
 
 import numpy as np
 import pytest
 import small_cells as small
 
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.planning.sensitivity import (
-    at_starts_of,
-    confounding,
-    information,
-    projected,
-    shown,
-)
 from cellwright.effects.records import stacked
 from cellwright.effects.ties import (
     RestCurrent,
@@ -23,83 +16,6 @@ from cellwright.effects.ties import (
     with_partners,
 )
 from cellwright.numerics.noise import least_digit
-
-
-@pytest.fixture(scope="module")
-def usual():
-    case, model = small.usual()
-    return case, model, shown(case, LIBRARY, model)
-
-
-def chi_square(shown, effect):
-    """Largest chi-square of an effect at plausible size over its starts."""
-    rows = [k for k, label in enumerate(shown.labels) if label.effect == effect]
-    return np.diag(shown.chi_square)[rows].max()
-
-
-def correlation(columns, *pair):
-    pairs = zip(columns["effect_a"], columns["effect_b"], columns["correlation"], strict=True)
-    return next(c for a, b, c in pairs if {a, b} == set(pair))
-
-
-def test_leak_and_offset_are_one_class(usual):
-    columns = confounding(usual[2])
-    assert correlation(columns, "leakage", "current_offset") > 0.99
-    assert same_class(columns, "leakage") <= {"current_offset", "coulombic_inefficiency"}
-
-
-def same_class(columns, effect):
-    pairs = zip(columns["effect_a"], columns["effect_b"], columns["same_class"], strict=True)
-    return {b if a == effect else a for a, b, same in pairs if same and effect in (a, b)}
-
-
-@pytest.mark.parametrize(
-    "effect", ["resistance_asymmetry", "hysteresis_instant", "slow_diffusion", "time_skew"]
-)
-def test_what_a_drive_tells_apart_is_no_class(usual, effect):
-    columns = confounding(usual[2])
-    assert same_class(columns, effect) == set()
-    assert all(0.0 <= value <= 1.0 for value in columns["correlation"])
-
-
-@pytest.mark.parametrize("effect", ["lead_resistance", "current_gain"])
-def test_a_gain_and_a_lead_leave_nothing(usual, effect):
-    assert chi_square(usual[2], effect) < 1.0
-
-
-def test_resistance_over_temperature_shows_at_two_temperatures(usual):
-    fit = [small.capacity_test(), small.drive(), small.drive("cold", celsius=10.0)]
-    case, model = small.case(fit, [small.drive("validation", seed=2, celsius=15.0)])
-    assert chi_square(shown(case, LIBRARY, model), "resistance_temperature") > 1000.0
-    assert chi_square(usual[2], "resistance_temperature") < 1.0
-
-
-def test_projection_is_what_a_refit_leaves(usual):
-    """The chi-square left equals that of a least-squares fit of all nuisances, priors as rows."""
-    case, model, _ = usual
-    effect = LIBRARY["hysteresis_instant"]
-    total = information(case.cell, case.fit, model, [effect], tolerance=case.tolerance)
-    refitted = projected(total, case.tolerance)[0, 0]
-    assert 0.0 < refitted < total.matrix[-1, -1]
-    tight = case.tolerance._replace(ocv_volt=1e-6, soc=1e-6, capacity=1e-6)
-    more = projected(information(case.cell, case.fit, model, [effect], tolerance=tight), tight)
-    assert refitted <= more[0, 0]
-
-
-def test_information_of_records_adds_up(usual):
-    """Two stacks apart tell what they tell together: their starts are their own."""
-    case, model, _ = usual
-    effects = [LIBRARY["slow_diffusion"], LIBRARY["leakage"]]
-    records = [small.drive("a", seed=3), small.drive("b", seed=4, soc=0.8)]
-
-    def of(chosen):
-        stack = stacked(chosen, capacity_ampere_hour=small.CAPACITY)
-        started = at_starts_of(model, stack)
-        return information(case.cell, stack, started, effects, tolerance=case.tolerance)
-
-    together, apart = of(records), of(records[:1]).with_more(of(records[1:]))
-    scale = np.sqrt(np.outer(*[np.diag(together.matrix) + 1e-9] * 2))
-    assert np.abs((together.matrix - apart.matrix) / scale).max() < 1e-6
 
 
 def test_partners_are_added_where_their_bounds_allow_them():
@@ -202,12 +118,3 @@ def test_records_without_a_rest_cannot_tell():
     rest = rest_current(stack, capacity_ampere_hour=small.CAPACITY)
     assert not rest.informative
     assert rest.rests == 0
-
-
-def test_an_effect_in_the_model_is_no_candidate(usual):
-    case, model, _ = usual
-    effect = LIBRARY["hysteresis_instant"]
-    model = model._replace(values=model.values | {effect.names[0]: 0.01}, effects=(effect,))
-    assert effect.id not in {label.effect for label in shown(case, LIBRARY, model).labels}
-    total = information(case.cell, case.fit, model, [], tolerance=case.tolerance)
-    assert effect.names[0] in {free.name for free in total.nuisances}

@@ -6,7 +6,9 @@ from cellwright.effects.library import LIBRARY
 from cellwright.effects.story.places import largest_before, worsened
 from cellwright.effects.story.words import (
     KNOWN,
+    beside_worst_test,
     doubts,
+    lacks_nothing_above,
     one_line,
     paragraph,
     sentences_by_part,
@@ -52,7 +54,7 @@ def said(word, **changes):
 def test_every_effect_can_be_said(effect):
     text = said("named", effects=[step(effect)])
     assert text.startswith("Shows ")
-    assert "it takes the error on records that took no part in the fit from 8.1 mV to 1.9" in text
+    assert "it lowers the error on the validation tests from 8.1 mV to 1.9 mV" in text
     assert LIBRARY[effect].sentence[1:] in text
     assert LIBRARY[effect].consequence in text
     assert "cannot tell it from" not in text
@@ -63,24 +65,28 @@ def test_every_effect_can_be_said(effect):
 
 
 def test_an_unknown_says_what_its_model_holds_without_a_name_and_what_that_leaves():
-    held = {"small": ["polarisation_soc"], "against": {"polarisation_soc": "its size is unsure"}}
+    held = {"small": ["polarisation_soc"], "against": {"polarisation_soc": "no_size"}}
     volts = {"plain": 0.0421, "names": 0.0421, "model": 0.0121}
     errors = {name: {"fit_volt": 0.01, "validation_volt": volt} for name, volt in volts.items()}
     text = said("unknown", errors=errors, **held)
-    name = "polarisation over state of charge (its size is unsure)"
-    assert f"In the model without a name: {name}." in text
-    told = "42.1 mV the plain model, 42.1 mV with its names, 12.1 mV with all of this"
-    assert f"On the records that were not fitted: {told}." in text
-    assert "no effect of the vocabulary can be named for it" in text
-    assert "not fitted:" not in said("named", effects=[step()], errors=errors)
+    why = "too small to matter, or its value hit a limit of the fit"
+    name = f"polarisation over state of charge ({why})"
+    assert f"Also in the model, below the reporting threshold: {name}." in text
+    told = "42.1 mV, with the named effects 42.1 mV, with all of this 12.1 mV"
+    assert f"On the validation tests the plain model errs by {told}." in text
+    assert "No effect of the vocabulary can be named for it." in text
+    assert "with all of this" not in said("named", effects=[step()], errors=errors)
 
 
 def test_what_names_alone_take_off_is_told_apart_from_what_the_whole_model_does():
-    held = {"small": ["polarisation_soc"], "against": {"polarisation_soc": "its size is unsure"}}
+    held = {"small": ["polarisation_soc"], "against": {"polarisation_soc": "no_size"}}
     volts = {"plain": 0.0081, "names": 0.0063, "model": 0.0019}
     errors = {name: {"fit_volt": 0.01, "validation_volt": volt} for name, volt in volts.items()}
     text = said("named", effects=[step()], errors=errors, **held)
-    assert "from 8.1 mV to 6.3 mV (1.9 mV with what is in the model without a name)" in text
+    assert (
+        "from 8.1 mV to 6.3 mV (1.9 mV with what is in the model below the reporting threshold)"
+        in text
+    )
 
 
 def test_all_that_a_verdict_may_hold_is_said_with_its_numbers_and_no_gap():
@@ -98,16 +104,16 @@ def test_all_that_a_verdict_may_hold_is_said_with_its_numbers_and_no_gap():
         "ambiguous",
         effects=[step("current_offset", alternatives=["leakage"])],
         small=["polarisation_soc"],
-        against={"polarisation_soc": "in the model, too small for a name"},
+        against={"polarisation_soc": "small"},
         remainder=left,
         floors=[{"test": "a", "volt": 0.002}, {"test": "b", "volt": 0.0045}],
         nuisances=[one | more for one, more in zip(declared, known, strict=True)],
-        next_test="rest it for 48 h.",
+        next_test="Rest it for 48 h.",
     )
     numbers = ("8.1 mV", "6.0 mV", "12 %", "4.5 mV", "4.6 K", "10–20 % SoC")
     assert [number for number in numbers if number not in text] == []
     assert [word for word in ("_", "None", "nan") if word in text] == []
-    assert text.endswith("To test next: rest it for 48 h.")
+    assert text.endswith("\nRest it for 48 h.")
 
 
 def test_an_error_that_does_not_fall_is_not_said_to_fall():
@@ -120,16 +126,16 @@ def test_a_fall_that_is_not_an_effects_own_is_not_said_to_be():
     both, own = {"before": 0.005, "after": 0.004}, {"before": 0.0039, "after": 0.004}
     one = step() | {"validation_rmse_volt": own}
     text = said("named", effects=[one], validation_rmse_volt=both)
-    assert "falls from 5.0 mV to 4.0 mV, but by what was fitted beside this effect" in text
-    assert "it takes the error" not in text
+    assert "from 5.0 mV to 4.0 mV, but because of what was fitted beside this effect" in text
+    assert "it lowers the error" not in text
 
 
 def test_what_is_unknown_has_no_name():
-    assert "no effect of the vocabulary explains it" in said("unknown")
+    assert "No effect of the vocabulary explains it." in said("unknown")
     rest = {"excess_volt": 0.0062, "adequate": False}
     text = said("unknown", partial=[step("slow_diffusion")], remainder=rest)
-    part = "Slow diffusion explains a part of it: 6.2 mV are left beyond that, "
-    part += "each part of the records counted alike, too much for a name."
+    part = "Slow diffusion explains a part of it; 6.2 mV RMS remain (every SoC block weighted "
+    part += "equally), too much for a name."
     assert text.startswith("Something is missing")
     assert part in text
 
@@ -138,16 +144,16 @@ def test_what_is_unknown_has_no_name():
     ("changes", "reason"),
     [
         ({"alternatives": ["leakage"]}, "another explains it as well"),
-        ({"proof": "unproven"}, "records that were not fitted do not show it by themselves"),
+        ({"proof": "unproven"}, "the validation tests do not show it by themselves"),
         (
             {"validation_rmse_volt": {"before": 2e-3, "after": 2e-3}},
-            "the error on records for proof does not fall",
+            "the error on the validation tests does not fall",
         ),
-        ({"probability": 0.68}, "of names beside another 68 % are right"),
+        ({"probability": 0.68}, "68 % of such names were right"),
     ],
 )
 def test_each_doubt_makes_a_name_unsure(changes, reason):
-    (found,) = doubts(step(**changes))
+    (found,) = doubts(step(**changes)).values()
     assert reason in found
     assert f"Unsure: {found}." in said("named", effects=[step(**changes)])
 
@@ -155,12 +161,14 @@ def test_each_doubt_makes_a_name_unsure(changes, reason):
 def test_a_size_at_its_bound_and_a_witness_against_it_are_doubts():
     parameters = step()["parameters"]
     parameters["step_to_10_percent"] = parameters["step_to_10_percent"] | {"at_bound": True}
-    assert doubts(step(parameters=parameters)) == ("step to 10 percent ended on a bound",)
+    assert doubts(step(parameters=parameters)) == {
+        "at_bound": "step to 10 percent ended at a limit of the fit"
+    }
     heard = [{"name": "pulses", "says": "contradicts", "shown": False}]
     heard += [{"name": "impedance", "says": "agrees", "shown": True}]
     heard += [{"name": "relaxations", "says": "contradicts", "shown": True}]
-    assert doubts(step(), heard) == ("contradicted by pulses",)
-    assert doubts(step(), heard[1:]) == ()
+    assert doubts(step(), heard) == {"witness": "contradicted by pulses"}
+    assert doubts(step(), heard[1:]) == {}
 
 
 def fields(**columns):
@@ -176,8 +184,11 @@ def test_fields_that_got_worse_are_joined_and_said():
     assert found[0]["soc"] == [0.1, 0.3]
     assert found[0]["volt"] == pytest.approx(3e-3)
     text = said("named", effects=[step()], worsened=found)
-    assert "Worse than before by 3.0 mV at 10–30 % SoC on discharge above 0.7C in a." in text
-    assert "Worse" not in said("unknown", worsened=found), "no effect was added"
+    assert (
+        "The error is larger than before by 3.0 mV at 10–30 % SoC on discharge above 0.7C in a."
+        in text
+    )
+    assert "larger than before" not in said("unknown", worsened=found), "no effect was added"
     assert worsened({}) == []
 
 
@@ -188,7 +199,7 @@ def test_the_field_with_the_largest_part_of_the_gap_is_named_with_what_it_is_now
     fields |= {"rate": ["rest", "charge_high"]}
     share = 100 * 0.4 / 0.5
     said = largest_before(fields)
-    assert said.startswith(f"The largest part of the gap, {share:.0f} %, sat at 20–30 % SoC")
+    assert said.startswith(f"The largest part of the error, {share:.0f} %, was at 20–30 % SoC")
     assert said.endswith("in drive: 20.0 mV by the plain model, 1.0 mV with what was found.")
     assert largest_before({}) is None
 
@@ -205,14 +216,30 @@ def test_a_group_is_told_part_by_part_in_its_own_words(logged):
     for part, sentence in sentences_by_part(found, KNOWN):
         story.setdefault(part, []).append(sentence)
     read = "branch currents" if logged else "the group's voltage"
-    assert f"Shows wire resistance (branch 2): it takes the error in {read}" in story["gap"][0]
-    sat = "The largest part of the gap, 61 %, sat at 20–40 % SoC on discharge in branch 2 in drive."
+    assert f"Shows wire resistance (branch 2): it lowers the error in {read}" in story["gap"][0]
+    sat = (
+        "The largest part of the error, 61 %, was at 20–40 % SoC on discharge in branch 2 in drive."
+    )
     assert story["left"] == [sat]
     assert "In branch 2 (C4) the connection of one branch" in story["names"][0]
-    assert "As well it could be branch 1." in story["names"][0]
+    assert "It could as well be branch 1." in story["names"][0]
     assert [text.startswith("Branch currents were not") for text in story.get("sure", [])] == (
         [] if logged else [True]
     )
     healthy = verdict("none", branch_currents=logged)
-    assert "healthy cells within the declared spread are off by" in paragraph(healthy, KNOWN)
+    assert "healthy cells within the declared spread err by" in paragraph(healthy, KNOWN)
     assert one_line(healthy) == "shows no branch that differs by more than healthy cells do"
+
+
+def test_a_test_in_which_the_model_errs_by_far_more_than_it_lacks_is_told_beside_it():
+    """By the numbers of the verdict, not by those in its sentence."""
+    own = verdict("none", validation_rmse_volt={"before": 0.003, "after": 0.003})
+    above = lacks_nothing_above(own)
+    line = one_line(verdict("named", effects=[step("leakage")]), own)
+    assert line == "shows self-discharge; its model lacks nothing above 3 mV"
+    assert beside_worst_test(line, above, {"us06": 0.0059, "udds": 0.004}) == line
+    far = {"us06": 0.0121, "udds": 0.004}
+    assert beside_worst_test(line, above, far) == f"{line}, yet errs by 12.1 mV in us06"
+    assert beside_worst_test(line, None, far) == line
+    assert lacks_nothing_above(verdict("unknown")) is None
+    assert lacks_nothing_above(None) is None

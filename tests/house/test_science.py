@@ -42,7 +42,7 @@ ROOMS = {
 }
 # The public interface stands on all rooms, and no room on it.
 ROOMS["api"] = set(ROOMS)
-GROUND = {"refusal", "native", "settings", "gate", "result"}
+GROUND = {"refusal", "native", "settings", "gate", "messages", "result"}
 IMPURE = {
     *("matplotlib", "pathlib", "logging", "time", "os", "sys", "subprocess", "shutil", "tempfile"),
     *("random", "pandas", "snakemake", "socket", "urllib", "requests", "warnings", "glob"),

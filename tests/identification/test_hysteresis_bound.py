@@ -105,7 +105,7 @@ def test_a_sink_holds_no_more_than_the_slow_test_allows():
     free, bounded = (fit(one, "2RC+H") for one in (ready, ready._replace(most_volt=most)))
     assert sizes(free.condition).max() > 0.03
     assert sizes(bounded.condition).max() == 0.025
-    held = [name for name in bounded.condition.at_bound if "slow test allows" in name]
+    held = [one for one in bounded.condition.at_bound if one["limit"] == "slow_test"]
     assert len(held) == np.count_nonzero(sizes(bounded.condition) == 0.025)
     assert np.isnan(bounded.condition.branches[-1].stds["m_volt"]).sum() >= len(held)
 

@@ -269,7 +269,7 @@ def test_rows_that_are_not_used_do_not_move_the_fit():
 
 def test_a_time_constant_at_its_bound_is_named_and_has_no_deviation():
     condition = fit(data(*measured(9)), limits_second=(0.5, 60.0)).condition
-    assert "tau2" in condition.at_bound
+    assert "tau2" in [one["parameter"] for one in condition.at_bound]
     assert np.isnan(condition.branches[1].stds["tau_second"]).all()
 
 

@@ -186,9 +186,9 @@ def test_a_model_that_misses_what_was_left_out_by_far_says_so():
     from cellwright.identification.choice import Score, choose
 
     bad = choose({"1RC": [Score(np.full(4, 0.15**2), np.full(4, 10))]})
-    assert "by 150 mV rms, more than 100 mV: nothing that needs the voltage" in bad.words
+    assert "by 150 mV RMS, more than 100 mV: do not use it" in bad.words
     fair = choose({"1RC": [Score(np.full(4, 0.05**2), np.full(4, 10))]})
-    assert "nothing that needs" not in fair.words
+    assert "do not use it" not in fair.words
 
 
 def test_of_a_discharge_and_a_slower_charge_the_charge_alone_stands_for_the_ocv():

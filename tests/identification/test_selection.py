@@ -30,7 +30,7 @@ def choice(ready, *names):
 def test_of_one_and_two_pairs_the_true_two():
     chosen = choice(data(*measured(7, seconds=9000)), "1RC", "2RC")
     assert chosen.name == "2RC"
-    assert "2RC chosen, clearly before 1RC" in chosen.words
+    assert "2RC chosen by blocks left out of the fit, clearly before 1RC" in chosen.words
     assert chosen.rmse_volt["2RC"] == pytest.approx(NOISE_VOLT, rel=0.1)
     assert chosen.rmse_volt["1RC"] > 1.5 * NOISE_VOLT
 
@@ -38,7 +38,10 @@ def test_of_one_and_two_pairs_the_true_two():
 def test_where_two_pairs_are_enough_the_third_is_equal_and_not_chosen():
     chosen = choice(data(*measured(8, seconds=9000)), "2RC", "3RC")
     assert chosen.name == "2RC"
-    assert "2RC chosen: equal within chance to 3RC, and simpler." in chosen.words
+    assert (
+        "2RC chosen by blocks left out of the fit: equal within chance to 3RC, and simpler."
+        in chosen.words
+    )
 
 
 def test_with_hysteresis_the_true_member():
@@ -75,7 +78,8 @@ def test_one_block_near_empty_does_not_outvote_the_others():
     chosen = choose({"1RC": score(*better, 9e-2), "2RC": score(*worse, 3e-2)})
     assert chosen.name == "1RC"
     assert chosen.rmse_volt["1RC"] > chosen.rmse_volt["2RC"]
-    assert "1RC chosen for most blocks, not clearly: over all of them 2RC errs less" in chosen.words
+    assert chosen.reasons["1RC"].code == "most_blocks"
+    assert "not clearly, as over all of them 2RC errs less" in chosen.words
     assert "clearly before" not in chosen.words
 
 
@@ -83,20 +87,21 @@ BETTER, WORSE = [4e-6, 4.1e-6, 3.9e-6] * 5, [9e-6, 9.4e-6, 8.6e-6] * 5
 
 
 def test_one_block_excludes_no_member_that_all_others_speak_for():
-    """318 mV rms for one block of sixteen: in the other fifteen it errs by 2 mV, the rival by 3."""
+    """318 mV RMS for one block of sixteen: in the other fifteen it errs by 2 mV, the rival by 3."""
     scores = {"2RC+H": score(*BETTER, 1.618), "2RC": score(*WORSE, 0.0676)}
     chosen = choose(scores)
     assert [round(1e3 * volt) for volt in chosen.rmse_volt.values()] == [318, 65]
     assert chosen.name == "2RC+H"
-    assert "for most blocks, not clearly: over all of them 2RC errs less" in chosen.words
+    assert "in most of them, not clearly, as over all of them 2RC errs less" in chosen.words
 
 
 def test_a_member_far_worse_in_two_blocks_is_not_chosen_for_most_blocks():
     scores = {"1RC": score(*BETTER, 1.0, 0.618), "2RC": score(*WORSE, 0.0676, 0.0676)}
     chosen = choose(scores)
     assert chosen.name == "2RC"
-    assert chosen.reasons["1RC"] == "errs by 309 mV rms on what was left out, 2RC by 89 mV"
-    assert "2RC chosen before 1RC, which errs by 3.5 times as much" in chosen.words
+    assert chosen.reasons["1RC"].text == "errs by 309 mV RMS on what was left out, 2RC by 89 mV"
+    assert "2RC chosen by blocks left out of the fit before 1RC, whose error" in chosen.words
+    assert "3.5 times as large" in chosen.words
 
 
 def test_every_temperature_counts_alike_however_many_blocks_it_has():
@@ -115,7 +120,7 @@ def test_every_temperature_counts_alike_however_many_blocks_it_has():
     pair["2RC"] = [*score(*warm[::-1]), *score(*cold[::-1])]
     chosen = choose(pair, celsius=[25.0, -10.0])
     assert chosen.name == "2RC"
-    assert "rms on what was left out at -10 °C, 2RC by" in chosen.reasons["1RC"]
+    assert "RMS on what was left out at -10 °C, 2RC by" in chosen.reasons["1RC"].text
 
 
 def test_the_worst_temperature_is_told_and_declines_a_member_of_no_use_there():
@@ -125,14 +130,17 @@ def test_the_worst_temperature_is_told_and_declines_a_member_of_no_use_there():
     told = choose(alike, celsius=[0.0, 25.0], fitted_volt=fitted(**of_both))
     assert told.name == "1RC"
     assert (
-        "It errs most at 0 °C: 139 mV over the records fitted, no member by less than 130 mV"
+        "It errs most at 0 °C: 139 mV on the training records, no member by less than 130 mV"
         in (told.words)
     )
     of_one = of_both | {"2RC": [0.08, 3e-3]}
     declined = choose(alike, celsius=[0.0, 25.0], fitted_volt=fitted(**of_one))
     assert declined.name == "2RC"
-    assert declined.reasons["1RC"] == "errs by 139 mV at 0 °C over the records fitted, 2RC by 80 mV"
-    assert declined.words.endswith("It errs most at 0 °C: 80 mV over the records fitted")
+    assert (
+        declined.reasons["1RC"].text
+        == "errs by 139 mV at 0 °C on the training records, 2RC by 80 mV"
+    )
+    assert declined.words.endswith("It errs most at 0 °C: 80 mV on the training records")
 
 
 def test_two_blocks_tell_no_doubt_so_nothing_is_clear():
@@ -142,7 +150,10 @@ def test_two_blocks_tell_no_doubt_so_nothing_is_clear():
     assert "clearly before" not in chosen.words
     near = choose({"2RC": score(4e-6, 4e-6), "1RC": score(4.2e-6, 4.2e-6)})
     assert near.name == "1RC"
-    assert "1RC chosen: equal within chance to 2RC, and simpler" in near.words
+    assert (
+        "1RC chosen by blocks left out of the fit: equal within chance to 2RC, and simpler"
+        in near.words
+    )
 
 
 def test_a_member_that_simulates_what_no_cell_has_is_not_chosen():
@@ -150,10 +161,10 @@ def test_a_member_that_simulates_what_no_cell_has_is_not_chosen():
     volt = {"1RC": np.array([4.0]), "2RC": np.array([0.1])}
     chosen = choose(scores, celsius=[25.0], beyond_volt=volt)
     assert chosen.name == "2RC"
-    assert chosen.reasons["1RC"] == "simulates 4 V outside what was measured at 25 °C"
+    assert chosen.reasons["1RC"].text == "simulates 4 V outside what was measured at 25 °C"
     none_left = choose(scores, celsius=[25.0], beyond_volt=volt | {"2RC": np.array([1.2])})
     assert none_left.name == "2RC"
-    fault = "Not to be relied on: 2RC simulates 1.2 V outside what was measured at 25 °C"
+    fault = "Not reliable: 2RC simulates 1.2 V outside what was measured at 25 °C"
     assert fault in none_left.words
 
 
@@ -175,9 +186,12 @@ def test_of_members_alike_in_most_blocks_the_one_without_a_corner_is_chosen():
 def test_equal_is_a_difference_within_the_scatter_of_blocks():
     chosen = choose({"2RC": score(1e-6, 2e-6, 1e-6), "1RC": score(1.3e-6, 1.7e-6, 1.2e-6)})
     assert chosen.name == "1RC"
-    assert "1RC chosen: equal within chance to 2RC, and simpler" in chosen.words
+    assert (
+        "1RC chosen by blocks left out of the fit: equal within chance to 2RC, and simpler"
+        in chosen.words
+    )
     clear = choose({"2RC": score(1e-6, 2e-6, 1e-6), "1RC": score(2e-6, 4.2e-6, 2e-6)})
-    assert "2RC chosen, clearly before 1RC" in clear.words
+    assert "2RC chosen by blocks left out of the fit, clearly before 1RC" in clear.words
     assert "the only one left" in choose({"DRT": score(1e-6)}).words
 
 
@@ -193,8 +207,8 @@ def test_a_member_far_worse_in_use_is_not_chosen_however_well_it_predicts_blocks
         fitted_volt=fitted(**{"1RC": [2e-3, 9e-3], "2RC": [2e-3, 3e-3]}),
     )
     assert there.name == "2RC"
-    assert there.reasons["1RC"] == "errs by 9 mV at 25 °C over the records fitted, 2RC by 3 mV"
-    assert "Out of the question over the records fitted: 1RC" in there.words
+    assert there.reasons["1RC"].text == "errs by 9 mV at 25 °C on the training records, 2RC by 3 mV"
+    assert "Excluded by their errors on the training records: 1RC" in there.words
     # Twice as much is far only where somebody would notice: here it is a fraction of a millivolt.
     near = choose(scores, fitted_volt=fitted(**{"1RC": [2e-3, 9e-4], "2RC": [2e-3, 3e-4]}))
     assert near.name == "1RC"
@@ -211,17 +225,17 @@ def test_what_a_search_found_must_be_better_beyond_chance_and_nowhere_worse():
     assert choose({"2RC": own, name: better}, searched=[name]).name == name
     same = choose({"2RC": own, name: chance}, searched=[name])
     assert same.name == "2RC"
-    assert same.reasons[name].startswith("not better than 2RC beyond chance")
+    assert same.reasons[name].code == "not_better"
     larger = score(*np.append(1e-6 * spread[:-1], 1.0))
     assert choose({"2RC": own, name: larger}, searched=[name]).name == "2RC"
     # One block near empty decides the rms error of blocks, which is asked of whole tests alone.
     one_block = {"2RC": own, name: score(*np.append(1e-6 * spread[:-1], 6e-5))}
     assert choose(one_block, searched=[name]).name == name
-    assert "errs by" in choose(one_block, searched=[name], whole_tests=True).reasons[name]
+    assert choose(one_block, searched=[name], whole_tests=True).reasons[name].code == "larger"
     worse_in_the_cold = {"2RC": own * 2, name: [*score(*1.2e-5 * spread), *score(*1e-7 * spread)]}
     told = choose(worse_in_the_cold, celsius=[-10.0, 25.0], searched=[name])
     assert told.name == "2RC"
-    assert "at some temperature" in told.reasons[name] or "rms" in told.reasons[name]
+    assert told.reasons[name].code in ("worse_somewhere", "larger")
 
 
 def test_refusals():

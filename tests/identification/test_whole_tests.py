@@ -66,7 +66,7 @@ def test_a_gain_in_one_test_does_not_pay_for_harm_in_another():
 def test_a_gain_within_chance_proves_nothing():
     model, reasons = chosen_after(drive(NAME, noise_volt=0.3))
     assert model["chosen"] == PLAIN
-    assert "beyond chance" in reasons[NAME] or "mV rms" in reasons[NAME]
+    assert "beyond chance" in reasons[NAME] or "mV RMS" in reasons[NAME]
 
 
 def test_without_a_whole_test_the_simpler_is_chosen_and_it_is_said():

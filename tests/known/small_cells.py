@@ -1,11 +1,8 @@
-"""Made-up cells and records for ties and plans: currents only, without a voltage."""
+"""Made-up cells and records: currents only, without a voltage."""
 
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.case import Case
-from cellwright.effects.planning.sensitivity import Model
-from cellwright.effects.records import stacked
 from cellwright.records.record import record_of
 
 CAPACITY = 2.5
@@ -38,16 +35,3 @@ def capacity_test(celsius=25.0):
     half = np.full(int(0.95 * 3 * 180), CAPACITY / 3)
     current = np.concatenate([rest[:6], -half, rest, half, rest])
     return record("capacity", current, every=20.0, celsius=celsius, kind="capacity")
-
-
-def case(fit, validation):
-    """(Case, Model at the truth) of records."""
-    laid = [stacked(side, capacity_ampere_hour=CAPACITY) for side in (fit, validation)]
-    starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(laid[0].soc_at_start)}
-    return Case(CELL, *laid), Model(PLAIN | starts)
-
-
-def usual(celsius=25.0):
-    """A capacity test and a drive to fit, another drive to judge, at one temperature."""
-    fit = [capacity_test(celsius), drive(celsius=celsius)]
-    return case(fit, [drive("validation", seed=2, celsius=celsius)])

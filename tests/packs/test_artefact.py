@@ -112,13 +112,14 @@ def test_only_the_chosen_member_is_kept_with_its_deviations():
     assert "notes" not in entry["model"]
 
 
-def test_a_cell_with_companions_runs_without_its_effects_and_says_so():
+def test_a_cell_with_own_heat_runs_without_its_effects_and_says_so():
     found = model("A")
-    chosen = dict(found["members"][0], model="2RC+own_effects", of="2RC", companions={})
-    found = found | {"members": [*found["members"], chosen], "chosen": "2RC+own_effects"}
+    chosen = dict(found["members"][0], model="2RC+effects", own_heat={})
+    best = dict(found["members"][0], left_out_rmse_volt=0.004)
+    found = found | {"members": [best, found["members"][1], chosen], "chosen": "2RC+effects"}
     given = cells() | {"A": CellInPack(found, 0.5)}
     first, second = written(pack_document(parallel("A", "B"), given))["cells"]
-    assert (first["model"]["chosen"], first["instead_of"]) == ("2RC", "2RC+own_effects")
+    assert (first["model"]["chosen"], first["instead_of"]) == ("2RC", "2RC+effects")
     assert second["instead_of"] is None
     assert pack_cells([found]).members == ("2RC",)
 

@@ -154,4 +154,4 @@ def test_what_an_offset_counts_at_rest_is_no_half_cycle():
     longer["charge_ampere_hour"] = counted(time, current)
     ageing = run(longer)
     assert ageing.rows.cycle.tolist() == [1, 2]
-    assert "all that was counted is -0.004 A read at rest" in ageing.left_out[0]
+    assert "it has no load: only -0.004 A read at rest was counted" in ageing.left_out[0]

@@ -97,9 +97,7 @@ def test_the_test_before_tells_that_it_starts_full():
     found = capacity_of(life((-1.0, 3.0), soc=0.97), state_before="full")
     assert found.rows["capacity_std_ampere_hour"][0] < 1e-3 * 2.0  # the ammeter's alone
     assert not found.notes
-    with pytest.raises(
-        Refusal, match="does not start full or is not known to: with a rest voltage"
-    ):
+    with pytest.raises(Refusal, match="may not start full: after a rest at"):
         capacity_of(life((-1.0, 3.0), soc=0.8))
 
 
@@ -152,7 +150,7 @@ FLAT = CELL._replace(lower_cutoff_volt=2.5, upper_cutoff_volt=3.65)
 def test_a_full_cell_of_a_flat_curve_is_full_where_the_sheet_says_so(monkeypatch):
     monkeypatch.setitem(globals(), "ocv", lfp)
     columns = life((-1.0, 2.5))
-    with pytest.raises(Refusal, match=r"a rest voltage of 3.470 V it may lack"):
+    with pytest.raises(Refusal, match=r"after a rest at 3.470 V it may lack"):
         capacity_of(columns, cell=FLAT)
     found = capacity_of(columns, cell=FLAT, soc=1.0)
     assert found.rows["capacity_ampere_hour"] == pytest.approx([2.0], rel=0.02)

@@ -362,5 +362,5 @@ def test_a_doubt_moves_what_is_fitted_to_its_record_or_made_of_its_number_and_no
     own = {"doubts": {"A pulses": "pulses is wrong", "A drive": "it drifts"}}
     score = made(f"{stages}/validation/A/drive.parquet", "drive", **behind(model)[0] | own)
     assert job_inputs.own_doubt(artefact.read_about(score)) == "it drifts"
-    searched = made("results/missing_effect/A/own/model.json", doubts={}, records=["A eis"])
+    searched = made("results/missing_effect/A/model.json", doubts={}, records=["A eis"])
     assert artefact.behind([searched])["records"] == []

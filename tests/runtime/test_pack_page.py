@@ -63,7 +63,7 @@ def test_each_group_with_results_has_its_worst_numbers_in_one_line():
         "current": "300 mA RMS, B in fast",
         "voltage": "6.1 mV RMS",
         "charge": "5.7 of 6 Ah of its cells at 1C (-5.0%)",
-        "shows": "capacity (branch 2)",
+        "verdict": "shows capacity (branch 2)",
     }
     assert string == {
         "group": "string",
@@ -71,7 +71,7 @@ def test_each_group_with_results_has_its_worst_numbers_in_one_line():
         "current": "",
         "voltage": "cells 3.5 mV in the mean, C 12.1 mV",
         "charge": "2.8 of 3 Ah of its mean cell, ended by C",
-        "shows": "",
+        "verdict": "",
     }
 
 

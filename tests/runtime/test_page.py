@@ -160,7 +160,7 @@ def test_a_group_tells_its_missing_effect_as_a_story_with_a_verdict_on_top(job, 
     wire |= {"alternatives": [], "branch_alternatives": [], "validation_rmse_volt": both}
     verdict = {"cell": "pair", "verdict": "named", "effects": [wire], "located_at": None}
     verdict |= {"branch_currents": True, "floor_volt": 0.0008, "validation_rmse_volt": both}
-    verdict |= {"next_test": None, "against": {"branch_capacity[0]": "too small"}, "paragraph": ""}
+    verdict |= {"next_test": None, "against": {"branch_capacity[0]": "small"}, "paragraph": ""}
     job.input.verdicts.append(saved("results/missing_effect/pair/verdict.json", verdict))
     rows = pd.read_csv("results/tables/missing_effect.csv", dtype=str, keep_default_na=False)
     own = {"cell": "pair", "effect": "branch_wire_resistance", "branch": "2", "alternatives": ""}

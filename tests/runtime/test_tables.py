@@ -76,7 +76,7 @@ COLUMNS = {
     "resistance_ohm",
     "validation": "cell chosen samples rmse_volt test",
     "soc": "cell filter scenario rmse_soc reference_off_soc",
-    "missing_effect": "cell verdict effect alternatives in_one_line",
+    "missing_effect": "cell verdict effect alternatives in_one_line lacks_nothing_above_volt",
     "excluded": "cell",
     "health": "cell cycle method soh",
     "protocols": "type first second",
@@ -253,6 +253,7 @@ def test_a_verdict_has_a_row_for_each_effect_and_one_where_there_is_none(snakema
     assert [row["sure"] for row in (first, second, third)] == ["", "False", "False"]
     assert second["doubts"] == "another explains it as well"
     assert third["doubts"] == "contradicted by relaxations"
+    assert [row["doubt_codes"] for row in (first, second, third)] == ["", "tied", "witness"]
     assert {row["in_one_line"] for row in (second, third)} == {
         "shows self-discharge or an offset of the current reading or charge lost in charging and "
         "an OCV that differs near empty or full"
@@ -271,7 +272,8 @@ def test_a_name_that_nothing_speaks_against_is_sure():
     own = verdict | {"verdict": "none", "effects": []}
     own |= {"validation_rmse_volt": {"before": 0.003, "after": 0.003}}
     (row,) = tables.verdicts([verdict], own={"A": own})
-    assert (row["sure"], row["doubts"]) == (True, "")
+    assert (row["sure"], row["doubts"], row["doubt_codes"]) == (True, "", "")
+    assert row["lacks_nothing_above_volt"] == 0.003
     assert row["in_one_line"] == "shows self-discharge; its model lacks nothing above 3 mV"
 
 

@@ -23,7 +23,7 @@ ALWAYS = "tables_of_tests tables_of_models tables_of_health missing_effect summa
 ALWAYS += "manifest contents crate figure_overview figures fleet fleet_health protocols_compared "
 CAPACITY = "series capacity basis relaxation between_rests check_ups health effect_search "
 CAPACITY += "witnesses "
-MODELLED = "repeats identify member model thermal export prediction effect_search_own "
+MODELLED = "repeats identify model thermal export prediction effect_search_own "
 # Of each campaign the other rules, among them the search, which says what it would need.
 PLANNED = {
     name: set(f"{ALWAYS} {rules}".split())

@@ -275,7 +275,7 @@ def test_a_changed_file_runs_only_what_comes_from_it(copy):
     # Two of its rests may tell the capacity.
     on_the_way += "between_rests tables_of_health "
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
-    maybe = "member model export thermal pack pack_checks pack_decisions pack_model"
+    maybe = "model export thermal pack pack_checks pack_decisions pack_model"
     once = dict.fromkeys((on_the_way + together + maybe).split(), 1)
     # What the drive repeats of other tests; what tests for fits repeat does not hang on it.
     # Figures: of the cell and of its group.

@@ -6,7 +6,6 @@ EFFECT_FIGURES = {
     "map": {"residuals": "map.parquet"},
     "evidence": {"evidence": "evidence.parquet"},
     "ranking": {"ranking": "ranking.parquet"},
-    "confounding": {"confounding": "confounding.parquet"},
 }
 GROUP_EFFECT_FIGURES = {
     "branches": EFFECT_FIGURES["validation"],

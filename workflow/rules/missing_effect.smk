@@ -10,7 +10,7 @@ VERDICTS = [f"results/missing_effect/{name}/verdict.json" for name in [*ASKED, *
 GROUP_PARTS = ["ranking.parquet", "series.parquet", "model.json"]
 EFFECT_PARTS = [
     *[f"{name}.parquet" for name in ("ranking", "map", "evidence", "series")],
-    *["confounding.parquet", "menu.parquet", "model.json", "witnesses.parquet"],
+    *["model.json", "witnesses.parquet"],
 ]
 OWN_VERDICTS = [f"results/missing_effect/{cell}/own/verdict.json" for cell in SEARCHED_OWN]
 SEARCHED_EXTERNAL = SEARCHES.searched_external
@@ -49,8 +49,6 @@ rule effect_search:
         residual_map="results/missing_effect/{cell}/map.parquet",
         evidence="results/missing_effect/{cell}/evidence.parquet",
         series="results/missing_effect/{cell}/series.parquet",
-        confounding="results/missing_effect/{cell}/confounding.parquet",
-        menu="results/missing_effect/{cell}/menu.parquet",
         model="results/missing_effect/{cell}/model.json",
     log:
         "logs/missing_effect/{cell}.log",
@@ -72,7 +70,7 @@ rule effect_search:
 
 rule effect_search_own:
     input:
-        member="results/stages/member/{cell}.json",
+        model="results/models/{cell}.json",
         basis="results/stages/basis/{cell}.json",
         series=PLAN.own_artefacts("clean", *EFFECT_KINDS),
     output:
@@ -80,7 +78,6 @@ rule effect_search_own:
         ranking="results/missing_effect/{cell}/own/ranking.parquet",
         residual_map="results/missing_effect/{cell}/own/map.parquet",
         series="results/missing_effect/{cell}/own/series.parquet",
-        model="results/missing_effect/{cell}/own/model.json",
     log:
         "logs/missing_effect/{cell}_own.log",
     wildcard_constraints:

@@ -117,35 +117,13 @@ def law_of(wildcards):
     return [found] if wildcards.cell in COMPENSATED else []
 
 
-rule member:
+rule model:
     input:
         source=FITS.source_of_model,
         basis=where(IDENTIFIED, "results/stages/basis/{}.json"),
         law=law_of,
         effects=where(SEARCHED, "results/missing_effect/{}/model.json"),
         series=own(SEARCHES.choice_series),
-        left_out=own(SEARCHES.left_out_series),
-    output:
-        model="results/stages/member/{cell}.json",
-        choice="results/stages/member_choice/{cell}.parquet",
-    log:
-        "logs/member/{cell}.log",
-    wildcard_constraints:
-        cell=either(MODELLED),
-    params:
-        cell=cell_facts,
-        split_rest_second=config["models"]["split_rest_second"],
-    message:
-        "Which member of the family serves {wildcards.cell}."
-    script:
-        "../../scripts/models/member.py"
-
-
-rule model:
-    input:
-        member="results/stages/member/{cell}.json",
-        choice="results/stages/member_choice/{cell}.parquet",
-        effects=where(SEARCHED_OWN, "results/missing_effect/{}/own/model.json"),
         left_out=own(SEARCHES.left_out_series),
     output:
         model="results/models/{cell}.json",

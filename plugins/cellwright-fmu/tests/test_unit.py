@@ -167,12 +167,12 @@ def test_a_start_that_is_not_stated_is_said():
     assert "no start is stated of A, B: initial_soc is 0.5, set it" in unit.notes
 
 
-def test_a_cell_with_companions_runs_without_its_effects_and_says_so():
+def test_a_cell_with_own_heat_runs_without_its_effects_and_says_so():
     found = truth.stated()
-    chosen = dict(found["members"][0], model="2RC+own_effects", of="2RC", companions={})
-    found = found | {"members": [*found["members"], chosen], "chosen": "2RC+own_effects"}
+    chosen = dict(found["members"][0], model="2RC+effects", own_heat={})
+    found = found | {"members": [*found["members"], chosen], "chosen": "2RC+effects"}
     unit = cellwright_fmu.cell_fmu(found, points=51)
-    assert unit.notes[-1] == "it runs as 2RC instead of 2RC+own_effects"
+    assert unit.notes[-1] == "it runs as 2RC instead of 2RC+effects"
 
 
 def test_the_path_of_a_model_gives_what_the_model_gives(cell, tmp_path):

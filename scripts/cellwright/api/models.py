@@ -2,7 +2,6 @@
 
 from cellwright.circuits.inputs import model as model_content
 from cellwright.circuits.parameters import parameter_rows
-from cellwright.effects.given.member import with_own_effects
 from cellwright.effects.member import finished
 from cellwright.filters.learnt import with_learnt_noise
 from cellwright.identification.compensation import laws_kept, with_laws
@@ -66,29 +65,3 @@ def _with_choice(content, choice):
     tables = {"parameters": parameter_rows(content), "choice": marked(content, choice)}
     words = content.get("choice"), (content.get("particle") or {}).get("choice")
     return Result(tables, content, tuple(filter(None, words)) if choice else ())
-
-
-def add_own_effects(
-    model,
-    effects,
-    *,
-    choice=(),
-    cell=None,
-    left_out=(),
-    split_rest_second=MODELS.split_rest_second,
-):
-    """A model with the effects that its chosen member lacks; they are used where that is better.
-
-    effects : `model` of the result of `missing_effect(..., model=model)`, or None.
-    choice : rows of the choice of the member, where `model` is a document without them.
-    cell, left_out : its facts and whole tests for validation, without which no effect is proved.
-
-    Returns as `finish_model`, with the member `<chosen>+effects` where effects were found.
-    Source: docs/models.md.
-    """
-    rows, before = inputs.rows(choice or getattr(model, "choice", ())), model_content(model)
-    content, rows = with_own_effects(before, rows, inputs.content(effects))
-    if content["chosen"] != before["chosen"]:
-        proof = inputs.tests(left_out), inputs.cell_facts(cell)
-        content, rows = proved(content, rows, *proof, split_rest_second=split_rest_second)
-    return _with_choice(content, rows)

@@ -59,47 +59,23 @@ def pybamm_parameters(model, member, temperature_celsius):
     C functions of temperature, current and SoC.
     """
     entry = member_of(model, member)
-    parts = _parts(entry)
-    knots = [_knots(model, part, temperature_celsius) for _, part in parts]
-    soc = _distinct_soc(np.concatenate(knots))
-    ocv, r0, elements = np.zeros(len(soc)), np.zeros(len(soc)), []
-    for share, part in parts:
-        sampled = circuit_at(part["conditions"], soc, temperature_celsius)
-        ocv = ocv + share * open_circuit_volt(model, sampled, temperature_celsius)
-        for branch in sampled.circuit:
-            direct, lagged = _elements(branch, len(soc))
-            r0 = r0 + share * direct
-            elements += [_times(element, share) for element in lagged]
-    outside = circuit_at(entry["conditions"], soc, temperature_celsius).outside_soc
-    inside, counted = soc[~outside], parts[1][1] if len(parts) > 1 else entry
+    soc = _knots(model, entry, temperature_celsius)
+    sampled = circuit_at(entry["conditions"], soc, temperature_celsius)
+    r0, elements = np.zeros(len(soc)), []
+    for branch in sampled.circuit:
+        direct, lagged = _elements(branch, len(soc))
+        r0 = r0 + direct
+        elements += lagged
+    inside = soc[~sampled.outside_soc]
     return {
         "temperature_celsius": float(temperature_celsius),
-        "capacity_ampere_hour": capacity_of(model, counted, temperature_celsius),
+        "capacity_ampere_hour": capacity_of(model, entry, temperature_celsius),
         "identified_soc": [inside.min(), inside.max()],
         "soc": soc,
-        "ocv_volt": ocv,
+        "ocv_volt": open_circuit_volt(model, sampled, temperature_celsius),
         "r0_ohm": r0,
         "elements": elements,
     }
-
-
-def _parts(member):
-    """Entries of a member whose voltages add up, each with its share: itself alone, or companions.
-
-    All run on one SoC, that of the companion with the effects: where the OCV of the other two lies
-    at another SoC, it cancels between them.
-    """
-    if "companions" not in member:
-        return [(1.0, member)]
-    companions = member["companions"]
-    scale = companions["scale"]
-    return [(scale, member), (1.0, companions["with"]), (-scale, companions["without"])]
-
-
-def _times(element, share):
-    """An element whose voltage is a share of another's: its resistances and voltages times it."""
-    sized = [name for name in element if name.endswith(("_ohm", "_volt"))]
-    return element | {name: share * element[name] for name in sized}
 
 
 def validation_errors(rows):

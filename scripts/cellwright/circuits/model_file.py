@@ -338,16 +338,13 @@ def simulate_model(
 
     Returns
     -------
-    simulated : Simulated; `instrument` says what a member may correct of the record. A member with
-        `companions` has circuit and OCV of the one it begins from, and the voltage of all three.
+    simulated : Simulated; `instrument` says what a member may correct of the record.
     """
     time, celsius = test_time_second, temperature_celsius
     record = time, current_ampere, np.asarray(soc, float), celsius
     if member == particle.NAME:
         return _as_particle(model, record)
     member = member if isinstance(member, dict) else member_of(model, member)
-    if "companions" in member:
-        return _with_companions(model, member, record, hold=hold, kind=kind)
     capacity = model["capacity_ampere_hour"]
     flowing, _, true_soc = instrument.corrected(member, capacity, *record, kind=kind)
     sampled = circuit_at(member["conditions"], true_soc, celsius)
@@ -384,25 +381,6 @@ def _as_particle(model, record):
     )
 
 
-def _with_companions(model, member, record, *, hold, kind):
-    """Simulation of a member beside which two companions stand: see `simulate_model`."""
-    bare = {name: member[name] for name in member if name != "companions"}
-    parts = (bare, member["companions"]["with"], member["companions"]["without"])
-    runs = [simulate_model(model, part, *record, hold=hold, kind=kind) for part in parts]
-    return runs[0]._replace(voltage_volt=summed(member, *(run.voltage_volt for run in runs)))
-
-
-def summed(member, given_volt, with_volt, without_volt):
-    """Voltage of a member with companions [V]: scale·(given − without) + with.
-
-    Parameters
-    ----------
-    member : dict, its entry. given_volt : (n,) of the member that it begins from [V].
-    with_volt, without_volt : (n,) of its companions, with the effects and without [V].
-    """
-    return member["companions"]["scale"] * (given_volt - without_volt) + with_volt
-
-
 def _overpotentials(member, circuit, record, celsius, settings):
     """Voltage over each branch (branches, n) [V], run again at the warmed circuit with own heat."""
     over = overpotentials(circuit, *record, **settings)
@@ -435,7 +413,7 @@ def is_plain(member):
     ----------
     member : dict, a member of a model file.
     """
-    if "own_heat" in member or "companions" in member:
+    if "own_heat" in member:
         return False
     branches = [branch for entry in member["conditions"] for branch in entry["branches"]]
     return all(branch.get("kind", "RC") == "RC" for branch in branches)
@@ -474,13 +452,11 @@ def standing_in(model, names):
 
     Returns
     -------
-    name : the chosen member where it is among them, or the one that its effects stand beside, else
-        the one of the smallest `left_out_rmse_volt`; where none states it, that of most branches.
+    name : the chosen member where it is among them, else the one of the smallest
+        `left_out_rmse_volt`; where none states it, that of most branches.
     """
-    chosen = member_of(model)
-    for name in (chosen["model"], chosen.get("of")):
-        if name in names:
-            return name
+    if model["chosen"] in names:
+        return model["chosen"]
     able = [member for member in model["members"] if member["model"] in names]
     return min(able, key=_left_out_rank)["model"]
 

@@ -43,13 +43,9 @@ def parameter_rows(model):
         first fitted samples lie: what relaxes sooner is part of r0) and activation_energy, of the
         condition as a whole.
         Of a particle each of its parameters, over SoC where it has knots, "P".
-        Of a member with companions the circuit that it begins from, and the sizes of its effects.
     """
     conditions = [(m["model"], c) for m in model["members"] for c in m["conditions"]]
     rows = [row for name, condition in conditions for row in _rows(name, condition)]
-    of_no_condition = {"ambient_temperature_celsius": None, "soc": None, "at_bound": False}
-    sizes = [(m["model"], size) for m in model["members"] for size in m.get("sizes", ())]
-    rows += [{"model": name} | of_no_condition | size for name, size in sizes]
     return [*rows, *_of_particle(model.get("particle") or {})]
 
 
@@ -66,14 +62,12 @@ def _of_particle(document):
 def _rows(member, condition):
     celsius = condition["ambient_temperature_celsius"]
     about = {"model": member, "ambient_temperature_celsius": celsius}
-    flags = condition.get("at_bound", [])
+    flags = {(one["parameter"], one["soc"]) for one in condition.get("at_bound", [])}
     for name, flag, values, stds, unit in _columns(condition):
         stds = stds or [None] * len(values)
         for soc, value, std in zip(condition["soc"], values, stds, strict=True):
             row = {"soc": soc, "parameter": name, "value": value, "std": std, "unit": unit}
-            place = f"{flag} at SoC {soc:.3f}"  # and, of a hysteresis, what bounds it
-            held = any(one == name or one.partition(",")[0] == place for one in flags)
-            yield about | row | {"at_bound": held}
+            yield about | row | {"at_bound": bool(flags & {(flag, soc), (flag, None)})}
     scale = condition.get("ocv_scale", {})
     whole = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
     whole.append(("r0_delay", condition.get("first_sample_second"), "s"))
@@ -86,7 +80,7 @@ def _rows(member, condition):
 
 def _columns(condition):
     """Name, name of the bound, values, deviations and unit of each quantity over SoC."""
-    yield "r0", "R0", condition["r0_ohm"], std_of_r0(condition), "Ohm"
+    yield "r0", "r0", condition["r0_ohm"], std_of_r0(condition), "Ohm"
     number = 0
     for branch in condition["branches"]:
         kind, label = branch.get("kind", "RC"), ""
@@ -97,8 +91,7 @@ def _columns(condition):
         for parameter in KINDS[kind].parameters:
             short, unit = NAMES[parameter]
             name = f"{short}{label}" if label else f"{kind}_{short}"
-            flag = f"{short}{label}".upper()
-            yield name, flag, branch[parameter], branch.get(std_name(parameter)), unit
+            yield name, f"{short}{label}", branch[parameter], branch.get(std_name(parameter)), unit
     if "steady_std_ohm" in condition:
         parts = [branch["r_ohm"] for branch in condition["branches"] if "r_ohm" in branch]
         steady = [sum(at_knot) for at_knot in zip(condition["r0_ohm"], *parts, strict=True)]

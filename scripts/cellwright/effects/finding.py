@@ -6,27 +6,27 @@ import numpy as np
 
 from cellwright.circuits import inputs as given
 from cellwright.effects import base
+from cellwright.effects.advice import advised
 from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.columns import frees_of
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import Simulated, external_case, with_simulated
-from cellwright.effects.given.judged import as_given, judged_blocks
+from cellwright.effects.given.judged import as_given
 from cellwright.effects.given.paired import Pairing, paired
 from cellwright.effects.judge import joined, residual_map, unsure_by_temperature, worst
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.member import folds, shift_of_starts
-from cellwright.effects.planning.advice import advised
-from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.preparing import KINDS, SLOW_TEST, STEPS_OF_HOLD, prepared
 from cellwright.effects.records import parts_of
 from cellwright.effects.score import BANDS
 from cellwright.effects.search import joins, resume_without, search
 from cellwright.effects.stated.nuisances import declared_values_at_limit
+from cellwright.effects.story.messages import say
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
-from cellwright.effects.story.words import paragraph
+from cellwright.effects.story.words import next_test, paragraph
 from cellwright.effects.verdict import CONTRADICTED, outcome, sizes_of_names, verdict_of
 from cellwright.effects.witnesses.collected import Others, contradicted, measured_of
 from cellwright.numerics.least_squares import covariances, fit, stds
@@ -36,7 +36,6 @@ from cellwright.refusal import Refusal
 from cellwright.settings import MissingEffect, Models
 
 MODELS = Models()
-NEEDLESS = "needless beside the others"
 KEPT = ("named", "ambiguous")  # verdicts whose effects explain what the plain model lacks
 
 
@@ -79,9 +78,9 @@ def missing_effect(
         `ambient_celsius` of `witnesses` without `series`: an effect that one of them contradicts is
         not named. None: there are none.
 
-    Returns ranking, residual_map, evidence, series, confounding, menu; content: model, and verdict,
-    the document of docs/missing-effect.md. Raises Refusal: no OCV, no test to fit, or none for
-    validation. Source: docs/missing-effect.md.
+    Returns ranking, residual_map, evidence, series; content: model, and verdict, the document of
+    docs/missing-effect.md. Raises Refusal: no OCV, no test to fit, or none for validation.
+    Source: docs/missing-effect.md.
     """
     library = LIBRARY if library is None else library
     settings = _settings(settings, split_rest_second, changes)
@@ -98,15 +97,13 @@ def missing_effect(
         "simulated": simulated and {test: Simulated(*one) for test, one in simulated.items()},
     }
     task = task_of(cell, basis, tests, settings=settings, **bases)
-    # A plain or own model is one to choose: it is fitted again without blocks. External is none.
-    split = None if task.base_name == "external" else settings["split_rest_second"]
+    # A plain model with its effects is one to choose: it is fitted again without blocks.
+    split = settings["split_rest_second"] if task.base_name == "plain" else None
     names = {"split_rest_second": split, "base_name": task.base_name, "others": others}
     finding = of_case(cell.cell, task.case, library, **names)
     text = "\n".join([finding.verdict["paragraph"], *task.caveats])
     verdict = finding.verdict | {"references": list(task.references), "paragraph": text}
-    known = {} if task.given is None else {"given": task.given}
-    notes = (*task.notes, *finding.notes)
-    return finding._replace(verdict=verdict, model=finding.model | known, notes=notes).result()
+    return finding._replace(verdict=verdict, notes=(*task.notes, *finding.notes)).result()
 
 
 def _record_of(cell, basis, tests):
@@ -149,24 +146,23 @@ class Task(NamedTuple):
     references: tuple
     notes: tuple
     caveats: tuple
-    given: dict | None = None
 
 
 def task_of(cell, basis, tests, *, settings, references=(), model=None, simulated=None):
     """Case of a search before anything is searched: Task; arguments as of `missing_effect`."""
     gates, tolerance = settings_of(settings)
     options = {"tolerance": tolerance, "gates": gates, "settings": settings}
-    base_name, used, note, given = "plain", [], (), None
+    base_name, used, note = "plain", [], ()
     if simulated is not None:
         tests, note = with_simulated(tests, simulated)
     ready = _ready(cell, basis, tests, options, note)
     if model is not None:
-        base_name, (case, given) = "own", own_case(ready, model)
+        base_name, case = "own", own_case(ready, model)
     elif simulated is not None:
         base_name, case = "external", external_case(ready)
     else:
         case, used, note = _paired(ready.case, references, options)
-    return Task(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats, given)
+    return Task(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats)
 
 
 def _ready(cell, basis, tests, options, notes):
@@ -230,15 +226,15 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     place = worst(residuals, result.floor.validation_volt)
     open_place = None if result.adequate else place
-    menu, advice, test = advised(found, result, library, untestable, open_place)
-    further = {"next_test": advice, "not_testable": untestable}
+    question = advised(found, result, library, untestable, open_place)
+    further = {"next_test": next_test(question, library), "not_testable": untestable}
     verdict = verdict_of(name, found, result, place, deviations, **further)
     verdict["base"] = base_name
     if base_name != "plain":
         given = as_given(case, found.filters)
         verdict["as_given_rmse_volt"] = given
         verdict["errors"]["member"] = {f"{side}_volt": volt for side, volt in given.items()}
-    verdict |= {"next_test_id": test, "worsened": worsened(residuals)}
+    verdict |= {"next_question": question, "worsened": worsened(residuals)}
     # The model holds all that predicts surely better, named or not; whether it is used is for tests
     # left out to decide. What the vocabulary has no word for has no place in a model file.
     kept = [one.effect for one in found.beside if one.effect.id not in OUTSIDE]
@@ -250,7 +246,6 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     verdict["against"] = _last_against(ranking, named) | verdict["against"]
     verdict["against"] |= dict.fromkeys(ruled_out, CONTRADICTED)
     verdict["contradicted"] = list(ruled_out.values())
-    plain = Model(first.solution.values, first.effects)
     model = model_of(case, state)
     if whole.effects and whole is not state:
         model["joined"] = {name: float(value) for name, value in whole.solution.values.items()}
@@ -260,18 +255,14 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
         entry["sizes"] = [size._asdict() for size in sizes]
     verdict["paragraph"] = paragraph(verdict, known)
     if state.effects and split_rest_second is not None:
-        rest = {"split_rest_second": split_rest_second}
-        model["folds"] = folds(case, state, found.filters.noise, **rest)
-        if base_name == "own":
-            model["blocks"] = judged_blocks(case, state, model["folds"], **rest)
+        noise = found.filters.noise
+        model["folds"] = folds(case, state, noise, split_rest_second=split_rest_second)
     return Finding(
         verdict,
         ranking,
         residuals,
         _evidence(found, result),
         _series(case, first, result.last, found.filters),
-        confounding(shown(case, library, plain, spread=found.filters.noise)),
-        menu,
         model,
         tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
     )
@@ -437,26 +428,27 @@ def _ranked(found, result, number, effect, gain, size, in_range, chi_square):
         "in_range": in_range,
         "chosen": effect.key in inside,
         "tied": any(effect.key in one.tied for one in result.names),
-        "against": _against(found, result, effect, gain),
+        "code": (code := _against(found, result, effect, gain)),
+        "against": code and say(f"against.{code}"),
     }
 
 
 def _against(found, result, effect, gain):
-    """Why an effect is no name, in words; empty for one that is."""
+    """Why an effect is no name, as a code; empty for one that is."""
     if any(one.effect.key == effect.key for one in result.names):
         return ""
     unnamed = {one.effect.key: why for one, why in result.unnamed}
     if effect.key in unnamed:
         return unnamed[effect.key]
     if effect.key in found.denied:
-        return "a measurement contradicts it"
-    return NEEDLESS if joins(gain, found.case.gates) else "it does not predict surely better"
+        return CONTRADICTED
+    return "needless" if joins(gain, found.case.gates) else "no_better"
 
 
 def _last_against(ranking, named):
-    """What spoke last against each effect that was tried and is no name: dict id → words."""
-    pairs = zip(ranking.get("effect", ()), ranking.get("against", ()), strict=True)
-    return {effect: words for effect, words in pairs if effect not in named and words}
+    """What spoke last against each effect that was tried and is no name: dict id → code."""
+    pairs = zip(ranking.get("effect", ()), ranking.get("code", ()), strict=True)
+    return {effect: code for effect, code in pairs if effect not in named and code}
 
 
 def _evidence(found, result):

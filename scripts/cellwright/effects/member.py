@@ -42,7 +42,7 @@ PROBED = ("counting", "resistance", "ocv")  # stages that a circuit holds by its
 FURTHEST_KELVIN = 15.0
 
 
-def effect_member(effect_model, model, celsius, library=LIBRARY, *, courses=None):
+def effect_member(effect_model, model, celsius, library=LIBRARY):
     """Member of a model file that gives the voltages of the model of a search.
 
     Parameters
@@ -53,8 +53,6 @@ def effect_member(effect_model, model, celsius, library=LIBRARY, *, courses=None
     model : dict of schema cellwright-model/2, whose capacity and OCV tables it stands beside.
     celsius : temperatures at which it has conditions [degC].
     library : dict of Effect by id, which has the effects of that model.
-    courses : function temperature [degC] → courses of the resistances over `KNOTS`, ohmic and slow,
-        see `given.case.Given`; None: constant.
 
     Returns
     -------
@@ -76,7 +74,7 @@ def effect_member(effect_model, model, celsius, library=LIBRARY, *, courses=None
     spacing = np.diff(effect_model["ocv_soc"])
     if np.ptp(spacing) > 1e-6:
         raise Refusal(f"OCV knots are {spacing.min():g} to {spacing.max():g} apart, wanted even")
-    searched = Searched(cell, effect_model, effects, courses or (lambda celsius: (None, None)))
+    searched = Searched(cell, effect_model, effects)
     conditions = [_condition(searched, model["ocv"], float(t)) for t in celsius]
     tested = cell.capacity_ampere_hour / model["capacity_ampere_hour"]
     tested = tested * (1.0 + effect_model["values"].get("capacity", 0.0))
@@ -91,12 +89,11 @@ def effect_member(effect_model, model, celsius, library=LIBRARY, *, courses=None
 
 
 class Searched(NamedTuple):
-    """Model of a search: base.Cell, its document, its effects, and courses, see `effect_member`."""
+    """Model of a search: base.Cell, its document, and its effects."""
 
     cell: base.Cell
     document: dict
     effects: list
-    courses: object
 
 
 def _check_place(effect):
@@ -199,8 +196,6 @@ def _probed(searched, celsius, sign, stages=PROBED):
     current = sign * 1e-3 * capacity
     rows = [record_of([0.0], [current], [0.0], soc, celsius=celsius) for soc in KNOTS]
     stack = stacked(rows, capacity_ampere_hour=capacity, hold=document["hold"])
-    ohmic, slow = searched.courses(celsius)
-    stack = stack.with_courses(ohmic, slow)
     shift = document["start_shift_soc"]
     starts = {f"soc0[{k}]": float(soc) + shift for k, soc in enumerate(KNOTS)}
     acting = [effect for effect in searched.effects if effect.stage in stages]

@@ -150,22 +150,6 @@ class Found(NamedTuple):
         shown = {t.effect.key for t, seen in zip(space.terms, space.visible, strict=True) if seen}
         return tuple(dict.fromkeys(t.effect.key for t in space.terms if t.effect.key not in shown))
 
-    def nearest(self, most):
-        """Models with one effect more that promise most beside the last one, fitted: list of Model.
-
-        Parameters
-        ----------
-        most : how many are fitted.
-        """
-        space, about = self.spaces[-1], self._about
-        gains = [one for one in space.gains() if one[1].total > 0 and one[0].id not in OUTSIDE]
-        models = []
-        for effect, *_ in sorted(gains, key=lambda one: -one[1].total)[:most]:
-            term = space.term_of(effect, space.inside)
-            values = space.values_of(space.inside | {term}, self.last.solution.values)
-            models.append(_fit_model(about, (*self.model.effects, effect), values, roughly=True))
-        return models
-
     @property
     def _about(self):
         return _About(self.case, self.possible, self.plain.free, self.yardstick, self.level)

@@ -90,12 +90,6 @@ def in_order_of_temperature(effect, stack):
     return tuple(b if a == effect.id else a for a, b in pairs if effect.id in (a, b))
 
 
-def needs_another_temperature(*effects):
-    """Whether ids of effects hold two that no records at one temperature tell apart."""
-    pairs = (({name, tie.partner}, tie) for name, tie in structural_ties())
-    return any(tie.one_temperature and pair <= set(effects) for pair, tie in pairs)
-
-
 def structural_ties():
     """Ties of all effects of the library: list of (id, vocabulary.Tie)."""
     return [(effect.id, tie) for effect in LIBRARY.values() for tie in effect.ties]

@@ -11,24 +11,21 @@ from cellwright.effects.story.sizes import has_size
 # 36 of 37 names that stood alone were right (at least 0.88 with 95 %), and 6 of 10 beside another.
 # How sure a gain is says nothing of it: all that were wrong passed six standard errors by ranks.
 RIGHT_ALONE, RIGHT_BESIDE = 0.9, 0.6
-UNEVEN = "the parts of the records do not agree on it"
-SMALL = "it takes too little off the error for anyone to act on"
-NO_SIZE = "its size is too near to none for anyone to act on, or at its limit"
-ONE_PART = "only one part of a record asks for it: a model without both predicts all others as well"
-NO_NAME = "the vocabulary has no name for it"
-CONTRADICTED = "another measurement of the cell contradicts it"
+# Why an effect that is in a model has no name, as codes of `story/messages.toml`.
+UNEVEN, SMALL, NO_SIZE, ONE_PART = "uneven", "small", "no_size", "one_part"
+NO_NAME, CONTRADICTED = "no_name", "contradicted"
 
 
 class Outcome(NamedTuple):
     """Result of a search in one word, and the errors behind it.
 
     word : "none", "named", "ambiguous" or "unknown". names : tuple of search.Beside, effects with a
-    name, in order of addition. unnamed : tuple of (Beside, why), effects in the model without one.
-    last : State at the end, of all effects of the model; of "none" that of the plain model. alone :
-    State with those that have a name alone. floor : floor.Floor. closed : share of the gap that it
-    closes on the validation records. excess_volt : error that is left beyond the floor, of
-    "unknown" by the names alone, of the side, fit or proof, where it is larger. adequate : nobody
-    would act on that.
+    name, in order of addition. unnamed : tuple of (Beside, code of why), effects in the model
+    without one. last : State at the end, of all effects of the model; of "none" that of the plain
+    model. alone : State with those that have a name alone. floor : floor.Floor. closed : share of
+    the gap that it closes on the validation records. excess_volt : error that is left beyond the
+    floor, of "unknown" by the names alone, of the side, fit or proof, where it is larger.
+    adequate : nobody would act on that.
     """
 
     word: str
@@ -87,7 +84,7 @@ def _left(found, state):
 
 
 def _against(found, one, fitted, values):
-    """Why an effect that is in a model has no name, in words; "": it has one."""
+    """Why an effect that is in a model has no name, as a code; "": it has one."""
     case, last = found.case, found.last
     if one.gain.rank_z < case.gates.counts:
         return UNEVEN

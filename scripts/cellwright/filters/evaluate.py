@@ -166,8 +166,7 @@ def estimate_soc(model, record, settings=None, **changes):
     [s]; series: (n,) estimates of the first start. Raises Refusal: nothing is left to score, or an
     unknown filter. Source: thesis 2.4; docs/soc-filters.md.
     """
-    settings = inputs.settings_of(Soc, settings, changes)
-    model, notes = _circuit_alone(given.model(model))
+    settings, model = inputs.settings_of(Soc, settings, changes), given.model(model)
     size = model["capacity_ampere_hour"]
     celsius = loaded_mean(record.current_ampere, record.celsius, size)
     bank, entry = bank_of(model, None, celsius), member_of(model, None)
@@ -176,7 +175,7 @@ def estimate_soc(model, record, settings=None, **changes):
         resistance_factor=resistance_factor_of(model, None, record.celsius, celsius)
     )
     source = record.temperature_source
-    notes += [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
+    notes = [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
     blocks = ("reading", "counting")
     notes += [
         f"filters and their reference know that {sentence}" for sentence in words_of(entry, blocks)
@@ -209,15 +208,6 @@ def estimate_soc(model, record, settings=None, **changes):
     series |= {"reference_low_soc": reference.low, "reference_high_soc": reference.high}
     series |= {"scored": record.used} | columns
     return Result({"rows": rows, "series": series}, notes=tuple(notes))
-
-
-def _circuit_alone(model):
-    """The model with a member that is one circuit, and notes: filters hold no companions."""
-    chosen = member_of(model, None)
-    if "companions" not in chosen:
-        return model, []
-    kept = f"filters run {chosen['of']}: the effects of {chosen['model']} stand beside its circuit"
-    return model | {"chosen": chosen["of"]}, [kept]
 
 
 def noise_of(settings, test_time_second):

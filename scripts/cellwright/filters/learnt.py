@@ -68,9 +68,8 @@ def with_learnt_noise(model, conditions):
         level_volt, the sum of the levels of its overpotentials there [V]; nothing where no record
         loads the cell.
     """
-    chosen = member_of(model)
-    name = chosen.get("of", chosen["model"])
-    entry = member_of(model, name)
+    entry = member_of(model)
+    name = entry["model"]
     celsius = [c["ambient_temperature_celsius"] for c in model["members"][0]["conditions"]]
     at_celsius = dict(zip(celsius, conditions, strict=True))
     # A member that a search found has further temperatures, between those that were fitted.

@@ -23,8 +23,10 @@ from cellwright.identification.identify import (
     series_of,
 )
 from cellwright.identification.identify import identify as identify_condition
+from cellwright.identification.messages import say
 from cellwright.identification.ocv_shape import ocv_from_loads, shape_records
 from cellwright.identification.search import shared_of
+from cellwright.messages import listed
 from cellwright.numerics.compare import compare
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records import inputs
@@ -155,18 +157,20 @@ def _particle(identified, capacity):
         fit = particle.fitted(task)
         scores = particle.left_out(task, fit, conditions)
     except Refusal as refusal:
-        return None, f"no particle fitted: {refusal}"
+        return None, say("particle.not_fitted", refusal=refusal)
     soc = np.concatenate([rows.record.soc[rows.record.used] for rows in task.rows])
     about = {
         "left_out": [[score.square_volt2.tolist(), score.rows.tolist()] for score in scores],
         "fitted_soc": [float(soc.min()), float(soc.max())],
         "basins": [list(basin) for basin in fit.basins],
     }
-    ends = " and ".join(
-        f"{energy / 1e3:.0f} kJ/mol, cost {cost:.0f}" for energy, cost in fit.basins
-    )
-    words = f"particle: diffusion's energy ends at {ends}"
-    return to_document(fit.particle, fit.std) | about, words
+    document = to_document(fit.particle, fit.std)
+    (energy,), (std,) = (document[f"diffusion_joule_per_mole{end}"] for end in ("", "_std"))
+    words = say("particle.energy", energy=energy / 1e3, std=std / 1e3)
+    if len(fit.basins) > 1:
+        ends = [say("particle.basin", energy=e / 1e3, cost=cost) for e, cost in fit.basins]
+        words = f"{words}; {say('particle.basins', ends=listed(ends))}"
+    return document | about, words
 
 
 def _kind(by_temperature):

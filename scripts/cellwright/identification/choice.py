@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import member_named, size_of
+from cellwright.identification.messages import say
 from cellwright.identification.regression import held_out
 from cellwright.identification.validation import FAULT_VOLT
 from cellwright.numerics.compare import compare
@@ -34,10 +35,17 @@ class Score(NamedTuple):
     rows: np.ndarray
 
 
-class Choice(NamedTuple):
-    """The chosen member, the rms error of every member [V], and a sentence on how clear it is.
+class Reason(NamedTuple):
+    """Why a member is chosen or not: a code of messages.toml, and the same in words."""
 
-    reasons : name of the member → why it was chosen, or why not.
+    code: str
+    text: str
+
+
+class Choice(NamedTuple):
+    """The chosen member, the rms error of every member [V], and sentences on how clear it is.
+
+    reasons : name of the member → Reason why it was chosen, or why not.
     unsearched : the one that would be chosen without the members that a search has found.
     """
 
@@ -46,6 +54,11 @@ class Choice(NamedTuple):
     words: str
     reasons: dict
     unsearched: str
+
+
+def not_chosen(code, **fields):
+    """Reason why a member is not chosen."""
+    return Reason(code, say(f"not_chosen.{code}", **fields))
 
 
 def left_out(fitted, block):
@@ -138,7 +151,7 @@ def choose(
         _outside(beyond_volt or {}, celsius),
     )
     left = _least_faulty([name for name in scores if name not in searched], faults)
-    reasons = {name: words for name, (_, words) in faults.items() if name != left}
+    reasons = {name: why for name, (_, why) in faults.items() if name != left}
     sound = [name for name in scores if name not in reasons]
     chosen, equal, other = _simplest(
         [n for n in sound if n not in searched], blocks, fitted_volt or {}, celsius
@@ -147,13 +160,17 @@ def choose(
     unsearched = chosen
     for name in (member for member in sound if member in searched):
         against = _against(name, chosen, blocks, rmse if whole_tests else {}, by_condition)
-        reasons[chosen if not against else name] = against or f"{name} is better beyond chance"
-        chosen, equal = (chosen, equal) if against else (name, [name])
-    words = _words(chosen, equal, blocks, rmse, [name for name in scores if name not in sound])
-    words += f". Not to be relied on: {chosen} {faults[left][1]}" if chosen == left else ""
-    words += _warning(rmse[chosen]) + _worst_temperature(chosen, fitted_volt or {}, celsius)
-    reasons |= {chosen: words.partition(". ")[0]}
-    return Choice(chosen, rmse, words, reasons, unsearched)
+        if against:
+            reasons[name] = against
+        else:
+            reasons[chosen], chosen, equal = not_chosen("beaten", best=name), name, [name]
+    excluded = [name for name in scores if name not in sound]
+    reasons[chosen] = _how_chosen(chosen, equal, blocks, rmse, excluded)
+    sentences = [reasons[chosen].text, *_errors(blocks, rmse, excluded)]
+    if chosen == left:
+        sentences.append(say("choice.not_reliable", name=chosen, why=faults[left][1].text))
+    sentences += _warning(rmse[chosen]) + _worst_temperature(chosen, fitted_volt or {}, celsius)
+    return Choice(chosen, rmse, ". ".join(sentences), reasons, unsearched)
 
 
 def rmse_of(score):
@@ -259,7 +276,7 @@ def _blocks_of(scores):
 
 
 def _worst_faults(*kinds):
-    """The worst fault of each member that has one, by name: (error over the allowed one, words)."""
+    """The worst fault of each member, by name: (error over the allowed one, Reason)."""
     names = {name: None for kind in kinds for name in kind}
     return {name: max(kind[name] for kind in kinds if name in kind) for name in names}
 
@@ -282,9 +299,9 @@ def _far_from_best(errors, searched, celsius):
         if fault.max() > 1.0:
             k = int(np.argmax(fault))
             least = min(family, key=lambda other, k=k: errors[other][k])
-            sentence = f"errs by {_milli(error[k])} mV{_place(celsius, k)}"
-            sentence += f" over the records fitted, {least} by"
-            faults[name] = fault[k], f"{sentence} {_milli(best[k])} mV"
+            errors_there = {"error": _milli(error[k]), "best": least, "least": _milli(best[k])}
+            why = not_chosen("far_fitted", place=_place(celsius, k), **errors_there)
+            faults[name] = fault[k], why
     return faults
 
 
@@ -294,13 +311,13 @@ def _outside(beyond, celsius):
     for name, volt in beyond.items():
         k = int(np.argmax(volt))
         if volt[k] > FAULT_VOLT:
-            words = f"simulates {volt[k]:.2g} V outside what was measured{_place(celsius, k)}"
-            faults[name] = volt[k] / FAULT_VOLT, words
+            why = not_chosen("outside", volt=volt[k], place=_place(celsius, k))
+            faults[name] = volt[k] / FAULT_VOLT, why
     return faults
 
 
 def _place(celsius, k):
-    return f" at {celsius[k]:g} °C" if celsius else ""
+    return say("choice.place", celsius=celsius[k]) if celsius else ""
 
 
 def _least_faulty(family, faults):
@@ -322,18 +339,16 @@ def _simplest(names, blocks, fitted_volt, celsius):
     smallest = min(alike, key=rmse.get)
     equal = [name for name in alike if not _cornered(name, smallest, blocks, fitted_volt)]
     chosen = min(equal, key=lambda name: (size_of(member_named(name)), blocks.typical_volt(name)))
-    typical = {name: f"{1e3 * blocks.typical_volt(name):.3g} mV" for name in names}
+    typical = {name: f"{1e3 * blocks.typical_volt(name):.3g}" for name in names}
+    of_least = {"best": least, "least": _milli(rmse[least])}
     reasons = {
-        name: f"errs by {typical[name]} in a typical block left out, {best} by {typical[best]}"
+        name: not_chosen("typical", error=typical[name], best=best, least=typical[best])
         for name in names
     }
-    errs = f"{least} by {_milli(rmse[least])} mV"
-    reasons |= {n: f"errs by {_milli(rmse[n])} mV rms on what was left out, {errs}" for n in far}
-    reasons |= {name: words for name, words in worse.items() if words}
-    reasons |= dict.fromkeys(
-        alike, f"equal to {best} in most blocks, but its rms error is over a tenth larger"
-    )
-    reasons |= dict.fromkeys(equal, f"no better than {chosen}, which is simpler")
+    reasons |= {n: not_chosen("far_left_out", error=_milli(rmse[n]), **of_least) for n in far}
+    reasons |= {name: why for name, why in worse.items() if why}
+    reasons |= dict.fromkeys(alike, not_chosen("cornered", best=best))
+    reasons |= dict.fromkeys(equal, not_chosen("not_simpler", best=chosen))
     return chosen, equal, reasons
 
 
@@ -367,7 +382,7 @@ def _is_worse(error, other):
 
 
 def _worse_at(name, best, blocks, celsius):
-    """At which temperature a member is worse than the best beyond chance, in words, else ""."""
+    """At which temperature a member is worse than the best beyond chance: Reason, else None."""
     for k in np.unique(blocks.condition):
         here = blocks.condition == k
         errors = (
@@ -376,11 +391,9 @@ def _worse_at(name, best, blocks, celsius):
         )
         error, of_best = errors
         if _is_worse(error, of_best) and blocks.standard_errors(name, best, condition=k) > SURE:
-            return (
-                f"errs by {_milli(error)} mV rms on what was left out{_place(celsius, k)}, {best} "
-                f"by {_milli(of_best)} mV"
-            )
-    return ""
+            volts = {"error": _milli(error), "best": best, "least": _milli(of_best)}
+            return not_chosen("worse_there", place=_place(celsius, k), **volts)
+    return None
 
 
 def _milli(volt):
@@ -396,71 +409,70 @@ def _against(name, chosen, blocks, rmse, by_condition):
     """Reason against a member that a search has found, None where there is none."""
     sure = blocks.standard_errors(chosen, name)
     if sure <= SURE:
-        return (
-            f"not better than {chosen} beyond chance ({sure:.1f} standard errors, {SURE:g} asked)"
-        )
+        return not_chosen("not_better", best=chosen, sure=sure, wanted=SURE)
     if rmse and rmse[name] > rmse[chosen]:
-        return f"errs by {_milli(rmse[name])} mV rms, {chosen} by {_milli(rmse[chosen])} mV"
+        volts = {"error": _milli(rmse[name]), "best": chosen, "least": _milli(rmse[chosen])}
+        return not_chosen("larger", **volts)
     candidate, incumbent = by_condition[name], by_condition[chosen]
     if np.any(_is_worse(candidate, incumbent)):
-        return f"worse than {chosen} at some temperature"
+        return not_chosen("worse_somewhere", best=chosen)
     return None
 
 
-def _words(chosen, equal, blocks, rmse, far):
-    """Why a member is chosen, how clearly, and the errors of all."""
+def _errors(blocks, rmse, excluded):
+    """Sentences on the errors of all members, the smallest first, and on those left out."""
     typical = {name: blocks.typical_volt(name) for name in rmse}
-    ranked = sorted(typical, key=typical.get)
-    listed = ", ".join(f"{n} {_milli(typical[n])} mV ({_milli(rmse[n])})" for n in ranked)
-    listed = f"Typical error of a block left out of the fit, rms of all in brackets: {listed}"
-    listed += f". Out of the question over the records fitted: {', '.join(far)}" if far else ""
-    equals = [name for name in ranked if name in equal and name != chosen]
-    if equals:
-        return f"{chosen} chosen: equal within chance to {', '.join(equals)}, and simpler. {listed}"
-    rivals = [name for name in ranked if name != chosen and name not in far]
-    clear = _how_clearly(chosen, rivals, blocks, rmse) if rivals else ", the only one left"
-    return f"{chosen} chosen{clear}. {listed}"
+    listed = ", ".join(
+        say("choice.error", name=name, typical=_milli(typical[name]), rms=_milli(rmse[name]))
+        for name in sorted(typical, key=typical.get)
+    )
+    sentences = [say("choice.errors", listed=listed)]
+    return sentences + [say("choice.excluded", names=", ".join(excluded))] * bool(excluded)
 
 
 def _warning(rmse_volt):
-    """Sentence on an error that is too large for use, else ""."""
+    """A sentence on an error that is too large for use, else none."""
     if rmse_volt <= UNUSABLE_VOLT:
-        return ""
-    return (
-        f". It misses what was left out by {1e3 * rmse_volt:.0f} mV rms, more than "
-        f"{1e3 * UNUSABLE_VOLT:.0f} mV: nothing that needs the voltage should rest on it"
-    )
+        return []
+    return [say("choice.unusable", rms=1e3 * rmse_volt, limit=1e3 * UNUSABLE_VOLT)]
 
 
 def _worst_temperature(chosen, fitted_volt, celsius):
-    """Sentence on the temperature at which a member errs most over the records that it was fitted
+    """A sentence on the temperature at which a member errs most over the records that it was fitted
     to, where there are several; with what to do where that is too much for use."""
     errors = fitted_volt.get(chosen, ())
     if len(errors) < 2 or not celsius:
-        return ""
+        return []
     k = int(np.argmax(np.nan_to_num(errors, nan=np.inf)))
-    words = f". It errs most{_place(celsius, k)}: {_milli(errors[k])} mV over the records fitted"
-    if errors[k] <= UNUSABLE_VOLT:
-        return words
-    name = min(fitted_volt, key=lambda other: np.nan_to_num(fitted_volt[other][k], nan=np.inf))
-    least = f"no member by less than {_milli(fitted_volt[name][k])} mV"
-    return f"{words}, {least}: nothing that needs the voltage there should rest on it"
+    least = min(np.nan_to_num(of[k], nan=np.inf) for of in fitted_volt.values())
+    code = "choice.worst" if errors[k] <= UNUSABLE_VOLT else "choice.worst_unusable"
+    fields = {"place": _place(celsius, k), "error": _milli(errors[k]), "least": _milli(least)}
+    return [say(code, **fields)]
 
 
-def _how_clearly(chosen, rivals, blocks, rmse):
-    """Words on the difference from the rival that comes nearest."""
+def _how_chosen(chosen, equal, blocks, rmse, excluded):
+    """Reason for a member: how it compares with the rival that comes nearest."""
+    ranked = sorted(rmse, key=blocks.typical_volt)
+    equals = [name for name in ranked if name in equal and name != chosen]
+    rivals = [name for name in ranked if name != chosen and name not in excluded]
+    code, fields = "equal", {"others": ", ".join(equals)}
+    if not equals:
+        code, fields = _before(chosen, rivals, blocks, rmse) if rivals else ("only", {})
+    return Reason(code, say(f"chosen.{code}", name=chosen, **fields))
+
+
+def _before(chosen, rivals, blocks, rmse):
+    """Code of how clearly a member is better than its rivals, and the fields of its sentence."""
     sure = {name: blocks.standard_errors(name, chosen) for name in rivals}
     smaller = [name for name in rivals if NEAR * rmse[name] < rmse[chosen]]
     near = [name for name in rivals if not _is_far(rmse[name], rmse[chosen])]
     second = min(near or rivals, key=sure.get)
     if smaller:
-        least = min(smaller, key=rmse.get)
-        return f" for most blocks, not clearly: over all of them {least} errs less"
+        return "most_blocks", {"other": min(smaller, key=rmse.get)}
     if sure[second] > SURE:
-        return f", clearly before {second}"
+        return "clear", {"other": second}
     if not near:
-        times = rmse[second] / rmse[chosen]
-        return f" before {second}, which errs by {times:.1f} times as much over all blocks"
+        return "far_rival", {"other": second, "times": rmse[second] / rmse[chosen]}
     if sure[second] <= CLEAR:
-        return f" before {second} for its rms error, not clearly: most blocks tell no gain"
-    return f" before {second}, not clearly ({sure[second]:.1f} standard errors)"
+        return "rms", {"other": second}
+    return "unclear", {"other": second, "sure": sure[second]}

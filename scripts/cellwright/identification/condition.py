@@ -29,8 +29,9 @@ class Condition(NamedTuple):
 
     soc : (k,). r0_ohm, r0_std_ohm, ocv_shift_volt : (k,). branches : tuple of Element.
     missing, stretch : the SoC at which the OCV table is read, see `regression.Held`.
-    at_bound : names. fit_rmse_volt, samples : of the rows used. steady_std_ohm : (k,) of the sum of
-    all resistances, which a steady load tells though it tells none of them apart.
+    at_bound : list of dict, see `_bound`. fit_rmse_volt, samples : of the rows used.
+    steady_std_ohm : (k,) of the sum of all resistances, which a steady load tells though it tells
+    none of them apart.
     first_sample_second, first_sample_missed_ohm : as of `first_samples`.
     """
 
@@ -70,12 +71,12 @@ def condition_of(shared, member, fit, bounds):
         stds, tau_stds = named(system, std[:size]), std[size:] * np.asarray(held.tau_second)
         apart = np.abs(np.log(held.tau_second) - np.log(bounds)[:, None])
         edge = (apart < AT_BOUND).any(axis=0)
-        at_bound = [f"tau{n}" for n, is_at_bound in enumerate(edge, 1) if is_at_bound]
+        at_bound = [_bound(f"tau{n}") for n, is_at_bound in enumerate(edge, 1) if is_at_bound]
         tau_stds = np.where(edge, np.nan, tau_stds)
     elif held.tau_second:  # of a series the last holds what relaxes more slowly as well
-        at_bound = [f"tau{len(held.tau_second)}"]
+        at_bound = [_bound(f"tau{len(held.tau_second)}")]
     bounded = [
-        f"{name.upper()} at SoC {soc:.3f}"
+        _bound(name, soc)
         for name in system.names
         for soc, value in zip(data.knots, values[name], strict=True)
         if value == 0
@@ -83,9 +84,7 @@ def condition_of(shared, member, fit, bounds):
     if held.charge_ampere_hour is not None and data.most_volt is not None:
         at_most = zip(data.knots, values["m"] >= data.most_volt, strict=True)
         bounded += [
-            f"M at SoC {soc:.3f}, the most that the slow test allows"
-            for soc, is_at_bound in at_most
-            if is_at_bound
+            _bound("m", soc, limit="slow_test") for soc, held_there in at_most if held_there
         ]
     return Condition(
         data.knots,
@@ -159,6 +158,14 @@ def _steady_std(system, covariance):
     of_knot = np.array([places[name] for name in system.names if name != "m"]).T
     parts = [covariance[np.ix_(rows, rows)] for rows in of_knot]
     return np.array([np.sqrt(np.nansum(p)) if np.isfinite(p).any() else np.nan for p in parts])
+
+
+def _bound(parameter, soc=None, limit="range"):
+    """A parameter of a condition that its fit left at a limit: of its range, or of the slow test.
+
+    soc : of the knot [1]; None: of all knots.
+    """
+    return {"parameter": parameter, "soc": None if soc is None else float(soc), "limit": limit}
 
 
 def _elements(data, member, held, values, stds, tau_stds):

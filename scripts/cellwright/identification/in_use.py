@@ -9,6 +9,7 @@ from cellwright.circuits.particle import NAME as PARTICLE
 from cellwright.identification.choice import (
     Score,
     choose,
+    not_chosen,
     rmse_of,
     score_of,
     typical_of,
@@ -17,6 +18,7 @@ from cellwright.identification.choice import (
 )
 from cellwright.identification.edges import with_share
 from cellwright.identification.identify import ready_records
+from cellwright.identification.messages import say
 from cellwright.identification.validation import beyond_volt, is_inner, simulated
 from cellwright.numerics.statistics import rms
 from cellwright.records.basis import at_cycle
@@ -147,7 +149,7 @@ def decided(model, conditions, searched=None):
     model : the same with `chosen` and `choice`, and `left_out` of all members.
     rows : list of dict, one a member and temperature: model, ambient_temperature_celsius, blocks,
         typical_volt, left_out_rmse_volt, worst_volt (of a block), fit_rmse_volt (simulated, SoC
-        5–95 %), fit_beyond_volt (of the whole simulation), chosen, reason.
+        5–95 %), fit_beyond_volt (of the whole simulation), chosen, code, reason.
     """
     judged = {
         name: judged_of(model, name, conditions) for name in model["left_out"][0]["square_volt2"]
@@ -166,7 +168,7 @@ def decided(model, conditions, searched=None):
         searched=tuple(searched or ()),
     )
     rows = [
-        row | {"chosen": name == choice.name, "reason": choice.reasons[name]}
+        row | {"chosen": name == choice.name} | reason_columns(*choice.reasons[name])
         for name, verdict in judged.items()
         for row in judged_rows(name, verdict, celsius)
     ]
@@ -195,8 +197,7 @@ def _beside_particle(model, chosen, judged, conditions, searched):
     left_out = [Score(np.array(volt2), np.array(rows)) for volt2, rows in pairs]
     errors = [[errors_of(model, PARTICLE, one) for one in condition] for condition in conditions]
     both = {PARTICLE: Judged(left_out, *simulated_errors(conditions, errors))}
-    about = {"in_use": False, "left_out_rmse_volt": _rmse_of_all(left_out)}
-    about["choice"] = f"{chosen} holds effects that the search found, and is not compared with it"
+    in_use, reason = False, not_chosen("beside_effects", best=chosen)
     if chosen not in searched:
         both |= {chosen: judged[chosen]}
         choice = choose(
@@ -205,11 +206,12 @@ def _beside_particle(model, chosen, judged, conditions, searched):
             beyond_volt={name: verdict.fit_beyond_volt for name, verdict in both.items()},
             searched=(PARTICLE,),
         )
-        about |= {"in_use": choice.name == PARTICLE, "choice": choice.reasons[PARTICLE]}
+        in_use, reason = choice.name == PARTICLE, choice.reasons[PARTICLE]
     rows = [
-        row | {"chosen": about["in_use"], "reason": about["choice"]}
+        row | {"chosen": in_use} | reason_columns(*reason)
         for row in judged_rows(PARTICLE, both[PARTICLE], celsius)
     ]
+    about = {"in_use": in_use, "left_out_rmse_volt": _rmse_of_all(left_out), "choice": reason.text}
     return model | {"particle": model["particle"] | about}, rows
 
 
@@ -227,9 +229,9 @@ def marked(model, rows):
     model : dict of schema cellwright-model/2, finished. rows : as `decided` gives them.
     """
     best, table = in_use(model), model["chosen"]
-    serves = f"{best} predicts better; {table} serves filters, packs and exports, which take tables"
     rows = [row | {"chosen": row["model"] == best} for row in rows]
-    return [row | {"reason": serves} if row["model"] == table != best else row for row in rows]
+    serves = reason_columns(*not_chosen("serves_tables", best=best))
+    return [row | serves if row["model"] == table != best else row for row in rows]
 
 
 def _with_usual_errors(member, scores, celsius):
@@ -245,43 +247,6 @@ def _with_usual_errors(member, scores, celsius):
     return member | {"conditions": told}
 
 
-def decided_beside(model, rows, entry, judged, origin_scores, celsius):
-    """A model with one more member, chosen if it is better than the member that it begins from.
-
-    Both are compared on the same blocks of records, each left out of the fit in turn; the rule is
-    that of `choice.choose` for members that a search finds.
-
-    Parameters
-    ----------
-    model, rows : as `decided` gives them.
-    entry : member of a model file, not among the model's, that begins from the chosen member `of`.
-    judged : Judged of the member. origin_scores : list of Score of `of` on the same blocks.
-    celsius : temperature of each condition of both [degC].
-
-    Returns
-    -------
-    model : dict of the same schema, the member last and maybe `chosen`. rows : with the member's.
-    """
-    name, origin = entry["model"], entry["of"]
-    scores = {origin: origin_scores, name: judged.scores}
-    choice = choose(scores, celsius=celsius, searched=(name,))
-    taken = choice.name == name
-    errors = " against ".join(f"{1e3 * choice.rmse_volt[n]:.2g}" for n in (name, origin))
-    reason = "chosen: better beyond chance" if taken else f"not chosen: {choice.reasons[name]}"
-    reason += f"; {errors} mV rms of {origin} over the records of the search, left out in turn"
-    before = {"chosen": False, "reason": f"{name} is better beyond chance"} if taken else {}
-    of_entry = [
-        row | {"chosen": taken, "reason": reason} for row in judged_rows(name, judged, celsius)
-    ]
-    rows = [*(row | before if row["chosen"] else row for row in rows), *of_entry]
-    entry = entry | {"left_out_rmse_volt": choice.rmse_volt[name]}
-    return model | {
-        "members": [*model["members"], entry],
-        "chosen": choice.name,
-        "choice": f"{model['choice']}. {name} {reason}",
-    }, rows
-
-
 def proved(model, rows, tests, cell, *, split_rest_second):
     """A model whose member with effects stays chosen only where it wins on whole tests left out.
 
@@ -295,7 +260,7 @@ def proved(model, rows, tests, cell, *, split_rest_second):
 
     Parameters
     ----------
-    model, rows : as `decided` and `decided_beside` give them.
+    model, rows : as `decided` gives them.
     tests : list of MeasuredTest that took no part, of the age of the model; those of role `split`
         are passed over.
     cell : CellFacts. split_rest_second : shortest rest that cuts a record [s].
@@ -305,7 +270,7 @@ def proved(model, rows, tests, cell, *, split_rest_second):
     model, rows : the same where no member with effects is chosen.
     """
     chosen = member_of(model)
-    name, rival = chosen["model"], chosen.get("of") or chosen.get("in_place_of")
+    name, rival = chosen["model"], chosen.get("in_place_of")
     if rival is None:
         return model, rows
     scores, used, notes = {rival: [], name: []}, [], []
@@ -313,30 +278,34 @@ def proved(model, rows, tests, cell, *, split_rest_second):
         try:
             by_member = _scores_of_test(model, scores, test, cell, split_rest_second)
         except Refusal as refusal:
-            notes.append(f"{test.facts.test} does not judge {name}: {refusal}")
+            fields = {"test": test.facts.test, "name": name, "refusal": refusal}
+            notes.append(say("choice.not_judging", **fields))
             continue
         used.append(test.facts.test)
         for member, score in by_member.items():
             scores[member].append(score)
-    wins, why = False, "no whole test was left out that could prove it"
+    wins, (code, why) = False, not_chosen("no_whole_test")
     if used and len(scores[name][0].rows):
         choice = choose(scores, searched=(name,), whole_tests=True)
         errors = " against ".join(f"{1e3 * choice.rmse_volt[n]:.2g}" for n in (name, rival))
         wins = choice.name == name
-        why = "better beyond chance" if wins else choice.reasons[name]
-        why += f"; {errors} mV rms of {rival} on whole tests left out ({', '.join(used)})"
-    verdict = f"{name} {'stays' if wins else f'gives way to {rival}'}: {why}"
+        code, why = ("better", say("choice.better")) if wins else choice.reasons[name]
+        fields = {"errors": errors, "rival": rival, "tests": ", ".join(used)}
+        why = say("choice.whole_tests", why=why, **fields)
+    end = "choice.stays" if wins else "choice.gives_way"
+    verdict = say(end, name=name, rival=rival, why=why)
     taken = name if wins else rival
-    texts = {name: verdict} if wins else {name: f"not chosen: {why}", rival: verdict}
-    rows = [
-        row | {"chosen": row["model"] == taken, "reason": texts.get(row["model"], row["reason"])}
-        for row in rows
-    ]
-    before = model["choice"]
-    if not wins:  # what the blocks alone said would read as the choice
-        before = before.replace(f"{name} chosen", f"{name} best by blocks", 1)
-    about = {"choice": f"{before}. {verdict}", "notes": [*model["notes"], *notes]}
+    reasons = {taken: reason_columns("whole_tests", verdict)}
+    if not wins:
+        reasons[name] = reason_columns(code, say("choice.not_chosen", why=why))
+    rows = [row | {"chosen": row["model"] == taken} | reasons.get(row["model"], {}) for row in rows]
+    about = {"choice": f"{model['choice']}. {verdict}", "notes": [*model["notes"], *notes]}
     return model | {"chosen": taken} | about, rows
+
+
+def reason_columns(code, text):
+    """Columns of the table of reasons: why a member is chosen or not, as a code and in words."""
+    return {"code": code, "reason": text}
 
 
 def _scores_of_test(model, names, test, cell, split_rest_second):
@@ -378,7 +347,7 @@ def simulated_errors(conditions, errors_volt):
 
 
 def judged_rows(name, judged, celsius):
-    """Rows of a member in the table of reasons, without `chosen` and `reason`; see `decided`.
+    """Rows of a member in the table of reasons, without `chosen` and why; see `decided`.
 
     Parameters
     ----------

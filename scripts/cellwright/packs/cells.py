@@ -12,6 +12,7 @@ from cellwright.circuits.model_file import (
     circuit_at,
     member_of,
     open_circuit_volt,
+    standing_in,
 )
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
@@ -167,18 +168,10 @@ def _temperatures(temperature_celsius):
 def member_in_pack(model):
     """Member of a model as a pack runs it: the chosen one where a pack's cell can be that.
 
-    Of a member with companions, whose difference is an effect that was found, the one that they
-    stand beside; of one that warms by a law of its own the best of the others, by what was left
-    out of the fits.
+    Of one that warms by a law of its own another one, see `model_file.standing_in`.
     """
-    chosen = member_of(model)
-    if "companions" in chosen:
-        chosen = member_of(model, chosen["of"])
-    rest = [m for m in model["members"] if not {"own_heat", "companions"} & m.keys()]
-    if "own_heat" not in chosen or not rest:
-        return chosen
-    left_out = [m.get("left_out_rmse_volt") for m in rest]
-    return rest[int(np.argmin([np.inf if error is None else error for error in left_out]))]
+    able = [member["model"] for member in model["members"] if "own_heat" not in member]
+    return member_of(model, standing_in(model, able) if able else None)
 
 
 def _tables(model, entry, grid, celsius):

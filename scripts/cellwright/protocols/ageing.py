@@ -1,6 +1,5 @@
 """Ageing records: the complete discharges and charges of many cycles in one test."""
 
-import re
 from collections import Counter
 from typing import NamedTuple
 
@@ -24,6 +23,7 @@ from cellwright.protocols.half_cycles import (
     weighted_median,
     with_starts,
 )
+from cellwright.protocols.messages import say
 from cellwright.records import inputs
 from cellwright.records.anchor import first_rest
 from cellwright.refusal import Refusal
@@ -121,7 +121,7 @@ def ageing_cycles(series, steps, test, cell, course=None, instrument=None):
         if not half.fault
     ]
     if not rows:
-        raise Refusal(f"no complete cycle: {'; '.join(left_out) or 'no half cycle is in it'}")
+        raise Refusal(say("ageing.none", why="; ".join(left_out) or say("ageing.no_half")))
     table = AgeingCycles(*[np.array(column) for column in zip(*rows, strict=True)])
     return Result({"rows": table}, {"left_out": left_out}, (*left_out, *by_rest))
 
@@ -143,22 +143,22 @@ def _by_reason(halves, cycles, *, faulty):
     """A sentence for each reason and direction: how many half cycles, of how many, and which."""
     reasons, numbered = {}, Counter(half.sign for half in halves)
     for half, cycle in zip(halves, cycles, strict=True):
-        if words := half.fault if faulty else half.words if not half.fault else "":
-            kind = half.sign, re.sub(r"-?\d[\d.]*", "#", words)
-            reasons.setdefault(kind, []).append((cycle, words))
-    done = "left out" if faulty else "counted by their rest"
+        if bool(half.fault) == faulty and (half.fault or half.words):
+            reasons.setdefault((half.sign, half.code), []).append((cycle, half.fault or half.words))
+    code = "ageing.left_out" if faulty else "ageing.by_rest"
     return tuple(
-        _sentence(f"of {numbered[sign]} {NAMES[sign]}s {done}", members)
+        _sentence(code, NAMES[sign], numbered[sign], members)
         for (sign, _), members in reasons.items()
     )
 
 
-def _sentence(of_all, members):
+def _sentence(code, direction, among, members):
     """One reason in words, from the (cycle, words) of its half cycles."""
     cycles = list(dict.fromkeys(f"{cycle:g}" for cycle, _ in members))
     named = ", ".join(cycles[:EXAMPLES]) + (" …" if len(cycles) > EXAMPLES else "")
-    cycle, words = members[0]
-    return f"{len(members)} {of_all} (cycles {named}): cycle {cycle:g}: {words}"
+    cycle, why = members[0]
+    about = {"count": len(members), "all": among, "direction": direction, "cycles": named}
+    return say(code, cycle=cycle, why=why, **about)
 
 
 def _numbers(half, efficiency, series, rated):

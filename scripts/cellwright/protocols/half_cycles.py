@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.turns import turning_points
+from cellwright.protocols.messages import say
 from cellwright.records import inputs
 from cellwright.records.anchor import STATED_SOC, FirstRest, contradiction
 
@@ -32,7 +33,7 @@ class HalfCycle(NamedTuple):
     those to the cut-off first in `to_cutoff`. last_row : to which it is counted. fault : why it is
     not complete, "" where it is. missing_ampere_hour : standard deviation of the charge that it may
     lack at its start [Ah], 0 where what came before tells it. words : what an unsure start is known
-    from.
+    from. code : of messages.toml, what `fault` or `words` says.
     """
 
     sign: int
@@ -47,6 +48,7 @@ class HalfCycle(NamedTuple):
     fault: str = ""
     missing_ampere_hour: float = 0.0
     words: str = ""
+    code: str = ""
 
 
 class Start(NamedTuple):
@@ -55,6 +57,17 @@ class Start(NamedTuple):
     fault: str = ""
     missing_ampere_hour: float = 0.0
     words: str = ""
+    code: str = ""
+
+
+def faulty_start(code, *, missing_ampere_hour=0.0, **fields):
+    """Start that leaves its half cycle incomplete, for a reason of messages.toml."""
+    return Start(say(f"half.{code}", **fields), missing_ampere_hour, code=code)
+
+
+def unsure_start(code, *, missing_ampere_hour=0.0, **fields):
+    """Start that is known from something less sure, as messages.toml says it."""
+    return Start("", missing_ampere_hour, say(f"half.{code}", **fields), code)
 
 
 class Before(NamedTuple):
@@ -120,19 +133,20 @@ def _half_cycle(span, columns, steps, limits, dynamic):
     if not loads:
         rows = int(steps.first_row[first]), int(steps.last_row[last])
         read = float(np.median(current[rows[0] : rows[1] + 1]))
-        fault = f"it holds no load: all that was counted is {read:.3g} A read at rest"
-        return HalfCycle(sign, *rows, 0.0, False, first == 0, last_row=rows[1], fault=fault)
+        half = HalfCycle(sign, *rows, 0.0, False, first == 0, last_row=rows[1])
+        return half._replace(fault=say("half.no_load", ampere=read), code="no_load")
     begin, turn = max(int(steps.first_row[loads[0]]) - 1, 0), int(steps.last_row[loads[-1]])
     at_limit = [k for k in loads if limit is not None and _reaches(k, sign, limit, voltage, steps)]
     if not dynamic:
         at_limit = [k for k in at_limit if steps.kind[k] != "dynamic"]
     last = _end_of_hold(at_limit[0], loads, limit, voltage, steps) if at_limit else None
-    fault = ""
+    code, fault = "", ""
     if limit is None:
-        name = "upper" if sign > 0 else "lower"
-        fault = f"the {name} cut-off is not stated, so its end cannot be told"
+        code = "no_cutoff"
+        fault = say("half.no_cutoff", name="upper" if sign > 0 else "lower")
     elif not at_limit:
-        fault = f"it ends at {voltage[turn]:.3f} V, before the cut-off of {limit:g} V"
+        code = "short_of_cutoff"
+        fault = say("half.short_of_cutoff", volt=voltage[turn], limit=limit)
     return HalfCycle(
         sign=sign,
         first_row=begin,
@@ -144,6 +158,7 @@ def _half_cycle(span, columns, steps, limits, dynamic):
         to_cutoff=tuple(k for k in loads if not at_limit or k <= last),
         last_row=turn,
         fault=fault,
+        code=code,
     )
 
 
@@ -299,7 +314,8 @@ def starts_of(halves, columns, limits, known):
     if contradicted := _contradiction(halves[0], starts[0], columns, limits, known):
         name = "fault" if starts[0].fault else "words"
         said = "; ".join(filter(None, [getattr(starts[0], name), contradicted]))
-        starts[0] = starts[0]._replace(**{name: said})
+        code = ";".join(filter(None, [starts[0].code, "contradicted"]))
+        starts[0] = starts[0]._replace(**{name: said, "code": code})
     return starts
 
 
@@ -340,10 +356,9 @@ def _by_return(half, after):
         return Start("", max(lacking, 0.0) if half.sign > 0 else 0.0)
     if share < 0:
         return None
-    lacked, after_it = ("lacked", "charge") if half.sign < 0 else ("already held", "discharge")
-    moved = f"the {after_it} after it moves {after.moved_ampere_hour:.4g} Ah between the same ends"
-    fault = f"it does not start {ENDS[half.sign]}: it {lacked} {share:.1%}, for {moved}"
-    return Start(fault, lacking)
+    code = "lacked" if half.sign < 0 else "held"
+    about = {"share": share, "moved": after.moved_ampere_hour}
+    return faulty_start(code, missing_ampere_hour=lacking, **about)
 
 
 def _rest_contradicts(half, columns, limits, known):
@@ -357,7 +372,7 @@ def _as_stated(half, soc):
     """Start of a first half cycle by the sheet's SoC."""
     missing = _missing(half, soc)
     if not missing <= RETURN_SHARE:
-        return Start(f"it does not start {ENDS[half.sign]}: the sheet states an SoC of {soc:g}")
+        return faulty_start("stated", end=ENDS[half.sign], soc=soc)
     return Start("", missing * half.moved_ampere_hour)
 
 
@@ -374,7 +389,7 @@ def _contradiction(half, start, columns, limits, known):
     by_rest = _rest_contradicts(half, columns, limits, known)
     if by_rest or start.fault or _missing(half, soc) <= STATED_SOC:
         return by_rest
-    return f"the stated SoC of {soc:g} is not used: it starts {ENDS[half.sign]}"
+    return say("half.stated_not_used", soc=soc, end=ENDS[half.sign])
 
 
 # ASSUME: A record that begins under load with a discharge begins with a full cell. What its first
@@ -382,20 +397,18 @@ def _contradiction(half, start, columns, limits, known):
 def start_under_load(half, columns, limits, state_before):
     """Start of a record that begins under load, not at a cut-off."""
     if half.sign > 0:
-        return Start("the record begins with it, from an unknown state of charge")
+        return faulty_start("starts_under_load")
     if state_before == "empty":
-        return Start("it does not start full: the test before it left the cell empty")
+        return faulty_start("left_empty")
     if limits[1] is None:
         return Start()
     rows = slice(half.first_row, half.turn_row + 1)
     current, voltage, charge = (column[rows] for column in columns)
     lacking = limits[1] - float(voltage[0]) - NEAR_VOLT
     missing = charge_of_fall(np.abs(current), -voltage, charge, lacking) if lacking > 0 else 0.0
-    said = (
-        f"the record begins under load at {voltage[0]:.3f} V: what was moved before is not counted "
-        f"(at most {missing:.2g} Ah)"
-    )
-    return Start(words=said if missing > 0.01 * half.moved_ampere_hour else "")
+    if missing <= 0.01 * half.moved_ampere_hour:
+        return Start()
+    return unsure_start("uncounted", volt=voltage[0], missing=missing)
 
 
 def start_by_rest(half, before, columns, limits, known_rests_volt):
@@ -413,26 +426,25 @@ def start_by_rest(half, before, columns, limits, known_rests_volt):
     sign, end = half.sign, ENDS[half.sign]
     # Without both cut-offs the range of a rest voltage says nothing of how full a cell is.
     if None in limits:
-        return Start(f"whether it starts {end} cannot be told: a cut-off is not stated")
+        return faulty_start("start_unknown", end=end)
     rows = slice(half.first_row, half.turn_row + 1)
     current, voltage, charge = (column[rows] for column in columns)
     rest = float(voltage[0])
     turned = before is not None and before.sign != sign
     if turned and sign * (rest - columns[1][before.turn_row]) >= 0:
-        return Start(f"it does not start {end}: what came before was cut short")
+        return faulty_start("cut_short", end=end)
     lacking = sign * (rest - limits[sign < 0]) - NEAR_VOLT
     if lacking <= 0:
         return Start()
     if any(sign * (rest - known) <= NEAR_VOLT for known in known_rests_volt):
-        return Start(words=f"rests at {rest:.3f} V as before cycles that start {end}")
+        return unsure_start("rests_alike", rest=rest, end=end)
     missing = charge_of_fall(np.abs(current), sign * voltage, charge, lacking)
     moved = half.moved_ampere_hour
     if missing > 0.20 * moved:
-        share = f"{min(missing / moved, 1):.0%} of its charge" if moved else "all of its charge"
-        may = f"may lack {share}" if sign < 0 else f"may already hold {share}"
-        known_by = f"it does not start {end} or is not known to: with a rest voltage of {rest:.3f}"
-        return Start(f"{known_by} V it {may}, and no test before it tells more")
-    return Start("", missing, f"start by a rest voltage of {rest:.3f} V, ± {missing:.2g} Ah")
+        share = f"{min(missing / moved, 1):.0%}" if moved else "all"
+        code = "may_lack" if sign < 0 else "may_hold"
+        return faulty_start(code, end=end, rest=rest, share=share)
+    return unsure_start("by_rest", missing_ampere_hour=missing, rest=rest, missing=missing)
 
 
 def charge_of_fall(size, along, charge, fall_volt):

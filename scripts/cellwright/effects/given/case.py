@@ -50,8 +50,6 @@ def own_case(prepared, model):
     Returns
     -------
     case : case.Case, its stacks with the member's voltage.
-    given : dict, what else a model file needs of it: `member`, its name; `values`, the companion as
-        fitted to the member; `ohmic_mean_ohm`, `slow_mean_ohm`, see `Given`.
 
     Raises
     ------
@@ -65,9 +63,7 @@ def own_case(prepared, model):
         Given(side.volt, *(course / mean for course, mean in zip(side[1:], means, strict=True)))
         for side in sides
     ]
-    case = given_case(prepared.case, *sides, log_std=_log_stds(member))
-    names = ("member", "values", "ohmic_mean_ohm", "slow_mean_ohm")
-    return case, dict(zip(names, (member["model"], dict(case.start), *means), strict=True))
+    return given_case(prepared.case, *sides, log_std=_log_stds(member))
 
 
 def given_case(case, fitted, judging, *, log_std=None):
@@ -124,21 +120,10 @@ def _given_by(model, member, records):
         if not np.isfinite(volt).all():
             raise Refusal(f"{record.test}: {member['model']} gives no finite voltage there")
         volts.append(volt)
-        at_once, lagging = resistances(member, record.soc, record.celsius)
-        ohmic.append(at_once)
-        slow.append(lagging)
+        circuit = circuit_at(member["conditions"], record.soc, record.celsius).circuit
+        ohmic.append(_summed(circuit, len(record.soc), at_once=True))
+        slow.append(_summed(circuit, len(record.soc), at_once=False))
     return Given(*(np.concatenate(parts) for parts in (volts, ohmic, slow)))
-
-
-def resistances(member, soc, celsius):
-    """Resistance of a member that follows the current at once, and what lags, (n,) each [ohm].
-
-    Parameters
-    ----------
-    member : dict of a model file. soc : (n,) [1]. celsius : scalar or (n,) [degC].
-    """
-    circuit = circuit_at(member["conditions"], soc, celsius).circuit
-    return tuple(_summed(circuit, len(soc), at_once=at_once) for at_once in (True, False))
 
 
 def _summed(circuit, rows, *, at_once):

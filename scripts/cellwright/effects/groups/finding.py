@@ -18,6 +18,7 @@ from cellwright.effects.groups.model import document
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import group_stacked, parts_of
 from cellwright.effects.search import search
+from cellwright.effects.story.messages import say
 from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted
 from cellwright.effects.story.words import paragraph
@@ -32,7 +33,6 @@ from cellwright.refusal import Refusal
 FIRST_ROWS = 3
 LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
 SECTIONS = {"spread": Spread, "shared": Shared, "gates": GroupGates}
-LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"
 KELVIN = 5.0  # between records; below it they are at one temperature
 PARTS = 3
 
@@ -340,7 +340,7 @@ def _two_temperatures(case):
 def _next_test(found, names, library):
     """Advice on the next test in words: on logging, or to break the first tie; None."""
     if not found.case.sensors:
-        return LOG_CURRENTS
+        return say("next.log_branches")
     tied = next((one for one in names if _alternatives(found, one)), None)
     if tied is None:
         return None
@@ -348,8 +348,9 @@ def _next_test(found, names, library):
     pairs = [(tie, {name, tie.partner}) for name in (chosen, *others) for tie in library[name].ties]
     warm = [tie.check for tie, pair in pairs if tie.one_temperature and pair <= {chosen, *others}]
     if warm and not _two_temperatures(found.case):
-        return warm[0]
-    return f"{library[chosen].shows}, beside {library[others[0]].shows}"
+        return say("next.group", tests=warm[0])
+    shows = (library[chosen].shows, library[others[0]].shows)
+    return say("next.group", tests=say("next.and_test").join(dict.fromkeys(shows)))
 
 
 def _located(case, state):

@@ -36,7 +36,7 @@ def _gain(value, size):
     return (1.0 + value) * (1.0 + size) - 1.0
 
 
-OTHER_TEMPERATURE = "repeat the group's drive at a chamber temperature 20 K away"
+OTHER_TEMPERATURE = "the group's drive at a chamber temperature 20 K away"
 EFFECTS = (
     Effect(
         id="branch_wire_resistance",

@@ -150,7 +150,7 @@ EFFECTS = (
         sizes_in_words=over_soc("R0", lambda fields: fields.r0),
         sizes_need_model=True,
         of_branch=True,
-        consequence="power near empty and full is not what the middle says",
+        consequence="power near empty and near full differs from that at half charge",
     ),
     Effect(
         id="polarisation_soc",
@@ -170,7 +170,7 @@ EFFECTS = (
         sizes_in_words=over_soc("what relaxes", lambda fields: sum(fields.slow_ohm), DIFFUSION_OHM),
         sizes_need_model=True,
         of_branch=True,
-        consequence="the voltage under lasting load is not what the middle says",
+        consequence="what lasting loads cost near empty and near full differs from half charge",
     ),
     Effect(
         id="lead_resistance",

@@ -169,7 +169,7 @@ EFFECTS = (
         sizes_in_words=energy,
         sizes_need_model=True,
         of_branch=True,
-        consequence="power in the cold and warm is not that at the model's temperature",
+        consequence="power predicted at one temperature does not hold at another",
     ),
     Effect(
         id="self_heating",
@@ -200,7 +200,7 @@ EFFECTS = (
         short="self-heating",
         sizes_in_words=with_minutes("thermal_resistance_kelvin_per_watt", "K for each watt"),
         assumed_relative=(OWN_HEAT_RELATIVE, 0.0),
-        consequence="resistance falls under lasting load; in the cold the cell helps itself",
+        consequence="resistance falls under lasting load: in the cold the cell warms itself",
     ),
     Effect(
         id="entropic_ocv",

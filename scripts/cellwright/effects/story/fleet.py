@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from cellwright.effects.floor import excess_volt
+from cellwright.effects.story.messages import say
 from cellwright.effects.story.words import doubts, name_of_effect
 
 SHOWN = ("sure", "unsure", "or another")
@@ -112,34 +113,27 @@ def _sentence(entries, verdicts):
             by_effect.setdefault(entry.effect, []).append(entry)
     count = len(cells)
     shared = [_with_doubt(e, rows) for e, rows in by_effect.items() if len(rows) == count]
-    some = [
-        f"{_who(rows)} of {count} show {_with_doubt(e, rows)}"
-        for e, rows in by_effect.items()
-        if 1 < len(rows) < count
-    ]
-    alone = [
-        f"{rows[0].cell} alone shows {_with_doubt(e, rows)}"
-        for e, rows in by_effect.items()
-        if len(rows) == 1
-    ]
-    all_cells = "both cells" if count == 2 else f"all {count} cells"
-    parts = [f"{all_cells} show {', '.join(shared)}"] if shared else []
-    parts += [*some, *alone] or ([] if shared else [f"none of {count} cells shows an effect"])
+    code = "fleet.both" if count == 2 else "fleet.all"
+    parts = [say(code, count=count, effects=", ".join(shared))] if shared else []
+    for effect, rows in by_effect.items():
+        about = {"effect": _with_doubt(effect, rows), "count": count}
+        if 1 < len(rows) < count:
+            parts.append(say("fleet.some", who=_listed([row.cell for row in rows]), **about))
+    for effect, rows in by_effect.items():
+        if len(rows) == 1:
+            parts.append(say("fleet.alone", cell=rows[0].cell, effect=_with_doubt(effect, rows)))
+    parts = parts or [say("fleet.none", count=count)]
     unknown = [v["cell"] for v in verdicts if v["verdict"] == "unknown"]
-    parts += [f"something without a name is left in {_listed(unknown)}"] if unknown else []
+    parts += [say("fleet.unknown", who=_listed(unknown))] if unknown else []
     return "; ".join(parts)
 
 
 def _with_doubt(effect, entries):
-    unsure = sum(entry.shown != "sure" for entry in entries)
+    name, unsure = name_of_effect(effect), sum(entry.shown != "sure" for entry in entries)
     if not unsure:
-        return name_of_effect(effect)
-    how = "unsure" if unsure == len(entries) else f"unsure in {unsure}"
-    return f"{name_of_effect(effect)} ({how})"
-
-
-def _who(entries):
-    return _listed([entry.cell for entry in entries])
+        return name
+    code = "fleet.unsure" if unsure == len(entries) else "fleet.unsure_in"
+    return say(code, effect=name, count=unsure)
 
 
 def _listed(names):

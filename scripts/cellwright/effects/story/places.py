@@ -2,15 +2,10 @@
 
 import numpy as np
 
+from cellwright.effects.story.messages import say
+
 WORSE_VOLT = 2e-3  # of error more than before, in a field of the residual map
 WORSE_SHARE = 0.1  # of the error before
-RATES = {
-    "rest": "at rest",
-    "discharge_low": "on discharge up to 0.7C",
-    "discharge_high": "on discharge above 0.7C",
-    "charge_low": "on charge up to 0.7C",
-    "charge_high": "on charge above 0.7C",
-}
 NEAR_EMPTY, NEAR_FULL = 0.15, 0.85
 
 
@@ -77,34 +72,37 @@ def largest_before(residual_map):
     k = int(np.argmax(squares))
     soc = [float(residual_map[name][k]) for name in ("soc_low", "soc_high")]
     place = {"soc": soc, "current": residual_map["rate"][k], "file": residual_map["test"][k]}
-    return (
-        f"The largest part of the gap, {100 * squares[k] / squares.sum():.0f} %, sat "
-        f"{where(place)}: {millivolt(before[k])} by the plain model, {millivolt(after[k])} with "
-        "what was found."
+    return say(
+        "gap.largest",
+        share=100 * squares[k] / squares.sum(),
+        where=where(place),
+        before=millivolt(before[k]),
+        after=millivolt(after[k]),
     )
 
 
-def where(place, *, file=True):
+def where(place):
     """A field of the map, or a `located_at` of a verdict, in words.
 
     Parameters
     ----------
     place : dict: soc, current, file, and temperature_celsius or branch where known.
-    file : whether the record is named.
     """
-    low, high = place["soc"]
-    soc = f"at {100 * low:.0f}–{100 * high:.0f} % SoC"
-    parts = [soc, RATES.get(place["current"], f"on {place['current']}")]
-    branch = f"branch {place['branch']} in " if place.get("branch") else ""
-    parts += [f"in {branch}{place['file']}"] if file else []
+    parts = [_soc(place), say(f"where.{place['current']}")]
+    parts += [say("where.branch", branch=place["branch"])] if place.get("branch") else []
+    parts.append(say("where.test", test=place["file"]))
     celsius = place.get("temperature_celsius")
-    return " ".join(parts) + (f" ({celsius[0]:.0f} °C)" if celsius else "")
+    return " ".join([*parts, *([say("where.celsius", celsius=celsius[0])] if celsius else [])])
 
 
 def near(place):
     """The same in two or three words: near empty, near full, or the range of SoC."""
-    low, high = place["soc"]
-    middle = (low + high) / 2
+    middle = sum(place["soc"]) / 2
     if middle < NEAR_EMPTY:
-        return "near empty"
-    return "near full" if middle > NEAR_FULL else f"at {100 * low:.0f}–{100 * high:.0f} % SoC"
+        return say("where.near_empty")
+    return say("where.near_full") if middle > NEAR_FULL else _soc(place)
+
+
+def _soc(place):
+    low, high = place["soc"]
+    return say("where.soc", low=100 * low, high=100 * high)

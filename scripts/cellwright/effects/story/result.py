@@ -10,8 +10,8 @@ NONE = {}  # of a group: what only the search of a cell tells
 class Finding(NamedTuple):
     """What a search found.
 
-    verdict : dict of the contract. ranking, residual_map, evidence, series, confounding, menu :
-    dicts of columns; of a group only ranking and series hold any. model : dict, of a cell see
+    verdict : dict of the contract. ranking, residual_map, evidence, series : dicts of
+    columns; of a group only ranking and series hold any. model : dict, of a cell see
     `finding.model_of`, of a group `groups.model.document`. notes : tuple of str.
     """
 
@@ -20,8 +20,6 @@ class Finding(NamedTuple):
     residual_map: dict = NONE
     evidence: dict = NONE
     series: dict = NONE
-    confounding: dict = NONE
-    menu: dict = NONE
     model: dict = NONE
     notes: tuple = ()
 

@@ -1,59 +1,21 @@
 """A verdict in words, for a reader who knows no statistics: one sentence first, then the rest."""
 
-import re
-from typing import NamedTuple
-
+from cellwright.effects.advice import ways_to_tell
 from cellwright.effects.library import known_effects
+from cellwright.effects.story.messages import say
 from cellwright.effects.story.places import millivolt, near, where
 from cellwright.effects.story.sizes import Size, sizes_as_used
 from cellwright.effects.witnesses.statement import in_words
+from cellwright.messages import listed
 
-# Answers of a search that are no effect.
-ANSWERS = {"none": "nothing missing", "unknown": "something unknown"}
 KNOWN = {effect.id: effect for effect in known_effects()}
+ANSWERS = ("none", "unknown")  # of a search, that are no effect
 BENT = 1.1  # times its error as it is, beyond which a given model was bent by the records fitted
 SURE = 0.9  # probability of a name from which on it is sure
 SHOWN_WORSE, SHOWN_STARTS = 2, 3
+FAR = 2.0  # times what a model is said to lack: a test in which it errs by more contradicts that
 # Units of sizes outside the vocabulary in words, and over those of the verdict.
 UNIT_IN_WORDS = {"1/h": ("% in an hour", 1e2)}
-
-
-class Phrases(NamedTuple):
-    """How a paragraph speaks of what was searched.
-
-    where : on which records, of which quantity, the error is. healthy : the model without an
-    effect, and its verb. none : what does not explain an unknown error. named : what the names
-    are named of, and its verb. nothing : what is shown where nothing is missing.
-    """
-
-    where: str
-    healthy: str
-    none: str
-    named: str = "Shows"
-    nothing: str = "nothing beyond a plain circuit"
-
-
-CELL = Phrases(
-    "on records that took no part in the fit",
-    "the plain model (open-circuit voltage, a resistance, two RC pairs) is off by",
-    "no effect of the vocabulary",
-)
-BASES = {
-    "plain": CELL,
-    "own": CELL._replace(healthy="the model in use is off by", named="The model in use lacks"),
-    "external": CELL._replace(healthy="your model is off by", named="Your model lacks"),
-}
-GROUP = Phrases(
-    "in branch currents (each times its cell's resistance) of tests that took no part in the fit",
-    "healthy cells within the declared spread are off by",
-    "no effect of one branch",
-    nothing="no branch that differs by more than healthy cells do",
-)
-BLIND_GROUP = GROUP._replace(where="in the group's voltage of tests that took no part in the fit")
-BLIND = (
-    "Branch currents were not logged, and the group's voltage alone tells no branch from another: "
-    "a name is only what would explain that voltage, and a fault of a branch's sensor cannot show."
-)
 
 
 def name_of_effect(effect, library=KNOWN):
@@ -63,16 +25,34 @@ def name_of_effect(effect, library=KNOWN):
     ----------
     effect : id, or an answer that is none. library : dict of Effect by id, asked first.
     """
+    if effect in ANSWERS:
+        return say(f"answer.{effect}")
     entry = library.get(effect) or KNOWN.get(effect)
-    in_words = effect.removeprefix("branch_").replace("_", " ")
-    return (entry.short if entry else ANSWERS.get(effect)) or in_words
+    return (entry and entry.short) or effect.removeprefix("branch_").replace("_", " ")
 
 
-def phrases_of(verdict):
-    """How a verdict is spoken of: that of a group says whether branch currents were logged."""
-    if "branch_currents" in verdict:
-        return GROUP if verdict["branch_currents"] else BLIND_GROUP
-    return BASES[verdict.get("base") or "plain"]
+def name_of_key(key, library=KNOWN):
+    """Short name of an effect by its key: of a group with the branch, the first of which is 1."""
+    effect, _, position = key.removesuffix("]").partition("[")
+    return name_of_effect(effect, library) + (f" of branch {int(position) + 1}" if position else "")
+
+
+def base_of(verdict):
+    """What was searched: "plain", "own" or "external" model, or a "group"."""
+    return "group" if "branch_currents" in verdict else verdict.get("base") or "plain"
+
+
+def _is_blind(verdict):
+    """Whether a group's branch currents were not logged."""
+    return not verdict.get("branch_currents", True)
+
+
+def _searched(verdict):
+    """Fields of a sentence on the gap: the model without effects, where it errs, and the floor."""
+    group = "group_blind" if _is_blind(verdict) else "group"
+    base = base_of(verdict)
+    where_errs = say(f"where.{group if base == 'group' else 'cell'}")
+    return {"healthy": say(f"base.{base}"), "where": where_errs, "floor": _floor(verdict)}
 
 
 def one_line(verdict, own=None, external=None):
@@ -87,16 +67,27 @@ def one_line(verdict, own=None, external=None):
     -------
     line : str, without a full stop.
     """
-    lacking = (("its model", own), ("your simulation", external))
-    lacks = [_lacks(model, other) for model, other in lacking if other is not None]
-    return "; ".join([_shows(verdict), *lacks])
+    if verdict["verdict"] == "none":
+        shown = say(f"base.{base_of(verdict)}_nothing")
+    else:
+        shown = _names(verdict) or _without_name(verdict, _open(verdict))
+    lacking = {"own": own, "external": external}
+    lacks = [_lacks(say(f"line.{key}"), one) for key, one in lacking.items() if one is not None]
+    return "; ".join([say("line.shows", what=shown), *lacks])
 
 
-NOTHING = "lacks nothing above"
-FAR = 2.0  # times what a model is said to lack: a test in which it errs by more contradicts that
+def lacks_nothing_above(own):
+    """Error [V] above which the model in use lacks nothing; None where something is missing.
+
+    Parameters
+    ----------
+    own : dict, verdict on the model in use, or None.
+    """
+    nothing = own is not None and own["verdict"] == "none"
+    return own["validation_rmse_volt"]["after"] if nothing else None
 
 
-def beside_worst_test(line, volt_by_test):
+def beside_worst_test(line, above_volt, volt_by_test):
     """The line of a cell, and the test in which its model errs by far more than it lacks.
 
     A search frees the start and the current of a record, and leaves out what it cannot place: that
@@ -104,46 +95,35 @@ def beside_worst_test(line, volt_by_test):
 
     Parameters
     ----------
-    line : from `one_line`. volt_by_test : dict, name of the test → rms error of the model in use.
+    line : from `one_line`. above_volt : see `lacks_nothing_above`.
+    volt_by_test : dict, name of the test → rms error of the model in use.
 
     Returns
     -------
     line : str; the same one where no test contradicts it.
     """
-    said = re.search(rf"its model {NOTHING} ([\d.e+-]+) mV", line)
-    worst = max(volt_by_test, key=volt_by_test.get, default=None)
-    if not said or worst is None or volt_by_test[worst] <= FAR * 1e-3 * float(said[1]):
+    test = max(volt_by_test, key=volt_by_test.get, default=None)
+    if above_volt is None or test is None or volt_by_test[test] <= FAR * above_volt:
         return line
-    return f"{line}, yet errs by {millivolt(volt_by_test[worst])} in {worst}"
-
-
-def _shows(verdict):
-    names = _listed(_name(one) for one in verdict["effects"])
-    if verdict["verdict"] == "none":
-        return f"shows {phrases_of(verdict).nothing}"
-    if not names:
-        return f"shows {_without_name(verdict, _open(verdict))}"
-    return f"shows {names}"
+    return say("line.yet_errs", line=line, volt=millivolt(volt_by_test[test]), test=test)
 
 
 def _lacks(model, own):
-    names = _listed(_name(one) for one in own["effects"])
     if own["verdict"] == "none":
-        most = own["validation_rmse_volt"]["after"]
-        return f"{model} {NOTHING} {1e3 * most:.2g} mV"
-    if names:
-        return f"{model} lacks {names}"
+        return say("line.lacks_nothing", model=model, milli=1e3 * lacks_nothing_above(own))
     # Freed to follow the records fitted, a model may err by more than it does as it is.
     left = _open(own)
     most = min(left, (own.get("as_given_rmse_volt") or {}).get("validation", left))
-    return f"{model} lacks {_without_name(own, most)}"
+    return say("line.lacks", model=model, what=_names(own) or _without_name(own, most))
 
 
 def _without_name(verdict, volt):
     """What is unknown: how large, where, and what outside the vocabulary it looks like."""
+    place = _located(verdict)
+    fields = {"volt": millivolt(volt)} | ({"near": near(place)} if place else {})
+    unknown = say("line.unknown_near" if place else "line.unknown", **fields)
     like = [name_of_effect(one["effect"]) for one in verdict.get("outside") or []]
-    seems = f", which looks like {_listed(like)}" if like else ""
-    return f"something without a name, {millivolt(volt)}{_in_place(verdict)}{seems}"
+    return say("line.looks_like", unknown=unknown, like=listed(like)) if like else unknown
 
 
 def _open(verdict):
@@ -152,28 +132,21 @@ def _open(verdict):
     return max(after, (verdict.get("remainder") or {}).get("excess_volt", 0.0))
 
 
-def _in_place(verdict):
-    place = _located(verdict)
-    return f" {near(place)}" if place else ""
-
-
 def _located(verdict):
     return (verdict.get("remainder") or {}).get("located_at") or verdict["located_at"]
 
 
+def _names(verdict, library=KNOWN, of="effects"):
+    """Names of the effects of a verdict, each with what it is as good as."""
+    return listed(_name(one, library) for one in verdict[of])
+
+
 def _name(one, library=KNOWN):
     names = [name_of_effect(name, library) for name in (one["effect"], *one["alternatives"])]
-    text = " or ".join(dict.fromkeys(names)) + _branch(one)
-    return f"{text} (unproven)" if one.get("proof") == "unproven" else text
-
-
-def _branch(one):
-    return f" (branch {one['branch']})" if "branch" in one else ""
-
-
-def _listed(names):
-    names = list(names)
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+    text = " or ".join(dict.fromkeys(names))
+    if "branch" in one:
+        text = say("names.branch", name=text, branch=one["branch"])
+    return say("names.unproven", name=text) if one.get("proof") == "unproven" else text
 
 
 def paragraph(verdict, library):
@@ -205,36 +178,55 @@ def sentences_by_part(verdict, library):
         size), changes (for the user), left (where), sure (what speaks against it, and how likely)
         or next (test).
     """
-    phrases = phrases_of(verdict)
-    opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
-    parts = [
-        *opening(verdict, library, phrases),
-        *_of("gap", [*_worsened(verdict), *_as_given(verdict)]),
-        *_of("names", [*_nameless(verdict, library), *_errors(verdict)]),
-        *_of("names", _contradicted(verdict, library)),
-        *_of("left", [*_gap(verdict), *_remainder(verdict), *_outside(verdict)]),
-        *_of("sure", _declared_values_at_limit(verdict.get("nuisances") or [])),
-        *_of("sure", [BLIND] if phrases is BLIND_GROUP else []),
-    ]
-    if verdict["next_test"]:
-        advice = verdict["next_test"].rstrip(".")
-        advice = advice.removeprefix("To ") if advice.startswith("To ") else advice
-        parts.append(("next", f"To test next: {advice}."))
-    return parts
+    gap = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
+    named = verdict["effects"] if gap is _named else ()
+    effects = [library[one["effect"]] for one in named]
+    changes = "; ".join(dict.fromkeys(filter(None, (one.consequence for one in effects))))
+    story = {
+        "gap": [gap(verdict, library), *_worsened(verdict), *_as_given(verdict)],
+        "names": [
+            *(_effect(one, library) for one in named),
+            *_small(verdict, library),
+            *_errors(verdict),
+            *_contradicted(verdict, library),
+        ],
+        "changes": [say("names.changes", changes=changes)] if changes else [],
+        "left": [*_left(verdict), *_outside(verdict)],
+        "sure": [*_declared(verdict), *([say("sure.blind")] if _is_blind(verdict) else [])],
+        "next": [verdict["next_test"]] if verdict["next_test"] else [],
+    }
+    return [(part, sentence) for part, sentences in story.items() for sentence in sentences]
 
 
-def _of(part, sentences):
-    return [(part, sentence) for sentence in sentences]
+def next_test(question, library):
+    """The next test in words, as a sentence; None where there is no question.
+
+    Parameters
+    ----------
+    question : dict of `advice.advised`, or None. library : dict of Effect by id.
+    """
+    if question is None:
+        return None
+    if question["code"] == "place":
+        return say("next.place", where=where(question["place"]))
+    effect, others, known = question["effect"], question["alternatives"], KNOWN | library
+    return say(
+        f"next.{question['code']}",
+        effect=name_of_effect(effect, known),
+        sentence=known[effect].sentence,
+        others=" or ".join(name_of_effect(one, known) for one in others),
+        tests=say("next.and_test").join(ways_to_tell(effect, others, known)),
+    )
 
 
-def _nameless(verdict, library):
+def _small(verdict, library):
     """What is in the model beside the names, and why it is none."""
-    known = verdict.get("against") or {}
-    small = verdict.get("small") or []
-    listed = [f"{name_of_key(one, library)} ({known[one]})" for one in small]
-    if not listed:
-        return []
-    return [f"In the model without a name: {_listed(listed)}."]
+    why = verdict.get("against") or {}
+    small = [
+        say("names.small_one", name=name_of_key(one, library), why=say(f"against.{why[one]}"))
+        for one in verdict.get("small") or []
+    ]
+    return [say("names.small", listed=listed(small))] if small else []
 
 
 def _errors(verdict):
@@ -242,32 +234,21 @@ def _errors(verdict):
     errors = verdict.get("errors")
     if verdict["verdict"] != "unknown" or not errors or not verdict.get("small"):
         return
-    known = (
-        ("plain", "the plain model"),
-        ("names", "with its names"),
-        ("model", "with all of this"),
-    )
-    told = [f"{millivolt(errors[key]['validation_volt'])} {words}" for key, words in known]
-    yield f"On the records that were not fitted: {', '.join(told)}."
+    kinds = ("plain", "names", "model")
+    yield say("names.errors", **{k: millivolt(errors[k]["validation_volt"]) for k in kinds})
 
 
 def _contradicted(verdict, library):
     """What the records ask for and another measurement of the cell rules out: both numbers."""
     for one in verdict.get("contradicted") or []:
-        name, unit = name_of_effect(one["effect"], library), one["unit"]
-        searched = in_words(one["searched"], unit, one["searched_std"])
-        measured = in_words(one["measured"], unit, one["measured_std"])
-        yield (
-            f"Not named, although the drives ask for it: {name}, {searched} by the search. "
-            f"Another measurement of this cell contradicts it: {measured} "
-            f"({one['measurement']}: {one['quantity']})."
+        yield say(
+            "names.contradicted",
+            name=name_of_effect(one["effect"], library),
+            searched=in_words(one["searched"], one["unit"], one["searched_std"]),
+            measured=in_words(one["measured"], one["unit"], one["measured_std"]),
+            measurement=one["measurement"],
+            quantity=one["quantity"],
         )
-
-
-def name_of_key(key, library=KNOWN):
-    """Short name of an effect by its key: of a group with the branch, the first of which is 1."""
-    effect, _, position = key.removesuffix("]").partition("[")
-    return name_of_effect(effect, library) + (f" of branch {int(position) + 1}" if position else "")
 
 
 def _as_given(verdict):
@@ -275,86 +256,64 @@ def _as_given(verdict):
     given = verdict.get("as_given_rmse_volt")
     if given is None:
         return
-    now = verdict["validation_rmse_volt"]["before"]
-    text = (
-        f"As it is, with no parameter freed, it is off by {millivolt(given['fit'])} on the records "
-        f"fitted and by {millivolt(given['validation'])} on the others"
-    )
-    if now > BENT * given["validation"]:
-        text += "; freed to follow the records fitted, by more on the others"
-    yield f"{text}."
-
-
-def _none(verdict, library, phrases):
-    both = verdict["validation_rmse_volt"]["before"]
-    text = (
-        f"Nothing is missing that these data could show: {phrases.where} {phrases.healthy} "
-        f"{millivolt(both)}, and {_floor(verdict)}."
-    )
-    return [("gap", text)]
+    bent = verdict["validation_rmse_volt"]["before"] > BENT * given["validation"]
+    code = "gap.as_given_bent" if bent else "gap.as_given"
+    yield say(code, **{side: millivolt(volt) for side, volt in given.items()})
 
 
 def _floor(verdict):
     """What would be there anyway: by noise, and where it is known by the declared tolerances."""
     volts = sorted(one["volt"] for one in verdict.get("floors") or [])
     if not volts:
-        return f"the noise alone is {millivolt(verdict['floor_volt'])}"
-    ends = dict.fromkeys(millivolt(volt) for volt in (volts[0], volts[-1]))
-    return f"noise and declared tolerances may leave {' to '.join(ends)} in a record"
+        return say("gap.floor_noise", volt=millivolt(verdict["floor_volt"]))
+    low, high = millivolt(volts[0]), millivolt(volts[-1])
+    return say("gap.floor_one" if low == high else "gap.floor_range", low=low, high=high)
 
 
-# By samples, as errors count, long rests would hide what a short load shows.
-EACH = ", each part of the records counted alike"
+def _none(verdict, library):
+    before = millivolt(verdict["validation_rmse_volt"]["before"])
+    return say("gap.none", before=before, **_searched(verdict))
 
 
-def _unknown(verdict, library, phrases):
-    both = verdict["validation_rmse_volt"]
-    text = (
-        f"Something is missing that has no name here: {phrases.where} {phrases.healthy} "
-        f"{millivolt(both['before'])}, and {_floor(verdict)}"
-    )
-    if not verdict["partial"]:
-        found = "can be named for it" if verdict.get("small") else "explains it"
-        return [("gap", f"{text}; {phrases.none} {found}.")]
-    names, many = _listed(_name(one, library) for one in verdict["partial"]), verdict["partial"]
-    known = verdict.get("remainder")
-    left = f": {millivolt(known['excess_volt'])} are left beyond that{EACH}" if known else ""
-    explain = "explain" if len(many) > 1 else "explains"
-    text += f". {names[0].upper()}{names[1:]} {explain} a part of it{left}, too much for a name."
-    return [("gap", text)]
+def _unknown(verdict, library):
+    before = millivolt(verdict["validation_rmse_volt"]["before"])
+    text = say("gap.unknown", before=before, **_searched(verdict))
+    many = len(verdict["partial"])
+    if not many:
+        end = "unnamed" if verdict.get("small") else "unexplained"
+        group = "group_" if base_of(verdict) == "group" else ""
+        return f"{text} {say(f'gap.unknown_{group}{end}')}"
+    names, left = _names(verdict, library, "partial"), verdict.get("remainder")
+    code = "gap.unknown_part_one" if many == 1 else "gap.unknown_part_many"
+    fields = {"names": names[0].upper() + names[1:]}
+    if left:
+        code = f"{code}_left"
+        fields["left"] = millivolt(left["excess_volt"])
+    return f"{text} {say(code, **fields)}"
 
 
-def _named(verdict, library, phrases):
+def _named(verdict, library):
     both, named = verdict["validation_rmse_volt"], verdict["effects"]
-    names = _listed(_name(one, library) for one in named)
+    if not both["after"] < both["before"]:
+        code = "rises"
+    elif len(named) > 1:
+        code = "many"
+    else:
+        code = "one" if falls_by_itself(named[0]) else "beside"
     after = millivolt(both["after"])
     alone = (verdict.get("errors") or {}).get("names")
     by_names = millivolt(alone["validation_volt"]) if alone else after
     if verdict.get("small") and by_names != after:
-        after = f"{by_names} ({after} with what is in the model without a name)"
-    change = (
-        f"{'together they take' if len(named) > 1 else 'it takes'} the error {phrases.where} from "
-        f"{millivolt(both['before'])} to {after}"
-    )
-    if not both["after"] < both["before"]:
-        change = (
-            f"but the error {phrases.where} does not fall: {millivolt(both['before'])} before, "
-            f"{millivolt(both['after'])} after"
-        )
-    elif len(named) == 1 and not falls_by_itself(named[0]):
-        change = (
-            f"the error {phrases.where} falls from {millivolt(both['before'])} to {after}, but by "
-            "what was fitted beside this effect, not by it"
-        )
+        after = say("gap.with_small", names=by_names, model=after)
     place = _located(verdict)
-    left = f"; what is left sits {near(place)}" if place else ""
-    changes = [library[one["effect"]].consequence for one in named]
-    changes = "; ".join(dict.fromkeys(filter(None, changes)))
-    return [
-        ("gap", f"{phrases.named} {names}: {change}{left}. Of this, {_floor(verdict)}."),
-        *_of("names", (_effect(one, library) for one in named)),
-        *_of("changes", [f"What it changes: {changes}."] if changes else []),
-    ]
+    return say(
+        f"gap.named_{code}",
+        shown=say(f"base.{base_of(verdict)}_named", names=_names(verdict, library)),
+        before=millivolt(both["before"]),
+        after=after,
+        left=say("gap.left_near", near=near(place)) if place else "",
+        **_searched(verdict),
+    )
 
 
 def falls_by_itself(one):
@@ -365,21 +324,24 @@ def falls_by_itself(one):
 
 def _effect(one, library):
     """One effect: what it is, its sizes, what it cannot be told from, and what makes it unsure."""
-    effect = library[one["effect"]]
-    known = one.get("sizes")
+    effect, known = library[one["effect"]], one.get("sizes")
     sizes = [Size(**size) for size in known] if known else sizes_as_used(effect, one["parameters"])
-    sizes = ", ".join(size.text for size in sizes)
-    place = f"in branch {one['branch']} ({one['cell']}) " if "branch" in one else ""
-    text = f"{place}{effect.sentence}"
-    text = f"{text[0].upper()}{text[1:]} ({sizes})."
+    sentence = effect.sentence
+    if "branch" in one:
+        sentence = say("names.in_branch", sentence=sentence, **{k: one[k] for k in BRANCH})
+    sentence = sentence[0].upper() + sentence[1:]
+    parts = [say("names.effect", sentence=sentence, sizes=", ".join(size.text for size in sizes))]
     if one["alternatives"]:
         others = " or ".join(library[name].sentence for name in one["alternatives"])
-        text += f" These data cannot tell it from: {others}."
+        parts.append(say("names.tied", others=others))
     if one.get("branch_alternatives"):
-        others = " or ".join(str(branch) for branch in one["branch_alternatives"])
-        text += f" As well it could be branch {others}."
-    why = doubts(one)
-    return f"{text} Unsure: {'; '.join(why)}." if why else text
+        parts.append(say("names.tied_branch", others=" or ".join(map(str, one[BRANCHES]))))
+    if why := doubts(one):
+        parts.append(say("names.unsure", reasons="; ".join(why.values())))
+    return " ".join(parts)
+
+
+BRANCH, BRANCHES = ("branch", "cell"), "branch_alternatives"
 
 
 def doubts(one, witnesses=()):
@@ -392,53 +354,45 @@ def doubts(one, witnesses=()):
 
     Returns
     -------
-    reasons : tuple of str.
+    reasons : dict of code → clause; codes are tied, unproven, no_fall, beside, at_bound, witness.
     """
     bounds = [name.replace("_", " ") for name, p in one["parameters"].items() if p["at_bound"]]
     likely = one.get("probability", 1.0)
     against = [w["name"] for w in witnesses if w["says"] == "contradicts" and not w["shown"]]
-    reasons = (
-        (one["alternatives"] or one.get("branch_alternatives"), "another explains it as well"),
-        (
-            one.get("proof") == "unproven",
-            "records that were not fitted do not show it by themselves",
-        ),
-        (not falls_by_itself(one), "the error on records for proof does not fall"),
-        (likely < SURE, f"of names beside another {100 * likely:.0f} % are right"),
-        (bounds, f"{_listed(bounds)} ended on a bound"),
-        (against, f"contradicted by {_listed(against)}"),
-    )
-    return tuple(text for holds, text in reasons if holds)
+    holds = {
+        "tied": bool(one["alternatives"] or one.get(BRANCHES)),
+        "unproven": one.get("proof") == "unproven",
+        "no_fall": not falls_by_itself(one),
+        "beside": likely < SURE,
+        "at_bound": bool(bounds),
+        "witness": bool(against),
+    }
+    fields = {"beside": {"share": 100 * likely}, "at_bound": {"names": listed(bounds)}}
+    fields |= {"witness": {"names": listed(against)}}
+    return {
+        code: say(f"doubt.{code}", **fields.get(code, {})) for code, found in holds.items() if found
+    }
 
 
-def _gap(verdict):
-    """Where a group erred before, which has no map of its errors."""
-    place = verdict.get("gap_at")
-    if place is None:
-        return []
-    share = f"{100 * place['share']:.0f} %"
-    return [f"The largest part of the gap, {share}, sat {where(place)}."]
-
-
-def _remainder(verdict):
-    left, place = verdict.get("remainder"), verdict["located_at"]
-    parts = []
-    if place is not None:
-        share = f"{100 * place['share']:.0f} %, sits {where(place)}"
-        parts.append(f"The largest part of what is left, {share}.")
-    if not left:
-        return parts
-    left = millivolt(left["excess_volt"])
-    return [*parts, f"Left beyond what noise and declared tolerances allow: {left}{EACH}."]
+def _left(verdict):
+    """Where a group erred before, which has no map of its errors; what is left, and where."""
+    for code, place in (("sat", verdict.get("gap_at")), ("located", verdict["located_at"])):
+        if place is not None:
+            yield say(f"left.{code}", share=100 * place["share"], where=where(place))
+    if verdict.get("remainder"):
+        yield say("left.excess", volt=millivolt(verdict["remainder"]["excess_volt"]))
 
 
 def _worsened(verdict):
     fields = (verdict.get("worsened") or [])[:SHOWN_WORSE]
     if not fields or not verdict["effects"]:
         return []
-    listed = _listed(f"by {millivolt(one['volt'])} {where(one)}" for one in fields)
+    by_where = [
+        say("gap.by_where", volt=millivolt(one["volt"]), where=where(one)) for one in fields
+    ]
     more = len(verdict["worsened"]) - len(fields)
-    return [f"Worse than before {listed}{f', and in {more} more places' if more else ''}."]
+    code = "gap.worsened_more" if more else "gap.worsened"
+    return [say(code, places=listed(by_where), more=more)]
 
 
 def _outside(verdict):
@@ -446,45 +400,38 @@ def _outside(verdict):
     for one in verdict.get("outside") or []:
         unit, factor = UNIT_IN_WORDS.get(one["unit"], (one["unit"], 1.0))
         size = Size("", factor * one["value"], factor * one["std"], unit).text.strip()
-        both = one["validation_rmse_volt"]
-        yield (
-            f"What is left looks like {name_of_effect(one['effect'])} ({size}), which has no name "
-            f"in the vocabulary and is not in the model: with it the error would be "
-            f"{millivolt(both['after'])} in place of {millivolt(both['before'])}."
-        )
+        both = {side: millivolt(volt) for side, volt in one["validation_rmse_volt"].items()}
+        yield say("left.outside", name=name_of_effect(one["effect"]), size=size, **both)
 
 
-def _declared_values_at_limit(nuisances):
+def _declared(verdict):
     """What the model takes otherwise than was declared, at the limit or beyond."""
-    starts = [one["test"] for one in nuisances if one["name"] == "soc_at_start"]
+    nuisances = verdict.get("nuisances") or []
     beyond = [_beyond(one) for one in nuisances if one["name"] != "soc_at_start"]
+    starts = [one["test"] for one in nuisances if one["name"] == "soc_at_start"]
     if starts:
         more = len(starts) - SHOWN_STARTS
-        tests = [*starts[:SHOWN_STARTS], *([f"{more} more"] if more > 0 else [])]
-        beyond.append(
-            f"the SoC at the start of {_listed(tests)} is at the limit that rest and sheet allow"
-        )
-    if not beyond:
-        return []
-    return [
-        f"Off what was declared: {'; '.join(beyond)}. That stands in for what the model lacks, "
-        "or it was declared wrongly."
-    ]
+        tests = [*starts[:SHOWN_STARTS], *([say("sure.more_tests", more=more)] * (more > 0))]
+        beyond.append(say("sure.start", tests=listed(tests)))
+    return [say("sure.declared", values="; ".join(beyond))] if beyond else []
 
 
 def _beyond(one):
+    """A declared capacity, point of the OCV, or temperature, and where the fit has it."""
+    size, way = abs(one["value"]), say("sure.above" if one["value"] > 0 else "sure.below")
     if one["unit"] == "K":
-        way, by = "warmer" if one["value"] > 0 else "colder", abs(one["value"])
-        wrong = f"{one['test']} was {by:.1f} K {way} than the sheet states"
-        return f"{wrong} (no sensor told; tolerance {one['prior_std']:g} K)"
-    way = "above" if one["value"] > 0 else "below"
-    in_words = millivolt if one["unit"] == "V" else _percent
-    size, tolerance = in_words(abs(one["value"])), in_words(one["prior_std"])
-    moved = f"the capacity {size} {way} the measured one"
-    if one["unit"] == "V":
-        moved = f"the open-circuit voltage at {100 * one['soc']:.0f} % SoC {size} {way} its curve"
-    sure = "as far as it may" if one["std"] is None else f"± {in_words(one['std'])}"
-    return f"{moved} ({sure}; tolerance {tolerance})"
+        fields = {"test": one["test"], "tolerance": one["prior_std"]}
+        return say("sure.temperature", size=size, way=way, **fields)
+    in_unit = millivolt if one["unit"] == "V" else _percent
+    held = one["std"] is None
+    return say(
+        f"sure.{one['name']}",
+        size=in_unit(size),
+        way=way,
+        soc=100 * (one["soc"] or 0.0),
+        sure=say("sure.as_far") if held else say("sure.std", std=in_unit(one["std"])),
+        tolerance=in_unit(one["prior_std"]),
+    )
 
 
 def _percent(share):

@@ -5,19 +5,21 @@ import numpy as np
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols.ica.levels import rises
 from cellwright.protocols.ica.spline import PROMINENCE, curve_of, slope_of_charge, slope_peaks
+from cellwright.protocols.messages import say
 from cellwright.refusal import Refusal
 from cellwright.result import Result
 from cellwright.series.steps import constant_current_end
 
+LEAST_ROWS = 50  # of a charge, for its dQ/dV
 USUAL_SHARE = 0.02  # of a charge's current, by which it may be off its usual one
 
 
-def constant_current_charge(steps, charge_ampere_hour, *, among=True):
+def constant_current_charge(steps, charge_ampere_hour, *, among=True, half="charge"):
     """Rows of the constant-current charge that moves the most charge.
 
     steps : columns kind, first_row, last_row, cv_first_row, current_mean_ampere, (k,) each.
     charge_ampere_hour : (n,) net charge of the record the rows point into [Ah].
-    among : (k,) mask of the steps that count.
+    among : (k,) mask of the steps that count. half : "charge", or "discharge" of its mirror image.
 
     Returns first_row, last_row: inclusive, without the part at constant voltage; step : row of
     `steps` that they come from. Raises Refusal: no step of constant current charges the cell.
@@ -27,7 +29,7 @@ def constant_current_charge(steps, charge_ampere_hour, *, among=True):
     last = constant_current_end(first, steps["last_row"], steps["cv_first_row"]) - 1
     moved = np.where(charging, charge_ampere_hour[last] - charge_ampere_hour[first], 0.0)
     if not len(moved) or moved.max() <= 0:
-        raise Refusal(f"no constant-current charge among {len(moved)} step(s)")
+        raise Refusal(say("ica.no_constant_current", half=half, count=len(moved)))
     step = int(moved.argmax())
     return int(first[step]), int(last[step]), step
 
@@ -50,10 +52,11 @@ def constant_rows(current_ampere, first, last):
     return int(first + steady[0]), int(first + steady[-1])
 
 
-def charge_slope(voltage_volt, charge_ampere_hour):
+def charge_slope(voltage_volt, charge_ampere_hour, *, half="charge"):
     """dQ/dV of one charge, and the fit behind it.
 
     voltage_volt, charge_ampere_hour : (n,) rows of one constant-current charge [V], [Ah].
+    half : as of `constant_current_charge`.
 
     Returns curve: IncrementalCapacity [Ah/V]. slope : spline.Slope. Raises Refusal: fewer than 50
     rows, or a voltage that does not rise, or too little of it.
@@ -61,10 +64,10 @@ def charge_slope(voltage_volt, charge_ampere_hour):
     Source: docs/ica.md.
     """
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
-    if len(voltage) < 50 or charge.max() <= charge.min():
-        raise Refusal(f"{len(voltage)} rows of charge are too few for dQ/dV; 50 are needed")
+    if len(voltage) < LEAST_ROWS or charge.max() <= charge.min():
+        raise Refusal(say("ica.few_rows", rows=len(voltage), half=half, wanted=LEAST_ROWS))
     if not rises(voltage):
-        raise Refusal("voltage does not rise in the charge")
+        raise Refusal(say(f"ica.no_rise_{half}"))
     slope = slope_of_charge(voltage, charge)
     return curve_of(slope), slope
 

@@ -38,24 +38,20 @@ def ica(series, steps, *, direction="charge"):
     if direction not in ("charge", "discharge"):
         raise Refusal(f'direction is {direction!r}, wanted "charge" or "discharge"')
     of_steps, columns = inputs.steps(steps)._asdict(), inputs.quantities(series, inputs.COUNTED)
-    turned = direction == "discharge"
-    words = _mirrored_words if turned else str
+    turned, half = direction == "discharge", {"half": direction}
     time, current, voltage, charge = columns
     if turned:
         (time, current, voltage, charge), of_steps = _mirrored(columns, of_steps)
-    try:
-        *ends, step = constant_current_charge(of_steps, charge)
-        ends = constant_rows(current, *ends)
-        rows, notes = parts_joined(time, current, voltage, charge, of_steps, step, ends)
-        # The end of a discharge is where its voltage, and what it has left, is lowest.
-        order, sign = (rows[::-1], -1.0) if turned else (rows, 1.0)
-        curve, slope = charge_slope(sign * voltage[order], sign * charge[order])
-    except Refusal as refusal:
-        raise Refusal(words(str(refusal))) from refusal
+    *ends, step = constant_current_charge(of_steps, charge, **half)
+    ends = constant_rows(current, *ends)
+    rows, notes = parts_joined(time, current, voltage, charge, of_steps, step, ends, **half)
+    # The end of a discharge is where its voltage, and what it has left, is lowest.
+    order, sign = (rows[::-1], -1.0) if turned else (rows, 1.0)
+    curve, slope = charge_slope(sign * voltage[order], sign * charge[order], **half)
     # The mean current of a step that holds the voltage in the end is less than its constant one.
     rated = of_steps["current_mean_ampere"][step] / of_steps["c_rate"][step]
     about = {"c_rate": float(np.median(current[rows]) / rated), "slope": slope}
-    return Result({"curve": curve}, about, tuple(map(words, notes)))
+    return Result({"curve": curve}, about, tuple(notes))
 
 
 def ica_discharge(series, steps, *, slow=False):
@@ -88,15 +84,6 @@ def _mirrored(columns, steps):
     time, *others = columns
     turned = {"current_mean_ampere": -np.asarray(steps["current_mean_ampere"])}
     return [time, *(-np.asarray(column) for column in others)], steps | turned
-
-
-def _mirrored_words(words):
-    """What was said of a mirrored record, of the discharge that it is."""
-    return (
-        words.replace("charge", "discharge")
-        .replace("does not rise", "does not fall")
-        .replace(" at -", " at ")
-    )
 
 
 def _refuse_faster(c_rate, steps):

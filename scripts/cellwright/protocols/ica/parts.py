@@ -14,6 +14,7 @@ import numpy as np
 from cellwright.numerics.relaxing import drift_of_rest
 from cellwright.protocols.half_cycles import TURN_SHARE
 from cellwright.protocols.ica.charge import USUAL_SHARE, constant_rows
+from cellwright.protocols.messages import say
 from cellwright.series.steps import constant_current_end
 
 SURE = 2.0  # standard deviations by which a relaxation is seen
@@ -29,7 +30,7 @@ class Charge(NamedTuple):
     notes: tuple
 
 
-def parts_joined(time, current, voltage, charge, steps, step, ends):
+def parts_joined(time, current, voltage, charge, steps, step, ends, *, half="charge"):
     """Rows of a constant-current charge with the parts before and after its pauses.
 
     1. Parts of the same current, within 2 %, with rests alone between them are one charge. 2. After
@@ -40,6 +41,7 @@ def parts_joined(time, current, voltage, charge, steps, step, ends):
     time, current, voltage, charge : (n,) of the record [s], [A], [V], [Ah].
     steps : columns as of `constant_current_charge`, with start_time_second, end_time_second and
         duration_second. step : of the largest part, ends : its first and last row.
+    half : as of `constant_current_charge`.
 
     Returns charge: Charge.
     """
@@ -53,12 +55,12 @@ def parts_joined(time, current, voltage, charge, steps, step, ends):
             reason = _not_one(steps, last, beside, part, ends, columns)
             if reason:
                 if _moved(charge, part) > TURN_SHARE * _moved(charge, ends):
-                    verb = "ends" if way > 0 else "begins"
-                    notes.append(f"the curve {verb} at {voltage[at]:.3f} V: {reason}")
+                    code = "ica.curve_ends" if way > 0 else "ica.curve_begins"
+                    notes.append(say(code, volt=abs(voltage[at]), why=reason))
                 break
             parts = [*parts, part] if way > 0 else [part, *parts]
             last = beside
-    rows, words = _without_returns(parts, columns)
+    rows, words = _without_returns(parts, columns, half)
     return Charge(rows, (*words, *notes))
 
 
@@ -91,16 +93,16 @@ def _not_one(steps, last, beside, part, ends, columns):
     current = columns[1]
     usual, other = (np.median(current[a : b + 1]) for a, b in (ends, part))
     if abs(other / usual - 1.0) > USUAL_SHARE:
-        return f"beyond it the current is {other:.3g} A instead of {usual:.3g} A"
+        return say("ica.other_current", other=other, usual=usual)
     if steps["cv_first_row"][first] >= 0:
-        return "the voltage was held there"
+        return say("ica.held")
     between = np.arange(first + 1, second + 1)
     if not (steps["start_time_second"][between] == steps["end_time_second"][between - 1]).all():
-        return "the record has a gap there"
+        return say("ica.gap")
     return ""
 
 
-def _without_returns(parts, columns):
+def _without_returns(parts, columns, half):
     """Rows of the parts, and a sentence on their pauses and what is left out after them."""
     time, _, voltage, charge = columns
     rows, pauses, left = [np.arange(parts[0][0], parts[0][1] + 1)], [], 0.0
@@ -111,13 +113,14 @@ def _without_returns(parts, columns):
         kept = all_rows[time[all_rows] - time[part[0] - 1] >= second]
         end = kept[0] if len(kept) else part[1]
         left += float(charge[end] - charge[part[0] - 1])
-        pauses.append(f"{time[part[0] - 1] - time[before[1]]:.4g} s at {voltage[before[1]]:.3f} V")
+        rested = time[part[0] - 1] - time[before[1]]
+        pauses.append(say("ica.pause", second=rested, volt=abs(voltage[before[1]])))
         rows.append(kept)
     if not pauses:
         return rows[0], ()
     named = ", ".join(pauses[:3]) + (" …" if len(pauses) > 3 else "")
-    words = f"the charge was interrupted {len(pauses)} × ({named}): taken as one, without "
-    return np.concatenate(rows), (f"{words}{left:.3g} Ah in which its polarisation came back",)
+    about = {"half": half, "count": len(pauses), "pauses": named, "left": left}
+    return np.concatenate(rows), (say("ica.paused", **about),)
 
 
 # ASSUME: Beyond the length of a pause its relaxation would go on with the logarithm of time.

@@ -1,1 +1,0 @@
-"""What records can show of an effect, and the test that would show it next."""
