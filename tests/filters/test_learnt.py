@@ -137,12 +137,12 @@ def test_how_far_a_capacity_is_misread_is_learnt_where_it_is_known():
     """A response that the model lacks is read as a capacity, there as on a drive."""
     lacking, whole = (of_records(1, 2, extra=extra)["capacity_misread"] for extra in (SLOW, ()))
     assert whole < 0.02
-    assert lacking > 2 * whole
+    assert lacking > 1.5 * whole
 
 
 @pytest.mark.parametrize(("scenario", "off"), [("capacity_high", -0.0909), ("capacity_low", 0.111)])
 def test_a_capacity_that_does_not_fit_is_told_and_intervals_hold(scenario, off):
-    """10 % off beside a stated 1 %: taken as exact, intervals hold 20 to 70 % of the samples."""
+    """10 % off beside a stated 1 %: taken as exact, ekf and aekf hold 21 to 47 % of the samples."""
     document = with_learnt_noise(model(), [[record_of(*columns(seed)) for seed in (1, 2)]])
     document |= {"capacity_std_ampere_hour": 0.01 * truth.CAPACITY_AMPERE_HOUR}
     inside = []
