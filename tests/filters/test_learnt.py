@@ -75,6 +75,17 @@ def test_between_temperatures_noise_is_between_and_without_any_nothing_is_told()
     assert learnt_at(member, 22.0)["level_volt"] == pytest.approx(0.1)
 
 
+def test_rows_of_a_split_record_that_score_teach_nothing():
+    """Of its second half, ten times as noisy, the noise knows nothing."""
+    time, current, volt, soc = columns(1)
+    half = np.arange(len(time)) < len(time) // 2
+    loud = volt + 0.01 * ~half * np.random.default_rng(0).normal(size=len(time))
+    record = record_of(time, current, loud, soc, role="split", used=half)
+    assert learnt(model(), "2RC", [record])["sensor_volt"] == pytest.approx(WHITE_VOLT, rel=0.3)
+    whole = record._replace(role="fit")
+    assert learnt(model(), "2RC", [whole])["sensor_volt"] > 3 * WHITE_VOLT
+
+
 def test_a_record_without_a_load_tells_none():
     time = np.arange(500.0)
     at_rest = record_of(time, 0.0 * time, 3.6 + 0.0 * time, 0.5 + 0.0 * time)

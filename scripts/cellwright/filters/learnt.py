@@ -13,7 +13,7 @@ import numpy as np
 
 from cellwright.circuits.instrument import corrected, hold_of, true_volt
 from cellwright.circuits.model_file import member_of, simulate_model
-from cellwright.filters.bank import bank_of, loaded_mean, resistance_factor_of
+from cellwright.filters.bank import UNSEEN, bank_of, loaded_mean, resistance_factor_of
 from cellwright.filters.estimate import Start, estimate_on
 from cellwright.filters.kalman import State, run
 from cellwright.filters.plant import (
@@ -25,6 +25,7 @@ from cellwright.filters.plant import (
     piece_of,
     plant_of,
 )
+from cellwright.numerics.statistics import rms
 from cellwright.records.conditions import stated_or_reference
 
 MOST, WINDOW = 4000, 400  # rows of a condition that are looked at, in stretches of so many
@@ -42,6 +43,8 @@ SURE = 1e-12  # variance of the SoC, which is counted
 # charge of the last minutes would be taken for it: they are then as wrong as of a model that tells
 # nothing.
 DOUBTED = {"steady_error": Noise().resistance_error}
+# Variance of a row that was not fitted [V²]: of a record of role `split` the others score.
+UNREAD = 100.0
 LEAST_VOLT = 1e-3  # no model is better than a good cycler tells
 
 
@@ -133,6 +136,7 @@ def _misread(model, name, records, noise):
             track_capacity=True,
             track_ohmic=True,
         )
+        plant = plant._replace(edge_variance=np.where(_fitted(record), plant.edge_variance, UNREAD))
         start = Start(float(np.clip(ready.soc[0], 0.0, 1.0)))
         found = estimate_on(plant, start, method="dual", noise=noise)
         off.append(found.capacity_ampere_hour[-1] / plant.capacity_ampere_hour - 1.0)
@@ -191,10 +195,20 @@ def learnt_at(member, celsius, *, capacity_known=True):
         noise[name] = float(np.exp(np.interp(celsius, known[order], values)))
     if capacity_known:
         return noise | {"steady_error": 0.0, "least_error_volt": LEAST_VOLT}
-    misread = np.interp(
-        celsius, known[order], [told[k]["noise"]["capacity_misread"] for k in order]
-    )
-    return noise | DOUBTED | {"capacity_misread": float(misread)}
+    # One reading is no deviation: those of all temperatures are.
+    misread = rms([c["noise"]["capacity_misread"] * _unseen(c) for c in told])
+    return noise | DOUBTED | {"capacity_misread": misread}
+
+
+def _fitted(record):
+    """Rows (n,) that no score is taken from; a row that is only unsettled tells its noise."""
+    return record.used | (record.role != "split")
+
+
+def _unseen(condition):
+    """Error of a model on what it was not fitted to over that of its fit."""
+    usual = condition.get("left_out_usual_volt")
+    return UNSEEN if usual is None else max(1.0, usual / max(condition["fit_rmse_volt"], 1e-9))
 
 
 def _searched(stretches, low, high):
@@ -256,9 +270,9 @@ def _stretches(model, name, record, most):
 
     def edge_variance(skew_second):
         if skew_second not in edges:
-            edges[skew_second] = edges_of(
-                bank, levels, whole.step_second, whole.current_ampere, skew_second, hold=hold
-            )
+            columns = whole.step_second, whole.current_ampere
+            edge = edges_of(bank, levels, *columns, skew_second, hold=hold)
+            edges[skew_second] = np.where(_fitted(record), edge, UNREAD)
         return edges[skew_second]
 
     at_once = float(levels @ [element.direct for element in bank.elements])
