@@ -38,6 +38,7 @@ def prepared(model, noise=NOISE, *, hold="first_order", **tracked):
         Noise(error_second=0.0, fast_second=0.0, error_soc=0.0, window=50),
         Noise(adaptive=False),
         Noise(window=400),
+        Noise(considered=True),
     ],
 )
 @pytest.mark.parametrize("tracked", [{}, {"track_ohmic": True}, {"track_capacity": True}])

@@ -8,7 +8,7 @@ from truth import stated
 
 from cellwright.filters import evaluate
 from cellwright.filters.bank import bank_of
-from cellwright.filters.estimate import METHODS, Start, estimate
+from cellwright.filters.estimate import METHODS, Start, estimate, estimate_on
 from cellwright.filters.evaluate import (
     chi_square,
     convergence_second,
@@ -300,17 +300,46 @@ def test_a_scenario_is_laid_out_as_its_own_record_and_bank_would_be(scenario):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_no_filter_knows_the_soc_better_than_the_capacity_that_it_refers_to(method):
-    """What the capacity errs by grows from full on; no voltage tells it."""
+    """On the scale of its own model what it errs by grows from full on; no voltage tells it.
+
+    The counted SoC shares that scale: the interval that is scored is without it.
+    """
     about = measured(9), stated(), cell_facts(3.0, 4.2)
     record = laid_out(*about, split_rest_second=120.0, proof=True)
     settings = Soc(**SETTINGS)._replace(filters=(method,), scenarios=())
     size = stated()["capacity_ampere_hour"]
-    models = stated(), stated() | {"capacity_std_ampere_hour": 0.02 * size}
-    sure, unsure = (estimate_soc(model, record, settings).series for model in models)
+    own = stated() | {"left_out": [{}]}
+    models = own, own | {"capacity_std_ampere_hour": 0.02 * size}
+    runs = [estimate_soc(model, record, settings) for model in models]
+    sure, unsure = (run.series for run in runs)
+    assert runs[1].rows[0]["coverage_95"] == runs[0].rows[0]["coverage_95"]
+    assert runs[1].rows[0]["soc_std"] > runs[0].rows[0]["soc_std"]
     more = np.sqrt(unsure[f"std_{method}_soc"] ** 2 - sure[f"std_{method}_soc"] ** 2)
     soc = sure[f"estimated_{method}_soc"]
     np.testing.assert_array_equal(unsure[f"estimated_{method}_soc"], soc)
     np.testing.assert_allclose(more, 0.02 * np.abs(1 - soc), atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["coulomb", "ekf", "aekf"])
+def test_a_capacity_in_doubt_acts_as_counted_charge(method):
+    """It is 10 % too large, and stated to be so sure: without its doubt few samples are held.
+
+    Counting from the right start nothing else is in doubt; a filter corrects most of it.
+    """
+    wrong = BANK._replace(capacity_ampere_hour=1.1 * truth.CAPACITY_AMPERE_HOUR)
+
+    def share(doubt, seed):
+        time, current, voltage, soc = world(seed)
+        tracked = {"track_capacity": doubt > 0.0}
+        plant = plant_of(wrong, time, current, voltage, MATCHED, hold="first_order", **tracked)
+        start = Start(soc[0], soc_std=1e-3, capacity_error=doubt)
+        found = estimate_on(plant, start, method=method, noise=MATCHED)
+        assert np.isnan(found.capacity_ampere_hour).all()
+        return np.mean(np.abs(found.soc - soc) < 1.96 * found.std)
+
+    held, without = (np.mean([share(doubt, s) for s in range(8)]) for doubt in (0.1, 0.0))
+    assert held > 0.9
+    assert without < 0.7
 
 
 @pytest.mark.parametrize("method", ["ekf", "aekf", "dual"])

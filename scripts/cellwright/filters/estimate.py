@@ -29,7 +29,7 @@ class Start(NamedTuple):
     soc, soc_std : state of charge and its standard deviation [1].
     c_rate : current that may have flowed before, as a rate; its settled relaxations are the
         standard deviations of those at the start [1/h]. 0: the cell had relaxed.
-    capacity_error : relative standard deviation of the capacity, for "dual" [1].
+    capacity_error : relative standard deviation of the capacity, where that is a state [1].
     ohmic_error : the same of the ohmic resistance, where that is tracked [1].
     """
 
@@ -115,7 +115,8 @@ def estimate_on(plant, start, *, method, noise):
 
     Parameters
     ----------
-    plant : Plant, with the capacity among its states for "dual" alone. start, method : as above.
+    plant : Plant, with the capacity among its states for "dual"; for "coulomb", "ekf" and "aekf"
+        where it is in doubt, which their intervals then carry along. start, method : as above.
     noise : Noise that the plant was laid out with.
     """
     if method not in METHODS:
@@ -128,21 +129,19 @@ def estimate_on(plant, start, *, method, noise):
         return _without_innovations(*_counted(plant, start, noise))
     if method == "ocv":
         return _without_innovations(*_looked_up(plant))
-    return _filtered(plant, start, noise._replace(adaptive=method in ("aekf", "dual")))
+    kind = {"adaptive": method in ("aekf", "dual"), "considered": method != "dual"}
+    return _filtered(plant, start, noise._replace(**kind))
 
 
 # ASSUME: The SoC scale of a model stands at full: what its capacity errs by grows from there.
 def with_doubt_of_capacity(estimate, share):
     """The same estimate, its deviation with that of the scale that its SoC stands on.
 
-    The voltages of a model were laid out on the same scale, so no voltage tells an error of it: the
-    capacity is a considered parameter, as of Schmidt, that the filter does not estimate.
+    The voltages of a model were laid out on the same scale, so no voltage tells an error of it.
 
     Parameters
     ----------
     estimate : Estimate. share : standard deviation of the capacity over the capacity [1].
-
-    Source: S. F. Schmidt, Advances in Control Systems 3 (1966) 293.
     """
     return estimate._replace(std=np.hypot(estimate.std, share * np.abs(1.0 - estimate.soc)))
 
@@ -154,7 +153,9 @@ def _without_innovations(soc, std):
 def _counted(plant, start, noise):
     passed = np.cumsum(plant.charge_ampere_hour) / plant.capacity_ampere_hour
     seconds = np.cumsum(plant.step_second)
-    return start.soc + passed, np.sqrt(start.soc_std**2 + noise.soc_walk[0] * seconds)
+    share = start.capacity_error if plant.capacity >= 0 else 0.0
+    variance = start.soc_std**2 + noise.soc_walk[0] * seconds + (share * passed) ** 2
+    return start.soc + passed, np.sqrt(variance)
 
 
 def _looked_up(plant):
@@ -197,9 +198,9 @@ def _filtered(plant, start, noise):
     rows[0, 2:4] = innovation, variance
     unknown = np.full(len(rows), np.nan)
     capacity, ohmic = (unknown, unknown), (unknown, unknown)
-    if plant.capacity >= 0:
+    if plant.capacity >= 0 and not noise.considered:
         size = plant.capacity_ampere_hour / rows[:, 4]
-        capacity = size, size * np.sqrt(rows[:, 5]) / rows[:, 4]
+        capacity = size, size * np.hypot(np.sqrt(rows[:, 5]) / rows[:, 4], noise.capacity_misread)
     if plant.ohmic >= 0:
         ohmic = rows[:, 6], np.sqrt(rows[:, 7])
     return Estimate(

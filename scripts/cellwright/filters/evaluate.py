@@ -3,14 +3,14 @@
 import numpy as np
 
 from cellwright.circuits import inputs as given
-from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
+from cellwright.circuits.instrument import words_of
 from cellwright.circuits.model_file import member_of
-from cellwright.filters.bank import bank_of, hysteresis_of, loaded_mean, resistance_factor_of
+from cellwright.filters.bank import hysteresis_of, loaded_mean
 from cellwright.filters.estimate import Estimate, Start, estimate_on, with_doubt_of_capacity
-from cellwright.filters.learnt import learnt_at
+from cellwright.filters.learnt import as_filtered, learnt_at
 from cellwright.filters.plant import Noise, piece_of, plant_of, with_tracked
 from cellwright.filters.reference import reference_of
-from cellwright.numerics.statistics import rms
+from cellwright.numerics.statistics import NORMAL_95, rms
 from cellwright.records import inputs
 from cellwright.records.filled import silent_loads
 from cellwright.records.thinning import rows_of
@@ -18,7 +18,6 @@ from cellwright.refusal import Refusal
 from cellwright.result import Result
 from cellwright.settings import Soc
 
-NORMAL_95 = 1.959963985
 LAGS = 20  # of the autocorrelation that is tested
 CONVERGED_SOC, HELD_SECOND = 0.03, 600.0  # a filter has converged when its error stays this small
 WINDOW_SECOND = 600.0  # of the adaptive law
@@ -105,7 +104,7 @@ def convergence_second(test_time_second, error_soc, *, band=CONVERGED_SOC, hold_
     return float(test_time_second[first[stays][0]] - test_time_second[0])
 
 
-def scores(test_time_second, estimate, reference, scored):
+def scores(test_time_second, estimate, reference, scored, *, scale_share=0.0):
     """Errors of an estimated SoC against a reference, as far as that may not be wrong by them.
 
     Parameters
@@ -114,6 +113,7 @@ def scores(test_time_second, estimate, reference, scored):
     estimate : estimate.Estimate.
     reference : reference.Reference.
     scored : (n,) bool, the samples that count.
+    scale_share : deviation of the scale that estimate and reference share [1]; in soc_std alone.
 
     Returns
     -------
@@ -143,7 +143,7 @@ def scores(test_time_second, estimate, reference, scored):
         "convergence_second": converged,
         "capacity_ampere_hour": float(estimate.capacity_ampere_hour[-1]),
         "capacity_std_ampere_hour": float(estimate.capacity_std_ampere_hour[-1]),
-        "soc_std": float(estimate.std[late].mean()),
+        "soc_std": float(with_doubt_of_capacity(estimate, scale_share).std[late].mean()),
         "coverage_95": float(covered[scored].mean()),
         **tests,
     }
@@ -167,13 +167,9 @@ def estimate_soc(model, record, settings=None, **changes):
     unknown filter. Source: thesis 2.4; docs/soc-filters.md.
     """
     settings, model = inputs.settings_of(Soc, settings, changes), given.model(model)
-    size = model["capacity_ampere_hour"]
+    size, entry = model["capacity_ampere_hour"], member_of(model, None)
     celsius = loaded_mean(record.current_ampere, record.celsius, size)
-    bank, entry = bank_of(model, None, celsius), member_of(model, None)
-    hold = hold_of(entry, record.current_ampere)
-    record = _without_instrument_faults(model, entry, record)._replace(
-        resistance_factor=resistance_factor_of(model, None, record.celsius, celsius)
-    )
+    bank, record, hold = as_filtered(model, None, record)
     source = record.temperature_source
     notes = [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
     blocks = ("reading", "counting")
@@ -183,7 +179,7 @@ def estimate_soc(model, record, settings=None, **changes):
     usual = noise_of(settings, record.test_time_second)
     noises = {
         method: usual._replace(**learnt_at(entry, celsius, capacity_known=method != "dual"))
-        for method in settings.filters
+        for method in dict.fromkeys((*settings.filters, "dual"))
     }
     notes += _noise_in_words(usual._replace(**learnt_at(entry, celsius)))
     unsure = (model.get("capacity_std_ampere_hour") or 0.0) / size
@@ -195,19 +191,47 @@ def estimate_soc(model, record, settings=None, **changes):
     plans += [(scenario, first) for scenario in settings.scenarios]
     names = ("nominal", *settings.scenarios)
     plants = {noise: _plants(names, record, bank, noise, hold) for noise in set(noises.values())}
+    # ASSUME: On the scale of a cell's own model the deviation of its capacity is that of the scale,
+    # which the counted SoC shares; a capacity from elsewhere errs beside a scale that is right.
+    elsewhere = [name for name in names if name.startswith("capacity") or not model.get("left_out")]
+    scales = {name: 0.0 if name in elsewhere else unsure for name in names}
+    shares = {name: unsure - scales[name] for name in names}
+
+    def runs_of(method):
+        known = reference, plants[noises[method]], noises[method], scales, shares
+        return _runs(method, plans, record, bank, *known)
+
+    duals = runs_of("dual")
+    sizes = {name: plant.capacity_ampere_hour for name, plant in plants[noises["dual"]].items()}
+    # Of each scenario the first start.
+    read = {row["scenario"]: row for row, _ in reversed(duals)}
+    off = {name: _capacity_off(read[name], sizes[name], unsure) for name in names}
+    shares = {name: float(np.hypot(shares[name], off[name])) for name in names}
     rows, columns = [], {}
-    for method, noise in noises.items():
-        known = reference, plants[noise], noise, unsure
-        runs = _runs(method, plans, record, bank, *known)
-        rows += [row for row, _ in runs]
-        columns |= _series_of(method, runs[0][1])
-    notes += [reference.words] * bool(reference.words)
+    for method in settings.filters:
+        runs = duals if method == "dual" else runs_of(method)
+        rows += [row | {"capacity_off": off[row["scenario"]]} for row, _ in runs]
+        columns |= _series_of(method, with_doubt_of_capacity(runs[0][1], scales["nominal"]))
+    misfit = _capacity_in_words(read["nominal"], size) if off["nominal"] else ""
+    words = [sentence for sentence in (reference.words, misfit) if sentence]
+    notes += words
     known = {"model": model["chosen"], "reference_off_soc": reference.off_soc}
-    rows = [row | known | {"doubt": reference.words} for row in rows]
+    rows = [row | known | {"doubt": "; ".join(words)} for row in rows]
     series = {"test_time_second": record.test_time_second, "soc": record.soc}
     series |= {"reference_low_soc": reference.low, "reference_high_soc": reference.high}
     series |= {"scored": record.used} | columns
     return Result({"rows": rows, "series": series}, notes=tuple(notes))
+
+
+def _capacity_off(row, size, unsure):
+    """How far the capacity that `dual` reads is off that of a model [1]; 0 where that may be."""
+    off, std = row["capacity_ampere_hour"] / size - 1.0, row["capacity_std_ampere_hour"] / size
+    return float(off) if abs(off) > NORMAL_95 * np.hypot(std, unsure) else 0.0
+
+
+def _capacity_in_words(row, size):
+    told = f"{row['capacity_ampere_hour']:.3g} ± {row['capacity_std_ampere_hour']:.2g} Ah"
+    return f"the capacity of {size:.4g} Ah does not fit: the voltage of the drive tells {told}"
 
 
 def noise_of(settings, test_time_second):
@@ -243,14 +267,6 @@ def _noise_in_words(noise):
         f"noise of the filters, from the records fitted: {1e3 * noise.sensor_volt:.2g} mV white, "
         f"{shares} s, voltage up to {1e3 * noise.skew_second:.2g} ms behind the current"
     ]
-
-
-def _without_instrument_faults(model, member, record):
-    """Record corrected for the instrument errors that a member states."""
-    read = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
-    _, charging, soc = corrected(member, model["capacity_ampere_hour"], *read, kind=record.kind)
-    volt = true_volt(member, record.voltage_volt)
-    return record._replace(current_ampere=charging, voltage_volt=volt, soc=soc)
 
 
 def _starts(settings, soc):
@@ -302,21 +318,27 @@ def _plants(scenarios, record, bank, noise, hold):
     return plants
 
 
-def _runs(method, plans, record, bank, reference, plants, noise, unsure):
-    """Row and estimate of one filter for each scenario and start; `unsure` of the capacity [1]."""
-    tracked = {"track_capacity": method == "dual", "track_ohmic": True}
-    plants = {name: with_tracked(p, bank, noise, **tracked) for name, p in plants.items()}
+def _runs(method, plans, record, bank, reference, plants, noise, scales, shares):
+    """Row and estimate of one filter for each scenario and start.
+
+    scales, shares : by scenario, deviation of the scale of the SoC, and of the capacity that a
+    filter counts with [1]; one that estimates it starts from its own, or from that if larger.
+    """
     runs, scored = [], {}
     for scenario, first in plans:
         disturbed, size, start = _disturbed(scenario, record, bank, first)
         # A look-up has no start: what it finds in a scenario is the same from all.
         key = (scenario, None if method == "ocv" else first)
         if key not in scored:
-            estimated = _through_gaps(plants[scenario], disturbed, start, method, noise)
-            estimated = with_doubt_of_capacity(estimated, unsure)
+            share, dual = shares[scenario], method == "dual"
+            start = start._replace(capacity_error=max(share, dual * start.capacity_error))
+            tracked = {"track_capacity": dual or share > 0.0, "track_ohmic": True}
+            plant = with_tracked(plants[scenario], bank, noise, **tracked)
+            estimated = _through_gaps(plant, disturbed, start, method, noise)
             rows = slice(len(record.soc) - len(disturbed.soc), None)
-            against = reference.of_rows(rows), disturbed.used
-            scored[key] = estimated, scores(disturbed.test_time_second, estimated, *against)
+            about = estimated, reference.of_rows(rows), disturbed.used
+            score = scores(disturbed.test_time_second, *about, scale_share=scales[scenario])
+            scored[key] = estimated, score
         estimated, score = scored[key]
         error = float(start.soc - disturbed.soc[0])
         row = {"filter": method, "scenario": scenario, "initial_soc_error": error} | score

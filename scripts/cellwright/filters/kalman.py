@@ -196,6 +196,8 @@ def update(state, plant, k, noise):
     white = white + (curvature**2 + edge)
     variance = predicted_variance + white
     gain = shared / variance
+    if noise.considered and plant.capacity >= 0:
+        gain[plant.capacity] = 0.0
     joseph = np.eye(plant.size) - np.outer(gain, jacobian)
     covariance = joseph @ state.covariance @ joseph.T + white * np.outer(gain, gain)
     walk = _walk(state, gain[0], variance, plant.step_second[k], noise)
@@ -254,6 +256,7 @@ def run(plant, noise, state):
     sizes = [*rows.shape[:1], *plant.tables.shape, len(plant.direct), len(plant.element)]
     sizes += [plant.size, plant.error, plant.fast, plant.standing, plant.capacity]
     sizes += [plant.ohmic, plant.first_order, noise.adaptive, noise.window, len(NODES)]
+    sizes += [noise.considered]
     reals = [plant.soc_first, plant.soc_spacing, plant.capacity_ampere_hour, plant.white_variance]
     reals += [plant.slow_variance, noise.error_second, *noise.soc_walk, noise.ohmic_walk]
     reals += [noise.slope_window_soc / 2, state.soc_walk, state.error_variance, noise.error_soc]

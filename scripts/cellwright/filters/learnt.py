@@ -3,16 +3,18 @@
 What a model errs by is no white noise: it lasts seconds and minutes, and stands over SoC. How long
 each part lasts, and how large what comes anew at every sample is, the misfit of the records fitted
 tells: the noise is that under which its innovations are likeliest. How large the lasting parts are
-is told by what was left out of the fit (`bank.Bank`), for a fit has taken what it could.
+is told by what was left out of the fit (`bank.Bank`), for a fit has taken what it could. How far a
+capacity can be read is told by the same records, whose capacity is known.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.instrument import hold_of
+from cellwright.circuits.instrument import corrected, hold_of, true_volt
 from cellwright.circuits.model_file import member_of, simulate_model
-from cellwright.filters.bank import bank_of, loaded_mean, resistance_factor_of
+from cellwright.filters.bank import UNSEEN, bank_of, loaded_mean, resistance_factor_of
+from cellwright.filters.estimate import Start, estimate_on
 from cellwright.filters.kalman import State, run
 from cellwright.filters.plant import (
     ERROR,
@@ -23,6 +25,7 @@ from cellwright.filters.plant import (
     piece_of,
     plant_of,
 )
+from cellwright.numerics.statistics import rms
 from cellwright.records.conditions import stated_or_reference
 
 MOST, WINDOW = 4000, 400  # rows of a condition that are looked at, in stretches of so many
@@ -36,6 +39,12 @@ LEARNT = {
 DOUBT = np.log(10.0)  # of the logarithm of each before any record: what none tells stays as it is
 TOLERANCE = 1e-4  # of the logarithms of the values, and of that of the likelihood
 SURE = 1e-12  # variance of the SoC, which is counted
+# ASSUME: Beside a capacity that is a state, an error of the overpotentials that goes with the
+# charge of the last minutes would be taken for it: they are then as wrong as of a model that tells
+# nothing.
+DOUBTED = {"steady_error": Noise().resistance_error}
+# Variance of a row that was not fitted [V²]: of a record of role `split` the others score.
+UNREAD = 100.0
 LEAST_VOLT = 1e-3  # no model is better than a good cycler tells
 
 
@@ -65,8 +74,9 @@ def with_learnt_noise(model, conditions):
     Returns
     -------
     model : the same with `noise` in each condition of that member: the names of `LEARNT` and
-        level_volt, the sum of the levels of its overpotentials there [V]; nothing where no record
-        loads the cell.
+        level_volt, the sum of the levels of its overpotentials there [V], and capacity_misread,
+        by how much filters misread the known capacity there [1]; nothing where no record loads the
+        cell.
     """
     entry = member_of(model)
     name = entry["model"]
@@ -107,12 +117,61 @@ def learnt(model, name, records):
     low, high = np.log(np.transpose(list(LEARNT.values())))
     low[0] = max(low[0], np.log(max(digit, 1e-12)))
     values = _searched(stretches, low, high)
-    return dict(zip(LEARNT, np.exp(values).tolist(), strict=True)) | {"level_volt": max(levels)}
+    noise = dict(zip(LEARNT, np.exp(values).tolist(), strict=True)) | {"level_volt": max(levels)}
+    return noise | {"capacity_misread": _misread(model, name, records, Noise(**noise | DOUBTED))}
 
 
-# ASSUME: What a model errs by under load is what it errs by under the loads fitted. Beside a
-# capacity that is a state, an error of the overpotentials that goes with the charge of the last
-# minutes would be taken for it: they are then as wrong as of a model that tells nothing.
+def _misread(model, name, records, noise):
+    """How far off `dual` reads the capacity of records [1]; each counts by what it tells."""
+    off, std = [], []
+    for record in records:
+        bank, ready, hold = as_filtered(model, name, record)
+        plant = plant_of(
+            bank,
+            *(ready.test_time_second, ready.current_ampere, ready.voltage_volt),
+            noise,
+            hold=hold,
+            resistance_factor=ready.resistance_factor,
+            track_capacity=True,
+            track_ohmic=True,
+        )
+        plant = plant._replace(edge_variance=np.where(_fitted(record), plant.edge_variance, UNREAD))
+        start = Start(float(np.clip(ready.soc[0], 0.0, 1.0)))
+        found = estimate_on(plant, start, method="dual", noise=noise)
+        off.append(found.capacity_ampere_hour[-1] / plant.capacity_ampere_hour - 1.0)
+        std.append(found.capacity_std_ampere_hour[-1] / plant.capacity_ampere_hour)
+    return float(np.sqrt(np.average(np.square(off), weights=np.power(std, -2.0))))
+
+
+def as_filtered(model, name, record):
+    """Bank of a member, a record as a filter takes it, and how its current runs between samples.
+
+    Parameters
+    ----------
+    model, name : as in `bank_of`. record : Record.
+
+    Returns
+    -------
+    bank : Bank at the record's mean temperature under load.
+    record : Record without the instrument's errors that the member states, its resistance factor
+        that over the bank's.
+    hold : how its current runs between two samples.
+    """
+    size, entry = model["capacity_ampere_hour"], member_of(model, name)
+    celsius = loaded_mean(record.current_ampere, record.celsius, size)
+    hold = hold_of(entry, record.current_ampere)
+    read = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
+    _, charging, soc = corrected(entry, size, *read, kind=record.kind)
+    ready = record._replace(
+        current_ampere=charging,
+        voltage_volt=true_volt(entry, record.voltage_volt),
+        soc=soc,
+        resistance_factor=resistance_factor_of(model, name, record.celsius, celsius),
+    )
+    return bank_of(model, name, celsius), ready, hold
+
+
+# ASSUME: What a model errs by under load is what it errs by under the loads fitted.
 def learnt_at(member, celsius, *, capacity_known=True):
     """Noise that was learnt at the temperatures of a member, between them straight in logarithms.
 
@@ -135,7 +194,20 @@ def learnt_at(member, celsius, *, capacity_known=True):
         noise[name] = float(np.exp(np.interp(celsius, known[order], values)))
     if capacity_known:
         return noise | {"steady_error": 0.0, "least_error_volt": LEAST_VOLT}
-    return noise | {"steady_error": Noise().resistance_error}
+    # One reading is no deviation: those of all temperatures are.
+    misread = rms([c["noise"]["capacity_misread"] * _unseen(c) for c in told])
+    return noise | DOUBTED | {"capacity_misread": misread}
+
+
+def _fitted(record):
+    """Rows (n,) that no score is taken from; a row that is only unsettled tells its noise."""
+    return record.used | (record.role != "split")
+
+
+def _unseen(condition):
+    """Error of a model on what it was not fitted to over that of its fit."""
+    usual = condition.get("left_out_usual_volt")
+    return UNSEEN if usual is None else max(1.0, usual / max(condition["fit_rmse_volt"], 1e-9))
 
 
 def _searched(stretches, low, high):
@@ -180,18 +252,14 @@ def _cost(values, stretches):
 
 def _stretches(model, name, record, most):
     """Misfits of a record, at most so many rows of it, and the level of its overpotentials [V]."""
-    celsius = loaded_mean(record.current_ampere, record.celsius, model["capacity_ampere_hour"])
-    bank, hold = (
-        bank_of(model, name, celsius),
-        hold_of(member_of(model, name), record.current_ampere),
-    )
+    bank, ready, hold = as_filtered(model, name, record)
     columns = (record.test_time_second, record.current_ampere)
     run_of_model = simulate_model(
         model, name, *columns, record.soc, record.celsius, kind=record.kind
     )
     missed = np.ascontiguousarray(record.voltage_volt - run_of_model.voltage_volt)
-    factor = resistance_factor_of(model, name, record.celsius, celsius)
-    whole = plant_of(bank, *columns, missed, Noise(), hold=hold, resistance_factor=factor)
+    factor = {"resistance_factor": ready.resistance_factor}
+    whole = plant_of(bank, *columns, missed, Noise(), hold=hold, **factor)
     levels = levels_of_plant(bank, whole)
     # The SoC is counted by the record, of which rows were left out where nothing stepped.
     counted = np.diff(record.soc, prepend=record.soc[0]) * bank.capacity_ampere_hour
@@ -201,9 +269,9 @@ def _stretches(model, name, record, most):
 
     def edge_variance(skew_second):
         if skew_second not in edges:
-            edges[skew_second] = edges_of(
-                bank, levels, whole.step_second, whole.current_ampere, skew_second, hold=hold
-            )
+            columns = whole.step_second, whole.current_ampere
+            edge = edges_of(bank, levels, *columns, skew_second, hold=hold)
+            edges[skew_second] = np.where(_fitted(record), edge, UNREAD)
         return edges[skew_second]
 
     at_once = float(levels @ [element.direct for element in bank.elements])

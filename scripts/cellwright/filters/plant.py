@@ -94,6 +94,8 @@ class Noise(NamedTuple):
     ohmic_walk : variance of the ohmic scale, where that is tracked [1/s].
     skew_second : time by which voltage may follow the current later than it was read [s].
     slope_window_soc : window over which the slope of the OCV is taken [1].
+    considered : a capacity among the states is not estimated: its doubt alone is carried along.
+    capacity_misread : relative deviation by which records of known capacity were misread [1].
     adaptive : noise is matched to what is seen, over `window` samples.
     """
 
@@ -110,6 +112,8 @@ class Noise(NamedTuple):
     ohmic_walk: float = 1e-5
     skew_second: float = 0.2
     slope_window_soc: float = 0.02
+    considered: bool = False
+    capacity_misread: float = 0.0
     adaptive: bool = True
     window: int = 600
 

@@ -20,7 +20,7 @@ enum { OCV, TOTAL, SLOPE, ERROR, GAIN };
 
 typedef struct {
     int64_t n, m, width, elements, lags, size, error, fast, standing, capacity, ohmic, first_order,
-        adaptive, window, nodes;
+        adaptive, window, nodes, considered;
 } sizes_t;
 
 typedef struct {
@@ -326,6 +326,7 @@ INLINE void pass(
         /* update, in Joseph's form with its products taken apart, P − K·uᵀ − u·Kᵀ + K·S·Kᵀ: an error
          * of the gain enters squared */
         for (int64_t a = 0; a < many; a++) K[a] = u[a] * inverse;
+        if (s->considered && capacity >= 0) K[capacity] = 0.0;
         for (int64_t a = 0; a < many; a++) {
             const double left = u[a] - K[a] * variance;
             if (a == 0 || a > unsure) x[a] += K[a] * e;
