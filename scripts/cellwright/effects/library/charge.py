@@ -59,11 +59,7 @@ EFFECTS = (
         id="coulombic_inefficiency",
         sentence="part of the charge is lost in charging",
         parameters=(
-            Parameter(
-                *("lost_share_of_charge", "1", 0.0, 0.0, MOST_LOST),
-                step=1e-3,
-                plausible=0.01,
-            ),
+            Parameter("lost_share_of_charge", "1", 0.0, 0.0, MOST_LOST, step=1e-3, plausible=0.01),
         ),
         stage="counting",
         act=_inefficiency,
@@ -78,17 +74,10 @@ EFFECTS = (
         id="leakage",
         sentence="the cell discharges itself by a current that is not measured",
         parameters=(
-            Parameter(
-                *("leak_ampere", "A", 0.0, 0.0, 0.5),
-                step=1e-3,
-                plausible=0.02,
-            ),
+            Parameter("leak_ampere", "A", 0.0, 0.0, 0.5, step=1e-3, plausible=0.02),
             # Self-discharge of full and empty cells differs by a decade: two deviations.
             Parameter(
-                *("log_leak_to_full", "1", 0.0, -4.6, 4.6),
-                step=0.05,
-                shape=True,
-                prior_std=1.15,
+                "log_leak_to_full", "1", 0.0, -4.6, 4.6, step=0.05, shape=True, prior_std=1.15
             ),
         ),
         stage="counting",
@@ -106,13 +95,7 @@ EFFECTS = (
     Effect(
         id="capacity_error",
         sentence="the capacity is not what the capacity test said",
-        parameters=(
-            Parameter(
-                *("relative", "1", 0.0, -0.4, 0.4),
-                step=2e-3,
-                plausible=0.02,
-            ),
-        ),
+        parameters=(Parameter("relative", "1", 0.0, -0.4, 0.4, step=2e-3, plausible=0.02),),
         stage="counting",
         act=_capacity_error,
         blocks=_capacity_error_block,

@@ -44,7 +44,7 @@ EFFECTS = (
         sentence="the connection of one branch has another resistance than stated",
         parameters=(
             Parameter(
-                *("excess_ohm", "Ohm", 0.0, -0.05, 0.1), step=2e-4, plausible=5e-3, material=3e-4
+                "excess_ohm", "Ohm", 0.0, -0.05, 0.1, step=2e-4, plausible=5e-3, material=3e-4
             ),
         ),
         stage="resistance",
@@ -58,9 +58,7 @@ EFFECTS = (
         short="initial soc",
         sentence="one cell was at another state of charge when the group was joined",
         parameters=(
-            Parameter(
-                *("excess_soc", "1", 0.0, -0.5, 0.5), step=2e-3, plausible=0.02, material=2e-3
-            ),
+            Parameter("excess_soc", "1", 0.0, -0.5, 0.5, step=2e-3, plausible=0.02, material=2e-3),
         ),
         stage="counting",
         act=_of_branch("soc", _more),
@@ -74,7 +72,7 @@ EFFECTS = (
         sentence="one cell has another capacity than its own or its type's tests say",
         parameters=(
             Parameter(
-                *("excess_relative", "1", 0.0, -0.6, 0.6), step=5e-3, plausible=0.1, material=0.01
+                "excess_relative", "1", 0.0, -0.6, 0.6, step=5e-3, plausible=0.1, material=0.01
             ),
         ),
         stage="counting",
@@ -90,7 +88,7 @@ EFFECTS = (
         sentence="one cell has another resistance than its own or its type's tests say",
         parameters=(
             Parameter(
-                *("excess_relative", "1", 0.0, -0.7, 3.0), step=5e-3, plausible=0.2, material=0.02
+                "excess_relative", "1", 0.0, -0.7, 3.0, step=5e-3, plausible=0.2, material=0.02
             ),
         ),
         stage="resistance",
@@ -106,7 +104,7 @@ EFFECTS = (
         sentence="one cell is at another temperature than was measured",
         parameters=(
             Parameter(
-                *("warmer_kelvin", "K", 0.0, -40.0, 40.0), step=0.2, plausible=5.0, material=0.5
+                "warmer_kelvin", "K", 0.0, -40.0, 40.0, step=0.2, plausible=5.0, material=0.5
             ),
         ),
         stage="resistance",
@@ -123,7 +121,7 @@ EFFECTS = (
         sentence="the current reading of one branch is off by a constant",
         parameters=(
             Parameter(
-                *("offset_ampere", "A", 0.0, -2.0, 2.0), step=5e-3, plausible=0.1, material=0.01
+                "offset_ampere", "A", 0.0, -2.0, 2.0, step=5e-3, plausible=0.1, material=0.01
             ),
         ),
         stage="current",
@@ -138,7 +136,7 @@ EFFECTS = (
         sentence="the current reading of one branch is off by a factor",
         parameters=(
             Parameter(
-                *("gain_relative", "1", 0.0, -0.5, 0.5), step=2e-3, plausible=0.05, material=5e-3
+                "gain_relative", "1", 0.0, -0.5, 0.5, step=2e-3, plausible=0.05, material=5e-3
             ),
         ),
         stage="current",

@@ -22,11 +22,7 @@ EFFECTS = (
         id="resistance_drift",
         sentence="the ohmic resistance drifts while a test runs",
         parameters=(
-            Parameter(
-                *("relative_per_hour", "1/h", 0.0, -1.0, 5.0),
-                step=1e-2,
-                plausible=0.1,
-            ),
+            Parameter("relative_per_hour", "1/h", 0.0, -1.0, 5.0, step=1e-2, plausible=0.1),
         ),
         stage="resistance",
         act=_drift,

@@ -256,9 +256,7 @@ EFFECTS = (
         sentence="charge transfer after Butler–Volmer: large currents cost less than in proportion",
         parameters=(
             Parameter(
-                *("per_exchange_current_per_ampere", "1/A", 0.0, 0.0, 20.0),
-                step=0.02,
-                plausible=0.5,
+                "per_exchange_current_per_ampere", "1/A", 0.0, 0.0, 20.0, step=0.02, plausible=0.5
             ),
             Parameter("share_of_resistance", "1", 0.7, 0.05, 1.0, step=0.05, shape=True),
             # One half in a particle by its own state of charge, of which a cell uses a part.
@@ -270,10 +268,7 @@ EFFECTS = (
             ),
             # One half for a step of one electron, 0.3 to 0.7 as measured.
             Parameter(
-                *("charge_coefficient", "1", 0.5, 0.2, 0.8),
-                step=0.01,
-                shape=True,
-                prior_std=0.1,
+                "charge_coefficient", "1", 0.5, 0.2, 0.8, step=0.01, shape=True, prior_std=0.1
             ),
         ),
         stage="overpotential",

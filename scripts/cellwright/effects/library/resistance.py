@@ -111,11 +111,7 @@ EFFECTS = (
         sentence="the ohmic resistance differs between charge and discharge",
         parameters=(
             Parameter(
-                "charge_resistance_excess_relative",
-                "1",
-                *(0.0, -0.8, 4.0),
-                step=0.05,
-                plausible=0.5,
+                "charge_resistance_excess_relative", "1", 0.0, -0.8, 4.0, step=0.05, plausible=0.5
             ),
             *(
                 Parameter(f"change_to_{end}", "1", 0.0, -2.0, 2.0, **CHANGE_OF_EXCESS)

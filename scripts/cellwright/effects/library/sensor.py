@@ -49,11 +49,7 @@ EFFECTS = (
         id="current_offset",
         sentence="the current reading is off by a constant",
         parameters=(
-            Parameter(
-                *("offset_ampere", "A", 0.0, -0.5, 0.5),
-                step=1e-3,
-                plausible=0.02,
-            ),
+            Parameter("offset_ampere", "A", 0.0, -0.5, 0.5, step=1e-3, plausible=0.02),
             # 1: the slow test was read with it, too; it may be older, or of another channel. Tried,
             # not fitted.
             Parameter("in_slow_test", "1", 1.0, 0.0, 1.0, step=0.0, shape=True),
@@ -130,13 +126,7 @@ EFFECTS = (
     Effect(
         id="voltage_offset",
         sentence="the voltage reading is off by a constant",
-        parameters=(
-            Parameter(
-                *("offset_volt", "V", 0.0, -0.1, 0.1),
-                step=1e-3,
-                plausible=0.01,
-            ),
-        ),
+        parameters=(Parameter("offset_volt", "V", 0.0, -0.1, 0.1, step=1e-3, plausible=0.01),),
         stage="reading",
         act=_voltage_offset,
         blocks=numbers_of("reading", offset_volt="voltage_offset_volt"),
@@ -152,13 +142,7 @@ EFFECTS = (
     Effect(
         id="voltage_gain",
         sentence="the voltage reading is off by a factor",
-        parameters=(
-            Parameter(
-                *("gain_relative", "1", 0.0, -0.05, 0.05),
-                step=5e-4,
-                plausible=3e-3,
-            ),
-        ),
+        parameters=(Parameter("gain_relative", "1", 0.0, -0.05, 0.05, step=5e-4, plausible=3e-3),),
         stage="reading",
         act=_voltage_gain,
         blocks=numbers_of("reading", gain_relative="voltage_gain_relative"),

@@ -138,11 +138,7 @@ EFFECTS = (
         id=WARMED,
         sentence="resistances change with temperature",
         parameters=(
-            Parameter(
-                *(ENERGY, "J/mol", 0.0, -2e4, 1.2e5),
-                step=1e3,
-                plausible=2e4,
-            ),
+            Parameter(ENERGY, "J/mol", 0.0, -2e4, 1.2e5, step=1e3, plausible=2e4),
             Parameter(
                 *("polarisation_excess_joule_per_mole", "J/mol", 0.0, -6e4, 6e4),
                 step=1e3,
@@ -176,9 +172,7 @@ EFFECTS = (
         sentence="the cell is warmer inside than was measured, by its own heat",
         parameters=(
             Parameter(
-                *("thermal_resistance_kelvin_per_watt", "K/W", 0.0, 0.0, 60.0),
-                step=0.2,
-                plausible=5.0,
+                "thermal_resistance_kelvin_per_watt", "K/W", 0.0, 0.0, 60.0, step=0.2, plausible=5.0
             ),
             Parameter("time_constant_second", "s", 400.0, 60.0, 5000.0, step=20.0, shape=True),
         ),
@@ -206,11 +200,7 @@ EFFECTS = (
         id="entropic_ocv",
         sentence="the open-circuit voltage changes with temperature (entropic coefficient)",
         parameters=(
-            Parameter(
-                *(MIDDLE_ENTROPY, "V/K", 0.0, -3e-3, 3e-3),
-                step=2e-5,
-                plausible=3e-4,
-            ),
+            Parameter(MIDDLE_ENTROPY, "V/K", 0.0, -3e-3, 3e-3, step=2e-5, plausible=3e-4),
             # Lithiated electrodes order and disorder: from knot to knot the coefficient changes by
             # tenths of a millivolt (V. Viswanathan et al., J. Power Sources 195 (2010) 3720).
             *course_parameters("V/K", most=3e-3, step=2e-5, plausible=1e-4, prior_std=5e-4),
@@ -230,11 +220,7 @@ EFFECTS = (
         id="capacity_temperature",
         sentence="the capacity between full and empty changes with temperature",
         parameters=(
-            Parameter(
-                *("relative_per_kelvin", "1/K", 0.0, -0.01, 0.02),
-                step=1e-4,
-                plausible=2e-3,
-            ),
+            Parameter("relative_per_kelvin", "1/K", 0.0, -0.01, 0.02, step=1e-4, plausible=2e-3),
         ),
         stage="counting",
         act=_capacity,
