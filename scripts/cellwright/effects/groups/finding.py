@@ -179,7 +179,7 @@ def missing_group_effect(group, branches, known_cells, tests):
     known_cells : `effects.groups.finding.KnownCell` of each branch.
     tests : of the group, with branch currents.
 
-    Returns as `missing_effect`, with empty residual_map, evidence, confounding and menu. Raises
+    Returns as `missing_effect`, with empty residual_map and evidence. Raises
     Refusal: a branch without a model, no test to fit, or none for validation.
     Source: docs/missing-effect.md.
     """

@@ -25,6 +25,6 @@ class Finding(NamedTuple):
 
     def result(self):
         """What the public step gives: the tables, and verdict and model as content."""
-        names = ("ranking", "residual_map", "evidence", "series", "confounding", "menu")
+        names = ("ranking", "residual_map", "evidence", "series")
         tables = {name: getattr(self, name) for name in names}
         return Result(tables, {"verdict": self.verdict, "model": self.model}, self.notes)
