@@ -396,14 +396,23 @@ def _states(columns, parameters, derivatives):
     )
     sphere = (SHELLS, *_shells(), LONGEST_SECOND, REFERENCE_KELVIN, BEND_REFERENCE)
     courses = (len(knots), knots, len(knots), knots, vector, len(lags), lags)
-    types = (count, *[array] * 4, count, array, array, *[real] * 4)
-    types += (count, array, count, array, array, count, array, count, *[array] * 6)
-    kernel = function("particle", *types)
+    kernel = _kernel()
     if kernel is None:
         return _twin(columns, vector, lags, states, derivatives)
     columns = [np.ascontiguousarray(column, float) for column in columns]
     kernel(rows, *columns, *sphere, *courses, derivatives, *states)
     return states
+
+
+def compiled():
+    """Whether the kernel serves: without it a fit takes hours for minutes."""
+    return _kernel() is not None
+
+
+def _kernel():
+    types = (count, *[array] * 4, count, array, array, *[real] * 4)
+    types += (count, array, count, array, array, count, array, count, *[array] * 6)
+    return function("particle", *types)
 
 
 def _twin(columns, vector, lags, states, derivatives):

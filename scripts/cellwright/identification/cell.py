@@ -8,7 +8,7 @@ from cellwright.circuits.circuit import member_named
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch
 from cellwright.circuits.parameters import model_result
 from cellwright.circuits.particle import NAME as PARTICLE
-from cellwright.circuits.particle import to_document
+from cellwright.circuits.particle import compiled, to_document
 from cellwright.circuits.temperature import ocv_at, resistance_factor
 from cellwright.identification import particle
 from cellwright.identification.choice import SURE, choose, left_out
@@ -150,6 +150,8 @@ def identify(
 def _particle(identified, capacity):
     """The cell as one particle at all temperatures, as it stands in a model file; None and why not
     where none can be fitted. And in words how it was found."""
+    if not compiled():
+        return None, say("particle.not_compiled")
     conditions = [(one.ocv["ambient_temperature_celsius"], *one.fitted) for one in identified]
     curves = [one.ocv for one in identified]
     try:

@@ -1,0 +1,91 @@
+"""A particle predicts where it is better beyond chance; a circuit serves what takes tables."""
+
+import numpy as np
+import pytest
+from one_particle import CAPACITY, GRID, OCV, a_particle
+from sheets_facts import cell_facts, measured_test
+
+import cellwright as cw
+from cellwright.circuits.model_file import in_use, member_of
+from cellwright.circuits.particle import run
+from cellwright.refusal import Refusal
+
+CELL = cell_facts(lower=2.0, upper=4.5)
+# Weak loads of a cold cell: its charge transfer has a time constant that no circuit has.
+TRUTH = a_particle((25.0,), transfer_ohm=np.log(0.08), double_layer_farad=np.log(200.0))
+BASIS = {
+    "capacity_ampere_hour": CAPACITY,
+    "borrowed_from": None,
+    "ocv": [
+        {
+            **{"test": "ocv", "ambient_temperature_celsius": 25.0, "branches": "both"},
+            **{"soc": GRID.tolist(), "ocv_volt": OCV.tolist()},
+        }
+    ],
+}
+
+
+def measured(name, kind, time, current, role):
+    passed = np.append(0.0, np.cumsum((current[1:] + current[:-1]) / 2 * np.diff(time)))
+    soc = 1.0 + passed / 3600.0 / CAPACITY
+    volt = run(TRUTH, time, current, soc, 25.0, capacity_ampere_hour=CAPACITY).voltage_volt
+    volt = volt + np.random.default_rng(5).normal(0.0, 2e-4, len(time))
+    series = {"test_time_second": time, "current_ampere": current, "voltage_volt": volt}
+    series |= {
+        "charge_ampere_hour": passed / 3600.0,
+        "surface_temperature_celsius": time * 0 + 25.0,
+    }
+    return measured_test(series, name, kind, celsius=25.0, soc=1.0, role=role)
+
+
+def pulses():
+    cycle = np.zeros(2000)
+    cycle[:300], cycle[1200:1230], cycle[1500:1530], cycle[1800:1830] = -3.0, -6.0, 3.0, -1.0
+    current = np.concatenate([np.zeros(60), np.tile(cycle, 9)])
+    return measured("hppc", "hppc", np.arange(0.0, len(current)), current, "fit")
+
+
+def drive():
+    random = np.random.default_rng(3)
+    current = np.repeat(np.clip(random.normal(-1.5, 2.5, 500), -8.0, 4.0), 6)
+    return measured("drive", "drive", np.arange(0.0, len(current)), current, "validation")
+
+
+@pytest.fixture(scope="module")
+def model():
+    found = cw.identify(CELL, BASIS, [pulses()], members=("1RC", "2RC", "P"))
+    return cw.finish_model(CELL, found, BASIS, [pulses()])
+
+
+def test_it_is_in_use_and_a_circuit_is_chosen_for_tables(model):
+    content = model.content
+    assert in_use(content) == "P"
+    assert member_of(content)["model"] == content["chosen"] == "2RC"
+    by_model = {row["model"]: row for row in model.choice}
+    assert by_model["P"]["chosen"]
+    assert not by_model["2RC"]["chosen"]
+    assert by_model["2RC"]["code"] == "serves_tables"
+    assert {row["parameter"] for row in model.parameters if row["model"] == "P"} >= {"transfer_ohm"}
+
+
+def test_an_unseen_drive_is_scored_and_simulated_with_it(model):
+    test = drive()
+    record = cw.held_out(model, test.series, test.facts, CELL)
+    scored = {row["model"]: row for row in cw.validate(*record).rows}
+    assert scored["P"]["chosen"]
+    assert scored["P"]["rmse_volt"] < 0.5 * scored["2RC"]["rmse_volt"]
+    columns = {name: test.series[name] for name in ("test_time_second", "current_ampere")}
+    simulated = cw.simulate(model, columns, initial_soc=1.0)
+    assert simulated.member == "P"
+    off = simulated.columns["voltage_volt"] - test.series["voltage_volt"]
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(scored["P"]["rmse_volt"], rel=0.2)
+
+
+def test_its_export_says_that_it_is_not_exported(model):
+    notes = " ".join(cw.export_model(model).notes)
+    assert "P is no circuit, and not exported" in notes
+
+
+def test_a_particle_alone_is_refused():
+    with pytest.raises(Refusal, match="members P: wanted a circuit too, for filters and packs"):
+        cw.identify(CELL, BASIS, [pulses()], members=("P",))
