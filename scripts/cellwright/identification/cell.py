@@ -171,7 +171,7 @@ def _particle(identified, capacity):
     words = say("particle.energy", energy=energy / 1e3, std=std / 1e3)
     if len(fit.basins) > 1:
         ends = [say("particle.basin", energy=e / 1e3, cost=cost) for e, cost in fit.basins]
-        words = f"{words}; {say('particle.basins', ends=listed(ends))}"
+        words += "; " + say("particle.basins", ends=listed(ends))
     return document | about, words
 
 
