@@ -148,11 +148,11 @@ def test_one_that_another_measurement_contradicts_is_no_name(monkeypatch):
     ).verdict
     assert NEW.id not in [entry["effect"] for entry in verdict["effects"] + verdict["partial"]]
     assert NEW.id not in verdict["small"]
-    assert verdict["against"][NEW.id] == "another measurement of the cell contradicts it"
+    assert verdict["against"][NEW.id] == "contradicted"
     (one,) = verdict["contradicted"]
     assert (one["effect"], one["measured"]) == (NEW.id, 0.0)
-    said = f"Not named, although the drives ask for it: {NEW.short}, "
+    said = f"Not named, although the drives ask for it: {NEW.short}. The search finds "
     assert said in verdict["paragraph"]
-    assert "contradicts it: 0 ± 1 mΩ (impedance: resistance of a film)" in verdict["paragraph"]
+    assert "contradicts that: 0 ± 1 mΩ (impedance: resistance of a film)" in verdict["paragraph"]
     # Without it as much is missing as before: the word is by what is left.
     assert verdict["verdict"] in ("unknown", "named", "ambiguous")

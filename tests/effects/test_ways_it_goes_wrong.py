@@ -118,7 +118,7 @@ def test_an_optimum_at_a_bound_is_flagged():
     size = finding.verdict["effects"][0]["parameters"]["growth_towards_cold"]
     assert size["at_bound"]
     assert size["value"] == 0.4
-    assert "ended on a bound" in finding.verdict["paragraph"]
+    assert "ended at a limit of the fit" in finding.verdict["paragraph"]
     rows = zip(finding.ranking["chosen"], finding.ranking["in_range"], strict=True)
     assert (True, False) in rows
 

@@ -295,7 +295,7 @@ def test_a_discharge_that_does_not_start_full_is_no_branch():
 
 def test_a_branch_that_the_sheet_starts_elsewhere_is_no_full_one():
     columns = record(rest(0.4), ramp(0.4, 1), rest(1))
-    with pytest.raises(Refusal, match=r"its first charge: .* with a rest voltage of"):
+    with pytest.raises(Refusal, match=r"its first charge: .* after a rest at"):
         slow_ocv(*columns, **CUTOFFS)
     assert slow_ocv(*columns, **CUTOFFS, state_before="empty").branches == "charge"
     with pytest.raises(Refusal, match=r"its first charge: .* the sheet states an SoC of 0\.4"):

@@ -123,7 +123,7 @@ def test_the_package_is_the_whole_science_and_nothing_else(packaged):
     wanted = {
         path.relative_to(ROOT / "scripts").as_posix()
         for path in science.rglob("*")
-        if path.suffix in (".py", ".pyi", ".typed", ".c", ".h")
+        if path.suffix in (".py", ".pyi", ".typed", ".c", ".h", ".toml")
     }
     assert len([file for file in wanted if file.endswith(".c")]) >= 6
     assert packaged == wanted
