@@ -9,10 +9,16 @@ import numpy as np
 
 from cellwright.effects import base, ties
 from cellwright.effects.columns import frees_of
-from cellwright.effects.floor import excess_volt, floor_of
-from cellwright.effects.judge import rests_of, started, tolerated, unfitted, unsure_of
+from cellwright.effects.floor import floor_of
+from cellwright.effects.judge import (
+    rests_of,
+    started,
+    unfitted,
+    unsure_of,
+    unsure_of_temperature,
+)
 from cellwright.effects.records import lacking
-from cellwright.effects.score import blocks_of, rms_of_blocks
+from cellwright.effects.score import blocks_of
 from cellwright.effects.state import State
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import SETTLED, Problem, stds
@@ -75,6 +81,10 @@ class Filters(NamedTuple):
     validation_rows: np.ndarray
     blocks: object
 
+    def rows_on(self, side):
+        """Rows of a side that an rms error counts (n,) bool."""
+        return self.fit_rows if side == "fit" else self.validation_rows
+
 
 class Case(NamedTuple):
     """A cell, its records fitted and those that judge (records.Stack), tolerances and gates.
@@ -128,14 +138,28 @@ class Case(NamedTuple):
         """The fit of a model with these effects to the records of role fit."""
         return problem_of(self, effects, free, filters)
 
-    def predict(self, side, values, effects):
-        """Voltage over the records of a side, "fit" or "validation" (n,) [V]."""
-        stack = self.fit if side == "fit" else self.validation
-        return base.voltage(self.cell, stack, values, effects)
+    def stack(self, side):
+        """Records of a side, "fit" or "validation"."""
+        return self.fit if side == "fit" else self.validation
 
-    def without_starts(self, columns, state, filters):
-        """Whitened columns (m, k) of the records that judge, less what is unsure of each record."""
-        return without_unsure(self, columns, state, filters)
+    def predict(self, side, values, effects):
+        """Voltage over the records of a side (n,) [V]."""
+        return base.voltage(self.cell, self.stack(side), values, effects)
+
+    def unsure(self, values, effects, prediction):
+        """What is unsure of the records that judge, by a model and its prediction: judge.Unsure."""
+        about = self.cell, self.validation, values, effects, self.tolerance
+        return unsure_of(*about, prediction, self.shared)
+
+    @property
+    def shared(self):
+        """Records of which one part is fitted and another judges: their number in either."""
+        tests = self.fit.tests
+        return [(k, tests.index(t)) for k, t in enumerate(self.validation.tests) if t in tests]
+
+    def in_volt(self, rows):
+        """Rows of a prediction (n,) as voltages of one channel (1, n) [V]."""
+        return rows[None]
 
     def filters_for(self, residual, filters, first):
         """Filters by the noise of the residual with all candidates in the model."""
@@ -157,27 +181,9 @@ class Case(NamedTuple):
         """Error that readings and stated tolerances leave, of the plain model: floor.Floor."""
         read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
         read = min(read, filters.noise.white_volt)
+        # Every slope upwards, also of a parameter that its upper bound holds.
+        free = [one._replace(upper=np.inf) for one in free]
         return floor_of(self, state, free, filters.validation_rows, read)
-
-    def excess(self, state, floor, filters):
-        """Error beyond the floor by side, each block once [V]: dict."""
-        blocks = filters.blocks
-        sides = {
-            "fit": (state.solution.residual, blocks.fitted, filters.fit_rows, ~blocks.judges),
-            "validation": (
-                state.validation,
-                blocks.judging,
-                filters.validation_rows,
-                blocks.judges,
-            ),
-        }
-        return {
-            side: excess_volt(
-                rms_of_blocks(residual, np.where(rows, block, -1), chosen),
-                getattr(floor, f"{side}_volt"),
-            )
-            for side, (residual, block, rows, chosen) in sides.items()
-        }
 
     def denied(self, state):
         """Keys of effects of a fitted model that a measurement outside the fit contradicts.
@@ -255,16 +261,16 @@ def state_of(case, effects, solution, filters):
     a stated temperature leave unsure is taken out of their errors.
     """
     stack = case.validation
-    pairs = [(k, case.fit.tests.index(t)) for k, t in enumerate(stack.tests) if t in case.fit.tests]
     rests = rests_of(case.cell, case.fit, solution)
     # The template's scale by the records fitted says nothing where it is hardly more than noise.
     values = solution.values | {"known": 1.0}
-    values = started(case.cell, stack, values, effects, case.tolerance, pairs, rests)
+    values = started(case.cell, stack, values, effects, case.tolerance, case.shared, rests)
     volt = base.voltage(case.cell, stack, values, effects)
-    about = case.cell, stack, values, effects, case.tolerance
-    moved, kelvin = tolerated(*about, volt, filters.validation, pairs)
-    values = values | {f"kelvin[{k}]": float(error) for k, error in enumerate(kelvin)}
-    error = stack.voltage_volt - volt - moved
+    unsure, error = case.unsure(values, effects, volt), stack.voltage_volt - volt
+    errors = unsure.errors_in(error, filters.validation)
+    kelvin = errors[:, -1] if unsure_of_temperature(stack, effects) else np.zeros(len(errors))
+    values = values | {f"kelvin[{k}]": float(one) for k, one in enumerate(kelvin)}
+    error = error - unsure.change_by(errors)
     return State(
         effects,
         solution,
@@ -281,27 +287,6 @@ def chi_square_of(case, values, effects, filters):
     volt = base.voltage(case.cell, case.fit, values, effects)
     white = filters.fit.apply(case.fit.voltage_volt - volt)
     return float(white @ white)
-
-
-def without_unsure(case, columns, state, filters):
-    """Whitened columns (m, k) of the records that judge, less what is unsure of each record.
-
-    That is the SoC at its start, and its temperature where no sensor told it: see
-    `judge.unsure_of`.
-    """
-    stack, values, effects = case.validation, state.values, state.effects
-    prediction = base.voltage(case.cell, stack, values, effects)
-    about = case.cell, stack, values, effects, case.tolerance
-    changes, stds = unsure_of(*about, prediction)
-    changes = filters.validation.apply(changes)
-    shared = {k for k, test in enumerate(stack.tests) if test in case.fit.tests}
-    columns = columns.copy()
-    for k in set(range(len(stack.first))) - shared:
-        rows = stack.file == k
-        mine = changes[rows]
-        precision = mine.T @ mine + np.diag(stds[k] ** -2.0)
-        columns[rows] -= mine @ np.linalg.solve(precision, mine.T @ columns[rows])
-    return columns
 
 
 def extra_volt_of(case, values):

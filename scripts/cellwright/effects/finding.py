@@ -1,5 +1,6 @@
 """The search of one cell: from its tests to a verdict and all that a report shows of it."""
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from cellwright.effects.preparing import KINDS, SLOW_TEST, STEPS_OF_HOLD, prepar
 from cellwright.effects.records import parts_of
 from cellwright.effects.score import BANDS
 from cellwright.effects.search import joins, resume_without, search
+from cellwright.effects.state import SIDES
 from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.effects.story.messages import say
 from cellwright.effects.story.places import worsened
@@ -216,7 +218,8 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     library = {name: effect for name, effect in library.items() if name not in ruled_out}
     case, deviations = found.case, fitted.stds
     first, last = found.first, found.last
-    residuals = _map(case, first, result.last)
+    socs = _socs(case, result.last)
+    residuals = _map(case, socs, first, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {one.effect.id for one in result.names}
     hidden = set(found.hidden) - named | {
@@ -262,7 +265,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
         ranking,
         residuals,
         _evidence(found, result),
-        _series(case, first, result.last, found.filters),
+        _series(case, socs, first, result.last, found.filters),
         model,
         tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
     )
@@ -304,7 +307,8 @@ def search_uncontradicted(case, library, others):
     ruled_out = {}
     while others is not None:
         model = model_of(found.case, found.last)
-        series = _series(found.case, found.first, found.last, found.filters)
+        socs = _socs(found.case, found.last)
+        series = _series(found.case, socs, found.first, found.last, found.filters)
         tables = others.tables | {"series": series}
         measured = measured_of(tables, others.basis, model, ambient=others.ambient)
         names = sizes_of_names(result, fitted.stds)
@@ -361,22 +365,23 @@ def _unsure_by_hold(names, here, there):
     return odds / (1 + odds) * np.outer(change, change)
 
 
-def _map(case, before, after):
-    """Residual map of both roles, before and after the effects."""
+def _map(case, socs, *ends):
+    """Residual map of both sides, before and after the effects."""
+    capacity = case.cell.capacity_ampere_hour
+    parts = [(side, case.stack(side), [one.residual_on(side) for one in ends]) for side in SIDES]
     return joined(
-        [
-            _map_of(case, case.fit, "fit", before, after),
-            _map_of(case, case.validation, "validation", before, after),
-        ]
+        residual_map(stack, side, socs[side], *residuals, capacity, stack.used)
+        for side, stack, residuals in parts
     )
 
 
-def _map_of(case, stack, role, before, after):
-    values = [s.solution.values if role == "fit" else s.values for s in (before, after)]
-    fields = base.fields_of(case.cell, stack, values[1], after.effects)
-    residuals = [s.solution.residual if role == "fit" else s.validation for s in (before, after)]
-    capacity = case.cell.capacity_ampere_hour
-    return residual_map(stack, role, fields.soc, *residuals, capacity, stack.used)
+def _socs(case, state):
+    """SoC of every row by a model (n,) [1], by side."""
+    about = case.cell, state.effects
+    return {
+        side: base.fields_of(about[0], case.stack(side), state.values_on(side), about[1]).soc
+        for side in SIDES
+    }
 
 
 def ranking_of(found, result):
@@ -454,16 +459,11 @@ def _last_against(ranking, named):
 def _evidence(found, result):
     """Of each name: what it changes of each block, and what was missing there without it."""
     blocks, parts = found.filters.blocks, []
-    for one in result.names:
-        ends = one.before, one.state
-        for role, stack, block, residuals in (
-            ("fit", found.case.fit, blocks.fitted, [s.solution.residual for s in ends]),
-            ("validation", found.case.validation, blocks.judging, [s.validation for s in ends]),
-        ):
-            columns = _evidence_of(stack, block, blocks.band, residuals)
-            about = {"effect": one.effect.id, "role": role}
-            rows = len(columns["rows"])
-            parts.append({name: [value] * rows for name, value in about.items()} | columns)
+    for one, side in product(result.names, SIDES):
+        residuals = [state.residual_on(side) for state in (one.before, one.state)]
+        columns = _evidence_of(found.case.stack(side), blocks.on(side), blocks.band, residuals)
+        rows = len(columns["rows"])
+        parts.append({"effect": [one.effect.id] * rows, "role": [side] * rows} | columns)
     return joined(parts)
 
 
@@ -485,30 +485,24 @@ def _evidence_of(stack, block, band, residuals):
     }
 
 
-def _series(case, before, after, filters):
+def _series(case, socs, before, after, filters):
     """Columns of all records: what was measured, both models, and which rows the errors count."""
-    parts, counted = [], {"fit": filters.fit_rows, "validation": filters.validation_rows}
-    for role, stack in (("fit", case.fit), ("validation", case.validation)):
-        values = after.solution.values if role == "fit" else after.values
-        fields = base.fields_of(case.cell, stack, values, after.effects)
-        residuals = [
-            s.solution.residual if role == "fit" else s.validation for s in (before, after)
-        ]
-        parts.append(
-            {
-                "role": [role] * len(stack.file),
-                "test": [stack.tests[k] for k in stack.file],
-                "test_time_second": stack.second.tolist(),
-                "current_ampere": stack.current_ampere.tolist(),
-                "celsius": stack.celsius.tolist(),
-                "soc": fields.soc.tolist(),
-                "used": stack.used.tolist(),
-                "counted": counted[role].tolist(),
-                "voltage_volt": stack.voltage_volt.tolist(),
-                "before_volt": (stack.voltage_volt - residuals[0]).tolist(),
-                "after_volt": (stack.voltage_volt - residuals[1]).tolist(),
-            }
-        )
+    parts = []
+    for side in SIDES:
+        stack = case.stack(side)
+        columns = {
+            "test_time_second": stack.second,
+            "current_ampere": stack.current_ampere,
+            "celsius": stack.celsius,
+            "soc": socs[side],
+            "used": stack.used,
+            "counted": filters.rows_on(side),
+            "voltage_volt": stack.voltage_volt,
+            "before_volt": stack.voltage_volt - before.residual_on(side),
+            "after_volt": stack.voltage_volt - after.residual_on(side),
+        }
+        names = {"role": [side] * len(stack.file), "test": [stack.tests[k] for k in stack.file]}
+        parts.append(names | {name: column.tolist() for name, column in columns.items()})
     return joined(parts)
 
 

@@ -21,8 +21,8 @@ Both have these methods and values:
 `with_effect(free, effect)` : free parameters beside those of an effect.
 `problem(effects, free, filters)` : the fit of a model with effects, `least_squares.Problem`.
 `predict(side, values, effects)` : prediction of the records of a side, "fit" or "validation".
-`without_starts(columns, state, filters)` : whitened columns of the records that judge, less what
-    their starts leave unsure.
+`unsure(values, effects, prediction)` : what is unsure of the records that judge, `judge.Unsure`.
+`in_volt(rows)` : rows of a prediction as voltages of the channels that errors are told of [V].
 `filters_for(residual, filters, first)` : whitening by the noise of a residual (`.noise`, `.fit`,
     `.validation`), and the blocks of the records (`.blocks`).
 `state(effects, solution, filters)` : a fit and its errors on both sides, `state.State`.

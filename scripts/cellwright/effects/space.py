@@ -346,7 +346,8 @@ def space_of(case, yardstick, state, free, possible, further):
     fit_side = [solution.white, *_whitened(filters.fit, changes["fit"]), solution.whitened[:, None]]
     moved = _derivatives(case, state, at["validation"], free)
     judging = filters.validation.apply(np.concatenate([moved, *changes["validation"]], axis=1))
-    judging = case.without_starts(judging, state, filters)
+    unsure = case.unsure(state.values, effects, at["validation"])
+    judging = unsure.taken_out_of(judging, filters.validation)
     judging = np.concatenate([judging, state.validation_white[:, None]], axis=1)
     blocks = yardstick.blocks
     fitted, loose, rows = block_products(

@@ -2,6 +2,7 @@
 
 from cellwright.effects import base
 from cellwright.effects.given.case import at_starts
+from cellwright.effects.state import SIDES
 from cellwright.numerics.statistics import rms
 
 
@@ -15,10 +16,9 @@ def as_given(case, filters):
     ----------
     case : case.Case of a given model. filters : case.Filters.
     """
-    rows = {"fit": filters.fit_rows, "validation": filters.validation_rows}
     return {
-        role: rms((stack.voltage_volt - given_volt(case, stack))[rows[role]])
-        for role, stack in (("fit", case.fit), ("validation", case.validation))
+        side: rms((stack.voltage_volt - given_volt(case, stack))[filters.rows_on(side)])
+        for side, stack in ((side, case.stack(side)) for side in SIDES)
     }
 
 

@@ -6,24 +6,20 @@ import numpy as np
 
 from cellwright.effects.finding import KEPT, ranking_of
 from cellwright.effects.groups.branch import branch_of, smooth_ocv
-from cellwright.effects.groups.case import (
-    GroupCase,
-    error_volt,
-    predicted,
-    rows_of,
-    run_of,
-)
+from cellwright.effects.groups.case import GroupCase, rows_of, run_of
 from cellwright.effects.groups.known import GroupGates, Shared, Spread
 from cellwright.effects.groups.model import document
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import group_stacked, parts_of
 from cellwright.effects.search import search
+from cellwright.effects.state import SIDES
 from cellwright.effects.story.messages import say
 from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted
 from cellwright.effects.story.words import paragraph
 from cellwright.effects.verdict import outcome, verdict_of
 from cellwright.numerics.least_squares import covariances
+from cellwright.numerics.statistics import rms
 from cellwright.records import inputs
 from cellwright.records.conditions import at_rest_in_record, low_current
 from cellwright.records.record import group_record
@@ -126,12 +122,10 @@ def _fitted(found):
 def _series(case, *ends):
     """Columns of all records: what was measured, and both models (healthy, with effects)."""
     columns = {}
-    for role, stack in (("fit", case.fit), ("validation", case.validation)):
-        runs = []
-        for state in ends:
-            values = state.solution.values if role == "fit" else state.values
-            runs.append(run_of(case, stack, values, state.effects))
-        for name, column in _columns(role, stack, runs, case.cells).items():
+    for side in SIDES:
+        stack = case.stack(side)
+        runs = [run_of(case, stack, state.values_on(side), state.effects) for state in ends]
+        for name, column in _columns(side, stack, runs, case.cells).items():
             columns.setdefault(name, []).append(column)
     return {name: np.concatenate(parts) for name, parts in columns.items()}
 
@@ -296,13 +290,10 @@ def group_verdict(group, found, result, deviations, library):
 def _without(case, state, names):
     """Errors of a model on both kinds of records with some of its effects taken out [V]."""
     errors = {}
-    for role, stack, values in (
-        ("fit", case.fit, state.solution.values),
-        ("validation", case.validation, state.values),
-    ):
-        absent = values | dict.fromkeys(names, 0.0)
-        without = predicted(case, stack, absent, state.effects)
-        errors[role] = error_volt(case, rows_of(case, stack) - without)
+    for side in SIDES:
+        absent = state.values_on(side) | dict.fromkeys(names, 0.0)
+        without = case.predict(side, absent, state.effects)
+        errors[side] = rms(case.in_volt(rows_of(case, case.stack(side)) - without))
     return errors
 
 
