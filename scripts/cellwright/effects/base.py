@@ -251,11 +251,11 @@ def _open_circuit(cell, values, soc, course):
     """OCV of the table plus its error, straight between the knots [V]; kept for a course's SoC."""
     knots = tuple([values[name] for name in OCV_NAMES])
     if soc is not course.fields.soc:
-        return _looked_up(cell, knots, soc)
+        return looked_up(cell, knots, soc)
     key, kept = (id(cell.ocv_volt), knots), course.ocv_volt
     if key not in kept:
         _make_room(kept)
-        kept[key] = cell.ocv_volt, _looked_up(cell, knots, soc)
+        kept[key] = cell.ocv_volt, looked_up(cell, knots, soc)
     return kept[key][1]
 
 
@@ -268,7 +268,7 @@ def _at_surface(cell, stack, fields, ocv_volt):
     return ocv_volt + cell.ocv_at(fields.soc + fields.lead) - within
 
 
-def _looked_up(cell, knots, soc):
+def looked_up(cell, knots, soc):
     """OCV at each SoC by the table and its error at the knots [V]."""
     return cell.ocv_at(soc) + held_on_grid(np.array(knots, float), soc)
 

@@ -18,8 +18,9 @@ from cellwright.effects.case import extra_volt_of, filters_of, problem_of
 from cellwright.effects.columns import frees_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.quantities import fields_at
 from cellwright.effects.library.vocabulary import SLOW_TEST, in_order
-from cellwright.effects.records import NEAR_END, stacked
+from cellwright.effects.records import NEAR_END
 from cellwright.identification.choice import FOLDS, score_of
 from cellwright.identification.in_use import (
     Judged,
@@ -31,7 +32,7 @@ from cellwright.identification.in_use import (
 from cellwright.numerics.least_squares import fit
 from cellwright.records.blocks import cut_of
 from cellwright.records.conditions import AT_REST_C_RATE, same_temperature
-from cellwright.records.record import cell_temperature, record_of
+from cellwright.records.record import cell_temperature
 from cellwright.refusal import Refusal
 
 STEPS_OF_FOLD = 4  # of its fit, each with new derivatives of the effects
@@ -191,15 +192,15 @@ def _probed(searched, celsius, sign, stages=PROBED):
 
     stages : of the effects that act.
     """
-    cell, document = searched.cell, searched.document
+    cell, values = searched.cell, searched.document["values"]
     capacity = cell.capacity_ampere_hour
-    current = sign * 1e-3 * capacity
-    rows = [record_of([0.0], [current], [0.0], soc, celsius=celsius) for soc in KNOTS]
-    stack = stacked(rows, capacity_ampere_hour=capacity, hold=document["hold"])
-    shift = document["start_shift_soc"]
-    starts = {f"soc0[{k}]": float(soc) + shift for k, soc in enumerate(KNOTS)}
-    acting = [effect for effect in searched.effects if effect.stage in stages]
-    return base.fields_of(cell, stack, document["values"] | starts, acting)
+    soc = np.clip(KNOTS + searched.document["start_shift_soc"], *base.SOC_LIMITS)
+    sizes = {"capacity_ampere_hour": capacity * (1.0 + values["capacity"])}
+    ocv = base.looked_up(cell, [values[name] for name in base.OCV_NAMES], soc)
+    acting = [e for stage in stages for e in searched.effects if e.stage == stage]
+    about = {"soc": soc, "celsius": celsius, "current": sign * 1e-3 * capacity}
+    pairs = [(effect, effect.sizes_of(values)) for effect in acting]
+    return fields_at(values | sizes, pairs, **about, ocv=ocv)
 
 
 def _energy(searched, celsius):

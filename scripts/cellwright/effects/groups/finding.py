@@ -7,7 +7,6 @@ import numpy as np
 from cellwright.effects.finding import KEPT, ranking_of
 from cellwright.effects.groups.branch import branch_of, smooth_ocv
 from cellwright.effects.groups.case import GroupCase, rows_of, run_of
-from cellwright.effects.groups.known import GroupGates, Shared, Spread
 from cellwright.effects.groups.model import document
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import group_stacked, parts_of
@@ -28,7 +27,6 @@ from cellwright.refusal import Refusal
 
 FIRST_ROWS = 3
 LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
-SECTIONS = {"spread": Spread, "shared": Shared, "gates": GroupGates}
 KELVIN = 5.0  # between records; below it they are at one temperature
 PARTS = 3
 
@@ -39,7 +37,6 @@ def group_finding(
     records,
     *,
     initial_soc=None,
-    settings=None,
     hold="zero_order",
     library=GROUP_LIBRARY,
 ):
@@ -51,8 +48,6 @@ def group_finding(
     records : sequence of (role, Record of a group), role "fit" or "validation".
     initial_soc : (b,) stated SoC at the start of every record that states none of its own [1], or
         None: all alike, from the voltage of the first rows.
-    settings : dict of tuples by name: "spread" (Spread), "shared" (Shared), "gates" (GroupGates);
-        the others are at their defaults.
     hold : of the total current between rows, see `group_stacked`. library : dict of Effect by id.
 
     Returns
@@ -64,7 +59,7 @@ def group_finding(
     Refusal : no record to fit or none that judges; a record without a stated SoC that begins under
         load; see `group_stacked`.
     """
-    case = _case(cells, records, initial_soc, settings or {}, hold)
+    case = _case(cells, records, initial_soc, hold)
     found = search(case, library)
     fitted = _fitted(found)
     result = outcome(found, fitted)
@@ -78,7 +73,7 @@ def group_finding(
     )
 
 
-def _case(cells, records, initial_soc, settings, hold):
+def _case(cells, records, initial_soc, hold):
     tables = [len(cell.ocv_volt) for cell in cells]
     if len(set(tables)) > 1:
         raise Refusal(f"OCV tables of one length were wanted for all branches, not {tables}")
@@ -93,8 +88,7 @@ def _case(cells, records, initial_soc, settings, hold):
         stacks.append(stack._replace(soc_at_start=np.array(starts)))
     if any(stack.branch_current_ampere is None for stack in stacks):
         stacks = [stack._replace(branch_current_ampere=None) for stack in stacks]
-    defaults = {"spread": Spread(), "shared": Shared(), "gates": GroupGates()}
-    return GroupCase(cells, *stacks, **{k: settings.get(k, v) for k, v in defaults.items()})
+    return GroupCase(cells, *stacks)
 
 
 def _stated(cells, record, initial_soc):
@@ -195,11 +189,10 @@ def missing_group_effect(group, branches, known_cells, tests):
             if record.branch_current_ampere is None
         ]
         records += [(role, record) for record in averaged_to(made)]
-    chosen = {name: kind() for name, kind in SECTIONS.items()}
     # ASSUME: A group's current was logged as its cells' were: between two rows it is held, or
     # moves on a straight line, as in the model of the first cell.
     hold = models[0].model["hold"]
-    finding = group_finding(group, cells, records, settings=chosen, hold=hold)
+    finding = group_finding(group, cells, records, hold=hold)
     return finding._replace(notes=(*notes, *finding.notes)).result()
 
 

@@ -91,14 +91,14 @@ class Effect(NamedTuple):
     charge, temperature and current: the cell keeps it in a parallel group.
 
     Of a parallel group. position : number of its branch, from 0; of a cell's effect None.
-    replaces : names of the parameters of a healthy branch whose place it takes.
+    replaces : names of the parameters of a healthy branch whose place it takes; it has no `act`.
     """
 
     id: str
     sentence: str
     parameters: tuple
     stage: str
-    act: Callable
+    act: Callable | None = None
     starts: tuple = ({},)
     needs: tuple = ()
     shows: str = ""
