@@ -10,10 +10,10 @@ from cellwright.effects import base
 from cellwright.effects.advice import advised
 from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.columns import frees_of
+from cellwright.effects.given import paired
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import Simulated, external_case, with_simulated
 from cellwright.effects.given.judged import as_given
-from cellwright.effects.given.paired import Pairing, paired
 from cellwright.effects.judge import joined, residual_map, unsure_by_temperature, worst
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.outside import OUTSIDE
@@ -181,7 +181,7 @@ def _paired(case, references, options):
         return case, [], ()
     try:
         others = {r.cell.cell: prepared(*r, **options).case for r in references}
-        pair = paired(case, others)
+        pair = paired.paired(case, others)
     except Refusal as refusal:
         return case, [], (f"searched alone, not beside the references: {refusal}",)
     if not pair.needed:
@@ -189,11 +189,11 @@ def _paired(case, references, options):
     names = ", ".join(pair.references)
     notes = [f"searched beside the references {names}"]
     notes += [f"not compared with {name}: {why}" for name, why in pair.unshared.items()]
-    few = Pairing()
-    if len(pair.references) < few.known_from:
+    if len(pair.references) < paired.KNOWN_FROM:
         notes.append(
             f"how much healthy cells differ cannot be read from {len(pair.references)} of them: "
-            f"{1e3 * few.material_volt_of_few:g} mV, and {100 * few.scale_std_of_few:g} % of what "
+            f"{1e3 * paired.MATERIAL_VOLT_OF_FEW:g} mV, and "
+            f"{100 * paired.SCALE_STD_OF_FEW:g} % of what "
             "the references show, were taken"
         )
     return pair.case, list(pair.references), tuple(notes)
