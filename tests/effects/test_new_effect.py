@@ -17,6 +17,7 @@ from cellwright.effects.library.sizes import as_is
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.member import NAME, effect_member
 from cellwright.effects.records import stacked
+from cellwright.effects.verdict import CONTRADICTED
 from cellwright.effects.witnesses.collected import Others, witnesses_of
 from cellwright.effects.witnesses.statement import Measured
 from cellwright.records.record import record_of
@@ -148,7 +149,7 @@ def test_one_that_another_measurement_contradicts_is_no_name(monkeypatch):
     ).verdict
     assert NEW.id not in [entry["effect"] for entry in verdict["effects"] + verdict["partial"]]
     assert NEW.id not in verdict["small"]
-    assert verdict["against"][NEW.id] == "another measurement of the cell contradicts it"
+    assert verdict["against"][NEW.id] == CONTRADICTED
     (one,) = verdict["contradicted"]
     assert (one["effect"], one["measured"]) == (NEW.id, 0.0)
     said = f"Not named, although the drives ask for it: {NEW.short}, "
