@@ -91,21 +91,33 @@ def missing_effect(
     if measurements is not None:
         rows = {name: inputs.rows(table) for name, table in measurements.items()}
         others = Others(rows, basis, ambient_celsius or {})
-    bases = {
+    gates, tolerance = settings_of(settings)
+    options = {"tolerance": tolerance, "gates": gates, "settings": settings}
+    base_name, used, note = "plain", (), ()
+    if simulated is not None:
+        simulated = {test: Simulated(*one) for test, one in simulated.items()}
+        tests, note = with_simulated(tests, simulated)
+    try:
+        ready = prepared(cell, basis, tests, **options)
+    except Refusal as refusal:
+        raise Refusal("; ".join([str(refusal), *note])) from None
+    if model is not None:
+        base_name, case = "own", own_case(ready, given.model(model))
+    elif simulated is not None:
+        base_name, case = "external", external_case(ready)
+    else:
         # Healthy cells of the type go the same way as the cell itself, so that errors of method
         # cancel.
-        "references": [Reference(*_record_of(*reference)) for reference in references],
-        "model": None if model is None else given.model(model),
-        "simulated": simulated and {test: Simulated(*one) for test, one in simulated.items()},
-    }
-    task = task_of(cell, basis, tests, settings=settings, **bases)
+        healthy = [Reference(*_record_of(*reference)) for reference in references]
+        case, used, note = _paired(ready.case, healthy, options)
     # A plain model with its effects is one to choose: it is fitted again without blocks.
-    split = settings["split_rest_second"] if task.base_name == "plain" else None
-    names = {"split_rest_second": split, "base_name": task.base_name, "others": others}
-    finding = of_case(cell.cell, task.case, library, **names)
-    text = "\n".join([finding.verdict["paragraph"], *task.caveats])
-    verdict = finding.verdict | {"references": list(task.references), "paragraph": text}
-    return finding._replace(verdict=verdict, notes=(*task.notes, *finding.notes)).result()
+    split = settings["split_rest_second"] if base_name == "plain" else None
+    names = {"split_rest_second": split, "base_name": base_name, "others": others}
+    finding = of_case(cell.cell, case, library, **names)
+    text = "\n".join([finding.verdict["paragraph"], *ready.caveats])
+    verdict = finding.verdict | {"references": list(used), "paragraph": text}
+    notes = (*ready.notes, *note, *finding.notes)
+    return finding._replace(verdict=verdict, notes=notes).result()
 
 
 def _record_of(cell, basis, tests):
@@ -134,45 +146,6 @@ def prepared_case(
     known = [(inputs.test_facts(facts), series) for facts, series in tests]
     mine = [one for one in known if one[0].kind in (SLOW_TEST, *KINDS)]
     return prepared(*_record_of(cell, basis, mine), **options).case
-
-
-class Task(NamedTuple):
-    """What a search is asked: its case, and what the model is.
-
-    case : case.Case. base_name : "plain", "own" or "external". references : names of the healthy
-    cells that the cell is compared with. notes, caveats : tuples of str, see `preparing.Prepared`.
-    """
-
-    case: object
-    base_name: str
-    references: tuple
-    notes: tuple
-    caveats: tuple
-
-
-def task_of(cell, basis, tests, *, settings, references=(), model=None, simulated=None):
-    """Case of a search before anything is searched: Task; arguments as of `missing_effect`."""
-    gates, tolerance = settings_of(settings)
-    options = {"tolerance": tolerance, "gates": gates, "settings": settings}
-    base_name, used, note = "plain", [], ()
-    if simulated is not None:
-        tests, note = with_simulated(tests, simulated)
-    ready = _ready(cell, basis, tests, options, note)
-    if model is not None:
-        base_name, case = "own", own_case(ready, model)
-    elif simulated is not None:
-        base_name, case = "external", external_case(ready)
-    else:
-        case, used, note = _paired(ready.case, references, options)
-    return Task(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats)
-
-
-def _ready(cell, basis, tests, options, notes):
-    """As `preparing.prepared`; a refusal tells as well which simulation could not be joined."""
-    try:
-        return prepared(cell, basis, tests, **options)
-    except Refusal as refusal:
-        raise Refusal("; ".join([str(refusal), *notes])) from None
 
 
 def _paired(case, references, options):
@@ -512,7 +485,7 @@ def about_fit(case):
     Also, where the dates are known, the time between the first and the last test [d].
     """
     stack = case.fit
-    means = np.bincount(stack.file, stack.celsius) / np.bincount(stack.file)
+    means = stack.mean_celsius
     known = {
         "fitted_celsius": [float(means.min()), float(means.max())],
         "capacity_ampere_hour": case.cell.capacity_ampere_hour,

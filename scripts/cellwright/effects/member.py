@@ -14,7 +14,6 @@ from cellwright.circuits.instrument import FOLLOWS, words_of
 from cellwright.circuits.model_file import std_name
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, continued_ocv_at
 from cellwright.effects import base
-from cellwright.effects.case import extra_volt_of, filters_of, problem_of
 from cellwright.effects.columns import frees_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
@@ -284,8 +283,7 @@ def folds(case, state, noise, *, split_rest_second):
     for fold in range(count):
         kept = case.fit.used & (numbers % count != fold)
         part = case._replace(fit=case.fit._replace(used=kept))
-        filters = filters_of(part, noise, extra_volt_of(part, values))
-        problem = problem_of(part, state.effects, free, filters)
+        problem = part.problem(state.effects, free, part.filters(noise, values))
         start = state.solution
         solution = fit(
             problem, start.values, columns=start.columns, renew=renew, steps=STEPS_OF_FOLD

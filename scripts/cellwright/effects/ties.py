@@ -81,7 +81,7 @@ def in_order_of_temperature(effect, stack):
     ----------
     effect : Effect that was chosen. stack : records.Stack fitted.
     """
-    means = np.bincount(stack.file, stack.celsius) / np.bincount(stack.file)
+    means = stack.mean_celsius
     if stack.age is None or min(np.ptp(means), np.ptp(stack.age)) == 0.0:
         return ()
     if abs(np.corrcoef(means, stack.age)[0, 1]) < ONE_ORDER:
@@ -137,7 +137,8 @@ def rest_current(stack, *, capacity_ampere_hour):
     -------
     rest : RestCurrent.
     """
-    places = _rests(stack, capacity_ampere_hour)
+    columns = stack.current_ampere, stack.second, capacity_ampere_hour
+    places = steady_rests(*columns, np.flatnonzero(stack.fresh))
     rests = [stack.current_ampere[begin:end] for begin, end in places]
     logged = [rest for rest in rests if np.any(rest)]
     if not logged:
@@ -181,20 +182,23 @@ def is_in_rest_log(rest, *, size_ampere, std_ampere):
     return None
 
 
-def _rests(stack, capacity):
-    """First rows of steady stretches near zero current, and the rows after their last."""
-    low = low_current(stack.current_ampere, capacity)
+def steady_rests(current_ampere, second, capacity_ampere_hour, starts=()):
+    """First rows of steady stretches near zero current, and the rows after their last: list.
+
+    A stretch lasts 60 s, and 95 % of its rows are at rest about its median.
+
+    Parameters
+    ----------
+    current_ampere, second : (n,) [A], [s]. starts : rows at which a record begins, none inside.
+    """
+    low = low_current(current_ampere, capacity_ampere_hour)
     edges = np.flatnonzero(np.diff(np.r_[0, low.astype(int), 0]))
-    starts = np.flatnonzero(stack.fresh)
-    stretches = []
+    found = []
     for begin, end in edges.reshape(-1, 2):
-        cuts = [begin, *starts[(starts > begin) & (starts < end)], end]
-        stretches += list(pairwise(cuts))
-    return [pair for pair in stretches if _steady(stack, *pair, capacity)]
-
-
-def _steady(stack, begin, end, capacity):
-    """Whether a stretch lasts 60 s and 95 % of its rows are at rest about its median."""
-    logged, second = stack.current_ampere[begin:end], stack.second[begin:end]
-    near = at_rest(logged - np.median(logged), capacity)
-    return second[-1] - second[0] >= REST_SECOND and bool(near.mean() > 0.95)
+        cuts = [begin, *(row for row in starts if begin < row < end), end]
+        for first, behind in pairwise(cuts):
+            logged = current_ampere[first:behind]
+            near = at_rest(logged - np.median(logged), capacity_ampere_hour)
+            if second[behind - 1] - second[first] >= REST_SECOND and near.mean() > 0.95:
+                found.append((first, behind))
+    return found

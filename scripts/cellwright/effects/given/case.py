@@ -15,7 +15,6 @@ import numpy as np
 
 from cellwright.circuits.model_file import circuit_at, member_of, std_name
 from cellwright.effects import base, beginning
-from cellwright.effects.case import extra_volt_of, filters_of, problem_of
 from cellwright.identification.validation import simulated
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST
@@ -171,8 +170,7 @@ def _companion(case):
     """
     values = beginning.first_values(case.cell, case.fit)
     free = base.frees(case.fit, values, case.tolerance)
-    filters = filters_of(case, FIRST, extra_volt_of(case, values))
-    problem = problem_of(case, (), free, filters)
+    problem = case.problem((), free, case.filters(FIRST, values))
     logs = tuple(parameter for parameter in free if parameter.name in base.LOGARITHMS)
     return fit(problem._replace(free=logs, coupling=None), values).values
 

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, beginning
-from cellwright.effects.case import extra_volt_of, filters_of, problem_of, state_of
 from cellwright.effects.columns import frees_of, neutral
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
@@ -293,7 +292,7 @@ def _healthy_volt(case, rows):
     by far more than elsewhere, and an effect is not looked for.
     """
     values = beginning.first_values(case.cell, case.fit)
-    filters = filters_of(case, FIRST, extra_volt_of(case, values))
+    filters = case.filters(FIRST, values)
     return max(_left_of_one(rows[side][filters.rows_on(side)]) for side in SIDES)
 
 
@@ -419,7 +418,7 @@ def _healthy_effects(case, states):
 
 def _temperatures(stack):
     """Temperatures of records, of those less than `APART_KELVIN` apart the lowest (t,) [degC]."""
-    means = np.sort(np.bincount(stack.file, stack.celsius) / np.bincount(stack.file))
+    means = np.sort(stack.mean_celsius)
     return means[np.diff(means, prepend=-np.inf) > APART_KELVIN]
 
 
@@ -446,9 +445,9 @@ def healthy_state(case, courses=None):
     values, free = unfitted(case)
     for effect in effects:
         values |= neutral(effect)
-    filters = filters_of(case, FIRST, extra_volt_of(case, values))
+    filters = case.filters(FIRST, values)
     fitted = tuple(parameter for parameter in free if parameter.name.startswith(FITTED))
     fitted = (*fitted, *(parameter for effect in effects for parameter in frees_of(effect)))
-    problem = problem_of(case, effects, free, filters)
+    problem = case.problem(effects, free, filters)
     solution = fit(problem._replace(free=fitted, coupling=None), values)
-    return state_of(case, effects, solution, filters)
+    return case.state(effects, solution, filters)

@@ -9,7 +9,7 @@ from cellwright.effects.groups.branch import branch_of, smooth_ocv
 from cellwright.effects.groups.case import GroupCase, rows_of, run_of
 from cellwright.effects.groups.model import document
 from cellwright.effects.library.groups import GROUP_LIBRARY
-from cellwright.effects.records import group_stacked, parts_of
+from cellwright.effects.records import group_stacked, parts_of, two_temperatures
 from cellwright.effects.search import search
 from cellwright.effects.state import SIDES
 from cellwright.effects.story.messages import say
@@ -27,7 +27,6 @@ from cellwright.refusal import Refusal
 
 FIRST_ROWS = 3
 LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
-KELVIN = 5.0  # between records; below it they are at one temperature
 PARTS = 3
 
 
@@ -310,15 +309,9 @@ def _alternatives(found, one):
     names = {found.possible[key].id for key in one.tied}
     if not found.case.sensors:
         names |= {effect.id for effect in found.possible.values()}
-    if not _two_temperatures(found.case):
+    if not two_temperatures(found.case.fit):
         names |= {tie.partner for tie in one.effect.ties if tie.one_temperature}
     return sorted(names - {chosen})
-
-
-def _two_temperatures(case):
-    stack = case.fit
-    means = [stack.celsius[stack.file == k].mean() for k in range(len(stack.first))]
-    return np.ptp(means) >= KELVIN
 
 
 def _next_test(found, names, library):
@@ -331,7 +324,7 @@ def _next_test(found, names, library):
     chosen, others = tied.effect.id, _alternatives(found, tied)
     pairs = [(tie, {name, tie.partner}) for name in (chosen, *others) for tie in library[name].ties]
     warm = [tie.check for tie, pair in pairs if tie.one_temperature and pair <= {chosen, *others}]
-    if warm and not _two_temperatures(found.case):
+    if warm and not two_temperatures(found.case.fit):
         return say("next.group", tests=warm[0])
     shows = (library[chosen].shows, library[others[0]].shows)
     return say("next.group", tests=say("next.and_test").join(dict.fromkeys(shows)))

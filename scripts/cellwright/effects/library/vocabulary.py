@@ -58,8 +58,7 @@ class Effect(NamedTuple):
     Equation and fit. id : of the contract. parameters : tuple of Parameter. stage : where it enters
     the model, one of `base.STAGES`. act : its equation, function (fields, stack, p) → fields, p
     being a dict of its parameters by name; see `base.Fields`. starts : tuple of dicts, parameters
-    from which it is tried. needs_restart : without it resistances and time constants converge to a
-    wrong minimum: they are estimated again together with it.
+    from which it is tried.
 
     What excites it. needs : names of `records.FACTORS` without which data cannot show it. shows :
     the test that shows it, in words. asked_if_unseen : where nothing is missing, but the records
@@ -108,7 +107,6 @@ class Effect(NamedTuple):
     sizes_in_words: Callable | None = None
     sizes_need_model: bool = False
     assumed_relative: tuple = ()
-    needs_restart: bool = False
     ties: tuple = ()
     in_rest_log: bool | None = None
     slow_gap: str = ""
