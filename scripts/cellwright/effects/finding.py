@@ -11,9 +11,8 @@ from cellwright.effects.advice import advised
 from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.columns import frees_of
 from cellwright.effects.given import paired
-from cellwright.effects.given.case import own_case
+from cellwright.effects.given.case import as_given, own_case
 from cellwright.effects.given.external import Simulated, external_case, with_simulated
-from cellwright.effects.given.judged import as_given
 from cellwright.effects.judge import joined, residual_map, unsure_by_temperature, worst
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.outside import OUTSIDE

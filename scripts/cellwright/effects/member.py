@@ -66,8 +66,10 @@ def effect_member(effect_model, model, celsius, library=LIBRARY):
     if unknown:
         raise Refusal(f"effects {', '.join(unknown)} are not in the library")
     effects = in_order([library[name] for name in effect_model["effects"]], library)
+    in_courses, where = ("resistance", "ocv"), "docs/missing-effect-library.md"
     for effect in effects:
-        _check_place(effect)
+        if not (effect.stage in in_courses or effect.circuit or effect.blocks):
+            raise Refusal(f"effect {effect.id!r} has no place in a model file: see {where}")
     cell = base.Cell(
         effect_model["capacity_ampere_hour"], np.asarray(effect_model["ocv_volt"], float)
     )
@@ -94,14 +96,6 @@ class Searched(NamedTuple):
     cell: base.Cell
     document: dict
     effects: list
-
-
-def _check_place(effect):
-    """Refuse an effect that is in no course, branch or block of a member."""
-    if effect.stage in ("resistance", "ocv") or effect.circuit or effect.blocks:
-        return
-    where = "docs/missing-effect-library.md"
-    raise Refusal(f"effect {effect.id!r} has no place in a model file: see {where}")
 
 
 def temperatures(courses, stated, effects):

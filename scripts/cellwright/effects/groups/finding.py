@@ -115,37 +115,33 @@ def _fitted(found):
 def _series(case, *ends):
     """Columns of all records: what was measured, and both models (healthy, with effects)."""
     columns = {}
+    capacity = np.array([cell.capacity_ampere_hour for cell in case.cells])
     for side in SIDES:
         stack = case.stack(side)
-        runs = [run_of(case, stack, state.values_on(side), state.effects) for state in ends]
-        for name, column in _columns(side, stack, runs, case.cells).items():
+        before, after = (
+            run_of(case, stack, state.values_on(side), state.effects) for state in ends
+        )
+        of_side = {
+            "role": np.full(len(stack.file), side),
+            "test": np.array(stack.tests)[stack.file],
+            "test_time_second": stack.second,
+            "current_ampere": stack.current_ampere,
+            "celsius": stack.celsius,
+            "soc": after.soc @ (capacity / capacity.sum()),
+            "used": np.ones(len(stack.file), bool),
+            "voltage_volt": stack.voltage_volt,
+            "before_volt": before.voltage,
+            "after_volt": after.voltage,
+        }
+        for b in range(len(case.cells)):
+            if stack.branch_current_ampere is not None:
+                of_side[f"branch_{b + 1}_current_ampere"] = stack.branch_current_ampere[:, b]
+            of_side[f"before_branch_{b + 1}_current_ampere"] = before.current[:, b]
+            of_side[f"after_branch_{b + 1}_current_ampere"] = after.current[:, b]
+            of_side[f"soc_branch_{b + 1}"] = after.soc[:, b]
+        for name, column in of_side.items():
             columns.setdefault(name, []).append(column)
     return {name: np.concatenate(parts) for name, parts in columns.items()}
-
-
-def _columns(role, stack, runs, cells):
-    before, after = runs
-    capacity = np.array([cell.capacity_ampere_hour for cell in cells])
-    share = capacity / capacity.sum()
-    columns = {
-        "role": np.full(len(stack.file), role),
-        "test": np.array(stack.tests)[stack.file],
-        "test_time_second": stack.second,
-        "current_ampere": stack.current_ampere,
-        "celsius": stack.celsius,
-        "soc": after.soc @ share,
-        "used": np.ones(len(stack.file), bool),
-        "voltage_volt": stack.voltage_volt,
-        "before_volt": before.voltage,
-        "after_volt": after.voltage,
-    }
-    for b in range(len(cells)):
-        if stack.branch_current_ampere is not None:
-            columns[f"branch_{b + 1}_current_ampere"] = stack.branch_current_ampere[:, b]
-        columns[f"before_branch_{b + 1}_current_ampere"] = before.current[:, b]
-        columns[f"after_branch_{b + 1}_current_ampere"] = after.current[:, b]
-        columns[f"soc_branch_{b + 1}"] = after.soc[:, b]
-    return columns
 
 
 class KnownCell(NamedTuple):
@@ -332,32 +328,26 @@ def _next_test(found, names, library):
 
 def _located(case, state):
     """Third of a validation record, and branch, with most of the squared residual."""
-    stack, channels = case.validation, 1 + len(case.cells) if case.sensors else 1
-    squares = np.square(state.validation.reshape(channels, -1))
-    ohm = [1.0] if not case.sensors else [0.0, *(cell.r_ohm[0] for cell in case.cells)]
-    squares = squares * np.square(ohm)[:, None]
+    stack = case.validation
+    squares = np.square(case.in_volt(state.validation))
     places = [
-        (float(squares[b, rows].sum()), stack.tests[k], b, rows)
+        (float(squares[b, rows].sum()), k, b, rows)
         for k in range(len(stack.first))
         for rows in np.array_split(np.flatnonzero(stack.file == k), PARTS)
-        for b in range(channels)
+        for b in range(len(squares))
     ]
-    most, test, branch, rows = max(places, key=lambda place: place[0])
+    most, record, b, rows = max(places, key=lambda place: place[0])
     soc = run_of(case, stack, state.values, state.effects).soc[rows]
-    soc = soc[:, branch - 1] if branch else soc.mean(axis=1)
+    soc = soc[:, b] if case.sensors else soc.mean(axis=1)
+    ampere = stack.current_ampere[rows]
+    rest = at_rest_in_record(ampere)
+    many = {"discharge": (ampere < 0) & ~rest, "charge": (ampere > 0) & ~rest, "rest": rest}
     return {
-        "file": test,
-        "branch": branch or None,
+        "file": stack.tests[record],
+        "branch": b + 1 if case.sensors else None,
         "second": [float(stack.second[rows[0]]), float(stack.second[rows[-1]])],
         "soc": [float(np.clip(end, 0.0, 1.0)) for end in (soc.min(), soc.max())],
-        "current": _current(stack.current_ampere[rows]),
+        "current": max(many, key=lambda name: many[name].sum()),
         "temperature_celsius": [float(stack.celsius[rows].mean())],
         "share": most / max(float(squares.sum()), 1e-30),
     }
-
-
-def _current(ampere):
-    """Direction of the current in most rows: discharge, charge or rest."""
-    rest = at_rest_in_record(ampere)
-    many = {"discharge": (ampere < 0) & ~rest, "charge": (ampere > 0) & ~rest, "rest": rest}
-    return max(many, key=lambda name: many[name].sum())
