@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import place
 from cellwright.effects import base, ties
 from cellwright.effects.columns import frees_of
 from cellwright.effects.floor import floor_of
@@ -170,7 +171,8 @@ class Case(NamedTuple):
             around it.
             """
             soc = base.fields_of(self.cell, self.fit, values, effects).soc
-            below, starts = base.knot_below(soc), base.start_names(len(self.fit.first))
+            below = place(np.clip(soc, 0.0, 1.0), base.OCV_KNOTS)[0]
+            starts = base.start_names(len(self.fit.first))
             even, odd = base.OCV_NAMES[::2], base.OCV_NAMES[1::2]
             return [(starts, self.fit.file), (even, (below + 1) // 2), (odd, below // 2)]
 

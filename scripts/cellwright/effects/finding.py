@@ -218,7 +218,10 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     declared = state if result.word in KEPT else first
     verdict["nuisances"] = declared_values_at_limit(case, declared, parts_of(case.fit))
     ranking = ranking_of(found, result)
-    verdict["against"] = _last_against(ranking, named) | verdict["against"]
+    # What spoke last against each effect that was tried and is no name.
+    spoke = zip(ranking.get("effect", ()), ranking.get("code", ()), strict=True)
+    against = {effect: code for effect, code in spoke if effect not in named and code}
+    verdict["against"] = against | verdict["against"]
     verdict["against"] |= dict.fromkeys(ruled_out, CONTRADICTED)
     verdict["contradicted"] = list(ruled_out.values())
     model = model_of(case, state)
@@ -292,15 +295,6 @@ def search_uncontradicted(case, library, others):
     return found, result, fitted, ruled_out
 
 
-def _otherwise(found):
-    """Solution of the last model under the other hold of the current, or None."""
-    case, last = found.case, found.last
-    if case.otherwise is None or not last.effects:
-        return None
-    problem = case.otherwise.problem(last.effects, found.model.free, found.filters)
-    return fit(problem, last.solution.values, steps=STEPS_OF_HOLD)
-
-
 def _fitted(found):
     """How sure the parameters of a model are: by what is left, stated temperatures, and the hold.
 
@@ -321,20 +315,17 @@ def _fitted(found):
     if len(case.fit.tests) > 1:
         spreads += covariances(solution, case.fit.file)[1:]
     assumed = unsure_by_temperature(case, state, found.filters.fit)
-    if (other := _otherwise(found)) is not None:
-        assumed = assumed + _unsure_by_hold(names, solution, other)
+    if case.otherwise is not None and last.effects:
+        problem = case.otherwise.problem(last.effects, found.model.free, found.filters)
+        other = fit(problem, last.solution.values, steps=STEPS_OF_HOLD)
+        scatter = max(solution.chi_square / len(solution.residual), 1.0)
+        odds = np.exp(min((solution.cost - other.cost) / (2 * scatter), 0.0))
+        change = np.array([other.values[name] - solution.values[name] for name in names])
+        assumed = assumed + odds / (1 + odds) * np.outer(change, change)
     changes = found.spaces[-1].changes_by_another(last.solution.names)
     changes = [np.array([change[name] for name in names]) for change in changes]
     assumed = assumed + sum(np.outer(c, c) for c in changes) / max(len(changes), 1)
     return Fitted(names, tuple(one + assumed for one in spreads))
-
-
-def _unsure_by_hold(names, here, there):
-    """Covariance (p, p) of parameters for all that decides between two solutions."""
-    scatter = max(here.chi_square / len(here.residual), 1.0)
-    odds = np.exp(min((here.cost - there.cost) / (2 * scatter), 0.0))
-    change = np.array([there.values[name] - here.values[name] for name in names])
-    return odds / (1 + odds) * np.outer(change, change)
 
 
 def _map(case, socs, *ends):
@@ -420,12 +411,6 @@ def _against(found, result, effect, gain):
     if effect.key in found.denied:
         return CONTRADICTED
     return "needless" if joins(gain, found.case.gates) else "no_better"
-
-
-def _last_against(ranking, named):
-    """What spoke last against each effect that was tried and is no name: dict id → code."""
-    pairs = zip(ranking.get("effect", ()), ranking.get("code", ()), strict=True)
-    return {effect: code for effect, code in pairs if effect not in named and code}
 
 
 def _evidence(found, result):

@@ -125,21 +125,16 @@ def unfitted(case):
         limits = ends[0] - FAR_STDS * std, ends[1] + FAR_STDS * std
         starts.append(Free(name, SOC_STEP, stated, tolerance.soc, *limits))
     free = base.frees(stack, values, tolerance, case.log_std, starts)
-    capacity = _capacity_of(case, next(one for one in free if one.name == "capacity"))
+    capacity = next(one for one in free if one.name == "capacity")
+    if case.first_capacity:
+        # What all records contradict is not known beforehand. It is known as finely as it was
+        # looked for: the declared one would have the OCV, at its own tolerance, take up what is
+        # wrong.
+        finest = beginning.FINER_CAPACITY
+        capacity = capacity._replace(prior=case.first_capacity, std=finest)
     limits = _declared_limits(case, capacity)
     free = [capacity if one.name == "capacity" else one for one in free]
     return values, tuple(one._replace(**limits.get(one.name, {})) for one in free)
-
-
-def _capacity_of(case, capacity):
-    """The capacity's parameter, a Free; what all records contradict is not known beforehand.
-
-    There it is known as finely as it was looked for (`first_capacity`): the declared one would have
-    the OCV, at its own tolerance, take up what is wrong.
-    """
-    if not case.first_capacity:
-        return capacity
-    return capacity._replace(prior=case.first_capacity, std=beginning.FINER_CAPACITY)
 
 
 def _declared_limits(case, capacity):

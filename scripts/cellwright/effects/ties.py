@@ -102,22 +102,20 @@ def tie_between(effect, other):
 
 
 def _partners(effect, library, values):
-    """Ids of the partners of an effect by ties that hold always: those no search could weigh."""
-    pairs = [(tie, name, tie.partner) for name, tie in structural_ties() if tie.always]
-    pairs += [(tie, tie.partner, name) for name, tie in structural_ties() if tie.always]
-    partners = [(t, other) for t, tied, other in pairs if tied == effect and other in library]
-    return [
-        other
-        for tie, other in partners
-        if not tie.same_size or _within_bounds(effect, other, library, values)
-    ]
+    """Ids of the partners of an effect by ties that hold always: those no search could weigh.
 
-
-def _within_bounds(effect, other, library, values):
-    """Whether the fitted size of an effect lies within the bounds of its partner."""
-    size = values.get(library[effect].names[0])
-    bounds = library[other].parameters[0]
-    return size is None or bounds.lower <= size <= bounds.upper
+    The bounds of a partner that is of the same size leave it out.
+    """
+    always = [(name, tie) for name, tie in structural_ties() if tie.always]
+    pairs = [(tie, name, tie.partner) for name, tie in always]
+    pairs += [(tie, tie.partner, name) for name, tie in always]
+    found = []
+    for tie, tied, other in pairs:
+        if tied == effect and other in library:
+            size, bounds = values.get(library[effect].names[0]), library[other].parameters[0]
+            inside = size is None or bounds.lower <= size <= bounds.upper
+            found += [other] if inside or not tie.same_size else []
+    return found
 
 
 def rest_current(stack, *, capacity_ampere_hour):

@@ -85,7 +85,13 @@ def given_case(case, fitted, judging, *, log_std=None):
         for stack, given in ((case.fit, fitted), (case.validation, judging))
     ]
     bare = case._replace(fit=stacks[0]._replace(voltage_volt=fitted.volt), validation=stacks[1])
-    values = _companion(bare)
+    # The companion: resistances and time constants fitted to the given voltage. Everything else
+    # stays as it was stated, so that the difference is a part of the given model.
+    values = beginning.first_values(bare.cell, bare.fit)
+    free = base.frees(bare.fit, values, bare.tolerance)
+    problem = bare.problem((), free, bare.filters(FIRST, values))
+    logs = tuple(parameter for parameter in free if parameter.name in base.LOGARITHMS)
+    values = fit(problem._replace(free=logs, coupling=None), values).values
     sides = {}
     for side, stack, given in zip(SIDES, stacks, (fitted, judging), strict=True):
         starting = values | base.stated_starts(stack)
@@ -152,18 +158,6 @@ def _middle(relative):
     stated = [value for value in relative if np.isfinite(value)]
     middle = float(np.median(stated)) if stated else MOST_LOG_STD
     return float(np.clip(middle, LEAST_LOG_STD, MOST_LOG_STD))
-
-
-def _companion(case):
-    """Values of the companion: resistances and time constants fitted to the given voltage.
-
-    Everything else stays as it was stated, so that the difference is a part of the given model.
-    """
-    values = beginning.first_values(case.cell, case.fit)
-    free = base.frees(case.fit, values, case.tolerance)
-    problem = case.problem((), free, case.filters(FIRST, values))
-    logs = tuple(parameter for parameter in free if parameter.name in base.LOGARITHMS)
-    return fit(problem._replace(free=logs, coupling=None), values).values
 
 
 def as_given(case, filters):

@@ -176,24 +176,17 @@ class GroupCase(NamedTuple):
 
 
 def _filters(case, noises):
-    both = [
-        Channels(tuple(noise.whitening(channel, stack) for channel in noises))
-        for stack in (case.fit, case.validation)
-    ]
-    sides = [
-        (stack.file, _counted_soc(case, stack), np.ones(len(stack.file), bool))
-        for stack in (case.fit, case.validation)
-    ]
-    return GroupFilters(tuple(noises), *both, blocks_of(*sides, channels=len(noises)))
-
-
-def _counted_soc(case, stack):
-    """SoC of the group by counting its total current from the stated starts (n,) [1]."""
+    whitened, sides = [], []
     rating = sum(cell.capacity_ampere_hour for cell in case.cells)
-    before = np.append(0.0, stack.current_ampere[:-1]) * (1.0 - stack.fresh)
-    moved = np.cumsum(before * stack.step_second / 3600.0 / rating)
-    starts = np.mean(stack.soc_at_start, axis=1)
-    return (starts - moved[stack.first])[stack.file] + moved
+    for stack in (case.fit, case.validation):
+        whitened.append(Channels(tuple(noise.whitening(channel, stack) for channel in noises)))
+        # SoC of the group by counting its total current from the stated starts.
+        before = np.append(0.0, stack.current_ampere[:-1]) * (1.0 - stack.fresh)
+        moved = np.cumsum(before * stack.step_second / 3600.0 / rating)
+        starts = np.mean(stack.soc_at_start, axis=1)
+        soc = (starts - moved[stack.first])[stack.file] + moved
+        sides.append((stack.file, soc, np.ones(len(stack.file), bool)))
+    return GroupFilters(tuple(noises), *whitened, blocks_of(*sides, channels=len(noises)))
 
 
 def rows_of(case, stack):
@@ -238,13 +231,13 @@ def _noise_of(residual, stack, most_slow):
     step = np.diff(residual)[stack.fresh[1:] == 0]
     white = max(robust_std(step) / np.sqrt(2), noise.SMALLEST_VOLT)
     slow = min(np.sqrt(max(np.mean(residual**2) - white**2, 0.0)), most_slow)
+
+    def minus_log_likelihood(spread):
+        whitening = noise.whitening(spread, stack)
+        return whitening.log_variance + float(np.sum(whitening.apply(residual) ** 2))
+
     tried = [noise.Noise(white, slow, second) for second in SLOW_SECOND]
-    return min(tried, key=lambda spread: _minus_log_likelihood(spread, residual, stack))
-
-
-def _minus_log_likelihood(spread, residual, stack):
-    whitening = noise.whitening(spread, stack)
-    return whitening.log_variance + float(np.sum(whitening.apply(residual) ** 2))
+    return min(tried, key=minus_log_likelihood)
 
 
 def _started(case, values, effects):

@@ -60,7 +60,9 @@ def group_finding(
     """
     case = _case(cells, records, initial_soc, hold)
     found = search(case, library)
-    fitted = _fitted(found)
+    solution, parts = found.last.solution, parts_of(case.fit)
+    channels = len(solution.whitened) // len(parts)
+    fitted = Fitted(solution.names, covariances(solution, np.tile(parts, channels)))
     result = outcome(found, fitted)
     verdict = group_verdict(group, found, result, fitted.stds, library)
     kept = found.last if verdict["verdict"] in KEPT else found.first
@@ -103,13 +105,6 @@ def _stated(cells, record, initial_soc):
     volt = np.median(record.voltage_volt[:FIRST_ROWS])
     soc = np.interp(volt, np.maximum.accumulate(ocv), np.linspace(0.0, 1.0, len(ocv)))
     return np.full(len(cells), soc)
-
-
-def _fitted(found):
-    """How sure the parameters of the last model are."""
-    solution, parts = found.last.solution, parts_of(found.case.fit)
-    channels = len(solution.whitened) // len(parts)
-    return Fitted(solution.names, covariances(solution, np.tile(parts, channels)))
 
 
 def _series(case, *ends):
