@@ -187,7 +187,8 @@ def steady_rests(current_ampere, second, capacity_ampere_hour, starts=()):
 
     Parameters
     ----------
-    current_ampere, second : (n,) [A], [s]. starts : rows at which a record begins, none inside.
+    current_ampere, second : (n,) [A], [s]. capacity_ampere_hour : of the cell [Ah].
+    starts : rows at which a record begins: no stretch goes on over one.
     """
     low = low_current(current_ampere, capacity_ampere_hour)
     edges = np.flatnonzero(np.diff(np.r_[0, low.astype(int), 0]))

@@ -37,8 +37,8 @@ LEAST_REST_SECOND = 120.0  # of a rest whose edges are matched
 # Of a stretch between two matched edges, up to which time may run in proportion: relative, or so
 # much at least.
 PROPORTIONAL, SLACK_SECOND = 0.08, 30.0
-SAME_C_RATE, WINDOW_SECOND = 0.1, 600.0  # of the currents, root mean square over a window
-SAME_KELVIN = 2.0  # of the mean temperatures
+MOST_C_RATE, WINDOW_SECOND = 0.1, 600.0  # of the currents, root mean square over a window
+MOST_KELVIN = 2.0  # of the mean temperatures
 COVERED = 0.5  # of a record's rows that have a counterpart, of a role's that a reference shares
 KNOWN_FROM = 3  # references, whose scatter tells how much healthy cells differ
 # Of the template's factor, and by what healthy cells differ [V]; of fewer references, where both
@@ -179,22 +179,22 @@ def _same_currents(record, matched, difference):
     count = np.maximum(np.bincount(window), 1)
     size = np.sqrt(np.bincount(window, difference**2) / count) / record.capacity_ampere_hour
     worst = int(np.argmax(size))
-    if size[worst] > SAME_C_RATE:
+    if size[worst] > MOST_C_RATE:
         row = int(matched[np.argmax(window == worst)])
         raise Refusal(
             f"{record.test}: from row {row} on the current differs from the reference's by "
             f"{size[worst]:.3f} C (root mean square over {WINDOW_SECOND:g} s); wanted at "
-            f"most {SAME_C_RATE:g} C"
+            f"most {MOST_C_RATE:g} C"
         )
 
 
 def _same_temperature(record, reference):
     celsius = float(np.mean(record.celsius))
     at_reference = float(np.mean(reference.celsius))
-    if abs(celsius - at_reference) > SAME_KELVIN:
+    if abs(celsius - at_reference) > MOST_KELVIN:
         raise Refusal(
             f"{record.test}: from row 0 on at {celsius:.1f} degC in the mean, the reference at "
-            f"{at_reference:.1f} degC; wanted a difference of at most {SAME_KELVIN:g} K"
+            f"{at_reference:.1f} degC; wanted a difference of at most {MOST_KELVIN:g} K"
         )
 
 
